@@ -1,0 +1,20 @@
+//! `particlegs completions SHELL`.
+
+use clap::{Args, CommandFactory};
+use particlegs::Result;
+
+/// Arguments.
+#[derive(Args)]
+#[command(
+    after_help = "Example:\n  particlegs completions bash > ~/.local/share/bash-completion/completions/particlegs"
+)]
+pub struct Arguments {
+    /// The shell.
+    shell: clap_complete::Shell,
+}
+
+/// Prints the script on stdout.
+pub fn run(a: &Arguments) -> Result<()> {
+    clap_complete::generate(a.shell, &mut crate::Cli::command(), "particlegs", &mut std::io::stdout());
+    Ok(())
+}

@@ -1,0 +1,27 @@
+//! The `particlegs` command: parses, calls the library, reports. No numerics here.
+
+mod commands;
+mod common;
+mod report;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+/// Particle snapshots as files a hundred times smaller that draw the picture ParaView would draw.
+#[derive(Parser)]
+#[command(name = "particlegs", version, propagate_version = true, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: commands::Command,
+}
+
+fn main() -> ExitCode {
+    // A reader that closes its end of a pipe early is no error of ours.
+    let outcome = std::panic::catch_unwind(|| commands::run(Cli::parse().command));
+    match outcome {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(error)) => report::failure(&error),
+        // The panic's own message has been printed; it is a defect of the program.
+        Err(_) => ExitCode::from(70),
+    }
+}

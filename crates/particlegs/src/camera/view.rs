@@ -1,0 +1,171 @@
+//! A camera, and a view: a camera with the particle radius and opacity to draw.
+
+use crate::picture::Size;
+use crate::{Error, Result};
+
+/// Perspective with a vertical angle, or orthographic with a world height.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Vertical field of view in degrees, in (0, 180).
+    Perspective {
+        /// Degrees.
+        fov_deg: f64,
+    },
+    /// The picture's height in world units.
+    Orthographic {
+        /// World units.
+        height_world: f64,
+    },
+}
+
+/// Where the camera stands and looks. World units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Eye.
+    pub position: [f64; 3],
+    /// Point looked at.
+    pub focal_point: [f64; 3],
+    /// Up, not parallel to the direction of view.
+    pub view_up: [f64; 3],
+    /// Perspective or orthographic.
+    pub projection: Projection,
+    /// Near and far distance: particles whose centre is outside are dropped whole.
+    /// `None` = VTK's own, from the bounds ([`super::clipping_range`]).
+    pub clipping_range: Option<[f64; 2]>,
+}
+
+/// An orthonormal camera frame: rows right, up, backwards (the camera looks along -z).
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    /// Row k is the world direction of camera axis k.
+    pub axes: [[f64; 3]; 3],
+    /// Eye, world units.
+    pub position: [f64; 3],
+}
+
+impl Camera {
+    /// The camera's frame, as VTK builds it.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the camera stands at its focal point or looks along its up.
+    pub fn frame(&self) -> Result<Frame> {
+        let back: [f64; 3] = std::array::from_fn(|k| self.position[k] - self.focal_point[k]);
+        let z = normalised(back).ok_or_else(|| Error::argument("the camera stands at its focal point"))?;
+        let x =
+            normalised(cross(self.view_up, z)).ok_or_else(|| Error::argument("the camera looks along its view_up"))?;
+        Ok(Frame { axes: [x, cross(z, x), z], position: self.position })
+    }
+
+    /// Distance from the eye to the focal point.
+    pub fn distance(&self) -> f64 {
+        let d: [f64; 3] = std::array::from_fn(|k| self.position[k] - self.focal_point[k]);
+        norm(d)
+    }
+
+    /// Pixels for a unit of x/z (perspective) or for a world unit (orthographic).
+    pub fn focal_pixels(&self, size: Size) -> f64 {
+        match self.projection {
+            Projection::Perspective { fov_deg } => 0.5 * size.height as f64 / (0.5 * fov_deg.to_radians()).tan(),
+            Projection::Orthographic { height_world } => size.height as f64 / height_world,
+        }
+    }
+}
+
+impl Frame {
+    /// Camera coordinates of a world point; the camera looks along -z.
+    pub fn to_camera(&self, p: [f64; 3]) -> [f64; 3] {
+        let d: [f64; 3] = std::array::from_fn(|k| p[k] - self.position[k]);
+        self.axes.map(|a| a[0] * d[0] + a[1] * d[1] + a[2] * d[2])
+    }
+}
+
+/// A named picture to draw: camera, particle radius (world units) and opacity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// File name without ending.
+    pub name: String,
+    /// Camera.
+    pub camera: Camera,
+    /// Particle radius (standard deviation of the splat), world units, > 0.
+    pub radius: f64,
+    /// Opacity at the splat's centre, in (0, 1].
+    pub opacity: f64,
+}
+
+impl View {
+    /// The splat radius in pixels at the focal point.
+    pub fn radius_pixels(&self, size: Size) -> f64 {
+        match self.camera.projection {
+            Projection::Perspective { .. } => self.radius * self.camera.focal_pixels(size) / self.camera.distance(),
+            Projection::Orthographic { .. } => self.radius * self.camera.focal_pixels(size),
+        }
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the view and the value.
+    pub fn check(&self, size: Size) -> Result<()> {
+        let name = &self.name;
+        let fail = |what: String| Err(Error::argument(format!("view `{name}`: {what}")));
+        if size.width == 0 || size.height == 0 || size.width > 32_768 || size.height > 32_768 {
+            return fail(format!("a size of {}x{} is outside 1 to 32768", size.width, size.height));
+        }
+        if !(self.radius > 0.0 && self.radius.is_finite()) {
+            return fail(format!("radius {} must be positive", self.radius));
+        }
+        if !(self.opacity > 0.0 && self.opacity <= 1.0) {
+            return fail(format!("opacity {} is outside (0, 1]", self.opacity));
+        }
+        let c = &self.camera;
+        let finite = [c.position, c.focal_point, c.view_up].iter().flatten().all(|v| v.is_finite());
+        if !finite {
+            return fail("the camera has a number that is not finite".into());
+        }
+        match c.projection {
+            Projection::Perspective { fov_deg } if !(fov_deg > 0.0 && fov_deg < 180.0) => {
+                return fail(format!("field of view {fov_deg} is outside (0, 180) degrees"));
+            }
+            Projection::Orthographic { height_world } if !(height_world > 0.0 && height_world.is_finite()) => {
+                return fail(format!("picture height {height_world} must be positive"));
+            }
+            _ => {}
+        }
+        if let Some([near, far]) = c.clipping_range
+            && !(near > 0.0 && far > near && far.is_finite())
+        {
+            return fail(format!("clipping range {near} to {far} is not 0 < near < far"));
+        }
+        match c.frame() {
+            Ok(_) => Ok(()),
+            Err(e) => fail(e.to_string()),
+        }
+    }
+}
+
+/// Views of one size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewSet {
+    /// Size of every picture.
+    pub size: Size,
+    /// The views.
+    pub views: Vec<View>,
+}
+
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(super) fn norm(a: [f64; 3]) -> f64 {
+    // Scaled, so that coordinates of 1e-200 or 1e200 neither underflow nor overflow.
+    let m = a[0].abs().max(a[1].abs()).max(a[2].abs());
+    if m == 0.0 || !m.is_finite() {
+        return m;
+    }
+    m * a.map(|v| (v / m) * (v / m)).iter().sum::<f64>().sqrt()
+}
+
+fn normalised(a: [f64; 3]) -> Option<[f64; 3]> {
+    let n = norm(a);
+    (n > 0.0 && n.is_finite()).then(|| a.map(|v| v / n))
+}

@@ -1,0 +1,1 @@
+//! Floor 3: mixture to bytes and back (docs/format.md).

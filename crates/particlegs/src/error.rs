@@ -1,0 +1,162 @@
+//! One error type for the library: what went wrong, where, and what to do about it.
+
+use std::path::Path;
+
+/// The library's result.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What a caller can act on. Every variant's text is one line that names the place and the fault.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A snapshot, views file or picture that cannot be used as it is.
+    #[error("{place}: {what}")]
+    Input {
+        /// File, folder or argument.
+        place: String,
+        /// The fault.
+        what: String,
+        /// What to do, or empty.
+        hint: String,
+    },
+    /// A model file whose bytes contradict docs/format.md.
+    #[error("{place}: corrupt model file: {what}")]
+    Corrupt {
+        /// File, with section and offset where known.
+        place: String,
+        /// The contradiction.
+        what: String,
+    },
+    /// A model file of a version or with a feature that this program does not know.
+    #[error("{place}: {what}")]
+    Compatibility {
+        /// File.
+        place: String,
+        /// What is not known.
+        what: String,
+    },
+    /// An argument outside its range.
+    #[error("{what}")]
+    Argument {
+        /// Which argument, its value and its range.
+        what: String,
+        /// What to do, or empty.
+        hint: String,
+    },
+    /// A size or quality that cannot be reached with this input.
+    #[error("{what}")]
+    Unreachable {
+        /// What was asked for and what is possible.
+        what: String,
+        /// What to do, or empty.
+        hint: String,
+    },
+    /// More memory than the machine has.
+    #[error("{what} needs about {need_bytes} bytes of memory, {have_bytes} are available")]
+    Memory {
+        /// The step that needs it.
+        what: String,
+        /// Bytes needed.
+        need_bytes: u64,
+        /// Bytes available.
+        have_bytes: u64,
+    },
+    /// Reading or writing failed.
+    #[error("{place}: {source}")]
+    Io {
+        /// File or folder.
+        place: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The caller asked to stop.
+    #[error("stopped")]
+    Cancelled,
+}
+
+impl Error {
+    /// An unusable input without advice.
+    pub fn input(place: impl AsPlace, what: impl Into<String>) -> Self {
+        Self::input_hint(place, what, "")
+    }
+
+    /// An unusable input and what to do about it.
+    pub fn input_hint(place: impl AsPlace, what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Error::Input { place: place.as_place(), what: what.into(), hint: hint.into() }
+    }
+
+    /// A corrupt model file.
+    pub fn corrupt(place: impl AsPlace, what: impl Into<String>) -> Self {
+        Error::Corrupt { place: place.as_place(), what: what.into() }
+    }
+
+    /// An argument outside its range.
+    pub fn argument(what: impl Into<String>) -> Self {
+        Error::Argument { what: what.into(), hint: String::new() }
+    }
+
+    /// A failed read or write.
+    pub fn io(place: impl AsPlace, source: std::io::Error) -> Self {
+        Error::Io { place: place.as_place(), source }
+    }
+
+    /// What to do about it; empty where there is nothing to add.
+    pub fn hint(&self) -> &str {
+        match self {
+            Error::Input { hint, .. } | Error::Argument { hint, .. } | Error::Unreachable { hint, .. } => hint,
+            Error::Corrupt { .. } => "copy the file again from its source; `particlegs verify` checks it",
+            Error::Compatibility { .. } => "use a newer particlegs",
+            Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture",
+            Error::Io { .. } | Error::Cancelled => "",
+        }
+    }
+
+    /// The process exit code (docs/guide/exit-codes.md).
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::Argument { .. } => 2,
+            Error::Input { .. } => 3,
+            Error::Corrupt { .. } | Error::Compatibility { .. } => 4,
+            Error::Unreachable { .. } => 5,
+            Error::Io { .. } => 6,
+            Error::Memory { .. } => 7,
+            Error::Cancelled => 130,
+        }
+    }
+}
+
+/// Anything that names the place of an error.
+pub trait AsPlace {
+    /// The text shown before the colon.
+    fn as_place(&self) -> String;
+}
+
+impl AsPlace for &str {
+    fn as_place(&self) -> String {
+        (*self).to_string()
+    }
+}
+
+impl AsPlace for String {
+    fn as_place(&self) -> String {
+        self.clone()
+    }
+}
+
+impl AsPlace for &String {
+    fn as_place(&self) -> String {
+        (*self).clone()
+    }
+}
+
+impl AsPlace for &Path {
+    fn as_place(&self) -> String {
+        self.display().to_string()
+    }
+}
+
+impl AsPlace for &std::path::PathBuf {
+    fn as_place(&self) -> String {
+        self.display().to_string()
+    }
+}

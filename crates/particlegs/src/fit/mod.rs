@@ -1,0 +1,1 @@
+//! Floor 3: particles to mixture, without gradients.

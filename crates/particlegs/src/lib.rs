@@ -1,0 +1,32 @@
+//! Particle snapshots as mixtures of Gaussians.
+//!
+//! A snapshot becomes a mixture ([`fit`]), a mixture becomes a file ([`codec`]), a file becomes
+//! pictures ([`render`]) and numbers ([`score`]). The rooms stand in floors; each uses only the
+//! floors below it (see ARCHITECTURE.md).
+//!
+//! The picture law is the optical depth: white splats blended over black are `1 - exp(-tau)` with
+//! `tau` a plain sum, so a mixture of Gaussians that carry counts follows any view, particle
+//! radius and opacity in closed form.
+
+pub mod error;
+pub mod math;
+pub mod output;
+pub mod progress;
+
+pub mod camera;
+pub mod particles;
+pub mod picture;
+pub mod splat;
+
+pub mod model;
+
+pub mod codec;
+pub mod fit;
+pub mod reference;
+pub mod render;
+
+pub mod score;
+
+pub mod compress;
+
+pub use error::{Error, Result};

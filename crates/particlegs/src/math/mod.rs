@@ -1,0 +1,10 @@
+//! Small mathematics that every room uses: symmetric 3x3 matrices, random draws that do not depend
+//! on order, and the SIMD level chosen at run time.
+
+mod random;
+mod simd;
+mod symmetric;
+
+pub use random::Random;
+pub use simd::{set_simd, simd_level};
+pub use symmetric::{Eigen, Sym3};

@@ -1,0 +1,164 @@
+//! Symmetric 3x3 matrices in f64.
+
+/// A symmetric 3x3 matrix by its upper triangle: xx, xy, xz, yy, yz, zz.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sym3(pub [f64; 6]);
+
+/// Eigenvalues in descending order with their unit vectors (row `k` belongs to `values[k]`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eigen {
+    /// Descending.
+    pub values: [f64; 3],
+    /// Row k is the unit vector of `values[k]`.
+    pub vectors: [[f64; 3]; 3],
+}
+
+impl Sym3 {
+    /// `s` times the identity.
+    pub fn scaled_identity(s: f64) -> Self {
+        Sym3([s, 0.0, 0.0, s, 0.0, s])
+    }
+
+    /// The outer product v v^T.
+    pub fn outer(v: [f64; 3]) -> Self {
+        Sym3([v[0] * v[0], v[0] * v[1], v[0] * v[2], v[1] * v[1], v[1] * v[2], v[2] * v[2]])
+    }
+
+    /// Full rows.
+    pub fn rows(&self) -> [[f64; 3]; 3] {
+        let m = self.0;
+        [[m[0], m[1], m[2]], [m[1], m[3], m[4]], [m[2], m[4], m[5]]]
+    }
+
+    /// Sum of the diagonal.
+    pub fn trace(&self) -> f64 {
+        self.0[0] + self.0[3] + self.0[5]
+    }
+
+    /// Determinant.
+    pub fn det(&self) -> f64 {
+        let [a, b, c, d, e, f] = self.0;
+        a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
+    }
+
+    /// The inverse, or `None` where the determinant is not positive.
+    pub fn inverse(&self) -> Option<Sym3> {
+        let [a, b, c, d, e, f] = self.0;
+        let det = self.det();
+        if det.is_nan() || det <= 0.0 {
+            return None;
+        }
+        let s = 1.0 / det;
+        Some(Sym3([
+            (d * f - e * e) * s,
+            (c * e - b * f) * s,
+            (b * e - c * d) * s,
+            (a * f - c * c) * s,
+            (b * c - a * e) * s,
+            (a * d - b * b) * s,
+        ]))
+    }
+
+    /// v^T M v.
+    pub fn quadratic(&self, v: [f64; 3]) -> f64 {
+        let m = &self.0;
+        m[0] * v[0] * v[0]
+            + m[3] * v[1] * v[1]
+            + m[5] * v[2] * v[2]
+            + 2.0 * (m[1] * v[0] * v[1] + m[2] * v[0] * v[2] + m[4] * v[1] * v[2])
+    }
+
+    /// M v.
+    pub fn apply(&self, v: [f64; 3]) -> [f64; 3] {
+        let r = self.rows();
+        std::array::from_fn(|i| r[i][0] * v[0] + r[i][1] * v[1] + r[i][2] * v[2])
+    }
+
+    /// Every element times `s`.
+    pub fn scale(&self, s: f64) -> Sym3 {
+        Sym3(self.0.map(|v| v * s))
+    }
+
+    /// Element by element sum.
+    pub fn add(&self, o: &Sym3) -> Sym3 {
+        Sym3(std::array::from_fn(|i| self.0[i] + o.0[i]))
+    }
+
+    /// Eigenvalues and vectors by cyclic Jacobi rotations: slow, robust, exact to rounding.
+    pub fn eigen(&self) -> Eigen {
+        let mut a = self.rows();
+        let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        for _ in 0..32 {
+            let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
+            let on = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
+            if off <= 1e-17 * on {
+                break;
+            }
+            for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+                rotate(&mut a, &mut v, p, q);
+            }
+        }
+        let mut order = [0, 1, 2];
+        order.sort_by(|&i, &j| a[j][j].total_cmp(&a[i][i]));
+        Eigen { values: order.map(|k| a[k][k]), vectors: order.map(|k| [v[0][k], v[1][k], v[2][k]]) }
+    }
+
+    /// Sum of `values[k]` times the outer products of `vectors[k]`.
+    pub fn from_eigen(e: &Eigen) -> Sym3 {
+        (0..3).fold(Sym3::default(), |s, k| s.add(&Sym3::outer(e.vectors[k]).scale(e.values[k])))
+    }
+}
+
+/// One Jacobi rotation that clears a[p][q].
+fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
+    let apq = a[p][q];
+    if apq == 0.0 {
+        return;
+    }
+    let theta = (a[q][q] - a[p][p]) / (2.0 * apq);
+    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+    let t = if theta == 0.0 { 1.0 } else { t };
+    let c = 1.0 / (t * t + 1.0).sqrt();
+    let s = t * c;
+    for k in 0..3 {
+        let (x, y) = (a[k][p], a[k][q]);
+        a[k][p] = c * x - s * y;
+        a[k][q] = s * x + c * y;
+    }
+    for k in 0..3 {
+        let (x, y) = (a[p][k], a[q][k]);
+        a[p][k] = c * x - s * y;
+        a[q][k] = s * x + c * y;
+    }
+    for row in v.iter_mut() {
+        let (x, y) = (row[p], row[q]);
+        row[p] = c * x - s * y;
+        row[q] = s * x + c * y;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn eigen_rebuilds_the_matrix(m in proptest::array::uniform6(-10.0f64..10.0)) {
+            let m = Sym3(m);
+            let e = m.eigen();
+            let back = Sym3::from_eigen(&e);
+            for k in 0..6 {
+                prop_assert!((back.0[k] - m.0[k]).abs() < 1e-12 * 30.0);
+            }
+            prop_assert!(e.values[0] >= e.values[1] && e.values[1] >= e.values[2]);
+        }
+
+        #[test]
+        fn inverse_undoes(v in proptest::array::uniform6(-1.0f64..1.0)) {
+            let m = Sym3::outer([v[0], v[1], v[2]]).add(&Sym3::outer([v[3], v[4], v[5]])).add(&Sym3::scaled_identity(0.1));
+            let x = m.inverse().unwrap().apply(m.apply([1.0, 2.0, 3.0]));
+            prop_assert!((x[0] - 1.0).abs() + (x[1] - 2.0).abs() + (x[2] - 3.0).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! What was measured after decoding, when the file was made.
+
+/// Scores of one orbit in one look: the model's, and those of the noise-free picture of all
+/// particles (spec: metrics.md).
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct LookScore {
+    /// Masked PSNR of the model, dB. `None`: identical or nothing lit.
+    pub masked_psnr: Option<f64>,
+    /// SSIM of the model.
+    pub ssim: f64,
+    /// Masked PSNR of the noise-free picture, dB.
+    pub noise_free_masked_psnr: Option<f64>,
+    /// SSIM of the noise-free picture.
+    pub noise_free_ssim: f64,
+}
+
+/// One frame of one orbit.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct OrbitScore {
+    /// Against `paraview`.
+    pub paraview: LookScore,
+    /// Against `paraview-no-fxaa`.
+    pub paraview_no_fxaa: LookScore,
+    /// Against `expected` (whose noise-free picture is itself).
+    pub expected: LookScore,
+}
+
+/// Measured at encoding, bound to the source by the metadata's hash. Fixed length in the file.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Certificate {
+    /// Picture size of the measurement.
+    pub width: u16,
+    /// Picture size of the measurement.
+    pub height: u16,
+    /// Seed of the views.
+    pub seed: u64,
+    /// Far, mid, near.
+    pub orbits: [OrbitScore; 3],
+    /// Cells along the longest extent of the density grid.
+    pub grid: u16,
+    /// Pearson correlation of the density on that grid.
+    pub density_correlation: f64,
+    /// Mean absolute error of the density contrast delta = rho / mean - 1 on that grid.
+    pub density_mae: f64,
+}

@@ -1,0 +1,60 @@
+//! What a model file says about its snapshot and its making.
+
+use crate::particles::{Bounds, Cell};
+
+/// How Gaussians become a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// Depths add up: `1 - exp(-sum tau)`. No order, no network.
+    OpticalDepth,
+}
+
+/// Everything a file carries beside its Gaussians. `None` = the source does not say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Metadata {
+    /// Image law.
+    pub law: Law,
+    /// Particles of the whole snapshot.
+    pub count: u64,
+    /// Their mass: the sum of weights, or the count where all are equal.
+    pub mass: f64,
+    /// Do particles have weights of their own?
+    pub weighted: bool,
+    /// Bounds of the whole snapshot, world units.
+    pub bounds: Bounds,
+    /// Simulation cell.
+    pub cell: Option<Cell>,
+    /// Default particle radius, world units.
+    pub default_radius: f64,
+    /// Default opacity.
+    pub default_opacity: f64,
+    /// Source name.
+    pub source: String,
+    /// BLAKE3 of the source's particles: each column's f32 bytes in turn (x, y, z, then weights).
+    pub source_hash: [u8; 32],
+    /// Unit of length, as text.
+    pub length_unit: Option<String>,
+    /// Unit of mass, as text.
+    pub mass_unit: Option<String>,
+    /// Mass of a particle of weight 1, in `mass_unit`.
+    pub particle_mass: Option<f64>,
+    /// Are lengths comoving?
+    pub comoving: Option<bool>,
+    /// Cosmological scale factor.
+    pub scale_factor: Option<f64>,
+    /// Hubble parameter h.
+    pub hubble: Option<f64>,
+    /// Simulation time.
+    pub time: Option<f64>,
+    /// The command that made the file.
+    pub command: String,
+    /// The program's version.
+    pub tool_version: String,
+}
+
+impl Metadata {
+    /// Redshift from the scale factor.
+    pub fn redshift(&self) -> Option<f64> {
+        self.scale_factor.map(|a| 1.0 / a - 1.0)
+    }
+}

@@ -1,0 +1,119 @@
+//! A mixture of Gaussians that carry counts and masses.
+
+use super::{Certificate, Metadata};
+use crate::math::Sym3;
+use crate::particles::Bounds;
+
+/// Gaussians in columns; all columns have the same length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mixture {
+    /// Means: x, y and z, world units.
+    pub mean: [Vec<f64>; 3],
+    /// Covariances: xx, xy, xz, yy, yz, zz, world units squared.
+    pub cov: [Vec<f64>; 6],
+    /// Particles that each stands for. Whole numbers once decoded.
+    pub count: Vec<f64>,
+    /// Mass that each stands for where particles have weights of their own; else every particle
+    /// has the mass 1 and this is `None`.
+    pub mass: Option<Vec<f64>>,
+}
+
+impl Mixture {
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.count.len()
+    }
+
+    /// No Gaussians?
+    pub fn is_empty(&self) -> bool {
+        self.count.is_empty()
+    }
+
+    /// Mean of Gaussian `i`.
+    pub fn mean_of(&self, i: usize) -> [f64; 3] {
+        std::array::from_fn(|k| self.mean[k][i])
+    }
+
+    /// Covariance of Gaussian `i`.
+    pub fn cov_of(&self, i: usize) -> Sym3 {
+        Sym3(std::array::from_fn(|k| self.cov[k][i]))
+    }
+
+    /// Mass of Gaussian `i`: its own, or its count where particles are equal.
+    pub fn mass_of(&self, i: usize) -> f64 {
+        self.mass.as_ref().map_or(self.count[i], |m| m[i])
+    }
+
+    /// Adds a Gaussian. `mass` counts only where the mixture has masses.
+    pub fn push(&mut self, mean: [f64; 3], cov: Sym3, count: f64, mass: f64) {
+        for k in 0..3 {
+            self.mean[k].push(mean[k]);
+        }
+        for k in 0..6 {
+            self.cov[k].push(cov.0[k]);
+        }
+        self.count.push(count);
+        if let Some(m) = &mut self.mass {
+            m.push(mass);
+        }
+    }
+
+    /// Adds all of another's. Both have masses, or neither.
+    pub fn append(&mut self, other: &Mixture) {
+        for k in 0..3 {
+            self.mean[k].extend_from_slice(&other.mean[k]);
+        }
+        for k in 0..6 {
+            self.cov[k].extend_from_slice(&other.cov[k]);
+        }
+        self.count.extend_from_slice(&other.count);
+        if let (Some(a), Some(b)) = (&mut self.mass, &other.mass) {
+            a.extend_from_slice(b);
+        }
+    }
+}
+
+/// Gaussians of one region, coded on their own: merging files copies blocks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// Bounds of the particles that the block was fitted to, world units.
+    pub bounds: Bounds,
+    /// Particles.
+    pub count: u64,
+    /// Their mass.
+    pub mass: f64,
+    /// The Gaussians.
+    pub gaussians: Mixture,
+}
+
+/// A species or mass class.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Name, e.g. `dm`.
+    pub name: String,
+    /// Independently coded blocks, in canonical order.
+    pub blocks: Vec<Block>,
+}
+
+/// A model file's whole content.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// What is known about the snapshot and the fit.
+    pub metadata: Metadata,
+    /// Layers, one for now.
+    pub layers: Vec<Layer>,
+    /// What was measured after decoding.
+    pub certificate: Option<Certificate>,
+}
+
+impl Model {
+    /// All blocks of all layers.
+    pub fn blocks(&self) -> impl Iterator<Item = &Block> {
+        self.layers.iter().flat_map(|l| &l.blocks)
+    }
+
+    /// Number of Gaussians.
+    pub fn gaussians(&self) -> usize {
+        self.blocks().map(|b| b.gaussians.len()).sum()
+    }
+}

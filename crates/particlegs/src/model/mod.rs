@@ -1,0 +1,9 @@
+//! Floor 2: the mixture and what is known about it: plain data. Knows no file, no camera, no thread.
+
+mod certificate;
+mod metadata;
+mod mixture;
+
+pub use certificate::{Certificate, LookScore, OrbitScore};
+pub use metadata::{Law, Metadata};
+pub use mixture::{Block, Layer, Mixture, Model};

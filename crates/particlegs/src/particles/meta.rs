@@ -1,0 +1,52 @@
+//! What a snapshot says about itself.
+
+/// A simulation cell: three row vectors and whether each repeats.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Cell {
+    /// Row k is the k-th cell vector, world units.
+    pub vectors: [[f64; 3]; 3],
+    /// Periodicity along each cell vector.
+    pub periodic: [bool; 3],
+}
+
+impl Cell {
+    /// A periodic orthogonal box.
+    pub fn orthogonal(lengths: [f64; 3]) -> Self {
+        let mut vectors = [[0.0; 3]; 3];
+        for k in 0..3 {
+            vectors[k][k] = lengths[k];
+        }
+        Cell { vectors, periodic: [true; 3] }
+    }
+
+    /// Edge lengths where the cell is orthogonal and axis-aligned.
+    pub fn lengths(&self) -> Option<[f64; 3]> {
+        let v = &self.vectors;
+        let off = (0..3).any(|i| (0..3).any(|j| i != j && v[i][j] != 0.0));
+        (!off).then(|| std::array::from_fn(|k| v[k][k]))
+    }
+}
+
+/// Metadata of a snapshot, read before any particle. `None` means that the source does not say;
+/// nothing is guessed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SnapshotMeta {
+    /// Name shown to people: the file's or folder's.
+    pub name: String,
+    /// Simulation cell.
+    pub cell: Option<Cell>,
+    /// Unit of length as text, e.g. `Mpc/h`.
+    pub length_unit: Option<String>,
+    /// Unit of mass as text, e.g. `Msun/h`.
+    pub mass_unit: Option<String>,
+    /// Mass of one particle where all are equal, in `mass_unit`.
+    pub particle_mass: Option<f64>,
+    /// Are lengths comoving?
+    pub comoving: Option<bool>,
+    /// Cosmological scale factor.
+    pub scale_factor: Option<f64>,
+    /// Hubble parameter h.
+    pub hubble: Option<f64>,
+    /// Simulation time, in the source's unit.
+    pub time: Option<f64>,
+}

@@ -1,0 +1,194 @@
+//! Opens what users name: a folder, three or four raw files, or one .npy.
+
+use super::{Cell, Column, Particles, Positions, SnapshotMeta, npy, sidecar};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// How to open a snapshot.
+#[derive(Clone, Debug, Default)]
+pub struct OpenOptions {
+    /// Periodic box lengths; overrides what the data says.
+    pub box_lengths: Option<[f64; 3]>,
+    /// Drop particles with NaN or infinite coordinates or weights (and weights that are not
+    /// positive) instead of refusing them.
+    pub skip_invalid: bool,
+}
+
+/// Opens a snapshot: one folder with xx.f32, yy.f32, zz.f32 (and ww.f32), the three or four files
+/// in that order, or one .npy of shape (N, 3) in f32 or f64. Raw float32 and f32 .npy are mapped,
+/// not copied. Every value is checked.
+///
+/// # Errors
+/// [`Error::Io`] where a file cannot be read; [`Error::Input`] for anything that is no snapshot:
+/// columns of different lengths, no particles, NaN or infinity (how many, and the first).
+pub fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Particles> {
+    let mut particles = match paths {
+        [] => return Err(Error::argument("no snapshot was named")),
+        [one] if one.is_dir() => open_folder(one)?,
+        [one] if npy::is_npy(one)? => npy::open(one)?,
+        [one] => {
+            return Err(Error::input_hint(
+                one,
+                "not a folder with xx.f32, yy.f32 and zz.f32, and not a .npy file",
+                "name the folder, the three files x y z (and weights), or one .npy of shape (N, 3)",
+            ));
+        }
+        [_, _, _] | [_, _, _, _] => open_columns(paths)?,
+        more => {
+            return Err(Error::argument(format!(
+                "{} files were named; a snapshot is a folder, three or four columns, or one .npy",
+                more.len()
+            )));
+        }
+    };
+    if particles.is_empty() {
+        return Err(Error::input(&paths[0], "no particles"));
+    }
+    if let Some(lengths) = options.box_lengths {
+        if !lengths.iter().all(|l| *l > 0.0 && l.is_finite()) {
+            return Err(Error::argument(format!("box lengths {lengths:?} must be positive")));
+        }
+        particles.meta.cell = Some(Cell::orthogonal(lengths));
+    }
+    refuse_or_drop_invalid(particles, &paths[0], options.skip_invalid)
+}
+
+fn open_folder(folder: &Path) -> Result<Particles> {
+    let files: Vec<PathBuf> = ["xx.f32", "yy.f32", "zz.f32"].iter().map(|f| folder.join(f)).collect();
+    if let Some(missing) = files.iter().find(|f| !f.exists()) {
+        return Err(Error::input_hint(
+            missing,
+            "missing",
+            "a snapshot folder holds xx.f32, yy.f32, zz.f32 and, with weights, ww.f32",
+        ));
+    }
+    let weights = folder.join("ww.f32");
+    let mut particles = if weights.exists() {
+        open_columns(&[files[0].clone(), files[1].clone(), files[2].clone(), weights])?
+    } else {
+        open_columns(&files)?
+    };
+    particles.meta = sidecar::read(folder, &folder.join("meta.json"))?;
+    Ok(particles)
+}
+
+fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
+    let columns: Vec<Column> = paths.iter().map(|p| map_raw(p)).collect::<Result<_>>()?;
+    for (path, column) in paths.iter().zip(&columns) {
+        if column.len() != columns[0].len() {
+            return Err(Error::input(
+                path,
+                format!("{} values, but {} has {}", column.len(), paths[0].display(), columns[0].len()),
+            ));
+        }
+    }
+    let mut columns = columns.into_iter();
+    let mut next = || columns.next().expect("three columns at least");
+    let positions = Positions::Columns([next(), next(), next()]);
+    let weights = columns.next();
+    let folder = paths[0].parent().unwrap_or(Path::new("."));
+    let mut meta = sidecar::read(folder, &folder.join("meta.json"))?;
+    meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    Ok(Particles { positions, weights, origin: [0.0; 3], meta })
+}
+
+/// Maps a raw little-endian float32 file.
+fn map_raw(path: &Path) -> Result<Column> {
+    let (map, length) = map_file(path)?;
+    if length % 4 != 0 {
+        return Err(Error::input(path, format!("{length} bytes is not a multiple of 4: not a float32 column")));
+    }
+    Ok(match map {
+        None => Column::owned(Vec::new()),
+        Some(map) => Column::Mapped { map, offset: 0, len: length / 4 },
+    })
+}
+
+/// Maps a file; `None` for an empty one, which cannot be mapped.
+pub(super) fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
+    if !metadata.is_file() {
+        return Err(Error::input(path, "not a regular file"));
+    }
+    if metadata.len() == 0 {
+        return Ok((None, 0));
+    }
+    // SAFETY: the mapping is read only; a file that another program truncates while we read it
+    // ends this process with SIGBUS, as with every mapped reader; nothing is written from it.
+    let map = unsafe { memmap2::Mmap::map(&file) }.map_err(|e| Error::io(path, e))?;
+    let length = map.len();
+    Ok((Some(Arc::new(map)), length))
+}
+
+/// Counts invalid particles; drops them into fresh columns or names the first.
+fn refuse_or_drop_invalid(particles: Particles, path: &Path, drop: bool) -> Result<Particles> {
+    let parts = particles.par_chunks(|start, chunk| {
+        let mut bad = 0u64;
+        let mut first = None;
+        // The product of a finite number with zero is zero; NaN and infinity survive it. The sum
+        // tells for the whole chunk whether a closer look is needed.
+        let suspicious = chunk.position.iter().any(|c| c.iter().map(|v| v * 0.0).sum::<f32>() != 0.0)
+            || chunk.weight.is_some_and(|w| w.iter().any(|&v| !valid_weight(v)));
+        if suspicious {
+            for i in 0..chunk.len() {
+                if !valid(&chunk, i) {
+                    bad += 1;
+                    first.get_or_insert(start + i);
+                }
+            }
+        }
+        (bad, first)
+    });
+    let bad: u64 = parts.iter().map(|p| p.0).sum();
+    if bad == 0 {
+        return Ok(particles);
+    }
+    let first = parts.iter().find_map(|p| p.1).unwrap_or(0);
+    if !drop {
+        return Err(Error::input_hint(
+            path,
+            format!("{bad} particles are invalid (NaN, infinite, or weight not positive), the first at index {first}"),
+            "`--skip-invalid` drops them",
+        ));
+    }
+    if bad == particles.len() as u64 {
+        return Err(Error::input(path, format!("all {bad} particles are invalid")));
+    }
+    Ok(keep_valid(&particles))
+}
+
+fn valid_weight(w: f32) -> bool {
+    w > 0.0 && w.is_finite()
+}
+
+fn valid(chunk: &super::Chunk<'_>, i: usize) -> bool {
+    chunk.position.iter().all(|c| c[i].is_finite()) && chunk.weight.is_none_or(|w| valid_weight(w[i]))
+}
+
+fn keep_valid(particles: &Particles) -> Particles {
+    let parts = particles.par_chunks(|_, chunk| {
+        let keep: Vec<usize> = (0..chunk.len()).filter(|&i| valid(&chunk, i)).collect();
+        let pick = |c: &[f32]| keep.iter().map(|&i| c[i]).collect::<Vec<f32>>();
+        (chunk.position.map(pick), chunk.weight.map(pick))
+    });
+    let column = |k: usize| Column::owned(parts.par_iter().flat_map_iter(|p| p.0[k].iter().copied()).collect());
+    Particles {
+        positions: Positions::Columns([column(0), column(1), column(2)]),
+        weights: particles
+            .weights
+            .as_ref()
+            .map(|_| Column::owned(parts.iter().flat_map(|p| p.1.iter().flatten().copied()).collect())),
+        origin: particles.origin,
+        meta: particles.meta.clone(),
+    }
+}
+
+/// Metadata of a file that says nothing but its name.
+pub(super) fn named(path: &Path) -> SnapshotMeta {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned());
+    SnapshotMeta { name: name.unwrap_or_else(|| "snapshot".into()), ..SnapshotMeta::default() }
+}

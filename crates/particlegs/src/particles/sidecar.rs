@@ -1,0 +1,65 @@
+//! meta.json beside raw data: box, units, cosmology.
+
+use super::{Cell, SnapshotMeta, open::named};
+use crate::{Error, Result};
+use serde::Deserialize;
+use std::path::Path;
+
+/// Larger sidecars are not ours.
+const LARGEST: u64 = 1 << 20;
+
+#[derive(Deserialize, Default)]
+struct Form {
+    #[serde(rename = "box")]
+    lengths: Option<Lengths>,
+    periodic: Option<bool>,
+    length_unit: Option<String>,
+    mass_unit: Option<String>,
+    particle_mass: Option<f64>,
+    comoving: Option<bool>,
+    scale_factor: Option<f64>,
+    redshift: Option<f64>,
+    h: Option<f64>,
+    time: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Lengths {
+    Cube(f64),
+    Each([f64; 3]),
+}
+
+/// Reads `file` where it exists; the snapshot is named after `place`.
+///
+/// # Errors
+/// [`Error::Input`] where it is no JSON object or a known key holds an impossible value.
+pub fn read(place: &Path, file: &Path) -> Result<SnapshotMeta> {
+    let mut meta = named(&std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf()));
+    let Ok(info) = std::fs::metadata(file) else { return Ok(meta) };
+    if info.len() > LARGEST {
+        return Err(Error::input(file, "larger than 1 MiB: not a snapshot's metadata"));
+    }
+    let text = std::fs::read(file).map_err(|e| Error::io(file, e))?;
+    let form: Form =
+        serde_json::from_slice(&text).map_err(|e| Error::input(file, format!("not a snapshot's metadata: {e}")))?;
+    let positive = |v: &f64| *v > 0.0 && v.is_finite();
+    if let Some(lengths) = form.lengths {
+        let lengths = match lengths {
+            Lengths::Cube(l) => [l; 3],
+            Lengths::Each(l) => l,
+        };
+        if !lengths.iter().all(positive) {
+            return Err(Error::input(file, format!("box {lengths:?} must be positive")));
+        }
+        meta.cell = Some(Cell { periodic: [form.periodic.unwrap_or(true); 3], ..Cell::orthogonal(lengths) });
+    }
+    meta.length_unit = form.length_unit;
+    meta.mass_unit = form.mass_unit;
+    meta.particle_mass = form.particle_mass.filter(positive);
+    meta.comoving = form.comoving;
+    meta.scale_factor = form.scale_factor.or(form.redshift.map(|z| 1.0 / (1.0 + z))).filter(positive);
+    meta.hubble = form.h.filter(positive);
+    meta.time = form.time;
+    Ok(meta)
+}

@@ -1,0 +1,8 @@
+//! Floor 1: grey pictures and planes of floats, PNG, scores of one picture against another,
+//! colour maps and annotations.
+
+mod plane;
+mod png_io;
+
+pub use plane::{Gray8, Plane, Rgb8, Size};
+pub use png_io::{read_gray_png, write_gray_png, write_rgb_png};

@@ -1,0 +1,1 @@
+//! Floor 5: evaluation over views, and the certificate.
