@@ -129,9 +129,10 @@ fn refuse_or_drop_invalid(particles: Particles, path: &Path, drop: bool) -> Resu
     let parts = particles.par_chunks(|start, chunk| {
         let mut bad = 0u64;
         let mut first = None;
-        // The product of a finite number with zero is zero; NaN and infinity survive it. The sum
-        // tells for the whole chunk whether a closer look is needed.
-        let suspicious = chunk.position.iter().any(|c| c.iter().map(|v| v * 0.0).sum::<f32>() != 0.0)
+        // NaN and infinity have the largest exponents; one maximum tells for the whole chunk
+        // whether a closer look is needed.
+        let largest = |c: &[f32]| c.iter().fold(0, |m: u32, v| m.max(v.to_bits() & 0x7fff_ffff));
+        let suspicious = chunk.position.iter().any(|c| largest(c) >= f32::INFINITY.to_bits())
             || chunk.weight.is_some_and(|w| w.iter().any(|&v| !valid_weight(v)));
         if suspicious {
             for i in 0..chunk.len() {
