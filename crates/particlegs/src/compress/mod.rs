@@ -1,1 +1,15 @@
-//! Floor 6: the whole job.
+//! Floor 6: the whole job: a snapshot, a target, an effort in; a model file's bytes out.
+//!
+//! [`Target`] says what is asked for, [`describe`] what is known about the snapshot, [`compress`]
+//! chooses how many Gaussians at how many bits, fits, codes, decodes and measures.
+
+mod describe;
+mod job;
+mod memory;
+mod rate;
+mod target;
+
+pub use describe::{describe, source_hash};
+pub use job::{Compressed, Options, compress};
+pub use memory::available_bytes;
+pub use target::Target;
