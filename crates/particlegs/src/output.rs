@@ -10,15 +10,11 @@ use std::path::Path;
 /// [`Error::Io`] where the folder cannot be written or the disk is full; nothing is left then.
 pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     let fail = |e| Error::io(path, e);
-    let folder = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
     let temporary = tempfile::Builder::new()
         .prefix(".particlegs-")
         .suffix(".tmp")
         .permissions_like_new()
-        .tempfile_in(folder)
+        .tempfile_in(folder_of(path))
         .map_err(fail)?;
     let mut writer = BufWriter::with_capacity(1 << 20, temporary);
     fill(&mut writer).map_err(fail)?;
@@ -26,6 +22,24 @@ pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::R
     temporary.as_file().sync_all().map_err(fail)?;
     temporary.persist(path).map_err(|e| fail(e.error))?;
     Ok(())
+}
+
+/// Says early, before long work, whether `path` can be created in its folder.
+///
+/// # Errors
+/// [`Error::Io`] where the folder is missing or cannot be written, or `path` is a folder.
+pub fn check_writable(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::io(path, std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder")));
+    }
+    tempfile::tempfile_in(folder_of(path)).map(drop).map_err(|e| Error::io(path, e))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    }
 }
 
 /// [`write_atomic`] of bytes at hand.

@@ -1,0 +1,123 @@
+//! `compress` end to end: sizes met, counts kept, same bytes whatever the threads.
+#![allow(missing_docs)]
+
+mod common;
+
+use common::{particlegs, sample, snapshot};
+use std::path::Path;
+
+fn compress(folder: &Path, name: &str, args: &[&str], simd: bool) -> Vec<u8> {
+    let mut c = particlegs();
+    c.arg("compress").arg(sample()).arg("-o").arg(folder.join(name)).args(args).arg("--quiet");
+    if !simd {
+        c.env("PARTICLEGS_SIMD", "off");
+    }
+    c.assert().success();
+    std::fs::read(folder.join(name)).unwrap()
+}
+
+#[test]
+fn same_bytes_for_any_threads_and_without_simd() {
+    let dir = tempfile::tempdir().unwrap();
+    for effort in ["fast", "default"] {
+        let args = |t| vec!["--effort", effort, "--no-certificate", "--threads", t];
+        let one = compress(dir.path(), "1.pgs", &args("1"), true);
+        assert!(one == compress(dir.path(), "2.pgs", &args("2"), true), "{effort}: threads change the bytes");
+        assert!(one == compress(dir.path(), "p.pgs", &args("2"), false), "{effort}: SIMD changes the bytes");
+    }
+}
+
+#[test]
+fn sizes_are_met() {
+    let dir = tempfile::tempdir().unwrap();
+    let raw = 262_144 * 12;
+    for ratio in [30, 300, 2000] {
+        let ratio_text = ratio.to_string();
+        let bytes = compress(dir.path(), "m.pgs", &["--effort", "fast", "--ratio", &ratio_text], true).len();
+        let target = raw / ratio;
+        assert!(bytes <= target && target - bytes <= 256.max(target / 50), "ratio {ratio}: {bytes} of {target}");
+    }
+}
+
+#[test]
+fn odd_snapshots_work() {
+    let dir = tempfile::tempdir().unwrap();
+    let line: Vec<f32> = (0..100).map(|i| i as f32).collect();
+    let zero = vec![0.0f32; 100];
+    let spread = |s: f32| -> Vec<Vec<f32>> {
+        (1..4).map(|k| (0..100).map(|i| s * ((i * k * 37 % 101) as f32 / 101.0)).collect()).collect()
+    };
+    let cases: Vec<(&str, Vec<Vec<f32>>)> = vec![
+        ("one", vec![vec![1.0], vec![2.0], vec![3.0]]),
+        ("equal", vec![vec![5.0; 100]; 3]),
+        ("line", vec![line.clone(), zero.clone(), zero.clone()]),
+        ("plane", vec![line.clone(), line.iter().map(|v| (v * 7.0) % 13.0).collect(), zero]),
+        ("tiny", spread(1e-30)),
+        ("huge", spread(1e30)),
+        ("far", spread(1.0).into_iter().map(|c| c.iter().map(|v| v + 1e6).collect()).collect()),
+        ("weights", [spread(1.0), vec![line.iter().map(|v| v + 0.5).collect()]].concat()),
+    ];
+    for (name, columns) in cases {
+        snapshot(&dir.path().join(name), &columns);
+        for effort in ["fast", "default"] {
+            let mut c = particlegs();
+            c.current_dir(&dir).args(["compress", name, "-o", "m.pgs", "--effort", effort, "--gaussians", "10"]);
+            c.assert().success();
+            let n = columns[0].len();
+            let out = particlegs().current_dir(&dir).args(["info", "m.pgs", "--json", "-"]).output().unwrap();
+            let info: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+            assert_eq!(info["count"], n, "{name}");
+            let mut c = particlegs();
+            c.current_dir(&dir).args(["render", "m.pgs", "--style", "expected", "--size", "64x48", "--out", name]);
+            c.assert().success();
+        }
+    }
+}
+
+/// Killed at any moment, nothing half-written appears under the output's name.
+#[cfg(unix)]
+#[test]
+fn killing_is_safe() {
+    let dir = tempfile::tempdir().unwrap();
+    for milliseconds in [5, 50, 300] {
+        let path = dir.path().join("m.pgs");
+        let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("particlegs"))
+            .arg("compress")
+            .arg(sample())
+            .arg("-o")
+            .arg(&path)
+            .arg("--quiet")
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(milliseconds));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        if path.exists() {
+            particlegs().arg("verify").arg(&path).assert().success();
+        }
+    }
+}
+
+/// A first SIGINT stops cleanly with exit 130 and no output.
+#[cfg(unix)]
+#[test]
+fn interrupting_is_clean() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("m.pgs");
+    let child = std::process::Command::new(assert_cmd::cargo::cargo_bin("particlegs"))
+        .arg("compress")
+        .arg(sample())
+        .args(["--effort", "high", "--quiet", "-o"])
+        .arg(&path)
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(400));
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    let out = child.wait_with_output().unwrap();
+    if out.status.code() != Some(0) {
+        assert_eq!(out.status.code(), Some(130));
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+}

@@ -1,0 +1,104 @@
+//! Rate control: the step factor at which a coded file just fits.
+
+use crate::Result;
+
+/// A file may fall short of its target by this share ...
+const SHARE_BELOW: f64 = 0.02;
+/// ... or by this many bytes, whichever is more.
+const BYTES_BELOW: u64 = 256;
+/// Step factors searched: 1 is the nominal precision, larger is coarser.
+const RANGE: (f64, f64) = (1.0 / 64.0, 32.0);
+/// Parameters of a Gaussian: each doubling of all steps saves about a bit for each.
+const PARAMETERS: f64 = 10.0;
+/// Encodings tried at most; secant steps need about five.
+const TRIES: usize = 14;
+
+/// The outcome of [`meet_size`].
+pub struct Met {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// Its step factor.
+    pub factor: f64,
+    /// Did the file at the coarsest steps still exceed the target? Then `bytes` is that file.
+    pub too_large: bool,
+    /// Does the file at the finest steps stay well below the target?
+    pub too_small: bool,
+}
+
+/// Is a file of `bytes` close enough below `target`?
+pub fn close_enough(bytes: u64, target: u64) -> bool {
+    bytes <= target && target - bytes <= BYTES_BELOW.max((target as f64 * SHARE_BELOW) as u64)
+}
+
+/// Finds the step factor at which `encode` gives the largest file that is not above `target`:
+/// secant steps on log(factor), kept inside a shrinking bracket.
+pub fn meet_size(target: u64, gaussians: usize, mut encode: impl FnMut(f64) -> Result<Vec<u8>>) -> Result<Met> {
+    let bits_per_octave = PARAMETERS * gaussians as f64;
+    let (mut fine, mut coarse) = (RANGE.0.log2(), RANGE.1.log2());
+    let mut best: Option<(f64, Vec<u8>)> = None;
+    let mut smallest: Option<(f64, Vec<u8>)> = None;
+    let mut at = 0.0f64;
+    for _ in 0..TRIES {
+        let bytes = encode(at.exp2())?;
+        let size = bytes.len() as u64;
+        if size <= target {
+            coarse = at;
+            // Leave when what remains could not buy anything worth another encoding.
+            let near = target - size <= 16.max(target / 2000);
+            if best.as_ref().is_none_or(|b| b.1.len() < bytes.len()) {
+                best = Some((at, bytes));
+            }
+            if near {
+                break;
+            }
+        } else {
+            fine = at;
+            if smallest.as_ref().is_none_or(|s| s.1.len() > bytes.len()) {
+                smallest = Some((at, bytes));
+            }
+        }
+        if coarse - fine < 1e-4 {
+            break;
+        }
+        // Aim a little below the target, so that the next step is likely to fit.
+        let aim = target as f64 - 8.0_f64.max(target as f64 / 5000.0);
+        let step = 8.0 * (size as f64 - aim) / bits_per_octave;
+        let next = at + step;
+        let margin = 0.02 * (coarse - fine);
+        at = if next > fine + margin && next < coarse - margin { next } else { 0.5 * (fine + coarse) };
+    }
+    Ok(match (best, smallest) {
+        (Some((at, bytes)), _) => {
+            let too_small = !close_enough(bytes.len() as u64, target);
+            Met { bytes, factor: at.exp2(), too_large: false, too_small }
+        }
+        (None, Some((at, bytes))) => Met { bytes, factor: at.exp2(), too_large: true, too_small: false },
+        (None, None) => unreachable!("at least one encoding was tried"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Whatever the true slope of the size, the file found is close below the target.
+        #[test]
+        fn sizes_are_met(gaussians in 100usize..100_000, bits in 20.0f64..60.0, slope in 3.0f64..12.0, want in 0.7f64..1.3) {
+            let size = |q: f64| (400.0 + gaussians as f64 * (bits - slope * q.log2()).max(1.0) / 8.0) as usize;
+            let target = (size(1.0) as f64 * want) as u64;
+            let met = meet_size(target, gaussians, |q| Ok(vec![0; size(q)])).unwrap();
+            prop_assert!(!met.too_large);
+            prop_assert!(met.too_small || close_enough(met.bytes.len() as u64, target));
+            prop_assert!(met.bytes.len() as u64 <= target);
+        }
+    }
+
+    #[test]
+    fn a_target_out_of_reach_says_so() {
+        let met = meet_size(100, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap();
+        assert!(met.too_large);
+        assert!(meet_size(1_000_000, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().too_small);
+    }
+}
