@@ -221,7 +221,9 @@ impl<'a> Plan<'a> {
             )?;
         let available: u64 = histogram.iter().sum();
         if wanted == 0 || wanted > available {
-            return Err(Error::argument(format!("a sample of {wanted} is outside 1 to {available}, the particles there are")));
+            return Err(Error::argument(format!(
+                "a sample of {wanted} is outside 1 to {available}, the particles there are"
+            )));
         }
         let mut left = wanted;
         let bin = histogram.iter().position(|&n| {

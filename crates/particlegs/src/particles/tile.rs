@@ -27,9 +27,10 @@ impl Tiling {
             return Err(Error::argument(format!("tiles {repeats:?} must be 1 or more along each axis")));
         }
         let name = &particles.meta.name;
-        let cell = particles.meta.cell.as_ref().ok_or_else(|| {
-            Error::input_hint(name, "tiling needs the periodic box", "give it with `--box Lx,Ly,Lz`")
-        })?;
+        let cell =
+            particles.meta.cell.as_ref().ok_or_else(|| {
+                Error::input_hint(name, "tiling needs the periodic box", "give it with `--box Lx,Ly,Lz`")
+            })?;
         if let Some(k) = (0..3).find(|&k| repeats[k] > 1 && !cell.periodic[k]) {
             return Err(Error::input(name, format!("axis {k} is not periodic and cannot be repeated")));
         }

@@ -1,7 +1,7 @@
 //! Snapshots out: raw float32 columns with meta.json, or one .npy; whole or not at all.
 
-use super::select::Run;
 use super::SnapshotMeta;
+use super::select::Run;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Write;
