@@ -141,13 +141,20 @@ impl<'a> Binner<'a> {
     }
 }
 
+/// Half of the frequencies that a variance of 1/12 lets through.
+#[rustfmt::skip]
+const FREQUENCIES: [(f64, f64); 12] = [
+    (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0), (2.0, 0.0), (0.0, 2.0),
+    (2.0, 1.0), (2.0, -1.0), (1.0, 2.0), (1.0, -2.0), (2.0, 2.0), (2.0, -2.0),
+];
+
 /// The sum over all pixels of the normalised footprint sampled at their centres, by Poisson's
 /// summation: 1 for wide ones, up to 1.9 for a point at a pixel's centre.
 pub fn lattice_sum(f: &Footprint) -> f64 {
     const TWO_PI: f64 = 2.0 * std::f64::consts::PI;
     let [xx, xy, yy] = f.cov;
     let mut sum = 1.0;
-    for (i, j) in [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0), (2.0, 0.0), (0.0, 2.0)] {
+    for (i, j) in FREQUENCIES {
         let power = -0.5 * TWO_PI * TWO_PI * (i * i * xx + 2.0 * i * j * xy + j * j * yy);
         if power > -14.0 {
             sum += 2.0 * power.exp() * (TWO_PI * (i * f.mean[0] + j * f.mean[1])).cos();

@@ -3,12 +3,8 @@
 use crate::camera::{Projection, View, clipping_range};
 use crate::particles::Bounds;
 use crate::picture::Size;
+use crate::splat::opacity_integral;
 use crate::{Error, Result};
-use std::f64::consts::PI;
-
-/// The share of a splat's opacity inside VTK's square of 3 sigma: erf(3 / sqrt 2)^2
-/// (spec: optical-depth.md).
-const SQUARE_SHARE: f64 = 0.994_607_909_668_985_5;
 
 /// A camera in the form that the projection wants. Camera axes are right, down, forward, so that
 /// picture coordinates grow with them; depth is the distance along forward.
@@ -53,7 +49,7 @@ impl Lens {
             center: [0.5 * size.width as f64 - 0.5, 0.5 * size.height as f64 - 0.5],
             range: view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera)),
             radius2: view.radius * view.radius,
-            unit: 2.0 * PI * view.opacity * SQUARE_SHARE * radius_px * radius_px,
+            unit: opacity_integral(view.opacity) * radius_px * radius_px,
         };
         if lens.unit.is_finite() && lens.radius2.is_finite() {
             Ok(lens)

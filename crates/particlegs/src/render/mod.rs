@@ -17,5 +17,10 @@ mod raster;
 mod scene;
 mod slices;
 
+#[cfg(test)]
+mod plain;
+#[cfg(test)]
+mod tests;
+
 pub use depth::{draw, optical_depth};
 pub use scene::Scene;

@@ -7,9 +7,7 @@
 //! spread over depth. For a small spread both agree.
 
 use super::lens::Lens;
-
-/// The variance of a pixel, added to every footprint.
-pub const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
+use crate::splat::PIXEL_VARIANCE;
 
 /// A Gaussian on the picture plane, pixels.
 #[derive(Clone, Copy, Debug)]
