@@ -80,7 +80,8 @@ fn add_row(coarse: &[f32], level: &Level, row: usize, line: &mut [f32], fine: &m
     let pairs = (fine_level.size.width + 2 * PAD).div_ceil(2);
     let first = PAD - PAD / 2;
     let line = &line[first - 2..first + pairs + 2];
-    let (a, b, c, d, e) = (&line[0..pairs], &line[1..1 + pairs], &line[2..2 + pairs], &line[3..3 + pairs], &line[4..4 + pairs]);
+    let (a, b, c, d, e) =
+        (&line[0..pairs], &line[1..1 + pairs], &line[2..2 + pairs], &line[3..3 + pairs], &line[4..4 + pairs]);
     let fine = &mut fine[..2 * pairs];
     for i in 0..pairs {
         fine[2 * i] += (W[3] * a[i] + W[2] * b[i]) + (W[1] * c[i] + W[0] * d[i]);

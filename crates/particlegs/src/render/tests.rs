@@ -122,7 +122,8 @@ fn depth_is_conserved() {
             let v = view([0.0, 0.0, 6.0], 0.002, 0.05);
             let sum: f64 = optical_depth(&scene, &v, SIZE, &Silent).unwrap().data.iter().map(|v| f64::from(*v)).sum();
             let r = v.radius_pixels(SIZE);
-            let law = 10.0 * 2.0 * std::f64::consts::PI * 0.05 * 0.994_607_9 * r * r * (1.0 + 3.0 * sigma * sigma / 36.0);
+            let law =
+                10.0 * 2.0 * std::f64::consts::PI * 0.05 * 0.994_607_9 * r * r * (1.0 + 3.0 * sigma * sigma / 36.0);
             assert!((sum / law - 1.0).abs() < 2e-3, "{i} {k}: {sum} for {law}");
         }
     }

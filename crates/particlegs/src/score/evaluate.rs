@@ -7,6 +7,7 @@ use crate::model::Model;
 use crate::particles::{Bounds, Particles};
 use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit};
 use crate::progress::Progress;
+use crate::reference::Reference;
 use crate::render::{self, Scene};
 use crate::splat::{Look, tone};
 use crate::{Error, Result};
@@ -28,13 +29,13 @@ pub fn evaluate(
         return Err(Error::argument("no views to score in"));
     }
     views.iter().try_for_each(|v| v.view.check(size))?;
-    let bounds = particles.bounds();
+    let truth = Reference::new(particles);
     let scene = Scene::of(model);
     let mut scored = Vec::with_capacity(views.len());
     for (number, v) in views.iter().enumerate() {
         progress.message(&format!("view {} of {}: {}", number + 1, views.len(), v.view.name));
-        let view = clipped(&v.view, &bounds);
-        scored.push(evaluate_view(&scene, particles, &view, &v.orbit, size, progress)?);
+        let view = clipped(&v.view, truth.bounds());
+        scored.push(evaluate_view(&scene, &truth, &view, &v.orbit, size, progress)?);
     }
     Ok(Evaluation::of(scored))
 }
@@ -42,19 +43,20 @@ pub fn evaluate(
 /// The view with a clipping range, the bounds' where it has none.
 pub(super) fn clipped(view: &View, bounds: &Bounds) -> View {
     let mut view = view.clone();
-    view.camera.clipping_range.get_or_insert_with(|| clipping_range(bounds, &view.camera));
+    let range = view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera));
+    view.camera.clipping_range = Some(range);
     view
 }
 
 fn evaluate_view(
     scene: &Scene,
-    particles: &Particles,
+    reference: &Reference,
     view: &View,
     orbit: &str,
     size: Size,
     progress: &dyn Progress,
 ) -> Result<ViewScores> {
-    let truth = Truth::draw(particles, view, size, progress)?;
+    let truth = Truth::draw(reference, view, size, progress)?;
     let tau = render::optical_depth(scene, view, size, progress)?;
     let drawn = |look| tone(&tau, look, view.opacity, view.radius_pixels(size));
     let no_fxaa = drawn(Look::ParaviewNoFxaa);

@@ -3,12 +3,13 @@
 use super::evaluate::clipped;
 use super::{EvalView, mean};
 use crate::Result;
+use crate::camera::View;
 use crate::particles::Particles;
 use crate::picture::{Gray8, Size, masked_psnr};
 use crate::progress::Progress;
+use crate::reference::Reference;
 use crate::render::{self, Scene};
 use crate::splat::{Look, tone};
-use crate::{camera::View, reference};
 
 /// Views and the `expected` pictures of all particles in them, drawn once.
 pub struct HeldOut {
@@ -24,13 +25,13 @@ impl HeldOut {
     /// [`crate::Error::Argument`] for a view with a number outside its range;
     /// [`crate::Error::Cancelled`].
     pub fn draw(particles: &Particles, views: &[EvalView], size: Size, progress: &dyn Progress) -> Result<Self> {
-        let bounds = particles.bounds();
-        let views: Vec<View> = views.iter().map(|v| clipped(&v.view, &bounds)).collect();
+        let reference = Reference::new(particles);
+        let views: Vec<View> = views.iter().map(|v| clipped(&v.view, reference.bounds())).collect();
         let truth = views
             .iter()
             .map(|view| {
                 view.check(size)?;
-                let tau = reference::optical_depth(particles, view, size, progress)?;
+                let tau = reference.optical_depth(view, size, progress)?;
                 Ok(tone(&tau, Look::Expected, view.opacity, view.radius_pixels(size)))
             })
             .collect::<Result<_>>()?;

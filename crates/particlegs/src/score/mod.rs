@@ -13,6 +13,8 @@ mod evaluate;
 mod held_out;
 mod mean;
 mod scores;
+#[cfg(test)]
+mod tests;
 mod truth;
 mod views;
 

@@ -2,10 +2,9 @@
 
 use crate::Result;
 use crate::camera::View;
-use crate::particles::Particles;
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
-use crate::reference;
+use crate::reference::{Reference, fxaa};
 use crate::splat::{Look, tone};
 
 /// One view of all particles: ParaView's pictures, and the noise-free optical depth.
@@ -18,11 +17,11 @@ pub(super) struct Truth {
 
 impl Truth {
     /// Draws all looks with two passes over the particles.
-    pub fn draw(particles: &Particles, view: &View, size: Size, progress: &dyn Progress) -> Result<Self> {
-        let paraview_no_fxaa = reference::draw(particles, view, size, Look::ParaviewNoFxaa, progress)?;
-        let tau = reference::optical_depth(particles, view, size, progress)?;
+    pub fn draw(particles: &Reference, view: &View, size: Size, progress: &dyn Progress) -> Result<Self> {
+        let paraview_no_fxaa = particles.draw(view, size, Look::ParaviewNoFxaa, progress)?;
+        let tau = particles.optical_depth(view, size, progress)?;
         Ok(Truth {
-            paraview: reference::fxaa(&paraview_no_fxaa),
+            paraview: fxaa(&paraview_no_fxaa),
             paraview_no_fxaa,
             expected: tone(&tau, Look::Expected, view.opacity, view.radius_pixels(size)),
             tau,
