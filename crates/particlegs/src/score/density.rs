@@ -58,17 +58,16 @@ impl DensityGrid {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn of_particles(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<f64>> {
+        let scale = self.side.map(f64::recip);
+        let offset: [f64; 3] = std::array::from_fn(|k| (particles.origin[k] - self.min[k]) * scale[k]);
         self.sum_parts(particles.len(), |grid, range| {
             let mut buffer = Default::default();
             for start in range.clone().step_by(1 << 16) {
                 progress.check()?;
                 let chunk = particles.chunk(start..range.end.min(start + (1 << 16)), &mut buffer);
                 for i in 0..chunk.len() {
-                    let index: [usize; 3] = std::array::from_fn(|k| {
-                        let x = (f64::from(chunk.position[k][i]) + (particles.origin[k] - self.min[k])) / self.side[k];
-                        self.wrap(k, x.floor() as i64)
-                    });
-                    grid[self.index(index)] += chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+                    let cell = [0, 1, 2].map(|k| self.cell(k, f64::from(chunk.position[k][i]) * scale[k] + offset[k]));
+                    grid[self.index(cell)] += chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                 }
             }
             Ok(())
@@ -126,9 +125,16 @@ impl DensityGrid {
         (i * self.cells[1] + j) * self.cells[2] + k
     }
 
-    /// The cell of a particle: repeated, or the nearest at the edge (the bounds' own end).
-    fn wrap(&self, axis: usize, i: i64) -> usize {
-        let n = self.cells[axis] as i64;
+    /// The cell along `axis` that holds coordinate `u`, in cells: nearly always plainly inside.
+    fn cell(&self, axis: usize, u: f64) -> usize {
+        let i = u as i32;
+        if u >= 0.0 && (i as usize) < self.cells[axis] { i as usize } else { self.cell_beyond(axis, u) }
+    }
+
+    /// The same beyond the grid: repeated, or the nearest at the edge (the bounds' own end).
+    #[cold]
+    fn cell_beyond(&self, axis: usize, u: f64) -> usize {
+        let (i, n) = (u.floor() as i64, self.cells[axis] as i64);
         (if self.periodic[axis] { i.rem_euclid(n) } else { i.clamp(0, n - 1) }) as usize
     }
 }
