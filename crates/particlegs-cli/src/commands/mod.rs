@@ -1,6 +1,8 @@
 //! One file a command.
 
+mod compare;
 mod completions;
+mod convert;
 
 use clap::Subcommand;
 use particlegs::Result;
@@ -8,6 +10,10 @@ use particlegs::Result;
 /// The verbs.
 #[derive(Subcommand)]
 pub enum Command {
+    /// Score two folders of pictures against each other.
+    Compare(compare::Arguments),
+    /// Write a snapshot anew: tiled, cropped, thinned, as float32.
+    Convert(convert::Arguments),
     /// Print a shell's completion script.
     Completions(completions::Arguments),
 }
@@ -15,6 +21,8 @@ pub enum Command {
 /// Runs one.
 pub fn run(command: Command) -> Result<()> {
     match command {
+        Command::Compare(a) => compare::run(a),
+        Command::Convert(a) => convert::run(a),
         Command::Completions(a) => completions::run(&a),
     }
 }

@@ -106,7 +106,8 @@ pub fn clipping_range(bounds: &Bounds, camera: &Camera) -> [f64; 2] {
     let depth = |corner: [f64; 3]| -> f64 {
         (0..3).map(|k| (corner[k] - camera.position[k]) * (camera.focal_point[k] - camera.position[k]) / n).sum()
     };
-    let (mut lo, mut hi) = (f64::INFINITY, 1e-18f64);
+    // VTK starts from 1e-18, which would clip a box of 1e-30 away.
+    let (mut lo, mut hi) = (f64::INFINITY, f64::MIN_POSITIVE);
     for c in 0..8 {
         let d = depth(std::array::from_fn(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] }));
         lo = lo.min(d);

@@ -3,18 +3,26 @@
 //! A [`SnapshotReader`] tells its [`SnapshotMeta`] first and then fills the caller's buffers by
 //! chunks; [`Particles`] is a snapshot opened whole, mapped where the file's layout allows it.
 //! Positions are `origin + local` with f32 locals, so that a box far from the origin keeps its
-//! precision; raw float32 files have the origin 0 and are never copied.
+//! precision; raw float32 files have the origin 0 and are never copied. [`convert`] writes a
+//! snapshot from a snapshot: tiled, cropped, thinned.
 
 mod bounds;
+mod convert;
 mod meta;
 mod npy;
 mod open;
+mod select;
 mod sidecar;
 mod source;
 mod storage;
+mod tile;
+mod write;
 
 pub use bounds::Bounds;
+pub use convert::{Converted, convert};
 pub use meta::{Cell, SnapshotMeta};
 pub use open::{OpenOptions, open};
+pub use select::Selection;
 pub use source::{Chunk, ChunkBuffer, SnapshotReader};
 pub use storage::{Column, Particles, Positions};
+pub use tile::Tiling;

@@ -1,1 +1,31 @@
-//! Floor 5: evaluation over views, and the certificate.
+//! Floor 5: how good a model is: pictures over views, the density on a grid, the certificate.
+//!
+//! [`evaluate`] draws every view of all particles and of the model in every look and puts the
+//! noise-free score, the floors and the gap beside each score (spec: metrics.md). [`certificate`]
+//! does so for one frame an orbit and adds the density. [`HeldOut`] keeps the truth of a few views
+//! for whoever compares many models.
+
+mod certify;
+mod compare;
+mod density;
+mod deposit;
+mod evaluate;
+mod held_out;
+mod mean;
+mod scores;
+#[cfg(test)]
+mod tests;
+mod truth;
+mod views;
+
+pub use certify::certificate;
+pub use compare::{Compared, Comparison, MeanScores, compare_folders};
+pub use density::{DensityAgreement, DensityGrid, density_agreement, density_of};
+pub use evaluate::{evaluate, shot_noise};
+pub use held_out::HeldOut;
+use mean::mean;
+pub use scores::{ByOrbit, Evaluation, Floor, Gap, LookScores, MeanViewScores, NoFxaaScores, ViewScores};
+use truth::Truth;
+pub use views::{
+    EvalView, ViewSeed, certificate_views, evaluation_views, held_out_views, training_views, views_of_file,
+};

@@ -1,0 +1,66 @@
+//! `particlegs compare DIR_A DIR_B`.
+
+use crate::common::Common;
+use clap::Args;
+use particlegs::progress::Progress;
+use particlegs::score::{Comparison, compare_folders};
+use particlegs::{Error, Result};
+use std::path::PathBuf;
+
+/// Score the PNGs of one folder against those of the same names in another.
+#[derive(Args)]
+#[command(after_help = "Example:
+  particlegs reference snapshot --views views.json --style paraview --out truth
+  particlegs render model.pgs --views views.json --style paraview --out drawn
+  particlegs compare drawn truth")]
+pub struct Arguments {
+    /// A folder of PNGs.
+    #[arg(value_name = "DIR_A")]
+    a: PathBuf,
+    /// A folder of PNGs of the same names.
+    #[arg(value_name = "DIR_B")]
+    b: PathBuf,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Compares; pictures of different sizes are named and make the command fail after the others.
+pub fn run(a: Arguments) -> Result<()> {
+    let context = a.common.start()?;
+    let comparison = compare_folders(&a.a, &a.b, &context)?;
+    for (names, folder) in [(&comparison.only_in_a, &a.b), (&comparison.only_in_b, &a.a)] {
+        if !names.is_empty() {
+            context.message(&format!("warning: not in {}: {}", folder.display(), names.join(", ")));
+        }
+    }
+    context.finish(&table(&comparison), &comparison)?;
+    match comparison.failures().collect::<Vec<_>>()[..] {
+        [] => Ok(()),
+        [only] => Err(Error::input(&a.a, only)),
+        [first, ..] => Err(Error::input(&a.a, format!("{first}, and others"))),
+    }
+}
+
+fn table(c: &Comparison) -> String {
+    let width = c.views.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
+    let mut text = format!("{:<width$} {:>10} {:>10} {:>8} {:>6}", "name", "PSNR", "masked", "SSIM", "max");
+    let db = |v: Option<f64>, missing: &str| v.map_or(missing.to_string(), |v| format!("{v:.2} dB"));
+    for v in &c.views {
+        text += &match (&v.scores, &v.error) {
+            (Some(s), _) => {
+                let masked = if s.psnr.is_none() { "identical" } else { "unlit" };
+                let ssim = s.ssim.map_or("-".into(), |v| format!("{v:.4}"));
+                let (psnr, masked) = (db(s.psnr, "identical"), db(s.masked_psnr, masked));
+                format!("\n{:<width$} {psnr:>10} {masked:>10} {ssim:>8} {:>6}", v.name, v.largest_difference)
+            }
+            (None, error) => format!("\n{:<width$} error: {}", v.name, error.as_deref().unwrap_or("not scored")),
+        };
+    }
+    let m = &c.mean;
+    let ssim = m.ssim.map_or("-".into(), |v| format!("{v:.4}"));
+    text += &format!("\n{:<width$} {:>10} {:>10} {ssim:>8}", "mean", db(m.psnr, "-"), db(m.masked_psnr, "-"));
+    if m.left_out > 0 {
+        text += &format!("   (without the {} views that have no masked PSNR)", m.left_out);
+    }
+    text
+}

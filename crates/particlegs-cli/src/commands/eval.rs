@@ -1,0 +1,177 @@
+//! `particlegs eval MODEL SNAPSHOT...`.
+
+use crate::common::{Common, SnapshotArgs};
+use clap::Args;
+use particlegs::camera::read_views;
+use particlegs::model::Model;
+use particlegs::particles::Particles;
+use particlegs::picture::Size;
+use particlegs::progress::Progress;
+use particlegs::score::{Evaluation, EvalView, LookScores, MeanViewScores, ViewSeed};
+use particlegs::{Error, Result, codec, score};
+use std::path::PathBuf;
+
+/// Score a model against its snapshot: pictures of the three orbits in three looks.
+#[derive(Args)]
+#[command(after_help = "Beside each score stand the noise-free one (the mean picture of all particles), the gap to it, and
+an empty picture's.
+
+Examples:
+  particlegs eval model.pgs snapshot
+  particlegs eval model.pgs snapshot --frames 80 --json scores.json
+  particlegs eval model.pgs snapshot --views views.json")]
+pub struct Arguments {
+    /// The model file.
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// A folder with xx.f32 yy.f32 zz.f32 (ww.f32), the three or four files, or one .npy.
+    #[arg(required = true, value_name = "SNAPSHOT")]
+    input: Vec<PathBuf>,
+    /// Frames an orbit, with radius and opacity drawn by the seed.
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    frames: usize,
+    /// Score in these views instead; the orbit is the name's part before `_`.
+    #[arg(long, value_name = "V.json", conflicts_with = "frames")]
+    views: Option<PathBuf>,
+    /// Picture size (with --views: the file's).
+    #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = size, conflicts_with = "views")]
+    size: Size,
+    #[command(flatten)]
+    snapshot: SnapshotArgs,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(serde::Serialize)]
+struct Report {
+    #[serde(flatten)]
+    evaluation: Evaluation,
+    model_bytes: u64,
+    raw_bytes: u64,
+    compression_ratio: f64,
+    gaussians: usize,
+    bytes_per_gaussian: f64,
+    particles: u64,
+    width: usize,
+    height: usize,
+    views_from: String,
+}
+
+/// Scores.
+pub fn run(a: Arguments) -> Result<()> {
+    let context = a.common.start()?;
+    let bytes = std::fs::read(&a.model).map_err(|e| Error::io(&a.model, e))?;
+    let model = codec::decode(&bytes, &a.model.display().to_string())?;
+    let particles = a.snapshot.open(&a.input)?;
+    if model.metadata.count != particles.len() as u64 {
+        context.message(&format!(
+            "warning: the model was made from {} particles, the snapshot has {}",
+            model.metadata.count,
+            particles.len()
+        ));
+    }
+    let (views, size, views_from) = views(&a, &model, context.common.seed)?;
+    let evaluation = score::evaluate(&model, &particles, &views, size, &context)?;
+    let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
+    context.finish(&table(&report), &report)
+}
+
+/// `1920x1080`.
+fn size(text: &str) -> std::result::Result<Size, String> {
+    let fail = || format!("`{text}` is not a size such as 1920x1080");
+    let (width, height) = text.split_once('x').ok_or_else(fail)?;
+    let side = |s: &str| s.parse().ok().filter(|v| (1..=32_768).contains(v)).ok_or_else(fail);
+    Ok(Size { width: side(width)?, height: side(height)? })
+}
+
+/// The views, their size, and where they are from in words.
+fn views(a: &Arguments, model: &Model, seed: u64) -> Result<(Vec<EvalView>, Size, String)> {
+    if let Some(path) = &a.views {
+        let set = read_views(path)?;
+        return Ok((score::views_of_file(&set), set.size, format!("{}", path.display())));
+    }
+    if a.frames == 0 || a.frames > 10_000 {
+        return Err(Error::argument(format!("--frames {} is outside 1 to 10000", a.frames)));
+    }
+    let m = &model.metadata;
+    let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: a.size, seed };
+    let words = format!("{} frames an orbit, seed {seed}", a.frames);
+    Ok((score::evaluation_views(&of, a.frames), a.size, words))
+}
+
+fn report(
+    evaluation: Evaluation,
+    model_bytes: u64,
+    model: &Model,
+    particles: &Particles,
+    size: Size,
+    views_from: String,
+) -> Report {
+    let raw_bytes = particles.len() as u64 * if particles.weights.is_some() { 16 } else { 12 };
+    let gaussians = model.gaussians();
+    Report {
+        evaluation,
+        model_bytes,
+        raw_bytes,
+        compression_ratio: raw_bytes as f64 / model_bytes as f64,
+        gaussians,
+        bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
+        particles: particles.len() as u64,
+        width: size.width,
+        height: size.height,
+        views_from,
+    }
+}
+
+fn table(r: &Report) -> String {
+    let mut text = format!(
+        "{} Gaussians, {} bytes: ratio {:.1}, {:.2} bytes a Gaussian\n{} views of {}x{} ({})\n",
+        r.gaussians,
+        r.model_bytes,
+        r.compression_ratio,
+        r.bytes_per_gaussian,
+        r.evaluation.views.len(),
+        r.width,
+        r.height,
+        r.views_from
+    );
+    text += &format!(
+        "\n{:<17} {:<6} {:>9} {:>11} {:>7} {:>10} {:>6} {:>10} {:>10}",
+        "against", "orbit", "masked dB", "PSNR dB", "SSIM", "noise-free", "gap", "shot noise", "all black"
+    );
+    let orbits = || r.evaluation.by_orbit.iter().chain([("mean", &r.evaluation.mean)]);
+    for (name, pick) in LOOKS {
+        for (orbit, mean) in orbits() {
+            let (scores, shot_noise) = pick(mean);
+            text += &row(name, orbit, scores, shot_noise);
+        }
+    }
+    text + "\nMeans of decibels; noise-free, gap, shot noise and all black are masked PSNR."
+}
+
+/// A look's scores in a mean, and the shot-noise floor where it belongs.
+type Pick = fn(&MeanViewScores) -> (&LookScores, Option<f64>);
+
+const LOOKS: [(&str, Pick); 3] = [
+    ("paraview", |m| (&m.paraview, None)),
+    ("paraview-no-fxaa", |m| (&m.paraview_no_fxaa.scores, m.paraview_no_fxaa.shot_noise)),
+    ("expected", |m| (&m.expected, None)),
+];
+
+fn row(look: &str, orbit: &str, s: &LookScores, shot_noise: Option<f64>) -> String {
+    let db = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.2}"));
+    let ssim = s.ssim.map_or("-".into(), |v| format!("{v:.4}"));
+    let noise_free = if look == "expected" { "identical".into() } else { db(s.noise_free.masked_psnr) };
+    let mut row = format!(
+        "\n{look:<17} {orbit:<6} {:>9} {:>11} {ssim:>7} {noise_free:>10} {:>6} {:>10} {:>10}",
+        db(s.masked_psnr),
+        db(s.psnr),
+        db(s.gap.masked_psnr),
+        db(shot_noise),
+        db(s.all_black.masked_psnr)
+    );
+    if let Some(n) = s.left_out.filter(|n| *n > 0) {
+        row += &format!("   ({n} views without a value left out)");
+    }
+    row
+}

@@ -1,0 +1,209 @@
+//! Snapshot to snapshot: tiling, cropping, thinning, sampling, and float64 to float32.
+//!
+//! Memory stays at a few runs a thread, whatever the size of the output.
+
+use super::select::{Plan, Run, Selection};
+use super::write::SnapshotWriter;
+use super::{Particles, Tiling};
+use crate::progress::Progress;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// What a conversion wrote.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Converted {
+    /// Particles.
+    pub particles: u64,
+    /// Bytes of their columns.
+    pub bytes: u64,
+}
+
+/// Writes `particles`, repeated by `tiling` and thinned by `selection` (crop, then every, then
+/// sample), to `out`: one .npy of shape (N, 3) where its name ends so, else a folder with xx.f32,
+/// yy.f32, zz.f32, ww.f32 where there are weights, and meta.json. Positions are float32 about 0;
+/// tile follows tile, particles in input order. A crop drops the periodic box; weights and the mass
+/// of a particle stay as they are. Nothing is left where it fails.
+///
+/// # Errors
+/// [`Error::Argument`] where nothing would be left; [`Error::Input`] where the box is not
+/// orthogonal, positions overflow float32 or weights would be lost; [`Error::Io`];
+/// [`Error::Cancelled`].
+pub fn convert(
+    particles: &Particles,
+    tiling: Tiling,
+    selection: Selection,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Converted> {
+    let mut meta = particles.meta.clone();
+    let one = meta.cell.take();
+    if selection.crop.is_none() {
+        meta.cell = one.map(|cell| tiling.cell(&cell));
+    }
+    if meta.cell.is_some_and(|cell| cell.lengths().is_none()) {
+        return Err(Error::input(&meta.name, "meta.json holds orthogonal boxes only"));
+    }
+    progress.begin("counting", 0);
+    let plan = Plan::new(particles, tiling, selection, progress)?;
+    progress.end();
+    let weighted = particles.weights.is_some();
+    let writer = SnapshotWriter::create(out, plan.total(), weighted)?;
+    progress.begin("writing", plan.total());
+    (0..plan.runs()).into_par_iter().try_for_each_init(
+        || (Run::default(), Vec::new()),
+        |(run, triples), id| {
+            progress.check()?;
+            plan.load(id, run)?;
+            writer.write(plan.first(id), run, triples)?;
+            progress.advance(run.columns[0].len() as u64);
+            Ok::<_, Error>(())
+        },
+    )?;
+    let notes = serde_json::json!({
+        "snapshot": particles.meta.name,
+        "particles": particles.len(),
+        "tiles": tiling.tiles(),
+        "crop": selection.crop,
+        "every": selection.every,
+        "sample": selection.sample,
+        "seed": selection.sample.map(|_| selection.seed),
+    });
+    writer.finish(&meta, notes)?;
+    progress.end();
+    Ok(Converted { particles: plan.total(), bytes: plan.total() * if weighted { 16 } else { 12 } })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::{Bounds, Cell, Column, OpenOptions, open};
+    use crate::progress::Silent;
+
+    /// More than one run of particles on a ramp, in a box of 100 x 10 x 10.
+    fn ramp() -> Particles {
+        let n = 70_000;
+        let x = (0..n).map(|i| i as f32 * 100.0 / n as f32).collect();
+        let mut p = Particles::from_columns(x, vec![2.0; n], (0..n).map(|i| (i % 10) as f32).collect());
+        p.meta.cell = Some(Cell::orthogonal([100.0, 10.0, 10.0]));
+        p.meta.length_unit = Some("Mpc/h".into());
+        p
+    }
+
+    fn run(p: &Particles, tiling: Tiling, selection: Selection, name: &str) -> Result<Particles> {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join(name);
+        let made = convert(p, tiling, selection, &out, &Silent);
+        let left = std::fs::read_dir(dir.path()).unwrap().count();
+        assert_eq!(left, usize::from(made.is_ok()), "temporary files are left");
+        let back = open(&[out], &OpenOptions::default())?;
+        assert_eq!(made?.particles, back.len() as u64);
+        Ok(back)
+    }
+
+    #[test]
+    fn a_copy_is_the_same_and_keeps_what_is_known() {
+        let p = ramp();
+        for name in ["copy", "copy.npy"] {
+            let back = run(&p, Tiling::single(), Selection::all(), name).unwrap();
+            assert!((0..p.len()).all(|i| back.position(i) == p.position(i)), "{name}");
+        }
+        let back = run(&p, Tiling::single(), Selection::all(), "copy").unwrap();
+        assert_eq!((back.meta.cell, back.meta.length_unit), (p.meta.cell, p.meta.length_unit));
+    }
+
+    #[test]
+    fn tiles_follow_each_other() {
+        let p = ramp();
+        let tiling = Tiling::new([1, 2, 2], &p).unwrap();
+        let back = run(&p, tiling, Selection::all(), "tiled").unwrap();
+        let n = p.len();
+        assert_eq!(back.len(), 4 * n);
+        assert_eq!(back.meta.cell.unwrap().lengths(), Some([100.0, 20.0, 20.0]));
+        for (tile, shift) in [[0.0; 3], [0.0, 0.0, 10.0], [0.0, 10.0, 0.0], [0.0, 10.0, 10.0]].iter().enumerate() {
+            for i in [0, 1, 65_535, 65_536, n - 1] {
+                let expected: [f64; 3] = std::array::from_fn(|k| p.position(i)[k] + shift[k]);
+                assert_eq!(back.position(tile * n + i), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn crop_every_and_sample() {
+        let p = ramp();
+        let crop = Bounds { min: [20.0, 0.0, 0.0], max: [60.0, 3.0, 100.0] };
+        let cropped = run(&p, Tiling::single(), Selection { crop: Some(crop), ..Selection::all() }, "c").unwrap();
+        let inside: Vec<usize> = (0..p.len()).filter(|&i| (20.0..60.0).contains(&p.position(i)[0])).collect();
+        assert_eq!(cropped.len(), inside.len());
+        assert_eq!(cropped.meta.cell, None);
+        let thin = Selection { crop: Some(crop), every: 7, ..Selection::all() };
+        let thinned = run(&p, Tiling::single(), thin, "t").unwrap();
+        assert_eq!(thinned.len(), inside.len().div_ceil(7));
+        assert!((0..thinned.len()).all(|j| thinned.position(j) == p.position(inside[7 * j])));
+    }
+
+    #[test]
+    fn samples_are_exact_seeded_and_spread() {
+        let p = ramp();
+        let tiling = Tiling::new([1, 1, 2], &p).unwrap();
+        let draw = |n, seed| run(&p, tiling, Selection { sample: Some(n), seed, ..Selection::all() }, "s").unwrap();
+        let (a, b, c) = (draw(1000, 1), draw(1000, 1), draw(1000, 2));
+        assert_eq!([a.len(), c.len()], [1000; 2]);
+        let x = |p: &Particles| (0..p.len()).map(|i| p.position(i)[0]).collect::<Vec<_>>();
+        assert_eq!(x(&a), x(&b));
+        assert_ne!(x(&a), x(&c));
+        let mean = x(&a).iter().sum::<f64>() / 1000.0;
+        assert!((mean - 50.0).abs() < 5.0, "{mean}");
+        for n in [1, 139_999, 140_000] {
+            assert_eq!(draw(n, 3).len() as u64, n);
+        }
+    }
+
+    #[test]
+    fn weights_go_along_or_are_an_error() {
+        let mut p = ramp();
+        p.weights = Some(Column::owned((1..=p.len()).map(|i| i as f32).collect()));
+        let back = run(&p, Tiling::single(), Selection { every: 1000, ..Selection::all() }, "w").unwrap();
+        assert_eq!(&back.weights.unwrap()[..3], [1.0, 1001.0, 2001.0]);
+        assert!(run(&p, Tiling::single(), Selection::all(), "w.npy").is_err());
+    }
+
+    #[test]
+    fn nothing_is_left_after_an_error() {
+        let p = ramp();
+        let fails = |selection| assert!(run(&p, Tiling::single(), selection, "e").is_err());
+        fails(Selection { every: 0, ..Selection::all() });
+        fails(Selection { sample: Some(1 << 40), ..Selection::all() });
+        fails(Selection { crop: Some(Bounds { min: [500.0; 3], max: [600.0; 3] }), ..Selection::all() });
+        let mut far = p.clone();
+        far.origin = [1e39, 0.0, 0.0];
+        assert!(run(&far, Tiling::single(), Selection::all(), "e").is_err());
+    }
+
+    /// Stops in the middle of writing.
+    struct Stopping(std::sync::atomic::AtomicBool);
+
+    impl Progress for Stopping {
+        fn advance(&self, _: u64) {
+            self.0.store(true, std::sync::atomic::Ordering::SeqCst);
+        }
+        fn cancelled(&self) -> bool {
+            self.0.load(std::sync::atomic::Ordering::SeqCst)
+        }
+    }
+
+    #[test]
+    fn nothing_is_left_after_a_stop_and_an_old_output_stays() {
+        let p = ramp();
+        let dir = tempfile::tempdir().unwrap();
+        let tiling = Tiling::new([4, 4, 4], &p).unwrap();
+        for out in [dir.path().join("new"), dir.path().to_path_buf()] {
+            let stopped = convert(&p, tiling, Selection::all(), &out, &Stopping(false.into()));
+            assert!(matches!(stopped, Err(Error::Cancelled)));
+            assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+        }
+        convert(&p, Tiling::single(), Selection::all(), dir.path(), &Silent).unwrap();
+        assert!(convert(&p, tiling, Selection::all(), dir.path(), &Stopping(false.into())).is_err());
+        assert_eq!(open(&[dir.path().to_path_buf()], &OpenOptions::default()).unwrap().len(), p.len());
+    }
+}

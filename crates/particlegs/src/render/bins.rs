@@ -1,0 +1,164 @@
+//! Footprints sorted to the planes and bands that draw them.
+
+use super::project::Footprint;
+use super::pyramid::{BAND, Level, PAD, SHARPEST};
+
+/// Depth that a cut may drop at its edge: below what 8 bits show, however many overlap.
+const FAINTEST: f64 = 1e-4;
+/// A footprint ends between these many sigma (squared); the mass outside is put back.
+const NEAREST_CUT: f64 = 9.0;
+const FARTHEST_CUT: f64 = 22.0;
+/// The cut of footprints that are so small that the pixel grid shows, and what small is (variance).
+const SMALL_CUT: f64 = 20.0;
+const SMALL: f64 = 0.45;
+
+/// A footprint as the raster wants it, in the pixels of its plane (pad included).
+#[derive(Clone, Copy, Debug)]
+pub struct Stroke {
+    /// Centre.
+    pub x: f32,
+    /// Centre.
+    pub y: f32,
+    /// Shift of the row's centre from row to row.
+    pub slope: f32,
+    /// 1 / (2 sigma^2) along a row, in powers of two: -a dx^2.
+    pub along: f32,
+    /// The same down the rows.
+    pub down: f32,
+    /// The exponent (power of two) at which it ends.
+    pub end: f32,
+    /// Peak.
+    pub peak: f32,
+    /// Half of its height in rows.
+    pub half: f32,
+}
+
+/// The strokes of a run of Gaussians, by band.
+#[derive(Debug, Default)]
+pub struct Bins {
+    /// Strokes in the order of their bands, then of their Gaussians.
+    pub strokes: Vec<Stroke>,
+    /// The first stroke of each band, and the end.
+    pub starts: Vec<u32>,
+}
+
+/// Gathers strokes of a run of Gaussians, then sorts them.
+pub struct Binner<'a> {
+    levels: &'a [Level],
+    found: Vec<(u32, Stroke)>,
+}
+
+impl<'a> Binner<'a> {
+    /// For the planes of a picture.
+    pub fn new(levels: &'a [Level], room: usize) -> Self {
+        Binner { levels, found: Vec::with_capacity(room) }
+    }
+
+    /// Adds a footprint to every band that it touches.
+    #[inline]
+    pub fn add(&mut self, f: &Footprint) {
+        let [xx, xy, yy] = f.cov;
+        let det = xx * yy - xy * xy;
+        if !(det > 0.0 && f.sum > 0.0) {
+            return;
+        }
+        let peak = f.sum / (2.0 * std::f64::consts::PI * det.sqrt());
+        let half_sum = 0.5 * (xx + yy);
+        let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
+        let mut cut2 = (2.0 * (peak / FAINTEST).ln()).clamp(NEAREST_CUT, FARTHEST_CUT);
+        if smaller < SMALL {
+            cut2 = cut2.max(SMALL_CUT);
+        }
+        let (reach_x, reach_y) = ((cut2 * xx).sqrt(), (cut2 * yy).sqrt());
+        let (level, scale) = self.level(smaller);
+        let shape = &self.levels[level];
+        let pad = PAD as f64;
+        let x = (f.mean[0] + 0.5) * scale - 0.5 + pad;
+        let y = (f.mean[1] + 0.5) * scale - 0.5 + pad;
+        let (half_x, half_y) = (reach_x * scale, reach_y * scale);
+        let right = (shape.size.width + 2 * PAD - 1) as f64;
+        let bottom = (shape.rows - 1) as f64;
+        let outside = x + half_x < 0.0 || x - half_x > right || y + half_y < 0.0 || y - half_y > bottom;
+        // Not the negation: what is not a number stays out.
+        if outside || !(x.is_finite() && y.is_finite() && peak.is_finite()) {
+            return;
+        }
+        let mut peak = peak / (1.0 - (-0.5 * cut2).exp());
+        if smaller < SMALL {
+            peak /= lattice_sum(f);
+        }
+        const HALF_LOG2_E: f64 = 0.5 * std::f64::consts::LOG2_E;
+        let unscale2 = 1.0 / (scale * scale);
+        let stroke = Stroke {
+            x: x as f32,
+            y: y as f32,
+            slope: (xy / yy) as f32,
+            along: (-HALF_LOG2_E * yy / det * unscale2) as f32,
+            down: (-HALF_LOG2_E / yy * unscale2) as f32,
+            end: (-HALF_LOG2_E * cut2) as f32,
+            peak: peak as f32,
+            half: half_y as f32,
+        };
+        let first = (y - half_y).max(0.0) as usize / BAND;
+        let last = (y + half_y).min(bottom) as usize / BAND;
+        for band in first..=last {
+            self.found.push(((shape.first_band + band) as u32, stroke));
+        }
+    }
+
+    /// The coarsest plane that still shows a variance, and its scale.
+    fn level(&self, variance: f64) -> (usize, f64) {
+        let mut level = 0;
+        let mut scale = 1.0;
+        let mut least = 4.0 * SHARPEST * SHARPEST;
+        while level + 1 < self.levels.len() && variance >= least {
+            level += 1;
+            scale *= 0.5;
+            least *= 4.0;
+        }
+        (level, scale)
+    }
+
+    /// Sorts by band, keeping the order within each.
+    pub fn finish(self) -> Bins {
+        let bands = self.levels.iter().map(Level::bands).sum::<usize>();
+        let mut starts = vec![0u32; bands + 1];
+        for (band, _) in &self.found {
+            starts[*band as usize + 1] += 1;
+        }
+        for b in 0..bands {
+            starts[b + 1] += starts[b];
+        }
+        let mut next = starts.clone();
+        let blank = Stroke { x: 0.0, y: 0.0, slope: 0.0, along: 0.0, down: 0.0, end: 0.0, peak: 0.0, half: 0.0 };
+        let mut strokes = vec![blank; self.found.len()];
+        for (band, stroke) in self.found {
+            let place = &mut next[band as usize];
+            strokes[*place as usize] = stroke;
+            *place += 1;
+        }
+        Bins { strokes, starts }
+    }
+}
+
+/// Half of the frequencies that a variance of 1/12 lets through.
+#[rustfmt::skip]
+const FREQUENCIES: [(f64, f64); 12] = [
+    (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0), (2.0, 0.0), (0.0, 2.0),
+    (2.0, 1.0), (2.0, -1.0), (1.0, 2.0), (1.0, -2.0), (2.0, 2.0), (2.0, -2.0),
+];
+
+/// The sum over all pixels of the normalised footprint sampled at their centres, by Poisson's
+/// summation: 1 for wide ones, up to 1.9 for a point at a pixel's centre.
+pub fn lattice_sum(f: &Footprint) -> f64 {
+    const TWO_PI: f64 = 2.0 * std::f64::consts::PI;
+    let [xx, xy, yy] = f.cov;
+    let mut sum = 1.0;
+    for (i, j) in FREQUENCIES {
+        let power = -0.5 * TWO_PI * TWO_PI * (i * i * xx + 2.0 * i * j * xy + j * j * yy);
+        if power > -14.0 {
+            sum += 2.0 * power.exp() * (TWO_PI * (i * f.mean[0] + j * f.mean[1])).cos();
+        }
+    }
+    sum
+}

@@ -1,0 +1,168 @@
+//! Optical depth, and the picture.
+
+use super::bins::{Binner, Bins};
+use super::lens::Lens;
+use super::project::{InCamera, inverse_moments};
+use super::pyramid::{self, BAND, Level, PAD};
+use super::raster::{self, Band};
+use super::scene::Scene;
+use super::slices::{Fate, cut, fate};
+use crate::Result;
+use crate::camera::{Projection, View};
+use crate::model::Mixture;
+use crate::picture::{Gray8, Plane, Size};
+use crate::progress::Progress;
+use crate::splat::{Look, tone};
+use rayon::prelude::*;
+
+/// Gaussians projected in one step; fixed, so that sums do not depend on threads.
+const RUN: usize = 4096;
+
+/// Optical depth a pixel: `tau = sum n W N2` (spec: optical-depth.md), every Gaussian integrated
+/// along depth. The growth of splats towards the corners is taken where they land.
+///
+/// # Errors
+/// [`crate::Error::Argument`] where the view has a number outside its range,
+/// [`crate::Error::Cancelled`].
+pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
+    let lens = Lens::optical(view, size, &scene.bounds)?;
+    let mut plane = sum(scene, &lens, size, |m, i| m.count[i], progress)?;
+    if matches!(view.camera.projection, Projection::Perspective { .. }) {
+        grow(&mut plane, &lens);
+    }
+    Ok(plane)
+}
+
+/// The picture of a scene in a look.
+///
+/// # Errors
+/// As [`optical_depth`].
+pub fn draw(scene: &Scene, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+    let tau = optical_depth(scene, view, size, progress)?;
+    Ok(tone(&tau, look, view.opacity, view.radius_pixels(size)))
+}
+
+/// VTK's splats widen towards the edges by sqrt(1 + x^2/z^2) and sqrt(1 + y^2/z^2): constant for a
+/// pixel, so applied to the sum.
+fn grow(plane: &mut Plane, lens: &Lens) {
+    let factor = |i: usize, center: f64| {
+        let t = (i as f64 - center) / lens.focal;
+        (1.0 + t * t).sqrt() as f32
+    };
+    let across: Vec<f32> = (0..plane.size.width).map(|i| factor(i, lens.center[0])).collect();
+    plane.data.par_chunks_mut(plane.size.width).enumerate().for_each(|(j, row)| {
+        let down = factor(j, lens.center[1]);
+        for (v, a) in row.iter_mut().zip(&across) {
+            *v *= a * down;
+        }
+    });
+}
+
+/// Sum over all Gaussians of weight times the footprint.
+pub(super) fn sum(
+    scene: &Scene,
+    lens: &Lens,
+    size: Size,
+    weight: impl Fn(&Mixture, usize) -> f64 + Sync,
+    progress: &dyn Progress,
+) -> Result<Plane> {
+    let levels = pyramid::levels(size);
+    let runs: Vec<(&Mixture, usize)> =
+        scene.parts.iter().flat_map(|m| (0..m.len()).step_by(RUN).map(move |start| (*m, start))).collect();
+    let bins = runs
+        .par_iter()
+        .map(|&(m, start)| {
+            progress.check()?;
+            Ok(project_run(m, start..m.len().min(start + RUN), lens, &levels, &weight))
+        })
+        .collect::<Result<Vec<Bins>>>()?;
+    let mut planes: Vec<Vec<f32>> = levels.iter().map(|l| vec![0.0; l.stride * l.rows]).collect();
+    let bands: Vec<(&Level, usize, &mut [f32])> = levels
+        .iter()
+        .zip(&mut planes)
+        .flat_map(|(level, plane)| {
+            plane.chunks_mut(level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
+        })
+        .collect();
+    bands.into_par_iter().with_max_len(1).try_for_each(|(level, b, data)| {
+        progress.check()?;
+        let mut band = Band { data, stride: level.stride, width: level.size.width + 2 * PAD, first: b * BAND };
+        let number = level.first_band + b;
+        for bin in &bins {
+            raster::draw(&mut band, &bin.strokes[bin.starts[number] as usize..bin.starts[number + 1] as usize]);
+        }
+        Ok(())
+    })?;
+    for l in (1..levels.len()).rev() {
+        let (finer, coarser) = planes.split_at_mut(l);
+        pyramid::add_up(&coarser[0], &levels[l], &mut finer[l - 1], &levels[l - 1]);
+    }
+    Ok(crop(&planes[0], &levels[0]))
+}
+
+/// The picture without the pad. The cubic may undershoot; depth is never negative.
+fn crop(plane: &[f32], level: &Level) -> Plane {
+    let Size { width, height } = level.size;
+    let mut out = Plane::zeros(level.size);
+    out.data.par_chunks_mut(width).enumerate().for_each(|(row, out)| {
+        let start = (row + PAD) * level.stride + PAD;
+        for (o, v) in out.iter_mut().zip(&plane[start..start + width]) {
+            *o = v.max(0.0);
+        }
+    });
+    debug_assert_eq!(out.data.len(), width * height);
+    out
+}
+
+/// Projects a run of Gaussians to strokes.
+fn project_run(
+    m: &Mixture,
+    range: std::ops::Range<usize>,
+    lens: &Lens,
+    levels: &[Level],
+    weight: &(impl Fn(&Mixture, usize) -> f64 + Sync),
+) -> Bins {
+    let mut binner = Binner::new(levels, range.len() + range.len() / 4);
+    for i in range {
+        let weight = weight(m, i);
+        if weight <= 0.0 {
+            continue;
+        }
+        let g = in_camera(m, i, lens, weight);
+        match fate(lens, g.mean[2], g.cov[5]) {
+            Fate::Outside => {}
+            Fate::Whole => {
+                let moments = if lens.perspective {
+                    inverse_moments(g.mean[2], g.cov[5] / (g.mean[2] * g.mean[2]))
+                } else {
+                    super::project::DepthMoments { weight: 1.0, mean: g.mean[2], square: 0.0, variance: g.cov[5] }
+                };
+                binner.add(&g.footprint(lens, &g.regression(), &moments));
+            }
+            Fate::Cut => cut(lens, &g, |f| binner.add(&f)),
+        }
+    }
+    binner.finish()
+}
+
+/// A Gaussian in the camera's axes.
+fn in_camera(m: &Mixture, i: usize, lens: &Lens, weight: f64) -> InCamera {
+    let a = &lens.axes;
+    let v: [f64; 3] = std::array::from_fn(|k| m.mean[k][i] - lens.position[k]);
+    let mean = a.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
+    let s = m.cov_of(i);
+    let rows = a.map(|r| s.apply(r));
+    let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+    InCamera {
+        mean,
+        cov: [
+            dot(a[0], rows[0]),
+            dot(a[0], rows[1]),
+            dot(a[0], rows[2]),
+            dot(a[1], rows[1]),
+            dot(a[1], rows[2]),
+            dot(a[2], rows[2]),
+        ],
+        weight,
+    }
+}

@@ -1,0 +1,60 @@
+//! A camera made ready to project: axes, focal length in pixels, depth range, weights.
+
+use crate::camera::{Projection, View, clipping_range};
+use crate::particles::Bounds;
+use crate::picture::Size;
+use crate::splat::opacity_integral;
+use crate::{Error, Result};
+
+/// A camera in the form that the projection wants. Camera axes are right, down, forward, so that
+/// picture coordinates grow with them; depth is the distance along forward.
+#[derive(Clone, Copy, Debug)]
+pub struct Lens {
+    /// Rows right, down, forward in world coordinates.
+    pub axes: [[f64; 3]; 3],
+    /// The eye, world units.
+    pub position: [f64; 3],
+    /// Does size fall with depth?
+    pub perspective: bool,
+    /// Pixels for a unit of x/depth (perspective) or a world unit.
+    pub focal: f64,
+    /// Pixel coordinates of the axis; pixel centres have whole coordinates.
+    pub center: [f64; 2],
+    /// Nearest and farthest depth of what is drawn.
+    pub range: [f64; 2],
+    /// Variance added to every Gaussian in the world: the particle radius squared.
+    pub radius2: f64,
+    /// What one particle (or unit of mass) adds to the sum over pixels, times depth squared in
+    /// perspective.
+    pub unit: f64,
+}
+
+impl Lens {
+    /// The lens of a view for optical depth: a particle of radius r and opacity a adds
+    /// 2 pi a e^2 r_px^2 (spec: optical-depth.md).
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the view has a number outside its range.
+    pub fn optical(view: &View, size: Size, bounds: &Bounds) -> Result<Lens> {
+        view.check(size)?;
+        let frame = view.camera.frame()?;
+        let focal = view.camera.focal_pixels(size);
+        let [right, up, back] = frame.axes;
+        let radius_px = view.radius * focal;
+        let lens = Lens {
+            axes: [right, up.map(|v| -v), back.map(|v| -v)],
+            position: frame.position,
+            perspective: matches!(view.camera.projection, Projection::Perspective { .. }),
+            focal,
+            center: [0.5 * size.width as f64 - 0.5, 0.5 * size.height as f64 - 0.5],
+            range: view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera)),
+            radius2: view.radius * view.radius,
+            unit: opacity_integral(view.opacity) * radius_px * radius_px,
+        };
+        if lens.unit.is_finite() && lens.radius2.is_finite() {
+            Ok(lens)
+        } else {
+            Err(Error::argument(format!("view `{}`: radius {} is too large to draw", view.name, view.radius)))
+        }
+    }
+}

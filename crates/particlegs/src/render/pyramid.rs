@@ -1,0 +1,104 @@
+//! Planes of halved resolution. The sum is linear, so a Gaussian whose smaller sigma on the picture
+//! is wide is drawn on a coarser plane, where it covers fewer pixels; the planes are summed from
+//! coarse to fine with a cubic.
+
+use crate::picture::Size;
+use rayon::prelude::*;
+
+/// Pixels drawn beyond each edge of a plane, for the cubic of the next finer one.
+pub const PAD: usize = 4;
+/// Rows of a band: one task draws one band of one plane.
+pub const BAND: usize = 32;
+/// A Gaussian is drawn where its smaller sigma is at least this many of the plane's pixels: the
+/// cubic is then good to 1e-4 of the Gaussian's peak.
+pub const SHARPEST: f64 = 1.5;
+/// No plane has fewer pixels than this in a direction.
+const SMALLEST: usize = 8;
+
+/// The shape of one plane.
+#[derive(Clone, Copy, Debug)]
+pub struct Level {
+    /// Pixels across and down, without the pad.
+    pub size: Size,
+    /// Floats from row to row: the pads and room for a whole vector past the end.
+    pub stride: usize,
+    /// Rows with the pads.
+    pub rows: usize,
+    /// The number of its first band among the bands of all planes.
+    pub first_band: usize,
+}
+
+impl Level {
+    fn new(size: Size, first_band: usize) -> Level {
+        let stride = (size.width + 2 * PAD).next_multiple_of(8) + 8;
+        Level { size, stride, rows: size.height + 2 * PAD, first_band }
+    }
+
+    /// Number of bands.
+    pub fn bands(&self) -> usize {
+        self.rows.div_ceil(BAND)
+    }
+}
+
+/// The planes of a picture, finest first.
+pub fn levels(size: Size) -> Vec<Level> {
+    let mut levels = vec![Level::new(size, 0)];
+    loop {
+        let last = levels[levels.len() - 1];
+        let half = Size { width: last.size.width.div_ceil(2), height: last.size.height.div_ceil(2) };
+        if half.width.min(half.height) < SMALLEST {
+            return levels;
+        }
+        levels.push(Level::new(half, last.first_band + last.bands()));
+    }
+}
+
+/// Adds `coarse` to `fine`, between its pixels by the 4-tap cubic [-7, 105, 35, -5] / 128.
+pub fn add_up(coarse: &[f32], coarse_level: &Level, fine: &mut [f32], fine_level: &Level) {
+    fine.par_chunks_mut(fine_level.stride).enumerate().for_each_init(
+        || vec![0.0f32; coarse_level.stride],
+        |line, (row, fine)| {
+            let level = crate::math::simd_level();
+            fearless_simd::dispatch!(level, _simd => add_row(coarse, coarse_level, row, line, fine, fine_level));
+        },
+    );
+}
+
+/// One row: down first, into `line`, then across.
+#[inline(always)]
+fn add_row(coarse: &[f32], level: &Level, row: usize, line: &mut [f32], fine: &mut [f32], fine_level: &Level) {
+    let stride = level.stride;
+    let [r0, r1, r2, r3] = taps(row).map(|r| {
+        let r = r.min(level.rows - 1);
+        &coarse[r * stride..(r + 1) * stride]
+    });
+    let w = weights(row);
+    for i in 0..stride {
+        line[i] = (w[0] * r0[i] + w[1] * r1[i]) + (w[2] * r2[i] + w[3] * r3[i]);
+    }
+    // Fine pixels 2 i - PAD and its neighbour lie a quarter of a coarse pixel either side of i.
+    let pairs = (fine_level.size.width + 2 * PAD).div_ceil(2);
+    let first = PAD - PAD / 2;
+    let line = &line[first - 2..first + pairs + 2];
+    let (a, b, c, d, e) =
+        (&line[0..pairs], &line[1..1 + pairs], &line[2..2 + pairs], &line[3..3 + pairs], &line[4..4 + pairs]);
+    let fine = &mut fine[..2 * pairs];
+    for i in 0..pairs {
+        fine[2 * i] += (W[3] * a[i] + W[2] * b[i]) + (W[1] * c[i] + W[0] * d[i]);
+        fine[2 * i + 1] += (W[0] * b[i] + W[1] * c[i]) + (W[2] * d[i] + W[3] * e[i]);
+    }
+}
+
+const W: [f32; 4] = [-7.0 / 128.0, 105.0 / 128.0, 35.0 / 128.0, -5.0 / 128.0];
+
+/// The four coarse rows (with pad) that fine row `row` (with pad) lies between.
+#[inline(always)]
+fn taps(row: usize) -> [usize; 4] {
+    let i = row / 2 + PAD - PAD / 2;
+    if row.is_multiple_of(2) { [i - 2, i - 1, i, i + 1] } else { [i - 1, i, i + 1, i + 2] }
+}
+
+#[inline(always)]
+fn weights(row: usize) -> [f32; 4] {
+    if row.is_multiple_of(2) { [W[3], W[2], W[1], W[0]] } else { W }
+}

@@ -1,0 +1,79 @@
+//! Draws strokes on a band of rows.
+
+use super::bins::Stroke;
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, f32x8};
+
+/// A band of a plane: whole rows, pad included.
+pub struct Band<'a> {
+    /// The rows' floats.
+    pub data: &'a mut [f32],
+    /// Floats from row to row.
+    pub stride: usize,
+    /// Pixels of a row that exist (pad included).
+    pub width: usize,
+    /// The number of the first row.
+    pub first: usize,
+}
+
+/// Adds strokes to a band, in their order.
+pub fn draw(band: &mut Band, strokes: &[Stroke]) {
+    let level = crate::math::simd_level();
+    fearless_simd::dispatch!(level, simd => draw_all(simd, band, strokes));
+}
+
+#[inline(always)]
+fn draw_all<S: Simd>(simd: S, band: &mut Band, strokes: &[Stroke]) {
+    let rows = band.data.len() / band.stride;
+    let lanes = f32x8::from_slice(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    for s in strokes {
+        let y = s.y - band.first as f32;
+        let top = (y - s.half).ceil().max(0.0) as usize;
+        let bottom = (y + s.half).floor().min(rows as f32 - 1.0);
+        if bottom < 0.0 {
+            continue;
+        }
+        let inverse = 1.0 / s.along;
+        for row in top..=bottom as usize {
+            let dy = row as f32 - y;
+            let fall = s.down * (dy * dy);
+            let left_over = (s.end - fall) * inverse;
+            if left_over < 0.0 {
+                continue;
+            }
+            let half = left_over.sqrt();
+            let center = s.x + s.slope * dy;
+            let from = (center - half).ceil().max(0.0);
+            let to = (center + half).floor().min(band.width as f32 - 1.0);
+            if to < from {
+                continue;
+            }
+            let start = row * band.stride + from as usize;
+            let count = (to - from) as usize + 1;
+            let pixels = &mut band.data[start..start + count.next_multiple_of(8)];
+            let mut dx = lanes + (from - center);
+            for eight in pixels.chunks_exact_mut(8) {
+                let power = dx * dx * s.along + fall;
+                let value = exp2(simd, power) * s.peak;
+                let value = power.simd_ge(s.end).select(value, f32x8::splat(simd, 0.0));
+                (f32x8::from_slice(simd, eight) + value).store_slice(eight);
+                dx += 8.0;
+            }
+        }
+    }
+}
+
+/// 2^x for x in [-120, 0], to 3e-6: the whole part goes to the exponent, a polynomial takes the rest.
+#[inline(always)]
+fn exp2<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
+    // 1.5 * 2^23: adding it leaves the nearest whole number in the low bits.
+    const ROUND: f32 = 12_582_912.0;
+    let x = x.max(f32x8::splat(simd, -120.0));
+    let shifted = x + ROUND;
+    let f = x - (shifted - ROUND);
+    let p = f * 0.009_570_1 + 0.055_917_86;
+    let p = p * f + 0.240_247_45;
+    let p = p * f + 0.693_121_81;
+    let p = p * f + 0.999_999_26;
+    f32x8::from_bits(p.to_bits() + (shifted.to_bits() << 23))
+}

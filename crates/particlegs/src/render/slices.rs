@@ -1,0 +1,113 @@
+//! Gaussians cut along depth: those that reach far in depth for their distance, that the camera
+//! stands in, or that the clipping range cuts.
+//!
+//! The depth axis (its logarithm in perspective) is covered with cubic B-splines, which sum to 1
+//! and are smooth, so that the pieces blend without seams. Each piece is the Gaussian times one
+//! spline, inside the clipping range; its moments are sums over a fine grid of depths.
+
+use super::lens::Lens;
+use super::project::{DepthMoments, Footprint, InCamera};
+
+/// A Gaussian whose depth spread is a larger share of its depth is cut.
+pub const LARGEST_SPREAD: f64 = 0.05;
+/// Standard deviations of depth that are looked at.
+pub const REACH: f64 = 5.0;
+/// Distance of the splines in the logarithm of depth.
+const STEP: f64 = 0.07;
+/// Grid points for a step.
+const POINTS: usize = 8;
+/// More pieces than this are never made; they grow coarser instead.
+const MOST: f64 = 1024.0;
+
+/// Is the Gaussian drawn whole, cut, or not at all?
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fate {
+    /// In one piece.
+    Whole,
+    /// In pieces along depth.
+    Cut,
+    /// Outside the clipping range.
+    Outside,
+}
+
+/// Decides for a mean depth and its variance.
+#[inline(always)]
+pub fn fate(lens: &Lens, depth: f64, variance: f64) -> Fate {
+    let reach = REACH * variance.max(0.0).sqrt();
+    let [near, far] = lens.range;
+    if depth + reach < near || depth - reach > far {
+        Fate::Outside
+    } else if depth - reach < near
+        || depth + reach > far
+        || (lens.perspective && variance > LARGEST_SPREAD * LARGEST_SPREAD * depth * depth)
+    {
+        Fate::Cut
+    } else {
+        Fate::Whole
+    }
+}
+
+/// Calls `emit` with the footprint of each piece.
+pub fn cut(lens: &Lens, g: &InCamera, mut emit: impl FnMut(Footprint)) {
+    let [near, far] = lens.range;
+    let sigma = g.cov[5].max(0.0).sqrt();
+    let (lo, hi) = ((g.mean[2] - REACH * sigma).max(near), (g.mean[2] + REACH * sigma).min(far));
+    let r = g.regression();
+    if lo >= hi {
+        // No spread (or none inside): all or nothing, as for a particle.
+        if g.mean[2] >= near && g.mean[2] <= far {
+            emit(g.footprint(lens, &r, &flat(lens, g.mean[2])));
+        }
+        return;
+    }
+    let (from, to) = if lens.perspective { (lo.ln(), hi.ln()) } else { (lo, hi) };
+    let length = to - from;
+    // In the axis' unit: no coarser than the Gaussian itself, nor than perspective allows.
+    let own = 0.5 * sigma / if lens.perspective { hi.min(g.mean[2].max(lo)) } else { 1.0 };
+    let step = if lens.perspective { STEP.min(own) } else { own };
+    let steps = (length / step).ceil().clamp(1.0, MOST);
+    let step = length / steps;
+    let mut pieces = vec![[0.0f64; 3]; steps as usize + 3];
+    let points = steps as usize * POINTS;
+    for i in 0..points {
+        let u = (i as f64 + 0.5) / POINTS as f64;
+        let axis = from + step * u;
+        let depth = if lens.perspective { axis.exp() } else { axis };
+        let z = (depth - g.mean[2]) / sigma;
+        let stretch = if lens.perspective { depth } else { 1.0 };
+        let density =
+            (-0.5 * z * z).exp() * stretch * step / (POINTS as f64 * sigma * (2.0 * std::f64::consts::PI).sqrt());
+        let (q, density) = if lens.perspective { (1.0 / depth, density / (depth * depth)) } else { (depth, density) };
+        let first = u as usize;
+        for (k, b) in spline(u - first as f64).into_iter().enumerate() {
+            let w = b * density;
+            let sums = &mut pieces[first + k];
+            sums[0] += w;
+            sums[1] += w * q;
+            sums[2] += w * q * q;
+        }
+    }
+    for [weight, first, second] in pieces {
+        if weight > 0.0 {
+            let (mean, square) = (first / weight, second / weight);
+            let variance = (square - mean * mean).max(0.0);
+            emit(g.footprint(lens, &r, &DepthMoments { weight, mean, square, variance }));
+        }
+    }
+}
+
+/// Moments of a Gaussian without depth.
+fn flat(lens: &Lens, depth: f64) -> DepthMoments {
+    if lens.perspective {
+        super::project::inverse_moments(depth, 0.0)
+    } else {
+        DepthMoments { weight: 1.0, mean: depth, square: depth * depth, variance: 0.0 }
+    }
+}
+
+/// The four cubic B-splines that reach a point `t` in [0, 1) of a step.
+fn spline(t: f64) -> [f64; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    let s = 1.0 - t;
+    [s * s * s / 6.0, (3.0 * t3 - 6.0 * t2 + 4.0) / 6.0, (-3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0) / 6.0, t3 / 6.0]
+}

@@ -1,0 +1,59 @@
+//! The certificate: what a model's file says was measured after decoding it.
+
+use super::evaluate::evaluate;
+use super::scores::LookScores;
+use super::{ViewSeed, certificate_views, density_of};
+use crate::Result;
+use crate::model::{Certificate, LookScore, Model, OrbitScore};
+use crate::particles::Particles;
+use crate::picture::Size;
+use crate::progress::Progress;
+
+/// Picture size of certificates.
+const SIZE: Size = Size { width: 1920, height: 1080 };
+/// Cells of the density grid along the longest extent.
+const GRID: u16 = 50;
+/// Seed of the certificate's views: a constant, so that `verify` measures the same ones.
+const SEED: u64 = 1;
+
+/// Measures `model` against the snapshot that it was made from: one frame of each orbit at the
+/// model's default radius and opacity, and the density on a grid of 50 cells along the longest
+/// extent, over the periodic box where there is one. The model is best the decoded one.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub fn certificate(model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<Certificate> {
+    let m = &model.metadata;
+    let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: SEED };
+    let views = certificate_views(&of, m.default_opacity);
+    let evaluation = evaluate(model, particles, &views, SIZE, progress)?;
+    let orbits = std::array::from_fn(|k| {
+        let v = &evaluation.views[k];
+        OrbitScore {
+            paraview: look_score(&v.paraview),
+            paraview_no_fxaa: look_score(&v.paraview_no_fxaa.scores),
+            expected: look_score(&v.expected),
+        }
+    });
+    progress.message("density on a grid");
+    let density = density_of(model, particles, &m.bounds, GRID, progress)?;
+    Ok(Certificate {
+        width: SIZE.width as u16,
+        height: SIZE.height as u16,
+        seed: SEED,
+        orbits,
+        grid: GRID,
+        density_correlation: density.correlation,
+        density_mae: density.mean_absolute_error,
+    })
+}
+
+fn look_score(s: &LookScores) -> LookScore {
+    // The size of certificates is larger than the window of SSIM, so it always has a value.
+    LookScore {
+        masked_psnr: s.masked_psnr,
+        ssim: s.ssim.unwrap_or(0.0),
+        noise_free_masked_psnr: s.noise_free.masked_psnr,
+        noise_free_ssim: s.noise_free.ssim.unwrap_or(0.0),
+    }
+}

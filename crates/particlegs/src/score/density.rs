@@ -1,0 +1,220 @@
+//! Density on a grid: particles by nearest grid point, Gaussians integrated over the cells.
+
+use super::deposit::Splat;
+use crate::Result;
+use crate::model::{Mixture, Model};
+use crate::particles::{Bounds, Cell, Particles};
+use crate::progress::Progress;
+use rayon::prelude::*;
+
+/// Parallel parts of a sum, fixed so that results do not depend on threads.
+const PARTS: usize = 32;
+
+/// A grid over the bounds, or over the periodic box along axes that repeat.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DensityGrid {
+    pub(super) min: [f64; 3],
+    pub(super) side: [f64; 3],
+    pub(super) cells: [usize; 3],
+    pub(super) periodic: [bool; 3],
+}
+
+/// How two densities on a grid agree.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct DensityAgreement {
+    /// Pearson correlation over the cells.
+    pub correlation: f64,
+    /// Mean absolute difference of the contrast rho / mean - 1, `mean` being the first's.
+    pub mean_absolute_error: f64,
+}
+
+impl DensityGrid {
+    /// `longest` cells along the longest extent, about as long along the others.
+    pub fn new(bounds: &Bounds, cell: Option<&Cell>, longest: u16) -> Self {
+        let (mut extent, center) = (bounds.extent_nonzero(), bounds.center());
+        let mut periodic = [false; 3];
+        if let Some((lengths, cell)) = cell.and_then(|c| Some((c.lengths()?, c))) {
+            for k in (0..3).filter(|&k| cell.periodic[k]) {
+                (extent[k], periodic[k]) = (lengths[k], true);
+            }
+        }
+        let side = extent[0].max(extent[1]).max(extent[2]) / f64::from(longest.max(1));
+        let cells = extent.map(|e| ((e / side).round() as usize).max(1));
+        DensityGrid {
+            min: std::array::from_fn(|k| center[k] - 0.5 * extent[k]),
+            side: std::array::from_fn(|k| extent[k] / cells[k] as f64),
+            cells,
+            periodic,
+        }
+    }
+
+    /// Cells along x, y and z.
+    pub fn cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
+    /// Mass in each cell, x slowest: every particle in the cell that holds it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn of_particles(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<f64>> {
+        let scale = self.side.map(f64::recip);
+        let offset: [f64; 3] = std::array::from_fn(|k| (particles.origin[k] - self.min[k]) * scale[k]);
+        self.sum_parts(particles.len(), |grid, range| {
+            let mut buffer = Default::default();
+            for start in range.clone().step_by(1 << 16) {
+                progress.check()?;
+                let chunk = particles.chunk(start..range.end.min(start + (1 << 16)), &mut buffer);
+                for i in 0..chunk.len() {
+                    let cell = [0, 1, 2].map(|k| self.cell(k, f64::from(chunk.position[k][i]) * scale[k] + offset[k]));
+                    grid[self.index(cell)] += chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Mass in each cell of a model's Gaussians; what lies outside a grid that does not repeat is
+    /// in no cell.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn of_model(&self, model: &Model, progress: &dyn Progress) -> Result<Vec<f64>> {
+        let mut sum = vec![0.0; self.cells.iter().product()];
+        for block in model.blocks() {
+            let part = self.of_mixture(&block.gaussians, progress)?;
+            sum.iter_mut().zip(part).for_each(|(s, v)| *s += v);
+        }
+        Ok(sum)
+    }
+
+    fn of_mixture(&self, mixture: &Mixture, progress: &dyn Progress) -> Result<Vec<f64>> {
+        self.sum_parts(mixture.len(), |grid, range| {
+            let mut splat = Splat::default();
+            for i in range {
+                if i % 256 == 0 {
+                    progress.check()?;
+                }
+                splat.add(self, grid, mixture.mean_of(i), &mixture.cov_of(i), mixture.mass_of(i));
+            }
+            Ok(())
+        })
+    }
+
+    /// Sums of grids that `fill` makes of fixed parts of `0..n`, in order.
+    fn sum_parts(
+        &self,
+        n: usize,
+        fill: impl Fn(&mut [f64], std::ops::Range<usize>) -> Result<()> + Sync,
+    ) -> Result<Vec<f64>> {
+        let cells = self.cells.iter().product();
+        let parts = PARTS.min(n.max(1));
+        let grids = (0..parts)
+            .into_par_iter()
+            .map(|p| {
+                let mut grid = vec![0.0; cells];
+                fill(&mut grid, n * p / parts..n * (p + 1) / parts)?;
+                Ok(grid)
+            })
+            .collect::<Result<Vec<Vec<f64>>>>()?;
+        Ok((0..cells).map(|c| grids.iter().map(|g| g[c]).sum()).collect())
+    }
+
+    /// Place of a cell in a column of cells.
+    pub(super) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
+        (i * self.cells[1] + j) * self.cells[2] + k
+    }
+
+    /// The cell along `axis` that holds coordinate `u`, in cells: nearly always plainly inside.
+    fn cell(&self, axis: usize, u: f64) -> usize {
+        let i = u as i32;
+        if u >= 0.0 && (i as usize) < self.cells[axis] { i as usize } else { self.cell_beyond(axis, u) }
+    }
+
+    /// The same beyond the grid: repeated, or the nearest at the edge (the bounds' own end).
+    #[cold]
+    fn cell_beyond(&self, axis: usize, u: f64) -> usize {
+        let (i, n) = (u.floor() as i64, self.cells[axis] as i64);
+        (if self.periodic[axis] { i.rem_euclid(n) } else { i.clamp(0, n - 1) }) as usize
+    }
+}
+
+/// Correlation and error of `model` against `truth`, cell by cell.
+pub fn density_agreement(truth: &[f64], model: &[f64]) -> DensityAgreement {
+    let n = truth.len().max(1) as f64;
+    let (mt, mm) = (truth.iter().sum::<f64>() / n, model.iter().sum::<f64>() / n);
+    let (mut tt, mut mm2, mut tm, mut error) = (0.0, 0.0, 0.0, 0.0);
+    for (t, m) in truth.iter().zip(model) {
+        tt += (t - mt) * (t - mt);
+        mm2 += (m - mm) * (m - mm);
+        tm += (t - mt) * (m - mm);
+        error += (t - m).abs();
+    }
+    // A density without variation correlates with nothing but another.
+    let correlation =
+        if tt > 0.0 && mm2 > 0.0 { tm / (tt.sqrt() * mm2.sqrt()) } else { f64::from(u8::from(tt == mm2)) };
+    DensityAgreement { correlation, mean_absolute_error: if mt > 0.0 { error / (n * mt) } else { 0.0 } }
+}
+
+/// The agreement of a model with its snapshot on a grid of `longest` cells along the longest
+/// extent, over the snapshot's periodic box where it has one.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub fn density_of(
+    model: &Model,
+    particles: &Particles,
+    bounds: &Bounds,
+    longest: u16,
+    progress: &dyn Progress,
+) -> Result<DensityAgreement> {
+    let grid = DensityGrid::new(bounds, particles.meta.cell.as_ref(), longest);
+    let truth = grid.of_particles(particles, progress)?;
+    Ok(density_agreement(&truth, &grid.of_model(model, progress)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Sym3;
+    use crate::progress::Silent;
+
+    #[test]
+    fn particles_fall_into_their_cells() {
+        let mut p = Particles::from_columns(vec![0.0, 9.9, 10.0, 0.1], vec![0.0; 4], vec![0.0, 0.0, 0.0, 4.9]);
+        let bounds = Bounds { min: [0.0; 3], max: [10.0, 5.0, 5.0] };
+        let open = DensityGrid::new(&bounds, None, 10);
+        assert_eq!(open.cells(), [10, 5, 5]);
+        let rho = open.of_particles(&p, &Silent).unwrap();
+        let at = |rho: &[f64], i: usize, k: usize| rho[open.index([i, 0, k])];
+        assert_eq!([at(&rho, 0, 0), at(&rho, 9, 0), at(&rho, 0, 4)], [1.0, 2.0, 1.0]);
+        // The same in a box: 10.0 is 0.0 again.
+        p.meta.cell = Some(Cell::orthogonal([10.0, 5.0, 5.0]));
+        let rho = DensityGrid::new(&bounds, p.meta.cell.as_ref(), 10).of_particles(&p, &Silent).unwrap();
+        assert_eq!([at(&rho, 0, 0), at(&rho, 9, 0), at(&rho, 0, 4)], [2.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn agreement_of_known_columns() {
+        let a = density_agreement(&[1.0, 2.0, 3.0], &[2.0, 4.0, 6.0]);
+        assert!((a.correlation - 1.0).abs() < 1e-15 && (a.mean_absolute_error - 1.0).abs() < 1e-15);
+        assert_eq!(density_agreement(&[1.0, 1.0], &[1.0, 1.0]).correlation, 1.0);
+        assert_eq!(density_agreement(&[1.0, 1.0], &[0.0, 2.0]).correlation, 0.0);
+    }
+
+    /// A mixture whose means follow the particles exactly gives their counts.
+    #[test]
+    fn points_as_gaussians_are_points() {
+        let x: Vec<f32> = (0..500).map(|i| (i as f32 * 0.618_034).fract() * 10.0).collect();
+        let y: Vec<f32> = (0..500).map(|i| (i as f32 * 0.414_213).fract() * 10.0).collect();
+        let p = Particles::from_columns(x.clone(), y.clone(), x.clone());
+        let mut mixture = Mixture::default();
+        for i in 0..500 {
+            mixture.push(p.position(i), Sym3::scaled_identity(0.0), 1.0, 1.0);
+        }
+        let grid = DensityGrid::new(&p.bounds(), Some(&Cell::orthogonal([10.0; 3])), 7);
+        let truth = grid.of_particles(&p, &Silent).unwrap();
+        let model = grid.of_mixture(&mixture, &Silent).unwrap();
+        assert!(truth.iter().zip(&model).all(|(a, b)| (a - b).abs() < 1e-9));
+    }
+}

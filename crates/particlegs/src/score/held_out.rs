@@ -1,0 +1,58 @@
+//! Held-out views with the truth at hand: how candidates are ranked while a model is made.
+
+use super::evaluate::clipped;
+use super::{EvalView, mean};
+use crate::Result;
+use crate::camera::View;
+use crate::particles::Particles;
+use crate::picture::{Gray8, Size, masked_psnr};
+use crate::progress::Progress;
+use crate::reference::Reference;
+use crate::render::{self, Scene};
+use crate::splat::{Look, tone};
+
+/// Views and the `expected` pictures of all particles in them, drawn once.
+pub struct HeldOut {
+    size: Size,
+    views: Vec<View>,
+    truth: Vec<Gray8>,
+}
+
+impl HeldOut {
+    /// Draws the truth: one noise-free pass over the particles a view.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] for a view with a number outside its range;
+    /// [`crate::Error::Cancelled`].
+    pub fn draw(particles: &Particles, views: &[EvalView], size: Size, progress: &dyn Progress) -> Result<Self> {
+        let reference = Reference::new(particles);
+        let views: Vec<View> = views.iter().map(|v| clipped(&v.view, reference.bounds())).collect();
+        let truth = views
+            .iter()
+            .map(|view| {
+                view.check(size)?;
+                let tau = reference.optical_depth(view, size, progress)?;
+                Ok(tone(&tau, Look::Expected, view.opacity, view.radius_pixels(size)))
+            })
+            .collect::<Result<_>>()?;
+        Ok(HeldOut { size, views, truth })
+    }
+
+    /// Mean over the views of the masked PSNR of `scene` in `expected`, dB. `None` where no view
+    /// has a value: nothing is lit, or all are identical.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn expected_masked_psnr(&self, scene: &Scene, progress: &dyn Progress) -> Result<Option<f64>> {
+        let scores = self
+            .views
+            .iter()
+            .zip(&self.truth)
+            .map(|(view, truth)| {
+                let drawn = render::draw(scene, view, self.size, Look::Expected, progress)?;
+                Ok(masked_psnr(&drawn, truth))
+            })
+            .collect::<Result<Vec<_>>>()?;
+        Ok(mean(scores.into_iter()))
+    }
+}

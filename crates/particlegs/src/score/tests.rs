@@ -1,0 +1,136 @@
+//! Evaluation and certificate of a tiny model of the sample.
+
+use super::*;
+use crate::math::Sym3;
+use crate::model::{Block, Law, Layer, Metadata, Mixture, Model};
+use crate::particles::{OpenOptions, Particles, open};
+use crate::picture::Size;
+use crate::progress::{Progress, Silent};
+use crate::render::Scene;
+
+const SIZE: Size = Size { width: 160, height: 90 };
+
+fn sample() -> Particles {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
+    open(&[folder], &OpenOptions::default()).unwrap()
+}
+
+/// The moments of the particles in each of `n` x `n` x `n` cells.
+fn tiny(particles: &Particles, n: usize) -> Model {
+    let bounds = particles.bounds();
+    let (e, min) = (bounds.extent(), bounds.min);
+    let mut sums = vec![[0.0f64; 10]; n * n * n];
+    for i in 0..particles.len() {
+        let p = particles.position(i);
+        let c = [0, 1, 2].map(|k| (((p[k] - min[k]) / e[k] * n as f64) as usize).min(n - 1));
+        let s = &mut sums[(c[0] * n + c[1]) * n + c[2]];
+        let products = [p[0] * p[0], p[0] * p[1], p[0] * p[2], p[1] * p[1], p[1] * p[2], p[2] * p[2]];
+        s.iter_mut().zip([1.0].into_iter().chain(p).chain(products)).for_each(|(s, v)| *s += v);
+    }
+    let mut gaussians = Mixture::default();
+    for s in sums.iter().filter(|s| s[0] > 0.0) {
+        let m = [s[1] / s[0], s[2] / s[0], s[3] / s[0]];
+        let second = Sym3(std::array::from_fn(|k| s[4 + k] / s[0]));
+        gaussians.push(m, second.add(&Sym3::outer(m).scale(-1.0)), s[0], s[0]);
+    }
+    let count = particles.len() as u64;
+    let block = Block { bounds, count, mass: count as f64, gaussians };
+    Model {
+        metadata: metadata(particles),
+        layers: vec![Layer { name: "all".into(), blocks: vec![block] }],
+        certificate: None,
+    }
+}
+
+fn metadata(particles: &Particles) -> Metadata {
+    let (bounds, count) = (particles.bounds(), particles.len() as u64);
+    Metadata {
+        law: Law::OpticalDepth,
+        count,
+        mass: count as f64,
+        weighted: false,
+        bounds,
+        cell: particles.meta.cell,
+        default_radius: bounds.default_radius(count),
+        default_opacity: 0.05,
+        source: "sample".into(),
+        source_hash: [0; 32],
+        length_unit: None,
+        mass_unit: None,
+        particle_mass: None,
+        comoving: None,
+        scale_factor: None,
+        hubble: None,
+        time: None,
+        command: String::new(),
+        tool_version: String::new(),
+    }
+}
+
+fn seed(model: &Model) -> ViewSeed<'_> {
+    ViewSeed { bounds: &model.metadata.bounds, default_radius: model.metadata.default_radius, size: SIZE, seed: 42 }
+}
+
+#[test]
+fn a_finer_model_scores_higher_and_floors_stand_below() {
+    let particles = sample();
+    let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
+    let views = evaluation_views(&seed(&coarse), 1);
+    let [coarse, fine] = [coarse, fine].map(|m| evaluate(&m, &particles, &views, SIZE, &Silent).unwrap());
+    assert_eq!(fine.views.len(), 3);
+    for (orbit, m) in fine.by_orbit.iter() {
+        let worse = coarse.by_orbit.iter().find(|o| o.0 == orbit).unwrap().1;
+        for (a, b) in [(m.paraview, worse.paraview), (m.expected, worse.expected)] {
+            assert!(a.masked_psnr > b.masked_psnr && a.ssim > b.ssim, "{orbit}");
+            assert!(b.masked_psnr > b.all_black.masked_psnr, "{orbit}");
+        }
+        assert_eq!(m.expected.noise_free.masked_psnr, None);
+        let no_fxaa = m.paraview_no_fxaa;
+        assert!(no_fxaa.scores.noise_free.masked_psnr > no_fxaa.scores.masked_psnr, "{orbit}");
+        assert!(no_fxaa.scores.gap.masked_psnr > Some(0.0) && no_fxaa.shot_noise.is_some());
+    }
+}
+
+#[test]
+fn held_out_views_rank_models() {
+    let particles = sample();
+    let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
+    let views = held_out_views(&seed(&coarse), 1);
+    let held_out = HeldOut::draw(&particles, &views, SIZE, &Silent).unwrap();
+    let [a, b] = [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::of(m), &Silent).unwrap().unwrap());
+    assert!(b > a + 1.0, "{a} {b}");
+    let scored = evaluate(&fine, &particles, &views, SIZE, &Silent).unwrap();
+    assert_eq!(scored.mean.expected.masked_psnr, Some(b));
+}
+
+#[test]
+fn certificates_repeat_and_know_the_density() {
+    let particles = sample();
+    let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
+    let c = certificate(&fine, &particles, &Silent).unwrap();
+    assert_eq!((c.width, c.height, c.grid), (1920, 1080, 50));
+    assert!(
+        c.orbits.iter().all(|o| o.expected.masked_psnr > Some(20.0) && o.expected.noise_free_masked_psnr.is_none())
+    );
+    let bounds = &fine.metadata.bounds;
+    let coarse = density_of(&coarse, &particles, bounds, 50, &Silent).unwrap();
+    assert!(c.density_correlation > coarse.correlation && c.density_mae < coarse.mean_absolute_error);
+    assert!(c.density_correlation > 0.8 && c.density_correlation < 1.0, "{}", c.density_correlation);
+}
+
+#[test]
+fn stops_and_refusals() {
+    struct Stop;
+    impl Progress for Stop {
+        fn cancelled(&self) -> bool {
+            true
+        }
+    }
+    let particles = sample();
+    let model = tiny(&particles, 4);
+    let mut views = evaluation_views(&seed(&model), 1);
+    assert!(matches!(evaluate(&model, &particles, &views, SIZE, &Stop), Err(crate::Error::Cancelled)));
+    assert!(evaluate(&model, &particles, &[], SIZE, &Silent).is_err());
+    views[1].view.opacity = 2.0;
+    assert!(evaluate(&model, &particles, &views, SIZE, &Silent).is_err());
+}

@@ -1,0 +1,45 @@
+//! The pictures of all particles that a model is measured against.
+
+use crate::Result;
+use crate::camera::View;
+use crate::picture::{Gray8, Plane, Size};
+use crate::progress::Progress;
+use crate::reference::{Reference, fxaa};
+use crate::splat::{Look, tone};
+
+/// One view of all particles: ParaView's pictures, and the noise-free optical depth.
+pub(super) struct Truth {
+    paraview: Gray8,
+    paraview_no_fxaa: Gray8,
+    expected: Gray8,
+    tau: Plane,
+}
+
+impl Truth {
+    /// Draws all looks with two passes over the particles.
+    pub fn draw(particles: &Reference, view: &View, size: Size, progress: &dyn Progress) -> Result<Self> {
+        let paraview_no_fxaa = particles.draw(view, size, Look::ParaviewNoFxaa, progress)?;
+        let tau = particles.optical_depth(view, size, progress)?;
+        Ok(Truth {
+            paraview: fxaa(&paraview_no_fxaa),
+            paraview_no_fxaa,
+            expected: tone(&tau, Look::Expected, view.opacity, view.radius_pixels(size)),
+            tau,
+        })
+    }
+
+    /// The target in a look.
+    pub fn picture(&self, look: Look) -> &Gray8 {
+        match look {
+            Look::Paraview => &self.paraview,
+            Look::ParaviewNoFxaa => &self.paraview_no_fxaa,
+            Look::Expected => &self.expected,
+        }
+    }
+
+    /// The noise-free picture of all particles in a look: what a model gets that knows every
+    /// particle but not the sampling noise of one shot.
+    pub fn noise_free(&self, look: Look, view: &View, size: Size) -> Gray8 {
+        tone(&self.tau, look, view.opacity, view.radius_pixels(size))
+    }
+}
