@@ -2,6 +2,7 @@
 
 mod compare;
 mod completions;
+mod compress;
 mod convert;
 
 use clap::Subcommand;
@@ -10,6 +11,8 @@ use particlegs::Result;
 /// The verbs.
 #[derive(Subcommand)]
 pub enum Command {
+    /// Turn a snapshot into a model file.
+    Compress(compress::Arguments),
     /// Score two folders of pictures against each other.
     Compare(compare::Arguments),
     /// Write a snapshot anew: tiled, cropped, thinned, as float32.
@@ -21,6 +24,7 @@ pub enum Command {
 /// Runs one.
 pub fn run(command: Command) -> Result<()> {
     match command {
+        Command::Compress(a) => compress::run(a),
         Command::Compare(a) => compare::run(a),
         Command::Convert(a) => convert::run(a),
         Command::Completions(a) => completions::run(&a),

@@ -4,9 +4,9 @@ use super::memory::require;
 use super::rate::{Met, meet_size};
 use super::target::Target;
 use super::{describe, search};
-use crate::codec::{self, Encoder, Precision};
+use crate::codec::{self, CodedLayer, Encoder, Precision};
 use crate::fit::{self, Effort, FitOptions};
-use crate::model::{Block, Certificate, Layer, Metadata, Mixture, Model};
+use crate::model::{Block, Metadata, Mixture, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::score;
@@ -60,7 +60,7 @@ pub fn raw_bytes(particles: &Particles) -> u64 {
 pub fn compress(particles: &Particles, options: &Options, progress: &dyn Progress) -> Result<Compressed> {
     options.target.check()?;
     let mut job = Job::begin(particles, options, progress)?;
-    let (bytes, step_factor) = match options.target {
+    let coded = match options.target {
         Target::Gaussians(k) => job.at_number(k)?,
         Target::Psnr(decibels) => search::reach_quality(&mut job, decibels)?,
         Target::Default | Target::Ratio(_) | Target::Size(_) => {
@@ -68,7 +68,7 @@ pub fn compress(particles: &Particles, options: &Options, progress: &dyn Progres
             job.at_size(target)?
         }
     };
-    job.finish(bytes, step_factor)
+    job.finish(coded)
 }
 
 /// The snapshot, what is known about it, and the clock.
@@ -78,130 +78,120 @@ pub(super) struct Job<'a> {
     pub progress: &'a dyn Progress,
     pub metadata: Metadata,
     pub raw_bytes: u64,
+    /// Bytes of the file beside its one coded block.
+    pub overhead: u64,
     seconds: Vec<(&'static str, f64)>,
 }
 
-/// Tries to find a number of Gaussians whose steps are near nominal.
+/// A coded block and its multiple of the nominal steps.
+pub(super) struct Coded {
+    pub block: Vec<u8>,
+    pub factor: f64,
+}
+
+/// The one layer's name; readers that know species give their own.
+const LAYER: &str = "particles";
+/// Bytes a Gaussian at the nominal steps, to begin with; a refit corrects it.
+pub(super) const NOMINAL_BYTES: f64 = 4.2;
+/// Fits tried at most to find a number of Gaussians whose steps are near nominal.
 const FITS: usize = 3;
 /// Step factors between these cost less than a refit gains.
-const NEAR_NOMINAL: std::ops::Range<f64> = 0.7..1.45;
+const NEAR_NOMINAL: std::ops::Range<f64> = 0.75..1.4;
 
 impl<'a> Job<'a> {
     fn begin(particles: &'a Particles, options: &'a Options, progress: &'a dyn Progress) -> Result<Self> {
-        let raw_bytes = raw_bytes(particles);
         require("the fit", fit::memory_needed(particles))?;
         let start = Instant::now();
-        let metadata = describe(
-            particles,
-            particles.bounds(),
-            options.radius,
-            options.opacity,
-            options.command.clone(),
-            progress,
-        )?;
+        let (radius, opacity) = (options.radius, options.opacity);
+        let metadata =
+            describe(particles, particles.bounds(), radius, opacity, options.command.clone(), progress)?;
+        let overhead = codec::size_without_blocks(&metadata, options.certificate, &[LAYER], &[1]) as u64;
         let seconds = vec![("read", start.elapsed().as_secs_f64())];
-        Ok(Job { particles, options, progress, metadata, raw_bytes, seconds })
+        Ok(Job { particles, options, progress, metadata, raw_bytes: raw_bytes(particles), overhead, seconds })
     }
 
-    /// Fits `gaussians` (fewer where the particles do not carry so many).
-    pub fn fit(&mut self, gaussians: u64) -> Result<Mixture> {
+    /// Fits `number` Gaussians (fewer where the particles do not carry so many), ready to be coded.
+    fn fit(&mut self, number: u64) -> Result<Encoder> {
         let start = Instant::now();
         let options = FitOptions {
-            gaussians: usize::try_from(gaussians.min(self.metadata.count)).unwrap_or(usize::MAX),
+            gaussians: usize::try_from(number.min(self.metadata.count)).unwrap_or(usize::MAX),
             effort: self.options.effort,
             radius: self.metadata.default_radius,
             seed: self.options.seed,
         };
-        let mixture = fit::fit(self.particles, &options, self.progress)?;
+        let gaussians: Mixture = fit::fit(self.particles, &options, self.progress)?;
         self.spent("fit", start);
-        Ok(mixture)
-    }
-
-    /// A model without a certificate.
-    pub fn model(&self, gaussians: Mixture) -> Model {
         let m = &self.metadata;
-        let block = Block { bounds: m.bounds, count: m.count, mass: m.mass, gaussians };
-        Model {
-            metadata: m.clone(),
-            layers: vec![Layer { name: "particles".into(), blocks: vec![block] }],
-            certificate: None,
-        }
+        Encoder::new(&Block { bounds: m.bounds, count: m.count, mass: m.mass, gaussians })
     }
 
     /// `number` Gaussians at the nominal precision.
-    pub fn at_number(&mut self, number: u64) -> Result<(Vec<u8>, f64)> {
-        let mixture = self.fit(number)?;
+    pub fn at_number(&mut self, number: u64) -> Result<Coded> {
+        let encoder = self.fit(number)?;
         let start = Instant::now();
-        let bytes = self.encoder(mixture)?.encode(&Precision::default())?;
+        let block = encoder.encode(&Precision::BALANCED);
         self.spent("code", start);
-        Ok((bytes, 1.0))
+        Ok(Coded { block, factor: 1.0 })
     }
 
-    /// The best file of at most `target` bytes.
-    fn at_size(&mut self, target: u64) -> Result<(Vec<u8>, f64)> {
-        let mut number = (target as f64 / codec::NOMINAL_BYTES_A_GAUSSIAN).max(1.0) as u64;
-        let mut last = None;
-        for attempt in 0..FITS {
-            let mixture = self.fit(number)?;
-            let found = mixture.len() as u64;
-            let start = Instant::now();
-            let encoder = self.encoder(mixture)?;
-            let met = meet_size(target, found as usize, |q| encoder.encode(&Precision::default().scaled(q)))?;
-            self.spent("code", start);
-            let exhausted = found < number || number >= self.metadata.count;
-            if NEAR_NOMINAL.contains(&met.factor) && !met.too_large && !met.too_small
-                || (exhausted && !met.too_large)
-                || attempt + 1 == FITS && !met.too_large
-            {
-                last = Some(met);
+    /// The best file of at most `target` bytes: a number of Gaussians whose steps are near nominal,
+    /// and the steps that just fit.
+    fn at_size(&mut self, target: u64) -> Result<Coded> {
+        let room = target.saturating_sub(self.overhead);
+        let mut number = ((room as f64 / NOMINAL_BYTES) as u64).clamp(1, self.metadata.count);
+        let mut met = self.met_with(number, room)?;
+        for _ in 1..FITS {
+            let fine = !met.outcome.too_large && NEAR_NOMINAL.contains(&met.outcome.factor);
+            // What a Gaussian costs at the nominal steps tells the right number.
+            let better = ((room as f64 / met.nominal_bytes) as u64).clamp(1, self.metadata.count);
+            if fine || better == number || met.found < number && better > met.found {
                 break;
             }
-            if number == 1 {
-                return self.smallest(target, met);
-            }
-            // What this number of Gaussians costs at the nominal steps tells the right number.
-            let nominal = encoder.encode(&Precision::default())?.len() as f64;
-            let fixed = encoder.fixed_bytes() as f64;
-            let each = (nominal - fixed).max(1.0) / found as f64;
-            number = (((target as f64 - fixed) / each).floor() as u64).clamp(1, number.saturating_mul(4));
-            last = Some(met);
+            number = better;
+            met = self.met_with(number, room)?;
         }
-        match last {
-            Some(met) if !met.too_large => {
-                if met.too_small {
-                    self.progress.message(&format!(
-                        "note: the file is {} bytes, below the {target} asked for: these particles need no more",
-                        met.bytes.len()
-                    ));
-                }
-                Ok((met.bytes, met.factor))
-            }
-            _ => {
-                let mixture = self.fit(1)?;
-                let encoder = self.encoder(mixture)?;
-                let met = meet_size(target, 1, |q| encoder.encode(&Precision::default().scaled(q)))?;
-                if met.too_large { self.smallest(target, met) } else { Ok((met.bytes, met.factor)) }
-            }
+        if met.outcome.too_large && number > 1 {
+            met = self.met_with(1, room)?;
         }
+        if met.outcome.too_large {
+            self.refuse_or_warn(target, &met.outcome)?;
+        } else if met.outcome.too_small {
+            let bytes = met.outcome.bytes.len() as u64 + self.overhead;
+            self.progress.message(&format!(
+                "note: the file has {bytes} bytes, fewer than the {target} asked for: these particles need no more"
+            ));
+        }
+        Ok(Coded { block: met.outcome.bytes, factor: met.outcome.factor })
+    }
+
+    fn met_with(&mut self, number: u64, room: u64) -> Result<MetWith> {
+        let encoder = self.fit(number)?;
+        let start = Instant::now();
+        let encode = |q| {
+            self.progress.check()?;
+            Ok(encoder.encode(&Precision::BALANCED.scaled(q)))
+        };
+        let (outcome, nominal) = meet_size(room, encoder.len(), encode)?;
+        self.spent("code", start);
+        Ok(MetWith { outcome, found: encoder.len() as u64, nominal_bytes: nominal as f64 / encoder.len() as f64 })
     }
 
     /// Header and one Gaussian do not fit: a warning by default, an error where it was asked for.
-    fn smallest(&self, target: u64, met: Met) -> Result<(Vec<u8>, f64)> {
-        let smallest = met.bytes.len();
-        if !met.too_large {
-            return Ok((met.bytes, met.factor));
-        }
-        let what = format!("{target} bytes were asked for; the smallest file of this snapshot is {smallest} bytes");
+    fn refuse_or_warn(&self, target: u64, met: &Met) -> Result<()> {
+        let smallest = met.bytes.len() as u64 + self.overhead;
+        let what = format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
         if self.options.target == Target::Default {
             self.progress.message(&format!("warning: {what}"));
-            return Ok((met.bytes, met.factor));
+            return Ok(());
         }
-        let hint = format!("ask for `--size {smallest}B` or more, or a ratio below {:.4}", self.raw_bytes as f64 / smallest as f64);
+        let ratio = self.raw_bytes as f64 / smallest as f64;
+        let hint = format!("ask for `--size {smallest}B` or more, or for a ratio of {ratio:.4} or less");
         Err(Error::Unreachable { what, hint })
     }
 
-    pub fn encoder(&self, mixture: Mixture) -> Result<Encoder> {
-        Encoder::new(&self.model(mixture), self.options.certificate)
+    /// The file of a coded block.
+    pub fn file(&self, block: Vec<u8>, certificate: Option<&crate::model::Certificate>) -> Result<Vec<u8>> {
+        codec::assemble(&self.metadata, certificate, vec![CodedLayer { name: LAYER.into(), blocks: vec![block] }])
     }
 
     fn spent(&mut self, phase: &'static str, start: Instant) {
@@ -212,20 +202,34 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// Decodes the file, measures the decoded model, and puts the certificate into its place.
-    fn finish(mut self, bytes: Vec<u8>, step_factor: f64) -> Result<Compressed> {
+    /// Decodes the file and, where asked for, measures the decoded model.
+    fn finish(mut self, coded: Coded) -> Result<Compressed> {
         let start = Instant::now();
+        let mut bytes = self.file(coded.block.clone(), None)?;
         let mut model = codec::decode(&bytes, "the file just coded")?;
         self.spent("decode", start);
-        let mut bytes = bytes;
         if self.options.certificate {
             let start = Instant::now();
-            let certificate: Certificate =
-                score::certificate(&model, self.particles, self.options.seed, self.progress)?;
-            bytes = codec::with_certificate(&bytes, &certificate)?;
-            model = codec::decode(&bytes, "the file just coded")?;
+            let certificate = score::certificate(&model, self.particles, self.progress)?;
+            bytes = self.file(coded.block, Some(&certificate))?;
+            model.certificate = Some(certificate);
             self.spent("certificate", start);
         }
-        Ok(Compressed { bytes, model, raw_bytes: self.raw_bytes, step_factor, seconds: self.seconds })
+        Ok(Compressed {
+            bytes,
+            model,
+            raw_bytes: self.raw_bytes,
+            step_factor: coded.factor,
+            seconds: self.seconds,
+        })
     }
+}
+
+/// A fit coded to a size.
+struct MetWith {
+    outcome: Met,
+    /// Gaussians that the fit gave.
+    found: u64,
+    /// Bytes a Gaussian at the nominal steps.
+    nominal_bytes: f64,
 }

@@ -31,33 +31,24 @@ pub fn close_enough(bytes: u64, target: u64) -> bool {
 }
 
 /// Finds the step factor at which `encode` gives the largest file that is not above `target`:
-/// secant steps on log(factor), kept inside a shrinking bracket.
-pub fn meet_size(target: u64, gaussians: usize, mut encode: impl FnMut(f64) -> Result<Vec<u8>>) -> Result<Met> {
+/// secant steps on log(factor), kept inside a shrinking bracket. Begins at the nominal steps and
+/// gives the bytes there beside the outcome.
+pub fn meet_size(
+    target: u64,
+    gaussians: usize,
+    mut encode: impl FnMut(f64) -> Result<Vec<u8>>,
+) -> Result<(Met, usize)> {
     let bits_per_octave = PARAMETERS * gaussians as f64;
     let (mut fine, mut coarse) = (RANGE.0.log2(), RANGE.1.log2());
-    let mut best: Option<(f64, Vec<u8>)> = None;
-    let mut smallest: Option<(f64, Vec<u8>)> = None;
     let mut at = 0.0f64;
+    let mut kept = (at, encode(1.0)?);
+    let nominal = kept.1.len();
+    let mut size = nominal as u64;
     for _ in 0..TRIES {
-        let bytes = encode(at.exp2())?;
-        let size = bytes.len() as u64;
-        if size <= target {
-            coarse = at;
-            // Leave when what remains could not buy anything worth another encoding.
-            let near = target - size <= 16.max(target / 2000);
-            if best.as_ref().is_none_or(|b| b.1.len() < bytes.len()) {
-                best = Some((at, bytes));
-            }
-            if near {
-                break;
-            }
-        } else {
-            fine = at;
-            if smallest.as_ref().is_none_or(|s| s.1.len() > bytes.len()) {
-                smallest = Some((at, bytes));
-            }
-        }
-        if coarse - fine < 1e-4 {
+        let fits = size <= target;
+        *(if fits { &mut coarse } else { &mut fine }) = at;
+        // Leave when what remains could not buy anything worth another encoding.
+        if fits && target - size <= 16.max(target / 2000) || coarse - fine < 1e-4 {
             break;
         }
         // Aim a little below the target, so that the next step is likely to fit.
@@ -66,15 +57,25 @@ pub fn meet_size(target: u64, gaussians: usize, mut encode: impl FnMut(f64) -> R
         let next = at + step;
         let margin = 0.02 * (coarse - fine);
         at = if next > fine + margin && next < coarse - margin { next } else { 0.5 * (fine + coarse) };
-    }
-    Ok(match (best, smallest) {
-        (Some((at, bytes)), _) => {
-            let too_small = !close_enough(bytes.len() as u64, target);
-            Met { bytes, factor: at.exp2(), too_large: false, too_small }
+        let bytes = encode(at.exp2())?;
+        size = bytes.len() as u64;
+        if better(&bytes, &kept.1, target) {
+            kept = (at, bytes);
         }
-        (None, Some((at, bytes))) => Met { bytes, factor: at.exp2(), too_large: true, too_small: false },
-        (None, None) => unreachable!("at least one encoding was tried"),
-    })
+    }
+    let (at, bytes) = kept;
+    let too_large = bytes.len() as u64 > target;
+    let too_small = !too_large && !close_enough(bytes.len() as u64, target);
+    Ok((Met { bytes, factor: at.exp2(), too_large, too_small }, nominal))
+}
+
+/// The larger of two that fit, else the smaller.
+fn better(new: &[u8], old: &[u8], target: u64) -> bool {
+    match (new.len() as u64 <= target, old.len() as u64 <= target) {
+        (true, true) => new.len() > old.len(),
+        (fits, false) => fits || new.len() < old.len(),
+        (false, true) => false,
+    }
 }
 
 #[cfg(test)]
@@ -88,7 +89,7 @@ mod tests {
         fn sizes_are_met(gaussians in 100usize..100_000, bits in 20.0f64..60.0, slope in 3.0f64..12.0, want in 0.7f64..1.3) {
             let size = |q: f64| (400.0 + gaussians as f64 * (bits - slope * q.log2()).max(1.0) / 8.0) as usize;
             let target = (size(1.0) as f64 * want) as u64;
-            let met = meet_size(target, gaussians, |q| Ok(vec![0; size(q)])).unwrap();
+            let met = meet_size(target, gaussians, |q| Ok(vec![0; size(q)])).unwrap().0;
             prop_assert!(!met.too_large);
             prop_assert!(met.too_small || close_enough(met.bytes.len() as u64, target));
             prop_assert!(met.bytes.len() as u64 <= target);
@@ -97,8 +98,8 @@ mod tests {
 
     #[test]
     fn a_target_out_of_reach_says_so() {
-        let met = meet_size(100, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap();
+        let met = meet_size(100, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().0;
         assert!(met.too_large);
-        assert!(meet_size(1_000_000, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().too_small);
+        assert!(meet_size(1_000_000, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().0.too_small);
     }
 }

@@ -1,12 +1,11 @@
 //! The smallest file of a wanted quality: masked PSNR, `expected` look, mean over held-out views.
 
-use super::job::Job;
-use crate::codec::{self, Precision};
-use crate::picture::{Gray8, Plane, Size, masked_psnr};
-use crate::reference::Reference;
-use crate::render::{self, Scene};
-use crate::score::{EvalView, ViewSeed, held_out_views};
-use crate::splat::{Look, tone};
+use super::job::{Coded, Job, NOMINAL_BYTES};
+use super::target::DEFAULT_RATIO;
+use crate::codec;
+use crate::picture::Size;
+use crate::render::Scene;
+use crate::score::{HeldOut, ViewSeed, held_out_views};
 use crate::{Error, Result};
 
 /// Pictures that quality is measured on.
@@ -24,7 +23,7 @@ const FITS: usize = 8;
 struct Tried {
     number: f64,
     decibels: f64,
-    bytes: Vec<u8>,
+    coded: Coded,
 }
 
 /// Finds the number of Gaussians, at the nominal precision, whose decoded file just reaches
@@ -32,16 +31,20 @@ struct Tried {
 ///
 /// # Errors
 /// [`Error::Unreachable`] where as many Gaussians as particles, or eight fits, do not reach it.
-pub(super) fn reach_quality(job: &mut Job, decibels: f64) -> Result<(Vec<u8>, f64)> {
-    let truths = truths(job)?;
-    let most = job.metadata.count as f64;
-    let mut number = (job.raw_bytes as f64 / super::target::DEFAULT_RATIO / codec::NOMINAL_BYTES_A_GAUSSIAN).clamp(1.0, most);
+pub(super) fn reach_quality(job: &mut Job, decibels: f64) -> Result<Coded> {
+    let m = &job.metadata;
+    let seed = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: job.options.seed };
+    let held_out = HeldOut::draw(job.particles, &held_out_views(&seed, FRAMES), SIZE, job.progress)?;
+    let most = m.count as f64;
+    let mut number = (job.raw_bytes as f64 / DEFAULT_RATIO / NOMINAL_BYTES).clamp(1.0, most).floor();
     let (mut above, mut below): (Option<Tried>, Option<Tried>) = (None, None);
     for _ in 0..FITS {
-        let (bytes, _) = job.at_number(number as u64)?;
-        let reached = quality(job, &bytes, &truths)?;
-        job.progress.message(&format!("{} Gaussians, {} bytes: {reached:.2} dB", number as u64, bytes.len()));
-        let tried = Tried { number: number.floor(), decibels: reached, bytes };
+        let coded = job.at_number(number as u64)?;
+        let model = codec::decode(&job.file(coded.block.clone(), None)?, "the file just coded")?;
+        // Pictures that are identical in every view have no finite score.
+        let reached = held_out.expected_masked_psnr(&Scene::of(&model), job.progress)?.unwrap_or(f64::INFINITY);
+        job.progress.message(&format!("{number} Gaussians, {} bytes: {reached:.2} dB", coded.block.len()));
+        let tried = Tried { number, decibels: reached, coded };
         let done = reached >= decibels && (reached - decibels <= CLOSE_DECIBELS || number <= 1.0)
             || reached < decibels && number >= most;
         *(if reached >= decibels { &mut above } else { &mut below }) = Some(tried);
@@ -54,7 +57,7 @@ pub(super) fn reach_quality(job: &mut Job, decibels: f64) -> Result<(Vec<u8>, f6
         }
     }
     match (above, below) {
-        (Some(t), _) => Ok((t.bytes, 1.0)),
+        (Some(t), _) => Ok(t.coded),
         (None, below) => Err(Error::Unreachable {
             what: format!(
                 "{decibels} dB was asked for; {:.2} dB was reached with {} Gaussians",
@@ -79,35 +82,4 @@ fn next(above: Option<&Tried>, below: Option<&Tried>, decibels: f64) -> f64 {
         }
         (None, None) => 1.0,
     }
-}
-
-/// The held-out views and what all particles show there.
-fn truths(job: &Job) -> Result<Vec<(EvalView, Gray8)>> {
-    let m = &job.metadata;
-    let seed = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: job.options.seed };
-    let reference = Reference::new(job.particles, m.bounds);
-    held_out_views(&seed, FRAMES)
-        .into_iter()
-        .map(|v| {
-            let tau = reference.optical_depth(&v.view, SIZE, job.progress)?;
-            let picture = expected(&tau, &v);
-            Ok((v, picture))
-        })
-        .collect()
-}
-
-fn expected(tau: &Plane, v: &EvalView) -> Gray8 {
-    tone(tau, Look::Expected, v.view.opacity, v.view.radius_pixels(SIZE))
-}
-
-fn quality(job: &Job, bytes: &[u8], truths: &[(EvalView, Gray8)]) -> Result<f64> {
-    let model = codec::decode(bytes, "the file just coded")?;
-    let scene = Scene::of(&model);
-    let mut sum = 0.0;
-    for (v, truth) in truths {
-        let tau = render::optical_depth(&scene, &v.view, SIZE, job.progress)?;
-        // Identical pictures have no finite score; 99 dB stands for them in the mean.
-        sum += masked_psnr(truth, &expected(&tau, v)).unwrap_or(99.0);
-    }
-    Ok(sum / truths.len() as f64)
 }
