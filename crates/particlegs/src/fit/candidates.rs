@@ -11,20 +11,20 @@ const LEAF: usize = 8;
 
 /// An ellipsoid with all that its overlaps need.
 #[derive(Clone, Copy, Debug)]
-pub struct Ellipsoid {
-    pub mean: [f64; 3],
-    pub cov: Sym3,
+pub(crate) struct Ellipsoid {
+    pub(crate) mean: [f64; 3],
+    pub(crate) cov: Sym3,
     /// Largest eigenvalue.
-    pub widest: f64,
+    pub(crate) widest: f64,
     /// Cube root of the determinant.
-    pub det_cbrt: f64,
+    pub(crate) det_cbrt: f64,
     /// 2 ln(count); -infinity for none.
-    pub log_count2: f64,
+    pub(crate) log_count2: f64,
 }
 
 impl Ellipsoid {
     /// `cov` must be positive definite.
-    pub fn new(mean: [f64; 3], cov: Sym3, count: f64) -> Self {
+    pub(crate) fn new(mean: [f64; 3], cov: Sym3, count: f64) -> Self {
         Ellipsoid {
             mean,
             cov,
@@ -36,7 +36,7 @@ impl Ellipsoid {
 
     /// Minus twice the logarithm of the overlap, constants left out.
     #[inline]
-    pub fn separation(&self, other: &Ellipsoid) -> f64 {
+    pub(crate) fn separation(&self, other: &Ellipsoid) -> f64 {
         let s = self.cov.add(&other.cov);
         let [a, b, c, d, e, f] = s.0;
         let (xx, xy, xz) = (d * f - e * e, c * e - b * f, b * e - c * d);
@@ -80,7 +80,7 @@ struct Node {
 }
 
 /// A tree over Gaussians.
-pub struct OverlapTree<'a> {
+pub(crate) struct OverlapTree<'a> {
     items: &'a [Ellipsoid],
     order: Vec<u32>,
     nodes: Vec<Node>,
@@ -88,7 +88,7 @@ pub struct OverlapTree<'a> {
 
 impl<'a> OverlapTree<'a> {
     /// Builds the tree over those with a count above zero.
-    pub fn new(items: &'a [Ellipsoid]) -> Self {
+    pub(crate) fn new(items: &'a [Ellipsoid]) -> Self {
         let order: Vec<u32> = (0..items.len() as u32).filter(|&i| items[i as usize].log_count2.is_finite()).collect();
         let mut tree = OverlapTree { items, order, nodes: Vec::new() };
         if !tree.order.is_empty() {
@@ -142,7 +142,7 @@ impl<'a> OverlapTree<'a> {
 
     /// The at most `most` Gaussians whose overlap with `group` is within `reach` (a difference of
     /// separations) of the best, best first.
-    pub fn nearest(&self, group: &Ellipsoid, most: usize, reach: f64, found: &mut Vec<(f64, u32)>) {
+    pub(crate) fn nearest(&self, group: &Ellipsoid, most: usize, reach: f64, found: &mut Vec<(f64, u32)>) {
         found.clear();
         if self.nodes.is_empty() {
             return;

@@ -3,6 +3,7 @@
 //! The E step runs group by group (see `em_kernel`), the M step gathers each Gaussian's sums from
 //! the groups that hold it as a candidate, always in the order of the groups.
 
+use super::Moments;
 use super::candidates::{Ellipsoid, OverlapTree};
 use super::em_kernel::{self, SUMS, Scratch, Sums, Whitened};
 use crate::math::Sym3;
@@ -12,21 +13,21 @@ use std::ops::Range;
 
 /// Gaussians under refinement, in the store's scaled coordinates.
 #[derive(Clone, Debug, Default)]
-pub struct Gaussians {
-    pub mean: Vec<[f64; 3]>,
+pub(crate) struct Gaussians {
+    pub(crate) mean: Vec<[f64; 3]>,
     /// As measured, without the floor.
-    pub cov: Vec<Sym3>,
-    pub count: Vec<f64>,
+    pub(crate) cov: Vec<Sym3>,
+    pub(crate) count: Vec<f64>,
     /// Sum of weights; zero where particles have none.
-    pub mass: Vec<f64>,
+    pub(crate) mass: Vec<f64>,
 }
 
 impl Gaussians {
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.count.len()
     }
 
-    pub fn push(&mut self, mean: [f64; 3], cov: Sym3, count: f64, mass: f64) {
+    pub(crate) fn push(&mut self, mean: [f64; 3], cov: Sym3, count: f64, mass: f64) {
         self.mean.push(mean);
         self.cov.push(cov);
         self.count.push(count);
@@ -36,49 +37,44 @@ impl Gaussians {
 
 /// Runs of particles that lie together.
 #[derive(Clone, Debug, Default)]
-pub struct Groups {
-    pub range: Vec<Range<usize>>,
+pub(crate) struct Groups {
+    pub(crate) range: Vec<Range<usize>>,
     /// Moments of their particles, f64; the means of empty groups mean nothing.
-    pub mean: Vec<[f64; 3]>,
-    pub cov: Vec<Sym3>,
+    pub(crate) mean: Vec<[f64; 3]>,
+    pub(crate) cov: Vec<Sym3>,
 }
 
 /// Particles in the order of their groups.
-pub struct Cloud {
-    pub xyz: Vec<[f32; 3]>,
-    pub weight: Option<Vec<f32>>,
+#[derive(Clone, Copy)]
+pub(crate) struct Cloud<'a> {
+    pub(crate) xyz: &'a [[f32; 3]],
+    pub(crate) weight: Option<&'a [f32]>,
 }
 
-/// Mean and covariance of points, in f64 about their first.
-pub fn moments(points: &[[f32; 3]]) -> ([f64; 3], Sym3) {
-    let Some(&first) = points.first() else { return ([0.0; 3], Sym3::default()) };
-    let origin = first.map(f64::from);
-    let (mut s, mut q) = ([0f64; 3], [0f64; 6]);
-    for p in points {
-        let d: [f64; 3] = std::array::from_fn(|k| f64::from(p[k]) - origin[k]);
-        for k in 0..3 {
-            s[k] += d[k];
-        }
-        for (k, (i, j)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
-            q[k] += d[i] * d[j];
-        }
-    }
-    let n = points.len() as f64;
-    let d = s.map(|v| v / n);
-    let cov = Sym3(q.map(|v| v / n)).add(&Sym3::outer(d).scale(-1.0));
-    (std::array::from_fn(|k| origin[k] + d[k]), cov)
+/// What the E and the M step regularise by; store units squared.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shape {
+    /// Added to every variance.
+    pub(crate) floor: f64,
+    /// How strongly moments are taken from a Gaussian's core: a particle counts by
+    /// `exp(-focus/2 d^T (S + blur)^-1 d)`, and the covariance is put right for what that would do
+    /// to a true Gaussian. 0 is plain maximum likelihood, which lets outskirts swell the cores
+    /// that a picture shows.
+    pub(crate) focus: f64,
+    /// Variance below which details do not show: smaller Gaussians keep their plain moments.
+    pub(crate) blur: f64,
 }
 
 impl Groups {
-    pub fn new(range: Vec<Range<usize>>, xyz: &[[f32; 3]]) -> Self {
-        let parts: Vec<_> = range.par_iter().map(|r| moments(&xyz[r.clone()])).collect();
-        let (mean, cov) = parts.into_iter().unzip();
+    pub(crate) fn new(range: Vec<Range<usize>>, xyz: &[[f32; 3]]) -> Self {
+        let parts: Vec<Moments> = range.par_iter().map(|r| Moments::of(&xyz[r.clone()], None)).collect();
+        let (mean, cov) = parts.into_iter().map(|m| (m.mean, m.cov)).unzip();
         Groups { range, mean, cov }
     }
 }
 
 /// Which Gaussians each group may belong to, and for each Gaussian the groups that hold it.
-pub struct Candidates {
+pub(crate) struct Candidates {
     /// Group g holds `index[start[g]..start[g + 1]]`.
     start: Vec<usize>,
     index: Vec<u32>,
@@ -89,15 +85,23 @@ pub struct Candidates {
     group: Vec<u32>,
 }
 
+/// One exchange: `freed` went into `kept` (itself where it was dead) and became a half of `split`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Move {
+    pub(crate) split: u32,
+    pub(crate) kept: u32,
+    pub(crate) freed: u32,
+}
+
 /// How candidates are chosen.
 #[derive(Clone, Copy, Debug)]
-pub struct Reach {
+pub(crate) struct Reach {
     /// At most so many a group.
-    pub most: usize,
+    pub(crate) most: usize,
     /// Largest difference of separations from the best (2 ln of the ratio of overlaps).
-    pub reach: f64,
+    pub(crate) reach: f64,
     /// Added to every variance, scaled units squared.
-    pub floor: f64,
+    pub(crate) floor: f64,
 }
 
 /// Work items of one rayon task.
@@ -105,7 +109,7 @@ const TASK: usize = 64;
 
 impl Candidates {
     /// Finds each group's candidates among Gaussians with a count above zero.
-    pub fn find(groups: &Groups, gaussians: &Gaussians, reach: Reach) -> Self {
+    pub(crate) fn find(groups: &Groups, gaussians: &Gaussians, reach: Reach) -> Self {
         let floor = Sym3::scaled_identity(reach.floor);
         let items: Vec<Ellipsoid> = (0..gaussians.len())
             .into_par_iter()
@@ -152,41 +156,65 @@ impl Candidates {
         Candidates { start, index, entry_start, entry, group }
     }
 
-    /// The candidates of a group, best first.
-    pub fn of(&self, group: usize) -> &[u32] {
-        &self.index[self.start[group]..self.start[group + 1]]
+    /// The same lists after an exchange: who held a Gaussian that was merged away holds the one it
+    /// went into, who held one that was split holds both halves.
+    pub(crate) fn after(&self, moves: &[Move], gaussians: usize) -> Self {
+        let (mut into, mut half): (Vec<Option<u32>>, Vec<Option<u32>>) = (vec![None; gaussians], vec![None; gaussians]);
+        for m in moves {
+            into[m.freed as usize] = Some(m.kept);
+            half[m.split as usize] = Some(m.freed);
+        }
+        let lists: Vec<Vec<u32>> = (0..self.start.len() - 1)
+            .into_par_iter()
+            .map(|g| {
+                let mut list = Vec::with_capacity(self.of(g).len() + 4);
+                let mut add = |j: u32| {
+                    if !list.contains(&j) {
+                        list.push(j);
+                    }
+                };
+                for &j in self.of(g) {
+                    add(into[j as usize].unwrap_or(j));
+                    if let Some(h) = half[j as usize] {
+                        add(h);
+                    }
+                }
+                list
+            })
+            .collect();
+        Self::from_lists(&lists, gaussians)
     }
 
-    /// Mean number of candidates a group.
-    pub fn mean_count(&self) -> f64 {
-        self.index.len() as f64 / (self.start.len() - 1).max(1) as f64
+    /// The candidates of a group, best first.
+    pub(crate) fn of(&self, group: usize) -> &[u32] {
+        &self.index[self.start[group]..self.start[group + 1]]
     }
 }
 
 /// What one E step found.
-pub struct Expectation {
+pub(crate) struct Expectation {
     sums: Vec<Sums>,
     /// The likeliest Gaussian of each particle, where asked for.
-    pub owner: Vec<u32>,
+    pub(crate) owner: Vec<u32>,
     /// Sum of natural log likelihoods (up to a constant), where asked for.
-    pub likelihood: f64,
+    pub(crate) likelihood: f64,
 }
 
 /// One E step over all groups.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub fn expect(
-    cloud: &Cloud,
+pub(crate) fn expect(
+    cloud: Cloud<'_>,
     groups: &Groups,
     candidates: &Candidates,
     gaussians: &Gaussians,
-    floor: f64,
+    shape: Shape,
     owners: bool,
     likelihood: bool,
     progress: &dyn Progress,
 ) -> Result<Expectation> {
-    let whitened: Vec<_> = (0..gaussians.len()).into_par_iter().map(|j| Whitening::new(gaussians, j, floor)).collect();
+    let whitened: Vec<_> = (0..gaussians.len()).into_par_iter().map(|j| Whitening::new(gaussians, j, shape)).collect();
     let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
     let mut owner = vec![0u32; if owners { cloud.xyz.len() } else { 0 }];
     let work = split_by_groups(&mut sums, &mut owner, groups, candidates);
@@ -208,7 +236,7 @@ pub fn expect(
                     let centre = groups.mean[g].map(|v| v as f32);
                     local.clear();
                     local.extend(list.iter().map(|&j| whitened[j as usize].about(centre)));
-                    let weight = cloud.weight.as_ref().map(|w| &w[range.clone()]);
+                    let weight = cloud.weight.map(|w| &w[range.clone()]);
                     let asked = owners.then_some(&mut named[..]);
                     total +=
                         em_kernel::expect(&cloud.xyz[range], weight, centre, local, scratch, mine, asked, likelihood);
@@ -249,74 +277,67 @@ fn split_by_groups<'a>(
     tasks
 }
 
-/// A Gaussian's whitening transform in f64, to be placed relative to a group.
+/// A Gaussian's whitening transforms in f64, to be placed relative to a group.
 struct Whitening {
     mean: [f64; 3],
     rows: [f32; 6],
+    focus: [f32; 6],
     level: f32,
 }
 
 impl Whitening {
-    /// Rows of L^-1 with S + floor = L L^T, times sqrt(log2(e) / 2), so that logarithms are to base 2.
-    fn new(g: &Gaussians, j: usize, floor: f64) -> Self {
-        let [a, b, c, d, e, f] = g.cov[j].add(&Sym3::scaled_identity(floor)).0;
-        let positive = |v: f64| v.max(0.25 * floor).sqrt();
-        let l00 = positive(a);
-        let (l10, l20) = (b / l00, c / l00);
-        let l11 = positive(d - l10 * l10);
-        let l21 = (e - l20 * l10) / l11;
-        let l22 = positive(f - l20 * l20 - l21 * l21);
-        let s = (0.5 * std::f64::consts::LOG2_E).sqrt();
-        let (i00, i11, i22) = (s / l00, s / l11, s / l22);
-        let i10 = -l10 * i00 / l11;
-        let i21 = -l21 * i11 / l22;
-        let i20 = (-l20 * i00 - l21 * i10) / l22;
-        let level = g.count[j].max(1e-30).log2() - (l00 * l11 * l22).log2();
-        Whitening { mean: g.mean[j], rows: [i00, i10, i11, i20, i21, i22].map(|v| v as f32), level: level as f32 }
+    fn new(g: &Gaussians, j: usize, shape: Shape) -> Self {
+        let (rows, det) = whiten(&g.cov[j], shape.floor, 1.0);
+        let (focus, _) = whiten(&g.cov[j], shape.floor + shape.blur, shape.focus);
+        let level = g.count[j].max(1e-30).log2() - det.log2();
+        Whitening { mean: g.mean[j], rows, focus, level: level as f32 }
     }
 
     fn about(&self, centre: [f32; 3]) -> Whitened {
         let mean = std::array::from_fn(|k| (self.mean[k] - f64::from(centre[k])) as f32);
-        Whitened { mean, rows: self.rows, level: self.level }
+        Whitened { mean, rows: self.rows, focus: self.focus, level: self.level }
     }
+}
+
+/// Rows of L^-1 with `cov + floor = L L^T`, times sqrt(`share` log2(e) / 2), so that their squares
+/// are logarithms to base 2; and the determinant of L.
+fn whiten(cov: &Sym3, floor: f64, share: f64) -> ([f32; 6], f64) {
+    let [a, b, c, d, e, f] = cov.add(&Sym3::scaled_identity(floor)).0;
+    let positive = |v: f64| v.max(0.25 * floor).sqrt();
+    let l00 = positive(a);
+    let (l10, l20) = (b / l00, c / l00);
+    let l11 = positive(d - l10 * l10);
+    let l21 = (e - l20 * l10) / l11;
+    let l22 = positive(f - l20 * l20 - l21 * l21);
+    let s = (0.5 * std::f64::consts::LOG2_E * share).sqrt();
+    let (i00, i11, i22) = (s / l00, s / l11, s / l22);
+    let i10 = -l10 * i00 / l11;
+    let i21 = -l21 * i11 / l22;
+    let i20 = (-l20 * i00 - l21 * i10) / l22;
+    ([i00, i10, i11, i20, i21, i22].map(|v| v as f32), l00 * l11 * l22)
 }
 
 /// The M step: each Gaussian becomes the moments of the responsibilities it got. One that got
 /// (nearly) nothing keeps its shape with a count of zero.
-pub fn maximise(
+pub(crate) fn maximise(
     expectation: &Expectation,
     groups: &Groups,
     candidates: &Candidates,
     gaussians: &mut Gaussians,
-    weighted: bool,
+    shape: Shape,
 ) {
     let new: Vec<_> = (0..gaussians.len())
         .into_par_iter()
         .map(|j| {
-            let entries = &candidates.entry[candidates.entry_start[j]..candidates.entry_start[j + 1]];
-            let (mut n, mut mass, mut s, mut q) = (0f64, 0f64, [0f64; 3], [0f64; 6]);
-            let about = gaussians.mean[j];
-            for &e in entries {
-                let e = e as usize;
-                let part = expectation.sums[e].map(f64::from);
-                let centre = groups.mean[candidates.group[e] as usize].map(|v| f64::from(v as f32));
-                let g: [f64; 3] = std::array::from_fn(|k| centre[k] - about[k]);
-                n += part[0];
-                mass += part[10];
-                for k in 0..3 {
-                    s[k] += part[1 + k] + part[0] * g[k];
-                }
-                for (k, (a, b)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
-                    q[k] += part[4 + k] + g[a] * part[1 + b] + g[b] * part[1 + a] + part[0] * g[a] * g[b];
-                }
+            let total = gather(expectation, groups, candidates, j, gaussians.mean[j]);
+            let (count, focused) = (total[0], total[2]);
+            if count < LEAST || focused < LEAST * LEAST {
+                return (gaussians.mean[j], gaussians.cov[j], 0.0, 0.0);
             }
-            if n < 1e-6 {
-                return (about, gaussians.cov[j], 0.0, 0.0);
-            }
-            let d = s.map(|v| v / n);
-            let cov = Sym3(q.map(|v| v / n)).add(&Sym3::outer(d).scale(-1.0));
-            let mean = std::array::from_fn(|k| about[k] + d[k]);
-            (mean, nonnegative(cov), n, if weighted { mass } else { 0.0 })
+            let d: [f64; 3] = std::array::from_fn(|k| total[3 + k] / focused);
+            let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
+            let mean = std::array::from_fn(|k| gaussians.mean[j][k] + d[k]);
+            (mean, nonnegative(unfocus(cov, &gaussians.cov[j], shape)), count, total[1])
         })
         .collect();
     for (j, (mean, cov, count, mass)) in new.into_iter().enumerate() {
@@ -327,6 +348,48 @@ pub fn maximise(
     }
 }
 
+/// A Gaussian of fewer particles is dead.
+const LEAST: f64 = 1e-6;
+
+/// Gaussian j's sums over all groups, about its old mean.
+fn gather(e: &Expectation, groups: &Groups, candidates: &Candidates, j: usize, about: [f64; 3]) -> [f64; SUMS] {
+    let mut total = [0f64; SUMS];
+    for &entry in &candidates.entry[candidates.entry_start[j]..candidates.entry_start[j + 1]] {
+        let part = e.sums[entry as usize].map(f64::from);
+        // The kernel's centre: the group's mean rounded to f32.
+        let centre = groups.mean[candidates.group[entry as usize] as usize].map(|v| f64::from(v as f32));
+        let g: [f64; 3] = std::array::from_fn(|k| centre[k] - about[k]);
+        for k in 0..3 {
+            total[k] += part[k];
+            total[3 + k] += part[3 + k] + part[2] * g[k];
+        }
+        for (k, (a, b)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
+            total[6 + k] += part[6 + k] + g[a] * part[3 + b] + g[b] * part[3 + a] + part[2] * g[a] * g[b];
+        }
+    }
+    total
+}
+
+/// Puts right what the focus does to a covariance: with T = 1 + focus S (S + blur)^-1 a true
+/// Gaussian's focused covariance is S T^-1, so T^1/2 C T^1/2 is its own. S is the old covariance.
+fn unfocus(cov: Sym3, old: &Sym3, shape: Shape) -> Sym3 {
+    if shape.focus == 0.0 {
+        return cov;
+    }
+    let mut e = old.eigen();
+    e.values = e.values.map(|v| {
+        let v = v.max(0.0);
+        (1.0 + shape.focus * v / (v + shape.floor + shape.blur)).sqrt()
+    });
+    let (t, c) = (Sym3::from_eigen(&e), cov.rows());
+    let columns: [[f64; 3]; 3] = std::array::from_fn(|k| t.apply(c[k]));
+    // Row k of T C is T applied to the columns of C, which are its rows; then the same from the right.
+    let tc: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|k| columns[k][i]));
+    let r: [[f64; 3]; 3] = std::array::from_fn(|i| t.apply(tc[i]));
+    let half = |i: usize, k: usize| 0.5 * (r[i][k] + r[k][i]);
+    Sym3([r[0][0], half(0, 1), half(0, 2), r[1][1], half(1, 2), r[2][2]])
+}
+
 /// Rounding may leave a flat cluster's variance a little below zero.
 fn nonnegative(mut cov: Sym3) -> Sym3 {
     for k in [0, 3, 5] {
@@ -335,8 +398,13 @@ fn nonnegative(mut cov: Sym3) -> Sym3 {
     cov
 }
 
-/// Reorders the cloud so that each Gaussian's own particles lie together: group j is Gaussian j's.
-pub fn regroup(cloud: &mut Cloud, owner: &[u32], gaussians: usize) -> Groups {
+/// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's. Returns the
+/// new order's positions and weights.
+pub(crate) fn regroup(
+    cloud: Cloud<'_>,
+    owner: &[u32],
+    gaussians: usize,
+) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
     let mut start = vec![0usize; gaussians + 1];
     for &o in owner {
         start[o as usize + 1] += 1;
@@ -346,17 +414,15 @@ pub fn regroup(cloud: &mut Cloud, owner: &[u32], gaussians: usize) -> Groups {
     }
     let mut next = start.clone();
     let mut xyz = vec![[0f32; 3]; cloud.xyz.len()];
-    let mut weight = cloud.weight.as_ref().map(|w| vec![0f32; w.len()]);
+    let mut weight = cloud.weight.map(|w| vec![0f32; w.len()]);
     for (i, &o) in owner.iter().enumerate() {
         let at = next[o as usize];
         next[o as usize] += 1;
         xyz[at] = cloud.xyz[i];
-        if let (Some(new), Some(old)) = (&mut weight, &cloud.weight) {
+        if let (Some(new), Some(old)) = (&mut weight, cloud.weight) {
             new[at] = old[i];
         }
     }
-    cloud.xyz = xyz;
-    cloud.weight = weight;
-    let range = (0..gaussians).map(|j| start[j]..start[j + 1]).collect();
-    Groups::new(range, &cloud.xyz)
+    let groups = Groups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
+    (xyz, weight, groups)
 }

@@ -12,27 +12,30 @@ const LANES: usize = 16;
 /// Particles whose sums are kept in f32 before they go to f64.
 const RUN: usize = 512;
 
-/// Columns of [`Sums`]: responsibility, x, y, z, xx, xy, xz, yy, yz, zz (relative to the group's
-/// centre), weight.
-pub const SUMS: usize = 11;
+/// Columns of [`Sums`]: responsibility, weight times responsibility, then the focused responsibility
+/// (see [`Whitened::focus`]) times 1, x, y, z, xx, xy, xz, yy, yz, zz (relative to the group's centre).
+pub(crate) const SUMS: usize = 12;
 
 /// What a group gives to one candidate.
-pub type Sums = [f32; SUMS];
+pub(crate) type Sums = [f32; SUMS];
 
 /// A Gaussian as the kernel wants it: log2 of its density at x is `level - |rows (x - mean)|^2`.
 #[derive(Clone, Copy, Debug)]
-pub struct Whitened {
+pub(crate) struct Whitened {
     /// Relative to the group's centre.
-    pub mean: [f32; 3],
+    pub(crate) mean: [f32; 3],
     /// Lower triangle by rows.
-    pub rows: [f32; 6],
+    pub(crate) rows: [f32; 6],
+    /// Lower triangle of the focus: a particle counts in the moments by its responsibility times
+    /// 2^-|focus (x - mean)|^2.
+    pub(crate) focus: [f32; 6],
     /// log2 of count and norm.
-    pub level: f32,
+    pub(crate) level: f32,
 }
 
 /// Buffers of one thread.
 #[derive(Default)]
-pub struct Scratch {
+pub(crate) struct Scratch {
     share: Vec<[f32; LANES]>,
     sums: Vec<[[f32; LANES]; SUMS]>,
 }
@@ -40,7 +43,7 @@ pub struct Scratch {
 /// The E step of one group: adds each particle's responsibilities for `candidates` into `sums`
 /// (overwritten) and names each particle's likeliest candidate in `owner` where that is asked for.
 /// Returns the sum of log2 likelihoods where `likelihood` is set, else 0.
-pub fn expect(
+pub(crate) fn expect(
     points: &[[f32; 3]],
     weight: Option<&[f32]>,
     centre: [f32; 3],
@@ -147,11 +150,7 @@ fn vector_of_particles<S: Simd>(
 
     let mut best = f32x16::splat(simd, f32::MIN);
     for (c, out) in candidates.iter().zip(share.iter_mut()) {
-        let (dx, dy, dz) = (x - c.mean[0], y - c.mean[1], z - c.mean[2]);
-        let u = dx * c.rows[0];
-        let v = dx * c.rows[1] + dy * c.rows[2];
-        let w = dx * c.rows[3] + dy * c.rows[4] + dz * c.rows[5];
-        let log = f32x16::splat(simd, c.level) - (u * u + v * v + w * w);
+        let log = f32x16::splat(simd, c.level) - squared(&c.rows, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
         best = best.max(log);
         log.store_slice(out);
     }
@@ -165,12 +164,17 @@ fn vector_of_particles<S: Simd>(
         p.store_slice(s);
     }
     let invert = f32x16::load_array(simd, present) / norm;
-    let products = [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z, f32x16::load_array(simd, mass)];
-    for (s, sum) in share.iter().zip(sums.iter_mut()) {
+    let mass = f32x16::load_array(simd, mass);
+    let products = [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z];
+    for ((s, sum), c) in share.iter().zip(sums.iter_mut()).zip(candidates) {
         let r = f32x16::load_array_ref(simd, s) * invert;
+        let far = squared(&c.focus, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
+        let w = r * exp2_negative(simd, -far);
         (f32x16::load_array_ref(simd, &sum[0]) + r).store_slice(&mut sum[0]);
-        for q in 0..SUMS - 1 {
-            (f32x16::load_array_ref(simd, &sum[q + 1]) + r * products[q]).store_slice(&mut sum[q + 1]);
+        (f32x16::load_array_ref(simd, &sum[1]) + r * mass).store_slice(&mut sum[1]);
+        (f32x16::load_array_ref(simd, &sum[2]) + w).store_slice(&mut sum[2]);
+        for q in 0..9 {
+            (f32x16::load_array_ref(simd, &sum[q + 3]) + w * products[q]).store_slice(&mut sum[q + 3]);
         }
     }
     if !likelihood {
@@ -178,6 +182,15 @@ fn vector_of_particles<S: Simd>(
     }
     let (best, norm) = (<[f32; LANES]>::from(best), <[f32; LANES]>::from(norm));
     (0..n).map(|i| f64::from(best[i]) + f64::from(norm[i]).log2()).sum()
+}
+
+/// |rows d|^2 with the lower triangle `rows`.
+#[inline(always)]
+fn squared<S: Simd>(rows: &[f32; 6], [dx, dy, dz]: [f32x16<S>; 3]) -> f32x16<S> {
+    let u = dx * rows[0];
+    let v = dx * rows[1] + dy * rows[2];
+    let w = dx * rows[3] + dy * rows[4] + dz * rows[5];
+    u * u + v * v + w * w
 }
 
 /// The first candidate whose logarithm is the largest.

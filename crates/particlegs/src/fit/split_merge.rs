@@ -4,40 +4,43 @@
 //! densities before and after, blurred, summed over the three axis planes, in closed form:
 //! `<A, B> = m_A m_B N2(d; S_A + S_B + 2 s^2 I)`.
 
-use super::em::{Gaussians, Groups};
+use super::em::{Candidates, Gaussians, Groups, Move};
 use crate::math::Sym3;
 use rayon::prelude::*;
+use std::f64::consts::TAU;
 
 /// A Gaussian as projections see it.
 #[derive(Clone, Copy, Debug)]
-pub struct Blob {
-    pub count: f64,
-    pub mean: [f64; 3],
-    pub cov: Sym3,
+pub(crate) struct Blob {
+    pub(crate) count: f64,
+    pub(crate) mean: [f64; 3],
+    pub(crate) cov: Sym3,
 }
 
 /// The planes' axes and the elements of the covariance that they keep.
 const PLANES: [([usize; 2], [usize; 3]); 3] = [([0, 1], [0, 1, 3]), ([0, 2], [0, 2, 5]), ([1, 2], [3, 4, 5])];
 
-/// Sum over planes of the inner products of two blurred projections. `blur2` is twice s^2.
-fn inner(a: &Blob, b: &Blob, blur2: f64) -> [f64; 3] {
-    PLANES.map(|([u, v], [uu, uv, vv])| {
+/// Sum over planes of the inner product of two blurred projections. `blur2` is 2 s^2.
+fn inner(a: &Blob, b: &Blob, blur2: f64) -> f64 {
+    let mut sum = 0.0;
+    for ([u, v], [uu, uv, vv]) in PLANES {
         let s = [a.cov.0[uu] + b.cov.0[uu] + blur2, a.cov.0[uv] + b.cov.0[uv], a.cov.0[vv] + b.cov.0[vv] + blur2];
         let d = [a.mean[u] - b.mean[u], a.mean[v] - b.mean[v]];
         let det = s[0] * s[2] - s[1] * s[1];
         let q = (s[2] * d[0] * d[0] - 2.0 * s[1] * d[0] * d[1] + s[0] * d[1] * d[1]) / det;
-        a.count * b.count * (-0.5 * q).exp() / (2.0 * std::f64::consts::PI * det.sqrt())
-    })
+        sum += (-0.5 * q).exp() / (TAU * det.sqrt());
+    }
+    a.count * b.count * sum
 }
 
 /// ||P(whole) - P(a) - P(b)||^2 summed over planes.
-pub fn difference(whole: &Blob, a: &Blob, b: &Blob, blur2: f64) -> f64 {
-    let terms = [(whole, whole, 1.0), (a, a, 1.0), (b, b, 1.0), (a, b, 2.0), (whole, a, -2.0), (whole, b, -2.0)];
-    terms.iter().map(|(p, q, f)| f * inner(p, q, blur2).iter().sum::<f64>()).sum()
+pub(crate) fn difference(whole: &Blob, a: &Blob, b: &Blob, blur2: f64) -> f64 {
+    let same = inner(whole, whole, blur2) + inner(a, a, blur2) + inner(b, b, blur2);
+    same + 2.0 * (inner(a, b, blur2) - inner(whole, a, blur2) - inner(whole, b, blur2))
 }
 
 /// One blob with the moments of both.
-pub fn union(a: &Blob, b: &Blob) -> Blob {
+pub(crate) fn union(a: &Blob, b: &Blob) -> Blob {
     let count = a.count + b.count;
     let (p, q) = (a.count / count, b.count / count);
     let mean = std::array::from_fn(|k| p * a.mean[k] + q * b.mean[k]);
@@ -51,7 +54,7 @@ const BINS: usize = 32;
 
 /// Cuts points along `axis` where the variance between the parts is largest (Otsu), and returns the
 /// moments of both parts; `None` where they cannot be cut.
-pub fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option<(Blob, Blob)> {
+pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option<(Blob, Blob)> {
     let place = |p: &[f32; 3]| -> f64 { (0..3).map(|k| (f64::from(p[k]) - mean[k]) * axis[k]).sum() };
     let (lo, hi) = points.iter().map(place).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
     if hi.is_nan() || hi <= lo {
@@ -103,13 +106,13 @@ pub fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option<(Blob,
 
 /// How much a round may change.
 #[derive(Clone, Copy, Debug)]
-pub struct MoveOptions {
+pub(crate) struct MoveOptions {
     /// Blur of the measure, scaled units.
-    pub blur: f64,
+    pub(crate) blur: f64,
     /// A split must gain this many times what its merge costs.
-    pub ratio: f64,
+    pub(crate) ratio: f64,
     /// Largest share of the Gaussians that may be split in a round.
-    pub share: f64,
+    pub(crate) share: f64,
 }
 
 struct Split {
@@ -125,47 +128,39 @@ struct Merge {
 }
 
 /// Pairs the best splits with the cheapest merges, and makes them. `groups` are the Gaussians' own
-/// particles (group j is Gaussian j's), `neighbours` who each may merge with. Returns the number of
-/// pairs.
-pub fn exchange<'a>(
+/// particles (group j is Gaussian j's), `candidates` whom each may merge with. A dead Gaussian is
+/// a merge that costs nothing.
+pub(crate) fn exchange(
     gaussians: &mut Gaussians,
     groups: &Groups,
     xyz: &[[f32; 3]],
-    neighbours: impl Fn(usize) -> &'a [u32] + Sync,
+    candidates: &Candidates,
     options: MoveOptions,
-) -> usize {
+) -> Vec<Move> {
     let blur2 = 2.0 * options.blur * options.blur;
     let mut splits = best_splits(groups, xyz, blur2);
-    let mut merges = cheapest_merges(gaussians, neighbours, blur2);
+    let mut merges = cheapest_merges(gaussians, candidates, blur2);
     splits.sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.at.cmp(&b.at)));
     merges.sort_unstable_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))));
     let most = ((options.share * gaussians.len() as f64) as usize).max(1);
     let mut used = vec![false; gaussians.len()];
     let mut merges = merges.into_iter();
-    let mut made = 0;
+    let mut made = Vec::new();
     for split in splits {
-        if made == most {
-            break;
-        }
         let at = split.at as usize;
         if used[at] {
             continue;
         }
-        let Some(merge) = merges.find(|m| {
-            let (a, b) = (m.a as usize, m.b as usize);
-            !used[a] && !used[b] && a != at && b != at
-        }) else {
-            break;
-        };
-        if split.gain <= options.ratio * merge.cost {
+        let free = |m: &Merge| !used[m.a as usize] && !used[m.b as usize] && m.a != split.at && m.b != split.at;
+        let Some(merge) = merges.find(free) else { break };
+        if made.len() == most || split.gain <= options.ratio * merge.cost {
             break;
         }
-        let (a, b) = (merge.a as usize, merge.b as usize);
-        for k in [a, b, at] {
-            used[k] = true;
+        for k in [merge.a, merge.b, split.at] {
+            used[k as usize] = true;
         }
-        apply(gaussians, at, &split.parts, a, b);
-        made += 1;
+        apply(gaussians, at, &split.parts, merge.a as usize, merge.b as usize);
+        made.push(Move { split: split.at, kept: merge.a, freed: merge.b });
     }
     made
 }
@@ -183,8 +178,10 @@ fn place(g: &mut Gaussians, j: usize, b: &Blob, mass: f64) {
 
 /// `a` becomes the union of a and b, `at` the split's first part and `b` its second.
 fn apply(g: &mut Gaussians, at: usize, parts: &(Blob, Blob), a: usize, b: usize) {
-    let whole = union(&blob(g, a), &blob(g, b));
-    place(g, a, &whole, g.mass[a] + g.mass[b]);
+    if a != b {
+        let whole = union(&blob(g, a), &blob(g, b));
+        place(g, a, &whole, g.mass[a] + g.mass[b]);
+    }
     let share = parts.0.count / (parts.0.count + parts.1.count);
     let (mass, count) = (g.mass[at], g.count[at]);
     let part = |p: &Blob, s: f64| Blob { count: count * s, ..*p };
@@ -198,9 +195,6 @@ fn best_splits(groups: &Groups, xyz: &[[f32; 3]], blur2: f64) -> Vec<Split> {
         .with_min_len(64)
         .filter_map(|j| {
             let points = &xyz[groups.range[j].clone()];
-            if points.len() < 4 {
-                return None;
-            }
             let whole = Blob { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
             let axis = whole.cov.eigen().vectors[0];
             let parts = cut(points, whole.mean, axis)?;
@@ -210,21 +204,22 @@ fn best_splits(groups: &Groups, xyz: &[[f32; 3]], blur2: f64) -> Vec<Split> {
         .collect()
 }
 
-fn cheapest_merges<'a>(g: &Gaussians, neighbours: impl Fn(usize) -> &'a [u32] + Sync, blur2: f64) -> Vec<Merge> {
+fn cheapest_merges(g: &Gaussians, candidates: &Candidates, blur2: f64) -> Vec<Merge> {
     (0..g.len())
         .into_par_iter()
         .with_min_len(64)
         .filter_map(|j| {
             let me = blob(g, j);
-            neighbours(j)
-                .iter()
-                .filter(|&&n| n as usize != j)
-                .map(|&n| {
-                    let other = blob(g, n as usize);
-                    let cost = difference(&union(&me, &other), &me, &other, blur2);
-                    Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
-                })
-                .min_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))))
+            if me.count == 0.0 {
+                return Some(Merge { cost: 0.0, a: j as u32, b: j as u32 });
+            }
+            let merge = |n: u32| {
+                let other = blob(g, n as usize);
+                let cost = difference(&union(&me, &other), &me, &other, blur2);
+                Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
+            };
+            let others = candidates.of(j).iter().filter(|&&n| n as usize != j);
+            others.map(|&n| merge(n)).min_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))))
         })
         .collect()
 }
