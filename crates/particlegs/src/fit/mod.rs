@@ -3,15 +3,24 @@
 //! A [`Store`] is the snapshot copied once, free to be reordered. [`partition`] cuts it into cells
 //! whose particles lie side by side, best cut first, and sums each cell's [`Moments`]: one
 //! Gaussian a cell. The geometry counts particles, as ParaView draws them; masses are carried
-//! along.
+//! along. [`refine`] softens the cells by truncated EM and moves Gaussians from where they are not
+//! needed to where they are; [`fit`] does both as an [`Effort`] allows.
 
+mod candidates;
 mod cut;
+mod effort;
+mod em;
+mod em_kernel;
 mod gain;
 mod moments;
 mod partition;
+mod refine;
+mod split_merge;
 mod store;
 
+pub use effort::{Effort, FitOptions, fit};
 pub use gain::Blur;
 pub use moments::Moments;
 pub use partition::{Partition, PartitionOptions, partition};
+pub use refine::{RefineOptions, refine};
 pub use store::Store;

@@ -1,0 +1,200 @@
+//! Which Gaussians a group of particles can belong to: the K of largest overlap.
+//!
+//! Ranked by `d^T (A + B)^-1 d + ln det(A + B) - 2 ln m`, minus twice the logarithm of the
+//! overlap of the group's ellipsoid with the Gaussian. Ranking by the group's mean alone, or by a
+//! distance, loses quality. Found by branch and bound in a tree over the means.
+
+use crate::math::Sym3;
+
+/// Gaussians in a leaf of the tree.
+const LEAF: usize = 8;
+
+/// An ellipsoid with all that its overlaps need.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ellipsoid {
+    pub(crate) mean: [f64; 3],
+    pub(crate) cov: Sym3,
+    /// Largest eigenvalue.
+    pub(crate) widest: f64,
+    /// Cube root of the determinant.
+    pub(crate) det_cbrt: f64,
+    /// 2 ln(count); -infinity for none.
+    pub(crate) log_count2: f64,
+}
+
+impl Ellipsoid {
+    /// `cov` must be positive definite.
+    pub(crate) fn new(mean: [f64; 3], cov: Sym3, count: f64) -> Self {
+        Ellipsoid {
+            mean,
+            cov,
+            widest: largest_eigenvalue(&cov),
+            det_cbrt: cov.det().max(0.0).cbrt(),
+            log_count2: 2.0 * count.ln(),
+        }
+    }
+
+    /// Minus twice the logarithm of the overlap, constants left out.
+    #[inline]
+    pub(crate) fn separation(&self, other: &Ellipsoid) -> f64 {
+        let s = self.cov.add(&other.cov);
+        let [a, b, c, d, e, f] = s.0;
+        let (xx, xy, xz) = (d * f - e * e, c * e - b * f, b * e - c * d);
+        let (yy, yz, zz) = (a * f - c * c, b * c - a * e, a * d - b * b);
+        let det = a * xx + b * xy + c * xz;
+        let v: [f64; 3] = std::array::from_fn(|k| self.mean[k] - other.mean[k]);
+        let q = xx * v[0] * v[0]
+            + yy * v[1] * v[1]
+            + zz * v[2] * v[2]
+            + 2.0 * (xy * v[0] * v[1] + xz * v[0] * v[2] + yz * v[1] * v[2]);
+        q / det + det.ln() - other.log_count2
+    }
+}
+
+/// Largest eigenvalue of a positive definite matrix (trigonometric form), never too small by more
+/// than rounding.
+fn largest_eigenvalue(m: &Sym3) -> f64 {
+    let mean = m.trace() / 3.0;
+    let [a, b, c, d, e, f] = m.0;
+    let off = b * b + c * c + e * e;
+    let p2 = (a - mean).powi(2) + (d - mean).powi(2) + (f - mean).powi(2) + 2.0 * off;
+    if p2 <= 0.0 {
+        return mean;
+    }
+    let p = (p2 / 6.0).sqrt();
+    let shifted = Sym3([(a - mean) / p, b / p, c / p, (d - mean) / p, e / p, (f - mean) / p]);
+    let r = (0.5 * shifted.det()).clamp(-1.0, 1.0);
+    mean + 2.0 * p * (r.acos() / 3.0).cos()
+}
+
+struct Node {
+    min: [f64; 3],
+    max: [f64; 3],
+    widest: f64,
+    det_cbrt: f64,
+    log_count2: f64,
+    /// Leaf: the range in `order`; inner node: children are the next node and `right`.
+    start: u32,
+    end: u32,
+    right: u32,
+}
+
+/// A tree over Gaussians.
+pub(crate) struct OverlapTree<'a> {
+    items: &'a [Ellipsoid],
+    order: Vec<u32>,
+    nodes: Vec<Node>,
+}
+
+impl<'a> OverlapTree<'a> {
+    /// Builds the tree over those with a count above zero.
+    pub(crate) fn new(items: &'a [Ellipsoid]) -> Self {
+        let order: Vec<u32> = (0..items.len() as u32).filter(|&i| items[i as usize].log_count2.is_finite()).collect();
+        let mut tree = OverlapTree { items, order, nodes: Vec::new() };
+        if !tree.order.is_empty() {
+            let mut order = std::mem::take(&mut tree.order);
+            tree.build(&mut order, 0);
+            tree.order = order;
+        }
+        tree
+    }
+
+    fn build(&mut self, order: &mut [u32], offset: usize) -> u32 {
+        let id = self.nodes.len() as u32;
+        let mut node = Node {
+            min: [f64::INFINITY; 3],
+            max: [f64::NEG_INFINITY; 3],
+            widest: 0.0,
+            det_cbrt: f64::INFINITY,
+            log_count2: f64::NEG_INFINITY,
+            start: offset as u32,
+            end: (offset + order.len()) as u32,
+            right: 0,
+        };
+        for &i in order.iter() {
+            let e = &self.items[i as usize];
+            for k in 0..3 {
+                node.min[k] = node.min[k].min(e.mean[k]);
+                node.max[k] = node.max[k].max(e.mean[k]);
+            }
+            node.widest = node.widest.max(e.widest);
+            node.det_cbrt = node.det_cbrt.min(e.det_cbrt);
+            node.log_count2 = node.log_count2.max(e.log_count2);
+        }
+        let extent: [f64; 3] = std::array::from_fn(|k| node.max[k] - node.min[k]);
+        let n = order.len();
+        self.nodes.push(node);
+        if n > LEAF {
+            let axis = (0..3).fold(0, |a, k| if extent[k] > extent[a] { k } else { a });
+            let items = self.items;
+            let (low, high) = {
+                order.select_nth_unstable_by(n / 2, |&i, &j| {
+                    items[i as usize].mean[axis].total_cmp(&items[j as usize].mean[axis]).then(i.cmp(&j))
+                });
+                order.split_at_mut(n / 2)
+            };
+            self.build(low, offset);
+            let right = self.build(high, offset + n / 2);
+            self.nodes[id as usize].right = right;
+        }
+        id
+    }
+
+    /// The at most `most` Gaussians whose overlap with `group` is within `reach` (a difference of
+    /// separations) of the best, best first.
+    pub(crate) fn nearest(&self, group: &Ellipsoid, most: usize, reach: f64, found: &mut Vec<(f64, u32)>) {
+        found.clear();
+        if self.nodes.is_empty() {
+            return;
+        }
+        let mut stack: Vec<(f64, u32)> = vec![(self.bound(0, group), 0)];
+        while let Some((bound, id)) = stack.pop() {
+            if bound > limit(found, most, reach) {
+                continue;
+            }
+            let node = &self.nodes[id as usize];
+            if node.right == 0 {
+                for &i in &self.order[node.start as usize..node.end as usize] {
+                    let s = group.separation(&self.items[i as usize]);
+                    if s <= limit(found, most, reach) {
+                        let at = found.partition_point(|f| (f.0, f.1) < (s, i));
+                        found.insert(at, (s, i));
+                        found.truncate(most);
+                    }
+                }
+            } else {
+                let (l, r) = (id + 1, node.right);
+                let (bl, br) = (self.bound(l, group), self.bound(r, group));
+                if bl <= br {
+                    stack.push((br, r));
+                    stack.push((bl, l));
+                } else {
+                    stack.push((bl, l));
+                    stack.push((br, r));
+                }
+            }
+        }
+        let cut = found.first().map_or(0.0, |f| f.0 + reach);
+        found.retain(|f| f.0 <= cut);
+    }
+
+    /// No Gaussian of the node has a smaller separation: the distance over the widest sum of
+    /// variances, and Minkowski's det(A + B)^(1/3) >= det(A)^(1/3) + det(B)^(1/3).
+    fn bound(&self, id: u32, group: &Ellipsoid) -> f64 {
+        let n = &self.nodes[id as usize];
+        let mut d2 = 0.0;
+        for k in 0..3 {
+            let d = (n.min[k] - group.mean[k]).max(group.mean[k] - n.max[k]).max(0.0);
+            d2 += d * d;
+        }
+        d2 / (group.widest + n.widest) + 3.0 * (group.det_cbrt + n.det_cbrt).ln() - n.log_count2 - 1e-6
+    }
+}
+
+fn limit(found: &[(f64, u32)], most: usize, reach: f64) -> f64 {
+    match found.first() {
+        None => f64::INFINITY,
+        Some(best) if found.len() == most => found[most - 1].0.min(best.0 + reach),
+        Some(best) => best.0 + reach,
+    }
+}

@@ -1,0 +1,60 @@
+//! The fit of a snapshot: partition, then as much refinement as the effort asks for.
+
+use super::{PartitionOptions, RefineOptions, partition, refine};
+use crate::Result;
+use crate::model::Mixture;
+use crate::particles::Particles;
+use crate::progress::Progress;
+
+/// How much time to spend.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Effort {
+    /// The partition alone: for pictures; most small groups are lost.
+    Fast,
+    /// Refined.
+    #[default]
+    Default,
+    /// Refined until little is left to gain.
+    High,
+}
+
+/// What to fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitOptions {
+    /// Gaussians, at most.
+    pub gaussians: usize,
+    /// Time against quality.
+    pub effort: Effort,
+    /// Radius that particles are drawn with, world units.
+    pub radius: f64,
+    /// Seed of the sample.
+    pub seed: u64,
+}
+
+/// Fits at most `options.gaussians` Gaussians to `particles`.
+///
+/// # Errors
+/// As [`partition`] and [`refine`].
+pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress) -> Result<Mixture> {
+    let cells = partition(particles, options.gaussians, options.radius, PartitionOptions::default(), progress)?;
+    match options.effort.refinement(cells.store.len(), cells.cells.len(), options.seed) {
+        None => Ok(cells.mixture()),
+        Some(how) => refine(&cells, options.radius, &how, progress),
+    }
+}
+
+impl Effort {
+    /// The refinement that `particles` and `gaussians` allow, decided by cost alone (never by a
+    /// clock, so that results repeat); `None` for the partition alone.
+    pub fn refinement(self, particles: usize, gaussians: usize, seed: u64) -> Option<RefineOptions> {
+        // Most rounds, particle visits by rounds (about 1 CPU-second a million), particles a Gaussian.
+        let (most, visits, sample) = match self {
+            Effort::Fast => return None,
+            Effort::Default => (12.0, 800e6, 333.0),
+            Effort::High => (40.0, 3200e6, 1000.0),
+        };
+        let looked_at = (particles as f64).min(sample * gaussians as f64).max(1.0);
+        let rounds = (visits / looked_at).clamp(1.0, most) as usize;
+        Some(RefineOptions { first_iterations: 4, rounds, iterations: 3, sample, seed })
+    }
+}

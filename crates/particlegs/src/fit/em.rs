@@ -1,0 +1,428 @@
+//! Truncated expectation-maximisation: each group of particles knows a few candidate Gaussians.
+//!
+//! The E step runs group by group (see `em_kernel`), the M step gathers each Gaussian's sums from
+//! the groups that hold it as a candidate, always in the order of the groups.
+
+use super::Moments;
+use super::candidates::{Ellipsoid, OverlapTree};
+use super::em_kernel::{self, SUMS, Scratch, Sums, Whitened};
+use crate::math::Sym3;
+use crate::{Result, progress::Progress};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Gaussians under refinement, in the store's scaled coordinates.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Gaussians {
+    pub(crate) mean: Vec<[f64; 3]>,
+    /// As measured, without the floor.
+    pub(crate) cov: Vec<Sym3>,
+    pub(crate) count: Vec<f64>,
+    /// Sum of weights; zero where particles have none.
+    pub(crate) mass: Vec<f64>,
+}
+
+impl Gaussians {
+    pub(crate) fn len(&self) -> usize {
+        self.count.len()
+    }
+
+    pub(crate) fn push(&mut self, mean: [f64; 3], cov: Sym3, count: f64, mass: f64) {
+        self.mean.push(mean);
+        self.cov.push(cov);
+        self.count.push(count);
+        self.mass.push(mass);
+    }
+}
+
+/// Runs of particles that lie together.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Groups {
+    pub(crate) range: Vec<Range<usize>>,
+    /// Moments of their particles, f64; the means of empty groups mean nothing.
+    pub(crate) mean: Vec<[f64; 3]>,
+    pub(crate) cov: Vec<Sym3>,
+}
+
+/// Particles in the order of their groups.
+#[derive(Clone, Copy)]
+pub(crate) struct Cloud<'a> {
+    pub(crate) xyz: &'a [[f32; 3]],
+    pub(crate) weight: Option<&'a [f32]>,
+}
+
+/// What the E and the M step regularise by; store units squared.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shape {
+    /// Added to every variance.
+    pub(crate) floor: f64,
+    /// How strongly moments are taken from a Gaussian's core: a particle counts by
+    /// `exp(-focus/2 d^T (S + blur)^-1 d)`, and the covariance is put right for what that would do
+    /// to a true Gaussian. 0 is plain maximum likelihood, which lets outskirts swell the cores
+    /// that a picture shows.
+    pub(crate) focus: f64,
+    /// Variance below which details do not show: smaller Gaussians keep their plain moments.
+    pub(crate) blur: f64,
+}
+
+impl Groups {
+    pub(crate) fn new(range: Vec<Range<usize>>, xyz: &[[f32; 3]]) -> Self {
+        let parts: Vec<Moments> = range.par_iter().map(|r| Moments::of(&xyz[r.clone()], None)).collect();
+        let (mean, cov) = parts.into_iter().map(|m| (m.mean, m.cov)).unzip();
+        Groups { range, mean, cov }
+    }
+}
+
+/// Which Gaussians each group may belong to, and for each Gaussian the groups that hold it.
+pub(crate) struct Candidates {
+    /// Group g holds `index[start[g]..start[g + 1]]`.
+    start: Vec<usize>,
+    index: Vec<u32>,
+    /// Gaussian j stands at the entries `entry[entry_start[j]..entry_start[j + 1]]`, ascending.
+    entry_start: Vec<usize>,
+    entry: Vec<u32>,
+    /// The group of each entry.
+    group: Vec<u32>,
+}
+
+/// One exchange: `freed` went into `kept` (itself where it was dead) and became a half of `split`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Move {
+    pub(crate) split: u32,
+    pub(crate) kept: u32,
+    pub(crate) freed: u32,
+}
+
+/// How candidates are chosen.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    /// At most so many a group.
+    pub(crate) most: usize,
+    /// Largest difference of separations from the best (2 ln of the ratio of overlaps).
+    pub(crate) reach: f64,
+    /// Added to every variance, scaled units squared.
+    pub(crate) floor: f64,
+}
+
+/// Work items of one rayon task.
+const TASK: usize = 64;
+
+impl Candidates {
+    /// Finds each group's candidates among Gaussians with a count above zero.
+    pub(crate) fn find(groups: &Groups, gaussians: &Gaussians, reach: Reach) -> Self {
+        let floor = Sym3::scaled_identity(reach.floor);
+        let items: Vec<Ellipsoid> = (0..gaussians.len())
+            .into_par_iter()
+            .map(|j| Ellipsoid::new(gaussians.mean[j], gaussians.cov[j].add(&floor), gaussians.count[j]))
+            .collect();
+        let tree = OverlapTree::new(&items);
+        let lists: Vec<Vec<u32>> = (0..groups.range.len())
+            .into_par_iter()
+            .with_min_len(TASK)
+            .map_init(Vec::new, |found, g| {
+                if groups.range[g].is_empty() {
+                    return Vec::new();
+                }
+                let group = Ellipsoid::new(groups.mean[g], groups.cov[g].add(&floor), 1.0);
+                tree.nearest(&group, reach.most, reach.reach, found);
+                found.iter().map(|f| f.1).collect()
+            })
+            .collect();
+        Self::from_lists(&lists, gaussians.len())
+    }
+
+    fn from_lists(lists: &[Vec<u32>], gaussians: usize) -> Self {
+        let mut start = Vec::with_capacity(lists.len() + 1);
+        start.push(0);
+        let (mut index, mut group) = (Vec::new(), Vec::new());
+        for (g, list) in lists.iter().enumerate() {
+            index.extend_from_slice(list);
+            group.resize(index.len(), g as u32);
+            start.push(index.len());
+        }
+        let mut entry_start = vec![0usize; gaussians + 1];
+        for &j in &index {
+            entry_start[j as usize + 1] += 1;
+        }
+        for j in 0..gaussians {
+            entry_start[j + 1] += entry_start[j];
+        }
+        let mut next = entry_start.clone();
+        let mut entry = vec![0u32; index.len()];
+        for (e, &j) in index.iter().enumerate() {
+            entry[next[j as usize]] = e as u32;
+            next[j as usize] += 1;
+        }
+        Candidates { start, index, entry_start, entry, group }
+    }
+
+    /// The same lists after an exchange: who held a Gaussian that was merged away holds the one it
+    /// went into, who held one that was split holds both halves.
+    pub(crate) fn after(&self, moves: &[Move], gaussians: usize) -> Self {
+        let (mut into, mut half): (Vec<Option<u32>>, Vec<Option<u32>>) = (vec![None; gaussians], vec![None; gaussians]);
+        for m in moves {
+            into[m.freed as usize] = Some(m.kept);
+            half[m.split as usize] = Some(m.freed);
+        }
+        let lists: Vec<Vec<u32>> = (0..self.start.len() - 1)
+            .into_par_iter()
+            .map(|g| {
+                let mut list = Vec::with_capacity(self.of(g).len() + 4);
+                let mut add = |j: u32| {
+                    if !list.contains(&j) {
+                        list.push(j);
+                    }
+                };
+                for &j in self.of(g) {
+                    add(into[j as usize].unwrap_or(j));
+                    if let Some(h) = half[j as usize] {
+                        add(h);
+                    }
+                }
+                list
+            })
+            .collect();
+        Self::from_lists(&lists, gaussians)
+    }
+
+    /// The candidates of a group, best first.
+    pub(crate) fn of(&self, group: usize) -> &[u32] {
+        &self.index[self.start[group]..self.start[group + 1]]
+    }
+}
+
+/// What one E step found.
+pub(crate) struct Expectation {
+    sums: Vec<Sums>,
+    /// The likeliest Gaussian of each particle, where asked for.
+    pub(crate) owner: Vec<u32>,
+    /// Sum of natural log likelihoods (up to a constant), where asked for.
+    pub(crate) likelihood: f64,
+}
+
+/// One E step over all groups.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub(crate) fn expect(
+    cloud: Cloud<'_>,
+    groups: &Groups,
+    candidates: &Candidates,
+    gaussians: &Gaussians,
+    shape: Shape,
+    owners: bool,
+    likelihood: bool,
+    progress: &dyn Progress,
+) -> Result<Expectation> {
+    let whitened: Vec<_> = (0..gaussians.len()).into_par_iter().map(|j| Whitening::new(gaussians, j, shape)).collect();
+    let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
+    let mut owner = vec![0u32; if owners { cloud.xyz.len() } else { 0 }];
+    let work = split_by_groups(&mut sums, &mut owner, groups, candidates);
+    let parts: Result<Vec<f64>> = work
+        .into_par_iter()
+        .map_init(
+            || (Scratch::default(), Vec::new()),
+            |(scratch, local), task| {
+                progress.check()?;
+                let mut total = 0.0;
+                let (mut sums, mut owner) = (task.sums, task.owner);
+                for g in task.groups {
+                    let range = groups.range[g].clone();
+                    let list = candidates.of(g);
+                    let (mine, rest) = sums.split_at_mut(list.len());
+                    sums = rest;
+                    let (named, rest) = owner.split_at_mut(if owners { range.len() } else { 0 });
+                    owner = rest;
+                    let centre = groups.mean[g].map(|v| v as f32);
+                    local.clear();
+                    local.extend(list.iter().map(|&j| whitened[j as usize].about(centre)));
+                    let weight = cloud.weight.map(|w| &w[range.clone()]);
+                    let asked = owners.then_some(&mut named[..]);
+                    total +=
+                        em_kernel::expect(&cloud.xyz[range], weight, centre, local, scratch, mine, asked, likelihood);
+                    named.iter_mut().for_each(|n| *n = list[*n as usize]);
+                }
+                Ok(total)
+            },
+        )
+        .collect();
+    let likelihood = parts?.iter().sum::<f64>() * std::f64::consts::LN_2;
+    Ok(Expectation { sums, owner, likelihood })
+}
+
+struct Task<'a> {
+    groups: Range<usize>,
+    sums: &'a mut [Sums],
+    owner: &'a mut [u32],
+}
+
+/// Cuts the outputs at fixed runs of groups.
+fn split_by_groups<'a>(
+    mut sums: &'a mut [Sums],
+    mut owner: &'a mut [u32],
+    groups: &Groups,
+    candidates: &Candidates,
+) -> Vec<Task<'a>> {
+    let n = groups.range.len();
+    let mut tasks = Vec::with_capacity(n.div_ceil(TASK));
+    for first in (0..n).step_by(TASK) {
+        let end = n.min(first + TASK);
+        let (mine, rest) = sums.split_at_mut(candidates.start[end] - candidates.start[first]);
+        sums = rest;
+        let particles = if owner.is_empty() { 0 } else { groups.range[end - 1].end - groups.range[first].start };
+        let (named, rest) = owner.split_at_mut(particles);
+        owner = rest;
+        tasks.push(Task { groups: first..end, sums: mine, owner: named });
+    }
+    tasks
+}
+
+/// A Gaussian's whitening transforms in f64, to be placed relative to a group.
+struct Whitening {
+    mean: [f64; 3],
+    rows: [f32; 6],
+    focus: [f32; 6],
+    level: f32,
+}
+
+impl Whitening {
+    fn new(g: &Gaussians, j: usize, shape: Shape) -> Self {
+        let (rows, det) = whiten(&g.cov[j], shape.floor, 1.0);
+        let (focus, _) = whiten(&g.cov[j], shape.floor + shape.blur, shape.focus);
+        let level = g.count[j].max(1e-30).log2() - det.log2();
+        Whitening { mean: g.mean[j], rows, focus, level: level as f32 }
+    }
+
+    fn about(&self, centre: [f32; 3]) -> Whitened {
+        let mean = std::array::from_fn(|k| (self.mean[k] - f64::from(centre[k])) as f32);
+        Whitened { mean, rows: self.rows, focus: self.focus, level: self.level }
+    }
+}
+
+/// Rows of L^-1 with `cov + floor = L L^T`, times sqrt(`share` log2(e) / 2), so that their squares
+/// are logarithms to base 2; and the determinant of L.
+fn whiten(cov: &Sym3, floor: f64, share: f64) -> ([f32; 6], f64) {
+    let [a, b, c, d, e, f] = cov.add(&Sym3::scaled_identity(floor)).0;
+    let positive = |v: f64| v.max(0.25 * floor).sqrt();
+    let l00 = positive(a);
+    let (l10, l20) = (b / l00, c / l00);
+    let l11 = positive(d - l10 * l10);
+    let l21 = (e - l20 * l10) / l11;
+    let l22 = positive(f - l20 * l20 - l21 * l21);
+    let s = (0.5 * std::f64::consts::LOG2_E * share).sqrt();
+    let (i00, i11, i22) = (s / l00, s / l11, s / l22);
+    let i10 = -l10 * i00 / l11;
+    let i21 = -l21 * i11 / l22;
+    let i20 = (-l20 * i00 - l21 * i10) / l22;
+    ([i00, i10, i11, i20, i21, i22].map(|v| v as f32), l00 * l11 * l22)
+}
+
+/// The M step: each Gaussian becomes the moments of the responsibilities it got. One that got
+/// (nearly) nothing keeps its shape with a count of zero.
+pub(crate) fn maximise(
+    expectation: &Expectation,
+    groups: &Groups,
+    candidates: &Candidates,
+    gaussians: &mut Gaussians,
+    shape: Shape,
+) {
+    let new: Vec<_> = (0..gaussians.len())
+        .into_par_iter()
+        .map(|j| {
+            let total = gather(expectation, groups, candidates, j, gaussians.mean[j]);
+            let (count, focused) = (total[0], total[2]);
+            if count < LEAST || focused < LEAST * LEAST {
+                return (gaussians.mean[j], gaussians.cov[j], 0.0, 0.0);
+            }
+            let d: [f64; 3] = std::array::from_fn(|k| total[3 + k] / focused);
+            let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
+            let mean = std::array::from_fn(|k| gaussians.mean[j][k] + d[k]);
+            (mean, nonnegative(unfocus(cov, &gaussians.cov[j], shape)), count, total[1])
+        })
+        .collect();
+    for (j, (mean, cov, count, mass)) in new.into_iter().enumerate() {
+        gaussians.mean[j] = mean;
+        gaussians.cov[j] = cov;
+        gaussians.count[j] = count;
+        gaussians.mass[j] = mass;
+    }
+}
+
+/// A Gaussian of fewer particles is dead.
+const LEAST: f64 = 1e-6;
+
+/// Gaussian j's sums over all groups, about its old mean.
+fn gather(e: &Expectation, groups: &Groups, candidates: &Candidates, j: usize, about: [f64; 3]) -> [f64; SUMS] {
+    let mut total = [0f64; SUMS];
+    for &entry in &candidates.entry[candidates.entry_start[j]..candidates.entry_start[j + 1]] {
+        let part = e.sums[entry as usize].map(f64::from);
+        // The kernel's centre: the group's mean rounded to f32.
+        let centre = groups.mean[candidates.group[entry as usize] as usize].map(|v| f64::from(v as f32));
+        let g: [f64; 3] = std::array::from_fn(|k| centre[k] - about[k]);
+        for k in 0..3 {
+            total[k] += part[k];
+            total[3 + k] += part[3 + k] + part[2] * g[k];
+        }
+        for (k, (a, b)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
+            total[6 + k] += part[6 + k] + g[a] * part[3 + b] + g[b] * part[3 + a] + part[2] * g[a] * g[b];
+        }
+    }
+    total
+}
+
+/// Puts right what the focus does to a covariance: with T = 1 + focus S (S + blur)^-1 a true
+/// Gaussian's focused covariance is S T^-1, so T^1/2 C T^1/2 is its own. S is the old covariance.
+fn unfocus(cov: Sym3, old: &Sym3, shape: Shape) -> Sym3 {
+    if shape.focus == 0.0 {
+        return cov;
+    }
+    let mut e = old.eigen();
+    e.values = e.values.map(|v| {
+        let v = v.max(0.0);
+        (1.0 + shape.focus * v / (v + shape.floor + shape.blur)).sqrt()
+    });
+    let (t, c) = (Sym3::from_eigen(&e), cov.rows());
+    let columns: [[f64; 3]; 3] = std::array::from_fn(|k| t.apply(c[k]));
+    // Row k of T C is T applied to the columns of C, which are its rows; then the same from the right.
+    let tc: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|k| columns[k][i]));
+    let r: [[f64; 3]; 3] = std::array::from_fn(|i| t.apply(tc[i]));
+    let half = |i: usize, k: usize| 0.5 * (r[i][k] + r[k][i]);
+    Sym3([r[0][0], half(0, 1), half(0, 2), r[1][1], half(1, 2), r[2][2]])
+}
+
+/// Rounding may leave a flat cluster's variance a little below zero.
+fn nonnegative(mut cov: Sym3) -> Sym3 {
+    for k in [0, 3, 5] {
+        cov.0[k] = cov.0[k].max(0.0);
+    }
+    cov
+}
+
+/// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's. Returns the
+/// new order's positions and weights.
+pub(crate) fn regroup(
+    cloud: Cloud<'_>,
+    owner: &[u32],
+    gaussians: usize,
+) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
+    let mut start = vec![0usize; gaussians + 1];
+    for &o in owner {
+        start[o as usize + 1] += 1;
+    }
+    for j in 0..gaussians {
+        start[j + 1] += start[j];
+    }
+    let mut next = start.clone();
+    let mut xyz = vec![[0f32; 3]; cloud.xyz.len()];
+    let mut weight = cloud.weight.map(|w| vec![0f32; w.len()]);
+    for (i, &o) in owner.iter().enumerate() {
+        let at = next[o as usize];
+        next[o as usize] += 1;
+        xyz[at] = cloud.xyz[i];
+        if let (Some(new), Some(old)) = (&mut weight, cloud.weight) {
+            new[at] = old[i];
+        }
+    }
+    let groups = Groups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
+    (xyz, weight, groups)
+}

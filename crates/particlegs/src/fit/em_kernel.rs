@@ -1,0 +1,227 @@
+//! The E step of one group of particles, vectorised over particles.
+//!
+//! Sixteen particles stand in one vector; every level does the same operations in the same order
+//! (no fused multiply-add), so the sums are the same bits with and without vector instructions.
+
+use crate::math::simd_level;
+use fearless_simd::{Simd, dispatch, f32x16, prelude::*, u32x16};
+
+/// Particles in one vector.
+const LANES: usize = 16;
+
+/// Particles whose sums are kept in f32 before they go to f64.
+const RUN: usize = 512;
+
+/// Columns of [`Sums`]: responsibility, weight times responsibility, then the focused responsibility
+/// (see [`Whitened::focus`]) times 1, x, y, z, xx, xy, xz, yy, yz, zz (relative to the group's centre).
+pub(crate) const SUMS: usize = 12;
+
+/// What a group gives to one candidate.
+pub(crate) type Sums = [f32; SUMS];
+
+/// A Gaussian as the kernel wants it: log2 of its density at x is `level - |rows (x - mean)|^2`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Whitened {
+    /// Relative to the group's centre.
+    pub(crate) mean: [f32; 3],
+    /// Lower triangle by rows.
+    pub(crate) rows: [f32; 6],
+    /// Lower triangle of the focus: a particle counts in the moments by its responsibility times
+    /// 2^-|focus (x - mean)|^2.
+    pub(crate) focus: [f32; 6],
+    /// log2 of count and norm.
+    pub(crate) level: f32,
+}
+
+/// Buffers of one thread.
+#[derive(Default)]
+pub(crate) struct Scratch {
+    share: Vec<[f32; LANES]>,
+    sums: Vec<[[f32; LANES]; SUMS]>,
+}
+
+/// The E step of one group: adds each particle's responsibilities for `candidates` into `sums`
+/// (overwritten) and names each particle's likeliest candidate in `owner` where that is asked for.
+/// Returns the sum of log2 likelihoods where `likelihood` is set, else 0.
+pub(crate) fn expect(
+    points: &[[f32; 3]],
+    weight: Option<&[f32]>,
+    centre: [f32; 3],
+    candidates: &[Whitened],
+    scratch: &mut Scratch,
+    sums: &mut [Sums],
+    owner: Option<&mut [u32]>,
+    likelihood: bool,
+) -> f64 {
+    let owner = owner.unwrap_or(&mut []);
+    dispatch!(simd_level(), simd => kernel(simd, points, weight, centre, candidates, scratch, sums, owner, likelihood))
+}
+
+#[inline(always)]
+fn kernel<S: Simd>(
+    simd: S,
+    points: &[[f32; 3]],
+    weight: Option<&[f32]>,
+    centre: [f32; 3],
+    candidates: &[Whitened],
+    scratch: &mut Scratch,
+    sums: &mut [Sums],
+    owner: &mut [u32],
+    likelihood: bool,
+) -> f64 {
+    let k = candidates.len();
+    scratch.share.resize(k, [0.0; LANES]);
+    let mut total = vec![[0f64; SUMS]; if points.len() > RUN { k } else { 0 }];
+    let mut log_likelihood = 0.0;
+    for first in (0..points.len()).step_by(RUN) {
+        let end = points.len().min(first + RUN);
+        scratch.sums.clear();
+        scratch.sums.resize(k, [[0.0; LANES]; SUMS]);
+        for start in (first..end).step_by(LANES) {
+            let stop = end.min(start + LANES);
+            let owner = if owner.is_empty() { &mut [] } else { &mut owner[start..stop] };
+            log_likelihood += vector_of_particles(
+                simd,
+                &points[start..stop],
+                weight.map(|w| &w[start..stop]),
+                centre,
+                candidates,
+                &mut scratch.share[..k],
+                &mut scratch.sums[..k],
+                owner,
+                likelihood,
+            );
+        }
+        for (c, lanes) in scratch.sums.iter().enumerate() {
+            let part: Sums = std::array::from_fn(|q| across(&lanes[q]));
+            if total.is_empty() {
+                sums[c] = part;
+            } else {
+                for q in 0..SUMS {
+                    total[c][q] += f64::from(part[q]);
+                }
+            }
+        }
+    }
+    for (out, t) in sums.iter_mut().zip(&total) {
+        *out = t.map(|v| v as f32);
+    }
+    log_likelihood
+}
+
+/// Sum over lanes, halves onto halves.
+#[inline(always)]
+fn across(lanes: &[f32; LANES]) -> f32 {
+    let mut a = *lanes;
+    let mut half = LANES / 2;
+    while half > 0 {
+        for i in 0..half {
+            a[i] += a[i + half];
+        }
+        half /= 2;
+    }
+    a[0]
+}
+
+#[inline(always)]
+fn vector_of_particles<S: Simd>(
+    simd: S,
+    points: &[[f32; 3]],
+    weight: Option<&[f32]>,
+    centre: [f32; 3],
+    candidates: &[Whitened],
+    share: &mut [[f32; LANES]],
+    sums: &mut [[[f32; LANES]; SUMS]],
+    owner: &mut [u32],
+    likelihood: bool,
+) -> f64 {
+    let n = points.len();
+    let mut position = [[0f32; LANES]; 3];
+    let mut present = [0f32; LANES];
+    let mut mass = [0f32; LANES];
+    for (i, p) in points.iter().enumerate() {
+        for axis in 0..3 {
+            position[axis][i] = p[axis] - centre[axis];
+        }
+        present[i] = 1.0;
+        mass[i] = weight.map_or(0.0, |w| w[i]);
+    }
+    let [x, y, z] = position.map(|p| f32x16::load_array(simd, p));
+
+    let mut best = f32x16::splat(simd, f32::MIN);
+    for (c, out) in candidates.iter().zip(share.iter_mut()) {
+        let log = f32x16::splat(simd, c.level) - squared(&c.rows, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
+        best = best.max(log);
+        log.store_slice(out);
+    }
+    if !owner.is_empty() {
+        name_owners(share, &<[f32; LANES]>::from(best), owner);
+    }
+    let mut norm = f32x16::splat(simd, 0.0);
+    for s in share.iter_mut() {
+        let p = exp2_negative(simd, f32x16::load_array_ref(simd, s) - best);
+        norm = norm + p;
+        p.store_slice(s);
+    }
+    let invert = f32x16::load_array(simd, present) / norm;
+    let mass = f32x16::load_array(simd, mass);
+    let products = [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z];
+    for ((s, sum), c) in share.iter().zip(sums.iter_mut()).zip(candidates) {
+        let r = f32x16::load_array_ref(simd, s) * invert;
+        let far = squared(&c.focus, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
+        let w = r * exp2_negative(simd, -far);
+        (f32x16::load_array_ref(simd, &sum[0]) + r).store_slice(&mut sum[0]);
+        (f32x16::load_array_ref(simd, &sum[1]) + r * mass).store_slice(&mut sum[1]);
+        (f32x16::load_array_ref(simd, &sum[2]) + w).store_slice(&mut sum[2]);
+        for q in 0..9 {
+            (f32x16::load_array_ref(simd, &sum[q + 3]) + w * products[q]).store_slice(&mut sum[q + 3]);
+        }
+    }
+    if !likelihood {
+        return 0.0;
+    }
+    let (best, norm) = (<[f32; LANES]>::from(best), <[f32; LANES]>::from(norm));
+    (0..n).map(|i| f64::from(best[i]) + f64::from(norm[i]).log2()).sum()
+}
+
+/// |rows d|^2 with the lower triangle `rows`.
+#[inline(always)]
+fn squared<S: Simd>(rows: &[f32; 6], [dx, dy, dz]: [f32x16<S>; 3]) -> f32x16<S> {
+    let u = dx * rows[0];
+    let v = dx * rows[1] + dy * rows[2];
+    let w = dx * rows[3] + dy * rows[4] + dz * rows[5];
+    u * u + v * v + w * w
+}
+
+/// The first candidate whose logarithm is the largest.
+#[inline(always)]
+fn name_owners(logs: &[[f32; LANES]], best: &[f32; LANES], owner: &mut [u32]) {
+    let mut names = [u32::MAX; LANES];
+    for (c, log) in logs.iter().enumerate() {
+        for i in 0..LANES {
+            names[i] = names[i].min(if log[i] == best[i] { c as u32 } else { u32::MAX });
+        }
+    }
+    for (o, n) in owner.iter_mut().zip(names) {
+        *o = if n == u32::MAX { 0 } else { n };
+    }
+}
+
+/// 2^t for t <= 0, relative error below 3e-7; below 2^-120 it is 2^-120.
+#[inline(always)]
+fn exp2_negative<S: Simd>(simd: S, t: f32x16<S>) -> f32x16<S> {
+    // 1.5 * 2^23: adding it leaves the rounded integer in the low bits.
+    const MAGIC: f32 = 12_582_912.0;
+    let t = t.max(f32x16::splat(simd, -120.0));
+    let shifted = t + MAGIC;
+    let f = t - (shifted - MAGIC);
+    // Minimax of 2^f on [-1/2, 1/2].
+    let p = f * 1.540_353e-4 + 1.333_355_8e-3;
+    let p = p * f + 9.618_129e-3;
+    let p = p * f + 5.550_411e-2;
+    let p = p * f + 0.240_226_5;
+    let p = p * f + 0.693_147_2;
+    let p = p * f + 1.0;
+    let bits: u32x16<S> = p.to_bits() + (shifted.to_bits() << 23);
+    f32x16::from_bits(bits)
+}

@@ -1,0 +1,225 @@
+//! Moves Gaussians from where they are not needed to where they are, at a fixed number.
+//!
+//! A split's gain and a merge's cost are the same measure: the squared difference of the projected
+//! densities before and after, blurred, summed over the three axis planes, in closed form:
+//! `<A, B> = m_A m_B N2(d; S_A + S_B + 2 s^2 I)`.
+
+use super::em::{Candidates, Gaussians, Groups, Move};
+use crate::math::Sym3;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// A Gaussian as projections see it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Blob {
+    pub(crate) count: f64,
+    pub(crate) mean: [f64; 3],
+    pub(crate) cov: Sym3,
+}
+
+/// The planes' axes and the elements of the covariance that they keep.
+const PLANES: [([usize; 2], [usize; 3]); 3] = [([0, 1], [0, 1, 3]), ([0, 2], [0, 2, 5]), ([1, 2], [3, 4, 5])];
+
+/// Sum over planes of the inner product of two blurred projections. `blur2` is 2 s^2.
+fn inner(a: &Blob, b: &Blob, blur2: f64) -> f64 {
+    let mut sum = 0.0;
+    for ([u, v], [uu, uv, vv]) in PLANES {
+        let s = [a.cov.0[uu] + b.cov.0[uu] + blur2, a.cov.0[uv] + b.cov.0[uv], a.cov.0[vv] + b.cov.0[vv] + blur2];
+        let d = [a.mean[u] - b.mean[u], a.mean[v] - b.mean[v]];
+        let det = s[0] * s[2] - s[1] * s[1];
+        let q = (s[2] * d[0] * d[0] - 2.0 * s[1] * d[0] * d[1] + s[0] * d[1] * d[1]) / det;
+        sum += (-0.5 * q).exp() / (TAU * det.sqrt());
+    }
+    a.count * b.count * sum
+}
+
+/// ||P(whole) - P(a) - P(b)||^2 summed over planes.
+pub(crate) fn difference(whole: &Blob, a: &Blob, b: &Blob, blur2: f64) -> f64 {
+    let same = inner(whole, whole, blur2) + inner(a, a, blur2) + inner(b, b, blur2);
+    same + 2.0 * (inner(a, b, blur2) - inner(whole, a, blur2) - inner(whole, b, blur2))
+}
+
+/// One blob with the moments of both.
+pub(crate) fn union(a: &Blob, b: &Blob) -> Blob {
+    let count = a.count + b.count;
+    let (p, q) = (a.count / count, b.count / count);
+    let mean = std::array::from_fn(|k| p * a.mean[k] + q * b.mean[k]);
+    let d: [f64; 3] = std::array::from_fn(|k| a.mean[k] - b.mean[k]);
+    let cov = a.cov.scale(p).add(&b.cov.scale(q)).add(&Sym3::outer(d).scale(p * q));
+    Blob { count, mean, cov }
+}
+
+/// Bins of the cut along an axis.
+const BINS: usize = 32;
+
+/// Cuts points along `axis` where the variance between the parts is largest (Otsu), and returns the
+/// moments of both parts; `None` where they cannot be cut.
+pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option<(Blob, Blob)> {
+    let place = |p: &[f32; 3]| -> f64 { (0..3).map(|k| (f64::from(p[k]) - mean[k]) * axis[k]).sum() };
+    let (lo, hi) = points.iter().map(place).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
+    if hi.is_nan() || hi <= lo {
+        return None;
+    }
+    let scale = BINS as f64 / (hi - lo);
+    let bin = |t: f64| (((t - lo) * scale) as usize).min(BINS - 1);
+    let mut histogram = [(0f64, 0f64); BINS];
+    for t in points.iter().map(place) {
+        let b = &mut histogram[bin(t)];
+        b.0 += 1.0;
+        b.1 += t;
+    }
+    let total = histogram.iter().fold((0.0, 0.0), |s, h| (s.0 + h.0, s.1 + h.1));
+    let (mut low, mut best) = ((0.0, 0.0), (0.0, 0));
+    for (k, h) in histogram[..BINS - 1].iter().enumerate() {
+        low = (low.0 + h.0, low.1 + h.1);
+        let high = total.0 - low.0;
+        if low.0 > 0.0 && high > 0.0 {
+            let d = low.1 / low.0 - (total.1 - low.1) / high;
+            let between = low.0 * high * d * d;
+            if between > best.0 {
+                best = (between, k + 1);
+            }
+        }
+    }
+    if best.1 == 0 {
+        return None;
+    }
+    let mut sums = [[0f64; 10]; 2];
+    for p in points {
+        let d: [f64; 3] = std::array::from_fn(|k| f64::from(p[k]) - mean[k]);
+        let t = d[0] * axis[0] + d[1] * axis[1] + d[2] * axis[2];
+        let s = &mut sums[usize::from(bin(t) >= best.1)];
+        let products = [
+            1.0, d[0], d[1], d[2], d[0] * d[0], d[0] * d[1], d[0] * d[2], d[1] * d[1], d[1] * d[2], d[2] * d[2],
+        ];
+        for k in 0..10 {
+            s[k] += products[k];
+        }
+    }
+    let [a, b] = sums.map(|s| {
+        let d: [f64; 3] = std::array::from_fn(|k| s[1 + k] / s[0]);
+        let cov = Sym3(std::array::from_fn(|k| s[4 + k] / s[0])).add(&Sym3::outer(d).scale(-1.0));
+        Blob { count: s[0], mean: std::array::from_fn(|k| mean[k] + d[k]), cov }
+    });
+    Some((a, b))
+}
+
+/// How much a round may change.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MoveOptions {
+    /// Blur of the measure, scaled units.
+    pub(crate) blur: f64,
+    /// A split must gain this many times what its merge costs.
+    pub(crate) ratio: f64,
+    /// Largest share of the Gaussians that may be split in a round.
+    pub(crate) share: f64,
+}
+
+struct Split {
+    gain: f64,
+    at: u32,
+    parts: (Blob, Blob),
+}
+
+struct Merge {
+    cost: f64,
+    a: u32,
+    b: u32,
+}
+
+/// Pairs the best splits with the cheapest merges, and makes them. `groups` are the Gaussians' own
+/// particles (group j is Gaussian j's), `candidates` whom each may merge with. A dead Gaussian is
+/// a merge that costs nothing.
+pub(crate) fn exchange(
+    gaussians: &mut Gaussians,
+    groups: &Groups,
+    xyz: &[[f32; 3]],
+    candidates: &Candidates,
+    options: MoveOptions,
+) -> Vec<Move> {
+    let blur2 = 2.0 * options.blur * options.blur;
+    let mut splits = best_splits(groups, xyz, blur2);
+    let mut merges = cheapest_merges(gaussians, candidates, blur2);
+    splits.sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.at.cmp(&b.at)));
+    merges.sort_unstable_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))));
+    let most = ((options.share * gaussians.len() as f64) as usize).max(1);
+    let mut used = vec![false; gaussians.len()];
+    let mut merges = merges.into_iter();
+    let mut made = Vec::new();
+    for split in splits {
+        let at = split.at as usize;
+        if used[at] {
+            continue;
+        }
+        let free = |m: &Merge| !used[m.a as usize] && !used[m.b as usize] && m.a != split.at && m.b != split.at;
+        let Some(merge) = merges.find(free) else { break };
+        if made.len() == most || split.gain <= options.ratio * merge.cost {
+            break;
+        }
+        for k in [merge.a, merge.b, split.at] {
+            used[k as usize] = true;
+        }
+        apply(gaussians, at, &split.parts, merge.a as usize, merge.b as usize);
+        made.push(Move { split: split.at, kept: merge.a, freed: merge.b });
+    }
+    made
+}
+
+fn blob(g: &Gaussians, j: usize) -> Blob {
+    Blob { count: g.count[j], mean: g.mean[j], cov: g.cov[j] }
+}
+
+fn place(g: &mut Gaussians, j: usize, b: &Blob, mass: f64) {
+    g.mean[j] = b.mean;
+    g.cov[j] = b.cov;
+    g.count[j] = b.count;
+    g.mass[j] = mass;
+}
+
+/// `a` becomes the union of a and b, `at` the split's first part and `b` its second.
+fn apply(g: &mut Gaussians, at: usize, parts: &(Blob, Blob), a: usize, b: usize) {
+    if a != b {
+        let whole = union(&blob(g, a), &blob(g, b));
+        place(g, a, &whole, g.mass[a] + g.mass[b]);
+    }
+    let share = parts.0.count / (parts.0.count + parts.1.count);
+    let (mass, count) = (g.mass[at], g.count[at]);
+    let part = |p: &Blob, s: f64| Blob { count: count * s, ..*p };
+    place(g, at, &part(&parts.0, share), mass * share);
+    place(g, b, &part(&parts.1, 1.0 - share), mass * (1.0 - share));
+}
+
+fn best_splits(groups: &Groups, xyz: &[[f32; 3]], blur2: f64) -> Vec<Split> {
+    (0..groups.range.len())
+        .into_par_iter()
+        .with_min_len(64)
+        .filter_map(|j| {
+            let points = &xyz[groups.range[j].clone()];
+            let whole = Blob { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
+            let axis = whole.cov.eigen().vectors[0];
+            let parts = cut(points, whole.mean, axis)?;
+            let gain = difference(&whole, &parts.0, &parts.1, blur2);
+            Some(Split { gain, at: j as u32, parts })
+        })
+        .collect()
+}
+
+fn cheapest_merges(g: &Gaussians, candidates: &Candidates, blur2: f64) -> Vec<Merge> {
+    (0..g.len())
+        .into_par_iter()
+        .with_min_len(64)
+        .filter_map(|j| {
+            let me = blob(g, j);
+            if me.count == 0.0 {
+                return Some(Merge { cost: 0.0, a: j as u32, b: j as u32 });
+            }
+            let merge = |n: u32| {
+                let other = blob(g, n as usize);
+                let cost = difference(&union(&me, &other), &me, &other, blur2);
+                Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
+            };
+            let others = candidates.of(j).iter().filter(|&&n| n as usize != j);
+            others.map(|&n| merge(n)).min_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))))
+        })
+        .collect()
+}
