@@ -3,6 +3,7 @@
 mod compare;
 mod completions;
 mod convert;
+mod eval;
 
 use clap::Subcommand;
 use particlegs::Result;
@@ -12,6 +13,8 @@ use particlegs::Result;
 pub enum Command {
     /// Score two folders of pictures against each other.
     Compare(compare::Arguments),
+    /// Score a model against its snapshot.
+    Eval(eval::Arguments),
     /// Write a snapshot anew: tiled, cropped, thinned, as float32.
     Convert(convert::Arguments),
     /// Print a shell's completion script.
@@ -22,6 +25,7 @@ pub enum Command {
 pub fn run(command: Command) -> Result<()> {
     match command {
         Command::Compare(a) => compare::run(a),
+        Command::Eval(a) => eval::run(a),
         Command::Convert(a) => convert::run(a),
         Command::Completions(a) => completions::run(&a),
     }
