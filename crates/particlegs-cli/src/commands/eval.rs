@@ -7,19 +7,21 @@ use particlegs::model::Model;
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
-use particlegs::score::{Evaluation, EvalView, LookScores, MeanViewScores, ViewSeed};
+use particlegs::score::{EvalView, Evaluation, LookScores, MeanViewScores, ViewSeed};
 use particlegs::{Error, Result, codec, score};
 use std::path::PathBuf;
 
 /// Score a model against its snapshot: pictures of the three orbits in three looks.
 #[derive(Args)]
-#[command(after_help = "Beside each score stand the noise-free one (the mean picture of all particles), the gap to it, and
+#[command(
+    after_help = "Beside each score stand the noise-free one (the mean picture of all particles), the gap to it, and
 an empty picture's.
 
 Examples:
   particlegs eval model.pgs snapshot
   particlegs eval model.pgs snapshot --frames 80 --json scores.json
-  particlegs eval model.pgs snapshot --views views.json")]
+  particlegs eval model.pgs snapshot --views views.json"
+)]
 pub struct Arguments {
     /// The model file.
     #[arg(value_name = "MODEL")]
@@ -59,7 +61,7 @@ struct Report {
 
 /// Scores.
 pub fn run(a: Arguments) -> Result<()> {
-    let context = a.common.start()?;
+    let context = a.common.clone().start()?;
     let bytes = std::fs::read(&a.model).map_err(|e| Error::io(&a.model, e))?;
     let model = codec::decode(&bytes, &a.model.display().to_string())?;
     let particles = a.snapshot.open(&a.input)?;

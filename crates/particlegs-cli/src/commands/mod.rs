@@ -4,6 +4,7 @@ mod compare;
 mod completions;
 mod compress;
 mod convert;
+mod eval;
 
 use clap::Subcommand;
 use particlegs::Result;
@@ -15,6 +16,8 @@ pub enum Command {
     Compress(compress::Arguments),
     /// Score two folders of pictures against each other.
     Compare(compare::Arguments),
+    /// Score a model against its snapshot.
+    Eval(eval::Arguments),
     /// Write a snapshot anew: tiled, cropped, thinned, as float32.
     Convert(convert::Arguments),
     /// Print a shell's completion script.
@@ -26,6 +29,7 @@ pub fn run(command: Command) -> Result<()> {
     match command {
         Command::Compress(a) => compress::run(a),
         Command::Compare(a) => compare::run(a),
+        Command::Eval(a) => eval::run(a),
         Command::Convert(a) => convert::run(a),
         Command::Completions(a) => completions::run(&a),
     }

@@ -24,5 +24,6 @@ pub use meta::{Cell, SnapshotMeta};
 pub use open::{OpenOptions, open};
 pub use select::Selection;
 pub use source::{Chunk, ChunkBuffer, SnapshotReader};
+pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};
 pub use tile::Tiling;

@@ -1,7 +1,5 @@
 //! Splats sorted into bands of rows, in particle order: each band is then one task's own.
 
-use super::project::Splat;
-
 /// Splats of a run of particles by band: those of band b are `splats[start[b]..start[b + 1]]`.
 #[derive(Default)]
 pub(super) struct Sorted<T> {
@@ -17,16 +15,21 @@ impl<T> Sorted<T> {
 }
 
 /// Collects splats with the bands they reach, then sorts them by band.
-#[derive(Default)]
-pub(super) struct Sorter {
-    splats: Vec<Splat>,
+pub(super) struct Sorter<T> {
+    splats: Vec<T>,
     reach: Vec<[u32; 2]>,
 }
 
-impl Sorter {
+impl<T> Default for Sorter<T> {
+    fn default() -> Self {
+        Sorter { splats: Vec::new(), reach: Vec::new() }
+    }
+}
+
+impl<T: Copy + Default> Sorter<T> {
     /// Adds a splat that reaches bands `first..end`.
     #[inline]
-    pub fn push(&mut self, splat: Splat, first: usize, end: usize) {
+    pub fn push(&mut self, splat: T, first: usize, end: usize) {
         if first < end {
             self.splats.push(splat);
             self.reach.push([first as u32, end as u32]);
@@ -34,7 +37,7 @@ impl Sorter {
     }
 
     /// The splats by band (one that reaches several stands in each); empties the sorter.
-    pub fn sort(&mut self, bands: usize) -> Sorted<Splat> {
+    pub fn sort(&mut self, bands: usize) -> Sorted<T> {
         let mut start = vec![0u32; bands + 1];
         for &[first, end] in &self.reach {
             for band in first..end {
@@ -44,7 +47,7 @@ impl Sorter {
         for band in 0..bands {
             start[band + 1] += start[band];
         }
-        let mut splats = vec![Splat::default(); start[bands] as usize];
+        let mut splats = vec![T::default(); start[bands] as usize];
         let mut next = start.clone();
         for (splat, &[first, end]) in self.splats.iter().zip(&self.reach) {
             for band in first..end {

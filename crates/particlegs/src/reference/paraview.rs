@@ -140,7 +140,7 @@ impl Scene<'_> {
     }
 
     /// Projects a chunk and keeps what covers a pixel centre in the group's bands.
-    fn cull(&self, chunk: Chunk<'_>, group: Range<usize>, sorter: &mut Sorter) {
+    fn cull(&self, chunk: Chunk<'_>, group: Range<usize>, sorter: &mut Sorter<Splat>) {
         let mut block = Box::new(Block::default());
         let mut keep = [0u8; BLOCK];
         for start in (0..chunk.len()).step_by(BLOCK) {

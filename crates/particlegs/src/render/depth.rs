@@ -146,7 +146,7 @@ fn project_run(
 }
 
 /// A Gaussian in the camera's axes.
-fn in_camera(m: &Mixture, i: usize, lens: &Lens, weight: f64) -> InCamera {
+pub(super) fn in_camera(m: &Mixture, i: usize, lens: &Lens, weight: f64) -> InCamera {
     let a = &lens.axes;
     let v: [f64; 3] = std::array::from_fn(|k| m.mean[k][i] - lens.position[k]);
     let mean = a.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);

@@ -1,5 +1,5 @@
 //! The law written plainly, in f64, for tests: every Gaussian at every pixel, integrated along
-//! depth on a fine grid with nothing approximated but the grid.
+//! depth on a fine grid with nothing approximated but the grids.
 
 use super::lens::Lens;
 use super::scene::Scene;
@@ -30,7 +30,15 @@ pub fn optical_depth(scene: &Scene, view: &View, size: Size) -> Vec<f64> {
     tau
 }
 
-fn add(tau: &mut [f64], size: Size, lens: &Lens, perspective: bool, mean: [f64; 3], cov: [[f64; 3]; 3], count: f64) {
+fn add(
+    tau: &mut [f64],
+    size: Size,
+    lens: &Lens,
+    perspective: bool,
+    mean: [f64; 3],
+    cov: [[f64; 3]; 3],
+    count: f64,
+) {
     let a = lens.axes;
     let v: [f64; 3] = std::array::from_fn(|k| mean[k] - lens.position[k]);
     let m: [f64; 3] = std::array::from_fn(|r| (0..3).map(|k| a[r][k] * v[k]).sum());
@@ -40,15 +48,24 @@ fn add(tau: &mut [f64], size: Size, lens: &Lens, perspective: bool, mean: [f64; 
     let zz = s[2][2];
     let points: Vec<(f64, f64)> = if zz > 1e-14 * (s[0][0] + s[1][1]) {
         let sd = zz.sqrt();
+        let (lo, hi) = ((m[2] - 8.0 * sd).max(lens.range[0]), (m[2] + 8.0 * sd).min(lens.range[1]));
+        // Even steps of the logarithm of depth in perspective, of depth itself without.
+        let (from, to) = if perspective { (lo.ln(), hi.ln()) } else { (lo, hi) };
+        let step = (to - from).max(0.0) / DEPTHS as f64;
         (0..DEPTHS)
             .map(|k| {
-                let u = -8.0 + 16.0 * (k as f64 + 0.5) / DEPTHS as f64;
-                (m[2] + u * sd, (-0.5 * u * u).exp() * 16.0 / DEPTHS as f64 / (2.0 * std::f64::consts::PI).sqrt())
+                let v = from + step * (k as f64 + 0.5);
+                let (depth, width) = if perspective { (v.exp(), v.exp() * step) } else { (v, step) };
+                let u = (depth - m[2]) / sd;
+                (depth, (-0.5 * u * u).exp() * width / (sd * (2.0 * std::f64::consts::PI).sqrt()))
             })
             .collect()
     } else {
         vec![(m[2], 1.0)]
     };
+    // The pixel grid's own error is divided out, Gaussian by Gaussian, as the renderer does.
+    let mut own = vec![0.0; tau.len()];
+    let (mut wanted, mut found) = (0.0, 0.0);
     for (depth, share) in points {
         if depth < lens.range[0] || depth > lens.range[1] || share < 1e-14 {
             continue;
@@ -65,7 +82,9 @@ fn add(tau: &mut [f64], size: Size, lens: &Lens, perspective: bool, mean: [f64; 
         let det = xx * yy - xy * xy;
         let weight = count * share * lens.unit / if perspective { depth * depth } else { 1.0 };
         let f = super::project::Footprint { mean: [px, py], cov: [xx, xy, yy], sum: weight };
-        let peak = weight / (2.0 * std::f64::consts::PI * det.sqrt()) / super::bins::lattice_sum(&f);
+        let peak = weight / (2.0 * std::f64::consts::PI * det.sqrt());
+        wanted += weight;
+        found += weight * super::bins::lattice_sum(&f);
         for j in 0..size.height {
             let dy = j as f64 - py;
             if dy * dy > 80.0 * yy {
@@ -74,8 +93,11 @@ fn add(tau: &mut [f64], size: Size, lens: &Lens, perspective: bool, mean: [f64; 
             for i in 0..size.width {
                 let dx = i as f64 - px;
                 let q = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det;
-                tau[j * size.width + i] += peak * (-0.5 * q).exp();
+                own[j * size.width + i] += peak * (-0.5 * q).exp();
             }
         }
+    }
+    if found > 0.0 {
+        tau.iter_mut().zip(&own).for_each(|(t, v)| *t += v * wanted / found);
     }
 }

@@ -1,16 +1,15 @@
 //! Planes of halved resolution. The sum is linear, so a Gaussian whose smaller sigma on the picture
 //! is wide is drawn on a coarser plane, where it covers fewer pixels; the planes are summed from
-//! coarse to fine with a cubic.
+//! coarse to fine.
 
 use crate::picture::Size;
 use rayon::prelude::*;
 
-/// Pixels drawn beyond each edge of a plane, for the cubic of the next finer one.
-pub const PAD: usize = 4;
+/// Pixels drawn beyond each edge of a plane, for the interpolation to the next finer one.
+pub const PAD: usize = 8;
 /// Rows of a band: one task draws one band of one plane.
 pub const BAND: usize = 32;
-/// A Gaussian is drawn where its smaller sigma is at least this many of the plane's pixels: the
-/// cubic is then good to 1e-4 of the Gaussian's peak.
+/// On the coarser planes a Gaussian's smaller sigma is at least this many pixels.
 pub const SHARPEST: f64 = 1.5;
 /// No plane has fewer pixels than this in a direction.
 const SMALLEST: usize = 8;
@@ -53,7 +52,7 @@ pub fn levels(size: Size) -> Vec<Level> {
     }
 }
 
-/// Adds `coarse` to `fine`, between its pixels by the 4-tap cubic [-7, 105, 35, -5] / 128.
+/// Adds `coarse` to `fine`, interpolated between its pixels.
 pub fn add_up(coarse: &[f32], coarse_level: &Level, fine: &mut [f32], fine_level: &Level) {
     fine.par_chunks_mut(fine_level.stride).enumerate().for_each_init(
         || vec![0.0f32; coarse_level.stride],
@@ -68,37 +67,36 @@ pub fn add_up(coarse: &[f32], coarse_level: &Level, fine: &mut [f32], fine_level
 #[inline(always)]
 fn add_row(coarse: &[f32], level: &Level, row: usize, line: &mut [f32], fine: &mut [f32], fine_level: &Level) {
     let stride = level.stride;
-    let [r0, r1, r2, r3] = taps(row).map(|r| {
+    let [r0, r1, r2, r3, r4, r5] = taps(row).map(|r| {
         let r = r.min(level.rows - 1);
         &coarse[r * stride..(r + 1) * stride]
     });
-    let w = weights(row);
+    let w = if row.is_multiple_of(2) { [W[5], W[4], W[3], W[2], W[1], W[0]] } else { W };
+    let line = &mut line[..stride];
     for i in 0..stride {
-        line[i] = (w[0] * r0[i] + w[1] * r1[i]) + (w[2] * r2[i] + w[3] * r3[i]);
+        line[i] = (w[0] * r0[i] + w[5] * r5[i]) + (w[1] * r1[i] + w[4] * r4[i]) + (w[2] * r2[i] + w[3] * r3[i]);
     }
     // Fine pixels 2 i - PAD and its neighbour lie a quarter of a coarse pixel either side of i.
     let pairs = (fine_level.size.width + 2 * PAD).div_ceil(2);
     let first = PAD - PAD / 2;
-    let line = &line[first - 2..first + pairs + 2];
-    let (a, b, c, d, e) =
-        (&line[0..pairs], &line[1..1 + pairs], &line[2..2 + pairs], &line[3..3 + pairs], &line[4..4 + pairs]);
+    let from = |k: usize| &line[first + k - 3..][..pairs];
+    let (a, b, c, d, e, f, g) = (from(0), from(1), from(2), from(3), from(4), from(5), from(6));
     let fine = &mut fine[..2 * pairs];
     for i in 0..pairs {
-        fine[2 * i] += (W[3] * a[i] + W[2] * b[i]) + (W[1] * c[i] + W[0] * d[i]);
-        fine[2 * i + 1] += (W[0] * b[i] + W[1] * c[i]) + (W[2] * d[i] + W[3] * e[i]);
+        let left = (W[5] * a[i] + W[0] * f[i]) + (W[4] * b[i] + W[1] * e[i]) + (W[3] * c[i] + W[2] * d[i]);
+        let right = (W[0] * b[i] + W[5] * g[i]) + (W[1] * c[i] + W[4] * f[i]) + (W[2] * d[i] + W[3] * e[i]);
+        fine[2 * i] += left;
+        fine[2 * i + 1] += right;
     }
 }
 
-const W: [f32; 4] = [-7.0 / 128.0, 105.0 / 128.0, 35.0 / 128.0, -5.0 / 128.0];
+/// Interpolation a quarter of a pixel past the third sample: the least-squares filter for Gaussians
+/// of sigma [`SHARPEST`] and wider, good to 8e-4 of their peak (Lagrange's six taps: 3e-3).
+const W: [f32; 6] = [0.016_704, -0.104_183, 0.861_431, 0.286_492, -0.073_921, 0.013_477];
 
-/// The four coarse rows (with pad) that fine row `row` (with pad) lies between.
+/// The six coarse rows (with pad) around fine row `row` (with pad).
 #[inline(always)]
-fn taps(row: usize) -> [usize; 4] {
+fn taps(row: usize) -> [usize; 6] {
     let i = row / 2 + PAD - PAD / 2;
-    if row.is_multiple_of(2) { [i - 2, i - 1, i, i + 1] } else { [i - 1, i, i + 1, i + 2] }
-}
-
-#[inline(always)]
-fn weights(row: usize) -> [f32; 4] {
-    if row.is_multiple_of(2) { [W[3], W[2], W[1], W[0]] } else { W }
+    if row.is_multiple_of(2) { [i - 3, i - 2, i - 1, i, i + 1, i + 2] } else { [i - 2, i - 1, i, i + 1, i + 2, i + 3] }
 }

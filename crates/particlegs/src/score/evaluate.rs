@@ -33,11 +33,39 @@ pub fn evaluate(
     let scene = Scene::of(model);
     let mut scored = Vec::with_capacity(views.len());
     for (number, v) in views.iter().enumerate() {
-        progress.message(&format!("view {} of {}: {}", number + 1, views.len(), v.view.name));
+        let progress = InView { name: format!("{} ({}/{})", v.view.name, number + 1, views.len()), inner: progress };
         let view = clipped(&v.view, truth.bounds());
-        scored.push(evaluate_view(&scene, &truth, &view, &v.orbit, size, progress)?);
+        scored.push(evaluate_view(&scene, &truth, &view, &v.orbit, size, &progress)?);
     }
     Ok(Evaluation::of(scored))
+}
+
+/// Progress that says which view a phase belongs to.
+struct InView<'a> {
+    name: String,
+    inner: &'a dyn Progress,
+}
+
+impl Progress for InView<'_> {
+    fn begin(&self, phase: &str, total: u64) {
+        self.inner.begin(&format!("{} {phase}", self.name), total);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.inner.advance(steps);
+    }
+
+    fn end(&self) {
+        self.inner.end();
+    }
+
+    fn message(&self, text: &str) {
+        self.inner.message(text);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.inner.cancelled()
+    }
 }
 
 /// The view with a clipping range, the bounds' where it has none.
