@@ -4,6 +4,7 @@ use crate::common::{Common, Context, SnapshotArgs};
 use clap::{Args, ValueEnum};
 use particlegs::compress::{Compressed, Options, Target, compress};
 use particlegs::fit::Effort;
+use particlegs::progress::Progress;
 use particlegs::{Error, Result, output};
 use serde_json::json;
 use std::path::PathBuf;
@@ -148,9 +149,6 @@ pub fn run(a: Arguments) -> Result<()> {
     output::write_bytes(&a.output, &done.bytes)?;
     let seconds = start.elapsed().as_secs_f64();
     report(&a, &context, &done, seconds)?;
-    if let Some(folder) = &a.pictures {
-        crate::pictures::write(folder, &done.model, &particles, &context)?;
-    }
     Ok(())
 }
 

@@ -5,6 +5,8 @@ mod completions;
 mod compress;
 mod convert;
 mod eval;
+mod reference;
+mod render;
 
 use clap::Subcommand;
 use particlegs::Result;
@@ -20,6 +22,10 @@ pub enum Command {
     Eval(eval::Arguments),
     /// Write a snapshot anew: tiled, cropped, thinned, as float32.
     Convert(convert::Arguments),
+    /// Draw pictures of all particles: ParaView's exactly, or noise-free.
+    Reference(reference::Arguments),
+    /// Draw pictures of a model.
+    Render(render::Arguments),
     /// Print a shell's completion script.
     Completions(completions::Arguments),
 }
@@ -31,6 +37,8 @@ pub fn run(command: Command) -> Result<()> {
         Command::Compare(a) => compare::run(a),
         Command::Eval(a) => eval::run(a),
         Command::Convert(a) => convert::run(a),
+        Command::Reference(a) => reference::run(&a),
+        Command::Render(a) => render::run(&a),
         Command::Completions(a) => completions::run(&a),
     }
 }

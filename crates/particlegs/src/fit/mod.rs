@@ -12,6 +12,7 @@ mod effort;
 mod em;
 mod em_kernel;
 mod gain;
+mod memory;
 mod moments;
 mod partition;
 mod refine;
@@ -20,6 +21,7 @@ mod store;
 
 pub use effort::{Effort, FitOptions, fit};
 pub use gain::Blur;
+pub use memory::memory_needed;
 pub use moments::Moments;
 pub use partition::{Partition, PartitionOptions, partition};
 pub use refine::{RefineOptions, refine};
