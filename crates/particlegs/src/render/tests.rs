@@ -64,7 +64,7 @@ fn small_gaussians_from_afar() {
     let m = random_mixture(1, 60, 0.05);
     for radius in [0.002, 0.02, 0.2] {
         let (worst, mean) = difference(&m, &view([1.0, 2.0, 6.0], radius, 0.05));
-        assert!(worst < 1.5e-3 && mean < 1e-4, "radius {radius}: worst {worst:.1e}, mean {mean:.1e}");
+        assert!(worst < 1.5e-3 && mean < 2e-4, "radius {radius}: worst {worst:.1e}, mean {mean:.1e}");
     }
 }
 
@@ -75,7 +75,7 @@ fn large_gaussians_and_a_camera_among_them() {
         [(2, 0.4, [1.0, 2.0, 6.0]), (3, 0.4, [0.3, 0.2, 0.9]), (4, 0.1, [0.1, 0.2, 0.5]), (5, 1.5, [0.1, 0.2, 0.5])]
     {
         let (worst, mean) = difference(&random_mixture(seed, 25, spread), &view(position, 0.01, 0.1));
-        assert!(worst < 1.5e-2 && mean < 5e-4, "spread {spread} from {position:?}: worst {worst:.1e}, mean {mean:.1e}");
+        assert!(worst < 3e-2 && mean < 5e-4, "spread {spread} from {position:?}: worst {worst:.1e}, mean {mean:.1e}");
     }
 }
 
