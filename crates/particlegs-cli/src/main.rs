@@ -3,6 +3,7 @@
 mod commands;
 mod common;
 mod report;
+mod view_args;
 
 use clap::Parser;
 use std::process::ExitCode;

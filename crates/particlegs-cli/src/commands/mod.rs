@@ -1,6 +1,7 @@
 //! One file a command.
 
 mod completions;
+mod reference;
 
 use clap::Subcommand;
 use particlegs::Result;
@@ -8,6 +9,8 @@ use particlegs::Result;
 /// The verbs.
 #[derive(Subcommand)]
 pub enum Command {
+    /// Draw pictures of all particles: ParaView's exactly, or noise-free.
+    Reference(reference::Arguments),
     /// Print a shell's completion script.
     Completions(completions::Arguments),
 }
@@ -15,6 +18,7 @@ pub enum Command {
 /// Runs one.
 pub fn run(command: Command) -> Result<()> {
     match command {
+        Command::Reference(a) => reference::run(&a),
         Command::Completions(a) => completions::run(&a),
     }
 }

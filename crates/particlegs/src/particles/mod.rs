@@ -17,4 +17,5 @@ pub use bounds::Bounds;
 pub use meta::{Cell, SnapshotMeta};
 pub use open::{OpenOptions, open};
 pub use source::{Chunk, ChunkBuffer, SnapshotReader};
+pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};

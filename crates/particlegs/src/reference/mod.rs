@@ -1,1 +1,21 @@
 //! Floor 3: pictures of all particles: ParaView's exactly, and the noise-free ones.
+//!
+//! [`Reference`] holds a snapshot and its bounds and draws views of it. `project` is the vertex
+//! stage, in VTK's float32. ParaView's picture goes on to `paraview` (bands of rows, fragments),
+//! `quad` (coverage and alpha), `blend` (depth peeling) and [`fxaa`]; the noise-free optical depth
+//! to `depth`, `deposit` (a splat's share of each pixel) and `pyramid` (coarser planes for large
+//! splats), and from there through [`crate::splat::tone`].
+
+mod bands;
+mod blend;
+mod deposit;
+mod depth;
+mod draw;
+mod fxaa;
+mod paraview;
+mod project;
+mod pyramid;
+mod quad;
+
+pub use draw::Reference;
+pub use fxaa::fxaa;

@@ -14,4 +14,5 @@ pub use constants::{
 pub use fxaa_mean::{FxaaMean, fxaa_blur};
 pub use look::Look;
 pub use response::Response;
+pub(crate) use response::mul8;
 pub use tone::tone;

@@ -1,0 +1,63 @@
+//! Splats sorted into bands of rows, in particle order: each band is then one task's own.
+
+/// Splats of a run of particles by band: those of band b are `splats[start[b]..start[b + 1]]`.
+#[derive(Default)]
+pub(super) struct Sorted<T> {
+    splats: Vec<T>,
+    start: Vec<u32>,
+}
+
+impl<T> Sorted<T> {
+    /// The splats of a band, in particle order.
+    pub fn band(&self, band: usize) -> &[T] {
+        &self.splats[self.start[band] as usize..self.start[band + 1] as usize]
+    }
+}
+
+/// Collects splats with the bands they reach, then sorts them by band.
+pub(super) struct Sorter<T> {
+    splats: Vec<T>,
+    reach: Vec<[u32; 2]>,
+}
+
+impl<T> Default for Sorter<T> {
+    fn default() -> Self {
+        Sorter { splats: Vec::new(), reach: Vec::new() }
+    }
+}
+
+impl<T: Copy + Default> Sorter<T> {
+    /// Adds a splat that reaches bands `first..end`.
+    #[inline]
+    pub fn push(&mut self, splat: T, first: usize, end: usize) {
+        if first < end {
+            self.splats.push(splat);
+            self.reach.push([first as u32, end as u32]);
+        }
+    }
+
+    /// The splats by band (one that reaches several stands in each); empties the sorter.
+    pub fn sort(&mut self, bands: usize) -> Sorted<T> {
+        let mut start = vec![0u32; bands + 1];
+        for &[first, end] in &self.reach {
+            for band in first..end {
+                start[band as usize + 1] += 1;
+            }
+        }
+        for band in 0..bands {
+            start[band + 1] += start[band];
+        }
+        let mut splats = vec![T::default(); start[bands] as usize];
+        let mut next = start.clone();
+        for (splat, &[first, end]) in self.splats.iter().zip(&self.reach) {
+            for band in first..end {
+                let at = &mut next[band as usize];
+                splats[*at as usize] = *splat;
+                *at += 1;
+            }
+        }
+        self.splats.clear();
+        self.reach.clear();
+        Sorted { splats, start }
+    }
+}

@@ -1,0 +1,84 @@
+//! One pixel's fragments blended: dual depth peeling, then 8-bit alpha blending of what the peels
+//! left (spec: point-gaussian.md, section 5).
+
+use crate::splat::{DEPTH_TOLERANCE, PEELS, mul8};
+
+/// What a pixel's fragments made of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Blended {
+    /// Grey level before FXAA.
+    pub level: u8,
+    /// Bit k: peel k wrote a visible back layer here.
+    pub wrote: u8,
+}
+
+/// A float in [0, 1] to 8 bits, as Mesa rounds it: one float32 product, then ties to even.
+#[inline(always)]
+fn to_byte(x: f32) -> u32 {
+    ((x * (255.0 / 256.0)) + 32768.0).to_bits() & 0xff
+}
+
+/// An 8-bit texel as a shader reads it.
+#[inline(always)]
+fn to_float(byte: u32) -> f32 {
+    byte as f32 * (1.0 / 255.0)
+}
+
+/// Blends fragments given in particle order; `peels` is how many peels are made and `rest` whether
+/// what they leave is blended (VTK stops early once a whole peel writes no back layer anywhere).
+pub(super) fn blend(depth: &[f32], alpha: &[f32], peels: usize, rest: bool) -> Blended {
+    let (mut front, mut back, mut wrote) = (0u32, 0u32, 0u8);
+    let (mut low, mut high) = extremes(depth);
+    for peel in 0..peels.min(PEELS) {
+        let step = peel_once(depth, alpha, front, [low, high]);
+        if step.back > 0 {
+            back = (step.back + mul8(back, 255 - step.back)).min(255);
+            wrote |= 1 << peel;
+        }
+        front = step.front;
+        [low, high] = step.next;
+    }
+    if rest {
+        for (&z, &a) in depth.iter().zip(alpha) {
+            if z >= low && z <= high {
+                let q = to_byte(a);
+                back = (q + mul8(back, 255 - q)).min(255);
+            }
+        }
+    }
+    let (f, b) = (to_float(front), to_float(back));
+    Blended { level: to_byte(f + b * (1.0 - f)) as u8, wrote }
+}
+
+fn extremes(depth: &[f32]) -> (f32, f32) {
+    depth.iter().fold((1.0, -1.0), |(lo, hi), &z| (if z < lo { z } else { lo }, if z > hi { z } else { hi }))
+}
+
+struct Peel {
+    front: u32,
+    back: u32,
+    next: [f32; 2],
+}
+
+fn peel_once(depth: &[f32], alpha: &[f32], front: u32, [low, high]: [f32; 2]) -> Peel {
+    const E: f32 = DEPTH_TOLERANCE;
+    let mut out = Peel { front: 0, back: 0, next: [1.0, -1.0] };
+    let through = 1.0 - to_float(front);
+    for (&z, &a) in depth.iter().zip(alpha) {
+        if z > low + E && z < high - E {
+            // Strictly between: a candidate of the next peel; the front shows through.
+            out.next = [if z < out.next[0] { z } else { out.next[0] }, if z > out.next[1] { z } else { out.next[1] }];
+            out.front = out.front.max(front);
+        } else if z < low - E || z > high + E {
+            out.front = out.front.max(front);
+        } else if a > 0.0 {
+            if z >= low - E && z <= low + E {
+                out.front = out.front.max(to_byte(through * a + to_float(front)));
+            } else {
+                out.front = out.front.max(front);
+                out.back = out.back.max(to_byte(a));
+            }
+        }
+    }
+    out
+}

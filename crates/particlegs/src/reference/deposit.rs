@@ -1,0 +1,329 @@
+//! What one splat adds to the optical depth of a plane: `-ln(1 - m)` with m its opacity averaged
+//! over each pixel, cut at three standard deviations (spec: response.md, section 1).
+
+use crate::splat::{CUT_SIGMA, LARGEST_MEAN_ALPHA, erf};
+use fearless_simd::{Simd, dispatch};
+
+/// A splat in pixels, rows upward: centre and how far one deviation of u and of v moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct PixelSplat {
+    pub x: f32,
+    pub y: f32,
+    /// `[a, b, c, d]`: u moves by (a, c), v by (b, d).
+    pub axes: [f32; 4],
+}
+
+impl PixelSplat {
+    /// Standard deviations along x and y.
+    #[inline]
+    pub fn sigma(&self) -> [f32; 2] {
+        let [a, b, c, d] = self.axes;
+        if b == 0.0 && c == 0.0 { [a, d] } else { [a.hypot(b), c.hypot(d)] }
+    }
+
+    /// How far the square of three deviations reaches along x and y.
+    #[inline]
+    pub fn reach(&self) -> [f32; 2] {
+        let [a, b, c, d] = self.axes;
+        [CUT * (a.abs() + b.abs()), CUT * (c.abs() + d.abs())]
+    }
+
+    /// The same splat where a pixel is `1 / scale` of the old ones.
+    pub fn scaled(&self, scale: f32) -> PixelSplat {
+        PixelSplat { x: self.x * scale, y: self.y * scale, axes: self.axes.map(|v| v * scale) }
+    }
+}
+
+const CUT: f32 = CUT_SIGMA as f32;
+
+/// From this deviation on (pixels) the mean over a pixel is its centre's value and a curvature term.
+const SMOOTH_SIGMA: f32 = 4.0;
+
+/// Below this opacity `-ln(1 - m)` is a short series.
+const SERIES_OPACITY: f32 = 0.1;
+
+/// Intervals of the table of the Gaussian's integral from -3 to +3.
+const STEPS: usize = 4096;
+
+/// A run of rows of a plane.
+pub(super) struct Rows<'a> {
+    pub data: &'a mut [f32],
+    pub width: usize,
+    /// The pixel coordinates of `data[0]`'s lower left corner.
+    pub corner: [i32; 2],
+    /// Pixels of the picture in one of these, squared: 1, or 4^-level on coarser planes.
+    pub fine_area: f32,
+}
+
+/// Adds splats of one opacity to planes.
+pub(super) struct Depositor {
+    opacity: f32,
+    integral: Vec<f32>,
+}
+
+/// Working rows of one task.
+#[derive(Default)]
+pub(super) struct Profiles {
+    x: Vec<f32>,
+    y: Vec<f32>,
+}
+
+impl Depositor {
+    pub fn new(opacity: f64) -> Self {
+        let root = (0.5 * std::f64::consts::PI).sqrt();
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let at = |k: usize| CUT_SIGMA * (2.0 * k as f64 / STEPS as f64 - 1.0);
+        let integral =
+            (0..=STEPS + 1).map(|k| (root * (erf(at(k.min(STEPS)) * half) + erf(CUT_SIGMA * half))) as f32).collect();
+        Depositor { opacity: opacity as f32, integral }
+    }
+
+    /// The integral of exp(-t^2/2) from -3 to `e`, clamped to the cut.
+    #[inline(always)]
+    fn integral(&self, e: f32) -> f32 {
+        let t = (e.clamp(-CUT, CUT) + CUT) * (STEPS as f32 / (2.0 * CUT));
+        let k = t as usize;
+        let (a, b) = (self.integral[k], self.integral[k + 1]);
+        a + (t - k as f32) * (b - a)
+    }
+
+    /// Adds a run of splats (already in the rows' pixels) to rows.
+    pub fn add(&self, splats: impl Iterator<Item = PixelSplat>, rows: &mut Rows<'_>, profiles: &mut Profiles) {
+        dispatch!(crate::math::simd_level(), simd => self.add_kernel(simd, splats, rows, profiles));
+    }
+
+    #[inline(always)]
+    fn add_kernel<S: Simd>(
+        &self,
+        _simd: S,
+        splats: impl Iterator<Item = PixelSplat>,
+        rows: &mut Rows<'_>,
+        profiles: &mut Profiles,
+    ) {
+        for splat in splats {
+            let Some(window) = Window::new(&splat, rows) else { continue };
+            let [sx, sy] = splat.sigma();
+            if splat.axes[1] == 0.0 && splat.axes[2] == 0.0 {
+                let area = rows.fine_area;
+                self.profile(splat.x, sx, window.columns, area, &mut profiles.x);
+                self.profile(splat.y, sy, window.rows, area, &mut profiles.y);
+                for (k, row) in (window.rows[0]..window.rows[1]).enumerate() {
+                    add_row(rows.row(row, window.columns), &profiles.x, self.opacity * profiles.y[k], self.opacity);
+                }
+            } else if sx.min(sy) >= SMOOTH_SIGMA {
+                self.add_rotated_smooth(&splat, &window, rows, &mut profiles.x);
+            } else {
+                self.add_rotated(&splat, &window, rows, &mut profiles.x);
+            }
+        }
+    }
+
+    /// Means of exp(-u^2/2) over pixels `range`, cut at three deviations.
+    #[inline(always)]
+    fn profile(&self, center: f32, sigma: f32, range: [i32; 2], fine_area: f32, out: &mut Vec<f32>) {
+        let inverse = 1.0 / sigma;
+        out.clear();
+        if sigma < SMOOTH_SIGMA {
+            let mut below = self.integral((range[0] as f32 - center) * inverse);
+            out.extend((range[0]..range[1]).map(|i| {
+                let above = self.integral(((i + 1) as f32 - center) * inverse);
+                let mean = sigma * (above - below);
+                below = above;
+                mean
+            }));
+            return;
+        }
+        let curvature = fine_area * inverse * inverse / 24.0;
+        let (low, high) = (center - CUT * sigma, center + CUT * sigma);
+        out.resize((range[1] - range[0]) as usize, 0.0);
+        for (k, value) in out.iter_mut().enumerate() {
+            let left = (range[0] + k as i32) as f32;
+            // The covered part of the pixel and its middle.
+            let (a, b) = (left.max(low), (left + 1.0).min(high));
+            let u = (0.5 * (a + b) - center) * inverse;
+            *value = (b - a).max(0.0) * gaussian(u * u) * (1.0 + curvature * (u * u - 1.0));
+        }
+    }
+
+    /// A rotated splat: exact along x on a few lines of every row.
+    #[inline(always)]
+    fn add_rotated(&self, splat: &PixelSplat, window: &Window, rows: &mut Rows<'_>, sum: &mut Vec<f32>) {
+        let form = Form::new(splat);
+        let lines = (12.0 / splat.sigma()[1]).ceil().clamp(1.0, 16.0) as i32;
+        // On a line the splat is a Gaussian of deviation `sigma` about a centre that moves with y.
+        let sigma = 1.0 / form.xx.sqrt();
+        for row in window.rows[0]..window.rows[1] {
+            sum.clear();
+            sum.resize((window.columns[1] - window.columns[0]) as usize, 0.0);
+            for line in 0..lines {
+                let dy = row as f32 + (line as f32 + 0.5) / lines as f32 - splat.y;
+                let [low, high] = form.cut(dy);
+                if low >= high {
+                    continue;
+                }
+                let middle = -form.xy * dy / form.xx;
+                let height = gaussian((form.yy - form.xy * form.xy / form.xx) * dy * dy) * sigma / lines as f32;
+                let at = |dx: f32| self.integral((dx.clamp(low, high) - middle) / sigma);
+                let mut below = at(window.columns[0] as f32 - splat.x);
+                for (k, total) in sum.iter_mut().enumerate() {
+                    let above = at((window.columns[0] + k as i32 + 1) as f32 - splat.x);
+                    *total += height * (above - below);
+                    below = above;
+                }
+            }
+            add_row(rows.row(row, window.columns), sum, self.opacity, self.opacity);
+        }
+    }
+
+    /// A large rotated splat: centres and a curvature term.
+    #[inline(always)]
+    fn add_rotated_smooth(&self, splat: &PixelSplat, window: &Window, rows: &mut Rows<'_>, sum: &mut Vec<f32>) {
+        let form = Form::new(splat);
+        let curvature = rows.fine_area / 24.0;
+        let trace = form.xx + form.yy;
+        // Thin slices resolve the cut's upper and lower ends where the opacity makes them visible.
+        let lines = if self.opacity > SERIES_OPACITY { 4 } else { 1 };
+        let share = 1.0 / lines as f32;
+        for row in window.rows[0]..window.rows[1] {
+            sum.clear();
+            sum.resize((window.columns[1] - window.columns[0]) as usize, 0.0);
+            for line in 0..lines {
+                let dy = row as f32 + (line as f32 + 0.5) * share - splat.y;
+                let [low, high] = form.cut(dy);
+                for (k, total) in sum.iter_mut().enumerate() {
+                    let left = (window.columns[0] + k as i32) as f32 - splat.x;
+                    let (a, b) = (left.max(low), (left + 1.0).min(high));
+                    let dx = 0.5 * (a + b);
+                    let (gx, gy) = (form.xx * dx + form.xy * dy, form.xy * dx + form.yy * dy);
+                    let bend = 1.0 + curvature * (gx * gx + gy * gy - trace);
+                    *total += share * (b - a).max(0.0) * gaussian(dx * gx + dy * gy) * bend;
+                }
+            }
+            add_row(rows.row(row, window.columns), sum, self.opacity, self.opacity);
+        }
+    }
+}
+
+/// The inverse covariance of a rotated splat and its four edges.
+struct Form {
+    xx: f32,
+    xy: f32,
+    yy: f32,
+    /// (u, v) = inverse (dx, dy).
+    inverse: [[f32; 2]; 2],
+}
+
+impl Form {
+    fn new(splat: &PixelSplat) -> Self {
+        let [a, b, c, d] = splat.axes;
+        let s = 1.0 / (a * d - b * c);
+        let inverse = [[d * s, -b * s], [-c * s, a * s]];
+        let [u, v] = inverse;
+        let dot = |i: usize, j: usize| u[i] * u[j] + v[i] * v[j];
+        Form { xx: dot(0, 0), xy: dot(0, 1), yy: dot(1, 1), inverse }
+    }
+
+    /// The interval of dx where |u| and |v| are at most three.
+    #[inline(always)]
+    fn cut(&self, dy: f32) -> [f32; 2] {
+        let mut range = [f32::NEG_INFINITY, f32::INFINITY];
+        for [p, q] in self.inverse {
+            let (e, f) = ((-CUT - q * dy) / p, (CUT - q * dy) / p);
+            if p == 0.0 {
+                if (q * dy).abs() > CUT {
+                    return [0.0, 0.0];
+                }
+                continue;
+            }
+            range = [range[0].max(e.min(f)), range[1].min(e.max(f))];
+        }
+        range
+    }
+}
+
+/// The pixels of a run of rows that a splat reaches.
+struct Window {
+    columns: [i32; 2],
+    rows: [i32; 2],
+}
+
+impl Window {
+    #[inline(always)]
+    fn new(splat: &PixelSplat, rows: &Rows<'_>) -> Option<Window> {
+        let [rx, ry] = splat.reach();
+        let span = |c: f32, r: f32, first: i32, count: usize| {
+            [((c - r).floor() as i32).max(first), ((c + r).floor() as i32).saturating_add(1).min(first + count as i32)]
+        };
+        let columns = span(splat.x, rx, rows.corner[0], rows.width);
+        let lines = span(splat.y, ry, rows.corner[1], rows.data.len() / rows.width);
+        (columns[0] < columns[1] && lines[0] < lines[1]).then_some(Window { columns, rows: lines })
+    }
+}
+
+impl Rows<'_> {
+    #[inline(always)]
+    fn row(&mut self, row: i32, columns: [i32; 2]) -> &mut [f32] {
+        let start = (row - self.corner[1]) as usize * self.width;
+        let c = columns.map(|c| (c - self.corner[0]) as usize);
+        &mut self.data[start + c[0]..start + c[1]]
+    }
+}
+
+/// Adds `-ln(1 - height profile)` to a row.
+#[inline(always)]
+fn add_row(row: &mut [f32], profile: &[f32], height: f32, opacity: f32) {
+    if opacity <= SERIES_OPACITY {
+        for (t, &p) in row.iter_mut().zip(profile) {
+            let m = height * p;
+            *t += m * (1.0 + m * (0.5 + m * (1.0 / 3.0 + m * (0.25 + m * 0.2))));
+        }
+    } else {
+        for (t, &p) in row.iter_mut().zip(profile) {
+            *t += minus_ln(1.0 - (height * p).min(LARGEST_MEAN_ALPHA as f32));
+        }
+    }
+}
+
+/// `exp(-q/2)` for q >= 0 to about 1e-7.
+#[inline(always)]
+fn gaussian(q: f32) -> f32 {
+    let x = (q * (-0.5 * std::f32::consts::LOG2_E)).max(-126.0);
+    let whole = x.floor();
+    let f = (x - whole) * std::f32::consts::LN_2;
+    // exp(f) for f in [0, ln 2): the series to the seventh power.
+    let p = 1.0
+        + f * (1.0
+            + f * (0.5
+                + f * (1.0 / 6.0 + f * (1.0 / 24.0 + f * (1.0 / 120.0 + f * (1.0 / 720.0 + f * (1.0 / 5040.0)))))));
+    p * f32::from_bits(((whole as i32 + 127) as u32) << 23)
+}
+
+/// `-ln y` for normal y in (0, 1].
+#[inline(always)]
+fn minus_ln(y: f32) -> f32 {
+    // y = 2^e m with m in [sqrt 1/2, sqrt 2); ln m = 2 artanh((m - 1)/(m + 1)).
+    let bits = y.to_bits() as i32;
+    let e = (bits - 0x3f35_04f3) >> 23;
+    let m = f32::from_bits((bits - (e << 23)) as u32);
+    let s = (m - 1.0) / (m + 1.0);
+    let s2 = s * s;
+    let ln_m = 2.0 * s * (1.0 + s2 * (1.0 / 3.0 + s2 * (0.2 + s2 * (1.0 / 7.0 + s2 * (1.0 / 9.0)))));
+    -(e as f32 * std::f32::consts::LN_2 + ln_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elementary_functions() {
+        for k in 0..2000 {
+            let q = k as f32 * 0.01;
+            assert!((f64::from(gaussian(q)) / (-0.5 * f64::from(q)).exp() - 1.0).abs() < 1e-6, "{q}");
+            let y = 1e-6 + k as f32 * 4.99e-4;
+            assert!((f64::from(minus_ln(y)) + f64::from(y).ln()).abs() < 2e-6 * (1.0 - f64::from(y).ln()), "{y}");
+        }
+        let d = Depositor::new(0.05);
+        assert!((d.integral(0.3) - (1.253_314_1 * (0.235_822_8 + 0.997_300_2))).abs() < 1e-6);
+    }
+}

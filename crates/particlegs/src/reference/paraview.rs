@@ -1,0 +1,292 @@
+//! ParaView's picture before FXAA, exactly: project, sort into bands of rows, gather every pixel's
+//! fragments in particle order, blend (spec: point-gaussian.md, sections 2 to 5).
+
+use super::bands::{Sorted, Sorter};
+use super::blend::blend;
+use super::project::{BLOCK, Block, Projector, Splat};
+use super::quad::{Quad, first_pixel, snap};
+use crate::particles::{Chunk, Particles};
+use crate::picture::{Gray8, Size};
+use crate::progress::Progress;
+use crate::splat::{CUT_SIGMA, PEELS};
+use crate::{Error, Result};
+use fearless_simd::{Simd, dispatch};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Rows of a band.
+const BAND_ROWS: usize = 16;
+
+/// Fragments that one task gathers at a time (8 bytes each), unless a single row has more.
+const FRAGMENTS_AT_ONCE: usize = 4 << 20;
+
+/// Splats held at a time take at most this many bytes, or a quarter of the raw positions.
+const LEAST_BUDGET: usize = 512 << 20;
+
+/// ParaView's picture of all particles without FXAA.
+///
+/// # Errors
+/// [`Error::Cancelled`] where the caller stops.
+pub(super) fn draw(
+    particles: &Particles,
+    projector: &Projector,
+    size: Size,
+    opacity: f32,
+    progress: &dyn Progress,
+) -> Result<Gray8> {
+    let scene = Scene { particles, projector, size, opacity, progress };
+    let (picture, wrote) = scene.render(PEELS, true)?;
+    // VTK stops once a whole peel writes no back layer anywhere, and blends no rest then: only in
+    // nearly empty or nearly transparent pictures, which are drawn again with fewer peels.
+    match (0..PEELS).find(|&k| wrote >> k & 1 == 0) {
+        Some(empty) => Ok(scene.render(empty + 1, false)?.0),
+        None => Ok(picture),
+    }
+}
+
+struct Scene<'a> {
+    particles: &'a Particles,
+    projector: &'a Projector,
+    size: Size,
+    opacity: f32,
+    progress: &'a dyn Progress,
+}
+
+#[derive(Default)]
+struct Scratch {
+    first: Vec<u32>,
+    next: Vec<u32>,
+    depth: Vec<f32>,
+    alpha: Vec<f32>,
+}
+
+impl Scene<'_> {
+    /// The picture, and which peels wrote a back layer anywhere.
+    fn render(&self, peels: usize, rest: bool) -> Result<(Gray8, u8)> {
+        let (width, height) = (self.size.width, self.size.height);
+        let mut upward = vec![0u8; self.size.pixels()];
+        let mut wrote = 0;
+        for group in self.groups() {
+            let chunks = self.sorted(group.clone())?;
+            let rows = group.start * BAND_ROWS..height.min(group.end * BAND_ROWS);
+            let parts: Vec<Result<u8>> = upward[rows.start * width..rows.end * width]
+                .par_chunks_mut(BAND_ROWS * width)
+                .enumerate()
+                .map_init(Scratch::default, |scratch, (k, out)| {
+                    self.progress.check()?;
+                    Ok(self.draw_band(&chunks, k, (group.start + k) * BAND_ROWS, out, scratch, peels, rest))
+                })
+                .collect();
+            for part in parts {
+                wrote |= part?;
+            }
+        }
+        let mut data = Vec::with_capacity(upward.len());
+        upward.chunks_exact(width).rev().for_each(|row| data.extend_from_slice(row));
+        Ok((Gray8 { size: self.size, data }, wrote))
+    }
+
+    fn bands(&self) -> usize {
+        self.size.height.div_ceil(BAND_ROWS)
+    }
+
+    /// Runs of bands whose splats fit the budget together, judged by a sample of the particles.
+    fn groups(&self) -> Vec<Range<usize>> {
+        let n = self.particles.len();
+        let budget = LEAST_BUDGET.max(n * 3) / size_of::<Splat>();
+        let bands = self.bands();
+        // Even every particle in two bands fits: no need to look.
+        if n * 2 <= budget && self.projector.radius_pixels_at_most(self.size) < BAND_ROWS as f32 / 6.0 {
+            return vec![0..bands];
+        }
+        const RUN: usize = 1024;
+        let stride = (n / (RUN * 256)).max(1) * RUN;
+        let mut buffer = Default::default();
+        let mut count = vec![0u64; bands];
+        let mut sampled = 0;
+        for start in (0..n).step_by(stride) {
+            let chunk = self.particles.chunk(start..n.min(start + RUN), &mut buffer);
+            sampled += chunk.len();
+            let mut sorter = Sorter::default();
+            self.cull(chunk, 0..bands, &mut sorter);
+            let sorted = sorter.sort(bands);
+            for (band, total) in count.iter_mut().enumerate() {
+                *total += sorted.band(band).len() as u64;
+            }
+        }
+        let scale = n as f64 / sampled.max(1) as f64;
+        let (mut groups, mut start, mut held) = (Vec::new(), 0, 0.0);
+        for (band, &c) in count.iter().enumerate() {
+            let more = c as f64 * scale;
+            if held + more > budget as f64 && band > start {
+                groups.push(start..band);
+                (start, held) = (band, 0.0);
+            }
+            held += more;
+        }
+        groups.push(start..bands);
+        groups
+    }
+
+    /// The splats that reach a group's bands, by chunk of particles and band.
+    fn sorted(&self, group: Range<usize>) -> Result<Vec<Sorted<Splat>>> {
+        let parts = self.particles.par_chunks(|_, chunk| {
+            self.progress.check()?;
+            let mut sorter = Sorter::default();
+            self.cull(chunk, group.clone(), &mut sorter);
+            Ok::<_, Error>(sorter.sort(group.len()))
+        });
+        parts.into_iter().collect()
+    }
+
+    /// Projects a chunk and keeps what covers a pixel centre in the group's bands.
+    fn cull(&self, chunk: Chunk<'_>, group: Range<usize>, sorter: &mut Sorter<Splat>) {
+        let mut block = Box::new(Block::default());
+        let mut keep = [0u8; BLOCK];
+        for start in (0..chunk.len()).step_by(BLOCK) {
+            let end = chunk.len().min(start + BLOCK);
+            let n = end - start;
+            self.projector.project(chunk.position.map(|c| &c[start..end]), &mut block);
+            dispatch!(crate::math::simd_level(), simd => touch_kernel(simd, &block, self.size, &mut keep));
+            for i in 0..n {
+                if keep[i] == 0 {
+                    continue;
+                }
+                let Some(splat) = block.splat(i) else { continue };
+                let Some(quad) = Quad::new(&splat, self.size) else { continue };
+                let first = (quad.rows[0] as usize / BAND_ROWS).max(group.start);
+                let last = ((quad.rows[1] - 1) as usize / BAND_ROWS + 1).min(group.end);
+                if first < last {
+                    sorter.push(splat, first - group.start, last - group.start);
+                }
+            }
+        }
+    }
+
+    fn draw_band(
+        &self,
+        chunks: &[Sorted<Splat>],
+        band: usize,
+        first_row: usize,
+        out: &mut [u8],
+        scratch: &mut Scratch,
+        peels: usize,
+        rest: bool,
+    ) -> u8 {
+        let width = self.size.width;
+        let rows = out.len() / width;
+        let splats = || chunks.iter().flat_map(|c| c.band(band));
+        // How many fragments before each pixel.
+        scratch.first.clear();
+        scratch.first.resize(out.len() + 1, 0);
+        for splat in splats() {
+            let Some(quad) = Quad::new(splat, self.size) else { continue };
+            for_rows(&quad, first_row, rows, |row, [from, to]| {
+                let at = (row - first_row) * width;
+                for count in &mut scratch.first[at + from + 1..=at + to] {
+                    *count += 1;
+                }
+            });
+        }
+        for i in 1..scratch.first.len() {
+            scratch.first[i] += scratch.first[i - 1];
+        }
+        let mut wrote = 0;
+        let mut row = 0;
+        while row < rows {
+            let base = scratch.first[row * width];
+            let mut end = row + 1;
+            while end < rows && (scratch.first[(end + 1) * width] - base) as usize <= FRAGMENTS_AT_ONCE {
+                end += 1;
+            }
+            self.gather(
+                splats(),
+                first_row + row,
+                &scratch.first[row * width..=end * width],
+                GatherInto { next: &mut scratch.next, depth: &mut scratch.depth, alpha: &mut scratch.alpha },
+            );
+            for pixel in row * width..end * width {
+                let (a, b) = ((scratch.first[pixel] - base) as usize, (scratch.first[pixel + 1] - base) as usize);
+                if a < b {
+                    let blended = blend(&scratch.depth[a..b], &scratch.alpha[a..b], peels, rest);
+                    out[pixel] = blended.level;
+                    wrote |= blended.wrote;
+                }
+            }
+            row = end;
+        }
+        wrote
+    }
+
+    /// Depths and alphas of some rows' fragments, pixel by pixel in particle order. `first` is how
+    /// many fragments stand before each pixel of the rows.
+    fn gather<'s>(
+        &self,
+        splats: impl Iterator<Item = &'s Splat>,
+        first_row: usize,
+        first: &[u32],
+        into: GatherInto<'_>,
+    ) {
+        let width = self.size.width;
+        let rows = first.len() / width;
+        let GatherInto { next, depth, alpha } = into;
+        let total = (first[first.len() - 1] - first[0]) as usize;
+        next.clear();
+        next.extend(first.iter().map(|f| f - first[0]));
+        depth.resize(total, 0.0);
+        alpha.resize(total, 0.0);
+        for splat in splats {
+            let Some(quad) = Quad::new(splat, self.size) else { continue };
+            if quad.rows[1] <= first_row as i32 || quad.rows[0] >= (first_row + rows) as i32 {
+                continue;
+            }
+            let planes = quad.planes();
+            for_rows(&quad, first_row, rows, |row, [from, to]| {
+                for column in from..to {
+                    let at = &mut next[(row - first_row) * width + column];
+                    let triangle = quad.triangle(column as i32, row as i32);
+                    depth[*at as usize] = splat.depth;
+                    alpha[*at as usize] = self.opacity * planes[triangle].gaussian(column as i32, row as i32);
+                    *at += 1;
+                }
+            });
+        }
+    }
+}
+
+struct GatherInto<'a> {
+    next: &'a mut Vec<u32>,
+    depth: &'a mut Vec<f32>,
+    alpha: &'a mut Vec<f32>,
+}
+
+/// Calls `work` with every covered row of `first..first + rows` and its covered columns.
+#[inline]
+fn for_rows(quad: &Quad, first: usize, rows: usize, mut work: impl FnMut(usize, [usize; 2])) {
+    for row in (quad.rows[0] as usize).max(first)..(quad.rows[1] as usize).min(first + rows) {
+        let [from, to] = quad.columns_of(row as i32);
+        if from < to {
+            work(row, [from as usize, to as usize]);
+        }
+    }
+}
+
+/// Marks the particles of a block whose quad may cover a pixel centre of the picture.
+#[inline(always)]
+fn touch_kernel<S: Simd>(_simd: S, block: &Block, size: Size, keep: &mut [u8; BLOCK]) {
+    const CUT: f32 = CUT_SIGMA as f32;
+    let (sx, sy) = (0.5 * size.width as f32, 0.5 * size.height as f32);
+    let (w, h) = (size.width as i32, size.height as i32);
+    for i in 0..BLOCK {
+        // Rotated quads reach exactly as far as aligned ones along each axis, up to sqrt 2.
+        let more = if block.c01[i].abs() > 1e-6 { 1.5 * CUT } else { CUT };
+        let (ex, ey) = (block.c00[i].sqrt() * more, block.c11[i].sqrt() * more);
+        let (x, y) = (block.x[i], block.y[i]);
+        let left = first_pixel(snap((x - ex) * sx + sx)).max(0);
+        let right = first_pixel(snap((x + ex) * sx + sx)).min(w);
+        let bottom = first_pixel(snap((y - ey) * sy + sy)).max(0);
+        let top = first_pixel(snap((y + ey) * sy + sy)).min(h);
+        let rotated = block.c01[i].abs() > 1e-6;
+        keep[i] = u8::from(((left < right) & (bottom < top)) | rotated);
+    }
+}
