@@ -1,1 +1,31 @@
 //! Floor 3: mixture to bytes and back (docs/format.md).
+//!
+//! A block's means are sorted into a tree of boxes (`tree`); sizes, counts, shapes (`shape`) and
+//! places are put on lattices (`trellis`); one walk (`walk`) codes them against predictions with
+//! adaptive models (`symbols`) and rANS (`rans`). Sections with checksums hold it all together.
+
+mod certificate;
+mod container;
+mod decoder;
+mod encoder;
+mod exact;
+mod file;
+mod header;
+mod metadata;
+mod precision;
+mod predict;
+mod rans;
+mod shape;
+mod sums;
+mod symbols;
+mod tree;
+mod trellis;
+mod walk;
+mod wire;
+
+pub use encoder::Encoder;
+pub use file::{
+    BlockInfo, CodedLayer, FileInfo, LayerInfo, assemble, coded_layers, decode, encode, read_info, read_metadata,
+    size_without_blocks,
+};
+pub use precision::Precision;

@@ -1,0 +1,130 @@
+//! Functions of f64 by named operations in a named order, so that every machine gets the same
+//! bits: `exp`, and the exponential of a symmetric trace-free matrix (docs/format.md, section 9).
+
+use crate::math::Sym3;
+
+/// 1/k! for k = 0 to 17.
+const INVERSE_FACTORIAL: [f64; 18] = {
+    let mut f = [1.0; 18];
+    let mut product = 1.0;
+    let mut k = 1;
+    while k < 18 {
+        product *= k as f64;
+        f[k] = 1.0 / product;
+        k += 1;
+    }
+    f
+};
+
+/// e^x for |x| <= 700 (clamped): k = floor(x / ln 2 + 1/2), Taylor to degree 13 of the rest.
+#[inline(always)]
+pub(crate) fn exp(x: f64) -> f64 {
+    let x = x.clamp(-700.0, 700.0);
+    let k = (x * std::f64::consts::LOG2_E + 0.5).floor();
+    // ln 2 in two parts: the first has 32 bits, so that k times it is exact.
+    let r = (x - k * 0.693_147_180_369_123_8) - k * 1.908_214_929_270_587_7e-10;
+    let mut p = INVERSE_FACTORIAL[13];
+    for i in (0..13).rev() {
+        p = p * r + INVERSE_FACTORIAL[i];
+    }
+    p * f64::from_bits(((k as i64 + 1023) as u64) << 52)
+}
+
+/// Coordinates of a trace-free symmetric matrix in the orthonormal basis of docs/format.md.
+pub(crate) fn to_five(m: &Sym3) -> [f64; 5] {
+    let [xx, xy, xz, yy, yz, zz] = m.0;
+    let (h, s) = (std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::SQRT_2);
+    [(xx - yy) * h, (xx + yy - 2.0 * zz) * SQRT_SIXTH, xy * s, xz * s, yz * s]
+}
+
+/// sqrt(1/6).
+const SQRT_SIXTH: f64 = 0.408_248_290_463_863;
+
+/// exp(2 S) for the trace-free S of five coordinates, each at most 32 in magnitude.
+///
+/// The Taylor series of 2 S / 2^j to degree 16 on 1, A and A^2 alone (A^3 = c1 A + c0), squared j
+/// times.
+#[inline(always)]
+pub(crate) fn exp_twice(five: [f64; 5]) -> Sym3 {
+    let norm2 = five[0] * five[0]
+        + five[1] * five[1]
+        + five[2] * five[2]
+        + five[3] * five[3]
+        + five[4] * five[4];
+    let mut j = 0;
+    let mut reach = 0.25;
+    while norm2 > reach {
+        reach *= 4.0;
+        j += 1;
+    }
+    let scale = 2.0 / (1u64 << j) as f64;
+    let h = std::f64::consts::FRAC_1_SQRT_2;
+    let (a, b) = (five[0] * h * scale, five[1] * SQRT_SIXTH * scale);
+    let (xx, yy, zz) = (b + a, b - a, -2.0 * b);
+    let (xy, xz, yz) = (five[2] * h * scale, five[3] * h * scale, five[4] * h * scale);
+    let square = [
+        xx * xx + xy * xy + xz * xz,
+        xx * xy + xy * yy + xz * yz,
+        xx * xz + xy * yz + xz * zz,
+        xy * xy + yy * yy + yz * yz,
+        xy * xz + yy * yz + yz * zz,
+        xz * xz + yz * yz + zz * zz,
+    ];
+    let c1 = 0.5 * (square[0] + square[3] + square[5]);
+    let c0 = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+    // Horner: P = P A + 1/k! on the triple (p, q, r) = p + q A + r A^2.
+    let (mut p, mut q, mut r) = (INVERSE_FACTORIAL[16], 0.0, 0.0);
+    for k in (0..16).rev() {
+        (p, q, r) = (r * c0 + INVERSE_FACTORIAL[k], p + r * c1, q);
+    }
+    for _ in 0..j {
+        let (qr, rr) = (2.0 * q * r, r * r);
+        (p, q, r) = (p * p + qr * c0, 2.0 * p * q + qr * c1 + rr * c0, q * q + 2.0 * p * r + rr * c1);
+    }
+    Sym3([
+        p + q * xx + r * square[0],
+        q * xy + r * square[1],
+        q * xz + r * square[2],
+        p + q * yy + r * square[3],
+        q * yz + r * square[4],
+        p + q * zz + r * square[5],
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Eigen;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn exp_is_exp(x in -690.0f64..690.0) {
+            prop_assert!((exp(x) / x.exp() - 1.0).abs() < 4e-16);
+        }
+
+        #[test]
+        fn exp_twice_is_the_matrix_exponential(five in proptest::array::uniform5(-3.5f64..3.5)) {
+            let back = exp_twice(five);
+            let h = std::f64::consts::FRAC_1_SQRT_2;
+            let (a, b) = (five[0] * h, five[1] / 6f64.sqrt());
+            let s = Sym3([b + a, five[2] * h, five[3] * h, b - a, five[4] * h, -2.0 * b]);
+            let there = to_five(&s);
+            for k in 0..5 {
+                prop_assert!((there[k] - five[k]).abs() < 1e-14 * 8.0);
+            }
+            let e = s.eigen();
+            let truth = Sym3::from_eigen(&Eigen { values: e.values.map(|v| (2.0 * v).exp()), vectors: e.vectors });
+            let size = truth.trace();
+            for k in 0..6 {
+                prop_assert!((truth.0[k] - back.0[k]).abs() < 1e-12 * size, "{truth:?} {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn exp_keeps_its_ends() {
+        assert_eq!(exp(0.0), 1.0);
+        assert!(exp(1e300).is_finite() && exp(-1e300) > 0.0);
+    }
+}

@@ -1,0 +1,274 @@
+//! Models as files: which sections, in which order.
+
+use super::container::{self, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SECTION_BYTES, Section};
+use super::header::BlockHeader;
+use super::metadata::Fault;
+use super::wire::Reader;
+use super::{Encoder, Precision, certificate, decoder, metadata};
+use crate::model::{Certificate, Layer, Metadata, Model};
+use crate::{Error, Result};
+
+/// Layers in a file at most, and bytes of a layer's name.
+const MOST_LAYERS: usize = 1024;
+const LONGEST_NAME: usize = 255;
+
+/// A layer whose blocks are coded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CodedLayer {
+    /// Name, at most 255 bytes, unique in a file.
+    pub name: String,
+    /// Blocks as [`Encoder::encode`] gives them or [`coded_layers`] takes them from a file.
+    pub blocks: Vec<Vec<u8>>,
+}
+
+/// A file of a model with every block at `precision`.
+///
+/// # Errors
+/// [`Error::Argument`] where the model holds no layer, a layer without blocks, or numbers that
+/// cannot be coded.
+pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
+    let layers = model.layers.iter().map(|layer| {
+        let blocks = layer.blocks.iter().map(|b| Ok(Encoder::new(b)?.encode(precision))).collect::<Result<_>>()?;
+        Ok(CodedLayer { name: layer.name.clone(), blocks })
+    });
+    assemble(&model.metadata, model.certificate.as_ref(), layers.collect::<Result<_>>()?)
+}
+
+/// A file of coded blocks: copied, not coded anew. Layers are sorted by name and blocks by their
+/// bounds, so that the file does not depend on the order in which parts were merged.
+///
+/// # Errors
+/// [`Error::Argument`] where there is no layer, one without blocks, two of one name, or a block
+/// that is none.
+pub fn assemble(metadata: &Metadata, certificate: Option<&Certificate>, mut layers: Vec<CodedLayer>) -> Result<Vec<u8>> {
+    layers.sort_by(|a, b| a.name.cmp(&b.name));
+    let names_differ = layers.windows(2).all(|w| w[0].name != w[1].name);
+    let sound = |l: &CodedLayer| !l.blocks.is_empty() && l.blocks.len() <= u32::MAX as usize && l.name.len() <= LONGEST_NAME;
+    if layers.is_empty() || layers.len() > MOST_LAYERS || !names_differ || !layers.iter().all(sound) {
+        return Err(Error::argument("a model file needs layers of different names of at most 255 bytes, each with blocks"));
+    }
+    for layer in &mut layers {
+        let mut keyed = Vec::with_capacity(layer.blocks.len());
+        for block in layer.blocks.drain(..) {
+            let header = BlockHeader::read(&block).map_err(Error::argument)?;
+            keyed.push((order_key(&header), block));
+        }
+        keyed.sort();
+        layer.blocks = keyed.into_iter().map(|k| k.1).collect();
+    }
+    let meta = metadata::write(metadata);
+    let certificate = certificate.map(certificate::write);
+    let heads: Vec<Vec<u8>> = layers.iter().map(layer_bytes).collect();
+    let body = layers.iter().zip(&heads).flat_map(|(layer, head)| {
+        std::iter::once((LAYER, &head[..])).chain(layer.blocks.iter().map(|b| (BLOCK, &b[..])))
+    });
+    let front = std::iter::once((META, &meta[..])).chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])));
+    Ok(container::write(front.chain(body)))
+}
+
+/// Bytes of a file beside its coded blocks: `blocks[i]` is the number of blocks of the layer
+/// `names[i]`. The file's size is this plus the sizes of its blocks.
+pub fn size_without_blocks(metadata: &Metadata, certificate: bool, names: &[&str], blocks: &[usize]) -> usize {
+    let certificate = if certificate { SECTION_BYTES + certificate::CERTIFICATE_BYTES } else { 0 };
+    let layers: usize = names.iter().map(|n| SECTION_BYTES + 5 + n.len()).sum();
+    let blocks: usize = blocks.iter().map(|n| SECTION_BYTES * n).sum();
+    HEAD_BYTES + SECTION_BYTES + metadata::write(metadata).len() + certificate + layers + blocks
+}
+
+/// What bounds a block sorts by: the lower corner, then the upper, in the order of numbers.
+fn order_key(h: &BlockHeader) -> [u64; 6] {
+    let ordered = |v: f64| {
+        // -0 and 0 are one place; negative numbers count down.
+        let bits = (v + 0.0).to_bits();
+        if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
+    };
+    let (a, b) = (h.bounds.min, h.bounds.max);
+    [a[0], a[1], a[2], b[0], b[1], b[2]].map(ordered)
+}
+
+fn layer_bytes(layer: &CodedLayer) -> Vec<u8> {
+    let mut out = vec![layer.name.len() as u8];
+    out.extend(layer.name.as_bytes());
+    out.extend((layer.blocks.len() as u32).to_le_bytes());
+    out
+}
+
+/// A file taken apart: metadata and certificate read, blocks still coded.
+struct Parts<'a> {
+    metadata: Metadata,
+    certificate: Option<Certificate>,
+    layers: Vec<(String, Vec<(Section<'a>, BlockHeader)>)>,
+}
+
+/// Reads all but the streams, and checks what the parts say of each other.
+fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
+    let sections = container::read(bytes, place)?;
+    let corrupt = |what: String| Error::corrupt(place, what);
+    let mut rest = sections.into_iter().peekable();
+    let metadata = match rest.next() {
+        Some(s) if s.tag == META => metadata::read(s.bytes).map_err(|fault| match fault {
+            Fault::Corrupt(what) => corrupt(what),
+            Fault::Unknown(what) => Error::Compatibility { place: place.into(), what },
+        })?,
+        _ => return Err(corrupt("it does not begin with metadata".into())),
+    };
+    let certificate = match rest.next_if(|s| s.tag == CERTIFICATE) {
+        Some(s) => Some(certificate::read(s.bytes).map_err(corrupt)?),
+        None => None,
+    };
+    let mut layers: Vec<(String, Vec<(Section<'a>, BlockHeader)>)> = Vec::new();
+    while let Some(section) = rest.next() {
+        let (name, count) = layer_head(&section).map_err(corrupt)?;
+        if layers.len() == MOST_LAYERS || layers.last().is_some_and(|l| l.0 >= name) {
+            return Err(corrupt(format!("layer `{name}` is out of order, or one too many")));
+        }
+        let mut blocks: Vec<(Section<'a>, BlockHeader)> = Vec::new();
+        while let Some(section) = rest.next_if(|s| s.tag == BLOCK) {
+            let at = |what: String| corrupt(format!("block at byte {}: {what}", section.offset));
+            let header = BlockHeader::read(section.bytes).map_err(at)?;
+            let order = |b: &(Section<'a>, BlockHeader)| (order_key(&b.1), b.0.bytes) > (order_key(&header), section.bytes);
+            if blocks.last().is_some_and(order) {
+                return Err(at("out of order".into()));
+            }
+            blocks.push((section, header));
+        }
+        if blocks.is_empty() || blocks.len() != count as usize {
+            return Err(corrupt(format!("layer `{name}` has {} of {count} blocks", blocks.len())));
+        }
+        layers.push((name, blocks));
+    }
+    agree(&metadata, &layers).map_err(corrupt)?;
+    Ok(Parts { metadata, certificate, layers })
+}
+
+fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), String> {
+    if section.tag != LAYER {
+        return Err(format!("a section `{}` at byte {} out of order", section.tag.escape_ascii(), section.offset));
+    }
+    let mut r = Reader::new(section.bytes);
+    let length = r.u8()?;
+    let name = std::str::from_utf8(r.take(usize::from(length))?).map_err(|_| "a layer's name is not UTF-8")?.to_string();
+    let count = r.u32()?;
+    if r.is_done() { Ok((name, count)) } else { Err(format!("{} bytes too many in a layer's head", section.bytes.len() - r.position())) }
+}
+
+/// Blocks hold together what the metadata says.
+fn agree(m: &Metadata, layers: &[(String, Vec<(Section<'_>, BlockHeader)>)]) -> std::result::Result<(), String> {
+    let blocks = || layers.iter().flat_map(|l| l.1.iter().map(|b| &b.1));
+    let count = blocks().try_fold(0u64, |sum, b| sum.checked_add(b.count));
+    if count != Some(m.count) {
+        return Err(format!("blocks hold {count:?} particles, the metadata says {}", m.count));
+    }
+    let mass: f64 = blocks().map(|b| b.mass).sum();
+    if (mass - m.mass).abs() > 1e-9 * m.mass {
+        return Err(format!("blocks hold a mass of {mass}, the metadata says {}", m.mass));
+    }
+    if blocks().any(|b| b.weighted != m.weighted) {
+        return Err("blocks and metadata disagree about weights".into());
+    }
+    Ok(())
+}
+
+/// Reads a whole file. `place` names it in errors.
+///
+/// # Errors
+/// [`Error::Corrupt`] where the bytes contradict docs/format.md; [`Error::Compatibility`] for a
+/// newer version or a feature that this program does not know.
+pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
+    let parts = parts(bytes, place)?;
+    let mut layers = Vec::with_capacity(parts.layers.len());
+    for (name, blocks) in parts.layers {
+        let mut decoded = Vec::with_capacity(blocks.len());
+        for (section, _) in blocks {
+            let at = |what: String| Error::corrupt(place, format!("block at byte {}: {what}", section.offset));
+            decoded.push(decoder::block(section.bytes).map_err(at)?);
+        }
+        layers.push(Layer { name, blocks: decoded });
+    }
+    Ok(Model { metadata: parts.metadata, layers, certificate: parts.certificate })
+}
+
+/// The coded blocks of a file, to be merged or copied ([`assemble`]).
+///
+/// # Errors
+/// As [`decode`], streams apart.
+pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
+    let copy = |(name, blocks): (String, Vec<(Section<'_>, BlockHeader)>)| CodedLayer {
+        name,
+        blocks: blocks.iter().map(|b| b.0.bytes.to_vec()).collect(),
+    };
+    Ok(parts(bytes, place)?.layers.into_iter().map(copy).collect())
+}
+
+/// What a file says without its Gaussians being decoded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileInfo {
+    /// Version of the format: major, minor.
+    pub version: [u8; 2],
+    /// Metadata.
+    pub metadata: Metadata,
+    /// Certificate.
+    pub certificate: Option<Certificate>,
+    /// Layers.
+    pub layers: Vec<LayerInfo>,
+    /// Bytes of the file.
+    pub bytes: u64,
+}
+
+/// A layer of a file.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct LayerInfo {
+    /// Name.
+    pub name: String,
+    /// Blocks.
+    pub blocks: Vec<BlockInfo>,
+}
+
+/// A block of a file.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct BlockInfo {
+    /// Bounds of its particles, world units.
+    pub bounds: crate::particles::Bounds,
+    /// Particles.
+    pub count: u64,
+    /// Their mass.
+    pub mass: f64,
+    /// Gaussians.
+    pub gaussians: u32,
+    /// Coded size.
+    pub bytes: u64,
+    /// Quantisation steps.
+    pub precision: Precision,
+}
+
+/// Reads everything but the Gaussians; every checksum is checked.
+///
+/// # Errors
+/// As [`decode`], streams apart.
+pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
+    let parts = parts(bytes, place)?;
+    let block = |(section, h): &(Section<'_>, BlockHeader)| BlockInfo {
+        bounds: h.bounds,
+        count: h.count,
+        mass: h.mass,
+        gaussians: h.gaussians,
+        bytes: section.bytes.len() as u64,
+        precision: Precision::of_header(h.steps, h.importance),
+    };
+    let layers = parts.layers.iter().map(|(name, b)| LayerInfo { name: name.clone(), blocks: b.iter().map(block).collect() });
+    Ok(FileInfo {
+        version: [bytes[8], bytes[9]],
+        layers: layers.collect(),
+        metadata: parts.metadata,
+        certificate: parts.certificate,
+        bytes: bytes.len() as u64,
+    })
+}
+
+/// Metadata alone.
+///
+/// # Errors
+/// As [`read_info`].
+pub fn read_metadata(bytes: &[u8], place: &str) -> Result<Metadata> {
+    Ok(parts(bytes, place)?.metadata)
+}

@@ -1,0 +1,213 @@
+//! The metadata section: tag, length, value (docs/format.md, section 2).
+
+use super::wire::Reader;
+use crate::model::{Law, Metadata};
+use crate::particles::{Bounds, Cell};
+
+/// Why metadata cannot be read.
+pub(crate) enum Fault {
+    /// It contradicts the format.
+    Corrupt(String),
+    /// It asks for something newer.
+    Unknown(String),
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Fault::Corrupt(what)
+    }
+}
+
+/// Longest text but the command.
+const TEXT: usize = 1024;
+/// Longest command.
+const COMMAND: usize = 16_384;
+/// Tags from here on must be understood.
+const REQUIRED: u8 = 128;
+
+const LAW: u8 = 1;
+const COUNT: u8 = 2;
+const MASS: u8 = 3;
+const WEIGHTED: u8 = 4;
+const BOUNDS: u8 = 5;
+const CELL: u8 = 6;
+const RADIUS: u8 = 7;
+const OPACITY: u8 = 8;
+const SOURCE: u8 = 9;
+const HASH: u8 = 10;
+const LENGTH_UNIT: u8 = 11;
+const MASS_UNIT: u8 = 12;
+const PARTICLE_MASS: u8 = 13;
+const COMOVING: u8 = 14;
+const SCALE_FACTOR: u8 = 15;
+const HUBBLE: u8 = 16;
+const TIME: u8 = 17;
+const COMMAND_LINE: u8 = 18;
+const TOOL: u8 = 19;
+
+/// The section's bytes: fields in the order of their tags.
+pub(crate) fn write(m: &Metadata) -> Vec<u8> {
+    let mut out = Vec::with_capacity(512);
+    let mut field = |tag: u8, value: &[u8]| {
+        out.push(tag);
+        out.extend((value.len() as u16).to_le_bytes());
+        out.extend(value);
+    };
+    let Law::OpticalDepth = m.law;
+    field(LAW, &[1]);
+    field(COUNT, &m.count.to_le_bytes());
+    field(MASS, &m.mass.to_le_bytes());
+    field(WEIGHTED, &[u8::from(m.weighted)]);
+    field(BOUNDS, &floats(m.bounds.min.iter().chain(&m.bounds.max)));
+    if let Some(cell) = &m.cell {
+        field(CELL, &cell_bytes(cell));
+    }
+    field(RADIUS, &m.default_radius.to_le_bytes());
+    field(OPACITY, &m.default_opacity.to_le_bytes());
+    field(SOURCE, text(&m.source, TEXT));
+    field(HASH, &m.source_hash);
+    for (tag, v) in [(LENGTH_UNIT, &m.length_unit), (MASS_UNIT, &m.mass_unit)] {
+        v.iter().for_each(|v| field(tag, text(v, TEXT)));
+    }
+    m.particle_mass.iter().for_each(|v| field(PARTICLE_MASS, &v.to_le_bytes()));
+    m.comoving.iter().for_each(|&v| field(COMOVING, &[u8::from(v)]));
+    for (tag, v) in [(SCALE_FACTOR, m.scale_factor), (HUBBLE, m.hubble), (TIME, m.time)] {
+        v.iter().for_each(|v| field(tag, &v.to_le_bytes()));
+    }
+    field(COMMAND_LINE, text(&m.command, COMMAND));
+    field(TOOL, text(&m.tool_version, TEXT));
+    out
+}
+
+/// Reads the section.
+pub(crate) fn read(bytes: &[u8]) -> Result<Metadata, Fault> {
+    let fields = fields(bytes)?;
+    let get = |tag: u8| fields.iter().find(|f| f.0 == tag).map(|f| f.1);
+    let need = |tag: u8| get(tag).ok_or_else(|| format!("metadata field {tag} is missing"));
+    let real = |tag: u8| get(tag).map(|v| float(tag, v)).transpose();
+    match need(LAW)? {
+        [1] => {}
+        [law] => return Err(Fault::Unknown(format!("image law {law} is not known"))),
+        v => return Err(Fault::Corrupt(format!("an image law of {} bytes", v.len()))),
+    }
+    let m = Metadata {
+        law: Law::OpticalDepth,
+        count: u64::from_le_bytes(exact(COUNT, need(COUNT)?)?),
+        mass: float(MASS, need(MASS)?)?,
+        weighted: flag(WEIGHTED, need(WEIGHTED)?)?,
+        bounds: bounds(need(BOUNDS)?)?,
+        cell: get(CELL).map(cell).transpose()?,
+        default_radius: float(RADIUS, need(RADIUS)?)?,
+        default_opacity: float(OPACITY, need(OPACITY)?)?,
+        source: string(SOURCE, need(SOURCE)?, TEXT)?,
+        source_hash: exact(HASH, need(HASH)?)?,
+        length_unit: get(LENGTH_UNIT).map(|v| string(LENGTH_UNIT, v, TEXT)).transpose()?,
+        mass_unit: get(MASS_UNIT).map(|v| string(MASS_UNIT, v, TEXT)).transpose()?,
+        particle_mass: real(PARTICLE_MASS)?,
+        comoving: get(COMOVING).map(|v| flag(COMOVING, v)).transpose()?,
+        scale_factor: real(SCALE_FACTOR)?,
+        hubble: real(HUBBLE)?,
+        time: real(TIME)?,
+        command: string(COMMAND_LINE, need(COMMAND_LINE)?, COMMAND)?,
+        tool_version: string(TOOL, need(TOOL)?, TEXT)?,
+    };
+    if m.count == 0 || !(m.mass > 0.0 && m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0) {
+        return Err(Fault::Corrupt("count, mass, radius or opacity out of range".into()));
+    }
+    Ok(m)
+}
+
+/// Splits the section; tags rise.
+fn fields(bytes: &[u8]) -> Result<Vec<(u8, &[u8])>, Fault> {
+    let mut r = Reader::new(bytes);
+    let mut out: Vec<(u8, &[u8])> = Vec::with_capacity(32);
+    while !r.is_done() {
+        let (tag, length) = (r.u8()?, r.u16()?);
+        let value = r.take(usize::from(length))?;
+        if out.last().is_some_and(|f| f.0 >= tag) {
+            return Err(Fault::Corrupt(format!("metadata field {tag} is out of order")));
+        }
+        if tag >= REQUIRED {
+            return Err(Fault::Unknown(format!("metadata field {tag} is not known and may not be skipped")));
+        }
+        out.push((tag, value));
+    }
+    Ok(out)
+}
+
+fn floats<'a>(values: impl Iterator<Item = &'a f64>) -> Vec<u8> {
+    values.flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// Periodicity, then three lengths where the cell is orthogonal, else three vectors.
+fn cell_bytes(c: &Cell) -> Vec<u8> {
+    let mut out = vec![(0..3).map(|k| u8::from(c.periodic[k]) << k).sum()];
+    match c.lengths() {
+        Some(l) => out.extend(floats(l.iter())),
+        None => out.extend(floats(c.vectors.iter().flatten())),
+    }
+    out
+}
+
+fn cell(v: &[u8]) -> Result<Cell, Fault> {
+    let (head, rest) = v.split_first().ok_or_else(|| "an empty cell".to_string())?;
+    if *head > 7 {
+        return Err(Fault::Corrupt(format!("cell periodicity {head:#04x} is reserved")));
+    }
+    let periodic = std::array::from_fn(|k| head >> k & 1 == 1);
+    let values = reals(CELL, rest)?;
+    let vectors = match values[..] {
+        [x, y, z] => [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],
+        [a, b, c, d, e, f, g, h, i] => [[a, b, c], [d, e, f], [g, h, i]],
+        _ => return Err(Fault::Corrupt(format!("a cell of {} bytes", v.len()))),
+    };
+    Ok(Cell { vectors, periodic })
+}
+
+fn bounds(v: &[u8]) -> Result<Bounds, String> {
+    match reals(BOUNDS, v)?[..] {
+        [a, b, c, d, e, f] if a <= d && b <= e && c <= f => Ok(Bounds { min: [a, b, c], max: [d, e, f] }),
+        _ => Err("bounds are not six ordered numbers".into()),
+    }
+}
+
+/// Finite numbers.
+fn reals(tag: u8, v: &[u8]) -> Result<Vec<f64>, String> {
+    if !v.len().is_multiple_of(8) || v.len() > 72 {
+        return Err(format!("metadata field {tag} of {} bytes", v.len()));
+    }
+    v.chunks_exact(8).map(|c| float(tag, c)).collect()
+}
+
+fn float(tag: u8, v: &[u8]) -> Result<f64, String> {
+    let value = f64::from_le_bytes(exact(tag, v)?);
+    if value.is_finite() { Ok(value) } else { Err(format!("metadata field {tag} is not finite")) }
+}
+
+fn flag(tag: u8, v: &[u8]) -> Result<bool, String> {
+    match v {
+        [0] => Ok(false),
+        [1] => Ok(true),
+        _ => Err(format!("metadata field {tag} is neither 0 nor 1")),
+    }
+}
+
+fn exact<const N: usize>(tag: u8, v: &[u8]) -> Result<[u8; N], String> {
+    v.try_into().map_err(|_| format!("metadata field {tag} of {} bytes, not {N}", v.len()))
+}
+
+fn string(tag: u8, v: &[u8], longest: usize) -> Result<String, String> {
+    if v.len() > longest {
+        return Err(format!("metadata field {tag} of {} bytes, at most {longest}", v.len()));
+    }
+    std::str::from_utf8(v).map(str::to_string).map_err(|_| format!("metadata field {tag} is not UTF-8"))
+}
+
+/// The longest beginning of a text that fits.
+fn text(s: &str, longest: usize) -> &[u8] {
+    let mut end = s.len().min(longest);
+    while !s.is_char_boundary(end) {
+        end -= 1;
+    }
+    &s.as_bytes()[..end]
+}

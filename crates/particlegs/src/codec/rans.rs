@@ -1,0 +1,205 @@
+//! The entropy coder: rANS with 32-bit states, 16-bit words, 15-bit probabilities, two states in
+//! turn (docs/format.md, section 7).
+
+/// Bits of a probability.
+pub(crate) const PROBABILITY_BITS: u32 = 15;
+/// Lowest value of a state.
+const LOW: u32 = 1 << 16;
+
+/// What a value is coded with: the encoder records, the decoder reads. One walk over the content
+/// serves both, so that they cannot differ.
+pub(crate) trait Coder {
+    /// Codes `find`'s interval: the encoder is given the interval of its value, the decoder finds
+    /// the interval that holds `slot`. Returns (value, start, frequency).
+    fn interval(
+        &mut self,
+        given: impl FnOnce() -> (u32, u32, u32),
+        find: impl FnOnce(u32) -> (u32, u32, u32),
+    ) -> (u32, u32, u32);
+
+    /// A value in `0 .. n` that is as likely as any other; `n` in 1 ..= 2^12.
+    fn uniform(&mut self, n: u32, value: u32) -> u32 {
+        const T: u32 = 1 << PROBABILITY_BITS;
+        let start = |k: u32| (k * T).div_ceil(n);
+        self.interval(
+            || (value, start(value), start(value + 1) - start(value)),
+            |slot| {
+                let k = (slot * n) >> PROBABILITY_BITS;
+                (k, start(k), start(k + 1) - start(k))
+            },
+        )
+        .0
+    }
+
+    /// `bits` (0 to 15) plain bits.
+    fn bits(&mut self, bits: u32, value: u32) -> u32 {
+        if bits == 0 {
+            return 0;
+        }
+        let shift = PROBABILITY_BITS - bits;
+        self.interval(
+            || (value, value << shift, 1 << shift),
+            |slot| (slot >> shift, (slot >> shift) << shift, 1 << shift),
+        )
+        .0
+    }
+
+    /// Any number of plain bits up to 60, the lowest 15 first.
+    fn long_bits(&mut self, bits: u32, value: u64) -> u64 {
+        let mut out = 0;
+        let mut done = 0;
+        while done < bits {
+            let n = (bits - done).min(PROBABILITY_BITS);
+            let part = (value >> done) as u32 & ((1 << n) - 1);
+            out |= u64::from(self.bits(n, part)) << done;
+            done += n;
+        }
+        out
+    }
+}
+
+/// Records intervals; [`Recorder::finish`] codes them last to first, as rANS asks for.
+#[derive(Default)]
+pub(crate) struct Recorder {
+    intervals: Vec<(u16, u16)>,
+}
+
+impl Coder for Recorder {
+    fn interval(
+        &mut self,
+        given: impl FnOnce() -> (u32, u32, u32),
+        _: impl FnOnce(u32) -> (u32, u32, u32),
+    ) -> (u32, u32, u32) {
+        let (value, start, frequency) = given();
+        debug_assert!(frequency >= 1 && start + frequency <= 1 << PROBABILITY_BITS);
+        self.intervals.push((start as u16, frequency as u16));
+        (value, start, frequency)
+    }
+}
+
+impl Recorder {
+    /// Bits that the recorded probabilities ask for.
+    #[cfg(test)]
+    pub(crate) fn entropy_bits(&self) -> f64 {
+        self.intervals.iter().map(|&(_, f)| f64::from(PROBABILITY_BITS) - f64::from(f).log2()).sum()
+    }
+
+    /// The stream: the two states, then 16-bit words in the order in which the decoder reads them.
+    pub(crate) fn finish(self) -> Vec<u8> {
+        let mut words = Vec::with_capacity(self.intervals.len() / 2 + 4);
+        let mut states = [LOW; 2];
+        for (i, &(start, frequency)) in self.intervals.iter().enumerate().rev() {
+            let x = &mut states[i & 1];
+            let f = u32::from(frequency);
+            if u64::from(*x) >= u64::from(f) << (32 - PROBABILITY_BITS) {
+                words.push(*x as u16);
+                *x >>= 16;
+            }
+            *x = ((*x / f) << PROBABILITY_BITS) + *x % f + u32::from(start);
+        }
+        let mut out = Vec::with_capacity(2 * words.len() + 8);
+        out.extend(states[0].to_le_bytes());
+        out.extend(states[1].to_le_bytes());
+        out.extend(words.iter().rev().flat_map(|w| w.to_le_bytes()));
+        out
+    }
+}
+
+/// Reads a stream. After the end it goes on with zeros; [`Player::finished`] tells.
+pub(crate) struct Player<'a> {
+    words: &'a [u8],
+    next: usize,
+    states: [u32; 2],
+}
+
+impl<'a> Player<'a> {
+    /// Takes the two states; `None` where the stream is too short or a state too low.
+    pub(crate) fn new(stream: &'a [u8]) -> Option<Self> {
+        let (head, words) = stream.split_at_checked(8)?;
+        let word = |i: usize| u32::from_le_bytes([head[i], head[i + 1], head[i + 2], head[i + 3]]);
+        let states = [word(0), word(4)];
+        let sound = states.iter().all(|&s| s >= LOW);
+        sound.then_some(Player { words, next: 0, states })
+    }
+
+    /// Has more been read than there is?
+    pub(crate) fn exhausted(&self) -> bool {
+        self.next > self.words.len()
+    }
+
+    /// Are both states where the encoder began?
+    pub(crate) fn finished(&self) -> bool {
+        !self.exhausted() && self.states == [LOW; 2]
+    }
+
+    /// What has not been read.
+    pub(crate) fn rest(&self) -> &'a [u8] {
+        self.words.get(self.next..).unwrap_or(&[])
+    }
+}
+
+impl Coder for Player<'_> {
+    #[inline]
+    fn interval(
+        &mut self,
+        _: impl FnOnce() -> (u32, u32, u32),
+        find: impl FnOnce(u32) -> (u32, u32, u32),
+    ) -> (u32, u32, u32) {
+        let x = self.states[0];
+        let slot = x & ((1 << PROBABILITY_BITS) - 1);
+        let found = find(slot);
+        let mut y = found.2 * (x >> PROBABILITY_BITS) + slot - found.1;
+        if y < LOW {
+            let word = self.words.get(self.next..self.next + 2).map_or(0, |w| u16::from_le_bytes([w[0], w[1]]));
+            self.next += 2;
+            y = (y << 16) | u32::from(word);
+        }
+        // The states take turns.
+        self.states = [self.states[1], y];
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    fn walk(c: &mut impl Coder, values: &[(u32, u32)]) -> Vec<u32> {
+        values
+            .iter()
+            .map(|&(n, v)| if n.is_power_of_two() { c.bits(n.trailing_zeros(), v) } else { c.uniform(n, v) })
+            .collect()
+    }
+
+    #[test]
+    fn plain_values_come_back_at_their_entropy() {
+        let mut r = Random::new(1, 0, 0);
+        let values: Vec<(u32, u32)> = (0..40_000)
+            .map(|_| {
+                let n = 1 + (r.bits() % 4096) as u32;
+                (n, (r.uniform() * f64::from(n)) as u32)
+            })
+            .collect();
+        let mut recorder = Recorder::default();
+        walk(&mut recorder, &values);
+        let entropy: f64 = values.iter().map(|v| f64::from(v.0).log2()).sum::<f64>() / 8.0;
+        let stream = recorder.finish();
+        assert!((stream.len() as f64) < entropy * 1.002 + 16.0, "{} bytes for {entropy}", stream.len());
+        let mut player = Player::new(&stream).unwrap();
+        let blank: Vec<(u32, u32)> = values.iter().map(|v| (v.0, 0)).collect();
+        assert_eq!(walk(&mut player, &blank), values.iter().map(|v| v.1).collect::<Vec<_>>());
+        assert!(player.finished() && player.rest().is_empty());
+    }
+
+    #[test]
+    fn a_short_stream_is_noticed() {
+        let mut recorder = Recorder::default();
+        walk(&mut recorder, &[(1000, 7); 500]);
+        let stream = recorder.finish();
+        let mut player = Player::new(&stream[..stream.len() - 2]).unwrap();
+        walk(&mut player, &[(1000, 0); 500]);
+        assert!(player.exhausted() && !player.finished());
+        assert!(Player::new(&stream[..7]).is_none() && Player::new(&[0; 8]).is_none());
+    }
+}

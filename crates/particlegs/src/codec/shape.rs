@@ -1,0 +1,73 @@
+//! Covariances as logarithms: one size and five shape numbers (docs/format.md, section 9).
+
+use super::exact::to_five;
+use crate::math::{Eigen, Sym3};
+use crate::model::Block;
+use rayon::prelude::*;
+
+/// Smallest ratio of two variances of a Gaussian: flatter ones are thickened to it.
+const FLATTEST: f64 = 1.0 / (1u64 << 20) as f64;
+/// Smallest radius, in longest extents of the block.
+const SMALLEST: f64 = 1.0 / (1u64 << 36) as f64;
+/// Counts below this are coded as this.
+const FEWEST: f64 = 1.0 / 64.0;
+
+/// Columns of logarithms, in the order of the leaves.
+pub(crate) struct Logs {
+    /// ln of the geometric mean radius, ln det / 6.
+    pub size: Vec<f64>,
+    /// ln of the count.
+    pub count: Vec<f64>,
+    /// ln of mass / count over the block's.
+    pub weight: Option<Vec<f64>>,
+    /// Five a Gaussian.
+    pub shape: Vec<f64>,
+}
+
+impl Logs {
+    pub(crate) fn new(block: &Block, order: &[u32]) -> Logs {
+        let g = &block.gaussians;
+        let floor = smallest_radius(block);
+        let shapes: Vec<(f64, [f64; 5])> = order.par_iter().map(|&i| logarithm(&g.cov_of(i as usize), floor)).collect();
+        let count = |i: usize| g.count[i].max(FEWEST);
+        let relative = |m: &Vec<f64>| {
+            let mean = block.mass / block.count as f64;
+            order.iter().map(|&i| (m[i as usize] / count(i as usize) / mean).clamp(1e-30, 1e30).ln()).collect()
+        };
+        Logs {
+            size: shapes.iter().map(|s| s.0).collect(),
+            count: order.iter().map(|&i| count(i as usize).ln()).collect(),
+            weight: g.mass.as_ref().map(relative),
+            shape: shapes.iter().flat_map(|s| s.1).collect(),
+        }
+    }
+}
+
+/// ln det / 6 and the coordinates of (ln C - its trace / 3) / 2, after the floors.
+fn logarithm(cov: &Sym3, floor: f64) -> (f64, [f64; 5]) {
+    // Scaled first: squares of 1e-30 or 1e30 lengths keep their digits in the rotations.
+    let scale = cov.0[0].abs().max(cov.0[3].abs()).max(cov.0[5].abs());
+    if scale.is_nan() || scale <= floor * floor {
+        return (floor.ln(), [0.0; 5]);
+    }
+    let e = cov.scale(1.0 / scale).eigen();
+    let least = (e.values[0] * FLATTEST).max(floor * floor / scale);
+    let half = e.values.map(|v| 0.5 * v.max(least).ln());
+    let mean = (half[0] + half[1] + half[2]) / 3.0;
+    let s = Sym3::from_eigen(&Eigen { values: half.map(|h| h - mean), vectors: e.vectors });
+    (mean + 0.5 * scale.ln(), to_five(&s))
+}
+
+/// The radius that Gaussians without an extent of their own get: that of the smallest with one,
+/// but at most 1/16 of the block's default particle radius, and at least 2^-36 of its extent.
+fn smallest_radius(block: &Block) -> f64 {
+    let extent = block.bounds.extent_nonzero().into_iter().fold(0.0, f64::max);
+    let g = &block.gaussians;
+    let least = extent * SMALLEST;
+    let regular = (0..g.len())
+        .map(|i| (g.cov[0][i] + g.cov[3][i] + g.cov[5][i]) / 3.0)
+        .filter(|v| *v > least * least)
+        .fold(f64::INFINITY, f64::min)
+        .sqrt();
+    regular.min(block.bounds.default_radius(block.count) / 16.0).max(least)
+}

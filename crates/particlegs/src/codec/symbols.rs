@@ -1,0 +1,149 @@
+//! Adaptive symbol models and the coding of signed residuals with them (docs/format.md, section 8).
+
+use super::rans::{Coder, PROBABILITY_BITS};
+
+/// Cumulative counts are kept in 30 bits and used in 15.
+const TOTAL: i32 = 1 << 30;
+const FLOOR: i32 = TOTAL >> PROBABILITY_BITS;
+/// The slowest adaptation: 1/128 of the way a symbol.
+const SLOWEST: u32 = 7;
+
+/// Probabilities of `N` symbols that follow what was coded.
+#[derive(Clone)]
+pub(crate) struct Model<const N: usize> {
+    /// `cumulative[s]`: below symbol `s`, out of 2^30. Neighbours differ by 2^15 at least.
+    cumulative: [i32; N],
+    seen: u32,
+}
+
+impl<const N: usize> Model<N> {
+    /// Starts from weights; every symbol gets at least 2^-15.
+    pub(crate) fn from_weights(weights: [u32; N]) -> Self {
+        let sum: u64 = weights.iter().map(|&w| u64::from(w)).sum();
+        let room = (TOTAL - N as i32 * FLOOR) as u64;
+        let mut cumulative = [0; N];
+        let mut below = 0u64;
+        for s in 0..N {
+            cumulative[s] = (below * room / sum) as i32 + s as i32 * FLOOR;
+            below += u64::from(weights[s]);
+        }
+        Model { cumulative, seen: 0 }
+    }
+
+    fn interval(&self, s: usize) -> (u32, u32, u32) {
+        let at = |i: usize| if i < N { self.cumulative[i] >> PROBABILITY_BITS } else { 1 << PROBABILITY_BITS };
+        (s as u32, at(s) as u32, (at(s + 1) - at(s)) as u32)
+    }
+
+    #[inline]
+    fn find(&self, slot: u32) -> (u32, u32, u32) {
+        let limit = ((slot as i32) << PROBABILITY_BITS) | (FLOOR - 1);
+        let s = self.cumulative[1..].iter().map(|&c| i32::from(c <= limit)).sum::<i32>() as usize;
+        self.interval(s)
+    }
+
+    /// Moves towards certainty of `s`.
+    #[inline]
+    fn update(&mut self, s: usize) {
+        let shift = (4 + (self.seen >= 12) as u32 + (self.seen >= 40) as u32 + (self.seen >= 120) as u32).min(SLOWEST);
+        self.seen += 1;
+        for i in 1..N {
+            let target = if i > s { TOTAL - (N - i) as i32 * FLOOR } else { i as i32 * FLOOR };
+            self.cumulative[i] += (target - self.cumulative[i]) >> shift;
+        }
+    }
+
+    /// Codes a symbol and learns it.
+    #[inline]
+    pub(crate) fn code(&mut self, c: &mut impl Coder, value: usize) -> usize {
+        let (s, _, _) = c.interval(|| self.interval(value), |slot| self.find(slot));
+        self.update(s as usize);
+        s as usize
+    }
+}
+
+/// Symbols of a residual model: -15 to 15, and the escape.
+pub(crate) const RESIDUALS: usize = 32;
+const CENTRE: i32 = 15;
+const ESCAPE: usize = 31;
+
+/// A model of residuals around 0.
+#[derive(Clone)]
+pub(crate) struct Residual(Model<RESIDUALS>);
+
+impl Residual {
+    /// Starts at a two-sided geometric law of ratio 3/4.
+    pub(crate) fn new() -> Self {
+        let mut weights = [1; RESIDUALS];
+        let mut w = 65_536u32;
+        for d in 0..=CENTRE as usize {
+            weights[CENTRE as usize - d] = w;
+            weights[CENTRE as usize + d] = w;
+            w = w * 3 / 4;
+        }
+        weights[ESCAPE] = w;
+        Residual(Model::from_weights(weights))
+    }
+
+    /// Codes a residual whose lowest `low` bits are plain.
+    #[inline]
+    pub(crate) fn code(&mut self, c: &mut impl Coder, low: u32, value: i32) -> i32 {
+        let high = value >> low;
+        let symbol = if high.abs() <= CENTRE { (high + CENTRE) as usize } else { ESCAPE };
+        let symbol = self.0.code(c, symbol);
+        let high = if symbol == ESCAPE { escape(c, high) } else { symbol as i32 - CENTRE };
+        (high << low) | c.bits(low, (value & ((1 << low) - 1)) as u32) as i32
+    }
+}
+
+/// |value| > 15: sign, then |value| - 16 + 1 in Elias gamma (at most 22 bits).
+#[cold]
+fn escape(c: &mut impl Coder, value: i32) -> i32 {
+    let negative = c.bits(1, u32::from(value < 0));
+    let magnitude = (value.unsigned_abs()).saturating_sub(CENTRE as u32).max(1);
+    let length = c.uniform(22, magnitude.ilog2().min(21));
+    let magnitude = (1u64 << length) | c.long_bits(length, u64::from(magnitude) & ((1 << length) - 1));
+    let magnitude = magnitude as i32 + CENTRE;
+    if negative == 1 { -magnitude } else { magnitude }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rans::{Player, Recorder};
+    use super::*;
+    use crate::math::Random;
+
+    fn walk(c: &mut impl Coder, values: &[i32], low: u32) -> Vec<i32> {
+        let mut model = Residual::new();
+        values.iter().map(|&v| model.code(c, low, v)).collect()
+    }
+
+    #[test]
+    fn coded_size_is_the_models_entropy() {
+        let values: Vec<i32> = (0..50_000).map(|i| (Random::new(3, 0, i).normal() * 2.5).round() as i32).collect();
+        let mut recorder = Recorder::default();
+        walk(&mut recorder, &values, 0);
+        let entropy = recorder.entropy_bits() / 8.0;
+        let stream = recorder.finish();
+        assert!((stream.len() as f64) < entropy * 1.005, "{} bytes, entropy {entropy}", stream.len());
+        // And the model itself is close to the law of the values: H(normal, 2.5) = 3.369 bits.
+        let bits = stream.len() as f64 * 8.0 / values.len() as f64;
+        assert!(bits < 3.369 * 1.03, "{bits} bits");
+        let mut player = Player::new(&stream).unwrap();
+        assert_eq!(walk(&mut player, &vec![0; values.len()], 0), values);
+        assert!(player.finished());
+    }
+
+    #[test]
+    fn far_residuals_escape() {
+        for low in [0, 3] {
+            let values = [0, -1, 15, 16, -16, 17, -1000, 1 << 20, -(1 << 20), 5, (1 << 21) + 14];
+            let mut recorder = Recorder::default();
+            walk(&mut recorder, &values, low);
+            let stream = recorder.finish();
+            let mut player = Player::new(&stream).unwrap();
+            assert_eq!(walk(&mut player, &[0; 11], low), values);
+            assert!(player.finished());
+        }
+    }
+}

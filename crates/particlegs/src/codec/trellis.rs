@@ -1,0 +1,144 @@
+//! Trellis-coded quantisation: two interleaved lattices, and eight states that say which one the
+//! next number lies on (docs/format.md, section 6). At the same rate the mean squared error is 1.06 dB
+//! below that of rounding.
+
+/// Next state by (state, parity of the index): Ungerboeck's 8-state code, h0 = 13, h1 = 04 (octal).
+const NEXT: [[u8; 2]; 8] = [[0, 2], [5, 7], [1, 3], [4, 6], [2, 0], [7, 5], [3, 1], [6, 4]];
+/// Numbers that are decided together; bounds the memory of the search.
+const WINDOW: usize = 1 << 14;
+
+/// The state that encoder and decoder share.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct State(u8);
+
+impl State {
+    /// 0: whole steps; 1: half a step further.
+    #[inline]
+    pub(crate) fn lattice(self) -> i32 {
+        i32::from(self.0 & 1)
+    }
+
+    /// After index `k`.
+    #[inline]
+    pub(crate) fn step(&mut self, k: i64) {
+        self.0 = NEXT[self.0 as usize][(k & 1) as usize];
+    }
+}
+
+/// A number to quantise: `value` in steps; allowed indices; what an error of one step costs.
+#[derive(Clone, Copy)]
+pub(crate) struct Sample {
+    /// In steps.
+    pub value: f64,
+    /// Lowest and highest index.
+    pub range: [i64; 2],
+    /// Cost of a squared error of one step.
+    pub weight: f64,
+}
+
+impl Sample {
+    /// A number of unit cost on the whole lattice.
+    pub(crate) fn free(value: f64) -> Self {
+        Sample { value, range: [-(1 << 20), 1 << 20], weight: 1.0 }
+    }
+}
+
+/// The index nearest to `x` of the asked parity within the range; the other end's neighbour where
+/// rounding leaves it; `None` where the range has none.
+#[inline]
+fn nearest(x: f64, parity: i64, range: [i64; 2]) -> Option<i64> {
+    let lowest = range[0] + ((range[0] ^ parity) & 1);
+    let highest = range[1] - ((range[1] ^ parity) & 1);
+    if lowest > highest {
+        return None;
+    }
+    let k = 2.0 * ((x - parity as f64) * 0.5).round() + parity as f64;
+    Some(k.clamp(lowest as f64, highest as f64) as i64)
+}
+
+/// The indices of least total cost (Viterbi), from `state` on. `offset` is where lattice 0 lies.
+pub(crate) fn quantise(count: usize, offset: f64, sample: impl Fn(usize) -> Sample) -> Vec<i64> {
+    let mut out = Vec::with_capacity(count);
+    let mut state = State::default();
+    let mut back: Vec<[u8; 8]> = Vec::with_capacity(WINDOW.min(count));
+    while out.len() < count {
+        let start = out.len();
+        let end = count.min(start + WINDOW);
+        let mut cost = [f64::INFINITY; 8];
+        cost[state.0 as usize] = 0.0;
+        back.clear();
+        for i in start..end {
+            back.push(advance(&mut cost, sample(i), offset));
+        }
+        let mut s = (0..8).min_by(|&a, &b| cost[a].total_cmp(&cost[b])).unwrap_or(0);
+        state = State(s as u8);
+        out.resize(end, 0);
+        for i in (start..end).rev() {
+            let (from, parity) = (back[i - start][s] >> 1, i64::from(back[i - start][s] & 1));
+            let given = sample(i);
+            let x = given.value - offset - 0.5 * f64::from(from & 1);
+            out[i] = nearest(x, parity, given.range).unwrap_or(given.range[0]);
+            s = from as usize;
+        }
+    }
+    out
+}
+
+/// One step of the search: the cheapest way into each state, as 2 (state before) + parity.
+#[inline]
+fn advance(cost: &mut [f64; 8], sample: Sample, offset: f64) -> [u8; 8] {
+    // Both lattices, both parities.
+    let price: [[f64; 2]; 2] = std::array::from_fn(|lattice| {
+        let x = sample.value - offset - 0.5 * lattice as f64;
+        std::array::from_fn(|parity| match nearest(x, parity as i64, sample.range) {
+            Some(k) => sample.weight * (x - k as f64) * (x - k as f64),
+            None => f64::INFINITY,
+        })
+    });
+    let mut next = [f64::INFINITY; 8];
+    let mut from = [0u8; 8];
+    for s in 0..8 {
+        for parity in 0..2 {
+            let total = cost[s] + price[s & 1][parity];
+            let to = NEXT[s][parity] as usize;
+            if total < next[to] {
+                next[to] = total;
+                from[to] = (2 * s + parity) as u8;
+            }
+        }
+    }
+    *cost = next;
+    from
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    #[test]
+    fn error_is_a_decibel_below_rounding() {
+        let values: Vec<f64> = (0..40_000).map(|i| Random::new(5, 0, i).uniform() * 1000.0).collect();
+        let indices = quantise(values.len(), 0.0, |i| Sample::free(values[i]));
+        let mut state = State::default();
+        let mut mse = 0.0;
+        for (v, &k) in values.iter().zip(&indices) {
+            let e = v - k as f64 - 0.5 * f64::from(state.lattice());
+            assert!(e.abs() <= 1.0);
+            mse += e * e;
+            state.step(k);
+        }
+        let gain = 10.0 * (values.len() as f64 / 12.0 / mse).log10();
+        assert!(gain > 1.0, "{gain} dB");
+    }
+
+    #[test]
+    fn ranges_are_kept() {
+        let values: Vec<f64> = (0..1000).map(|i| Random::new(6, 0, i).uniform() * 3.0).collect();
+        for top in 0..3 {
+            let indices =
+                quantise(values.len(), 0.25, |i| Sample { value: values[i], range: [0, top], weight: 1.0 });
+            assert!(indices.iter().all(|k| (0..=top).contains(k)));
+        }
+    }
+}
