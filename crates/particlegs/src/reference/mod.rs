@@ -8,6 +8,7 @@
 
 mod bands;
 mod blend;
+mod density;
 mod deposit;
 mod depth;
 mod draw;
@@ -17,5 +18,6 @@ mod project;
 mod pyramid;
 mod quad;
 
+pub use density::surface_density;
 pub use draw::Reference;
 pub use fxaa::fxaa;

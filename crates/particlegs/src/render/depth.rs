@@ -2,7 +2,7 @@
 
 use super::bins::{Binner, Bins};
 use super::lens::Lens;
-use super::project::{InCamera, inverse_moments};
+use super::project::{DepthMoments, InCamera, inverse_moments};
 use super::pyramid::{self, BAND, Level, PAD};
 use super::raster::{self, Band};
 use super::scene::Scene;
@@ -26,7 +26,7 @@ const RUN: usize = 4096;
 /// [`crate::Error::Cancelled`].
 pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
     let lens = Lens::optical(view, size, &scene.bounds)?;
-    let mut plane = sum(scene, &lens, size, |m, i| m.count[i], progress)?;
+    let mut plane = sum(scene, &[lens], size, |m, i| m.count[i], progress)?;
     if matches!(view.camera.projection, Projection::Perspective { .. }) {
         grow(&mut plane, &lens);
     }
@@ -58,10 +58,10 @@ fn grow(plane: &mut Plane, lens: &Lens) {
     });
 }
 
-/// Sum over all Gaussians of weight times the footprint.
+/// Sum over all Gaussians and lenses of weight times the footprint.
 pub(super) fn sum(
     scene: &Scene,
-    lens: &Lens,
+    lenses: &[Lens],
     size: Size,
     weight: impl Fn(&Mixture, usize) -> f64 + Sync,
     progress: &dyn Progress,
@@ -73,7 +73,7 @@ pub(super) fn sum(
         .par_iter()
         .map(|&(m, start)| {
             progress.check()?;
-            Ok(project_run(m, start..m.len().min(start + RUN), lens, &levels, &weight))
+            Ok(project_run(m, start..m.len().min(start + RUN), lenses, &levels, &weight))
         })
         .collect::<Result<Vec<Bins>>>()?;
     let mut planes: Vec<Vec<f32>> = levels.iter().map(|l| vec![0.0; l.stride * l.rows]).collect();
@@ -100,7 +100,7 @@ pub(super) fn sum(
     Ok(crop(&planes[0], &levels[0]))
 }
 
-/// The picture without the pad. The cubic may undershoot; depth is never negative.
+/// The picture without the pad. The interpolation may undershoot; depth is never negative.
 fn crop(plane: &[f32], level: &Level) -> Plane {
     let Size { width, height } = level.size;
     let mut out = Plane::zeros(level.size);
@@ -118,31 +118,37 @@ fn crop(plane: &[f32], level: &Level) -> Plane {
 fn project_run(
     m: &Mixture,
     range: std::ops::Range<usize>,
-    lens: &Lens,
+    lenses: &[Lens],
     levels: &[Level],
     weight: &(impl Fn(&Mixture, usize) -> f64 + Sync),
 ) -> Bins {
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     for i in range {
         let weight = weight(m, i);
-        if weight <= 0.0 {
-            continue;
-        }
-        let g = in_camera(m, i, lens, weight);
-        match fate(lens, g.mean[2], g.cov[5]) {
-            Fate::Outside => {}
-            Fate::Whole => {
-                let moments = if lens.perspective {
-                    inverse_moments(g.mean[2], g.cov[5] / (g.mean[2] * g.mean[2]))
-                } else {
-                    super::project::DepthMoments { weight: 1.0, mean: g.mean[2], square: 0.0, variance: g.cov[5] }
-                };
-                binner.add(&g.footprint(lens, &g.regression(), &moments));
+        if weight > 0.0 {
+            for lens in lenses {
+                project(&in_camera(m, i, lens, weight), lens, &mut binner);
             }
-            Fate::Cut => cut(lens, &g, |f| binner.add(&f)),
         }
     }
     binner.finish()
+}
+
+/// Projects one Gaussian.
+#[inline]
+fn project(g: &InCamera, lens: &Lens, binner: &mut Binner) {
+    let (depth, variance) = (g.mean[2], g.cov[5]);
+    match fate(lens, depth, variance) {
+        Fate::Outside => {}
+        Fate::Whole if lens.perspective => {
+            binner.add(&g.footprint(lens, &g.regression(), &inverse_moments(depth, variance / (depth * depth))));
+        }
+        Fate::Whole => {
+            let moments = DepthMoments { weight: 1.0, mean: depth, square: 0.0, variance };
+            binner.add(&g.footprint(lens, &g.regression(), &moments));
+        }
+        Fate::Cut => cut(lens, g, |f| binner.add(&f)),
+    }
 }
 
 /// A Gaussian in the camera's axes.

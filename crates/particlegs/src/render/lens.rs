@@ -1,6 +1,6 @@
 //! A camera made ready to project: axes, focal length in pixels, depth range, weights.
 
-use crate::camera::{Projection, View, clipping_range};
+use crate::camera::{DensityView, Projection, View, clipping_range};
 use crate::particles::Bounds;
 use crate::picture::Size;
 use crate::splat::opacity_integral;
@@ -56,5 +56,26 @@ impl Lens {
         } else {
             Err(Error::argument(format!("view `{}`: radius {} is too large to draw", view.name, view.radius)))
         }
+    }
+
+    /// The lens of a view for surface density: a unit of mass adds (pixels a world unit)^2 at its
+    /// depth. `shift` is added to every position.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the camera has no direction.
+    pub fn density(view: &DensityView, size: Size, shift: [f64; 3]) -> Result<Lens> {
+        let frame = view.camera.frame()?;
+        let focal = view.camera.focal_pixels(size);
+        let [right, up, back] = frame.axes;
+        Ok(Lens {
+            axes: [right, up.map(|v| -v), back.map(|v| -v)],
+            position: std::array::from_fn(|k| frame.position[k] - shift[k]),
+            perspective: matches!(view.camera.projection, Projection::Perspective { .. }),
+            focal,
+            center: [0.5 * size.width as f64 - 0.5, 0.5 * size.height as f64 - 0.5],
+            range: view.range,
+            radius2: 0.0,
+            unit: focal * focal,
+        })
     }
 }

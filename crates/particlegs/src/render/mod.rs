@@ -16,6 +16,7 @@ mod pyramid;
 mod raster;
 mod scene;
 mod slices;
+mod surface;
 
 #[cfg(test)]
 mod plain;
@@ -24,3 +25,4 @@ mod tests;
 
 pub use depth::{draw, optical_depth};
 pub use scene::Scene;
+pub use surface::surface_density;

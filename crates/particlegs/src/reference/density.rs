@@ -1,0 +1,131 @@
+//! Surface density of all particles: mass along the line of sight for an area.
+
+use crate::Result;
+use crate::camera::{DensityView, Projection};
+use crate::particles::{Chunk, ChunkBuffer, Particles};
+use crate::picture::{Plane, Size};
+use crate::progress::Progress;
+use rayon::prelude::*;
+
+/// Particles in one task, and tasks in one round; fixed, so that sums do not depend on threads.
+const CHUNK: usize = 1 << 16;
+const ROUND: usize = 64;
+/// Rows that one task adds up.
+const BAND: usize = 32;
+
+/// What one chunk adds: (pixel of the band, mass) by band.
+type Deposits = Vec<Vec<(u32, f32)>>;
+
+/// Where a chunk's particles land.
+struct Target {
+    /// Right, down, forward.
+    axes: [[f64; 3]; 3],
+    position: [f64; 3],
+    perspective: bool,
+    focal: f64,
+    range: [f64; 2],
+    size: Size,
+    unit_mass: f64,
+    shifts: Vec<[f64; 3]>,
+}
+
+/// Mass a world unit squared at every pixel: each particle's mass over the area of the pixel that
+/// it falls in, at its depth in perspective. Periodic copies where the view wraps. Masses are the
+/// weights (1 without) times the particle mass where the source gives one.
+///
+/// # Errors
+/// [`crate::Error::Argument`] for a window of thousands of boxes, [`crate::Error::Cancelled`].
+pub fn surface_density(particles: &Particles, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
+    let frame = view.camera.frame()?;
+    let [right, up, back] = frame.axes;
+    let target = Target {
+        axes: [right, up.map(|v| -v), back.map(|v| -v)],
+        position: std::array::from_fn(|k| frame.position[k] - particles.origin[k]),
+        perspective: matches!(view.camera.projection, Projection::Perspective { .. }),
+        focal: view.camera.focal_pixels(size),
+        range: view.range,
+        size,
+        unit_mass: particles.meta.particle_mass.unwrap_or(1.0),
+        shifts: if view.wrap.is_some() { view.copies(size, &particles.bounds(), 0.0)? } else { vec![[0.0; 3]] },
+    };
+    let n = particles.len();
+    let mut sums = vec![0.0f64; size.pixels()];
+    progress.begin("surface density", n as u64);
+    for round in (0..n).step_by(CHUNK * ROUND) {
+        progress.check()?;
+        let end = n.min(round + CHUNK * ROUND);
+        let deposits: Vec<Deposits> = (round..end)
+            .into_par_iter()
+            .step_by(CHUNK)
+            .map_init(ChunkBuffer::default, |buffer, start| {
+                target.deposit(&particles.chunk(start..end.min(start + CHUNK), buffer))
+            })
+            .collect();
+        sums.par_chunks_mut(BAND * size.width).enumerate().for_each(|(band, sums)| {
+            for chunk in &deposits {
+                for &(pixel, mass) in &chunk[band] {
+                    sums[pixel as usize] += f64::from(mass);
+                }
+            }
+        });
+        progress.advance((end - round) as u64);
+    }
+    progress.end();
+    Ok(Plane { size, data: sums.into_iter().map(|v| v as f32).collect() })
+}
+
+impl Target {
+    fn deposit(&self, chunk: &Chunk) -> Deposits {
+        let Size { width, height } = self.size;
+        let mut out: Deposits = vec![Vec::new(); height.div_ceil(BAND)];
+        let [xs, ys, zs] = chunk.position;
+        for shift in &self.shifts {
+            let eye: [f64; 3] = std::array::from_fn(|k| self.position[k] - shift[k]);
+            for i in 0..chunk.len() {
+                let v = [f64::from(xs[i]) - eye[0], f64::from(ys[i]) - eye[1], f64::from(zs[i]) - eye[2]];
+                let [x, y, depth] = self.axes.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
+                if !(depth >= self.range[0] && depth < self.range[1]) {
+                    continue;
+                }
+                let scale = if self.perspective { self.focal / depth } else { self.focal };
+                let (px, py) = (0.5 * width as f64 + scale * x, 0.5 * height as f64 + scale * y);
+                if px >= 0.0 && py >= 0.0 && px < width as f64 && py < height as f64 {
+                    let mass = self.unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+                    let (column, row) = (px as usize, py as usize);
+                    out[row / BAND].push((((row % BAND) * width + column) as u32, (mass * scale * scale) as f32));
+                }
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+    use crate::particles::{Bounds, Cell};
+    use crate::progress::Silent;
+
+    /// A window of one box holds all mass, wherever its centre is; half of a box's depth half.
+    #[test]
+    fn mass_is_conserved_in_a_periodic_window() {
+        let draw = |k: u32| (0..5000).map(|i| Random::new(3, k, i).uniform() as f32 * 2.0).collect::<Vec<f32>>();
+        let particles = Particles::from_columns(draw(0), draw(1), draw(2));
+        let bounds = Bounds { min: [0.0; 3], max: [2.0; 3] };
+        let size = Size { width: 64, height: 64 };
+        for center in [[1.0, 1.0, 1.0], [0.2, 1.9, -3.7]] {
+            let view = |depth| {
+                let cell = Some(Cell::orthogonal([2.0; 3]));
+                DensityView::orthographic("v", center, [0.0, 0.0], 2.0, depth, size, &bounds, cell).unwrap()
+            };
+            let mass = |depth| {
+                let plane = surface_density(&particles, &view(depth), size, &Silent).unwrap();
+                plane.data.iter().map(|v| f64::from(*v)).sum::<f64>() * (2.0f64 / 64.0).powi(2)
+            };
+            assert!((mass(None) - 5000.0).abs() < 5.0, "{}", mass(None));
+            assert!((mass(Some(4.0)) - 10_000.0).abs() < 10.0);
+            assert!((mass(Some(1.0)) - 2500.0).abs() < 200.0);
+        }
+    }
+}
