@@ -11,7 +11,8 @@ use rayon::prelude::*;
 /// Whole numbers of a block, in columns.
 #[derive(Default)]
 struct Columns {
-    t: Vec<i32>,
+    radius: Vec<f64>,
+    factor: Vec<f64>,
     m: Vec<i32>,
     w: Vec<i32>,
     shape: Vec<[i32; 5]>,
@@ -28,7 +29,7 @@ pub(crate) fn block(bytes: &[u8]) -> Result<Block, String> {
     let header = BlockHeader::read(bytes)?;
     let columns = numbers(&header, bytes)?;
     let cov = covariances(&header, &columns)?;
-    let mut count: Vec<f64> = columns.m.iter().map(|&m| exp(header.log_count(m))).collect();
+    let mut count: Vec<f64> = columns.m.par_iter().map(|&m| exp(header.log_count(m))).collect();
     whole_counts(&mut count, header.count);
     let mass = header.weighted.then(|| {
         let mut mass: Vec<f64> = count.iter().zip(&columns.w).map(|(c, &w)| c * exp(header.log_weight(w))).collect();
@@ -47,14 +48,16 @@ fn numbers(header: &BlockHeader, bytes: &[u8]) -> Result<Columns, String> {
     let mut player = Player::new(stream).ok_or("the stream has no start")?;
     let extent = header.bounds.extent();
     let mut out = Columns {
-        t: Vec::with_capacity(n),
+        radius: Vec::with_capacity(n),
+        factor: Vec::with_capacity(n),
         m: Vec::with_capacity(n),
         w: Vec::with_capacity(if header.weighted { n } else { 0 }),
         shape: Vec::with_capacity(n),
         mean: std::array::from_fn(|_| Vec::with_capacity(n)),
     };
     let walked = walk(&mut player, header, &mut Nothing, |leaf| {
-        out.t.push(leaf.t);
+        out.radius.push(leaf.radius);
+        out.factor.push(leaf.factor);
         out.m.push(leaf.m);
         if header.weighted {
             out.w.push(leaf.w);
@@ -79,9 +82,9 @@ fn numbers(header: &BlockHeader, bytes: &[u8]) -> Result<Columns, String> {
     Ok(out)
 }
 
-/// exp(2 t) exp(2 S), in parallel over fixed chunks.
+/// radius^2 exp(2 S), in parallel over fixed chunks.
 fn covariances(header: &BlockHeader, columns: &Columns) -> Result<[Vec<f64>; 6], String> {
-    let n = columns.t.len();
+    let n = columns.m.len();
     let mut cov: [Vec<f64>; 6] = std::array::from_fn(|_| vec![0.0; n]);
     let [a, b, c, d, e, f] = &mut cov;
     let chunks = a
@@ -97,11 +100,11 @@ fn covariances(header: &BlockHeader, columns: &Columns) -> Result<[Vec<f64>; 6],
             let mut good = true;
             for i in 0..a.len() {
                 let j = index * CHUNK + i;
-                let step = 0.5 * f64::from(header.steps[3]) * header.step_factor(columns.t[j], columns.m[j]);
+                let step = 0.5 * f64::from(header.steps[3]) * columns.factor[j];
                 let five = columns.shape[j].map(|s| f64::from(s) * step);
                 let within = five.iter().all(|s| s.abs() <= LARGEST_SHAPE);
                 let shape = exp_twice(if within { five } else { [0.0; 5] });
-                let size = exp(2.0 * header.log_size(columns.t[j]));
+                let size = columns.radius[j] * columns.radius[j];
                 let v = shape.0.map(|s| s * size);
                 good &= within && v.iter().all(|s| s.is_finite());
                 (a[i], b[i], c[i], d[i], e[i], f[i]) = (v[0], v[1], v[2], v[3], v[4], v[5]);

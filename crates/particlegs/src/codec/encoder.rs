@@ -77,6 +77,20 @@ impl Encoder {
         out
     }
 
+    /// Bits a Gaussian by what they are spent on, headers apart.
+    pub fn breakdown(&self, precision: &Precision) -> Vec<(&'static str, f64)> {
+        let (header, leaves) = self.quantise(precision);
+        let mut recorder = Recorder::with_parts();
+        let mut script = Given { splits: self.tree.splits.iter(), leaves: &leaves };
+        let walked = walk(&mut recorder, &header, &mut script, |_| Ok(()));
+        debug_assert!(walked.is_ok(), "quantised numbers are within range");
+        let bits = recorder.bits_by_part();
+        ["tree", "size", "count", "mass", "shape", "place"]
+            .into_iter()
+            .zip(bits.map(|b| b / self.len() as f64))
+            .collect()
+    }
+
     /// The header and the whole numbers.
     fn quantise(&self, precision: &Precision) -> (BlockHeader, Vec<Leaf>) {
         let mut header = BlockHeader {
@@ -100,7 +114,7 @@ impl Encoder {
             leaf.shape.copy_from_slice(&shapes[5 * i..5 * i + 5]);
             leaf.place = places[i];
         }
-        header.low[3] = low_bits(shapes.iter().map(|&h| h >> 1));
+        header.low[3] = low_bits(shapes.iter().map(|&h| h >> 1), 3);
         predictors(&mut header, &leaves);
         (header, leaves)
     }
@@ -133,9 +147,10 @@ impl Encoder {
         let mut axes: Vec<(u32, u8)> = Vec::with_capacity(3 * leaves.len());
         let mut samples = Vec::with_capacity(3 * leaves.len());
         for (i, leaf) in leaves.iter().enumerate() {
-            let levels = header.levels(&leaf.cell, extent, leaf.t, factors[i]);
+            let radius = header.radius(leaf.t);
+            let levels = header.levels(&leaf.cell, extent, radius, factors[i]);
             let widths = leaf.cell.widths(extent);
-            let step = f64::from(header.steps[0]) * factors[i] * super::exact::exp(header.log_size(leaf.t));
+            let step = f64::from(header.steps[0]) * factors[i] * radius;
             for k in (0..3).filter(|&k| levels[k] > 1) {
                 let n = levels[k] as f64;
                 let weight = (widths[k] / (n * step)).powi(2);
@@ -176,9 +191,9 @@ fn predictors(header: &mut BlockHeader, leaves: &[Leaf]) {
     let rows = |i: usize| count_features(&leaves[i], &before(i)).map(f64::from);
     header.predict[1] = fit::<6>(leaves.len(), rows, |i| f64::from(leaves[i].m));
     let h = &*header;
-    let t = low_bits((0..leaves.len()).map(|i| (leaves[i].t - h.predict_t(&leaves[i], &before(i))) >> 1));
-    let m = low_bits((0..leaves.len()).map(|i| (leaves[i].m - h.predict_m(&leaves[i], &before(i))) >> 1));
-    let w = low_bits((0..leaves.len()).map(|i| (leaves[i].w - before(i)[0].w) >> 1));
+    let t = low_bits((0..leaves.len()).map(|i| (leaves[i].t - h.predict_t(&leaves[i], &before(i))) >> 1), 6);
+    let m = low_bits((0..leaves.len()).map(|i| (leaves[i].m - h.predict_m(&leaves[i], &before(i))) >> 1), 6);
+    let w = low_bits((0..leaves.len()).map(|i| (leaves[i].w - before(i)[0].w) >> 1), 6);
     header.low[..3].copy_from_slice(&[t, m, w]);
 }
 

@@ -16,11 +16,14 @@ const INVERSE_FACTORIAL: [f64; 18] = {
     f
 };
 
-/// e^x for |x| <= 700 (clamped): k = floor(x / ln 2 + 1/2), Taylor to degree 13 of the rest.
+/// Adding and taking this away rounds a small number to the nearest whole one, ties to even.
+const ROUNDER: f64 = 6_755_399_441_055_744.0;
+
+/// e^x for |x| <= 700 (clamped): k = x / ln 2 rounded, Taylor to degree 13 of the rest.
 #[inline(always)]
 pub(crate) fn exp(x: f64) -> f64 {
     let x = x.clamp(-700.0, 700.0);
-    let k = (x * std::f64::consts::LOG2_E + 0.5).floor();
+    let k = (x * std::f64::consts::LOG2_E + ROUNDER) - ROUNDER;
     // ln 2 in two parts: the first has 32 bits, so that k times it is exact.
     let r = (x - k * 0.693_147_180_369_123_8) - k * 1.908_214_929_270_587_7e-10;
     let mut p = INVERSE_FACTORIAL[13];

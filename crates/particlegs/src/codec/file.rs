@@ -5,7 +5,7 @@ use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
 use super::{Encoder, Precision, certificate, decoder, metadata};
-use crate::model::{Certificate, Layer, Metadata, Model};
+use crate::model::{Block, Certificate, Layer, Metadata, Model};
 use crate::{Error, Result};
 
 /// Layers in a file at most, and bytes of a layer's name.
@@ -186,6 +186,14 @@ pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
         layers.push(Layer { name, blocks: decoded });
     }
     Ok(Model { metadata: parts.metadata, layers, certificate: parts.certificate })
+}
+
+/// Decodes one coded block.
+///
+/// # Errors
+/// [`Error::Corrupt`].
+pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
+    decoder::block(bytes).map_err(|what| Error::corrupt(place, what))
 }
 
 /// The coded blocks of a file, to be merged or copied ([`assemble`]).

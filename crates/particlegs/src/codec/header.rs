@@ -132,6 +132,12 @@ impl BlockHeader {
         0.5 * f64::from(self.steps[1]) * f64::from(t)
     }
 
+    /// The geometric mean radius.
+    #[inline]
+    pub(crate) fn radius(&self, t: i32) -> f64 {
+        exp(self.log_size(t))
+    }
+
     /// ln of the count.
     #[inline]
     pub(crate) fn log_count(&self, m: i32) -> f64 {
@@ -153,10 +159,10 @@ impl BlockHeader {
 
     /// Levels of a cell's axes: its width in steps, rounded, at least 1.
     #[inline]
-    pub(crate) fn levels(&self, cell: &Cell, extent: [f64; 3], t: i32, factor: f64) -> [u64; 3] {
-        let step = f64::from(self.steps[0]) * factor * exp(self.log_size(t));
-        // The cast takes what is too large to 2^64 - 1, and the limit to 2^40.
-        cell.widths(extent).map(|w| ((w / step + 0.5).floor() as u64).clamp(1, 1 << 40))
+    pub(crate) fn levels(&self, cell: &Cell, extent: [f64; 3], radius: f64, factor: f64) -> [u64; 3] {
+        let step = f64::from(self.steps[0]) * factor * radius;
+        // The cast rounds down and takes what is too large to 2^64 - 1, the limit to 2^40.
+        cell.widths(extent).map(|w| ((w / step + 0.5) as u64).clamp(1, 1 << 40))
     }
 
     /// Predicted size in half steps.

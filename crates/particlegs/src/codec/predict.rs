@@ -62,13 +62,13 @@ fn solve<const K: usize>(mut a: [[f64; K]; K], mut b: [f64; K]) -> [f64; K] {
     b
 }
 
-/// Plain low bits that leave residuals of a few steps to the model.
-pub(crate) fn low_bits(residuals: impl Iterator<Item = i32>) -> u8 {
+/// Plain low bits that leave residuals below `most` steps in the mean to the model.
+pub(crate) fn low_bits(residuals: impl Iterator<Item = i32>, most: u64) -> u8 {
     let (mut n, mut sum) = (0u64, 0u64);
     for r in residuals {
         n += 1;
         sum += u64::from(r.unsigned_abs());
     }
     let mean = sum / n.max(1);
-    (64 - (mean / 6).leading_zeros()).min(15) as u8
+    (64 - (mean / most).leading_zeros()).min(15) as u8
 }

@@ -6,6 +6,23 @@ pub(crate) const PROBABILITY_BITS: u32 = 15;
 /// Lowest value of a state.
 const LOW: u32 = 1 << 16;
 
+/// What bits are spent on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// Counts of the tree.
+    Tree,
+    /// Sizes.
+    Size,
+    /// Counts.
+    Count,
+    /// Masses.
+    Mass,
+    /// Shape numbers.
+    Shape,
+    /// Places in the leaves' cells.
+    Place,
+}
+
 /// What a value is coded with: the encoder records, the decoder reads. One walk over the content
 /// serves both, so that they cannot differ.
 pub(crate) trait Coder {
@@ -16,6 +33,9 @@ pub(crate) trait Coder {
         given: impl FnOnce() -> (u32, u32, u32),
         find: impl FnOnce(u32) -> (u32, u32, u32),
     ) -> (u32, u32, u32);
+
+    /// What follows belongs to `part` (of [`Part`]); for accounts of where the bits go.
+    fn part(&mut self, _part: Part) {}
 
     /// A value in `0 .. n` that is as likely as any other; `n` in 1 ..= 2^12.
     fn uniform(&mut self, n: u32, value: u32) -> u32 {
@@ -62,9 +82,17 @@ pub(crate) trait Coder {
 #[derive(Default)]
 pub(crate) struct Recorder {
     intervals: Vec<(u16, u16)>,
+    /// Where runs of one part begin, if asked for.
+    parts: Option<Vec<(Part, usize)>>,
 }
 
 impl Coder for Recorder {
+    fn part(&mut self, part: Part) {
+        if let Some(parts) = &mut self.parts {
+            parts.push((part, self.intervals.len()));
+        }
+    }
+
     fn interval(
         &mut self,
         given: impl FnOnce() -> (u32, u32, u32),
@@ -78,10 +106,26 @@ impl Coder for Recorder {
 }
 
 impl Recorder {
+    /// Keeps account of the parts.
+    pub(crate) fn with_parts() -> Self {
+        Recorder { parts: Some(Vec::new()), ..Recorder::default() }
+    }
+
     /// Bits that the recorded probabilities ask for.
     #[cfg(test)]
     pub(crate) fn entropy_bits(&self) -> f64 {
-        self.intervals.iter().map(|&(_, f)| f64::from(PROBABILITY_BITS) - f64::from(f).log2()).sum()
+        self.intervals.iter().map(bits).sum()
+    }
+
+    /// Bits by part.
+    pub(crate) fn bits_by_part(&self) -> [f64; 6] {
+        let mut out = [0.0; 6];
+        let parts = self.parts.as_deref().unwrap_or(&[]);
+        for (i, &(part, start)) in parts.iter().enumerate() {
+            let end = parts.get(i + 1).map_or(self.intervals.len(), |p| p.1);
+            out[part as usize] += self.intervals[start..end].iter().map(bits).sum::<f64>();
+        }
+        out
     }
 
     /// The stream: the two states, then 16-bit words in the order in which the decoder reads them.
@@ -103,6 +147,11 @@ impl Recorder {
         out.extend(words.iter().rev().flat_map(|w| w.to_le_bytes()));
         out
     }
+}
+
+/// The information of an interval.
+fn bits(interval: &(u16, u16)) -> f64 {
+    f64::from(PROBABILITY_BITS) - f64::from(interval.1).log2()
 }
 
 /// Reads a stream. After the end it goes on with zeros; [`Player::finished`] tells.

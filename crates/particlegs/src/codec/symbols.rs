@@ -62,26 +62,24 @@ impl<const N: usize> Model<N> {
     }
 }
 
-/// Symbols of a residual model: -15 to 15, and the escape.
-pub(crate) const RESIDUALS: usize = 32;
-const CENTRE: i32 = 15;
-const ESCAPE: usize = 31;
-
-/// A model of residuals around 0.
+/// A model of residuals around 0: `N - 1` symbols for `-(N / 2 - 1) ..= N / 2 - 1`, and the escape.
 #[derive(Clone)]
-pub(crate) struct Residual(Model<RESIDUALS>);
+pub(crate) struct Residual<const N: usize>(Model<N>);
 
-impl Residual {
+impl<const N: usize> Residual<N> {
+    const CENTRE: i32 = N as i32 / 2 - 1;
+
     /// Starts at a two-sided geometric law of ratio 3/4.
     pub(crate) fn new() -> Self {
-        let mut weights = [1; RESIDUALS];
+        let mut weights = [1; N];
+        let centre = Self::CENTRE as usize;
         let mut w = 65_536u32;
-        for d in 0..=CENTRE as usize {
-            weights[CENTRE as usize - d] = w;
-            weights[CENTRE as usize + d] = w;
+        for d in 0..=centre {
+            weights[centre - d] = w;
+            weights[centre + d] = w;
             w = w * 3 / 4;
         }
-        weights[ESCAPE] = w;
+        weights[N - 1] = w;
         Residual(Model::from_weights(weights))
     }
 
@@ -89,21 +87,21 @@ impl Residual {
     #[inline]
     pub(crate) fn code(&mut self, c: &mut impl Coder, low: u32, value: i32) -> i32 {
         let high = value >> low;
-        let symbol = if high.abs() <= CENTRE { (high + CENTRE) as usize } else { ESCAPE };
+        let symbol = if high.abs() <= Self::CENTRE { (high + Self::CENTRE) as usize } else { N - 1 };
         let symbol = self.0.code(c, symbol);
-        let high = if symbol == ESCAPE { escape(c, high) } else { symbol as i32 - CENTRE };
+        let high = if symbol == N - 1 { escape(c, Self::CENTRE, high) } else { symbol as i32 - Self::CENTRE };
         (high << low) | c.bits(low, (value & ((1 << low) - 1)) as u32) as i32
     }
 }
 
-/// |value| > 15: sign, then |value| - 16 + 1 in Elias gamma (at most 22 bits).
+/// |value| > centre: sign, then |value| - centre in Elias gamma (at most 22 bits).
 #[cold]
-fn escape(c: &mut impl Coder, value: i32) -> i32 {
+fn escape(c: &mut impl Coder, centre: i32, value: i32) -> i32 {
     let negative = c.bits(1, u32::from(value < 0));
-    let magnitude = (value.unsigned_abs()).saturating_sub(CENTRE as u32).max(1);
+    let magnitude = (value.unsigned_abs()).saturating_sub(centre as u32).max(1);
     let length = c.uniform(22, magnitude.ilog2().min(21));
     let magnitude = (1u64 << length) | c.long_bits(length, u64::from(magnitude) & ((1 << length) - 1));
-    let magnitude = magnitude as i32 + CENTRE;
+    let magnitude = magnitude as i32 + centre;
     if negative == 1 { -magnitude } else { magnitude }
 }
 
@@ -114,7 +112,7 @@ mod tests {
     use crate::math::Random;
 
     fn walk(c: &mut impl Coder, values: &[i32], low: u32) -> Vec<i32> {
-        let mut model = Residual::new();
+        let mut model = Residual::<32>::new();
         values.iter().map(|&v| model.code(c, low, v)).collect()
     }
 

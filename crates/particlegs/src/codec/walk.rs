@@ -2,8 +2,8 @@
 //! (docs/format.md, section 5 to 8).
 
 use super::header::{BlockHeader, Predictor};
-use super::rans::Coder;
-use super::symbols::{Model, RESIDUALS, Residual};
+use super::rans::{Coder, Part};
+use super::symbols::{Model, Residual};
 use super::tree::{Cell, Node};
 use super::trellis::State;
 
@@ -22,6 +22,10 @@ pub(crate) struct Leaf {
     pub levels: [u64; 3],
     /// Position in quarter levels.
     pub place: [u64; 3],
+    /// Geometric mean radius, world units, as decoded.
+    pub radius: f64,
+    /// Factor on the steps of shape and place.
+    pub factor: f64,
 }
 
 /// What the encoder has to say; the decoder says nothing.
@@ -56,10 +60,10 @@ const REACH_CLASSES: usize = 3;
 struct Models {
     /// By count (2 to 15, then powers of two) and share.
     split: Vec<[Model<16>; 3]>,
-    t: Vec<Residual>,
-    m: Vec<Residual>,
-    w: Residual,
-    shape: Vec<Residual>,
+    t: [Residual<32>; 3],
+    m: [Residual<32>; 3],
+    w: Residual<32>,
+    shape: Vec<Residual<16>>,
 }
 
 impl Models {
@@ -73,8 +77,8 @@ impl Models {
         };
         Models {
             split: (2..16).chain([16, 32, 64, 128, 256]).map(split).collect(),
-            t: vec![Residual::new(); 3],
-            m: vec![Residual::new(); 3],
+            t: [0; 3].map(|_| Residual::new()),
+            m: [0; 3].map(|_| Residual::new()),
             w: Residual::new(),
             shape: vec![Residual::new(); 2 * STEP_CLASSES * REACH_CLASSES],
         }
@@ -83,6 +87,7 @@ impl Models {
     /// The number of the lower half's Gaussians.
     fn split(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> u32 {
         let n = node.count;
+        c.part(Part::Tree);
         if n < 16 {
             return self.split[n as usize - 2][node.share as usize].code(c, low.min(n) as usize) as u32;
         }
@@ -167,21 +172,26 @@ impl<'a> Leaves<'a> {
     fn code(&mut self, c: &mut impl Coder, models: &mut Models, leaf: &mut Leaf) -> Result<(), OutOfRange> {
         let h = self.header;
         let surprise = surprise_class(leaf, &self.before[0]);
+        c.part(Part::Size);
         leaf.t = scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, h.predict_t(leaf, &self.before), leaf.t)?;
+        c.part(Part::Count);
         leaf.m = scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, h.predict_m(leaf, &self.before), leaf.m)?;
         if h.weighted {
+            c.part(Part::Mass);
             leaf.w = scalar(c, &mut models.w, h.low[2], &mut self.trellis_w, self.before[0].w, leaf.w)?;
         }
-        let step = h.step_factor(leaf.t, leaf.m);
-        self.shape(c, models, leaf, step)?;
-        self.place(c, leaf, step);
+        leaf.radius = h.radius(leaf.t);
+        leaf.factor = h.step_factor(leaf.t, leaf.m);
+        self.shape(c, models, leaf)?;
+        self.place(c, leaf);
         self.before = [*leaf, self.before[0]];
         self.done += 1;
         Ok(())
     }
 
-    fn shape(&mut self, c: &mut impl Coder, models: &mut Models, leaf: &mut Leaf, step: f64) -> Result<(), OutOfRange> {
-        let class = step_class(step);
+    fn shape(&mut self, c: &mut impl Coder, models: &mut Models, leaf: &mut Leaf) -> Result<(), OutOfRange> {
+        c.part(Part::Shape);
+        let class = step_class(leaf.factor);
         let mut reach = 0i64;
         for k in 0..5 {
             // The mean magnitude so far, in half steps.
@@ -193,8 +203,9 @@ impl<'a> Leaves<'a> {
         Ok(())
     }
 
-    fn place(&mut self, c: &mut impl Coder, leaf: &mut Leaf, step: f64) {
-        leaf.levels = self.header.levels(&leaf.cell, self.extent, leaf.t, step);
+    fn place(&mut self, c: &mut impl Coder, leaf: &mut Leaf) {
+        c.part(Part::Place);
+        leaf.levels = self.header.levels(&leaf.cell, self.extent, leaf.radius, leaf.factor);
         for k in 0..3 {
             let n = leaf.levels[k];
             if n == 1 {
@@ -238,7 +249,7 @@ fn reach_class(mean: i64) -> usize {
 
 /// Codes a number on half steps against its prediction on half steps.
 #[inline]
-fn scalar(c: &mut impl Coder, model: &mut Residual, low: u8, state: &mut State, predicted: i32, half: i32) -> Result<i32, OutOfRange> {
+fn scalar<const N: usize>(c: &mut impl Coder, model: &mut Residual<N>, low: u8, state: &mut State, predicted: i32, half: i32) -> Result<i32, OutOfRange> {
     let lattice = state.lattice();
     let guess = (predicted - lattice + 1) >> 1;
     let k = model.code(c, u32::from(low), ((half - lattice) >> 1) - guess).saturating_add(guess);
@@ -257,5 +268,3 @@ impl Predictor {
         (sum + i64::from(self.constant)).clamp(-(1 << 21), 1 << 21) as i32
     }
 }
-
-const _: () = assert!(RESIDUALS == 32);
