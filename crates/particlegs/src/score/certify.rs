@@ -13,18 +13,17 @@ use crate::progress::Progress;
 const SIZE: Size = Size { width: 1920, height: 1080 };
 /// Cells of the density grid along the longest extent.
 const GRID: u16 = 50;
-/// Seed of the certificate's views: a constant, so that `verify` measures the same ones.
-const SEED: u64 = 1;
 
 /// Measures `model` against the snapshot that it was made from: one frame of each orbit at the
 /// model's default radius and opacity, and the density on a grid of 50 cells along the longest
-/// extent, over the periodic box where there is one. The model is best the decoded one.
+/// extent, over the periodic box where there is one. `seed` turns the views; measuring again with
+/// the certificate's own repeats it. The model is best the decoded one.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub fn certificate(model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<Certificate> {
+pub fn certificate(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Certificate> {
     let m = &model.metadata;
-    let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: SEED };
+    let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed };
     let views = certificate_views(&of, m.default_opacity);
     let evaluation = evaluate(model, particles, &views, SIZE, progress)?;
     let orbits = std::array::from_fn(|k| {
@@ -41,7 +40,7 @@ pub fn certificate(model: &Model, particles: &Particles, progress: &dyn Progress
     Ok(Certificate {
         width: SIZE.width as u16,
         height: SIZE.height as u16,
-        seed: SEED,
+        seed,
         orbits,
         grid: GRID,
         density_correlation: density.correlation,
