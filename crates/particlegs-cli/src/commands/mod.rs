@@ -2,6 +2,7 @@
 
 mod completions;
 mod reference;
+mod render;
 
 use clap::Subcommand;
 use particlegs::Result;
@@ -11,6 +12,8 @@ use particlegs::Result;
 pub enum Command {
     /// Draw pictures of all particles: ParaView's exactly, or noise-free.
     Reference(reference::Arguments),
+    /// Draw pictures of a model.
+    Render(render::Arguments),
     /// Print a shell's completion script.
     Completions(completions::Arguments),
 }
@@ -19,6 +22,7 @@ pub enum Command {
 pub fn run(command: Command) -> Result<()> {
     match command {
         Command::Reference(a) => reference::run(&a),
+        Command::Render(a) => render::run(&a),
         Command::Completions(a) => completions::run(&a),
     }
 }
