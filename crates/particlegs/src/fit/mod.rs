@@ -9,6 +9,7 @@ mod cut;
 mod gain;
 mod moments;
 mod partition;
+mod select;
 mod store;
 
 pub use gain::Blur;
