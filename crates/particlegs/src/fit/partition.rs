@@ -1,0 +1,267 @@
+//! Cuts a snapshot into cells, the cut that helps the picture most first.
+//!
+//! Every cell is cut on its creation and knows what the cut gains ([`Blur::split_gain`]). Branches
+//! are cut on, in parallel and while they are in cache, as long as gains reach a threshold; the
+//! threshold falls from round to round until there are somewhat more cells than wanted. Then the
+//! best cuts are chosen: one that is not chosen has only reordered its cell.
+
+use super::cut::Cut;
+use super::select::{Made, best_cuts};
+use super::{Blur, Moments, Store};
+use crate::model::Mixture;
+use crate::particles::Particles;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// How to cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartitionOptions {
+    /// Blur under which pictures are compared, in particle radii. Small values favour fine detail
+    /// and small drawing radii, large ones large radii. On nbody128 at 19 000 cells 4, 5 and 6 give
+    /// 29.08, 29.03 and 28.93 dB at the default radius, 20.7, 21.0 and 21.3 dB at six times that.
+    pub blur_radii: f64,
+}
+
+impl Default for PartitionOptions {
+    fn default() -> Self {
+        PartitionOptions { blur_radii: 5.0 }
+    }
+}
+
+/// Cells of particles that lie side by side in the store.
+#[derive(Clone, Debug)]
+pub struct Partition {
+    /// The particles, reordered.
+    pub store: Store,
+    /// Each cell's particles, in the store's order: together they are the whole store.
+    pub cells: Vec<Range<usize>>,
+    /// Each cell's moments, store units.
+    pub moments: Vec<Moments>,
+}
+
+/// Cells up to this many particles are cut by one thread.
+const PARALLEL: usize = 1 << 14;
+/// Cells to make for each one wanted, so that the best cuts can be chosen: 1.3 is as good as 4.
+const SPARE: f64 = 1.3;
+
+/// A cell that is cut already, but whose halves are not examined yet.
+#[derive(Clone, Copy)]
+struct Pending {
+    start: usize,
+    mid: usize,
+    end: usize,
+    gain: f64,
+}
+
+/// Cuts `particles` into at most `gaussians` cells for pictures drawn with `radius` (world units).
+/// Fewer come back where fewer places are occupied. The result does not depend on threads.
+///
+/// # Errors
+/// [`Error::Argument`] for no particles, no Gaussians, or a radius that is not positive;
+/// [`Error::Cancelled`].
+pub fn partition(
+    particles: &Particles,
+    gaussians: usize,
+    radius: f64,
+    options: PartitionOptions,
+    progress: &dyn Progress,
+) -> Result<Partition> {
+    if particles.is_empty() || gaussians == 0 {
+        return Err(Error::argument("a partition needs at least one particle and one Gaussian"));
+    }
+    if !(radius > 0.0 && radius.is_finite() && options.blur_radii > 0.0 && options.blur_radii.is_finite()) {
+        return Err(Error::argument(format!("radius {radius} and blur {} must be positive", options.blur_radii)));
+    }
+    progress.check()?;
+    let mut store = Store::new(particles);
+    let s = (options.blur_radii * radius * store.scale).clamp(1e-9, 1e9);
+    let grower = Grower { blur: Blur(s * s), progress };
+    let bounds = grower.grow(&mut store, gaussians)?;
+    let cells: Vec<Range<usize>> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
+    let moments = cells
+        .par_iter()
+        .map(|c| Moments::of(&store.xyz[c.clone()], store.weight.as_ref().map(|w| &w[c.clone()])))
+        .collect();
+    Ok(Partition { store, cells, moments })
+}
+
+impl Partition {
+    /// The cells as Gaussians, world units.
+    pub fn mixture(&self) -> Mixture {
+        let unit = 1.0 / self.store.scale;
+        let column = |f: &dyn Fn(&Moments) -> f64| self.moments.iter().map(f).collect::<Vec<f64>>();
+        Mixture {
+            mean: std::array::from_fn(|k| column(&|m| self.store.origin[k] + m.mean[k] * unit)),
+            cov: std::array::from_fn(|k| column(&|m| m.cov.0[k] * unit * unit)),
+            count: column(&|m| m.count as f64),
+            mass: self.store.weight.as_ref().map(|_| column(&|m| m.mass)),
+        }
+    }
+}
+
+struct Grower<'a> {
+    blur: Blur,
+    progress: &'a dyn Progress,
+}
+
+/// What a branch has done.
+#[derive(Default)]
+struct Branch {
+    made: Vec<Made>,
+    pending: Vec<Pending>,
+}
+
+impl Branch {
+    fn append(&mut self, mut other: Branch) {
+        self.made.append(&mut other.made);
+        self.pending.append(&mut other.pending);
+    }
+}
+
+/// A cell's particles.
+struct Cell<'a> {
+    start: usize,
+    xyz: &'a mut [[f32; 3]],
+    weight: Option<&'a mut [f32]>,
+}
+
+impl<'a> Cell<'a> {
+    fn halves(self, mid: usize) -> [Cell<'a>; 2] {
+        let at = mid - self.start;
+        let (a, b) = self.xyz.split_at_mut(at);
+        let (wa, wb) = match self.weight {
+            Some(w) => {
+                let (a, b) = w.split_at_mut(at);
+                (Some(a), Some(b))
+            }
+            None => (None, None),
+        };
+        [Cell { start: self.start, xyz: a, weight: wa }, Cell { start: mid, xyz: b, weight: wb }]
+    }
+}
+
+impl Grower<'_> {
+    /// Cell boundaries, ascending, first 0 and last N.
+    fn grow(&self, store: &mut Store, gaussians: usize) -> Result<Vec<usize>> {
+        let n = store.len();
+        let enough = (gaussians as f64 * SPARE).ceil() as usize;
+        self.progress.begin("partition", enough as u64);
+        let whole = Moments::quick(&store.xyz);
+        let root = Cell { start: 0, xyz: &mut store.xyz, weight: store.weight.as_deref_mut() };
+        let mut all = Branch::default();
+        self.examine(root, whole, f64::INFINITY, &mut all)?;
+        let mut threshold = Threshold::new();
+        while all.made.len() + 1 < enough && !all.pending.is_empty() {
+            let least = threshold.next(&all, enough);
+            let (go, wait): (Vec<_>, Vec<_>) = all.pending.into_iter().partition(|p| p.gain >= least);
+            all.pending = wait;
+            let made = all.made.len();
+            for branch in self.round(store, go, least) {
+                all.append(branch?);
+            }
+            self.progress.advance((all.made.len() - made) as u64);
+        }
+        self.progress.end();
+        drop(all.pending);
+        let mut bounds = best_cuts(all.made, gaussians - 1);
+        bounds.extend([0, n]);
+        bounds.par_sort_unstable();
+        Ok(bounds)
+    }
+
+    /// Cuts the pending cells down to `threshold`, in the order of the store.
+    fn round(&self, store: &mut Store, mut go: Vec<Pending>, threshold: f64) -> Vec<Result<Branch>> {
+        go.sort_unstable_by_key(|p| p.start);
+        let mut cells = Vec::with_capacity(go.len());
+        let (mut xyz, mut weight) = (&mut store.xyz[..], store.weight.as_deref_mut());
+        let mut at = 0;
+        for p in go {
+            let (skip, len) = (p.start - at, p.end - p.start);
+            let here = xyz.split_at_mut(skip).1.split_at_mut(len);
+            xyz = here.1;
+            let w = weight.map(|w| w.split_at_mut(skip).1.split_at_mut(len));
+            let (w_here, w_rest) = w.unzip();
+            weight = w_rest;
+            at = p.end;
+            let cell = Cell { start: p.start, xyz: here.0, weight: w_here };
+            cells.push((cell, p));
+        }
+        cells
+            .into_par_iter()
+            .map(|(cell, p)| {
+                let mut out = Branch::default();
+                self.progress.check()?;
+                out.made.push(Made { start: p.start, mid: p.mid, end: p.end, gain: p.gain });
+                for half in cell.halves(p.mid) {
+                    let moments = Moments::quick(half.xyz);
+                    self.examine(half, moments, threshold, &mut out)?;
+                }
+                Ok(out)
+            })
+            .collect()
+    }
+
+    /// Cuts a cell, and its halves in turn while cuts gain at least `threshold`.
+    fn examine(&self, cell: Cell<'_>, moments: Moments, threshold: f64, out: &mut Branch) -> Result<()> {
+        let mut cell = cell;
+        let Some(cut) = Cut::best(cell.xyz, &moments, self.blur) else { return Ok(()) };
+        let len = cut.apply(cell.xyz, cell.weight.as_deref_mut());
+        let a = Moments::quick(&cell.xyz[..len]);
+        let b = Moments::quick(&cell.xyz[len..]);
+        let gain = self.blur.split_gain(&moments, &a, &b).max(f64::MIN_POSITIVE);
+        let (start, mid, end) = (cell.start, cell.start + len, cell.start + cell.xyz.len());
+        if gain < threshold {
+            out.pending.push(Pending { start, mid, end, gain });
+            return Ok(());
+        }
+        out.made.push(Made { start, mid, end, gain });
+        let large = cell.xyz.len() > PARALLEL;
+        let [first, second] = cell.halves(mid);
+        if !large {
+            self.examine(first, a, threshold, out)?;
+            return self.examine(second, b, threshold, out);
+        }
+        self.progress.check()?;
+        let mut other = Branch::default();
+        let (x, y) =
+            rayon::join(|| self.examine(first, a, threshold, out), || self.examine(second, b, threshold, &mut other));
+        out.append(other);
+        x.and(y)
+    }
+}
+
+/// The gain down to which a round cuts.
+struct Threshold {
+    /// The last round's threshold.
+    last: Option<f64>,
+    /// The threshold of the round before and the cuts that were made after it.
+    before: Option<(f64, usize)>,
+}
+
+impl Threshold {
+    fn new() -> Self {
+        Threshold { last: None, before: None }
+    }
+
+    /// The number of cuts grows like a power of 1 / threshold, which the last two rounds tell:
+    /// eight times more cuts a round at most, and the last round just past `enough` cells.
+    fn next(&mut self, all: &Branch, enough: usize) -> f64 {
+        let largest = all.pending.iter().map(|p| p.gain).fold(0.0, f64::max);
+        let made = all.made.len();
+        let next = match (self.last, self.before) {
+            (Some(t1), Some((t0, m0))) if made > m0 && m0 > 0 && t0 > t1 => {
+                let power = ((made as f64 / m0 as f64).ln() / (t0 / t1).ln()).clamp(0.1, 4.0);
+                let growth = (1.02 * enough as f64 / (made + 1) as f64).clamp(1.05, 8.0);
+                t1 / growth.powf(1.0 / power)
+            }
+            (Some(t1), _) => t1 / 4.0,
+            _ => largest,
+        };
+        let next = next.min(largest);
+        self.before = self.last.map(|t| (t, made));
+        self.last = Some(next);
+        next
+    }
+}

@@ -1,0 +1,89 @@
+//! The particles, copied once for reordering.
+
+use crate::particles::{Chunk, ChunkBuffer, Particles};
+use rayon::prelude::*;
+
+/// Particles in one parallel step of the copy.
+const STEP: usize = 1 << 16;
+
+/// A snapshot's particles in an order of their own.
+///
+/// Coordinates are `(world - origin) * scale` with `scale` a power of two that brings the largest
+/// coordinate to between 1/2 and 1: nothing is rounded, and boxes of 1e-30 and 1e30 behave as a box of 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Store {
+    /// Positions in store units.
+    pub xyz: Vec<[f32; 3]>,
+    /// Weights (> 0), one a particle, where the snapshot has them.
+    pub weight: Option<Vec<f32>>,
+    /// World position of the store's origin.
+    pub origin: [f64; 3],
+    /// Store units for a world unit, a power of two.
+    pub scale: f64,
+}
+
+impl Store {
+    /// Copies a snapshot: 12 bytes a particle (16 with weights).
+    pub fn new(particles: &Particles) -> Self {
+        let scale = power_of_two_scale(particles);
+        let n = particles.len();
+        let mut xyz = vec![[0f32; 3]; n];
+        xyz.par_chunks_mut(STEP).enumerate().for_each_init(ChunkBuffer::default, |buffer, (c, out)| {
+            let start = c * STEP;
+            copy_scaled(particles.chunk(start..start + out.len(), buffer), scale, out);
+        });
+        let weight = particles.weights.as_ref().map(|w| w.to_vec());
+        Store { xyz, weight, origin: particles.origin, scale }
+    }
+
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        self.xyz.len()
+    }
+
+    /// No particles?
+    pub fn is_empty(&self) -> bool {
+        self.xyz.is_empty()
+    }
+
+    /// World position of a point in store units.
+    pub fn to_world(&self, p: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| self.origin[k] + p[k] / self.scale)
+    }
+}
+
+fn copy_scaled(chunk: Chunk<'_>, scale: f64, out: &mut [[f32; 3]]) {
+    let [x, y, z] = chunk.position;
+    for (i, p) in out.iter_mut().enumerate() {
+        *p = [x[i], y[i], z[i]].map(|v| (f64::from(v) * scale) as f32);
+    }
+}
+
+/// The power of two that brings the largest |local coordinate| into [1/2, 1]; 1 where all are 0.
+fn power_of_two_scale(particles: &Particles) -> f64 {
+    let largest = particles
+        .par_chunks(|_, chunk| chunk.position.iter().flat_map(|c| c.iter()).fold(0f32, |m, v| m.max(v.abs())))
+        .into_iter()
+        .fold(0f32, f32::max);
+    if largest > 0.0 { (-f64::from(largest).log2().ceil()).exp2() } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scaling_rounds_nothing() {
+        for unit in [1e-30f32, 1.0, 3.7, 1e30, f32::from_bits(1), f32::MAX] {
+            let x = vec![unit, unit * 0.5, -unit];
+            let p = Particles::from_columns(x.clone(), vec![0.0; 3], vec![unit; 3]);
+            let s = Store::new(&p);
+            assert!(s.scale.log2().fract() == 0.0);
+            for i in 0..3 {
+                assert_eq!(s.to_world(s.xyz[i].map(f64::from))[0], f64::from(x[i]));
+                assert!(s.xyz[i].iter().all(|v| v.abs() <= 1.0));
+            }
+            assert!(s.xyz[0][0] >= 0.5);
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! The partition: nothing lost, any input, any number of threads.
+
+use particlegs::fit::{Partition, PartitionOptions, partition};
+use particlegs::math::Random;
+use particlegs::particles::{Column, OpenOptions, Particles, open};
+use particlegs::progress::Silent;
+use proptest::prelude::*;
+use std::path::Path;
+
+fn cut(p: &Particles, gaussians: usize) -> Partition {
+    let radius = p.bounds().default_radius(p.len() as u64);
+    partition(p, gaussians, radius, PartitionOptions::default(), &Silent).unwrap()
+}
+
+/// Cells tile the store, the store is a permutation of the particles, sums are kept.
+fn check(p: &Particles, part: &Partition) {
+    assert_eq!(part.cells.len(), part.moments.len());
+    assert_eq!(part.cells.first().unwrap().start, 0);
+    assert_eq!(part.cells.last().unwrap().end, p.len());
+    for w in part.cells.windows(2) {
+        assert_eq!(w[0].end, w[1].start);
+    }
+    assert!(part.cells.iter().all(|c| !c.is_empty()));
+    let key = |q: [f64; 3], w: f32| (q.map(f64::to_bits), w.to_bits());
+    let weight = |w: &Option<Vec<f32>>, i: usize| w.as_ref().map_or(1.0, |w| w[i]);
+    let mut before: Vec<_> =
+        (0..p.len()).map(|i| key(p.position(i), p.weights.as_ref().map_or(1.0, |w| w[i]))).collect();
+    let store = &part.store;
+    let mut after: Vec<_> =
+        (0..store.len()).map(|i| key(store.to_world(store.xyz[i].map(f64::from)), weight(&store.weight, i))).collect();
+    before.sort_unstable();
+    after.sort_unstable();
+    assert!(before == after, "the store is a permutation");
+    let mixture = part.mixture();
+    assert_eq!(mixture.count.iter().sum::<f64>(), p.len() as f64);
+    let mass: f64 = (0..mixture.len()).map(|i| mixture.mass_of(i)).sum();
+    assert!((mass / p.total_mass() - 1.0).abs() < 1e-12);
+    for i in 0..mixture.len() {
+        assert!(mixture.mean_of(i).iter().all(|v| v.is_finite()));
+        let e = mixture.cov_of(i).eigen();
+        assert!(e.values[2] >= -1e-9 * e.values[0], "{e:?}");
+    }
+}
+
+fn cloud(seed: u64, n: u64, unit: f32, flat: [bool; 3]) -> Particles {
+    let column = |k: u32| -> Vec<f32> {
+        (0..n)
+            .map(|i| {
+                let mut r = Random::new(seed, k, i);
+                if flat[k as usize] { unit } else { (r.normal() as f32 + 3.0 * (i % 5) as f32) * unit }
+            })
+            .collect()
+    };
+    Particles::from_columns(column(0), column(1), column(2))
+}
+
+#[test]
+fn degenerate_input() {
+    for (p, most) in [
+        (cloud(1, 1, 1.0, [false; 3]), 1),
+        (cloud(1, 1, 0.0, [true; 3]), 1),
+        (cloud(1, 1000, 0.0, [true; 3]), 1),
+        (cloud(1, 1000, 7.5, [true; 3]), 1),
+        (cloud(1, 2, 1.0, [false; 3]), 2),
+        (cloud(1, 50, 1.0, [false; 3]), 50),
+        (cloud(1, 1000, 1.0, [true, true, false]), 1000),
+        (cloud(1, 1000, 1.0, [true, false, false]), 1000),
+        (cloud(1, 1000, 1e-30, [false; 3]), 1000),
+        (cloud(1, 1000, 1e30, [false; 3]), 1000),
+    ] {
+        for gaussians in [1, 2, 3, 40, 5000] {
+            let part = cut(&p, gaussians);
+            check(&p, &part);
+            assert_eq!(part.cells.len(), gaussians.min(most), "of {gaussians} for {} particles", p.len());
+        }
+    }
+}
+
+#[test]
+fn repeated_places_give_one_cell_each() {
+    let x: Vec<f32> = (0..900).map(|i| 1000.0 + (i % 7) as f32).collect();
+    let p = Particles::from_columns(x, vec![1e5; 900], vec![-3e-3; 900]);
+    let part = cut(&p, 100);
+    check(&p, &part);
+    assert_eq!(part.cells.len(), 7);
+}
+
+#[test]
+fn weights_are_carried() {
+    let mut p = cloud(3, 5000, 2.0, [false; 3]);
+    p.weights = Some(Column::owned((0..5000).map(|i| 0.5 + (i % 13) as f32).collect()));
+    let part = cut(&p, 300);
+    check(&p, &part);
+    let plain = Particles { weights: None, ..p.clone() };
+    assert_eq!(cut(&plain, 300).store.xyz, part.store.xyz, "the geometry counts particles");
+}
+
+#[test]
+fn far_from_the_origin() {
+    let mut p = cloud(4, 3000, 1.0, [false; 3]);
+    p.origin = [1e9, -1e9, 3.0];
+    let part = cut(&p, 100);
+    let near = Particles { origin: [0.0; 3], ..p.clone() };
+    let there = cut(&near, 100);
+    check(&near, &there);
+    assert!(part.store.xyz == there.store.xyz && part.cells == there.cells);
+}
+
+#[test]
+fn threads_do_not_matter() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
+    let p = open(&[folder], &OpenOptions::default()).unwrap();
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| cut(&p, 2000))
+    };
+    let (one, three) = (with(1), with(3));
+    check(&p, &one);
+    assert_eq!(one.cells.len(), 2000);
+    assert!(one.store == three.store && one.cells == three.cells && one.moments == three.moments);
+    particlegs::math::set_simd(false);
+    let plain = with(2);
+    particlegs::math::set_simd(true);
+    assert!(one.store == plain.store && one.cells == plain.cells && one.moments == plain.moments);
+}
+
+#[test]
+fn nonsense_is_refused() {
+    let p = cloud(5, 10, 1.0, [false; 3]);
+    for radius in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(partition(&p, 3, radius, PartitionOptions::default(), &Silent).is_err());
+    }
+    assert!(partition(&p, 0, 1.0, PartitionOptions::default(), &Silent).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..Default::default() })]
+    #[test]
+    fn any_cloud_is_kept(seed in 0u64..1000, n in 1u64..800, gaussians in 1usize..900, power in -30i32..30) {
+        let p = cloud(seed, n, 10f32.powi(power), [false; 3]);
+        let part = cut(&p, gaussians);
+        check(&p, &part);
+        prop_assert!(part.cells.len() <= gaussians.min(n as usize));
+    }
+}
