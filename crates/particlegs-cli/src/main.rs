@@ -2,6 +2,7 @@
 
 mod commands;
 mod common;
+mod density_args;
 mod report;
 mod view_args;
 

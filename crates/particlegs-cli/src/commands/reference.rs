@@ -1,11 +1,13 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
-use crate::common::{Common, SnapshotArgs};
+use crate::common::{Common, Context, SnapshotArgs};
+use crate::density_args::{DensityArgs, Quantities};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
 use particlegs::picture::write_gray_png;
+use particlegs::particles::{Bounds, Particles};
 use particlegs::progress::Progress;
-use particlegs::reference::Reference;
+use particlegs::reference::{Reference, surface_density};
 use particlegs::splat::{DEFAULT_OPACITY, Look};
 use particlegs::{Error, Result};
 use serde::Serialize;
@@ -34,6 +36,8 @@ pub struct Arguments {
     #[command(flatten)]
     view: ViewArgs,
     #[command(flatten)]
+    density: DensityArgs,
+    #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
     common: Common,
@@ -52,6 +56,8 @@ enum Style {
     Response,
     /// Noise-free mean of paraview.
     ResponseFxaa,
+    /// Surface density, in logarithmic colours with bars.
+    Density,
 }
 
 #[derive(Serialize)]
@@ -74,6 +80,22 @@ struct Report {
     views: Vec<Drawn>,
 }
 
+#[derive(Serialize)]
+struct DrawnDensity {
+    name: String,
+    seconds: f64,
+    path: PathBuf,
+}
+
+#[derive(Serialize)]
+struct DensityReport {
+    style: &'static str,
+    particles: u64,
+    width: usize,
+    height: usize,
+    views: Vec<DrawnDensity>,
+}
+
 /// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
@@ -81,6 +103,9 @@ pub fn run(a: &Arguments) -> Result<()> {
     let reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
+    if a.style == Style::Density {
+        return densities(a, &particles, bounds, &context);
+    }
     let set = a.view.resolve(&Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY })?;
     std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))?;
     let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
@@ -95,7 +120,8 @@ pub fn run(a: &Arguments) -> Result<()> {
             Style::ParaviewNoFxaa => reference.draw(view, set.size, Look::ParaviewNoFxaa, &context)?,
             Style::Expected => reference.draw(view, set.size, Look::Expected, &context)?,
             Style::Response => reference.response(view, set.size, Look::ParaviewNoFxaa, &context)?,
-            Style::ResponseFxaa => reference.response(view, set.size, Look::Paraview, &context)?,
+            // Density has left above.
+            Style::ResponseFxaa | Style::Density => reference.response(view, set.size, Look::Paraview, &context)?,
         };
         let seconds = started.elapsed().as_secs_f64();
         let path = a.out.join(format!("{}.png", view.name));
@@ -114,5 +140,26 @@ pub fn run(a: &Arguments) -> Result<()> {
         context.advance(1);
     }
     context.end();
+    context.finish(&text, &report)
+}
+
+/// Draws the surface density of every view.
+fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Context) -> Result<()> {
+    let count = particles.len() as u64;
+    let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
+    let quantities = Quantities::of_particles(particles);
+    let (size, views) = a.density.views(&a.view, &subject, &quantities)?;
+    std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))?;
+    let mut report =
+        DensityReport { style: "density", particles: count, width: size.width, height: size.height, views: Vec::new() };
+    let mut text = format!("{:<16} {:>9}", "view", "seconds");
+    for view in &views {
+        let started = Instant::now();
+        let plane = surface_density(particles, view, size, context)?;
+        let seconds = started.elapsed().as_secs_f64();
+        let path = a.density.write(&a.out, view, &plane, &quantities)?;
+        text += &format!("\n{:<16} {seconds:>9.3}", view.name);
+        report.views.push(DrawnDensity { name: view.name.clone(), seconds, path });
+    }
     context.finish(&text, &report)
 }

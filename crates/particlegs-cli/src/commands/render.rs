@@ -1,33 +1,150 @@
-//! `particlegs render`: interim.
+//! `particlegs render MODEL --style S --out DIR`.
+
 use crate::common::Common;
-use clap::Args;
-use particlegs::render::Scene;
+use crate::density_args::{DensityArgs, Quantities};
+use crate::view_args::{Subject, ViewArgs};
+use clap::{Args, ValueEnum};
+use particlegs::model::Model;
+use particlegs::picture::write_gray_png;
+use particlegs::progress::Progress;
+use particlegs::render::{Scene, draw, surface_density};
+use particlegs::splat::Look;
+use particlegs::{Error, Result, codec};
+use serde::Serialize;
 use std::path::PathBuf;
+use std::time::Instant;
+
 /// Arguments.
 #[derive(Args)]
+#[command(after_help = "Examples:
+  particlegs render model.pgs --out pictures
+  particlegs render model.pgs --views views.json --style expected --out pictures
+  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 --out near
+  particlegs render model.pgs --style density --colormap magma --out sigma
+  particlegs render model.pgs --style density --projection orthographic --center 0,25,25 --width 30 --depth 5 --out slab")]
 pub struct Arguments {
+    /// The model file.
+    #[arg(value_name = "MODEL")]
     model: PathBuf,
-    #[arg(long)]
-    views: PathBuf,
-    #[arg(long)]
-    style: String,
-    #[arg(long)]
+    /// What to draw.
+    #[arg(long, value_enum, default_value_t = Style::Paraview)]
+    style: Style,
+    /// Folder for the pictures; made where it is missing.
+    #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    view: ViewArgs,
+    #[command(flatten)]
+    density: DensityArgs,
     #[command(flatten)]
     common: Common,
 }
-/// Runs.
-pub fn run(a: &Arguments) -> particlegs::Result<()> {
+
+/// The styles that a model can be drawn in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Style {
+    /// What ParaView would draw of the particles, without its noise.
+    Paraview,
+    /// The same without FXAA.
+    ParaviewNoFxaa,
+    /// 255 (1 - exp(-tau)).
+    Expected,
+    /// Surface density, in logarithmic colours with bars.
+    Density,
+}
+
+#[derive(Serialize)]
+struct Drawn {
+    name: String,
+    seconds: f64,
+    path: PathBuf,
+}
+
+#[derive(Serialize)]
+struct Report {
+    style: String,
+    gaussians: usize,
+    width: usize,
+    height: usize,
+    views: Vec<Drawn>,
+}
+
+/// Draws every view.
+pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let bytes = std::fs::read(&a.model).map_err(|e| particlegs::Error::io(&a.model, e))?;
-    let model = particlegs::codec::decode(&bytes, &a.model.display().to_string())?;
-    let set = particlegs::camera::read_views(&a.views)?;
-    let scene = Scene::of(&model);
-    std::fs::create_dir_all(&a.out).map_err(|e| particlegs::Error::io(&a.out, e))?;
-    let look = particlegs::splat::Look::ALL.into_iter().find(|l| l.name() == a.style).unwrap();
-    for v in &set.views {
-        let p = particlegs::render::draw(&scene, v, set.size, look, &context)?;
-        particlegs::picture::write_gray_png(&a.out.join(format!("{}.png", v.name)), &p)?;
+    let bytes = std::fs::read(&a.model).map_err(|e| Error::io(&a.model, e))?;
+    let model = codec::decode(&bytes, &a.model.display().to_string())?;
+    let m = &model.metadata;
+    let subject = Subject { bounds: m.bounds, radius: m.default_radius, opacity: m.default_opacity };
+    let mut report = Report {
+        style: a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default(),
+        gaussians: model.gaussians(),
+        width: 0,
+        height: 0,
+        views: Vec::new(),
+    };
+    let look = match a.style {
+        Style::Paraview => Some(Look::Paraview),
+        Style::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
+        Style::Expected => Some(Look::Expected),
+        Style::Density => None,
+    };
+    match look {
+        Some(look) => pictures(a, &model, &subject, look, &context, &mut report)?,
+        None => densities(a, &model, &subject, &context, &mut report)?,
+    }
+    let mut text = format!("{:<16} {:>9}", "view", "seconds");
+    for v in &report.views {
+        text += &format!("\n{:<16} {:>9.3}", v.name, v.seconds);
+    }
+    context.finish(&text, &report)
+}
+
+fn pictures(
+    a: &Arguments,
+    model: &Model,
+    subject: &Subject,
+    look: Look,
+    progress: &dyn Progress,
+    report: &mut Report,
+) -> Result<()> {
+    let set = a.view.resolve(subject)?;
+    make_folder(a)?;
+    (report.width, report.height) = (set.size.width, set.size.height);
+    let scene = Scene::of(model);
+    for view in &set.views {
+        let started = Instant::now();
+        let picture = draw(&scene, view, set.size, look, progress)?;
+        let seconds = started.elapsed().as_secs_f64();
+        let path = a.out.join(format!("{}.png", view.name));
+        write_gray_png(&path, &picture)?;
+        report.views.push(Drawn { name: view.name.clone(), seconds, path });
     }
     Ok(())
+}
+
+fn densities(
+    a: &Arguments,
+    model: &Model,
+    subject: &Subject,
+    progress: &dyn Progress,
+    report: &mut Report,
+) -> Result<()> {
+    let quantities = Quantities::of_model(&model.metadata);
+    let (size, views) = a.density.views(&a.view, subject, &quantities)?;
+    make_folder(a)?;
+    (report.width, report.height) = (size.width, size.height);
+    let scene = Scene::of(model);
+    for view in &views {
+        let started = Instant::now();
+        let plane = surface_density(&scene, model.metadata.particle_mass.unwrap_or(1.0), view, size, progress)?;
+        let seconds = started.elapsed().as_secs_f64();
+        let path = a.density.write(&a.out, view, &plane, &quantities)?;
+        report.views.push(Drawn { name: view.name.clone(), seconds, path });
+    }
+    Ok(())
+}
+
+fn make_folder(a: &Arguments) -> Result<()> {
+    std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))
 }

@@ -1,0 +1,201 @@
+//! Surface density on the command line: the window, the colours, the files. Shared by `render` and
+//! `reference`.
+
+use crate::view_args::{Subject, ViewArgs};
+use clap::{Args, ValueEnum};
+use particlegs::camera::{DensityView, Frame, Projection, spherical_camera};
+use particlegs::model::Metadata;
+use particlegs::output::{write_atomic, write_bytes};
+use particlegs::particles::{Cell, Particles};
+use particlegs::picture::{
+    Colormap, DensityPicture, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
+};
+use particlegs::{Error, Result};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// How surface density is drawn.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Options of --style density")]
+pub struct DensityArgs {
+    /// Colours: viridis, inferno, magma, cividis or grey.
+    #[arg(long, value_name = "NAME", default_value = "inferno")]
+    pub colormap: Colormap,
+    /// Values of the first and the last colour (default: from the picture).
+    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1)]
+    pub range: Option<Vec<f64>>,
+    /// Perspective, or an orthographic window that wraps around periodic boxes.
+    #[arg(long, value_enum, default_value_t = Lines::Perspective)]
+    pub projection: Lines,
+    /// Centre of the orthographic window (default: the middle of the bounds).
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    pub center: Option<Vec<f64>>,
+    /// Width of the orthographic window, world units (default: the box).
+    #[arg(long, value_name = "W")]
+    pub width: Option<f64>,
+    /// Depth of the orthographic window about its centre (default: one periodic box, else all).
+    #[arg(long, value_name = "D")]
+    pub depth: Option<f64>,
+    /// Write the values instead of a picture: DIR/NAME.f32 (rows from the top) and DIR/NAME.json.
+    #[arg(long)]
+    pub raw: bool,
+    /// No colour bar and no scale bar.
+    #[arg(long)]
+    pub no_annotations: bool,
+}
+
+/// The lines of sight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Lines {
+    /// Through the eye.
+    Perspective,
+    /// Parallel.
+    Orthographic,
+}
+
+/// What a snapshot or a model says about its masses and lengths.
+#[derive(Clone, Debug)]
+pub struct Quantities {
+    cell: Option<Cell>,
+    length_unit: Option<String>,
+    mass_unit: Option<String>,
+    comoving: bool,
+}
+
+impl Quantities {
+    /// Of a snapshot.
+    pub fn of_particles(p: &Particles) -> Self {
+        let m = &p.meta;
+        let known = p.weights.is_some() || m.particle_mass.is_some();
+        Quantities {
+            cell: m.cell,
+            length_unit: m.length_unit.clone(),
+            mass_unit: known.then(|| m.mass_unit.clone().unwrap_or_else(|| "mass".into())),
+            comoving: m.comoving == Some(true),
+        }
+    }
+
+    /// Of a model.
+    pub fn of_model(m: &Metadata) -> Self {
+        let known = m.weighted || m.particle_mass.is_some();
+        Quantities {
+            cell: m.cell,
+            length_unit: m.length_unit.clone(),
+            mass_unit: known.then(|| m.mass_unit.clone().unwrap_or_else(|| "mass".into())),
+            comoving: m.comoving == Some(true),
+        }
+    }
+
+    /// Unit of surface density: `Msun/h / (Mpc/h)²`, or particles where no mass is known.
+    pub fn unit(&self) -> String {
+        let mass = self.mass_unit.as_deref().unwrap_or("particles");
+        match self.length_unit.as_deref() {
+            None => format!("{mass} / length²"),
+            Some(l) if l.contains(['/', ' ']) => format!("{mass} / ({l})²"),
+            Some(l) => format!("{mass} / {l}²"),
+        }
+    }
+}
+
+/// What a file of raw values holds.
+#[derive(Serialize)]
+struct RawForm<'a> {
+    width: usize,
+    height: usize,
+    values: &'static str,
+    quantity: &'static str,
+    unit: String,
+    comoving: bool,
+    projection: &'static str,
+    world_per_pixel: f64,
+    name: &'a str,
+}
+
+impl DensityArgs {
+    /// The views to draw.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for numbers outside their range and for window options in perspective.
+    pub fn views(&self, views: &ViewArgs, subject: &Subject, q: &Quantities) -> Result<(Size, Vec<DensityView>)> {
+        if let Some(range) = &self.range
+            && !(range.len() == 2 && range[0] > 0.0 && range[1] > range[0] && range[1].is_finite())
+        {
+            return Err(Error::argument("--range takes LO,HI with 0 < LO < HI"));
+        }
+        if self.projection == Lines::Perspective {
+            if self.center.is_some() || self.width.is_some() || self.depth.is_some() {
+                return Err(Error::argument("--center, --width and --depth belong to --projection orthographic"));
+            }
+            let set = views.resolve(subject)?;
+            return Ok((set.size, set.views.iter().map(|v| DensityView::of_view(v, &subject.bounds)).collect()));
+        }
+        if views.views.is_some() {
+            return Err(Error::argument("--projection orthographic takes --azimuth and --elevation, no --views"));
+        }
+        let size = views.size.unwrap_or(Size { width: 1920, height: 1080 });
+        let center = match self.center.as_deref() {
+            None => subject.bounds.center(),
+            Some([x, y, z]) => [*x, *y, *z],
+            Some(_) => return Err(Error::argument("--center takes X,Y,Z")),
+        };
+        let angles = [views.azimuth, views.elevation];
+        let frame = spherical_camera([0.0; 3], angles[0], angles[1], 1.0).frame()?;
+        let width = self.width.unwrap_or_else(|| default_width(&frame, subject, size, q.cell.is_some()));
+        let view =
+            DensityView::orthographic("view", center, angles, width, self.depth, size, &subject.bounds, q.cell)?;
+        Ok((size, vec![view]))
+    }
+
+    /// Writes a plane as a picture or as raw values; the path written.
+    pub fn write(&self, folder: &Path, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
+        let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
+        let focal = view.camera.focal_pixels(plane.size);
+        let world_per_pixel = if perspective { view.camera.distance() / focal } else { 1.0 / focal };
+        if self.raw {
+            let path = folder.join(format!("{}.f32", view.name));
+            write_atomic(&path, |w| {
+                plane.data.chunks(1 << 14).try_for_each(|run| {
+                    w.write_all(&run.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())
+                })
+            })?;
+            let form = RawForm {
+                width: plane.size.width,
+                height: plane.size.height,
+                values: "float32, little-endian, rows from the top",
+                quantity: "surface density",
+                unit: q.unit(),
+                comoving: q.comoving,
+                projection: if perspective { "perspective" } else { "orthographic" },
+                world_per_pixel,
+                name: &view.name,
+            };
+            let mut text = serde_json::to_vec_pretty(&form).expect("plain data");
+            text.push(b'\n');
+            write_bytes(&folder.join(format!("{}.json", view.name)), &text)?;
+            return Ok(path);
+        }
+        let options = DensityPicture {
+            colormap: self.colormap,
+            range: Some(self.range.as_deref().map_or_else(|| log_range(plane), |r| [r[0], r[1]])),
+            unit: q.unit().replace("Msun", "M☉"),
+            scale_bar: Some(ScaleBar {
+                world_per_pixel,
+                unit: q.length_unit.clone().unwrap_or_default(),
+                comoving: q.comoving,
+                note: if perspective { "at the focal point".into() } else { String::new() },
+            }),
+            annotations: !self.no_annotations,
+        };
+        let path = folder.join(format!("{}.png", view.name));
+        write_rgb_png(&path, &annotate_density(plane, &options))?;
+        Ok(path)
+    }
+}
+
+/// One box across where it repeats, else everything inside the picture.
+fn default_width(frame: &Frame, subject: &Subject, size: Size, repeats: bool) -> f64 {
+    let extent = subject.bounds.extent_nonzero();
+    let along = |axis: usize| (0..3).map(|k| frame.axes[axis][k].abs() * extent[k]).sum::<f64>();
+    let (across, down) = (along(0), along(1) * size.width as f64 / size.height as f64);
+    if repeats { across.min(down) } else { across.max(down) }
+}
