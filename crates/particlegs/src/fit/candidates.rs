@@ -198,3 +198,39 @@ fn limit(found: &[(f64, u32)], most: usize, reach: f64) -> f64 {
         Some(best) => best.0 + reach,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    fn ellipsoids(n: u64) -> Vec<Ellipsoid> {
+        (0..n)
+            .map(|i| {
+                let mut random = Random::new(3, 0, i);
+                let mut v = || [random.normal(), random.normal(), random.normal()];
+                // Sizes over three decades, clustered centres.
+                let size = (1.5 * v()[0]).exp() * 0.05;
+                let (a, b, m) = (v(), v(), v());
+                let cov = Sym3::outer(a).add(&Sym3::outer(b)).add(&Sym3::scaled_identity(0.2)).scale(size * size);
+                Ellipsoid::new(m.map(|x| x * x * x), cov, 1.0 + v()[0].abs() * 50.0)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_tree_finds_what_a_full_search_finds() {
+        let items = ellipsoids(600);
+        let tree = OverlapTree::new(&items);
+        let mut found = Vec::new();
+        for group in ellipsoids(60) {
+            let mut all: Vec<(f64, u32)> =
+                items.iter().enumerate().map(|(i, e)| (group.separation(e), i as u32)).collect();
+            all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let cut = all[0].0 + 9.0;
+            let expected: Vec<_> = all.into_iter().take(12).filter(|f| f.0 <= cut).collect();
+            tree.nearest(&group, 12, 9.0, &mut found);
+            assert_eq!(found, expected);
+        }
+    }
+}

@@ -426,3 +426,70 @@ pub(crate) fn regroup(
     let groups = Groups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
     (xyz, weight, groups)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+    use crate::progress::Silent;
+    use proptest::prelude::*;
+
+    const PLAIN: Shape = Shape { floor: 1e-4, focus: 0.0, blur: 0.0 };
+
+    /// Four clumps cut into eight cells along x.
+    fn problem(seed: u64) -> (Vec<[f32; 3]>, Groups, Gaussians) {
+        let mut random = Random::new(seed, 5, 0);
+        let mut xyz: Vec<[f32; 3]> = (0..400)
+            .map(|i| std::array::from_fn(|k| ((i % 4 * (k + 1)) as f64 * 0.2 + 0.1 * random.normal()) as f32))
+            .collect();
+        xyz.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let groups = Groups::new((0..8).map(|g| 50 * g..50 * g + 50).collect(), &xyz);
+        let mut gaussians = Gaussians::default();
+        for g in 0..8 {
+            gaussians.push(groups.mean[g], groups.cov[g], 50.0, 0.0);
+        }
+        (xyz, groups, gaussians)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn an_iteration_never_lowers_the_likelihood(seed in 0u64..1000) {
+            let (xyz, groups, mut gaussians) = problem(seed);
+            let cloud = Cloud { xyz: &xyz, weight: None };
+            let reach = Reach { most: 8, reach: 1e9, floor: PLAIN.floor };
+            let candidates = Candidates::find(&groups, &gaussians, reach);
+            let mut last = f64::NEG_INFINITY;
+            for _ in 0..12 {
+                let e = expect(cloud, &groups, &candidates, &gaussians, PLAIN, false, true, &Silent).unwrap();
+                // The floor is added, not fitted: it may cost a little.
+                prop_assert!(e.likelihood >= last - 0.02 * xyz.len() as f64 * PLAIN.floor / 0.01, "{} {last}", e.likelihood);
+                last = e.likelihood;
+                maximise(&e, &groups, &candidates, &mut gaussians, PLAIN);
+                prop_assert!((gaussians.count.iter().sum::<f64>() - 400.0).abs() < 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn a_true_gaussian_keeps_its_shape_under_focus() {
+        let mut random = Random::new(1, 6, 0);
+        let spread = [0.3, 0.1, 0.02];
+        let xyz: Vec<[f32; 3]> =
+            (0..40_000).map(|_| spread.map(|s: f64| (s * random.normal()) as f32)).collect();
+        let groups = Groups::new(vec![0..xyz.len()], &xyz);
+        let mut gaussians = Gaussians::default();
+        gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
+        let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04 };
+        let candidates = Candidates::find(&groups, &gaussians, Reach { most: 4, reach: 9.0, floor: shape.floor });
+        for _ in 0..10 {
+            let cloud = Cloud { xyz: &xyz, weight: None };
+            let e = expect(cloud, &groups, &candidates, &gaussians, shape, false, false, &Silent).unwrap();
+            maximise(&e, &groups, &candidates, &mut gaussians, shape);
+        }
+        for (k, s) in [(0, 0.3), (3, 0.1), (5, 0.02)] {
+            let sigma = gaussians.cov[0].0[k].sqrt();
+            assert!((sigma / s - 1.0).abs() < 0.02, "{sigma} for {s}");
+        }
+    }
+}

@@ -225,3 +225,78 @@ fn exp2_negative<S: Simd>(simd: S, t: f32x16<S>) -> f32x16<S> {
     let bits: u32x16<S> = p.to_bits() + (shifted.to_bits() << 23);
     f32x16::from_bits(bits)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{Random, set_simd};
+
+    /// The E step as a reader would write it, f64.
+    fn plain(points: &[[f32; 3]], weight: &[f32], centre: [f32; 3], candidates: &[Whitened]) -> Vec<[f64; SUMS]> {
+        let mut sums = vec![[0f64; SUMS]; candidates.len()];
+        for (p, &mass) in points.iter().zip(weight) {
+            let d: [f64; 3] = std::array::from_fn(|k| f64::from(p[k]) - f64::from(centre[k]));
+            let squared = |rows: [f32; 6], mean: [f32; 3]| {
+                let r = rows.map(f64::from);
+                let v: [f64; 3] = std::array::from_fn(|k| d[k] - f64::from(mean[k]));
+                let w = [r[0] * v[0], r[1] * v[0] + r[2] * v[1], r[3] * v[0] + r[4] * v[1] + r[5] * v[2]];
+                w.iter().map(|x| x * x).sum::<f64>()
+            };
+            let density = |c: &Whitened| (f64::from(c.level) - squared(c.rows, c.mean)).exp2();
+            let norm: f64 = candidates.iter().map(density).sum();
+            for (s, c) in sums.iter_mut().zip(candidates) {
+                let r = density(c) / norm;
+                let w = r * (-squared(c.focus, c.mean)).exp2();
+                let [x, y, z] = d;
+                let products = [1.0, x, y, z, x * x, x * y, x * z, y * y, y * z, z * z];
+                s[0] += r;
+                s[1] += r * f64::from(mass);
+                for k in 0..10 {
+                    s[2 + k] += w * products[k];
+                }
+            }
+        }
+        sums
+    }
+
+    fn case(n: usize, k: usize) -> (Vec<[f32; 3]>, Vec<f32>, Vec<Whitened>) {
+        let mut random = Random::new(n as u64, 1, k as u64);
+        let mut f = || random.normal() as f32;
+        let points = (0..n).map(|_| [f(), f(), f()]).collect();
+        let weight = (0..n).map(|_| 1.0 + f().abs()).collect();
+        let mut rows = || [0.5 + f().abs(), f(), 0.5 + f().abs(), f(), f(), 0.5 + f().abs()];
+        let pairs: Vec<_> = (0..k).map(|_| (rows(), rows())).collect();
+        let candidates = pairs
+            .into_iter()
+            .map(|(rows, focus)| Whitened { mean: [f(), f(), f()], rows, focus, level: 3.0 * f() })
+            .collect();
+        (points, weight, candidates)
+    }
+
+    #[test]
+    fn the_kernel_agrees_with_its_plain_twin_and_with_itself_without_simd() {
+        for (n, k) in [(1, 1), (15, 3), (16, 2), (100, 7), (1500, 24)] {
+            let (points, weight, candidates) = case(n, k);
+            let centre = [0.1, -0.2, 0.3];
+            let run = || {
+                let mut sums = vec![[0f32; SUMS]; k];
+                let mut owner = vec![0; n];
+                let mut scratch = Scratch::default();
+                let w = Some(&weight[..]);
+                let l = expect(&points, w, centre, &candidates, &mut scratch, &mut sums, Some(&mut owner), true);
+                (sums, owner, l)
+            };
+            let fast = run();
+            set_simd(false);
+            let scalar = run();
+            set_simd(true);
+            assert_eq!(fast, scalar);
+            for (a, b) in fast.0.iter().zip(plain(&points, &weight, centre, &candidates)) {
+                for q in 0..SUMS {
+                    let scale = 1e-5 * (n as f64) + 1e-4 * b[q].abs();
+                    assert!((f64::from(a[q]) - b[q]).abs() < scale, "{n} {k} {q}: {} {}", a[q], b[q]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Refinement on the sample and on degenerate input, through the public interface.
+
+use particlegs::fit::{Effort, FitOptions, PartitionOptions, RefineOptions, fit, partition, refine};
+use particlegs::math::{Sym3, set_simd};
+use particlegs::model::Mixture;
+use particlegs::particles::{Column, OpenOptions, Particles, open};
+use particlegs::progress::Silent;
+use std::path::Path;
+
+fn sample() -> Particles {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
+    open(&[folder], &OpenOptions::default()).unwrap()
+}
+
+fn radius(p: &Particles) -> f64 {
+    p.bounds().default_radius(p.len() as u64)
+}
+
+fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixture {
+    let cells = partition(p, gaussians, radius(p), PartitionOptions::default(), &Silent).unwrap();
+    let options = RefineOptions { first_iterations: 3, rounds, iterations: 2, sample, seed: 1 };
+    refine(&cells, radius(p), &options, &Silent).unwrap()
+}
+
+/// ||P(mixture)||^2 - 2 <P(mixture), P(particles)> over the axis planes at `blur`, with some of the
+/// particles: smaller is better, the particles' own norm is left out.
+fn projected_error(m: &Mixture, p: &Particles, blur: f64) -> f64 {
+    let step = 29;
+    let mut error = 0.0;
+    for (u, v, uu, uv, vv) in [(0, 1, 0, 1, 3), (0, 2, 0, 2, 5), (1, 2, 3, 4, 5)] {
+        let product = |a: [f64; 3], b: [f64; 3], s: Sym3| {
+            let (sa, sb, sd) = (s.0[uu] + 2.0 * blur * blur, s.0[uv], s.0[vv] + 2.0 * blur * blur);
+            let (x, y) = (a[u] - b[u], a[v] - b[v]);
+            let det = sa * sd - sb * sb;
+            (-0.5 * (sd * x * x - 2.0 * sb * x * y + sa * y * y) / det).exp() / det.sqrt()
+        };
+        for i in 0..m.len() {
+            for j in 0..m.len() {
+                let s = m.cov_of(i).add(&m.cov_of(j));
+                error += m.count[i] * m.count[j] * product(m.mean_of(i), m.mean_of(j), s);
+            }
+            for k in (0..p.len()).step_by(step) {
+                error -= 2.0 * step as f64 * m.count[i] * product(m.mean_of(i), p.position(k), m.cov_of(i));
+            }
+        }
+    }
+    error
+}
+
+#[test]
+fn refinement_beats_the_partition_in_projection() {
+    let p = sample();
+    let cells = partition(&p, 150, radius(&p), PartitionOptions::default(), &Silent).unwrap();
+    let blur = 6.0 * radius(&p);
+    let before = projected_error(&cells.mixture(), &p, blur);
+    let after = projected_error(&refined(&p, 150, 4, 1e9), &p, blur);
+    assert!(after < before, "{after} {before}");
+}
+
+#[test]
+fn counts_and_masses_are_conserved() {
+    let mut p = sample();
+    let n = p.len();
+    let check = |sum: f64, of: f64| assert!((sum / of - 1.0).abs() < 1e-12, "{sum} {of}");
+    for rate in [1e9, 100.0] {
+        let m = refined(&p, 800, 2, rate);
+        assert!(m.mass.is_none() && m.len() <= 800);
+        check(m.count.iter().sum(), n as f64);
+    }
+    p.weights = Some(Column::owned((0..n).map(|i| 0.5 + (i % 7) as f32).collect()));
+    for rate in [1e9, 100.0] {
+        let m = refined(&p, 800, 2, rate);
+        check(m.count.iter().sum(), n as f64);
+        check(m.mass.as_ref().unwrap().iter().sum(), p.total_mass());
+    }
+}
+
+#[test]
+fn threads_and_simd_do_not_change_a_bit() {
+    let p = sample();
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| refined(&p, 900, 2, 200.0))
+    };
+    let one = run(1);
+    assert_eq!(one, run(3));
+    set_simd(false);
+    let scalar = run(2);
+    set_simd(true);
+    assert_eq!(one, scalar);
+}
+
+#[test]
+fn degenerate_snapshots_are_fitted() {
+    let line: Vec<f32> = (0..200).map(|i| ((i * 37) % 200) as f32).collect();
+    let bent: Vec<f32> = line.iter().map(|v| (v * 0.7).sin()).collect();
+    let flat = vec![2.5f32; 200];
+    let cases = [
+        Particles::from_columns(vec![1.0], vec![2.0], vec![3.0]),
+        Particles::from_columns(flat.clone(), flat.clone(), flat.clone()),
+        Particles::from_columns(line.clone(), flat.clone(), flat.clone()),
+        Particles::from_columns(line.clone(), bent.clone(), flat.clone()),
+        Particles::from_columns(line.iter().map(|v| v * 1e-32).collect(), bent.iter().map(|v| v * 1e-32).collect(), flat),
+        Particles::from_columns(line.iter().map(|v| v * 1e30).collect(), bent.iter().map(|v| v * 1e30).collect(), line),
+    ];
+    for p in &cases {
+        for gaussians in [1, 2, 30, 199, 500] {
+            for effort in [Effort::Fast, Effort::Default, Effort::High] {
+                let options = FitOptions { gaussians, effort, radius: radius(p), seed: 3 };
+                let m = fit(p, &options, &Silent).unwrap();
+                assert!(!m.is_empty() && m.len() <= gaussians.min(p.len()));
+                assert!((m.count.iter().sum::<f64>() - p.len() as f64).abs() < 1e-9 * p.len() as f64);
+                let columns = m.mean.iter().chain(&m.cov).chain([&m.count]);
+                assert!(columns.flatten().all(|v| v.is_finite()), "{gaussians} {effort:?}");
+                for k in [0, 3, 5] {
+                    assert!(m.cov[k].iter().all(|&v| v >= 0.0));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn efforts_follow_the_cost() {
+    assert!(Effort::Fast.refinement(1 << 21, 19_000, 0).is_none());
+    let small = Effort::Default.refinement(1 << 21, 19_000, 0).unwrap();
+    let large = Effort::Default.refinement(1 << 28, 2_470_000, 0).unwrap();
+    let high = Effort::High.refinement(1 << 21, 19_000, 0).unwrap();
+    assert!(large.rounds >= 1 && large.rounds < small.rounds && small.rounds < high.rounds);
+}
