@@ -17,5 +17,10 @@ mod project;
 mod pyramid;
 mod quad;
 
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod twin;
+
 pub use draw::Reference;
 pub use fxaa::fxaa;
