@@ -42,6 +42,10 @@ const SMOOTH_SIGMA: f32 = 4.0;
 /// Below this opacity `-ln(1 - m)` is a short series.
 const SERIES_OPACITY: f32 = 0.1;
 
+/// Lines of a row that a rotated splat is summed on where its opacity makes the square's upper and
+/// lower edges visible (a step of `opacity e^-4.5`).
+const CUT_LINES: i32 = 16;
+
 /// Intervals of the table of the Gaussian's integral from -3 to +3.
 const STEPS: usize = 4096;
 
@@ -149,7 +153,11 @@ impl Depositor {
     #[inline(always)]
     fn add_rotated(&self, splat: &PixelSplat, window: &Window, rows: &mut Rows<'_>, sum: &mut Vec<f32>) {
         let form = Form::new(splat);
-        let lines = (12.0 / splat.sigma()[1]).ceil().clamp(1.0, 16.0) as i32;
+        let lines = if self.opacity > SERIES_OPACITY {
+            CUT_LINES
+        } else {
+            (12.0 / splat.sigma()[1]).ceil().clamp(2.0, CUT_LINES as f32) as i32
+        };
         // On a line the splat is a Gaussian of deviation `sigma` about a centre that moves with y.
         let sigma = 1.0 / form.xx.sqrt();
         for row in window.rows[0]..window.rows[1] {
@@ -181,23 +189,23 @@ impl Depositor {
         let form = Form::new(splat);
         let curvature = rows.fine_area / 24.0;
         let trace = form.xx + form.yy;
-        // Thin slices resolve the cut's upper and lower ends where the opacity makes them visible.
-        let lines = if self.opacity > SERIES_OPACITY { 4 } else { 1 };
-        let share = 1.0 / lines as f32;
         for row in window.rows[0]..window.rows[1] {
             sum.clear();
             sum.resize((window.columns[1] - window.columns[0]) as usize, 0.0);
-            for line in 0..lines {
-                let dy = row as f32 + (line as f32 + 0.5) * share - splat.y;
-                let [low, high] = form.cut(dy);
-                for (k, total) in sum.iter_mut().enumerate() {
-                    let left = (window.columns[0] + k as i32) as f32 - splat.x;
-                    let (a, b) = (left.max(low), (left + 1.0).min(high));
-                    let dx = 0.5 * (a + b);
-                    let (gx, gy) = (form.xx * dx + form.xy * dy, form.xy * dx + form.yy * dy);
-                    let bend = 1.0 + curvature * (gx * gx + gy * gy - trace);
-                    *total += share * (b - a).max(0.0) * gaussian(dx * gx + dy * gy) * bend;
-                }
+            let bottom = row as f32 - splat.y;
+            let [low, high] = form.sides(bottom + 0.5);
+            for (k, mean) in sum.iter_mut().enumerate() {
+                let left = (window.columns[0] + k as i32) as f32 - splat.x;
+                // The covered part of the pixel: the steep edges cut its middle row, the flat ones
+                // its middle column.
+                let [down, up] = form.ends(left + 0.5);
+                let (x0, x1) = (left.max(low), (left + 1.0).min(high));
+                let (y0, y1) = (bottom.max(down), (bottom + 1.0).min(up));
+                let (dx, dy) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
+                let (gx, gy) = (form.xx * dx + form.xy * dy, form.xy * dx + form.yy * dy);
+                let bend = 1.0 + curvature * (gx * gx + gy * gy - trace);
+                let area = (x1 - x0).max(0.0) * (y1 - y0).max(0.0);
+                *mean = area * gaussian((dx * gx + dy * gy).max(0.0)) * bend;
             }
             add_row(rows.row(row, window.columns), sum, self.opacity, self.opacity);
         }
@@ -209,35 +217,46 @@ struct Form {
     xx: f32,
     xy: f32,
     yy: f32,
-    /// (u, v) = inverse (dx, dy).
-    inverse: [[f32; 2]; 2],
+    /// `|dx - slope dy| <= half` for the steep pair of edges, then for the flat pair.
+    along_x: [[f32; 2]; 2],
+    /// `|dy - slope dx| <= half` for the flat pair.
+    along_y: [f32; 2],
 }
 
 impl Form {
     fn new(splat: &PixelSplat) -> Self {
         let [a, b, c, d] = splat.axes;
         let s = 1.0 / (a * d - b * c);
-        let inverse = [[d * s, -b * s], [-c * s, a * s]];
-        let [u, v] = inverse;
+        // (u, v) = inverse (dx, dy).
+        let [u, v] = [[d * s, -b * s], [-c * s, a * s]];
         let dot = |i: usize, j: usize| u[i] * u[j] + v[i] * v[j];
-        Form { xx: dot(0, 0), xy: dot(0, 1), yy: dot(1, 1), inverse }
+        let (steep, flat) = if u[0].abs() * v[1].abs() >= u[1].abs() * v[0].abs() { (u, v) } else { (v, u) };
+        // An edge along an axis cuts either all of a line or nothing of it.
+        let solid = |p: f32| if p.abs() < 1e-12 { 1e-12 } else { p };
+        let limit = |e: [f32; 2], i: usize| [-e[1 - i] / solid(e[i]), CUT / solid(e[i]).abs()];
+        let along_x = [limit(steep, 0), limit(flat, 0)];
+        Form { xx: dot(0, 0), xy: dot(0, 1), yy: dot(1, 1), along_x, along_y: limit(flat, 1) }
     }
 
-    /// The interval of dx where |u| and |v| are at most three.
+    /// The interval of dx inside the square at a dy.
     #[inline(always)]
     fn cut(&self, dy: f32) -> [f32; 2] {
-        let mut range = [f32::NEG_INFINITY, f32::INFINITY];
-        for [p, q] in self.inverse {
-            let (e, f) = ((-CUT - q * dy) / p, (CUT - q * dy) / p);
-            if p == 0.0 {
-                if (q * dy).abs() > CUT {
-                    return [0.0, 0.0];
-                }
-                continue;
-            }
-            range = [range[0].max(e.min(f)), range[1].min(e.max(f))];
-        }
-        range
+        let [[s0, h0], [s1, h1]] = self.along_x;
+        [(s0 * dy - h0).max(s1 * dy - h1), (s0 * dy + h0).min(s1 * dy + h1)]
+    }
+
+    /// The interval of dx between the steep edges at a dy.
+    #[inline(always)]
+    fn sides(&self, dy: f32) -> [f32; 2] {
+        let [slope, half] = self.along_x[0];
+        [slope * dy - half, slope * dy + half]
+    }
+
+    /// The interval of dy between the flat edges at a dx.
+    #[inline(always)]
+    fn ends(&self, dx: f32) -> [f32; 2] {
+        let [slope, half] = self.along_y;
+        [slope * dx - half, slope * dx + half]
     }
 }
 

@@ -19,15 +19,24 @@ const CHUNKS_AT_ONCE: usize = 32;
 
 /// Splats whose deviation is below this (pixels) are always drawn at full resolution; coarser
 /// planes are chosen so that it lies between half of this and this.
-const LARGE_SIGMA: f32 = 8.0;
+const LARGE_SIGMA: f32 = 16.0;
 
-/// Large splats of one octave are drawn at full resolution as long as they cover each pixel at most
-/// this often in the mean: few large splats keep the sharp edges of their squares.
-const DIRECT_COVER: f64 = 128.0;
+/// Large splats of one octave are drawn at full resolution while they make at most this many
+/// deposits: a second or so, or 256 splats on every pixel in the mean, where the picture is white
+/// at common opacities. Coarse planes blur the steps at the edges of their squares.
+const DIRECT_DEPOSITS: f64 = 1e9;
+const DIRECT_COVER: f64 = 256.0;
+
+/// How many deposits an octave may make at full resolution.
+pub(super) fn direct_deposits(size: Size, opacity: f64) -> f64 {
+    // The steps weigh with the opacity.
+    DIRECT_DEPOSITS.max(DIRECT_COVER * size.pixels() as f64) * (opacity / 0.05).clamp(1.0, 4.0)
+}
 
 const OCTAVES: usize = 24;
 
-/// tau* of all particles for a projected view.
+/// tau* of all particles for a projected view. Octaves of large splats that would make more than
+/// `direct` deposits go to coarser planes.
 ///
 /// # Errors
 /// [`Error::Cancelled`] where the caller stops.
@@ -36,9 +45,10 @@ pub(super) fn optical_depth(
     projector: &Projector,
     size: Size,
     opacity: f64,
+    direct: f64,
     progress: &dyn Progress,
 ) -> Result<Plane> {
-    let job = Job::new(particles, projector, size, opacity, progress);
+    let job = Job::new(particles, projector, size, direct, progress);
     let mut pyramid = Pyramid::new(size, job.deepest());
     let depositor = Depositor::new(opacity);
     let chunks = particles.len().div_ceil(CHUNK);
@@ -74,15 +84,12 @@ impl<'a> Job<'a> {
         particles: &'a Particles,
         projector: &'a Projector,
         size: Size,
-        opacity: f64,
+        direct: f64,
         progress: &'a dyn Progress,
     ) -> Self {
         let mut job = Job { particles, projector, size, progress, level: [0; OCTAVES] };
-        let pixels = size.pixels() as f64;
-        // The cut's edge weighs with the opacity.
-        let limit = DIRECT_COVER * pixels * (opacity / 0.05).clamp(1.0, 8.0);
         for (octave, cover) in job.cover_by_octave().into_iter().enumerate() {
-            if cover > limit {
+            if cover > direct {
                 let excess = octave as i32 + 1 - LARGE_SIGMA.log2() as i32;
                 job.level[octave] = excess.clamp(0, 12) as u8;
             }

@@ -63,7 +63,18 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// As [`Reference::draw`].
     pub fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
-        depth::optical_depth(self.particles, &self.projector(view, size)?, size, view.opacity, progress)
+        self.optical_depth_within(view, size, depth::direct_deposits(size, view.opacity), progress)
+    }
+
+    /// With a limit of our own on direct deposits.
+    pub(super) fn optical_depth_within(
+        &self,
+        view: &View,
+        size: Size,
+        direct: f64,
+        progress: &dyn Progress,
+    ) -> Result<Plane> {
+        depth::optical_depth(self.particles, &self.projector(view, size)?, size, view.opacity, direct, progress)
     }
 
     fn exact(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8> {

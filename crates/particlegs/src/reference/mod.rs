@@ -19,5 +19,10 @@ mod pyramid;
 mod quad;
 
 pub use density::surface_density;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod twin;
+
 pub use draw::Reference;
 pub use fxaa::fxaa;

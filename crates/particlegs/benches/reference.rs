@@ -1,0 +1,67 @@
+//! Speed of pictures of all particles: `cargo bench --bench reference`.
+
+use divan::{Bencher, counter::ItemsCount};
+use particlegs::camera::{View, base_distance, spherical_camera};
+use particlegs::particles::{OpenOptions, Particles, open};
+use particlegs::picture::Size;
+use particlegs::progress::Silent;
+use particlegs::reference::{Reference, fxaa};
+use particlegs::splat::Look;
+use std::path::Path;
+
+const SIZE: Size = Size { width: 1920, height: 1080 };
+
+fn main() {
+    divan::main();
+}
+
+/// The sample repeated 2 x 4 x 4 times: 8.4 million particles.
+fn tiled() -> Particles {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
+    let sample = open(&[folder], &OpenOptions::default()).expect("the bundled sample");
+    let side = 25.0f32;
+    let mut columns = [vec![], vec![], vec![]];
+    for tile in 0..32 {
+        let shift = [tile / 16, tile / 4 % 4, tile % 4].map(|k| k as f32 * side);
+        for i in 0..sample.len() {
+            let p = sample.position(i);
+            for k in 0..3 {
+                columns[k].push(p[k] as f32 + shift[k]);
+            }
+        }
+    }
+    let [x, y, z] = columns;
+    Particles::from_columns(x, y, z)
+}
+
+fn far(reference: &Reference<'_>, count: usize, times: f64) -> View {
+    let b = reference.bounds();
+    let camera = spherical_camera(b.center(), 30.0, 20.0, base_distance(b, SIZE));
+    View { name: "far".into(), camera, radius: times * b.default_radius(count as u64), opacity: 0.05 }
+}
+
+fn draw(bencher: Bencher, look: Look, times: f64) {
+    let particles = tiled();
+    let reference = Reference::new(&particles);
+    let view = far(&reference, particles.len(), times);
+    bencher
+        .counter(ItemsCount::new(particles.len()))
+        .bench(|| reference.draw(&view, SIZE, look, &Silent).expect("a picture"));
+}
+
+#[divan::bench(sample_count = 3, args = [0.25, 1.0, 4.0])]
+fn paraview(bencher: Bencher, radius: f64) {
+    draw(bencher, Look::Paraview, radius);
+}
+
+#[divan::bench(sample_count = 3, args = [0.25, 1.0, 4.0])]
+fn expected(bencher: Bencher, radius: f64) {
+    draw(bencher, Look::Expected, radius);
+}
+
+#[divan::bench(sample_count = 5)]
+fn fxaa_of_noise(bencher: Bencher) {
+    let data = (0..SIZE.pixels()).map(|i| (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15).to_le_bytes()[7] & 31);
+    let noise = particlegs::picture::Gray8 { size: SIZE, data: data.collect() };
+    bencher.bench(|| fxaa(&noise));
+}

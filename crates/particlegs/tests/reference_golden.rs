@@ -1,0 +1,65 @@
+//! The sample drawn by VTK 9.7 set up as ParaView 6.0.1 (Mesa llvmpipe), against our pictures.
+
+use particlegs::camera::read_views;
+use particlegs::particles::open;
+use particlegs::picture::{Gray8, read_gray_png};
+use particlegs::progress::Silent;
+use particlegs::reference::{Reference, fxaa};
+use particlegs::splat::Look;
+use std::path::Path;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Full PSNR in decibels; infinite for equal pictures.
+fn decibels(a: &Gray8, b: &Gray8) -> f64 {
+    assert_eq!(a.size, b.size);
+    let sum: f64 = a.data.iter().zip(&b.data).map(|(&x, &y)| (f64::from(x) - f64::from(y)).powi(2)).sum();
+    10.0 * (255.0 * 255.0 * a.data.len() as f64 / sum).log10()
+}
+
+/// (view, least decibels of the noise-free pictures without and with FXAA).
+const NOISE_FREE: [(&str, f64, f64); 6] = [
+    ("far_00", 37.0, 39.3),
+    ("mid_00", 37.2, 39.2),
+    ("near_00", 38.6, 40.0),
+    ("near_01", 36.6, 38.9),
+    ("large_radius", 41.2, 40.1),
+    ("inside", 45.9, 44.7),
+];
+
+#[test]
+fn pictures_of_the_sample() {
+    let particles = open(&[root().join("../../samples/nbody64")], &Default::default()).unwrap();
+    let golden = root().join("tests/golden/nbody64");
+    let set = read_views(&golden.join("views.json")).unwrap();
+    let reference = Reference::new(&particles);
+    for (name, noise_free, noise_free_fxaa) in NOISE_FREE {
+        let view = set.views.iter().find(|v| v.name == name).unwrap();
+        let truth = |style: &str| read_gray_png(&golden.join(style).join(format!("{name}.png"))).unwrap();
+        let (plain, smooth) = (truth("paraview-no-fxaa"), truth("paraview"));
+
+        let ours = reference.draw(view, set.size, Look::ParaviewNoFxaa, &Silent).unwrap();
+        let (d, f) = (decibels(&ours, &plain), decibels(&fxaa(&ours), &smooth));
+        println!("{name}: {d:.2} dB, with FXAA {f:.2} dB");
+        assert!(d > 84.0, "{name}: {d:.2} dB");
+        assert!(f > 80.0, "{name} with FXAA: {f:.2} dB");
+
+        let mean = |look| reference.response(view, set.size, look, &Silent).unwrap();
+        let (d, f) = (decibels(&mean(Look::ParaviewNoFxaa), &plain), decibels(&mean(Look::Paraview), &smooth));
+        println!("{name}: noise-free {d:.2} dB, with FXAA {f:.2} dB");
+        assert!(d > noise_free && f > noise_free_fxaa, "{name}: noise-free {d:.2} dB, with FXAA {f:.2} dB");
+    }
+}
+
+/// FXAA alone, on VTK's own pictures.
+#[test]
+fn fxaa_of_vtks_pictures() {
+    let golden = root().join("tests/golden/nbody64");
+    for (name, ..) in NOISE_FREE {
+        let read = |style: &str| read_gray_png(&golden.join(style).join(format!("{name}.png"))).unwrap();
+        let d = decibels(&fxaa(&read("paraview-no-fxaa")), &read("paraview"));
+        assert!(d > 82.0, "{name}: {d:.2} dB");
+    }
+}
