@@ -3,6 +3,7 @@
 mod commands;
 mod common;
 mod density_args;
+mod pictures;
 mod report;
 mod view_args;
 

@@ -149,6 +149,11 @@ pub fn run(a: Arguments) -> Result<()> {
     output::write_bytes(&a.output, &done.bytes)?;
     let seconds = start.elapsed().as_secs_f64();
     report(&a, &context, &done, seconds)?;
+    if let Some(folder) = &a.pictures {
+        for path in crate::pictures::write(folder, &done.model, &particles, &context)? {
+            context.message(&format!("wrote {}", path.display()));
+        }
+    }
     Ok(())
 }
 

@@ -210,7 +210,7 @@ impl<'a> Job<'a> {
         self.spent("decode", start);
         if self.options.certificate {
             let start = Instant::now();
-            let certificate = score::certificate(&model, self.particles, self.progress)?;
+            let certificate = score::certificate(&model, self.particles, self.options.seed, self.progress)?;
             bytes = self.file(coded.block, Some(&certificate))?;
             model.certificate = Some(certificate);
             self.spent("certificate", start);
