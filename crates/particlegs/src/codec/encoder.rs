@@ -12,6 +12,9 @@ use crate::model::Block;
 use crate::particles::Bounds;
 use crate::{Error, Result};
 
+/// What a step of a shape number away from 0 costs in squared steps: 1 % of the bits for 0.004 dB.
+const PULL: f64 = 0.14;
+
 /// The order of a block's Gaussians and their logarithms: all that does not depend on precision.
 /// [`Encoder::encode`] then costs a few microseconds a Gaussian, so that rate control can call it
 /// over and over.
@@ -121,7 +124,7 @@ impl Encoder {
 
     /// Sizes, counts and masses; the centre of the step factor.
     fn scalars(&self, header: &mut BlockHeader, leaves: &mut [Leaf]) {
-        let column = |values: &[f64], step: f32| halves(values.len(), |i| values[i] / f64::from(step));
+        let column = |values: &[f64], step: f32| halves(values.len(), 0.0, |i| values[i] / f64::from(step));
         let (t, m) = rayon::join(
             || column(&self.logs.size, header.steps[1]),
             || column(&self.logs.count, header.steps[2]),
@@ -138,7 +141,7 @@ impl Encoder {
     /// Shape numbers of all Gaussians, five in turn, on half steps.
     fn shapes(&self, header: &BlockHeader, factors: &[f64]) -> Vec<i32> {
         let step = f64::from(header.steps[3]);
-        halves(5 * self.len(), |j| self.logs.shape[j] / (step * factors[j / 5]))
+        halves(5 * self.len(), PULL, |j| self.logs.shape[j] / (step * factors[j / 5]))
     }
 
     /// Positions in quarter levels.
@@ -154,7 +157,7 @@ impl Encoder {
             for k in (0..3).filter(|&k| levels[k] > 1) {
                 let n = levels[k] as f64;
                 let weight = (widths[k] / (n * step)).powi(2);
-                samples.push(Sample { value: self.within[k][i] * n, range: [0, levels[k] as i64 - 1], weight });
+                samples.push(Sample { value: self.within[k][i] * n, range: [0, levels[k] as i64 - 1], weight, pull: 0.0 });
                 axes.push((i as u32, k as u8));
             }
         }
@@ -170,14 +173,14 @@ impl Encoder {
 }
 
 /// Trellis indices as half steps.
-fn halves(count: usize, value: impl Fn(usize) -> f64) -> Vec<i32> {
+fn halves(count: usize, pull: f64, value: impl Fn(usize) -> f64) -> Vec<i32> {
     let mut state = State::default();
     let half = |k: i64| {
         let h = 2 * k as i32 + state.lattice();
         state.step(k);
         h
     };
-    quantise(count, 0.0, |i| Sample::free(value(i))).into_iter().map(half).collect()
+    quantise(count, 0.0, |i| Sample { pull, ..Sample::free(value(i)) }).into_iter().map(half).collect()
 }
 
 /// Fits the predictors of size and count, and the plain low bits of what they leave.

@@ -85,11 +85,12 @@ impl Models {
     }
 
     /// The number of the lower half's Gaussians.
-    fn split(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> u32 {
+    fn split(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> Result<u32, OutOfRange> {
         let n = node.count;
         c.part(Part::Tree);
         if n < 16 {
-            return self.split[n as usize - 2][node.share as usize].code(c, low.min(n) as usize) as u32;
+            let low = self.split[n as usize - 2][node.share as usize].code(c, low.min(n) as usize) as u32;
+            return if low <= n { Ok(low) } else { Err(OutOfRange) };
         }
         let class = 14 + (n.ilog2() - 4).min(4) as usize;
         let n1 = u64::from(n) + 1;
@@ -97,7 +98,7 @@ impl Models {
         let sixteenth = self.split[class][node.share as usize].code(c, sixteenth) as u64;
         let first = (sixteenth * n1).div_ceil(16);
         let size = ((sixteenth + 1) * n1).div_ceil(16) - first;
-        first as u32 + long_uniform(c, size, u64::from(low).saturating_sub(first)).min(size - 1) as u32
+        Ok(first as u32 + long_uniform(c, size, u64::from(low).saturating_sub(first)) as u32)
     }
 }
 
@@ -105,7 +106,7 @@ impl Models {
 fn long_uniform(c: &mut impl Coder, n: u64, value: u64) -> u64 {
     let low = (64 - n.leading_zeros()).saturating_sub(10);
     let high = c.uniform(((n - 1) >> low) as u32 + 1, (value >> low) as u32);
-    (u64::from(high) << low) | c.long_bits(low, value & ((1 << low) - 1))
+    ((u64::from(high) << low) | c.long_bits(low, value & ((1 << low) - 1))).min(n - 1)
 }
 
 /// Walks `header.gaussians` Gaussians; `sink` gets each as coded.
@@ -131,7 +132,7 @@ pub(crate) fn walk(
             }
             Some(axis) => {
                 let low = script.split();
-                let low = models.split(c, &node, low);
+                let low = models.split(c, &node, low)?;
                 let [a, b] = node.halves(axis, low);
                 stack.extend([b, a].into_iter().filter(|n| n.count > 0));
             }
@@ -214,7 +215,7 @@ impl<'a> Leaves<'a> {
                 continue;
             }
             let lattice = self.trellis_place.lattice() as u64;
-            let j = long_uniform(c, n, leaf.place[k] / 4).min(n - 1);
+            let j = long_uniform(c, n, leaf.place[k] / 4);
             self.trellis_place.step(j as i64);
             leaf.place[k] = 4 * j + 1 + 2 * lattice;
         }

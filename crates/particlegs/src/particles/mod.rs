@@ -6,6 +6,7 @@
 //! precision; raw float32 files have the origin 0 and are never copied.
 
 mod bounds;
+mod hash;
 mod meta;
 mod npy;
 mod open;
@@ -13,6 +14,7 @@ mod sidecar;
 mod source;
 mod storage;
 
+pub use hash::source_hash;
 pub use bounds::Bounds;
 pub use meta::{Cell, SnapshotMeta};
 pub use open::{OpenOptions, open};
