@@ -263,8 +263,16 @@ fn degenerate_gaussians_are_coded() {
         ("one particle", vec![[1.0, 2.0, 3.0]], Sym3::default()),
         ("all equal", vec![[5.0; 3]; 9], Sym3::default()),
         ("a line", (0..9).map(|i| [f64::from(i), 0.0, 0.0]).collect(), Sym3([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])),
-        ("a plane", (0..9).map(|i| [f64::from(i), f64::from(i * i % 7), 2.0]).collect(), Sym3([0.1, 0.0, 0.0, 0.2, 0.0, 0.0])),
-        ("far away", (0..9).map(|i| [1e30 + 1e25 * f64::from(i), 0.0, 1e-30]).collect(), Sym3([1e48, 0.0, 0.0, 0.0, 0.0, 0.0])),
+        (
+            "a plane",
+            (0..9).map(|i| [f64::from(i), f64::from(i * i % 7), 2.0]).collect(),
+            Sym3([0.1, 0.0, 0.0, 0.2, 0.0, 0.0]),
+        ),
+        (
+            "far away",
+            (0..9).map(|i| [1e30 + 1e25 * f64::from(i), 0.0, 1e-30]).collect(),
+            Sym3([1e48, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ),
     ];
     for (name, means, cov) in cases {
         let mut g = Mixture::default();

@@ -145,7 +145,13 @@ fn text(r: &Report<'_>) -> String {
         for b in &layer.blocks {
             let each = b.bytes as f64 / f64::from(b.gaussians);
             let place = format!("{:?} to {:?}", b.bounds.min, b.bounds.max);
-            row("  block", format!("{} particles, {} Gaussians, {} bytes ({each:.3} each), {place}", b.count, b.gaussians, b.bytes));
+            row(
+                "  block",
+                format!(
+                    "{} particles, {} Gaussians, {} bytes ({each:.3} each), {place}",
+                    b.count, b.gaussians, b.bytes
+                ),
+            );
             let p = &b.precision;
             let steps = format!(
                 "position {:.4} radii, ln size {:.4}, shape {:.4}, ln count {:.4}, importance {:.2}",
@@ -180,8 +186,11 @@ pub fn certificate(c: Option<&Certificate>) -> String {
         c.width, c.height, c.seed, "orbit", "look", "masked PSNR (noise-free)", "SSIM (noise-free)"
     );
     for (name, orbit) in ["far", "mid", "near"].iter().zip(&c.orbits) {
-        let looks =
-            [("paraview", &orbit.paraview), ("paraview-no-fxaa", &orbit.paraview_no_fxaa), ("expected", &orbit.expected)];
+        let looks = [
+            ("paraview", &orbit.paraview),
+            ("paraview-no-fxaa", &orbit.paraview_no_fxaa),
+            ("expected", &orbit.expected),
+        ];
         for (look, score) in looks {
             let _ = writeln!(out, "  {name:<6} {look:<17} {}", scores(score));
         }

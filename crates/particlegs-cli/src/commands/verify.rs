@@ -44,7 +44,10 @@ pub fn run(a: Arguments) -> Result<()> {
     let model = codec::decode(&bytes, &place)?;
     let (counts, mass_error) = sums(&model);
     if counts != model.metadata.count || mass_error > 1e-9 {
-        return Err(Error::corrupt(place, format!("its Gaussians hold {counts} particles, mass off by {mass_error:e}")));
+        return Err(Error::corrupt(
+            place,
+            format!("its Gaussians hold {counts} particles, mass off by {mass_error:e}"),
+        ));
     }
     let source_matches = match a.snapshot.is_empty() {
         true => None,
@@ -99,4 +102,3 @@ fn compare(a: &Arguments, model: &Model) -> Result<bool> {
     let what = format!("it is not the snapshot that {} was made of (their hashes differ)", a.model.display());
     Err(Error::input(a.snapshot[0].as_path(), what))
 }
-

@@ -1,6 +1,8 @@
 //! A block made ready once and coded at any precision.
 
-use super::header::{BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES, MOST_PARTICLES, SIZE_SLOPES, count_features, size_features};
+use super::header::{
+    BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES, MOST_PARTICLES, SIZE_SLOPES, count_features, size_features,
+};
 use super::precision::Precision;
 use super::predict::{fit, low_bits};
 use super::rans::Recorder;
@@ -125,10 +127,8 @@ impl Encoder {
     /// Sizes, counts and masses; the centre of the step factor.
     fn scalars(&self, header: &mut BlockHeader, leaves: &mut [Leaf]) {
         let column = |values: &[f64], step: f32| halves(values.len(), 0.0, |i| values[i] / f64::from(step));
-        let (t, m) = rayon::join(
-            || column(&self.logs.size, header.steps[1]),
-            || column(&self.logs.count, header.steps[2]),
-        );
+        let (t, m) =
+            rayon::join(|| column(&self.logs.size, header.steps[1]), || column(&self.logs.count, header.steps[2]));
         let w = self.logs.weight.as_ref().map(|w| column(w, header.steps[4]));
         for (i, leaf) in leaves.iter_mut().enumerate() {
             (leaf.t, leaf.m) = (t[i], m[i]);
@@ -157,7 +157,12 @@ impl Encoder {
             for k in (0..3).filter(|&k| levels[k] > 1) {
                 let n = levels[k] as f64;
                 let weight = (widths[k] / (n * step)).powi(2);
-                samples.push(Sample { value: self.within[k][i] * n, range: [0, levels[k] as i64 - 1], weight, pull: 0.0 });
+                samples.push(Sample {
+                    value: self.within[k][i] * n,
+                    range: [0, levels[k] as i64 - 1],
+                    weight,
+                    pull: 0.0,
+                });
                 axes.push((i as u32, k as u8));
             }
         }
@@ -220,10 +225,15 @@ fn check(block: &Block) -> Result<()> {
     let n = g.len();
     let whole = g.mean.iter().chain(&g.cov).chain(&g.mass).all(|c| c.len() == n);
     if n == 0 || n > u32::MAX as usize || !whole {
-        return Err(Error::argument(format!("a block of {n} Gaussians, or of columns of several lengths, cannot be coded")));
+        return Err(Error::argument(format!(
+            "a block of {n} Gaussians, or of columns of several lengths, cannot be coded"
+        )));
     }
     if block.count == 0 || block.count > MOST_PARTICLES || !(block.mass > 0.0 && block.mass.is_finite()) {
-        return Err(Error::argument(format!("a block of {} particles and mass {} cannot be coded", block.count, block.mass)));
+        return Err(Error::argument(format!(
+            "a block of {} particles and mass {} cannot be coded",
+            block.count, block.mass
+        )));
     }
     let finite = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(&g.mass).all(|c| c.iter().all(|v| v.is_finite()));
     let b = &block.bounds;

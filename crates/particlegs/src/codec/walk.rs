@@ -71,8 +71,15 @@ impl Models {
         let split = |n: u32| {
             // Both ends of a split are likelier than the middle.
             let top = if n < 16 { n as usize } else { 15 };
-            let weights =
-                std::array::from_fn(|l| if l > top { 0 } else if l == 0 || l == top { 4 } else { 1 });
+            let weights = std::array::from_fn(|l| {
+                if l > top {
+                    0
+                } else if l == 0 || l == top {
+                    4
+                } else {
+                    1
+                }
+            });
             [0, 1, 2].map(|_| Model::from_weights(weights))
         };
         Models {
@@ -174,9 +181,11 @@ impl<'a> Leaves<'a> {
         let h = self.header;
         let surprise = surprise_class(leaf, &self.before[0]);
         c.part(Part::Size);
-        leaf.t = scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, h.predict_t(leaf, &self.before), leaf.t)?;
+        leaf.t =
+            scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, h.predict_t(leaf, &self.before), leaf.t)?;
         c.part(Part::Count);
-        leaf.m = scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, h.predict_m(leaf, &self.before), leaf.m)?;
+        leaf.m =
+            scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, h.predict_m(leaf, &self.before), leaf.m)?;
         if h.weighted {
             c.part(Part::Mass);
             leaf.w = scalar(c, &mut models.w, h.low[2], &mut self.trellis_w, self.before[0].w, leaf.w)?;
@@ -198,7 +207,8 @@ impl<'a> Leaves<'a> {
             // The mean magnitude so far, in half steps.
             let reach_class = if k == 0 { 0 } else { reach_class(reach / k as i64) };
             let model = (usize::from(k >= 2) * STEP_CLASSES + class) * REACH_CLASSES + reach_class;
-            leaf.shape[k] = scalar(c, &mut models.shape[model], self.header.low[3], &mut self.trellis_shape, 0, leaf.shape[k])?;
+            leaf.shape[k] =
+                scalar(c, &mut models.shape[model], self.header.low[3], &mut self.trellis_shape, 0, leaf.shape[k])?;
             reach += i64::from(leaf.shape[k].abs());
         }
         Ok(())
@@ -250,7 +260,14 @@ fn reach_class(mean: i64) -> usize {
 
 /// Codes a number on half steps against its prediction on half steps.
 #[inline]
-fn scalar<const N: usize>(c: &mut impl Coder, model: &mut Residual<N>, low: u8, state: &mut State, predicted: i32, half: i32) -> Result<i32, OutOfRange> {
+fn scalar<const N: usize>(
+    c: &mut impl Coder,
+    model: &mut Residual<N>,
+    low: u8,
+    state: &mut State,
+    predicted: i32,
+    half: i32,
+) -> Result<i32, OutOfRange> {
     let lattice = state.lattice();
     let guess = (predicted - lattice + 1) >> 1;
     let k = model.code(c, u32::from(low), ((half - lattice) >> 1) - guess).saturating_add(guess);

@@ -14,8 +14,8 @@ mod sidecar;
 mod source;
 mod storage;
 
-pub use hash::source_hash;
 pub use bounds::Bounds;
+pub use hash::source_hash;
 pub use meta::{Cell, SnapshotMeta};
 pub use open::{OpenOptions, open};
 pub use source::{Chunk, ChunkBuffer, SnapshotReader};
