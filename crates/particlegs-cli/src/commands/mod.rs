@@ -7,6 +7,8 @@ mod convert;
 mod eval;
 mod reference;
 mod render;
+mod info;
+mod verify;
 
 use clap::Subcommand;
 use particlegs::Result;
@@ -26,6 +28,10 @@ pub enum Command {
     Reference(reference::Arguments),
     /// Draw pictures of a model.
     Render(render::Arguments),
+    /// Print what a model file says about itself and its snapshot.
+    Info(info::Arguments),
+    /// Check a model file wholly, and against its snapshot where that is given.
+    Verify(verify::Arguments),
     /// Print a shell's completion script.
     Completions(completions::Arguments),
 }
@@ -39,6 +45,8 @@ pub fn run(command: Command) -> Result<()> {
         Command::Convert(a) => convert::run(a),
         Command::Reference(a) => reference::run(&a),
         Command::Render(a) => render::run(&a),
+        Command::Info(a) => info::run(a),
+        Command::Verify(a) => verify::run(a),
         Command::Completions(a) => completions::run(&a),
     }
 }

@@ -1,6 +1,8 @@
 //! A block made ready once and coded at any precision.
 
-use super::header::{BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES, MOST_PARTICLES, SIZE_SLOPES, count_features, size_features};
+use super::header::{
+    BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES, MOST_PARTICLES, SIZE_SLOPES, count_features, size_features,
+};
 use super::precision::Precision;
 use super::predict::{fit, low_bits};
 use super::rans::Recorder;
@@ -11,6 +13,9 @@ use super::walk::{Leaf, Script, walk};
 use crate::model::Block;
 use crate::particles::Bounds;
 use crate::{Error, Result};
+
+/// What a step of a shape number away from 0 costs in squared steps: 1 % of the bits for 0.004 dB.
+const PULL: f64 = 0.14;
 
 /// The order of a block's Gaussians and their logarithms: all that does not depend on precision.
 /// [`Encoder::encode`] then costs a few microseconds a Gaussian, so that rate control can call it
@@ -121,11 +126,9 @@ impl Encoder {
 
     /// Sizes, counts and masses; the centre of the step factor.
     fn scalars(&self, header: &mut BlockHeader, leaves: &mut [Leaf]) {
-        let column = |values: &[f64], step: f32| halves(values.len(), |i| values[i] / f64::from(step));
-        let (t, m) = rayon::join(
-            || column(&self.logs.size, header.steps[1]),
-            || column(&self.logs.count, header.steps[2]),
-        );
+        let column = |values: &[f64], step: f32| halves(values.len(), 0.0, |i| values[i] / f64::from(step));
+        let (t, m) =
+            rayon::join(|| column(&self.logs.size, header.steps[1]), || column(&self.logs.count, header.steps[2]));
         let w = self.logs.weight.as_ref().map(|w| column(w, header.steps[4]));
         for (i, leaf) in leaves.iter_mut().enumerate() {
             (leaf.t, leaf.m) = (t[i], m[i]);
@@ -138,7 +141,7 @@ impl Encoder {
     /// Shape numbers of all Gaussians, five in turn, on half steps.
     fn shapes(&self, header: &BlockHeader, factors: &[f64]) -> Vec<i32> {
         let step = f64::from(header.steps[3]);
-        halves(5 * self.len(), |j| self.logs.shape[j] / (step * factors[j / 5]))
+        halves(5 * self.len(), PULL, |j| self.logs.shape[j] / (step * factors[j / 5]))
     }
 
     /// Positions in quarter levels.
@@ -154,7 +157,12 @@ impl Encoder {
             for k in (0..3).filter(|&k| levels[k] > 1) {
                 let n = levels[k] as f64;
                 let weight = (widths[k] / (n * step)).powi(2);
-                samples.push(Sample { value: self.within[k][i] * n, range: [0, levels[k] as i64 - 1], weight });
+                samples.push(Sample {
+                    value: self.within[k][i] * n,
+                    range: [0, levels[k] as i64 - 1],
+                    weight,
+                    pull: 0.0,
+                });
                 axes.push((i as u32, k as u8));
             }
         }
@@ -170,14 +178,14 @@ impl Encoder {
 }
 
 /// Trellis indices as half steps.
-fn halves(count: usize, value: impl Fn(usize) -> f64) -> Vec<i32> {
+fn halves(count: usize, pull: f64, value: impl Fn(usize) -> f64) -> Vec<i32> {
     let mut state = State::default();
     let half = |k: i64| {
         let h = 2 * k as i32 + state.lattice();
         state.step(k);
         h
     };
-    quantise(count, 0.0, |i| Sample::free(value(i))).into_iter().map(half).collect()
+    quantise(count, 0.0, |i| Sample { pull, ..Sample::free(value(i)) }).into_iter().map(half).collect()
 }
 
 /// Fits the predictors of size and count, and the plain low bits of what they leave.
@@ -217,10 +225,15 @@ fn check(block: &Block) -> Result<()> {
     let n = g.len();
     let whole = g.mean.iter().chain(&g.cov).chain(&g.mass).all(|c| c.len() == n);
     if n == 0 || n > u32::MAX as usize || !whole {
-        return Err(Error::argument(format!("a block of {n} Gaussians, or of columns of several lengths, cannot be coded")));
+        return Err(Error::argument(format!(
+            "a block of {n} Gaussians, or of columns of several lengths, cannot be coded"
+        )));
     }
     if block.count == 0 || block.count > MOST_PARTICLES || !(block.mass > 0.0 && block.mass.is_finite()) {
-        return Err(Error::argument(format!("a block of {} particles and mass {} cannot be coded", block.count, block.mass)));
+        return Err(Error::argument(format!(
+            "a block of {} particles and mass {} cannot be coded",
+            block.count, block.mass
+        )));
     }
     let finite = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(&g.mass).all(|c| c.iter().all(|v| v.is_finite()));
     let b = &block.bounds;

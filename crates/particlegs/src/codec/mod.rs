@@ -25,7 +25,7 @@ mod wire;
 
 pub use encoder::Encoder;
 pub use file::{
-    BlockInfo, CodedLayer, FileInfo, LayerInfo, assemble, coded_layers, decode, decode_block, encode, read_info, read_metadata,
-    size_without_blocks,
+    BlockInfo, CodedLayer, FileInfo, LayerInfo, assemble, coded_layers, decode, decode_block, encode, read_info,
+    read_metadata, size_without_blocks,
 };
 pub use precision::Precision;

@@ -21,7 +21,7 @@ pub struct Precision {
 impl Precision {
     /// The balance of the steps that loses least at a given size (docs/format.md, section 11).
     pub const BALANCED: Precision =
-        Precision { position: 0.45, size: 0.25, shape: 0.5, count: 0.25, mass: 0.25, importance: 0.5 };
+        Precision { position: 0.5, size: 0.22, shape: 0.5, count: 0.22, mass: 0.22, importance: 0.45 };
 
     /// All steps times `q`.
     pub fn scaled(self, q: f64) -> Precision {

@@ -34,12 +34,14 @@ pub(crate) struct Sample {
     pub range: [i64; 2],
     /// Cost of a squared error of one step.
     pub weight: f64,
+    /// Cost of a step away from 0: what its bits are worth.
+    pub pull: f64,
 }
 
 impl Sample {
     /// A number of unit cost on the whole lattice.
     pub(crate) fn free(value: f64) -> Self {
-        Sample { value, range: [-(1 << 20), 1 << 20], weight: 1.0 }
+        Sample { value, range: [-(1 << 20), 1 << 20], weight: 1.0, pull: 0.0 }
     }
 }
 
@@ -91,7 +93,10 @@ fn advance(cost: &mut [f64; 8], sample: Sample, offset: f64) -> [u8; 8] {
     let price: [[f64; 2]; 2] = std::array::from_fn(|lattice| {
         let x = sample.value - offset - 0.5 * lattice as f64;
         std::array::from_fn(|parity| match nearest(x, parity as i64, sample.range) {
-            Some(k) => sample.weight * (x - k as f64) * (x - k as f64),
+            Some(k) => {
+                let error = x - k as f64;
+                sample.weight * error * error + sample.pull * (k as f64 + 0.5 * lattice as f64).abs()
+            }
             None => f64::INFINITY,
         })
     });
@@ -137,7 +142,7 @@ mod tests {
         let values: Vec<f64> = (0..1000).map(|i| Random::new(6, 0, i).uniform() * 3.0).collect();
         for top in 0..3 {
             let indices =
-                quantise(values.len(), 0.25, |i| Sample { value: values[i], range: [0, top], weight: 1.0 });
+                quantise(values.len(), 0.25, |i| Sample { value: values[i], range: [0, top], weight: 1.0, pull: 0.0 });
             assert!(indices.iter().all(|k| (0..=top).contains(k)));
         }
     }

@@ -71,8 +71,15 @@ impl Models {
         let split = |n: u32| {
             // Both ends of a split are likelier than the middle.
             let top = if n < 16 { n as usize } else { 15 };
-            let weights =
-                std::array::from_fn(|l| if l > top { 0 } else if l == 0 || l == top { 4 } else { 1 });
+            let weights = std::array::from_fn(|l| {
+                if l > top {
+                    0
+                } else if l == 0 || l == top {
+                    4
+                } else {
+                    1
+                }
+            });
             [0, 1, 2].map(|_| Model::from_weights(weights))
         };
         Models {
@@ -85,11 +92,12 @@ impl Models {
     }
 
     /// The number of the lower half's Gaussians.
-    fn split(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> u32 {
+    fn split(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> Result<u32, OutOfRange> {
         let n = node.count;
         c.part(Part::Tree);
         if n < 16 {
-            return self.split[n as usize - 2][node.share as usize].code(c, low.min(n) as usize) as u32;
+            let low = self.split[n as usize - 2][node.share as usize].code(c, low.min(n) as usize) as u32;
+            return if low <= n { Ok(low) } else { Err(OutOfRange) };
         }
         let class = 14 + (n.ilog2() - 4).min(4) as usize;
         let n1 = u64::from(n) + 1;
@@ -97,7 +105,7 @@ impl Models {
         let sixteenth = self.split[class][node.share as usize].code(c, sixteenth) as u64;
         let first = (sixteenth * n1).div_ceil(16);
         let size = ((sixteenth + 1) * n1).div_ceil(16) - first;
-        first as u32 + long_uniform(c, size, u64::from(low).saturating_sub(first)).min(size - 1) as u32
+        Ok(first as u32 + long_uniform(c, size, u64::from(low).saturating_sub(first)) as u32)
     }
 }
 
@@ -105,7 +113,7 @@ impl Models {
 fn long_uniform(c: &mut impl Coder, n: u64, value: u64) -> u64 {
     let low = (64 - n.leading_zeros()).saturating_sub(10);
     let high = c.uniform(((n - 1) >> low) as u32 + 1, (value >> low) as u32);
-    (u64::from(high) << low) | c.long_bits(low, value & ((1 << low) - 1))
+    ((u64::from(high) << low) | c.long_bits(low, value & ((1 << low) - 1))).min(n - 1)
 }
 
 /// Walks `header.gaussians` Gaussians; `sink` gets each as coded.
@@ -131,7 +139,7 @@ pub(crate) fn walk(
             }
             Some(axis) => {
                 let low = script.split();
-                let low = models.split(c, &node, low);
+                let low = models.split(c, &node, low)?;
                 let [a, b] = node.halves(axis, low);
                 stack.extend([b, a].into_iter().filter(|n| n.count > 0));
             }
@@ -173,9 +181,11 @@ impl<'a> Leaves<'a> {
         let h = self.header;
         let surprise = surprise_class(leaf, &self.before[0]);
         c.part(Part::Size);
-        leaf.t = scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, h.predict_t(leaf, &self.before), leaf.t)?;
+        leaf.t =
+            scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, h.predict_t(leaf, &self.before), leaf.t)?;
         c.part(Part::Count);
-        leaf.m = scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, h.predict_m(leaf, &self.before), leaf.m)?;
+        leaf.m =
+            scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, h.predict_m(leaf, &self.before), leaf.m)?;
         if h.weighted {
             c.part(Part::Mass);
             leaf.w = scalar(c, &mut models.w, h.low[2], &mut self.trellis_w, self.before[0].w, leaf.w)?;
@@ -197,7 +207,8 @@ impl<'a> Leaves<'a> {
             // The mean magnitude so far, in half steps.
             let reach_class = if k == 0 { 0 } else { reach_class(reach / k as i64) };
             let model = (usize::from(k >= 2) * STEP_CLASSES + class) * REACH_CLASSES + reach_class;
-            leaf.shape[k] = scalar(c, &mut models.shape[model], self.header.low[3], &mut self.trellis_shape, 0, leaf.shape[k])?;
+            leaf.shape[k] =
+                scalar(c, &mut models.shape[model], self.header.low[3], &mut self.trellis_shape, 0, leaf.shape[k])?;
             reach += i64::from(leaf.shape[k].abs());
         }
         Ok(())
@@ -214,7 +225,7 @@ impl<'a> Leaves<'a> {
                 continue;
             }
             let lattice = self.trellis_place.lattice() as u64;
-            let j = long_uniform(c, n, leaf.place[k] / 4).min(n - 1);
+            let j = long_uniform(c, n, leaf.place[k] / 4);
             self.trellis_place.step(j as i64);
             leaf.place[k] = 4 * j + 1 + 2 * lattice;
         }
@@ -249,7 +260,14 @@ fn reach_class(mean: i64) -> usize {
 
 /// Codes a number on half steps against its prediction on half steps.
 #[inline]
-fn scalar<const N: usize>(c: &mut impl Coder, model: &mut Residual<N>, low: u8, state: &mut State, predicted: i32, half: i32) -> Result<i32, OutOfRange> {
+fn scalar<const N: usize>(
+    c: &mut impl Coder,
+    model: &mut Residual<N>,
+    low: u8,
+    state: &mut State,
+    predicted: i32,
+    half: i32,
+) -> Result<i32, OutOfRange> {
     let lattice = state.lattice();
     let guess = (predicted - lattice + 1) >> 1;
     let k = model.code(c, u32::from(low), ((half - lattice) >> 1) - guess).saturating_add(guess);

@@ -8,6 +8,7 @@
 
 mod bounds;
 mod convert;
+mod hash;
 mod meta;
 mod npy;
 mod open;
@@ -20,6 +21,7 @@ mod write;
 
 pub use bounds::Bounds;
 pub use convert::{Converted, convert};
+pub use hash::source_hash;
 pub use meta::{Cell, SnapshotMeta};
 pub use open::{OpenOptions, open};
 pub use select::Selection;

@@ -1,0 +1,393 @@
+//! The model file's promises: it comes back, it is refused whole when anything is wrong with it,
+//! and files of this version stay readable.
+
+use particlegs::codec::{self, CodedLayer, Encoder, Precision};
+use particlegs::math::{Random, Sym3};
+use particlegs::model::{Block, Certificate, Law, Layer, LookScore, Metadata, Mixture, Model, OrbitScore};
+use particlegs::particles::{Bounds, Cell};
+use particlegs::{Error, math};
+use proptest::prelude::*;
+
+/// A mixture of `n` Gaussians in a box of `scale` at `origin`.
+fn mixture(n: usize, seed: u64, origin: f64, scale: f64, weighted: bool) -> Mixture {
+    let mut m = Mixture { mass: weighted.then(Vec::new), ..Mixture::default() };
+    for i in 0..n {
+        let mut r = Random::new(seed, 1, i as u64);
+        // Clustered places, sizes over three decades, all shapes.
+        let cluster = Random::new(seed, 2, i as u64 / 7).uniform();
+        let mean = std::array::from_fn(|_| origin + scale * (cluster + 0.05 * r.normal()));
+        let size = scale * 1e-3 * (1.5 * r.normal()).exp();
+        let v: [[f64; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| size * r.normal()));
+        let cov = Sym3::outer(v[0]).add(&Sym3::outer(v[1])).add(&Sym3::outer(v[2]));
+        let count = (3.0 + r.normal()).exp();
+        m.push(mean, cov, count, count * (0.3 * r.normal()).exp());
+    }
+    m
+}
+
+fn block(gaussians: Mixture) -> Block {
+    let mut bounds = Bounds::empty();
+    (0..gaussians.len()).for_each(|i| bounds.include(gaussians.mean_of(i)));
+    let count = gaussians.count.iter().sum::<f64>().round().max(1.0);
+    let mass = gaussians.mass.as_ref().map_or(count, |m| m.iter().sum());
+    Block { bounds, count: count as u64, mass, gaussians }
+}
+
+fn metadata(blocks: &[Block]) -> Metadata {
+    let bounds = blocks.iter().fold(Bounds::empty(), |b, x| b.union(&x.bounds));
+    let count = blocks.iter().map(|b| b.count).sum();
+    Metadata {
+        law: Law::OpticalDepth,
+        count,
+        mass: blocks.iter().map(|b| b.mass).sum(),
+        weighted: blocks[0].gaussians.mass.is_some(),
+        bounds,
+        cell: Some(Cell::orthogonal([50.0; 3])),
+        default_radius: bounds.default_radius(count),
+        default_opacity: 0.05,
+        source: "nbody".into(),
+        source_hash: [7; 32],
+        length_unit: Some("Mpc/h".into()),
+        mass_unit: None,
+        particle_mass: Some(5.1e9),
+        comoving: Some(true),
+        scale_factor: Some(1.0),
+        hubble: Some(0.68),
+        time: None,
+        command: "particlegs compress nbody -o m.pgs".into(),
+        tool_version: "0.1.0".into(),
+    }
+}
+
+fn certificate() -> Certificate {
+    let look = LookScore { masked_psnr: Some(30.25), ssim: 0.75, noise_free_masked_psnr: None, noise_free_ssim: 1.0 };
+    let orbit = OrbitScore { paraview: look, paraview_no_fxaa: look, expected: look };
+    Certificate {
+        width: 1920,
+        height: 1080,
+        seed: 42,
+        orbits: [orbit; 3],
+        grid: 50,
+        density_correlation: 0.5,
+        density_mae: 0.25,
+    }
+}
+
+fn model(blocks: Vec<Block>, certified: bool) -> Model {
+    let metadata = metadata(&blocks);
+    let certificate = certified.then(certificate);
+    Model { metadata, layers: vec![Layer { name: "dm".into(), blocks }], certificate }
+}
+
+fn small() -> Model {
+    model(vec![block(mixture(12, 3, 0.0, 50.0, false))], true)
+}
+
+/// Each decoded Gaussian's original: the one whose mean is nearest.
+fn partner(m: &Mixture, mean: [f64; 3]) -> usize {
+    let distance = |i: usize| (0..3).map(|k| (m.mean[k][i] - mean[k]).powi(2)).sum::<f64>();
+    (0..m.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap()
+}
+
+#[test]
+fn a_file_comes_back() {
+    for weighted in [false, true] {
+        let blocks = [1, 2].map(|s| block(mixture(400, s, 10.0 * s as f64, 5.0, weighted)));
+        let m = model(blocks.to_vec(), true);
+        let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
+        let back = codec::decode(&bytes, "m.pgs").unwrap();
+        assert_eq!(back.metadata, m.metadata);
+        assert_eq!(back.gaussians(), 800);
+        assert_eq!(back.certificate.unwrap().orbits[0].paraview.masked_psnr, Some(30.25));
+        for (a, b) in back.blocks().zip(m.blocks()) {
+            assert_eq!((a.count, a.mass, a.bounds), (b.count, b.mass, b.bounds));
+            assert_eq!(a.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
+            if let Some(mass) = &a.gaussians.mass {
+                assert!((mass.iter().sum::<f64>() / b.mass - 1.0).abs() < 1e-12);
+            }
+        }
+        let info = codec::read_info(&bytes, "m.pgs").unwrap();
+        assert_eq!(info.layers[0].blocks.len(), 2);
+        assert_eq!(codec::read_metadata(&bytes, "m.pgs").unwrap(), m.metadata);
+        let coded: usize = info.layers[0].blocks.iter().map(|b| b.bytes as usize).sum();
+        assert_eq!(codec::size_without_blocks(&m.metadata, true, &["dm"], &[2]) + coded, bytes.len());
+    }
+}
+
+#[test]
+fn what_is_not_gaussians_is_small() {
+    let m = small();
+    let size = codec::size_without_blocks(&m.metadata, false, &["dm"], &[1]) - m.metadata.command.len();
+    assert!(size < 400, "{size} bytes");
+    assert_eq!(codec::size_without_blocks(&m.metadata, true, &["dm"], &[1]) - m.metadata.command.len() - size, 16 + 94);
+}
+
+#[test]
+fn the_order_of_merging_does_not_show() {
+    let m = model([1, 2, 3].map(|s| block(mixture(50, s, s as f64, 1.0, false))).to_vec(), false);
+    let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
+    let coded = codec::coded_layers(&bytes, "m.pgs").unwrap();
+    let mut blocks = coded[0].blocks.clone();
+    blocks.rotate_left(1);
+    let again = CodedLayer { name: "dm".into(), blocks };
+    assert_eq!(codec::assemble(&m.metadata, None, vec![again]).unwrap(), bytes);
+    // A block's bytes are its own: alone it codes to the same.
+    let alone = Encoder::new(&m.layers[0].blocks[1]).unwrap().encode(&Precision::BALANCED);
+    assert!(coded[0].blocks.contains(&alone));
+}
+
+#[test]
+fn every_truncation_is_refused() {
+    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
+    for n in 0..bytes.len() {
+        assert!(matches!(codec::decode(&bytes[..n], "m"), Err(Error::Corrupt { .. })), "at {n}");
+    }
+    let mut long = bytes;
+    long.push(0);
+    assert!(matches!(codec::decode(&long, "m"), Err(Error::Corrupt { .. })));
+}
+
+#[test]
+fn every_flipped_bit_and_saturated_byte_is_refused() {
+    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
+    for i in 0..bytes.len() {
+        let values = (0..8).map(|b| bytes[i] ^ 1 << b).chain([0, 255]).filter(|&v| v != bytes[i]);
+        for v in values {
+            let mut bad = bytes.clone();
+            bad[i] = v;
+            assert!(codec::decode(&bad, "m").is_err(), "byte {i} as {v}");
+            assert!(codec::read_info(&bad, "m").is_err());
+        }
+    }
+}
+
+/// The checksums of a file made right again, so that what is behind them meets the damage.
+fn reseal(file: &mut [u8]) {
+    let sum = crc32fast::hash(&file[..20]);
+    file[20..24].copy_from_slice(&sum.to_le_bytes());
+    let mut at = 24;
+    while at + 16 <= file.len() {
+        let length = u64::from_le_bytes(file[at + 4..at + 12].try_into().unwrap());
+        let Some(end) = usize::try_from(length).ok().and_then(|l| l.checked_add(at + 16)).filter(|&e| e <= file.len())
+        else {
+            return;
+        };
+        let mut h = crc32fast::Hasher::new();
+        h.update(&file[at..at + 12]);
+        h.update(&file[at + 16..end]);
+        let sum = h.finalize();
+        file[at + 12..at + 16].copy_from_slice(&sum.to_le_bytes());
+        at = end;
+    }
+}
+
+#[test]
+fn damage_behind_the_checksums_does_not_panic() {
+    let seeds = [small(), model(vec![block(mixture(40, 9, 1e8, 1e-3, true))], false)];
+    for (s, m) in seeds.iter().enumerate() {
+        let bytes = codec::encode(m, &Precision::BALANCED).unwrap();
+        let mut decoded = 0;
+        // Every bit once.
+        for bit in 0..bytes.len() * 8 {
+            let mut bad = bytes.clone();
+            bad[bit / 8] ^= 1 << (bit % 8);
+            reseal(&mut bad);
+            decoded += u32::from(sound(&bad));
+        }
+        // And several bytes at random, some cut short.
+        for i in 0..4000 {
+            let mut r = Random::new(s as u64, 4, i);
+            let mut bad = bytes.clone();
+            for _ in 0..1 + r.bits() % 6 {
+                let at = (r.bits() % bad.len() as u64) as usize;
+                bad[at] = r.bits() as u8;
+            }
+            reseal(&mut bad);
+            decoded += u32::from(sound(&bad));
+        }
+        // Damaged places and colours of the stream may still be Gaussians.
+        assert!(decoded > 0);
+    }
+}
+
+/// Decodes; what is accepted keeps the format's promises.
+fn sound(file: &[u8]) -> bool {
+    let Ok(m) = codec::decode(file, "m") else { return false };
+    for b in m.blocks() {
+        assert_eq!(b.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
+        assert!(b.gaussians.cov.iter().chain(&b.gaussians.mean).flatten().all(|v| v.is_finite()));
+    }
+    true
+}
+
+#[test]
+fn newer_files_are_told_apart() {
+    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
+    let changed = |at: usize, value: u8| {
+        let mut b = bytes.clone();
+        b[at] = value;
+        reseal(&mut b);
+        codec::decode(&b, "m")
+    };
+    assert!(matches!(changed(8, 2), Err(Error::Compatibility { .. })));
+    assert!(changed(9, 3).is_ok(), "a newer minor version is read");
+    // The image law: the fourth byte of the first section's content.
+    assert!(matches!(changed(24 + 16 + 3, 9), Err(Error::Compatibility { .. })));
+    let add = |tag: &[u8; 4]| {
+        let mut b = bytes.clone();
+        b.extend(tag);
+        b.extend(3u64.to_le_bytes());
+        b.extend([0, 0, 0, 0, 1, 2, 3]);
+        let length = b.len() as u64;
+        b[12..20].copy_from_slice(&length.to_le_bytes());
+        reseal(&mut b);
+        codec::decode(&b, "m")
+    };
+    assert!(add(b"note").is_ok());
+    assert!(matches!(add(b"NOTE"), Err(Error::Compatibility { .. })));
+}
+
+#[test]
+fn a_huge_claim_is_refused_before_it_is_believed() {
+    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
+    let block = bytes.windows(4).position(|w| w == b"BLOK").unwrap() + 16;
+    let mut b = bytes;
+    b[block + 64..block + 68].copy_from_slice(&u32::MAX.to_le_bytes());
+    reseal(&mut b);
+    assert!(matches!(codec::decode(&b, "m"), Err(Error::Corrupt { .. })));
+}
+
+#[test]
+fn degenerate_gaussians_are_coded() {
+    let cases: [(&str, Vec<[f64; 3]>, Sym3); 5] = [
+        ("one particle", vec![[1.0, 2.0, 3.0]], Sym3::default()),
+        ("all equal", vec![[5.0; 3]; 9], Sym3::default()),
+        ("a line", (0..9).map(|i| [f64::from(i), 0.0, 0.0]).collect(), Sym3([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])),
+        (
+            "a plane",
+            (0..9).map(|i| [f64::from(i), f64::from(i * i % 7), 2.0]).collect(),
+            Sym3([0.1, 0.0, 0.0, 0.2, 0.0, 0.0]),
+        ),
+        (
+            "far away",
+            (0..9).map(|i| [1e30 + 1e25 * f64::from(i), 0.0, 1e-30]).collect(),
+            Sym3([1e48, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ),
+    ];
+    for (name, means, cov) in cases {
+        let mut g = Mixture::default();
+        means.iter().for_each(|&m| g.push(m, cov, 1.0, 1.0));
+        let m = model(vec![block(g)], false);
+        let back = codec::decode(&codec::encode(&m, &Precision::BALANCED).unwrap(), name).unwrap();
+        let g = &back.layers[0].blocks[0].gaussians;
+        assert_eq!(g.count, vec![1.0; means.len()], "{name}");
+        let extent = m.layers[0].blocks[0].bounds.extent();
+        for i in 0..g.len() {
+            let original = &m.layers[0].blocks[0].gaussians;
+            let near = original.mean_of(partner(original, g.mean_of(i)));
+            for k in 0..3 {
+                assert!((g.mean[k][i] - near[k]).abs() <= 0.1 * extent[k], "{name}");
+            }
+            assert!(g.cov_of(i).inverse().is_some() || extent[0] < 1e-20 || extent[0] > 1e20, "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_small_feature_in_a_large_box_stands_still() {
+    // Two Gaussians of 1e-9 of the box, a few of their radii apart, and two at the corners.
+    let mut g = Mixture::default();
+    for (x, size) in [(0.0, 1.0), (1e9, 1.0), (123_456_789.0, 1.0), (123_456_793.0, 1.0)] {
+        g.push([x; 3], Sym3::scaled_identity(size), 100.0, 100.0);
+    }
+    let m = model(vec![block(g)], false);
+    let back = codec::decode(&codec::encode(&m, &Precision::BALANCED).unwrap(), "m").unwrap();
+    let means = &back.layers[0].blocks[0].gaussians.mean[0];
+    for x in [0.0, 123_456_789.0, 123_456_793.0, 1e9] {
+        let error = means.iter().map(|v| (v - x).abs()).fold(f64::INFINITY, f64::min);
+        assert!(error < 0.6, "{error} radii at {x}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Each number comes back within what its step allows.
+    #[test]
+    fn errors_are_bounded(
+        seed in 0u64..1000,
+        n in 1usize..60,
+        exponent in -30i32..30,
+        shift in -3f64..3.0,
+        q in 0.05f64..1.5,
+    ) {
+        let scale = 10f64.powi(exponent);
+        let b = block(mixture(n, seed, shift * scale, scale, seed % 2 == 0));
+        // Steps that do not depend on the Gaussian, so that the bound is plain.
+        let p = Precision { importance: 0.0, ..Precision::BALANCED }.scaled(q);
+        let bytes = Encoder::new(&b).unwrap().encode(&p);
+        let back = codec::decode_block(&bytes, "b").unwrap();
+        prop_assert_eq!(back.gaussians.len(), n);
+        prop_assert_eq!(back.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
+        for i in 0..n {
+            let g = &back.gaussians;
+            let j = partner(&b.gaussians, g.mean_of(i));
+            let log = |c: &Sym3| c.scale(1.0 / scale / scale).eigen().values.map(|v| 0.5 * v.ln());
+            let (a, c) = (log(&g.cov_of(i)), log(&b.gaussians.cov_of(j)));
+            // The partner may be another of a close pair: compare where it is plainly itself.
+            let radius = scale * (c.iter().sum::<f64>() / 3.0).exp();
+            let reach = 1.6 * p.position * radius;
+            let lonely = (0..n).filter(|&k| (0..3).all(|d| (b.gaussians.mean[d][k] - b.gaussians.mean[d][j]).abs() < 4.0 * reach)).count() == 1;
+            if !lonely || c[0] - c[2] > 6.0 {
+                continue;
+            }
+            for k in 0..3 {
+                let close = (g.mean[k][i] - b.gaussians.mean[k][j]).abs();
+                prop_assert!(close <= reach + 1e-12 * scale * (1.0 + shift.abs()), "{close} > {reach}");
+                // Size and five shape numbers, each off by a step at most (a step and a half where bits are saved).
+                let bound = 1.01 * p.size + 1.5 * p.shape * 5f64.sqrt();
+                prop_assert!((a[k] - c[k]).abs() <= bound, "{a:?} {c:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn threads_and_simd_give_the_same_bytes() {
+    let m = model(vec![block(mixture(3000, 5, 0.0, 1.0, true))], false);
+    let code = || codec::encode(&m, &Precision::BALANCED).unwrap();
+    let bytes = code();
+    for threads in [1, 2, 5] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert_eq!(pool.install(code), bytes);
+        assert_eq!(pool.install(|| codec::decode(&bytes, "m")).unwrap(), codec::decode(&bytes, "m").unwrap());
+    }
+    math::set_simd(false);
+    assert_eq!(code(), bytes);
+    math::set_simd(true);
+}
+
+/// A file of version 1.0 and what it holds. To write them anew after a deliberate change of the
+/// format (and a new version of it): PARTICLEGS_WRITE_FIXTURES=1.
+#[test]
+fn files_of_version_1_0_stay_readable() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    let (file, values) = (folder.join("format-1.0.pgs"), folder.join("format-1.0.json"));
+    if std::env::var_os("PARTICLEGS_WRITE_FIXTURES").is_some() {
+        let m = model(vec![block(mixture(30, 11, 4.0, 6.0, true))], true);
+        let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
+        std::fs::write(&values, table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
+        std::fs::write(&file, bytes).unwrap();
+    }
+    let model = codec::decode(&std::fs::read(&file).unwrap(), "format-1.0.pgs").unwrap();
+    assert_eq!(table(&model), std::fs::read_to_string(&values).unwrap().trim_end());
+    assert_eq!(model.metadata.command, "particlegs compress nbody -o m.pgs");
+    assert_eq!(model.certificate.unwrap().seed, 42);
+}
+
+/// Bit-exact: shortest decimals that come back.
+fn table(m: &Model) -> String {
+    let g = &m.layers[0].blocks[0].gaussians;
+    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(&g.mass).collect();
+    serde_json::to_string(&columns).unwrap().replace("],", "],\n")
+}

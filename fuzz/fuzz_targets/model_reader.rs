@@ -1,0 +1,16 @@
+//! Any bytes: read as a file, and as the one block of a file, whose checksums are none.
+//! `cargo fuzz run model_reader` (seeds: crates/particlegs/tests/fixtures).
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use particlegs::codec;
+
+fuzz_target!(|bytes: &[u8]| {
+    let _ = codec::read_info(bytes, "fuzz");
+    if let Ok(model) = codec::decode(bytes, "fuzz") {
+        assert!(model.gaussians() > 0);
+    }
+    if let Ok(block) = codec::decode_block(bytes, "fuzz") {
+        assert_eq!(block.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), block.count);
+    }
+});
