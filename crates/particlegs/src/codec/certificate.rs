@@ -84,9 +84,22 @@ mod tests {
 
     #[test]
     fn comes_back_to_the_step() {
-        let look = LookScore { masked_psnr: Some(31.234_56), ssim: 0.752_1, noise_free_masked_psnr: None, noise_free_ssim: -0.1 };
+        let look = LookScore {
+            masked_psnr: Some(31.234_56),
+            ssim: 0.752_1,
+            noise_free_masked_psnr: None,
+            noise_free_ssim: -0.1,
+        };
         let orbit = OrbitScore { paraview: look, paraview_no_fxaa: look, expected: look };
-        let c = Certificate { width: 1920, height: 1080, seed: 7, orbits: [orbit; 3], grid: 64, density_correlation: 0.999, density_mae: 0.2 };
+        let c = Certificate {
+            width: 1920,
+            height: 1080,
+            seed: 7,
+            orbits: [orbit; 3],
+            grid: 64,
+            density_correlation: 0.999,
+            density_mae: 0.2,
+        };
         let bytes = write(&c);
         assert_eq!(bytes.len(), CERTIFICATE_BYTES);
         let back = read(&bytes).unwrap();

@@ -1,6 +1,8 @@
 //! A block made ready once and coded at any precision.
 
-use super::header::{BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES, MOST_PARTICLES, SIZE_SLOPES, count_features, size_features};
+use super::header::{
+    BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES, MOST_PARTICLES, SIZE_SLOPES, count_features, size_features,
+};
 use super::precision::Precision;
 use super::predict::{fit, low_bits};
 use super::rans::Recorder;
@@ -108,10 +110,8 @@ impl Encoder {
     /// Sizes, counts and masses; the centre of the step factor.
     fn scalars(&self, header: &mut BlockHeader, leaves: &mut [Leaf]) {
         let column = |values: &[f64], step: f32| halves(values.len(), |i| values[i] / f64::from(step));
-        let (t, m) = rayon::join(
-            || column(&self.logs.size, header.steps[1]),
-            || column(&self.logs.count, header.steps[2]),
-        );
+        let (t, m) =
+            rayon::join(|| column(&self.logs.size, header.steps[1]), || column(&self.logs.count, header.steps[2]));
         let w = self.logs.weight.as_ref().map(|w| column(w, header.steps[4]));
         for (i, leaf) in leaves.iter_mut().enumerate() {
             (leaf.t, leaf.m) = (t[i], m[i]);
@@ -202,10 +202,15 @@ fn check(block: &Block) -> Result<()> {
     let n = g.len();
     let whole = g.mean.iter().chain(&g.cov).chain(&g.mass).all(|c| c.len() == n);
     if n == 0 || n > u32::MAX as usize || !whole {
-        return Err(Error::argument(format!("a block of {n} Gaussians, or of columns of several lengths, cannot be coded")));
+        return Err(Error::argument(format!(
+            "a block of {n} Gaussians, or of columns of several lengths, cannot be coded"
+        )));
     }
     if block.count == 0 || block.count > MOST_PARTICLES || !(block.mass > 0.0 && block.mass.is_finite()) {
-        return Err(Error::argument(format!("a block of {} particles and mass {} cannot be coded", block.count, block.mass)));
+        return Err(Error::argument(format!(
+            "a block of {} particles and mass {} cannot be coded",
+            block.count, block.mass
+        )));
     }
     let finite = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(&g.mass).all(|c| c.iter().all(|v| v.is_finite()));
     let b = &block.bounds;

@@ -46,11 +46,7 @@ const SQRT_SIXTH: f64 = 0.408_248_290_463_863;
 /// times.
 #[inline(always)]
 pub(crate) fn exp_twice(five: [f64; 5]) -> Sym3 {
-    let norm2 = five[0] * five[0]
-        + five[1] * five[1]
-        + five[2] * five[2]
-        + five[3] * five[3]
-        + five[4] * five[4];
+    let norm2 = five[0] * five[0] + five[1] * five[1] + five[2] * five[2] + five[3] * five[3] + five[4] * five[4];
     let mut j = 0;
     let mut reach = 0.25;
     while norm2 > reach {

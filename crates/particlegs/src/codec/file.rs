@@ -40,12 +40,19 @@ pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
 /// # Errors
 /// [`Error::Argument`] where there is no layer, one without blocks, two of one name, or a block
 /// that is none.
-pub fn assemble(metadata: &Metadata, certificate: Option<&Certificate>, mut layers: Vec<CodedLayer>) -> Result<Vec<u8>> {
+pub fn assemble(
+    metadata: &Metadata,
+    certificate: Option<&Certificate>,
+    mut layers: Vec<CodedLayer>,
+) -> Result<Vec<u8>> {
     layers.sort_by(|a, b| a.name.cmp(&b.name));
     let names_differ = layers.windows(2).all(|w| w[0].name != w[1].name);
-    let sound = |l: &CodedLayer| !l.blocks.is_empty() && l.blocks.len() <= u32::MAX as usize && l.name.len() <= LONGEST_NAME;
+    let sound =
+        |l: &CodedLayer| !l.blocks.is_empty() && l.blocks.len() <= u32::MAX as usize && l.name.len() <= LONGEST_NAME;
     if layers.is_empty() || layers.len() > MOST_LAYERS || !names_differ || !layers.iter().all(sound) {
-        return Err(Error::argument("a model file needs layers of different names of at most 255 bytes, each with blocks"));
+        return Err(Error::argument(
+            "a model file needs layers of different names of at most 255 bytes, each with blocks",
+        ));
     }
     for layer in &mut layers {
         let mut keyed = Vec::with_capacity(layer.blocks.len());
@@ -126,7 +133,8 @@ fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         while let Some(section) = rest.next_if(|s| s.tag == BLOCK) {
             let at = |what: String| corrupt(format!("block at byte {}: {what}", section.offset));
             let header = BlockHeader::read(section.bytes).map_err(at)?;
-            let order = |b: &(Section<'a>, BlockHeader)| (order_key(&b.1), b.0.bytes) > (order_key(&header), section.bytes);
+            let order =
+                |b: &(Section<'a>, BlockHeader)| (order_key(&b.1), b.0.bytes) > (order_key(&header), section.bytes);
             if blocks.last().is_some_and(order) {
                 return Err(at("out of order".into()));
             }
@@ -147,9 +155,14 @@ fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), Strin
     }
     let mut r = Reader::new(section.bytes);
     let length = r.u8()?;
-    let name = std::str::from_utf8(r.take(usize::from(length))?).map_err(|_| "a layer's name is not UTF-8")?.to_string();
+    let name =
+        std::str::from_utf8(r.take(usize::from(length))?).map_err(|_| "a layer's name is not UTF-8")?.to_string();
     let count = r.u32()?;
-    if r.is_done() { Ok((name, count)) } else { Err(format!("{} bytes too many in a layer's head", section.bytes.len() - r.position())) }
+    if r.is_done() {
+        Ok((name, count))
+    } else {
+        Err(format!("{} bytes too many in a layer's head", section.bytes.len() - r.position()))
+    }
 }
 
 /// Blocks hold together what the metadata says.
@@ -255,7 +268,8 @@ pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
         bytes: section.bytes.len() as u64,
         precision: Precision::of_header(h.steps, h.importance),
     };
-    let layers = parts.layers.iter().map(|(name, b)| LayerInfo { name: name.clone(), blocks: b.iter().map(block).collect() });
+    let layers =
+        parts.layers.iter().map(|(name, b)| LayerInfo { name: name.clone(), blocks: b.iter().map(block).collect() });
     Ok(FileInfo {
         version: [bytes[8], bytes[9]],
         layers: layers.collect(),

@@ -111,7 +111,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Metadata, Fault> {
         command: string(COMMAND_LINE, need(COMMAND_LINE)?, COMMAND)?,
         tool_version: string(TOOL, need(TOOL)?, TEXT)?,
     };
-    if m.count == 0 || !(m.mass > 0.0 && m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0) {
+    if m.count == 0 || !(m.mass > 0.0 && m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0)
+    {
         return Err(Fault::Corrupt("count, mass, radius or opacity out of range".into()));
     }
     Ok(m)

@@ -4,7 +4,11 @@ use super::header::Predictor;
 
 /// Slopes and constant that predict `target(i)` from `features(i)`, i in 0 .. n, rounded to what
 /// a block holds. Sums in order, so that the same mixture gives the same bytes.
-pub(crate) fn fit<const K: usize>(n: usize, features: impl Fn(usize) -> [f64; K], target: impl Fn(usize) -> f64) -> Predictor {
+pub(crate) fn fit<const K: usize>(
+    n: usize,
+    features: impl Fn(usize) -> [f64; K],
+    target: impl Fn(usize) -> f64,
+) -> Predictor {
     let count = n as f64;
     let mut mean = [0.0; K];
     let mut mean_y = 0.0;

@@ -136,8 +136,7 @@ mod tests {
     fn ranges_are_kept() {
         let values: Vec<f64> = (0..1000).map(|i| Random::new(6, 0, i).uniform() * 3.0).collect();
         for top in 0..3 {
-            let indices =
-                quantise(values.len(), 0.25, |i| Sample { value: values[i], range: [0, top], weight: 1.0 });
+            let indices = quantise(values.len(), 0.25, |i| Sample { value: values[i], range: [0, top], weight: 1.0 });
             assert!(indices.iter().all(|k| (0..=top).contains(k)));
         }
     }

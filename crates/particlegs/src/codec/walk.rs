@@ -67,8 +67,15 @@ impl Models {
         let split = |n: u32| {
             // Both ends of a split are likelier than the middle.
             let top = if n < 16 { n as usize } else { 15 };
-            let weights =
-                std::array::from_fn(|l| if l > top { 0 } else if l == 0 || l == top { 4 } else { 1 });
+            let weights = std::array::from_fn(|l| {
+                if l > top {
+                    0
+                } else if l == 0 || l == top {
+                    4
+                } else {
+                    1
+                }
+            });
             [0, 1, 2].map(|_| Model::from_weights(weights))
         };
         Models {
@@ -167,8 +174,10 @@ impl<'a> Leaves<'a> {
     fn code(&mut self, c: &mut impl Coder, models: &mut Models, leaf: &mut Leaf) -> Result<(), OutOfRange> {
         let h = self.header;
         let surprise = surprise_class(leaf, &self.before[0]);
-        leaf.t = scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, h.predict_t(leaf, &self.before), leaf.t)?;
-        leaf.m = scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, h.predict_m(leaf, &self.before), leaf.m)?;
+        leaf.t =
+            scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, h.predict_t(leaf, &self.before), leaf.t)?;
+        leaf.m =
+            scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, h.predict_m(leaf, &self.before), leaf.m)?;
         if h.weighted {
             leaf.w = scalar(c, &mut models.w, h.low[2], &mut self.trellis_w, self.before[0].w, leaf.w)?;
         }
@@ -187,7 +196,8 @@ impl<'a> Leaves<'a> {
             // The mean magnitude so far, in half steps.
             let reach_class = if k == 0 { 0 } else { reach_class(reach / k as i64) };
             let model = (usize::from(k >= 2) * STEP_CLASSES + class) * REACH_CLASSES + reach_class;
-            leaf.shape[k] = scalar(c, &mut models.shape[model], self.header.low[3], &mut self.trellis_shape, 0, leaf.shape[k])?;
+            leaf.shape[k] =
+                scalar(c, &mut models.shape[model], self.header.low[3], &mut self.trellis_shape, 0, leaf.shape[k])?;
             reach += i64::from(leaf.shape[k].abs());
         }
         Ok(())
@@ -238,7 +248,14 @@ fn reach_class(mean: i64) -> usize {
 
 /// Codes a number on half steps against its prediction on half steps.
 #[inline]
-fn scalar(c: &mut impl Coder, model: &mut Residual, low: u8, state: &mut State, predicted: i32, half: i32) -> Result<i32, OutOfRange> {
+fn scalar(
+    c: &mut impl Coder,
+    model: &mut Residual,
+    low: u8,
+    state: &mut State,
+    predicted: i32,
+    half: i32,
+) -> Result<i32, OutOfRange> {
     let lattice = state.lattice();
     let guess = (predicted - lattice + 1) >> 1;
     let k = model.code(c, u32::from(low), ((half - lattice) >> 1) - guess).saturating_add(guess);
