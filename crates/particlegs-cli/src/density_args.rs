@@ -141,8 +141,7 @@ impl DensityArgs {
         let angles = [views.azimuth, views.elevation];
         let frame = spherical_camera([0.0; 3], angles[0], angles[1], 1.0).frame()?;
         let width = self.width.unwrap_or_else(|| default_width(&frame, subject, size, q.cell.is_some()));
-        let view =
-            DensityView::orthographic("view", center, angles, width, self.depth, size, &subject.bounds, q.cell)?;
+        let view = DensityView::orthographic("view", center, angles, width, self.depth, size, &subject.bounds, q.cell)?;
         Ok((size, vec![view]))
     }
 
@@ -154,9 +153,10 @@ impl DensityArgs {
         if self.raw {
             let path = folder.join(format!("{}.f32", view.name));
             write_atomic(&path, |w| {
-                plane.data.chunks(1 << 14).try_for_each(|run| {
-                    w.write_all(&run.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())
-                })
+                plane
+                    .data
+                    .chunks(1 << 14)
+                    .try_for_each(|run| w.write_all(&run.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()))
             })?;
             let form = RawForm {
                 width: plane.size.width,

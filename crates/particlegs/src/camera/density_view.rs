@@ -54,13 +54,13 @@ impl DensityView {
         }
         let wrap = cell.filter(|c| c.periodic.contains(&true));
         let unit = spherical_camera([0.0; 3], angles_deg[0], angles_deg[1], 1.0);
-        let along = |c: Cell| c.vectors.iter().map(|v| (0..3).map(|k| v[k] * unit.position[k]).sum::<f64>().abs()).sum();
-        let everything = 4.0 * norm(bounds.extent_nonzero())
-            + norm(std::array::from_fn(|k| center[k] - bounds.center()[k]));
+        let along =
+            |c: Cell| c.vectors.iter().map(|v| (0..3).map(|k| v[k] * unit.position[k]).sum::<f64>().abs()).sum();
+        let everything =
+            4.0 * norm(bounds.extent_nonzero()) + norm(std::array::from_fn(|k| center[k] - bounds.center()[k]));
         let half = 0.5 * depth.or(wrap.map(along)).unwrap_or(2.0 * everything);
         let mut camera = spherical_camera(center, angles_deg[0], angles_deg[1], half);
-        camera.projection =
-            Projection::Orthographic { height_world: width * size.height as f64 / size.width as f64 };
+        camera.projection = Projection::Orthographic { height_world: width * size.height as f64 / size.width as f64 };
         Ok(DensityView { name: name.to_string(), camera, range: [0.0, 2.0 * half], wrap })
     }
 
@@ -77,8 +77,9 @@ impl DensityView {
         let inverse = inverse(&cell.vectors).ok_or_else(|| Error::argument("the periodic cell has no volume"))?;
         let frame = self.camera.frame()?;
         let window = window_corners(&frame, height_world, size, self.range);
-        let data: [[f64; 3]; 8] =
-            std::array::from_fn(|c| std::array::from_fn(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] }));
+        let data: [[f64; 3]; 8] = std::array::from_fn(|c| {
+            std::array::from_fn(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] })
+        });
         let mut ranges = [(0i64, 0i64); 3];
         let mut copies = 1.0;
         for axis in 0..3 {
@@ -89,7 +90,10 @@ impl DensityView {
             let row: [f64; 3] = std::array::from_fn(|k| inverse[k][axis]);
             let ends = |points: &[[f64; 3]; 8]| {
                 let along = points.map(|p| p[0] * row[0] + p[1] * row[1] + p[2] * row[2]);
-                (along.iter().fold(f64::INFINITY, |a, &b| a.min(b)), along.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b)))
+                (
+                    along.iter().fold(f64::INFINITY, |a, &b| a.min(b)),
+                    along.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b)),
+                )
             };
             let (window, data) = (ends(&window), ends(&data));
             let reach = margin * norm(row);

@@ -63,8 +63,7 @@ impl PanelImage<'_> {
 
 /// The signed difference over the part that both have, with its own bar.
 fn error_picture(truth: &Gray8, model: &Gray8) -> Rgb8 {
-    let size =
-        Size { width: truth.size.width.min(model.size.width), height: truth.size.height.min(model.size.height) };
+    let size = Size { width: truth.size.width.min(model.size.width), height: truth.size.height.min(model.size.height) };
     let differences: Vec<i32> = (0..size.pixels())
         .map(|i| {
             let (x, y) = (i % size.width, i / size.width);

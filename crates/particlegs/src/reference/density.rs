@@ -35,7 +35,12 @@ struct Target {
 ///
 /// # Errors
 /// [`crate::Error::Argument`] for a window of thousands of boxes, [`crate::Error::Cancelled`].
-pub fn surface_density(particles: &Particles, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
+pub fn surface_density(
+    particles: &Particles,
+    view: &DensityView,
+    size: Size,
+    progress: &dyn Progress,
+) -> Result<Plane> {
     let frame = view.camera.frame()?;
     let [right, up, back] = frame.axes;
     let target = Target {

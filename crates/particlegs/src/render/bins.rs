@@ -8,6 +8,8 @@ const FAINTEST: f64 = 1e-4;
 /// A footprint ends between these many sigma (squared); the mass outside is put back.
 const NEAREST_CUT: f64 = 9.0;
 const FARTHEST_CUT: f64 = 22.0;
+/// exp(-9 / 2): what lies outside the nearest cut.
+const NEAREST_SHARE: f64 = 0.011_108_996_538_242_306;
 /// The cut of footprints that are so small that the pixel grid shows, and what small is (variance).
 const SMALL_CUT: f64 = 20.0;
 const SMALL: f64 = 0.45;
@@ -58,6 +60,15 @@ impl<'a> Binner<'a> {
     #[inline]
     pub fn add(&mut self, f: &Footprint) {
         let [xx, xy, yy] = f.cov;
+        let reach = FARTHEST_CUT.sqrt() + 3.0;
+        let far = |at: f64, variance: f64, pixels: usize| {
+            let beyond = (-at).max(at - pixels as f64) - (2 * PAD) as f64;
+            beyond > 0.0 && beyond * beyond > reach * reach * variance
+        };
+        let size = self.levels[0].size;
+        if far(f.mean[0], xx, size.width) || far(f.mean[1], yy, size.height) {
+            return;
+        }
         let det = xx * yy - xy * xy;
         if !(det > 0.0 && f.sum > 0.0) {
             return;
@@ -65,10 +76,7 @@ impl<'a> Binner<'a> {
         let peak = f.sum / (2.0 * std::f64::consts::PI * det.sqrt());
         let half_sum = 0.5 * (xx + yy);
         let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
-        let mut cut2 = (2.0 * (peak / FAINTEST).ln()).clamp(NEAREST_CUT, FARTHEST_CUT);
-        if smaller < SMALL {
-            cut2 = cut2.max(SMALL_CUT);
-        }
+        let cut2 = cut(peak, smaller);
         let (reach_x, reach_y) = ((cut2 * xx).sqrt(), (cut2 * yy).sqrt());
         let (level, scale) = self.level(smaller);
         let shape = &self.levels[level];
@@ -83,7 +91,9 @@ impl<'a> Binner<'a> {
         if outside || !(x.is_finite() && y.is_finite() && peak.is_finite()) {
             return;
         }
-        let mut peak = peak / (1.0 - (-0.5 * cut2).exp());
+        // What the cut takes away is put back; nearest cuts are the most frequent.
+        let outside = if cut2 == NEAREST_CUT { NEAREST_SHARE } else { (-0.5 * cut2).exp() };
+        let mut peak = peak / (1.0 - outside);
         if smaller < SMALL {
             peak /= lattice_sum(f);
         }
@@ -147,6 +157,19 @@ const FREQUENCIES: [(f64, f64); 12] = [
     (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0), (2.0, 0.0), (0.0, 2.0),
     (2.0, 1.0), (2.0, -1.0), (1.0, 2.0), (1.0, -2.0), (2.0, 2.0), (2.0, -2.0),
 ];
+
+/// Where a footprint ends, in squared sigmas: where it fades below notice.
+#[inline]
+fn cut(peak: f64, smaller: f64) -> f64 {
+    if smaller < SMALL {
+        SMALL_CUT
+    } else if peak < FAINTEST * 90.0 {
+        // exp(9 / 2) = 90: most footprints spare themselves the logarithm.
+        NEAREST_CUT
+    } else {
+        (2.0 * (peak / FAINTEST).ln()).clamp(NEAREST_CUT, FARTHEST_CUT)
+    }
+}
 
 /// The sum over all pixels of the normalised footprint sampled at their centres, by Poisson's
 /// summation: 1 for wide ones, up to 1.9 for a point at a pixel's centre.

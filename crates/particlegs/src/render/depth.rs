@@ -140,6 +140,7 @@ fn project(g: &InCamera, lens: &Lens, binner: &mut Binner) {
     let (depth, variance) = (g.mean[2], g.cov[5]);
     match fate(lens, depth, variance) {
         Fate::Outside => {}
+        Fate::Cut if lens.misses(g) => {}
         Fate::Whole if lens.perspective => {
             binner.add(&g.footprint(lens, &g.regression(), &inverse_moments(depth, variance / (depth * depth))));
         }

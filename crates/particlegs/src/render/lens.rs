@@ -1,5 +1,6 @@
 //! A camera made ready to project: axes, focal length in pixels, depth range, weights.
 
+use super::project::InCamera;
 use crate::camera::{DensityView, Projection, View, clipping_range};
 use crate::particles::Bounds;
 use crate::picture::Size;
@@ -77,5 +78,27 @@ impl Lens {
             radius2: 0.0,
             unit: focal * focal,
         })
+    }
+
+    /// Does a Gaussian lie outside the four side planes of what the picture sees? Spares the work of
+    /// cutting those that the camera passes by.
+    pub fn misses(&self, g: &InCamera) -> bool {
+        let [xx, _, xz, yy, yz, zz] = g.cov;
+        [(g.mean[0], xx, xz, self.center[0]), (g.mean[1], yy, yz, self.center[1])].into_iter().any(
+            |(at, variance, with_depth, center)| {
+                // Half the picture and a margin for coarse planes, over the focal length.
+                let edge = (1.25 * center + 64.0) / self.focal;
+                [edge, -edge].into_iter().any(|t| {
+                    // The distance to the plane at = t depth (or at = t), beyond it positive.
+                    let (beyond, spread, round) = if self.perspective {
+                        (at - t * g.mean[2], variance - 2.0 * t * with_depth + t * t * zz, 1.0 + t * t)
+                    } else {
+                        (at - t, variance, 1.0)
+                    };
+                    let beyond = beyond * t.signum();
+                    beyond > 0.0 && beyond * beyond > 49.0 * (spread + self.radius2 * round)
+                })
+            },
+        )
     }
 }

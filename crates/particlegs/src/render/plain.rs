@@ -30,15 +30,7 @@ pub fn optical_depth(scene: &Scene, view: &View, size: Size) -> Vec<f64> {
     tau
 }
 
-fn add(
-    tau: &mut [f64],
-    size: Size,
-    lens: &Lens,
-    perspective: bool,
-    mean: [f64; 3],
-    cov: [[f64; 3]; 3],
-    count: f64,
-) {
+fn add(tau: &mut [f64], size: Size, lens: &Lens, perspective: bool, mean: [f64; 3], cov: [[f64; 3]; 3], count: f64) {
     let a = lens.axes;
     let v: [f64; 3] = std::array::from_fn(|k| mean[k] - lens.position[k]);
     let m: [f64; 3] = std::array::from_fn(|r| (0..3).map(|k| a[r][k] * v[k]).sum());

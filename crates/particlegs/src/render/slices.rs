@@ -75,8 +75,8 @@ pub fn cut(lens: &Lens, g: &InCamera, mut emit: impl FnMut(Footprint)) {
         let depth = if lens.perspective { axis.exp() } else { axis };
         let z = (depth - g.mean[2]) / sigma;
         let stretch = if lens.perspective { depth } else { 1.0 };
-        let density = (-0.5 * z * z).exp() * stretch * step
-            / (POINTS as f64 * sigma * (2.0 * std::f64::consts::PI).sqrt());
+        let density =
+            (-0.5 * z * z).exp() * stretch * step / (POINTS as f64 * sigma * (2.0 * std::f64::consts::PI).sqrt());
         let (q, density) = if lens.perspective { (1.0 / depth, density / (depth * depth)) } else { (depth, density) };
         let first = u as usize;
         for (k, b) in spline(u - first as f64).into_iter().enumerate() {
@@ -109,10 +109,5 @@ fn flat(lens: &Lens, depth: f64) -> DepthMoments {
 fn spline(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     let s = 1.0 - t;
-    [
-        s * s * s / 6.0,
-        (3.0 * t3 - 6.0 * t2 + 4.0) / 6.0,
-        (-3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0) / 6.0,
-        t3 / 6.0,
-    ]
+    [s * s * s / 6.0, (3.0 * t3 - 6.0 * t2 + 4.0) / 6.0, (-3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0) / 6.0, t3 / 6.0]
 }

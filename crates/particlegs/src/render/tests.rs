@@ -120,7 +120,8 @@ fn depth_is_conserved() {
             let v = view([0.0, 0.0, 6.0], 0.002, 0.05);
             let sum: f64 = optical_depth(&scene, &v, SIZE, &Silent).unwrap().data.iter().map(|v| f64::from(*v)).sum();
             let r = v.radius_pixels(SIZE);
-            let law = 10.0 * 2.0 * std::f64::consts::PI * 0.05 * 0.994_607_9 * r * r * (1.0 + 3.0 * sigma * sigma / 36.0);
+            let law =
+                10.0 * 2.0 * std::f64::consts::PI * 0.05 * 0.994_607_9 * r * r * (1.0 + 3.0 * sigma * sigma / 36.0);
             assert!((sum / law - 1.0).abs() < 2e-3, "{i} {k}: {sum} for {law}");
         }
     }
@@ -151,5 +152,36 @@ fn units_do_not_matter() {
         let other = draw(scale, shift);
         let w = base.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(w < limit, "{scale} {shift}: {w}");
+    }
+}
+
+/// A window of one box holds all mass wherever its centre is, and Gaussians near the box's edge
+/// appear on both sides.
+#[test]
+fn periodic_windows_wrap() {
+    use crate::camera::DensityView;
+    use crate::particles::Cell;
+    let m = random_mixture(9, 50, 0.05);
+    let total: f64 = m.count.iter().sum();
+    let size = Size { width: 80, height: 80 };
+    let window = |center: [f64; 3]| {
+        let cell = Some(Cell::orthogonal([2.0; 3]));
+        let view = DensityView::orthographic("w", center, [0.0, 0.0], 2.0, None, size, &bounds(), cell).unwrap();
+        surface_density(&Scene::of_mixture(&m, bounds()), 1.0, &view, size, &Silent).unwrap().data
+    };
+    let here = window([0.0; 3]);
+    let there = window([1.0, -0.5, 3.7]);
+    for plane in [&here, &there] {
+        let mass = plane.iter().map(|v| f64::from(*v)).sum::<f64>() / 1600.0;
+        assert!((mass / total - 1.0).abs() < 3e-3, "{mass} of {total}");
+    }
+    // The second window is the first, turned around by 40 and 20 pixels (y points up).
+    // Gaussians that the slab cuts fall into other pieces there.
+    let highest = here.iter().fold(0.0f32, |a, b| a.max(*b));
+    for y in 0..80 {
+        for x in 0..80 {
+            let (a, b) = (here[y * 80 + x], there[(y + 60) % 80 * 80 + (x + 40) % 80]);
+            assert!((a - b).abs() < 3e-2 * highest, "{x} {y}: {a} {b}");
+        }
     }
 }

@@ -1,0 +1,28 @@
+//! Frames of a mixture: `cargo bench --bench render`.
+
+use particlegs::camera::{View, base_distance, spherical_camera};
+use particlegs::fit::{PartitionOptions, partition};
+use particlegs::particles::{OpenOptions, open};
+use particlegs::picture::Size;
+use particlegs::progress::Silent;
+use particlegs::render::{Scene, optical_depth};
+
+fn main() {
+    divan::main();
+}
+
+/// The sample's partition at 1080p, from the far orbit's distance.
+#[divan::bench(args = [2_000, 20_000, 100_000], sample_count = 10)]
+fn far_1080p(bencher: divan::Bencher, gaussians: usize) {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
+    let particles = open(&[folder.into()], &OpenOptions::default()).expect("the sample");
+    let bounds = particles.bounds();
+    let radius = bounds.default_radius(particles.len() as u64);
+    let cells = partition(&particles, gaussians, radius, PartitionOptions::default(), &Silent).expect("a partition");
+    let mixture = cells.mixture();
+    let size = Size { width: 1920, height: 1080 };
+    let camera = spherical_camera(bounds.center(), 30.0, 20.0, base_distance(&bounds, size));
+    let view = View { name: "far".into(), camera, radius, opacity: 0.05 };
+    let scene = Scene::of_mixture(&mixture, bounds);
+    bencher.bench(|| optical_depth(&scene, &view, size, &Silent).expect("a picture"));
+}
