@@ -16,7 +16,7 @@ const BLOCK: usize = 64;
 /// Particles whose sums are kept in f32.
 const FLUSH: usize = 2048;
 /// Cells of more particles than twice this are profiled by about this many of them.
-const SAMPLE: usize = 1 << 15;
+const SAMPLE: usize = 1 << 13;
 
 /// Sums over a slice: particles, place t along the axis, t^2, distance^2 from the axis.
 type Slice = [f64; 4];
@@ -78,39 +78,91 @@ impl Cut {
 
     /// Brings the first half to the front; returns its length.
     pub fn apply(&self, xyz: &mut [[f32; 3]], weight: Option<&mut [f32]>) -> usize {
-        match weight {
-            None => fearless_simd::dispatch!(simd_level(), _simd => self.apply_kernel(xyz)),
-            Some(w) => {
-                let mut front = 0;
-                for i in 0..xyz.len() {
-                    let first = self.axis.place(xyz[i]) < self.below;
-                    xyz.swap(front, i);
-                    w.swap(front, i);
-                    front += usize::from(first);
-                }
-                front
+        let weight = weight.unwrap_or(&mut []);
+        fearless_simd::dispatch!(simd_level(), _simd => self.apply_kernel(xyz, weight))
+    }
+
+    /// Blocks from either end give lists of the particles that are in the wrong half; pairs of them
+    /// change places (block partition: Edelkamp and Weiss 2016). `weight` may be empty.
+    #[inline(always)]
+    fn apply_kernel(&self, xyz: &mut [[f32; 3]], weight: &mut [f32]) -> usize {
+        let mut swap = |xyz: &mut [[f32; 3]], i: usize, j: usize| {
+            xyz.swap(i, j);
+            if !weight.is_empty() {
+                weight.swap(i, j);
+            }
+        };
+        let (mut left, mut right) = (0, xyz.len());
+        let (mut low, mut high) = (Wrong::default(), Wrong::default());
+        while right - left >= 2 * BLOCK {
+            if low.is_empty() {
+                low.fill(self, &xyz[left..left + BLOCK], false);
+            }
+            if high.is_empty() {
+                high.fill(self, &xyz[right - BLOCK..right], true);
+            }
+            for _ in 0..low.len().min(high.len()) {
+                swap(xyz, left + low.take(), right - BLOCK + high.take());
+            }
+            if low.is_empty() {
+                left += BLOCK;
+            }
+            if high.is_empty() {
+                right -= BLOCK;
             }
         }
+        let mut front = left;
+        for i in left..right {
+            let first = self.axis.place(xyz[i]) < self.below;
+            swap(xyz, front, i);
+            front += usize::from(first);
+        }
+        front
+    }
+}
+
+/// Places in a block whose particles belong to the other half.
+struct Wrong {
+    place: [u8; BLOCK],
+    next: usize,
+    end: usize,
+}
+
+impl Default for Wrong {
+    fn default() -> Self {
+        Wrong { place: [0; BLOCK], next: 0, end: 0 }
+    }
+}
+
+impl Wrong {
+    fn is_empty(&self) -> bool {
+        self.next == self.end
+    }
+
+    fn len(&self) -> usize {
+        self.end - self.next
     }
 
     #[inline(always)]
-    fn apply_kernel(&self, xyz: &mut [[f32; 3]]) -> usize {
-        let mut front = 0;
-        let mut place = [0f32; BLOCK];
-        for start in (0..xyz.len()).step_by(BLOCK) {
-            let len = BLOCK.min(xyz.len() - start);
-            for (t, &p) in place.iter_mut().zip(&xyz[start..start + len]) {
-                *t = self.axis.place(p);
-            }
-            for l in 0..len {
-                // Without a branch: a particle of the second half is overtaken by the next swap.
-                let (p, q) = (xyz[start + l], xyz[front]);
-                xyz[start + l] = q;
-                xyz[front] = p;
-                front += usize::from(place[l] < self.below);
-            }
+    fn take(&mut self) -> usize {
+        self.next += 1;
+        usize::from(self.place[(self.next - 1) % BLOCK])
+    }
+
+    /// Lists the particles that belong to the first half (`first`) or to the second.
+    #[inline(always)]
+    fn fill(&mut self, cut: &Cut, block: &[[f32; 3]], first: bool) {
+        let block: &[[f32; 3]; BLOCK] = block.try_into().expect("a block");
+        let mut wrong = [0u8; BLOCK];
+        for l in 0..BLOCK {
+            wrong[l] = u8::from((cut.axis.place(block[l]) < cut.below) == first);
         }
-        front
+        let mut end = 0;
+        for l in 0..BLOCK {
+            self.place[end % BLOCK] = l as u8;
+            end += usize::from(wrong[l]);
+        }
+        (self.next, self.end) = (0, end);
     }
 }
 
@@ -120,17 +172,18 @@ fn profile(axis: &Axis, xyz: &[[f32; 3]], stride: usize) -> [Slice; SLICES] {
     let mut total = [[0f64; 4]; SLICES];
     let mut part = [[0f32; 4]; SLICES];
     let mut kept = 0;
-    let mut block = [[0f32; 3]; BLOCK];
+    let mut copy = [axis.reference; BLOCK];
     let taken = xyz.len().div_ceil(stride);
     for start in (0..taken).step_by(BLOCK) {
         let len = BLOCK.min(taken - start);
-        if stride == 1 {
-            add_block(axis, &xyz[start..start + len], &mut part);
+        if stride == 1 && len == BLOCK {
+            let block = xyz[start..start + BLOCK].try_into().expect("a block");
+            add_block(axis, block, BLOCK, &mut part);
         } else {
-            for (l, p) in block[..len].iter_mut().enumerate() {
+            for (l, p) in copy[..len].iter_mut().enumerate() {
                 *p = xyz[(start + l) * stride];
             }
-            add_block(axis, &block[..len], &mut part);
+            add_block(axis, &copy, len, &mut part);
         }
         kept += len;
         if kept >= FLUSH || start + len == taken {
@@ -144,20 +197,22 @@ fn profile(axis: &Axis, xyz: &[[f32; 3]], stride: usize) -> [Slice; SLICES] {
     total
 }
 
+/// Adds the first `len` particles of a block.
 #[inline(always)]
-fn add_block(axis: &Axis, xyz: &[[f32; 3]], part: &mut [[f32; 4]; SLICES]) {
-    let mut slice = [0u32; BLOCK];
+fn add_block(axis: &Axis, xyz: &[[f32; 3]; BLOCK], len: usize, part: &mut [[f32; 4]; SLICES]) {
+    let mut slice = [0u8; BLOCK];
     let mut sums = [[0f32; 4]; BLOCK];
-    for (l, &p) in xyz.iter().enumerate().take(BLOCK) {
-        let d: [f32; 3] = std::array::from_fn(|k| (p[k] - axis.reference[k]) * axis.per_unit);
-        let t = axis.place(p);
+    let unit = axis.per_unit * axis.per_unit;
+    for l in 0..BLOCK {
+        let [x, y, z]: [f32; 3] = std::array::from_fn(|k| xyz[l][k] - axis.reference[k]);
+        let t = axis.place(xyz[l]);
         let along = t - axis.offset;
-        let across = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - along * along).max(0.0);
-        slice[l] = (t.max(0.0) as i32).min(SLICES as i32 - 1) as u32;
+        let across = (x * x + y * y + z * z) * unit - along * along;
+        slice[l] = t.max(0.0).min(SLICES as f32 - 1.0) as i32 as u8;
         sums[l] = [1.0, along, along * along, across];
     }
-    for l in 0..xyz.len().min(BLOCK) {
-        let to = &mut part[slice[l] as usize % SLICES];
+    for l in 0..len {
+        let to = &mut part[usize::from(slice[l]) % SLICES];
         for k in 0..4 {
             to[k] += sums[l][k];
         }

@@ -1,6 +1,7 @@
 //! Count, mass, mean and covariance of a run of particles.
 
 use crate::math::{Sym3, simd_level};
+use fearless_simd::{Simd, SimdBase, f32x8};
 use rayon::prelude::*;
 
 /// Moments of a set of particles, store units. The geometry counts particles; mass is a sum.
@@ -17,8 +18,9 @@ pub struct Moments {
 }
 
 /// Particles whose sums are kept in f32; sums of blocks are f64.
-const BLOCK: usize = 256;
-const LANES: usize = 8;
+const BLOCK: usize = 128;
+/// Numbers in eight particles.
+const ROW: usize = 24;
 /// Particles in one parallel step of a long run.
 const STEP: usize = 1 << 18;
 
@@ -88,52 +90,58 @@ impl Moments {
 }
 
 fn sums(xyz: &[[f32; 3]], reference: [f32; 3]) -> [f64; 9] {
-    fearless_simd::dispatch!(simd_level(), _simd => sums_kernel(xyz, reference))
+    fearless_simd::dispatch!(simd_level(), simd => sums_kernel(simd, xyz, reference))
 }
 
+/// Works on the flat run x, y, z, x, ...: a difference times itself, the next and the one after
+/// give xx, yy, zz; xy, yz; xz in their places (other places hold nothing of use), without shuffles.
 #[inline(always)]
-fn sums_kernel(xyz: &[[f32; 3]], reference: [f32; 3]) -> [f64; 9] {
+fn sums_kernel<S: Simd>(simd: S, xyz: &[[f32; 3]], reference: [f32; 3]) -> [f64; 9] {
+    let pattern: [f32; ROW] = std::array::from_fn(|l| reference[l % 3]);
     let mut total = [0f64; 9];
+    // The reference itself adds nothing to any sum: it fills the last block, and two zeros follow.
+    let mut rest = [reference; BLOCK];
+    let mut diff = [0f32; 3 * BLOCK + 2];
     for block in xyz.chunks(BLOCK) {
-        let mut acc = [[0f32; LANES]; 9];
-        let mut eights = block.chunks_exact(LANES);
-        for eight in &mut eights {
-            add_eight(&mut acc, eight.try_into().expect("eight"), reference);
+        let full: &[[f32; 3]; BLOCK] = block.try_into().unwrap_or_else(|_| {
+            rest[..block.len()].copy_from_slice(block);
+            &rest
+        });
+        let rows = block.len().div_ceil(ROW / 3);
+        let flat = full.as_flattened();
+        for row in 0..rows {
+            let (from, to) = (&flat[row * ROW..][..ROW], &mut diff[row * ROW..][..ROW]);
+            for l in 0..ROW {
+                to[l] = from[l] - pattern[l];
+            }
         }
-        let rest = eights.remainder();
-        if !rest.is_empty() {
-            // The reference itself adds nothing to any sum.
-            let mut eight = [reference; LANES];
-            eight[..rest.len()].copy_from_slice(rest);
-            add_eight(&mut acc, &eight, reference);
+        diff[rows * ROW..rows * ROW + 2].fill(0.0);
+        let mut a = [[f32x8::splat(simd, 0.0); 3]; 4];
+        for row in 0..rows {
+            let d = &diff[row * ROW..][..ROW + 2];
+            for v in 0..3 {
+                let [one, next, after] = [0, 1, 2].map(|k| f32x8::from_slice(simd, &d[8 * v + k..][..8]));
+                a[0][v] += one;
+                a[1][v] += one * one;
+                a[2][v] += one * next;
+                a[3][v] += one * after;
+            }
         }
-        for k in 0..9 {
-            let a = &acc[k];
-            total[k] += f64::from(((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7])));
+        let mut acc = [[0f32; ROW]; 4];
+        for (row, sums) in acc.iter_mut().zip(&a) {
+            for v in 0..3 {
+                sums[v].store_slice(&mut row[8 * v..][..8]);
+            }
+        }
+        // Sum k is found in row `of` at lanes `at`, `at + 3`, ...
+        const PLACES: [(usize, usize); 9] = [(0, 0), (0, 1), (0, 2), (1, 0), (2, 0), (3, 0), (1, 1), (2, 1), (1, 2)];
+        for (k, (of, at)) in PLACES.into_iter().enumerate() {
+            let lane = |l: usize| acc[of][at + 3 * l];
+            let sum = ((lane(0) + lane(4)) + (lane(2) + lane(6))) + ((lane(1) + lane(5)) + (lane(3) + lane(7)));
+            total[k] += f64::from(sum);
         }
     }
     total
-}
-
-#[inline(always)]
-fn add_eight(acc: &mut [[f32; LANES]; 9], p: &[[f32; 3]; LANES], reference: [f32; 3]) {
-    let [mut x, mut y, mut z] = [[0f32; LANES]; 3];
-    for l in 0..LANES {
-        x[l] = p[l][0] - reference[0];
-        y[l] = p[l][1] - reference[1];
-        z[l] = p[l][2] - reference[2];
-    }
-    for l in 0..LANES {
-        acc[0][l] += x[l];
-        acc[1][l] += y[l];
-        acc[2][l] += z[l];
-        acc[3][l] += x[l] * x[l];
-        acc[4][l] += x[l] * y[l];
-        acc[5][l] += x[l] * z[l];
-        acc[6][l] += y[l] * y[l];
-        acc[7][l] += y[l] * z[l];
-        acc[8][l] += z[l] * z[l];
-    }
 }
 
 #[cfg(test)]
