@@ -26,9 +26,8 @@ fn check(p: &Particles, part: &Partition) {
     let mut before: Vec<_> =
         (0..p.len()).map(|i| key(p.position(i), p.weights.as_ref().map_or(1.0, |w| w[i]))).collect();
     let store = &part.store;
-    let mut after: Vec<_> = (0..store.len())
-        .map(|i| key(store.to_world(store.xyz[i].map(f64::from)), weight(&store.weight, i)))
-        .collect();
+    let mut after: Vec<_> =
+        (0..store.len()).map(|i| key(store.to_world(store.xyz[i].map(f64::from)), weight(&store.weight, i))).collect();
     before.sort_unstable();
     after.sort_unstable();
     assert!(before == after, "the store is a permutation");
@@ -135,7 +134,7 @@ fn nonsense_is_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..Default::default() })]
     #[test]
     fn any_cloud_is_kept(seed in 0u64..1000, n in 1u64..800, gaussians in 1usize..900, power in -30i32..30) {
         let p = cloud(seed, n, 10f32.powi(power), [false; 3]);

@@ -16,6 +16,7 @@ mod moments;
 mod partition;
 mod refine;
 mod split_merge;
+mod select;
 mod store;
 
 pub use effort::{Effort, FitOptions, fit};
