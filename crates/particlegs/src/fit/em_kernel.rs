@@ -91,8 +91,15 @@ fn kernel<S: Simd>(
             let stop = end.min(start + BATCH * LANES);
             let owner = if owner.is_empty() { &mut [] } else { &mut owner[start..stop] };
             let batch = Batch::new(&points[start..stop], weight.map(|w| &w[start..stop]), centre);
-            let invert =
-                responsibilities(simd, &batch, candidates, &mut scratch.share[..k], owner, likelihood, &mut log_likelihood);
+            let invert = responsibilities(
+                simd,
+                &batch,
+                candidates,
+                &mut scratch.share[..k],
+                owner,
+                likelihood,
+                &mut log_likelihood,
+            );
             add_moments(simd, &batch, &invert, candidates, &scratch.share[..k], &mut scratch.sums[..k]);
         }
         for (c, lanes) in scratch.sums.iter().enumerate() {
@@ -186,7 +193,7 @@ fn responsibilities<S: Simd>(
         let mut norm = f32x16::splat(simd, 0.0);
         for s in share.iter_mut() {
             let p = exp2_negative(simd, f32x16::load_array_ref(simd, &s[v].0) - best);
-            norm = norm + p;
+            norm += p;
             p.store_slice(&mut s[v].0);
         }
         (f32x16::load_array_ref(simd, &batch.present[v].0) / norm).store_slice(&mut invert[v].0);
@@ -219,7 +226,7 @@ fn add_moments<S: Simd>(
             let mass = f32x16::load_array_ref(simd, &batch.mass[v].0);
             let add = [r, r * mass, w, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z];
             for q in 0..SUMS {
-                total[q] = total[q] + add[q];
+                total[q] += add[q];
             }
         }
         for q in 0..SUMS {
@@ -264,7 +271,7 @@ fn exp2_negative<S: Simd>(simd: S, t: f32x16<S>) -> f32x16<S> {
     let p = p * f + 9.618_129e-3;
     let p = p * f + 5.550_411e-2;
     let p = p * f + 0.240_226_5;
-    let p = p * f + 0.693_147_2;
+    let p = p * f + std::f32::consts::LN_2;
     let p = p * f + 1.0;
     let bits: u32x16<S> = p.to_bits() + (shifted.to_bits() << 23);
     f32x16::from_bits(bits)

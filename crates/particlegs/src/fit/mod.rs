@@ -15,8 +15,8 @@ mod gain;
 mod moments;
 mod partition;
 mod refine;
-mod split_merge;
 mod select;
+mod split_merge;
 mod store;
 
 pub use effort::{Effort, FitOptions, fit};

@@ -48,12 +48,7 @@ const FOCUS: f64 = 1.0;
 ///
 /// # Errors
 /// [`Error::Argument`] for a radius that is not positive; [`Error::Cancelled`].
-pub fn refine(
-    partition: &Partition,
-    radius: f64,
-    options: &RefineOptions,
-    progress: &dyn Progress,
-) -> Result<Mixture> {
+pub fn refine(partition: &Partition, radius: f64, options: &RefineOptions, progress: &dyn Progress) -> Result<Mixture> {
     if !(radius > 0.0 && radius.is_finite() && options.sample > 0.0) {
         return Err(Error::argument(format!("radius {radius} and sample {} must be positive", options.sample)));
     }
