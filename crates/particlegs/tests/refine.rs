@@ -100,7 +100,11 @@ fn degenerate_snapshots_are_fitted() {
         Particles::from_columns(flat.clone(), flat.clone(), flat.clone()),
         Particles::from_columns(line.clone(), flat.clone(), flat.clone()),
         Particles::from_columns(line.clone(), bent.clone(), flat.clone()),
-        Particles::from_columns(line.iter().map(|v| v * 1e-32).collect(), bent.iter().map(|v| v * 1e-32).collect(), flat),
+        Particles::from_columns(
+            line.iter().map(|v| v * 1e-32).collect(),
+            bent.iter().map(|v| v * 1e-32).collect(),
+            flat,
+        ),
         Particles::from_columns(line.iter().map(|v| v * 1e30).collect(), bent.iter().map(|v| v * 1e30).collect(), line),
     ];
     for p in &cases {

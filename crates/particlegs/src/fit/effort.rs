@@ -50,8 +50,8 @@ impl Effort {
         // Most rounds, particle visits by rounds (about 1 CPU-second a million), particles a Gaussian.
         let (most, visits, sample) = match self {
             Effort::Fast => return None,
-            Effort::Default => (12.0, 800e6, 333.0),
-            Effort::High => (40.0, 3200e6, 1000.0),
+            Effort::Default => (8.0, 800e6, 333.0),
+            Effort::High => (30.0, 3200e6, 1000.0),
         };
         let looked_at = (particles as f64).min(sample * gaussians as f64).max(1.0);
         let rounds = (visits / looked_at).clamp(1.0, most) as usize;

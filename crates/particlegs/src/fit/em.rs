@@ -197,6 +197,7 @@ pub(crate) struct Expectation {
     /// The likeliest Gaussian of each particle, where asked for.
     pub(crate) owner: Vec<u32>,
     /// Sum of natural log likelihoods (up to a constant), where asked for.
+    #[cfg_attr(not(test), expect(dead_code, reason = "tests watch it rise"))]
     pub(crate) likelihood: f64,
 }
 
@@ -400,11 +401,7 @@ fn nonnegative(mut cov: Sym3) -> Sym3 {
 
 /// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's. Returns the
 /// new order's positions and weights.
-pub(crate) fn regroup(
-    cloud: Cloud<'_>,
-    owner: &[u32],
-    gaussians: usize,
-) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
+pub(crate) fn regroup(cloud: Cloud<'_>, owner: &[u32], gaussians: usize) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
     let mut start = vec![0usize; gaussians + 1];
     for &o in owner {
         start[o as usize + 1] += 1;
@@ -475,9 +472,8 @@ mod tests {
     fn a_true_gaussian_keeps_its_shape_under_focus() {
         let mut random = Random::new(1, 6, 0);
         let spread = [0.3, 0.1, 0.02];
-        let xyz: Vec<[f32; 3]> =
-            (0..40_000).map(|_| spread.map(|s: f64| (s * random.normal()) as f32)).collect();
-        let groups = Groups::new(vec![0..xyz.len()], &xyz);
+        let xyz: Vec<[f32; 3]> = (0..40_000).map(|_| spread.map(|s: f64| (s * random.normal()) as f32)).collect();
+        let groups = Groups::new(std::iter::once(0..xyz.len()).collect(), &xyz);
         let mut gaussians = Gaussians::default();
         gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
         let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04 };

@@ -33,11 +33,21 @@ pub(crate) struct Whitened {
     pub(crate) level: f32,
 }
 
+/// One vector in memory, aligned so that no load crosses a cache line.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Lanes([f32; LANES]);
+
+const ZERO: Lanes = Lanes([0.0; LANES]);
+
+/// Vectors whose sums stay in registers.
+const BATCH: usize = 4;
+
 /// Buffers of one thread.
 #[derive(Default)]
 pub(crate) struct Scratch {
-    share: Vec<[f32; LANES]>,
-    sums: Vec<[[f32; LANES]; SUMS]>,
+    share: Vec<[Lanes; BATCH]>,
+    sums: Vec<[Lanes; SUMS]>,
 }
 
 /// The E step of one group: adds each particle's responsibilities for `candidates` into `sums`
@@ -70,27 +80,27 @@ fn kernel<S: Simd>(
     likelihood: bool,
 ) -> f64 {
     let k = candidates.len();
-    scratch.share.resize(k, [0.0; LANES]);
+    scratch.share.resize(k, [ZERO; BATCH]);
     let mut total = vec![[0f64; SUMS]; if points.len() > RUN { k } else { 0 }];
     let mut log_likelihood = 0.0;
     for first in (0..points.len()).step_by(RUN) {
         let end = points.len().min(first + RUN);
         scratch.sums.clear();
-        scratch.sums.resize(k, [[0.0; LANES]; SUMS]);
-        for start in (first..end).step_by(LANES) {
-            let stop = end.min(start + LANES);
+        scratch.sums.resize(k, [ZERO; SUMS]);
+        for start in (first..end).step_by(BATCH * LANES) {
+            let stop = end.min(start + BATCH * LANES);
             let owner = if owner.is_empty() { &mut [] } else { &mut owner[start..stop] };
-            log_likelihood += vector_of_particles(
+            let batch = Batch::new(&points[start..stop], weight.map(|w| &w[start..stop]), centre);
+            let invert = responsibilities(
                 simd,
-                &points[start..stop],
-                weight.map(|w| &w[start..stop]),
-                centre,
+                &batch,
                 candidates,
                 &mut scratch.share[..k],
-                &mut scratch.sums[..k],
                 owner,
                 likelihood,
+                &mut log_likelihood,
             );
+            add_moments(simd, &batch, &invert, candidates, &scratch.share[..k], &mut scratch.sums[..k]);
         }
         for (c, lanes) in scratch.sums.iter().enumerate() {
             let part: Sums = std::array::from_fn(|q| across(&lanes[q]));
@@ -111,77 +121,118 @@ fn kernel<S: Simd>(
 
 /// Sum over lanes, halves onto halves.
 #[inline(always)]
-fn across(lanes: &[f32; LANES]) -> f32 {
-    let mut a = *lanes;
-    let mut half = LANES / 2;
-    while half > 0 {
-        for i in 0..half {
-            a[i] += a[i + half];
-        }
-        half /= 2;
-    }
-    a[0]
+fn across(lanes: &Lanes) -> f32 {
+    let l = &lanes.0;
+    let a: [f32; 8] = std::array::from_fn(|i| l[i] + l[i + 8]);
+    let b: [f32; 4] = std::array::from_fn(|i| a[i] + a[i + 4]);
+    (b[0] + b[2]) + (b[1] + b[3])
 }
 
+/// Particles side by side; places beyond `n` are empty.
+struct Batch {
+    n: usize,
+    position: [[Lanes; 3]; BATCH],
+    present: [Lanes; BATCH],
+    mass: [Lanes; BATCH],
+}
+
+impl Batch {
+    #[inline(always)]
+    fn new(points: &[[f32; 3]], weight: Option<&[f32]>, centre: [f32; 3]) -> Self {
+        let mut b =
+            Batch { n: points.len(), position: [[ZERO; 3]; BATCH], present: [ZERO; BATCH], mass: [ZERO; BATCH] };
+        for (i, p) in points.iter().enumerate() {
+            let (v, lane) = (i / LANES, i % LANES);
+            for axis in 0..3 {
+                b.position[v][axis].0[lane] = p[axis] - centre[axis];
+            }
+            b.present[v].0[lane] = 1.0;
+        }
+        for (i, &w) in weight.unwrap_or(&[]).iter().enumerate() {
+            b.mass[i / LANES].0[i % LANES] = w;
+        }
+        b
+    }
+
+    #[inline(always)]
+    fn vectors(&self) -> usize {
+        self.n.div_ceil(LANES)
+    }
+
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, v: usize) -> [f32x16<S>; 3] {
+        std::array::from_fn(|axis| f32x16::load_array_ref(simd, &self.position[v][axis].0))
+    }
+}
+
+/// Densities relative to each particle's largest into `share`; returns what they are to be
+/// multiplied by (0 in empty places).
 #[inline(always)]
-fn vector_of_particles<S: Simd>(
+fn responsibilities<S: Simd>(
     simd: S,
-    points: &[[f32; 3]],
-    weight: Option<&[f32]>,
-    centre: [f32; 3],
+    batch: &Batch,
     candidates: &[Whitened],
-    share: &mut [[f32; LANES]],
-    sums: &mut [[[f32; LANES]; SUMS]],
+    share: &mut [[Lanes; BATCH]],
     owner: &mut [u32],
     likelihood: bool,
-) -> f64 {
-    let n = points.len();
-    let mut position = [[0f32; LANES]; 3];
-    let mut present = [0f32; LANES];
-    let mut mass = [0f32; LANES];
-    for (i, p) in points.iter().enumerate() {
-        for axis in 0..3 {
-            position[axis][i] = p[axis] - centre[axis];
+    log_likelihood: &mut f64,
+) -> [Lanes; BATCH] {
+    let mut invert = [ZERO; BATCH];
+    for v in 0..batch.vectors() {
+        let [x, y, z] = batch.at(simd, v);
+        let mut best = f32x16::splat(simd, f32::MIN);
+        for (c, out) in candidates.iter().zip(share.iter_mut()) {
+            let log = f32x16::splat(simd, c.level) - squared(&c.rows, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
+            best = best.max(log);
+            log.store_slice(&mut out[v].0);
         }
-        present[i] = 1.0;
-        mass[i] = weight.map_or(0.0, |w| w[i]);
+        let here = v * LANES..batch.n.min((v + 1) * LANES);
+        if !owner.is_empty() {
+            name_owners(share, v, &<[f32; LANES]>::from(best), &mut owner[here.clone()]);
+        }
+        let mut norm = f32x16::splat(simd, 0.0);
+        for s in share.iter_mut() {
+            let p = exp2_negative(simd, f32x16::load_array_ref(simd, &s[v].0) - best);
+            norm += p;
+            p.store_slice(&mut s[v].0);
+        }
+        (f32x16::load_array_ref(simd, &batch.present[v].0) / norm).store_slice(&mut invert[v].0);
+        if likelihood {
+            let (best, norm) = (<[f32; LANES]>::from(best), <[f32; LANES]>::from(norm));
+            *log_likelihood += (0..here.len()).map(|i| f64::from(best[i]) + f64::from(norm[i]).log2()).sum::<f64>();
+        }
     }
-    let [x, y, z] = position.map(|p| f32x16::load_array(simd, p));
+    invert
+}
 
-    let mut best = f32x16::splat(simd, f32::MIN);
-    for (c, out) in candidates.iter().zip(share.iter_mut()) {
-        let log = f32x16::splat(simd, c.level) - squared(&c.rows, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
-        best = best.max(log);
-        log.store_slice(out);
-    }
-    if !owner.is_empty() {
-        name_owners(share, &<[f32; LANES]>::from(best), owner);
-    }
-    let mut norm = f32x16::splat(simd, 0.0);
-    for s in share.iter_mut() {
-        let p = exp2_negative(simd, f32x16::load_array_ref(simd, s) - best);
-        norm = norm + p;
-        p.store_slice(s);
-    }
-    let invert = f32x16::load_array(simd, present) / norm;
-    let mass = f32x16::load_array(simd, mass);
-    let products = [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z];
+/// Adds the batch's responsibilities and focused moments to each candidate's sums.
+#[inline(always)]
+fn add_moments<S: Simd>(
+    simd: S,
+    batch: &Batch,
+    invert: &[Lanes; BATCH],
+    candidates: &[Whitened],
+    share: &[[Lanes; BATCH]],
+    sums: &mut [[Lanes; SUMS]],
+) {
     for ((s, sum), c) in share.iter().zip(sums.iter_mut()).zip(candidates) {
-        let r = f32x16::load_array_ref(simd, s) * invert;
-        let far = squared(&c.focus, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
-        let w = r * exp2_negative(simd, -far);
-        (f32x16::load_array_ref(simd, &sum[0]) + r).store_slice(&mut sum[0]);
-        (f32x16::load_array_ref(simd, &sum[1]) + r * mass).store_slice(&mut sum[1]);
-        (f32x16::load_array_ref(simd, &sum[2]) + w).store_slice(&mut sum[2]);
-        for q in 0..9 {
-            (f32x16::load_array_ref(simd, &sum[q + 3]) + w * products[q]).store_slice(&mut sum[q + 3]);
+        let mut total: [f32x16<S>; SUMS] = std::array::from_fn(|_| f32x16::splat(simd, 0.0));
+        for v in 0..batch.vectors() {
+            let [x, y, z] = batch.at(simd, v);
+            let r = f32x16::load_array_ref(simd, &s[v].0) * f32x16::load_array_ref(simd, &invert[v].0);
+            let far = squared(&c.focus, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
+            let w = r * exp2_negative(simd, -far);
+            let (wx, wy, wz) = (w * x, w * y, w * z);
+            let mass = f32x16::load_array_ref(simd, &batch.mass[v].0);
+            let add = [r, r * mass, w, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z];
+            for q in 0..SUMS {
+                total[q] += add[q];
+            }
+        }
+        for q in 0..SUMS {
+            (f32x16::load_array_ref(simd, &sum[q].0) + total[q]).store_slice(&mut sum[q].0);
         }
     }
-    if !likelihood {
-        return 0.0;
-    }
-    let (best, norm) = (<[f32; LANES]>::from(best), <[f32; LANES]>::from(norm));
-    (0..n).map(|i| f64::from(best[i]) + f64::from(norm[i]).log2()).sum()
 }
 
 /// |rows d|^2 with the lower triangle `rows`.
@@ -195,11 +246,11 @@ fn squared<S: Simd>(rows: &[f32; 6], [dx, dy, dz]: [f32x16<S>; 3]) -> f32x16<S> 
 
 /// The first candidate whose logarithm is the largest.
 #[inline(always)]
-fn name_owners(logs: &[[f32; LANES]], best: &[f32; LANES], owner: &mut [u32]) {
+fn name_owners(logs: &[[Lanes; BATCH]], v: usize, best: &[f32; LANES], owner: &mut [u32]) {
     let mut names = [u32::MAX; LANES];
     for (c, log) in logs.iter().enumerate() {
         for i in 0..LANES {
-            names[i] = names[i].min(if log[i] == best[i] { c as u32 } else { u32::MAX });
+            names[i] = names[i].min(if log[v].0[i] == best[i] { c as u32 } else { u32::MAX });
         }
     }
     for (o, n) in owner.iter_mut().zip(names) {
@@ -220,7 +271,7 @@ fn exp2_negative<S: Simd>(simd: S, t: f32x16<S>) -> f32x16<S> {
     let p = p * f + 9.618_129e-3;
     let p = p * f + 5.550_411e-2;
     let p = p * f + 0.240_226_5;
-    let p = p * f + 0.693_147_2;
+    let p = p * f + std::f32::consts::LN_2;
     let p = p * f + 1.0;
     let bits: u32x16<S> = p.to_bits() + (shifted.to_bits() << 23);
     f32x16::from_bits(bits)

@@ -16,8 +16,8 @@ mod memory;
 mod moments;
 mod partition;
 mod refine;
-mod split_merge;
 mod select;
+mod split_merge;
 mod store;
 
 pub use effort::{Effort, FitOptions, fit};

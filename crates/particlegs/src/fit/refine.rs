@@ -36,11 +36,11 @@ const BLOCK_GAUSSIANS: usize = 1 << 16;
 /// In particle radii: the E step's floor, the focus's blur and the blur of split and merge. Found on
 /// N-body data at 50 to 2000 particles a Gaussian; the last trades large drawing radii (larger)
 /// against small ones.
-const FLOOR_RADII: f64 = 0.3;
-const FOCUS_BLUR_RADII: f64 = 4.0;
+const FLOOR_RADII: f64 = 0.6;
+const FOCUS_BLUR_RADII: f64 = 5.0;
 const MOVE_BLUR_RADII: f64 = 6.0;
-/// See [`Shape::focus`]: 0 to 0.8 gains 0.35 dB (masked, ParaView's look), 1.5 loses large radii.
-const FOCUS: f64 = 0.8;
+/// See [`Shape::focus`]: from 0 to 1 gains 0.35 dB (masked, ParaView's look); more loses large radii.
+const FOCUS: f64 = 1.0;
 
 /// Refines a partition for pictures drawn with `radius` (world units). The same bits for any number
 /// of threads. At most as many Gaussians come back as the partition has cells; their counts sum to
@@ -48,12 +48,7 @@ const FOCUS: f64 = 0.8;
 ///
 /// # Errors
 /// [`Error::Argument`] for a radius that is not positive; [`Error::Cancelled`].
-pub fn refine(
-    partition: &Partition,
-    radius: f64,
-    options: &RefineOptions,
-    progress: &dyn Progress,
-) -> Result<Mixture> {
+pub fn refine(partition: &Partition, radius: f64, options: &RefineOptions, progress: &dyn Progress) -> Result<Mixture> {
     if !(radius > 0.0 && radius.is_finite() && options.sample > 0.0) {
         return Err(Error::argument(format!("radius {radius} and sample {} must be positive", options.sample)));
     }
@@ -134,7 +129,7 @@ impl Refiner<'_> {
     }
 
     fn candidates(&self, groups: &Groups, gaussians: &Gaussians) -> Candidates {
-        Candidates::find(groups, gaussians, Reach { most: 24, reach: 18.0, floor: self.shape().floor })
+        Candidates::find(groups, gaussians, Reach { most: 24, reach: 14.0, floor: self.shape().floor })
     }
 
     /// EM with fixed candidates.

@@ -89,9 +89,8 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
         let d: [f64; 3] = std::array::from_fn(|k| f64::from(p[k]) - mean[k]);
         let t = d[0] * axis[0] + d[1] * axis[1] + d[2] * axis[2];
         let s = &mut sums[usize::from(bin(t) >= best.1)];
-        let products = [
-            1.0, d[0], d[1], d[2], d[0] * d[0], d[0] * d[1], d[0] * d[2], d[1] * d[1], d[1] * d[2], d[2] * d[2],
-        ];
+        let products =
+            [1.0, d[0], d[1], d[2], d[0] * d[0], d[0] * d[1], d[0] * d[2], d[1] * d[1], d[1] * d[2], d[2] * d[2]];
         for k in 0..10 {
             s[k] += products[k];
         }
