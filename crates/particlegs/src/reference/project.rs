@@ -13,7 +13,7 @@ pub(super) const BLOCK: usize = 256;
 const FRUSTUM_MARGIN: f32 = 1.3;
 
 /// Off-diagonal covariances up to this are ignored: the splat stays axis-aligned.
-const DIAGONAL_LIMIT: f32 = 1e-6;
+pub(super) const DIAGONAL_LIMIT: f32 = 1e-6;
 
 /// A splat in normalised device coordinates (x right, y up, the picture is [-1, 1]^2).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
