@@ -62,7 +62,7 @@ pub(super) fn optical_depth(
                 progress.check()?;
                 for (small, chunk) in &sorted {
                     depositor.add_small(small.band(band), &mut rows);
-                    depositor.add(chunk.band(band).iter().map(|s| level.to_level(s)), &mut rows, profiles);
+                    depositor.add(chunk.band(band).iter().map(|s| level.place(s)), &mut rows, profiles);
                 }
                 Ok(())
             })
@@ -226,7 +226,7 @@ fn octave(sigma: f32) -> usize {
 impl Level {
     /// A splat of the picture in this plane's pixels.
     #[inline(always)]
-    fn to_level(&self, splat: &PixelSplat) -> PixelSplat {
+    fn place(&self, splat: &PixelSplat) -> PixelSplat {
         if self.shift == 0 { *splat } else { splat.scaled(self.scale) }
     }
 }

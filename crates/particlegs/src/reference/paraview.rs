@@ -97,7 +97,7 @@ impl Scene<'_> {
         let bands = self.bands();
         // Even every particle in two bands fits: no need to look.
         if n * 2 <= budget && self.projector.radius_pixels_at_most(self.size) < BAND_ROWS as f32 / 6.0 {
-            return vec![0..bands];
+            return std::iter::once(0..bands).collect();
         }
         const RUN: usize = 1024;
         let stride = (n / (RUN * 256)).max(1) * RUN;

@@ -151,7 +151,7 @@ fn project_kernel<S: Simd>(_simd: S, p: &Projector, [xs, ys, zs]: [&[f32]; 3], o
         let (cx, cy, cz, cw) = (p.p00 * vx, p.p11 * vy, p.p22 * vz + p.p23, -vz);
         let limit = FRUSTUM_MARGIN * cw;
         let depth = cz / cw;
-        let inside = (cx >= -limit) & (cx <= limit) & (cy >= -limit) & (cy <= limit) & (depth >= -1.0) & (depth <= 1.0);
+        let inside = (cx >= -limit) & (cx <= limit) & (cy >= -limit) & (cy <= limit) & (depth.abs() <= 1.0);
         let iz = 1.0 / vz;
         let (jx, jy) = (p.p00 * iz, p.p11 * iz);
         let iz2 = iz * iz;
