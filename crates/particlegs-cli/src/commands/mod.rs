@@ -7,6 +7,8 @@ use clap::Subcommand;
 use particlegs::Result;
 
 /// The verbs.
+// Parsed once: its size costs nothing.
+#[allow(clippy::large_enum_variant)]
 #[derive(Subcommand)]
 pub enum Command {
     /// Draw pictures of all particles: ParaView's exactly, or noise-free.
