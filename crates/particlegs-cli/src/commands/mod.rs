@@ -14,6 +14,8 @@ use clap::Subcommand;
 use particlegs::Result;
 
 /// The verbs.
+// Parsed once: its size costs nothing.
+#[allow(clippy::large_enum_variant)]
 #[derive(Subcommand)]
 pub enum Command {
     /// Turn a snapshot into a model file.

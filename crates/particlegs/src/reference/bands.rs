@@ -27,6 +27,11 @@ impl<T> Default for Sorter<T> {
 }
 
 impl<T: Copy + Default> Sorter<T> {
+    /// With room for some splats.
+    pub fn with_capacity(n: usize) -> Self {
+        Sorter { splats: Vec::with_capacity(n), reach: Vec::with_capacity(n) }
+    }
+
     /// Adds a splat that reaches bands `first..end`.
     #[inline]
     pub fn push(&mut self, splat: T, first: usize, end: usize) {

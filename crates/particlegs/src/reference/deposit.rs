@@ -39,6 +39,9 @@ const CUT: f32 = CUT_SIGMA as f32;
 /// From this deviation on (pixels) the mean over a pixel is its centre's value and a curvature term.
 const SMOOTH_SIGMA: f32 = 4.0;
 
+/// Splats up to this deviation (pixels) reach two pixels along an axis at most.
+pub(super) const SMALL_SIGMA: f32 = 1.0 / (2.0 * CUT);
+
 /// Below this opacity `-ln(1 - m)` is a short series.
 const SERIES_OPACITY: f32 = 0.1;
 
@@ -89,6 +92,45 @@ impl Depositor {
         let k = t as usize;
         let (a, b) = (self.integral[k], self.integral[k + 1]);
         a + (t - k as f32) * (b - a)
+    }
+
+    /// Adds small aligned splats `[x, y, sigma_x, sigma_y]`: two by two pixels at most.
+    pub fn add_small(&self, splats: &[[f32; 4]], rows: &mut Rows<'_>) {
+        let whole = self.integral[STEPS];
+        let height = (rows.data.len() / rows.width) as i32;
+        // First pixel, its share and the next one's.
+        let split = |center: f32, sigma: f32, first: i32| {
+            let pixel = (center - CUT * sigma).floor();
+            let below = self.integral((pixel + 1.0 - center) / sigma);
+            (pixel as i32 - first, [sigma * below, sigma * (whole - below)])
+        };
+        for &[x, y, sx, sy] in splats {
+            let (column, across) = split(x, sx, rows.corner[0]);
+            let (row, up) = split(y, sy, rows.corner[1]);
+            for (j, up) in up.into_iter().enumerate() {
+                let row = row + j as i32;
+                if up <= 0.0 || row < 0 || row >= height {
+                    continue;
+                }
+                for (i, across) in across.into_iter().enumerate() {
+                    let column = column + i as i32;
+                    if across > 0.0 && column >= 0 && (column as usize) < rows.width {
+                        let t = &mut rows.data[row as usize * rows.width + column as usize];
+                        *t += self.depth(self.opacity * up * across);
+                    }
+                }
+            }
+        }
+    }
+
+    /// `-ln(1 - m)`.
+    #[inline(always)]
+    fn depth(&self, m: f32) -> f32 {
+        if self.opacity <= SERIES_OPACITY {
+            minus_ln_series(m)
+        } else {
+            minus_ln(1.0 - m.min(LARGEST_MEAN_ALPHA as f32))
+        }
     }
 
     /// Adds a run of splats (already in the rows' pixels) to rows.
@@ -294,13 +336,19 @@ fn add_row(row: &mut [f32], profile: &[f32], height: f32, opacity: f32) {
     if opacity <= SERIES_OPACITY {
         for (t, &p) in row.iter_mut().zip(profile) {
             let m = height * p;
-            *t += m * (1.0 + m * (0.5 + m * (1.0 / 3.0 + m * (0.25 + m * 0.2))));
+            *t += minus_ln_series(m);
         }
     } else {
         for (t, &p) in row.iter_mut().zip(profile) {
             *t += minus_ln(1.0 - (height * p).min(LARGEST_MEAN_ALPHA as f32));
         }
     }
+}
+
+/// `-ln(1 - m)` for small m.
+#[inline(always)]
+fn minus_ln_series(m: f32) -> f32 {
+    m * (1.0 + m * (0.5 + m * (1.0 / 3.0 + m * (0.25 + m * 0.2))))
 }
 
 /// `exp(-q/2)` for q >= 0 to about 1e-7.

@@ -5,13 +5,14 @@
 //! interpolated up and added: the cost stays O(particles + pixels x levels).
 
 use super::bands::{Sorted, Sorter};
-use super::deposit::{Depositor, PixelSplat, Profiles};
-use super::project::{BLOCK, Block, Projector};
+use super::deposit::{Depositor, PixelSplat, Profiles, SMALL_SIGMA};
+use super::project::{BLOCK, Block, DIAGONAL_LIMIT, Projector};
 use super::pyramid::{Level, Pyramid};
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
 use crate::{Error, Result};
+use fearless_simd::{Simd, dispatch};
 use rayon::prelude::*;
 
 /// Chunks of particles whose splats are held at a time.
@@ -59,8 +60,9 @@ pub(super) fn optical_depth(
             .into_par_iter()
             .map_init(Profiles::default, |profiles, (band, level, mut rows)| {
                 progress.check()?;
-                for chunk in &sorted {
-                    depositor.add(chunk.band(band).iter().map(|s| level.to_level(s)), &mut rows, profiles);
+                for (small, chunk) in &sorted {
+                    depositor.add_small(small.band(band), &mut rows);
+                    depositor.add(chunk.band(band).iter().map(|s| level.place(s)), &mut rows, profiles);
                 }
                 Ok(())
             })
@@ -110,7 +112,7 @@ impl<'a> Job<'a> {
         for start in (0..n).step_by(stride) {
             let chunk = self.particles.chunk(start..n.min(start + RUN), &mut buffer);
             sampled += chunk.len();
-            self.for_splats(chunk, |splat| {
+            self.for_splats(chunk, |splat, _| {
                 let [sx, sy] = splat.sigma();
                 cover[octave(sx.min(sy))] += (36.0 * f64::from(sx) * f64::from(sy)).min(self.size.pixels() as f64);
             });
@@ -118,49 +120,100 @@ impl<'a> Job<'a> {
         cover.map(|c| c * n as f64 / sampled.max(1) as f64)
     }
 
-    /// The splats of some chunks by chunk and band.
-    fn sorted(&self, chunks: std::ops::Range<usize>, pyramid: &Pyramid) -> Result<Vec<Sorted<PixelSplat>>> {
+    /// The splats of some chunks by chunk and band, small ones apart.
+    fn sorted(&self, chunks: std::ops::Range<usize>, pyramid: &Pyramid) -> Result<Vec<ByBand>> {
         let n = self.particles.len();
         let parts: Vec<Result<_>> = chunks
             .into_par_iter()
             .map_init(Default::default, |buffer, c| {
                 self.progress.check()?;
                 let chunk = self.particles.chunk(c * CHUNK..n.min((c + 1) * CHUNK), buffer);
-                let mut sorter = Sorter::default();
-                self.for_splats(chunk, |splat| {
+                let (mut small, mut others) = (Sorter::with_capacity(chunk.len()), Sorter::default());
+                self.for_splats(chunk, |splat, is_small| {
                     let [sx, sy] = splat.sigma();
-                    let level = usize::from(self.level[octave(sx.min(sy))]);
-                    let [first, end] = pyramid.bands_of(level, splat);
-                    sorter.push(*splat, first, end);
+                    if is_small {
+                        let [first, end] = pyramid.bands_of(0, splat.y, 3.0 * sy);
+                        small.push([splat.x, splat.y, sx, sy], first, end);
+                    } else {
+                        let level = usize::from(self.level[octave(sx.min(sy))]);
+                        let [first, end] = pyramid.bands_of(level, splat.y, splat.reach()[1]);
+                        others.push(*splat, first, end);
+                    }
                 });
-                Ok::<_, Error>(sorter.sort(pyramid.bands()))
+                Ok::<_, Error>((small.sort(pyramid.bands()), others.sort(pyramid.bands())))
             })
             .collect();
         parts.into_iter().collect()
     }
 
-    /// Projects a chunk and calls `work` with every splat that reaches into the picture.
-    fn for_splats(&self, chunk: Chunk<'_>, mut work: impl FnMut(&PixelSplat)) {
+    /// Projects a chunk and calls `work` with every splat that reaches into the picture, and
+    /// whether it is a small aligned one.
+    fn for_splats(&self, chunk: Chunk<'_>, mut work: impl FnMut(&PixelSplat, bool)) {
         let (w, h) = (self.size.width as f32, self.size.height as f32);
-        let mut block = Box::new(Block::default());
+        let (mut block, mut screen) = (Box::new(Block::default()), Box::new(Screen::default()));
         for start in (0..chunk.len()).step_by(BLOCK) {
             let end = chunk.len().min(start + BLOCK);
             self.projector.project(chunk.position.map(|c| &c[start..end]), &mut block);
+            dispatch!(crate::math::simd_level(), simd => screen_kernel(simd, &block, [w, h], &mut screen));
             for i in 0..end - start {
-                let Some(s) = block.splat(i) else { continue };
-                let [a, b, c, d] = s.axes;
-                let splat = PixelSplat {
-                    x: (s.x + 1.0) * 0.5 * w,
-                    y: (s.y + 1.0) * 0.5 * h,
-                    axes: [a * 0.5 * w, b * 0.5 * w, c * 0.5 * h, d * 0.5 * h],
-                };
-                let [rx, ry] = splat.reach();
-                let inside = splat.x + rx > 0.0 && splat.x - rx < w && splat.y + ry > 0.0 && splat.y - ry < h;
-                if inside && rx > 0.0 && ry > 0.0 && rx.is_finite() && ry.is_finite() {
-                    work(&splat);
+                match screen.kind[i] {
+                    OUTSIDE => {}
+                    SMALL => {
+                        let axes = [screen.sigma_x[i], 0.0, 0.0, screen.sigma_y[i]];
+                        work(&PixelSplat { x: screen.x[i], y: screen.y[i], axes }, true);
+                    }
+                    _ => {
+                        let Some(s) = block.splat(i) else { continue };
+                        let [a, b, c, d] = s.axes;
+                        let axes = [a * 0.5 * w, b * 0.5 * w, c * 0.5 * h, d * 0.5 * h];
+                        let splat = PixelSplat { x: screen.x[i], y: screen.y[i], axes };
+                        let [rx, ry] = splat.reach();
+                        let inside = splat.x + rx > 0.0 && splat.x - rx < w && splat.y + ry > 0.0 && splat.y - ry < h;
+                        if inside && rx > 0.0 && ry > 0.0 && rx.is_finite() && ry.is_finite() {
+                            work(&splat, false);
+                        }
+                    }
                 }
             }
         }
+    }
+}
+
+/// A chunk's splats by band: small ones `[x, y, sigma_x, sigma_y]`, and all others.
+type ByBand = (Sorted<[f32; 4]>, Sorted<PixelSplat>);
+
+const OUTSIDE: u8 = 0;
+const SMALL: u8 = 1;
+const OTHER: u8 = 2;
+
+/// A block in pixels, rows upward.
+struct Screen {
+    x: [f32; BLOCK],
+    y: [f32; BLOCK],
+    sigma_x: [f32; BLOCK],
+    sigma_y: [f32; BLOCK],
+    kind: [u8; BLOCK],
+}
+
+impl Default for Screen {
+    fn default() -> Self {
+        let zero = [0.0; BLOCK];
+        Screen { x: zero, y: zero, sigma_x: zero, sigma_y: zero, kind: [OUTSIDE; BLOCK] }
+    }
+}
+
+#[inline(always)]
+fn screen_kernel<S: Simd>(_simd: S, block: &Block, [w, h]: [f32; 2], out: &mut Screen) {
+    for i in 0..BLOCK {
+        let (x, y) = ((block.x[i] + 1.0) * 0.5 * w, (block.y[i] + 1.0) * 0.5 * h);
+        let (sx, sy) = (block.c00[i].sqrt() * 0.5 * w, block.c11[i].sqrt() * 0.5 * h);
+        (out.x[i], out.y[i], out.sigma_x[i], out.sigma_y[i]) = (x, y, sx, sy);
+        let aligned = block.c01[i].abs() <= DIAGONAL_LIMIT;
+        // Half a pixel is all that a small splat reaches.
+        let near = (x > -0.5) & (x < w + 0.5) & (y > -0.5) & (y < h + 0.5);
+        let small = aligned & (sx <= SMALL_SIGMA) & (sy <= SMALL_SIGMA) & (sx > 0.0) & (sy > 0.0);
+        let kind = if small { if near { SMALL } else { OUTSIDE } } else { OTHER };
+        out.kind[i] = if block.c00[i] >= 0.0 { kind } else { OUTSIDE };
     }
 }
 
@@ -173,7 +226,7 @@ fn octave(sigma: f32) -> usize {
 impl Level {
     /// A splat of the picture in this plane's pixels.
     #[inline(always)]
-    fn to_level(&self, splat: &PixelSplat) -> PixelSplat {
-        if self.shift == 0 { *splat } else { splat.scaled(0.5f32.powi(self.shift as i32)) }
+    fn place(&self, splat: &PixelSplat) -> PixelSplat {
+        if self.shift == 0 { *splat } else { splat.scaled(self.scale) }
     }
 }

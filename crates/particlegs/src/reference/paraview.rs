@@ -3,7 +3,7 @@
 
 use super::bands::{Sorted, Sorter};
 use super::blend::blend;
-use super::project::{BLOCK, Block, Projector, Splat};
+use super::project::{BLOCK, Block, DIAGONAL_LIMIT, Projector, Splat};
 use super::quad::{Quad, first_pixel, snap};
 use crate::particles::{Chunk, Particles};
 use crate::picture::{Gray8, Size};
@@ -97,7 +97,7 @@ impl Scene<'_> {
         let bands = self.bands();
         // Even every particle in two bands fits: no need to look.
         if n * 2 <= budget && self.projector.radius_pixels_at_most(self.size) < BAND_ROWS as f32 / 6.0 {
-            return vec![0..bands];
+            return std::iter::once(0..bands).collect();
         }
         const RUN: usize = 1024;
         let stride = (n / (RUN * 256)).max(1) * RUN;
@@ -279,14 +279,14 @@ fn touch_kernel<S: Simd>(_simd: S, block: &Block, size: Size, keep: &mut [u8; BL
     let (w, h) = (size.width as i32, size.height as i32);
     for i in 0..BLOCK {
         // Rotated quads reach exactly as far as aligned ones along each axis, up to sqrt 2.
-        let more = if block.c01[i].abs() > 1e-6 { 1.5 * CUT } else { CUT };
+        let more = if block.c01[i].abs() > DIAGONAL_LIMIT { 1.5 * CUT } else { CUT };
         let (ex, ey) = (block.c00[i].sqrt() * more, block.c11[i].sqrt() * more);
         let (x, y) = (block.x[i], block.y[i]);
         let left = first_pixel(snap((x - ex) * sx + sx)).max(0);
         let right = first_pixel(snap((x + ex) * sx + sx)).min(w);
         let bottom = first_pixel(snap((y - ey) * sy + sy)).max(0);
         let top = first_pixel(snap((y + ey) * sy + sy)).min(h);
-        let rotated = block.c01[i].abs() > 1e-6;
+        let rotated = block.c01[i].abs() > DIAGONAL_LIMIT;
         keep[i] = u8::from(((left < right) & (bottom < top)) | rotated);
     }
 }

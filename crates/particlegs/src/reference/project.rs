@@ -13,7 +13,7 @@ pub(super) const BLOCK: usize = 256;
 const FRUSTUM_MARGIN: f32 = 1.3;
 
 /// Off-diagonal covariances up to this are ignored: the splat stays axis-aligned.
-const DIAGONAL_LIMIT: f32 = 1e-6;
+pub(super) const DIAGONAL_LIMIT: f32 = 1e-6;
 
 /// A splat in normalised device coordinates (x right, y up, the picture is [-1, 1]^2).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -151,7 +151,7 @@ fn project_kernel<S: Simd>(_simd: S, p: &Projector, [xs, ys, zs]: [&[f32]; 3], o
         let (cx, cy, cz, cw) = (p.p00 * vx, p.p11 * vy, p.p22 * vz + p.p23, -vz);
         let limit = FRUSTUM_MARGIN * cw;
         let depth = cz / cw;
-        let inside = (cx >= -limit) & (cx <= limit) & (cy >= -limit) & (cy <= limit) & (depth >= -1.0) & (depth <= 1.0);
+        let inside = (cx >= -limit) & (cx <= limit) & (cy >= -limit) & (cy <= limit) & (depth.abs() <= 1.0);
         let iz = 1.0 / vz;
         let (jx, jy) = (p.p00 * iz, p.p11 * iz);
         let iz2 = iz * iz;

@@ -1,6 +1,6 @@
 //! A plane and coarser ones above it, each of half the resolution, cut into bands of rows.
 
-use super::deposit::{PixelSplat, Rows};
+use super::deposit::Rows;
 use crate::picture::{Plane, Size};
 use rayon::prelude::*;
 
@@ -17,6 +17,8 @@ const TAPS: [f32; 4] = [-5.0 / 128.0, 35.0 / 128.0, 105.0 / 128.0, -7.0 / 128.0]
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Level {
     pub shift: u32,
+    /// `2^-shift`.
+    pub scale: f32,
     width: usize,
     height: usize,
     pad: usize,
@@ -44,7 +46,14 @@ impl Pyramid {
         for shift in 0..=deepest as u32 {
             let pad = if shift == 0 { 0 } else { PAD };
             let side = |n: usize| n.div_ceil(1 << shift) + 2 * pad;
-            let level = Level { shift, width: side(size.width), height: side(size.height), pad, first_band };
+            let level = Level {
+                shift,
+                scale: 0.5f32.powi(shift as i32),
+                width: side(size.width),
+                height: side(size.height),
+                pad,
+                first_band,
+            };
             first_band += level.bands();
             levels.push(level);
         }
@@ -57,15 +66,13 @@ impl Pyramid {
         self.levels.iter().map(Level::bands).sum()
     }
 
-    /// The bands, half-open, that a splat of the picture reaches on a plane.
+    /// The bands, half-open, of a plane that a splat at picture row `y` reaches.
     #[inline]
-    pub fn bands_of(&self, level: usize, splat: &PixelSplat) -> [usize; 2] {
+    pub fn bands_of(&self, level: usize, y: f32, reach: f32) -> [usize; 2] {
         let l = &self.levels[level];
-        let scale = 0.5f32.powi(l.shift as i32);
-        let reach = splat.reach()[1];
-        let row = |y: f32| ((y * scale).floor() as i32).saturating_add(l.pad as i32).clamp(0, l.height as i32 - 1);
+        let row = |y: f32| ((y * l.scale).floor() as i32).saturating_add(l.pad as i32).clamp(0, l.height as i32 - 1);
         let band = |y: f32| row(y) as usize / BAND_ROWS;
-        [l.first_band + band(splat.y - reach), l.first_band + band(splat.y + reach) + 1]
+        [l.first_band + band(y - reach), l.first_band + band(y + reach) + 1]
     }
 
     /// Every band with its number, its plane and its rows.
@@ -74,7 +81,7 @@ impl Pyramid {
         for (level, data) in self.levels.iter().zip(&mut self.data) {
             for (k, rows) in data.chunks_mut(BAND_ROWS * level.width).enumerate() {
                 let corner = [-(level.pad as i32), (k * BAND_ROWS) as i32 - level.pad as i32];
-                let fine_area = 0.25f32.powi(level.shift as i32);
+                let fine_area = level.scale * level.scale;
                 all.push((level.first_band + k, *level, Rows { data: rows, width: level.width, corner, fine_area }));
             }
         }

@@ -163,7 +163,7 @@ fn fma(a: f32, b: f32, c: f32) -> f32 {
 /// Mesa's 2^x for x <= 0: integer part by exponent, fraction by a quintic.
 #[inline(always)]
 fn exp2(x: f32) -> f32 {
-    const C: [f32; 6] = [1.0, 0.693_153_07, 0.240_153_62, 0.055_826_318, 0.008_989_34, 0.001_877_576_7];
+    const C: [f32; 6] = [1.0, 0.693_153_1, 0.240_153_62, 0.055_826_318, 0.008_989_34, 0.001_877_576_7];
     let x = x.max(-126.99999);
     let whole = x.floor();
     let f = x - whole;

@@ -81,7 +81,7 @@ impl FxaaMean {
     pub fn ratio(&self, tau: f32) -> f32 {
         let x = tau.log2();
         let last = self.ratio.len() - 1;
-        if !(x > self.log2_tau[0]) {
+        if x.is_nan() || x <= self.log2_tau[0] {
             return self.ratio[0];
         }
         match self.log2_tau.iter().position(|&t| x < t) {

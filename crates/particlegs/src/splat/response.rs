@@ -36,7 +36,7 @@ impl Response {
     #[inline]
     pub fn level(&self, tau: f32) -> f32 {
         let first = f32::from_bits(((127 + FIRST_EXPONENT) as u32) << 23);
-        if !(tau > first) {
+        if tau.is_nan() || tau <= first {
             // Nearly empty: the curve is a line through zero (and a depth of NaN is black).
             return if tau > 0.0 { tau / first * self.levels[0] } else { 0.0 };
         }
