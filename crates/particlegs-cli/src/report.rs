@@ -33,25 +33,3 @@ pub fn json(target: &Path, value: &impl Serialize) -> particlegs::Result<()> {
         particlegs::output::write_bytes(target, &text)
     }
 }
-
-/// A certificate as a table.
-pub fn certificate(c: &particlegs::model::Certificate) -> String {
-    let db = |v: Option<f64>| v.map_or("identical".to_string(), |v| format!("{v:.2} dB"));
-    let mut text = format!("measured at encoding, one {}x{} frame an orbit (masked PSNR, SSIM; beside it the noise-free picture's):", c.width, c.height);
-    for (name, orbit) in ["far", "mid", "near"].iter().zip(&c.orbits) {
-        for (look, s) in [
-            ("paraview", &orbit.paraview),
-            ("paraview-no-fxaa", &orbit.paraview_no_fxaa),
-            ("expected", &orbit.expected),
-        ] {
-            text += &format!("\n  {name:<5}{look:<18}{:>10} {:.4}", db(s.masked_psnr), s.ssim);
-            if look != "expected" {
-                text += &format!("   noise-free {:>10} {:.4}", db(s.noise_free_masked_psnr), s.noise_free_ssim);
-            }
-        }
-    }
-    text + &format!(
-        "\n  density on a grid of {} cells: correlation {:.4}, mean absolute error of delta {:.4}",
-        c.grid, c.density_correlation, c.density_mae
-    )
-}

@@ -171,8 +171,8 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     if matches!(a.effort, EffortArg::Fast) {
         text += "\nfor pictures: the partition alone loses most small groups; use --effort default for statistics";
     }
-    if let Some(certificate) = &done.model.certificate {
-        text += &format!("\n{}", crate::report::certificate(certificate));
+    if done.model.certificate.is_some() {
+        text += &format!("\n{}", super::info::certificate(done.model.certificate.as_ref()).trim_end());
     }
     let value = json!({
         "output": a.output, "particles": done.model.metadata.count, "gaussians": gaussians,

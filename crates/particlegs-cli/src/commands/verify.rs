@@ -1,10 +1,11 @@
 //! `particlegs verify M.pgs [SNAPSHOT...]`.
 
 use super::info;
-use crate::common::{Common, SnapshotArgs};
+use crate::common::{Common, Context, SnapshotArgs};
 use clap::Args;
-use particlegs::model::Model;
-use particlegs::{Error, Result, codec};
+use particlegs::model::{Certificate, Model};
+use particlegs::particles::{Particles, source_hash};
+use particlegs::{Error, Result, codec, score};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -16,7 +17,7 @@ use std::path::PathBuf;
 pub struct Arguments {
     /// Model file.
     model: PathBuf,
-    /// The snapshot that it was made of: its hash is compared.
+    /// The snapshot that it was made of: its hash is compared and the certificate measured again.
     snapshot: Vec<PathBuf>,
     #[command(flatten)]
     opening: SnapshotArgs,
@@ -34,6 +35,7 @@ struct Report {
     mass_error: f64,
     source_matches: Option<bool>,
     certificate: &'static str,
+    measured_again: Option<Certificate>,
 }
 
 /// Reads the whole file, decodes every block and checks the sums.
@@ -49,13 +51,14 @@ pub fn run(a: Arguments) -> Result<()> {
             format!("its Gaussians hold {counts} particles, mass off by {mass_error:e}"),
         ));
     }
-    let source_matches = match a.snapshot.is_empty() {
+    let measured_again = match a.snapshot.is_empty() {
         true => None,
-        false => Some(compare(&a, &model)?),
+        false => Some(measure(&a, &model, &context)?),
     };
-    let certificate = match &model.certificate {
-        None => "none in the file",
-        Some(_) => "not measured again",
+    let certificate = match (&model.certificate, &measured_again) {
+        (_, Some(_)) => "measured again",
+        (Some(_), None) => "not measured again",
+        (None, None) => "none in the file",
     };
     let report = Report {
         model_bytes: bytes.len() as u64,
@@ -63,18 +66,23 @@ pub fn run(a: Arguments) -> Result<()> {
         particles: counts,
         counts_sum_to_particles: true,
         mass_error,
-        source_matches,
+        source_matches: measured_again.map(|_| true),
         certificate,
+        measured_again,
     };
     let mut text = format!(
         "{}: sound: {} bytes, {} Gaussians whose counts sum to {} particles, mass within {mass_error:.1e}\n",
         place, report.model_bytes, report.gaussians, report.particles
     );
-    if source_matches == Some(true) {
+    if measured_again.is_some() {
         text.push_str("source: the snapshot is the one that the file was made of\n");
     }
     text.push_str(&format!("certificate: {certificate}\n"));
     text.push_str(&info::certificate(model.certificate.as_ref()));
+    if let Some(again) = &measured_again {
+        text.push_str("\nmeasured again, now:\n");
+        text.push_str(&info::certificate(Some(again)));
+    }
     context.finish(text.trim_end(), &report)
 }
 
@@ -93,12 +101,13 @@ fn sums(model: &Model) -> (u64, f64) {
     (counts, (mass / model.metadata.mass - 1.0).abs())
 }
 
-/// Is the snapshot the source? An error where it is not.
-fn compare(a: &Arguments, model: &Model) -> Result<bool> {
-    let particles = a.opening.open(&a.snapshot)?;
-    if particlegs::particles::source_hash(&particles) == model.metadata.source_hash {
-        return Ok(true);
+/// The certificate of the same views, measured now. An error where the snapshot is not the source.
+fn measure(a: &Arguments, model: &Model, context: &Context) -> Result<Certificate> {
+    let particles: Particles = a.opening.open(&a.snapshot)?;
+    if source_hash(&particles) != model.metadata.source_hash {
+        let what = format!("it is not the snapshot that {} was made of (their hashes differ)", a.model.display());
+        return Err(Error::input(a.snapshot[0].as_path(), what));
     }
-    let what = format!("it is not the snapshot that {} was made of (their hashes differ)", a.model.display());
-    Err(Error::input(a.snapshot[0].as_path(), what))
+    let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
+    score::certificate(model, &particles, seed, context)
 }

@@ -103,8 +103,10 @@ impl<'a> Job<'a> {
         require("the fit", fit::memory_needed(particles))?;
         let start = Instant::now();
         let (radius, opacity) = (options.radius, options.opacity);
-        let metadata =
-            describe(particles, particles.bounds(), radius, opacity, options.command.clone(), progress)?;
+        progress.begin("bounds and hash", 0);
+        let metadata = describe(particles, particles.bounds(), radius, opacity, options.command.clone());
+        progress.end();
+        progress.check()?;
         let overhead = codec::size_without_blocks(&metadata, options.certificate, &[LAYER], &[1]) as u64;
         let seconds = vec![("read", start.elapsed().as_secs_f64())];
         Ok(Job { particles, options, progress, metadata, raw_bytes: raw_bytes(particles), overhead, seconds })

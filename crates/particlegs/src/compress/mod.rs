@@ -10,7 +10,7 @@ mod rate;
 mod search;
 mod target;
 
-pub use describe::{describe, source_hash};
+pub use describe::describe;
 pub use job::{Compressed, Options, compress, raw_bytes};
 pub use memory::available_bytes;
 pub use target::Target;

@@ -3,12 +3,17 @@
 use super::{ChunkBuffer, Particles};
 
 /// BLAKE3 of the particles: the f32 bytes (little-endian) of x, then y, z, then weights where there
-/// are any; the same for columns and triples.
+/// are any; the same for columns and triples. An origin that is not zero comes first, as f64.
 pub fn source_hash(particles: &Particles) -> [u8; 32] {
     const STEP: usize = 1 << 20;
     let n = particles.len();
     let mut hasher = blake3::Hasher::new();
     let mut buffer = ChunkBuffer::default();
+    if particles.origin != [0.0; 3] {
+        particles.origin.iter().for_each(|o| {
+            hasher.update(&o.to_le_bytes());
+        });
+    }
     for axis in 0..3 {
         for start in (0..n).step_by(STEP) {
             let chunk = particles.chunk(start..n.min(start + STEP), &mut buffer);
