@@ -296,7 +296,7 @@ fn principal_axis(cov: &Sym3) -> (f64, [f64; 3]) {
 /// The trigonometric solution; the vector is the longest cross product of two rows of cov - l I.
 fn closed_principal_axis(cov: &Sym3) -> Option<(f64, [f64; 3])> {
     let t = cov.trace();
-    if !(t > 1e-60) {
+    if t.is_nan() || t <= 1e-60 {
         return None;
     }
     let c = cov.scale(1.0 / t);
