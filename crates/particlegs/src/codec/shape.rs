@@ -27,8 +27,9 @@ pub(crate) struct Logs {
 impl Logs {
     pub(crate) fn new(block: &Block, order: &[u32]) -> Logs {
         let g = &block.gaussians;
-        let floor = smallest_radius(block);
-        let shapes: Vec<(f64, [f64; 5])> = order.par_iter().map(|&i| logarithm(&g.cov_of(i as usize), floor)).collect();
+        let floors = Floors::of(block);
+        let shapes: Vec<(f64, [f64; 5])> =
+            order.par_iter().map(|&i| logarithm(&g.cov_of(i as usize), &floors)).collect();
         let count = |i: usize| g.count[i].max(FEWEST);
         let relative = |m: &Vec<f64>| {
             let mean = block.mass / block.count as f64;
@@ -43,31 +44,41 @@ impl Logs {
     }
 }
 
+/// Radii that stand in for none.
+struct Floors {
+    /// Least radius along any axis: 2^-36 of the block's longest extent.
+    least: f64,
+    /// Of Gaussians without any extent: the smallest one's that has some, but at most 1/16 of the
+    /// block's default particle radius.
+    point: f64,
+}
+
+impl Floors {
+    fn of(block: &Block) -> Floors {
+        let least = block.bounds.extent_nonzero().into_iter().fold(0.0, f64::max) * SMALLEST;
+        let g = &block.gaussians;
+        let regular = (0..g.len())
+            .map(|i| (g.cov[0][i] + g.cov[3][i] + g.cov[5][i]) / 3.0)
+            .filter(|v| *v > least * least)
+            .fold(f64::INFINITY, f64::min)
+            .sqrt();
+        let point = regular.min(block.bounds.default_radius(block.count) / 16.0).max(least);
+        Floors { least, point }
+    }
+}
+
 /// ln det / 6 and the coordinates of (ln C - its trace / 3) / 2, after the floors.
-fn logarithm(cov: &Sym3, floor: f64) -> (f64, [f64; 5]) {
+fn logarithm(cov: &Sym3, floors: &Floors) -> (f64, [f64; 5]) {
     // Scaled first: squares of 1e-30 or 1e30 lengths keep their digits in the rotations.
     let scale = cov.0[0].abs().max(cov.0[3].abs()).max(cov.0[5].abs());
-    if scale.is_nan() || scale <= floor * floor {
-        return (floor.ln(), [0.0; 5]);
+    let least = floors.least * floors.least;
+    if scale.is_nan() || scale <= least {
+        return (floors.point.ln(), [0.0; 5]);
     }
     let e = cov.scale(1.0 / scale).eigen();
-    let least = (e.values[0] * FLATTEST).max(floor * floor / scale);
+    let least = (e.values[0] * FLATTEST).max(least / scale);
     let half = e.values.map(|v| 0.5 * v.max(least).ln());
     let mean = (half[0] + half[1] + half[2]) / 3.0;
     let s = Sym3::from_eigen(&Eigen { values: half.map(|h| h - mean), vectors: e.vectors });
     (mean + 0.5 * scale.ln(), to_five(&s))
-}
-
-/// The radius that Gaussians without an extent of their own get: that of the smallest with one,
-/// but at most 1/16 of the block's default particle radius, and at least 2^-36 of its extent.
-fn smallest_radius(block: &Block) -> f64 {
-    let extent = block.bounds.extent_nonzero().into_iter().fold(0.0, f64::max);
-    let g = &block.gaussians;
-    let least = extent * SMALLEST;
-    let regular = (0..g.len())
-        .map(|i| (g.cov[0][i] + g.cov[3][i] + g.cov[5][i]) / 3.0)
-        .filter(|v| *v > least * least)
-        .fold(f64::INFINITY, f64::min)
-        .sqrt();
-    regular.min(block.bounds.default_radius(block.count) / 16.0).max(least)
 }
