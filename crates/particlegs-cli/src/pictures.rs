@@ -44,10 +44,8 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
     let truth = Reference::with_bounds(particles, m.bounds).draw(&view, PANEL, Look::Paraview, progress)?;
     let drawn = render::draw(&Scene::of(model), &view, PANEL, Look::Paraview, progress)?;
     let score = masked_psnr(&truth, &drawn).map_or("identical".into(), |s| format!("masked PSNR {s:.1} dB"));
-    let captions = [
-        format!("{} particles, as ParaView draws them", m.count),
-        format!("{} Gaussians, {score}", model.gaussians()),
-    ];
+    let captions =
+        [format!("{} particles, as ParaView draws them", m.count), format!("{} Gaussians, {score}", model.gaussians())];
     let picture = panels(&[
         (&captions[0], PanelImage::Gray(&truth)),
         (&captions[1], PanelImage::Gray(&drawn)),
@@ -64,8 +62,7 @@ fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();
     let size = Size { width: DENSITY_WIDTH, height: height as usize };
     let width = extent[0].max(extent[1] * DENSITY_WIDTH as f64 / height);
-    let view =
-        DensityView::orthographic("density", m.bounds.center(), [0.0; 2], width, None, size, &m.bounds, m.cell)?;
+    let view = DensityView::orthographic("density", m.bounds.center(), [0.0; 2], width, None, size, &m.bounds, m.cell)?;
     let unit_mass = m.particle_mass.unwrap_or(1.0);
     let plane = render::surface_density(&Scene::of(model), unit_mass, &view, size, progress)?;
     let picture = annotate_density(

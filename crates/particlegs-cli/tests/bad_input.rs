@@ -87,10 +87,8 @@ fn outputs_that_cannot_be_written() {
 #[test]
 fn a_full_disk_leaves_nothing() {
     let dir = tempfile::tempdir().unwrap();
-    let mount = std::process::Command::new("mount")
-        .args(["-t", "tmpfs", "-o", "size=16k", "tmpfs"])
-        .arg(dir.path())
-        .output();
+    let mount =
+        std::process::Command::new("mount").args(["-t", "tmpfs", "-o", "size=16k", "tmpfs"]).arg(dir.path()).output();
     if !mount.is_ok_and(|m| m.status.success()) {
         println!("skipped: mounting a tmpfs is not permitted here");
         return;

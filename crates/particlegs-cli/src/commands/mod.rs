@@ -5,9 +5,9 @@ mod completions;
 mod compress;
 mod convert;
 mod eval;
+mod info;
 mod reference;
 mod render;
-mod info;
 mod verify;
 
 use clap::Subcommand;

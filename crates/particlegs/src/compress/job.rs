@@ -217,13 +217,7 @@ impl<'a> Job<'a> {
             model.certificate = Some(certificate);
             self.spent("certificate", start);
         }
-        Ok(Compressed {
-            bytes,
-            model,
-            raw_bytes: self.raw_bytes,
-            step_factor: coded.factor,
-            seconds: self.seconds,
-        })
+        Ok(Compressed { bytes, model, raw_bytes: self.raw_bytes, step_factor: coded.factor, seconds: self.seconds })
     }
 }
 
