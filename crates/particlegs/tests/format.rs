@@ -335,9 +335,11 @@ proptest! {
             let log = |c: &Sym3| c.scale(1.0 / scale / scale).eigen().values.map(|v| 0.5 * v.ln());
             let (a, c) = (log(&g.cov_of(i)), log(&b.gaussians.cov_of(j)));
             // The partner may be another of a close pair: compare where it is plainly itself.
-            let radius = scale * (c.iter().sum::<f64>() / 3.0).exp();
+            let radius = |l: [f64; 3]| scale * (l.iter().sum::<f64>() / 3.0).exp();
+            let lonely_reach = 1.6 * p.position * radius(a).max(radius(c));
+            let radius = radius(c);
             let reach = 1.6 * p.position * radius;
-            let lonely = (0..n).filter(|&k| (0..3).all(|d| (b.gaussians.mean[d][k] - b.gaussians.mean[d][j]).abs() < 4.0 * reach)).count() == 1;
+            let lonely = (0..n).filter(|&k| (0..3).all(|d| (b.gaussians.mean[d][k] - b.gaussians.mean[d][j]).abs() < 4.0 * lonely_reach)).count() == 1;
             if !lonely || c[0] - c[2] > 6.0 {
                 continue;
             }

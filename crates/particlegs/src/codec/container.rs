@@ -104,7 +104,7 @@ fn head(file: &[u8], place: &str) -> Result<()> {
         let what = format!("a model file of version {major}.{minor}; this program reads version {MAJOR}");
         return Err(Error::Compatibility { place: place.into(), what });
     }
-    if reserved != 0 && minor <= MINOR {
+    if reserved != 0 && minor == MINOR {
         return corrupt(format!("reserved bytes of the head are {reserved:#06x}"));
     }
     match (file.len() as u64).cmp(&length) {
