@@ -74,7 +74,7 @@ fn exp2<S: Simd>(x: f32x8<S>) -> f32x8<S> {
     let f = x - (shifted - ROUND);
     let p = f * 0.009_570_1 + 0.055_917_86;
     let p = p * f + 0.240_247_45;
-    let p = p * f + 0.693_121_81;
-    let p = p * f + 0.999_999_26;
+    let p = p * f + 0.693_121_8;
+    let p = p * f + 0.999_999_3;
     f32x8::from_bits(p.to_bits() + (shifted.to_bits() << 23))
 }
