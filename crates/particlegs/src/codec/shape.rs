@@ -46,7 +46,8 @@ impl Logs {
 
 /// Radii that stand in for none.
 struct Floors {
-    /// Least radius along any axis: 2^-36 of the block's longest extent.
+    /// Least radius along any axis: 2^-36 of the block's longest extent, or of its widest Gaussian
+    /// where that is longer.
     least: f64,
     /// Of Gaussians without any extent: the smallest one's that has some, but at most 1/16 of the
     /// block's default particle radius.
@@ -55,8 +56,10 @@ struct Floors {
 
 impl Floors {
     fn of(block: &Block) -> Floors {
-        let least = block.bounds.extent_nonzero().into_iter().fold(0.0, f64::max) * SMALLEST;
         let g = &block.gaussians;
+        let variance = (0..g.len()).map(|i| g.cov[0][i] + g.cov[3][i] + g.cov[5][i]).fold(0.0, f64::max);
+        let longest = block.bounds.extent().into_iter().fold(variance.sqrt(), f64::max);
+        let least = SMALLEST * if longest > 0.0 { longest } else { 1.0 };
         let regular = (0..g.len())
             .map(|i| (g.cov[0][i] + g.cov[3][i] + g.cov[5][i]) / 3.0)
             .filter(|v| *v > least * least)
