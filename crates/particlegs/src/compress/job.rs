@@ -91,8 +91,11 @@ pub(super) struct Coded {
 
 /// The one layer's name; readers that know species give their own.
 const LAYER: &str = "particles";
-/// Bytes a Gaussian at the nominal steps, to begin with; a refit corrects it.
-pub(super) const NOMINAL_BYTES: f64 = 4.2;
+/// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
+/// are rounder and take fewer.
+pub(super) fn bytes_a_gaussian(effort: Effort) -> f64 {
+    if effort == Effort::Fast { 3.4 } else { 4.1 }
+}
 /// Fits tried at most to find a number of Gaussians whose steps are near nominal.
 const FITS: usize = 3;
 /// Step factors between these cost less than a refit gains.
@@ -140,7 +143,7 @@ impl<'a> Job<'a> {
     /// and the steps that just fit.
     fn at_size(&mut self, target: u64) -> Result<Coded> {
         let room = target.saturating_sub(self.overhead);
-        let mut number = ((room as f64 / NOMINAL_BYTES) as u64).clamp(1, self.metadata.count);
+        let mut number = ((room as f64 / bytes_a_gaussian(self.options.effort)) as u64).clamp(1, self.metadata.count);
         let mut met = self.met_with(number, room)?;
         for _ in 1..FITS {
             let fine = !met.outcome.too_large && NEAR_NOMINAL.contains(&met.outcome.factor);

@@ -1,6 +1,6 @@
 //! The smallest file of a wanted quality: masked PSNR, `expected` look, mean over held-out views.
 
-use super::job::{Coded, Job, NOMINAL_BYTES};
+use super::job::{Coded, Job, bytes_a_gaussian};
 use super::target::DEFAULT_RATIO;
 use crate::codec;
 use crate::picture::Size;
@@ -36,7 +36,8 @@ pub(super) fn reach_quality(job: &mut Job, decibels: f64) -> Result<Coded> {
     let seed = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: job.options.seed };
     let held_out = HeldOut::draw(job.particles, &held_out_views(&seed, FRAMES), SIZE, job.progress)?;
     let most = m.count as f64;
-    let mut number = (job.raw_bytes as f64 / DEFAULT_RATIO / NOMINAL_BYTES).clamp(1.0, most).floor();
+    let mut number =
+        (job.raw_bytes as f64 / DEFAULT_RATIO / bytes_a_gaussian(job.options.effort)).clamp(1.0, most).floor();
     let (mut above, mut below): (Option<Tried>, Option<Tried>) = (None, None);
     for _ in 0..FITS {
         let coded = job.at_number(number as u64)?;

@@ -17,6 +17,7 @@ mod moments;
 mod partition;
 mod refine;
 mod select;
+mod shade;
 mod split_merge;
 mod store;
 

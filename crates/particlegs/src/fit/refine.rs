@@ -7,6 +7,7 @@
 //! every particle.
 
 use super::em::{Candidates, Cloud, Gaussians, Groups, Reach, Shape, expect, maximise, regroup};
+use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
 use super::{Moments, Partition, Store};
 use crate::model::Mixture;
@@ -53,7 +54,8 @@ pub fn refine(partition: &Partition, radius: f64, options: &RefineOptions, progr
         return Err(Error::argument(format!("radius {radius} and sample {} must be positive", options.sample)));
     }
     let scaled = (radius * partition.store.scale).clamp(1e-9, 1e9);
-    let refiner = Refiner { partition, radius: scaled, options, progress };
+    let shade = Shade::new(&partition.store.xyz, scaled);
+    let refiner = Refiner { shade: &shade, partition, radius: scaled, options, progress };
     let blocks = refiner.blocks();
     progress.begin("refine", (blocks.len() * (options.rounds + 2)) as u64);
     let store = &partition.store;
@@ -67,6 +69,7 @@ pub fn refine(partition: &Partition, radius: f64, options: &RefineOptions, progr
 }
 
 struct Refiner<'a> {
+    shade: &'a Shade,
     partition: &'a Partition,
     /// Store units.
     radius: f64,
@@ -164,7 +167,7 @@ impl Refiner<'_> {
             (xyz, weight, groups) = regroup(cloud, &owner, gaussians.len());
             cloud = Cloud { xyz: &xyz, weight: weight.as_deref() };
             let candidates = self.candidates(&groups, gaussians);
-            let made = exchange(gaussians, &groups, cloud.xyz, &candidates, moves);
+            let made = exchange(gaussians, &groups, cloud.xyz, &candidates, self.shade, moves);
             let candidates = candidates.after(&made, gaussians.len());
             owner = self.iterate(cloud, &groups, &candidates, gaussians, options.iterations.max(1))?;
             self.progress.advance(1);

@@ -5,6 +5,7 @@
 //! `<A, B> = m_A m_B N2(d; S_A + S_B + 2 s^2 I)`.
 
 use super::em::{Candidates, Gaussians, Groups, Move};
+use super::shade::Shade;
 use crate::math::Sym3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -134,11 +135,12 @@ pub(crate) fn exchange(
     groups: &Groups,
     xyz: &[[f32; 3]],
     candidates: &Candidates,
+    shade: &Shade,
     options: MoveOptions,
 ) -> Vec<Move> {
     let blur2 = 2.0 * options.blur * options.blur;
-    let mut splits = best_splits(groups, xyz, blur2);
-    let mut merges = cheapest_merges(gaussians, candidates, blur2);
+    let mut splits = best_splits(groups, xyz, shade, blur2);
+    let mut merges = cheapest_merges(gaussians, candidates, shade, blur2);
     splits.sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.at.cmp(&b.at)));
     merges.sort_unstable_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))));
     let most = ((options.share * gaussians.len() as f64) as usize).max(1);
@@ -188,7 +190,7 @@ fn apply(g: &mut Gaussians, at: usize, parts: &(Blob, Blob), a: usize, b: usize)
     place(g, b, &part(&parts.1, 1.0 - share), mass * (1.0 - share));
 }
 
-fn best_splits(groups: &Groups, xyz: &[[f32; 3]], blur2: f64) -> Vec<Split> {
+fn best_splits(groups: &Groups, xyz: &[[f32; 3]], shade: &Shade, blur2: f64) -> Vec<Split> {
     (0..groups.range.len())
         .into_par_iter()
         .with_min_len(64)
@@ -197,13 +199,13 @@ fn best_splits(groups: &Groups, xyz: &[[f32; 3]], blur2: f64) -> Vec<Split> {
             let whole = Blob { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
             let axis = whole.cov.eigen().vectors[0];
             let parts = cut(points, whole.mean, axis)?;
-            let gain = difference(&whole, &parts.0, &parts.1, blur2);
+            let gain = difference(&whole, &parts.0, &parts.1, blur2) * shade.at(whole.mean);
             Some(Split { gain, at: j as u32, parts })
         })
         .collect()
 }
 
-fn cheapest_merges(g: &Gaussians, candidates: &Candidates, blur2: f64) -> Vec<Merge> {
+fn cheapest_merges(g: &Gaussians, candidates: &Candidates, shade: &Shade, blur2: f64) -> Vec<Merge> {
     (0..g.len())
         .into_par_iter()
         .with_min_len(64)
@@ -214,7 +216,8 @@ fn cheapest_merges(g: &Gaussians, candidates: &Candidates, blur2: f64) -> Vec<Me
             }
             let merge = |n: u32| {
                 let other = blob(g, n as usize);
-                let cost = difference(&union(&me, &other), &me, &other, blur2);
+                let whole = union(&me, &other);
+                let cost = difference(&whole, &me, &other, blur2) * shade.at(whole.mean);
                 Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
             };
             let others = candidates.of(j).iter().filter(|&&n| n as usize != j);
