@@ -66,7 +66,7 @@ fn odd_snapshots_work() {
             let n = columns[0].len();
             let out = particlegs().current_dir(&dir).args(["info", "m.pgs", "--json", "-"]).output().unwrap();
             let info: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
-            assert_eq!(info["count"], n, "{name}");
+            assert_eq!(info["metadata"]["particles"], n, "{name}");
             let mut c = particlegs();
             c.current_dir(&dir).args(["render", "m.pgs", "--style", "expected", "--size", "64x48", "--out", name]);
             c.assert().success();
