@@ -38,9 +38,11 @@ pub(crate) trait Coder {
     fn part(&mut self, _part: Part) {}
 
     /// A value in `0 .. n` that is as likely as any other; `n` in 1 ..= 2^12.
+    #[inline(always)]
     fn uniform(&mut self, n: u32, value: u32) -> u32 {
-        const T: u32 = 1 << PROBABILITY_BITS;
-        let start = |k: u32| (k * T).div_ceil(n);
+        let inverse = inverse(n);
+        // ceil(k 2^15 / n), without dividing.
+        let start = |k: u32| ((u64::from((k << PROBABILITY_BITS) + n - 1) * inverse) >> INVERSE_BITS) as u32;
         self.interval(
             || (value, start(value), start(value + 1) - start(value)),
             |slot| {
@@ -52,6 +54,7 @@ pub(crate) trait Coder {
     }
 
     /// `bits` (0 to 15) plain bits.
+    #[inline(always)]
     fn bits(&mut self, bits: u32, value: u32) -> u32 {
         if bits == 0 {
             return 0;
@@ -65,6 +68,7 @@ pub(crate) trait Coder {
     }
 
     /// Any number of plain bits up to 60, the lowest 15 first.
+    #[inline(always)]
     fn long_bits(&mut self, bits: u32, value: u64) -> u64 {
         let mut out = 0;
         let mut done = 0;
@@ -75,6 +79,27 @@ pub(crate) trait Coder {
             done += n;
         }
         out
+    }
+}
+
+/// Inverses are in units of 2^-40: with them x / n is exact for x < 2^28 and n <= 2^12.
+const INVERSE_BITS: u32 = 40;
+const INVERSES: [u64; 1025] = {
+    let mut table = [0; 1025];
+    let mut n = 1;
+    while n < table.len() {
+        table[n] = (1 << INVERSE_BITS) / n as u64 + 1;
+        n += 1;
+    }
+    table
+};
+
+/// 2^40 / n, rounded up (or one more).
+#[inline(always)]
+fn inverse(n: u32) -> u64 {
+    match INVERSES.get(n as usize) {
+        Some(&inverse) => inverse,
+        None => (1 << INVERSE_BITS) / u64::from(n) + 1,
     }
 }
 
@@ -188,7 +213,7 @@ impl<'a> Player<'a> {
 }
 
 impl Coder for Player<'_> {
-    #[inline]
+    #[inline(always)]
     fn interval(
         &mut self,
         _: impl FnOnce() -> (u32, u32, u32),
@@ -198,11 +223,11 @@ impl Coder for Player<'_> {
         let slot = x & ((1 << PROBABILITY_BITS) - 1);
         let found = find(slot);
         let mut y = found.2 * (x >> PROBABILITY_BITS) + slot - found.1;
-        if y < LOW {
-            let word = self.words.get(self.next..self.next + 2).map_or(0, |w| u16::from_le_bytes([w[0], w[1]]));
-            self.next += 2;
-            y = (y << 16) | u32::from(word);
-        }
+        // The word is looked at whether it is due or not: whether it is cannot be foretold.
+        let word = self.words.get(self.next..self.next + 2).map_or(0, |w| u16::from_le_bytes([w[0], w[1]]));
+        let due = y < LOW;
+        self.next += 2 * usize::from(due);
+        y = if due { (y << 16) | u32::from(word) } else { y };
         // The states take turns.
         self.states = [self.states[1], y];
         found
