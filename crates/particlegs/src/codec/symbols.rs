@@ -31,23 +31,24 @@ impl<const N: usize> Model<N> {
     }
 
     #[inline(always)]
-    fn interval(&self, s: usize) -> (u32, u32, u32) {
+    fn interval(&self, s: usize) -> (u32, u32) {
         const { assert!(N.is_power_of_two() && N > 1) };
         let at = |i: usize| (self.cumulative[i % N] >> PROBABILITY_BITS) as u32;
         // Past the last symbol stands 0 for 2^15: the same in 15 bits.
         let size = at(s + 1).wrapping_sub(at(s)) & ((1 << PROBABILITY_BITS) - 1);
-        (s as u32, at(s), size)
+        (at(s), size)
     }
 
     #[inline(always)]
-    fn find(&self, slot: u32) -> (u32, u32, u32) {
+    fn find(&self, slot: u32) -> usize {
         let limit = ((slot as i32) << PROBABILITY_BITS) | (FLOOR - 1);
-        // All N are counted (the first always passes), since whole vectors are quick.
+        // All N are counted (the first always passes), since whole vectors are quick; the sign of a
+        // difference is added up more quickly than the outcome of a comparison.
         let mut below = 0;
         for i in 0..N {
-            below += i32::from(self.cumulative[i] <= limit);
+            below += ((self.cumulative[i] - limit - 1) as u32) >> 31;
         }
-        self.interval((below - 1) as usize)
+        below as usize - 1
     }
 
     /// Moves towards certainty of `s`.
@@ -66,9 +67,14 @@ impl<const N: usize> Model<N> {
     /// Codes a symbol and learns it.
     #[inline(always)]
     pub(crate) fn code(&mut self, c: &mut impl Coder, value: usize) -> usize {
-        let (s, _, _) = c.interval(|| self.interval(value), |slot| self.find(slot));
-        self.update(s as usize);
-        s as usize
+        let s = match c.slot() {
+            Some(slot) => self.find(slot),
+            None => value,
+        };
+        let (start, size) = self.interval(s);
+        c.interval(start, size);
+        self.update(s);
+        s
     }
 }
 

@@ -180,7 +180,7 @@ impl Tree {
         let work: Vec<_> = nodes.iter().zip(pieces(&mut order, lengths())).zip(pieces(&mut cells, lengths())).collect();
         let segments = work.into_par_iter().map(|((nodes, order), cells)| Segment {
             nodes: nodes.clone(),
-            splits: sort(nodes, order, cells, extent, &part),
+            splits: sort(nodes, order, cells, extent, part),
         });
         let segments = segments.collect();
         Tree { order, cells, trunk, segments }
