@@ -257,6 +257,79 @@ fn a_huge_claim_is_refused_before_it_is_believed() {
     assert!(matches!(codec::decode(&b, "m"), Err(Error::Corrupt { .. })));
 }
 
+/// Where the table of a block's streams begins.
+const TABLE: usize = 129;
+
+fn number(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
+}
+
+#[test]
+fn large_blocks_come_in_segments() {
+    let b = block(mixture(70_000, 8, 0.0, 50.0, true));
+    let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
+    let segments = number(&bytes, TABLE) as usize;
+    assert!((2..=3).contains(&segments), "{segments}");
+    let lengths: u32 = (0..=segments).map(|i| number(&bytes, TABLE + 4 + 4 * i)).sum();
+    assert_eq!(TABLE + 8 + 4 * segments + lengths as usize, bytes.len());
+    let back = codec::decode_block(&bytes, "b").unwrap();
+    assert_eq!(back.gaussians.len(), 70_000);
+    assert_eq!(back.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
+    // The mixture as a whole is where it was: no segment is lost, doubled or out of place.
+    for k in 0..3 {
+        let mean = |m: &Mixture| m.mean[k].iter().sum::<f64>() / 70_000.0;
+        assert!((mean(&back.gaussians) - mean(&b.gaussians)).abs() < 1e-3);
+    }
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert_eq!(pool.install(|| Encoder::new(&b).unwrap().encode(&Precision::BALANCED)), bytes);
+        assert_eq!(pool.install(|| codec::decode_block(&bytes, "b").unwrap()), back);
+    }
+}
+
+#[test]
+fn a_table_of_streams_that_lies_is_refused() {
+    let b = block(mixture(70_000, 8, 0.0, 50.0, false));
+    let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
+    let refused = |changes: &[(usize, u32)], what: &str| {
+        let mut bad = bytes.clone();
+        for &(field, value) in changes {
+            bad[TABLE + 4 * field..TABLE + 4 * field + 4].copy_from_slice(&value.to_le_bytes());
+        }
+        assert!(matches!(codec::decode_block(&bad, "b"), Err(Error::Corrupt { .. })), "{what}");
+    };
+    let field = |i: usize| number(&bytes, TABLE + 4 * i);
+    let segments = field(0);
+    for k in [0, segments - 1, segments + 1, 4, 1 << 20, u32::MAX] {
+        refused(&[(0, k)], &format!("{k} segments"));
+    }
+    for i in 1..=segments as usize + 1 {
+        for length in [0, 7, field(i) - 2, field(i) - 1, field(i) + 1, field(i) + 2, bytes.len() as u32, u32::MAX] {
+            refused(&[(i, length)], &format!("length {i} is {length}"));
+        }
+    }
+    // Lengths that lie but sum to the truth.
+    refused(&[(1, field(1) - 2), (2, field(2) + 2)], "from the trunk to a segment");
+    refused(&[(2, field(2) - 2), (3, field(3) + 2)], "from a segment to the next");
+    refused(&[(2, field(3)), (3, field(2))], "exchanged");
+    for n in [TABLE, TABLE + 3, TABLE + 11, bytes.len() - 1] {
+        assert!(matches!(codec::decode_block(&bytes[..n], "b"), Err(Error::Corrupt { .. })), "cut at {n}");
+    }
+    let mut long = bytes.clone();
+    long.extend([0, 0]);
+    assert!(matches!(codec::decode_block(&long, "b"), Err(Error::Corrupt { .. })));
+}
+
+#[test]
+fn a_pile_that_cannot_be_taken_apart_is_one_segment() {
+    let mut g = Mixture::default();
+    (0..66_000).for_each(|_| g.push([3.0; 3], Sym3::scaled_identity(1.0), 2.0, 2.0));
+    let b = block(g);
+    let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
+    assert_eq!(number(&bytes, TABLE), 1);
+    assert_eq!(codec::decode_block(&bytes, "b").unwrap().gaussians.mean, b.gaussians.mean);
+}
+
 #[test]
 fn degenerate_gaussians_are_coded() {
     let cases: [(&str, Vec<[f64; 3]>, Sym3); 5] = [

@@ -3,114 +3,164 @@
 use super::exact::{exp, exp_twice};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES};
 use super::rans::Player;
+use super::streams;
 use super::sums::{rescale, whole_counts};
-use super::walk::{Nothing, OutOfRange, walk};
+use super::tree::{Node, gaussians, pieces};
+use super::walk::{Nothing, OutOfRange, trunk, walk};
 use crate::model::{Block, Mixture};
 use rayon::prelude::*;
 
-/// Whole numbers of a block, in columns.
-#[derive(Default)]
-struct Columns {
-    radius: Vec<f64>,
-    factor: Vec<f64>,
-    m: Vec<i32>,
-    w: Vec<i32>,
-    shape: Vec<[i32; 5]>,
-    mean: [Vec<f64>; 3],
+/// Where a segment's Gaussians go: mean, count and covariance.
+struct Columns<'a> {
+    mean: [&'a mut [f64]; 3],
+    count: &'a mut [f64],
+    cov: [&'a mut [f64]; 6],
+    /// Mass a particle, relative; empty without weights.
+    weight: &'a mut [f64],
+}
+
+/// A Gaussian's shape as coded, until its covariance is made.
+#[derive(Clone, Copy)]
+struct Form {
+    radius: f64,
+    factor: f64,
+    shape: [i32; 5],
 }
 
 /// Shape numbers beyond this are no Gaussian's.
 const LARGEST_SHAPE: f64 = 32.0;
-/// Gaussians that one task makes covariances of.
-const CHUNK: usize = 4096;
 
 /// Decodes a block; the text says what is wrong with it.
 pub(crate) fn block(bytes: &[u8]) -> Result<Block, String> {
     let header = BlockHeader::read(bytes)?;
-    let columns = numbers(&header, bytes)?;
-    let cov = covariances(&header, &columns)?;
-    let mut count: Vec<f64> = columns.m.par_iter().map(|&m| exp(header.log_count(m))).collect();
+    let streams = streams::read(header.gaussians, &bytes[HEADER_BYTES..])?;
+    let nodes = match streams.trunk {
+        None => vec![vec![Node::root(header.gaussians)]],
+        Some(stream) => {
+            let mut player = start(stream)?;
+            let nodes = trunk(&mut player, &header, &mut Nothing).map_err(out_of_range)?;
+            end(&player, true)?;
+            nodes
+        }
+    };
+    if nodes.len() != streams.segments.len() {
+        return Err(format!("{} streams for {} segments", streams.segments.len(), nodes.len()));
+    }
+    let n = header.gaussians as usize;
+    let column = |n: usize| vec![0.0; n];
+    let mut mean: [Vec<f64>; 3] = std::array::from_fn(|_| column(n));
+    let mut cov: [Vec<f64>; 6] = std::array::from_fn(|_| column(n));
+    let mut count = column(n);
+    let mut weight = column(if header.weighted { n } else { 0 });
+    let work: Vec<_> =
+        nodes.iter().zip(&streams.segments).zip(split(&nodes, &mut mean, &mut count, &mut cov, &mut weight)).collect();
+    let whole = streams.trunk.is_some();
+    let rests: Vec<Result<&[u8], String>> = work
+        .into_par_iter()
+        .map(|((nodes, stream), columns)| segment(&header, nodes, stream, whole, columns))
+        .collect();
+    let mut padding = streams.padding;
+    for rest in rests {
+        let rest = rest?;
+        if !whole {
+            padding = rest;
+        }
+    }
+    let least = u64::from(header.gaussians).div_ceil(GAUSSIANS_A_BYTE) as usize;
+    if !padding.is_empty() && (bytes.len() != least || padding.iter().any(|&b| b != 0)) {
+        return Err("the block goes on after its last Gaussian".into());
+    }
     whole_counts(&mut count, header.count);
     let mass = header.weighted.then(|| {
-        let mut mass: Vec<f64> = count.iter().zip(&columns.w).map(|(c, &w)| c * exp(header.log_weight(w))).collect();
+        let mut mass: Vec<f64> = count.iter().zip(&weight).map(|(c, w)| c * w).collect();
         rescale(&mut mass, header.mass);
         mass
     });
-    let gaussians = Mixture { mean: columns.mean, cov, count, mass };
+    let gaussians = Mixture { mean, cov, count, mass };
     Ok(Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians })
 }
 
-/// Reads the stream.
-fn numbers(header: &BlockHeader, bytes: &[u8]) -> Result<Columns, String> {
-    let n = header.gaussians as usize;
-    let least = u64::from(header.gaussians).div_ceil(GAUSSIANS_A_BYTE) as usize;
-    let stream = &bytes[HEADER_BYTES..];
-    let mut player = Player::new(stream).ok_or("the stream has no start")?;
-    let extent = header.bounds.extent();
-    let mut out = Columns {
-        radius: Vec::with_capacity(n),
-        factor: Vec::with_capacity(n),
-        m: Vec::with_capacity(n),
-        w: Vec::with_capacity(if header.weighted { n } else { 0 }),
-        shape: Vec::with_capacity(n),
-        mean: std::array::from_fn(|_| Vec::with_capacity(n)),
-    };
-    let walked = walk(&mut player, header, &mut Nothing, |leaf| {
-        out.radius.push(leaf.radius);
-        out.factor.push(leaf.factor);
-        out.m.push(leaf.m);
-        if header.weighted {
-            out.w.push(leaf.w);
-        }
-        out.shape.push(leaf.shape);
-        for k in 0..3 {
-            let f = leaf.place[k] as f64 * 0.25 / leaf.levels[k] as f64;
-            out.mean[k].push(leaf.cell.point(&header.bounds, extent, k, f));
-        }
-        Ok(())
-    });
-    if let Err(OutOfRange) = walked {
-        return Err("a number is out of range".into());
-    }
-    if player.exhausted() {
-        return Err("the stream ends too soon".into());
-    }
-    let padding = player.rest();
-    if !player.finished() || (!padding.is_empty() && (bytes.len() != least || padding.iter().any(|&b| b != 0))) {
-        return Err("the stream goes on after its last Gaussian".into());
-    }
-    Ok(out)
+fn start(stream: &[u8]) -> Result<Player<'_>, String> {
+    Player::new(stream).ok_or_else(|| "a stream has no start".into())
 }
 
-/// radius^2 exp(2 S), in parallel over fixed chunks.
-fn covariances(header: &BlockHeader, columns: &Columns) -> Result<[Vec<f64>; 6], String> {
-    let n = columns.m.len();
-    let mut cov: [Vec<f64>; 6] = std::array::from_fn(|_| vec![0.0; n]);
-    let [a, b, c, d, e, f] = &mut cov;
-    let chunks = a
-        .par_chunks_mut(CHUNK)
-        .zip(b.par_chunks_mut(CHUNK))
-        .zip(c.par_chunks_mut(CHUNK))
-        .zip(d.par_chunks_mut(CHUNK))
-        .zip(e.par_chunks_mut(CHUNK))
-        .zip(f.par_chunks_mut(CHUNK));
-    let good = chunks
-        .enumerate()
-        .map(|(index, (((((a, b), c), d), e), f))| {
-            let mut good = true;
-            for i in 0..a.len() {
-                let j = index * CHUNK + i;
-                let step = 0.5 * f64::from(header.steps[3]) * columns.factor[j];
-                let five = columns.shape[j].map(|s| f64::from(s) * step);
-                let within = five.iter().all(|s| s.abs() <= LARGEST_SHAPE);
-                let shape = exp_twice(if within { five } else { [0.0; 5] });
-                let size = columns.radius[j] * columns.radius[j];
-                let v = shape.0.map(|s| s * size);
-                good &= within && v.iter().all(|s| s.is_finite());
-                (a[i], b[i], c[i], d[i], e[i], f[i]) = (v[0], v[1], v[2], v[3], v[4], v[5]);
-            }
-            good
-        })
-        .reduce(|| true, |p, q| p && q);
-    if good { Ok(cov) } else { Err("a covariance is out of range".into()) }
+/// Is a stream read to its end; `whole`: and nothing left of it?
+fn end(player: &Player<'_>, whole: bool) -> Result<(), String> {
+    if player.exhausted() {
+        return Err("a stream ends too soon".into());
+    }
+    if !player.finished() || (whole && !player.rest().is_empty()) {
+        return Err("a stream goes on after its last Gaussian".into());
+    }
+    Ok(())
+}
+
+fn out_of_range(_: OutOfRange) -> String {
+    "a number is out of range".into()
+}
+
+/// The columns of each segment.
+fn split<'a>(
+    nodes: &[Vec<Node>],
+    mean: &'a mut [Vec<f64>; 3],
+    count: &'a mut [f64],
+    cov: &'a mut [Vec<f64>; 6],
+    weight: &'a mut [f64],
+) -> Vec<Columns<'a>> {
+    let part = |column: &'a mut [f64]| pieces(column, nodes.iter().map(|n| gaussians(n))).into_iter();
+    let mut mean = mean.each_mut().map(|c| part(c));
+    let mut cov = cov.each_mut().map(|c| part(c));
+    let (mut count, mut weight) = (part(count), part(weight));
+    let columns = |_: &Vec<Node>| Columns {
+        mean: mean.each_mut().map(|c| c.next().unwrap_or_default()),
+        count: count.next().unwrap_or_default(),
+        cov: cov.each_mut().map(|c| c.next().unwrap_or_default()),
+        weight: weight.next().unwrap_or_default(),
+    };
+    nodes.iter().map(columns).collect()
+}
+
+/// Reads a segment's stream; returns what is left of it.
+fn segment<'a>(
+    header: &BlockHeader,
+    nodes: &[Node],
+    stream: &'a [u8],
+    whole: bool,
+    out: Columns<'_>,
+) -> Result<&'a [u8], String> {
+    let mut player = start(stream)?;
+    let extent = header.bounds.extent();
+    let Columns { mean, count, cov, weight } = out;
+    let [x, y, z] = mean;
+    let mut forms = Vec::with_capacity(count.len());
+    walk(&mut player, header, nodes, &mut Nothing, |i, leaf| {
+        count[i] = leaf.count;
+        for (k, mean) in [&mut *x, &mut *y, &mut *z].into_iter().enumerate() {
+            let f = leaf.place[k] as f64 * 0.25 / leaf.levels[k] as f64;
+            mean[i] = leaf.cell.point(&header.bounds, extent, k, f);
+        }
+        if header.weighted {
+            weight[i] = exp(header.log_weight(leaf.w));
+        }
+        forms.push(Form { radius: leaf.radius, factor: leaf.factor, shape: leaf.shape });
+    })
+    .map_err(out_of_range)?;
+    end(&player, whole)?;
+    if covariances(header, &forms, cov) { Ok(player.rest()) } else { Err("a covariance is out of range".into()) }
+}
+
+/// radius^2 exp(2 S); are all finite?
+fn covariances(header: &BlockHeader, forms: &[Form], cov: [&mut [f64]; 6]) -> bool {
+    let mut good = true;
+    for (i, form) in forms.iter().enumerate() {
+        let step = 0.5 * f64::from(header.steps[3]) * form.factor;
+        let five = form.shape.map(|s| f64::from(s) * step);
+        let within = five.iter().all(|s| s.abs() <= LARGEST_SHAPE);
+        let shape = exp_twice(if within { five } else { [0.0; 5] });
+        let size = form.radius * form.radius;
+        let v = shape.0.map(|s| s * size);
+        good &= within && v.iter().all(|s| s.is_finite());
+        (0..6).for_each(|k| cov[k][i] = v[k]);
+    }
+    good
 }

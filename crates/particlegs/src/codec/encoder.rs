@@ -7,12 +7,15 @@ use super::precision::Precision;
 use super::predict::{fit, low_bits};
 use super::rans::Recorder;
 use super::shape::Logs;
-use super::tree::Tree;
+use super::streams;
+use super::tree::{Segment, Tree, pieces};
 use super::trellis::{Sample, State, quantise};
-use super::walk::{Leaf, Script, walk};
+use super::walk::{Leaf, Past, Script, trunk, walk};
 use crate::model::Block;
 use crate::particles::Bounds;
 use crate::{Error, Result};
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// What a step of a shape number away from 0 costs in squared steps: 1 % of the bits for 0.004 dB.
 const PULL: f64 = 0.14;
@@ -50,7 +53,7 @@ impl Encoder {
                 let u = (g.mean[k][i as usize] - block.bounds.min[k]) / extent[k];
                 (u * (1u64 << cell.depth[k]) as f64 - cell.index[k] as f64).clamp(0.0, 1.0)
             };
-            tree.order.iter().zip(&tree.cells).map(place).collect()
+            tree.order.par_iter().zip(&tree.cells).map(place).collect()
         });
         Ok(Encoder { bounds: block.bounds, count: block.count, mass: block.mass, tree, logs, within })
     }
@@ -68,14 +71,11 @@ impl Encoder {
     /// The block's bytes at a precision.
     pub fn encode(&self, precision: &Precision) -> Vec<u8> {
         let (header, leaves) = self.quantise(precision);
-        let mut recorder = Recorder::default();
-        let mut script = Given { splits: self.tree.splits.iter(), leaves: &leaves };
-        let walked = walk(&mut recorder, &header, &mut script, |_| Ok(()));
-        debug_assert!(walked.is_ok(), "quantised numbers are within range");
+        let (trunk, segments) = self.record(&header, &leaves, Recorder::default, Recorder::finish);
         let mut out = Vec::new();
         header.write(&mut out);
         debug_assert_eq!(out.len(), HEADER_BYTES);
-        out.extend(recorder.finish());
+        streams::write(header.gaussians, &trunk, &segments, &mut out);
         // A block may not be too small for its Gaussians.
         let least = (self.len() as u64).div_ceil(GAUSSIANS_A_BYTE) as usize;
         out.resize(out.len().max(least), 0);
@@ -85,15 +85,48 @@ impl Encoder {
     /// Bits a Gaussian by what they are spent on, headers apart.
     pub fn breakdown(&self, precision: &Precision) -> Vec<(&'static str, f64)> {
         let (header, leaves) = self.quantise(precision);
-        let mut recorder = Recorder::with_parts();
-        let mut script = Given { splits: self.tree.splits.iter(), leaves: &leaves };
-        let walked = walk(&mut recorder, &header, &mut script, |_| Ok(()));
-        debug_assert!(walked.is_ok(), "quantised numbers are within range");
-        let bits = recorder.bits_by_part();
+        let account = |r: Recorder| r.bits_by_part();
+        let (trunk, segments) = self.record(&header, &leaves, Recorder::with_parts, account);
+        let mut bits = trunk;
+        for segment in &segments {
+            (0..bits.len()).for_each(|p| bits[p] += segment[p]);
+        }
         ["tree", "size", "count", "mass", "shape", "place"]
             .into_iter()
             .zip(bits.map(|b| b / self.len() as f64))
             .collect()
+    }
+
+    /// The trunk and the segments, each recorded and `done`.
+    fn record<T: Send>(
+        &self,
+        header: &BlockHeader,
+        leaves: &[Leaf],
+        recorder: impl Fn() -> Recorder + Sync,
+        done: impl Fn(Recorder) -> T + Sync,
+    ) -> (T, Vec<T>) {
+        let mut above = recorder();
+        let walked = trunk(&mut above, header, &mut Given { splits: self.tree.trunk.iter(), leaves: &[] });
+        debug_assert!(walked.is_ok(), "splits are those of the tree");
+        let segment = |(segment, range): (&Segment, Range<usize>)| {
+            let mut recorder = recorder();
+            let mut script = Given { splits: segment.splits.iter(), leaves: &leaves[range] };
+            let walked = walk(&mut recorder, header, &segment.nodes, &mut script, |_, _| {});
+            debug_assert!(walked.is_ok(), "quantised numbers are within range");
+            done(recorder)
+        };
+        let segments = self.tree.segments.par_iter().zip(self.ranges()).map(segment).collect();
+        (done(above), segments)
+    }
+
+    /// The Gaussians of each segment.
+    fn ranges(&self) -> Vec<Range<usize>> {
+        let mut end = 0;
+        let range = |n: usize| {
+            end += n;
+            end - n..end
+        };
+        self.tree.lengths().into_iter().map(range).collect()
     }
 
     /// The header and the whole numbers.
@@ -111,22 +144,31 @@ impl Encoder {
             predict: Default::default(),
         };
         let mut leaves: Vec<Leaf> = self.tree.cells.iter().map(|&cell| Leaf { cell, ..Leaf::default() }).collect();
-        self.scalars(&mut header, &mut leaves);
-        let factors: Vec<f64> = leaves.iter().map(|l| header.step_factor(l.t, l.m)).collect();
-        let (shapes, places) =
-            rayon::join(|| self.shapes(&header, &factors), || self.places(&header, &leaves, &factors));
-        for (i, leaf) in leaves.iter_mut().enumerate() {
-            leaf.shape.copy_from_slice(&shapes[5 * i..5 * i + 5]);
-            leaf.place = places[i];
-        }
-        header.low[3] = low_bits(shapes.iter().map(|&h| h >> 1), 3);
-        predictors(&mut header, &leaves);
+        self.each(&mut leaves, |range, leaves| self.scalars(&header, range, leaves));
+        let sum: f64 = leaves.iter().map(|l| header.log_count(l.m) - header.log_size(l.t)).sum();
+        header.centre = (sum / leaves.len() as f64) as f32;
+        self.each(&mut leaves, |range, leaves| {
+            let factors: Vec<f64> = leaves.iter().map(|l| header.step_factor(l.t, l.m)).collect();
+            self.shapes(&header, range.clone(), &factors, leaves);
+            self.places(&header, range, &factors, leaves);
+        });
+        header.low[3] = low_bits(leaves.iter().flat_map(|l| l.shape).map(|h| h >> 1), 3);
+        predictors(&mut header, &self.histories(&leaves));
         (header, leaves)
     }
 
-    /// Sizes, counts and masses; the centre of the step factor.
-    fn scalars(&self, header: &mut BlockHeader, leaves: &mut [Leaf]) {
-        let column = |values: &[f64], step: f32| halves(values.len(), 0.0, |i| values[i] / f64::from(step));
+    /// Works on the segments' Gaussians, in parallel.
+    fn each(&self, leaves: &mut [Leaf], work: impl Fn(Range<usize>, &mut [Leaf]) + Sync) {
+        let parts = pieces(leaves, self.tree.lengths().into_iter());
+        parts.into_par_iter().zip(self.ranges()).for_each(|(leaves, range)| work(range, leaves));
+    }
+
+    /// Sizes, counts and masses.
+    fn scalars(&self, header: &BlockHeader, range: Range<usize>, leaves: &mut [Leaf]) {
+        let column = |values: &[f64], step: f32| {
+            let values = &values[range.clone()];
+            halves(values.len(), 0.0, |i| values[i] / f64::from(step))
+        };
         let (t, m) =
             rayon::join(|| column(&self.logs.size, header.steps[1]), || column(&self.logs.count, header.steps[2]));
         let w = self.logs.weight.as_ref().map(|w| column(w, header.steps[4]));
@@ -134,22 +176,25 @@ impl Encoder {
             (leaf.t, leaf.m) = (t[i], m[i]);
             leaf.w = w.as_ref().map_or(0, |w| w[i]);
         }
-        let sum: f64 = leaves.iter().map(|l| header.log_count(l.m) - header.log_size(l.t)).sum();
-        header.centre = (sum / leaves.len() as f64) as f32;
     }
 
-    /// Shape numbers of all Gaussians, five in turn, on half steps.
-    fn shapes(&self, header: &BlockHeader, factors: &[f64]) -> Vec<i32> {
+    /// Shape numbers, on half steps.
+    fn shapes(&self, header: &BlockHeader, range: Range<usize>, factors: &[f64], leaves: &mut [Leaf]) {
         let step = f64::from(header.steps[3]);
-        halves(5 * self.len(), PULL, |j| self.logs.shape[j] / (step * factors[j / 5]))
+        let given = &self.logs.shape[5 * range.start..5 * range.end];
+        let shapes = halves(given.len(), PULL, |j| given[j] / (step * factors[j / 5]));
+        for (leaf, shape) in leaves.iter_mut().zip(shapes.chunks_exact(5)) {
+            leaf.shape.copy_from_slice(shape);
+        }
     }
 
     /// Positions in quarter levels.
-    fn places(&self, header: &BlockHeader, leaves: &[Leaf], factors: &[f64]) -> Vec<[u64; 3]> {
+    fn places(&self, header: &BlockHeader, range: Range<usize>, factors: &[f64], leaves: &mut [Leaf]) {
         let extent = self.bounds.extent();
         let mut axes: Vec<(u32, u8)> = Vec::with_capacity(3 * leaves.len());
         let mut samples = Vec::with_capacity(3 * leaves.len());
-        for (i, leaf) in leaves.iter().enumerate() {
+        for (i, leaf) in leaves.iter_mut().enumerate() {
+            leaf.place = [2; 3];
             let radius = header.radius(leaf.t);
             let levels = header.levels(&leaf.cell, extent, radius, factors[i]);
             let widths = leaf.cell.widths(extent);
@@ -158,7 +203,7 @@ impl Encoder {
                 let n = levels[k] as f64;
                 let weight = (widths[k] / (n * step)).powi(2);
                 samples.push(Sample {
-                    value: self.within[k][i] * n,
+                    value: self.within[k][range.start + i] * n,
                     range: [0, levels[k] as i64 - 1],
                     weight,
                     pull: 0.0,
@@ -167,11 +212,23 @@ impl Encoder {
             }
         }
         let indices = quantise(samples.len(), 0.25, |j| samples[j]);
-        let mut out = vec![[2; 3]; leaves.len()];
         let mut state = State::default();
         for (&(i, k), &index) in axes.iter().zip(&indices) {
-            out[i as usize][usize::from(k)] = 4 * index as u64 + 1 + 2 * state.lattice() as u64;
+            leaves[i as usize].place[usize::from(k)] = 4 * index as u64 + 1 + 2 * state.lattice() as u64;
             state.step(index);
+        }
+    }
+
+    /// What each Gaussian says of itself and what the two before it in its segment said.
+    fn histories(&self, leaves: &[Leaf]) -> Vec<[Past; 3]> {
+        let mut out = Vec::with_capacity(leaves.len());
+        for range in self.ranges() {
+            let mut before = [Past::default(); 2];
+            for leaf in &leaves[range] {
+                let own = leaf.past();
+                out.push([own, before[0], before[1]]);
+                before = [own, before[0]];
+            }
         }
         out
     }
@@ -189,19 +246,21 @@ fn halves(count: usize, pull: f64, value: impl Fn(usize) -> f64) -> Vec<i32> {
 }
 
 /// Fits the predictors of size and count, and the plain low bits of what they leave.
-fn predictors(header: &mut BlockHeader, leaves: &[Leaf]) {
-    let before = |i: usize| {
-        let at = |d: usize| if i >= d { leaves[i - d] } else { Leaf::default() };
-        [at(1), at(2)]
-    };
-    let rows = |i: usize| size_features(&leaves[i], &before(i)).map(f64::from);
-    header.predict[0] = fit::<SIZE_SLOPES>(leaves.len(), rows, |i| f64::from(leaves[i].t));
-    let rows = |i: usize| count_features(&leaves[i], &before(i)).map(f64::from);
-    header.predict[1] = fit::<6>(leaves.len(), rows, |i| f64::from(leaves[i].m));
+fn predictors(header: &mut BlockHeader, histories: &[[Past; 3]]) {
+    let n = histories.len();
+    let size = |&[own, a, b]: &[Past; 3]| size_features(own.level, &[a, b]);
+    let count = |&[own, a, b]: &[Past; 3]| count_features(own.level, own.t, &[a, b]);
+    let (t, m) = rayon::join(
+        || fit::<SIZE_SLOPES>(n, |i| size(&histories[i]).map(f64::from), |i| f64::from(histories[i][0].t)),
+        || fit::<6>(n, |i| count(&histories[i]).map(f64::from), |i| f64::from(histories[i][0].m)),
+    );
+    header.predict = [t, m];
     let h = &*header;
-    let t = low_bits((0..leaves.len()).map(|i| (leaves[i].t - h.predict_t(&leaves[i], &before(i))) >> 1), 6);
-    let m = low_bits((0..leaves.len()).map(|i| (leaves[i].m - h.predict_m(&leaves[i], &before(i))) >> 1), 6);
-    let w = low_bits((0..leaves.len()).map(|i| (leaves[i].w - before(i)[0].w) >> 1), 6);
+    let (t, m) = rayon::join(
+        || low_bits(histories.iter().map(|p| (p[0].t - h.predict[0].apply(&size(p))) >> 1), 6),
+        || low_bits(histories.iter().map(|p| (p[0].m - h.predict[1].apply(&count(p))) >> 1), 6),
+    );
+    let w = low_bits(histories.iter().map(|p| (p[0].w - p[1].w) >> 1), 6);
     header.low[..3].copy_from_slice(&[t, m, w]);
 }
 

@@ -2,7 +2,7 @@
 
 use super::exact::exp;
 use super::tree::Cell;
-use super::walk::Leaf;
+use super::walk::Past;
 use super::wire::Reader;
 use crate::particles::Bounds;
 
@@ -40,8 +40,8 @@ pub(crate) const HEADER_BYTES: usize = 48 + 8 + 8 + 4 + 1 + 4 + 20 + 8 + (4 + 8)
 pub(crate) const GAUSSIANS_A_BYTE: u64 = 4;
 /// Counts stay whole in f64.
 pub(crate) const MOST_PARTICLES: u64 = 1 << 53;
-/// ln 8: the step factor lies in 1/8 to 8.
-const WIDEST: f64 = 2.079_441_541_679_835_7;
+/// The step factor lies in 1/8 to 8.
+const WIDEST: f64 = 8.0;
 
 impl BlockHeader {
     /// The header's bytes.
@@ -153,37 +153,56 @@ impl BlockHeader {
     /// The factor on the steps of shape and position: finer where much mass is in little room.
     #[inline]
     pub(crate) fn step_factor(&self, t: i32, m: i32) -> f64 {
-        let x = self.log_count(m) - self.log_size(t) - f64::from(self.centre);
-        exp((-f64::from(self.importance) * x).clamp(-WIDEST, WIDEST))
+        limited(self.size_power(t) * self.count_power(m))
+    }
+
+    /// The size's share of the step factor.
+    #[inline]
+    pub(crate) fn size_power(&self, t: i32) -> f64 {
+        exp(f64::from(self.importance) * self.log_size(t))
+    }
+
+    /// The count's share of the step factor.
+    #[inline]
+    pub(crate) fn count_power(&self, m: i32) -> f64 {
+        exp(f64::from(self.importance) * (f64::from(self.centre) - self.log_count(m)))
     }
 
     /// Levels of a cell's axes: its width in steps, rounded, at least 1.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn levels(&self, cell: &Cell, extent: [f64; 3], radius: f64, factor: f64) -> [u64; 3] {
         let step = f64::from(self.steps[0]) * factor * radius;
         // The cast rounds down and takes what is too large to 2^64 - 1, the limit to 2^40.
         cell.widths(extent).map(|w| ((w / step + 0.5) as u64).clamp(1, 1 << 40))
     }
 
-    /// Predicted size in half steps.
-    #[inline]
-    pub(crate) fn predict_t(&self, leaf: &Leaf, before: &[Leaf; 2]) -> i32 {
-        self.predict[0].apply(&size_features(leaf, before))
+    /// Predicted size in half steps of a Gaussian at `level`.
+    #[inline(always)]
+    pub(crate) fn predict_t(&self, level: i32, before: &[Past; 2]) -> i32 {
+        self.predict[0].apply(&size_features(level, before))
     }
 
-    /// Predicted count in half steps.
-    #[inline]
-    pub(crate) fn predict_m(&self, leaf: &Leaf, before: &[Leaf; 2]) -> i32 {
-        self.predict[1].apply(&count_features(leaf, before))
+    /// Predicted count in half steps of a Gaussian of size `t`.
+    #[inline(always)]
+    pub(crate) fn predict_m(&self, level: i32, t: i32, before: &[Past; 2]) -> i32 {
+        self.predict[1].apply(&count_features(level, t, before))
     }
+}
+
+/// The step factor within its bounds.
+#[inline(always)]
+pub(crate) fn limited(factor: f64) -> f64 {
+    factor.clamp(1.0 / WIDEST, WIDEST)
 }
 
 /// What a size is predicted from.
-pub(crate) fn size_features(leaf: &Leaf, before: &[Leaf; 2]) -> [i32; SIZE_SLOPES] {
-    [leaf.cell.level(), before[0].cell.level(), before[0].t, before[1].t]
+#[inline(always)]
+pub(crate) fn size_features(level: i32, before: &[Past; 2]) -> [i32; SIZE_SLOPES] {
+    [level, before[0].level, before[0].t, before[1].t]
 }
 
 /// What a count is predicted from.
-pub(crate) fn count_features(leaf: &Leaf, before: &[Leaf; 2]) -> [i32; 6] {
-    [leaf.cell.level(), before[0].cell.level(), leaf.t, before[0].t, before[0].m, before[1].m]
+#[inline(always)]
+pub(crate) fn count_features(level: i32, t: i32, before: &[Past; 2]) -> [i32; 6] {
+    [level, before[0].level, t, before[0].t, before[0].m, before[1].m]
 }

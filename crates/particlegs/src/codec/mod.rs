@@ -16,6 +16,7 @@ mod precision;
 mod predict;
 mod rans;
 mod shape;
+mod streams;
 mod sums;
 mod symbols;
 mod tree;

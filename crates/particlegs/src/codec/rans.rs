@@ -26,45 +26,40 @@ pub(crate) enum Part {
 /// What a value is coded with: the encoder records, the decoder reads. One walk over the content
 /// serves both, so that they cannot differ.
 pub(crate) trait Coder {
-    /// Codes `find`'s interval: the encoder is given the interval of its value, the decoder finds
-    /// the interval that holds `slot`. Returns (value, start, frequency).
-    fn interval(
-        &mut self,
-        given: impl FnOnce() -> (u32, u32, u32),
-        find: impl FnOnce(u32) -> (u32, u32, u32),
-    ) -> (u32, u32, u32);
+    /// What the decoder's next interval holds; the encoder has its value instead.
+    fn slot(&self) -> Option<u32>;
+
+    /// Codes the interval from `start` of `size`; the decoder's holds its slot.
+    fn interval(&mut self, start: u32, size: u32);
 
     /// What follows belongs to `part` (of [`Part`]); for accounts of where the bits go.
     fn part(&mut self, _part: Part) {}
 
     /// A value in `0 .. n` that is as likely as any other; `n` in 1 ..= 2^12.
+    #[inline(always)]
     fn uniform(&mut self, n: u32, value: u32) -> u32 {
-        const T: u32 = 1 << PROBABILITY_BITS;
-        let start = |k: u32| (k * T).div_ceil(n);
-        self.interval(
-            || (value, start(value), start(value + 1) - start(value)),
-            |slot| {
-                let k = (slot * n) >> PROBABILITY_BITS;
-                (k, start(k), start(k + 1) - start(k))
-            },
-        )
-        .0
+        let inverse = inverse(n);
+        // ceil(k 2^15 / n), without dividing.
+        let start = |k: u32| ((u64::from((k << PROBABILITY_BITS) + n - 1) * inverse) >> INVERSE_BITS) as u32;
+        let k = self.slot().map_or(value, |slot| (slot * n) >> PROBABILITY_BITS);
+        self.interval(start(k), start(k + 1) - start(k));
+        k
     }
 
     /// `bits` (0 to 15) plain bits.
+    #[inline(always)]
     fn bits(&mut self, bits: u32, value: u32) -> u32 {
         if bits == 0 {
             return 0;
         }
         let shift = PROBABILITY_BITS - bits;
-        self.interval(
-            || (value, value << shift, 1 << shift),
-            |slot| (slot >> shift, (slot >> shift) << shift, 1 << shift),
-        )
-        .0
+        let value = self.slot().map_or(value, |slot| slot >> shift);
+        self.interval(value << shift, 1 << shift);
+        value
     }
 
     /// Any number of plain bits up to 60, the lowest 15 first.
+    #[inline(always)]
     fn long_bits(&mut self, bits: u32, value: u64) -> u64 {
         let mut out = 0;
         let mut done = 0;
@@ -75,6 +70,27 @@ pub(crate) trait Coder {
             done += n;
         }
         out
+    }
+}
+
+/// Inverses are in units of 2^-40: with them x / n is exact for x < 2^28 and n <= 2^12.
+const INVERSE_BITS: u32 = 40;
+const INVERSES: [u64; 1025] = {
+    let mut table = [0; 1025];
+    let mut n = 1;
+    while n < table.len() {
+        table[n] = (1 << INVERSE_BITS) / n as u64 + 1;
+        n += 1;
+    }
+    table
+};
+
+/// 2^40 / n, rounded up (or one more).
+#[inline(always)]
+fn inverse(n: u32) -> u64 {
+    match INVERSES.get(n as usize) {
+        Some(&inverse) => inverse,
+        None => (1 << INVERSE_BITS) / u64::from(n) + 1,
     }
 }
 
@@ -93,15 +109,15 @@ impl Coder for Recorder {
         }
     }
 
-    fn interval(
-        &mut self,
-        given: impl FnOnce() -> (u32, u32, u32),
-        _: impl FnOnce(u32) -> (u32, u32, u32),
-    ) -> (u32, u32, u32) {
-        let (value, start, frequency) = given();
-        debug_assert!(frequency >= 1 && start + frequency <= 1 << PROBABILITY_BITS);
-        self.intervals.push((start as u16, frequency as u16));
-        (value, start, frequency)
+    #[inline(always)]
+    fn slot(&self) -> Option<u32> {
+        None
+    }
+
+    #[inline(always)]
+    fn interval(&mut self, start: u32, size: u32) {
+        debug_assert!(size >= 1 && start + size <= 1 << PROBABILITY_BITS);
+        self.intervals.push((start as u16, size as u16));
     }
 }
 
@@ -188,24 +204,26 @@ impl<'a> Player<'a> {
 }
 
 impl Coder for Player<'_> {
-    #[inline]
-    fn interval(
-        &mut self,
-        _: impl FnOnce() -> (u32, u32, u32),
-        find: impl FnOnce(u32) -> (u32, u32, u32),
-    ) -> (u32, u32, u32) {
+    #[inline(always)]
+    fn slot(&self) -> Option<u32> {
+        Some(self.states[0] & ((1 << PROBABILITY_BITS) - 1))
+    }
+
+    #[inline(always)]
+    fn interval(&mut self, start: u32, size: u32) {
         let x = self.states[0];
         let slot = x & ((1 << PROBABILITY_BITS) - 1);
-        let found = find(slot);
-        let mut y = found.2 * (x >> PROBABILITY_BITS) + slot - found.1;
-        if y < LOW {
-            let word = self.words.get(self.next..self.next + 2).map_or(0, |w| u16::from_le_bytes([w[0], w[1]]));
-            self.next += 2;
-            y = (y << 16) | u32::from(word);
-        }
+        let mut y = size * (x >> PROBABILITY_BITS) + slot - start;
+        // The word is looked at whether it is due or not: whether it is cannot be foretold.
+        let word = match self.words.get(self.next..self.next + 2) {
+            Some(w) => u16::from_le_bytes([w[0], w[1]]),
+            None => 0,
+        };
+        let due = y < LOW;
+        self.next += 2 * usize::from(due);
+        y = if due { (y << 16) | u32::from(word) } else { y };
         // The states take turns.
         self.states = [self.states[1], y];
-        found
     }
 }
 

@@ -30,35 +30,51 @@ impl<const N: usize> Model<N> {
         Model { cumulative, seen: 0 }
     }
 
-    fn interval(&self, s: usize) -> (u32, u32, u32) {
-        let at = |i: usize| if i < N { self.cumulative[i] >> PROBABILITY_BITS } else { 1 << PROBABILITY_BITS };
-        (s as u32, at(s) as u32, (at(s + 1) - at(s)) as u32)
+    #[inline(always)]
+    fn interval(&self, s: usize) -> (u32, u32) {
+        const { assert!(N.is_power_of_two() && N > 1) };
+        let at = |i: usize| (self.cumulative[i % N] >> PROBABILITY_BITS) as u32;
+        // Past the last symbol stands 0 for 2^15: the same in 15 bits.
+        let size = at(s + 1).wrapping_sub(at(s)) & ((1 << PROBABILITY_BITS) - 1);
+        (at(s), size)
     }
 
-    #[inline]
-    fn find(&self, slot: u32) -> (u32, u32, u32) {
+    #[inline(always)]
+    fn find(&self, slot: u32) -> usize {
         let limit = ((slot as i32) << PROBABILITY_BITS) | (FLOOR - 1);
-        let s = self.cumulative[1..].iter().map(|&c| i32::from(c <= limit)).sum::<i32>() as usize;
-        self.interval(s)
+        // All N are counted (the first always passes), since whole vectors are quick; the sign of a
+        // difference is added up more quickly than the outcome of a comparison.
+        let mut below = 0;
+        for i in 0..N {
+            below += ((self.cumulative[i] - limit - 1) as u32) >> 31;
+        }
+        below as usize - 1
     }
 
     /// Moves towards certainty of `s`.
-    #[inline]
+    #[inline(always)]
     fn update(&mut self, s: usize) {
         let shift = (4 + (self.seen >= 12) as u32 + (self.seen >= 40) as u32 + (self.seen >= 120) as u32).min(SLOWEST);
         self.seen += 1;
-        for i in 1..N {
-            let target = if i > s { TOTAL - (N - i) as i32 * FLOOR } else { i as i32 * FLOOR };
+        let room = TOTAL - N as i32 * FLOOR;
+        for i in 0..N {
+            // The first stays 0.
+            let target = i as i32 * FLOOR + if i as i32 > s as i32 { room } else { 0 };
             self.cumulative[i] += (target - self.cumulative[i]) >> shift;
         }
     }
 
     /// Codes a symbol and learns it.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn code(&mut self, c: &mut impl Coder, value: usize) -> usize {
-        let (s, _, _) = c.interval(|| self.interval(value), |slot| self.find(slot));
-        self.update(s as usize);
-        s as usize
+        let s = match c.slot() {
+            Some(slot) => self.find(slot),
+            None => value,
+        };
+        let (start, size) = self.interval(s);
+        c.interval(start, size);
+        self.update(s);
+        s
     }
 }
 
@@ -84,7 +100,7 @@ impl<const N: usize> Residual<N> {
     }
 
     /// Codes a residual whose lowest `low` bits are plain.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn code(&mut self, c: &mut impl Coder, low: u32, value: i32) -> i32 {
         let high = value >> low;
         let symbol = if high.abs() <= Self::CENTRE { (high + Self::CENTRE) as usize } else { N - 1 };

@@ -13,15 +13,15 @@ pub(crate) struct State(u8);
 
 impl State {
     /// 0: whole steps; 1: half a step further.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn lattice(self) -> i32 {
         i32::from(self.0 & 1)
     }
 
     /// After index `k`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn step(&mut self, k: i64) {
-        self.0 = NEXT[self.0 as usize][(k & 1) as usize];
+        self.0 = NEXT[self.0 as usize % 8][(k & 1) as usize];
     }
 }
 

@@ -1,11 +1,13 @@
 //! The one walk over a block's content: the encoder writes with it, the decoder reads with it
 //! (docs/format.md, section 5 to 8).
 
-use super::header::{BlockHeader, Predictor};
+use super::exact::exp;
+use super::header::{BlockHeader, Predictor, limited};
 use super::rans::{Coder, Part};
 use super::symbols::{Model, Residual};
-use super::tree::{Cell, Node};
+use super::tree::{Cell, Node, segments};
 use super::trellis::State;
+use crate::math::simd_level;
 
 /// Whole numbers of one Gaussian. `t`, `m` and `shape` are on half steps (2 k + lattice).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,6 +28,26 @@ pub(crate) struct Leaf {
     pub radius: f64,
     /// Factor on the steps of shape and place.
     pub factor: f64,
+    /// Particles, as decoded, before they are made whole.
+    pub count: f64,
+}
+
+/// What a Gaussian's numbers are predicted from: an earlier one's.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Past {
+    /// Of its cell.
+    pub level: i32,
+    pub t: i32,
+    pub m: i32,
+    pub w: i32,
+}
+
+impl Leaf {
+    /// What is remembered of it.
+    #[inline(always)]
+    pub(crate) fn past(&self) -> Past {
+        Past { level: self.cell.level(), t: self.t, m: self.m, w: self.w }
+    }
 }
 
 /// What the encoder has to say; the decoder says nothing.
@@ -92,6 +114,7 @@ impl Models {
     }
 
     /// The number of the lower half's Gaussians.
+    #[inline(always)]
     fn split(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> Result<u32, OutOfRange> {
         let n = node.count;
         c.part(Part::Tree);
@@ -110,38 +133,71 @@ impl Models {
 }
 
 /// A value in `0 .. n`, `n` up to 2^60: the upper part as one uniform of at most 2^10, the rest plain.
+#[inline(always)]
 fn long_uniform(c: &mut impl Coder, n: u64, value: u64) -> u64 {
     let low = (64 - n.leading_zeros()).saturating_sub(10);
     let high = c.uniform(((n - 1) >> low) as u32 + 1, (value >> low) as u32);
     ((u64::from(high) << low) | c.long_bits(low, value & ((1 << low) - 1))).min(n - 1)
 }
 
-/// Walks `header.gaussians` Gaussians; `sink` gets each as coded.
-pub(crate) fn walk(
+/// The splits above the segments, and with them the segments' nodes.
+pub(crate) fn trunk(
     c: &mut impl Coder,
     header: &BlockHeader,
     script: &mut impl Script,
-    mut sink: impl FnMut(&Leaf) -> Result<(), OutOfRange>,
+) -> Result<Vec<Vec<Node>>, OutOfRange> {
+    let mut models = Models::new();
+    segments(header.gaussians, header.bounds.extent(), |node, _, _| {
+        let low = script.split();
+        models.split(c, node, low)
+    })
+}
+
+/// Walks a segment's nodes; `sink` gets each Gaussian as coded, with its number in the segment.
+pub(crate) fn walk(
+    c: &mut impl Coder,
+    header: &BlockHeader,
+    nodes: &[Node],
+    script: &mut impl Script,
+    sink: impl FnMut(usize, &Leaf),
+) -> Result<(), OutOfRange> {
+    fearless_simd::dispatch!(simd_level(), _simd => kernel(c, header, nodes, script, sink))
+}
+
+#[inline(always)]
+fn kernel(
+    c: &mut impl Coder,
+    header: &BlockHeader,
+    nodes: &[Node],
+    script: &mut impl Script,
+    mut sink: impl FnMut(usize, &Leaf),
 ) -> Result<(), OutOfRange> {
     let extent = header.bounds.extent();
     let mut models = Models::new();
     let mut leaves = Leaves::new(header, extent);
-    let mut stack = vec![Node { cell: Cell::default(), count: header.gaussians, share: 0 }];
+    let mut stack: Vec<Node> = nodes.iter().rev().copied().collect();
+    let mut done = 0;
     while let Some(node) = stack.pop() {
         match node.cell.axis(extent).filter(|_| node.count > 1) {
             None => {
                 for _ in 0..node.count {
-                    let mut leaf = script.leaf(leaves.done);
+                    let mut leaf = script.leaf(done);
                     leaf.cell = node.cell;
                     leaves.code(c, &mut models, &mut leaf)?;
-                    sink(&leaf)?;
+                    sink(done, &leaf);
+                    done += 1;
                 }
             }
             Some(axis) => {
                 let low = script.split();
                 let low = models.split(c, &node, low)?;
                 let [a, b] = node.halves(axis, low);
-                stack.extend([b, a].into_iter().filter(|n| n.count > 0));
+                if b.count > 0 {
+                    stack.push(b);
+                }
+                if a.count > 0 {
+                    stack.push(a);
+                }
             }
         }
     }
@@ -152,8 +208,8 @@ pub(crate) fn walk(
 struct Leaves<'a> {
     header: &'a BlockHeader,
     extent: [f64; 3],
-    done: usize,
-    before: [Leaf; 2],
+    before: [Past; 2],
+    powers: Powers,
     trellis_t: State,
     trellis_m: State,
     trellis_w: State,
@@ -167,8 +223,8 @@ impl<'a> Leaves<'a> {
         Leaves {
             header,
             extent,
-            done: 0,
-            before: [Leaf::default(); 2],
+            before: [Past::default(); 2],
+            powers: Powers::new(),
             trellis_t: start,
             trellis_m: start,
             trellis_w: start,
@@ -177,35 +233,36 @@ impl<'a> Leaves<'a> {
         }
     }
 
+    #[inline(always)]
     fn code(&mut self, c: &mut impl Coder, models: &mut Models, leaf: &mut Leaf) -> Result<(), OutOfRange> {
         let h = self.header;
-        let surprise = surprise_class(leaf, &self.before[0]);
+        let level = leaf.cell.level();
+        let surprise = surprise_class(level, self.before[0].level);
         c.part(Part::Size);
-        leaf.t =
-            scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, h.predict_t(leaf, &self.before), leaf.t)?;
+        let predicted = h.predict_t(level, &self.before);
+        leaf.t = scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, predicted, leaf.t)?;
         c.part(Part::Count);
-        leaf.m =
-            scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, h.predict_m(leaf, &self.before), leaf.m)?;
+        let predicted = h.predict_m(level, leaf.t, &self.before);
+        leaf.m = scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, predicted, leaf.m)?;
         if h.weighted {
             c.part(Part::Mass);
             leaf.w = scalar(c, &mut models.w, h.low[2], &mut self.trellis_w, self.before[0].w, leaf.w)?;
         }
-        leaf.radius = h.radius(leaf.t);
-        leaf.factor = h.step_factor(leaf.t, leaf.m);
+        self.powers.fill(h, leaf);
         self.shape(c, models, leaf)?;
         self.place(c, leaf);
-        self.before = [*leaf, self.before[0]];
-        self.done += 1;
+        self.before = [leaf.past(), self.before[0]];
         Ok(())
     }
 
+    #[inline(always)]
     fn shape(&mut self, c: &mut impl Coder, models: &mut Models, leaf: &mut Leaf) -> Result<(), OutOfRange> {
         c.part(Part::Shape);
         let class = step_class(leaf.factor);
         let mut reach = 0i64;
         for k in 0..5 {
             // The mean magnitude so far, in half steps.
-            let reach_class = if k == 0 { 0 } else { reach_class(reach / k as i64) };
+            let reach_class = reach_class(reach, k as i64);
             let model = (usize::from(k >= 2) * STEP_CLASSES + class) * REACH_CLASSES + reach_class;
             leaf.shape[k] =
                 scalar(c, &mut models.shape[model], self.header.low[3], &mut self.trellis_shape, 0, leaf.shape[k])?;
@@ -214,6 +271,7 @@ impl<'a> Leaves<'a> {
         Ok(())
     }
 
+    #[inline(always)]
     fn place(&mut self, c: &mut impl Coder, leaf: &mut Leaf) {
         c.part(Part::Place);
         leaf.levels = self.header.levels(&leaf.cell, self.extent, leaf.radius, leaf.factor);
@@ -232,34 +290,63 @@ impl<'a> Leaves<'a> {
     }
 }
 
+/// Powers of sizes and counts that were met lately: few distinct ones follow each other.
+struct Powers {
+    /// Size, radius, share of the step factor.
+    sizes: [(i32, f64, f64); POWERS],
+    /// Count in half steps, count, share of the step factor.
+    counts: [(i32, f64, f64); POWERS],
+}
+
+/// Powers that are remembered.
+const POWERS: usize = 128;
+
+impl Powers {
+    fn new() -> Self {
+        // No number on half steps is that low.
+        let none = [(i32::MIN, 0.0, 0.0); POWERS];
+        Powers { sizes: none, counts: none }
+    }
+
+    /// Radius, count and step factor of a Gaussian whose numbers are known.
+    #[inline(always)]
+    fn fill(&mut self, h: &BlockHeader, leaf: &mut Leaf) {
+        let size = &mut self.sizes[leaf.t as usize % POWERS];
+        if size.0 != leaf.t {
+            *size = (leaf.t, h.radius(leaf.t), h.size_power(leaf.t));
+        }
+        let count = &mut self.counts[leaf.m as usize % POWERS];
+        if count.0 != leaf.m {
+            *count = (leaf.m, exp(h.log_count(leaf.m)), h.count_power(leaf.m));
+        }
+        (leaf.radius, leaf.count, leaf.factor) = (size.1, count.1, limited(size.2 * count.2));
+    }
+}
+
 /// How far the leaf's level is from the last one's: the further, the less is known.
-fn surprise_class(leaf: &Leaf, before: &Leaf) -> usize {
-    match (leaf.cell.level() - before.cell.level()).abs() {
-        0..=1 => 0,
-        2..=4 => 1,
-        _ => 2,
-    }
+#[inline(always)]
+fn surprise_class(level: i32, before: i32) -> usize {
+    let far = (level - before).abs();
+    usize::from(far >= 2) + usize::from(far >= 5)
 }
 
-/// Half octaves of the step factor, from 1/8 to 8.
+/// Half octaves of the step factor, from 1/8 to 8: how many of 2^-5 to 2^5 are at most its square.
+#[inline(always)]
 fn step_class(step: f64) -> usize {
-    // Comparing squares keeps to exact operations.
-    let mut class = 0;
-    let mut edge = 1.0 / 32.0;
-    while class + 1 < STEP_CLASSES && step * step >= edge {
-        edge *= 2.0;
-        class += 1;
-    }
-    class
+    let exponent = ((step * step).to_bits() >> 52) as i32 - 1023;
+    (exponent + 6).clamp(0, STEP_CLASSES as i32 - 1) as usize
 }
 
-/// Classes of the mean magnitude in half steps.
-fn reach_class(mean: i64) -> usize {
-    usize::from(mean >= 2) + usize::from(mean >= 5)
+/// Classes of the mean magnitude, in half steps, of `k` numbers that sum to `reach`.
+#[inline(always)]
+fn reach_class(reach: i64, k: i64) -> usize {
+    // floor(reach / k) >= 2 and >= 5; 0 without numbers.
+    let k = k.max(1);
+    usize::from(reach >= 2 * k) + usize::from(reach >= 5 * k)
 }
 
 /// Codes a number on half steps against its prediction on half steps.
-#[inline]
+#[inline(always)]
 fn scalar<const N: usize>(
     c: &mut impl Coder,
     model: &mut Residual<N>,
@@ -280,6 +367,7 @@ fn scalar<const N: usize>(
 
 impl Predictor {
     /// Sum of coefficient times feature, rounded.
+    #[inline(always)]
     pub(crate) fn apply(&self, features: &[i32]) -> i32 {
         let sum: i64 = self.slopes.iter().zip(features).map(|(&a, &f)| i64::from(a) * i64::from(f)).sum();
         let sum = (sum + 128) >> 8;
