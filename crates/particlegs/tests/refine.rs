@@ -18,7 +18,7 @@ fn radius(p: &Particles) -> f64 {
 
 fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixture {
     let cells = partition(p, gaussians, radius(p), PartitionOptions::default(), &Silent).unwrap();
-    let options = RefineOptions { first_iterations: 3, rounds, iterations: 2, sample, seed: 1 };
+    let options = RefineOptions { first_iterations: 3, rounds, iterations: 2, sample, pixel: 0.0, seed: 1 };
     refine(&cells, radius(p), &options, &Silent).unwrap()
 }
 
@@ -110,7 +110,7 @@ fn degenerate_snapshots_are_fitted() {
     for p in &cases {
         for gaussians in [1, 2, 30, 199, 500] {
             for effort in [Effort::Fast, Effort::Default, Effort::High] {
-                let options = FitOptions { gaussians, effort, radius: radius(p), seed: 3 };
+                let options = FitOptions { gaussians, effort, radius: radius(p), pixel: 0.0, seed: 3 };
                 let m = fit(p, &options, &Silent).unwrap();
                 assert!(!m.is_empty() && m.len() <= gaussians.min(p.len()));
                 assert!((m.count.iter().sum::<f64>() - p.len() as f64).abs() < 1e-9 * p.len() as f64);

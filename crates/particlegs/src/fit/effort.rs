@@ -27,6 +27,8 @@ pub struct FitOptions {
     pub effort: Effort,
     /// Radius that particles are drawn with, world units.
     pub radius: f64,
+    /// A pixel of the pictures that the model is made for, world units (0: finer than a radius).
+    pub pixel: f64,
     /// Seed of the sample.
     pub seed: u64,
 }
@@ -36,8 +38,9 @@ pub struct FitOptions {
 /// # Errors
 /// As [`partition`] and [`refine`].
 pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress) -> Result<Mixture> {
-    let cells = partition(particles, options.gaussians, options.radius, PartitionOptions::default(), progress)?;
-    match options.effort.refinement(cells.store.len(), cells.cells.len(), options.seed) {
+    let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
+    let cells = partition(particles, options.gaussians, options.radius, how, progress)?;
+    match options.effort.refinement(cells.store.len(), cells.cells.len(), options) {
         None => Ok(cells.mixture()),
         Some(how) => refine(&cells, options.radius, &how, progress),
     }
@@ -46,7 +49,7 @@ pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress)
 impl Effort {
     /// The refinement that `particles` and `gaussians` allow, decided by cost alone (never by a
     /// clock, so that results repeat); `None` for the partition alone.
-    pub fn refinement(self, particles: usize, gaussians: usize, seed: u64) -> Option<RefineOptions> {
+    fn refinement(self, particles: usize, gaussians: usize, options: &FitOptions) -> Option<RefineOptions> {
         // Most rounds, particle visits by rounds (about 1 CPU-second a million), particles a Gaussian.
         let (most, visits, sample) = match self {
             Effort::Fast => return None,
@@ -55,6 +58,13 @@ impl Effort {
         };
         let looked_at = (particles as f64).min(sample * gaussians as f64).max(1.0);
         let rounds = (visits / looked_at).clamp(1.0, most) as usize;
-        Some(RefineOptions { first_iterations: 4, rounds, iterations: 3, sample, seed })
+        Some(RefineOptions {
+            first_iterations: 4,
+            rounds,
+            iterations: 3,
+            sample,
+            pixel: options.pixel,
+            seed: options.seed,
+        })
     }
 }

@@ -1,6 +1,7 @@
 //! How much a picture gains when one Gaussian is replaced by two.
 
 use super::Moments;
+use crate::splat::PIXEL_VARIANCE;
 use std::f64::consts::TAU;
 
 /// The blur under which pictures are compared: its variance on the picture plane, store units squared.
@@ -11,6 +12,11 @@ pub struct Blur(pub f64);
 const PLANES: [(usize, usize, usize, usize, usize); 3] = [(0, 1, 0, 1, 3), (0, 2, 0, 2, 5), (1, 2, 3, 4, 5)];
 
 impl Blur {
+    /// Standard deviation of a splat's blur and a square pixel's together.
+    pub(crate) fn of_picture(splat: f64, pixel: f64) -> f64 {
+        (splat * splat + PIXEL_VARIANCE * pixel * pixel).sqrt()
+    }
+
     /// Sum over the three axis planes of ||P(G) - P(A) - P(B)||^2, where P projects along an axis
     /// and blurs. Products are closed: <A,B> = n_A n_B N2(mu_A - mu_B; S_A + S_B + 2 s^2 I).
     pub fn split_gain(&self, whole: &Moments, a: &Moments, b: &Moments) -> f64 {

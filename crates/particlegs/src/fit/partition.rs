@@ -22,11 +22,15 @@ pub struct PartitionOptions {
     /// and small drawing radii, large ones large radii. On nbody128 at 19 000 cells 4, 5 and 6 give
     /// 29.08, 29.03 and 28.93 dB at the default radius, 20.7, 21.0 and 21.3 dB at six times that.
     pub blur_radii: f64,
+    /// A pixel of the pictures that the cells are made for, world units (0: finer than a radius).
+    /// Pixels blur too: on nbody128 tiled to 268 M particles the near orbit's pixel, 11 radii, gains
+    /// 0.19 dB far, 0.13 dB mid and 0.10 dB near at 240 000 cells.
+    pub pixel: f64,
 }
 
 impl Default for PartitionOptions {
     fn default() -> Self {
-        PartitionOptions { blur_radii: 5.0 }
+        PartitionOptions { blur_radii: 5.0, pixel: 0.0 }
     }
 }
 
@@ -71,12 +75,17 @@ pub fn partition(
     if particles.is_empty() || gaussians == 0 {
         return Err(Error::argument("a partition needs at least one particle and one Gaussian"));
     }
-    if !(radius > 0.0 && radius.is_finite() && options.blur_radii > 0.0 && options.blur_radii.is_finite()) {
+    if !(radius > 0.0
+        && radius.is_finite()
+        && options.blur_radii > 0.0
+        && options.blur_radii.is_finite()
+        && options.pixel >= 0.0)
+    {
         return Err(Error::argument(format!("radius {radius} and blur {} must be positive", options.blur_radii)));
     }
     progress.check()?;
     let mut store = Store::new(particles);
-    let s = (options.blur_radii * radius * store.scale).clamp(1e-9, 1e9);
+    let s = (Blur::of_picture(options.blur_radii * radius, options.pixel) * store.scale).clamp(1e-9, 1e9);
     let grower = Grower { blur: Blur(s * s), progress };
     let bounds = grower.grow(&mut store, gaussians)?;
     let cells: Vec<Range<usize>> = bounds.windows(2).map(|w| w[0]..w[1]).collect();

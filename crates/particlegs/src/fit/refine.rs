@@ -6,6 +6,7 @@
 //! of each cell's particles where there are more than the Gaussians need; the last iterations see
 //! every particle.
 
+use super::Blur;
 use super::em::{Candidates, Cloud, Gaussians, Groups, Reach, Shape, expect, maximise, regroup};
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
@@ -26,6 +27,8 @@ pub struct RefineOptions {
     pub iterations: usize,
     /// Particles a Gaussian that the rounds look at; the last iterations see all.
     pub sample: f64,
+    /// A pixel of the pictures that the model is made for, world units (0: finer than a radius).
+    pub pixel: f64,
     /// Seed of the sample.
     pub seed: u64,
 }
@@ -50,12 +53,13 @@ const FOCUS: f64 = 1.0;
 /// # Errors
 /// [`Error::Argument`] for a radius that is not positive; [`Error::Cancelled`].
 pub fn refine(partition: &Partition, radius: f64, options: &RefineOptions, progress: &dyn Progress) -> Result<Mixture> {
-    if !(radius > 0.0 && radius.is_finite() && options.sample > 0.0) {
+    if !(radius > 0.0 && radius.is_finite() && options.sample > 0.0 && options.pixel >= 0.0) {
         return Err(Error::argument(format!("radius {radius} and sample {} must be positive", options.sample)));
     }
     let scaled = (radius * partition.store.scale).clamp(1e-9, 1e9);
     let shade = Shade::new(&partition.store.xyz, scaled);
-    let refiner = Refiner { shade: &shade, partition, radius: scaled, options, progress };
+    let pixel = options.pixel * partition.store.scale;
+    let refiner = Refiner { shade: &shade, partition, radius: scaled, pixel, options, progress };
     let blocks = refiner.blocks();
     progress.begin("refine", (blocks.len() * (options.rounds + 2)) as u64);
     let store = &partition.store;
@@ -73,6 +77,7 @@ struct Refiner<'a> {
     partition: &'a Partition,
     /// Store units.
     radius: f64,
+    pixel: f64,
     options: &'a RefineOptions,
     progress: &'a dyn Progress,
 }
@@ -97,7 +102,7 @@ impl Refiner<'_> {
     }
 
     fn shape(&self) -> Shape {
-        let blur = FOCUS_BLUR_RADII * self.radius;
+        let blur = Blur::of_picture(FOCUS_BLUR_RADII * self.radius, self.pixel);
         Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur * blur }
     }
 
@@ -156,7 +161,8 @@ impl Refiner<'_> {
 
     fn rounds(&self, cloud: Cloud<'_>, groups: Groups, gaussians: &mut Gaussians) -> Result<()> {
         let options = self.options;
-        let moves = MoveOptions { blur: MOVE_BLUR_RADII * self.radius, ratio: 1.2, share: 0.1 };
+        let moves =
+            MoveOptions { blur: Blur::of_picture(MOVE_BLUR_RADII * self.radius, self.pixel), ratio: 1.2, share: 0.1 };
         let candidates = self.candidates(&groups, gaussians);
         let mut owner = self.iterate(cloud, &groups, &candidates, gaussians, options.first_iterations.max(1))?;
         self.progress.advance(1);
