@@ -139,6 +139,10 @@ pub fn run(a: Arguments) -> Result<()> {
     let options = a.options()?;
     let context = a.common.clone().start()?;
     let start = Instant::now();
+    if let Some(folder) = &a.pictures {
+        // The model may go there as well.
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    }
     output::check_writable(&a.output)?;
     let particles = a.snapshot.open(&a.input)?;
     if particles.meta.cell.is_none() {
