@@ -68,7 +68,7 @@ fn views_that_cannot_be_drawn() {
     let dir = tempfile::tempdir().unwrap();
     let model = model(dir.path(), &["--no-certificate"]);
     let good: Value = serde_json::from_slice(&std::fs::read(golden().join("views.json")).unwrap()).unwrap();
-    let mut bad = |change: &dyn Fn(&mut Value), text: &str| {
+    let bad = |change: &dyn Fn(&mut Value), text: &str| {
         let mut views = good.clone();
         change(&mut views);
         let file = dir.path().join("views.json");
