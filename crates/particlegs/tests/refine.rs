@@ -126,9 +126,12 @@ fn degenerate_snapshots_are_fitted() {
 
 #[test]
 fn efforts_follow_the_cost() {
-    assert!(Effort::Fast.refinement(1 << 21, 19_000, 0).is_none());
-    let small = Effort::Default.refinement(1 << 21, 19_000, 0).unwrap();
-    let large = Effort::Default.refinement(1 << 28, 2_470_000, 0).unwrap();
-    let high = Effort::High.refinement(1 << 21, 19_000, 0).unwrap();
-    assert!(large.rounds >= 1 && large.rounds < small.rounds && small.rounds < high.rounds);
+    let rounds = |effort: Effort, particles, gaussians| {
+        let options = FitOptions { gaussians, effort, radius: 1.0, pixel: 0.0, seed: 0 };
+        effort.refinement(particles, gaussians, &options).map_or(0, |r| r.rounds)
+    };
+    assert_eq!(rounds(Effort::Fast, 1 << 21, 19_000), 0);
+    let small = rounds(Effort::Default, 1 << 21, 19_000);
+    let large = rounds(Effort::Default, 1 << 28, 2_470_000);
+    assert!(large >= 1 && large < small && small < rounds(Effort::High, 1 << 21, 19_000));
 }

@@ -49,7 +49,7 @@ pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress)
 impl Effort {
     /// The refinement that `particles` and `gaussians` allow, decided by cost alone (never by a
     /// clock, so that results repeat); `None` for the partition alone.
-    fn refinement(self, particles: usize, gaussians: usize, options: &FitOptions) -> Option<RefineOptions> {
+    pub fn refinement(self, particles: usize, gaussians: usize, options: &FitOptions) -> Option<RefineOptions> {
         // Most rounds, particle visits by rounds (about 1 CPU-second a million), particles a Gaussian.
         let (most, visits, sample) = match self {
             Effort::Fast => return None,
