@@ -12,7 +12,7 @@ fn main() {
 }
 
 /// The sample's partition at 1080p, from the far orbit's distance.
-#[divan::bench(args = [2_000, 20_000, 100_000], sample_count = 10)]
+#[divan::bench(args = [2_000, 20_000, 171_000], sample_count = 10)]
 fn far_1080p(bencher: divan::Bencher, gaussians: usize) {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
     let particles = open(&[folder.into()], &OpenOptions::default()).expect("the sample");

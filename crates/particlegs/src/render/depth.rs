@@ -6,6 +6,7 @@ use super::project::{DepthMoments, InCamera, inverse_moments};
 use super::pyramid::{self, BAND, Level, PAD};
 use super::raster::{self, Band};
 use super::scene::Scene;
+use super::scratch;
 use super::slices::{Fate, cut, fate};
 use crate::Result;
 use crate::camera::{Projection, View};
@@ -39,7 +40,9 @@ pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Prog
 /// As [`optical_depth`].
 pub fn draw(scene: &Scene, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
     let tau = optical_depth(scene, view, size, progress)?;
-    Ok(tone(&tau, look, view.opacity, view.radius_pixels(size)))
+    let picture = tone(&tau, look, view.opacity, view.radius_pixels(size));
+    scratch::give(tau.data);
+    Ok(picture)
 }
 
 /// VTK's splats widen towards the edges by sqrt(1 + x^2/z^2) and sqrt(1 + y^2/z^2): constant for a
@@ -76,7 +79,7 @@ pub(super) fn sum(
             Ok(project_run(m, start..m.len().min(start + RUN), lenses, &levels, &weight))
         })
         .collect::<Result<Vec<Bins>>>()?;
-    let mut planes: Vec<Vec<f32>> = levels.iter().map(|l| vec![0.0; l.stride * l.rows]).collect();
+    let mut planes: Vec<Vec<f32>> = levels.iter().map(|l| scratch::take(l.stride * l.rows)).collect();
     let bands: Vec<(&Level, usize, &mut [f32])> = levels
         .iter()
         .zip(&mut planes)
@@ -86,6 +89,7 @@ pub(super) fn sum(
         .collect();
     bands.into_par_iter().with_max_len(1).try_for_each(|(level, b, data)| {
         progress.check()?;
+        data.fill(0.0);
         let mut band = Band { data, stride: level.stride, width: level.size.width + 2 * PAD, first: b * BAND };
         let number = level.first_band + b;
         for bin in &bins {
@@ -97,13 +101,15 @@ pub(super) fn sum(
         let (finer, coarser) = planes.split_at_mut(l);
         pyramid::add_up(&coarser[0], &levels[l], &mut finer[l - 1], &levels[l - 1]);
     }
-    Ok(crop(&planes[0], &levels[0]))
+    let out = crop(&planes[0], &levels[0]);
+    planes.into_iter().for_each(scratch::give);
+    Ok(out)
 }
 
 /// The picture without the pad. The interpolation may undershoot; depth is never negative.
 fn crop(plane: &[f32], level: &Level) -> Plane {
     let Size { width, height } = level.size;
-    let mut out = Plane::zeros(level.size);
+    let mut out = Plane { size: level.size, data: scratch::take(width * height) };
     out.data.par_chunks_mut(width).enumerate().for_each(|(row, out)| {
         let start = (row + PAD) * level.stride + PAD;
         for (o, v) in out.iter_mut().zip(&plane[start..start + width]) {

@@ -15,6 +15,7 @@ mod project;
 mod pyramid;
 mod raster;
 mod scene;
+mod scratch;
 mod slices;
 mod surface;
 
