@@ -86,7 +86,7 @@ impl ViewArgs {
 }
 
 /// `1920x1080`.
-fn parse_size(text: &str) -> std::result::Result<Size, String> {
+pub fn parse_size(text: &str) -> std::result::Result<Size, String> {
     let fail = || format!("`{text}` is no size; write width x height, such as 1920x1080, each from 1 to 32768");
     let (w, h) = text.split_once(['x', 'X']).ok_or_else(fail)?;
     let side = |t: &str| t.trim().parse::<usize>().ok().filter(|n| (1..=32_768).contains(n));

@@ -1,6 +1,7 @@
 //! `particlegs eval MODEL SNAPSHOT...`.
 
 use crate::common::{Common, SnapshotArgs};
+use crate::view_args::parse_size;
 use clap::Args;
 use particlegs::camera::read_views;
 use particlegs::model::Model;
@@ -36,7 +37,7 @@ pub struct Arguments {
     #[arg(long, value_name = "V.json", conflicts_with = "frames")]
     views: Option<PathBuf>,
     /// Picture size (with --views: the file's).
-    #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = size, conflicts_with = "views")]
+    #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, conflicts_with = "views")]
     size: Size,
     #[command(flatten)]
     snapshot: SnapshotArgs,
@@ -76,14 +77,6 @@ pub fn run(a: Arguments) -> Result<()> {
     let evaluation = score::evaluate(&model, &particles, &views, size, &context)?;
     let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
     context.finish(&table(&report), &report)
-}
-
-/// `1920x1080`.
-fn size(text: &str) -> std::result::Result<Size, String> {
-    let fail = || format!("`{text}` is not a size such as 1920x1080");
-    let (width, height) = text.split_once('x').ok_or_else(fail)?;
-    let side = |s: &str| s.parse().ok().filter(|v| (1..=32_768).contains(v)).ok_or_else(fail);
-    Ok(Size { width: side(width)?, height: side(height)? })
 }
 
 /// The views, their size, and where they are from in words.
