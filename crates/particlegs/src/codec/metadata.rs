@@ -140,12 +140,16 @@ fn floats<'a>(values: impl Iterator<Item = &'a f64>) -> Vec<u8> {
     values.flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// Periodicity, then three lengths where the cell is orthogonal, else three vectors.
+/// Periodicity, then three lengths where the cell is orthogonal, else three vectors; then the
+/// lowest corner where that is not 0.
 fn cell_bytes(c: &Cell) -> Vec<u8> {
     let mut out = vec![(0..3).map(|k| u8::from(c.periodic[k]) << k).sum()];
     match c.lengths() {
         Some(l) => out.extend(floats(l.iter())),
         None => out.extend(floats(c.vectors.iter().flatten())),
+    }
+    if c.origin != [0.0; 3] {
+        out.extend(floats(c.origin.iter()));
     }
     out
 }
@@ -157,12 +161,16 @@ fn cell(v: &[u8]) -> Result<Cell, Fault> {
     }
     let periodic = std::array::from_fn(|k| head >> k & 1 == 1);
     let values = reals(CELL, rest)?;
-    let vectors = match values[..] {
+    let (shape, origin) = match values[..] {
+        [.., x, y, z] if values.len() % 9 != 0 && values.len() > 3 => (&values[..values.len() - 3], [x, y, z]),
+        _ => (&values[..], [0.0; 3]),
+    };
+    let vectors = match shape[..] {
         [x, y, z] => [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],
         [a, b, c, d, e, f, g, h, i] => [[a, b, c], [d, e, f], [g, h, i]],
         _ => return Err(Fault::Corrupt(format!("a cell of {} bytes", v.len()))),
     };
-    Ok(Cell { vectors, periodic })
+    Ok(Cell { origin, vectors, periodic })
 }
 
 fn bounds(v: &[u8]) -> Result<Bounds, String> {
@@ -174,7 +182,7 @@ fn bounds(v: &[u8]) -> Result<Bounds, String> {
 
 /// Finite numbers.
 fn reals(tag: u8, v: &[u8]) -> Result<Vec<f64>, String> {
-    if !v.len().is_multiple_of(8) || v.len() > 72 {
+    if !v.len().is_multiple_of(8) || v.len() > 96 {
         return Err(format!("metadata field {tag} of {} bytes", v.len()));
     }
     v.chunks_exact(8).map(|c| float(tag, c)).collect()

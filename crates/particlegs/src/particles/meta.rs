@@ -3,6 +3,9 @@
 /// A simulation cell: three row vectors and whether each repeats.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Cell {
+    /// Its lowest corner, world units.
+    #[serde(default)]
+    pub origin: [f64; 3],
     /// Row k is the k-th cell vector, world units.
     pub vectors: [[f64; 3]; 3],
     /// Periodicity along each cell vector.
@@ -10,13 +13,13 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// A periodic orthogonal box.
+    /// A periodic orthogonal box with its corner at 0.
     pub fn orthogonal(lengths: [f64; 3]) -> Self {
         let mut vectors = [[0.0; 3]; 3];
         for k in 0..3 {
             vectors[k][k] = lengths[k];
         }
-        Cell { vectors, periodic: [true; 3] }
+        Cell { origin: [0.0; 3], vectors, periodic: [true; 3] }
     }
 
     /// Edge lengths where the cell is orthogonal and axis-aligned.
@@ -29,7 +32,7 @@ impl Cell {
 
 /// Metadata of a snapshot, read before any particle. `None` means that the source does not say;
 /// nothing is guessed.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct SnapshotMeta {
     /// Name shown to people: the file's or folder's.
     pub name: String,

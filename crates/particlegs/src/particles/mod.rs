@@ -1,7 +1,7 @@
 //! Floor 1: particles in memory or mapped, where they come from, and what is known about them.
 //!
-//! A [`SnapshotReader`] tells its [`SnapshotMeta`] first and then fills the caller's buffers by
-//! chunks; [`Particles`] is a snapshot opened whole, mapped where the file's layout allows it.
+//! A [`SnapshotReader`] tells its [`SnapshotMeta`] first and then hands over its particles run by
+//! run; [`Particles`] is a snapshot opened whole, mapped where the file's layout allows it.
 //! Positions are `origin + local` with f32 locals, so that a box far from the origin keeps its
 //! precision; raw float32 files have the origin 0 and are never copied. [`convert`] writes a
 //! snapshot from a snapshot: tiled, cropped, thinned.
@@ -23,9 +23,9 @@ pub use bounds::Bounds;
 pub use convert::{Converted, convert};
 pub use hash::source_hash;
 pub use meta::{Cell, SnapshotMeta};
-pub use open::{OpenOptions, open};
+pub use open::{OpenOptions, map_file, open};
 pub use select::Selection;
-pub use source::{Chunk, ChunkBuffer, SnapshotReader};
+pub use source::{Chunk, ChunkBuffer, InPlace, RUN, RunSink, SnapshotReader};
 pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};
 pub use tile::Tiling;

@@ -107,8 +107,11 @@ fn map_raw(path: &Path) -> Result<Column> {
     })
 }
 
-/// Maps a file; `None` for an empty one, which cannot be mapped.
-pub(super) fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
+/// Maps a file and tells its length; `None` for an empty one, which cannot be mapped.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Input`] for what is no regular file.
+pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
     if !metadata.is_file() {

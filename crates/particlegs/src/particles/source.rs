@@ -1,12 +1,14 @@
-//! The reader trait: metadata first, then chunks into the caller's buffers.
+//! The reader trait: metadata first, then particles run by run.
 
-use super::SnapshotMeta;
+use super::{Column, Positions, SnapshotMeta};
 use crate::Result;
+use crate::progress::Progress;
+use std::ops::Range;
 
-/// Columns that a reader fills; the caller owns and reuses them.
+/// Columns that the caller owns and reuses.
 #[derive(Default, Debug)]
 pub struct ChunkBuffer {
-    /// x, y, z relative to the reader's origin, same length each.
+    /// x, y, z relative to the origin, same length each.
     pub position: [Vec<f32>; 3],
     /// Weights (> 0), same length; empty where the source has none.
     pub weight: Vec<f32>,
@@ -33,7 +35,21 @@ impl Chunk<'_> {
     }
 }
 
-/// A snapshot that can be read in chunks of any size, from any place, by several threads.
+/// Particles that a reader hands over at once: a run. Fixed, so that nothing depends on threads.
+pub const RUN: usize = 1 << 16;
+
+/// Takes runs: the run's number and its particles. Called from several threads, in any order.
+pub type RunSink<'a> = dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync + 'a;
+
+/// Particles where they lie in a mapped file.
+pub struct InPlace {
+    /// Positions about 0.
+    pub positions: Positions,
+    /// Weights, where the source has them.
+    pub weights: Option<Column>,
+}
+
+/// A snapshot that is read run by run in bounded memory: metadata first, then particles.
 pub trait SnapshotReader: Send + Sync {
     /// What the snapshot says about itself.
     fn meta(&self) -> &SnapshotMeta;
@@ -43,6 +59,16 @@ pub trait SnapshotReader: Send + Sync {
     fn has_weights(&self) -> bool;
     /// The f64 point to which f32 positions are relative.
     fn origin(&self) -> [f64; 3];
-    /// Fills `buffer` (cleared first) with particles `start .. start + count`.
-    fn read(&self, start: u64, count: usize, buffer: &mut ChunkBuffer) -> Result<()>;
+    /// Hands over every run of `runs` once: run r holds particles `r * RUN` to `(r + 1) * RUN`, the
+    /// last one what is left. Readers of streams pass over what comes before. Values are as the
+    /// source has them: NaN and infinity are the caller's to find. Particles read are reported to
+    /// `progress.advance`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] for bytes that contradict the format; the sink's; `Cancelled`.
+    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()>;
+    /// All particles where they lie, if they lie so: origin 0, f32 columns or triples.
+    fn in_place(&self) -> Option<InPlace> {
+        None
+    }
 }

@@ -62,7 +62,7 @@ pub struct Particles {
 }
 
 /// Particles in one step of parallel work; fixed, so that sums do not depend on threads.
-pub(crate) const CHUNK: usize = 1 << 16;
+pub(crate) const CHUNK: usize = super::RUN;
 
 impl Particles {
     /// Particles in memory, columns, origin 0: for tests and for callers that made their own.

@@ -1,0 +1,33 @@
+//! Other people's files: what they say about themselves, and their particles.
+//!
+//! [`open`] finds a file's format by its content and gives a [`Snapshot`]: a [`Description`] first
+//! (species, fields, units, box, frames), then a [`particlegs::particles::SnapshotReader`] for the
+//! species and fields that were chosen. One file a format; [`FORMATS`] lists them.
+//!
+//! Binary formats say where numbers lie ([`strided`]) or how a stretch of rows is decoded
+//! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
+//! checked before memory is taken; nothing here panics on any input.
+
+pub mod cache;
+pub mod compressed;
+pub mod pieces;
+pub mod strided;
+
+mod registry;
+mod snapshot;
+
+mod csv;
+mod gadget;
+mod genericio;
+mod hdf5;
+mod lammps;
+mod npy;
+mod npz;
+mod ply;
+mod splats;
+mod vtk_legacy;
+mod vtk_xml;
+mod xyz;
+
+pub use registry::{FORMATS, Format, Head, detect, open};
+pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};

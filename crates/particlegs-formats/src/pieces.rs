@@ -1,0 +1,150 @@
+//! One reader for all formats whose rows can be read from any place.
+
+use particlegs::particles::{Chunk, InPlace, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Rows as numbers, before they become f32 about an origin; the reader owns and reuses them.
+#[derive(Default)]
+pub struct Rows {
+    /// x, y, z, world units.
+    pub position: [Vec<f64>; 3],
+    /// Weights; empty without.
+    pub weight: Vec<f64>,
+}
+
+impl Rows {
+    fn clear(&mut self) {
+        self.position.iter_mut().for_each(Vec::clear);
+        self.weight.clear();
+    }
+}
+
+/// A stretch of particles in a file: one file of several, one rank, one array.
+pub trait Piece: Send + Sync {
+    /// Particles.
+    fn rows(&self) -> u64;
+    /// Are positions stored with more digits than f32 has?
+    fn is_wide(&self) -> bool;
+    /// Appends particles `rows` (within the piece's own) to every column of `out`.
+    ///
+    /// # Errors
+    /// Where the bytes cannot be decoded.
+    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()>;
+    /// The particles where they lie as f32 columns or triples in a mapped file.
+    fn in_place(&self) -> Option<InPlace> {
+        None
+    }
+}
+
+/// Pieces one after the other, read as one snapshot.
+pub struct PieceReader {
+    meta: SnapshotMeta,
+    pieces: Vec<Box<dyn Piece>>,
+    /// Particles before each piece, and in all.
+    starts: Vec<u64>,
+    weighted: bool,
+    origin: [f64; 3],
+}
+
+impl PieceReader {
+    /// A snapshot of `pieces`, all with weights or none (`weighted`). Positions of more digits
+    /// than f32 has are taken about an origin near the data where they lie far from 0.
+    ///
+    /// # Errors
+    /// Those of reading a sample of each piece; [`Error::Input`] where the rows overflow.
+    pub fn new(meta: SnapshotMeta, pieces: Vec<Box<dyn Piece>>, weighted: bool) -> Result<Self> {
+        let mut starts = vec![0u64];
+        for piece in &pieces {
+            let before = starts[starts.len() - 1];
+            let after = before.checked_add(piece.rows()).filter(|&n| n <= i64::MAX as u64 / 16);
+            starts.push(after.ok_or_else(|| Error::input(&meta.name, "more particles than can be counted"))?);
+        }
+        let mut sample = Rows::default();
+        for piece in pieces.iter().filter(|p| p.is_wide() && p.rows() > 0) {
+            // From four places: files are often sorted in space.
+            const SAMPLE: u64 = 1024;
+            for place in 0..4 {
+                let start = piece.rows().saturating_sub(SAMPLE) / 3 * place;
+                piece.read(start..piece.rows().min(start + SAMPLE), &mut sample)?;
+            }
+            if sample.position[0].len() > 1 << 20 {
+                break;
+            }
+        }
+        let origin = [0, 1, 2].map(|k| origin_of(&sample.position[k]));
+        Ok(PieceReader { meta, pieces, starts, weighted, origin })
+    }
+
+    /// Appends particles `rows` to `out`, whatever the pieces.
+    fn gather(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+        let mut index = self.starts.partition_point(|&s| s <= rows.start).saturating_sub(1);
+        while index < self.pieces.len() && self.starts[index] < rows.end {
+            let (start, end) = (self.starts[index], self.starts[index + 1]);
+            let part = rows.start.max(start) - start..rows.end.min(end) - start;
+            if !part.is_empty() {
+                self.pieces[index].read(part, out)?;
+            }
+            index += 1;
+        }
+        let n = (rows.end - rows.start) as usize;
+        let whole = out.position.iter().all(|c| c.len() == n) && out.weight.len() == if self.weighted { n } else { 0 };
+        if whole { Ok(()) } else { Err(Error::input(&self.meta.name, "its columns have different lengths")) }
+    }
+}
+
+impl SnapshotReader for PieceReader {
+    fn meta(&self) -> &SnapshotMeta {
+        &self.meta
+    }
+
+    fn count(&self) -> u64 {
+        self.starts[self.starts.len() - 1]
+    }
+
+    fn has_weights(&self) -> bool {
+        self.weighted
+    }
+
+    fn origin(&self) -> [f64; 3] {
+        self.origin
+    }
+
+    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+        runs.into_par_iter().try_for_each_init(<(Rows, [Vec<f32>; 4])>::default, |(rows, columns), run| {
+            progress.check()?;
+            let start = run * RUN as u64;
+            let end = self.count().min(start + RUN as u64);
+            rows.clear();
+            self.gather(start..end, rows)?;
+            for k in 0..3 {
+                columns[k].clear();
+                columns[k].extend(rows.position[k].iter().map(|&v| (v - self.origin[k]) as f32));
+            }
+            columns[3].clear();
+            columns[3].extend(rows.weight.iter().map(|&v| v as f32));
+            let [x, y, z, w] = &*columns;
+            sink(run, Chunk { position: [x, y, z], weight: self.weighted.then_some(w) })?;
+            progress.advance(end - start);
+            Ok(())
+        })
+    }
+
+    fn in_place(&self) -> Option<InPlace> {
+        match &self.pieces[..] {
+            [one] => one.in_place(),
+            _ => None,
+        }
+    }
+}
+
+/// Where f32 positions of a column are best taken about: 0 where 0 lies well inside the sample, so
+/// that such data stay as they are, else the middle of the sample.
+pub fn origin_of(sample: &[f64]) -> f64 {
+    let finite = sample.iter().filter(|v| v.is_finite());
+    let (lo, hi) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+    let middle = 0.5 * lo + 0.5 * hi;
+    if !middle.is_finite() || middle.abs() <= 2.0 * (hi - lo) { 0.0 } else { middle }
+}

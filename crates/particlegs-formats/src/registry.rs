@@ -1,0 +1,120 @@
+//! Which format a file has: by its content, or by name.
+
+use crate::compressed::Compression;
+use crate::{OpenOptions, Snapshot};
+use particlegs::{Error, Result};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// A format.
+pub struct Format {
+    /// Name for `--format`.
+    pub name: &'static str,
+    /// What it is called among people.
+    pub title: &'static str,
+    /// Does a file that begins so have it? Formats are asked in the order of [`FORMATS`].
+    pub detect: fn(&Head) -> bool,
+    /// Opens files, the first of which has it.
+    pub open: fn(&[PathBuf], &OpenOptions) -> Result<Box<dyn Snapshot>>,
+}
+
+/// All formats, the surest signatures first, tables of text last.
+pub static FORMATS: &[Format] = &[
+    crate::hdf5::FORMAT,
+    crate::genericio::FORMAT,
+    crate::npy::FORMAT,
+    crate::npz::FORMAT,
+    crate::ply::FORMAT,
+    crate::vtk_legacy::FORMAT,
+    crate::vtk_xml::FORMAT,
+    crate::splats::GLB,
+    crate::splats::SPZ,
+    crate::gadget::FORMAT,
+    crate::lammps::FORMAT,
+    crate::xyz::FORMAT,
+    crate::splats::SPLAT,
+    crate::csv::FORMAT,
+];
+
+/// The beginning of a file.
+pub struct Head {
+    /// The file.
+    pub path: PathBuf,
+    /// Its length in bytes.
+    pub length: u64,
+    /// How it is compressed.
+    pub compression: Option<Compression>,
+    /// Its first bytes as they are, at most 64 KiB.
+    pub bytes: Vec<u8>,
+    /// Its first bytes, decompressed where it is compressed, at most 64 KiB.
+    pub content: Vec<u8>,
+}
+
+/// Bytes that detection looks at.
+const HEAD: u64 = 1 << 16;
+
+impl Head {
+    /// Reads it.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] for what is no file, and for an empty one.
+    pub fn read(path: &Path) -> Result<Head> {
+        let fail = |e| Error::io(path, e);
+        let file = File::open(path).map_err(fail)?;
+        let metadata = file.metadata().map_err(fail)?;
+        if !metadata.is_file() {
+            return Err(Error::input(path, "not a regular file"));
+        }
+        let mut bytes = Vec::new();
+        file.take(HEAD).read_to_end(&mut bytes).map_err(fail)?;
+        if bytes.is_empty() {
+            return Err(Error::input(path, "the file is empty"));
+        }
+        let compression = Compression::of(&bytes);
+        let content = match compression {
+            None => bytes.clone(),
+            Some(c) => decompressed(c, bytes.clone()),
+        };
+        Ok(Head { path: path.to_path_buf(), length: metadata.len(), compression, bytes, content })
+    }
+}
+
+/// As much as the first bytes give; a broken stream is found when it is read.
+fn decompressed(compression: Compression, bytes: Vec<u8>) -> Vec<u8> {
+    let mut content = Vec::new();
+    if let Ok(decoder) = compression.decoder(std::io::Cursor::new(bytes)) {
+        let _ = decoder.take(HEAD).read_to_end(&mut content);
+    }
+    content
+}
+
+/// The format of a file, by its content.
+///
+/// # Errors
+/// [`Error::Input`] where none fits; [`Error::Io`].
+pub fn detect(path: &Path) -> Result<&'static Format> {
+    let head = Head::read(path)?;
+    FORMATS.iter().find(|f| (f.detect)(&head)).ok_or_else(|| {
+        let names: Vec<&str> = FORMATS.iter().map(|f| f.name).collect();
+        let hint = format!("`--format` forces one of: {}", names.join(", "));
+        Error::input_hint(path, "not in a format that this program knows", hint)
+    })
+}
+
+/// Opens the files of one snapshot. Formats in several files need the first alone and find the rest.
+///
+/// # Errors
+/// [`Error::Input`] for an unknown or broken format; [`Error::Argument`] for an unknown name;
+/// [`Error::Io`].
+pub fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let first = paths.first().ok_or_else(|| Error::argument("no file was named"))?;
+    let format = match &options.format {
+        None => detect(first)?,
+        Some(name) => FORMATS.iter().find(|f| f.name == name).ok_or_else(|| {
+            let names: Vec<&str> = FORMATS.iter().map(|f| f.name).collect();
+            Error::argument(format!("format `{name}` is not one of: {}", names.join(", ")))
+        })?,
+    };
+    (format.open)(paths, options)
+}

@@ -1,0 +1,150 @@
+//! A snapshot's files, opened: what they say before any particle is read.
+
+use particlegs::Result;
+use particlegs::particles::{SnapshotMeta, SnapshotReader};
+use std::path::PathBuf;
+
+/// How to open files.
+#[derive(Clone, Debug, Default)]
+pub struct OpenOptions {
+    /// Name of the format ([`crate::Format::name`]) instead of what the content says.
+    pub format: Option<String>,
+    /// Frame of a file that holds several, from 0; the last by default.
+    pub frame: Option<u64>,
+}
+
+/// Files of one snapshot.
+pub trait Snapshot: Send + Sync {
+    /// What they say about themselves.
+    fn description(&self) -> &Description;
+
+    /// A reader of species `species` (an index into the description's) with the fields chosen.
+    /// Its metadata is the description's, with the species' particle mass.
+    ///
+    /// # Errors
+    /// [`particlegs::Error::Input`] where a chosen field is missing or has the wrong shape.
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>>;
+}
+
+/// What files say about themselves. `None` = they do not say; nothing is guessed.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Description {
+    /// The format in words, e.g. `Gadget-2 binary, format 2, big-endian`.
+    pub format: String,
+    /// The files read, in order.
+    pub files: Vec<PathBuf>,
+    /// Cell, units, cosmology.
+    pub meta: SnapshotMeta,
+    /// What kinds of particles there are; those without particles are left out.
+    pub species: Vec<Species>,
+    /// Frames, where the format can hold several.
+    pub frames: Option<Frames>,
+    /// What a user should know: features not read, values that contradict each other.
+    pub notes: Vec<String>,
+}
+
+/// Frames of a trajectory.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct Frames {
+    /// How many the file holds.
+    pub count: u64,
+    /// The one described and read, from 0.
+    pub chosen: u64,
+    /// Its step, as the file numbers it.
+    pub step: Option<i64>,
+}
+
+/// One kind of particles.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Species {
+    /// Name as the file has it, e.g. `PartType1`.
+    pub name: String,
+    /// Other names that choose it, lower case, e.g. `1`, `dm`.
+    pub aliases: Vec<String>,
+    /// Number of particles.
+    pub count: u64,
+    /// Their masses.
+    pub mass: Mass,
+    /// Name of the field that holds positions unless another is chosen.
+    pub positions: String,
+    /// All fields.
+    pub fields: Vec<Field>,
+}
+
+/// Masses of a species.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mass {
+    /// The file does not say.
+    #[default]
+    Unknown,
+    /// Every particle has this one, in the file's unit of mass.
+    Each(f64),
+    /// Each has its own, in this field.
+    Field(String),
+}
+
+/// A column of a species.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Field {
+    /// Name as the file has it.
+    pub name: String,
+    /// Type of its numbers, e.g. `f32`, `i64`, `text`.
+    pub kind: String,
+    /// Numbers a particle.
+    pub components: u32,
+    /// Unit as text, where the file says.
+    pub unit: Option<String>,
+}
+
+/// Which fields to read.
+#[derive(Clone, Debug, Default)]
+pub struct Fields {
+    /// Field of positions with three components, or three scalar fields `x,y,z`; the species'
+    /// own by default.
+    pub positions: Option<String>,
+    /// Weights.
+    pub weights: Weights,
+}
+
+/// Where weights come from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Weights {
+    /// The species' field of masses, where it has one.
+    #[default]
+    Auto,
+    /// None: every particle counts alike.
+    None,
+    /// This scalar field.
+    Field(String),
+}
+
+impl Species {
+    /// The field that weights are read from, where there is one.
+    ///
+    /// # Errors
+    /// [`particlegs::Error::Input`] naming the scalar fields there are, where a chosen one is missing.
+    pub fn weight_field(&self, place: &str, weights: &Weights) -> Result<Option<String>> {
+        match weights {
+            Weights::None => Ok(None),
+            Weights::Auto => Ok(match &self.mass {
+                Mass::Field(name) => Some(name.clone()),
+                _ => None,
+            }),
+            Weights::Field(name) => match self.fields.iter().find(|f| f.name == *name && f.components == 1) {
+                Some(field) => Ok(Some(field.name.clone())),
+                None => {
+                    let scalar = self.fields.iter().filter(|f| f.components == 1).map(|f| &f.name[..]);
+                    Err(self.missing(place, name, scalar))
+                }
+            },
+        }
+    }
+
+    /// The error for a field that `name` asks for and the species has not.
+    pub fn missing<'a>(&self, place: &str, name: &str, there: impl Iterator<Item = &'a str>) -> particlegs::Error {
+        let there: Vec<&str> = there.collect();
+        let hint = if there.is_empty() { "there are none".into() } else { format!("there are: {}", there.join(", ")) };
+        particlegs::Error::input_hint(place, format!("{} has no such field `{name}`", self.name), hint)
+    }
+}

@@ -1,0 +1,245 @@
+//! Numbers that lie at equal distances in a file: most binary formats.
+
+use crate::pieces::{Piece, Rows};
+use memmap2::Mmap;
+use particlegs::particles::{Column, InPlace, Positions};
+use particlegs::{Error, Result};
+use std::ops::{Deref, Range};
+use std::sync::Arc;
+
+/// A file's bytes, mapped, or decoded bytes in memory.
+#[derive(Clone)]
+pub enum Bytes {
+    /// A mapped file.
+    Mapped(Arc<Mmap>),
+    /// In memory.
+    Owned(Arc<Vec<u8>>),
+}
+
+impl Deref for Bytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match self {
+            Bytes::Mapped(map) => map,
+            Bytes::Owned(bytes) => bytes,
+        }
+    }
+}
+
+/// Types of numbers in files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// IEEE 754, 4 bytes.
+    F32,
+    /// IEEE 754, 8 bytes.
+    F64,
+    /// Signed integers of 1, 2, 4, 8 bytes.
+    I8,
+    /// 2 bytes.
+    I16,
+    /// 4 bytes.
+    I32,
+    /// 8 bytes.
+    I64,
+    /// Unsigned integers of 1, 2, 4, 8 bytes.
+    U8,
+    /// 2 bytes.
+    U16,
+    /// 4 bytes.
+    U32,
+    /// 8 bytes.
+    U64,
+}
+
+impl Kind {
+    /// Bytes of a number.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Kind::I8 | Kind::U8 => 1,
+            Kind::I16 | Kind::U16 => 2,
+            Kind::F32 | Kind::I32 | Kind::U32 => 4,
+            Kind::F64 | Kind::I64 | Kind::U64 => 8,
+        }
+    }
+
+    /// Name as [`crate::Field::kind`] has it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::F32 => "f32",
+            Kind::F64 => "f64",
+            Kind::I8 => "i8",
+            Kind::I16 => "i16",
+            Kind::I32 => "i32",
+            Kind::I64 => "i64",
+            Kind::U8 => "u8",
+            Kind::U16 => "u16",
+            Kind::U32 => "u32",
+            Kind::U64 => "u64",
+        }
+    }
+
+    /// Can f32 not hold all its values?
+    pub fn is_wide(self) -> bool {
+        matches!(self, Kind::F64 | Kind::I32 | Kind::U32 | Kind::I64 | Kind::U64)
+    }
+
+    /// The number at the beginning of `bytes`, which holds it.
+    pub fn get(self, bytes: &[u8], big_endian: bool) -> f64 {
+        let mut raw = [0u8; 8];
+        let n = self.bytes() as usize;
+        raw[..n].copy_from_slice(&bytes[..n]);
+        if big_endian {
+            raw[..n].reverse();
+        }
+        let four = [raw[0], raw[1], raw[2], raw[3]];
+        match self {
+            Kind::F32 => f64::from(f32::from_le_bytes(four)),
+            Kind::F64 => f64::from_le_bytes(raw),
+            Kind::I8 => f64::from(raw[0] as i8),
+            Kind::U8 => f64::from(raw[0]),
+            Kind::I16 => f64::from(i16::from_le_bytes([raw[0], raw[1]])),
+            Kind::U16 => f64::from(u16::from_le_bytes([raw[0], raw[1]])),
+            Kind::I32 => f64::from(i32::from_le_bytes(four)),
+            Kind::U32 => f64::from(u32::from_le_bytes(four)),
+            Kind::I64 => i64::from_le_bytes(raw) as f64,
+            Kind::U64 => u64::from_le_bytes(raw) as f64,
+        }
+    }
+}
+
+/// Where a column's numbers lie: the i-th at byte `offset + i * stride`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lane {
+    /// Byte of the first.
+    pub offset: u64,
+    /// Bytes from one to the next.
+    pub stride: u64,
+    /// Their type.
+    pub kind: Kind,
+    /// Their byte order.
+    pub big_endian: bool,
+}
+
+impl Lane {
+    /// Does a lane of `rows` numbers end within `length` bytes?
+    pub fn fits(&self, rows: u64, length: usize) -> bool {
+        let last = rows.saturating_sub(1).checked_mul(self.stride).and_then(|b| b.checked_add(self.offset));
+        rows == 0 || last.and_then(|b| b.checked_add(self.kind.bytes())).is_some_and(|end| end <= length as u64)
+    }
+
+    /// Appends rows `rows` of a lane that fits.
+    pub fn append(&self, bytes: &[u8], rows: Range<u64>, out: &mut Vec<f64>) {
+        let at = |i: u64| &bytes[(self.offset + i * self.stride) as usize..];
+        match (self.kind, self.big_endian) {
+            // The common one, without a match a number.
+            (Kind::F32, false) => {
+                out.extend(rows.map(|i| {
+                    let b = at(i);
+                    f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+                }));
+            }
+            (kind, big_endian) => out.extend(rows.map(|i| kind.get(at(i), big_endian))),
+        }
+    }
+}
+
+/// Positions and perhaps weights at equal distances.
+pub struct Strided {
+    bytes: Bytes,
+    rows: u64,
+    axes: [Lane; 3],
+    weight: Option<Lane>,
+}
+
+impl Strided {
+    /// `rows` particles in `bytes`. `place` names the file in errors.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where a lane ends beyond the bytes.
+    pub fn new(place: &str, bytes: Bytes, rows: u64, axes: [Lane; 3], weight: Option<Lane>) -> Result<Self> {
+        if axes.iter().chain(&weight).all(|lane| lane.fits(rows, bytes.len())) {
+            Ok(Strided { bytes, rows, axes, weight })
+        } else {
+            let what =
+                format!("it is said to hold {rows} particles, and ends at {} bytes before the last", bytes.len());
+            Err(Error::input_hint(place, what, "the file is cut short, or its header is wrong: copy it again"))
+        }
+    }
+
+    /// Three lanes of interleaved x, y, z: `x y z x y z ...` from byte `offset`.
+    pub fn triples(offset: u64, kind: Kind, big_endian: bool) -> [Lane; 3] {
+        let lane = |k: u64| Lane { offset: offset + k * kind.bytes(), stride: 3 * kind.bytes(), kind, big_endian };
+        [lane(0), lane(1), lane(2)]
+    }
+}
+
+impl Piece for Strided {
+    fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    fn is_wide(&self) -> bool {
+        self.axes.iter().any(|lane| lane.kind.is_wide())
+    }
+
+    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+        for (lane, column) in self.axes.iter().zip(&mut out.position) {
+            lane.append(&self.bytes, rows.clone(), column);
+        }
+        if let Some(lane) = &self.weight {
+            lane.append(&self.bytes, rows, &mut out.weight);
+        }
+        Ok(())
+    }
+
+    /// Little-endian f32 in runs or triples, aligned, in a mapped file.
+    fn in_place(&self) -> Option<InPlace> {
+        let Bytes::Mapped(map) = &self.bytes else { return None };
+        let plain = |l: &Lane| l.kind == Kind::F32 && !l.big_endian && l.offset % 4 == 0;
+        if cfg!(target_endian = "big") || !self.axes.iter().chain(&self.weight).all(plain) {
+            return None;
+        }
+        let rows = usize::try_from(self.rows).ok()?;
+        let column = |l: &Lane, len: usize| Column::Mapped { map: map.clone(), offset: l.offset as usize, len };
+        let [x, y, z] = &self.axes;
+        let positions = if self.axes.iter().all(|l| l.stride == 4) {
+            Positions::Columns([column(x, rows), column(y, rows), column(z, rows)])
+        } else if self.axes.iter().all(|l| l.stride == 12) && y.offset == x.offset + 4 && z.offset == x.offset + 8 {
+            Positions::Triples(column(x, 3 * rows))
+        } else {
+            return None;
+        };
+        let weights = match &self.weight {
+            Some(l) if l.stride == 4 => Some(column(l, rows)),
+            Some(_) => return None,
+            None => None,
+        };
+        Some(InPlace { positions, weights })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_read_every_kind_and_order() {
+        let bytes = [0x3f, 0x80, 0, 0, 0xff, 0xfe];
+        assert_eq!(Kind::F32.get(&bytes, true), 1.0);
+        assert_eq!(Kind::I16.get(&bytes[4..], true), -2.0);
+        assert_eq!(Kind::U16.get(&bytes[4..], false), 65_279.0);
+        assert_eq!(Kind::U8.get(&bytes[4..], false), 255.0);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let bytes = Bytes::Owned(Arc::new(vec![0; 24]));
+        let axes = Strided::triples(0, Kind::F32, false);
+        assert!(Strided::new("a", bytes.clone(), 2, axes, None).is_ok());
+        assert!(Strided::new("a", bytes.clone(), 3, axes, None).is_err());
+        assert!(Strided::new("a", bytes.clone(), u64::MAX, axes, None).is_err());
+        let far = Strided::triples(u64::MAX - 8, Kind::F32, false);
+        assert!(Strided::new("a", bytes, 1, far, None).is_err());
+    }
+}
