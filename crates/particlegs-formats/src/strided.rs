@@ -196,7 +196,7 @@ impl Piece for Strided {
     /// Little-endian f32 in runs or triples, aligned, in a mapped file.
     fn in_place(&self) -> Option<InPlace> {
         let Bytes::Mapped(map) = &self.bytes else { return None };
-        let plain = |l: &Lane| l.kind == Kind::F32 && !l.big_endian && l.offset % 4 == 0;
+        let plain = |l: &Lane| l.kind == Kind::F32 && !l.big_endian && l.offset.is_multiple_of(4);
         if cfg!(target_endian = "big") || !self.axes.iter().chain(&self.weight).all(plain) {
             return None;
         }
