@@ -11,8 +11,8 @@ use std::borrow::Cow;
 /// One step.
 enum Stage {
     Deflate,
-    /// Bytes of equal place in numbers of so many bytes lie together.
-    Shuffle(usize),
+    /// Bytes of equal place in all numbers lie together.
+    Shuffle,
     Fletcher32,
     Lzf,
     Library(FilterDescription),
@@ -49,10 +49,8 @@ impl Pipeline {
     pub fn new(filters: &[FilterDescription], element: usize, place: &str) -> Result<Self> {
         let stage = |f: &FilterDescription| match f.id {
             FILTER_DEFLATE => Ok(Stage::Deflate),
-            FILTER_SHUFFLE => {
-                let size = f.client_data.first().map_or(element, |&n| n as usize);
-                Ok(Stage::Shuffle(size.max(1)))
-            }
+            FILTER_SHUFFLE if f.client_data.first().is_none_or(|&n| n as usize == element) => Ok(Stage::Shuffle),
+            FILTER_SHUFFLE => Err(Error::input(place, "broken HDF5 file: shuffled as numbers of another size")),
             FILTER_FLETCHER32 => Ok(Stage::Fletcher32),
             32000 => Ok(Stage::Lzf),
             id if BY_LIBRARY.contains(&id) => Ok(Stage::Library(f.clone())),
@@ -85,7 +83,7 @@ impl Pipeline {
             }
             bytes = match stage {
                 Stage::Deflate => Cow::Owned(inflate(&bytes, limit)?),
-                Stage::Shuffle(size) => Cow::Owned(unshuffle(&bytes, *size)),
+                Stage::Shuffle => Cow::Owned(unshuffle(&bytes, self.element)),
                 Stage::Fletcher32 => checked(bytes)?,
                 Stage::Lzf => Cow::Owned(unlzf(&bytes, limit)?),
                 Stage::Library(filter) => {

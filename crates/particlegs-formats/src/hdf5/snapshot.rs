@@ -216,9 +216,12 @@ impl Builder {
         let (mut species, mut types) = (Vec::new(), Vec::new());
         for (kind, found) in self.found.iter().enumerate() {
             let Some(found) = found else { continue };
+            let own = |name: &str| {
+                found.sets.iter().find(|s| s.name == name).map(|s| s.attributes.clone()).unwrap_or_default()
+            };
             let mut units = |name: &str, quantity| {
-                let own = found.sets.iter().find(|s| s.name == name).map(|s| s.attributes.clone()).unwrap_or_default();
-                units::unit(&own, &self.header.groups, quantity, cosmological, meta.hubble, &mut notes)
+                let (own, positions) = (own(name), own(&found.positions));
+                units::unit(&own, &positions, &self.header.groups, quantity, cosmological, meta.hubble, &mut notes)
             };
             let length = units(&found.positions, Quantity::Length);
             let masses = MASSES.iter().find(|n| found.sets.iter().any(|s| s.name == **n && s.components() == 1));

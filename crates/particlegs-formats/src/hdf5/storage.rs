@@ -1,6 +1,6 @@
 //! Where a data set's numbers lie: in one stretch of the file, in its description, or in chunks.
 
-use super::container::{Container, DataSet, broken};
+use super::container::{Container, broken};
 use super::filters::Pipeline;
 use crate::strided::Kind;
 use hdf5_reader::Dataset;
@@ -21,8 +21,6 @@ const MAX_CHUNK: u64 = 1 << 30;
 
 /// A data set of numbers in rows, and where they lie.
 pub struct Table {
-    /// What it is.
-    pub set: DataSet,
     /// Type of its numbers.
     pub kind: Kind,
     /// Their byte order.
@@ -116,7 +114,7 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
             Storage::Chunked(found.chunks(*address, dims, chunk_indexing.as_ref(), pipeline)?)
         }
     };
-    Ok(Table { set, kind, big_endian, rows, components, storage })
+    Ok(Table { kind, big_endian, rows, components, storage })
 }
 
 struct Finder<'a> {

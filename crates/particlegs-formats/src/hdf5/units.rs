@@ -40,9 +40,11 @@ pub enum Quantity {
     Mass,
 }
 
-/// The unit of a data set with attributes `own`, in a run that is `cosmological` or not, with h.
+/// The unit of a data set with attributes `own`, in a run that is `cosmological` or not, with h. What `own`
+/// does not say about h, `positions` may.
 pub fn unit(
     own: &Attributes,
+    positions: &Attributes,
     groups: &Groups,
     quantity: Quantity,
     cosmological: Option<bool>,
@@ -52,7 +54,7 @@ pub fn unit(
     let Some(cgs) = in_cgs(own, groups, quantity) else {
         return Unit { text: None, comoving: comoving(own, cosmological) };
     };
-    let power = match h_power(own, groups) {
+    let power = match h_power(own, groups).or_else(|| h_power(positions, groups)) {
         Some(power) => power,
         None if hubble == Some(1.0) => 0.0,
         // Gadget's own rule: its unit is so many cm/h.
@@ -170,7 +172,15 @@ mod tests {
 
     fn of(own: &[(&str, f64)], parameters: &[(&str, f64)], cosmological: Option<bool>, hubble: Option<f64>) -> Unit {
         let groups = Groups { parameters: Attributes::of_numbers(parameters), ..Groups::default() };
-        unit(&Attributes::of_numbers(own), &groups, Quantity::Length, cosmological, hubble, &mut Vec::new())
+        unit(
+            &Attributes::of_numbers(own),
+            &Attributes::default(),
+            &groups,
+            Quantity::Length,
+            cosmological,
+            hubble,
+            &mut Vec::new(),
+        )
     }
 
     #[test]
