@@ -29,5 +29,6 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
+pub use hdf5::write as write_hdf5;
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
