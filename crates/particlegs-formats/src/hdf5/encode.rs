@@ -194,8 +194,16 @@ fn group_messages<'a>(links: impl Iterator<Item = (&'a str, u64)>, attributes: &
     let link =
         |(name, at): (&str, u64)| (6, Bytes::default().raw(&[1, 0, name.len() as u8]).raw(name.as_bytes()).u64(at).0);
     messages.extend(links.map(link));
-    messages.extend(attributes.iter().map(|a| (12, attribute(a))));
+    messages.extend(attribute_messages(attributes));
     messages
+}
+
+/// Attributes in the header itself. Without the first message, which says that there is no heap of more, libraries
+/// count none.
+fn attribute_messages(attributes: &[Attribute]) -> Vec<(u8, Vec<u8>)> {
+    let info = (21, Bytes::default().raw(&[0, 0]).u64s(&[UNDEFINED; 2]).0);
+    let all = attributes.iter().map(|a| (12, attribute(a)));
+    if attributes.is_empty() { Vec::new() } else { std::iter::once(info).chain(all).collect() }
 }
 
 fn root_header(groups: &[Group], heads: &[u64]) -> Vec<u8> {
@@ -222,7 +230,7 @@ fn set_header(set: &Set, tree: u64) -> Vec<u8> {
 /// `fill`: when space is taken, and that no fill value is set.
 fn table_header(set: &Set, kind: &[u8], fill: u8, layout: Vec<u8>) -> Vec<u8> {
     let mut messages = vec![(1, dataspace(&set.shape(set.rows))), (3, kind.to_vec()), (5, vec![3, fill]), (8, layout)];
-    messages.extend(set.attributes.iter().map(|a| (12, attribute(a))));
+    messages.extend(attribute_messages(&set.attributes));
     header(&messages)
 }
 
