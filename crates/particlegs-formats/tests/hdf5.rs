@@ -283,6 +283,7 @@ fn what_is_not_read_is_named() {
     };
     assert!(why("bad_external.hdf5").contains("elsewhere.hdf5"), "{}", why("bad_external.hdf5"));
     assert!(why("bad_hole.hdf5").contains("from 50 were never written"), "{}", why("bad_hole.hdf5"));
+    assert!(why("bad_bits.hdf5").contains("22 bits in f32"), "{}", why("bad_bits.hdf5"));
     assert!(why("bad_virtual.hdf5").contains("a virtual data set"), "{}", why("bad_virtual.hdf5"));
 }
 

@@ -176,6 +176,14 @@ impl Container {
         Ok(members)
     }
 
+    /// A data set of a group at the top.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is none, or it is broken.
+    pub fn data_set(&self, group: &str, name: &str) -> Result<DataSet> {
+        Ok(self.set(group, name)?.0)
+    }
+
     /// A data set of a group at the top, and the library's view of it.
     ///
     /// # Errors
@@ -209,9 +217,34 @@ fn line(error: &Hdf5Error) -> String {
 }
 
 fn describe(name: &str, set: &Dataset) -> DataSet {
-    let (number, kind) = number_of(set.dtype());
+    let (mut number, mut kind) = number_of(set.dtype());
+    if let Some((is, _)) = number
+        && let Some(bits) = odd_bits(is, &set.raw_datatype().unwrap_or_default())
+    {
+        (number, kind) = (None, format!("{bits} bits in {}", is.name()));
+    }
     let attributes = Attributes::of(&set.attributes());
     DataSet { name: name.to_string(), shape: set.shape().to_vec(), number, kind, attributes }
+}
+
+/// The precision of numbers that do not fill their bytes as the machine's do; the library does not tell such types
+/// (SWIFT's lossy floats, N-bit integers) from whole ones.
+fn odd_bits(kind: Kind, datatype: &[u8]) -> Option<u16> {
+    let bits = 8 * kind.bytes() as u8;
+    let plain = match (kind, datatype) {
+        // Normalised mantissa, sign at the top; offset, precision, places and sizes, bias.
+        (Kind::F32, [_, flags, 31, _, _, _, _, _, rest @ ..]) => {
+            flags & 0x70 == 0x20 && rest.starts_with(&[0, 0, 32, 0, 23, 8, 0, 23, 127, 0, 0, 0])
+        }
+        (Kind::F64, [_, flags, 63, _, _, _, _, _, rest @ ..]) => {
+            flags & 0x70 == 0x20 && rest.starts_with(&[0, 0, 64, 0, 52, 11, 0, 52, 255, 3, 0, 0])
+        }
+        (Kind::F32 | Kind::F64, _) => false,
+        (_, [_, _, _, _, _, _, _, _, rest @ ..]) => rest.starts_with(&[0, 0, bits, 0]),
+        _ => false,
+    };
+    let precision = datatype.get(10..12).map_or(0, |b| u16::from_le_bytes([b[0], b[1]]));
+    (!plain).then_some(precision)
 }
 
 /// What numbers of a type are, and its name.
@@ -231,7 +264,7 @@ fn number_of(datatype: &Datatype) -> (Option<(Kind, bool)>, String) {
             (size, _) => return (None, format!("{}-byte integer", size)),
         },
         Datatype::FloatingPoint { size, .. } => return (None, format!("{size}-byte float")),
-        Datatype::Enum { base, .. } => return number_of(base),
+        Datatype::Enum { .. } => return (None, "enumeration".into()),
         Datatype::String { size: StringSize::Fixed(n), .. } => return (None, format!("text of {n}")),
         Datatype::String { .. } => return (None, "text".into()),
         Datatype::VarLen { .. } => return (None, "variable length".into()),

@@ -92,7 +92,8 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
     let place = format!("{}: {group}/{name}", container.place);
     let (set, data) = container.set(group, name)?;
     let Some((kind, big_endian)) = set.number else {
-        return Err(Error::input(&place, format!("it holds {}, not numbers", set.kind)));
+        let what = format!("numbers of another type than f32, f64 and whole ones: {}", set.kind);
+        return Err(Error::input_hint(&place, what, "write it as f32 or f64, with h5py: `data[:].astype('f4')`"));
     };
     let (rows, components) = match set.shape[..] {
         [rows] => (rows, 1),
