@@ -3,7 +3,7 @@
 use particlegs::Result;
 use particlegs::particles::{Cell, Column, Kept, ParticleLayer, Particles, RUN, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
-use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, open};
+use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, Weights, open};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -254,6 +254,25 @@ fn every_layout_gives_the_same_numbers() {
 }
 
 #[test]
+fn chunks_wider_than_runs() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/large/wide_chunks.hdf5");
+    let snapshot = opened(&[path]).unwrap();
+    let reader = snapshot.reader(0, &Fields::default()).unwrap();
+    let (all, masses) = positions(&*reader).unwrap();
+    assert_eq!((all.len(), masses.len()), (300_000, 300_000));
+    for (i, (p, m)) in all.iter().zip(&masses).enumerate() {
+        assert_eq!((*p, *m), ([i % 8, i % 16, i >> 16].map(|v| v as f64), (i % 4 + 1) as f32));
+    }
+    // Three scalar fields do for positions, any scalar for weights.
+    let fields = Fields { positions: Some("Masses, Masses,Masses".into()), weights: Weights::None };
+    let (all, _) = positions(&*snapshot.reader(0, &fields).unwrap()).unwrap();
+    assert_eq!(all[170_001], [2.0; 3]);
+    let missing = Fields { positions: Some("Velocities".into()), ..Fields::default() };
+    let error = snapshot.reader(0, &missing).err().unwrap();
+    assert!(error.hint().contains("Coordinates"), "{error} {}", error.hint());
+}
+
+#[test]
 fn a_type_may_be_missing_in_the_first_file() {
     let paths: Vec<PathBuf> = fixtures().into_iter().filter(|p| p.to_string_lossy().contains("multi.")).collect();
     for given in [&paths[..1], &paths[1..], &paths[..]] {
@@ -315,4 +334,87 @@ fn broken_samples_do_no_harm() {
         println!("{}", path.display());
         broken(&path, 7, 8192);
     }
+}
+
+/// Particles in layers, in memory: `counts` of each, the last one with weights.
+fn made(counts: &[(&str, usize)]) -> Particles {
+    let n: usize = counts.iter().map(|c| c.1).sum();
+    let column = |a: f32| (0..n).map(|i| a * (i as f32).sqrt()).collect::<Vec<f32>>();
+    let mut particles = Particles::from_columns(column(0.5), column(-0.25), column(1.75));
+    particles.weights = Some(Column::owned((0..n).map(|i| 1.0 + (i % 7) as f32 / 3.0).collect()));
+    let mut start = 0;
+    for (i, &(name, count)) in counts.iter().enumerate() {
+        let weighted = i + 1 == counts.len();
+        let range = start..start + count;
+        let particle_mass = (!weighted).then_some(0.75);
+        particles.kinds.push(ParticleLayer { name: name.into(), range, particle_mass, weighted });
+        start += count;
+    }
+    particles.meta.cell = Some(Cell::orthogonal([64.0; 3]));
+    particles.meta.length_unit = Some("kpc/h".into());
+    particles.meta.mass_unit = Some("1e10 Msun/h".into());
+    particles.meta.comoving = Some(true);
+    particles.meta.scale_factor = Some(0.5);
+    particles.meta.hubble = Some(0.7);
+    particles
+}
+
+#[test]
+fn what_is_written_is_read_back_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.hdf5");
+    let particles = made(&[("PartType4", 200_000), ("dm", 10), ("PartType0", 70_001)]);
+    let kept = Kept::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let bytes = particlegs_formats::write_hdf5(&kept, &path, &Silent).unwrap();
+    assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
+    let snapshot = opened(&[path]).unwrap();
+    let d = snapshot.description();
+    assert!(d.notes.is_empty(), "{:?}", d.notes);
+    let meta = &particles.meta;
+    assert_eq!((&d.meta.length_unit, &d.meta.mass_unit), (&meta.length_unit, &meta.mass_unit));
+    assert_eq!((d.meta.comoving, d.meta.scale_factor, d.meta.hubble), (Some(true), Some(0.5), Some(0.7)));
+    assert_eq!(d.meta.cell, meta.cell);
+    let masses: Vec<&Mass> = d.species.iter().map(|s| &s.mass).collect();
+    assert_eq!(masses, [&Mass::Field("Masses".into()), &Mass::Each(0.75), &Mass::Each(0.75)]);
+    let layers = particles.layers();
+    for (species, layer) in [(0, 2), (1, 1), (2, 0)] {
+        let reader = snapshot.reader(species, &Fields::default()).unwrap();
+        assert!(reader.in_place().is_some());
+        let part = particles.of_layer(&layers[layer]);
+        let (all, masses) = positions(&*reader).unwrap();
+        assert!(all.iter().enumerate().all(|(i, p)| *p == part.position(i)) && all.len() == part.len());
+        assert_eq!(masses, part.weights.as_deref().unwrap_or(&[]));
+    }
+}
+
+/// The file kept was read with h5py 3.16 and pynbody 2.8. `PARTICLEGS_KEEP=1` writes it anew, to be checked again.
+#[test]
+fn the_bytes_written_are_those_that_others_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.hdf5");
+    let particles = made(&[("PartType4", 50), ("dm", 10), ("PartType0", 100)]);
+    let kept = Kept::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    particlegs_formats::write_hdf5(&kept, &path, &Silent).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/large/written.hdf5");
+    if std::env::var_os("PARTICLEGS_KEEP").is_some() {
+        std::fs::write(&fixture, &bytes).unwrap();
+    }
+    assert!(bytes == std::fs::read(&fixture).unwrap());
+}
+
+#[test]
+fn what_the_layout_does_not_hold_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.hdf5");
+    let mut particles = made(&[("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), ("f", 1), ("g", 1)]);
+    let refused = |particles: &Particles| {
+        let kept = Kept::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+        particlegs_formats::write_hdf5(&kept, &path, &Silent).unwrap_err().to_string()
+    };
+    assert!(refused(&particles).contains("7 layers"));
+    particles.kinds.clear();
+    particles.meta.cell.as_mut().unwrap().vectors[1][0] = 3.0;
+    assert!(refused(&particles).contains("orthogonal"));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

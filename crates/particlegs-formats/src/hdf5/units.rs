@@ -56,26 +56,9 @@ pub fn unit(
         return Unit { text: Some(text.to_string()), comoving };
     }
     let Some(cgs) = in_cgs(own, groups, quantity) else { return Unit { text: None, comoving } };
-    let power = match h_power(own, groups).or_else(|| h_power(positions, groups)) {
-        Some(power) => power,
-        None if hubble == Some(1.0) => 0.0,
-        // Gadget's own rule: its unit is so many cm/h.
-        None if hubble.is_some() && cosmological != Some(false) => {
-            let note =
-                "lengths and masses are taken as per h, which is Gadget's rule; no attribute says so".to_string();
-            if !notes.contains(&note) {
-                notes.push(note);
-            }
-            -1.0
-        }
-        None if hubble.is_none() => 0.0,
-        None => {
-            let note = "no attribute says whether units are per h: units left out".to_string();
-            if !notes.contains(&note) {
-                notes.push(note);
-            }
-            return Unit { text: None, comoving };
-        }
+    let stated = h_power(own, groups).or_else(|| h_power(positions, groups));
+    let Some(power) = stated.or_else(|| h_power_by_rule(cosmological, hubble, notes)) else {
+        return Unit { text: None, comoving };
     };
     let name = match quantity {
         Quantity::Length => length_name,
@@ -124,6 +107,20 @@ fn h_power(own: &Attributes, groups: &Groups) -> Option<f64> {
     let swift = groups.units.has("Unit length in cgs (U_L)");
     let gizmo = groups.header.has("UnitLength_In_CGS") || groups.parameters.has("UnitLength_In_CGS");
     stated.filter(|p| p.is_finite()).or(formula).or((swift || gizmo).then_some(0.0))
+}
+
+/// The power of h where no attribute states it; `None` where nothing tells.
+fn h_power_by_rule(cosmological: Option<bool>, hubble: Option<f64>, notes: &mut Vec<String>) -> Option<f64> {
+    let (power, note) = match (hubble, cosmological) {
+        (None, _) | (Some(1.0), _) => return Some(0.0),
+        (_, Some(false)) => (None, "no attribute says whether units are per h: units left out"),
+        // Gadget's own rule: its unit is so many cm/h.
+        _ => (Some(-1.0), "lengths and masses are taken as per h, which is Gadget's rule; no attribute says so"),
+    };
+    if !notes.iter().any(|n| n == note) {
+        notes.push(note.to_string());
+    }
+    power
 }
 
 /// A length's name, and whether it has none but a number.

@@ -117,3 +117,13 @@ with h5py.File(os.path.join(HERE, "bad_bits.hdf5"), "w") as f:
     group = f.create_group("PartType1")
     data = h5py.h5d.create(group.id, b"Coordinates", t, h5py.h5s.create_simple((N, 3)), p)
     data.write(h5py.h5s.ALL, h5py.h5s.ALL, POS.astype("<f4"))
+
+# Chunks of more rows than are read at once: values repeat, so that the file stays small.
+M = 300_000
+J = np.arange(M)
+with h5py.File(os.path.join(HERE, "large", "wide_chunks.hdf5"), "w") as f:
+    header(f, n=(0, M, 0, 0, 0, 0))
+    data = np.stack([J % 8, J % 16, J // 65536], 1).astype("<f4")
+    group = f.create_group("PartType1")
+    group.create_dataset("Coordinates", data=data, chunks=(170_000, 3), compression="gzip", shuffle=True)
+    group.create_dataset("Masses", data=(J % 4 + 1).astype("<f8"), chunks=(140_000,), compression="gzip")
