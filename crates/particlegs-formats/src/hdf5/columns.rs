@@ -76,6 +76,9 @@ fn strided(map: &Arc<Mmap>, parts: &[Part], rows: u64) -> Option<Strided> {
     let mut lanes: [Option<Lane>; 4] = [None; 4];
     for part in parts {
         let Storage::Flat(offset) = part.table.storage else { return None };
+        if part.table.packed.is_some() {
+            return None;
+        }
         for want in &part.wants {
             lanes[want.target] = Some(lane(&part.table, offset, part.table.components, want.component));
         }
@@ -92,6 +95,24 @@ fn lane(table: &Table, offset: u64, components: u64, component: u64) -> Lane {
         stride: components * bytes,
         kind: table.kind,
         big_endian: table.big_endian,
+    }
+}
+
+/// Appends rows `rows` of column `component` of rows of `components` numbers from byte `offset`.
+fn append(
+    table: &Table,
+    bytes: &[u8],
+    [offset, components, component]: [u64; 3],
+    rows: Range<u64>,
+    out: &mut Vec<f64>,
+) {
+    let lane = lane(table, offset, components, component);
+    match table.packed {
+        None => lane.append(bytes, rows, out),
+        Some(packed) => {
+            let size = table.kind.bytes() as usize;
+            out.extend(rows.map(|i| packed.get(&bytes[(lane.offset + i * lane.stride) as usize..][..size])));
+        }
     }
 }
 
@@ -129,8 +150,8 @@ impl Piece for Columns {
                 }
             };
             for want in &part.wants {
-                let lane = lane(&part.table, offset, part.table.components, want.component);
-                lane.append(bytes, rows.clone(), column(out, want.target));
+                let at = [offset, part.table.components, want.component];
+                append(&part.table, bytes, at, rows.clone(), column(out, want.target));
             }
         }
         Ok(())
@@ -166,8 +187,8 @@ impl Columns {
                         (bytes, inside.clone())
                     };
                     for want in part.wants.iter().filter(here) {
-                        let lane = lane(&part.table, offset, chunks.columns, want.component % chunks.columns);
-                        lane.append(bytes, rows.clone(), column(out, want.target));
+                        let at = [offset, chunks.columns, want.component % chunks.columns];
+                        append(&part.table, bytes, at, rows.clone(), column(out, want.target));
                     }
                 })?;
             }

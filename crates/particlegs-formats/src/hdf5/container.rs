@@ -4,6 +4,7 @@
 //! data in memory, to follow no link to another file, and to bound what it reads at once.
 
 use super::attributes::Attributes;
+use super::packed::Packed;
 use crate::strided::Kind;
 use hdf5_reader::error::Error as Hdf5Error;
 use hdf5_reader::group::Group;
@@ -38,6 +39,8 @@ pub struct DataSet {
     pub shape: Vec<u64>,
     /// Type of its numbers and whether they are big-endian; `None` where they are none.
     pub number: Option<(Kind, bool)>,
+    /// Where the numbers' bits lie, where they do not fill their bytes; the type above has as many bytes then.
+    pub packed: Option<Packed>,
     /// Type, for people.
     pub kind: String,
     /// Its attributes.
@@ -218,33 +221,17 @@ fn line(error: &Hdf5Error) -> String {
 
 fn describe(name: &str, set: &Dataset) -> DataSet {
     let (mut number, mut kind) = number_of(set.dtype());
-    if let Some((is, _)) = number
-        && let Some(bits) = odd_bits(is, &set.raw_datatype().unwrap_or_default())
-    {
-        (number, kind) = (None, format!("{bits} bits in {}", is.name()));
+    let mut packed = None;
+    if number.is_some() {
+        // The library does not tell types of fewer bits from whole ones: the description itself does.
+        match Packed::of(&set.raw_datatype().unwrap_or_default()) {
+            Ok(None) => {}
+            Ok(Some(bits)) => (packed, kind) = (Some(bits), bits.name()),
+            Err(odd) => (number, kind) = (None, odd),
+        }
     }
     let attributes = Attributes::of(&set.attributes());
-    DataSet { name: name.to_string(), shape: set.shape().to_vec(), number, kind, attributes }
-}
-
-/// The precision of numbers that do not fill their bytes as the machine's do; the library does not tell such types
-/// (SWIFT's lossy floats, N-bit integers) from whole ones.
-fn odd_bits(kind: Kind, datatype: &[u8]) -> Option<u16> {
-    let bits = 8 * kind.bytes() as u8;
-    let plain = match (kind, datatype) {
-        // Normalised mantissa, sign at the top; offset, precision, places and sizes, bias.
-        (Kind::F32, [_, flags, 31, _, _, _, _, _, rest @ ..]) => {
-            flags & 0x70 == 0x20 && rest.starts_with(&[0, 0, 32, 0, 23, 8, 0, 23, 127, 0, 0, 0])
-        }
-        (Kind::F64, [_, flags, 63, _, _, _, _, _, rest @ ..]) => {
-            flags & 0x70 == 0x20 && rest.starts_with(&[0, 0, 64, 0, 52, 11, 0, 52, 255, 3, 0, 0])
-        }
-        (Kind::F32 | Kind::F64, _) => false,
-        (_, [_, _, _, _, _, _, _, _, rest @ ..]) => rest.starts_with(&[0, 0, bits, 0]),
-        _ => false,
-    };
-    let precision = datatype.get(10..12).map_or(0, |b| u16::from_le_bytes([b[0], b[1]]));
-    (!plain).then_some(precision)
+    DataSet { name: name.to_string(), shape: set.shape().to_vec(), number, packed, kind, attributes }
 }
 
 /// What numbers of a type are, and its name.
@@ -252,6 +239,8 @@ fn number_of(datatype: &Datatype) -> (Option<(Kind, bool)>, String) {
     let (kind, order) = match datatype {
         Datatype::FloatingPoint { size: 4, byte_order } => (Kind::F32, byte_order),
         Datatype::FloatingPoint { size: 8, byte_order } => (Kind::F64, byte_order),
+        // Always packed.
+        Datatype::FloatingPoint { size: 2, byte_order } => (Kind::U16, byte_order),
         Datatype::FixedPoint { size, signed, byte_order } => match (size, signed) {
             (1, true) => (Kind::I8, byte_order),
             (2, true) => (Kind::I16, byte_order),

@@ -11,6 +11,7 @@ mod encode;
 mod files;
 mod filters;
 mod header;
+mod packed;
 mod reader;
 mod snapshot;
 mod storage;

@@ -2,6 +2,7 @@
 
 use super::container::{Container, broken};
 use super::filters::Pipeline;
+use super::packed::Packed;
 use crate::strided::Kind;
 use hdf5_reader::Dataset;
 use hdf5_reader::btree_v1::{BTreeV1Key, collect_btree_v1_leaves_storage};
@@ -25,6 +26,8 @@ pub struct Table {
     pub kind: Kind,
     /// Their byte order.
     pub big_endian: bool,
+    /// Where their bits lie, where they do not fill their bytes.
+    pub packed: Option<Packed>,
     /// Rows.
     pub rows: u64,
     /// Numbers a row.
@@ -130,7 +133,7 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
             chunks.stretch(components).map_or(Storage::Chunked(chunks), Storage::Flat)
         }
     };
-    Ok(Table { kind, big_endian, rows, components, storage })
+    Ok(Table { packed: set.packed, kind, big_endian, rows, components, storage })
 }
 
 struct Finder<'a> {

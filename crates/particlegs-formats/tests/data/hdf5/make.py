@@ -92,7 +92,7 @@ for i, n in enumerate([(0, 60, 0, 0, 0, 0), (5, 40, 0, 0, 0, 0)]):
         if i:
             f.create_group("PartType0").create_dataset("Coordinates", data=POS[:5], dtype="<f8")
 
-# Refused: a link to another file, an unwritten chunk, data elsewhere, numbers of fewer bits than their bytes have.
+# Refused: a link to another file, an unwritten chunk, data elsewhere.
 with h5py.File(os.path.join(HERE, "bad_external.hdf5"), "w") as f:
     header(f)
     f["PartType1"] = h5py.ExternalLink("elsewhere.hdf5", "/PartType1")
@@ -105,18 +105,29 @@ with h5py.File(os.path.join(HERE, "bad_virtual.hdf5"), "w", libver="latest") as 
     layout = h5py.VirtualLayout((N, 3), "<f4")
     layout[:] = h5py.VirtualSource("elsewhere.hdf5", "x", (N, 3))
     f.create_group("PartType1").create_virtual_dataset("Coordinates", layout)
-with h5py.File(os.path.join(HERE, "bad_bits.hdf5"), "w") as f:
-    header(f)
-    p = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    p.set_chunk((33, 3))
-    p.set_filter(5, 0, ())  # N-bit
-    t = h5py.h5t.IEEE_F32LE.copy()
-    t.set_fields(21, 13, 8, 0, 13)
-    t.set_offset(0)
-    t.set_precision(22)
-    group = f.create_group("PartType1")
-    data = h5py.h5d.create(group.id, b"Coordinates", t, h5py.h5s.create_simple((N, 3)), p)
-    data.write(h5py.h5s.ALL, h5py.h5s.ALL, POS.astype("<f4"))
+
+# Numbers of fewer bits than their bytes have: floats as SWIFT's lossy ones, integers, half floats.
+def bits(name, kind, scale=1):
+    with h5py.File(os.path.join(HERE, name + ".hdf5"), "w") as f:
+        header(f)
+        p = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        p.set_chunk((33, 3))
+        p.set_filter(5, 0, ())  # N-bit
+        group = f.create_group("PartType1")
+        data = h5py.h5d.create(group.id, b"Coordinates", kind, h5py.h5s.create_simple((N, 3)), p)
+        data.write(h5py.h5s.ALL, h5py.h5s.ALL, (POS * scale - (scale - 1)).astype("<i4" if scale > 1 else "<f4"))
+
+
+t = h5py.h5t.IEEE_F32LE.copy()
+t.set_fields(21, 13, 8, 0, 13)
+t.set_offset(0)
+t.set_precision(22)
+bits("nbit_float", t)
+t = h5py.h5t.STD_I32BE.copy()
+t.set_precision(20)
+t.set_offset(5)
+bits("nbit_integer", t, 200)
+write("half_float", pos=POS.astype("<f2"), chunks=(50, 3), compression="gzip", shuffle=True)
 
 # Chunks of more rows than are read at once: values repeat, so that the file stays small.
 M = 300_000
