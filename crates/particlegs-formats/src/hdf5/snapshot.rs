@@ -84,6 +84,13 @@ struct Found {
     aliases: Vec<String>,
 }
 
+impl Found {
+    /// Do the positions' own attributes say whether they are comoving?
+    fn says_comoving(&self) -> bool {
+        self.sets.iter().any(|s| s.name == self.positions && units::a_power(&s.attributes).is_some())
+    }
+}
+
 /// Rows of a type's positions in a file, whose header states so many.
 fn rows_of(positions: &DataSet, stated: Option<u64>, place: &str) -> Result<u64> {
     let rows = match positions.shape[..] {
@@ -226,7 +233,11 @@ impl Builder {
         let mut meta =
             SnapshotMeta { cell, time: self.header.time(), hubble: self.header.hubble(), ..SnapshotMeta::default() };
         meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let cosmological = self.header.cosmological(&mut notes);
+        let mut doubts = Vec::new();
+        let cosmological = self.header.cosmological(&mut doubts);
+        if !self.found.iter().flatten().any(Found::says_comoving) {
+            notes.append(&mut doubts);
+        }
         if cosmological == Some(true) {
             meta.scale_factor = self.header.scale_factor();
         }

@@ -77,12 +77,16 @@ pub fn unit(
 
 fn comoving(own: &Attributes, cosmological: Option<bool>) -> Option<bool> {
     // AREPO writes its power of a for isolated runs, too: what the run says comes first.
-    let power = own.number(&["a_scaling", "aexp-scale-exponent", "a-scale exponent"]);
-    match (cosmological, power) {
+    match (cosmological, a_power(own)) {
         (Some(false), _) => Some(false),
         (_, Some(power)) => Some(power != 0.0),
         (said, None) => said,
     }
+}
+
+/// The power of the scale factor that a data set's attributes state.
+pub fn a_power(own: &Attributes) -> Option<f64> {
+    own.number(&["a_scaling", "aexp-scale-exponent", "a-scale exponent"])
 }
 
 fn in_cgs(own: &Attributes, groups: &Groups, quantity: Quantity) -> Option<f64> {
