@@ -13,6 +13,7 @@ pub mod compressed;
 pub mod pieces;
 pub mod strided;
 
+mod choose;
 mod registry;
 mod snapshot;
 
@@ -29,5 +30,6 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
+pub use choose::{Choice, describe, read, read_selected};
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
