@@ -10,6 +10,7 @@
 
 pub mod axes;
 pub mod cache;
+mod codecs;
 pub mod compressed;
 pub mod pieces;
 pub mod strided;
