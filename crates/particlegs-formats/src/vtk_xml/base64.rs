@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn any_stretch_is_decoded_with_and_without_lines() {
-        let data: Vec<u8> = (0..100_000u32).map(|i| (i * i >> 3) as u8).collect();
+        let data: Vec<u8> = (0..100_000u32).map(|i| (i.wrapping_mul(i) >> 3) as u8).collect();
         let plain = ENGINE.encode(&data);
         let lines: String =
             plain.as_bytes().chunks(76).map(|l| format!("\n {}", std::str::from_utf8(l).unwrap())).collect();

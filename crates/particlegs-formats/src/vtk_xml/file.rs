@@ -66,7 +66,7 @@ impl File {
                 let found = count
                     .ok_or_else(fault)
                     .and_then(|n| Ascii::find(&self.bytes[..range.end as usize], range.start, n));
-                Source::Ascii(found.map_err(|e| self.fault(declared, &e))?)
+                Source::Ascii(Arc::new(found.map_err(|e| self.fault(declared, &e))?))
             }
             _ => match self.binary(declared, rows, cache)? {
                 Some(source) => source,

@@ -6,6 +6,7 @@ use crate::ascii::Ascii;
 use crate::strided::{Bytes, Kind, Lane};
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Bytes in a file: as they are, or as base64.
 #[derive(Clone, Debug)]
@@ -67,7 +68,7 @@ pub enum Source {
     /// In compressed blocks.
     Blocks(Blocks),
     /// As text.
-    Ascii(Ascii),
+    Ascii(Arc<Ascii>),
 }
 
 /// An array of a piece.
