@@ -59,8 +59,13 @@ pub fn run(a: Arguments) -> Result<()> {
         Some(&[x, y, z]) => Tiling::new([x, y, z], &particles)?,
         Some(_) => return Err(Error::argument("--tile takes three numbers, such as 2,8,8")),
     };
-    let selection =
-        Selection { crop: crop(a.crop.as_deref())?, every: a.every, sample: a.sample, seed: context.common.seed };
+    let selection = Selection {
+        crop: crop(a.crop.as_deref())?,
+        wrap: false,
+        every: a.every,
+        sample: a.sample,
+        seed: context.common.seed,
+    };
     if particles.origin != [0.0; 3] {
         context.message("note: positions lie far from 0; about 0, float32 keeps fewer of their digits");
     }

@@ -2,7 +2,7 @@
 //!
 //! Memory stays at a few runs a thread, whatever the size of the output.
 
-use super::select::{Plan, Run, Selection};
+use super::select::{Kept, Run, Selection};
 use super::write::SnapshotWriter;
 use super::{Particles, Tiling};
 use crate::progress::Progress;
@@ -20,15 +20,11 @@ pub struct Converted {
 }
 
 /// Writes `particles`, repeated by `tiling` and thinned by `selection` (crop, then every, then
-/// sample), to `out`: one .npy of shape (N, 3) where its name ends so, else a folder with xx.f32,
-/// yy.f32, zz.f32, ww.f32 where there are weights, and meta.json. Positions are float32 about 0;
-/// tile follows tile, particles in input order. A crop drops the periodic box; weights and the mass
-/// of a particle stay as they are. Nothing is left where it fails.
+/// sample), as [`write_raw`] does. Layer follows layer, in each tile follows tile, particles in input
+/// order. A crop drops the periodic box; weights and the mass of a particle stay as they are.
 ///
 /// # Errors
-/// [`Error::Argument`] where nothing would be left; [`Error::Input`] where the box is not
-/// orthogonal, positions overflow float32 or weights would be lost; [`Error::Io`];
-/// [`Error::Cancelled`].
+/// Those of [`Kept::new`] and [`write_raw`].
 pub fn convert(
     particles: &Particles,
     tiling: Tiling,
@@ -36,42 +32,36 @@ pub fn convert(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Converted> {
-    let mut meta = particles.meta.clone();
-    let one = meta.cell.take();
-    if selection.crop.is_none() {
-        meta.cell = one.map(|cell| tiling.cell(&cell));
-    }
-    if meta.cell.is_some_and(|cell| cell.lengths().is_none()) {
-        return Err(Error::input(&meta.name, "meta.json holds orthogonal boxes only"));
-    }
     progress.begin("counting", 0);
-    let plan = Plan::new(particles, tiling, selection, progress)?;
+    let kept = Kept::new(particles, tiling, selection, progress)?;
     progress.end();
-    let weighted = particles.weights.is_some();
-    let writer = SnapshotWriter::create(out, plan.total(), weighted)?;
-    progress.begin("writing", plan.total());
-    (0..plan.runs()).into_par_iter().try_for_each_init(
+    write_raw(&kept, out, progress)
+}
+
+/// Writes to `out`: one .npy of shape (N, 3) where its name ends so, else a folder with xx.f32,
+/// yy.f32, zz.f32, ww.f32 where there are weights, and meta.json. Positions are float32 about 0.
+/// Nothing is left where it fails.
+///
+/// # Errors
+/// [`Error::Input`] where positions overflow float32 or weights would be lost; [`Error::Io`];
+/// [`Error::Cancelled`].
+pub fn write_raw(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<Converted> {
+    let weighted = kept.weighted();
+    let writer = SnapshotWriter::create(out, kept.total(), weighted)?;
+    progress.begin("writing", kept.total());
+    (0..kept.runs()).into_par_iter().try_for_each_init(
         || (Run::default(), Vec::new()),
         |(run, triples), id| {
             progress.check()?;
-            plan.load(id, run)?;
-            writer.write(plan.first(id), run, triples)?;
+            kept.load(id, run)?;
+            writer.write(kept.first(id), run, triples)?;
             progress.advance(run.columns[0].len() as u64);
             Ok::<_, Error>(())
         },
     )?;
-    let notes = serde_json::json!({
-        "snapshot": particles.meta.name,
-        "particles": particles.len(),
-        "tiles": tiling.tiles(),
-        "crop": selection.crop,
-        "every": selection.every,
-        "sample": selection.sample,
-        "seed": selection.sample.map(|_| selection.seed),
-    });
-    writer.finish(&meta, notes)?;
+    writer.finish(kept)?;
     progress.end();
-    Ok(Converted { particles: plan.total(), bytes: plan.total() * if weighted { 16 } else { 12 } })
+    Ok(Converted { particles: kept.total(), bytes: kept.total() * if weighted { 16 } else { 12 } })
 }
 
 #[cfg(test)]

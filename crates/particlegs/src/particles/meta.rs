@@ -22,6 +22,19 @@ impl Cell {
         Cell { origin: [0.0; 3], vectors, periodic: [true; 3] }
     }
 
+    /// The matrix that turns a world vector d into fractions of the cell vectors: fraction a is the
+    /// sum of `d[k] * inverse[k][a]`. `None` for a cell without volume.
+    pub fn inverse(&self) -> Option<[[f64; 3]; 3]> {
+        let v = &self.vectors;
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let rows = [cross(v[1], v[2]), cross(v[2], v[0]), cross(v[0], v[1])];
+        let volume: f64 = (0..3).map(|k| v[0][k] * rows[0][k]).sum();
+        let inverse: [[f64; 3]; 3] = std::array::from_fn(|k| std::array::from_fn(|a| rows[a][k] / volume));
+        inverse.iter().flatten().all(|x| x.is_finite()).then_some(inverse)
+    }
+
     /// Edge lengths where the cell is orthogonal and axis-aligned.
     pub fn lengths(&self) -> Option<[f64; 3]> {
         let v = &self.vectors;

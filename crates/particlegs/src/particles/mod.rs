@@ -9,6 +9,7 @@
 mod bounds;
 mod convert;
 mod hash;
+mod layer;
 mod meta;
 mod npy;
 mod open;
@@ -20,11 +21,12 @@ mod tile;
 mod write;
 
 pub use bounds::Bounds;
-pub use convert::{Converted, convert};
+pub use convert::{Converted, convert, write_raw};
 pub use hash::source_hash;
+pub use layer::{ONE_LAYER, ParticleLayer};
 pub use meta::{Cell, SnapshotMeta};
 pub use open::{OpenOptions, map_file, open};
-pub use select::Selection;
+pub use select::{Kept, KeptLayer, Run, Selection};
 pub use source::{Chunk, ChunkBuffer, InPlace, RUN, RunSink, SnapshotReader};
 pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};

@@ -55,7 +55,7 @@ pub fn open(path: &Path) -> Result<Particles> {
         } else {
             Positions::Triples(column(header.data, values))
         };
-        return Ok(Particles { positions, weights: None, origin: [0.0; 3], meta });
+        return Ok(Particles { positions, weights: None, origin: [0.0; 3], meta, kinds: Vec::new() });
     }
     let bytes = &map[header.data..];
     let at = |i: usize, k: usize| {
@@ -65,7 +65,7 @@ pub fn open(path: &Path) -> Result<Particles> {
     let origin = if header.double { centre(header.rows, &at) } else { [0.0; 3] };
     let columns = [0, 1, 2]
         .map(|k| Column::owned((0..header.rows).into_par_iter().map(|i| (at(i, k) - origin[k]) as f32).collect()));
-    Ok(Particles { positions: Positions::Columns(columns), weights: None, origin, meta })
+    Ok(Particles { positions: Positions::Columns(columns), weights: None, origin, meta, kinds: Vec::new() })
 }
 
 /// The middle of the finite values of each axis, rounded to a short number; 0 where the origin

@@ -1,6 +1,6 @@
 //! Opens what users name: a folder, three or four raw files, or one .npy.
 
-use super::{Cell, Column, Particles, Positions, SnapshotMeta, npy, sidecar};
+use super::{Cell, Column, ParticleLayer, Particles, Positions, SnapshotMeta, npy, sidecar, sidecar::Sidecar};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::fs::File;
@@ -71,7 +71,7 @@ fn open_folder(folder: &Path) -> Result<Particles> {
     } else {
         open_columns(&files)?
     };
-    particles.meta = sidecar::read(folder, &folder.join("meta.json"))?;
+    particles.meta = sidecar::read(folder, &folder.join("meta.json"))?.meta;
     Ok(particles)
 }
 
@@ -85,14 +85,20 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
             ));
         }
     }
+    let columns_len = columns[0].len();
     let mut columns = columns.into_iter();
     let mut next = || columns.next().expect("three columns at least");
     let positions = Positions::Columns([next(), next(), next()]);
     let weights = columns.next();
     let folder = paths[0].parent().unwrap_or(Path::new("."));
-    let mut meta = sidecar::read(folder, &folder.join("meta.json"))?;
+    let sidecar = folder.join("meta.json");
+    let Sidecar { mut meta, kinds } = sidecar::read(folder, &sidecar)?;
     meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    Ok(Particles { positions, weights, origin: [0.0; 3], meta })
+    if kinds.last().is_some_and(|k| k.range.end != columns_len) {
+        let what = format!("its `layers` do not hold the {columns_len} particles beside it");
+        return Err(Error::input(&sidecar, what));
+    }
+    Ok(Particles { positions, weights, origin: [0.0; 3], meta, kinds })
 }
 
 /// Maps a raw little-endian float32 file.
@@ -174,12 +180,19 @@ fn valid(chunk: &super::Chunk<'_>, i: usize) -> bool {
 }
 
 fn keep_valid(particles: &Particles) -> Particles {
-    let parts = particles.par_chunks(|_, chunk| {
+    let parts = particles.par_chunks(|start, chunk| {
         let keep: Vec<usize> = (0..chunk.len()).filter(|&i| valid(&chunk, i)).collect();
         let pick = |c: &[f32]| keep.iter().map(|&i| c[i]).collect::<Vec<f32>>();
-        (chunk.position.map(pick), chunk.weight.map(pick))
+        let of_kind = |kind: &ParticleLayer| keep.iter().filter(|&&i| kind.range.contains(&(start + i))).count();
+        (chunk.position.map(pick), chunk.weight.map(pick), particles.kinds.iter().map(of_kind).collect::<Vec<_>>())
     });
     let column = |k: usize| Column::owned(parts.par_iter().flat_map_iter(|p| p.0[k].iter().copied()).collect());
+    let mut end = 0;
+    let kinds = particles.kinds.iter().enumerate().map(|(i, kind)| {
+        let start = end;
+        end += parts.iter().map(|p| p.2[i]).sum::<usize>();
+        ParticleLayer { range: start..end, ..kind.clone() }
+    });
     Particles {
         positions: Positions::Columns([column(0), column(1), column(2)]),
         weights: particles
@@ -188,6 +201,7 @@ fn keep_valid(particles: &Particles) -> Particles {
             .map(|_| Column::owned(parts.iter().flat_map(|p| p.1.iter().flatten().copied()).collect())),
         origin: particles.origin,
         meta: particles.meta.clone(),
+        kinds: kinds.filter(|k| !k.range.is_empty()).collect(),
     }
 }
 

@@ -1,20 +1,24 @@
-//! Which particles a conversion keeps: a crop, every K-th, an exact random sample; in this order.
+//! Which particles are kept: a region, every K-th, an exact random sample; in this order.
 //!
-//! Work goes by fixed chunks of the tiled snapshot ("runs"); what a run keeps depends on the run's
-//! number and on whole-number sums over the runs before it, never on threads.
+//! Work goes by fixed chunks of the tiled snapshot ("runs"), layer by layer and tile by tile; what a
+//! run keeps depends on the run's number and on whole-number sums over the runs before it, never on
+//! threads.
 
 use super::storage::CHUNK;
-use super::{Bounds, ChunkBuffer, Particles, Tiling};
+use super::{Bounds, Cell, ChunkBuffer, ParticleLayer, Particles, SnapshotMeta, Tiling};
 use crate::math::Random;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// What to keep of a tiled snapshot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Selection {
     /// Keep positions with min <= p < max along each axis, as written (f32).
     pub crop: Option<Bounds>,
+    /// Take each particle at its periodic image nearest to the middle of the crop.
+    pub wrap: bool,
     /// Then keep the first of every so many, in order.
     pub every: u64,
     /// Then keep exactly so many, drawn at random; order is kept.
@@ -26,14 +30,19 @@ pub struct Selection {
 impl Selection {
     /// Keeps all.
     pub fn all() -> Self {
-        Selection { crop: None, every: 1, sample: None, seed: 0 }
+        Selection { crop: None, wrap: false, every: 1, sample: None, seed: 0 }
+    }
+
+    /// Does it keep all as they are?
+    pub fn is_all(&self) -> bool {
+        *self == Selection { seed: self.seed, ..Selection::all() }
     }
 }
 
 /// A run's particles, as they are to be written; reused from run to run.
 #[derive(Default)]
-pub(super) struct Run {
-    /// x, y, z, then weights (empty where there are none).
+pub struct Run {
+    /// x, y, z about 0, then weights (empty where there are none).
     pub columns: [Vec<f32>; 4],
     kept: Vec<u32>,
     buffer: ChunkBuffer,
@@ -42,11 +51,29 @@ pub(super) struct Run {
 /// The draw's place in the order of keys: a particle is drawn where its own is not above.
 type Key = (u64, u64, u32);
 
-/// Runs of a tiled snapshot and what each keeps.
-pub(super) struct Plan<'a> {
+/// A layer of what is kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeptLayer {
+    /// Name.
+    pub name: String,
+    /// Its particles in the output.
+    pub range: Range<u64>,
+    /// Mass of a particle of weight 1.
+    pub particle_mass: Option<f64>,
+    /// Do its particles have weights of their own?
+    pub weighted: bool,
+}
+
+/// Runs of a tiled snapshot and what each keeps: what writers are given.
+pub struct Kept<'a> {
     particles: &'a Particles,
     tiling: Tiling,
     selection: Selection,
+    meta: SnapshotMeta,
+    layers: Vec<ParticleLayer>,
+    /// Runs before each layer, and in all.
+    layer_runs: Vec<u64>,
+    images: Option<Images>,
     /// Particles inside the crop in the runs before each run; empty without a crop.
     cropped_before: Vec<u64>,
     /// The last key drawn.
@@ -55,12 +82,12 @@ pub(super) struct Plan<'a> {
     first: Vec<u64>,
 }
 
-impl<'a> Plan<'a> {
-    /// Counts what every run keeps.
+impl<'a> Kept<'a> {
+    /// Counts what every run keeps of `particles`, repeated by `tiling`.
     ///
     /// # Errors
     /// [`Error::Argument`] where a sample is larger than what there is, or nothing is left;
-    /// [`Error::Cancelled`].
+    /// [`Error::Input`] where periodic images are wanted and there is no cell; [`Error::Cancelled`].
     pub fn new(
         particles: &'a Particles,
         tiling: Tiling,
@@ -70,34 +97,95 @@ impl<'a> Plan<'a> {
         if selection.every == 0 {
             return Err(Error::argument("keeping every 0th particle keeps none; 1 keeps all"));
         }
-        let mut plan =
-            Plan { particles, tiling, selection, cropped_before: Vec::new(), last_key: None, first: Vec::new() };
-        if selection.crop.is_some() {
-            plan.cropped_before = running_sums(plan.count_runs(progress, |plan, run, id| {
-                plan.fill(id, run)?;
-                Ok(plan.inside(run).count() as u64)
+        let mut meta = particles.meta.clone();
+        let cell = meta.cell.take().map(|cell| tiling.cell(&cell));
+        let images = match (selection.crop, selection.wrap) {
+            (Some(crop), true) => Some(Images::about(&crop, cell.as_ref(), &meta.name)?),
+            _ => None,
+        };
+        if selection.crop.is_none() {
+            meta.cell = cell;
+        }
+        let layers = particles.layers();
+        let runs = layers.iter().map(|l| l.range.len().div_ceil(CHUNK) as u64 * tiling.tiles());
+        let layer_runs = running_sums(runs.collect());
+        let (cropped_before, last_key, first) = Default::default();
+        let mut kept =
+            Kept { particles, tiling, selection, meta, layers, layer_runs, images, cropped_before, last_key, first };
+        kept.count(progress)?;
+        Ok(kept)
+    }
+
+    fn count(&mut self, progress: &dyn Progress) -> Result<()> {
+        if self.selection.crop.is_some() {
+            self.cropped_before = running_sums(self.count_runs(progress, |kept, run, id| {
+                kept.fill(id, run)?;
+                Ok(kept.inside(run).count() as u64)
             })?);
         }
-        if let Some(wanted) = selection.sample {
-            plan.last_key = plan.draw(wanted, progress)?;
+        if let Some(wanted) = self.selection.sample {
+            self.last_key = self.draw(wanted, progress)?;
         }
-        plan.first = if selection == (Selection { seed: selection.seed, ..Selection::all() }) {
-            running_sums((0..plan.runs()).map(|id| plan.range(id).len() as u64).collect())
+        self.first = if self.selection.is_all() {
+            running_sums((0..self.runs()).map(|id| self.range(id).len() as u64).collect())
         } else {
-            running_sums(plan.count_runs(progress, |plan, run, id| {
-                plan.keep(id, run)?;
+            running_sums(self.count_runs(progress, |kept, run, id| {
+                kept.keep(id, run)?;
                 Ok(run.kept.len() as u64)
             })?)
         };
-        if plan.total() == 0 {
-            return Err(Error::argument("no particle is left: nothing was written"));
+        if self.total() == 0 {
+            return Err(Error::argument("no particle is left in what was chosen"));
         }
-        Ok(plan)
+        Ok(())
+    }
+
+    /// What is known about what is kept: a crop has no cell.
+    pub fn meta(&self) -> &SnapshotMeta {
+        &self.meta
+    }
+
+    /// How it was chosen, for people.
+    pub fn notes(&self) -> serde_json::Value {
+        let s = &self.selection;
+        serde_json::json!({
+            "snapshot": self.particles.meta.name,
+            "particles": self.particles.len(),
+            "tiles": self.tiling.tiles(),
+            "crop": s.crop,
+            "wrap": s.wrap,
+            "every": s.every,
+            "sample": s.sample,
+            "seed": s.sample.map(|_| s.seed),
+        })
+    }
+
+    /// Are there weights?
+    pub fn weighted(&self) -> bool {
+        self.particles.weights.is_some()
+    }
+
+    /// The layers that keep particles, each a contiguous part of the output.
+    pub fn layers(&self) -> Vec<KeptLayer> {
+        let range = |i: usize| self.first(self.layer_runs[i])..self.first(self.layer_runs[i + 1]);
+        let layer = |(i, l): (usize, &ParticleLayer)| KeptLayer {
+            name: l.name.clone(),
+            range: range(i),
+            particle_mass: l.particle_mass,
+            weighted: l.weighted,
+        };
+        self.layers.iter().enumerate().map(layer).filter(|l| !l.range.is_empty()).collect()
+    }
+
+    /// The layer (an index into [`Kept::layers`]) that run `id` lies in; a run may keep nothing.
+    pub fn layer_of(&self, id: u64) -> usize {
+        let index = self.layer_runs.partition_point(|&r| r <= id) - 1;
+        (0..index).filter(|&i| self.first(self.layer_runs[i]) < self.first(self.layer_runs[i + 1])).count()
     }
 
     /// Number of runs.
     pub fn runs(&self) -> u64 {
-        self.runs_a_tile() * self.tiling.tiles()
+        self.layer_runs[self.layer_runs.len() - 1]
     }
 
     /// Number of particles kept.
@@ -105,7 +193,7 @@ impl<'a> Plan<'a> {
         self.first.last().copied().unwrap_or(0)
     }
 
-    /// Where in the output run `id` begins.
+    /// Where in the output run `id` begins; where the output ends for the run after the last.
     pub fn first(&self, id: u64) -> u64 {
         self.first[id as usize]
     }
@@ -127,27 +215,37 @@ impl<'a> Plan<'a> {
         Ok(())
     }
 
-    fn runs_a_tile(&self) -> u64 {
-        self.particles.len().div_ceil(CHUNK) as u64
+    /// Layer, tile and chunk of run `id`.
+    fn place(&self, id: u64) -> (&ParticleLayer, u64, usize) {
+        let index = self.layer_runs.partition_point(|&r| r <= id) - 1;
+        let layer = &self.layers[index];
+        let chunks = layer.range.len().div_ceil(CHUNK) as u64;
+        let own = id - self.layer_runs[index];
+        (layer, own / chunks, (own % chunks) as usize)
     }
 
     /// The particles of run `id`.
-    fn range(&self, id: u64) -> std::ops::Range<usize> {
-        let start = (id % self.runs_a_tile()) as usize * CHUNK;
-        start..self.particles.len().min(start + CHUNK)
+    fn range(&self, id: u64) -> Range<usize> {
+        let (layer, _, chunk) = self.place(id);
+        let start = layer.range.start + chunk * CHUNK;
+        start..layer.range.end.min(start + CHUNK)
     }
 
     /// All particles of run `id`, shifted to their tile and rounded to f32.
     fn fill(&self, id: u64, run: &mut Run) -> Result<()> {
-        let shift = self.tiling.shift(id / self.runs_a_tile());
+        let shift = self.tiling.shift(self.place(id).1);
         let chunk = self.particles.chunk(self.range(id), &mut run.buffer);
         for k in 0..3 {
             let offset = self.particles.origin[k] + shift[k];
             run.columns[k].clear();
             run.columns[k].extend(chunk.position[k].iter().map(|&v| (f64::from(v) + offset) as f32));
-            if run.columns[k].iter().any(|v| !v.is_finite()) {
-                return Err(Error::input(&self.particles.meta.name, "positions that do not fit into float32"));
-            }
+        }
+        if let Some(images) = &self.images {
+            let offset = std::array::from_fn(|k| self.particles.origin[k] + shift[k]);
+            images.nearest(&chunk, offset, &mut run.columns);
+        }
+        if run.columns[..3].iter().flatten().any(|v| !v.is_finite()) {
+            return Err(Error::input(&self.particles.meta.name, "positions that do not fit into float32"));
         }
         run.columns[3].clear();
         run.columns[3].extend_from_slice(chunk.weight.unwrap_or(&[]));
@@ -170,8 +268,9 @@ impl<'a> Plan<'a> {
         let before = self.cropped_before.get(id as usize).copied();
         // Without a crop the particle's own number counts.
         let before = before.unwrap_or_else(|| {
-            let tile = id / self.runs_a_tile();
-            tile * self.particles.len() as u64 + self.range(id).start as u64
+            let (layer, tile, _) = self.place(id);
+            let layers_before = self.tiling.tiles() * layer.range.start as u64;
+            layers_before + tile * layer.range.len() as u64 + (self.range(id).start - layer.range.start) as u64
         });
         let mut kept = std::mem::take(&mut run.kept);
         kept.clear();
@@ -259,6 +358,49 @@ impl<'a> Plan<'a> {
                 count(self, run, id)
             })
             .collect()
+    }
+}
+
+/// Takes positions at their periodic images nearest to a point.
+struct Images {
+    centre: [f64; 3],
+    cell: Cell,
+    /// Maps a world vector to fractions of the cell vectors.
+    fractions: [[f64; 3]; 3],
+}
+
+impl Images {
+    /// Images about the middle of `crop`, which must not be wider than the cell where it repeats.
+    fn about(crop: &Bounds, cell: Option<&Cell>, name: &str) -> Result<Self> {
+        let Some(cell) = cell else {
+            let hint = "give it with `--box Lx,Ly,Lz`, or choose by --region, which does not wrap";
+            return Err(Error::input_hint(name, "a region that wraps needs the periodic box", hint));
+        };
+        let fractions = cell.inverse().ok_or_else(|| Error::input(name, "the cell has no volume"))?;
+        let extent = crop.extent();
+        if let Some(lengths) = cell.lengths()
+            && let Some(k) = (0..3).find(|&k| cell.periodic[k] && extent[k] > lengths[k])
+        {
+            let what = format!("a region {} wide on axis {k} would repeat the box of {}", extent[k], lengths[k]);
+            return Err(Error::argument(what));
+        }
+        Ok(Images { centre: crop.center(), cell: *cell, fractions })
+    }
+
+    /// Replaces the positions of `columns` by those of `chunk` (about `offset`) at their images.
+    fn nearest(&self, chunk: &super::Chunk<'_>, offset: [f64; 3], columns: &mut [Vec<f32>; 4]) {
+        for i in 0..chunk.len() {
+            let p: [f64; 3] = std::array::from_fn(|k| f64::from(chunk.position[k][i]) + offset[k]);
+            let d: [f64; 3] = std::array::from_fn(|k| p[k] - self.centre[k]);
+            let steps: [f64; 3] = std::array::from_fn(|a| {
+                let fraction: f64 = (0..3).map(|k| d[k] * self.fractions[k][a]).sum();
+                if self.cell.periodic[a] { fraction.round() } else { 0.0 }
+            });
+            for k in 0..3 {
+                let shift: f64 = (0..3).map(|a| steps[a] * self.cell.vectors[a][k]).sum();
+                columns[k][i] = (p[k] - shift) as f32;
+            }
+        }
     }
 }
 

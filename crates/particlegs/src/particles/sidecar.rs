@@ -1,6 +1,6 @@
-//! meta.json beside raw data: box, units, cosmology.
+//! meta.json beside raw data: box, units, cosmology, layers.
 
-use super::{Cell, SnapshotMeta, open::named};
+use super::{Cell, ParticleLayer, SnapshotMeta, open::named};
 use crate::{Error, Result};
 use serde::Deserialize;
 use std::path::Path;
@@ -12,7 +12,9 @@ const LARGEST: u64 = 1 << 20;
 struct Form {
     #[serde(rename = "box")]
     lengths: Option<Lengths>,
-    periodic: Option<bool>,
+    periodic: Option<Periodic>,
+    cell: Option<Cell>,
+    layers: Option<Vec<LayerForm>>,
     length_unit: Option<String>,
     mass_unit: Option<String>,
     particle_mass: Option<f64>,
@@ -30,13 +32,37 @@ enum Lengths {
     Each([f64; 3]),
 }
 
+#[derive(Deserialize, Clone, Copy)]
+#[serde(untagged)]
+enum Periodic {
+    All(bool),
+    Each([bool; 3]),
+}
+
+#[derive(Deserialize)]
+struct LayerForm {
+    name: String,
+    particles: usize,
+    particle_mass: Option<f64>,
+    #[serde(default)]
+    weighted: bool,
+}
+
+/// What stands beside raw data.
+pub struct Sidecar {
+    /// Box, units, cosmology.
+    pub meta: SnapshotMeta,
+    /// Kinds of particles; empty where it tells none apart.
+    pub kinds: Vec<ParticleLayer>,
+}
+
 /// Reads `file` where it exists; the snapshot is named after `place`.
 ///
 /// # Errors
 /// [`Error::Input`] where it is no JSON object or a known key holds an impossible value.
-pub fn read(place: &Path, file: &Path) -> Result<SnapshotMeta> {
+pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     let mut meta = named(&std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf()));
-    let Ok(info) = std::fs::metadata(file) else { return Ok(meta) };
+    let Ok(info) = std::fs::metadata(file) else { return Ok(Sidecar { meta, kinds: Vec::new() }) };
     if info.len() > LARGEST {
         return Err(Error::input(file, "larger than 1 MiB: not a snapshot's metadata"));
     }
@@ -52,7 +78,14 @@ pub fn read(place: &Path, file: &Path) -> Result<SnapshotMeta> {
         if !lengths.iter().all(positive) {
             return Err(Error::input(file, format!("box {lengths:?} must be positive")));
         }
-        meta.cell = Some(Cell { periodic: [form.periodic.unwrap_or(true); 3], ..Cell::orthogonal(lengths) });
+        meta.cell = Some(Cell { periodic: periodic(form.periodic), ..Cell::orthogonal(lengths) });
+    }
+    if let Some(cell) = form.cell {
+        let finite = cell.vectors.iter().flatten().chain(&cell.origin).all(|v| v.is_finite());
+        if !finite || cell.inverse().is_none() {
+            return Err(Error::input(file, "`cell` must have finite vectors that span a volume"));
+        }
+        meta.cell = Some(cell);
     }
     meta.length_unit = form.length_unit;
     meta.mass_unit = form.mass_unit;
@@ -61,5 +94,27 @@ pub fn read(place: &Path, file: &Path) -> Result<SnapshotMeta> {
     meta.scale_factor = form.scale_factor.or(form.redshift.map(|z| 1.0 / (1.0 + z))).filter(positive);
     meta.hubble = form.h.filter(positive);
     meta.time = form.time;
-    Ok(meta)
+    Ok(Sidecar { meta, kinds: kinds(form.layers.unwrap_or_default(), file)? })
+}
+
+fn periodic(said: Option<Periodic>) -> [bool; 3] {
+    match said {
+        None => [true; 3],
+        Some(Periodic::All(all)) => [all; 3],
+        Some(Periodic::Each(each)) => each,
+    }
+}
+
+/// Layers one after the other.
+fn kinds(forms: Vec<LayerForm>, file: &Path) -> Result<Vec<ParticleLayer>> {
+    let mut end = 0usize;
+    let mut kinds = Vec::with_capacity(forms.len().min(1024));
+    for form in forms {
+        let start = end;
+        end =
+            start.checked_add(form.particles).ok_or_else(|| Error::input(file, "`layers` hold too many particles"))?;
+        let LayerForm { name, particle_mass, weighted, .. } = form;
+        kinds.push(ParticleLayer { name, range: start..end, particle_mass, weighted });
+    }
+    Ok(kinds)
 }

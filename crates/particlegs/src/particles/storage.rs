@@ -1,6 +1,6 @@
 //! A snapshot opened whole: columns or triples, owned or mapped.
 
-use super::{Bounds, Chunk, ChunkBuffer, SnapshotMeta};
+use super::{Bounds, Chunk, ChunkBuffer, ParticleLayer, SnapshotMeta};
 use rayon::prelude::*;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
@@ -8,8 +8,15 @@ use std::sync::Arc;
 /// A run of f32 that is owned or lies in a mapped file.
 #[derive(Clone)]
 pub enum Column {
-    /// In memory.
-    Owned(Arc<Vec<f32>>),
+    /// `len` floats from `offset` of floats in memory.
+    Owned {
+        /// The floats.
+        values: Arc<Vec<f32>>,
+        /// First of them.
+        offset: usize,
+        /// Floats.
+        len: usize,
+    },
     /// `len` floats from byte `offset` of a mapped little-endian file.
     Mapped {
         /// The mapping.
@@ -24,7 +31,19 @@ pub enum Column {
 impl Column {
     /// Owned values.
     pub fn owned(values: Vec<f32>) -> Self {
-        Column::Owned(Arc::new(values))
+        let len = values.len();
+        Column::Owned { values: Arc::new(values), offset: 0, len }
+    }
+
+    /// A part of it, which must lie inside; nothing is copied.
+    pub fn slice(&self, range: Range<usize>) -> Self {
+        assert!(range.start <= range.end && range.end <= self.len(), "a part of the column");
+        let mut part = self.clone();
+        match &mut part {
+            Column::Owned { offset, len, .. } => (*offset, *len) = (*offset + range.start, range.len()),
+            Column::Mapped { offset, len, .. } => (*offset, *len) = (*offset + 4 * range.start, range.len()),
+        }
+        part
     }
 }
 
@@ -33,7 +52,7 @@ impl Deref for Column {
 
     fn deref(&self) -> &[f32] {
         match self {
-            Column::Owned(v) => v,
+            Column::Owned { values, offset, len } => &values[*offset..*offset + *len],
             Column::Mapped { map, offset, len } => bytemuck::cast_slice(&map[*offset..*offset + 4 * *len]),
         }
     }
@@ -59,6 +78,9 @@ pub struct Particles {
     pub origin: [f64; 3],
     /// What the source says.
     pub meta: SnapshotMeta,
+    /// Kinds of particles, in order and without gaps; empty where the source tells none apart
+    /// ([`Particles::layers`]).
+    pub kinds: Vec<ParticleLayer>,
 }
 
 /// Particles in one step of parallel work; fixed, so that sums do not depend on threads.
@@ -73,6 +95,7 @@ impl Particles {
             weights: None,
             origin: [0.0; 3],
             meta: SnapshotMeta::default(),
+            kinds: Vec::new(),
         }
     }
 

@@ -1,7 +1,7 @@
 //! Snapshots out: raw float32 columns with meta.json, or one .npy; whole or not at all.
 
-use super::SnapshotMeta;
-use super::select::Run;
+use super::ONE_LAYER;
+use super::select::{Kept, KeptLayer, Run};
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Write;
@@ -79,8 +79,8 @@ impl SnapshotWriter {
         done.map_err(|e| Error::io(&self.out, e))
     }
 
-    /// Syncs the files and moves them to their place; `meta` goes beside columns.
-    pub fn finish(self, meta: &SnapshotMeta, notes: serde_json::Value) -> Result<()> {
+    /// Syncs the files and moves them to their place; what is known goes beside columns.
+    pub fn finish(self, kept: &Kept<'_>) -> Result<()> {
         let fail = |e| Error::io(&self.out, e);
         let folder = self.folder.path();
         match &self.layout {
@@ -90,7 +90,7 @@ impl SnapshotWriter {
             }
             Layout::Columns(files) => {
                 files.iter().try_for_each(File::sync_all).map_err(fail)?;
-                write_sidecar(&folder.join(SIDECAR), meta, notes).map_err(fail)?;
+                write_sidecar(&folder.join(SIDECAR), kept).map_err(fail)?;
                 if !self.out.is_dir() {
                     let kept = self.folder.keep();
                     return std::fs::rename(&kept, &self.out).map_err(|e| {
@@ -173,13 +173,31 @@ fn npy_header(count: u64) -> Vec<u8> {
     header
 }
 
-/// meta.json in the form that opening a folder reads; unknown things are left out. `notes` (an
-/// object) says how the snapshot was made.
-fn write_sidecar(path: &Path, meta: &SnapshotMeta, notes: serde_json::Value) -> std::io::Result<()> {
-    let mut form = serde_json::json!({ "name": meta.name, "order": "tile by tile, particles in input order" });
-    if let Some(cell) = &meta.cell {
-        form["box"] = serde_json::json!(cell.lengths());
-        form["periodic"] = cell.periodic.iter().all(|p| *p).into();
+/// meta.json in the form that opening a folder reads; unknown things are left out.
+fn write_sidecar(path: &Path, kept: &Kept<'_>) -> std::io::Result<()> {
+    let meta = kept.meta();
+    let mut form =
+        serde_json::json!({ "name": meta.name, "order": "layer by layer, tile by tile, particles in input order" });
+    match &meta.cell {
+        Some(cell) if cell.origin == [0.0; 3] && cell.lengths().is_some() => {
+            form["box"] = serde_json::json!(cell.lengths());
+            let all = cell.periodic.iter().all(|p| *p);
+            form["periodic"] = if all { true.into() } else { serde_json::json!(cell.periodic) };
+        }
+        Some(cell) => form["cell"] = serde_json::json!(cell),
+        None => {}
+    }
+    let layers = kept.layers();
+    if layers.len() > 1 || layers.iter().any(|l| l.name != ONE_LAYER) {
+        let layer = |l: &KeptLayer| {
+            serde_json::json!({
+                "name": l.name,
+                "particles": l.range.end - l.range.start,
+                "particle_mass": l.particle_mass,
+                "weighted": l.weighted,
+            })
+        };
+        form["layers"] = layers.iter().map(layer).collect();
     }
     let mut set = |key: &str, value: serde_json::Value| {
         if !value.is_null() {
@@ -193,7 +211,7 @@ fn write_sidecar(path: &Path, meta: &SnapshotMeta, notes: serde_json::Value) -> 
     set("scale_factor", meta.scale_factor.into());
     set("h", meta.hubble.into());
     set("time", meta.time.into());
-    set("made_from", notes);
+    set("made_from", kept.notes());
     let mut file = File::create(path)?;
     file.write_all(&serde_json::to_vec_pretty(&form)?)?;
     file.write_all(b"\n")?;
