@@ -8,7 +8,10 @@
 //! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
 //! checked before memory is taken; nothing here panics on any input.
 
+mod ascii;
+pub mod axes;
 pub mod cache;
+mod codecs;
 pub mod compressed;
 pub mod pieces;
 pub mod strided;
