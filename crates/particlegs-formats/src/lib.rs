@@ -8,6 +8,7 @@
 //! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
 //! checked before memory is taken; nothing here panics on any input.
 
+pub mod axes;
 pub mod cache;
 pub mod compressed;
 pub mod pieces;
