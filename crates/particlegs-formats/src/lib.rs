@@ -8,10 +8,14 @@
 //! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
 //! checked before memory is taken; nothing here panics on any input.
 
+pub mod affine;
 pub mod axes;
 pub mod cache;
 pub mod compressed;
+pub mod laned;
 pub mod pieces;
+pub mod stored;
+pub mod streamed;
 pub mod strided;
 
 mod registry;
