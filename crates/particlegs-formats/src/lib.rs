@@ -9,11 +9,15 @@
 //! checked before memory is taken; nothing here panics on any input.
 
 mod ascii;
+pub mod affine;
 pub mod axes;
 pub mod cache;
 mod codecs;
 pub mod compressed;
+pub mod laned;
 pub mod pieces;
+pub mod stored;
+pub mod streamed;
 pub mod strided;
 
 mod choose;
