@@ -12,6 +12,7 @@ pub mod cache;
 pub mod compressed;
 pub mod pieces;
 pub mod strided;
+pub mod text;
 
 mod registry;
 mod snapshot;
