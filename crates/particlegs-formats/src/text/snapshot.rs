@@ -92,10 +92,6 @@ impl TextSnapshot {
     }
 
     fn scalar(&self, species: &Species, name: &str) -> Result<usize> {
-        let field = species.fields.iter().find(|f| f.name == name);
-        if field.is_some_and(|f| f.kind == "text") {
-            return Err(Error::input(self.place(), format!("field `{name}` is text, not numbers")));
-        }
         let numbers = species.fields.iter().filter(|f| f.components == 1 && f.kind != "text").map(|f| &f.name[..]);
         column_of(&species.fields, name, 1).ok_or_else(|| species.missing(&self.place(), name, numbers))
     }

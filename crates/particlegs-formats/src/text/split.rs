@@ -85,17 +85,22 @@ pub fn shown(token: &[u8]) -> String {
     if text.chars().count() > LONGEST || token.len() > 4 * LONGEST { format!("`{short}...`") } else { format!("`{short}`") }
 }
 
-/// What the values of a column are, as far as those seen tell: `i64`, `f64` or `text`.
+/// What the values of a column are, as far as those seen tell: `i64`, `f64`, or `text` where most of
+/// them are no numbers. A broken row among good ones is the reader's to refuse.
 pub fn kind_of<'a>(values: impl Iterator<Item = &'a [u8]>) -> &'static str {
-    let mut kind = "i64";
+    let (mut all, mut words, mut whole) = (0, 0, true);
     for value in values {
+        all += 1;
         match number(value) {
-            None => return "text",
-            Some(_) if std::str::from_utf8(value).is_ok_and(|v| v.parse::<i64>().is_ok()) => {}
-            Some(_) => kind = "f64",
+            None => words += 1,
+            Some(_) => whole &= std::str::from_utf8(value).is_ok_and(|v| v.parse::<i64>().is_ok()),
         }
     }
-    kind
+    match (2 * words > all, whole && words < all) {
+        (true, _) => "text",
+        (false, true) => "i64",
+        (false, false) => "f64",
+    }
 }
 
 #[cfg(test)]
