@@ -19,6 +19,7 @@ pub mod pieces;
 pub mod stored;
 pub mod streamed;
 pub mod strided;
+pub mod text;
 
 mod choose;
 mod registry;
