@@ -24,6 +24,7 @@ pub mod text;
 mod choose;
 mod registry;
 mod snapshot;
+mod writers;
 
 mod csv;
 mod gadget;
@@ -40,4 +41,5 @@ mod xyz;
 
 pub use choose::{Choice, describe, read, read_selected};
 pub use registry::{FORMATS, Format, Head, detect, open};
+pub use writers::{WRITERS, Writer, writer_for};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
