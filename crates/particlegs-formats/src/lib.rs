@@ -40,6 +40,7 @@ mod vtk_xml;
 mod xyz;
 
 pub use choose::{Choice, describe, read, read_selected};
+pub use hdf5::write as write_hdf5;
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use writers::{WRITERS, Writer, writer_for};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};

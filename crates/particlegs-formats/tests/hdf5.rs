@@ -1,7 +1,7 @@
 //! HDF5 snapshots: the files of others, and files broken in every byte and bit.
 
 use particlegs::Result;
-use particlegs::particles::SnapshotReader;
+use particlegs::particles::{Cell, Column, Kept, ParticleLayer, Particles, RUN, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
 use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, open};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -64,17 +64,20 @@ fn opened(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
     open(paths, &OpenOptions { format: Some("hdf5".into()), ..OpenOptions::default() })
 }
 
-/// All positions of a reader, in order, and the sum of its weights.
-fn positions(reader: &dyn SnapshotReader) -> Result<(Vec<[f64; 3]>, f64)> {
+/// All positions of a reader, and its weights, in order.
+fn positions(reader: &dyn SnapshotReader) -> Result<(Vec<[f64; 3]>, Vec<f32>)> {
     let origin = reader.origin();
-    let runs = reader.count().div_ceil(particlegs::particles::RUN as u64);
-    let all = Mutex::new((vec![[0.0; 3]; reader.count() as usize], 0.0));
-    reader.read(0..runs, &Silent, &|run, chunk| {
+    let count = reader.count() as usize;
+    let weights = if reader.has_weights() { count } else { 0 };
+    let all = Mutex::new((vec![[0.0; 3]; count], vec![0.0; weights]));
+    reader.read(0..count.div_ceil(RUN) as u64, &Silent, &|run, chunk| {
         let mut all = all.lock().unwrap();
+        let start = run as usize * RUN;
         for i in 0..chunk.len() {
-            let at = run as usize * particlegs::particles::RUN + i;
-            all.0[at] = std::array::from_fn(|k| origin[k] + f64::from(chunk.position[k][i]));
-            all.1 += chunk.weight.map_or(0.0, |w| f64::from(w[i]));
+            all.0[start + i] = std::array::from_fn(|k| origin[k] + f64::from(chunk.position[k][i]));
+        }
+        if let Some(w) = chunk.weight {
+            all.1[start..start + w.len()].copy_from_slice(w);
         }
         Ok(())
     })?;
@@ -87,7 +90,7 @@ fn read_whole(paths: &[PathBuf]) -> Result<u64> {
     let mut count = 0;
     for species in 0..snapshot.description().species.len() {
         let reader = snapshot.reader(species, &Fields::default())?;
-        let runs = reader.count().div_ceil(particlegs::particles::RUN as u64);
+        let runs = reader.count().div_ceil(RUN as u64);
         reader.read(0..runs, &Silent, &|_, chunk| {
             let finite = chunk.position.iter().all(|c| c.iter().all(|v| v.is_finite()));
             if finite { Ok(()) } else { Err(particlegs::Error::input("positions", "not finite")) }
@@ -128,10 +131,10 @@ fn good_files_give_what_the_table_says() {
         assert_eq!(d.meta.comoving, comoving, "{name}");
         for (i, species) in d.species.iter().enumerate() {
             let reader = snapshot.reader(i, &Fields::default()).unwrap();
-            let (all, mass) = positions(&*reader).unwrap();
+            let (all, masses) = positions(&*reader).unwrap();
             assert_eq!(all.len() as u64, species.count, "{name}");
             assert_eq!(reader.has_weights(), matches!(species.mass, Mass::Field(_)), "{name}");
-            assert_eq!(reader.has_weights(), mass > 0.0, "{name}");
+            assert!(masses.iter().all(|m| *m > 0.0), "{name}");
             for (p, q) in all.iter().zip(&first).filter(|_| i == 0) {
                 let near = (0..3).all(|k| (p[k] - q[k]).abs() <= 1e-5 * q[k].abs() + 1e-6);
                 assert!(near, "{name}: {p:?} is not {q:?}");
@@ -160,7 +163,7 @@ fn bad_files_are_refused_in_one_line() {
             continue;
         }
         let start = Instant::now();
-        let result = read_whole(&[path.clone()]);
+        let result = read_whole(std::slice::from_ref(&path));
         assert!(start.elapsed() < Duration::from_secs(1), "{}", path.display());
         match result {
             Ok(count) => assert!(path.ends_with("hdf5_box0.hdf5") && count == 200, "{}", path.display()),
@@ -229,7 +232,7 @@ fn every_layout_gives_the_same_numbers() {
         let d = snapshot.description();
         assert_eq!((d.species.len(), d.species[0].count), (1, 100), "{name}");
         assert_eq!((d.meta.time, d.meta.hubble.is_some()), (Some(0.5), name == "swift"), "{name}");
-        let (all, mass) = positions(&*snapshot.reader(0, &Fields::default()).unwrap()).unwrap();
+        let (all, masses) = positions(&*snapshot.reader(0, &Fields::default()).unwrap()).unwrap();
         let scale = if name == "scale_offset" { 8.0 } else { 1.0 };
         for (i, p) in all.iter().enumerate() {
             let i = i as f64;
@@ -240,7 +243,7 @@ fn every_layout_gives_the_same_numbers() {
                 assert_eq!((d.meta.length_unit.as_deref(), d.meta.comoving), (Some("Mpc"), Some(true)));
                 assert_eq!(d.meta.cell.unwrap().lengths(), Some([64.0, 64.0, 32.0]));
                 assert!(d.species[0].aliases.contains(&"dmparticles".into()));
-                assert_eq!((&d.species[0].mass, mass), (&Mass::Field("Masses".into()), 25.0));
+                assert_eq!((&d.species[0].mass, masses), (&Mass::Field("Masses".into()), vec![0.25; 100]));
             }
             "high_word" => assert_eq!(d.meta.length_unit.as_deref(), Some("AU")),
             _ => assert_eq!((&d.species[0].mass, &d.meta.length_unit), (&Mass::Each(2.5), &None), "{name}"),
@@ -299,4 +302,71 @@ fn broken_files_do_no_harm_at_any_bit() {
         println!("{}", path.display());
         broken(&path, 1, usize::MAX);
     }
+}
+
+/// Particles in layers, in memory: `counts` of each, the last one with weights.
+fn made(counts: &[(&str, usize)]) -> Particles {
+    let n: usize = counts.iter().map(|c| c.1).sum();
+    let column = |a: f32| (0..n).map(|i| a * (i as f32).sqrt()).collect::<Vec<f32>>();
+    let mut particles = Particles::from_columns(column(0.5), column(-0.25), column(1.75));
+    particles.weights = Some(Column::owned((0..n).map(|i| 1.0 + (i % 7) as f32 / 3.0).collect()));
+    let mut start = 0;
+    for (i, &(name, count)) in counts.iter().enumerate() {
+        let weighted = i + 1 == counts.len();
+        let range = start..start + count;
+        let particle_mass = (!weighted).then_some(0.75);
+        particles.kinds.push(ParticleLayer { name: name.into(), range, particle_mass, weighted });
+        start += count;
+    }
+    particles.meta.cell = Some(Cell::orthogonal([64.0; 3]));
+    particles.meta.length_unit = Some("kpc/h".into());
+    particles.meta.mass_unit = Some("1e10 Msun/h".into());
+    particles.meta.comoving = Some(true);
+    particles.meta.scale_factor = Some(0.5);
+    particles.meta.hubble = Some(0.7);
+    particles
+}
+
+#[test]
+fn what_is_written_is_read_back_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.hdf5");
+    let particles = made(&[("PartType4", 200_000), ("dm", 10), ("PartType0", 70_001)]);
+    let kept = Kept::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let bytes = particlegs_formats::write_hdf5(&kept, &path, &Silent).unwrap();
+    assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
+    let snapshot = opened(&[path]).unwrap();
+    let d = snapshot.description();
+    assert!(d.notes.is_empty(), "{:?}", d.notes);
+    let meta = &particles.meta;
+    assert_eq!((&d.meta.length_unit, &d.meta.mass_unit), (&meta.length_unit, &meta.mass_unit));
+    assert_eq!((d.meta.comoving, d.meta.scale_factor, d.meta.hubble), (Some(true), Some(0.5), Some(0.7)));
+    assert_eq!(d.meta.cell, meta.cell);
+    let masses: Vec<&Mass> = d.species.iter().map(|s| &s.mass).collect();
+    assert_eq!(masses, [&Mass::Field("Masses".into()), &Mass::Each(0.75), &Mass::Each(0.75)]);
+    let layers = particles.layers();
+    for (species, layer) in [(0, 2), (1, 1), (2, 0)] {
+        let reader = snapshot.reader(species, &Fields::default()).unwrap();
+        assert!(reader.in_place().is_some());
+        let part = particles.of_layer(&layers[layer]);
+        let (all, masses) = positions(&*reader).unwrap();
+        assert!(all.iter().enumerate().all(|(i, p)| *p == part.position(i)) && all.len() == part.len());
+        assert_eq!(masses, part.weights.as_deref().unwrap_or(&[]));
+    }
+}
+
+#[test]
+fn what_the_layout_does_not_hold_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.hdf5");
+    let mut particles = made(&[("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), ("f", 1), ("g", 1)]);
+    let refused = |particles: &Particles| {
+        let kept = Kept::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+        particlegs_formats::write_hdf5(&kept, &path, &Silent).unwrap_err().to_string()
+    };
+    assert!(refused(&particles).contains("7 layers"));
+    particles.kinds.clear();
+    particles.meta.cell.as_mut().unwrap().vectors[1][0] = 3.0;
+    assert!(refused(&particles).contains("orthogonal"));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

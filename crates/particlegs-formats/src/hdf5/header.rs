@@ -92,6 +92,13 @@ impl Header {
             cell.periodic = [false; 3];
             notes.push("PeriodicBoundariesOn is 0: the box is not periodic".into());
         }
+        // What this program adds for boxes that Gadget does not have.
+        if let Some(&[x, y, z]) = self.groups.header.numbers("BoxOrigin") {
+            cell.origin = [x, y, z];
+        }
+        if let Some(&[x, y, z]) = self.groups.header.numbers("BoxPeriodic") {
+            cell.periodic = [x, y, z].map(|p| p != 0.0);
+        }
         for (k, name) in ["LONG_X", "LONG_Y", "LONG_Z"].into_iter().enumerate() {
             if let Some(stretch) = self.groups.config.number(&[name]).filter(|&s| s != 1.0) {
                 cell.periodic[k] = false;

@@ -7,6 +7,7 @@
 mod attributes;
 mod columns;
 mod container;
+mod encode;
 mod files;
 mod filters;
 mod header;
@@ -14,6 +15,9 @@ mod reader;
 mod snapshot;
 mod storage;
 mod units;
+mod write;
+
+pub use write::write;
 
 use crate::{Format, Head};
 

@@ -59,6 +59,20 @@ pub struct Chunks {
     pub places: Vec<Place>,
 }
 
+impl Chunks {
+    /// The first byte of chunks of whole rows that are not encoded and lie one after the other: such a table
+    /// is one stretch of the file.
+    fn stretch(&self, components: u64) -> Option<u64> {
+        let first = self.places.first()?.offset;
+        let next = |(i, p): (usize, &Place)| {
+            self.pipeline.is_plain(p.mask)
+                && (i as u64).checked_mul(self.bytes as u64).is_some_and(|b| p.offset - first == b)
+        };
+        let ordered = self.places.windows(2).all(|w| w[0].offset < w[1].offset);
+        (self.columns == components && ordered && self.places.iter().enumerate().all(next)).then_some(first)
+    }
+}
+
 /// Where a chunk lies in the file; checked to end within it.
 pub struct Place {
     /// First byte.
@@ -111,7 +125,8 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
         Some(DataLayout::Contiguous { address, size }) => found.flat(*address, *size, bytes)?,
         Some(DataLayout::Chunked { address, dims, chunk_indexing, .. }) => {
             let pipeline = Pipeline::new(filters, kind.bytes() as usize, &place)?;
-            Storage::Chunked(found.chunks(*address, dims, chunk_indexing.as_ref(), pipeline)?)
+            let chunks = found.chunks(*address, dims, chunk_indexing.as_ref(), pipeline)?;
+            chunks.stretch(components).map_or(Storage::Chunked(chunks), Storage::Flat)
         }
     };
     Ok(Table { kind, big_endian, rows, components, storage })

@@ -51,9 +51,11 @@ pub fn unit(
     hubble: Option<f64>,
     notes: &mut Vec<String>,
 ) -> Unit {
-    let Some(cgs) = in_cgs(own, groups, quantity) else {
-        return Unit { text: None, comoving: comoving(own, cosmological) };
-    };
+    let comoving = comoving(own, cosmological);
+    if let Some(text) = own.text(&["unit", "units", "Units"]).filter(|t| !t.starts_with("arepo_")) {
+        return Unit { text: Some(text.to_string()), comoving };
+    }
+    let Some(cgs) = in_cgs(own, groups, quantity) else { return Unit { text: None, comoving } };
     let power = match h_power(own, groups).or_else(|| h_power(positions, groups)) {
         Some(power) => power,
         None if hubble == Some(1.0) => 0.0,
@@ -72,7 +74,7 @@ pub fn unit(
             if !notes.contains(&note) {
                 notes.push(note);
             }
-            return Unit { text: None, comoving: comoving(own, cosmological) };
+            return Unit { text: None, comoving };
         }
     };
     let name = match quantity {
@@ -84,7 +86,7 @@ pub fn unit(
         -1.0 => format!("{name}/h"),
         p => format!("{name} h^{p}"),
     };
-    Unit { text: Some(text), comoving: comoving(own, cosmological) }
+    Unit { text: Some(text), comoving }
 }
 
 fn comoving(own: &Attributes, cosmological: Option<bool>) -> Option<bool> {
