@@ -7,6 +7,7 @@ mod file;
 pub(crate) mod points;
 pub(crate) mod source;
 
+use crate::ascii::shown;
 use crate::axes::{Axis, axes};
 use crate::cache::{ChunkCache, DEFAULT_BYTES};
 use crate::pieces::{Piece, PieceReader};
@@ -52,8 +53,7 @@ impl VtkXml {
             "PolyData" | "UnstructuredGrid" => vec![first],
             "PPolyData" | "PUnstructuredGrid" => parts(&first)?,
             other => {
-                let what =
-                    format!("VTK data of type `{}` hold no points of their own", other.replace(char::is_control, "?"));
+                let what = format!("VTK data of type `{}` hold no points of their own", shown(other));
                 return Err(Error::input_hint(&paths[0], what, "save them as VTP or VTU"));
             }
         };
@@ -70,7 +70,7 @@ fn parts(list: &File) -> Result<Vec<File>> {
         .map(|name| {
             let relative = Path::new(name);
             if !relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
-                let what = format!("it names a piece outside of its folder: `{}`", name.replace(char::is_control, "?"));
+                let what = format!("it names a piece outside of its folder: `{}`", shown(name));
                 return Err(Error::input_hint(&list.path, what, "put the pieces beside it"));
             }
             let path = folder.join(relative);
