@@ -21,7 +21,7 @@ mod csv;
 mod gadget;
 mod genericio;
 mod hdf5;
-mod lammps;
+pub mod lammps;
 mod npy;
 mod npz;
 mod ply;
