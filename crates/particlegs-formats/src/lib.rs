@@ -30,7 +30,7 @@ mod csv;
 mod gadget;
 mod genericio;
 mod hdf5;
-mod lammps;
+pub mod lammps;
 mod npy;
 mod npz;
 mod ply;
