@@ -8,8 +8,8 @@
 //! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
 //! checked before memory is taken; nothing here panics on any input.
 
-mod ascii;
 pub mod affine;
+mod ascii;
 pub mod axes;
 pub mod cache;
 mod codecs;
@@ -30,7 +30,7 @@ mod csv;
 mod gadget;
 mod genericio;
 mod hdf5;
-pub mod lammps;
+mod lammps;
 mod npy;
 mod npz;
 mod ply;
@@ -40,7 +40,6 @@ mod vtk_xml;
 mod xyz;
 
 pub use choose::{Choice, describe, read, read_selected};
-pub use hdf5::write as write_hdf5;
 pub use registry::{FORMATS, Format, Head, detect, open};
-pub use writers::{WRITERS, Writer, writer_for};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
+pub use writers::{WRITERS, Writer, writer_for};

@@ -35,6 +35,20 @@ pub static WRITERS: &[Writer] = &[
         holds_box: false,
         write: |kept, out, progress| Ok(write_raw(kept, out, progress)?.bytes),
     },
+    Writer {
+        name: "hdf5",
+        title: "HDF5 in the layout of Gadget-4",
+        endings: &["hdf5", "h5"],
+        holds_box: true,
+        write: crate::hdf5::write,
+    },
+    Writer {
+        name: "lammps",
+        title: "LAMMPS text dump",
+        endings: &["dump", "lammpstrj"],
+        holds_box: true,
+        write: crate::lammps::write::write,
+    },
 ];
 
 /// The writer of that name, or else the one that the output's ending means.
