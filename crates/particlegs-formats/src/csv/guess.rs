@@ -35,7 +35,8 @@ impl Guess {
         let head = &head[..end];
         check_text(head)?;
         let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
-        let all: Vec<&[u8]> = head.strip_suffix(b"\n").unwrap_or(head).split(|&b| b == b'\n').map(without_end).collect();
+        let all: Vec<&[u8]> =
+            head.strip_suffix(b"\n").unwrap_or(head).split(|&b| b == b'\n').map(without_end).collect();
         let comment = comment_of(&all);
         let data: Vec<usize> = (0..all.len()).filter(|&i| is_data(all[i], comment)).take(LOOK).collect();
         let &first = data.first().ok_or("there are no rows in it")?;
@@ -123,7 +124,8 @@ fn is_header(first: &[u8], rows: &[&[u8]], separator: Separator) -> bool {
 
 /// The names in a header; a column without one is called by its number.
 fn names_of(line: &[u8], separator: Separator, columns: usize) -> Vec<String> {
-    let mut names: Vec<String> = tokens(line, separator).iter().map(|n| String::from_utf8_lossy(n).into_owned()).collect();
+    let mut names: Vec<String> =
+        tokens(line, separator).iter().map(|n| String::from_utf8_lossy(n).into_owned()).collect();
     names.resize(columns, String::new());
     for (c, name) in names.iter_mut().enumerate().filter(|(_, name)| name.is_empty()) {
         *name = format!("column{}", c + 1);
