@@ -6,6 +6,7 @@ mod document;
 mod file;
 pub(crate) mod points;
 pub(crate) mod source;
+mod write;
 
 use crate::ascii::shown;
 use crate::axes::{Axis, axes};
@@ -20,6 +21,8 @@ use points::Points;
 use source::Source;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
+
+pub use write::write;
 
 /// VTK XML.
 pub const FORMAT: Format = Format {
@@ -192,3 +195,6 @@ fn open_piece(
     }
     Points::new(&file.path.display().to_string(), file.bytes.clone(), piece.points, arrays, places)
 }
+
+#[cfg(test)]
+mod tests;
