@@ -41,7 +41,7 @@ pub enum Value {
 /// An attribute.
 pub type Attribute = (&'static str, Value);
 
-/// A data set of f32.
+/// A data set of f32, or one without numbers.
 pub struct Set {
     /// Name.
     pub name: &'static str,
@@ -51,6 +51,8 @@ pub struct Set {
     pub columns: u64,
     /// Attributes.
     pub attributes: Vec<Attribute>,
+    /// Is there only a shape? Readers see 64-bit zeros; the file has no bytes for them.
+    pub hollow: bool,
 }
 
 impl Set {
@@ -63,7 +65,7 @@ impl Set {
     }
 
     fn chunks(&self) -> u64 {
-        self.rows.div_ceil(CHUNK_ROWS)
+        if self.hollow { 0 } else { self.rows.div_ceil(CHUNK_ROWS) }
     }
 
     /// Shape of the set of so many rows.
@@ -128,7 +130,7 @@ pub fn plan(groups: &[Group]) -> Plan {
     }
     for (g, s, set) in all {
         let tree = tree(set, trees[g][s], data[g][s]);
-        let top = trees[g][s] + tree.len() as u64 - node_bytes(set);
+        let top = (trees[g][s] + tree.len() as u64).saturating_sub(node_bytes(set));
         put(sets[g][s], set_header(set, top));
         put(trees[g][s], tree);
     }
@@ -192,8 +194,16 @@ fn group_messages<'a>(links: impl Iterator<Item = (&'a str, u64)>, attributes: &
     let link =
         |(name, at): (&str, u64)| (6, Bytes::default().raw(&[1, 0, name.len() as u8]).raw(name.as_bytes()).u64(at).0);
     messages.extend(links.map(link));
-    messages.extend(attributes.iter().map(|a| (12, attribute(a))));
+    messages.extend(attribute_messages(attributes));
     messages
+}
+
+/// Attributes in the header itself. Without the first message, which says that there is no heap of more, libraries
+/// count none.
+fn attribute_messages(attributes: &[Attribute]) -> Vec<(u8, Vec<u8>)> {
+    let info = (21, Bytes::default().raw(&[0, 0]).u64s(&[UNDEFINED; 2]).0);
+    let all = attributes.iter().map(|a| (12, attribute(a)));
+    if attributes.is_empty() { Vec::new() } else { std::iter::once(info).chain(all).collect() }
 }
 
 fn root_header(groups: &[Group], heads: &[u64]) -> Vec<u8> {
@@ -205,18 +215,22 @@ fn group_header(group: &Group, sets: &[u64]) -> Vec<u8> {
 }
 
 fn set_header(set: &Set, tree: u64) -> Vec<u8> {
+    if set.hollow {
+        // Contiguous, not yet allocated.
+        let layout = Bytes::default().raw(&[3, 1]).u64s(&[UNDEFINED, 8 * set.rows * set.columns]).0;
+        return table_header(set, &UNSIGNED64, 0x0a, layout);
+    }
     let chunk = set.shape(set.chunk_rows());
     // Layout 3, chunked; the last dimension is the number's size.
     let layout = Bytes::default().raw(&[3, 2, chunk.len() as u8 + 1]).u64(tree);
     let layout = chunk.iter().chain(&[F32]).fold(layout, |b, &n| b.u32(n));
-    let mut messages = vec![
-        (1, dataspace(&set.shape(set.rows))),
-        (3, FLOAT32.to_vec()),
-        // No fill value; space is taken as it is needed.
-        (5, vec![3, 0x0b]),
-        (8, layout.0),
-    ];
-    messages.extend(set.attributes.iter().map(|a| (12, attribute(a))));
+    table_header(set, &FLOAT32, 0x0b, layout.0)
+}
+
+/// `fill`: when space is taken, and that no fill value is set.
+fn table_header(set: &Set, kind: &[u8], fill: u8, layout: Vec<u8>) -> Vec<u8> {
+    let mut messages = vec![(1, dataspace(&set.shape(set.rows))), (3, kind.to_vec()), (5, vec![3, fill]), (8, layout)];
+    messages.extend(attribute_messages(&set.attributes));
     header(&messages)
 }
 
@@ -255,6 +269,9 @@ fn attribute((name, value): &Attribute) -> Vec<u8> {
 /// Nodes of a chunk tree, level by level from the leaves; the last level has one.
 fn nodes(chunks: u64) -> Vec<u64> {
     let mut levels = vec![chunks.div_ceil(CHILDREN)];
+    if chunks == 0 {
+        return levels;
+    }
     while let Some(&n) = levels.last().filter(|&&n| n > 1) {
         levels.push(n.div_ceil(CHILDREN));
     }
@@ -273,14 +290,11 @@ fn node_bytes(set: &Set) -> u64 {
 fn tree(set: &Set, at: u64, data: u64) -> Vec<u8> {
     let (size, chunks) = (node_bytes(set), set.chunks());
     let key = |bytes: Bytes, chunk: u64| {
+        // Multiples of the chunk's shape; beyond the last chunk in every direction for the key after it.
+        let past = u64::from(chunk >= chunks);
         let mut offsets = set.shape(chunk.min(chunks) * set.chunk_rows());
-        offsets[1..].fill(0);
-        offsets.push(0);
-        if chunk >= chunks {
-            // Beyond the last chunk in every direction.
-            offsets[1..].fill(F32);
-            return bytes.u64(0).u64s(&offsets);
-        }
+        offsets[1..].fill(past * set.columns);
+        offsets.push(past * F32);
         bytes.u32(set.chunk_bytes()).u32(0).u64s(&offsets)
     };
     let mut out = Vec::new();
@@ -312,11 +326,12 @@ mod tests {
 
     #[test]
     fn trees_have_as_many_levels_as_they_need() {
+        assert_eq!(nodes(0), [0]);
         assert_eq!(nodes(1), [1]);
         assert_eq!(nodes(64), [1]);
         assert_eq!(nodes(65), [2, 1]);
         assert_eq!(nodes(64 * 64 + 1), [65, 2, 1]);
-        let set = Set { name: "a", rows: 65 * CHUNK_ROWS - 5, columns: 3, attributes: Vec::new() };
+        let set = Set { name: "a", rows: 65 * CHUNK_ROWS - 5, columns: 3, attributes: Vec::new(), hollow: false };
         assert_eq!(tree(&set, 0, 0).len() as u64, 3 * node_bytes(&set));
     }
 }

@@ -78,7 +78,7 @@ fn write_run(
         triple[8..].copy_from_slice(&z[i].to_le_bytes());
     }
     write_at(file, bytes, data[0] + 12 * row)?;
-    if let Some(&masses) = data.get(1) {
+    if let Some(&masses) = data.get(1).filter(|_| layer.weighted) {
         let unit = layer.particle_mass.unwrap_or(1.0);
         bytes.clear();
         bytes.extend(w.iter().flat_map(|&w| ((f64::from(w) * unit) as f32).to_le_bytes()));
@@ -134,15 +134,14 @@ fn groups(meta: &SnapshotMeta, layers: &[KeptLayer], types: &[usize], out: &Path
     for (layer, kind) in layers.iter().zip(types) {
         let rows = layer.range.end - layer.range.start;
         let comoving = meta.comoving.map(|c| if c { 1.0 } else { 0.0 });
-        let mut sets = vec![Set {
-            name: "Coordinates",
-            rows,
-            columns: 3,
-            attributes: scaling(&length, comoving, Quantity::Length),
-        }];
+        let set = |name, columns, attributes| Set { name, rows, columns, attributes, hollow: false };
+        let mut sets = vec![set("Coordinates", 3, scaling(&length, comoving, Quantity::Length))];
         if layer.weighted {
-            sets.push(Set { name: "Masses", rows, columns: 1, attributes: scaling(&mass, Some(0.0), Quantity::Mass) });
+            sets.push(set("Masses", 1, scaling(&mass, Some(0.0), Quantity::Mass)));
         }
+        // pynbody counts particles by their IDs. There are none here, and none are made up.
+        let why = Value::Text("not known: nothing is stored, and 0 is read".into());
+        sets.push(Set { hollow: true, ..set("ParticleIDs", 1, vec![("Description", why)]) });
         let name = Value::Text(layer.name.chars().take(200).collect());
         groups.push(Group { name: format!("PartType{kind}"), attributes: vec![("Layer", name)], sets });
     }
@@ -171,8 +170,7 @@ fn header(meta: &SnapshotMeta, layers: &[KeptLayer], types: &[usize], out: &Path
             Error::input_hint(out, what, "write it as a folder of columns")
         })?,
     };
-    let cube = lengths[1] == lengths[0] && lengths[2] == lengths[0];
-    header.push(("BoxSize", if cube { Value::Number(lengths[0]) } else { Value::Numbers(lengths.to_vec()) }));
+    header.push(box_size(lengths));
     if let Some(cell) = meta.cell.filter(|c| c.origin != [0.0; 3]) {
         header.push(("BoxOrigin", Value::Numbers(cell.origin.to_vec())));
     }
@@ -192,9 +190,18 @@ fn header(meta: &SnapshotMeta, layers: &[KeptLayer], types: &[usize], out: &Path
     Ok(header)
 }
 
+fn box_size(lengths: [f64; 3]) -> Attribute {
+    let cube = lengths[1] == lengths[0] && lengths[2] == lengths[0];
+    ("BoxSize", if cube { Value::Number(lengths[0]) } else { Value::Numbers(lengths.to_vec()) })
+}
+
 fn parameters(meta: &SnapshotMeta, length: Option<f64>, mass: Option<f64>) -> Vec<Attribute> {
     let named = [("UnitLength_in_cm", length), ("UnitMass_in_g", mass), ("HubbleParam", meta.hubble)];
-    let mut parameters: Vec<Attribute> = named.into_iter().filter_map(|(n, v)| Some((n, Value::Number(v?)))).collect();
+    // Readers take a file's units only where there are three. There are no velocities; km/s is Gadget's.
+    let velocity = length.and(mass).map(|_| 1e5);
+    let named = named.into_iter().chain([("UnitVelocity_in_cm_per_s", velocity)]);
+    let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, Value::Number(v?)))).collect();
+    parameters.extend(meta.cell.and_then(|c| c.lengths()).map(box_size));
     if let Some(comoving) = meta.comoving {
         parameters.push(("ComovingIntegrationOn", Value::Integer(i32::from(comoving))));
     }
