@@ -13,3 +13,6 @@ pub const SPLAT: Format = none("splat", ".splat records");
 const fn none(name: &'static str, title: &'static str) -> Format {
     Format { name, title, detect: |_| false, open: |paths, _| Err(Error::input(&paths[0], "cannot be read yet")) }
 }
+
+/// What readers of splats say.
+pub(crate) const NOTE: &str = "Gaussian splats: their centres are read as points, nothing else of them";
