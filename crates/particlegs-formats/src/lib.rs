@@ -8,16 +8,20 @@
 //! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
 //! checked before memory is taken; nothing here panics on any input.
 
+mod ascii;
 pub mod affine;
 pub mod axes;
 pub mod cache;
+mod codecs;
 pub mod compressed;
 pub mod laned;
 pub mod pieces;
 pub mod stored;
 pub mod streamed;
 pub mod strided;
+pub mod text;
 
+mod choose;
 mod registry;
 mod snapshot;
 
@@ -34,5 +38,6 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
+pub use choose::{Choice, describe, read, read_selected};
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};

@@ -1,7 +1,8 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
-use crate::common::{Common, Context, SnapshotArgs};
+use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
 use particlegs::particles::{Bounds, Particles};
@@ -39,6 +40,8 @@ pub struct Arguments {
     density: DensityArgs,
     #[command(flatten)]
     snapshot: SnapshotArgs,
+    #[command(flatten)]
+    selection: SelectionArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -99,7 +102,8 @@ struct DensityReport {
 /// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let particles = a.snapshot.open(&a.input)?;
+    let particles =
+        a.snapshot.open_selected(&a.input, (&a.selection, &WindowArgs::default()), a.common.seed, &context)?;
     let reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;

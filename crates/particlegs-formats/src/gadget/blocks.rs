@@ -79,7 +79,11 @@ impl Part {
         let (_, head) = head.ok_or_else(|| Error::input(path, "its first record is no Gadget header of 256 bytes"))?;
         let header = Header::parse(path, &bytes[head.offset as usize..][..HEADER], big_endian)?;
         let mut part = Part { path: path.into(), bytes, big_endian, named, header, blocks: vec![], unknown: vec![] };
-        if named { part.place_named(found)? } else { part.place_plain(found)? }
+        if named {
+            part.place_named(found)?
+        } else {
+            part.place_plain(found)?
+        }
         if part.header.particles() > 0 && part.block("POS").is_none() {
             return Err(part.cut("it has no block POS"));
         }
@@ -117,8 +121,7 @@ impl Part {
     /// Format 1 tells blocks by their order alone: POS, VEL, ID, MASS where a type needs it, then
     /// those of gas.
     fn place_plain(&mut self, mut records: impl Iterator<Item = (String, Record)>) -> Result<()> {
-        let gas: &[&str] =
-            if self.header.cooling { &["U", "RHO", "NE", "NH", "HSML"] } else { &["U", "RHO", "HSML"] };
+        let gas: &[&str] = if self.header.cooling { &["U", "RHO", "NE", "NH", "HSML"] } else { &["U", "RHO", "HSML"] };
         let masses = (0..TYPES).any(|t| self.header.count[t] > 0 && self.header.mass[t] == 0.0);
         let first = ["POS", "VEL", "ID", "MASS"];
         let names = first[..if masses { 4 } else { 3 }].iter().chain(if self.header.count[0] > 0 { gas } else { &[] });
@@ -172,7 +175,8 @@ impl Part {
             return Ok(None);
         }
         let (length, at) = (record.length, record.offset);
-        let what = format!("block {name} at byte {at} has {length} bytes, but the header's counts need {needed} numbers");
+        let what =
+            format!("block {name} at byte {at} has {length} bytes, but the header's counts need {needed} numbers");
         Err(self.cut(what))
     }
 }

@@ -66,7 +66,8 @@ fn describe(parts: &[Part], paths: &[PathBuf], species: Vec<Species>) -> Descrip
     );
     let name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut notes = vec![
-        "the file has no units; Gadget's usual length is kpc/h: `--length-unit` and `--mass-unit` state them".to_string(),
+        "the file has no units; Gadget's usual length is kpc/h: `--length-unit` and `--mass-unit` state them"
+            .to_string(),
     ];
     let h = &first.header;
     if h.is_cosmological() {

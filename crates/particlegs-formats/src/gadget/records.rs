@@ -51,7 +51,9 @@ impl Records<'_> {
         }
         Err(match first_close.flatten() {
             Some(close) => {
-                format!("its record at byte {at} begins with the length {mark} and ends with {close}: they must be equal")
+                format!(
+                    "its record at byte {at} begins with the length {mark} and ends with {close}: they must be equal"
+                )
             }
             None => format!("its record at byte {at} is said to hold {mark} bytes, and the file ends at byte {end}"),
         })

@@ -67,7 +67,7 @@ pub fn write_raw(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::{Bounds, Cell, Column, OpenOptions, open};
+    use crate::particles::{Bounds, Cell, Column, open_raw};
     use crate::progress::Silent;
 
     /// More than one run of particles on a ramp, in a box of 100 x 10 x 10.
@@ -86,7 +86,7 @@ mod tests {
         let made = convert(p, tiling, selection, &out, &Silent);
         let left = std::fs::read_dir(dir.path()).unwrap().count();
         assert_eq!(left, usize::from(made.is_ok()), "temporary files are left");
-        let back = open(&[out], &OpenOptions::default())?;
+        let back = open_raw(&[out])?;
         assert_eq!(made?.particles, back.len() as u64);
         Ok(back)
     }
@@ -194,6 +194,6 @@ mod tests {
         }
         convert(&p, Tiling::single(), Selection::all(), dir.path(), &Silent).unwrap();
         assert!(convert(&p, tiling, Selection::all(), dir.path(), &Stopping(false.into())).is_err());
-        assert_eq!(open(&[dir.path().to_path_buf()], &OpenOptions::default()).unwrap().len(), p.len());
+        assert_eq!(open_raw(&[dir.path().to_path_buf()]).unwrap().len(), p.len());
     }
 }

@@ -12,7 +12,7 @@ pub fn available_bytes() -> Option<u64> {
 
 /// # Errors
 /// [`Error::Memory`] where `need_bytes` are more than there are.
-pub(super) fn require(what: &str, need_bytes: u64) -> Result<()> {
+pub(crate) fn require(what: &str, need_bytes: u64) -> Result<()> {
     match available_bytes() {
         Some(have_bytes) if need_bytes > have_bytes => {
             Err(Error::Memory { what: what.to_string(), need_bytes, have_bytes })

@@ -1,0 +1,1 @@
+//! LAMMPS text out.
