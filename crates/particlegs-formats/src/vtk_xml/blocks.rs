@@ -94,7 +94,7 @@ impl Blocks {
 
     fn decode(&self, bytes: &[u8], index: u64) -> Result<Vec<u8>, String> {
         let range = self.starts[index as usize]..self.starts[index as usize + 1];
-        if range.end - range.start > 2 * codecs::MOST_BYTES as u64 {
+        if range.end - range.start > codecs::MOST_BYTES as u64 * 9 / 8 {
             return Err("a compressed block is larger than what it holds".into());
         }
         let packed = self.data.get(bytes, range)?;
