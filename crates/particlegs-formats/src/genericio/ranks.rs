@@ -117,8 +117,10 @@ impl Ranks {
         while row < rows.end {
             let block = row / each;
             let decode = || chunk.decode(packed, block as usize).map_err(fault);
-            let bytes = self.cache.get(first_key + block, decode)?;
             let end = rows.end.min((block + 1) * each);
+            // Neighbouring runs share the blocks at their ends; the others are decoded only once.
+            let whole = end - row == each;
+            let bytes = if whole { Arc::new(decode()?) } else { self.cache.get(first_key + block, decode)? };
             lane.append(&bytes, row - block * each..end - block * each, out);
             row = end;
         }
