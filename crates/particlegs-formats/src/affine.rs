@@ -38,10 +38,7 @@ impl Affine {
         let column = |j: usize| [0, 1, 2].map(|k| inner.matrix[k][j]);
         let turn = Affine { shift: [0.0; 3], ..*self };
         let columns = [0, 1, 2].map(|j| turn.apply(column(j)));
-        Affine {
-            matrix: [0, 1, 2].map(|i| [0, 1, 2].map(|j| columns[j][i])),
-            shift: self.apply(inner.shift),
-        }
+        Affine { matrix: [0, 1, 2].map(|i| [0, 1, 2].map(|j| columns[j][i])), shift: self.apply(inner.shift) }
     }
 
     /// Moves positions from row `start` on.

@@ -25,6 +25,13 @@ pub fn word(bytes: &[u8], at: usize) -> Option<Range<usize>> {
     Some(start..start + length)
 }
 
+/// Text of a file as it may stand in a line of a message.
+pub fn shown(text: &str) -> String {
+    const MOST: usize = 60;
+    let cut = text.chars().nth(MOST).map_or("", |_| "...");
+    text.chars().take(MOST).map(|c| if c.is_control() { '?' } else { c }).collect::<String>() + cut
+}
+
 impl Ascii {
     /// Finds `count` words in `bytes` from byte `start`.
     pub fn find(bytes: &[u8], start: u64, count: u64) -> Result<Ascii, String> {
@@ -69,7 +76,7 @@ impl Ascii {
                 let text = &bytes[word.clone()];
                 let value = parse(text, kind);
                 out.push(value.ok_or_else(|| {
-                    let text = String::from_utf8_lossy(&text[..text.len().min(40)]).replace(char::is_control, "?");
+                    let text = shown(&String::from_utf8_lossy(&text[..text.len().min(400)]));
                     format!("`{text}` at byte {} is no number", word.start)
                 })?);
             }

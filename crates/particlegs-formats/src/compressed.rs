@@ -128,9 +128,7 @@ impl<R: Read> Read for ZstdFrames<R> {
             }
             self.open = true;
             while self.decoder.can_collect() == 0 && !self.decoder.is_finished() {
-                self.decoder
-                    .decode_blocks(&mut self.source, BlockDecodingStrategy::UptoBlocks(1))
-                    .map_err(io_error)?;
+                self.decoder.decode_blocks(&mut self.source, BlockDecodingStrategy::UptoBlocks(1)).map_err(io_error)?;
             }
             let read = self.decoder.read(buffer)?;
             if read > 0 {
@@ -149,9 +147,8 @@ impl<R: Read> Read for ZstdFrames<R> {
 mod tests {
     use super::*;
 
-    const FRAME: &[u8] = &[
-        0x28, 0xb5, 0x2f, 0xfd, 0x04, 0x58, 0x31, 0x00, 0x00, b'x', b' ', b'1', b' ', b'2', b'\n', 0, 0, 0, 0,
-    ];
+    const FRAME: &[u8] =
+        &[0x28, 0xb5, 0x2f, 0xfd, 0x04, 0x58, 0x31, 0x00, 0x00, b'x', b' ', b'1', b' ', b'2', b'\n', 0, 0, 0, 0];
 
     fn decode(bytes: Vec<u8>) -> std::io::Result<Vec<u8>> {
         let mut out = Vec::new();

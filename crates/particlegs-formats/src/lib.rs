@@ -8,14 +8,15 @@
 //! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
 //! checked before memory is taken; nothing here panics on any input.
 
-mod ascii;
 pub mod affine;
+mod ascii;
 pub mod axes;
 pub mod cache;
 mod codecs;
 pub mod compressed;
 pub mod laned;
 pub mod pieces;
+mod placed;
 pub mod stored;
 pub mod streamed;
 pub mod strided;
@@ -24,6 +25,7 @@ pub mod text;
 mod choose;
 mod registry;
 mod snapshot;
+mod writers;
 
 mod csv;
 mod gadget;
@@ -41,3 +43,5 @@ mod xyz;
 pub use choose::{Choice, describe, read, read_selected};
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
+pub use writers::{WRITERS, Writer, writer_for};
+pub use vtk_xml::write as write_vtp;

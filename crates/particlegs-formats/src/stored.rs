@@ -144,8 +144,7 @@ mod tests {
         sum.update(&content);
         let bytes = Bytes::Owned(Arc::new(packed.clone()));
         let read = |size: u64, crc| {
-            let stored =
-                Stored::new(bytes.clone(), 0, packed.len() as u64, size, Coding::Deflate { crc }).unwrap();
+            let stored = Stored::new(bytes.clone(), 0, packed.len() as u64, size, Coding::Deflate { crc }).unwrap();
             let mut out = Vec::new();
             stored.open().and_then(|mut s| s.read_to_end(&mut out)).map(|_| out)
         };

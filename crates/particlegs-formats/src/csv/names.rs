@@ -12,8 +12,20 @@ pub struct Name {
 }
 
 /// What positions are called, before their axis.
-const POSITIONS: [&str; 12] =
-    ["", "p", "pos", "position", "positions", "point", "points", "coord", "coords", "coordinate", "coordinates", "center"];
+const POSITIONS: [&str; 12] = [
+    "",
+    "p",
+    "pos",
+    "position",
+    "positions",
+    "point",
+    "points",
+    "coord",
+    "coords",
+    "coordinate",
+    "coordinates",
+    "center",
+];
 /// The same behind the axis, as in `x_pos`.
 const BEHIND: [&str; 6] = ["pos", "position", "coord", "coordinate", "center", "com"];
 

@@ -64,11 +64,9 @@ impl Bounds {
         let mut bounds = match shape {
             Shape::Orthogonal => Self::tilted(rows.map(|r| [r[0], r[1]]), [0.0; 3])?,
             Shape::Triclinic => Self::tilted(rows.map(|r| [r[0], r[1]]), rows.map(|r| r[2]))?,
-            Shape::General => Bounds {
-                origin: rows.map(|r| r[3]),
-                vectors: rows.map(|r| [r[0], r[1], r[2]]),
-                ..Bounds::default()
-            },
+            Shape::General => {
+                Bounds { origin: rows.map(|r| r[3]), vectors: rows.map(|r| [r[0], r[1], r[2]]), ..Bounds::default() }
+            }
         };
         bounds.periodic = periodic;
         if !stated {

@@ -176,9 +176,7 @@ fn record(descr: &[Literal]) -> Result<Element, String> {
         let scalar = match element(descr)? {
             Element::Plain(scalar) => scalar,
             // Records within records are passed over.
-            Element::Record { bytes, .. } => {
-                Scalar { kind: None, name: "record".into(), big_endian: false, bytes }
-            }
+            Element::Record { bytes, .. } => Scalar { kind: None, name: "record".into(), big_endian: false, bytes },
         };
         let bytes = count.checked_mul(scalar.bytes).filter(|&b| b <= u32::MAX.into()).ok_or_else(too_large)?;
         let (at, padding) = (offset, name.is_empty());

@@ -13,3 +13,7 @@ pub mod reader;
 pub mod snapshot;
 pub mod split;
 pub mod table;
+#[cfg(test)]
+pub mod testing;
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,8 @@
 //! What formats of text have in common: a table, its columns as fields, species by a column.
 
+use super::lines::of_block;
 use super::parse::{Plan, Scaling};
 use super::reader::RowReader;
-use super::lines::of_block;
 use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, Table};
 use crate::{Description, Field, Fields, Mass, Snapshot, Species};

@@ -82,7 +82,11 @@ pub fn shown(token: &[u8]) -> String {
     const LONGEST: usize = 24;
     let text: Cow<'_, str> = String::from_utf8_lossy(&token[..token.len().min(4 * LONGEST)]);
     let short: String = text.chars().take(LONGEST).flat_map(char::escape_debug).collect();
-    if text.chars().count() > LONGEST || token.len() > 4 * LONGEST { format!("`{short}...`") } else { format!("`{short}`") }
+    if text.chars().count() > LONGEST || token.len() > 4 * LONGEST {
+        format!("`{short}...`")
+    } else {
+        format!("`{short}`")
+    }
 }
 
 /// What the values of a column are, as far as those seen tell: `i64`, `f64`, or `text` where most of

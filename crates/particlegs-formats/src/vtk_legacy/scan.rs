@@ -1,6 +1,6 @@
 //! The sections of a legacy VTK file, one after the other: where points and their data lie.
 
-use crate::ascii::Ascii;
+use crate::ascii::{Ascii, shown};
 use crate::strided::Kind;
 use particlegs::{Error, Result};
 use std::path::Path;
@@ -83,8 +83,7 @@ pub fn scan(path: &Path, bytes: &[u8]) -> Result<Scanned> {
     scan.head()?;
     while let Some(line) = scan.line()? {
         if !scan.section(&line)? {
-            let line = String::from_utf8_lossy(line[..line.len().min(40)].as_bytes()).into_owned();
-            let line = line.replace(char::is_control, "?");
+            let line = shown(&line);
             scan.out.note = Some(format!("what follows `{line}` before byte {} is not read", scan.at));
             break;
         }
@@ -118,9 +117,11 @@ impl Scan<'_> {
 
     /// The next line that is not blank.
     fn line(&mut self) -> Result<Option<String>> {
-        let blank = self.bytes[self.at..].iter().take_while(|b| b.is_ascii_whitespace()).count();
-        self.at += blank;
-        self.raw_line()
+        let mut line = self.raw_line()?;
+        while line.as_deref() == Some("") {
+            line = self.raw_line()?;
+        }
+        Ok(line)
     }
 
     fn head(&mut self) -> Result<()> {
@@ -133,7 +134,7 @@ impl Scan<'_> {
             ));
         };
         self.modern = version.split('.').next().and_then(|v| v.parse::<u32>().ok()).is_some_and(|v| v >= 5);
-        self.out.version = version.chars().filter(|c| !c.is_control()).take(20).collect();
+        self.out.version = shown(version);
         self.raw_line()?;
         let coding = self.line()?.unwrap_or_default();
         self.out.ascii = match &coding.to_ascii_uppercase()[..] {
@@ -146,14 +147,13 @@ impl Scan<'_> {
 
     /// Reads the section that `line` begins; false for one that is not known.
     fn section(&mut self, line: &str) -> Result<bool> {
-        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        let words: Vec<&str> = line.split_whitespace().collect();
         let keyword = words[0].to_ascii_uppercase();
         match (&keyword[..], &words[1..]) {
             ("DATASET", [kind]) => {
                 self.out.dataset = kind.to_ascii_uppercase();
                 if !["POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID"].contains(&&self.out.dataset[..]) {
-                    let what =
-                        format!("data of type `{kind}` hold no points of their own").replace(char::is_control, "?");
+                    let what = format!("data of type `{}` hold no points of their own", shown(kind));
                     return Err(Error::input_hint(self.path, what, "save them as POLYDATA"));
                 }
             }
@@ -182,10 +182,7 @@ impl Scan<'_> {
     }
 
     fn count(&self, word: &str) -> Result<u64> {
-        word.parse().map_err(|_| {
-            let word: String = word.chars().filter(|c| !c.is_control()).take(40).collect();
-            self.fault(format!("`{word}` before byte {} is no count", self.at))
-        })
+        word.parse().map_err(|_| self.fault(format!("`{}` before byte {} is no count", shown(word), self.at)))
     }
 
     /// Skips `rows` rows of numbers and tells where they are.
@@ -235,7 +232,7 @@ impl Scan<'_> {
                 self.section("METADATA")?;
                 line = self.line()?.ok_or_else(|| self.fault("it ends within a FIELD"))?;
             }
-            let words: Vec<&str> = line.split_ascii_whitespace().collect();
+            let words: Vec<&str> = line.split_whitespace().collect();
             let [name, components, rows, kind] = words[..] else { return Ok(false) };
             let Some(kind) = kind_of(kind) else { return Ok(false) };
             let Ok(components) = u32::try_from(self.count(components)?) else { return Ok(false) };

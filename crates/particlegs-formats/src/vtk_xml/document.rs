@@ -1,6 +1,7 @@
 //! The XML of a VTK file: pieces and where their arrays are said to be.
 
 use super::blocks::Compressor;
+use crate::ascii::shown;
 use crate::strided::Kind;
 use particlegs::{Error, Result};
 use quick_xml::Reader;
@@ -103,7 +104,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
     loop {
         let at = reader.buffer_position();
         let fault = |what: String| Error::input_hint(path, format!("byte {at}: {what}"), HINT);
-        let event = reader.read_event().map_err(|e| fault(format!("broken XML: {e}")))?;
+        let event = reader.read_event().map_err(|e| fault(format!("broken XML: {}", shown(&e.to_string()))))?;
         match event {
             Event::Start(tag) if tag.name().as_ref() == "AppendedData" => {
                 let base64 = attribute(&tag, "encoding").map_err(fault)?.as_deref() == Some("base64");
@@ -152,9 +153,10 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
 fn attribute(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<String>, String> {
-    let found = tag.try_get_attribute(name).map_err(|e| format!("broken XML: {e}"))?;
+    let found = tag.try_get_attribute(name).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
     let Some(found) = found else { return Ok(None) };
-    let text = quick_xml::escape::unescape(&found.value).map_err(|e| format!("broken XML: {e}"))?;
+    let text =
+        quick_xml::escape::unescape(&found.value).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
     if text.len() > MOST_NAME {
         return Err(format!("an attribute {name} of {} bytes", text.len()));
     }
@@ -164,7 +166,7 @@ fn attribute(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<Str
 /// A number in an attribute.
 fn number(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<u64>, String> {
     let Some(text) = attribute(tag, name)? else { return Ok(None) };
-    text.trim().parse().map(Some).map_err(|_| format!("{name} is `{text}`: no count").replace(char::is_control, "?"))
+    text.trim().parse().map(Some).map_err(|_| format!("{name} is `{}`: no count", shown(&text)))
 }
 
 impl Walk {
@@ -212,10 +214,10 @@ impl Walk {
         document.header = match attribute(tag, "header_type")?.as_deref() {
             None | Some("UInt32") => 4,
             Some("UInt64") => 8,
-            Some(other) => return Err(format!("header_type {other} is not known").replace(char::is_control, "?")),
+            Some(other) => return Err(format!("header_type {} is not known", shown(&other))),
         };
         if let Some(name) = attribute(tag, "compressor")?.filter(|n| !n.is_empty()) {
-            let unknown = || format!("compressor {name} is not known").replace(char::is_control, "?");
+            let unknown = || format!("compressor {} is not known", shown(&name));
             document.compressor = Some(Compressor::of(&name).ok_or_else(unknown)?);
         }
         Ok(())
@@ -260,7 +262,7 @@ fn declared(tag: &BytesStart<'_>) -> std::result::Result<(Declared, bool), Strin
         None | Some("ascii") => Place::Ascii(0..0),
         Some("binary") => Place::Inline(0..0),
         Some("appended") => Place::Appended(number(tag, "offset")?.ok_or("an appended array without an offset")?),
-        Some(other) => return Err(format!("format `{other}` is not known").replace(char::is_control, "?")),
+        Some(other) => return Err(format!("format `{}` is not known", shown(&other))),
     };
     Ok((Declared { name, kind, components, place }, true))
 }

@@ -6,7 +6,9 @@ mod document;
 mod file;
 pub(crate) mod points;
 pub(crate) mod source;
+mod write;
 
+use crate::ascii::shown;
 use crate::axes::{Axis, axes};
 use crate::cache::{ChunkCache, DEFAULT_BYTES};
 use crate::pieces::{Piece, PieceReader};
@@ -19,6 +21,8 @@ use points::Points;
 use source::Source;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
+
+pub use write::write;
 
 /// VTK XML.
 pub const FORMAT: Format = Format {
@@ -52,8 +56,7 @@ impl VtkXml {
             "PolyData" | "UnstructuredGrid" => vec![first],
             "PPolyData" | "PUnstructuredGrid" => parts(&first)?,
             other => {
-                let what =
-                    format!("VTK data of type `{}` hold no points of their own", other.replace(char::is_control, "?"));
+                let what = format!("VTK data of type `{}` hold no points of their own", shown(other));
                 return Err(Error::input_hint(&paths[0], what, "save them as VTP or VTU"));
             }
         };
@@ -70,7 +73,7 @@ fn parts(list: &File) -> Result<Vec<File>> {
         .map(|name| {
             let relative = Path::new(name);
             if !relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
-                let what = format!("it names a piece outside of its folder: `{}`", name.replace(char::is_control, "?"));
+                let what = format!("it names a piece outside of its folder: `{}`", shown(name));
                 return Err(Error::input_hint(&list.path, what, "put the pieces beside it"));
             }
             let path = folder.join(relative);
@@ -192,3 +195,6 @@ fn open_piece(
     }
     Points::new(&file.path.display().to_string(), file.bytes.clone(), piece.points, arrays, places)
 }
+
+#[cfg(test)]
+mod tests;
