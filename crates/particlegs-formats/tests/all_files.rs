@@ -73,7 +73,7 @@ fn check(folder: &Path, row: &Row, count: u64) -> Result<(), String> {
         particles.sort_by(|a, b| a[3].total_cmp(&b[3]));
     }
     let extent = row.first.iter().flatten().chain(&row.cell).fold(0.0f64, |a, v| a.max(v.abs()));
-    let tolerance = |v: f64| if row.format.contains("SPZ") { 1.3e-4 } else { 6e-6 * v.abs() + 2e-7 * extent };
+    let tolerance = |v: f64| if row.format.contains("SPZ") { 1.3e-4 } else { 6e-6 * v.abs() + 2e-7 * extent + 6e-7 };
     for (seen, wanted) in particles.iter().zip(&row.first) {
         if (0..3).any(|k| (seen[k] - wanted[k]).abs() > tolerance(wanted[k])) {
             return Err(format!("{seen:?} instead of {wanted:?}"));

@@ -8,8 +8,8 @@ use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, Once};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, Once};
 use std::time::{Duration, Instant};
 
 #[global_allocator]
@@ -127,7 +127,12 @@ impl Run {
             self.case(damage, &path, &file);
         }
         let (done, refused) = (self.done.load(Relaxed), self.refused.load(Relaxed));
-        println!("{} ({}): {done} cases, {refused} refused, {:.1} s", self.name, self.format, start.elapsed().as_secs_f64());
+        println!(
+            "{} ({}): {done} cases, {refused} refused, {:.1} s",
+            self.name,
+            self.format,
+            start.elapsed().as_secs_f64()
+        );
     }
 }
 
@@ -215,9 +220,10 @@ fn each_format_s_smallest_file_damaged_does_no_harm() {
     all.sort_by_key(|p| p.metadata().map_or(0, |m| m.len()));
     let mut chosen: Vec<(&str, PathBuf)> = Vec::new();
     for path in all {
-        // Files of several cannot be read alone, and those that are not read are no start.
+        // A copy of one file of several is refused at once, damaged or not.
         let Ok(format) = particlegs_formats::detect(&path) else { continue };
-        if chosen.iter().all(|c| c.0 != format.name) && support::read_everything(&path, None).is_ok() {
+        let alone = || support::open(&path, None, None).is_ok_and(|s| s.description().files.len() == 1);
+        if chosen.iter().all(|c| c.0 != format.name) && alone() && support::read_everything(&path, None).is_ok() {
             chosen.push((format.name, path));
         }
     }

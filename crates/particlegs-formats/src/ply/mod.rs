@@ -36,9 +36,8 @@ fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
     let element = &header.elements[number];
     let fields = fields(element);
     let mut description = describe(path, &header, element, &fields)?;
-    let broken = |what: String| {
-        Error::input_hint(path, what, "the file is cut short, or its header is wrong: copy it again")
-    };
+    let broken =
+        |what: String| Error::input_hint(path, what, "the file is cut short, or its header is wrong: copy it again");
     let start = start(&bytes, &header, number).map_err(broken)?;
     let format = RowFormat::new(header.encoding, element);
     let least = element.count.checked_mul(format.least_bytes()).and_then(|b| b.checked_add(start.0));
@@ -51,14 +50,22 @@ fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
         Some(stride) if header.encoding != Encoding::Ascii => {
             let length = bytes.len() as u64;
             let stored = Stored::new(bytes, 0, length, length, Coding::Plain).map_err(broken)?;
-            let place_field = |f| LanedField { base: start.0, stride, big_endian: header.encoding == Encoding::Big, ..f };
+            let place_field =
+                |f| LanedField { base: start.0, stride, big_endian: header.encoding == Encoding::Big, ..f };
             let fields = fields.into_iter().map(place_field).collect();
             Ok(Box::new(Laned { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
         }
         _ => {
             let lists = element.properties.iter().filter(|p| p.list.is_some());
             description.notes.extend(lists.map(|p| format!("list `{}` is not read", p.name.escape_debug())));
-            Ok(Box::new(Walked { description, place, bytes, element: element.clone(), encoding: header.encoding, start }))
+            Ok(Box::new(Walked {
+                description,
+                place,
+                bytes,
+                element: element.clone(),
+                encoding: header.encoding,
+                start,
+            }))
         }
     }
 }

@@ -32,10 +32,20 @@ fn binary_with_lists_before_and_within() {
         let f = |v: f32| if big { v.to_be_bytes() } else { v.to_le_bytes() };
         let format = if big { "binary_big_endian" } else { "binary_little_endian" };
         let faces = [2u8, 0, 0, 0, 1, 0, 0, 0, 2, 7, 0, 8];
-        let mut plain = header(format, &format!("{FACES}element vertex 2\nproperty float y\nproperty uchar c\n\
-                                                 property float x\nproperty float z\n"));
-        let mut lists = header(format, &format!("{FACES}element vertex 2\nproperty float y\nproperty list uchar \
-                                                 uchar l\nproperty float x\nproperty float z\n"));
+        let mut plain = header(
+            format,
+            &format!(
+                "{FACES}element vertex 2\nproperty float y\nproperty uchar c\n\
+                                                 property float x\nproperty float z\n"
+            ),
+        );
+        let mut lists = header(
+            format,
+            &format!(
+                "{FACES}element vertex 2\nproperty float y\nproperty list uchar \
+                                                 uchar l\nproperty float x\nproperty float z\n"
+            ),
+        );
         plain.extend(faces);
         lists.extend(faces);
         for (row, list) in [([2f32, 1., 3.], &[2u8, 9, 9][..]), ([5., 4., 6.], &[0])] {

@@ -52,7 +52,8 @@ pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
     let document: Document =
         serde_json::from_slice(json).map_err(|e| refuse(format!("its document cannot be read: {e}")))?;
     let (parts, splats) = parts(&document, binary).map_err(refuse)?;
-    let count = parts.iter().try_fold(0u64, |n, p| n.checked_add(p.rows)).ok_or_else(|| refuse("too many points".into()))?;
+    let count =
+        parts.iter().try_fold(0u64, |n, p| n.checked_add(p.rows)).ok_or_else(|| refuse("too many points".into()))?;
     if count == 0 {
         return Err(refuse("it holds no points: no primitive of mode POINTS with positions".into()));
     }
