@@ -43,6 +43,13 @@ pub static WRITERS: &[Writer] = &[
         write: crate::hdf5::write,
     },
     Writer {
+        name: "vtp",
+        title: "VTK PolyData (VTP)",
+        endings: &["vtp"],
+        holds_box: false,
+        write: crate::vtk_xml::write,
+    },
+    Writer {
         name: "lammps",
         title: "LAMMPS text dump",
         endings: &["dump", "lammpstrj"],
