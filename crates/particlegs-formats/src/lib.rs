@@ -8,13 +8,24 @@
 //! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
 //! checked before memory is taken; nothing here panics on any input.
 
+pub mod affine;
+mod ascii;
+pub mod axes;
 pub mod cache;
+mod codecs;
 pub mod compressed;
+pub mod laned;
 pub mod pieces;
+mod placed;
+pub mod stored;
+pub mod streamed;
 pub mod strided;
+pub mod text;
 
+mod choose;
 mod registry;
 mod snapshot;
+mod writers;
 
 mod csv;
 mod gadget;
@@ -29,6 +40,7 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
-pub use hdf5::write as write_hdf5;
+pub use choose::{Choice, describe, read, read_selected};
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
+pub use writers::{WRITERS, Writer, writer_for};

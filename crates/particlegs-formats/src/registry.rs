@@ -74,16 +74,20 @@ impl Head {
         let compression = Compression::of(&bytes);
         let content = match compression {
             None => bytes.clone(),
-            Some(c) => decompressed(c, bytes.clone()),
+            Some(c) => decompressed(path, c),
         };
         Ok(Head { path: path.to_path_buf(), length: metadata.len(), compression, bytes, content })
     }
 }
 
+/// Bytes of a compressed file that detection reads: a block of bzip2 is whole in fewer.
+const COMPRESSED_HEAD: u64 = 2 << 20;
+
 /// As much as the first bytes give; a broken stream is found when it is read.
-fn decompressed(compression: Compression, bytes: Vec<u8>) -> Vec<u8> {
+fn decompressed(path: &Path, compression: Compression) -> Vec<u8> {
     let mut content = Vec::new();
-    if let Ok(decoder) = compression.decoder(std::io::Cursor::new(bytes)) {
+    let decoder = File::open(path).and_then(|file| compression.decoder(file.take(COMPRESSED_HEAD)));
+    if let Ok(decoder) = decoder {
         let _ = decoder.take(HEAD).read_to_end(&mut content);
     }
     content

@@ -3,7 +3,7 @@
 use particlegs::Result;
 use particlegs::particles::{Cell, Column, Kept, ParticleLayer, Particles, RUN, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
-use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, Weights, open};
+use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, Weights, open, writer_for};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -62,6 +62,10 @@ fn samples() -> Option<PathBuf> {
 
 fn opened(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
     open(paths, &OpenOptions { format: Some("hdf5".into()), ..OpenOptions::default() })
+}
+
+fn write(kept: &Kept<'_>, path: &Path, progress: &Silent) -> Result<u64> {
+    (writer_for(path, Some("hdf5"))?.write)(kept, path, progress)
 }
 
 /// All positions of a reader, and its weights, in order.
@@ -368,7 +372,7 @@ fn what_is_written_is_read_back_bit_for_bit() {
     let path = folder.path().join("out.hdf5");
     let particles = made(&[("PartType4", 200_000), ("dm", 10), ("PartType0", 70_001)]);
     let kept = Kept::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-    let bytes = particlegs_formats::write_hdf5(&kept, &path, &Silent).unwrap();
+    let bytes = write(&kept, &path, &Silent).unwrap();
     assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
     let snapshot = opened(&[path]).unwrap();
     let d = snapshot.description();
@@ -397,7 +401,7 @@ fn the_bytes_written_are_those_that_others_read() {
     let path = folder.path().join("out.hdf5");
     let particles = made(&[("PartType4", 50), ("dm", 10), ("PartType0", 100)]);
     let kept = Kept::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-    particlegs_formats::write_hdf5(&kept, &path, &Silent).unwrap();
+    write(&kept, &path, &Silent).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/large/written.hdf5");
     if std::env::var_os("PARTICLEGS_KEEP").is_some() {
@@ -413,7 +417,7 @@ fn what_the_layout_does_not_hold_is_refused() {
     let mut particles = made(&[("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), ("f", 1), ("g", 1)]);
     let refused = |particles: &Particles| {
         let kept = Kept::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-        particlegs_formats::write_hdf5(&kept, &path, &Silent).unwrap_err().to_string()
+        write(&kept, &path, &Silent).unwrap_err().to_string()
     };
     assert!(refused(&particles).contains("7 layers"));
     particles.kinds.clear();

@@ -1,0 +1,95 @@
+//! Tables of text: columns between commas, semicolons, tabs or blanks, with a line of names or
+//! without, comments behind `#`, plain or compressed.
+
+mod guess;
+mod names;
+
+use crate::text::content::{Content, Place};
+use crate::text::snapshot::{Columns, TextSnapshot, kinds};
+use crate::text::table::Builder;
+use crate::{Description, Field, Format, Head, OpenOptions, Snapshot};
+use guess::Guess;
+use names::Name;
+use particlegs::particles::SnapshotMeta;
+use particlegs::{Error, Result};
+use std::path::PathBuf;
+
+/// Table of text.
+pub const FORMAT: Format = Format { name: "csv", title: "Table of text", detect, open };
+
+fn detect(head: &Head) -> bool {
+    Guess::of(&head.content, head.content.len() < 1 << 16).is_ok_and(|guess| guess.is_likely)
+}
+
+fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let [path] = paths else {
+        return Err(Error::argument("one table of text is read at a time"));
+    };
+    if options.frame.is_some_and(|frame| frame > 0) {
+        return Err(Error::input(path, "a table of text has one frame only"));
+    }
+    let content = Content::open(path)?;
+    let mut lines = content.lines(Place::START, None)?;
+    let first = lines.block()?.unwrap_or(&[]);
+    let whole = first.len() < 1 << 16;
+    let guess = Guess::of(&first[..first.len().min(1 << 16)], whole).map_err(|what| Error::input(path, what))?;
+    lines.pass(guess.rows_after, |_, _| Ok(()))?;
+    let mut builder = Builder::new(&content, guess.layout.clone(), None, lines.place());
+    lines.pass(u64::MAX, |place, block| builder.add(place, block))?;
+    let mut notes = Vec::new();
+    if lines.ends_open() && !content.is_seekable() {
+        notes.push("the last line has no end: the file may have been cut off there".into());
+    }
+    let table = builder.finish(lines.place())?;
+    let kinds = kinds(&table);
+    let columns = columns(&guess, &kinds);
+    let meta = meta(path, &columns);
+    let description = Description {
+        format: content.title(FORMAT.title),
+        files: paths.to_vec(),
+        meta,
+        species: Vec::new(),
+        frames: None,
+        notes,
+    };
+    Ok(Box::new(TextSnapshot::new(description, table, columns, "particles", "")))
+}
+
+fn columns(guess: &Guess, kinds: &[&'static str]) -> Columns {
+    let names = &guess.names;
+    let field = |((text, name), kind): ((&String, &Name), &&str)| Field {
+        name: text.clone(),
+        kind: (*kind).into(),
+        components: 1,
+        unit: name.unit.clone(),
+    };
+    let of_numbers: Vec<usize> = (0..names.len()).filter(|&c| kinds[c] != "text").collect();
+    let positions = match (guess.named, &of_numbers[..]) {
+        (true, _) => names::positions(names),
+        (false, &[x, y, z, ..]) => Some([x, y, z]),
+        (false, _) => None,
+    };
+    let all = &guess.layout.columns;
+    let mass = of_numbers.iter().find(|&&c| names[c].is_mass() && !positions.is_some_and(|p| p.contains(&c)));
+    Columns {
+        fields: all.iter().zip(names).zip(kinds).map(field).collect(),
+        positions: positions.map_or(String::new(), |[x, y, z]| format!("{},{},{}", all[x], all[y], all[z])),
+        mass: mass.filter(|_| guess.named).map(|&c| all[c].clone()),
+    }
+}
+
+/// Units are known where the names of the columns state them, as in `x [kpc]`.
+fn meta(path: &std::path::Path, columns: &Columns) -> SnapshotMeta {
+    let unit_of = |name: &str| columns.fields.iter().find(|f| f.name == name)?.unit.clone();
+    let lengths: Vec<Option<String>> = columns.positions.split(',').map(unit_of).collect();
+    let same = lengths.iter().all(|unit| *unit == lengths[0]);
+    SnapshotMeta {
+        name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        length_unit: lengths[0].clone().filter(|_| same),
+        mass_unit: columns.mass.as_deref().and_then(unit_of),
+        ..SnapshotMeta::default()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,109 @@
+//! The box of a dump, in its three spellings: <https://docs.lammps.org/Howto_triclinic.html>.
+
+use crate::text::snapshot::header_number;
+use crate::text::split::{Separator, tokens};
+use particlegs::particles::Cell;
+
+/// A dump's box.
+#[derive(Clone, Debug, Default)]
+pub struct Bounds {
+    /// Lowest corner.
+    pub origin: [f64; 3],
+    /// Cell vectors.
+    pub vectors: [[f64; 3]; 3],
+    /// Which of them repeat.
+    pub periodic: [bool; 3],
+    /// What a user should know.
+    pub notes: Vec<String>,
+}
+
+/// What stands behind `BOX BOUNDS`.
+#[derive(Clone, Copy)]
+pub enum Shape {
+    /// lo and hi.
+    Orthogonal,
+    /// lo and hi of the box around the cell, and tilt factors xy, xz, yz.
+    Triclinic,
+    /// Cell vectors, and the origin's components behind them.
+    General,
+}
+
+/// The shape, and the boundary flags where there are some.
+pub fn shape(words: &[&str]) -> (Shape, [bool; 3], bool) {
+    let (shape, flags) = match words {
+        ["xy", "xz", "yz", flags @ ..] => (Shape::Triclinic, flags),
+        ["abc", "origin", flags @ ..] => (Shape::General, flags),
+        flags => (Shape::Orthogonal, flags),
+    };
+    let periodic = |k: usize| flags.get(k).is_some_and(|flag| *flag == "pp");
+    (shape, [periodic(0), periodic(1), periodic(2)], flags.len() >= 3)
+}
+
+impl Bounds {
+    /// From the words behind `BOX BOUNDS` and the three lines below.
+    ///
+    /// # Errors
+    /// What is wrong, in words: missing, infinite or NaN numbers, a box turned inside out.
+    pub fn new(words: &[&str], lines: &[Vec<u8>; 3]) -> Result<Self, String> {
+        let (shape, periodic, stated) = shape(words);
+        let mut rows = [[0.0; 4]; 3];
+        for (row, line) in rows.iter_mut().zip(lines) {
+            let all = tokens(line, Separator::Blanks);
+            let need = match shape {
+                Shape::Orthogonal => 2,
+                Shape::Triclinic => 3,
+                Shape::General => 4,
+            };
+            if all.len() < need {
+                return Err(format!("{} numbers where {need} belong", all.len()));
+            }
+            for (value, token) in row.iter_mut().zip(&all[..need]) {
+                *value = header_number(token)?;
+            }
+        }
+        let mut bounds = match shape {
+            Shape::Orthogonal => Self::tilted(rows.map(|r| [r[0], r[1]]), [0.0; 3])?,
+            Shape::Triclinic => Self::tilted(rows.map(|r| [r[0], r[1]]), rows.map(|r| r[2]))?,
+            Shape::General => {
+                Bounds { origin: rows.map(|r| r[3]), vectors: rows.map(|r| [r[0], r[1], r[2]]), ..Bounds::default() }
+            }
+        };
+        bounds.periodic = periodic;
+        if !stated {
+            bounds.notes.push("the file does not state which sides of the box repeat: none is taken to".into());
+        }
+        if bounds.cell().is_none() {
+            bounds.notes.push("the box has no volume: taken as none".into());
+        }
+        Ok(bounds)
+    }
+
+    /// From the bounds of the cell's corners and its tilt factors xy, xz, yz.
+    fn tilted(around: [[f64; 2]; 3], [xy, xz, yz]: [f64; 3]) -> Result<Self, String> {
+        let least = |shifts: &[f64]| shifts.iter().fold(0.0, |a: f64, &b| a.min(b));
+        let most = |shifts: &[f64]| shifts.iter().fold(0.0, |a: f64, &b| a.max(b));
+        let shifts: [&[f64]; 3] = [&[xy, xz, xy + xz], &[yz], &[]];
+        let low: [f64; 3] = std::array::from_fn(|k| around[k][0] - least(shifts[k]));
+        let length: [f64; 3] = std::array::from_fn(|k| (around[k][1] - most(shifts[k])) - low[k]);
+        for (k, axis) in ["x", "y", "z"].iter().enumerate() {
+            if around[k][0] > around[k][1] {
+                let [low, high] = around[k];
+                return Err(format!("the box is turned inside out: {axis} from {low} to {high}"));
+            }
+            if !(length[k] >= 0.0 && length[k].is_finite()) {
+                return Err(format!("the box is turned inside out: its length along {axis} is {}", length[k]));
+            }
+        }
+        let vectors = [[length[0], 0.0, 0.0], [xy, length[1], 0.0], [xz, yz, length[2]]];
+        Ok(Bounds { origin: low, vectors, ..Bounds::default() })
+    }
+
+    /// The cell, where it has a volume.
+    pub fn cell(&self) -> Option<Cell> {
+        let [a, b, c] = self.vectors;
+        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let volume = cross[0] * c[0] + cross[1] * c[1] + cross[2] * c[2];
+        let Bounds { origin, vectors, periodic, .. } = *self;
+        (volume != 0.0 && volume.is_finite()).then_some(Cell { origin, vectors, periodic })
+    }
+}

@@ -1,0 +1,151 @@
+//! One frame of a dump: sections that begin with `ITEM:`, the last of them with a line an atom.
+
+use super::cell::Bounds;
+use crate::text::content::Content;
+use crate::text::frames::Frame;
+use crate::text::lines::Lines;
+use crate::text::parse::Layout;
+use crate::text::split::{Separator, shown};
+use crate::text::table::Builder;
+use particlegs::{Error, Result};
+
+/// What stands before a frame's atoms.
+#[derive(Default)]
+pub struct FrameHead {
+    step: Option<i64>,
+    /// Simulation time.
+    pub time: Option<f64>,
+    count: Option<u64>,
+    /// The box.
+    pub cell: Bounds,
+    columns: Vec<String>,
+}
+
+impl FrameHead {
+    /// The column that tells species apart.
+    fn key(&self) -> Option<usize> {
+        let find = |name| self.columns.iter().position(|c| c == name);
+        find("type").or_else(|| find("element"))
+    }
+
+    /// What a species is called, before its number or symbol.
+    pub fn noun(&self) -> &'static str {
+        if self.columns.iter().any(|c| c == "type") { "type " } else { "" }
+    }
+}
+
+/// Reads the frame that begins at the next line. A style of units, which stands once a file, goes to
+/// `units`.
+///
+/// # Errors
+/// [`Error::Input`] for broken sections, and where there are fewer atoms than stated.
+pub fn next(
+    content: &Content,
+    lines: &mut Lines<'_>,
+    units: &mut Option<String>,
+    number: u64,
+    wanted: bool,
+) -> Result<Option<Frame<FrameHead>>> {
+    let Some(head) = (Sections { content, lines, number }).read(units)? else { return Ok(None) };
+    let (step, start) = (head.step, lines.place());
+    let layout = Layout { separator: Separator::Blanks, columns: head.columns.clone(), comment: None };
+    let mut builder = Builder::new(content, layout, head.key(), start);
+    let count = head.count.unwrap_or(0);
+    let found = lines.pass(count, |place, block| if wanted { builder.add(place, block) } else { Ok(()) })?;
+    if found < count {
+        let what = format!("frame {number} is cut off: it states {count} atoms, and {found} lines follow");
+        return Err(Error::input(content.path(), what));
+    }
+    let end = lines.place();
+    if let Some(line) = lines.peek()?.filter(|line| !line.trim_ascii().is_empty() && !line.starts_with(b"ITEM:")) {
+        let what = format!("line {} is {}, and frame {number} states {count} atoms only", end.line, shown(line));
+        return Err(Error::input(content.path(), what));
+    }
+    let table = if wanted { Some(builder.finish(end)?) } else { None };
+    Ok(Some(Frame { head, table, step }))
+}
+
+struct Sections<'a, 'c> {
+    content: &'a Content,
+    lines: &'a mut Lines<'c>,
+    number: u64,
+}
+
+impl Sections<'_, '_> {
+    fn error(&self, what: impl std::fmt::Display) -> Error {
+        // The line that was read last.
+        let line = self.lines.place().line.saturating_sub(1);
+        Error::input(self.content.path(), format!("frame {}, line {line}: {what}", self.number))
+    }
+
+    fn line(&mut self) -> Result<Vec<u8>> {
+        match self.lines.line()? {
+            Some(line) => Ok(line.to_vec()),
+            None => Err(self.error("the file is cut off here")),
+        }
+    }
+
+    /// All sections up to the columns of the atoms; nothing at the end of the file.
+    fn read(&mut self, units: &mut Option<String>) -> Result<Option<FrameHead>> {
+        let mut head = FrameHead::default();
+        let mut begun = false;
+        let mut has_box = false;
+        loop {
+            let line = match self.lines.line()? {
+                Some(line) => line.to_vec(),
+                None if begun => return Err(self.error("the file is cut off here")),
+                None => return Ok(None),
+            };
+            if line.trim_ascii().is_empty() && !begun {
+                continue;
+            }
+            begun = true;
+            let text = String::from_utf8_lossy(&line);
+            let words: Vec<&str> = text.split_ascii_whitespace().collect();
+            match &words[..] {
+                ["ITEM:", "TIMESTEP"] => head.step = Some(self.whole("a step")?),
+                ["ITEM:", "NUMBER", "OF", "ATOMS"] => head.count = Some(self.count()?),
+                ["ITEM:", "UNITS"] => *units = Some(String::from_utf8_lossy(self.line()?.trim_ascii()).into_owned()),
+                ["ITEM:", "TIME"] => head.time = Some(self.time()?),
+                ["ITEM:", "BOX", "BOUNDS", words @ ..] => {
+                    let rows = [self.line()?, self.line()?, self.line()?];
+                    head.cell = Bounds::new(words, &rows).map_err(|what| self.error(format!("BOX BOUNDS: {what}")))?;
+                    has_box = true;
+                }
+                ["ITEM:", "ATOMS", names @ ..] => {
+                    head.columns = names.iter().map(ToString::to_string).collect();
+                    break;
+                }
+                ["ITEM:", ..] => return Err(self.error(format!("section {} is none of a dump of atoms", shown(&line)))),
+                _ => return Err(self.error(format!("{} is no `ITEM:` line", shown(&line)))),
+            }
+        }
+        self.check(&head, has_box)?;
+        Ok(Some(head))
+    }
+
+    fn check(&self, head: &FrameHead, has_box: bool) -> Result<()> {
+        match head {
+            FrameHead { count: None, .. } => Err(self.error("`ITEM: NUMBER OF ATOMS` is missing")),
+            _ if !has_box => Err(self.error("`ITEM: BOX BOUNDS` is missing")),
+            FrameHead { columns, .. } if columns.is_empty() => Err(self.error("`ITEM: ATOMS` names no columns")),
+            _ => Ok(()),
+        }
+    }
+
+    fn whole(&mut self, noun: &str) -> Result<i64> {
+        let line = self.line()?;
+        let value = std::str::from_utf8(line.trim_ascii()).ok().and_then(|text| text.parse().ok());
+        value.ok_or_else(|| self.error(format!("{} is not {noun}", shown(&line))))
+    }
+
+    fn count(&mut self) -> Result<u64> {
+        let count = self.whole("a number of atoms")?;
+        u64::try_from(count).map_err(|_| self.error(format!("{count} is not a number of atoms")))
+    }
+
+    fn time(&mut self) -> Result<f64> {
+        let line = self.line()?;
+        crate::text::snapshot::header_number(line.trim_ascii()).map_err(|what| self.error(what))
+    }
+}

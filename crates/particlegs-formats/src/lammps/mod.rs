@@ -1,0 +1,112 @@
+//! LAMMPS text dumps, plain or compressed: <https://docs.lammps.org/dump.html>.
+
+mod cell;
+mod frame;
+pub mod write;
+
+use crate::text::content::Content;
+use crate::text::frames::scan;
+use crate::text::parse::Scaling;
+use crate::text::snapshot::{self, TextSnapshot, kinds};
+use crate::{Description, Field, Format, Head, OpenOptions, Snapshot};
+use frame::FrameHead;
+use particlegs::particles::SnapshotMeta;
+use particlegs::{Error, Result};
+use std::path::PathBuf;
+
+/// LAMMPS text dump.
+pub const FORMAT: Format = Format { name: "lammps", title: "LAMMPS text dump", detect, open };
+
+fn detect(head: &Head) -> bool {
+    head.content.starts_with(b"ITEM: ")
+}
+
+/// Columns of positions, the most welcome first.
+const POSITIONS: [[&str; 3]; 4] = [["x", "y", "z"], ["xs", "ys", "zs"], ["xu", "yu", "zu"], ["xsu", "ysu", "zsu"]];
+/// Columns of positions in units of the cell.
+const SCALED: [&[&str]; 3] = [&["xs", "xsu"], &["ys", "ysu"], &["zs", "zsu"]];
+/// Columns of whole numbers.
+const WHOLE: [&str; 8] = ["id", "mol", "type", "proc", "procp1", "ix", "iy", "iz"];
+
+fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let [path] = paths else {
+        return Err(Error::argument("one LAMMPS dump is read at a time"));
+    };
+    let content = Content::open(path)?;
+    let mut units = None;
+    let found = scan(&content, options.frame, |lines, number, wanted| {
+        frame::next(&content, lines, &mut units, number, wanted)
+    })?;
+    let mut notes = found.notes;
+    notes.extend(found.head.cell.notes.clone());
+    let names = &found.table.layout.columns;
+    if names.iter().any(|n| n == "ix") && names.iter().any(|n| n == "x" || n == "xs") {
+        notes.push("positions are as they lie in the cell: image flags ix, iy, iz are not applied".into());
+    }
+    let meta = meta(path, &found.head, units.as_deref(), &mut notes);
+    let columns = columns(&found.table.layout.columns, &kinds(&found.table), meta.length_unit.as_deref());
+    let description = Description {
+        format: content.title(FORMAT.title),
+        files: paths.to_vec(),
+        meta,
+        species: Vec::new(),
+        frames: Some(found.frames),
+        notes,
+    };
+    let scaling = Scaling { origin: found.head.cell.origin, vectors: found.head.cell.vectors };
+    let noun = found.head.noun();
+    let made = TextSnapshot::new(description, found.table, columns, "atoms", noun).with_scaled(SCALED, scaling);
+    Ok(Box::new(made))
+}
+
+fn meta(path: &std::path::Path, head: &FrameHead, units: Option<&str>, notes: &mut Vec<String>) -> SnapshotMeta {
+    let (length, mass) = units.map_or((None, None), units_of);
+    if let (Some(units), None) = (units, length) {
+        notes.push(format!("units `{units}` are not known"));
+    }
+    SnapshotMeta {
+        name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        cell: head.cell.cell(),
+        length_unit: length.map(String::from),
+        mass_unit: mass.map(String::from),
+        time: head.time,
+        ..SnapshotMeta::default()
+    }
+}
+
+/// Units of length and mass in a style of units: <https://docs.lammps.org/units.html>.
+fn units_of(style: &str) -> (Option<&'static str>, Option<&'static str>) {
+    match style {
+        "real" | "metal" => (Some("Angstrom"), Some("g/mol")),
+        "si" => (Some("m"), Some("kg")),
+        "cgs" => (Some("cm"), Some("g")),
+        "electron" => (Some("Bohr"), Some("amu")),
+        "micro" => (Some("um"), Some("pg")),
+        "nano" => (Some("nm"), Some("ag")),
+        "lj" => (Some("sigma"), None),
+        _ => (None, None),
+    }
+}
+
+fn columns(names: &[String], kinds: &[&str], unit: Option<&str>) -> snapshot::Columns {
+    let field = |(name, kind): (&String, &&str)| {
+        let kind = match &name[..] {
+            _ if *kind == "text" => "text",
+            n if WHOLE.contains(&n) => "i64",
+            _ => "f64",
+        };
+        let length = ["x", "y", "z", "xu", "yu", "zu"].contains(&&name[..]);
+        let unit = if length { unit.map(String::from) } else { None };
+        Field { name: name.clone(), kind: kind.into(), components: 1, unit }
+    };
+    let has = |name: &str| names.iter().any(|n| n == name);
+    let positions = POSITIONS.iter().find(|p| p.iter().all(|n| has(n)));
+    snapshot::Columns {
+        fields: names.iter().zip(kinds).map(field).collect(),
+        positions: positions.map_or(String::new(), |p| p.join(",")),
+        mass: has("mass").then(|| "mass".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,90 @@
+//! Files of several frames: every frame is found, one is kept.
+
+use super::content::Content;
+use super::lines::Lines;
+use super::table::Table;
+use crate::Frames;
+use particlegs::{Error, Result};
+
+/// A frame that was found.
+pub struct Frame<H> {
+    /// What its header says.
+    pub head: H,
+    /// Its rows, where they were wanted.
+    pub table: Option<Table>,
+    /// Its step, as the file numbers it.
+    pub step: Option<i64>,
+}
+
+/// The frames of a file.
+pub struct Scan<H> {
+    /// The header of the one chosen.
+    pub head: H,
+    /// Its rows.
+    pub table: Table,
+    /// How many there are, and which is chosen.
+    pub frames: Frames,
+    /// What a user should know.
+    pub notes: Vec<String>,
+}
+
+/// Finds all frames of `content` and keeps frame `chosen`, or the last. `next` reads the frame that
+/// begins at the next line (`None` at the end), and its rows where its last argument says so. The
+/// second one is the frame's number.
+///
+/// # Errors
+/// Those of `next` up to the chosen frame; [`Error::Input`] where there is no such frame.
+pub fn scan<'c, H>(
+    content: &'c Content,
+    chosen: Option<u64>,
+    mut next: impl FnMut(&mut Lines<'c>, u64, bool) -> Result<Option<Frame<H>>>,
+) -> Result<Scan<H>> {
+    let mut lines = content.lines(super::content::Place::START, None)?;
+    let mut kept = None;
+    let mut notes = Vec::new();
+    let mut count = 0;
+    loop {
+        match next(&mut lines, count, chosen.is_none_or(|c| c == count)) {
+            Ok(None) => break,
+            Ok(Some(Frame { head, table, step })) => {
+                if let Some(table) = table {
+                    kept = Some((head, table, Frames { count, chosen: count, step }));
+                }
+                count += 1;
+            }
+            // What comes after the chosen frame does not matter to it.
+            Err(e) if chosen.is_some_and(|c| c < count) => {
+                notes.push(format!("frame {count} cannot be read ({e}); those after it are not counted"));
+                break;
+            }
+            Err(e) => return Err(with_hint(e, count)),
+        }
+    }
+    if lines.ends_open() {
+        notes.push("the last line has no end: the file may have been cut off there".into());
+    }
+    let Some((head, table, frames)) = kept else { return Err(no_frame(content, chosen, count)) };
+    Ok(Scan { head, table, frames: Frames { count, ..frames }, notes })
+}
+
+/// The frame before a broken one can be read.
+fn with_hint(error: Error, whole: u64) -> Error {
+    match error {
+        Error::Input { place, what, hint } if whole > 0 => {
+            let last = format!("`--frame {}` reads the last whole frame", whole - 1);
+            let hint = if hint.is_empty() { last } else { format!("{hint}; {last}") };
+            Error::Input { place, what, hint }
+        }
+        other => other,
+    }
+}
+
+fn no_frame(content: &Content, chosen: Option<u64>, count: u64) -> Error {
+    match (chosen, count) {
+        (_, 0) => Error::input(content.path(), "there are no frames in it"),
+        (chosen, 1) => Error::input(content.path(), format!("has no frame {}: its only one is 0", chosen.unwrap_or(0))),
+        (chosen, _) => {
+            Error::input(content.path(), format!("has no frame {}: they are 0 to {}", chosen.unwrap_or(0), count - 1))
+        }
+    }
+}

@@ -1,0 +1,20 @@
+//! Tables of numbers in text, read fast, in parallel and in bounded memory.
+//!
+//! [`lines::Lines`] gives a stream's lines, a window at a time. [`split`] takes lines apart into
+//! tokens and numbers. [`table::Table`] knows where the rows of one frame lie and how many of each
+//! species there are; [`reader::RowReader`] parses them run by run, and [`snapshot::TextSnapshot`]
+//! is what LAMMPS dumps, XYZ files and plain tables have in common.
+
+pub mod content;
+pub mod frames;
+pub mod lines;
+mod number;
+pub mod parse;
+pub mod reader;
+pub mod snapshot;
+pub mod split;
+pub mod table;
+#[cfg(test)]
+pub mod testing;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,320 @@
+//! Rows of numbers, parsed line by line.
+
+use super::lines::without_end;
+use super::number::number_at;
+use super::split::{Separator, is_blank, number, shown, tokens};
+
+/// How the lines of a table are taken apart.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    /// What stands between columns.
+    pub separator: Separator,
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Where set: lines that begin so, and empty ones, are no rows.
+    pub comment: Option<u8>,
+}
+
+impl Layout {
+    /// Does the line at the beginning of `text` hold a row?
+    #[inline]
+    pub fn is_row(&self, text: &[u8]) -> bool {
+        match self.comment {
+            None => true,
+            Some(comment) => {
+                let first = text.iter().find(|b| !is_blank(**b) && **b != b'\r');
+                first.is_some_and(|&b| b != comment && b != b'\n')
+            }
+        }
+    }
+
+    /// The value in `column`, where the line goes so far.
+    #[inline]
+    pub fn value<'a>(&self, line: &'a [u8], column: usize) -> Option<&'a [u8]> {
+        if self.separator != Separator::Blanks {
+            return tokens(line, self.separator).get(column).copied();
+        }
+        let mut at = 0;
+        for _ in 0..column {
+            at = past_token(line, past_blanks(line, at));
+        }
+        let from = past_blanks(line, at);
+        let end = past_token(line, from);
+        (end > from).then(|| &line[from..end])
+    }
+}
+
+#[inline(always)]
+fn past_blanks(text: &[u8], mut at: usize) -> usize {
+    while at < text.len() && is_blank(text[at]) {
+        at += 1;
+    }
+    at
+}
+
+/// Past the bytes of a token: line ends and other control characters end it, as blanks do.
+#[inline(always)]
+fn past_token(text: &[u8], mut at: usize) -> usize {
+    while at < text.len() && text[at] > b' ' {
+        at += 1;
+    }
+    at
+}
+
+/// The first line of a text without its end, and how many bytes it takes.
+#[inline]
+fn first_line(text: &[u8]) -> (&[u8], usize) {
+    let length = line_length(text);
+    (without_end(&text[..length]), length)
+}
+
+#[inline]
+fn line_length(text: &[u8]) -> usize {
+    memchr::memchr(b'\n', text).map_or(text.len(), |n| n + 1)
+}
+
+/// A cell about which positions are stated in units of its vectors.
+#[derive(Clone, Copy, Debug)]
+pub struct Scaling {
+    /// Its lowest corner.
+    pub origin: [f64; 3],
+    /// Its vectors.
+    pub vectors: [[f64; 3]; 3],
+}
+
+impl Scaling {
+    fn place(&self, scaled: [f64; 3]) -> [f64; 3] {
+        let v = &self.vectors;
+        std::array::from_fn(|k| self.origin[k] + scaled[0] * v[0][k] + scaled[1] * v[1][k] + scaled[2] * v[2][k])
+    }
+}
+
+/// What is read of each row.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The columns read, ascending, each once.
+    wanted: Vec<usize>,
+    /// Which of them are x, y, z and the weight.
+    slots: [usize; 4],
+    weighted: bool,
+    /// Positions in units of a cell.
+    scaling: Option<Scaling>,
+    /// Only rows whose value in this column is this one.
+    key: Option<(usize, Vec<u8>)>,
+    /// Positions are taken about this point.
+    origin: [f64; 3],
+}
+
+impl Plan {
+    /// Reads positions from three columns, and weights.
+    pub fn new(
+        positions: [usize; 3],
+        weight: Option<usize>,
+        scaling: Option<Scaling>,
+        key: Option<(usize, Vec<u8>)>,
+    ) -> Self {
+        let all: Vec<usize> = positions.into_iter().chain(weight).collect();
+        let mut wanted = all.clone();
+        wanted.sort_unstable();
+        wanted.dedup();
+        let mut slots = [0; 4];
+        for (slot, column) in slots.iter_mut().zip(&all) {
+            *slot = wanted.binary_search(column).unwrap_or(0);
+        }
+        Plan { wanted, slots, weighted: weight.is_some(), scaling, key, origin: [0.0; 3] }
+    }
+
+    /// The same about `origin`.
+    pub fn about(mut self, origin: [f64; 3]) -> Self {
+        self.origin = origin;
+        self
+    }
+
+    /// The same of all species.
+    pub fn of_all(mut self) -> Self {
+        self.key = None;
+        self
+    }
+
+    /// The point that positions are taken about.
+    pub fn origin(&self) -> [f64; 3] {
+        self.origin
+    }
+
+    /// Are there weights?
+    pub fn has_weights(&self) -> bool {
+        self.weighted
+    }
+}
+
+/// Equal bytes? Keys are a byte or two: a call to compare them would cost more than they do.
+#[inline(always)]
+pub fn same(a: &[u8], b: &[u8]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b)
+}
+
+/// Columns of particles: x, y, z about an origin, weights.
+pub type Columns = [Vec<f32>; 4];
+
+/// A line that cannot be read.
+#[derive(Debug)]
+pub struct Fault {
+    /// Its number.
+    pub line: u64,
+    /// What is wrong.
+    pub what: String,
+}
+
+/// Parses rows, those before `skip` and beyond `room` left out.
+pub struct Parser<'a> {
+    /// How lines are taken apart.
+    pub layout: &'a Layout,
+    /// What is read.
+    pub plan: &'a Plan,
+    /// Rows to pass over.
+    pub skip: u64,
+    /// Rows still wanted.
+    pub room: usize,
+}
+
+impl Parser<'_> {
+    /// Appends the rows of `block`, whose first line has number `line`, to `out`; bytes and lines
+    /// that were used up.
+    ///
+    /// # Errors
+    /// The first line that is no row of this table.
+    pub fn block(&mut self, block: &[u8], line: u64, out: &mut Columns) -> Result<(usize, u64), Fault> {
+        let (mut at, mut lines) = (0, 0);
+        while at < block.len() && self.room > 0 {
+            let text = &block[at..];
+            let mut length = None;
+            if self.layout.is_row(text) && self.is_chosen(text) {
+                if self.skip > 0 {
+                    self.skip -= 1;
+                } else {
+                    length = self.row(text, out);
+                    if length.is_none() {
+                        return Err(self.fault(first_line(text).0, line + lines));
+                    }
+                    self.room -= 1;
+                }
+            }
+            at += length.unwrap_or_else(|| line_length(text));
+            lines += 1;
+        }
+        Ok((at, lines))
+    }
+
+    #[inline(always)]
+    fn is_chosen(&self, text: &[u8]) -> bool {
+        match &self.plan.key {
+            None => true,
+            Some((column, key)) => self.layout.value(text, *column).is_some_and(|value| same(value, key)),
+        }
+    }
+
+    /// Reads the row at the beginning of `text`; how many bytes its line takes.
+    #[inline(always)]
+    fn row(&self, text: &[u8], out: &mut Columns) -> Option<usize> {
+        let mut values = [0.0; 4];
+        let length = match self.layout.separator {
+            Separator::Blanks => self.blanks(text, &mut values),
+            Separator::Byte(byte) => self.bytes(text, byte, &mut values),
+        };
+        let length = length.or_else(|| self.slowly(text, &mut values))?;
+        let slots = &self.plan.slots;
+        let mut position = [values[slots[0] & 3], values[slots[1] & 3], values[slots[2] & 3]];
+        if let Some(scaling) = &self.plan.scaling {
+            position = scaling.place(position);
+        }
+        for k in 0..3 {
+            out[k].push((position[k] - self.plan.origin[k]) as f32);
+        }
+        if self.plan.weighted {
+            out[3].push(values[slots[3] & 3] as f32);
+        }
+        Some(length)
+    }
+
+    /// The wanted values of a line of values between blanks, where all is as it should be. The line's
+    /// end is found on the way.
+    #[inline(always)]
+    fn blanks(&self, text: &[u8], values: &mut [f64; 4]) -> Option<usize> {
+        let (mut at, mut column) = (0, 0);
+        for (value, &want) in values.iter_mut().zip(&self.plan.wanted) {
+            while column < want {
+                at = past_token(text, past_blanks(text, at));
+                column += 1;
+            }
+            at = past_blanks(text, at);
+            *value = number_at(text, &mut at)?;
+            if at < text.len() && text[at] > b' ' {
+                return None;
+            }
+            column += 1;
+        }
+        let columns = self.layout.columns.len();
+        let end = past_blanks(text, at);
+        if column == columns && text.get(end) == Some(&b'\n') {
+            return Some(end + 1);
+        }
+        // A token begins after each blank that no blank follows.
+        let (rest, length) = first_line(&text[at..]);
+        let more = rest.windows(2).filter(|w| is_blank(w[0]) & !is_blank(w[1])).count();
+        (column + more == columns).then_some(at + length)
+    }
+
+    /// The same for values with one byte between.
+    #[inline(always)]
+    fn bytes(&self, text: &[u8], separator: u8, values: &mut [f64; 4]) -> Option<usize> {
+        let (line, length) = first_line(text);
+        let is_room = |byte: u8| is_blank(byte) && byte != separator;
+        let (mut at, mut column) = (0, 0);
+        for (value, &want) in values.iter_mut().zip(&self.plan.wanted) {
+            while column < want {
+                at += memchr::memchr(separator, &line[at..])? + 1;
+                column += 1;
+            }
+            while at < line.len() && is_room(line[at]) {
+                at += 1;
+            }
+            *value = number_at(line, &mut at)?;
+            while at < line.len() && is_room(line[at]) {
+                at += 1;
+            }
+            if at < line.len() && line[at] != separator {
+                return None;
+            }
+        }
+        let more = line[at..].iter().filter(|&&b| b == separator).count();
+        (column + 1 + more == self.layout.columns.len()).then_some(length)
+    }
+
+    /// Values that are quoted, or written as Fortran does.
+    #[cold]
+    fn slowly(&self, text: &[u8], values: &mut [f64; 4]) -> Option<usize> {
+        let (line, length) = first_line(text);
+        let all = tokens(line, self.layout.separator);
+        if all.len() != self.layout.columns.len() {
+            return None;
+        }
+        for (value, &want) in values.iter_mut().zip(&self.plan.wanted) {
+            *value = number(all[want])?;
+        }
+        Some(length)
+    }
+
+    /// What is wrong with a line that could not be read.
+    #[cold]
+    fn fault(&self, line: &[u8], number_of_line: u64) -> Fault {
+        let all = tokens(line, self.layout.separator);
+        let (have, expected) = (all.len(), self.layout.columns.len());
+        let wrong = self.plan.wanted.iter().find(|&&c| c < have && number(all[c]).is_none());
+        let what = match wrong {
+            Some(&c) => format!("column {} (`{}`): {} is no number", c + 1, self.layout.columns[c], shown(all[c])),
+            None if have == 0 || all == [b""] => format!("is empty, where {expected} columns belong"),
+            None => format!("has {have} column{}, not {expected}", if have == 1 { "" } else { "s" }),
+        };
+        Fault { line: number_of_line, what }
+    }
+}

@@ -1,0 +1,188 @@
+//! Rows of a table, run by run.
+
+use super::lines::Lines;
+use super::parse::{Columns, Fault, Parser, Plan};
+use super::table::Table;
+use crate::pieces::origin_of;
+use particlegs::particles::{Chunk, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Reads one species of a table. Plain files are parsed from any place by any thread; compressed
+/// ones are decompressed by one thread while the others parse.
+pub struct RowReader {
+    table: Arc<Table>,
+    kind: usize,
+    plan: Plan,
+    meta: SnapshotMeta,
+}
+
+/// Rows that are looked at, at each of some places, before all are read.
+const SAMPLE: usize = 1024;
+/// Most blocks of a stream that are parsed at once.
+const BATCH: usize = 16;
+
+impl RowReader {
+    /// A reader of the species `kind`, positions about a point near those of all species.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn new(table: Arc<Table>, kind: usize, plan: Plan, meta: SnapshotMeta) -> Result<Self> {
+        let mut reader = RowReader { table, kind, plan, meta };
+        let origin = reader.sample()?.map(|column| origin_of(&column));
+        reader.plan = reader.plan.about(origin);
+        Ok(reader)
+    }
+
+    /// Positions of any species from the beginning and, in plain files, from three places more.
+    /// Broken lines are found when they are read.
+    fn sample(&self) -> Result<[Vec<f64>; 3]> {
+        let mut columns = Columns::default();
+        let plan = self.plan.clone().of_all();
+        let mut look = |block: &[u8]| {
+            let mut parser = Parser { layout: &self.table.layout, plan: &plan, skip: 0, room: SAMPLE };
+            let _ = parser.block(block, 1, &mut columns);
+        };
+        look(&self.table.head);
+        let last = self.table.stretches.len().saturating_sub(1);
+        for third in (1..=3).filter(|_| last > 0) {
+            let mut lines = self.table.content.lines(self.table.stretches[last * third / 3], None)?;
+            look(lines.block()?.unwrap_or(&[]));
+        }
+        let [x, y, z, _] = columns;
+        Ok([x, y, z].map(|column| column.into_iter().map(f64::from).collect()))
+    }
+
+    fn parser(&self, skip: u64, room: usize) -> Parser<'_> {
+        Parser { layout: &self.table.layout, plan: &self.plan, skip, room }
+    }
+
+    fn fault(&self, fault: Fault) -> Error {
+        Error::input(self.table.content.path(), format!("line {} {}", fault.line, fault.what))
+    }
+
+    fn changed(&self) -> Error {
+        Error::input_hint(self.table.content.path(), "the file changed while it was read", "read it again")
+    }
+
+    /// Particles of a run.
+    fn length(&self, run: u64) -> usize {
+        (self.count() - run * RUN as u64).min(RUN as u64) as usize
+    }
+
+    /// Parses run `run` of a plain file.
+    fn run(&self, run: u64, columns: &mut Columns) -> Result<()> {
+        let first = run * RUN as u64;
+        let before = &self.table.before[self.kind];
+        let stretch = before.partition_point(|&rows| rows <= first).saturating_sub(1);
+        let mut lines = self.table.content.lines(self.table.stretches[stretch], Some(self.table.end.offset))?;
+        let mut parser = self.parser(first - before[stretch], self.length(run));
+        if self.table.key.is_none() && self.table.layout.comment.is_none() {
+            lines.pass(std::mem::take(&mut parser.skip), |_, _| Ok(()))?;
+        }
+        columns.iter_mut().for_each(Vec::clear);
+        while parser.room > 0 {
+            let line = lines.place().line;
+            let Some(block) = lines.block()? else { return Err(self.changed()) };
+            let (bytes, count) = parser.block(block, line, columns).map_err(|f| self.fault(f))?;
+            lines.consume(bytes, count);
+        }
+        Ok(())
+    }
+
+    fn chunk<'c>(&self, columns: &'c Columns, rows: Range<usize>) -> Chunk<'c> {
+        let [x, y, z, w] = columns;
+        let weight = self.has_weights().then(|| &w[rows.clone()]);
+        Chunk { position: [&x[rows.clone()], &y[rows.clone()], &z[rows]], weight }
+    }
+
+    /// Reads a compressed file from its beginning to the last of `runs`.
+    fn stream(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+        let mut lines = self.table.content.lines(self.table.start, Some(self.table.end.offset))?;
+        let mut waiting = Columns::default();
+        let mut next = 0;
+        while next < runs.end {
+            progress.check()?;
+            let ended = self.batch(&mut lines, &mut waiting)?;
+            let whole = waiting[0].len() / RUN;
+            let last = ended && next + whole as u64 + 1 == self.count().div_ceil(RUN as u64);
+            let ready = whole + usize::from(last && waiting[0].len() % RUN > 0);
+            (0..ready).into_par_iter().filter(|&i| runs.contains(&(next + i as u64))).try_for_each(|i| {
+                let rows = i * RUN..waiting[0].len().min((i + 1) * RUN);
+                if rows.len() != self.length(next + i as u64) {
+                    return Err(self.changed());
+                }
+                sink(next + i as u64, self.chunk(&waiting, rows.clone()))?;
+                progress.advance(rows.len() as u64);
+                Ok(())
+            })?;
+            next += ready as u64;
+            if ended && next < runs.end {
+                return Err(self.changed());
+            }
+            waiting.iter_mut().filter(|c| !c.is_empty()).for_each(|c| drop(c.drain(..c.len().min(ready * RUN))));
+        }
+        Ok(())
+    }
+
+    /// Parses the next blocks of a stream onto the end of `out`; true at its end.
+    fn batch(&self, lines: &mut Lines<'_>, out: &mut Columns) -> Result<bool> {
+        let size = (2 * rayon::current_num_threads()).min(BATCH);
+        let mut blocks = Vec::with_capacity(size);
+        while blocks.len() < size {
+            let line = lines.place().line;
+            let Some(block) = lines.block()? else { break };
+            let block = block.to_vec();
+            let count = memchr::memchr_iter(b'\n', &block).count() as u64;
+            lines.consume(block.len(), count);
+            blocks.push((line, block));
+        }
+        let ended = blocks.len() < size;
+        let parsed = blocks.into_par_iter().map(|(line, block)| {
+            let mut columns = Columns::default();
+            self.parser(0, usize::MAX).block(&block, line, &mut columns).map_err(|f| self.fault(f))?;
+            Ok::<_, Error>(columns)
+        });
+        for columns in parsed.collect::<Vec<_>>() {
+            for (out, column) in out.iter_mut().zip(columns?) {
+                out.extend(column);
+            }
+        }
+        Ok(ended)
+    }
+}
+
+impl SnapshotReader for RowReader {
+    fn meta(&self) -> &SnapshotMeta {
+        &self.meta
+    }
+
+    fn count(&self) -> u64 {
+        self.table.kinds[self.kind].count
+    }
+
+    fn has_weights(&self) -> bool {
+        self.plan.has_weights()
+    }
+
+    fn origin(&self) -> [f64; 3] {
+        self.plan.origin()
+    }
+
+    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+        let runs = runs.start..runs.end.min(self.count().div_ceil(RUN as u64));
+        if !self.table.content.is_seekable() {
+            return self.stream(runs, progress, sink);
+        }
+        runs.into_par_iter().try_for_each_init(Columns::default, |columns, run| {
+            progress.check()?;
+            self.run(run, columns)?;
+            sink(run, self.chunk(columns, 0..self.length(run)))?;
+            progress.advance(self.length(run) as u64);
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,139 @@
+//! What formats of text have in common: a table, its columns as fields, species by a column.
+
+use super::lines::of_block;
+use super::parse::{Plan, Scaling};
+use super::reader::RowReader;
+use super::split::{kind_of, shown, tokens};
+use super::table::{MOST_SPECIES, Table};
+use crate::{Description, Field, Fields, Mass, Snapshot, Species};
+use particlegs::particles::SnapshotReader;
+use particlegs::{Error, Result};
+use std::sync::Arc;
+
+/// A table of text and what is said about it.
+pub struct TextSnapshot {
+    description: Description,
+    table: Arc<Table>,
+    /// The columns that hold positions in units of a cell, and the cell.
+    scaled: Option<([&'static [&'static str]; 3], Scaling)>,
+}
+
+/// What the columns of a table are.
+pub struct Columns {
+    /// Fields in the order of the columns.
+    pub fields: Vec<Field>,
+    /// The field or fields that hold positions; empty where none is known to.
+    pub positions: String,
+    /// Field of masses.
+    pub mass: Option<String>,
+}
+
+impl TextSnapshot {
+    /// `description` without its species, which come from the table: called `all` where there is one,
+    /// else by `noun` and the value of the key column.
+    pub fn new(mut description: Description, table: Table, columns: Columns, all: &str, noun: &str) -> Self {
+        let mass = columns.mass.map_or(Mass::Unknown, Mass::Field);
+        if table.keys.len() > MOST_SPECIES {
+            description.notes.push(format!("there are more than {MOST_SPECIES} types: all particles are one species"));
+        }
+        let species = table.kinds.iter().filter(|kind| kind.count > 0).map(|kind| {
+            let only = match &table.keys[..] {
+                [only] => Some(only),
+                _ => None,
+            };
+            let value = |key: &Vec<u8>| String::from_utf8_lossy(key).into_owned();
+            let name = kind.key.as_ref().map_or(all.into(), |key| format!("{noun}{}", value(key)));
+            let aliases = kind.key.as_ref().or(only).map_or(Vec::new(), |key| {
+                let key = value(key).to_lowercase();
+                let mut aliases = vec![format!("{}{key}", noun.trim_end()), format!("{noun}{key}"), key];
+                aliases.sort();
+                aliases.dedup();
+                aliases
+            });
+            let (fields, positions) = (columns.fields.clone(), columns.positions.clone());
+            Species { name, aliases, count: kind.count, mass: mass.clone(), positions, fields }
+        });
+        description.species = species.collect();
+        TextSnapshot { description, table: Arc::new(table), scaled: None }
+    }
+
+    /// Positions in these columns, each of which may have several names, are in units of a cell.
+    pub fn with_scaled(mut self, names: [&'static [&'static str]; 3], scaling: Scaling) -> Self {
+        self.scaled = Some((names, scaling));
+        self
+    }
+
+    fn place(&self) -> String {
+        self.table.content.path().display().to_string()
+    }
+
+    /// The columns that the field or fields `name` are in, and whether they are scaled.
+    fn positions(&self, species: &Species, name: &str) -> Result<([usize; 3], Option<Scaling>)> {
+        if name.is_empty() {
+            let scalars = species.fields.iter().filter(|f| f.components == 1 && f.kind != "text");
+            let names: Vec<&str> = scalars.map(|f| &f.name[..]).collect();
+            let hint = format!("`--positions A,B,C` names them; there are: {}", names.join(", "));
+            return Err(Error::input_hint(self.place(), "no columns have the names of positions", hint));
+        }
+        if let Some(first) = column_of(&species.fields, name, 3) {
+            return Ok(([first, first + 1, first + 2], None));
+        }
+        let names: Vec<&str> = name.split(',').map(str::trim).collect();
+        let all = || species.fields.iter().filter(|f| f.kind != "text").map(|f| &f.name[..]);
+        let [x, y, z] = names[..] else { return Err(species.missing(&self.place(), name, all())) };
+        let column = |n| self.scalar(species, n);
+        let columns = [column(x)?, column(y)?, column(z)?];
+        let Some((scaled, scaling)) = &self.scaled else { return Ok((columns, None)) };
+        match [x, y, z].iter().zip(scaled).filter(|(n, scaled)| scaled.contains(n)).count() {
+            0 => Ok((columns, None)),
+            3 => Ok((columns, Some(*scaling))),
+            _ => Err(Error::input(self.place(), format!("positions `{name}`: only some of them are scaled"))),
+        }
+    }
+
+    fn scalar(&self, species: &Species, name: &str) -> Result<usize> {
+        let numbers = species.fields.iter().filter(|f| f.components == 1 && f.kind != "text").map(|f| &f.name[..]);
+        column_of(&species.fields, name, 1).ok_or_else(|| species.missing(&self.place(), name, numbers))
+    }
+}
+
+/// The first column of a field.
+fn column_of(fields: &[Field], name: &str, components: u32) -> Option<usize> {
+    let index = fields.iter().position(|f| f.name == name && f.components == components)?;
+    Some(fields[..index].iter().map(|f| f.components as usize).sum())
+}
+
+impl Snapshot for TextSnapshot {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let no_species = || Error::argument(format!("there is no species {species}"));
+        let one = self.description.species.get(species).ok_or_else(no_species)?;
+        let (positions, scaling) = self.positions(one, fields.positions.as_ref().unwrap_or(&one.positions))?;
+        let weight = one.weight_field(&self.place(), &fields.weights)?;
+        let weight = weight.map(|name| self.scalar(one, &name)).transpose()?;
+        let kinds = self.table.kinds.iter().enumerate().filter(|(_, kind)| kind.count > 0);
+        let (kind, which) = kinds.clone().nth(species).ok_or_else(no_species)?;
+        let key = self.table.key.zip(which.key.clone());
+        let plan = Plan::new(positions, weight, scaling, key);
+        Ok(Box::new(RowReader::new(self.table.clone(), kind, plan, self.description.meta.clone())?))
+    }
+}
+
+/// Kinds of the columns of a table, by its first rows.
+pub fn kinds(table: &Table) -> Vec<&'static str> {
+    let rows = of_block(&table.head).map(|(line, _)| line).filter(|line| table.layout.is_row(line)).take(256);
+    let rows: Vec<Vec<&[u8]>> = rows.map(|line| tokens(line, table.layout.separator)).collect();
+    (0..table.layout.columns.len()).map(|c| kind_of(rows.iter().filter_map(|row| row.get(c).copied()))).collect()
+}
+
+/// A number in a header, or what is wrong with it.
+pub fn header_number(token: &[u8]) -> std::result::Result<f64, String> {
+    match super::split::number(token) {
+        Some(value) if value.is_finite() => Ok(value),
+        Some(_) => Err(format!("{} is not finite", shown(token))),
+        None => Err(format!("{} is no number", shown(token))),
+    }
+}

@@ -1,0 +1,132 @@
+//! A line taken apart: tokens, quoted or not, and numbers.
+
+use std::borrow::Cow;
+
+/// What stands between the columns of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Separator {
+    /// Any number of blanks and tabs.
+    Blanks,
+    /// One such byte; blanks around a value do not count.
+    Byte(u8),
+}
+
+/// A blank or a tab?
+pub fn is_blank(byte: u8) -> bool {
+    byte == b' ' || byte == b'\t'
+}
+
+/// The values of a line, quotes taken off.
+pub fn tokens(line: &[u8], separator: Separator) -> Vec<&[u8]> {
+    match separator {
+        Separator::Blanks => blank_tokens(line),
+        Separator::Byte(byte) => byte_tokens(line, byte),
+    }
+}
+
+fn blank_tokens(line: &[u8]) -> Vec<&[u8]> {
+    let mut tokens = Vec::new();
+    let mut rest = line.trim_ascii();
+    while let Some(&first) = rest.first() {
+        let closing = |quote| rest[1..].iter().position(|&b| b == quote).map(|n| n + 2);
+        let quoted = if first == b'"' || first == b'\'' { closing(first) } else { None };
+        let length = quoted.or_else(|| rest.iter().position(|&b| is_blank(b))).unwrap_or(rest.len());
+        tokens.push(unquoted(&rest[..length]));
+        rest = rest[length..].trim_ascii_start();
+    }
+    tokens
+}
+
+fn byte_tokens(line: &[u8], separator: u8) -> Vec<&[u8]> {
+    let mut tokens = Vec::new();
+    let (mut from, mut quoted) = (0, false);
+    for (at, &byte) in line.iter().enumerate() {
+        if byte == b'"' {
+            quoted = !quoted;
+        } else if byte == separator && !quoted {
+            tokens.push(unquoted(line[from..at].trim_ascii()));
+            from = at + 1;
+        }
+    }
+    tokens.push(unquoted(line[from..].trim_ascii()));
+    tokens
+}
+
+fn unquoted(token: &[u8]) -> &[u8] {
+    match token {
+        [b'"', inner @ .., b'"'] | [b'\'', inner @ .., b'\''] => inner.trim_ascii(),
+        _ => token,
+    }
+}
+
+/// The number that `token` is, `nan` and `inf` among them, and Fortran's `1.5D+03`.
+pub fn number(token: &[u8]) -> Option<f64> {
+    if let Ok(value) = fast_float2::parse::<f64, _>(token) {
+        return Some(value);
+    }
+    let at = token.iter().position(|b| matches!(b, b'd' | b'D'))?;
+    let mut with_e = token.to_vec();
+    with_e[at] = b'e';
+    let digits = with_e.iter().all(|b| b.is_ascii_digit() || matches!(b, b'e' | b'.' | b'+' | b'-'));
+    if digits { fast_float2::parse(&with_e).ok() } else { None }
+}
+
+/// A token as a message shows it: short, and without control characters.
+pub fn shown(token: &[u8]) -> String {
+    const LONGEST: usize = 24;
+    let text: Cow<'_, str> = String::from_utf8_lossy(&token[..token.len().min(4 * LONGEST)]);
+    let short: String = text.chars().take(LONGEST).flat_map(char::escape_debug).collect();
+    if text.chars().count() > LONGEST || token.len() > 4 * LONGEST {
+        format!("`{short}...`")
+    } else {
+        format!("`{short}`")
+    }
+}
+
+/// What the values of a column are, as far as those seen tell: `i64`, `f64`, or `text` where most of
+/// them are no numbers. A broken row among good ones is the reader's to refuse.
+pub fn kind_of<'a>(values: impl Iterator<Item = &'a [u8]>) -> &'static str {
+    let (mut all, mut words, mut whole) = (0, 0, true);
+    for value in values {
+        all += 1;
+        match number(value) {
+            None => words += 1,
+            Some(_) => whole &= std::str::from_utf8(value).is_ok_and(|v| v.parse::<i64>().is_ok()),
+        }
+    }
+    match (2 * words > all, whole && words < all) {
+        (true, _) => "text",
+        (false, true) => "i64",
+        (false, false) => "f64",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn split(line: &str, separator: Separator) -> Vec<String> {
+        tokens(line.as_bytes(), separator).iter().map(|t| String::from_utf8_lossy(t).into_owned()).collect()
+    }
+
+    #[test]
+    fn lines_are_split() {
+        assert_eq!(split("  1\t 2 'a b' \"c\"", Separator::Blanks), ["1", "2", "a b", "c"]);
+        assert_eq!(split("1, 2 ,\"a, b\",", Separator::Byte(b',')), ["1", "2", "a, b", ""]);
+        assert_eq!(split("\"", Separator::Blanks), ["\""]);
+        assert_eq!(split("", Separator::Blanks), [""; 0]);
+    }
+
+    #[test]
+    fn numbers_in_all_spellings() {
+        for (text, value) in [("1", 1.0), ("-2.5e3", -2500.0), ("+.5", 0.5), ("1.5D+03", 1500.0), ("1d2", 100.0)] {
+            assert_eq!(number(text.as_bytes()), Some(value), "{text}");
+        }
+        assert!(number(b"NaN").unwrap().is_nan());
+        assert_eq!(number(b"-inf"), Some(f64::NEG_INFINITY));
+        assert_eq!(number(b"1e400"), Some(f64::INFINITY));
+        for text in ["", "abc", "1.5x", "1,5", "0x10", "infd", "--1", "1 2", "."] {
+            assert_eq!(number(text.as_bytes()), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! Where the rows of a table lie in a file, and how many of each species there are.
+
+use super::content::{Content, Place};
+use super::lines::of_block;
+use super::parse::{Layout, same};
+use particlegs::{Error, Result};
+use rayon::prelude::*;
+
+/// Most species that a column of types may tell apart.
+pub const MOST_SPECIES: usize = 64;
+/// A place is kept every so many bytes, or more in long files.
+const STRETCH: u64 = 1 << 18;
+/// Places kept, at most.
+const STRETCHES: u64 = 1 << 16;
+/// First bytes of the rows that are kept for a look at them.
+const HEAD: usize = 1 << 16;
+
+/// Rows of one species.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kind {
+    /// The value of the table's key column, where rows are told apart by one.
+    pub key: Option<Vec<u8>>,
+    /// How many.
+    pub count: u64,
+}
+
+/// The rows of a table in a file.
+pub struct Table {
+    /// The file.
+    pub content: Content,
+    /// How its lines are taken apart.
+    pub layout: Layout,
+    /// Column by which rows are told apart, where there are at least two species.
+    pub key: Option<usize>,
+    /// Species.
+    pub kinds: Vec<Kind>,
+    /// The first rows, at least one.
+    pub head: Vec<u8>,
+    /// Where they begin.
+    pub start: Place,
+    /// Where they end.
+    pub end: Place,
+    /// Places on the way, the first at the start; none in compressed files.
+    pub stretches: Vec<Place>,
+    /// Rows of each species before each stretch.
+    pub before: Vec<Vec<u64>>,
+    /// The values that the key column has: one or more than can be told apart.
+    pub keys: Vec<Vec<u8>>,
+}
+
+/// Takes in the rows of a table, block by block.
+pub struct Builder<'a> {
+    content: &'a Content,
+    layout: Layout,
+    key: Option<usize>,
+    step: u64,
+    start: Place,
+    end: Place,
+    head: Vec<u8>,
+    stretches: Vec<Place>,
+    tally: Tally,
+}
+
+/// Rows counted, by the value of the key column.
+#[derive(Default)]
+struct Tally {
+    counts: Vec<(Vec<u8>, u64)>,
+    rows: u64,
+    /// The value seen last is often the next one.
+    last: usize,
+}
+
+impl Tally {
+    fn add(&mut self, content: &Content, layout: &Layout, key: Option<usize>, line: u64, block: &[u8]) -> Result<()> {
+        for (number, (text, _)) in (line..).zip(of_block(block)) {
+            if !layout.is_row(text) {
+                continue;
+            }
+            self.rows += 1;
+            if let Some(column) = key {
+                let value = layout.value(text, column).ok_or_else(|| {
+                    let what = format!("line {number} has no column {} (`{}`)", column + 1, layout.columns[column]);
+                    Error::input(content.path(), what)
+                })?;
+                self.count(value, 1);
+            }
+        }
+        Ok(())
+    }
+
+    fn count(&mut self, value: &[u8], rows: u64) {
+        if self.counts.get(self.last).is_none_or(|(v, _)| !same(v, value)) {
+            let found = self.counts.iter().position(|(v, _)| same(v, value));
+            self.last = found.unwrap_or(self.counts.len());
+            if found.is_none() {
+                if self.counts.len() > MOST_SPECIES {
+                    return; // Too many already; the rest is not needed.
+                }
+                self.counts.push((value.to_vec(), 0));
+            }
+        }
+        self.counts[self.last].1 += rows;
+    }
+}
+
+impl<'a> Builder<'a> {
+    /// A table whose rows begin at `start`; species by the values of column `key`.
+    pub fn new(content: &'a Content, layout: Layout, key: Option<usize>, start: Place) -> Self {
+        let length = std::fs::metadata(content.path()).map_or(0, |m| m.len());
+        let step = STRETCH.max(length / STRETCHES);
+        let (head, stretches, tally) = Default::default();
+        Builder { content, layout, key, step, start, end: start, head, stretches, tally }
+    }
+
+    /// Takes in lines at `place`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the key column is missing.
+    pub fn add(&mut self, place: Place, block: &[u8]) -> Result<()> {
+        if self.head.len() < HEAD {
+            let mut rows = of_block(block).map(|(_, length)| length);
+            let mut length = rows.next().unwrap_or(0);
+            while length < HEAD {
+                match rows.next() {
+                    Some(more) => length += more,
+                    None => break,
+                }
+            }
+            self.head.extend_from_slice(&block[..length]);
+        }
+        if self.content.is_seekable() {
+            if self.stretches.last().is_none_or(|s| place.offset - s.offset >= self.step) {
+                self.stretches.push(place);
+            }
+        } else {
+            self.tally.add(self.content, &self.layout, self.key, place.line, block)?;
+        }
+        Ok(())
+    }
+
+    /// All rows, which end at `end`, are taken in.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the key column is missing; [`Error::Io`].
+    pub fn finish(mut self, end: Place) -> Result<Table> {
+        self.end = end;
+        let counts_lines = self.key.is_none() && self.layout.comment.is_none();
+        let tallies: Vec<Tally> = if !self.content.is_seekable() {
+            vec![std::mem::take(&mut self.tally)]
+        } else if counts_lines {
+            (0..self.stretches.len()).map(|i| Tally { rows: self.lines_of(i), ..Tally::default() }).collect()
+        } else {
+            (0..self.stretches.len()).into_par_iter().map(|i| self.tally(i)).collect::<Result<_>>()?
+        };
+        Ok(self.table(tallies))
+    }
+
+    fn stretch_end(&self, index: usize) -> Place {
+        self.stretches.get(index + 1).copied().unwrap_or(self.end)
+    }
+
+    fn lines_of(&self, index: usize) -> u64 {
+        self.stretch_end(index).line - self.stretches[index].line
+    }
+
+    fn tally(&self, index: usize) -> Result<Tally> {
+        let mut tally = Tally::default();
+        let mut lines = self.content.lines(self.stretches[index], Some(self.stretch_end(index).offset))?;
+        lines.pass(u64::MAX, |place, block| tally.add(self.content, &self.layout, self.key, place.line, block))?;
+        Ok(tally)
+    }
+
+    fn table(self, tallies: Vec<Tally>) -> Table {
+        let mut all = Tally::default();
+        for tally in &tallies {
+            tally.counts.iter().for_each(|(value, count)| all.count(value, *count));
+            all.rows += tally.rows;
+        }
+        if all.counts.iter().all(|(value, _)| integer(value).is_some()) {
+            all.counts.sort_by_key(|(value, _)| integer(value));
+        }
+        let keys: Vec<Vec<u8>> = all.counts.iter().map(|(value, _)| value.clone()).collect();
+        let key = self.key.filter(|_| (2..=MOST_SPECIES).contains(&keys.len()));
+        let kinds: Vec<Kind> = match key {
+            Some(_) => all.counts.into_iter().map(|(key, count)| Kind { key: Some(key), count }).collect(),
+            None => vec![Kind { key: None, count: all.rows }],
+        };
+        let before = kinds.iter().map(|kind| {
+            let mut sum = 0;
+            let rows = tallies.iter().map(|tally| match &kind.key {
+                None => tally.rows,
+                Some(key) => tally.counts.iter().find(|(value, _)| value == key).map_or(0, |(_, count)| *count),
+            });
+            rows.map(|rows| {
+                sum += rows;
+                sum - rows
+            })
+            .collect()
+        });
+        let before = if self.content.is_seekable() { before.collect() } else { Vec::new() };
+        let Builder { content, layout, head, stretches, start, end, .. } = self;
+        Table { content: content.clone(), layout, key, kinds, head, start, end, stretches, before, keys }
+    }
+}
+
+fn integer(value: &[u8]) -> Option<i64> {
+    std::str::from_utf8(value).ok()?.parse().ok()
+}

@@ -1,0 +1,163 @@
+//! XYZ and extended XYZ files, plain or compressed: a number of atoms, a comment, a line an atom.
+//! The comment may hold a lattice and the names of the columns:
+//! <https://github.com/libAtoms/extxyz>.
+
+mod comment;
+
+use crate::text::content::{Content, Place};
+use crate::text::frames::{Frame, scan};
+use crate::text::lines::{Lines, without_end};
+use crate::text::parse::Layout;
+use crate::text::snapshot::{Columns, TextSnapshot, kinds};
+use crate::text::split::{Separator, number, shown, tokens};
+use crate::text::table::{Builder, Table};
+use crate::{Description, Field, Format, Head, OpenOptions, Snapshot};
+use comment::Comment;
+use particlegs::particles::SnapshotMeta;
+use particlegs::{Error, Result};
+use std::path::PathBuf;
+
+/// XYZ and extended XYZ.
+pub const FORMAT: Format = Format { name: "xyz", title: "XYZ", detect, open };
+
+/// A line with a number alone, a comment, and a line with three numbers, perhaps behind a symbol.
+fn detect(head: &Head) -> bool {
+    let mut lines = head.content.split(|&b| b == b'\n').map(without_end);
+    let count = lines.next().and_then(count_of);
+    let (_, atom) = (lines.next(), lines.next());
+    match (count, atom) {
+        (Some(0), _) => true,
+        (Some(_), Some(atom)) => {
+            let values = tokens(atom, Separator::Blanks);
+            let numbers = values.iter().filter(|v| number(v).is_some()).count();
+            (numbers >= 3 && values.len() <= 1 << 10) || head.content.windows(11).any(|w| w == b"Properties=")
+        }
+        _ => false,
+    }
+}
+
+fn count_of(line: &[u8]) -> Option<u64> {
+    std::str::from_utf8(line.trim_ascii()).ok()?.parse().ok()
+}
+
+/// What stands before a frame's atoms.
+struct FrameHead {
+    comment: Comment,
+    /// Fields of a line, in order.
+    fields: Vec<Field>,
+}
+
+fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let [path] = paths else {
+        return Err(Error::argument("one XYZ file is read at a time"));
+    };
+    let content = Content::open(path)?;
+    let found = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted))?;
+    let mut notes = found.notes;
+    notes.extend(found.head.comment.notes.clone());
+    notes.push("the format states no unit of length (customary: Angstrom)".into());
+    let title = if found.head.comment.is_extended() { "Extended XYZ" } else { FORMAT.title };
+    let meta = SnapshotMeta {
+        name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        cell: found.head.comment.cell,
+        ..SnapshotMeta::default()
+    };
+    let columns = columns(found.head.fields, &found.table);
+    let description = Description {
+        format: content.title(title),
+        files: paths.to_vec(),
+        meta,
+        species: Vec::new(),
+        frames: Some(found.frames),
+        notes,
+    };
+    Ok(Box::new(TextSnapshot::new(description, found.table, columns, "atoms", "")))
+}
+
+/// Which of the fields hold positions and masses. Kinds that the file does not state come from its rows.
+fn columns(mut fields: Vec<Field>, table: &Table) -> Columns {
+    let kinds = kinds(table);
+    let mut column = 0;
+    for field in &mut fields {
+        let own = &kinds[column..column + field.components as usize];
+        if field.kind.is_empty() {
+            field.kind = if own.contains(&"text") { "text" } else { "f64" }.into();
+        }
+        column += own.len();
+    }
+    let has = |name: &str, components| fields.iter().any(|f| f.name == name && f.components == components);
+    let positions = if has("pos", 3) { "pos" } else { "" };
+    let mass = ["mass", "masses"].into_iter().find(|name| has(name, 1));
+    Columns { positions: positions.into(), mass: mass.map(String::from), fields }
+}
+
+/// Reads the frame that begins at the next line.
+fn frame(content: &Content, lines: &mut Lines<'_>, number: u64, wanted: bool) -> Result<Option<Frame<FrameHead>>> {
+    let error = |what: String| Error::input(content.path(), format!("frame {number}{what}"));
+    let mut first = lines.line()?.map(<[u8]>::to_vec);
+    while first.as_ref().is_some_and(|line| line.trim_ascii().is_empty()) {
+        first = lines.line()?.map(<[u8]>::to_vec);
+    }
+    let Some(first) = first else { return Ok(None) };
+    let at = lines.place().line - 1;
+    let count =
+        count_of(&first).ok_or_else(|| error(format!(", line {at}: {} is no number of atoms", shown(&first))))?;
+    let line =
+        lines.line()?.map(<[u8]>::to_vec).ok_or_else(|| error(" is cut off behind the number of atoms".into()))?;
+    let comment = Comment::parse(&line).map_err(|what| error(format!(", line {}: {what}", at + 1)))?;
+    let fields = match comment.fields.clone() {
+        Some(fields) => fields,
+        None if count == 0 => plain_fields(4),
+        None => plain_fields(lines.peek()?.map_or(0, |line| tokens(line, Separator::Blanks).len())),
+    };
+    let table = rows(content, lines, count, &fields, wanted).map_err(|e| {
+        e.unwrap_or_else(|found| error(format!(" is cut off: it states {count} atoms, and {found} lines follow")))
+    })?;
+    Ok(Some(Frame { head: FrameHead { comment, fields }, table, step: None }))
+}
+
+/// Goes past a frame's atoms; `Err(Err(n))` where there are only n.
+fn rows(
+    content: &Content,
+    lines: &mut Lines<'_>,
+    count: u64,
+    fields: &[Field],
+    wanted: bool,
+) -> std::result::Result<Option<Table>, std::result::Result<Error, u64>> {
+    let name = |f: &Field| (0..f.components).map(|_| f.name.clone()).collect::<Vec<_>>();
+    let columns = fields.iter().flat_map(name).collect();
+    let layout = Layout { separator: Separator::Blanks, columns, comment: None };
+    let species = fields.first().filter(|f| f.kind == "text" && f.components == 1);
+    let key = species.map(|_| 0).or_else(|| key_column(fields));
+    let start: Place = lines.place();
+    let mut builder = Builder::new(content, layout, key, start);
+    let found =
+        lines.pass(count, |place, block| if wanted { builder.add(place, block) } else { Ok(()) }).map_err(Ok)?;
+    if found < count {
+        return Err(Err(found));
+    }
+    let end = lines.place();
+    if wanted { builder.finish(end).map(Some).map_err(Ok) } else { Ok(None) }
+}
+
+/// The column of symbols or atomic numbers, wherever it stands.
+fn key_column(fields: &[Field]) -> Option<usize> {
+    let names = ["species", "element", "symbol", "Z", "type"];
+    let index = names.iter().find_map(|n| fields.iter().position(|f| f.name == *n && f.components == 1))?;
+    Some(fields[..index].iter().map(|f| f.components as usize).sum())
+}
+
+/// Fields of a plain file with so many columns: symbol, position, and what else there may be.
+fn plain_fields(columns: usize) -> Vec<Field> {
+    let field = |name: String, kind: &str, components| Field { name, kind: kind.into(), components, unit: None };
+    let mut fields = Vec::new();
+    if columns != 3 {
+        fields.push(field("species".into(), "text", 1));
+    }
+    fields.push(field("pos".into(), "f64", 3));
+    fields.extend((5..=columns).map(|c| field(format!("column{c}"), "", 1)));
+    fields
+}
+
+#[cfg(test)]
+mod tests;
