@@ -25,6 +25,7 @@ pub mod text;
 mod choose;
 mod registry;
 mod snapshot;
+mod writers;
 
 mod csv;
 mod gadget;
@@ -42,4 +43,4 @@ mod xyz;
 pub use choose::{Choice, describe, read, read_selected};
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
-pub use vtk_xml::write as write_vtp;
+pub use writers::{WRITERS, Writer, writer_for};

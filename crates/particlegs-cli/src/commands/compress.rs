@@ -21,7 +21,7 @@ Examples:
   particlegs compress points.npy -o points.pgs --psnr 32 --box 100,100,100
   particlegs compress snapshot/ -o snapshot.pgs --pictures pictures/")]
 pub struct Arguments {
-    /// A folder with xx.f32, yy.f32, zz.f32 (and ww.f32), those files, or one .npy of shape (N, 3).
+    /// A snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
     /// The model file to write.

@@ -3,27 +3,32 @@
 use crate::common::Common;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
-use particlegs::particles::Tiling;
+use particlegs::particles::{Kept, Tiling};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
+use particlegs_formats::{WRITERS, writer_for};
 use std::path::PathBuf;
 
-/// Write a snapshot anew: tiled, cropped, thinned, as float32.
+/// Write a snapshot anew: in another format, tiled, cropped, thinned, as float32.
 #[derive(Args)]
 #[command(after_help = "Steps run in the order tile, region, every, sample.
 
 Examples:
   particlegs convert nbody128 -o tiled --tile 2,8,8      # 128 copies side by side
   particlegs convert doubles.npy -o snapshot             # float64 to float32 columns
+  particlegs convert snap_099.0.hdf5 --particle-type dm -o dm.vtp
   particlegs convert snapshot -o cut --region 0,10,0,10,5,6
   particlegs convert snapshot -o few.npy --sample 100000 --seed 7")]
 pub struct Arguments {
-    /// A folder with xx.f32 yy.f32 zz.f32 (ww.f32), the three or four files, or one .npy.
+    /// A snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
-    /// Folder to write columns and meta.json to, or a name that ends in .npy.
+    /// What to write: a folder for raw columns and meta.json, or a name that ends in .npy, .hdf5, .vtp or .dump.
     #[arg(long, short, value_name = "OUT")]
     output: PathBuf,
+    /// Format to write, where the name does not tell.
+    #[arg(long, value_name = "FORMAT", value_parser = clap::builder::PossibleValuesParser::new(writers()))]
+    to: Option<String>,
     /// Repeat the periodic box so often along x, y and z; tile by tile, z fastest.
     #[arg(long, value_name = "NX,NY,NZ", value_delimiter = ',', num_args = 1)]
     tile: Option<Vec<u32>>,
@@ -46,6 +51,11 @@ struct Report {
     seconds: f64,
 }
 
+/// Names of the formats that can be written.
+fn writers() -> Vec<&'static str> {
+    WRITERS.iter().map(|w| w.name).collect()
+}
+
 /// Converts.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
@@ -59,21 +69,16 @@ pub fn run(a: Arguments) -> Result<()> {
     if particles.origin != [0.0; 3] {
         context.message("note: positions lie far from 0; about 0, float32 keeps fewer of their digits");
     }
-    if a.output.extension().is_some_and(|e| e == "npy") && particles.meta.cell.is_some() {
-        context.message("note: an .npy holds no box; give it again with --box");
-    }
+    let writer = writer_for(&a.output, a.to.as_deref())?;
     let start = std::time::Instant::now();
-    let made = particlegs::particles::convert(&particles, tiling, selection, &a.output, &context)?;
+    let kept = Kept::new(&particles, tiling, selection, &context)?;
+    if !writer.holds_box && kept.meta().cell.is_some() {
+        context.message(&format!("note: {} holds no box; give it again with --box", writer.title));
+    }
+    let bytes = (writer.write)(&kept, &a.output, &context)?;
     let seconds = start.elapsed().as_secs_f64();
-    let text = format!(
-        "{}: {} particles, {:.1} MB, in {seconds:.1} s",
-        a.output.display(),
-        made.particles,
-        made.bytes as f64 / 1e6
-    );
+    let count = kept.total();
+    let text = format!("{}: {count} particles, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
     let particles_in = particles.len() as u64;
-    context.finish(
-        &text,
-        &Report { output: a.output, particles_in, particles: made.particles, bytes: made.bytes, seconds },
-    )
+    context.finish(&text, &Report { output: a.output.clone(), particles_in, particles: count, bytes, seconds })
 }

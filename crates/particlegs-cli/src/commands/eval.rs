@@ -28,7 +28,7 @@ pub struct Arguments {
     /// The model file.
     #[arg(value_name = "MODEL")]
     model: PathBuf,
-    /// A folder with xx.f32 yy.f32 zz.f32 (ww.f32), the three or four files, or one .npy.
+    /// A snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "SNAPSHOT")]
     input: Vec<PathBuf>,
     /// Frames an orbit, with radius and opacity drawn by the seed.

@@ -25,7 +25,7 @@ use std::time::Instant;
 Styles: `paraview` and `paraview-no-fxaa` are what ParaView 6 draws, shot noise and all; `response`
 and `response-fxaa` their noise-free means; `expected` is 255 (1 - exp(-tau)).")]
 pub struct Arguments {
-    /// The snapshot: a folder, three or four raw float32 columns, or one .npy.
+    /// A snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
     /// What to draw.

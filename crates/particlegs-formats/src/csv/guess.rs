@@ -55,14 +55,16 @@ impl Guess {
         let rows = if has_header { &rows[1..] } else { &rows[..] };
         let split: Vec<Vec<&[u8]>> = rows.iter().map(|row| tokens(row, separator)).collect();
         let fitting: Vec<&Vec<&[u8]>> = split.iter().filter(|row| row.len() == columns).collect();
-        let is_number = |c: &usize| kind_of(fitting.iter().map(|row| row[*c])) != "text";
-        let numbers = (0..columns).filter(is_number).count();
+        let is_text = |c: &usize| kind_of(fitting.iter().map(|row| row[*c])) == "text";
+        let is_words = |c: &usize| is_text(c) && fitting.iter().any(|row| !row[*c].is_empty());
+        let numbers = (0..columns).filter(|c| !is_text(c)).count();
+        let words = (0..columns).filter(is_words).count();
         let named = names.is_some();
         let names = names.unwrap_or_else(|| (1..=columns).map(|c| format!("column{c}")).collect());
         let names: Vec<Name> = names.iter().map(|name| Name::of(name)).collect();
         let rows_after = (first + usize::from(has_header)) as u64;
         // Words in a table without names belong to some other format.
-        let of_particles = if named { numbers >= 3 || positions(&names).is_some() } else { numbers == columns };
+        let of_particles = if named { numbers >= 3 || positions(&names).is_some() } else { numbers >= 3 && words == 0 };
         let is_likely = 2 * fitting.len() > rows.len() && of_particles;
         let layout = Layout { separator, columns: unique(&names), comment: Some(comment) };
         Ok(Guess { layout, names, rows_after, named, is_likely })
@@ -73,7 +75,7 @@ impl Guess {
 fn check_text(head: &[u8]) -> Result<(), String> {
     let line = |at: usize| 1 + head[..at].iter().filter(|&&b| b == b'\n').count();
     let control = |b: &u8| b.is_ascii_control() && !matches!(b, b'\n' | b'\r' | b'\t' | 0x0c);
-    if let Some(at) = head.iter().position(|b| control(b)) {
+    if let Some(at) = head.iter().position(control) {
         return Err(format!("line {} holds the byte {:#04x}: this is no text", line(at), head[at]));
     }
     match std::str::from_utf8(head) {
@@ -126,6 +128,7 @@ fn is_header(first: &[u8], rows: &[&[u8]], separator: Separator) -> bool {
 fn names_of(line: &[u8], separator: Separator, columns: usize) -> Vec<String> {
     let mut names: Vec<String> =
         tokens(line, separator).iter().map(|n| String::from_utf8_lossy(n).into_owned()).collect();
+    // A unit may stand behind them.
     names.resize(columns, String::new());
     for (c, name) in names.iter_mut().enumerate().filter(|(_, name)| name.is_empty()) {
         *name = format!("column{}", c + 1);
@@ -142,11 +145,12 @@ fn commented_names(line: &[u8], comment: u8, separator: Separator, columns: usiz
     for separator in [separator, Separator::Blanks] {
         let names = tokens(&line[start..], separator);
         let unit_follows = names.len() == columns + 1 && names[columns].starts_with(b"[");
-        let words = names.iter().all(|name| !name.is_empty() && number(name).is_none());
+        let words =
+            names.iter().take(3).all(|name| !name.is_empty()) && names.iter().all(|name| number(name).is_none());
         if words && (names.len() == columns || unit_follows) {
             let unit = if unit_follows { String::from_utf8_lossy(names[columns]).into_owned() } else { String::new() };
-            let name = |n: &&[u8]| format!("{} {unit}", String::from_utf8_lossy(n)).trim_end().to_string();
-            return Some(names[..columns].iter().map(name).collect());
+            let names = names_of(&line[start..], separator, columns);
+            return Some(names.iter().map(|name| format!("{name} {unit}").trim_end().to_string()).collect());
         }
     }
     None

@@ -1,1 +1,84 @@
+use super::FORMAT;
+use crate::text::testing::{Got, read, scratch};
+use crate::{Description, Fields, Head, Mass, OpenOptions};
 
+fn open(text: &[u8]) -> particlegs::Result<(Description, Got)> {
+    let file = scratch(text);
+    let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &OpenOptions::default())?;
+    Ok((snapshot.description().clone(), read(&*snapshot, 0, &Fields::default())?))
+}
+
+fn detects(text: &[u8]) -> bool {
+    let file = scratch(text);
+    (FORMAT.detect)(&Head::read(file.path()).unwrap())
+}
+
+const TWO: [[f64; 3]; 2] = [[1.0, 2.0, 3.0], [4.0, 5.0, -6.5]];
+
+#[test]
+fn separators_headers_and_comments() {
+    let texts = [
+        "1,2,3\n4,5,-6.5\n",
+        "x,y,z\r\n1,2,3\r\n4,5,-6.5",
+        "\u{feff}id; \"X\" ;Y;Z\n7;1;2;3\n8;4;5;-6.5\n",
+        "# x y z\n\n  1   2\t3 \n4 5 -6.5\n# the end\n",
+        "z\ty\tx\tname\n3\t2\t1\t\n-6.5\t5\t4\ta b\n",
+        "vx vy vz Points:0 Points:1 Points:2\n0 0 0 1 2 3\n0 0 0 4 5 -6.5\n",
+        "name,Coordinates_0,Coordinates_1,Coordinates_2\n\"a, b\",\"1\", 2,3\nc,4,5,-6.5\n",
+        "1.0D0 2 3\n4 5 -0.65d+1\n",
+        "%x,y,z,\n1,2,3,\n4,5,-6.5,\n",
+    ];
+    for text in texts {
+        let (_, got) = open(text.as_bytes()).unwrap_or_else(|e| panic!("{text:?}: {e} {}", e.hint()));
+        assert_eq!(got.positions, TWO, "{text:?}");
+        assert!(detects(text.as_bytes()), "{text:?}");
+    }
+}
+
+#[test]
+fn names_state_units_and_masses() {
+    let (d, got) = open(b"x [kpc],y [kpc],z [kpc],Mass (Msun)\n1,2,3,10\n4,5,-6.5,20\n").unwrap();
+    assert_eq!((d.meta.length_unit.as_deref(), d.meta.mass_unit.as_deref()), (Some("kpc"), Some("Msun")));
+    assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("x,y,z", &Mass::Field("Mass".into())));
+    assert_eq!((&got.positions[..], &got.weights[..]), (&TWO[..], &[10.0, 20.0][..]));
+    let (d, _) = open(b"# x y z m [Mpc/h]\n1 2 3 4\n").unwrap();
+    assert_eq!(d.meta.length_unit.as_deref(), Some("Mpc/h"));
+    assert_eq!(d.species[0].fields[3].name, "m");
+    let (d, _) = open(b"a a x y z\n1 2 3 4 5\n").unwrap();
+    assert_eq!(d.species[0].fields[1].name, "a.2");
+}
+
+#[test]
+fn faults_are_named() {
+    let cases: [(&[u8], &str); 7] = [
+        (b"x,y,z\n1,2,3\n4,5\n", "line 3 has 2 columns, not 3"),
+        (b"x,y,z\n1,2,3\n4,5,6,7\n", "line 3 has 4 columns, not 3"),
+        (b"x,y,z\n1,2,3\n\n4,,6\n", "line 4 column 2 (`y`): `` is no number"),
+        (b"x,y,z\n1,2,3\n4,\xff,6\n", "line 3 is no UTF-8 text"),
+        (b"x,y,z\n1,2\0,3\n", "line 2 holds the byte 0x00"),
+        (b"# nothing\n\n", "there are no rows"),
+        (b"a,b,c\n1,2,3\n", "no columns have the names of positions"),
+    ];
+    for (text, expected) in cases {
+        let message = open(text).err().map_or("it was read".into(), |e| e.to_string());
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn other_texts_are_not_taken_for_tables() {
+    let others: [&[u8]; 8] = [
+        b"Call me Ishmael. Some years ago, never mind how long,\nhaving little or no money, in my purse\n",
+        b"ATOM      1  N   MET A   1      27.340  24.430   2.614  1.00  9.67           N\n\
+          ATOM      2  CA  MET A   1      26.266  25.413   2.842  1.00 10.38           C\n",
+        b"{\"a\": [1, 2, 3],\n\"b\": [1, 2, 3]}\n",
+        b"1,2\n3,4\n",
+        b"\x00\x01\x02\n1 2 3\n",
+        b"a,b,c\nd,e,f\n",
+        b"                                  ",
+        b"MD of water, t= 0.0\n 3\n    1SOL     OW    1   0.126   1.624   1.679\n    1SOL    HW1    2   0.190   1.661   1.747\n",
+    ];
+    for text in others {
+        assert!(!detects(text), "{}", String::from_utf8_lossy(text));
+    }
+}

@@ -79,7 +79,7 @@ impl Sections<'_, '_> {
     }
 
     fn line(&mut self) -> Result<Vec<u8>> {
-        match self.lines.next()? {
+        match self.lines.line()? {
             Some(line) => Ok(line.to_vec()),
             None => Err(self.error("the file is cut off here")),
         }
@@ -91,7 +91,7 @@ impl Sections<'_, '_> {
         let mut begun = false;
         let mut has_box = false;
         loop {
-            let line = match self.lines.next()? {
+            let line = match self.lines.line()? {
                 Some(line) => line.to_vec(),
                 None if begun => return Err(self.error("the file is cut off here")),
                 None => return Ok(None),

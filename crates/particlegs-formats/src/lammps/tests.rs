@@ -1,1 +1,176 @@
+use super::{FORMAT, write};
+use crate::{Fields, Mass, OpenOptions, Snapshot, Weights};
+use particlegs::particles::{Cell, Column, Kept, Particles, Selection, Tiling};
+use particlegs::progress::Silent;
+use std::path::PathBuf;
 
+use crate::text::testing::{Got, read, scratch};
+
+const HEAD: &str = "ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp ff ps\n-1 9\n0 10\n0 10\n";
+
+fn open(text: &str) -> particlegs::Result<Box<dyn Snapshot>> {
+    open_frame(text, None)
+}
+
+fn open_frame(text: &str, frame: Option<u64>) -> particlegs::Result<Box<dyn Snapshot>> {
+    let file = scratch(text.as_bytes());
+    (FORMAT.open)(&[file.path().to_path_buf()], &OpenOptions { frame, ..OpenOptions::default() })
+}
+
+/// Opens and reads species 0 while the file is there.
+fn all(text: &str, fields: &Fields) -> particlegs::Result<Vec<Got>> {
+    let file = scratch(text.as_bytes());
+    let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &OpenOptions::default())?;
+    (0..snapshot.description().species.len()).map(|s| read(&*snapshot, s, fields)).collect()
+}
+
+fn message(text: &str) -> String {
+    match all(text, &Fields::default()) {
+        Ok(_) => panic!("it was read"),
+        Err(e) => format!("{e} ({})", e.hint()),
+    }
+}
+
+#[test]
+fn a_frame_is_described_and_read() {
+    let text = format!(
+        "ITEM: UNITS\nreal\nITEM: TIME\n0.25\n{HEAD}ITEM: ATOMS id mass x y z q\n1 2 1 2 3 .1\n2 4 -4e-1 +5 6 0\n"
+    );
+    let snapshot = open(&text).unwrap();
+    let d = snapshot.description();
+    assert_eq!((d.meta.length_unit.as_deref(), d.meta.time), (Some("Angstrom"), Some(0.25)));
+    let cell = d.meta.cell.unwrap();
+    assert_eq!((cell.origin, cell.periodic), ([-1.0, 0.0, 0.0], [true, false, false]));
+    assert_eq!(cell.lengths(), Some([10.0; 3]));
+    let frames = d.frames.unwrap();
+    assert_eq!((frames.count, frames.chosen, frames.step), (1, 0, Some(7)));
+    assert_eq!((d.species.len(), d.species[0].count, &d.species[0].mass), (1, 2, &Mass::Field("mass".into())));
+    let got = all(&text, &Fields::default()).unwrap();
+    assert_eq!(got[0].positions, [[1.0, 2.0, 3.0], [f64::from(-0.4f32), 5.0, 6.0]]);
+    assert_eq!(got[0].weights, [2.0, 4.0]);
+}
+
+#[test]
+fn scaled_positions_lie_in_the_cell_and_others_can_be_chosen() {
+    let text = format!("{HEAD}ITEM: ATOMS xsu ysu zsu xs ys zs xu yu zu\n0 0 0 .5 .25 1 7 8 9\n0 0 0 0 0 0 1 1 1\n");
+    assert_eq!(all(&text, &Fields::default()).unwrap()[0].positions[0], [4.0, 2.5, 10.0]);
+    let fields = |name: &str| Fields { positions: Some(name.into()), weights: Weights::Field("zu".into()) };
+    let got = all(&text, &fields("xu,yu,zu")).unwrap();
+    assert_eq!((got[0].positions[0], got[0].weights[0]), ([7.0, 8.0, 9.0], 9.0));
+    assert_eq!(all(&text, &fields("xsu,ysu,zsu")).unwrap()[0].positions[0], [-1.0, 0.0, 0.0]);
+    for wrong in ["xs,ys,zu", "xs,ys", "vx,vy,vz"] {
+        assert!(all(&text, &fields(wrong)).is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn tilted_boxes_are_told_from_the_boxes_around_them() {
+    let rows = "ITEM: ATOMS xs ys zs\n0 0 0\n1 1 1\n";
+    let tilted =
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS xy xz yz pp pp pp\n-2 14 -2\n-1 10 4\n0 5 -1\n";
+    let snapshot = open(&format!("{tilted}{rows}")).unwrap();
+    let cell = snapshot.description().meta.cell.unwrap();
+    // x: -2 + min(0, -2, 4, 2) = -2 is the lowest corner of the box around it, 14 - 4 the highest.
+    assert_eq!((cell.origin, cell.vectors), ([0.0, 0.0, 0.0], [[10.0, 0.0, 0.0], [-2.0, 10.0, 0.0], [4.0, -1.0, 5.0]]));
+    let general = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS abc origin pp pp pp\n1 2 3 -1\n0 2 3 -2\n0 0 3 -3\n";
+    let got = all(&format!("{general}{rows}"), &Fields::default()).unwrap();
+    assert_eq!(got[0].positions, [[-1.0, -2.0, -3.0], [0.0, 2.0, 6.0]]);
+}
+
+#[test]
+fn types_are_species() {
+    let text =
+        format!("{}ITEM: ATOMS id type x y z\n1 10 1 1 1\n2 9 2 2 2\n3 9 3 3 3\n", HEAD.replace("\n2\n", "\n3\n"));
+    let got = all(&text, &Fields { weights: Weights::Field("id".into()), ..Fields::default() }).unwrap();
+    assert_eq!(got.iter().map(|g| &g.name[..]).collect::<Vec<_>>(), ["type 9", "type 10"]);
+    assert_eq!((&got[0].weights[..], &got[1].weights[..]), (&[2.0, 3.0][..], &[1.0][..]));
+    assert!(open(&text).unwrap().description().species[1].aliases.contains(&"10".to_string()));
+}
+
+#[test]
+fn frames_are_counted_and_the_last_or_a_chosen_one_is_read() {
+    let frame =
+        |step: u32| format!("{HEAD}ITEM: ATOMS x y z\n{step} 0 0\n1 1 1\n").replace("\n7\n", &format!("\n{step}\n"));
+    let text = [frame(5), frame(6), frame(8)].concat();
+    let frames = open(&text).unwrap().description().frames.unwrap();
+    assert_eq!((frames.count, frames.chosen, frames.step), (3, 2, Some(8)));
+    let frames = open_frame(&text, Some(1)).unwrap().description().frames.unwrap();
+    assert_eq!((frames.count, frames.chosen, frames.step), (3, 1, Some(6)));
+    assert!(open_frame(&text, Some(3)).is_err());
+    let cut = &text[..text.len() - 7];
+    assert!(message(cut).contains("frame 2 is cut off: it states 2 atoms, and 1 lines follow (`--frame 1`"));
+    let earlier = open_frame(cut, Some(1)).unwrap();
+    assert!(earlier.description().notes[0].contains("frame 2 cannot be read"));
+}
+
+#[test]
+fn faults_are_named() {
+    let cases = [
+        ("ITEM: ATOMS x y z\n1 2\n1 2 3\n", "line 10 has 2 columns, not 3"),
+        ("ITEM: ATOMS x y z\n1 2 3 4\n1 2 3\n", "line 10 has 4 columns, not 3"),
+        ("ITEM: ATOMS x y z\n1 2 3\n1 abc 3\n", "line 11 column 2 (`y`): `abc` is no number"),
+        ("ITEM: ATOMS x y z\n1 2 3\n", "frame 0 is cut off: it states 2 atoms, and 1 lines follow"),
+        ("ITEM: ATOMS x y z\n1 2 3\n1 2 3\n1 2 3\n", "line 12 is `1 2 3`, and frame 0 states 2 atoms only"),
+        ("ITEM: ATOMS\n1\n2\n", "names no columns"),
+        ("ITEM: ATOMS vx vy vz\n1 2 3\n1 2 3\n", "no columns have the names of positions"),
+        ("ITEM: GRID\n", "is none of a dump of atoms"),
+    ];
+    for (text, expected) in cases {
+        let message = message(&format!("{HEAD}{text}"));
+        assert!(message.contains(expected), "{message}");
+    }
+    let rest = "ITEM: ATOMS x y z\n1 2 3\n1 2 3\n";
+    for (from, to) in [("-1 9", "9 -1"), ("-1 9", "nan 9"), ("-1 9", "1"), ("\n2\n", "\n-2\n"), ("\n2\n", "\nx\n")] {
+        message(&format!("{}{rest}", HEAD.replace(from, to)));
+    }
+    message(rest);
+}
+
+fn particles() -> Particles {
+    let n = 70_000usize;
+    let value =
+        |i: usize, k: u32| f32::from_bits(0x3f80_0000 + (i as u32).wrapping_mul(2_654_435_761 >> k) % 0x0200_0000);
+    let column = |k| (0..n).map(|i| if i % 3 == 0 { -value(i, k) } else { value(i, k) * 1e-9 }).collect();
+    Particles::from_columns(column(0), column(1), column(2))
+}
+
+fn written(particles: &Particles) -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out.dump");
+    let kept = Kept::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let bytes = write::write(&kept, &out, &Silent).unwrap();
+    assert_eq!(bytes, std::fs::metadata(&out).unwrap().len());
+    (dir, out)
+}
+
+#[test]
+fn what_is_written_reads_back_with_equal_bits() {
+    let mut p = particles();
+    p.weights = Some(Column::owned((0..p.len()).map(|i| 0.1 + i as f32).collect()));
+    p.meta.length_unit = Some("nm".into());
+    let cells = [
+        Some(Cell::orthogonal([20.0, 30.0, 40.0])),
+        Some(Cell {
+            origin: [1.0, 2.0, 3.0],
+            vectors: [[8.0, 0.0, 0.0], [2.0, 8.0, 0.0], [-4.0, 1.0, 8.0]],
+            periodic: [true, false, true],
+        }),
+        Some(Cell {
+            origin: [1.0, 2.0, 3.0],
+            vectors: [[8.0, 1.0, 0.0], [2.0, 8.0, 0.0], [-4.0, 1.0, 8.0]],
+            periodic: [false; 3],
+        }),
+        None,
+    ];
+    for cell in cells {
+        p.meta.cell = cell;
+        let (_dir, out) = written(&p);
+        let snapshot = (FORMAT.open)(&[out], &OpenOptions::default()).unwrap();
+        let meta = &snapshot.description().meta;
+        assert_eq!(meta.length_unit.as_deref(), Some("nm"));
+        assert!(cell.is_none() || meta.cell == cell, "{:?} is not {cell:?}", meta.cell);
+        let got = read(&*snapshot, 0, &Fields::default()).unwrap();
+        assert!((0..p.len()).all(|i| got.positions[i] == p.position(i)));
+        assert_eq!(&got.weights[..], p.weights.as_deref().unwrap());
+    }
+}

@@ -1,1 +1,227 @@
-//! LAMMPS text out.
+//! LAMMPS text out: one frame, `id type x y z` and masses where they are known.
+
+use particlegs::particles::{Cell, Kept, Run};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result, output};
+use rayon::prelude::*;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Runs formatted at once, at most: some MB of text each.
+const BATCH: usize = 8;
+
+/// Writes `kept` as one frame; bytes written. Numbers are the shortest text that gives the same bits
+/// when it is read again. A particle's type is its layer's number, from 1; its mass stands in a
+/// column `mass` where all masses are known.
+///
+/// # Errors
+/// [`Error::Io`] where the place cannot be written; nothing is left then; [`Error::Input`] for
+/// positions that do not fit into float32; [`Error::Cancelled`].
+pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+    let frame = FrameOut::new(kept, progress)?;
+    progress.begin("writing", kept.total());
+    let mut bytes = 0;
+    let mut failed = None;
+    let done = output::write_atomic(out, |to| {
+        let header = frame.header();
+        to.write_all(header.as_bytes())?;
+        bytes = header.len() as u64;
+        frame
+            .rows(progress, &mut |text| {
+                to.write_all(text)?;
+                bytes += text.len() as u64;
+                Ok(())
+            })
+            .map_err(|e| match e {
+                Stop::Io(e) => e,
+                Stop::Other(e) => {
+                    failed = Some(e);
+                    std::io::Error::other("stopped")
+                }
+            })
+    });
+    done.map_err(|e| failed.unwrap_or(e))?;
+    progress.end();
+    Ok(bytes)
+}
+
+/// Why writing ends early.
+enum Stop {
+    Io(std::io::Error),
+    Other(Error),
+}
+
+struct FrameOut<'a> {
+    kept: &'a Kept<'a>,
+    cell: Cell,
+    /// Mass of a particle of weight 1, by layer; none where masses are not known.
+    masses: Option<Vec<f64>>,
+}
+
+impl<'a> FrameOut<'a> {
+    fn new(kept: &'a Kept<'a>, progress: &dyn Progress) -> Result<Self> {
+        let layers = kept.layers();
+        let known = kept.weighted() || layers.iter().all(|l| l.particle_mass.is_some());
+        let masses = known.then(|| layers.iter().map(|l| l.particle_mass.unwrap_or(1.0)).collect());
+        let cell = match kept.meta().cell {
+            Some(cell) => cell,
+            None => bounds(kept, progress)?,
+        };
+        Ok(FrameOut { kept, cell, masses })
+    }
+
+    fn header(&self) -> String {
+        let mut text = String::new();
+        if let Some(style) = style_of(self.kept) {
+            let _ = writeln!(text, "ITEM: UNITS\n{style}");
+        }
+        let _ = writeln!(text, "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{}", self.kept.total());
+        box_bounds(&self.cell, &mut text);
+        let mass = if self.masses.is_some() { " mass" } else { "" };
+        let _ = writeln!(text, "ITEM: ATOMS id type x y z{mass}");
+        text
+    }
+
+    /// Formats runs in parallel and gives their text in order.
+    fn rows(
+        &self,
+        progress: &dyn Progress,
+        write: &mut dyn FnMut(&[u8]) -> std::io::Result<()>,
+    ) -> std::result::Result<(), Stop> {
+        let batch = (2 * rayon::current_num_threads()).min(BATCH);
+        let mut scratch: Vec<(Run, Vec<u8>)> = (0..batch).map(|_| Default::default()).collect();
+        let mut next = 0;
+        while next < self.kept.runs() {
+            let runs = next..self.kept.runs().min(next + batch as u64);
+            let format = |(id, (run, text)): (u64, &mut (Run, Vec<u8>))| {
+                progress.check()?;
+                text.clear();
+                self.format(id, run, text)?;
+                progress.advance(run.columns[0].len() as u64);
+                Ok(())
+            };
+            let work: Vec<_> = runs.clone().zip(&mut scratch).collect();
+            work.into_par_iter().map(format).collect::<Result<()>>().map_err(Stop::Other)?;
+            for (_, text) in &scratch[..(runs.end - runs.start) as usize] {
+                write(text).map_err(Stop::Io)?;
+            }
+            next = runs.end;
+        }
+        Ok(())
+    }
+
+    /// Appends the lines of run `id` to `text`.
+    fn format(&self, id: u64, run: &mut Run, text: &mut Vec<u8>) -> Result<()> {
+        self.kept.load(id, run)?;
+        let layer = self.kept.layer_of(id);
+        let [x, y, z, weights] = &run.columns;
+        let mut number = zmij::Buffer::new();
+        for i in 0..x.len() {
+            push_whole(self.kept.first(id) + i as u64 + 1, text);
+            text.push(b' ');
+            push_whole(layer as u64 + 1, text);
+            for column in [x, y, z] {
+                text.push(b' ');
+                text.extend_from_slice(number.format(column[i]).as_bytes());
+            }
+            if let Some(masses) = &self.masses {
+                text.push(b' ');
+                // A weight that is the mass itself keeps its bits.
+                let mass = match weights.get(i) {
+                    Some(&weight) if masses[layer] == 1.0 => number.format(weight),
+                    Some(&weight) => number.format(f64::from(weight) * masses[layer]),
+                    None => number.format(masses[layer]),
+                };
+                text.extend_from_slice(mass.as_bytes());
+            }
+            text.push(b'\n');
+        }
+        Ok(())
+    }
+}
+
+fn push_whole(mut value: u64, text: &mut Vec<u8>) {
+    let mut digits = [0; 20];
+    let mut at = digits.len();
+    loop {
+        at -= 1;
+        digits[at] = b'0' + (value % 10) as u8;
+        value /= 10;
+        if value == 0 {
+            break;
+        }
+    }
+    text.extend_from_slice(&digits[at..]);
+}
+
+/// The box around particles that have no cell; it repeats nowhere.
+fn bounds(kept: &Kept<'_>, progress: &dyn Progress) -> Result<Cell> {
+    progress.begin("finding the box", kept.total());
+    let of_run = |run: &mut Run, id: u64| {
+        progress.check()?;
+        kept.load(id, run)?;
+        progress.advance(run.columns[0].len() as u64);
+        Ok([0, 1, 2].map(|k| {
+            let both = |(low, high): (f32, f32), &v: &f32| (low.min(v), high.max(v));
+            run.columns[k].iter().fold((f32::INFINITY, f32::NEG_INFINITY), both)
+        }))
+    };
+    let ends: Vec<[(f32, f32); 3]> =
+        (0..kept.runs()).into_par_iter().map_init(Run::default, of_run).collect::<Result<_>>()?;
+    progress.end();
+    let (mut origin, mut lengths) = ([0.0; 3], [0.0; 3]);
+    for k in 0..3 {
+        let low = ends.iter().map(|e| e[k].0).fold(f32::INFINITY, f32::min);
+        let high = ends.iter().map(|e| e[k].1).fold(f32::NEG_INFINITY, f32::max);
+        // A box has some thickness.
+        let room = if low < high { 0.0 } else { 0.5 };
+        origin[k] = f64::from(low) - room;
+        lengths[k] = f64::from(high) + room - origin[k];
+    }
+    Ok(Cell { origin, periodic: [false; 3], ..Cell::orthogonal(lengths) })
+}
+
+/// The style of units in which lengths and masses are what they are. Styles that share both are told
+/// apart by quantities that are not written.
+fn style_of(kept: &Kept<'_>) -> Option<&'static str> {
+    let meta = kept.meta();
+    if meta.comoving == Some(true) {
+        return None;
+    }
+    let styles = ["metal", "si", "cgs", "electron", "micro", "nano", "lj"];
+    styles.into_iter().find(|style| {
+        let (length, mass) = super::units_of(style);
+        length == meta.length_unit.as_deref() && (meta.mass_unit.is_none() || meta.mass_unit.as_deref() == mass)
+    })
+}
+
+/// The box as LAMMPS writes it: upright, tilted, or with any vectors.
+fn box_bounds(cell: &Cell, text: &mut String) {
+    let [a, b, c] = cell.vectors;
+    let flags = cell.periodic.map(|p| if p { "pp" } else { "ff" }).join(" ");
+    let low = cell.origin;
+    let is_upper = a[1] == 0.0 && a[2] == 0.0 && b[2] == 0.0 && a[0] > 0.0 && b[1] > 0.0 && c[2] > 0.0;
+    let (shape, rows) = if !is_upper {
+        ("abc origin ", (0..3).map(|k| [&cell.vectors[k][..], &low[k..=k]].concat()).collect())
+    } else {
+        let [xy, xz, yz] = [b[0], c[0], c[1]];
+        let shifts = [vec![0.0, xy, xz, xy + xz], vec![0.0, yz], vec![0.0]];
+        let row = |k: usize| {
+            let least = shifts[k].iter().copied().fold(0.0, f64::min);
+            let most = shifts[k].iter().copied().fold(0.0, f64::max);
+            vec![low[k] + least, low[k] + cell.vectors[k][k] + most]
+        };
+        let mut rows: Vec<Vec<f64>> = (0..3).map(row).collect();
+        let is_tilted = xy != 0.0 || xz != 0.0 || yz != 0.0;
+        if is_tilted {
+            rows.iter_mut().zip([xy, xz, yz]).for_each(|(row, tilt)| row.push(tilt));
+        }
+        (if is_tilted { "xy xz yz " } else { "" }, rows)
+    };
+    let _ = writeln!(text, "ITEM: BOX BOUNDS {shape}{flags}");
+    let mut number = zmij::Buffer::new();
+    for row in rows as Vec<Vec<f64>> {
+        let row: Vec<String> = row.iter().map(|v| number.format(*v).to_string()).collect();
+        let _ = writeln!(text, "{}", row.join(" "));
+    }
+}

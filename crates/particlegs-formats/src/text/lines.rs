@@ -112,7 +112,7 @@ impl<'a> Lines<'a> {
     ///
     /// # Errors
     /// Those of reading; [`Error::Input`] for a line that is too long.
-    pub fn next(&mut self) -> Result<Option<&[u8]>> {
+    pub fn line(&mut self) -> Result<Option<&[u8]>> {
         if !self.fill()? {
             return Ok(None);
         }
@@ -124,7 +124,7 @@ impl<'a> Lines<'a> {
     /// The next line, without its end and without going past it.
     ///
     /// # Errors
-    /// Those of [`Lines::next`].
+    /// Those of [`Lines::line`].
     pub fn peek(&mut self) -> Result<Option<&[u8]>> {
         if !self.fill()? {
             return Ok(None);
@@ -137,7 +137,7 @@ impl<'a> Lines<'a> {
     /// Whole lines, as many as are at hand; nothing at the end.
     ///
     /// # Errors
-    /// Those of [`Lines::next`].
+    /// Those of [`Lines::line`].
     pub fn block(&mut self) -> Result<Option<&[u8]>> {
         Ok(if self.fill()? { Some(&self.buffer[self.start..self.whole]) } else { None })
     }
@@ -150,7 +150,7 @@ impl<'a> Lines<'a> {
     /// Goes past `count` lines, giving them to `each` in blocks, and says how many there were.
     ///
     /// # Errors
-    /// Those of [`Lines::next`] and of `each`.
+    /// Those of [`Lines::line`] and of `each`.
     pub fn pass(&mut self, count: u64, mut each: impl FnMut(Place, &[u8]) -> Result<()>) -> Result<u64> {
         let mut left = count;
         while left > 0 && self.fill()? {

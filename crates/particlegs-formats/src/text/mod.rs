@@ -8,8 +8,13 @@
 pub mod content;
 pub mod frames;
 pub mod lines;
+mod number;
 pub mod parse;
 pub mod reader;
 pub mod snapshot;
 pub mod split;
 pub mod table;
+#[cfg(test)]
+pub mod testing;
+#[cfg(test)]
+mod tests;

@@ -117,7 +117,7 @@ fn flags(value: &str) -> Result<[bool; 3], String> {
 /// `name:kind:columns`, again and again.
 fn fields(value: &str) -> Result<Vec<Field>, String> {
     let parts: Vec<&str> = value.split(':').collect();
-    if parts.len() % 3 != 0 {
+    if !parts.len().is_multiple_of(3) {
         return Err("`Properties` is not a list of name:kind:columns".into());
     }
     let mut all = 0u32;

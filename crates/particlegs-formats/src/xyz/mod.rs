@@ -94,16 +94,16 @@ fn columns(mut fields: Vec<Field>, table: &Table) -> Columns {
 /// Reads the frame that begins at the next line.
 fn frame(content: &Content, lines: &mut Lines<'_>, number: u64, wanted: bool) -> Result<Option<Frame<FrameHead>>> {
     let error = |what: String| Error::input(content.path(), format!("frame {number}{what}"));
-    let mut first = lines.next()?.map(<[u8]>::to_vec);
+    let mut first = lines.line()?.map(<[u8]>::to_vec);
     while first.as_ref().is_some_and(|line| line.trim_ascii().is_empty()) {
-        first = lines.next()?.map(<[u8]>::to_vec);
+        first = lines.line()?.map(<[u8]>::to_vec);
     }
     let Some(first) = first else { return Ok(None) };
     let at = lines.place().line - 1;
     let count =
         count_of(&first).ok_or_else(|| error(format!(", line {at}: {} is no number of atoms", shown(&first))))?;
     let line =
-        lines.next()?.map(<[u8]>::to_vec).ok_or_else(|| error(" is cut off behind the number of atoms".into()))?;
+        lines.line()?.map(<[u8]>::to_vec).ok_or_else(|| error(" is cut off behind the number of atoms".into()))?;
     let comment = Comment::parse(&line).map_err(|what| error(format!(", line {}: {what}", at + 1)))?;
     let fields = match comment.fields.clone() {
         Some(fields) => fields,

@@ -1,1 +1,75 @@
+use super::FORMAT;
+use crate::text::testing::{Got, read, scratch};
+use crate::{Description, Fields, Mass, OpenOptions, Weights};
 
+fn open(text: &str, frame: Option<u64>, fields: &Fields) -> particlegs::Result<(Description, Vec<Got>)> {
+    let file = scratch(text.as_bytes());
+    let options = OpenOptions { frame, ..OpenOptions::default() };
+    let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &options)?;
+    let d = snapshot.description().clone();
+    let got = (0..d.species.len()).map(|s| read(&*snapshot, s, fields)).collect::<particlegs::Result<_>>()?;
+    Ok((d, got))
+}
+
+fn message(text: &str) -> String {
+    match open(text, None, &Fields::default()) {
+        Ok(_) => panic!("it was read"),
+        Err(e) => e.to_string(),
+    }
+}
+
+#[test]
+fn plain_frames_with_species_by_symbol() {
+    let text = "3\nfirst\nH 0 0 0\nO 1 2 3 9\nH 4 5 6\n";
+    assert!(message(text).contains("line 4 has 5 columns, not 4"));
+    let text = "3\nfirst\n H 0 0 0\n O 1 2 3\n H 4 5 6\n 1\n\nO 7 8 9\n\n";
+    let (d, got) = open(text, Some(0), &Fields::default()).unwrap();
+    assert_eq!((d.frames.unwrap().count, d.format), (2, "XYZ".into()));
+    assert_eq!(got.iter().map(|g| &g.name[..]).collect::<Vec<_>>(), ["H", "O"]);
+    assert_eq!(got[0].positions, [[0.0; 3], [4.0, 5.0, 6.0]]);
+    assert_eq!(got[1].positions, [[1.0, 2.0, 3.0]]);
+    let (d, got) = open(text, None, &Fields::default()).unwrap();
+    assert_eq!((&got[0].name[..], &d.species[0].aliases[..]), ("atoms", &["o".to_string()][..]));
+    assert_eq!(got[0].positions, [[7.0, 8.0, 9.0]]);
+    assert_eq!(open("1\nno symbols\n1 2 3\n", None, &Fields::default()).unwrap().1[0].positions, [[1.0, 2.0, 3.0]]);
+}
+
+#[test]
+fn extended_frames_state_cell_and_columns() {
+    let text = "2\nLattice=\"2 0 0 0 3 0 1 0 4\" Origin=\"-1 0 1\" Properties=id:I:1:pos:R:3:velo:R:3:mass:R:1:species:S:1 pbc=\"T F T\" energy=-1 name='a b'\n\
+        1 0 0 0 1 1 1 5 Si\n2 1 2 3 4 5 6 7 Si\n";
+    let (d, got) = open(text, None, &Fields::default()).unwrap();
+    let cell = d.meta.cell.unwrap();
+    assert_eq!((cell.origin, cell.periodic), ([-1.0, 0.0, 1.0], [true, false, true]));
+    assert_eq!(cell.vectors[2], [1.0, 0.0, 4.0]);
+    assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("pos", &Mass::Field("mass".into())));
+    assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[1.0, 2.0, 3.0], &[5.0, 7.0][..]));
+    let fields = Fields { positions: Some("velo".into()), weights: Weights::Field("id".into()) };
+    let (_, got) = open(text, None, &fields).unwrap();
+    assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[4.0, 5.0, 6.0], &[1.0, 2.0][..]));
+    let bare = "0\nLattice=\"2 0 0 0 3 0 1 0 4\"\n";
+    assert_eq!(open(bare, None, &Fields::default()).unwrap().0.meta.cell.unwrap().periodic, [true; 3]);
+}
+
+#[test]
+fn faults_are_named() {
+    let cases = [
+        ("x\n\n", "frame 0, line 1: `x` is no number of atoms"),
+        ("-1\n\n", "`-1` is no number of atoms"),
+        ("2", "is cut off behind the number of atoms"),
+        ("2\n\nH 1 2 3\n", "it states 2 atoms, and 1 lines follow"),
+        ("1\n\nH 1 2 x\n", "line 3 column 4 (`pos`): `x` is no number"),
+        ("1\nLattice=\"1 2\"\nH 1 2 3\n", "`Lattice` has 2 numbers, not 9"),
+        ("1\nLattice=\"1 0 0 0 inf 0 0 0 1\"\nH 1 2 3\n", "`Lattice`: `inf` is not finite"),
+        ("1\nProperties=pos:R\nH 1 2 3\n", "not a list of name:kind:columns"),
+        ("1\nProperties=pos:R:4000000000\nH 1 2 3\n", "is no number of columns"),
+        ("1\nProperties=pos:Q:3\nH 1 2 3\n", "kind `Q` is none of"),
+        ("1\npbc=\"T T\"\nH 1 2 3\n", "`pbc` has 2 values"),
+        ("1\nProperties=species:S:1:velo:R:3\nH 1 2 3\n", "no columns have the names of positions"),
+        ("1\n\nH 1 2 3\nH 4 5 6\n", "frame 1, line 4: `H 4 5 6` is no number of atoms"),
+    ];
+    for (text, expected) in cases {
+        let message = message(text);
+        assert!(message.contains(expected), "{message}");
+    }
+}

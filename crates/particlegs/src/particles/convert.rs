@@ -94,10 +94,17 @@ mod tests {
     #[test]
     fn a_copy_is_the_same_and_keeps_what_is_known() {
         let p = ramp();
-        for name in ["copy", "copy.npy"] {
-            let back = run(&p, Tiling::single(), Selection::all(), name).unwrap();
-            assert!((0..p.len()).all(|i| back.position(i) == p.position(i)), "{name}");
-        }
+        let back = run(&p, Tiling::single(), Selection::all(), "copy").unwrap();
+        assert!((0..p.len()).all(|i| back.position(i) == p.position(i)));
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("copy.npy");
+        convert(&p, Tiling::single(), Selection::all(), &out, &Silent).unwrap();
+        let bytes = std::fs::read(&out).unwrap();
+        let triples: Vec<f32> = bytes[bytes.len() - 12 * p.len()..]
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+            .collect();
+        assert!((0..p.len()).all(|i| (0..3).all(|k| f64::from(triples[3 * i + k]) == p.position(i)[k])));
         let back = run(&p, Tiling::single(), Selection::all(), "copy").unwrap();
         assert_eq!((back.meta.cell, back.meta.length_unit), (p.meta.cell, p.meta.length_unit));
     }

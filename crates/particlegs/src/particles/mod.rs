@@ -13,7 +13,6 @@ mod layer;
 mod load;
 mod masses;
 mod meta;
-mod npy;
 mod open;
 mod select;
 mod sidecar;

@@ -1,6 +1,6 @@
 //! Opens raw float32: a folder, or three or four files; checks the values of any snapshot.
 
-use super::{Column, ParticleLayer, Particles, Positions, SnapshotMeta, npy, sidecar, sidecar::Sidecar};
+use super::{Column, ParticleLayer, Particles, Positions, SnapshotMeta, sidecar, sidecar::Sidecar};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::fs::File;
@@ -17,7 +17,6 @@ use std::sync::Arc;
 pub fn open_raw(paths: &[PathBuf]) -> Result<Particles> {
     let particles = match paths {
         [] => return Err(Error::argument("no snapshot was named")),
-        [one] if one.is_file() && npy::is_npy(one)? => npy::open(one)?,
         [folder] => open_folder(folder)?,
         [_, _, _] | [_, _, _, _] => open_columns(paths)?,
         more => {

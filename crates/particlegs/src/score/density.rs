@@ -29,13 +29,16 @@ pub struct DensityAgreement {
 }
 
 impl DensityGrid {
-    /// `longest` cells along the longest extent, about as long along the others.
+    /// `longest` cells along the longest extent, about as long along the others. Along an axis whose
+    /// box the particles fill less than half, as a cut-out or a zoom does, the grid is over them.
     pub fn new(bounds: &Bounds, cell: Option<&Cell>, longest: u16) -> Self {
         let (mut extent, center) = (bounds.extent_nonzero(), bounds.center());
         let mut periodic = [false; 3];
         if let Some((lengths, cell)) = cell.and_then(|c| Some((c.lengths()?, c))) {
-            for k in (0..3).filter(|&k| cell.periodic[k]) {
-                (extent[k], periodic[k]) = (lengths[k], true);
+            for k in 0..3 {
+                if cell.periodic[k] && extent[k] > 0.5 * lengths[k] {
+                    (extent[k], periodic[k]) = (lengths[k], true);
+                }
             }
         }
         let side = extent[0].max(extent[1]).max(extent[2]) / f64::from(longest.max(1));

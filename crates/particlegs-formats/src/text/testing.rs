@@ -1,0 +1,52 @@
+//! What the tests of text formats share.
+
+use crate::{Fields, Snapshot};
+use particlegs::Result;
+use particlegs::particles::RUN;
+use particlegs::progress::Silent;
+use std::io::Write;
+use std::sync::Mutex;
+
+/// What was read of a species.
+pub struct Got {
+    /// Its name.
+    pub name: String,
+    /// World positions.
+    pub positions: Vec<[f64; 3]>,
+    /// Empty without weights.
+    pub weights: Vec<f32>,
+}
+
+/// A file with this content.
+pub fn scratch(content: &[u8]) -> tempfile::NamedTempFile {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(content).unwrap();
+    file
+}
+
+/// Reads a species whole, and again from its second run on.
+pub fn read(snapshot: &dyn Snapshot, species: usize, fields: &Fields) -> Result<Got> {
+    let reader = snapshot.reader(species, fields)?;
+    let runs = reader.count().div_ceil(RUN as u64);
+    let gather = |from: u64| -> Result<Vec<([f64; 3], f32)>> {
+        let parts: Vec<Mutex<Vec<([f64; 3], f32)>>> = (from..runs).map(|_| Mutex::default()).collect();
+        reader.read(from..runs, &Silent, &|run, chunk| {
+            let origin = reader.origin();
+            let at = |i: usize| std::array::from_fn(|k| origin[k] + f64::from(chunk.position[k][i]));
+            let weight = |i: usize| chunk.weight.map_or(0.0, |w| w[i]);
+            let mut part = parts[(run - from) as usize].lock().unwrap();
+            assert!(part.is_empty() && chunk.len() <= RUN);
+            *part = (0..chunk.len()).map(|i| (at(i), weight(i))).collect();
+            Ok(())
+        })?;
+        Ok(parts.into_iter().flat_map(|part| part.into_inner().unwrap()).collect())
+    };
+    let all = gather(0)?;
+    assert_eq!(all.len() as u64, reader.count());
+    if runs > 1 {
+        assert!(gather(1)? == all[RUN..], "a later run differs");
+    }
+    let name = snapshot.description().species[species].name.clone();
+    let (positions, weights) = all.into_iter().unzip();
+    Ok(Got { name, positions, weights: if reader.has_weights() { weights } else { Vec::new() } })
+}
