@@ -78,7 +78,9 @@ fn describe(path: &Path, files: &[File]) -> Result<Description> {
     };
     let positions = [axis(0), axis(1), axis(2)].join(",");
     let other: Vec<&str> = first.variables.iter().filter(|v| !has(v)).map(|v| &v.name[..]).collect();
-    let notes = if other.is_empty() { vec![] } else { vec![format!("no numbers, not read: {}", other.join(", "))] };
+    let units = "the file has no units; HACC's usual length is Mpc/h: `--length-unit` states it";
+    let unread = (!other.is_empty()).then(|| format!("no numbers, not read: {}", other.join(", ")));
+    let notes = std::iter::once(units.to_string()).chain(unread).collect();
     let species = Species { name: "particles".into(), aliases: vec![], count, mass, positions, fields };
     let files = files.iter().map(|f| f.path.clone()).collect();
     Ok(Description { format, files, meta: meta(path, first), species: vec![species], frames: None, notes })

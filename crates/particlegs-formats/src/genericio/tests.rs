@@ -92,6 +92,66 @@ fn both_byte_orders_and_several_ranks() {
     }
 }
 
+/// One rank of unsigned integers, each column a chunk that blosc wrote (`chunks.rs`).
+fn compressed(name: &str) -> Vec<u8> {
+    let (_, n, hex) = super::chunks::CHUNKS.iter().find(|c| c.0 == name && c.1 == 256).unwrap();
+    let chunk: Vec<u8> = (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect();
+    let mut m = Make { big_endian: false, bytes: b"HACC01L\0".to_vec() };
+    let n = u64::from(*n);
+    let blocks = 168 + 272 * 3 + 48;
+    let size = blocks + 48 * 3;
+    [size, n, 1, 1, 1, 3, 272, 168, 1, 48, 168 + 272 * 3, 168].iter().for_each(|&v| m.int(v));
+    (0..6).for_each(|_| m.int(0));
+    [48, blocks].iter().for_each(|&v| m.int(v));
+    for name in ["x", "y", "z"] {
+        let mut text = name.as_bytes().to_vec();
+        text.resize(256, 0);
+        m.bytes.extend(text);
+        [0, 4].iter().for_each(|&v| m.int(v));
+    }
+    let start = size + 8;
+    let stored = chunk.len() as u64 + 8;
+    [0, 0, 0, n, start, 0].iter().for_each(|&v| m.int(v));
+    for k in 0..3 {
+        m.bytes.extend(b"BLOSC");
+        m.bytes.resize(m.bytes.len() + 27, 0);
+        [start + k * (stored + 8), stored].iter().for_each(|&v| m.int(v));
+    }
+    m.sum(0);
+    for _ in 0..3 {
+        let from = m.bytes.len();
+        m.int(0);
+        m.bytes.extend(&chunk);
+        m.sum(from);
+    }
+    m.bytes
+}
+
+#[test]
+fn blosc_columns_are_read_and_what_is_broken_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gio");
+    for name in ["blosclz shuffle 1", "lz4 shuffle 2", "zlib shuffle 1", "zstd shuffle 1"] {
+        let good = compressed(name);
+        std::fs::write(&path, &good).unwrap();
+        let got = rows(std::slice::from_ref(&path), &Fields::default()).unwrap();
+        assert!(got.iter().zip(0u32..).all(|(row, i)| row[..3] == [(i / 7 + i * i % 13) as f32; 3]), "{name}");
+        // Data that were damaged before their checksum was made.
+        let header = 168 + 272 * 3 + 48 + 48 * 3 + 8;
+        let length = (good.len() - header) / 3;
+        for at in [8 + 4, 8 + 9, 8 + 16, 8 + 20, 8 + 30] {
+            let mut bad = good.clone();
+            bad[header + at] ^= 0x41;
+            let sum = !crc64(&bad[header..header + length - 8]);
+            bad[header + length - 8..header + length].copy_from_slice(&sum.to_le_bytes());
+            std::fs::write(&path, bad).unwrap();
+            if let Err(e) = rows(std::slice::from_ref(&path), &Fields::default()) {
+                assert!(e.to_string().contains("variable x of rank 0"), "{e}");
+            }
+        }
+    }
+}
+
 #[test]
 fn checksums_are_verified_in_what_is_read() {
     let folder = tempfile::tempdir().unwrap();

@@ -52,6 +52,8 @@ const MOST_LINE: usize = 4096;
 /// More arrays than a file has.
 const MOST_ARRAYS: usize = 1024;
 
+const TABLE: &[u8] = b"LOOKUP_TABLE";
+
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
 /// What an attribute section belongs to.
@@ -278,9 +280,9 @@ impl Scan<'_> {
         let (Some(kind), Ok(components)) = (kind, u32::try_from(components)) else { return Ok(false) };
         if keyword == "SCALARS" {
             // The name of a table of colours stands before the numbers; some writers leave it out.
-            let before = self.at;
-            if !self.line()?.unwrap_or_default().to_ascii_uppercase().starts_with("LOOKUP_TABLE") {
-                self.at = before;
+            let next = self.bytes[self.at..].trim_ascii_start().get(..TABLE.len());
+            if next.is_some_and(|n| n.eq_ignore_ascii_case(TABLE)) {
+                self.line()?;
             }
         }
         let rows = self.rows;

@@ -138,3 +138,29 @@ fn out_and_in_gives_equal_bits() {
     let (_, got) = rows(&path, &species).unwrap();
     assert!(same(&got, &|i| f32::from(u8::from(i >= 66_000))));
 }
+
+/// `tests/data/vtk/written.vtp` was read by VTK 9.7.2 (vtkXMLPolyDataReader): six points, one cell
+/// of all, `mass`, `species` and TimeValue, equal bits.
+#[test]
+fn the_bytes_written_are_those_that_vtk_reads() {
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/vtk/written.vtp");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.vtp");
+    let column = |k: f32| (0..6).map(|i| 1.0 / (i as f32 + k)).collect::<Vec<f32>>();
+    let mut p = Particles::from_columns(column(0.5), column(1.5), column(2.5));
+    p.meta.time = Some(0.125);
+    p.meta.length_unit = Some("kpc/h".into());
+    p.weights = Some(Column::owned(vec![0.5, 0.5, 3.0, 4.0, 5.0, 6.0]));
+    let layer = |name: &str, range, particle_mass, weighted| ParticleLayer {
+        name: name.into(),
+        range,
+        particle_mass,
+        weighted,
+    };
+    p.kinds = vec![layer("dm", 0..2, Some(0.5), false), layer("gas", 2..6, None, true)];
+    written(&p, &path);
+    if std::env::var_os("WRITE_FIXTURES").is_some() {
+        std::fs::copy(&path, &kept).unwrap();
+    }
+    assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(kept).unwrap());
+}

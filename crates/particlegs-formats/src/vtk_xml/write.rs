@@ -155,11 +155,14 @@ fn head(kept: &Kept<'_>, layers: &[KeptLayer], layout: &Layout) -> Result<String
 
 fn text(kept: &Kept<'_>, layers: &[KeptLayer], layout: &Layout, xml: &mut String) -> std::fmt::Result {
     let count = kept.total();
+    // Two dashes would end a comment.
+    let shown = |text: &str| text.replace('-', "_").replace(char::is_control, "?");
+    if let Some(unit) = &kept.meta().length_unit {
+        writeln!(xml, "<!-- lengths in {} -->", shown(unit))?;
+    }
     if layout.species.is_some() {
         for (i, layer) in layers.iter().enumerate() {
-            // Two dashes would end the comment.
-            let name = layer.name.replace('-', "_").replace(char::is_control, "?");
-            writeln!(xml, "<!-- species {i}: {name} -->")?;
+            writeln!(xml, "<!-- species {i}: {} -->", shown(&layer.name))?;
         }
     }
     writeln!(xml, "<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">")?;
