@@ -2,7 +2,6 @@
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use particlegs::particles::{OpenOptions, Particles};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::io::IsTerminal;
@@ -26,31 +25,6 @@ pub struct Common {
     /// Seed of everything drawn at random. Same input, same seed, same bytes.
     #[arg(long, value_name = "N", default_value_t = 42)]
     pub seed: u64,
-}
-
-/// How a snapshot is named and opened.
-#[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "Snapshot options")]
-pub struct SnapshotArgs {
-    /// Periodic box lengths (default: `box` of a meta.json beside the data, else none).
-    #[arg(long = "box", value_name = "Lx,Ly,Lz", value_delimiter = ',', num_args = 1)]
-    pub box_lengths: Option<Vec<f64>>,
-    /// Drop particles with NaN or infinite values instead of refusing them.
-    #[arg(long)]
-    pub skip_invalid: bool,
-}
-
-impl SnapshotArgs {
-    /// Opens the snapshot.
-    pub fn open(&self, paths: &[PathBuf]) -> Result<Particles> {
-        let box_lengths = match self.box_lengths.as_deref() {
-            None => None,
-            Some([l]) => Some([*l; 3]),
-            Some([x, y, z]) => Some([*x, *y, *z]),
-            Some(_) => return Err(Error::argument("--box takes one length or three")),
-        };
-        particlegs::particles::open(paths, &OpenOptions { box_lengths, skip_invalid: self.skip_invalid })
-    }
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);

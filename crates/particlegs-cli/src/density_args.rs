@@ -4,7 +4,7 @@
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
 use particlegs::camera::{DensityView, Frame, Projection, spherical_camera};
-use particlegs::model::Metadata;
+use particlegs::model::Model;
 use particlegs::output::{write_atomic, write_bytes};
 use particlegs::particles::{Cell, Particles};
 use particlegs::picture::{
@@ -76,8 +76,8 @@ impl Quantities {
     }
 
     /// Of a model.
-    pub fn of_model(m: &Metadata) -> Self {
-        let known = m.weighted || m.particle_mass.is_some();
+    pub fn of_model(model: &Model) -> Self {
+        let (m, known) = (&model.metadata, model.has_masses());
         Quantities {
             cell: m.cell,
             length_unit: m.length_unit.clone(),

@@ -3,8 +3,11 @@
 mod commands;
 mod common;
 mod density_args;
+mod info_model;
+mod info_snapshot;
 mod pictures;
 mod report;
+mod snapshot_args;
 mod view_args;
 
 use clap::Parser;

@@ -56,15 +56,14 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
 
 fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let m = &model.metadata;
-    let quantities = Quantities::of_model(m);
+    let quantities = Quantities::of_model(model);
     let extent = m.bounds.extent_nonzero();
     let height = DENSITY_WIDTH as f64 * (extent[1] / extent[0]);
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();
     let size = Size { width: DENSITY_WIDTH, height: height as usize };
     let width = extent[0].max(extent[1] * DENSITY_WIDTH as f64 / height);
     let view = DensityView::orthographic("density", m.bounds.center(), [0.0; 2], width, None, size, &m.bounds, m.cell)?;
-    let unit_mass = m.particle_mass.unwrap_or(1.0);
-    let plane = render::surface_density(&Scene::of(model), unit_mass, &view, size, progress)?;
+    let plane = render::surface_density(&Scene::of(model), &view, size, progress)?;
     let picture = annotate_density(
         &plane,
         &DensityPicture {

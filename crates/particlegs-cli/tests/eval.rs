@@ -4,7 +4,7 @@ use assert_cmd::Command;
 use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
 use particlegs::model::{Block, Law, Layer, Metadata, Mixture, Model};
-use particlegs::particles::{OpenOptions, Particles, open};
+use particlegs::particles::{Particles, open_raw};
 use std::path::{Path, PathBuf};
 
 fn sample() -> PathBuf {
@@ -27,7 +27,6 @@ fn tiny(particles: &Particles) -> Model {
         law: Law::OpticalDepth,
         count,
         mass: count as f64,
-        weighted: false,
         bounds,
         cell: particles.meta.cell,
         default_radius: bounds.default_radius(count),
@@ -36,7 +35,6 @@ fn tiny(particles: &Particles) -> Model {
         source_hash: [0; 32],
         length_unit: None,
         mass_unit: None,
-        particle_mass: None,
         comoving: None,
         scale_factor: None,
         hubble: None,
@@ -45,13 +43,17 @@ fn tiny(particles: &Particles) -> Model {
         tool_version: String::new(),
     };
     let block = Block { bounds, count, mass: count as f64, gaussians };
-    Model { metadata, layers: vec![Layer { name: "all".into(), blocks: vec![block] }], certificate: None }
+    Model {
+        metadata,
+        layers: vec![Layer { name: "all".into(), particle_mass: None, blocks: vec![block] }],
+        certificate: None,
+    }
 }
 
 #[test]
 fn scores_by_orbit_in_text_and_json() {
     let dir = tempfile::tempdir().unwrap();
-    let particles = open(&[sample()], &OpenOptions::default()).unwrap();
+    let particles = open_raw(&[sample()]).unwrap();
     let bytes = codec::encode(&tiny(&particles), &Precision::BALANCED).unwrap();
     let (model, json) = (dir.path().join("m.pgs"), dir.path().join("e.json"));
     std::fs::write(&model, &bytes).unwrap();

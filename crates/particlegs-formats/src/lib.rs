@@ -8,20 +8,30 @@
 //! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
 //! checked before memory is taken; nothing here panics on any input.
 
+pub mod affine;
+mod ascii;
+pub mod axes;
 pub mod cache;
+mod codecs;
 pub mod compressed;
+pub mod laned;
 pub mod pieces;
+mod placed;
+pub mod stored;
+pub mod streamed;
 pub mod strided;
 pub mod text;
 
+mod choose;
 mod registry;
 mod snapshot;
+mod writers;
 
 mod csv;
 mod gadget;
 mod genericio;
 mod hdf5;
-pub mod lammps;
+mod lammps;
 mod npy;
 mod npz;
 mod ply;
@@ -30,5 +40,7 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
+pub use choose::{Choice, describe, read, read_selected};
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
+pub use writers::{WRITERS, Writer, writer_for};

@@ -16,7 +16,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.position.iter_mut().for_each(Vec::clear);
         self.weight.clear();
     }

@@ -30,6 +30,8 @@ impl Deref for Bytes {
 /// Types of numbers in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
+    /// IEEE 754, 2 bytes.
+    F16,
     /// IEEE 754, 4 bytes.
     F32,
     /// IEEE 754, 8 bytes.
@@ -38,6 +40,8 @@ pub enum Kind {
     I8,
     /// 2 bytes.
     I16,
+    /// 3 bytes.
+    I24,
     /// 4 bytes.
     I32,
     /// 8 bytes.
@@ -57,7 +61,8 @@ impl Kind {
     pub fn bytes(self) -> u64 {
         match self {
             Kind::I8 | Kind::U8 => 1,
-            Kind::I16 | Kind::U16 => 2,
+            Kind::F16 | Kind::I16 | Kind::U16 => 2,
+            Kind::I24 => 3,
             Kind::F32 | Kind::I32 | Kind::U32 => 4,
             Kind::F64 | Kind::I64 | Kind::U64 => 8,
         }
@@ -66,10 +71,12 @@ impl Kind {
     /// Name as [`crate::Field::kind`] has it.
     pub fn name(self) -> &'static str {
         match self {
+            Kind::F16 => "f16",
             Kind::F32 => "f32",
             Kind::F64 => "f64",
             Kind::I8 => "i8",
             Kind::I16 => "i16",
+            Kind::I24 => "i24",
             Kind::I32 => "i32",
             Kind::I64 => "i64",
             Kind::U8 => "u8",
@@ -94,6 +101,8 @@ impl Kind {
         }
         let four = [raw[0], raw[1], raw[2], raw[3]];
         match self {
+            Kind::F16 => half(u16::from_le_bytes([raw[0], raw[1]])),
+            Kind::I24 => f64::from(i32::from_le_bytes([0, raw[0], raw[1], raw[2]]) >> 8),
             Kind::F32 => f64::from(f32::from_le_bytes(four)),
             Kind::F64 => f64::from_le_bytes(raw),
             Kind::I8 => f64::from(raw[0] as i8),
@@ -106,6 +115,18 @@ impl Kind {
             Kind::U64 => u64::from_le_bytes(raw) as f64,
         }
     }
+}
+
+/// A number of IEEE 754's half precision.
+fn half(bits: u16) -> f64 {
+    let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f64::from(bits & 0x3ff));
+    let size = match exponent {
+        0 => fraction * 2f64.powi(-24),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        e => (1.0 + fraction / 1024.0) * 2f64.powi(e - 15),
+    };
+    if bits >> 15 == 1 { -size } else { size }
 }
 
 /// Where a column's numbers lie: the i-th at byte `offset + i * stride`.
@@ -230,6 +251,9 @@ mod tests {
         assert_eq!(Kind::I16.get(&bytes[4..], true), -2.0);
         assert_eq!(Kind::U16.get(&bytes[4..], false), 65_279.0);
         assert_eq!(Kind::U8.get(&bytes[4..], false), 255.0);
+        assert_eq!(Kind::I24.get(&[0, 0xf0, 0xff], false), -4096.0);
+        assert_eq!(Kind::I24.get(&[0, 0x10, 1], true), 4097.0);
+        assert_eq!([0x3c00, 0xc180, 1, 0x7c00].map(half), [1.0, -2.75, 2f64.powi(-24), f64::INFINITY]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::fit::{PartitionOptions, partition};
-use particlegs::particles::{OpenOptions, open};
+use particlegs::particles::open_raw;
 use particlegs::picture::Size;
 use particlegs::progress::Silent;
 use particlegs::render::{Scene, optical_depth};
@@ -15,7 +15,7 @@ fn main() {
 #[divan::bench(args = [2_000, 20_000, 171_000], sample_count = 10)]
 fn far_1080p(bencher: divan::Bencher, gaussians: usize) {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
-    let particles = open(&[folder.into()], &OpenOptions::default()).expect("the sample");
+    let particles = open_raw(&[folder.into()]).expect("the sample");
     let bounds = particles.bounds();
     let radius = bounds.default_radius(particles.len() as u64);
     let cells = partition(&particles, gaussians, radius, PartitionOptions::default(), &Silent).expect("a partition");

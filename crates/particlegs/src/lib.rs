@@ -10,6 +10,7 @@
 
 pub mod error;
 pub mod math;
+pub mod memory;
 pub mod output;
 pub mod progress;
 

@@ -1,7 +1,7 @@
 //! The model file's promises: it comes back, it is refused whole when anything is wrong with it,
 //! and files of this version stay readable.
 
-use particlegs::codec::{self, CodedLayer, Encoder, Precision};
+use particlegs::codec::{self, CodedLayer, Encoder, LayerHead, Precision};
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{Block, Certificate, Law, Layer, LookScore, Metadata, Mixture, Model, OrbitScore};
 use particlegs::particles::{Bounds, Cell};
@@ -40,7 +40,6 @@ fn metadata(blocks: &[Block]) -> Metadata {
         law: Law::OpticalDepth,
         count,
         mass: blocks.iter().map(|b| b.mass).sum(),
-        weighted: blocks[0].gaussians.mass.is_some(),
         bounds,
         cell: Some(Cell::orthogonal([50.0; 3])),
         default_radius: bounds.default_radius(count),
@@ -49,7 +48,6 @@ fn metadata(blocks: &[Block]) -> Metadata {
         source_hash: [7; 32],
         length_unit: Some("Mpc/h".into()),
         mass_unit: None,
-        particle_mass: Some(5.1e9),
         comoving: Some(true),
         scale_factor: Some(1.0),
         hubble: Some(0.68),
@@ -57,6 +55,10 @@ fn metadata(blocks: &[Block]) -> Metadata {
         command: "particlegs compress nbody -o m.pgs".into(),
         tool_version: "0.1.0".into(),
     }
+}
+
+fn head(blocks: usize) -> LayerHead<'static> {
+    LayerHead { name: "dm", particle_mass: Some(5.1e9), weighted: false, blocks }
 }
 
 fn certificate() -> Certificate {
@@ -76,7 +78,7 @@ fn certificate() -> Certificate {
 fn model(blocks: Vec<Block>, certified: bool) -> Model {
     let metadata = metadata(&blocks);
     let certificate = certified.then(certificate);
-    Model { metadata, layers: vec![Layer { name: "dm".into(), blocks }], certificate }
+    Model { metadata, layers: vec![Layer { name: "dm".into(), particle_mass: Some(5.1e9), blocks }], certificate }
 }
 
 fn small() -> Model {
@@ -110,16 +112,44 @@ fn a_file_comes_back() {
         assert_eq!(info.layers[0].blocks.len(), 2);
         assert_eq!(codec::read_metadata(&bytes, "m.pgs").unwrap(), m.metadata);
         let coded: usize = info.layers[0].blocks.iter().map(|b| b.bytes as usize).sum();
-        assert_eq!(codec::size_without_blocks(&m.metadata, true, &["dm"], &[2]) + coded, bytes.len());
+        assert_eq!(codec::size_without_blocks(&m.metadata, true, &[head(2)]) + coded, bytes.len());
     }
 }
 
 #[test]
 fn what_is_not_gaussians_is_small() {
     let m = small();
-    let size = codec::size_without_blocks(&m.metadata, false, &["dm"], &[1]) - m.metadata.command.len();
+    let size = codec::size_without_blocks(&m.metadata, false, &[head(1)]) - m.metadata.command.len();
     assert!(size < 400, "{size} bytes");
-    assert_eq!(codec::size_without_blocks(&m.metadata, true, &["dm"], &[1]) - m.metadata.command.len() - size, 16 + 94);
+    assert_eq!(codec::size_without_blocks(&m.metadata, true, &[head(1)]) - m.metadata.command.len() - size, 16 + 94);
+}
+
+#[test]
+fn layers_that_differ_come_back() {
+    let layer = |name: &str, seed, particle_mass, weighted| Layer {
+        name: name.into(),
+        particle_mass,
+        blocks: vec![block(mixture(60, seed, 0.0, 5.0, weighted))],
+    };
+    let layers = vec![layer("dm", 1, Some(2.5), false), layer("gas", 2, None, true), layer("stars", 3, None, false)];
+    let mut m = model(layers.iter().flat_map(|l| l.blocks.clone()).collect(), false);
+    m.layers = layers;
+    m.metadata.cell = Some(Cell { origin: [-1.0, 2.0, 0.5], ..Cell::orthogonal([50.0; 3]) });
+    let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
+    assert_eq!(bytes[8..10], [1, 1]);
+    let back = codec::decode(&bytes, "m.pgs").unwrap();
+    assert_eq!(back.metadata, m.metadata);
+    let said = |m: &Model| m.layers.iter().map(|l| (l.particle_mass, l.is_weighted())).collect::<Vec<_>>();
+    assert_eq!(said(&back), said(&m));
+    assert_eq!(back.mass(), None);
+    let info = codec::read_info(&bytes, "m.pgs").unwrap();
+    assert!(info.layers[1].weighted && info.layers[0].particle_mass == Some(2.5));
+    let only = back.only(&["gas".into(), "dm".into()]).unwrap();
+    assert_eq!(only.metadata.count, only.layers.iter().map(Layer::count).sum::<u64>());
+    assert!(
+        (only.mass().unwrap() - (2.5 * only.layers[0].blocks[0].mass + only.layers[1].blocks[0].mass)).abs() < 1e-6
+    );
+    assert!(only.only(&["stars".into()]).is_err());
 }
 
 #[test]
@@ -129,7 +159,7 @@ fn the_order_of_merging_does_not_show() {
     let coded = codec::coded_layers(&bytes, "m.pgs").unwrap();
     let mut blocks = coded[0].blocks.clone();
     blocks.rotate_left(1);
-    let again = CodedLayer { name: "dm".into(), blocks };
+    let again = CodedLayer { name: "dm".into(), particle_mass: Some(5.1e9), blocks };
     assert_eq!(codec::assemble(&m.metadata, None, vec![again]).unwrap(), bytes);
     // A block's bytes are its own: alone it codes to the same.
     let alone = Encoder::new(&m.layers[0].blocks[1]).unwrap().encode(&Precision::BALANCED);

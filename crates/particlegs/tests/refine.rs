@@ -3,13 +3,13 @@
 use particlegs::fit::{Effort, FitOptions, PartitionOptions, RefineOptions, fit, partition, refine};
 use particlegs::math::{Sym3, set_simd};
 use particlegs::model::Mixture;
-use particlegs::particles::{Column, OpenOptions, Particles, open};
+use particlegs::particles::{Column, Particles, open_raw};
 use particlegs::progress::Silent;
 use std::path::Path;
 
 fn sample() -> Particles {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    open(&[folder], &OpenOptions::default()).unwrap()
+    open_raw(&[folder]).unwrap()
 }
 
 fn radius(p: &Particles) -> f64 {

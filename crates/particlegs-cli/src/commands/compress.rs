@@ -1,6 +1,7 @@
 //! `particlegs compress IN... -o M.pgs`.
 
-use crate::common::{Common, Context, SnapshotArgs};
+use crate::common::{Common, Context};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueEnum};
 use particlegs::compress::{Compressed, Options, Target, compress};
 use particlegs::fit::Effort;
@@ -20,7 +21,7 @@ Examples:
   particlegs compress points.npy -o points.pgs --psnr 32 --box 100,100,100
   particlegs compress snapshot/ -o snapshot.pgs --pictures pictures/")]
 pub struct Arguments {
-    /// A folder with xx.f32, yy.f32, zz.f32 (and ww.f32), those files, or one .npy of shape (N, 3).
+    /// A snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
     /// The model file to write.
@@ -45,6 +46,10 @@ pub struct Arguments {
     pictures: Option<PathBuf>,
     #[command(flatten)]
     snapshot: SnapshotArgs,
+    #[command(flatten)]
+    selection: SelectionArgs,
+    #[command(flatten)]
+    window: WindowArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -117,6 +122,8 @@ impl Arguments {
             EffortArg::High => (Effort::High, "high"),
         };
         let mut command = format!("compress{} --effort {name} --seed {}", self.target.text(), self.common.seed);
+        command += &self.snapshot.text();
+        command += &self.selection.text(&self.window);
         for (option, value) in [("radius", self.radius), ("opacity", self.opacity)] {
             if let Some(v) = value {
                 command += &format!(" --{option} {v}");
@@ -144,7 +151,7 @@ pub fn run(a: Arguments) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }
     output::check_writable(&a.output)?;
-    let particles = a.snapshot.open(&a.input)?;
+    let particles = a.snapshot.open_selected(&a.input, (&a.selection, &a.window), a.common.seed, &context)?;
     if particles.meta.cell.is_none() {
         context.message("note: no periodic box is known (--box Lx,Ly,Lz): nothing wraps around");
     }
@@ -176,7 +183,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
         text += "\nfor pictures: the partition alone loses most small groups; use --effort default for statistics";
     }
     if done.model.certificate.is_some() {
-        text += &format!("\n{}", super::info::certificate(done.model.certificate.as_ref()).trim_end());
+        text += &format!("\n{}", crate::info_model::certificate(done.model.certificate.as_ref()).trim_end());
     }
     let value = json!({
         "output": a.output, "particles": done.model.metadata.count, "gaussians": gaussians,

@@ -1,6 +1,7 @@
 //! `particlegs eval MODEL SNAPSHOT...`.
 
-use crate::common::{Common, SnapshotArgs};
+use crate::common::Common;
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::parse_size;
 use clap::Args;
 use particlegs::camera::read_views;
@@ -27,7 +28,7 @@ pub struct Arguments {
     /// The model file.
     #[arg(value_name = "MODEL")]
     model: PathBuf,
-    /// A folder with xx.f32 yy.f32 zz.f32 (ww.f32), the three or four files, or one .npy.
+    /// A snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "SNAPSHOT")]
     input: Vec<PathBuf>,
     /// Frames an orbit, with radius and opacity drawn by the seed.
@@ -41,6 +42,10 @@ pub struct Arguments {
     size: Size,
     #[command(flatten)]
     snapshot: SnapshotArgs,
+    #[command(flatten)]
+    selection: SelectionArgs,
+    #[command(flatten)]
+    window: WindowArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -65,7 +70,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let bytes = std::fs::read(&a.model).map_err(|e| Error::io(&a.model, e))?;
     let model = codec::decode(&bytes, &a.model.display().to_string())?;
-    let particles = a.snapshot.open(&a.input)?;
+    let particles = a.snapshot.open_selected(&a.input, (&a.selection, &a.window), context.common.seed, &context)?;
     if model.metadata.count != particles.len() as u64 {
         context.message(&format!(
             "warning: the model was made from {} particles, the snapshot has {}",
@@ -102,7 +107,7 @@ fn report(
     size: Size,
     views_from: String,
 ) -> Report {
-    let raw_bytes = particles.len() as u64 * if particles.weights.is_some() { 16 } else { 12 };
+    let raw_bytes = particles.raw_bytes();
     let gaussians = model.gaussians();
     Report {
         evaluation,

@@ -1,210 +1,49 @@
-//! `particlegs info M.pgs`.
+//! `particlegs info FILE`: a model file, or a snapshot in any format.
 
-use crate::common::{Common, Context};
+use crate::common::Common;
+use crate::snapshot_args::SnapshotArgs;
+use crate::{info_model, info_snapshot};
 use clap::Args;
-use particlegs::codec::{self, FileInfo, LayerInfo};
-use particlegs::model::{Certificate, LookScore, Metadata};
 use particlegs::{Error, Result};
-use serde::Serialize;
-use std::fmt::Write;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "Examples:\n  particlegs info M.pgs\n  particlegs info M.pgs --json - | jq .metadata")]
+#[command(after_help = "Examples:
+  particlegs info M.pgs
+  particlegs info snap_099.0.hdf5
+  particlegs info dump.lammpstrj.gz --frame 0
+  particlegs info M.pgs --json - | jq .metadata")]
 pub struct Arguments {
-    /// Model file.
-    model: PathBuf,
+    /// A model file, or a snapshot: its first file, its folder, or raw columns.
+    #[arg(required = true, value_name = "FILE")]
+    input: Vec<PathBuf>,
+    /// Do not read the particles: no bounds of a snapshot.
+    #[arg(long)]
+    no_bounds: bool,
+    #[command(flatten)]
+    snapshot: SnapshotArgs,
     #[command(flatten)]
     common: Common,
-}
-
-/// The result.
-#[derive(Serialize)]
-struct Report<'a> {
-    format_version: String,
-    model_bytes: u64,
-    raw_bytes: u64,
-    compression_ratio: f64,
-    gaussians: u64,
-    bytes_per_gaussian: f64,
-    metadata: MetadataReport<'a>,
-    layers: &'a [LayerInfo],
-    certificate: Option<&'a Certificate>,
-}
-
-#[derive(Serialize)]
-struct MetadataReport<'a> {
-    law: &'static str,
-    particles: u64,
-    mass: f64,
-    weighted: bool,
-    bounds: particlegs::particles::Bounds,
-    cell: Option<particlegs::particles::Cell>,
-    default_radius: f64,
-    default_opacity: f64,
-    source: &'a str,
-    source_blake3: String,
-    length_unit: Option<&'a str>,
-    mass_unit: Option<&'a str>,
-    particle_mass: Option<f64>,
-    comoving: Option<bool>,
-    scale_factor: Option<f64>,
-    redshift: Option<f64>,
-    hubble: Option<f64>,
-    time: Option<f64>,
-    command: &'a str,
-    tool_version: &'a str,
 }
 
 /// Prints what the file says.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let bytes = read(&a.model)?;
-    let info = codec::read_info(&bytes, &a.model.display().to_string())?;
-    print(&context, &info)
-}
-
-/// A model file's bytes.
-pub fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| Error::io(path, e))
-}
-
-fn print(context: &Context, info: &FileInfo) -> Result<()> {
-    let gaussians: u64 = info.layers.iter().flat_map(|l| &l.blocks).map(|b| u64::from(b.gaussians)).sum();
-    let raw_bytes = info.metadata.count.saturating_mul(if info.metadata.weighted { 16 } else { 12 });
-    let report = Report {
-        format_version: format!("{}.{}", info.version[0], info.version[1]),
-        model_bytes: info.bytes,
-        raw_bytes,
-        compression_ratio: raw_bytes as f64 / info.bytes as f64,
-        gaussians,
-        bytes_per_gaussian: info.bytes as f64 / gaussians as f64,
-        metadata: metadata(&info.metadata),
-        layers: &info.layers,
-        certificate: info.certificate.as_ref(),
-    };
-    context.finish(&text(&report), &report)
-}
-
-fn metadata(m: &Metadata) -> MetadataReport<'_> {
-    let particlegs::model::Law::OpticalDepth = m.law;
-    MetadataReport {
-        law: "optical-depth",
-        particles: m.count,
-        mass: m.mass,
-        weighted: m.weighted,
-        bounds: m.bounds,
-        cell: m.cell,
-        default_radius: m.default_radius,
-        default_opacity: m.default_opacity,
-        source: &m.source,
-        source_blake3: m.source_hash.iter().map(|b| format!("{b:02x}")).collect(),
-        length_unit: m.length_unit.as_deref(),
-        mass_unit: m.mass_unit.as_deref(),
-        particle_mass: m.particle_mass,
-        comoving: m.comoving,
-        scale_factor: m.scale_factor,
-        redshift: m.redshift(),
-        hubble: m.hubble,
-        time: m.time,
-        command: &m.command,
-        tool_version: &m.tool_version,
+    match &a.input[..] {
+        [one] if is_model(one)? => info_model::print(&context, one),
+        paths => info_snapshot::print(&context, paths, &a.snapshot.choice()?, !a.no_bounds),
     }
 }
 
-fn text(r: &Report<'_>) -> String {
-    let m = &r.metadata;
-    let mut out = String::new();
-    let mut row = |name: &str, value: String| {
-        let _ = writeln!(out, "{name:<18} {value}");
-    };
-    row("format", format!("{}, image law {}", r.format_version, m.law));
-    row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
-    row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
-    row("particles", format!("{}{}", m.particles, if m.weighted { ", with weights" } else { "" }));
-    row("mass", format!("{} (sum over particles)", m.mass));
-    row("bounds", format!("{:?} to {:?}", m.bounds.min, m.bounds.max));
-    row("cell", cell(m));
-    row("default radius", format!("{:.6e}", m.default_radius));
-    row("default opacity", format!("{}", m.default_opacity));
-    row("source", m.source.to_string());
-    row("source BLAKE3", m.source_blake3.clone());
-    row("unit of length", said(m.length_unit));
-    row("unit of mass", said(m.mass_unit));
-    row("particle mass", said(m.particle_mass));
-    row("comoving", said(m.comoving));
-    row("scale factor", said(m.scale_factor));
-    row("redshift", said(m.redshift));
-    row("h", said(m.hubble));
-    row("time", said(m.time));
-    row("command", m.command.to_string());
-    row("made by", format!("particlegs {}", m.tool_version));
-    for layer in r.layers {
-        row("layer", format!("`{}`, {} block(s)", layer.name, layer.blocks.len()));
-        for b in &layer.blocks {
-            let each = b.bytes as f64 / f64::from(b.gaussians);
-            let place = format!("{:?} to {:?}", b.bounds.min, b.bounds.max);
-            row(
-                "  block",
-                format!(
-                    "{} particles, {} Gaussians, {} bytes ({each:.3} each), {place}",
-                    b.count, b.gaussians, b.bytes
-                ),
-            );
-            let p = &b.precision;
-            let steps = format!(
-                "position {:.4} radii, ln size {:.4}, shape {:.4}, ln count {:.4}, importance {:.2}",
-                p.position, p.size, p.shape, p.count, p.importance
-            );
-            row("  steps", steps);
-        }
+/// Does the file begin as a model file does?
+fn is_model(path: &Path) -> Result<bool> {
+    if path.is_dir() {
+        return Ok(false);
     }
-    out.push_str(&certificate(r.certificate));
-    out.trim_end().to_string()
-}
-
-fn cell(m: &MetadataReport<'_>) -> String {
-    let Some(c) = &m.cell else { return "none stated".into() };
-    let axes: String = ["x", "y", "z"].iter().zip(c.periodic).filter(|a| a.1).map(|a| *a.0).collect();
-    let periodic = if axes.is_empty() { "not periodic".into() } else { format!("periodic in {axes}") };
-    match c.lengths() {
-        Some([x, y, z]) => format!("{x} x {y} x {z}, {periodic}"),
-        None => format!("{:?}, {periodic}", c.vectors),
-    }
-}
-
-fn said(value: Option<impl ToString>) -> String {
-    value.map_or_else(|| "not stated".into(), |v| v.to_string())
-}
-
-/// The certificate as a table.
-pub fn certificate(c: Option<&Certificate>) -> String {
-    let Some(c) = c else { return "certificate        none\n".into() };
-    let mut out = format!(
-        "certificate        measured at encoding: {} x {}, one frame an orbit, seed {}\n  {:<6} {:<17} {:>22} {:>20}\n",
-        c.width, c.height, c.seed, "orbit", "look", "masked PSNR (noise-free)", "SSIM (noise-free)"
-    );
-    for (name, orbit) in ["far", "mid", "near"].iter().zip(&c.orbits) {
-        let looks = [
-            ("paraview", &orbit.paraview),
-            ("paraview-no-fxaa", &orbit.paraview_no_fxaa),
-            ("expected", &orbit.expected),
-        ];
-        for (look, score) in looks {
-            let _ = writeln!(out, "  {name:<6} {look:<17} {}", scores(score));
-        }
-    }
-    let _ = writeln!(
-        out,
-        "  density on a grid of {} cells: correlation {:.5}, mean absolute error of the contrast {:.4}",
-        c.grid, c.density_correlation, c.density_mae
-    );
-    out
-}
-
-fn scores(s: &LookScore) -> String {
-    let decibels = |v: Option<f64>| v.map_or_else(|| "-".to_string(), |v| format!("{v:.2}"));
-    let psnr = format!("{} ({}) dB", decibels(s.masked_psnr), decibels(s.noise_free_masked_psnr));
-    format!("{psnr:>24} {:>20}", format!("{:.4} ({:.4})", s.ssim, s.noise_free_ssim))
+    let mut head = [0u8; 8];
+    let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+    Ok(file.read_exact(&mut head).is_ok() && particlegs::codec::is_model(&head))
 }

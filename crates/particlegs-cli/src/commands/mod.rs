@@ -30,7 +30,7 @@ pub enum Command {
     Reference(reference::Arguments),
     /// Draw pictures of a model.
     Render(render::Arguments),
-    /// Print what a model file says about itself and its snapshot.
+    /// Print what a model file or a snapshot says about itself.
     Info(info::Arguments),
     /// Check a model file wholly, and against its snapshot where that is given.
     Verify(verify::Arguments),

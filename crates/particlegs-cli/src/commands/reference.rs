@@ -1,7 +1,8 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
-use crate::common::{Common, Context, SnapshotArgs};
+use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
 use particlegs::particles::{Bounds, Particles};
@@ -24,7 +25,7 @@ use std::time::Instant;
 Styles: `paraview` and `paraview-no-fxaa` are what ParaView 6 draws, shot noise and all; `response`
 and `response-fxaa` their noise-free means; `expected` is 255 (1 - exp(-tau)).")]
 pub struct Arguments {
-    /// The snapshot: a folder, three or four raw float32 columns, or one .npy.
+    /// A snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
     /// What to draw.
@@ -39,6 +40,8 @@ pub struct Arguments {
     density: DensityArgs,
     #[command(flatten)]
     snapshot: SnapshotArgs,
+    #[command(flatten)]
+    selection: SelectionArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -99,7 +102,8 @@ struct DensityReport {
 /// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let particles = a.snapshot.open(&a.input)?;
+    let particles =
+        a.snapshot.open_selected(&a.input, (&a.selection, &WindowArgs::default()), a.common.seed, &context)?;
     let reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;

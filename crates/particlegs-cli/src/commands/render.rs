@@ -21,6 +21,7 @@ use std::time::Instant;
   particlegs render model.pgs --views views.json --style expected --out pictures
   particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 --out near
   particlegs render model.pgs --style density --colormap magma --out sigma
+  particlegs render model.pgs --layer PartType4 --out stars
   particlegs render model.pgs --style density --projection orthographic --center 0,25,25 --width 30 --depth 5 --out slab")]
 pub struct Arguments {
     /// The model file.
@@ -32,6 +33,9 @@ pub struct Arguments {
     /// Folder for the pictures; made where it is missing.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Layers to draw: `all`, or names as `info` lists them.
+    #[arg(long, visible_alias = "layer", value_name = "all|NAME,...", value_delimiter = ',', default_value = "all")]
+    layers: Vec<String>,
     #[command(flatten)]
     view: ViewArgs,
     #[command(flatten)]
@@ -74,6 +78,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let bytes = std::fs::read(&a.model).map_err(|e| Error::io(&a.model, e))?;
     let model = codec::decode(&bytes, &a.model.display().to_string())?;
+    let model = if a.layers == ["all"] { model } else { model.only(&a.layers)? };
     let m = &model.metadata;
     let subject = Subject { bounds: m.bounds, radius: m.default_radius, opacity: m.default_opacity };
     let mut report = Report {
@@ -130,14 +135,14 @@ fn densities(
     progress: &dyn Progress,
     report: &mut Report,
 ) -> Result<()> {
-    let quantities = Quantities::of_model(&model.metadata);
+    let quantities = Quantities::of_model(model);
     let (size, views) = a.density.views(&a.view, subject, &quantities)?;
     make_folder(a)?;
     (report.width, report.height) = (size.width, size.height);
     let scene = Scene::of(model);
     for view in &views {
         let started = Instant::now();
-        let plane = surface_density(&scene, model.metadata.particle_mass.unwrap_or(1.0), view, size, progress)?;
+        let plane = surface_density(&scene, view, size, progress)?;
         let seconds = started.elapsed().as_secs_f64();
         let path = a.density.write(&a.out, view, &plane, &quantities)?;
         report.views.push(Drawn { name: view.name.clone(), seconds, path });

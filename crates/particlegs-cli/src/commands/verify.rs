@@ -1,7 +1,8 @@
 //! `particlegs verify M.pgs [SNAPSHOT...]`.
 
-use super::info;
-use crate::common::{Common, Context, SnapshotArgs};
+use crate::common::{Common, Context};
+use crate::info_model;
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
 use particlegs::model::{Certificate, Model};
 use particlegs::particles::{Particles, source_hash};
@@ -22,6 +23,10 @@ pub struct Arguments {
     #[command(flatten)]
     opening: SnapshotArgs,
     #[command(flatten)]
+    selection: SelectionArgs,
+    #[command(flatten)]
+    window: WindowArgs,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -41,7 +46,7 @@ struct Report {
 /// Reads the whole file, decodes every block and checks the sums.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let bytes = info::read(&a.model)?;
+    let bytes = info_model::read(&a.model)?;
     let place = a.model.display().to_string();
     let model = codec::decode(&bytes, &place)?;
     let (counts, mass_error) = sums(&model);
@@ -78,10 +83,10 @@ pub fn run(a: Arguments) -> Result<()> {
         text.push_str("source: the snapshot is the one that the file was made of\n");
     }
     text.push_str(&format!("certificate: {certificate}\n"));
-    text.push_str(&info::certificate(model.certificate.as_ref()));
+    text.push_str(&info_model::certificate(model.certificate.as_ref()));
     if let Some(again) = &measured_again {
         text.push_str("\nmeasured again, now:\n");
-        text.push_str(&info::certificate(Some(again)));
+        text.push_str(&info_model::certificate(Some(again)));
     }
     context.finish(text.trim_end(), &report)
 }
@@ -103,7 +108,8 @@ fn sums(model: &Model) -> (u64, f64) {
 
 /// The certificate of the same views, measured now. An error where the snapshot is not the source.
 fn measure(a: &Arguments, model: &Model, context: &Context) -> Result<Certificate> {
-    let particles: Particles = a.opening.open(&a.snapshot)?;
+    let particles: Particles =
+        a.opening.open_selected(&a.snapshot, (&a.selection, &a.window), a.common.seed, context)?;
     if source_hash(&particles) != model.metadata.source_hash {
         let what = format!("it is not the snapshot that {} was made of (their hashes differ)", a.model.display());
         return Err(Error::input(a.snapshot[0].as_path(), what));

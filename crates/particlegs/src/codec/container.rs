@@ -8,7 +8,7 @@ pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
 /// Version that is written. A reader takes any minor version of its major one.
 pub(crate) const MAJOR: u8 = 1;
 /// See [`MAJOR`].
-pub(crate) const MINOR: u8 = 0;
+pub(crate) const MINOR: u8 = 1;
 /// Magic, major, minor, reserved, length, checksum.
 pub(crate) const HEAD_BYTES: usize = 8 + 1 + 1 + 2 + 8 + 4;
 /// Tag, length, checksum.
@@ -33,11 +33,11 @@ pub(crate) struct Section<'a> {
 }
 
 /// Puts sections together.
-pub(crate) fn write<'a>(sections: impl Iterator<Item = ([u8; 4], &'a [u8])> + Clone) -> Vec<u8> {
+pub(crate) fn write<'a>(minor: u8, sections: impl Iterator<Item = ([u8; 4], &'a [u8])> + Clone) -> Vec<u8> {
     let length = HEAD_BYTES + sections.clone().map(|s| SECTION_BYTES + s.1.len()).sum::<usize>();
     let mut out = Vec::with_capacity(length);
     out.extend(MAGIC);
-    out.extend([MAJOR, MINOR, 0, 0]);
+    out.extend([MAJOR, minor, 0, 0]);
     out.extend((length as u64).to_le_bytes());
     out.extend(crc32fast::hash(&out).to_le_bytes());
     for (tag, bytes) in sections {
@@ -56,6 +56,11 @@ fn checksum(head: &[u8], bytes: &[u8]) -> u32 {
     h.update(head);
     h.update(bytes);
     h.finalize()
+}
+
+/// Does a file that begins so claim to be a model file?
+pub fn is_model(head: &[u8]) -> bool {
+    head.starts_with(&MAGIC)
 }
 
 /// Takes a file apart and checks every checksum. Sections that a newer minor version added and
@@ -104,7 +109,7 @@ fn head(file: &[u8], place: &str) -> Result<()> {
         let what = format!("a model file of version {major}.{minor}; this program reads version {MAJOR}");
         return Err(Error::Compatibility { place: place.into(), what });
     }
-    if reserved != 0 && minor == MINOR {
+    if reserved != 0 && minor <= MINOR {
         return corrupt(format!("reserved bytes of the head are {reserved:#06x}"));
     }
     match (file.len() as u64).cmp(&length) {

@@ -2,7 +2,7 @@
 
 use super::container::{self, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SECTION_BYTES, Section};
 use super::header::BlockHeader;
-use super::metadata::Fault;
+use super::metadata::{Fault, LayerMass};
 use super::wire::Reader;
 use super::{Encoder, Precision, certificate, decoder, metadata};
 use crate::model::{Block, Certificate, Layer, Metadata, Model};
@@ -17,6 +17,8 @@ const LONGEST_NAME: usize = 255;
 pub struct CodedLayer {
     /// Name, at most 255 bytes, unique in a file.
     pub name: String,
+    /// Mass of a particle of weight 1, where known.
+    pub particle_mass: Option<f64>,
     /// Blocks as [`Encoder::encode`] gives them or [`coded_layers`] takes them from a file.
     pub blocks: Vec<Vec<u8>>,
 }
@@ -29,7 +31,7 @@ pub struct CodedLayer {
 pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
     let layers = model.layers.iter().map(|layer| {
         let blocks = layer.blocks.iter().map(|b| Ok(Encoder::new(b)?.encode(precision))).collect::<Result<_>>()?;
-        Ok(CodedLayer { name: layer.name.clone(), blocks })
+        Ok(CodedLayer { name: layer.name.clone(), particle_mass: layer.particle_mass, blocks })
     });
     assemble(&model.metadata, model.certificate.as_ref(), layers.collect::<Result<_>>()?)
 }
@@ -54,32 +56,54 @@ pub fn assemble(
             "a model file needs layers of different names of at most 255 bytes, each with blocks",
         ));
     }
+    let mut masses = Vec::with_capacity(layers.len());
     for layer in &mut layers {
         let mut keyed = Vec::with_capacity(layer.blocks.len());
         for block in layer.blocks.drain(..) {
             let header = BlockHeader::read(&block).map_err(Error::argument)?;
-            keyed.push((order_key(&header), block));
+            keyed.push((order_key(&header), header.weighted, block));
         }
         keyed.sort();
-        layer.blocks = keyed.into_iter().map(|k| k.1).collect();
+        let weighted = keyed.first().is_some_and(|b| b.1);
+        if keyed.iter().any(|b| b.1 != weighted) {
+            return Err(Error::argument(format!(
+                "some blocks of layer `{}` have weights and some have none",
+                layer.name
+            )));
+        }
+        masses.push(LayerMass { weighted, particle_mass: layer.particle_mass });
+        layer.blocks = keyed.into_iter().map(|k| k.2).collect();
     }
-    let meta = metadata::write(metadata);
+    let meta = metadata::write(metadata, &masses);
     let certificate = certificate.map(certificate::write);
     let heads: Vec<Vec<u8>> = layers.iter().map(layer_bytes).collect();
     let body = layers.iter().zip(&heads).flat_map(|(layer, head)| {
         std::iter::once((LAYER, &head[..])).chain(layer.blocks.iter().map(|b| (BLOCK, &b[..])))
     });
     let front = std::iter::once((META, &meta[..])).chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])));
-    Ok(container::write(front.chain(body)))
+    Ok(container::write(metadata::minor_version(&meta), front.chain(body)))
 }
 
-/// Bytes of a file beside its coded blocks: `blocks[i]` is the number of blocks of the layer
-/// `names[i]`. The file's size is this plus the sizes of its blocks.
-pub fn size_without_blocks(metadata: &Metadata, certificate: bool, names: &[&str], blocks: &[usize]) -> usize {
+/// A layer without its blocks.
+#[derive(Clone, Copy, Debug)]
+pub struct LayerHead<'a> {
+    /// Name.
+    pub name: &'a str,
+    /// Mass of a particle of weight 1, where known.
+    pub particle_mass: Option<f64>,
+    /// Do its particles have weights of their own?
+    pub weighted: bool,
+    /// Number of blocks.
+    pub blocks: usize,
+}
+
+/// Bytes of a file beside its coded blocks. The file's size is this plus the sizes of its blocks.
+pub fn size_without_blocks(metadata: &Metadata, certificate: bool, layers: &[LayerHead<'_>]) -> usize {
     let certificate = if certificate { SECTION_BYTES + certificate::CERTIFICATE_BYTES } else { 0 };
-    let layers: usize = names.iter().map(|n| SECTION_BYTES + 5 + n.len()).sum();
-    let blocks: usize = blocks.iter().map(|n| SECTION_BYTES * n).sum();
-    HEAD_BYTES + SECTION_BYTES + metadata::write(metadata).len() + certificate + layers + blocks
+    let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.blocks).sum();
+    let mass = |l: &LayerHead<'_>| LayerMass { weighted: l.weighted, particle_mass: l.particle_mass };
+    let masses: Vec<LayerMass> = layers.iter().map(mass).collect();
+    HEAD_BYTES + SECTION_BYTES + metadata::write(metadata, &masses).len() + certificate + heads
 }
 
 /// What bounds a block sorts by: the lower corner, then the upper, in the order of numbers.
@@ -104,7 +128,14 @@ fn layer_bytes(layer: &CodedLayer) -> Vec<u8> {
 struct Parts<'a> {
     metadata: Metadata,
     certificate: Option<Certificate>,
-    layers: Vec<(String, Vec<(Section<'a>, BlockHeader)>)>,
+    layers: Vec<Part<'a>>,
+}
+
+/// A layer taken apart.
+struct Part<'a> {
+    name: String,
+    mass: LayerMass,
+    blocks: Vec<(Section<'a>, BlockHeader)>,
 }
 
 /// Reads all but the streams, and checks what the parts say of each other.
@@ -112,7 +143,7 @@ fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     let sections = container::read(bytes, place)?;
     let corrupt = |what: String| Error::corrupt(place, what);
     let mut rest = sections.into_iter().peekable();
-    let metadata = match rest.next() {
+    let (metadata, masses) = match rest.next() {
         Some(s) if s.tag == META => metadata::read(s.bytes).map_err(|fault| match fault {
             Fault::Corrupt(what) => corrupt(what),
             Fault::Unknown(what) => Error::Compatibility { place: place.into(), what },
@@ -145,6 +176,9 @@ fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         }
         layers.push((name, blocks));
     }
+    let masses = masses.expand(layers.len()).ok_or_else(|| corrupt("masses of another number of layers".into()))?;
+    let part = |((name, blocks), mass)| Part { name, mass, blocks };
+    let layers: Vec<Part<'a>> = layers.into_iter().zip(masses).map(part).collect();
     agree(&metadata, &layers).map_err(corrupt)?;
     Ok(Parts { metadata, certificate, layers })
 }
@@ -166,18 +200,18 @@ fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), Strin
 }
 
 /// Blocks hold together what the metadata says.
-fn agree(m: &Metadata, layers: &[(String, Vec<(Section<'_>, BlockHeader)>)]) -> std::result::Result<(), String> {
-    let blocks = || layers.iter().flat_map(|l| l.1.iter().map(|b| &b.1));
+fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
+    let blocks = || layers.iter().flat_map(|l| l.blocks.iter().map(|b| &b.1));
     let count = blocks().try_fold(0u64, |sum, b| sum.checked_add(b.count));
     if count != Some(m.count) {
         return Err(format!("blocks hold {count:?} particles, the metadata says {}", m.count));
     }
     let mass: f64 = blocks().map(|b| b.mass).sum();
+    if let Some(l) = layers.iter().find(|l| l.blocks.iter().any(|b| b.1.weighted != l.mass.weighted)) {
+        return Err(format!("the blocks of layer `{}` and the metadata disagree about weights", l.name));
+    }
     if (mass - m.mass).abs() > 1e-9 * m.mass {
         return Err(format!("blocks hold a mass of {mass}, the metadata says {}", m.mass));
-    }
-    if blocks().any(|b| b.weighted != m.weighted) {
-        return Err("blocks and metadata disagree about weights".into());
     }
     Ok(())
 }
@@ -190,13 +224,13 @@ fn agree(m: &Metadata, layers: &[(String, Vec<(Section<'_>, BlockHeader)>)]) -> 
 pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
     let parts = parts(bytes, place)?;
     let mut layers = Vec::with_capacity(parts.layers.len());
-    for (name, blocks) in parts.layers {
+    for Part { name, mass, blocks } in parts.layers {
         let mut decoded = Vec::with_capacity(blocks.len());
         for (section, _) in blocks {
             let at = |what: String| Error::corrupt(place, format!("block at byte {}: {what}", section.offset));
             decoded.push(decoder::block(section.bytes).map_err(at)?);
         }
-        layers.push(Layer { name, blocks: decoded });
+        layers.push(Layer { name, particle_mass: mass.particle_mass, blocks: decoded });
     }
     Ok(Model { metadata: parts.metadata, layers, certificate: parts.certificate })
 }
@@ -214,9 +248,10 @@ pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
 /// # Errors
 /// As [`decode`], streams apart.
 pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
-    let copy = |(name, blocks): (String, Vec<(Section<'_>, BlockHeader)>)| CodedLayer {
-        name,
-        blocks: blocks.iter().map(|b| b.0.bytes.to_vec()).collect(),
+    let copy = |part: Part<'_>| CodedLayer {
+        name: part.name,
+        particle_mass: part.mass.particle_mass,
+        blocks: part.blocks.iter().map(|b| b.0.bytes.to_vec()).collect(),
     };
     Ok(parts(bytes, place)?.layers.into_iter().map(copy).collect())
 }
@@ -241,6 +276,10 @@ pub struct FileInfo {
 pub struct LayerInfo {
     /// Name.
     pub name: String,
+    /// Mass of a particle of weight 1, where known.
+    pub particle_mass: Option<f64>,
+    /// Do its particles have weights of their own?
+    pub weighted: bool,
     /// Blocks.
     pub blocks: Vec<BlockInfo>,
 }
@@ -276,8 +315,12 @@ pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
         bytes: section.bytes.len() as u64,
         precision: Precision::of_header(h.steps, h.importance),
     };
-    let layers =
-        parts.layers.iter().map(|(name, b)| LayerInfo { name: name.clone(), blocks: b.iter().map(block).collect() });
+    let layers = parts.layers.iter().map(|part| LayerInfo {
+        name: part.name.clone(),
+        particle_mass: part.mass.particle_mass,
+        weighted: part.mass.weighted,
+        blocks: part.blocks.iter().map(block).collect(),
+    });
     Ok(FileInfo {
         version: [bytes[8], bytes[9]],
         layers: layers.collect(),

@@ -1,4 +1,7 @@
 //! The metadata section: tag, length, value (docs/format.md, section 2).
+//!
+//! Version 1.0 knows one rule of masses for all layers; a file whose layers differ states version
+//! 1.1 and a field that older programs refuse.
 
 use super::wire::Reader;
 use crate::model::{Law, Metadata};
@@ -44,9 +47,54 @@ const HUBBLE: u8 = 16;
 const TIME: u8 = 17;
 const COMMAND_LINE: u8 = 18;
 const TOOL: u8 = 19;
+const CORNER: u8 = 20;
+const LAYER_MASSES: u8 = 128;
+/// Fields of version 1.0.
+const FIRST_VERSION: std::ops::RangeInclusive<u8> = LAW..=TOOL;
 
-/// The section's bytes: fields in the order of their tags.
-pub(crate) fn write(m: &Metadata) -> Vec<u8> {
+/// What is known about the masses of a layer's particles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LayerMass {
+    /// Do they have weights of their own?
+    pub weighted: bool,
+    /// Mass of a particle of weight 1.
+    pub particle_mass: Option<f64>,
+}
+
+/// The masses of the layers, in their order.
+pub(crate) enum LayerMasses {
+    /// All layers alike.
+    Alike(LayerMass),
+    /// Each its own.
+    Each(Vec<LayerMass>),
+}
+
+impl LayerMasses {
+    fn of(layers: &[LayerMass]) -> Self {
+        match layers {
+            [first, rest @ ..] if rest.iter().all(|l| l == first) => LayerMasses::Alike(*first),
+            _ => LayerMasses::Each(layers.to_vec()),
+        }
+    }
+
+    /// The masses of `count` layers; `None` where the section tells another number.
+    pub fn expand(&self, count: usize) -> Option<Vec<LayerMass>> {
+        match self {
+            LayerMasses::Alike(mass) => Some(vec![*mass; count]),
+            LayerMasses::Each(masses) => Some(masses.clone()).filter(|m| m.len() == count),
+        }
+    }
+}
+
+/// The lowest minor version that has what the section says.
+pub(crate) fn minor_version(section: &[u8]) -> u8 {
+    let newer = fields(section).is_ok_and(|fields| fields.iter().any(|f| !FIRST_VERSION.contains(&f.0)));
+    u8::from(newer)
+}
+
+/// The section's bytes: fields in the order of their tags. `layers` in the order of the file.
+pub(crate) fn write(m: &Metadata, layers: &[LayerMass]) -> Vec<u8> {
+    let masses = LayerMasses::of(layers);
     let mut out = Vec::with_capacity(512);
     let mut field = |tag: u8, value: &[u8]| {
         out.push(tag);
@@ -57,7 +105,7 @@ pub(crate) fn write(m: &Metadata) -> Vec<u8> {
     field(LAW, &[1]);
     field(COUNT, &m.count.to_le_bytes());
     field(MASS, &m.mass.to_le_bytes());
-    field(WEIGHTED, &[u8::from(m.weighted)]);
+    field(WEIGHTED, &[u8::from(layers.iter().any(|l| l.weighted))]);
     field(BOUNDS, &floats(m.bounds.min.iter().chain(&m.bounds.max)));
     if let Some(cell) = &m.cell {
         field(CELL, &cell_bytes(cell));
@@ -69,18 +117,30 @@ pub(crate) fn write(m: &Metadata) -> Vec<u8> {
     for (tag, v) in [(LENGTH_UNIT, &m.length_unit), (MASS_UNIT, &m.mass_unit)] {
         v.iter().for_each(|v| field(tag, text(v, TEXT)));
     }
-    m.particle_mass.iter().for_each(|v| field(PARTICLE_MASS, &v.to_le_bytes()));
+    if let LayerMasses::Alike(LayerMass { particle_mass: Some(mass), .. }) = masses {
+        field(PARTICLE_MASS, &mass.to_le_bytes());
+    }
     m.comoving.iter().for_each(|&v| field(COMOVING, &[u8::from(v)]));
     for (tag, v) in [(SCALE_FACTOR, m.scale_factor), (HUBBLE, m.hubble), (TIME, m.time)] {
         v.iter().for_each(|v| field(tag, &v.to_le_bytes()));
     }
     field(COMMAND_LINE, text(&m.command, COMMAND));
     field(TOOL, text(&m.tool_version, TEXT));
+    if let Some(cell) = m.cell.filter(|c| c.origin != [0.0; 3]) {
+        field(CORNER, &floats(cell.origin.iter()));
+    }
+    if let LayerMasses::Each(masses) = masses {
+        let layer = |l: &LayerMass| {
+            let flags = u8::from(l.weighted) | u8::from(l.particle_mass.is_some()) << 1;
+            std::iter::once(flags).chain(l.particle_mass.unwrap_or(0.0).to_le_bytes()).collect::<Vec<u8>>()
+        };
+        field(LAYER_MASSES, &masses.iter().flat_map(layer).collect::<Vec<u8>>());
+    }
     out
 }
 
 /// Reads the section.
-pub(crate) fn read(bytes: &[u8]) -> Result<Metadata, Fault> {
+pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
     let fields = fields(bytes)?;
     let get = |tag: u8| fields.iter().find(|f| f.0 == tag).map(|f| f.1);
     let need = |tag: u8| get(tag).ok_or_else(|| format!("metadata field {tag} is missing"));
@@ -94,16 +154,14 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Metadata, Fault> {
         law: Law::OpticalDepth,
         count: u64::from_le_bytes(exact(COUNT, need(COUNT)?)?),
         mass: float(MASS, need(MASS)?)?,
-        weighted: flag(WEIGHTED, need(WEIGHTED)?)?,
         bounds: bounds(need(BOUNDS)?)?,
-        cell: get(CELL).map(cell).transpose()?,
+        cell: get(CELL).map(|v| cell(v, get(CORNER))).transpose()?,
         default_radius: float(RADIUS, need(RADIUS)?)?,
         default_opacity: float(OPACITY, need(OPACITY)?)?,
         source: string(SOURCE, need(SOURCE)?, TEXT)?,
         source_hash: exact(HASH, need(HASH)?)?,
         length_unit: get(LENGTH_UNIT).map(|v| string(LENGTH_UNIT, v, TEXT)).transpose()?,
         mass_unit: get(MASS_UNIT).map(|v| string(MASS_UNIT, v, TEXT)).transpose()?,
-        particle_mass: real(PARTICLE_MASS)?,
         comoving: get(COMOVING).map(|v| flag(COMOVING, v)).transpose()?,
         scale_factor: real(SCALE_FACTOR)?,
         hubble: real(HUBBLE)?,
@@ -115,7 +173,29 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Metadata, Fault> {
     {
         return Err(Fault::Corrupt("count, mass, radius or opacity out of range".into()));
     }
-    Ok(m)
+    let masses = match get(LAYER_MASSES) {
+        None => LayerMasses::Alike(LayerMass {
+            weighted: flag(WEIGHTED, need(WEIGHTED)?)?,
+            particle_mass: real(PARTICLE_MASS)?,
+        }),
+        Some(v) => LayerMasses::Each(layer_masses(v)?),
+    };
+    Ok((m, masses))
+}
+
+/// Nine bytes a layer: flags and a mass.
+fn layer_masses(v: &[u8]) -> Result<Vec<LayerMass>, String> {
+    let layer = |v: &[u8]| {
+        let mass = float(LAYER_MASSES, &v[1..])?;
+        if v[0] > 3 || (v[0] & 2 == 0) != (mass == 0.0) || mass < 0.0 {
+            return Err(format!("a layer's mass {mass} with flags {:#04x}", v[0]));
+        }
+        Ok(LayerMass { weighted: v[0] & 1 == 1, particle_mass: (v[0] & 2 == 2).then_some(mass) })
+    };
+    if v.is_empty() || !v.len().is_multiple_of(9) {
+        return Err(format!("layers' masses of {} bytes", v.len()));
+    }
+    v.chunks_exact(9).map(layer).collect()
 }
 
 /// Splits the section; tags rise.
@@ -128,7 +208,7 @@ fn fields(bytes: &[u8]) -> Result<Vec<(u8, &[u8])>, Fault> {
         if out.last().is_some_and(|f| f.0 >= tag) {
             return Err(Fault::Corrupt(format!("metadata field {tag} is out of order")));
         }
-        if tag >= REQUIRED {
+        if tag >= REQUIRED && tag != LAYER_MASSES {
             return Err(Fault::Unknown(format!("metadata field {tag} is not known and may not be skipped")));
         }
         out.push((tag, value));
@@ -140,32 +220,29 @@ fn floats<'a>(values: impl Iterator<Item = &'a f64>) -> Vec<u8> {
     values.flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// Periodicity, then three lengths where the cell is orthogonal, else three vectors; then the
-/// lowest corner where that is not 0.
+/// Periodicity, then three lengths where the cell is orthogonal, else three vectors.
 fn cell_bytes(c: &Cell) -> Vec<u8> {
     let mut out = vec![(0..3).map(|k| u8::from(c.periodic[k]) << k).sum()];
     match c.lengths() {
         Some(l) => out.extend(floats(l.iter())),
         None => out.extend(floats(c.vectors.iter().flatten())),
     }
-    if c.origin != [0.0; 3] {
-        out.extend(floats(c.origin.iter()));
-    }
     out
 }
 
-fn cell(v: &[u8]) -> Result<Cell, Fault> {
+fn cell(v: &[u8], corner: Option<&[u8]>) -> Result<Cell, Fault> {
+    let origin = match corner.map(|v| reals(CORNER, v)).transpose()?.as_deref() {
+        None => [0.0; 3],
+        Some(&[x, y, z]) => [x, y, z],
+        Some(_) => return Err(Fault::Corrupt("the cell's corner is not three numbers".into())),
+    };
     let (head, rest) = v.split_first().ok_or_else(|| "an empty cell".to_string())?;
     if *head > 7 {
         return Err(Fault::Corrupt(format!("cell periodicity {head:#04x} is reserved")));
     }
     let periodic = std::array::from_fn(|k| head >> k & 1 == 1);
     let values = reals(CELL, rest)?;
-    let (shape, origin) = match values[..] {
-        [.., x, y, z] if values.len() % 9 != 0 && values.len() > 3 => (&values[..values.len() - 3], [x, y, z]),
-        _ => (&values[..], [0.0; 3]),
-    };
-    let vectors = match shape[..] {
+    let vectors = match values[..] {
         [x, y, z] => [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],
         [a, b, c, d, e, f, g, h, i] => [[a, b, c], [d, e, f], [g, h, i]],
         _ => return Err(Fault::Corrupt(format!("a cell of {} bytes", v.len()))),
@@ -182,7 +259,7 @@ fn bounds(v: &[u8]) -> Result<Bounds, String> {
 
 /// Finite numbers.
 fn reals(tag: u8, v: &[u8]) -> Result<Vec<f64>, String> {
-    if !v.len().is_multiple_of(8) || v.len() > 96 {
+    if !v.len().is_multiple_of(8) || v.len() > 72 {
         return Err(format!("metadata field {tag} of {} bytes", v.len()));
     }
     v.chunks_exact(8).map(|c| float(tag, c)).collect()

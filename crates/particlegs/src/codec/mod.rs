@@ -24,9 +24,10 @@ mod trellis;
 mod walk;
 mod wire;
 
+pub use container::is_model;
 pub use encoder::Encoder;
 pub use file::{
-    BlockInfo, CodedLayer, FileInfo, LayerInfo, assemble, coded_layers, decode, decode_block, encode, read_info,
-    read_metadata, size_without_blocks,
+    BlockInfo, CodedLayer, FileInfo, LayerHead, LayerInfo, assemble, coded_layers, decode, decode_block, encode,
+    read_info, read_metadata, size_without_blocks,
 };
 pub use precision::Precision;

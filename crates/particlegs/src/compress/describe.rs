@@ -3,10 +3,12 @@
 use crate::model::{Law, Metadata};
 use crate::particles::{Bounds, Particles, source_hash};
 
-/// Metadata of a model of these particles.
+/// Metadata of a model of these particles; `mass` is the sum of their weights, 1 where a layer has
+/// none.
 pub fn describe(
     particles: &Particles,
     bounds: Bounds,
+    mass: f64,
     radius: Option<f64>,
     opacity: Option<f64>,
     command: String,
@@ -16,8 +18,7 @@ pub fn describe(
     Metadata {
         law: Law::OpticalDepth,
         count,
-        mass: particles.total_mass(),
-        weighted: particles.weights.is_some(),
+        mass,
         bounds,
         cell: meta.cell,
         default_radius: radius.unwrap_or_else(|| bounds.default_radius(count)),
@@ -26,7 +27,6 @@ pub fn describe(
         source_hash: source_hash(particles),
         length_unit: meta.length_unit.clone(),
         mass_unit: meta.mass_unit.clone(),
-        particle_mass: meta.particle_mass,
         comoving: meta.comoving,
         scale_factor: meta.scale_factor,
         hubble: meta.hubble,

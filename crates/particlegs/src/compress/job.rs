@@ -1,14 +1,14 @@
 //! From particles to a measured file.
 
-use super::memory::require;
 use super::rate::{Met, meet_size};
 use super::target::Target;
 use super::{describe, search};
 use crate::camera::{ORBITS, base_distance, spherical_camera};
-use crate::codec::{self, CodedLayer, Encoder, Precision};
+use crate::codec::{self, CodedLayer, Encoder, LayerHead, Precision};
 use crate::fit::{self, Effort, FitOptions};
+use crate::memory::require;
 use crate::model::{Block, Metadata, Mixture, Model};
-use crate::particles::{Bounds, Particles};
+use crate::particles::{Bounds, ParticleLayer, Particles};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::score;
@@ -48,11 +48,6 @@ pub struct Compressed {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// Bytes of the particles as float32 columns: 12 each, 16 with weights.
-pub fn raw_bytes(particles: &Particles) -> u64 {
-    particles.len() as u64 * if particles.weights.is_some() { 16 } else { 12 }
-}
-
 /// Compresses a snapshot.
 ///
 /// # Errors
@@ -80,19 +75,38 @@ pub(super) struct Job<'a> {
     pub progress: &'a dyn Progress,
     pub metadata: Metadata,
     pub raw_bytes: u64,
-    /// Bytes of the file beside its one coded block.
+    /// Layers, the smallest first: what they leave of their room goes to the larger.
+    layers: Vec<LayerJob>,
+    /// Bytes of the file beside its coded blocks.
     pub overhead: u64,
     seconds: Vec<(&'static str, f64)>,
 }
 
-/// A coded block and its multiple of the nominal steps.
+/// One species or mass class, a block of its own.
+struct LayerJob {
+    name: String,
+    particle_mass: Option<f64>,
+    particles: Particles,
+    bounds: Bounds,
+    /// Sum of the weights, or the count.
+    mass: f64,
+    raw_bytes: u64,
+}
+
+/// Coded blocks, one a layer of the job, and the multiple of the nominal steps of the largest.
+#[derive(Clone)]
 pub(super) struct Coded {
-    pub block: Vec<u8>,
+    pub blocks: Vec<Vec<u8>>,
     pub factor: f64,
 }
 
-/// The one layer's name; readers that know species give their own.
-const LAYER: &str = "particles";
+impl Coded {
+    /// Bytes of the blocks.
+    pub fn len(&self) -> usize {
+        self.blocks.iter().map(Vec::len).sum()
+    }
+}
+
 /// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
 /// are rounder and take fewer.
 pub(super) fn bytes_a_gaussian(effort: Effort) -> f64 {
@@ -105,75 +119,109 @@ const NEAR_NOMINAL: std::ops::Range<f64> = 0.75..1.4;
 
 impl<'a> Job<'a> {
     fn begin(particles: &'a Particles, options: &'a Options, progress: &'a dyn Progress) -> Result<Self> {
-        require("the fit", fit::memory_needed(particles))?;
         let start = Instant::now();
         let (radius, opacity) = (options.radius, options.opacity);
         progress.begin("bounds and hash", 0);
-        let metadata = describe(particles, particles.bounds(), radius, opacity, options.command.clone());
+        let mut layers: Vec<LayerJob> = particles.layers().iter().map(|l| LayerJob::of(particles, l)).collect();
+        let bounds = layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds));
+        let mass = layers.iter().map(|l| l.mass).sum();
+        let metadata = describe(particles, bounds, mass, radius, opacity, options.command.clone());
         progress.end();
         progress.check()?;
-        let overhead = codec::size_without_blocks(&metadata, options.certificate, &[LAYER], &[1]) as u64;
+        layers.sort_by(|a, b| (a.raw_bytes, &a.name).cmp(&(b.raw_bytes, &b.name)));
+        let need = layers.iter().map(|l| fit::memory_needed(&l.particles)).max().unwrap_or(0);
+        require("the fit", need)?;
+        let heads: Vec<_> = layers.iter().map(LayerJob::head).collect();
+        let overhead = codec::size_without_blocks(&metadata, options.certificate, &heads) as u64;
         let seconds = vec![("read", start.elapsed().as_secs_f64())];
-        Ok(Job { particles, options, progress, metadata, raw_bytes: raw_bytes(particles), overhead, seconds })
+        Ok(Job { particles, options, progress, metadata, raw_bytes: particles.raw_bytes(), layers, overhead, seconds })
     }
 
-    /// Fits `number` Gaussians (fewer where the particles do not carry so many), ready to be coded.
-    fn fit(&mut self, number: u64) -> Result<Encoder> {
+    /// Fits `number` Gaussians to a layer (fewer where its particles do not carry so many), ready to
+    /// be coded.
+    fn fit(&mut self, layer: usize, number: u64) -> Result<Encoder> {
         let start = Instant::now();
+        let LayerJob { particles, bounds, mass, .. } = &self.layers[layer];
+        let count = particles.len() as u64;
         let options = FitOptions {
-            gaussians: usize::try_from(number.min(self.metadata.count)).unwrap_or(usize::MAX),
+            gaussians: usize::try_from(number.min(count)).unwrap_or(usize::MAX),
             effort: self.options.effort,
             radius: self.metadata.default_radius,
             pixel: near_pixel(&self.metadata.bounds),
             seed: self.options.seed,
         };
-        let gaussians: Mixture = fit::fit(self.particles, &options, self.progress)?;
+        let gaussians: Mixture = fit::fit(particles, &options, self.progress)?;
+        let block = Block { bounds: *bounds, count, mass: *mass, gaussians };
         self.spent("fit", start);
-        let m = &self.metadata;
-        Encoder::new(&Block { bounds: m.bounds, count: m.count, mass: m.mass, gaussians })
+        Encoder::new(&block)
     }
 
-    /// `number` Gaussians at the nominal precision.
+    /// `number` Gaussians at the nominal precision, shared among the layers by their particles.
     pub fn at_number(&mut self, number: u64) -> Result<Coded> {
-        let encoder = self.fit(number)?;
-        let start = Instant::now();
-        let block = encoder.encode(&Precision::BALANCED);
-        self.spent("code", start);
-        Ok(Coded { block, factor: 1.0 })
+        let (mut left, mut particles_left) = (number, self.metadata.count);
+        let mut blocks = Vec::with_capacity(self.layers.len());
+        for layer in 0..self.layers.len() {
+            let count = self.layers[layer].particles.len() as u64;
+            let share = (left as f64 * count as f64 / particles_left as f64).round() as u64;
+            let encoder = self.fit(layer, share.clamp(1, count))?;
+            (left, particles_left) = (left.saturating_sub(share.max(1)), particles_left - count);
+            let start = Instant::now();
+            blocks.push(encoder.encode(&Precision::BALANCED));
+            self.spent("code", start);
+        }
+        Ok(Coded { blocks, factor: 1.0 })
     }
 
-    /// The best file of at most `target` bytes: a number of Gaussians whose steps are near nominal,
-    /// and the steps that just fit.
+    /// The best file of at most `target` bytes, every layer at about the same ratio.
     fn at_size(&mut self, target: u64) -> Result<Coded> {
-        let room = target.saturating_sub(self.overhead);
-        let mut number = ((room as f64 / bytes_a_gaussian(self.options.effort)) as u64).clamp(1, self.metadata.count);
-        let mut met = self.met_with(number, room)?;
-        for _ in 1..FITS {
-            let fine = !met.outcome.too_large && NEAR_NOMINAL.contains(&met.outcome.factor);
-            // What a Gaussian costs at the nominal steps tells the right number.
-            let better = ((room as f64 / met.nominal_bytes) as u64).clamp(1, self.metadata.count);
-            if fine || better == number || met.found < number && better > met.found {
-                break;
-            }
-            number = better;
-            met = self.met_with(number, room)?;
+        let (mut room, mut raw_left) = (target.saturating_sub(self.overhead), self.raw_bytes);
+        let mut coded = Coded { blocks: Vec::with_capacity(self.layers.len()), factor: 1.0 };
+        let (mut too_large, mut too_small) = (false, false);
+        for layer in 0..self.layers.len() {
+            let raw_bytes = self.layers[layer].raw_bytes;
+            let share = (room as f64 * (raw_bytes as f64 / raw_left as f64)) as u64;
+            let met = self.layer_at_size(layer, share)?;
+            room = room.saturating_sub(met.bytes.len() as u64);
+            raw_left -= raw_bytes;
+            (too_large, too_small) = (met.too_large, met.too_small);
+            coded.factor = met.factor;
+            coded.blocks.push(met.bytes);
         }
-        if met.outcome.too_large && number > 1 {
-            met = self.met_with(1, room)?;
-        }
-        if met.outcome.too_large {
-            self.refuse_or_warn(target, &met.outcome)?;
-        } else if met.outcome.too_small {
-            let bytes = met.outcome.bytes.len() as u64 + self.overhead;
+        let bytes = coded.len() as u64 + self.overhead;
+        if too_large {
+            self.refuse_or_warn(target, bytes)?;
+        } else if too_small {
             self.progress.message(&format!(
                 "note: the file has {bytes} bytes, fewer than the {target} asked for: these particles need no more"
             ));
         }
-        Ok(Coded { block: met.outcome.bytes, factor: met.outcome.factor })
+        Ok(coded)
     }
 
-    fn met_with(&mut self, number: u64, room: u64) -> Result<MetWith> {
-        let encoder = self.fit(number)?;
+    /// The best block of a layer of at most `room` bytes: a number of Gaussians whose steps are near
+    /// nominal, and the steps that just fit.
+    fn layer_at_size(&mut self, layer: usize, room: u64) -> Result<Met> {
+        let count = self.layers[layer].particles.len() as u64;
+        let mut number = ((room as f64 / bytes_a_gaussian(self.options.effort)) as u64).clamp(1, count);
+        let mut met = self.met_with(layer, number, room)?;
+        for _ in 1..FITS {
+            let fine = !met.outcome.too_large && NEAR_NOMINAL.contains(&met.outcome.factor);
+            // What a Gaussian costs at the nominal steps tells the right number.
+            let better = ((room as f64 / met.nominal_bytes) as u64).clamp(1, count);
+            if fine || better == number || met.found < number && better > met.found {
+                break;
+            }
+            number = better;
+            met = self.met_with(layer, number, room)?;
+        }
+        if met.outcome.too_large && number > 1 {
+            met = self.met_with(layer, 1, room)?;
+        }
+        Ok(met.outcome)
+    }
+
+    fn met_with(&mut self, layer: usize, number: u64, room: u64) -> Result<MetWith> {
+        let encoder = self.fit(layer, number)?;
         let start = Instant::now();
         let encode = |q| {
             self.progress.check()?;
@@ -185,8 +233,7 @@ impl<'a> Job<'a> {
     }
 
     /// Header and one Gaussian do not fit: a warning by default, an error where it was asked for.
-    fn refuse_or_warn(&self, target: u64, met: &Met) -> Result<()> {
-        let smallest = met.bytes.len() as u64 + self.overhead;
+    fn refuse_or_warn(&self, target: u64, smallest: u64) -> Result<()> {
         let what = format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
         if self.options.target == Target::Default {
             self.progress.message(&format!("warning: {what}"));
@@ -197,9 +244,14 @@ impl<'a> Job<'a> {
         Err(Error::Unreachable { what, hint })
     }
 
-    /// The file of a coded block.
-    pub fn file(&self, block: Vec<u8>, certificate: Option<&crate::model::Certificate>) -> Result<Vec<u8>> {
-        codec::assemble(&self.metadata, certificate, vec![CodedLayer { name: LAYER.into(), blocks: vec![block] }])
+    /// The file of coded blocks.
+    pub fn file(&self, coded: &Coded, certificate: Option<&crate::model::Certificate>) -> Result<Vec<u8>> {
+        let layer = |(l, block): (&LayerJob, &Vec<u8>)| CodedLayer {
+            name: l.name.clone(),
+            particle_mass: l.particle_mass,
+            blocks: vec![block.clone()],
+        };
+        codec::assemble(&self.metadata, certificate, self.layers.iter().zip(&coded.blocks).map(layer).collect())
     }
 
     fn spent(&mut self, phase: &'static str, start: Instant) {
@@ -213,17 +265,36 @@ impl<'a> Job<'a> {
     /// Decodes the file and, where asked for, measures the decoded model.
     fn finish(mut self, coded: Coded) -> Result<Compressed> {
         let start = Instant::now();
-        let mut bytes = self.file(coded.block.clone(), None)?;
+        let mut bytes = self.file(&coded, None)?;
         let mut model = codec::decode(&bytes, "the file just coded")?;
         self.spent("decode", start);
         if self.options.certificate {
             let start = Instant::now();
             let certificate = score::certificate(&model, self.particles, self.options.seed, self.progress)?;
-            bytes = self.file(coded.block, Some(&certificate))?;
+            bytes = self.file(&coded, Some(&certificate))?;
             model.certificate = Some(certificate);
             self.spent("certificate", start);
         }
         Ok(Compressed { bytes, model, raw_bytes: self.raw_bytes, step_factor: coded.factor, seconds: self.seconds })
+    }
+}
+
+impl LayerJob {
+    fn head(&self) -> LayerHead<'_> {
+        let weighted = self.particles.weights.is_some();
+        LayerHead { name: &self.name, particle_mass: self.particle_mass, weighted, blocks: 1 }
+    }
+
+    fn of(all: &Particles, layer: &ParticleLayer) -> Self {
+        let particles = all.of_layer(layer);
+        LayerJob {
+            name: layer.name.clone(),
+            particle_mass: layer.particle_mass,
+            bounds: particles.bounds(),
+            mass: particles.total_mass(),
+            raw_bytes: particles.raw_bytes(),
+            particles,
+        }
     }
 }
 

@@ -5,12 +5,10 @@
 
 mod describe;
 mod job;
-mod memory;
 mod rate;
 mod search;
 mod target;
 
 pub use describe::describe;
-pub use job::{Compressed, Options, compress, raw_bytes};
-pub use memory::available_bytes;
+pub use job::{Compressed, Options, compress};
 pub use target::Target;

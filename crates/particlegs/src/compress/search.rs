@@ -41,10 +41,10 @@ pub(super) fn reach_quality(job: &mut Job, decibels: f64) -> Result<Coded> {
     let (mut above, mut below): (Option<Tried>, Option<Tried>) = (None, None);
     for _ in 0..FITS {
         let coded = job.at_number(number as u64)?;
-        let model = codec::decode(&job.file(coded.block.clone(), None)?, "the file just coded")?;
+        let model = codec::decode(&job.file(&coded, None)?, "the file just coded")?;
         // Pictures that are identical in every view have no finite score.
         let reached = held_out.expected_masked_psnr(&Scene::of(&model), job.progress)?.unwrap_or(f64::INFINITY);
-        job.progress.message(&format!("{number} Gaussians, {} bytes: {reached:.2} dB", coded.block.len()));
+        job.progress.message(&format!("{number} Gaussians, {} bytes: {reached:.2} dB", coded.len()));
         let tried = Tried { number, decibels: reached, coded };
         let done = reached >= decibels && (reached - decibels <= CLOSE_DECIBELS || number <= 1.0)
             || reached < decibels && number >= most;

@@ -16,10 +16,9 @@ pub struct Metadata {
     pub law: Law,
     /// Particles of the whole snapshot.
     pub count: u64,
-    /// Their mass: the sum of weights, or the count where all are equal.
+    /// The sum of their weights, each 1 where a layer has none; see [`super::Model::mass`] for the
+    /// mass in units.
     pub mass: f64,
-    /// Do particles have weights of their own?
-    pub weighted: bool,
     /// Bounds of the whole snapshot, world units.
     pub bounds: Bounds,
     /// Simulation cell.
@@ -36,8 +35,6 @@ pub struct Metadata {
     pub length_unit: Option<String>,
     /// Unit of mass, as text.
     pub mass_unit: Option<String>,
-    /// Mass of a particle of weight 1, in `mass_unit`.
-    pub particle_mass: Option<f64>,
     /// Are lengths comoving?
     pub comoving: Option<bool>,
     /// Cosmological scale factor.

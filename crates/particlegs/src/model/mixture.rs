@@ -91,6 +91,8 @@ pub struct Block {
 pub struct Layer {
     /// Name, e.g. `dm`.
     pub name: String,
+    /// Mass of a particle of weight 1, in the unit of mass; `None` = not known.
+    pub particle_mass: Option<f64>,
     /// Independently coded blocks, in canonical order.
     pub blocks: Vec<Block>,
 }
@@ -100,13 +102,59 @@ pub struct Layer {
 pub struct Model {
     /// What is known about the snapshot and the fit.
     pub metadata: Metadata,
-    /// Layers, one for now.
+    /// Layers, at least one.
     pub layers: Vec<Layer>,
     /// What was measured after decoding.
     pub certificate: Option<Certificate>,
 }
 
+impl Layer {
+    /// Do its particles have weights of their own?
+    pub fn is_weighted(&self) -> bool {
+        self.blocks.iter().any(|b| b.gaussians.mass.is_some())
+    }
+
+    /// Particles.
+    pub fn count(&self) -> u64 {
+        self.blocks.iter().map(|b| b.count).sum()
+    }
+
+    /// Mass of a particle of weight 1, or 1 where it is not known.
+    pub fn unit_mass(&self) -> f64 {
+        self.particle_mass.unwrap_or(1.0)
+    }
+}
+
 impl Model {
+    /// Mass of all particles in the unit of mass, where it is known.
+    pub fn mass(&self) -> Option<f64> {
+        let mass = |l: &Layer| l.unit_mass() * l.blocks.iter().map(|b| b.mass).sum::<f64>();
+        self.has_masses().then(|| self.layers.iter().map(mass).sum())
+    }
+
+    /// Is the mass of particles known: do all layers have weights, or a particle mass?
+    pub fn has_masses(&self) -> bool {
+        self.layers.iter().all(|l| l.particle_mass.is_some() || l.is_weighted())
+    }
+
+    /// The model of some layers alone. Bounds, radius, opacity and all that is known stay those of
+    /// the whole snapshot, so that pictures of layers match; the certificate is of the whole, and
+    /// goes.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] for a name that no layer has; it lists those there are.
+    pub fn only(mut self, names: &[String]) -> crate::Result<Self> {
+        if let Some(name) = names.iter().find(|n| self.layers.iter().all(|l| l.name != **n)) {
+            let there: Vec<&str> = self.layers.iter().map(|l| &l.name[..]).collect();
+            return Err(crate::Error::argument(format!("no layer `{name}`: there are {}", there.join(", "))));
+        }
+        self.layers.retain(|l| names.contains(&l.name));
+        self.metadata.count = self.layers.iter().map(Layer::count).sum();
+        self.metadata.mass = self.blocks().map(|b| b.mass).sum();
+        self.certificate = None;
+        Ok(self)
+    }
+
     /// All blocks of all layers.
     pub fn blocks(&self) -> impl Iterator<Item = &Block> {
         self.layers.iter().flat_map(|l| &l.blocks)

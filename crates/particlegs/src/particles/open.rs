@@ -1,45 +1,27 @@
-//! Opens what users name: a folder, three or four raw files, or one .npy.
+//! Opens raw float32: a folder, or three or four files; checks the values of any snapshot.
 
-use super::{Cell, Column, ParticleLayer, Particles, Positions, SnapshotMeta, npy, sidecar, sidecar::Sidecar};
+use super::{Column, ParticleLayer, Particles, Positions, SnapshotMeta, sidecar, sidecar::Sidecar};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// How to open a snapshot.
-#[derive(Clone, Debug, Default)]
-pub struct OpenOptions {
-    /// Periodic box lengths; overrides what the data says.
-    pub box_lengths: Option<[f64; 3]>,
-    /// Drop particles with NaN or infinite coordinates or weights (and weights that are not
-    /// positive) instead of refusing them.
-    pub skip_invalid: bool,
-}
-
-/// Opens a snapshot: one folder with xx.f32, yy.f32, zz.f32 (and ww.f32), the three or four files
-/// in that order, or one .npy of shape (N, 3) in f32 or f64. Raw float32 and f32 .npy are mapped,
-/// not copied. Every value is checked.
+/// Opens raw float32: one folder with xx.f32, yy.f32, zz.f32 (and ww.f32), or the three or four files
+/// in that order, mapped, not copied. A meta.json beside them tells box, units and layers. Values
+/// are as they are ([`check_values`]).
 ///
 /// # Errors
-/// [`Error::Io`] where a file cannot be read; [`Error::Input`] for anything that is no snapshot:
-/// columns of different lengths, no particles, NaN or infinity (how many, and the first).
-pub fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Particles> {
-    let mut particles = match paths {
+/// [`Error::Io`] where a file cannot be read; [`Error::Input`] for columns of different lengths and
+/// no particles.
+pub fn open_raw(paths: &[PathBuf]) -> Result<Particles> {
+    let particles = match paths {
         [] => return Err(Error::argument("no snapshot was named")),
-        [one] if one.is_dir() => open_folder(one)?,
-        [one] if npy::is_npy(one)? => npy::open(one)?,
-        [one] => {
-            return Err(Error::input_hint(
-                one,
-                "not a folder with xx.f32, yy.f32 and zz.f32, and not a .npy file",
-                "name the folder, the three files x y z (and weights), or one .npy of shape (N, 3)",
-            ));
-        }
+        [folder] => open_folder(folder)?,
         [_, _, _] | [_, _, _, _] => open_columns(paths)?,
         more => {
             return Err(Error::argument(format!(
-                "{} files were named; a snapshot is a folder, three or four columns, or one .npy",
+                "{} files were named; raw data are a folder or three or four columns",
                 more.len()
             )));
         }
@@ -47,13 +29,7 @@ pub fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Particles> {
     if particles.is_empty() {
         return Err(Error::input(&paths[0], "no particles"));
     }
-    if let Some(lengths) = options.box_lengths {
-        if !lengths.iter().all(|l| *l > 0.0 && l.is_finite()) {
-            return Err(Error::argument(format!("box lengths {lengths:?} must be positive")));
-        }
-        particles.meta.cell = Some(Cell::orthogonal(lengths));
-    }
-    refuse_or_drop_invalid(particles, &paths[0], options.skip_invalid)
+    Ok(particles)
 }
 
 fn open_folder(folder: &Path) -> Result<Particles> {
@@ -133,8 +109,12 @@ pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
     Ok((Some(Arc::new(map)), length))
 }
 
-/// Counts invalid particles; drops them into fresh columns or names the first.
-fn refuse_or_drop_invalid(particles: Particles, path: &Path, drop: bool) -> Result<Particles> {
+/// Checks every value: particles with NaN, infinite or (weights) non-positive values are refused, or
+/// dropped into fresh columns.
+///
+/// # Errors
+/// [`Error::Input`] at `place`: how many, and the first.
+pub fn check_values(particles: Particles, place: &str, drop: bool) -> Result<Particles> {
     let parts = particles.par_chunks(|start, chunk| {
         let mut bad = 0u64;
         let mut first = None;
@@ -160,13 +140,13 @@ fn refuse_or_drop_invalid(particles: Particles, path: &Path, drop: bool) -> Resu
     let first = parts.iter().find_map(|p| p.1).unwrap_or(0);
     if !drop {
         return Err(Error::input_hint(
-            path,
+            place,
             format!("{bad} particles are invalid (NaN, infinite, or weight not positive), the first at index {first}"),
-            "`--skip-invalid` drops them",
+            "`--skip-invalid` drops them; `--weights none` ignores masses",
         ));
     }
     if bad == particles.len() as u64 {
-        return Err(Error::input(path, format!("all {bad} particles are invalid")));
+        return Err(Error::input(place, format!("all {bad} particles are invalid")));
     }
     Ok(keep_valid(&particles))
 }

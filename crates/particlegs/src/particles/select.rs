@@ -5,8 +5,9 @@
 //! threads.
 
 use super::storage::CHUNK;
-use super::{Bounds, Cell, ChunkBuffer, ParticleLayer, Particles, SnapshotMeta, Tiling};
+use super::{Bounds, Cell, ChunkBuffer, Column, ParticleLayer, Particles, Positions, SnapshotMeta, Tiling};
 use crate::math::Random;
+use crate::memory::require;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -51,6 +52,14 @@ pub struct Run {
 /// The draw's place in the order of keys: a particle is drawn where its own is not above.
 type Key = (u64, u64, u32);
 
+/// The particles that a selection keeps, in memory, about the same origin.
+///
+/// # Errors
+/// Those of [`Kept::new`]; [`Error::Memory`] before anything is taken.
+pub fn select(particles: &Particles, selection: Selection, progress: &dyn Progress) -> Result<Particles> {
+    Kept::about(particles.origin, particles, Tiling::single(), selection, progress)?.collect(progress)
+}
+
 /// A layer of what is kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeptLayer {
@@ -67,6 +76,8 @@ pub struct KeptLayer {
 /// Runs of a tiled snapshot and what each keeps: what writers are given.
 pub struct Kept<'a> {
     particles: &'a Particles,
+    /// What positions are written relative to.
+    origin: [f64; 3],
     tiling: Tiling,
     selection: Selection,
     meta: SnapshotMeta,
@@ -94,6 +105,17 @@ impl<'a> Kept<'a> {
         selection: Selection,
         progress: &dyn Progress,
     ) -> Result<Self> {
+        Self::about([0.0; 3], particles, tiling, selection, progress)
+    }
+
+    /// The same, with positions about `origin`.
+    fn about(
+        origin: [f64; 3],
+        particles: &'a Particles,
+        tiling: Tiling,
+        selection: Selection,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         if selection.every == 0 {
             return Err(Error::argument("keeping every 0th particle keeps none; 1 keeps all"));
         }
@@ -110,8 +132,19 @@ impl<'a> Kept<'a> {
         let runs = layers.iter().map(|l| l.range.len().div_ceil(CHUNK) as u64 * tiling.tiles());
         let layer_runs = running_sums(runs.collect());
         let (cropped_before, last_key, first) = Default::default();
-        let mut kept =
-            Kept { particles, tiling, selection, meta, layers, layer_runs, images, cropped_before, last_key, first };
+        let mut kept = Kept {
+            particles,
+            origin,
+            tiling,
+            selection,
+            meta,
+            layers,
+            layer_runs,
+            images,
+            cropped_before,
+            last_key,
+            first,
+        };
         kept.count(progress)?;
         Ok(kept)
     }
@@ -198,6 +231,40 @@ impl<'a> Kept<'a> {
         self.first[id as usize]
     }
 
+    /// What is kept, in memory.
+    fn collect(&self, progress: &dyn Progress) -> Result<Particles> {
+        let columns = if self.weighted() { 4 } else { 3 };
+        require("the particles chosen", self.total() * 4 * columns as u64)?;
+        let mut values = vec![vec![0f32; self.total() as usize]; columns];
+        let mut places: Vec<Vec<&mut [f32]>> = (0..self.runs()).map(|_| Vec::new()).collect();
+        for column in &mut values {
+            let mut rest = &mut column[..];
+            for (id, place) in places.iter_mut().enumerate() {
+                let (own, after) = rest.split_at_mut((self.first[id + 1] - self.first[id]) as usize);
+                place.push(own);
+                rest = after;
+            }
+        }
+        places.into_par_iter().enumerate().try_for_each_init(Run::default, |run, (id, place)| {
+            progress.check()?;
+            self.load(id as u64, run)?;
+            place.into_iter().zip(&run.columns).for_each(|(to, from)| to.copy_from_slice(from));
+            Ok::<_, Error>(())
+        })?;
+        let kind = |l: KeptLayer| ParticleLayer {
+            name: l.name,
+            range: l.range.start as usize..l.range.end as usize,
+            particle_mass: l.particle_mass,
+            weighted: l.weighted,
+        };
+        let kinds =
+            if self.particles.kinds.is_empty() { Vec::new() } else { self.layers().into_iter().map(kind).collect() };
+        let mut values = values.into_iter().map(Column::owned);
+        let mut next = || values.next().expect("three columns at least");
+        let positions = Positions::Columns([next(), next(), next()]);
+        Ok(Particles { positions, weights: values.next(), origin: self.origin, meta: self.meta.clone(), kinds })
+    }
+
     /// Fills `run` with what run `id` keeps.
     ///
     /// # Errors
@@ -236,13 +303,13 @@ impl<'a> Kept<'a> {
         let shift = self.tiling.shift(self.place(id).1);
         let chunk = self.particles.chunk(self.range(id), &mut run.buffer);
         for k in 0..3 {
-            let offset = self.particles.origin[k] + shift[k];
+            let offset = self.particles.origin[k] - self.origin[k] + shift[k];
             run.columns[k].clear();
             run.columns[k].extend(chunk.position[k].iter().map(|&v| (f64::from(v) + offset) as f32));
         }
         if let Some(images) = &self.images {
             let offset = std::array::from_fn(|k| self.particles.origin[k] + shift[k]);
-            images.nearest(&chunk, offset, &mut run.columns);
+            images.nearest(&chunk, offset, self.origin, &mut run.columns);
         }
         if run.columns[..3].iter().flatten().any(|v| !v.is_finite()) {
             return Err(Error::input(&self.particles.meta.name, "positions that do not fit into float32"));
@@ -254,10 +321,11 @@ impl<'a> Kept<'a> {
 
     /// The particles of a filled run that are inside the crop.
     fn inside<'r>(&self, run: &'r Run) -> impl Iterator<Item = u32> + use<'r> {
-        let crop = self.selection.crop;
+        let (crop, origin) = (self.selection.crop, self.origin);
         let [x, y, z, _] = &run.columns;
         (0..x.len() as u32).filter(move |&i| {
-            let p = [x, y, z].map(|c| f64::from(c[i as usize]));
+            let local = [x, y, z].map(|c| f64::from(c[i as usize]));
+            let p: [f64; 3] = std::array::from_fn(|k| local[k] + origin[k]);
             crop.is_none_or(|b| (0..3).all(|k| b.min[k] <= p[k] && p[k] < b.max[k]))
         })
     }
@@ -387,8 +455,9 @@ impl Images {
         Ok(Images { centre: crop.center(), cell: *cell, fractions })
     }
 
-    /// Replaces the positions of `columns` by those of `chunk` (about `offset`) at their images.
-    fn nearest(&self, chunk: &super::Chunk<'_>, offset: [f64; 3], columns: &mut [Vec<f32>; 4]) {
+    /// Replaces the positions of `columns` (about `origin`) by those of `chunk` (about `offset`) at
+    /// their images.
+    fn nearest(&self, chunk: &super::Chunk<'_>, offset: [f64; 3], origin: [f64; 3], columns: &mut [Vec<f32>; 4]) {
         for i in 0..chunk.len() {
             let p: [f64; 3] = std::array::from_fn(|k| f64::from(chunk.position[k][i]) + offset[k]);
             let d: [f64; 3] = std::array::from_fn(|k| p[k] - self.centre[k]);
@@ -398,7 +467,7 @@ impl Images {
             });
             for k in 0..3 {
                 let shift: f64 = (0..3).map(|a| steps[a] * self.cell.vectors[a][k]).sum();
-                columns[k][i] = (p[k] - shift) as f32;
+                columns[k][i] = (p[k] - shift - origin[k]) as f32;
             }
         }
     }

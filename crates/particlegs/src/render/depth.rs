@@ -27,7 +27,7 @@ const RUN: usize = 4096;
 /// [`crate::Error::Cancelled`].
 pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
     let lens = Lens::optical(view, size, &scene.bounds)?;
-    let mut plane = sum(scene, &[lens], size, |m, i| m.count[i], progress)?;
+    let mut plane = sum(scene, &[lens], size, |m, _, i| m.count[i], progress)?;
     if matches!(view.camera.projection, Projection::Perspective { .. }) {
         grow(&mut plane, &lens);
     }
@@ -61,21 +61,26 @@ fn grow(plane: &mut Plane, lens: &Lens) {
     });
 }
 
-/// Sum over all Gaussians and lenses of weight times the footprint.
+/// Sum over all Gaussians and lenses of weight times the footprint. `weight` gets the mixture, the
+/// mass of a particle of weight 1 in it, and the Gaussian.
 pub(super) fn sum(
     scene: &Scene,
     lenses: &[Lens],
     size: Size,
-    weight: impl Fn(&Mixture, usize) -> f64 + Sync,
+    weight: impl Fn(&Mixture, f64, usize) -> f64 + Sync,
     progress: &dyn Progress,
 ) -> Result<Plane> {
     let levels = pyramid::levels(size);
-    let runs: Vec<(&Mixture, usize)> =
-        scene.parts.iter().flat_map(|m| (0..m.len()).step_by(RUN).map(move |start| (*m, start))).collect();
+    let runs: Vec<(&Mixture, f64, usize)> = scene
+        .parts
+        .iter()
+        .flat_map(|&(m, unit_mass)| (0..m.len()).step_by(RUN).map(move |start| (m, unit_mass, start)))
+        .collect();
     let bins = runs
         .par_iter()
-        .map(|&(m, start)| {
+        .map(|&(m, unit_mass, start)| {
             progress.check()?;
+            let weight = |m: &Mixture, i| weight(m, unit_mass, i);
             Ok(project_run(m, start..m.len().min(start + RUN), lenses, &levels, &weight))
         })
         .collect::<Result<Vec<Bins>>>()?;

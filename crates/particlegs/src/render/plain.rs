@@ -14,7 +14,7 @@ pub fn optical_depth(scene: &Scene, view: &View, size: Size) -> Vec<f64> {
     let lens = Lens::optical(view, size, &scene.bounds).unwrap();
     let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
     let mut tau = vec![0.0; size.pixels()];
-    for m in &scene.parts {
+    for (m, _) in &scene.parts {
         for i in 0..m.len() {
             add(&mut tau, size, &lens, perspective, m.mean_of(i), m.cov_of(i).rows(), m.count[i]);
         }

@@ -11,24 +11,17 @@ use crate::progress::Progress;
 
 /// Mass a world unit squared at every pixel, averaged over the pixel:
 /// `Sigma = sum m (f/z)^2 N2` in perspective, `sum m f^2 N2` in an orthographic view, whose periodic
-/// copies are drawn where the view wraps. `unit_mass` is the mass of a particle of weight 1 (1 where
-/// it is not known: the result then counts particles).
+/// copies are drawn where the view wraps. Where no mass is known the result counts particles.
 ///
 /// # Errors
 /// [`crate::Error::Argument`] for a window of thousands of boxes, [`crate::Error::Cancelled`].
-pub fn surface_density(
-    scene: &Scene,
-    unit_mass: f64,
-    view: &DensityView,
-    size: Size,
-    progress: &dyn Progress,
-) -> Result<Plane> {
+pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
     let lenses = view
         .copies(size, &scene.bounds, reach(scene))?
         .into_iter()
         .map(|shift| Lens::density(view, size, shift))
         .collect::<Result<Vec<_>>>()?;
-    sum(scene, &lenses, size, |m: &Mixture, i| unit_mass * m.mass_of(i), progress)
+    sum(scene, &lenses, size, |m: &Mixture, unit_mass, i| unit_mass * m.mass_of(i), progress)
 }
 
 /// Five of the largest standard deviation: how far Gaussians reach beyond their means.
@@ -36,7 +29,7 @@ fn reach(scene: &Scene) -> f64 {
     let largest = scene
         .parts
         .iter()
-        .flat_map(|m| m.cov[0].iter().zip(&m.cov[3]).zip(&m.cov[5]).map(|((x, y), z)| x + y + z))
+        .flat_map(|(m, _)| m.cov[0].iter().zip(&m.cov[3]).zip(&m.cov[5]).map(|((x, y), z)| x + y + z))
         .fold(0.0, f64::max);
     5.0 * largest.sqrt()
 }

@@ -167,7 +167,7 @@ fn periodic_windows_wrap() {
     let window = |center: [f64; 3]| {
         let cell = Some(Cell::orthogonal([2.0; 3]));
         let view = DensityView::orthographic("w", center, [0.0, 0.0], 2.0, None, size, &bounds(), cell).unwrap();
-        surface_density(&Scene::of_mixture(&m, bounds()), 1.0, &view, size, &Silent).unwrap().data
+        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Silent).unwrap().data
     };
     let here = window([0.0; 3]);
     let there = window([1.0, -0.5, 3.7]);

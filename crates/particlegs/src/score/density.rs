@@ -29,13 +29,16 @@ pub struct DensityAgreement {
 }
 
 impl DensityGrid {
-    /// `longest` cells along the longest extent, about as long along the others.
+    /// `longest` cells along the longest extent, about as long along the others. Along an axis whose
+    /// box the particles fill less than half, as a cut-out or a zoom does, the grid is over them.
     pub fn new(bounds: &Bounds, cell: Option<&Cell>, longest: u16) -> Self {
         let (mut extent, center) = (bounds.extent_nonzero(), bounds.center());
         let mut periodic = [false; 3];
         if let Some((lengths, cell)) = cell.and_then(|c| Some((c.lengths()?, c))) {
-            for k in (0..3).filter(|&k| cell.periodic[k]) {
-                (extent[k], periodic[k]) = (lengths[k], true);
+            for k in 0..3 {
+                if cell.periodic[k] && extent[k] > 0.5 * lengths[k] {
+                    (extent[k], periodic[k]) = (lengths[k], true);
+                }
             }
         }
         let side = extent[0].max(extent[1]).max(extent[2]) / f64::from(longest.max(1));
@@ -58,6 +61,7 @@ impl DensityGrid {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn of_particles(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<f64>> {
+        let unit_mass = particles.meta.particle_mass.unwrap_or(1.0);
         let scale = self.side.map(f64::recip);
         let offset: [f64; 3] = std::array::from_fn(|k| (particles.origin[k] - self.min[k]) * scale[k]);
         self.sum_parts(particles.len(), |grid, range| {
@@ -67,7 +71,7 @@ impl DensityGrid {
                 let chunk = particles.chunk(start..range.end.min(start + (1 << 16)), &mut buffer);
                 for i in 0..chunk.len() {
                     let cell = [0, 1, 2].map(|k| self.cell(k, f64::from(chunk.position[k][i]) * scale[k] + offset[k]));
-                    grid[self.index(cell)] += chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+                    grid[self.index(cell)] += unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                 }
             }
             Ok(())
@@ -81,9 +85,11 @@ impl DensityGrid {
     /// [`crate::Error::Cancelled`].
     pub fn of_model(&self, model: &Model, progress: &dyn Progress) -> Result<Vec<f64>> {
         let mut sum = vec![0.0; self.cells.iter().product()];
-        for block in model.blocks() {
-            let part = self.of_mixture(&block.gaussians, progress)?;
-            sum.iter_mut().zip(part).for_each(|(s, v)| *s += v);
+        for layer in &model.layers {
+            for block in &layer.blocks {
+                let part = self.of_mixture(&block.gaussians, progress)?;
+                sum.iter_mut().zip(part).for_each(|(s, v)| *s += layer.unit_mass() * v);
+            }
         }
         Ok(sum)
     }

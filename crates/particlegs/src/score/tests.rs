@@ -3,7 +3,7 @@
 use super::*;
 use crate::math::Sym3;
 use crate::model::{Block, Law, Layer, Metadata, Mixture, Model};
-use crate::particles::{OpenOptions, Particles, open};
+use crate::particles::{Particles, open_raw};
 use crate::picture::Size;
 use crate::progress::{Progress, Silent};
 use crate::render::Scene;
@@ -12,7 +12,7 @@ const SIZE: Size = Size { width: 160, height: 90 };
 
 fn sample() -> Particles {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    open(&[folder], &OpenOptions::default()).unwrap()
+    open_raw(&[folder]).unwrap()
 }
 
 /// The moments of the particles in each of `n` x `n` x `n` cells.
@@ -37,7 +37,7 @@ fn tiny(particles: &Particles, n: usize) -> Model {
     let block = Block { bounds, count, mass: count as f64, gaussians };
     Model {
         metadata: metadata(particles),
-        layers: vec![Layer { name: "all".into(), blocks: vec![block] }],
+        layers: vec![Layer { name: "all".into(), particle_mass: None, blocks: vec![block] }],
         certificate: None,
     }
 }
@@ -48,7 +48,6 @@ fn metadata(particles: &Particles) -> Metadata {
         law: Law::OpticalDepth,
         count,
         mass: count as f64,
-        weighted: false,
         bounds,
         cell: particles.meta.cell,
         default_radius: bounds.default_radius(count),
@@ -57,7 +56,6 @@ fn metadata(particles: &Particles) -> Metadata {
         source_hash: [0; 32],
         length_unit: None,
         mass_unit: None,
-        particle_mass: None,
         comoving: None,
         scale_factor: None,
         hubble: None,

@@ -1,0 +1,119 @@
+//! What `info` prints about a snapshot.
+
+use crate::common::Context;
+use particlegs::Result;
+use particlegs::particles::{Bounds, Cell, SnapshotMeta};
+use particlegs_formats::{Choice, Description, Field, Mass, describe};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    description: &'a Description,
+    particles: u64,
+    redshift: Option<f64>,
+    /// One a species, in order; empty where they were not read.
+    bounds: &'a [Bounds],
+}
+
+/// Describes the snapshot in words or as JSON.
+pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool) -> Result<()> {
+    let (description, bounds) = describe(paths, choice, bounds, context)?;
+    let report = Report {
+        particles: description.species.iter().map(|s| s.count).sum(),
+        redshift: description.meta.scale_factor.map(|a| 1.0 / a - 1.0),
+        description: &description,
+        bounds: &bounds,
+    };
+    context.finish(&text(&report), &report)
+}
+
+fn text(r: &Report<'_>) -> String {
+    let (d, m) = (r.description, &r.description.meta);
+    let mut out = String::new();
+    let mut row = |name: &str, value: String| {
+        let _ = writeln!(out, "{name:<18} {value}");
+    };
+    row("format", d.format.clone());
+    row("files", files(&d.files));
+    if let Some(f) = &d.frames {
+        let step = f.step.map_or(String::new(), |s| format!(", step {s}"));
+        row("frames", format!("{}; frame {}{step} is described and read (--frame chooses)", f.count, f.chosen));
+    }
+    row("particles", format!("{}", r.particles));
+    row("cell", m.cell.as_ref().map_or("none stated: nothing wraps (--box states one)".into(), |c| cell(c, m)));
+    row("unit of length", length_unit(m));
+    row("unit of mass", said(m.mass_unit.as_deref()));
+    row("scale factor", m.scale_factor.map_or("not stated".into(), |a| format!("{a} (z = {:.4})", 1.0 / a - 1.0)));
+    row("h", said(m.hubble));
+    row("time", said(m.time));
+    for (i, species) in d.species.iter().enumerate() {
+        let aliases =
+            if species.aliases.is_empty() { String::new() } else { format!(" ({})", species.aliases.join(", ")) };
+        let unit = m.mass_unit.as_deref().unwrap_or("");
+        let mass = match &species.mass {
+            Mass::Unknown => "mass not stated".to_string(),
+            Mass::Each(mass) => format!("mass {mass} {unit} each").replace("  ", " "),
+            Mass::Field(field) => format!("masses in `{field}`"),
+        };
+        row("species", format!("`{}`{aliases}: {} particles, {mass}", species.name, species.count));
+        if let Some(b) = r.bounds.get(i) {
+            row("  bounds", format!("{} to {}", point(b.min), point(b.max)));
+        }
+        row("  positions", species.positions.clone());
+        row("  fields", species.fields.iter().map(field).collect::<Vec<_>>().join(", "));
+    }
+    for note in &d.notes {
+        row("note", note.clone());
+    }
+    out.trim_end().to_string()
+}
+
+/// The first files, and how many there are.
+fn files(files: &[PathBuf]) -> String {
+    match files {
+        [one] => one.display().to_string(),
+        [first, .., last] => format!("{}: {} to {}", files.len(), first.display(), last.display()),
+        [] => "none".into(),
+    }
+}
+
+fn field(f: &Field) -> String {
+    let shape = if f.components == 1 { String::new() } else { format!("[{}]", f.components) };
+    let unit = f.unit.as_deref().map_or(String::new(), |u| format!(" {u}"));
+    format!("{} {}{shape}{unit}", f.name, f.kind)
+}
+
+fn cell(c: &Cell, m: &SnapshotMeta) -> String {
+    let axes: String = ["x", "y", "z"].iter().zip(c.periodic).filter(|a| a.1).map(|a| *a.0).collect();
+    let periodic = if axes.is_empty() { "not periodic".into() } else { format!("periodic in {axes}") };
+    let unit = m.length_unit.as_deref().map_or(String::new(), |u| format!(" {u}"));
+    let shape = match c.lengths() {
+        Some([x, y, z]) => format!("{x} x {y} x {z}{unit}"),
+        None => format!("vectors {}, {}, {}{unit}", point(c.vectors[0]), point(c.vectors[1]), point(c.vectors[2])),
+    };
+    let corner = if c.origin == [0.0; 3] { String::new() } else { format!(", corner {}", point(c.origin)) };
+    format!("{shape}{corner}, {periodic}")
+}
+
+fn length_unit(m: &SnapshotMeta) -> String {
+    let comoving = match m.comoving {
+        Some(true) => ", comoving",
+        Some(false) => ", not comoving",
+        None => "",
+    };
+    match &m.length_unit {
+        Some(unit) => format!("{unit}{comoving}"),
+        None => format!("not stated{comoving} (--length-unit states it)"),
+    }
+}
+
+fn point(p: [f64; 3]) -> String {
+    format!("({}, {}, {})", p[0], p[1], p[2])
+}
+
+fn said(value: Option<impl ToString>) -> String {
+    value.map_or_else(|| "not stated".into(), |v| v.to_string())
+}

@@ -1,0 +1,197 @@
+//! How a snapshot is named, and what of it is read.
+
+use clap::{Args, ValueEnum};
+use particlegs::particles::{Bounds, Particles, Selection, Stated};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_selected};
+use std::path::PathBuf;
+
+/// What a user says of the files.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Snapshot options")]
+pub struct SnapshotArgs {
+    /// Format of the file, where its content does not tell.
+    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(names()))]
+    pub format: Option<String>,
+    /// Species by number or name, such as 1 or dm; several become layers (default: all).
+    #[arg(long, value_name = "TYPE,...", value_delimiter = ',')]
+    pub particle_type: Vec<String>,
+    /// Field that holds positions: one of three components, or three scalar ones `x,y,z`.
+    #[arg(long, value_name = "FIELD")]
+    pub positions: Option<String>,
+    /// Field that holds weights (default: masses where a species has several, else none).
+    #[arg(long, value_name = "FIELD|none")]
+    pub weights: Option<String>,
+    /// Frame of a trajectory, from 0 (default: the last).
+    #[arg(long, value_name = "N")]
+    pub frame: Option<u64>,
+    /// What becomes a layer of the model: a species, or each of its masses (zoom simulations).
+    #[arg(long = "layers", value_name = "BY", value_enum, default_value_t = LayersBy::Species)]
+    pub layers_by: LayersBy,
+    /// Periodic box lengths, over what the file says.
+    #[arg(long = "box", value_name = "Lx,Ly,Lz", value_delimiter = ',', num_args = 1)]
+    pub box_lengths: Option<Vec<f64>>,
+    /// Unit of length, such as Mpc/h, over what the file says.
+    #[arg(long, value_name = "UNIT")]
+    pub length_unit: Option<String>,
+    /// Unit of mass, such as Msun/h, over what the file says.
+    #[arg(long, value_name = "UNIT")]
+    pub mass_unit: Option<String>,
+    /// Drop particles with NaN or infinite values instead of refusing them.
+    #[arg(long)]
+    pub skip_invalid: bool,
+}
+
+/// What becomes a layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LayersBy {
+    /// A species.
+    Species,
+    /// A species' particles of one mass.
+    Mass,
+}
+
+/// Names of the formats, for the help and its completion.
+fn names() -> Vec<&'static str> {
+    particlegs_formats::FORMATS.iter().map(|f| f.name).collect()
+}
+
+/// Which particles to keep.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Selection options (in the order region, every, sample)")]
+pub struct SelectionArgs {
+    /// Keep x0 <= x < x1 and likewise y and z (world units); the box is dropped.
+    #[arg(
+        long,
+        visible_alias = "crop",
+        value_name = "x0,x1,y0,y1,z0,z1",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true
+    )]
+    pub region: Option<Vec<f64>>,
+    /// Keep the first of every K particles.
+    #[arg(long, value_name = "K", default_value_t = 1)]
+    pub every: u64,
+    /// Keep exactly N particles, drawn at random (--seed), in their order.
+    #[arg(long, value_name = "N")]
+    pub sample: Option<u64>,
+}
+
+/// A window to keep, instead of a region.
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Selection options (in the order region, every, sample)")]
+pub struct WindowArgs {
+    /// Keep a window about this point, taken across the periodic box.
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true,
+        requires = "width",
+        conflicts_with = "region"
+    )]
+    pub center: Option<Vec<f64>>,
+    /// The window's width, or its three widths.
+    #[arg(long, value_name = "W|Wx,Wy,Wz", value_delimiter = ',', num_args = 1, requires = "center")]
+    pub width: Option<Vec<f64>>,
+}
+
+impl SnapshotArgs {
+    /// Opens the snapshot whole.
+    pub fn open(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Particles> {
+        read(paths, &self.choice()?, progress)
+    }
+
+    /// Opens what a selection keeps of it.
+    pub fn open_selected(
+        &self,
+        paths: &[PathBuf],
+        (selection, window): (&SelectionArgs, &WindowArgs),
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Particles> {
+        read_selected(paths, &self.choice()?, selection.selection(window, seed)?, progress)
+    }
+
+    /// As stored in a model's command: what decides which particles are read.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        let mut option = |name: &str, value: Option<String>| {
+            value.iter().for_each(|v| text += &format!(" --{name} {v}"));
+        };
+        option("format", self.format.clone());
+        option("particle-type", (!self.particle_type.is_empty()).then(|| self.particle_type.join(",")));
+        option("positions", self.positions.clone());
+        option("weights", self.weights.clone());
+        option("frame", self.frame.map(|f| f.to_string()));
+        option("layers", (self.layers_by == LayersBy::Mass).then(|| "mass".into()));
+        text
+    }
+
+    /// What to read.
+    pub fn choice(&self) -> Result<Choice> {
+        let box_lengths = match self.box_lengths.as_deref() {
+            None => None,
+            Some([l]) => Some([*l; 3]),
+            Some([x, y, z]) => Some([*x, *y, *z]),
+            Some(_) => return Err(Error::argument("--box takes one length or three")),
+        };
+        let weights = match self.weights.as_deref() {
+            None => Weights::Auto,
+            Some("none") => Weights::None,
+            Some(field) => Weights::Field(field.into()),
+        };
+        Ok(Choice {
+            open: OpenOptions { format: self.format.clone(), frame: self.frame },
+            species: self.particle_type.clone(),
+            fields: Fields { positions: self.positions.clone(), weights },
+            by_mass: self.layers_by == LayersBy::Mass,
+            skip_invalid: self.skip_invalid,
+            stated: Stated { box_lengths, length_unit: self.length_unit.clone(), mass_unit: self.mass_unit.clone() },
+        })
+    }
+}
+
+impl SelectionArgs {
+    /// What to keep.
+    pub fn selection(&self, window: &WindowArgs, seed: u64) -> Result<Selection> {
+        let crop = match (self.region.as_deref(), window.center.as_deref(), window.width.as_deref()) {
+            (None, None, _) => None,
+            (Some(&[x0, x1, y0, y1, z0, z1]), ..) => Some(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
+            (None, Some(&[x, y, z]), Some(&[w])) => Some(about([x, y, z], [w; 3])),
+            (None, Some(&[x, y, z]), Some(&[wx, wy, wz])) => Some(about([x, y, z], [wx, wy, wz])),
+            (Some(_), ..) => return Err(Error::argument("--region takes six numbers x0,x1,y0,y1,z0,z1")),
+            _ => return Err(Error::argument("a window takes --center X,Y,Z and --width W or Wx,Wy,Wz")),
+        };
+        if let Some(b) = crop
+            && !(0..3).all(|k| b.min[k] < b.max[k] && b.max[k].is_finite() && b.min[k].is_finite())
+        {
+            return Err(Error::argument("the region must have lower ends below its upper ends on each axis"));
+        }
+        Ok(Selection { crop, wrap: window.center.is_some(), every: self.every, sample: self.sample, seed })
+    }
+
+    /// As stored in a model's command: what decides its bytes.
+    pub fn text(&self, window: &WindowArgs) -> String {
+        let join = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        let mut text = String::new();
+        for (name, value) in [("region", &self.region), ("center", &window.center), ("width", &window.width)] {
+            value.iter().for_each(|v| text += &format!(" --{name} {}", join(v)));
+        }
+        if self.every != 1 {
+            text += &format!(" --every {}", self.every);
+        }
+        self.sample.iter().for_each(|n| text += &format!(" --sample {n}"));
+        text
+    }
+}
+
+fn about(center: [f64; 3], width: [f64; 3]) -> Bounds {
+    Bounds {
+        min: std::array::from_fn(|k| center[k] - 0.5 * width[k]),
+        max: std::array::from_fn(|k| center[k] + 0.5 * width[k]),
+    }
+}

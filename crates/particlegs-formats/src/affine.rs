@@ -1,0 +1,94 @@
+//! Positions moved to world units: scaled, turned, shifted.
+
+use crate::pieces::{Piece, Rows};
+use particlegs::Result;
+use std::ops::Range;
+
+/// `matrix * p + shift`, rows of the matrix first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Affine {
+    /// Row i gives component i.
+    pub matrix: [[f64; 3]; 3],
+    /// Added afterwards.
+    pub shift: [f64; 3],
+}
+
+impl Affine {
+    /// Changes nothing.
+    pub const IDENTITY: Affine =
+        Affine { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], shift: [0.0; 3] };
+
+    /// The same scale along each axis.
+    pub fn scale(by: f64) -> Affine {
+        let mut out = Affine::IDENTITY;
+        (0..3).for_each(|k| out.matrix[k][k] = by);
+        out
+    }
+
+    /// Where it takes a point.
+    pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|i| {
+            let row = self.matrix[i];
+            row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + self.shift[i]
+        })
+    }
+
+    /// First `inner`, then this.
+    pub fn after(&self, inner: &Affine) -> Affine {
+        let column = |j: usize| [0, 1, 2].map(|k| inner.matrix[k][j]);
+        let turn = Affine { shift: [0.0; 3], ..*self };
+        let columns = [0, 1, 2].map(|j| turn.apply(column(j)));
+        Affine { matrix: [0, 1, 2].map(|i| [0, 1, 2].map(|j| columns[j][i])), shift: self.apply(inner.shift) }
+    }
+
+    /// Moves positions from row `start` on.
+    pub fn apply_rows(&self, rows: &mut Rows, start: usize) {
+        if *self == Affine::IDENTITY {
+            return;
+        }
+        let [x, y, z] = &mut rows.position;
+        for ((x, y), z) in x.iter_mut().zip(y).zip(z).skip(start) {
+            [*x, *y, *z] = self.apply([*x, *y, *z]);
+        }
+    }
+}
+
+/// A piece whose positions are moved.
+pub struct Moved {
+    /// As the file has them.
+    pub inner: Box<dyn Piece>,
+    /// To world units.
+    pub by: Affine,
+    /// Do moved positions have more digits than f32?
+    pub wide: bool,
+}
+
+impl Piece for Moved {
+    fn rows(&self) -> u64 {
+        self.inner.rows()
+    }
+
+    fn is_wide(&self) -> bool {
+        self.wide
+    }
+
+    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+        let start = out.position[0].len();
+        self.inner.read(rows, out)?;
+        self.by.apply_rows(out, start);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_after_the_other_is_their_product() {
+        let a = Affine { matrix: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 2.0]], shift: [1.0, 2.0, 3.0] };
+        let b = Affine { matrix: [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 10.0]], shift: [-1.0, 0.5, 0.0] };
+        let p = [0.25, -3.0, 7.0];
+        assert_eq!(a.after(&b).apply(p), a.apply(b.apply(p)));
+    }
+}

@@ -1,0 +1,122 @@
+//! Numbers as text between blanks, read from any place: where every so many-th begins is kept.
+
+use crate::strided::Kind;
+use std::ops::Range;
+
+/// Numbers from one kept place to the next.
+const STEP: u64 = 16_384;
+/// Longest number that is read.
+const MOST_DIGITS: usize = 400;
+
+/// Numbers in a stretch of text.
+pub struct Ascii {
+    /// First byte of every [`STEP`]-th number.
+    starts: Vec<u64>,
+    /// Numbers.
+    count: u64,
+    /// Byte behind the last.
+    end: u64,
+}
+
+/// The next word of `bytes` at or after `at`.
+pub fn word(bytes: &[u8], at: usize) -> Option<Range<usize>> {
+    let start = at + bytes.get(at..)?.iter().position(|b| !b.is_ascii_whitespace())?;
+    let length = bytes[start..].iter().position(u8::is_ascii_whitespace).unwrap_or(bytes.len() - start);
+    Some(start..start + length)
+}
+
+/// Text of a file as it may stand in a line of a message.
+pub fn shown(text: &str) -> String {
+    const MOST: usize = 60;
+    let cut = text.chars().nth(MOST).map_or("", |_| "...");
+    text.chars().take(MOST).map(|c| if c.is_control() { '?' } else { c }).collect::<String>() + cut
+}
+
+impl Ascii {
+    /// Finds `count` words in `bytes` from byte `start`.
+    pub fn find(bytes: &[u8], start: u64, count: u64) -> Result<Ascii, String> {
+        let missing = || format!("{count} numbers should stand from byte {start} on, and there are fewer");
+        let text = usize::try_from(start).ok().and_then(|s| bytes.get(s..)).ok_or_else(missing)?;
+        // Each but the last needs a byte and a blank.
+        if count > (text.len() as u64).div_ceil(2) {
+            return Err(missing());
+        }
+        let mut starts = Vec::with_capacity((count / STEP) as usize + 1);
+        let (mut found, mut at) = (0, 0);
+        while found < count {
+            let word = word(text, at).ok_or_else(missing)?;
+            if found % STEP == 0 {
+                starts.push(start + word.start as u64);
+            }
+            at = word.end;
+            found += 1;
+        }
+        Ok(Ascii { starts, count, end: start + at as u64 })
+    }
+
+    /// Byte behind the last number.
+    pub fn end(&self) -> u64 {
+        self.end
+    }
+
+    /// Appends numbers `range`. Those of f32 are rounded once, from the decimal.
+    pub fn append(&self, bytes: &[u8], range: Range<u64>, kind: Kind, out: &mut Vec<f64>) -> Result<(), String> {
+        if range.end > self.count {
+            return Err("fewer numbers than are asked for".into());
+        }
+        if range.is_empty() {
+            return Ok(());
+        }
+        let bytes = &bytes[..self.end as usize];
+        let mut at = self.starts[(range.start / STEP) as usize] as usize;
+        for i in range.start - range.start % STEP..range.end {
+            let word = word(bytes, at).ok_or("fewer numbers than there were")?;
+            at = word.end;
+            if i >= range.start {
+                let text = &bytes[word.clone()];
+                let value = parse(text, kind);
+                out.push(value.ok_or_else(|| {
+                    let text = shown(&String::from_utf8_lossy(&text[..text.len().min(400)]));
+                    format!("`{text}` at byte {} is no number", word.start)
+                })?);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn parse(text: &[u8], kind: Kind) -> Option<f64> {
+    let text = std::str::from_utf8(text.get(..MOST_DIGITS.min(text.len()))?).ok()?;
+    match kind {
+        Kind::F32 => text.parse::<f32>().ok().map(f64::from),
+        _ => text.parse().ok(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_found_and_read_from_any_place() {
+        let n = 3 * STEP + 5;
+        let text: String = (0..n).map(|i| format!(" {i}{}", if i % 7 == 0 { "\n" } else { "" })).collect();
+        let numbers = Ascii::find(text.as_bytes(), 0, n).unwrap();
+        assert_eq!(numbers.end(), text.trim_end().len() as u64);
+        for start in [0, 1, STEP - 1, STEP, 2 * STEP + 7] {
+            let mut out = Vec::new();
+            numbers.append(text.as_bytes(), start..start + 9, Kind::F64, &mut out).unwrap();
+            assert_eq!(out, (start..start + 9).map(|i| i as f64).collect::<Vec<_>>());
+        }
+        assert!(Ascii::find(text.as_bytes(), 0, n + 1).is_err());
+        assert!(Ascii::find(text.as_bytes(), 0, u64::MAX).is_err());
+        assert!(Ascii::find(b"", 7, 1).is_err());
+    }
+
+    #[test]
+    fn words_that_are_no_numbers_are_named() {
+        let numbers = Ascii::find(b"1 2,5 3", 0, 3).unwrap();
+        let error = numbers.append(b"1 2,5 3", 0..3, Kind::F32, &mut Vec::new()).unwrap_err();
+        assert_eq!(error, "`2,5` at byte 2 is no number");
+    }
+}

@@ -1,0 +1,246 @@
+//! From the files that a user names to the particles that a user chose.
+
+use crate::{Description, Fields, OpenOptions, Snapshot, Species, open};
+use particlegs::particles::{
+    Bounds, LayerSource, Particles, Selection, SnapshotReader, Stated, check_values, layers_by_mass, load, open_raw,
+    select, settle_masses,
+};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// What to read of a snapshot.
+#[derive(Clone, Debug, Default)]
+pub struct Choice {
+    /// Format and frame.
+    pub open: OpenOptions,
+    /// Names, numbers or aliases of species; all by default. Each becomes a layer.
+    pub species: Vec<String>,
+    /// Fields.
+    pub fields: Fields,
+    /// Layers by mass within a species instead of one a species.
+    pub by_mass: bool,
+    /// Drop particles with invalid values instead of refusing them.
+    pub skip_invalid: bool,
+    /// What the user states over what the files say.
+    pub stated: Stated,
+}
+
+/// Reads what was chosen: raw float32 (a folder with xx.f32, yy.f32, zz.f32, or those files) or any
+/// format of [`crate::FORMATS`].
+///
+/// # Errors
+/// Those of opening and reading; [`Error::Argument`] for a species that there is not.
+pub fn read(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<Particles> {
+    let place = paths.first().map(|p| p.display().to_string()).unwrap_or_default();
+    let mut particles = match is_raw(paths) && choice.open.format.is_none() {
+        true => chosen_of_raw(open_raw(paths)?, choice)?,
+        false => {
+            let snapshot = open(&resolved(paths)?, &choice.open)?;
+            read_species(&*snapshot, choice, progress)?
+        }
+    };
+    choice.stated.apply(&mut particles.meta)?;
+    let particles = settle_masses(check_values(particles, &place, choice.skip_invalid)?);
+    if choice.by_mass { layers_by_mass(&particles) } else { Ok(particles) }
+}
+
+/// [`read`], then what a selection keeps.
+///
+/// # Errors
+/// As [`read`] and [`select`].
+pub fn read_selected(
+    paths: &[PathBuf],
+    choice: &Choice,
+    selection: Selection,
+    progress: &dyn Progress,
+) -> Result<Particles> {
+    let particles = read(paths, choice, progress)?;
+    if selection.is_all() { Ok(particles) } else { select(&particles, selection, progress) }
+}
+
+/// What the files say, with what a user states, and if wanted the bounds of each species.
+///
+/// # Errors
+/// Those of opening and, for the bounds, reading.
+pub fn describe(
+    paths: &[PathBuf],
+    choice: &Choice,
+    bounds: bool,
+    progress: &dyn Progress,
+) -> Result<(Description, Vec<Bounds>)> {
+    if is_raw(paths) && choice.open.format.is_none() {
+        return describe_raw(paths, choice);
+    }
+    let snapshot = open(&resolved(paths)?, &choice.open)?;
+    let mut description = snapshot.description().clone();
+    let wanted = if bounds { 0..description.species.len() } else { 0..0 };
+    let bounds = wanted
+        .map(|index| bounds_of(&*snapshot.reader(index, &choice.fields)?, progress))
+        .collect::<Result<Vec<_>>>()?;
+    choice.stated.apply(&mut description.meta)?;
+    Ok((description, bounds))
+}
+
+/// Bounds of what a reader reads, invalid positions apart.
+fn bounds_of(reader: &dyn SnapshotReader, progress: &dyn Progress) -> Result<Bounds> {
+    let all = std::sync::Mutex::new(Bounds::empty());
+    let origin = reader.origin();
+    let runs = reader.count().div_ceil(particlegs::particles::RUN as u64);
+    reader.read(0..runs, progress, &|_, chunk| {
+        let ends = chunk.position.map(|c| {
+            let finite = c.iter().filter(|v| v.is_finite());
+            finite.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| (lo.min(v), hi.max(v)))
+        });
+        let own = Bounds {
+            min: std::array::from_fn(|k| origin[k] + f64::from(ends[k].0)),
+            max: std::array::from_fn(|k| origin[k] + f64::from(ends[k].1)),
+        };
+        let mut all = all.lock().unwrap_or_else(|e| e.into_inner());
+        *all = all.union(&own);
+        Ok(())
+    })?;
+    Ok(all.into_inner().unwrap_or_else(|e| e.into_inner()))
+}
+
+/// Raw data have no head: a folder with columns, or columns that no format claims.
+fn is_raw(paths: &[PathBuf]) -> bool {
+    match paths {
+        [folder] => folder.join("xx.f32").exists(),
+        [x, ..] => (3..=4).contains(&paths.len()) && crate::detect(x).is_err(),
+        [] => false,
+    }
+}
+
+/// The files of a snapshot that is named by its folder: those of the first name that is known.
+fn resolved(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let [folder] = paths else { return Ok(paths.to_vec()) };
+    if !folder.is_dir() {
+        return Ok(paths.to_vec());
+    }
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
+        .map_err(|e| Error::io(folder, e))?
+        .filter_map(|entry| Some(entry.ok()?.path()).filter(|p| p.is_file()))
+        .collect();
+    files.sort_by_cached_key(|p| name_key(p));
+    match files.iter().find(|p| crate::detect(p).is_ok()) {
+        Some(first) => Ok(vec![first.clone()]),
+        None => Err(Error::input_hint(
+            folder,
+            "a folder without xx.f32, yy.f32, zz.f32 and without a snapshot's file",
+            "name the snapshot's first file",
+        )),
+    }
+}
+
+/// Sorts `snap.2` before `snap.10`.
+fn name_key(path: &Path) -> (usize, String) {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    (name.len(), name)
+}
+
+fn read_species(snapshot: &dyn Snapshot, choice: &Choice, progress: &dyn Progress) -> Result<Particles> {
+    let description = snapshot.description();
+    let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;
+    description.notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
+    let readers = chosen.iter().map(|&i| snapshot.reader(i, &choice.fields)).collect::<Result<Vec<_>>>()?;
+    let sources: Vec<LayerSource<'_>> = chosen
+        .iter()
+        .zip(&readers)
+        .map(|(&i, reader)| LayerSource { name: description.species[i].name.clone(), reader: &**reader })
+        .collect();
+    load(&sources, progress)
+}
+
+/// Indices of the species that `names` choose, each once; all without names.
+fn chosen(species: &[Species], names: &[String], place: &str) -> Result<Vec<usize>> {
+    if species.is_empty() {
+        return Err(Error::input(place, "no particles"));
+    }
+    if names.is_empty() {
+        return Ok((0..species.len()).collect());
+    }
+    let mut chosen = Vec::new();
+    for name in names {
+        let lower = name.to_lowercase();
+        let fits = |s: &Species| s.name.to_lowercase() == lower || s.aliases.contains(&lower);
+        let index = species.iter().position(fits).ok_or_else(|| {
+            let there: Vec<String> = species.iter().map(called).collect();
+            Error::input_hint(
+                place,
+                format!("no particles of type `{name}`"),
+                format!("there are: {}", there.join(", ")),
+            )
+        })?;
+        if !chosen.contains(&index) {
+            chosen.push(index);
+        }
+    }
+    Ok(chosen)
+}
+
+/// A species as people choose it: `PartType1 (1, dm)`.
+fn called(s: &Species) -> String {
+    if s.aliases.is_empty() { s.name.clone() } else { format!("{} ({})", s.name, s.aliases.join(", ")) }
+}
+
+/// The layers chosen of raw data, and their weights or none.
+fn chosen_of_raw(mut particles: Particles, choice: &Choice) -> Result<Particles> {
+    match &choice.fields.weights {
+        crate::Weights::Auto => {}
+        crate::Weights::None => {
+            particles.weights = None;
+            particles.kinds.iter_mut().for_each(|k| (k.weighted, k.particle_mass) = (false, None));
+        }
+        crate::Weights::Field(name) if name == "ww" || name == "ww.f32" => {}
+        crate::Weights::Field(name) => {
+            return Err(Error::argument(format!("raw data have no field `{name}`: weights stand in ww.f32")));
+        }
+    }
+    if choice.species.is_empty() {
+        return Ok(particles);
+    }
+    let layers = particles.layers();
+    match &choice.species[..] {
+        [name] => match layers.iter().find(|l| l.name == *name) {
+            Some(layer) => Ok(particles.of_layer(layer)),
+            None => {
+                let there: Vec<&str> = layers.iter().map(|l| &l.name[..]).collect();
+                Err(Error::argument(format!("no particles of type `{name}`; there are: {}", there.join(", "))))
+            }
+        },
+        _ => Err(Error::argument("raw data give all their layers or one: name one --particle-type")),
+    }
+}
+
+fn describe_raw(paths: &[PathBuf], choice: &Choice) -> Result<(Description, Vec<Bounds>)> {
+    let mut particles = open_raw(paths)?;
+    choice.stated.apply(&mut particles.meta)?;
+    let scalar = |name: &str| crate::Field { name: name.into(), kind: "f32".into(), components: 1, unit: None };
+    let mut fields = vec![scalar("xx"), scalar("yy"), scalar("zz")];
+    if particles.weights.is_some() {
+        fields.push(scalar("ww"));
+    }
+    let species = |l: &particlegs::particles::ParticleLayer| Species {
+        name: l.name.clone(),
+        aliases: Vec::new(),
+        count: l.range.len() as u64,
+        mass: match (l.weighted, l.particle_mass) {
+            (true, _) => crate::Mass::Field("ww".into()),
+            (false, Some(m)) => crate::Mass::Each(m),
+            (false, None) => crate::Mass::Unknown,
+        },
+        positions: "xx,yy,zz".into(),
+        fields: fields.clone(),
+    };
+    let layers = particles.layers();
+    let description = Description {
+        format: "raw float32 columns, little-endian".into(),
+        files: paths.to_vec(),
+        meta: particles.meta.clone(),
+        species: layers.iter().map(species).collect(),
+        frames: None,
+        notes: Vec::new(),
+    };
+    Ok((description, layers.iter().map(|l| particles.of_layer(l).bounds()).collect()))
+}

@@ -1,0 +1,219 @@
+//! One file of a snapshot: its header and where each block lies.
+
+use super::header::{HEADER, Header, TYPES};
+use super::records::{Record, Records};
+use crate::strided::{Bytes, Kind, Lane};
+use particlegs::particles::map_file;
+use particlegs::{Error, Result};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Numbers of some types of particles, one type after the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// Name, without trailing blanks.
+    pub name: String,
+    /// First byte.
+    pub offset: u64,
+    /// Type of the numbers.
+    pub kind: Kind,
+    /// Numbers a particle.
+    pub components: u32,
+    /// Which types have it.
+    pub types: [bool; TYPES],
+}
+
+/// A file, mapped.
+pub struct Part {
+    /// Its path.
+    pub path: PathBuf,
+    /// Its bytes.
+    pub bytes: Bytes,
+    /// Byte order.
+    pub big_endian: bool,
+    /// Do blocks have names (format 2)?
+    pub named: bool,
+    /// What it says.
+    pub header: Header,
+    /// Its blocks.
+    pub blocks: Vec<Block>,
+    /// Blocks whose length tells no layout, by name.
+    pub unknown: Vec<String>,
+}
+
+/// More blocks than any code writes; stops before a file of zeros fills the memory.
+const MOST_BLOCKS: usize = 1024;
+
+/// Byte order and format by the first record; `None` for no Gadget file. A file that is cut before
+/// the record's end passes, so that the fault can be named.
+pub fn signature(bytes: &[u8]) -> Option<(bool, bool)> {
+    for big_endian in [false, true] {
+        let records = Records { bytes, big_endian };
+        let closes = |mark, at| records.mark(at).is_none_or(|m| m == mark);
+        match records.mark(0)? {
+            8 if closes(8, 12) && b"HEAD".starts_with(&bytes[4..bytes.len().min(8)]) => {
+                return Some((big_endian, true));
+            }
+            256 if closes(256, 260) => return Some((big_endian, false)),
+            _ => {}
+        }
+    }
+    None
+}
+
+impl Part {
+    /// Maps a file and finds its blocks.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] where header and records contradict each other.
+    pub fn open(path: &Path) -> Result<Part> {
+        let (map, _) = map_file(path)?;
+        let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
+        let (big_endian, named) = signature(&bytes).ok_or_else(|| {
+            let hint = "a Gadget file begins with the record length 256 (format 1) or 8 (format 2)";
+            Error::input_hint(path, "not a Gadget binary snapshot", hint)
+        })?;
+        let records = Records { bytes: &bytes, big_endian };
+        let mut found = if named { named_records(path, &records)? } else { plain_records(path, &records)? }.into_iter();
+        let head = found.next().filter(|(name, r)| name == "HEAD" && r.length == HEADER as u64);
+        let (_, head) = head.ok_or_else(|| Error::input(path, "its first record is no Gadget header of 256 bytes"))?;
+        let header = Header::parse(path, &bytes[head.offset as usize..][..HEADER], big_endian)?;
+        let mut part = Part { path: path.into(), bytes, big_endian, named, header, blocks: vec![], unknown: vec![] };
+        if named {
+            part.place_named(found)?
+        } else {
+            part.place_plain(found)?
+        }
+        if part.header.particles() > 0 && part.block("POS").is_none() {
+            return Err(part.cut("it has no block POS"));
+        }
+        Ok(part)
+    }
+
+    /// The block of a name.
+    pub fn block(&self, name: &str) -> Option<&Block> {
+        self.blocks.iter().find(|b| b.name == name)
+    }
+
+    /// Where component `component` of a block's particles of type `t` lies.
+    pub fn lane(&self, block: &Block, t: usize, component: u32) -> Lane {
+        let size = block.kind.bytes();
+        let row = size * u64::from(block.components);
+        let before: u64 = (0..t).filter(|&u| block.types[u]).map(|u| u64::from(self.header.count[u])).sum();
+        let offset = block.offset + before * row + size * u64::from(component);
+        Lane { offset, stride: row, kind: block.kind, big_endian: self.big_endian }
+    }
+
+    fn cut(&self, what: impl Into<String>) -> Error {
+        Error::input_hint(&self.path, what, CUT)
+    }
+
+    fn place_named(&mut self, records: impl Iterator<Item = (String, Record)>) -> Result<()> {
+        for (name, record) in records {
+            match self.place(&name, record)? {
+                Some(block) => self.blocks.push(block),
+                None => self.unknown.push(name),
+            }
+        }
+        Ok(())
+    }
+
+    /// Format 1 tells blocks by their order alone: POS, VEL, ID, MASS where a type needs it, then
+    /// those of gas.
+    fn place_plain(&mut self, mut records: impl Iterator<Item = (String, Record)>) -> Result<()> {
+        let gas: &[&str] = if self.header.cooling { &["U", "RHO", "NE", "NH", "HSML"] } else { &["U", "RHO", "HSML"] };
+        let masses = (0..TYPES).any(|t| self.header.count[t] > 0 && self.header.mass[t] == 0.0);
+        let first = ["POS", "VEL", "ID", "MASS"];
+        let names = first[..if masses { 4 } else { 3 }].iter().chain(if self.header.count[0] > 0 { gas } else { &[] });
+        for (name, (_, record)) in names.zip(&mut records) {
+            match self.place(name, record)? {
+                Some(block) => self.blocks.push(block),
+                None => break,
+            }
+        }
+        self.unknown.extend(records.map(|(_, r)| format!("at byte {}", r.offset)));
+        Ok(())
+    }
+
+    /// Which types a block holds and how: by what codes write under its name, and by its length.
+    fn place(&self, name: &str, record: Record) -> Result<Option<Block>> {
+        let count = |types: &[bool; TYPES]| -> u64 {
+            (0..TYPES).filter(|&t| types[t]).map(|t| u64::from(self.header.count[t])).sum()
+        };
+        let real = self.block("POS").map_or(Kind::F32, |b| b.kind);
+        let reals = if real == Kind::F32 { [Kind::F32, Kind::F64] } else { [Kind::F64, Kind::F32] };
+        let (all, gas) = ([true; TYPES], [true, false, false, false, false, false]);
+        let without_table = self.header.mass.map(|m| m == 0.0);
+        let (stars, gas_stars) = ([false, false, false, false, true, false], [true, false, false, false, true, false]);
+        let (sets, components, kinds): (&[[bool; TYPES]], &[u32], [Kind; 2]) = match name {
+            "POS" | "VEL" | "ACCE" => (&[all], &[3], reals),
+            "ID" => (&[all], &[1], [Kind::U32, Kind::U64]),
+            "MASS" => (&[without_table, all], &[1], reals),
+            "POT" | "TSTP" | "ENDT" => (&[all], &[1], reals),
+            "AGE" => (&[stars], &[1], reals),
+            "Z" => (&[gas_stars, gas], &[1], reals),
+            _ => (&[gas, all, gas_stars, stars], &[1, 3], reals),
+        };
+        for kind in kinds {
+            for &components in components {
+                for &types in sets {
+                    let rows = count(&types);
+                    if rows > 0 && rows.checked_mul(kind.bytes() * u64::from(components)) == Some(record.length) {
+                        let name = name.to_string();
+                        return Ok(Some(Block { name, offset: record.offset, kind, components, types }));
+                    }
+                }
+            }
+        }
+        // Positions and masses are read: they must be what the header says.
+        let needed = match name {
+            "POS" => 3 * count(&all),
+            "MASS" => count(&without_table),
+            _ => return Ok(None),
+        };
+        if needed == 0 && record.length == 0 {
+            return Ok(None);
+        }
+        let (length, at) = (record.length, record.offset);
+        let what =
+            format!("block {name} at byte {at} has {length} bytes, but the header's counts need {needed} numbers");
+        Err(self.cut(what))
+    }
+}
+
+const CUT: &str = "the file is cut short or damaged: copy it again from its source";
+
+/// Records of format 2: one of 8 bytes with the name before each.
+fn named_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, Record)>> {
+    let mut out = Vec::new();
+    let mut at = 0;
+    while at < records.bytes.len() as u64 {
+        let fault = |e: String| Error::input_hint(path, e, CUT);
+        let label = records.at(at).map_err(fault)?;
+        if label.length != 8 || out.len() == MOST_BLOCKS {
+            let what = format!("the record at byte {at} should hold a block's name, and has {} bytes", label.length);
+            return Err(fault(what));
+        }
+        let name = &records.bytes[label.offset as usize..][..4];
+        let name = String::from_utf8_lossy(name).trim_end_matches([' ', '\0']).to_string();
+        let data = records.at(label.end()).map_err(|e| fault(format!("block {name}: {e}")))?;
+        at = data.end();
+        out.push((name, data));
+    }
+    Ok(out)
+}
+
+/// Records of format 1, without names but the header's.
+fn plain_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, Record)>> {
+    let mut out = Vec::new();
+    let mut at = 0;
+    while at < records.bytes.len() as u64 {
+        let record = records.at(at).map_err(|e| Error::input_hint(path, e, CUT))?;
+        if out.len() == MOST_BLOCKS {
+            return Err(Error::input(path, format!("more than {MOST_BLOCKS} blocks")));
+        }
+        out.push((if out.is_empty() { "HEAD".into() } else { String::new() }, record));
+        at = record.end();
+    }
+    Ok(out)
+}

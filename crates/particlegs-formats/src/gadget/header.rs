@@ -1,0 +1,154 @@
+//! The 256 bytes that every Gadget file begins with.
+
+use particlegs::particles::{Cell, SnapshotMeta};
+use particlegs::{Error, Result};
+use std::path::Path;
+
+/// Bytes of the header.
+pub const HEADER: usize = 256;
+/// Kinds of particles.
+pub const TYPES: usize = 6;
+
+/// What the header says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Header {
+    /// Particles in this file, by type.
+    pub count: [u32; TYPES],
+    /// Mass of every particle of a type; 0 where each has its own.
+    pub mass: [f64; TYPES],
+    /// Scale factor in cosmological runs, else time.
+    pub time: f64,
+    /// Redshift in cosmological runs.
+    pub redshift: f64,
+    /// Particles in all files, low words.
+    pub total: [u32; TYPES],
+    /// Files of the snapshot; some codes leave 0 for 1.
+    pub files: u32,
+    /// Edge of the periodic box; 0 without one.
+    pub box_size: f64,
+    /// Matter's share of the critical density.
+    pub omega0: f64,
+    /// The cosmological constant's.
+    pub omega_lambda: f64,
+    /// Hubble constant in 100 km/s/Mpc.
+    pub hubble: f64,
+    /// Was cooling on? It adds two blocks of gas to format 1.
+    pub cooling: bool,
+}
+
+impl Header {
+    /// Reads it from [`HEADER`] bytes.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for values that no run has.
+    pub fn parse(path: &Path, bytes: &[u8], big_endian: bool) -> Result<Header> {
+        let int = |at: usize| {
+            let four: [u8; 4] = bytes[at..at + 4].try_into().expect("four bytes");
+            if big_endian { u32::from_be_bytes(four) } else { u32::from_le_bytes(four) }
+        };
+        let real = |at: usize| {
+            let eight: [u8; 8] = bytes[at..at + 8].try_into().expect("eight bytes");
+            if big_endian { f64::from_be_bytes(eight) } else { f64::from_le_bytes(eight) }
+        };
+        let header = Header {
+            count: std::array::from_fn(|t| int(4 * t)),
+            mass: std::array::from_fn(|t| real(24 + 8 * t)),
+            time: real(72),
+            redshift: real(80),
+            total: std::array::from_fn(|t| int(96 + 4 * t)),
+            cooling: int(120) != 0,
+            files: int(124).max(1),
+            box_size: real(128),
+            omega0: real(136),
+            omega_lambda: real(144),
+            hubble: real(152),
+        };
+        header.check(path)?;
+        Ok(header)
+    }
+
+    /// Refuses damage that would go unseen: numbers that are not finite, or so small that only
+    /// flipped bits make them, and lengths and masses below 0.
+    fn check(&self, path: &Path) -> Result<()> {
+        let masses = self.mass.iter().map(|&m| ("mass", m, 0.0));
+        let others = [
+            ("Time", self.time, f64::MIN),
+            ("Redshift", self.redshift, f64::MIN),
+            ("BoxSize", self.box_size, 0.0),
+            ("Omega0", self.omega0, f64::MIN),
+            ("OmegaLambda", self.omega_lambda, f64::MIN),
+            ("HubbleParam", self.hubble, 0.0),
+        ];
+        for (name, value, least) in masses.chain(others) {
+            if !value.is_finite() || value.is_subnormal() || value < least {
+                let what = format!("the Gadget header's {name} is {value:e}: the header is damaged");
+                return Err(Error::input_hint(path, what, "copy the file again from its source"));
+            }
+        }
+        Ok(())
+    }
+
+    /// A run in comoving coordinates, whose time is the scale factor? The header has no flag for it,
+    /// but only then are Redshift and Time two names of one number.
+    pub fn is_cosmological(&self) -> bool {
+        let expected = 1.0 / self.time - 1.0;
+        self.time > 0.0
+            && self.hubble > 0.0
+            && self.omega0 > 0.0
+            && (self.redshift - expected).abs() <= 1e-5 * (1.0 + expected.abs())
+    }
+
+    /// Cell and cosmology.
+    pub fn meta(&self, name: String) -> SnapshotMeta {
+        let cosmological = self.is_cosmological();
+        SnapshotMeta {
+            name,
+            cell: (self.box_size > 0.0).then(|| Cell::orthogonal([self.box_size; 3])),
+            comoving: cosmological.then_some(true),
+            scale_factor: cosmological.then_some(self.time),
+            hubble: (self.hubble > 0.0).then_some(self.hubble),
+            time: (!cosmological).then_some(self.time),
+            ..SnapshotMeta::default()
+        }
+    }
+
+    /// Particles of this file.
+    pub fn particles(&self) -> u64 {
+        self.count.iter().map(|&n| u64::from(n)).sum()
+    }
+}
+
+/// A header's bytes, for tests of this format.
+#[cfg(test)]
+pub fn sample(count: [u32; TYPES], mass: [f64; TYPES], files: u32, total: [u32; TYPES]) -> Vec<u8> {
+    let mut out = Vec::new();
+    count.iter().for_each(|n| out.extend(n.to_le_bytes()));
+    mass.iter().for_each(|m| out.extend(m.to_le_bytes()));
+    [0.5f64, 1.0].iter().for_each(|v| out.extend(v.to_le_bytes()));
+    out.extend([0; 8]);
+    total.iter().for_each(|n| out.extend(n.to_le_bytes()));
+    [0, files].iter().for_each(|n| out.extend(n.to_le_bytes()));
+    [25.0f64, 0.3, 0.7, 0.68].iter().for_each(|v| out.extend(v.to_le_bytes()));
+    out.resize(HEADER, 0);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_is_the_scale_factor_where_redshift_agrees() {
+        let mut bytes = sample([0, 2, 0, 0, 0, 0], [0.0; 6], 1, [0, 2, 0, 0, 0, 0]);
+        let parse = |bytes: &[u8]| Header::parse(Path::new("f"), bytes, false);
+        let meta = parse(&bytes).unwrap().meta("f".into());
+        assert_eq!((meta.scale_factor, meta.time, meta.comoving), (Some(0.5), None, Some(true)));
+        bytes[80..88].copy_from_slice(&0.0f64.to_le_bytes());
+        let meta = parse(&bytes).unwrap().meta("f".into());
+        assert_eq!((meta.scale_factor, meta.time, meta.comoving), (None, Some(0.5), None));
+        bytes[128..136].copy_from_slice(&f64::NAN.to_le_bytes());
+        assert!(parse(&bytes).unwrap_err().to_string().contains("BoxSize"));
+        bytes[128..136].copy_from_slice(&3e-310f64.to_le_bytes());
+        assert!(parse(&bytes).is_err());
+    }
+}

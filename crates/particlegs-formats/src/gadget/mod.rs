@@ -1,0 +1,148 @@
+//! Gadget-1 and -2 binary snapshots: formats 1 and 2, either byte order, one or several files.
+//!
+//! The blocks lie in the files as the numbers are, so that they are read where they lie. The file
+//! has no units: none are given.
+
+mod blocks;
+mod header;
+mod parts;
+mod records;
+
+use crate::axes::{Axis, axes};
+use crate::pieces::{Piece, PieceReader};
+use crate::strided::Strided;
+use crate::{Description, Field, Fields, Format, Mass, Snapshot, Species};
+use blocks::Part;
+use header::TYPES;
+use particlegs::particles::SnapshotReader;
+use particlegs::{Error, Result};
+use std::path::PathBuf;
+
+/// Gadget binary.
+pub const FORMAT: Format = Format {
+    name: "gadget",
+    title: "Gadget binary",
+    detect: |head| head.compression.is_none() && blocks::signature(&head.bytes).is_some(),
+    open: |paths, _| Ok(Box::new(Gadget::open(paths)?)),
+};
+
+/// Names that choose a type.
+const ALIASES: [&[&str]; TYPES] = [
+    &["0", "gas"],
+    &["1", "dm", "halo"],
+    &["2", "disk"],
+    &["3", "bulge"],
+    &["4", "stars", "star"],
+    &["5", "bndry", "bh"],
+];
+
+struct Gadget {
+    parts: Vec<Part>,
+    description: Description,
+    /// Type of each species.
+    types: Vec<usize>,
+}
+
+impl Gadget {
+    fn open(paths: &[PathBuf]) -> Result<Gadget> {
+        let parts = parts::open(paths)?;
+        let present = |t: &usize| parts.iter().any(|p| p.header.count[*t] > 0);
+        let types: Vec<usize> = (0..TYPES).filter(present).collect();
+        if types.is_empty() {
+            return Err(Error::input(&paths[0], "no particles"));
+        }
+        let species = types.iter().map(|&t| species(&parts, t)).collect::<Result<_>>()?;
+        let description = describe(&parts, paths, species);
+        Ok(Gadget { parts, description, types })
+    }
+}
+
+fn describe(parts: &[Part], paths: &[PathBuf], species: Vec<Species>) -> Description {
+    let first = &parts[0];
+    let format = format!(
+        "Gadget binary, format {}, {}",
+        if first.named { 2 } else { 1 },
+        if first.big_endian { "big-endian" } else { "little-endian" }
+    );
+    let name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut notes = vec![
+        "the file has no units; Gadget's usual length is kpc/h: `--length-unit` and `--mass-unit` state them"
+            .to_string(),
+    ];
+    let h = &first.header;
+    if h.is_cosmological() {
+        notes.push(format!("redshift {}, Omega0 {}, OmegaLambda {}", h.redshift, h.omega0, h.omega_lambda));
+    }
+    if !first.unknown.is_empty() {
+        notes.push(format!("blocks of unknown layout, not read: {}", first.unknown.join(", ")));
+    }
+    let files = parts.iter().map(|p| p.path.clone()).collect();
+    Description { format, files, meta: h.meta(name), species, frames: None, notes }
+}
+
+fn species(parts: &[Part], t: usize) -> Result<Species> {
+    let with = || parts.iter().filter(|p| p.header.count[t] > 0);
+    let first = with().next().expect("a part with particles of the type");
+    let table = first.header.mass[t];
+    let holds = |p: &Part, name: &str| p.block(name).is_some_and(|b| b.types[t]);
+    let mass = if table > 0.0 {
+        Mass::Each(table)
+    } else if with().all(|p| holds(p, "MASS")) {
+        Mass::Field("MASS".into())
+    } else if with().any(|p| holds(p, "MASS")) {
+        return Err(Error::input(&first.path, "some files of the snapshot have a block MASS and some have none"));
+    } else {
+        Mass::Unknown
+    };
+    let fields = first.blocks.iter().filter(|b| b.types[t] && with().all(|p| holds(p, &b.name)));
+    let field = |b: &blocks::Block| Field {
+        name: b.name.clone(),
+        kind: b.kind.name().into(),
+        components: b.components,
+        unit: None,
+    };
+    Ok(Species {
+        name: format!("PartType{t}"),
+        aliases: ALIASES[t].iter().map(ToString::to_string).collect(),
+        count: with().map(|p| u64::from(p.header.count[t])).sum(),
+        mass,
+        positions: "POS".into(),
+        fields: fields.map(field).collect(),
+    })
+}
+
+impl Snapshot for Gadget {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let (t, species) = (self.types[species], &self.description.species[species]);
+        let place = self.parts[0].path.display().to_string();
+        let axes = axes(&place, species, fields)?;
+        let weight = species.weight_field(&place, &fields.weights)?;
+        let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
+        for part in self.parts.iter().filter(|p| p.header.count[t] > 0) {
+            let lane = |field: &str, component: u32| {
+                let block = part.block(field).filter(|b| b.types[t] && component < b.components);
+                let block = block.ok_or_else(|| Error::input(&part.path, format!("it has no block {field}")))?;
+                Ok(part.lane(block, t, component))
+            };
+            let [x, y, z] = &axes;
+            let axis = |a: &Axis| lane(&a.field, a.component);
+            let weight = weight.as_ref().map(|w| lane(w, 0)).transpose()?;
+            let lanes = [axis(x)?, axis(y)?, axis(z)?];
+            let rows = u64::from(part.header.count[t]);
+            let place = part.path.display().to_string();
+            pieces.push(Box::new(Strided::new(&place, part.bytes.clone(), rows, lanes, weight)?));
+        }
+        let mut meta = self.description.meta.clone();
+        if let Mass::Each(mass) = species.mass {
+            meta.particle_mass = Some(mass);
+        }
+        Ok(Box::new(PieceReader::new(meta, pieces, weight.is_some())?))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,81 @@
+//! The files of a snapshot: `snap.0`, `snap.1`, ...
+
+use super::blocks::Part;
+use super::header::TYPES;
+use particlegs::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// More files than any snapshot has.
+const MOST_FILES: u32 = 65_536;
+
+/// Opens all files of the snapshot that `paths` belong to: one of them is enough.
+///
+/// # Errors
+/// [`Error::Input`] where one is missing or they contradict each other; [`Error::Io`].
+pub fn open(paths: &[PathBuf]) -> Result<Vec<Part>> {
+    let given = Part::open(&paths[0])?;
+    let files = given.header.files;
+    if files > MOST_FILES {
+        return Err(Error::input(&paths[0], format!("the header says {files} files: it is damaged")));
+    }
+    let names = if files == 1 { vec![paths[0].clone()] } else { names(&paths[0], files)? };
+    if let Some(alien) = paths.iter().find(|p| !names.contains(p)) {
+        let what = format!("not one of the {files} file(s) of the snapshot {}", names[0].display());
+        return Err(Error::input_hint(alien, what, "one snapshot at a time"));
+    }
+    let mut parts: Vec<Part> = Vec::with_capacity(names.len());
+    for name in &names {
+        if !name.exists() {
+            let what = format!("missing: {} says that the snapshot has {files} files", paths[0].display());
+            return Err(Error::input_hint(name, what, "put all files of the snapshot into one folder"));
+        }
+        let part = Part::open(name)?;
+        check_alike(&given, &part)?;
+        parts.push(part);
+    }
+    check_totals(&parts)?;
+    Ok(parts)
+}
+
+/// `snap.0` ... of one of them.
+fn names(path: &Path, files: u32) -> Result<Vec<PathBuf>> {
+    let text = path.to_str().unwrap_or_default();
+    match text.rsplit_once('.') {
+        Some((stem, number)) if number.parse().is_ok_and(|n: u32| n < files) => {
+            Ok((0..files).map(|i| PathBuf::from(format!("{stem}.{i}"))).collect())
+        }
+        _ => Err(Error::input_hint(
+            path,
+            format!("one of {files} files of a snapshot, but its name has no number"),
+            format!("name them NAME.0 to NAME.{}", files - 1),
+        )),
+    }
+}
+
+fn check_alike(first: &Part, part: &Part) -> Result<()> {
+    let (a, b) = (&first.header, &part.header);
+    let same = a.files == b.files && a.total == b.total && a.box_size == b.box_size && a.time == b.time;
+    let masses = (0..TYPES).all(|t| a.count[t] == 0 || b.count[t] == 0 || a.mass[t] == b.mass[t]);
+    if same && masses {
+        return Ok(());
+    }
+    let what = format!("its header differs from that of {}", first.path.display());
+    Err(Error::input_hint(&part.path, what, "the files are of different snapshots"))
+}
+
+/// The files together must hold what the headers say. Codes that leave the totals 0 are believed,
+/// and the high words are not looked at: old codes leave what was in memory there.
+fn check_totals(parts: &[Part]) -> Result<()> {
+    let total = parts[0].header.total;
+    if total == [0; TYPES] {
+        return Ok(());
+    }
+    for t in 0..TYPES {
+        let sum: u64 = parts.iter().map(|p| u64::from(p.header.count[t])).sum();
+        if sum as u32 != total[t] {
+            let what = format!("its header says {} particles of type {t} in all, and there are {sum}", total[t]);
+            return Err(Error::input_hint(&parts[0].path, what, "a file of the snapshot is missing or damaged"));
+        }
+    }
+    Ok(())
+}

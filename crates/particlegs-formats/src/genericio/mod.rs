@@ -1,0 +1,125 @@
+//! GenericIO, the format of HACC: columns of every rank, each with a checksum.
+//!
+//! Columns are read where they lie, or decompressed by blosc. The header's CRC64 is verified when a
+//! file is opened; a column's before its first number is handed over, rank by rank as they are read.
+
+mod blosc;
+mod blosclz;
+#[cfg(test)]
+mod chunks;
+mod header;
+mod ranks;
+mod split;
+
+use crate::axes::axes;
+use crate::cache::DEFAULT_BYTES;
+use crate::pieces::{Piece, PieceReader};
+use crate::{Description, Field, Fields, Format, Mass, Snapshot, Species};
+use header::File;
+use particlegs::particles::{Cell, SnapshotMeta, SnapshotReader};
+use particlegs::{Error, Result};
+use ranks::Ranks;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// GenericIO.
+pub const FORMAT: Format = Format {
+    name: "genericio",
+    title: "GenericIO (HACC)",
+    detect: |head| head.compression.is_none() && header::signature(&head.bytes).is_some(),
+    open: |paths, _| Ok(Box::new(GenericIo::open(paths)?)),
+};
+
+struct GenericIo {
+    files: Vec<Arc<File>>,
+    description: Description,
+}
+
+impl GenericIo {
+    fn open(paths: &[PathBuf]) -> Result<GenericIo> {
+        let files = split::open(paths)?;
+        let description = describe(&paths[0], &files)?;
+        Ok(GenericIo { files: files.into_iter().map(Arc::new).collect(), description })
+    }
+}
+
+fn describe(path: &Path, files: &[File]) -> Result<Description> {
+    let first = &files[0];
+    let count = files.iter().flat_map(|f| &f.ranks).try_fold(0u64, |sum, r| sum.checked_add(r.count));
+    let count = count.ok_or_else(|| Error::input(path, "more particles than can be counted"))?;
+    if count == 0 {
+        return Err(Error::input(path, "no particles"));
+    }
+    // What is cut short is said before anything is read.
+    files.iter().try_for_each(|f| f.check())?;
+    let ranks: usize = files.iter().map(|f| f.ranks.len()).sum();
+    let compressed = (0..first.ranks.len().min(1))
+        .any(|r| (0..first.variables.len()).any(|v| first.column(r, v).is_ok_and(|c| c.blosc)));
+    let order = if first.big_endian { "big-endian" } else { "little-endian" };
+    let format = format!("GenericIO, {ranks} rank(s), {order}{}", if compressed { ", blosc" } else { "" });
+    let has = |v: &header::Variable| v.kind.is_some() && files.iter().all(|f| f.variable(&v.name).is_some());
+    let fields: Vec<Field> = first
+        .variables
+        .iter()
+        .filter(|v| has(v))
+        .map(|v| Field {
+            name: v.name.clone(),
+            kind: v.kind.map_or("", |k| k.name()).into(),
+            components: 1,
+            unit: None,
+        })
+        .collect();
+    let known = |name: &str| fields.iter().any(|f| f.name == name);
+    let mass = if known("mass") { Mass::Field("mass".into()) } else { Mass::Unknown };
+    let axis = |k: usize| {
+        let plain = ["x", "y", "z"][k];
+        let marked = first.variables.iter().find(|v| v.axis == Some(k) && has(v)).map(|v| &v.name[..]);
+        if known(plain) { plain } else { marked.unwrap_or(plain) }.to_string()
+    };
+    let positions = [axis(0), axis(1), axis(2)].join(",");
+    let other: Vec<&str> = first.variables.iter().filter(|v| !has(v)).map(|v| &v.name[..]).collect();
+    let notes = if other.is_empty() { vec![] } else { vec![format!("no numbers, not read: {}", other.join(", "))] };
+    let species = Species { name: "particles".into(), aliases: vec![], count, mass, positions, fields };
+    let files = files.iter().map(|f| f.path.clone()).collect();
+    Ok(Description { format, files, meta: meta(path, first), species: vec![species], frames: None, notes })
+}
+
+fn meta(path: &Path, file: &File) -> SnapshotMeta {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let cell =
+        file.scale.iter().all(|&s| s > 0.0).then(|| Cell { origin: file.origin, ..Cell::orthogonal(file.scale) });
+    SnapshotMeta { name, cell, ..SnapshotMeta::default() }
+}
+
+impl Snapshot for GenericIo {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let species = &self.description.species[species];
+        let place = self.files[0].path.display().to_string();
+        let axes = axes(&place, species, fields)?;
+        let weight = species.weight_field(&place, &fields.weights)?;
+        let names: Vec<&str> = axes.iter().map(|a| &a.field[..]).chain(weight.as_deref()).collect();
+        let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
+        for file in &self.files {
+            let variable = |name: &&str| {
+                let missing = || Error::input(&file.path, format!("it has no variable {name}"));
+                file.variable(name).ok_or_else(missing)
+            };
+            let variables: Vec<usize> = names.iter().map(variable).collect::<Result<_>>()?;
+            pieces.push(Box::new(Ranks::new(file.clone(), &variables, DEFAULT_BYTES / self.files.len())?));
+        }
+        if let ([one], [file]) = (&pieces[..], &self.files[..])
+            && file.ranks.iter().filter(|r| r.count > 0).count() == 1
+        {
+            // One rank can be used where it lies, past `read`: what is wrong must be said here.
+            one.read(0..1, &mut crate::pieces::Rows::default())?;
+        }
+        Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, weight.is_some())?))
+    }
+}
+
+#[cfg(test)]
+mod tests;

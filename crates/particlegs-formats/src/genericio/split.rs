@@ -1,0 +1,82 @@
+//! Snapshots in several files: `name` maps ranks to partitions, `name#0`, `name#7`, ... hold them.
+
+use super::header::File;
+use crate::strided::Kind;
+use particlegs::{Error, Result};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// The column of a map.
+const PARTITION: &str = "$partition";
+
+/// Opens the file or files of the snapshot that `paths` belong to.
+///
+/// # Errors
+/// [`Error::Input`] where a file is missing or not one of them; [`Error::Io`].
+pub fn open(paths: &[PathBuf]) -> Result<Vec<File>> {
+    let whole = whole_of(&paths[0]);
+    let first = File::open(&whole)?;
+    let Some(partition) = first.variable(PARTITION) else {
+        return match paths.iter().find(|p| **p != whole) {
+            Some(other) => Err(Error::input_hint(
+                other,
+                format!("a second file, but {} is whole", whole.display()),
+                "one snapshot at a time",
+            )),
+            None => Ok(vec![first]),
+        };
+    };
+    let parts: Vec<PathBuf> = partitions(&first, partition)?.iter().map(|p| part(&whole, *p)).collect();
+    if let Some(alien) = paths.iter().find(|p| **p != whole && !parts.contains(p)) {
+        let what = format!("not one of the files that {} names", whole.display());
+        return Err(Error::input_hint(alien, what, "one snapshot at a time"));
+    }
+    let open = |path: &PathBuf| {
+        if path.exists() {
+            return File::open(path);
+        }
+        let what = format!("missing: {} says that it holds a part of the snapshot", whole.display());
+        Err(Error::input_hint(path, what, "put all files of the snapshot into one folder"))
+    };
+    let files: Vec<File> = parts.iter().map(open).collect::<Result<_>>()?;
+    if files.is_empty() {
+        return Err(Error::input(&whole, "it names no files"));
+    }
+    if let Some(odd) = files.iter().find(|f| f.scale != files[0].scale || f.origin != files[0].origin) {
+        return Err(Error::input(&odd.path, format!("its box differs from that of {}", files[0].path.display())));
+    }
+    Ok(files)
+}
+
+fn part(whole: &Path, number: i64) -> PathBuf {
+    PathBuf::from(format!("{}#{number}", whole.display()))
+}
+
+/// `name` for `name#7` where there is such a file.
+fn whole_of(path: &Path) -> PathBuf {
+    let text = path.to_string_lossy();
+    match text.rsplit_once('#') {
+        Some((stem, number)) if number.parse::<u32>().is_ok() && Path::new(stem).is_file() => stem.into(),
+        _ => path.to_path_buf(),
+    }
+}
+
+/// The partitions that a map names, in order.
+fn partitions(map: &File, variable: usize) -> Result<BTreeSet<i64>> {
+    let mut out = BTreeSet::new();
+    for (r, rank) in map.ranks.iter().enumerate() {
+        let column = map.column(r, variable)?;
+        let kind = map.variables[variable].kind.filter(|k| matches!(k, Kind::I32 | Kind::I64 | Kind::U32));
+        let kind = kind.filter(|_| !column.blosc);
+        let kind =
+            kind.ok_or_else(|| Error::input(&map.path, "its map of ranks is stored in a way that is not known"))?;
+        for i in 0..rank.count {
+            let at = (column.start + i * kind.bytes()) as usize;
+            out.insert(kind.get(&map.bytes[at..], map.big_endian) as i64);
+            if out.len() > 65_536 {
+                return Err(Error::input(&map.path, "its map names more than 65536 files"));
+            }
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,136 @@
+//! Small files made here: both byte orders, ranks, checksums, boxes, split snapshots.
+
+use super::*;
+use crate::codecs::crc64;
+use crate::{OpenOptions, Weights};
+use particlegs::progress::Silent;
+use std::sync::Mutex;
+
+struct Make {
+    big_endian: bool,
+    bytes: Vec<u8>,
+}
+
+impl Make {
+    fn int(&mut self, v: u64) {
+        self.bytes.extend(if self.big_endian { v.to_be_bytes() } else { v.to_le_bytes() });
+    }
+
+    fn sum(&mut self, from: usize) {
+        let sum = !crc64(&self.bytes[from..]);
+        self.bytes.extend(sum.to_le_bytes());
+    }
+}
+
+/// Columns by rank; `i32` where a name begins with `$`, else `f32`.
+fn file(big_endian: bool, names: &[&str], ranks: &[Vec<Vec<f32>>]) -> Vec<u8> {
+    let mut m = Make { big_endian, bytes: if big_endian { b"HACC01B\0" } else { b"HACC01L\0" }.to_vec() };
+    let (nv, nr) = (names.len() as u64, ranks.len() as u64);
+    let counts: Vec<u64> = ranks.iter().map(|r| r[0].len() as u64).collect();
+    let size = 168 + 272 * nv + 48 * nr;
+    [size, counts.iter().sum(), nr, 1, 1, nv, 272, 168, nr, 48, 168 + 272 * nv, 168].iter().for_each(|&v| m.int(v));
+    [1.0f64, 2.0, 3.0, 10.0, 20.0, 30.0].iter().for_each(|v| m.int(v.to_bits()));
+    [0, 0].iter().for_each(|&v| m.int(v));
+    for name in names {
+        let mut text = name.as_bytes().to_vec();
+        text.resize(256, 0);
+        m.bytes.extend(text);
+        m.int(if name.starts_with('$') { 2 } else { 3 });
+        m.int(4);
+    }
+    let mut start = size + 8;
+    for (r, n) in counts.iter().enumerate() {
+        [r as u64, 0, 0, *n, start, r as u64].iter().for_each(|&v| m.int(v));
+        start += nv * (4 * n + 8);
+    }
+    m.sum(0);
+    for (name, column) in ranks.iter().flat_map(|r| names.iter().zip(r)) {
+        let from = m.bytes.len();
+        for v in column {
+            let raw = if name.starts_with('$') { *v as i32 as u32 } else { v.to_bits() };
+            m.bytes.extend(if big_endian { raw.to_be_bytes() } else { raw.to_le_bytes() });
+        }
+        m.sum(from);
+    }
+    m.bytes
+}
+
+fn ranks() -> Vec<Vec<Vec<f32>>> {
+    let rank = |k: f32, n: usize| (0..4).map(|c| vec![k + c as f32; n]).collect();
+    vec![rank(1.0, 3), rank(0.0, 0), rank(5.0, 2)]
+}
+
+const NAMES: [&str; 4] = ["x", "y", "z", "mass"];
+
+fn rows(paths: &[PathBuf], fields: &Fields) -> Result<Vec<[f32; 4]>> {
+    let reader = crate::open(paths, &OpenOptions::default())?.reader(0, fields)?;
+    let out = Mutex::new(Vec::new());
+    let take = |_: u64, c: particlegs::particles::Chunk<'_>| {
+        let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
+        out.lock().unwrap().extend((0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]));
+        Ok(())
+    };
+    reader.read(0..1, &Silent, &take)?;
+    Ok(out.into_inner().unwrap())
+}
+
+#[test]
+fn both_byte_orders_and_several_ranks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gio");
+    for big_endian in [false, true] {
+        std::fs::write(&path, file(big_endian, &NAMES, &ranks())).unwrap();
+        let snapshot = crate::open(std::slice::from_ref(&path), &OpenOptions::default()).unwrap();
+        let d = snapshot.description();
+        let cell = d.meta.cell.unwrap();
+        assert_eq!((cell.origin, cell.lengths()), ([1.0, 2.0, 3.0], Some([10.0, 20.0, 30.0])));
+        assert_eq!((d.species[0].count, &d.species[0].mass), (5, &Mass::Field("mass".into())));
+        let got = rows(std::slice::from_ref(&path), &Fields::default()).unwrap();
+        assert_eq!((got[0], got[4]), ([1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]));
+        let other = Fields { positions: Some("mass,z,y".into()), weights: Weights::None };
+        assert_eq!(rows(std::slice::from_ref(&path), &other).unwrap()[3], [8.0, 7.0, 6.0, 0.0]);
+    }
+}
+
+#[test]
+fn checksums_are_verified_in_what_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gio");
+    for ranks in [ranks(), ranks()[..1].to_vec()] {
+        let good = file(false, &NAMES, &ranks);
+        let header = 168 + 272 * 4 + 48 * ranks.len() + 8;
+        let fault = |at: usize| {
+            let mut bad = good.clone();
+            bad[at] ^= 4;
+            std::fs::write(&path, bad).unwrap();
+            rows(std::slice::from_ref(&path), &Fields::default()).err().map(|e| e.to_string()).unwrap_or_default()
+        };
+        assert!(fault(40).contains("header"));
+        assert!(fault(header + 1).contains("variable x of rank 0"), "{}", fault(header + 1));
+        assert!(fault(header + 4 * 3 + 8 + 2).contains("variable y of rank 0"));
+        assert!(fault(good.len() - 9).contains(&format!("variable mass of rank {}", ranks.len() - 1)));
+        // A column that is not read is not looked at.
+        let mut bad = good.clone();
+        let at = bad.len() - 9;
+        bad[at] ^= 1;
+        std::fs::write(&path, bad).unwrap();
+        let plain = Fields { weights: Weights::None, ..Fields::default() };
+        assert!(rows(std::slice::from_ref(&path), &plain).is_ok());
+    }
+}
+
+#[test]
+fn split_snapshots_are_found_by_their_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("s"), file(false, &["$rank", "$partition"], &[vec![vec![0.0, 1.0, 2.0], vec![7.0, 2.0, 7.0]]]))
+        .unwrap();
+    std::fs::write(at("s#2"), file(false, &NAMES, &ranks()[..1])).unwrap();
+    let missing = rows(&[at("s")], &Fields::default()).unwrap_err().to_string();
+    assert!(missing.contains("s#7") && missing.contains("missing"));
+    std::fs::write(at("s#7"), file(false, &NAMES, &ranks()[2..])).unwrap();
+    for paths in [vec![at("s")], vec![at("s#7")], vec![at("s"), at("s#2"), at("s#7")]] {
+        assert_eq!(rows(&paths, &Fields::default()).unwrap().len(), 5);
+    }
+    assert!(rows(&[at("s"), at("t")], &Fields::default()).is_err());
+}

@@ -1,0 +1,93 @@
+//! Attributes as numbers or text.
+
+use crate::strided::Kind;
+use hdf5_reader::{Attribute, ByteOrder, Datatype};
+
+/// Numbers of an attribute that are looked at; real ones have at most some dozens.
+const MAX_NUMBERS: usize = 1 << 12;
+
+/// What an attribute holds.
+#[derive(Clone, Debug, PartialEq)]
+enum Value {
+    Numbers(Vec<f64>),
+    Text(String),
+}
+
+/// Attributes of a group or data set, by name; what is neither number nor text is left out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Attributes(Vec<(String, Value)>);
+
+impl Attributes {
+    /// From the library's.
+    pub(super) fn of(attributes: &[Attribute]) -> Self {
+        Attributes(attributes.iter().filter_map(|a| Some((a.name.clone(), value(a)?))).collect())
+    }
+
+    fn get(&self, name: &str) -> Option<&Value> {
+        self.0.iter().find(|a| a.0 == name).map(|a| &a.1)
+    }
+
+    /// Is there an attribute of this name?
+    pub fn has(&self, name: &str) -> bool {
+        self.get(name).is_some()
+    }
+
+    /// The numbers of the attribute `name`.
+    pub fn numbers(&self, name: &str) -> Option<&[f64]> {
+        match self.get(name)? {
+            Value::Numbers(numbers) => Some(numbers),
+            Value::Text(_) => None,
+        }
+    }
+
+    /// The first number of the first of `names` that there is.
+    pub fn number(&self, names: &[&str]) -> Option<f64> {
+        names.iter().find_map(|n| self.numbers(n)?.first().copied())
+    }
+
+    /// The text of the first of `names` that there is and that is not blank.
+    pub fn text(&self, names: &[&str]) -> Option<&str> {
+        names.iter().find_map(|n| match self.get(n)? {
+            Value::Text(text) if !text.trim().is_empty() => Some(text.trim()),
+            _ => None,
+        })
+    }
+}
+
+fn value(attribute: &Attribute) -> Option<Value> {
+    let (size, kind, order) = match &attribute.datatype {
+        Datatype::FloatingPoint { size: 4, byte_order } => (4, Kind::F32, byte_order),
+        Datatype::FloatingPoint { size: 8, byte_order } => (8, Kind::F64, byte_order),
+        Datatype::FixedPoint { size, signed, byte_order } => {
+            let kind = match (size, signed) {
+                (1, true) => Kind::I8,
+                (2, true) => Kind::I16,
+                (4, true) => Kind::I32,
+                (8, true) => Kind::I64,
+                (1, false) => Kind::U8,
+                (2, false) => Kind::U16,
+                (4, false) => Kind::U32,
+                (8, false) => Kind::U64,
+                _ => return None,
+            };
+            (usize::from(*size), kind, byte_order)
+        }
+        _ => {
+            let strings = attribute.read_strings().or_else(|_| attribute.read_string().map(|s| vec![s])).ok()?;
+            let text: String = strings.first()?.chars().filter(|c| !c.is_control()).take(1000).collect();
+            return Some(Value::Text(text));
+        }
+    };
+    let count = attribute.num_elements().ok()?;
+    let stored = attribute.raw_data.chunks_exact(size).take(MAX_NUMBERS);
+    let numbers: Vec<f64> = stored.map(|b| kind.get(b, *order == ByteOrder::BigEndian)).collect();
+    (numbers.len() as u64 >= count.min(MAX_NUMBERS as u64)).then_some(Value::Numbers(numbers))
+}
+
+#[cfg(test)]
+impl Attributes {
+    /// Attributes of one number each.
+    pub fn of_numbers(numbers: &[(&str, f64)]) -> Self {
+        Attributes(numbers.iter().map(|&(n, v)| (n.to_string(), Value::Numbers(vec![v]))).collect())
+    }
+}

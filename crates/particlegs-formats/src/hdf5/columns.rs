@@ -1,0 +1,208 @@
+//! Particles of one file, read from its data sets whatever their layout.
+
+use super::storage::{Chunks, Storage, Table};
+use crate::cache::ChunkCache;
+use crate::pieces::{Piece, Rows};
+use crate::strided::{Bytes, Lane, Strided};
+use memmap2::Mmap;
+use particlegs::particles::InPlace;
+use particlegs::{Error, Result};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// A column of a table and where it goes.
+#[derive(Clone, Copy)]
+pub struct Want {
+    /// Which number of a row.
+    pub component: u64,
+    /// 0, 1, 2 for x, y, z; 3 for weights.
+    pub target: usize,
+}
+
+/// Columns of one data set.
+pub struct Part {
+    /// The data set.
+    pub table: Table,
+    /// Which columns.
+    pub wants: Vec<Want>,
+    /// Its place, for errors.
+    pub place: String,
+    /// Its number, different from those of others that share the cache.
+    pub key: u64,
+}
+
+/// Chunks of a part that a key holds.
+const KEY_BITS: u32 = 40;
+
+/// One file's particles of one species.
+pub struct Columns {
+    map: Arc<Mmap>,
+    rows: u64,
+    parts: Vec<Part>,
+    cache: Arc<ChunkCache>,
+    sampled: bool,
+    /// The same in one stretch each, where they lie so.
+    flat: Option<Strided>,
+}
+
+impl Columns {
+    /// Particles in `parts`, which have the same number of rows. `sampled`: may the reader look here
+    /// for where f64 positions lie?
+    ///
+    /// # Errors
+    /// [`Error::Input`] where parts have different lengths.
+    pub fn new(map: Arc<Mmap>, parts: Vec<Part>, cache: Arc<ChunkCache>, sampled: bool) -> Result<Self> {
+        let rows = parts.first().map_or(0, |p| p.table.rows);
+        if let Some(odd) = parts.iter().find(|p| p.table.rows != rows) {
+            let what = format!("it has {} rows, the positions have {rows}", odd.table.rows);
+            return Err(Error::input(&odd.place, what));
+        }
+        let flat = strided(&map, &parts, rows);
+        Ok(Columns { map, rows, parts, cache, sampled, flat })
+    }
+}
+
+/// Rows of a row of chunks of a file's parts, and bytes of them decoded; `None` without chunks.
+pub fn chunk_bytes(parts: &[Part]) -> Option<(u64, u64)> {
+    let chunked = parts.iter().filter_map(|p| match &p.table.storage {
+        Storage::Chunked(c) if !c.pipeline.is_plain(0) => Some((c.rows.min(p.table.rows), c.bytes as u64 * c.across)),
+        _ => None,
+    });
+    chunked.reduce(|a, b| (a.0.max(b.0), a.1 + b.1))
+}
+
+/// All parts as lanes of the mapped file.
+fn strided(map: &Arc<Mmap>, parts: &[Part], rows: u64) -> Option<Strided> {
+    let mut lanes: [Option<Lane>; 4] = [None; 4];
+    for part in parts {
+        let Storage::Flat(offset) = part.table.storage else { return None };
+        for want in &part.wants {
+            lanes[want.target] = Some(lane(&part.table, offset, part.table.components, want.component));
+        }
+    }
+    let [Some(x), Some(y), Some(z), weight] = lanes else { return None };
+    Strided::new("", Bytes::Mapped(map.clone()), rows, [x, y, z], weight).ok()
+}
+
+/// Column `component` of rows of `components` numbers from byte `offset`.
+fn lane(table: &Table, offset: u64, components: u64, component: u64) -> Lane {
+    let bytes = table.kind.bytes();
+    Lane {
+        offset: offset + component * bytes,
+        stride: components * bytes,
+        kind: table.kind,
+        big_endian: table.big_endian,
+    }
+}
+
+fn column(out: &mut Rows, target: usize) -> &mut Vec<f64> {
+    match target {
+        0..3 => &mut out.position[target],
+        _ => &mut out.weight,
+    }
+}
+
+impl Piece for Columns {
+    fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    fn is_wide(&self) -> bool {
+        let positions = |p: &&Part| p.wants.iter().any(|w| w.target < 3);
+        self.sampled && self.parts.iter().filter(positions).any(|p| p.table.kind.is_wide())
+    }
+
+    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+        if rows.is_empty() {
+            return Ok(());
+        }
+        if let Some(flat) = &self.flat {
+            return flat.read(rows, out);
+        }
+        for part in &self.parts {
+            let (bytes, offset) = match &part.table.storage {
+                Storage::Flat(offset) => (&self.map[..], *offset),
+                Storage::Compact(bytes) => (&bytes[..], 0),
+                Storage::Chunked(chunks) => {
+                    self.read_chunks(part, chunks, rows.clone(), out)?;
+                    continue;
+                }
+            };
+            for want in &part.wants {
+                let lane = lane(&part.table, offset, part.table.components, want.component);
+                lane.append(bytes, rows.clone(), column(out, want.target));
+            }
+        }
+        Ok(())
+    }
+
+    fn in_place(&self) -> Option<InPlace> {
+        self.flat.as_ref()?.in_place()
+    }
+}
+
+impl Columns {
+    fn read_chunks(&self, part: &Part, chunks: &Chunks, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+        let mut scratch = Vec::new();
+        for down in rows.start / chunks.rows..rows.end.div_ceil(chunks.rows) {
+            let begin = down * chunks.rows;
+            let end = self.rows.min(begin + chunks.rows);
+            let inside = rows.start.max(begin) - begin..rows.end.min(end) - begin;
+            let whole = inside.end - inside.start == end - begin;
+            for side in 0..chunks.across {
+                let here = |w: &&Want| w.component / chunks.columns == side;
+                if !part.wants.iter().any(|w| here(&w)) {
+                    continue;
+                }
+                let index = down * chunks.across + side;
+                let shuffled = chunks.pipeline.leaves_shuffled(chunks.places[index as usize].mask);
+                self.with_chunk(part, chunks, index, whole, |bytes, offset| {
+                    // Rows that are put together first begin at 0.
+                    let (bytes, rows) = if shuffled {
+                        let numbers = [inside.start, inside.end].map(|r| (r * chunks.columns) as usize);
+                        chunks.pipeline.numbers(bytes, numbers[0]..numbers[1], &mut scratch);
+                        (&scratch[..], 0..inside.end - inside.start)
+                    } else {
+                        (bytes, inside.clone())
+                    };
+                    for want in part.wants.iter().filter(here) {
+                        let lane = lane(&part.table, offset, chunks.columns, want.component % chunks.columns);
+                        lane.append(bytes, rows.clone(), column(out, want.target));
+                    }
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Shows chunk `index` to `look`: in the file where it is not encoded; decoded for this once where all of
+    /// it is wanted; else by way of the cache.
+    fn with_chunk(
+        &self,
+        part: &Part,
+        chunks: &Chunks,
+        index: u64,
+        whole: bool,
+        look: impl FnOnce(&[u8], u64),
+    ) -> Result<()> {
+        let at = &chunks.places[index as usize];
+        if chunks.pipeline.is_plain(at.mask) {
+            look(&self.map, at.offset);
+            return Ok(());
+        }
+        let stored = &self.map[at.offset as usize..(at.offset + at.size) as usize];
+        let broken = |why: String| {
+            let place =
+                format!("{}, chunk from row {}, byte {}", part.place, index / chunks.across * chunks.rows, at.offset);
+            Error::input_hint(place, format!("it cannot be decoded: {why}"), "the file is damaged: copy it again")
+        };
+        let decode = || chunks.pipeline.undo(stored, at.mask, chunks.bytes).map_err(broken);
+        if whole {
+            look(&decode()?, 0);
+        } else {
+            let bytes = self.cache.get(part.key << KEY_BITS | index, || decode().map(|b| b.into_owned()))?;
+            look(&bytes, 0);
+        }
+        Ok(())
+    }
+}

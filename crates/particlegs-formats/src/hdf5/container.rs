@@ -1,0 +1,245 @@
+//! HDF5 files: groups, attributes and data sets, through the library that knows the container.
+//!
+//! Nothing outside this module and its neighbour `storage` sees the library. It is told to keep no
+//! data in memory, to follow no link to another file, and to bound what it reads at once.
+
+use super::attributes::Attributes;
+use crate::strided::Kind;
+use hdf5_reader::error::Error as Hdf5Error;
+use hdf5_reader::group::Group;
+use hdf5_reader::{ByteOrder, Dataset, Datatype, ExternalLinkResolver, Hdf5File, OpenOptions, StringSize};
+use memmap2::Mmap;
+use particlegs::{Error, Result};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+/// The largest object header that is read; real ones have a few KiB.
+const MAX_HEADER: usize = 8 << 20;
+
+/// The first bytes of a superblock.
+pub const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
+
+/// An open file.
+pub struct Container {
+    /// Its name, for errors.
+    pub place: String,
+    /// Its bytes.
+    pub map: Arc<Mmap>,
+    pub(super) file: Hdf5File,
+    elsewhere: Arc<Elsewhere>,
+}
+
+/// What is known of a data set without its data.
+#[derive(Clone, Debug)]
+pub struct DataSet {
+    /// Name in its group.
+    pub name: String,
+    /// Numbers along each axis.
+    pub shape: Vec<u64>,
+    /// Type of its numbers and whether they are big-endian; `None` where they are none.
+    pub number: Option<(Kind, bool)>,
+    /// Type, for people.
+    pub kind: String,
+    /// Its attributes.
+    pub attributes: Attributes,
+}
+
+impl DataSet {
+    /// Numbers a row.
+    pub fn components(&self) -> u64 {
+        self.shape.iter().skip(1).fold(1, |a, &b| a.saturating_mul(b))
+    }
+
+    /// Its shape, for people.
+    pub fn shape_text(&self) -> String {
+        let axes: Vec<String> = self.shape.iter().map(u64::to_string).collect();
+        format!("({})", axes.join(", "))
+    }
+}
+
+/// A group's members: data sets, and names with reasons of those that cannot be read.
+#[derive(Default)]
+pub struct Members {
+    /// Readable ones.
+    pub sets: Vec<DataSet>,
+    /// The rest: name and error.
+    pub unreadable: Vec<(String, Error)>,
+}
+
+/// Bytes that the library reads from.
+struct Mapped(Arc<Mmap>);
+
+impl AsRef<[u8]> for Mapped {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+/// Links to other files: never followed, remembered by name.
+#[derive(Default)]
+struct Elsewhere(Mutex<Vec<String>>);
+
+impl ExternalLinkResolver for Elsewhere {
+    fn resolve_external_link(&self, filename: &str) -> hdf5_reader::error::Result<Option<Hdf5File>> {
+        let mut names = self.0.lock().unwrap_or_else(|e| e.into_inner());
+        if names.len() < 8 && !names.iter().any(|n| n == filename) {
+            names.push(filename.chars().filter(|c| !c.is_control()).take(200).collect());
+        }
+        Ok(None)
+    }
+}
+
+impl Container {
+    /// Maps a file and reads its superblock.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for what is no HDF5 file or a part of one; [`Error::Io`].
+    pub fn open(path: &Path) -> Result<Self> {
+        match particlegs::particles::map_file(path)? {
+            (Some(map), _) => Self::of(path, map),
+            (None, _) => Err(Error::input(path, "the file is empty")),
+        }
+    }
+
+    /// Opens a file that is mapped already.
+    ///
+    /// # Errors
+    /// As [`Container::open`].
+    pub fn of(path: &Path, map: Arc<Mmap>) -> Result<Self> {
+        let place = path.display().to_string();
+        let elsewhere = Arc::new(Elsewhere::default());
+        let options = OpenOptions::default()
+            .with_chunk_cache_bytes(0)
+            .with_max_object_header_bytes(MAX_HEADER)
+            .with_external_link_resolver(elsewhere.clone());
+        let file = Hdf5File::from_owner(Mapped(map.clone()), options).map_err(|e| broken(&place, &e))?;
+        let block = file.superblock();
+        if block.base_address == 0 && block.eof_address > map.len() as u64 {
+            let what = format!("it has {} bytes and should have {}", map.len(), block.eof_address);
+            return Err(Error::input_hint(place, what, "the file is cut short: copy it again"));
+        }
+        Ok(Container { place, map, file, elsewhere })
+    }
+
+    /// Names of the groups at the top and where they lie: several names of one group are links.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the bytes are broken.
+    pub fn groups(&self) -> Result<Vec<(String, u64)>> {
+        let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
+        let groups = root.groups().map_err(|e| broken(&self.place, &e))?;
+        Ok(groups.iter().map(|g| (g.name().to_string(), g.address())).collect())
+    }
+
+    /// Names of other files that links in the groups looked at lead to.
+    pub fn elsewhere(&self) -> Vec<String> {
+        self.elsewhere.0.lock().unwrap_or_else(|e| e.into_inner()).clone()
+    }
+
+    fn group(&self, name: &str) -> Result<Group> {
+        let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
+        root.group(name).map_err(|e| broken(&format!("{}: {name}", self.place), &e))
+    }
+
+    /// Attributes of a group at the top; none where there is no such group.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the bytes are broken.
+    pub fn attributes(&self, group: &str) -> Result<Attributes> {
+        let place = format!("{}: {group}", self.place);
+        let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
+        match root.group(group) {
+            Ok(g) => Ok(Attributes::of(&g.attributes().map_err(|e| broken(&place, &e))?)),
+            Err(Hdf5Error::GroupNotFound(_)) => Ok(Attributes::default()),
+            Err(e) => Err(broken(&place, &e)),
+        }
+    }
+
+    /// The data sets of a group at the top.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the group is broken.
+    pub fn members(&self, group: &str) -> Result<Members> {
+        let place = format!("{}: {group}", self.place);
+        let group = self.group(group)?;
+        let (_, names) = group.member_names().map_err(|e| broken(&place, &e))?;
+        let mut members = Members::default();
+        for name in names {
+            match group.dataset(&name) {
+                Ok(set) => members.sets.push(describe(&name, &set)),
+                Err(e) => {
+                    let error = broken(&format!("{place}/{name}"), &e);
+                    members.unreadable.push((name, error));
+                }
+            }
+        }
+        Ok(members)
+    }
+
+    /// A data set of a group at the top, and the library's view of it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is none, or it is broken.
+    pub(super) fn set(&self, group: &str, name: &str) -> Result<(DataSet, Dataset)> {
+        let place = format!("{}: {group}/{name}", self.place);
+        let set = self.group(group)?.dataset(name).map_err(|e| broken(&place, &e))?;
+        Ok((describe(name, &set), set))
+    }
+}
+
+/// An error of the library as ours, with what to do where that is known.
+pub(super) fn broken(place: &str, error: &Hdf5Error) -> Error {
+    let text = line(error);
+    if text.contains("unsupported layout class 3") {
+        let hint = "open the files that it is made of, or copy it with `h5repack`";
+        return Error::input_hint(place, "a virtual data set, which is not read", hint);
+    }
+    if text.contains("unsupported") {
+        return Error::input_hint(place, text, "rewrite it with `h5repack -f GZIP=4 in.hdf5 out.hdf5`");
+    }
+    if text.contains("not found") {
+        return Error::input(place, text);
+    }
+    Error::input_hint(place, format!("broken HDF5 file: {text}"), "copy it again; `h5dump -H` shows what is left")
+}
+
+/// An error's text on one line of bounded length, without control characters that names may hold.
+fn line(error: &Hdf5Error) -> String {
+    error.to_string().chars().map(|c| if c.is_control() { ' ' } else { c }).take(300).collect()
+}
+
+fn describe(name: &str, set: &Dataset) -> DataSet {
+    let (number, kind) = number_of(set.dtype());
+    let attributes = Attributes::of(&set.attributes());
+    DataSet { name: name.to_string(), shape: set.shape().to_vec(), number, kind, attributes }
+}
+
+/// What numbers of a type are, and its name.
+fn number_of(datatype: &Datatype) -> (Option<(Kind, bool)>, String) {
+    let (kind, order) = match datatype {
+        Datatype::FloatingPoint { size: 4, byte_order } => (Kind::F32, byte_order),
+        Datatype::FloatingPoint { size: 8, byte_order } => (Kind::F64, byte_order),
+        Datatype::FixedPoint { size, signed, byte_order } => match (size, signed) {
+            (1, true) => (Kind::I8, byte_order),
+            (2, true) => (Kind::I16, byte_order),
+            (4, true) => (Kind::I32, byte_order),
+            (8, true) => (Kind::I64, byte_order),
+            (1, false) => (Kind::U8, byte_order),
+            (2, false) => (Kind::U16, byte_order),
+            (4, false) => (Kind::U32, byte_order),
+            (8, false) => (Kind::U64, byte_order),
+            (size, _) => return (None, format!("{}-byte integer", size)),
+        },
+        Datatype::FloatingPoint { size, .. } => return (None, format!("{size}-byte float")),
+        Datatype::Enum { base, .. } => return number_of(base),
+        Datatype::String { size: StringSize::Fixed(n), .. } => return (None, format!("text of {n}")),
+        Datatype::String { .. } => return (None, "text".into()),
+        Datatype::VarLen { .. } => return (None, "variable length".into()),
+        Datatype::Compound { .. } => return (None, "compound".into()),
+        Datatype::Array { .. } => return (None, "array".into()),
+        Datatype::Opaque { .. } => return (None, "opaque".into()),
+        Datatype::Reference { .. } => return (None, "reference".into()),
+        Datatype::Bitfield { .. } => return (None, "bits".into()),
+    };
+    (Some((kind, *order == ByteOrder::BigEndian)), kind.name().into())
+}

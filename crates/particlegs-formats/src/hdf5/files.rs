@@ -1,0 +1,80 @@
+//! The files of a snapshot: found from one of them, and in order.
+
+use particlegs::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// More files than any snapshot has.
+const MAX_FILES: u64 = 1 << 16;
+
+/// A name with a number between dots before its ending, as in `snap_010.0.hdf5`: what is before the
+/// number, the number, what is after it.
+fn numbered(path: &Path) -> Option<(String, u64, String)> {
+    let name = path.file_name()?.to_str()?;
+    let parts: Vec<&str> = name.split('.').collect();
+    let at = (1..parts.len()).rev().find(|&i| !parts[i].is_empty() && parts[i].bytes().all(|b| b.is_ascii_digit()))?;
+    let number = parts[at].parse().ok()?;
+    let rest: String = parts[at + 1..].iter().flat_map(|p| [".", p]).collect();
+    Some((format!("{}.", parts[..at].join(".")), number, rest))
+}
+
+/// All `count` files of the snapshot that `given` are of, in order.
+///
+/// # Errors
+/// [`Error::Input`] naming what is missing or too many.
+pub fn all(given: &[PathBuf], count: u64) -> Result<Vec<PathBuf>> {
+    let first = &given[0];
+    if count == 1 {
+        return match given {
+            [_] => Ok(given.to_vec()),
+            [_, second, ..] => {
+                let what = "its header says that it is the whole snapshot, and more files are named";
+                Err(Error::input_hint(
+                    first,
+                    what,
+                    format!("name one snapshot at a time, without {}", second.display()),
+                ))
+            }
+            [] => Ok(Vec::new()),
+        };
+    }
+    if count > MAX_FILES {
+        return Err(Error::input(first, format!("its header says that the snapshot has {count} files")));
+    }
+    let Some((before, _, after)) = numbered(first) else {
+        let what = format!("the snapshot has {count} files, and this one's name has no number");
+        return Err(Error::input_hint(first, what, "names like snap.0.hdf5, snap.1.hdf5 are found"));
+    };
+    let paths: Vec<PathBuf> = (0..count).map(|i| first.with_file_name(format!("{before}{i}{after}"))).collect();
+    if let Some(missing) = paths.iter().find(|p| !p.is_file()) {
+        let what = format!("missing: the snapshot has {count} files");
+        return Err(Error::input_hint(missing, what, format!("put it beside {}", first.display())));
+    }
+    if let Some(other) = given.iter().find(|g| !paths.contains(g)) {
+        return Err(Error::input(other, format!("it does not belong to the {count} files of {}", first.display())));
+    }
+    Ok(paths)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_found_from_any_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        for i in 0..3 {
+            std::fs::write(path(&format!("snap_010.{i}.hdf5")), b"").unwrap();
+        }
+        let wanted: Vec<PathBuf> = (0..3).map(|i| path(&format!("snap_010.{i}.hdf5"))).collect();
+        assert_eq!(all(&[path("snap_010.0.hdf5")], 3).unwrap(), wanted);
+        assert_eq!(all(&[path("snap_010.1.hdf5")], 3).unwrap(), wanted);
+        assert_eq!(all(&wanted, 3).unwrap(), wanted);
+        let missing = all(&[path("snap_010.0.hdf5")], 4).unwrap_err().to_string();
+        assert!(missing.contains("snap_010.3.hdf5"), "{missing}");
+        assert!(all(&wanted, 1).is_err());
+        assert!(all(&[path("snap_010.0.hdf5"), path("other.1.hdf5")], 3).is_err());
+        assert!(all(&[path("snap.hdf5")], 3).is_err());
+        assert!(all(&wanted, u64::MAX).is_err());
+    }
+}

@@ -1,0 +1,156 @@
+//! A reader of one species with the fields chosen, over all files.
+
+use super::columns::{Columns, Part, Want, chunk_bytes};
+use super::container::Container;
+use super::snapshot::{self, group_name};
+use super::storage::table;
+use crate::cache::ChunkCache;
+use crate::pieces::{Piece, PieceReader};
+use crate::{Field, Fields, Mass, Species};
+use particlegs::particles::{InPlace, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// What is read.
+pub struct Source<'a> {
+    /// The snapshot's files.
+    pub parts: &'a [snapshot::Part],
+    /// Number of the type.
+    pub kind: usize,
+    /// Its description.
+    pub species: &'a Species,
+    /// The snapshot's.
+    pub meta: &'a SnapshotMeta,
+}
+
+/// Files in which f64 positions are looked at to find where they lie.
+const SAMPLED: usize = 8;
+
+/// Decoded chunks that are kept at most. Larger sets of chunks are read stretch by stretch.
+const BUDGET: u64 = 96 << 20;
+
+/// Data sets to read, each with its columns.
+type Choice = Vec<(String, Vec<Want>)>;
+
+/// Opens it.
+///
+/// # Errors
+/// [`Error::Input`] for fields that are missing or have the wrong shape, and for broken files.
+pub fn reader(source: &Source<'_>, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    let species = source.species;
+    let place = &source.meta.name;
+    let mut choice = positions(species, place, fields.positions.as_deref().unwrap_or(&species.positions))?;
+    let weight = species.weight_field(place, &fields.weights)?;
+    if let Some(name) = &weight {
+        choice.push((name.clone(), vec![Want { component: 0, target: 3 }]));
+    }
+    let group = group_name(source.kind);
+    let used: Vec<&snapshot::Part> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
+    let mut tables = Vec::with_capacity(used.len());
+    for (index, file) in used.iter().enumerate() {
+        let container = Container::of(&file.path, file.map.clone())?;
+        let mut parts = Vec::with_capacity(choice.len());
+        for (k, (name, wants)) in choice.iter().enumerate() {
+            let place = format!("{}: {group}/{name}", container.place);
+            let table = table(&container, &group, name)?;
+            if let Some(want) = wants.iter().find(|w| w.component >= table.components) {
+                let what = format!("it has {} numbers a row, not {}", table.components, want.component + 1);
+                return Err(Error::input(place, what));
+            }
+            let key = (index * choice.len() + k) as u64;
+            parts.push(Part { table, wants: wants.clone(), place, key });
+        }
+        tables.push(parts);
+    }
+    let mut meta = source.meta.clone();
+    if let Mass::Each(mass) = species.mass {
+        meta.particle_mass = Some(mass);
+    }
+    assemble(meta, &used, tables, weight.is_some())
+}
+
+fn assemble(
+    meta: SnapshotMeta,
+    used: &[&snapshot::Part],
+    tables: Vec<Vec<Part>>,
+    weighted: bool,
+) -> Result<Box<dyn SnapshotReader>> {
+    let (rows, bytes) = tables.iter().flat_map(|t| chunk_bytes(t)).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
+    let threads = rayon::current_num_threads() as u64;
+    let together = (BUDGET / bytes.max(1)).saturating_sub(1).clamp(1, threads.max(2));
+    let cache = Arc::new(ChunkCache::new(((together + 1) * bytes) as usize));
+    let step = used.len().div_ceil(SAMPLED).max(1);
+    let mut pieces: Vec<Box<dyn Piece>> = Vec::with_capacity(used.len());
+    for (index, (file, parts)) in used.iter().zip(tables).enumerate() {
+        let piece = Columns::new(file.map.clone(), parts, cache.clone(), index % step == 0)?;
+        pieces.push(Box::new(piece));
+    }
+    let inner = PieceReader::new(meta, pieces, weighted)?;
+    // Chunks that only few runs wide are shared by neighbours on one thread; those that are wider must
+    // not be decoded again for every run.
+    let wide = rows > 2 * RUN as u64;
+    Ok(if wide { Box::new(Stretches { inner, runs: (together * rows).div_ceil(RUN as u64) }) } else { Box::new(inner) })
+}
+
+/// Where positions are: a data set of three numbers a row, or three data sets `x,y,z`.
+fn positions(species: &Species, place: &str, name: &str) -> Result<Choice> {
+    let find = |name: &str, components: u32| -> Result<&Field> {
+        species.fields.iter().find(|f| f.name == name && f.components == components).ok_or_else(|| {
+            let there = species.fields.iter().filter(|f| f.components == components).map(|f| &f.name[..]);
+            species.missing(place, name, there)
+        })
+    };
+    let names: Vec<&str> = name.split(',').map(str::trim).collect();
+    match names[..] {
+        [name] => {
+            let wants = (0..3).map(|k| Want { component: k, target: k as usize }).collect();
+            Ok(vec![(find(name, 3)?.name.clone(), wants)])
+        }
+        [_, _, _] => {
+            let one =
+                |(target, name): (usize, &&str)| Ok((find(name, 1)?.name.clone(), vec![Want { component: 0, target }]));
+            names.iter().enumerate().map(one).collect()
+        }
+        _ => Err(Error::argument(format!("positions `{name}` are neither one field nor three"))),
+    }
+}
+
+/// Reads stretches of so many runs one after the other, so that few wide chunks are in use at a time.
+struct Stretches {
+    inner: PieceReader,
+    runs: u64,
+}
+
+impl SnapshotReader for Stretches {
+    fn meta(&self) -> &SnapshotMeta {
+        self.inner.meta()
+    }
+
+    fn count(&self) -> u64 {
+        self.inner.count()
+    }
+
+    fn has_weights(&self) -> bool {
+        self.inner.has_weights()
+    }
+
+    fn origin(&self) -> [f64; 3] {
+        self.inner.origin()
+    }
+
+    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+        let mut start = runs.start;
+        while start < runs.end {
+            let end = runs.end.min((start / self.runs + 1) * self.runs);
+            self.inner.read(start..end, progress, sink)?;
+            start = end;
+        }
+        Ok(())
+    }
+
+    fn in_place(&self) -> Option<InPlace> {
+        self.inner.in_place()
+    }
+}

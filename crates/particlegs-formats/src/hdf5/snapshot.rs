@@ -1,0 +1,308 @@
+//! A snapshot's files, opened: species, fields, units, box.
+
+use super::container::{Container, DataSet};
+use super::files;
+use super::header::{Header, TYPES};
+use super::reader::{self, Source};
+use super::units::{self, Quantity, Unit};
+use crate::{Description, Field, Fields, Mass, OpenOptions, Snapshot, Species};
+use memmap2::Mmap;
+use particlegs::particles::{SnapshotMeta, SnapshotReader};
+use particlegs::{Error, Result};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Names of a data set of positions, the usual one first.
+const POSITIONS: [&str; 7] = ["Coordinates", "coordinates", "Positions", "Position", "positions", "POS", "pos"];
+
+/// Names of a data set of masses.
+const MASSES: [&str; 5] = ["Masses", "Mass", "masses", "MASS", "mass"];
+
+/// Other names of the types, by Gadget's order.
+const ALIASES: [&[&str]; 7] = [
+    &["gas"],
+    &["dm", "halo", "darkmatter"],
+    &["dm2", "disk"],
+    &["dm3", "bulge", "tracers"],
+    &["stars", "star"],
+    &["bh", "blackholes"],
+    &["neutrinos"],
+];
+
+/// A file of the snapshot.
+pub struct Part {
+    /// Its path.
+    pub path: PathBuf,
+    /// Its bytes.
+    pub map: Arc<Mmap>,
+    /// Rows of each type's positions.
+    pub rows: [u64; TYPES],
+}
+
+/// An open snapshot.
+struct Hdf5Snapshot {
+    description: Description,
+    parts: Vec<Part>,
+    /// The type of each species.
+    types: Vec<usize>,
+}
+
+impl Snapshot for Hdf5Snapshot {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let (Some(kind), Some(found)) = (self.types.get(species), self.description.species.get(species)) else {
+            return Err(Error::argument(format!("there is no species {species}")));
+        };
+        let source = Source { parts: &self.parts, kind: *kind, species: found, meta: &self.description.meta };
+        reader::reader(&source, fields)
+    }
+}
+
+/// Opens the files of one snapshot.
+///
+/// # Errors
+/// [`Error::Input`] for broken files, for what is no snapshot, and for files that contradict each other.
+pub fn open(paths: &[PathBuf], _options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let first = Container::open(&paths[0])?;
+    let header = Header::read(&first)?;
+    let paths = files::all(paths, header.files)?;
+    let mut builder = Builder { header, found: Default::default(), notes: Vec::new(), parts: Vec::new() };
+    for path in &paths {
+        builder.add(path, Container::open(path)?)?;
+    }
+    builder.finish(paths)
+}
+
+/// A type of particles as its first file with particles has it.
+struct Found {
+    group: String,
+    positions: String,
+    sets: Vec<DataSet>,
+    aliases: Vec<String>,
+}
+
+struct Builder {
+    header: Header,
+    found: [Option<Found>; TYPES],
+    notes: Vec<String>,
+    parts: Vec<Part>,
+}
+
+/// The name of a type's group.
+pub fn group_name(kind: usize) -> String {
+    format!("PartType{kind}")
+}
+
+fn kind_of(group: &str) -> Option<usize> {
+    let digits = group.strip_prefix("PartType")?;
+    digits.parse::<usize>().ok().filter(|&k| k < TYPES && digits.len() == k.to_string().len())
+}
+
+impl Builder {
+    fn note(&mut self, text: String) {
+        if !self.notes.contains(&text) {
+            self.notes.push(text);
+        }
+    }
+
+    fn add(&mut self, path: &Path, container: Container) -> Result<()> {
+        let header = Header::read(&container)?;
+        if header.files != self.header.files || header.total != self.header.total || header.time() != self.header.time()
+        {
+            let what = "its header is not that of the first file: it belongs to another snapshot";
+            return Err(Error::input_hint(path, what, "name one snapshot at a time"));
+        }
+        let groups = container.groups()?;
+        let mut rows = [0; TYPES];
+        for (name, address) in &groups {
+            let Some(kind) = kind_of(name) else { continue };
+            let aliases = groups.iter().filter(|g| g.1 == *address && g.0 != *name).map(|g| g.0.to_lowercase());
+            rows[kind] = self.add_type(&container, &header, kind, aliases.collect())?;
+        }
+        self.check_missing(&container, &header, &groups, &rows)?;
+        self.parts.push(Part { path: path.to_path_buf(), map: container.map.clone(), rows });
+        Ok(())
+    }
+
+    /// Rows of a type in a file; the first file that has some says what the type looks like.
+    fn add_type(&mut self, container: &Container, header: &Header, kind: usize, aliases: Vec<String>) -> Result<u64> {
+        let group = group_name(kind);
+        let place = format!("{}: {group}", container.place);
+        let stated = header.here.as_ref().and_then(|h| h.get(kind).copied());
+        let members = container.members(&group)?;
+        let positions = POSITIONS.iter().find_map(|n| members.sets.iter().find(|s| s.name == *n));
+        let Some(positions) = positions else {
+            if let Some((_, error)) = members.unreadable.into_iter().find(|u| POSITIONS.contains(&&u.0[..])) {
+                return Err(error);
+            }
+            self.note(format!("{group} has no positions (no data set {}): left out", POSITIONS[0]));
+            return Ok(0);
+        };
+        let rows = match positions.shape[..] {
+            [rows, 3] => rows,
+            _ => {
+                let what = format!("positions of the shape {}, not (N, 3)", positions.shape_text());
+                return Err(Error::input(format!("{place}/{}", positions.name), what));
+            }
+        };
+        if let Some(stated) = stated.filter(|&s| s != rows) {
+            let what = format!("{} has {rows} rows, and NumPart_ThisFile in the header says {stated}", positions.name);
+            return Err(Error::input_hint(place, what, "the file was not written to its end, or its header is wrong"));
+        }
+        if rows > 0 && self.found[kind].is_none() {
+            let positions = positions.name.clone();
+            for (_, error) in members.unreadable {
+                self.note(format!("not read: {error}"));
+            }
+            self.found[kind] = Some(Found { group, positions, sets: members.sets, aliases });
+        }
+        Ok(rows)
+    }
+
+    /// Particles that the header counts and the file has no group for.
+    fn check_missing(
+        &mut self,
+        container: &Container,
+        header: &Header,
+        groups: &[(String, u64)],
+        rows: &[u64; TYPES],
+    ) -> Result<()> {
+        for (kind, &stated) in header.here.iter().flatten().enumerate().filter(|(_, n)| **n > 0) {
+            let there = kind < TYPES && (rows[kind] > 0 || groups.iter().any(|g| g.0 == group_name(kind)));
+            if !there {
+                self.note(format!(
+                    "the header counts {stated} particles of type {kind}, and there is no group {}",
+                    group_name(kind)
+                ));
+            }
+        }
+        let elsewhere = container.elsewhere();
+        if !elsewhere.is_empty() {
+            self.note(format!("links to other files are not followed: {}", elsewhere.join(", ")));
+        }
+        if header.files == 1 && rows.iter().all(|&r| r == 0) {
+            let names: Vec<&str> = groups.iter().map(|g| &g.0[..]).take(8).collect();
+            let has = if names.is_empty() { "no groups".to_string() } else { names.join(", ") };
+            let what = format!("no group PartType0, PartType1, ... with particles in this HDF5 file; it has {has}");
+            let hint = match &elsewhere[..] {
+                [] => "links in a circle are not followed; `h5ls` shows what is in the file".to_string(),
+                names => format!("links to other files ({}) and links in a circle are not followed", names.join(", ")),
+            };
+            return Err(Error::input_hint(&container.place, what, hint));
+        }
+        Ok(())
+    }
+
+    fn finish(mut self, paths: Vec<PathBuf>) -> Result<Box<dyn Snapshot>> {
+        let place = self.header_place(&paths);
+        let counts: Vec<u64> =
+            (0..TYPES).map(|k| self.parts.iter().map(|p| p.rows[k]).fold(0, u64::saturating_add)).collect();
+        self.check_totals(&place, &counts)?;
+        if counts.iter().all(|&n| n == 0) {
+            return Err(Error::input(&paths[0], "no particles in any file of the snapshot"));
+        }
+        let mut notes = std::mem::take(&mut self.notes);
+        let cell = self.header.cell(&mut notes)?;
+        let mut meta =
+            SnapshotMeta { cell, time: self.header.time(), hubble: self.header.hubble(), ..SnapshotMeta::default() };
+        meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let cosmological = self.header.cosmological(&mut notes);
+        if cosmological == Some(true) {
+            meta.scale_factor = self.header.scale_factor();
+        }
+        let (mut species, mut types) = (Vec::new(), Vec::new());
+        for (kind, found) in self.found.iter().enumerate() {
+            let Some(found) = found else { continue };
+            let own = |name: &str| {
+                found.sets.iter().find(|s| s.name == name).map(|s| s.attributes.clone()).unwrap_or_default()
+            };
+            let mut units = |name: &str, quantity| {
+                let (own, positions) = (own(name), own(&found.positions));
+                units::unit(&own, &positions, &self.header.groups, quantity, cosmological, meta.hubble, &mut notes)
+            };
+            let length = units(&found.positions, Quantity::Length);
+            let masses = MASSES.iter().find(|n| found.sets.iter().any(|s| s.name == **n && s.components() == 1));
+            let mass = units(masses.copied().unwrap_or_default(), Quantity::Mass);
+            meta.length_unit = meta.length_unit.or(length.text.clone());
+            meta.mass_unit = meta.mass_unit.or(mass.text.clone());
+            meta.comoving = meta.comoving.or(length.comoving);
+            species.push(self.species(kind, found, counts[kind], masses.copied(), &length, &mass));
+            types.push(kind);
+        }
+        let code = self.header.code().map(|c| format!(", {c}")).unwrap_or_default();
+        let format = format!("HDF5 snapshot{code}");
+        let description = Description { format, files: paths, meta, species, frames: None, notes };
+        Ok(Box::new(Hdf5Snapshot { description, parts: self.parts, types }))
+    }
+
+    fn header_place(&self, paths: &[PathBuf]) -> String {
+        format!("{}: Header", paths[0].display())
+    }
+
+    /// All files together must have what the header counts in all.
+    fn check_totals(&mut self, place: &str, counts: &[u64]) -> Result<()> {
+        let Some(total) = self.header.total.clone() else { return Ok(()) };
+        for (kind, &stated) in total.iter().enumerate().take(TYPES) {
+            let there = counts[kind];
+            match (stated, there) {
+                (0, 1..) => self.note(format!("NumPart_Total is 0 for type {kind}, and there are {there} particles")),
+                (1.., 0) => {
+                    self.note(format!("NumPart_Total counts {stated} particles of type {kind}, and there are none"))
+                }
+                _ if stated != there => {
+                    let what =
+                        format!("NumPart_Total says {stated} particles of type {kind}, and the files have {there}");
+                    return Err(Error::input_hint(
+                        place,
+                        what,
+                        "files of the snapshot are missing or not written to their end",
+                    ));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn species(
+        &self,
+        kind: usize,
+        found: &Found,
+        count: u64,
+        masses: Option<&str>,
+        length: &Unit,
+        mass: &Unit,
+    ) -> Species {
+        let field = |set: &DataSet| Field {
+            name: set.name.clone(),
+            kind: set.kind.clone(),
+            components: u32::try_from(set.components()).unwrap_or(u32::MAX),
+            unit: match &set.name {
+                n if *n == found.positions => length.text.clone(),
+                n if Some(&n[..]) == masses => mass.text.clone(),
+                _ => set
+                    .attributes
+                    .text(&["Expression for physical CGS units", "Units", "units", "unit"])
+                    .map(str::to_string),
+            },
+        };
+        let known = ALIASES.get(kind).into_iter().flat_map(|a| a.iter().map(|s| s.to_string()));
+        let mut aliases: Vec<String> = std::iter::once(kind.to_string()).chain(known).collect();
+        aliases.extend(found.aliases.iter().cloned());
+        Species {
+            name: found.group.clone(),
+            aliases,
+            count,
+            mass: match (masses, self.header.mass(kind)) {
+                (Some(name), _) => Mass::Field(name.to_string()),
+                (None, Some(mass)) => Mass::Each(mass),
+                (None, None) => Mass::Unknown,
+            },
+            positions: found.positions.clone(),
+            fields: found.sets.iter().map(field).collect(),
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! Where a data set's numbers lie: in one stretch of the file, in its description, or in chunks.
+
+use super::container::{Container, broken};
+use super::filters::Pipeline;
+use crate::strided::Kind;
+use hdf5_reader::Dataset;
+use hdf5_reader::btree_v1::{BTreeV1Key, collect_btree_v1_leaves_storage};
+use hdf5_reader::chunk_index::{
+    ChunkEntry, collect_implicit_chunk_entries, collect_v2_chunk_entries_storage, single_chunk_entry,
+};
+use hdf5_reader::error::Error as Hdf5Error;
+use hdf5_reader::extensible_array::collect_extensible_array_chunk_entries_storage;
+use hdf5_reader::fixed_array::collect_fixed_array_chunk_entries_storage;
+use hdf5_reader::io::Cursor;
+use hdf5_reader::messages::HdfMessage;
+use hdf5_reader::messages::layout::{ChunkIndexing, DataLayout};
+use particlegs::{Error, Result};
+
+/// The largest chunk that is read, decoded. Larger ones would have to be held in memory whole.
+const MAX_CHUNK: u64 = 1 << 30;
+
+/// A data set of numbers in rows, and where they lie.
+pub struct Table {
+    /// Type of its numbers.
+    pub kind: Kind,
+    /// Their byte order.
+    pub big_endian: bool,
+    /// Rows.
+    pub rows: u64,
+    /// Numbers a row.
+    pub components: u64,
+    /// Where they lie.
+    pub storage: Storage,
+}
+
+/// Where numbers lie.
+pub enum Storage {
+    /// From this byte of the file, row after row; checked to end within it.
+    Flat(u64),
+    /// In the data set's description.
+    Compact(Vec<u8>),
+    /// In chunks.
+    Chunked(Chunks),
+}
+
+/// Chunks of a table.
+pub struct Chunks {
+    /// Rows of a chunk; the last one's may lie beyond the table's end.
+    pub rows: u64,
+    /// Numbers of a chunk's row.
+    pub columns: u64,
+    /// Chunks side by side.
+    pub across: u64,
+    /// Bytes of a chunk, decoded.
+    pub bytes: usize,
+    /// How chunks are encoded.
+    pub pipeline: Pipeline,
+    /// Chunks, side by side first.
+    pub places: Vec<Place>,
+}
+
+impl Chunks {
+    /// The first byte of chunks of whole rows that are not encoded and lie one after the other: such a table
+    /// is one stretch of the file.
+    fn stretch(&self, components: u64) -> Option<u64> {
+        let first = self.places.first()?.offset;
+        let next = |(i, p): (usize, &Place)| {
+            self.pipeline.is_plain(p.mask)
+                && (i as u64).checked_mul(self.bytes as u64).is_some_and(|b| p.offset - first == b)
+        };
+        let ordered = self.places.windows(2).all(|w| w[0].offset < w[1].offset);
+        (self.columns == components && ordered && self.places.iter().enumerate().all(next)).then_some(first)
+    }
+}
+
+/// Where a chunk lies in the file; checked to end within it.
+pub struct Place {
+    /// First byte.
+    pub offset: u64,
+    /// Bytes.
+    pub size: u64,
+    /// Bits of filters that were not applied.
+    pub mask: u32,
+}
+
+/// Finds the numbers of `name` in a group at the top.
+///
+/// # Errors
+/// [`Error::Input`] where it is missing, no table of numbers, never written, or encoded in a way
+/// that is not read.
+pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
+    let place = format!("{}: {group}/{name}", container.place);
+    let (set, data) = container.set(group, name)?;
+    let Some((kind, big_endian)) = set.number else {
+        return Err(Error::input(&place, format!("it holds {}, not numbers", set.kind)));
+    };
+    let (rows, components) = match set.shape[..] {
+        [rows] => (rows, 1),
+        [rows, components] if components > 0 => (rows, components),
+        _ => return Err(Error::input(&place, format!("its shape {} is no table", set.shape_text()))),
+    };
+    let numbers = rows.checked_mul(components).and_then(|n| n.checked_mul(kind.bytes()));
+    let Some(bytes) = numbers.filter(|&n| n <= i64::MAX as u64) else {
+        return Err(Error::input(&place, format!("its shape {} is too large", set.shape_text())));
+    };
+    let header = container.file.get_or_parse_header(data.address()).map_err(|e| broken(&place, &e))?;
+    let mut layout = None;
+    let mut filters = &[][..];
+    for message in &header.messages {
+        match message {
+            HdfMessage::DataLayout(l) => layout = Some(&l.layout),
+            HdfMessage::FilterPipeline(p) => filters = &p.filters,
+            HdfMessage::ExternalFiles(_) => {
+                let hint = "put it into one file with `h5repack -l CONTI in.hdf5 out.hdf5`";
+                return Err(Error::input_hint(&place, "its numbers lie in other files, which are not read", hint));
+            }
+            _ => {}
+        }
+    }
+    let found = Finder { container, data: &data, place: &place, shape: &set.shape, element: kind.bytes() };
+    let storage = match layout {
+        None => return Err(Error::input(&place, "broken HDF5 file: it has no layout")),
+        Some(DataLayout::Compact { data }) if data.len() as u64 >= bytes => Storage::Compact(data.clone()),
+        Some(DataLayout::Compact { data }) => return Err(found.short(bytes, data.len() as u64)),
+        Some(DataLayout::Contiguous { address, size }) => found.flat(*address, *size, bytes)?,
+        Some(DataLayout::Chunked { address, dims, chunk_indexing, .. }) => {
+            let pipeline = Pipeline::new(filters, kind.bytes() as usize, &place)?;
+            let chunks = found.chunks(*address, dims, chunk_indexing.as_ref(), pipeline)?;
+            chunks.stretch(components).map_or(Storage::Chunked(chunks), Storage::Flat)
+        }
+    };
+    Ok(Table { kind, big_endian, rows, components, storage })
+}
+
+struct Finder<'a> {
+    container: &'a Container,
+    data: &'a Dataset,
+    place: &'a str,
+    shape: &'a [u64],
+    element: u64,
+}
+
+impl Finder<'_> {
+    fn never_written(&self) -> Error {
+        let hint = "the program that made the file stopped early, or wrote the numbers elsewhere";
+        Error::input_hint(self.place, "the data set was never written: it has a shape and no numbers", hint)
+    }
+
+    fn short(&self, wanted: u64, there: u64) -> Error {
+        Error::input_hint(self.place, format!("it needs {wanted} bytes and has {there}"), "copy the file again")
+    }
+
+    fn undefined(&self, address: u64) -> bool {
+        Cursor::is_undefined_offset(address, self.container.file.superblock().offset_size)
+    }
+
+    /// An address of the container as a byte of the file, if `size` bytes from there are within it.
+    fn within(&self, address: u64, size: u64) -> Option<u64> {
+        let offset = self.container.file.superblock().base_address.checked_add(address)?;
+        let end = offset.checked_add(size)?;
+        (end <= self.container.map.len() as u64).then_some(offset)
+    }
+
+    fn flat(&self, address: u64, size: u64, wanted: u64) -> Result<Storage> {
+        if wanted == 0 {
+            return Ok(Storage::Compact(Vec::new()));
+        }
+        if self.undefined(address) {
+            return Err(self.never_written());
+        }
+        if size < wanted {
+            return Err(self.short(wanted, size));
+        }
+        let Some(offset) = self.within(address, wanted) else {
+            let left = (self.container.map.len() as u64).saturating_sub(address);
+            return Err(self.short(wanted, left));
+        };
+        Ok(Storage::Flat(offset))
+    }
+
+    fn chunks(
+        &self,
+        address: u64,
+        dims: &[u32],
+        indexing: Option<&ChunkIndexing>,
+        pipeline: Pipeline,
+    ) -> Result<Chunks> {
+        let rank = self.shape.len();
+        // A last dimension, the number's size, is kept by some versions of the layout.
+        let dims = dims.get(..rank).filter(|d| dims.len() <= rank + 1 && d.iter().all(|&n| n > 0));
+        let Some(dims) = dims else { return Err(Error::input(self.place, "broken HDF5 file: no shape of chunks")) };
+        let (rows, columns) = (u64::from(dims[0]), dims.get(1).map_or(1, |&n| u64::from(n)));
+        let components = self.shape.get(1).copied().unwrap_or(1);
+        let bytes = rows.checked_mul(columns).and_then(|n| n.checked_mul(self.element)).filter(|&n| n <= MAX_CHUNK);
+        let Some(bytes) = bytes else {
+            let what = format!("chunks of {rows} x {columns} numbers, more than {} MiB each", MAX_CHUNK >> 20);
+            let hint = "write smaller ones: `h5repack -l CHUNK=65536x3 in.hdf5 out.hdf5`";
+            return Err(Error::input_hint(self.place, what, hint));
+        };
+        let across = components.div_ceil(columns);
+        let count = self.shape[0].div_ceil(rows).checked_mul(across);
+        if count == Some(0) {
+            return Ok(Chunks { rows, columns, across, bytes: bytes as usize, pipeline, places: Vec::new() });
+        }
+        if self.undefined(address) {
+            return Err(self.never_written());
+        }
+        let entries = self.entries(address, dims, indexing).map_err(|e| broken(self.place, &e))?;
+        if entries.is_empty() {
+            return Err(self.never_written());
+        }
+        let places = self.sorted(entries, [rows, columns], across, count, bytes, &pipeline)?;
+        Ok(Chunks { rows, columns, across, bytes: bytes as usize, pipeline, places })
+    }
+
+    /// The index of chunks, whatever its kind.
+    fn entries(
+        &self,
+        address: u64,
+        dims: &[u32],
+        indexing: Option<&ChunkIndexing>,
+    ) -> hdf5_reader::error::Result<Vec<ChunkEntry>> {
+        let file = &self.container.file;
+        let storage = file.storage();
+        let (offsets, lengths) = (file.superblock().offset_size, file.superblock().length_size);
+        let rank = dims.len();
+        match indexing {
+            None => {
+                let leaves =
+                    collect_btree_v1_leaves_storage(storage, address, offsets, lengths, Some(rank as u32), dims, None)?;
+                let entry = |(key, address): (BTreeV1Key, u64)| match key {
+                    BTreeV1Key::RawData { chunk_size, filter_mask, mut offsets } => {
+                        offsets.truncate(rank);
+                        Ok(ChunkEntry { address, size: u64::from(chunk_size), filter_mask, offsets })
+                    }
+                    BTreeV1Key::Group { .. } => Err(Hdf5Error::InvalidData("a group's tree for chunks".into())),
+                };
+                leaves.into_iter().map(entry).collect()
+            }
+            Some(ChunkIndexing::SingleChunk { filtered_size, filters }) => {
+                Ok(vec![single_chunk_entry(address, *filtered_size, *filters, rank)])
+            }
+            Some(ChunkIndexing::Implicit) => collect_implicit_chunk_entries(
+                address,
+                self.shape,
+                dims,
+                self.element as usize,
+                None,
+                self.container.map.len() as u64,
+            ),
+            Some(ChunkIndexing::FixedArray { .. }) => {
+                collect_fixed_array_chunk_entries_storage(storage, address, offsets, lengths, self.shape, dims, None)
+            }
+            Some(ChunkIndexing::ExtensibleArray { .. }) => collect_extensible_array_chunk_entries_storage(
+                storage,
+                address,
+                offsets,
+                lengths,
+                self.shape,
+                self.data.max_dims(),
+                dims,
+                None,
+            ),
+            Some(ChunkIndexing::BTreeV2) => {
+                collect_v2_chunk_entries_storage(storage, address, offsets, lengths, rank as u32, dims, None)
+            }
+        }
+    }
+
+    /// Chunks in order, each there once and within the file; those beyond the table's end are left over from
+    /// when it was longer.
+    fn sorted(
+        &self,
+        entries: Vec<ChunkEntry>,
+        chunk: [u64; 2],
+        across: u64,
+        count: Option<u64>,
+        bytes: u64,
+        pipeline: &Pipeline,
+    ) -> Result<Vec<Place>> {
+        let mut places: Vec<(u64, Place)> = Vec::with_capacity(entries.len());
+        for entry in &entries {
+            let at = |k: usize| entry.offsets.get(k).copied().unwrap_or(0);
+            if at(0) >= self.shape[0] || self.shape.get(1).is_some_and(|&n| at(1) >= n) || self.undefined(entry.address)
+            {
+                continue;
+            }
+            if !at(0).is_multiple_of(chunk[0]) || !at(1).is_multiple_of(chunk[1]) {
+                return Err(Error::input(self.place, "broken HDF5 file: a chunk between two others"));
+            }
+            let plain = pipeline.is_plain(entry.filter_mask);
+            let size = if plain { bytes } else { entry.size };
+            if plain && entry.size != 0 && entry.size != bytes {
+                return Err(self.short(bytes, entry.size));
+            }
+            let Some(offset) = self.within(entry.address, size) else {
+                let what = format!("its chunk at row {} ends beyond the end of the file", at(0));
+                return Err(Error::input_hint(self.place, what, "the file is cut short: copy it again"));
+            };
+            let index = at(0) / chunk[0] * across + at(1) / chunk[1];
+            places.push((index, Place { offset, size, mask: entry.filter_mask }));
+        }
+        places.sort_by_key(|p| p.0);
+        if let Some(i) = (0..places.len()).find(|&i| places[i].0 != i as u64) {
+            if i > 0 && places[i].0 == places[i - 1].0 {
+                return Err(Error::input(self.place, "broken HDF5 file: a chunk is there twice"));
+            }
+            return Err(self.hole(i as u64 / across * chunk[0]));
+        }
+        if Some(places.len() as u64) != count {
+            return Err(self.hole(places.len() as u64 / across * chunk[0]));
+        }
+        Ok(places.into_iter().map(|p| p.1).collect())
+    }
+
+    fn hole(&self, row: u64) -> Error {
+        let what = format!("its rows from {row} were never written, of {}", self.shape[0]);
+        Error::input_hint(self.place, what, "the program that made the file stopped early")
+    }
+}

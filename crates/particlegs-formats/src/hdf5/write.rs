@@ -1,0 +1,229 @@
+//! HDF5 out, in the layout of Gadget-4: one group a layer, one file, streamed.
+
+use super::encode::{self, Attribute, Group, Set, Value};
+use super::units::{self, Quantity};
+use particlegs::particles::{Kept, KeptLayer, Run, SnapshotMeta};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use rayon::prelude::*;
+use std::fs::File;
+use std::path::Path;
+
+/// Types in the order in which layers without a number get them: dark matter first, gas last.
+const ORDER: [usize; 6] = [1, 2, 3, 4, 5, 0];
+
+/// Writes what is kept as a snapshot; tells its bytes. The file appears whole or not at all.
+///
+/// # Errors
+/// [`Error::Input`] for more layers or another cell than the layout has; [`Error::Io`]; those of reading.
+pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+    let layers = kept.layers();
+    let types = types(&layers, out)?;
+    let plan = encode::plan(&groups(kept.meta(), &layers, &types, out)?);
+    let fail = |e| Error::io(out, e);
+    let folder = match out.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    let temporary = temporary(folder).map_err(fail)?;
+    let file = temporary.as_file();
+    file.set_len(plan.length).map_err(fail)?;
+    write_at(file, &plan.metadata, 0).map_err(fail)?;
+    progress.begin("write", kept.total());
+    (0..kept.runs()).into_par_iter().try_for_each_init(<(Run, Vec<u8>)>::default, |(run, bytes), id| {
+        progress.check()?;
+        kept.load(id, run)?;
+        let index = kept.layer_of(id);
+        let count = run.columns[0].len() as u64;
+        // A run that keeps nothing may belong to a layer that keeps nothing, which has no group.
+        if let Some(layer) = layers.get(index).filter(|_| count > 0) {
+            write_run(file, layer, kept.first(id) - layer.range.start, &plan.data[FIRST + index], run, bytes)
+                .map_err(fail)?;
+        }
+        progress.advance(count);
+        Ok::<_, Error>(())
+    })?;
+    progress.end();
+    file.sync_all().map_err(fail)?;
+    temporary.persist(out).map_err(|e| fail(e.error))?;
+    Ok(plan.length)
+}
+
+/// Groups before the first layer's.
+const FIRST: usize = 2;
+
+/// A file in `folder` that goes away unless it is moved to its place, as readable as any new file.
+fn temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".particlegs-").suffix(".tmp");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+/// Writes a run's positions and masses at row `row` of its layer's data sets, which begin at `data`.
+fn write_run(
+    file: &File,
+    layer: &KeptLayer,
+    row: u64,
+    data: &[u64],
+    run: &Run,
+    bytes: &mut Vec<u8>,
+) -> std::io::Result<()> {
+    let [x, y, z, w] = &run.columns;
+    bytes.resize(12 * x.len(), 0);
+    for (i, triple) in bytes.chunks_exact_mut(12).enumerate() {
+        triple[..4].copy_from_slice(&x[i].to_le_bytes());
+        triple[4..8].copy_from_slice(&y[i].to_le_bytes());
+        triple[8..].copy_from_slice(&z[i].to_le_bytes());
+    }
+    write_at(file, bytes, data[0] + 12 * row)?;
+    if let Some(&masses) = data.get(1).filter(|_| layer.weighted) {
+        let unit = layer.particle_mass.unwrap_or(1.0);
+        bytes.clear();
+        bytes.extend(w.iter().flat_map(|&w| ((f64::from(w) * unit) as f32).to_le_bytes()));
+        write_at(file, bytes, masses + 4 * row)?;
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn write_at(file: &File, bytes: &[u8], offset: u64) -> std::io::Result<()> {
+    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
+}
+
+#[cfg(windows)]
+fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> std::io::Result<()> {
+    while !bytes.is_empty() {
+        let n = std::os::windows::fs::FileExt::seek_write(file, bytes, offset)?;
+        if n == 0 {
+            return Err(std::io::ErrorKind::WriteZero.into());
+        }
+        bytes = &bytes[n..];
+        offset += n as u64;
+    }
+    Ok(())
+}
+
+/// The type of each layer: `PartTypeN` keeps its number, the rest get free ones in order.
+fn types(layers: &[KeptLayer], out: &Path) -> Result<Vec<usize>> {
+    let own =
+        |l: &KeptLayer| l.name.strip_prefix("PartType").and_then(|n| ORDER.into_iter().find(|t| t.to_string() == n));
+    let mut types: Vec<Option<usize>> = layers.iter().map(own).collect();
+    for i in 0..types.len() {
+        if types[i].is_none() || types[..i].contains(&types[i]) {
+            types[i] = ORDER.into_iter().find(|t| !types.contains(&Some(*t)));
+        }
+    }
+    types.into_iter().collect::<Option<_>>().ok_or_else(|| {
+        let what =
+            format!("{} layers, and a Gadget snapshot has at most {} types of particles", layers.len(), ORDER.len());
+        Error::input_hint(out, what, "choose fewer with --particle-type")
+    })
+}
+
+fn groups(meta: &SnapshotMeta, layers: &[KeptLayer], types: &[usize], out: &Path) -> Result<Vec<Group>> {
+    let length = meta.length_unit.as_deref().map(|u| (u, units::parse(u, Quantity::Length)));
+    let mass = meta.mass_unit.as_deref().map(|u| (u, units::parse(u, Quantity::Mass)));
+    let group = |name: &str, attributes| Group { name: name.into(), attributes, sets: Vec::new() };
+    let cgs = |unit: &Option<(&str, Option<(f64, f64)>)>| unit.and_then(|u| u.1).map(|u| u.0);
+    let mut groups = vec![
+        group("Header", header(meta, layers, types, out)?),
+        group("Parameters", parameters(meta, cgs(&length), cgs(&mass))),
+    ];
+    for (layer, kind) in layers.iter().zip(types) {
+        let rows = layer.range.end - layer.range.start;
+        let comoving = meta.comoving.map(|c| if c { 1.0 } else { 0.0 });
+        let set = |name, columns, attributes| Set { name, rows, columns, attributes, hollow: false };
+        let mut sets = vec![set("Coordinates", 3, scaling(&length, comoving, Quantity::Length))];
+        if layer.weighted {
+            sets.push(set("Masses", 1, scaling(&mass, Some(0.0), Quantity::Mass)));
+        }
+        // pynbody counts particles by their IDs. There are none here, and none are made up.
+        let why = Value::Text("not known: nothing is stored, and 0 is read".into());
+        sets.push(Set { hollow: true, ..set("ParticleIDs", 1, vec![("Description", why)]) });
+        let name = Value::Text(layer.name.chars().take(200).collect());
+        groups.push(Group { name: format!("PartType{kind}"), attributes: vec![("Layer", name)], sets });
+    }
+    Ok(groups)
+}
+
+fn header(meta: &SnapshotMeta, layers: &[KeptLayer], types: &[usize], out: &Path) -> Result<Vec<Attribute>> {
+    let mut counts = vec![0; ORDER.len()];
+    let mut masses = vec![0.0; ORDER.len()];
+    for (layer, &kind) in layers.iter().zip(types) {
+        counts[kind] = layer.range.end - layer.range.start;
+        masses[kind] = layer.particle_mass.filter(|_| !layer.weighted).unwrap_or(0.0);
+    }
+    let mut header = vec![
+        ("NumPart_ThisFile", Value::Counts(counts.clone())),
+        ("NumPart_Total", Value::Counts(counts)),
+        // Totals are whole already, as Gadget-4's.
+        ("NumPart_Total_HighWord", Value::Words(vec![0; ORDER.len()])),
+        ("MassTable", Value::Numbers(masses)),
+        ("NumFilesPerSnapshot", Value::Integer(1)),
+    ];
+    let lengths = match &meta.cell {
+        None => [0.0; 3],
+        Some(cell) => cell.lengths().ok_or_else(|| {
+            let what = "the cell is not orthogonal, and a Gadget snapshot has no other";
+            Error::input_hint(out, what, "write it as a folder of columns")
+        })?,
+    };
+    header.push(box_size(lengths));
+    if let Some(cell) = meta.cell.filter(|c| c.origin != [0.0; 3]) {
+        header.push(("BoxOrigin", Value::Numbers(cell.origin.to_vec())));
+    }
+    if let Some(cell) = meta.cell.filter(|c| c.periodic != [true; 3]) {
+        header.push(("BoxPeriodic", Value::Words(cell.periodic.map(u32::from).to_vec())));
+    }
+    let factor = meta.scale_factor.filter(|a| *a > 0.0);
+    if let Some(time) = meta.time.or(factor) {
+        header.push(("Time", Value::Number(time)));
+    }
+    if let Some(a) = factor {
+        header.push(("Redshift", Value::Number(1.0 / a - 1.0)));
+    }
+    if let Some(h) = meta.hubble {
+        header.push(("HubbleParam", Value::Number(h)));
+    }
+    Ok(header)
+}
+
+fn box_size(lengths: [f64; 3]) -> Attribute {
+    let cube = lengths[1] == lengths[0] && lengths[2] == lengths[0];
+    ("BoxSize", if cube { Value::Number(lengths[0]) } else { Value::Numbers(lengths.to_vec()) })
+}
+
+fn parameters(meta: &SnapshotMeta, length: Option<f64>, mass: Option<f64>) -> Vec<Attribute> {
+    let named = [("UnitLength_in_cm", length), ("UnitMass_in_g", mass), ("HubbleParam", meta.hubble)];
+    // Readers take a file's units only where there are three. There are no velocities; km/s is Gadget's.
+    let velocity = length.and(mass).map(|_| 1e5);
+    let named = named.into_iter().chain([("UnitVelocity_in_cm_per_s", velocity)]);
+    let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, Value::Number(v?)))).collect();
+    parameters.extend(meta.cell.and_then(|c| c.lengths()).map(box_size));
+    if let Some(comoving) = meta.comoving {
+        parameters.push(("ComovingIntegrationOn", Value::Integer(i32::from(comoving))));
+    }
+    parameters
+}
+
+/// A data set's unit: Gadget-4's powers and factor, or the text where it has none.
+fn scaling(unit: &Option<(&str, Option<(f64, f64)>)>, a: Option<f64>, quantity: Quantity) -> Vec<Attribute> {
+    match unit {
+        None => Vec::new(),
+        Some((text, None)) => vec![("unit", Value::Text(text.to_string()))],
+        Some((_, Some((cgs, h)))) => {
+            let is = |q| Value::Number(if q == quantity { 1.0 } else { 0.0 });
+            let mut all = vec![
+                ("h_scaling", Value::Number(*h)),
+                ("length_scaling", is(Quantity::Length)),
+                ("mass_scaling", is(Quantity::Mass)),
+                ("velocity_scaling", Value::Number(0.0)),
+                ("to_cgs", Value::Number(*cgs)),
+            ];
+            all.extend(a.map(|a| ("a_scaling", Value::Number(a))));
+            all
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! One kind of particles whose fields lie at equal distances in stretches of a file: NumPy's
+//! arrays and archives, records of splats.
+
+use crate::affine::{Affine, Moved};
+use crate::axes::axes;
+use crate::pieces::{Piece, PieceReader};
+use crate::stored::Stored;
+use crate::streamed::{StreamColumn, StreamReader};
+use crate::strided::{Kind, Lane, Strided};
+use crate::{Description, Field, Fields, Mass, Snapshot};
+use particlegs::particles::SnapshotReader;
+use particlegs::{Error, Result};
+
+/// Where a field lies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LanedField {
+    /// Its name.
+    pub name: String,
+    /// Type as text.
+    pub kind_name: String,
+    /// Type where it can be read as numbers.
+    pub kind: Option<Kind>,
+    /// Byte order.
+    pub big_endian: bool,
+    /// Numbers a particle.
+    pub components: u32,
+    /// Which stretch holds it.
+    pub stored: usize,
+    /// Byte of the content where the records begin.
+    pub base: u64,
+    /// Bytes from one component's records to the next one's.
+    pub base_step: u64,
+    /// Bytes of a record.
+    pub stride: u64,
+    /// Byte of the record.
+    pub offset: u64,
+    /// Bytes from one component to the next in the record.
+    pub offset_step: u64,
+}
+
+impl LanedField {
+    /// As a description has it.
+    pub fn described(&self) -> Field {
+        Field { name: self.name.clone(), kind: self.kind_name.clone(), components: self.components, unit: None }
+    }
+
+    /// A component as a column; `None` where it is no number or would lie beyond any file.
+    fn column(&self, component: u32) -> Option<StreamColumn> {
+        let at = |start: u64, step: u64| step.checked_mul(component.into()).and_then(|s| s.checked_add(start));
+        let lane = Lane {
+            offset: at(self.offset, self.offset_step)?,
+            stride: self.stride,
+            kind: self.kind?,
+            big_endian: self.big_endian,
+        };
+        let base = at(self.base, self.base_step)?;
+        base.checked_add(lane.offset)?;
+        Some(StreamColumn { stored: self.stored, base, lane })
+    }
+}
+
+/// Files of one species with such fields.
+pub struct Laned {
+    /// One species.
+    pub description: Description,
+    /// The file, for errors.
+    pub place: String,
+    /// What the fields lie in.
+    pub stored: Vec<Stored>,
+    /// The species' fields, in the description's order.
+    pub fields: Vec<LanedField>,
+    /// From the file's positions to world units.
+    pub world: Affine,
+}
+
+impl Laned {
+    fn column(&self, field: &str, component: u32) -> Result<StreamColumn> {
+        let found = self.fields.iter().find(|f| f.name == field);
+        found.and_then(|f| f.column(component)).ok_or_else(|| {
+            let kind = found.map_or("", |f| &f.kind_name);
+            Error::input(&self.place, format!("field `{field}` of type {kind} cannot be read as numbers"))
+        })
+    }
+
+    /// The columns where they lie uncompressed in one file.
+    fn mapped(&self, columns: &[StreamColumn], rows: u64) -> Option<Result<Strided>> {
+        let bytes = self.stored[columns[0].stored].plain()?.0.clone();
+        let mut lanes = Vec::new();
+        for column in columns {
+            let stored = &self.stored[column.stored];
+            let (_, start) = stored.plain()?;
+            let within = Lane { offset: column.base + column.lane.offset, ..column.lane };
+            if !within.fits(rows, stored.size() as usize) {
+                let what = format!("it is said to hold {rows} particles, and its data are too short");
+                return Some(Err(Error::input(&self.place, what)));
+            }
+            lanes.push(Lane { offset: within.offset + start, ..within });
+        }
+        Some(Strided::new(&self.place, bytes, rows, [lanes[0], lanes[1], lanes[2]], lanes.get(3).copied()))
+    }
+}
+
+impl Snapshot for Laned {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let species = self.description.species.get(species);
+        let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
+        if species.positions.is_empty() && fields.positions.is_none() {
+            let vectors = species.fields.iter().filter(|f| f.components == 3);
+            let names: Vec<&str> = vectors.map(|f| &f.name[..]).collect();
+            let hint = format!("choose with `--positions`: {}", names.join(", "));
+            return Err(Error::input_hint(&self.place, "it does not say which field holds positions", hint));
+        }
+        let mut columns = Vec::new();
+        for axis in axes(&self.place, species, fields)? {
+            columns.push(self.column(&axis.field, axis.component)?);
+        }
+        let weight = species.weight_field(&self.place, &fields.weights)?;
+        if let Some(name) = &weight {
+            columns.push(self.column(name, 0)?);
+        }
+        let mut meta = self.description.meta.clone();
+        if let Mass::Each(mass) = species.mass {
+            meta.particle_mass = Some(mass);
+        }
+        match self.mapped(&columns, species.count) {
+            Some(strided) => {
+                let inner = strided?;
+                let moved = self.world != Affine::IDENTITY;
+                let piece: Box<dyn Piece> = match moved {
+                    false => Box::new(inner),
+                    true => Box::new(Moved { wide: inner.is_wide(), inner: Box::new(inner), by: self.world }),
+                };
+                Ok(Box::new(PieceReader::new(meta, vec![piece], weight.is_some())?))
+            }
+            None => {
+                let stored = self.stored.clone();
+                Ok(Box::new(StreamReader::new(meta, &self.place, stored, &columns, species.count, self.world)?))
+            }
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Arrays as fields of particles.
+
+use super::header::{Element, Header, Scalar};
+use crate::Field;
+use crate::laned::LanedField;
+use particlegs::{Error, Result};
+
+/// Columns that are listed one by one, where an array has more than three.
+const MOST_COLUMNS: u64 = 64;
+/// Components that a field may have.
+const MOST_COMPONENTS: u64 = 1 << 16;
+
+/// Names of positions, most usual first.
+const POSITIONS: [&str; 9] =
+    ["pos", "position", "positions", "coordinates", "coords", "coord", "xyz", "points", "centers"];
+/// Names of their components.
+const AXES: [[&str; 3]; 4] =
+    [["x", "y", "z"], ["xx", "yy", "zz"], ["pos_x", "pos_y", "pos_z"], ["posx", "posy", "posz"]];
+/// Names of masses.
+const MASSES: [&str; 4] = ["mass", "masses", "weight", "weights"];
+
+/// The field or three fields whose names say that they hold positions.
+pub fn positions_named(fields: &[Field]) -> Option<String> {
+    let find = |name: &str, components: u32| {
+        fields.iter().find(|f| f.components == components && f.name.eq_ignore_ascii_case(name)).map(|f| &f.name[..])
+    };
+    let three = |names: [&str; 3]| Some(names.map(|n| find(n, 1)).into_iter().collect::<Option<Vec<_>>>()?.join(","));
+    POSITIONS.iter().find_map(|n| find(n, 3).map(String::from)).or_else(|| AXES.into_iter().find_map(three))
+}
+
+/// The scalar field whose name says that it holds masses.
+pub fn mass_named(fields: &[Field]) -> Option<String> {
+    let find = |name: &&str| fields.iter().find(|f| f.components == 1 && f.name.eq_ignore_ascii_case(name));
+    MASSES.iter().find_map(find).map(|f| f.name.clone())
+}
+
+/// Refuses numbers that are no positions.
+///
+/// # Errors
+/// [`Error::Input`] naming the type.
+pub fn check_numbers(place: &str, header: &Header) -> Result<()> {
+    match &header.element {
+        Element::Plain(scalar) if scalar.kind.is_none() => {
+            let what = format!("its numbers are {}, and positions are real numbers", scalar.name);
+            Err(Error::input_hint(place, what, "save x, y and z as float32 or float64"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// An array's sides without those of 1 beyond the first two.
+fn sides(header: &Header) -> Vec<u64> {
+    let mut sides = header.shape.clone();
+    while sides.len() > 2 {
+        match sides.iter().position(|&s| s == 1) {
+            Some(at) => drop(sides.remove(at)),
+            None => break,
+        }
+    }
+    sides
+}
+
+/// Particles of an array that holds positions by itself: N x 3, 3 x N, or records.
+pub fn rows_of_positions(header: &Header) -> Option<u64> {
+    match (&header.element, &sides(header)[..]) {
+        (Element::Record { .. }, [n] | [n, 1] | [1, n]) => Some(*n),
+        (Element::Plain(scalar), [n, 3] | [3, n]) if scalar.kind.is_some() => Some(*n),
+        _ => None,
+    }
+}
+
+/// Particles of a table of more than three columns, one a row or one a column.
+pub fn rows_of_table(header: &Header) -> Option<u64> {
+    match (&header.element, &sides(header)[..]) {
+        (Element::Plain(scalar), &[a, b]) if scalar.kind.is_some() => match (a, b) {
+            (n, 4..=MOST_COLUMNS) if n > MOST_COLUMNS || n >= b => Some(n),
+            (4..=MOST_COLUMNS, n) if n > MOST_COLUMNS => Some(n),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// An array's fields, where it has `rows` rows: one by its own name, or a record's.
+pub fn fields(name: &str, stored: usize, header: &Header, rows: u64) -> Vec<LanedField> {
+    match &header.element {
+        Element::Plain(scalar) => plain(name, stored, header, scalar, rows).into_iter().collect(),
+        Element::Record { fields, bytes } => {
+            if !matches!(sides(header)[..], [n] | [n, 1] | [1, n] if n == rows) {
+                return Vec::new();
+            }
+            let some = fields.iter().filter(|f| (1..=MOST_COMPONENTS).contains(&f.count));
+            some.map(|f| LanedField {
+                name: f.name.clone(),
+                offset: f.offset,
+                offset_step: f.scalar.bytes,
+                ..field(stored, header.data, &f.scalar, f.count, *bytes)
+            })
+            .collect()
+        }
+    }
+}
+
+/// The columns of a table as fields `0`, `1`, ...
+pub fn table(stored: usize, header: &Header, rows: u64) -> Vec<LanedField> {
+    let Element::Plain(scalar) = &header.element else { return Vec::new() };
+    let Some(whole) = plain("", stored, header, scalar, rows) else { return Vec::new() };
+    let columns = 0..u64::from(whole.components);
+    columns
+        .map(|c| LanedField {
+            name: c.to_string(),
+            components: 1,
+            base: whole.base + c * whole.base_step,
+            offset: whole.offset + c * whole.offset_step,
+            ..whole.clone()
+        })
+        .collect()
+}
+
+fn field(stored: usize, base: u64, scalar: &Scalar, components: u64, stride: u64) -> LanedField {
+    LanedField {
+        name: String::new(),
+        kind_name: scalar.name.clone(),
+        kind: scalar.kind,
+        big_endian: scalar.big_endian,
+        components: components as u32,
+        stored,
+        base,
+        base_step: 0,
+        stride,
+        offset: 0,
+        offset_step: 0,
+    }
+}
+
+fn plain(name: &str, stored: usize, header: &Header, scalar: &Scalar, rows: u64) -> Option<LanedField> {
+    // A field's components lie side by side, or one after the other.
+    let (components, beside) = match sides(header)[..] {
+        [n] if n == rows => (1, true),
+        [n, k] if n == rows => (k, !header.fortran),
+        [k, n] if n == rows => (k, header.fortran),
+        _ => return None,
+    };
+    if !(1..=MOST_COMPONENTS).contains(&components) {
+        return None;
+    }
+    let field = LanedField { name: name.into(), ..field(stored, header.data, scalar, components, scalar.bytes) };
+    Some(if beside {
+        LanedField { stride: components.checked_mul(scalar.bytes)?, offset_step: scalar.bytes, ..field }
+    } else {
+        LanedField { base_step: rows.checked_mul(scalar.bytes)?, ..field }
+    })
+}

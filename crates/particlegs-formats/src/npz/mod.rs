@@ -1,0 +1,207 @@
+//! NumPy archives: arrays by name, as `numpy.savez` and `savez_compressed` write them.
+//!
+//! Members that are not compressed are read where they lie; compressed ones as streams.
+
+mod zip;
+
+use crate::affine::Affine;
+use crate::laned::{Laned, LanedField};
+use crate::npy::header::{Element, Header};
+use crate::npy::{layout, mapped, named, only, species};
+use crate::stored::Stored;
+use crate::{Description, Field, Format, Mass, OpenOptions, Snapshot};
+use particlegs::particles::Cell;
+use particlegs::{Error, Result};
+use std::io::Read;
+use std::path::PathBuf;
+
+/// NumPy archive.
+pub const FORMAT: Format = Format {
+    name: "npz",
+    title: "NumPy archive",
+    detect: |head| head.bytes.starts_with(zip::MAGIC) || head.bytes.starts_with(zip::MAGIC_EMPTY),
+    open,
+};
+
+/// Names of members that hold the cell.
+const CELLS: [&str; 6] = ["box", "boxsize", "box_size", "lattice", "cell", "boxlength"];
+
+/// A result whose error is in words, without the file.
+type InWords<T> = std::result::Result<T, String>;
+
+/// An array of the archive.
+struct Array {
+    name: String,
+    stored: usize,
+    header: Header,
+}
+
+fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let path = only(paths)?;
+    let place = path.display().to_string();
+    let refuse = |what: String| Error::input(path, what);
+    let mut notes = Vec::new();
+    let (stored, arrays) = arrays(&mapped(path)?, &mut notes).map_err(refuse)?;
+    let rows = rows(&place, &arrays)?;
+    if rows == 0 {
+        return Err(refuse("it holds no particles".into()));
+    }
+    let mut fields: Vec<LanedField> = Vec::new();
+    for array in &arrays {
+        for field in layout::fields(&array.name, array.stored, &array.header, rows) {
+            let taken = fields.iter().any(|f| f.name == field.name);
+            let name = if taken { format!("{}.{}", array.name, field.name) } else { field.name.clone() };
+            fields.push(LanedField { name, ..field });
+        }
+    }
+    let positions = positions(&place, &fields)?;
+    let mut meta = named(path);
+    let mut species = species(rows, &fields, positions, layout::mass_named);
+    for array in &arrays {
+        let name = array.name.to_ascii_lowercase();
+        if CELLS.contains(&&name[..]) {
+            let values = small(array, &stored).map_err(|what| refuse(format!("member `{}`: {what}", array.name)))?;
+            meta.cell = cell(&values).map_err(|what| refuse(format!("member `{}`: {what}", array.name)))?;
+        } else if species.mass == Mass::Unknown && ["mass", "masses"].contains(&&name[..]) {
+            // One number: every particle's.
+            if let Ok([mass]) = small(array, &stored).as_deref() {
+                species.mass = Mass::Each(*mass);
+            }
+        }
+    }
+    let description = Description {
+        format: format!("NumPy archive of {} arrays", arrays.len()),
+        files: vec![path.clone()],
+        meta,
+        species: vec![species],
+        notes,
+        ..Description::default()
+    };
+    Ok(Box::new(Laned { description, place, stored, fields, world: Affine::IDENTITY }))
+}
+
+/// The archive's arrays; members that cannot be read are named in `notes`.
+fn arrays(bytes: &crate::strided::Bytes, notes: &mut Vec<String>) -> InWords<(Vec<Stored>, Vec<Array>)> {
+    let (mut stored, mut arrays) = (Vec::new(), Vec::new());
+    for member in zip::members(bytes)? {
+        let name = member.name.strip_suffix(".npy").unwrap_or(&member.name).to_string();
+        let array = member.content.and_then(|content| {
+            let stream = content.open().map_err(|e| format!("it cannot be read: {e}"))?;
+            let header = Header::read(stream)?;
+            if header.end() != Some(content.size()) {
+                let says = format!("{} of {}", header.shape_text(), header.kind_text());
+                return Err(format!("its header says {says}, which is not what its {} bytes hold", content.size()));
+            }
+            Ok((content, header))
+        });
+        match array {
+            Ok((content, header)) => {
+                arrays.push(Array { name, stored: stored.len(), header });
+                stored.push(content);
+            }
+            Err(what) => notes.push(format!("member `{}` is not read: {what}", name.escape_debug())),
+        }
+    }
+    if arrays.is_empty() {
+        return Err(match &notes[..] {
+            [] => "an archive without arrays".into(),
+            some => some.join("; "),
+        });
+    }
+    Ok((stored, arrays))
+}
+
+/// Particles: the rows of the array whose name says that it holds positions, else of any that may.
+fn rows(place: &str, arrays: &[Array]) -> Result<u64> {
+    // Names decide as they do among fields; x alone has as many rows as x, y and z.
+    let as_field = |a: &Array| {
+        let components = match a.header.shape[..] {
+            [_] => 1,
+            _ if layout::rows_of_positions(&a.header).is_some() => 3,
+            _ => return None,
+        };
+        Some(Field { name: a.name.clone(), kind: String::new(), components, unit: None })
+    };
+    let fields: Vec<Field> = arrays.iter().filter_map(as_field).collect();
+    let first = layout::positions_named(&fields);
+    let first = first.as_deref().map(|names| names.split(',').next().unwrap_or(names));
+    if let Some(array) = first.and_then(|name| arrays.iter().find(|a| a.name == name)) {
+        return match (&array.header.element, &array.header.shape[..]) {
+            (Element::Plain(_), [n]) => Ok(*n),
+            _ => Ok(layout::rows_of_positions(&array.header).unwrap_or(0)),
+        };
+    }
+    arrays.iter().find_map(|a| layout::rows_of_positions(&a.header)).ok_or_else(|| {
+        let listed: Vec<String> =
+            arrays.iter().take(20).map(|a| format!("{} {}", a.name.escape_debug(), a.header.shape_text())).collect();
+        let hint = "save positions as `pos` of shape (N, 3), or as `x`, `y` and `z`";
+        Error::input_hint(place, format!("no array holds positions; there are: {}", listed.join(", ")), hint)
+    })
+}
+
+/// The field that holds positions: by name, else the only one of three components, else none.
+fn positions(place: &str, fields: &[LanedField]) -> Result<String> {
+    let described: Vec<Field> = fields.iter().map(LanedField::described).collect();
+    if let Some(name) = layout::positions_named(&described) {
+        return match fields.iter().find(|f| f.name == name) {
+            Some(field) if field.kind.is_none() => {
+                let what = format!("`{name}` holds {}, and positions are real numbers", field.kind_name);
+                Err(Error::input_hint(place, what, "save x, y and z as float32 or float64"))
+            }
+            _ => Ok(name),
+        };
+    }
+    let mut vectors = fields.iter().filter(|f| f.components == 3 && f.kind.is_some());
+    match (vectors.next(), vectors.next()) {
+        (Some(one), None) => Ok(one.name.clone()),
+        (None, _) => Err(Error::input(place, "no array holds positions")),
+        _ => Ok(String::new()),
+    }
+}
+
+/// The numbers of an array of nine at most.
+fn small(array: &Array, stored: &[Stored]) -> InWords<Vec<f64>> {
+    let Element::Plain(scalar) = &array.header.element else { return Err("records are no numbers".into()) };
+    let kind = scalar.kind.ok_or_else(|| format!("{} are no numbers", scalar.name))?;
+    let count = array.header.shape.iter().try_fold(1u64, |n, &side| n.checked_mul(side));
+    let count = count.filter(|n| (1..=9).contains(n)).ok_or("there are more than nine numbers, or none")?;
+    let mut stream = stored[array.stored].open().map_err(|e| e.to_string())?;
+    let mut bytes = vec![0; (count * kind.bytes()) as usize];
+    std::io::copy(&mut (&mut stream).take(array.header.data), &mut std::io::sink()).map_err(|e| e.to_string())?;
+    stream.read_exact(&mut bytes).map_err(|e| e.to_string())?;
+    let mut values: Vec<f64> =
+        bytes.chunks_exact(kind.bytes() as usize).map(|b| kind.get(b, scalar.big_endian)).collect();
+    if array.header.fortran && array.header.shape[..] == [3, 3] {
+        values = (0..9).map(|i| values[i % 3 * 3 + i / 3]).collect();
+    }
+    Ok(values)
+}
+
+/// A cell of one length, three lengths, or three vectors; a length of 0 means that there is none.
+fn cell(values: &[f64]) -> InWords<Option<Cell>> {
+    if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
+        return Err(format!("the cell has the length {bad}"));
+    }
+    let cell = match *values {
+        [l] => Cell::orthogonal([l; 3]),
+        [x, y, z] => Cell::orthogonal([x, y, z]),
+        [a, b, c, d, e, f, g, h, i] => {
+            Cell { vectors: [[a, b, c], [d, e, f], [g, h, i]], ..Cell::orthogonal([0.0; 3]) }
+        }
+        _ => return Err(format!("{} numbers are no cell: one, three, or three by three are", values.len())),
+    };
+    if values.iter().all(|v| *v == 0.0) {
+        return Ok(None);
+    }
+    let [u, v, w] = cell.vectors;
+    let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    let volume = cross[0] * w[0] + cross[1] * w[1] + cross[2] * w[2];
+    let negative = values.len() < 9 && values.iter().any(|v| *v <= 0.0);
+    if negative || volume == 0.0 || !volume.is_finite() {
+        return Err(format!("{values:?} is no cell: it has no volume"));
+    }
+    Ok(Some(cell))
+}
+
+#[cfg(test)]
+mod tests;

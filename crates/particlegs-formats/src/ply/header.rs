@@ -1,0 +1,156 @@
+//! What a PLY header says: elements, their properties, the encoding.
+
+use crate::strided::Kind;
+
+/// Longest header: real ones have some kilobytes; comments may be long.
+const LONGEST: usize = 1 << 20;
+
+/// How values are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// As text, one instance a line.
+    Ascii,
+    /// Binary, little-endian.
+    Little,
+    /// Binary, big-endian.
+    Big,
+}
+
+/// A property of an element.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Property {
+    /// Its name.
+    pub name: String,
+    /// Type of its values.
+    pub kind: Kind,
+    /// Type of its length, where it is a list.
+    pub list: Option<Kind>,
+}
+
+/// A kind of things in the file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Element {
+    /// Its name.
+    pub name: String,
+    /// How many there are.
+    pub count: u64,
+    /// What each has, in order.
+    pub properties: Vec<Property>,
+}
+
+/// A header.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Header {
+    /// How values are written.
+    pub encoding: Encoding,
+    /// What the file holds, in order.
+    pub elements: Vec<Element>,
+    /// Byte behind the header.
+    pub data: u64,
+}
+
+impl Element {
+    /// Bytes of one in a binary file; `None` where lists make them differ.
+    pub fn bytes(&self) -> Option<u64> {
+        self.properties.iter().try_fold(0, |sum, p| p.list.is_none().then(|| sum + p.kind.bytes()))
+    }
+}
+
+/// Does a file that begins so have one?
+pub fn is_ply(head: &[u8]) -> bool {
+    head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n")
+}
+
+/// Reads the header at the beginning of `bytes`.
+///
+/// # Errors
+/// In words, with the line.
+pub fn parse(bytes: &[u8]) -> Result<Header, String> {
+    if !is_ply(bytes) {
+        return Err("not a PLY file".into());
+    }
+    let bytes = &bytes[..bytes.len().min(LONGEST)];
+    let (mut encoding, mut elements) = (None, Vec::<Element>::new());
+    let mut at = 0;
+    for number in 1.. {
+        let Some(length) = bytes[at..].iter().position(|&b| b == b'\n') else { break };
+        let line = String::from_utf8_lossy(&bytes[at..at + length]);
+        at += length + 1;
+        let words: Vec<&str> = line.split_ascii_whitespace().take(8).collect();
+        let bad = |what: &str| {
+            let shown: String = line.trim_end().chars().take(60).collect();
+            format!("line {number} of its header, `{}`: {what}", shown.escape_debug())
+        };
+        match words[..] {
+            [] | ["ply"] | ["comment" | "obj_info", ..] => {}
+            ["format", name, _] => {
+                encoding = Some(match name {
+                    "ascii" => Encoding::Ascii,
+                    "binary_little_endian" => Encoding::Little,
+                    "binary_big_endian" => Encoding::Big,
+                    _ => return Err(bad("the format is not known")),
+                });
+            }
+            ["element", name, count] => {
+                let count = count.parse().map_err(|_| bad("the number of elements is none"))?;
+                elements.push(Element { name: name.into(), count, properties: Vec::new() });
+            }
+            ["property", "list", length, kind, name] => {
+                let list = Some(kind_named(length).ok_or_else(|| bad("the type is not known"))?);
+                let kind = kind_named(kind).ok_or_else(|| bad("the type is not known"))?;
+                let element = elements.last_mut().ok_or_else(|| bad("it belongs to no element"))?;
+                element.properties.push(Property { name: name.into(), kind, list });
+            }
+            ["property", kind, name] => {
+                let kind = kind_named(kind).ok_or_else(|| bad("the type is not known"))?;
+                let element = elements.last_mut().ok_or_else(|| bad("it belongs to no element"))?;
+                element.properties.push(Property { name: name.into(), kind, list: None });
+            }
+            ["end_header"] => {
+                let encoding = encoding.ok_or("its header does not say the format")?;
+                return Ok(Header { encoding, elements, data: at as u64 });
+            }
+            _ => return Err(bad("not a line of a PLY header")),
+        }
+    }
+    Err("its header has no end: no `end_header`".into())
+}
+
+fn kind_named(name: &str) -> Option<Kind> {
+    Some(match name {
+        "char" | "int8" => Kind::I8,
+        "uchar" | "uint8" => Kind::U8,
+        "short" | "int16" => Kind::I16,
+        "ushort" | "uint16" => Kind::U16,
+        "int" | "int32" => Kind::I32,
+        "uint" | "uint32" => Kind::U32,
+        "half" | "float16" => Kind::F16,
+        "float" | "float32" => Kind::F32,
+        "double" | "float64" => Kind::F64,
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_are_read() {
+        let text = "ply\r\nformat binary_big_endian 1.0\r\ncomment a b c\r\nobj_info n 1\r\nelement face 2\r\n\
+                    property list uchar int i\r\nelement vertex 7\r\nproperty double x\r\nproperty short y\r\nend_header\r\n";
+        let header = parse(text.as_bytes()).unwrap();
+        assert_eq!((header.encoding, header.data), (Encoding::Big, text.len() as u64));
+        assert_eq!(header.elements.iter().map(Element::bytes).collect::<Vec<_>>(), [None, Some(10)]);
+    }
+
+    #[test]
+    fn broken_ones_name_the_line() {
+        let of = |lines: &str| parse(format!("ply\n{lines}").as_bytes()).unwrap_err();
+        assert!(of("format middle 1.0\n").contains("line 2"));
+        assert!(of("property float x\n").contains("no element"));
+        assert!(of("element vertex -3\n").contains("none"));
+        assert!(of("end_header\n").contains("format"));
+        assert!(of("format ascii 1.0\nelement vertex 3\n").contains("end_header"));
+    }
+}

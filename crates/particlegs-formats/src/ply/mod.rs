@@ -1,0 +1,204 @@
+//! PLY: the vertices of any PLY file, text or binary, as points.
+//!
+//! Vertices of one length are read where they lie; others, and text, through an index of rows.
+
+mod header;
+mod rows;
+
+use crate::affine::Affine;
+use crate::axes::axes;
+use crate::laned::{Laned, LanedField};
+use crate::npy::{layout, mapped, named, only, species};
+use crate::pieces::PieceReader;
+use crate::stored::{Coding, Stored};
+use crate::strided::Bytes;
+use crate::{Description, Fields, Format, OpenOptions, Snapshot};
+use header::{Element, Encoding, Header};
+use particlegs::particles::SnapshotReader;
+use particlegs::{Error, Result};
+use rows::{RowFormat, WalkedRows};
+use std::path::PathBuf;
+
+/// PLY points.
+pub const FORMAT: Format =
+    Format { name: "ply", title: "PLY points", detect: |head| header::is_ply(&head.content), open };
+
+fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let path = only(paths)?;
+    let place = path.display().to_string();
+    let bytes = mapped(path)?;
+    if let Some(compression) = crate::compressed::Compression::of(&bytes) {
+        let what = format!("a PLY file in {}, which is not read", compression.name());
+        return Err(Error::input_hint(path, what, "unpack it first"));
+    }
+    let header = header::parse(&bytes).map_err(|what| Error::input(path, what))?;
+    let number = vertices(&place, &header)?;
+    let element = &header.elements[number];
+    let fields = fields(element);
+    let mut description = describe(path, &header, element, &fields)?;
+    let broken =
+        |what: String| Error::input_hint(path, what, "the file is cut short, or its header is wrong: copy it again");
+    let start = start(&bytes, &header, number).map_err(broken)?;
+    let format = RowFormat::new(header.encoding, element);
+    let least = element.count.checked_mul(format.least_bytes()).and_then(|b| b.checked_add(start.0));
+    // The last line of text may lack its end.
+    if least.is_none_or(|end| end > bytes.len() as u64 + 1) {
+        let what = format!("its header says {} vertices, more than its {} bytes hold", element.count, bytes.len());
+        return Err(broken(what));
+    }
+    match element.bytes() {
+        Some(stride) if header.encoding != Encoding::Ascii => {
+            let length = bytes.len() as u64;
+            let stored = Stored::new(bytes, 0, length, length, Coding::Plain).map_err(broken)?;
+            let place_field =
+                |f| LanedField { base: start.0, stride, big_endian: header.encoding == Encoding::Big, ..f };
+            let fields = fields.into_iter().map(place_field).collect();
+            Ok(Box::new(Laned { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
+        }
+        _ => {
+            let lists = element.properties.iter().filter(|p| p.list.is_some());
+            description.notes.extend(lists.map(|p| format!("list `{}` is not read", p.name.escape_debug())));
+            Ok(Box::new(Walked {
+                description,
+                place,
+                bytes,
+                element: element.clone(),
+                encoding: header.encoding,
+                start,
+            }))
+        }
+    }
+}
+
+/// Which element holds the points.
+fn vertices(place: &str, header: &Header) -> Result<usize> {
+    let number = header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
+        let names: Vec<&str> = header.elements.iter().map(|e| &e.name[..]).take(20).collect();
+        Error::input(place, format!("it has no element `vertex`; there are: {}", names.join(", ")))
+    })?;
+    match header.elements[number].count {
+        0 => Err(Error::input(place, "it holds no vertices")),
+        _ => Ok(number),
+    }
+}
+
+/// Scalar properties as fields, each at its byte of the vertex (where no list stands before it).
+fn fields(element: &Element) -> Vec<LanedField> {
+    let mut offset = 0;
+    let mut out = Vec::new();
+    for property in &element.properties {
+        if property.list.is_none() {
+            out.push(LanedField {
+                name: property.name.clone(),
+                kind_name: property.kind.name().into(),
+                kind: Some(property.kind),
+                big_endian: false,
+                components: 1,
+                stored: 0,
+                base: 0,
+                base_step: 0,
+                stride: 0,
+                offset,
+                offset_step: 0,
+            });
+        }
+        offset += property.kind.bytes();
+    }
+    out
+}
+
+fn describe(path: &PathBuf, header: &Header, element: &Element, fields: &[LanedField]) -> Result<Description> {
+    let described: Vec<_> = fields.iter().map(LanedField::described).collect();
+    let has = |name: &str| described.iter().any(|f| f.name == name);
+    let positions = layout::positions_named(&described).ok_or_else(|| {
+        let hint = match has("packed_position") {
+            true => "a compressed splat file: unpack it first, e.g. `splat-transform a.compressed.ply a.ply`",
+            false => "points need the properties x, y and z",
+        };
+        let names: Vec<&str> = described.iter().take(20).map(|f| &f.name[..]).collect();
+        let what = format!("its vertices have no x, y and z; there are: {}", names.join(", "));
+        Error::input_hint(path, what.escape_debug().to_string(), hint)
+    })?;
+    let encoding = match header.encoding {
+        Encoding::Ascii => "ascii",
+        Encoding::Little => "binary, little-endian",
+        Encoding::Big => "binary, big-endian",
+    };
+    let mut notes = Vec::new();
+    if ["f_dc_0", "opacity", "scale_0", "rot_0"].into_iter().all(has) {
+        notes.push(crate::splats::NOTE.to_string());
+    }
+    Ok(Description {
+        format: format!("PLY, {encoding}"),
+        files: vec![path.clone()],
+        meta: named(path),
+        species: vec![species(element.count, fields, positions, layout::mass_named)],
+        notes,
+        ..Description::default()
+    })
+}
+
+/// Byte of the first vertex and, in text, the lines behind it that belong to other elements.
+fn start(bytes: &Bytes, header: &Header, vertices: usize) -> std::result::Result<(u64, u64), String> {
+    let mut at = header.data;
+    let mut lines = 0u64;
+    for element in &header.elements[..vertices] {
+        let beyond = || format!("its {} elements `{}` end beyond its end", element.count, element.name.escape_debug());
+        if element.properties.is_empty() {
+            continue;
+        }
+        let format = RowFormat::new(header.encoding, element);
+        if header.encoding == Encoding::Ascii {
+            lines = lines.checked_add(element.count).filter(|&l| l <= bytes.len() as u64).ok_or_else(beyond)?;
+        } else if let Some(size) = element.bytes() {
+            let end = element.count.checked_mul(size).and_then(|b| b.checked_add(at));
+            at = end.filter(|&end| end <= bytes.len() as u64).ok_or_else(beyond)?;
+        } else {
+            for number in 0..element.count {
+                let row = format.row(bytes, at);
+                at = row.map_err(|e| format!("`{}` {number}: {e}", element.name.escape_debug()))?.end;
+            }
+        }
+    }
+    Ok((at, lines))
+}
+
+/// A file whose vertices have different lengths.
+struct Walked {
+    description: Description,
+    place: String,
+    bytes: Bytes,
+    element: Element,
+    encoding: Encoding,
+    start: (u64, u64),
+}
+
+impl Snapshot for Walked {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let species = self.description.species.get(species);
+        let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
+        let number = |name: &str| {
+            let found = self.element.properties.iter().position(|p| p.list.is_none() && p.name == name);
+            found.ok_or_else(|| species.missing(&self.place, name, [].into_iter()))
+        };
+        let mut columns = Vec::new();
+        for axis in axes(&self.place, species, fields)? {
+            columns.push(number(&axis.field)?);
+        }
+        let weight = species.weight_field(&self.place, &fields.weights)?;
+        if let Some(name) = &weight {
+            columns.push(number(name)?);
+        }
+        let format = RowFormat::new(self.encoding, &self.element);
+        let rows = WalkedRows::new(self.bytes.clone(), &self.place, format, self.start, species.count, columns);
+        let meta = self.description.meta.clone();
+        Ok(Box::new(PieceReader::new(meta, vec![Box::new(rows)], weight.is_some())?))
+    }
+}
+
+#[cfg(test)]
+mod tests;

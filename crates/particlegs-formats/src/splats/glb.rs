@@ -1,0 +1,196 @@
+//! Binary glTF: primitives of points, and of `KHR_gaussian_splatting`, in their places of the scene.
+
+use super::NOTE;
+use super::gltf::{Accessor, Document, Primitive};
+use crate::affine::{Affine, Moved};
+use crate::axes::axes;
+use crate::npy::{mapped, named, only};
+use crate::pieces::{Piece, PieceReader};
+use crate::strided::{Bytes, Kind, Lane, Strided};
+use crate::{Description, Field, Fields, Head, Mass, OpenOptions, Snapshot, Species};
+use particlegs::particles::SnapshotReader;
+use particlegs::{Error, Result};
+use std::ops::Range;
+use std::path::PathBuf;
+
+const MAGIC: &[u8; 4] = b"glTF";
+/// Longest document that is read: it lists arrays, and does not hold them.
+const LONGEST: u64 = 1 << 20;
+/// Mode of points.
+const POINTS: u32 = 0;
+
+type InWords<T> = std::result::Result<T, String>;
+
+/// By the signature.
+pub fn detect(head: &Head) -> bool {
+    head.bytes.starts_with(MAGIC)
+}
+
+/// Positions of one primitive.
+#[derive(Clone)]
+struct Part {
+    rows: u64,
+    kind: Kind,
+    axes: [Lane; 3],
+    world: Affine,
+}
+
+struct Glb {
+    description: Description,
+    place: String,
+    bytes: Bytes,
+    parts: Vec<Part>,
+}
+
+/// Opens it.
+pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let path = only(paths)?;
+    let refuse = |what: String| Error::input_hint(path, what, "the file is damaged, or holds no points");
+    let bytes = mapped(path)?;
+    let (json, binary) = chunks(&bytes).map_err(refuse)?;
+    let json = &bytes[json.start as usize..json.end as usize];
+    let document: Document =
+        serde_json::from_slice(json).map_err(|e| refuse(format!("its document cannot be read: {e}")))?;
+    let (parts, splats) = parts(&document, binary).map_err(refuse)?;
+    let count =
+        parts.iter().try_fold(0u64, |n, p| n.checked_add(p.rows)).ok_or_else(|| refuse("too many points".into()))?;
+    if count == 0 {
+        return Err(refuse("it holds no points: no primitive of mode POINTS with positions".into()));
+    }
+    let kind = parts[0].kind.name().to_string();
+    let species = Species {
+        name: "particles".into(),
+        aliases: vec!["0".into()],
+        count,
+        mass: Mass::Unknown,
+        positions: "POSITION".into(),
+        fields: vec![Field { name: "POSITION".into(), kind, components: 3, unit: None }],
+    };
+    let title = if splats { "glTF 2.0 (binary) with KHR_gaussian_splatting" } else { "glTF 2.0 (binary), points" };
+    let description = Description {
+        format: title.into(),
+        files: vec![path.clone()],
+        meta: named(path),
+        species: vec![species],
+        notes: if splats { vec![NOTE.into()] } else { Vec::new() },
+        ..Description::default()
+    };
+    Ok(Box::new(Glb { description, place: path.display().to_string(), bytes, parts }))
+}
+
+/// Where the document and the binary data lie.
+fn chunks(bytes: &[u8]) -> InWords<(Range<u64>, Range<u64>)> {
+    let word = |at: u64| {
+        let b = bytes.get(at as usize..at as usize + 4)?;
+        Some(u64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])))
+    };
+    let short = "it is cut short";
+    let (version, length) = (word(4).ok_or(short)?, word(8).ok_or(short)?);
+    if version != 2 {
+        return Err(format!("glTF version {version} is not known (2 is)"));
+    }
+    if length > bytes.len() as u64 {
+        return Err(format!("it is cut short: {} of {length} bytes", bytes.len()));
+    }
+    let chunk = |at: u64, kind: &[u8; 4]| {
+        let (size, is) = (word(at)?, bytes.get(at as usize + 4..at as usize + 8)?);
+        (is == kind && at + 8 + size <= length).then_some(at + 8..at + 8 + size)
+    };
+    let json = chunk(12, b"JSON").ok_or("its document ends beyond its end")?;
+    if json.end - json.start > LONGEST {
+        return Err(format!("its document of {} bytes is longer than {LONGEST}", json.end - json.start));
+    }
+    // Chunks begin at multiples of 4.
+    let after = json.end.next_multiple_of(4);
+    let binary = chunk(after, b"BIN\0").ok_or("it holds no binary data, or they end beyond its end")?;
+    Ok((json, binary))
+}
+
+/// All primitives of points, and whether any are splats.
+fn parts(document: &Document, binary: Range<u64>) -> InWords<(Vec<Part>, bool)> {
+    let (mut out, mut splats) = (Vec::new(), false);
+    for (mesh, world) in document.placed()? {
+        let mesh = document.meshes.get(mesh).ok_or("a node shows a mesh that does not exist")?;
+        for primitive in &mesh.primitives {
+            let is_splats = primitive.extensions.splats.is_some();
+            if primitive.mode != Some(POINTS) && !is_splats {
+                continue;
+            }
+            splats |= is_splats;
+            out.extend(part(document, primitive, &binary, world)?);
+        }
+    }
+    Ok((out, splats))
+}
+
+fn part(document: &Document, primitive: &Primitive, binary: &Range<u64>, world: Affine) -> InWords<Option<Part>> {
+    let Some(&accessor) = primitive.attributes.get("POSITION") else { return Ok(None) };
+    let accessor = document.accessors.get(accessor).ok_or("positions in an accessor that does not exist")?;
+    let inner = primitive.extensions.splats.iter().flat_map(|s| s.extensions.keys());
+    let compression = inner.chain(primitive.extensions.others.keys()).find(|name| name.contains("compression"));
+    if let Some(name) = compression {
+        return Err(format!("its positions are compressed with {}, which is not read", name.escape_debug()));
+    }
+    if accessor.sparse.is_some() {
+        return Err("its positions are a sparse accessor, which is not read".into());
+    }
+    let (Some(view), "VEC3") = (accessor.buffer_view, &accessor.shape[..]) else {
+        return Err("its positions are no array of VEC3".into());
+    };
+    let (kind, largest) = number(accessor)?;
+    let view = document.buffer_views.get(view).ok_or("positions in a view that does not exist")?;
+    let buffer = document.buffers.get(view.buffer).ok_or("positions in a buffer that does not exist")?;
+    if view.buffer != 0 || buffer.uri.is_some() {
+        return Err("its positions lie in another file: export it as one binary file".into());
+    }
+    let stride = view.byte_stride.unwrap_or(3 * kind.bytes());
+    if !(3 * kind.bytes()..=4096).contains(&stride) {
+        return Err(format!("its positions are {stride} bytes apart"));
+    }
+    let offset = view.byte_offset.checked_add(accessor.byte_offset).ok_or("positions begin beyond its end")?;
+    let lane = |k: u64| Lane { offset: offset.saturating_add(k * kind.bytes()), stride, kind, big_endian: false };
+    // Within the view, and the view within the binary data.
+    let view_end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= binary.end - binary.start);
+    let end = view_end.ok_or("positions lie beyond its end")?;
+    if !(0..3).all(|k| lane(k).fits(accessor.count, end as usize)) {
+        return Err(format!("{} positions end beyond their view of {} bytes", accessor.count, view.byte_length));
+    }
+    let axes = [0, 1, 2].map(|k| Lane { offset: lane(k).offset + binary.start, ..lane(k) });
+    let world = world.after(&Affine::scale(1.0 / largest));
+    Ok(Some(Part { rows: accessor.count, kind, axes, world }))
+}
+
+/// An accessor's type, and what stands for 1.
+fn number(accessor: &Accessor) -> InWords<(Kind, f64)> {
+    let (kind, largest) = match accessor.component_type {
+        5120 => (Kind::I8, 127.0),
+        5121 => (Kind::U8, 255.0),
+        5122 => (Kind::I16, 32_767.0),
+        5123 => (Kind::U16, 65_535.0),
+        5126 => (Kind::F32, 1.0),
+        other => return Err(format!("its positions have the type {other}, which is not known")),
+    };
+    Ok((kind, if accessor.normalized { largest } else { 1.0 }))
+}
+
+impl Snapshot for Glb {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let species = self.description.species.get(species);
+        let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
+        axes(&self.place, species, fields)?;
+        species.weight_field(&self.place, &fields.weights)?;
+        let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
+        for part in &self.parts {
+            let inner = Strided::new(&self.place, self.bytes.clone(), part.rows, part.axes, None)?;
+            pieces.push(match part.world == Affine::IDENTITY {
+                true => Box::new(inner),
+                false => Box::new(Moved { inner: Box::new(inner), by: part.world, wide: true }),
+            });
+        }
+        Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, false)?))
+    }
+}

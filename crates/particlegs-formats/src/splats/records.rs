@@ -1,0 +1,58 @@
+//! .splat: 32 bytes a splat - position and size as 3 f32 each, colour and rotation as 4 bytes each.
+
+use super::{NOTE, field};
+use crate::affine::Affine;
+use crate::laned::Laned;
+use crate::npy::{mapped, named, only, species};
+use crate::stored::{Coding, Stored};
+use crate::strided::Kind;
+use crate::{Description, Head, OpenOptions, Snapshot};
+use particlegs::{Error, Result};
+use std::path::PathBuf;
+
+/// Bytes of a record.
+const RECORD: usize = 32;
+
+/// There is no signature: the name must say it, and the first records must look like splats.
+pub fn detect(head: &Head) -> bool {
+    let named = head.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
+    let plausible = |record: &[u8]| {
+        let value = |k: usize| Kind::F32.get(&record[4 * k..], false);
+        (0..3).all(|k| value(k).abs() < 1e9) && (3..6).all(|k| (0.0..1e9).contains(&value(k)))
+    };
+    named
+        && head.compression.is_none()
+        && head.length.is_multiple_of(RECORD as u64)
+        && head.bytes.len() >= RECORD
+        && head.bytes.chunks_exact(RECORD).all(plausible)
+}
+
+/// Opens it.
+pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let path = only(paths)?;
+    let bytes = mapped(path)?;
+    let length = bytes.len() as u64;
+    if !length.is_multiple_of(RECORD as u64) {
+        let what = format!("{length} bytes are no whole number of records of {RECORD} bytes");
+        return Err(Error::input_hint(path, what, "the file is cut short, or no .splat file"));
+    }
+    let stored = Stored::new(bytes, 0, length, length, Coding::Plain).map_err(|what| Error::input(path, what))?;
+    let stride = RECORD as u64;
+    let fields = vec![
+        field("position", Kind::F32, 3, 0, stride, 0),
+        field("scale", Kind::F32, 3, 0, stride, 12),
+        field("color", Kind::U8, 4, 0, stride, 24),
+        field("rotation", Kind::U8, 4, 0, stride, 28),
+    ];
+    let count = length / stride;
+    let description = Description {
+        format: ".splat records".into(),
+        files: vec![path.clone()],
+        meta: named(path),
+        species: vec![species(count, &fields, "position".into(), |_| None)],
+        notes: vec![NOTE.into()],
+        ..Description::default()
+    };
+    let place = path.display().to_string();
+    Ok(Box::new(Laned { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
+}

@@ -1,0 +1,164 @@
+//! SPZ: positions as fixed-point numbers of 24 bits (version 1: half floats), all splats' one after
+//! the other, then the other attributes. Versions 1 to 3 are one gzip stream; version 4 has a plain
+//! header and a Zstandard stream an attribute.
+
+use super::{NOTE, field};
+use crate::affine::Affine;
+use crate::laned::Laned;
+use crate::npy::{mapped, named, only, species};
+use crate::stored::{Coding, Stored};
+use crate::strided::{Bytes, Kind};
+use crate::{Description, Head, OpenOptions, Snapshot};
+use particlegs::{Error, Result};
+use std::io::Read;
+use std::path::PathBuf;
+
+const MAGIC: &[u8; 4] = b"NGSP";
+/// Bytes of the header of versions 1 to 3.
+const HEADER: u64 = 16;
+/// Fraction bits that leave the 24 some sense.
+const MOST_FRACTION: u8 = 24;
+
+type InWords<T> = std::result::Result<T, String>;
+
+/// By the signature, within gzip or not.
+pub fn detect(head: &Head) -> bool {
+    head.content.starts_with(MAGIC)
+}
+
+/// What a header says.
+struct Header {
+    version: u32,
+    count: u64,
+    /// Degree of spherical harmonics.
+    degree: u8,
+    fraction: u8,
+    flags: u8,
+    /// Version 4: streams, and where they are listed.
+    streams: u8,
+    table: u32,
+}
+
+impl Header {
+    fn parse(b: &[u8; HEADER as usize], table: u32) -> InWords<Header> {
+        let word = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);
+        if b[..4] != MAGIC[..] {
+            return Err("not an SPZ file".into());
+        }
+        let header = Header {
+            version: word(4),
+            count: word(8).into(),
+            degree: b[12],
+            fraction: b[13],
+            flags: b[14],
+            streams: b[15],
+            table,
+        };
+        match header.version {
+            1..=4 => {}
+            version => return Err(format!("SPZ version {version} is not known (1 to 4 are)")),
+        }
+        if header.count == 0 {
+            return Err("it holds no splats".into());
+        }
+        if header.fraction > MOST_FRACTION || header.degree > 4 {
+            return Err(format!("a damaged header: {} fraction bits, degree {}", header.fraction, header.degree));
+        }
+        Ok(header)
+    }
+
+    /// Bytes of a position.
+    fn position(&self) -> u64 {
+        if self.version == 1 { 6 } else { 9 }
+    }
+
+    /// Bytes of everything of a splat, versions 1 to 3.
+    fn splat(&self) -> u64 {
+        let harmonics = (u64::from(self.degree) + 1).pow(2) - 1;
+        let rotation = if self.version >= 3 { 4 } else { 3 };
+        self.position() + 3 + rotation + 1 + 3 + 3 * harmonics
+    }
+}
+
+/// Opens it.
+pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+    let path = only(paths)?;
+    let hint = "the file is damaged or cut short: copy it again";
+    let refuse = |what: String| Error::input_hint(path, what, hint);
+    let (header, base, stored) = parts(mapped(path)?).map_err(refuse)?;
+    let stride = header.position();
+    let (kind, world) = match header.version {
+        1 => (Kind::F16, Affine::IDENTITY),
+        _ => (Kind::I24, Affine::scale(2f64.powi(-i32::from(header.fraction)))),
+    };
+    let fields = vec![field("position", kind, 3, base, stride, 0)];
+    let mut notes = vec![NOTE.to_string()];
+    if header.flags & !1 != 0 {
+        notes.push(format!("its flags {:#x} tell of extensions that are not read", header.flags));
+    }
+    let description = Description {
+        format: format!("SPZ version {}, spherical harmonics of degree {}", header.version, header.degree),
+        files: vec![path.clone()],
+        meta: named(path),
+        species: vec![species(header.count, &fields, "position".into(), |_| None)],
+        notes,
+        ..Description::default()
+    };
+    let place = path.display().to_string();
+    Ok(Box::new(Laned { description, place, stored: vec![stored], fields, world }))
+}
+
+/// The header, and what holds the positions from which byte on.
+fn parts(bytes: Bytes) -> InWords<(Header, u64, Stored)> {
+    let length = bytes.len() as u64;
+    let mut start = [0; HEADER as usize];
+    let packed = bytes.starts_with(&[0x1f, 0x8b]);
+    if packed {
+        let read = flate2::bufread::MultiGzDecoder::new(&bytes[..]).read_exact(&mut start);
+        read.map_err(|e| format!("its header cannot be read: {e}"))?;
+    } else {
+        start.copy_from_slice(bytes.get(..HEADER as usize).ok_or("it is shorter than a header")?);
+    }
+    let table = bytes.get(16..20).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let header = Header::parse(&start, table)?;
+    if header.version == 4 && !packed {
+        let stored = stream(&bytes, &header)?;
+        return Ok((header, 0, stored));
+    }
+    if header.version == 4 {
+        return Err("version 4 within gzip, which no writer makes".into());
+    }
+    let size = HEADER + header.count * header.splat();
+    let coding = if packed { Coding::Gzip } else { Coding::Plain };
+    if !packed && size > length {
+        return Err(format!("{} splats need {size} bytes, and it has {length}", header.count));
+    }
+    let stored = Stored::new(bytes, 0, length, if packed { size } else { length }, coding);
+    let stored = stored.map_err(|what| format!("{} splats: {what}", header.count))?;
+    Ok((header, HEADER, stored))
+}
+
+/// Version 4's stream of positions, the first of those listed.
+fn stream(bytes: &Bytes, header: &Header) -> InWords<Stored> {
+    let table = u64::from(header.table);
+    let entry = |i: u64| {
+        let at = usize::try_from(table + 16 * i).ok()?;
+        let b = bytes.get(at..at + 16)?;
+        let word = |k: usize| u64::from_le_bytes(std::array::from_fn(|j| b[k + j]));
+        Some((word(0), word(8)))
+    };
+    let data = table + 16 * u64::from(header.streams);
+    let mut end = Some(data);
+    for i in 0..u64::from(header.streams) {
+        let (packed, _) = entry(i).ok_or("its list of streams is cut short")?;
+        end = end.and_then(|e| e.checked_add(packed));
+    }
+    if end.is_none_or(|end| end > bytes.len() as u64) {
+        return Err("its streams end beyond its end".into());
+    }
+    let (packed, size) = entry(0).ok_or("it lists no streams")?;
+    if size != header.count * header.position() {
+        return Err(format!("{} splats, but positions of {size} bytes", header.count));
+    }
+    Stored::new(bytes.clone(), data, packed, size, Coding::Zstd)
+}

@@ -1,0 +1,113 @@
+//! Legacy VTK files: text and binary, versions 2 to 5.1, of anything that has points.
+
+mod scan;
+
+use crate::axes::{Axis, axes};
+use crate::pieces::PieceReader;
+use crate::strided::Bytes;
+use crate::vtk_xml::mass_of;
+use crate::vtk_xml::points::Points;
+use crate::vtk_xml::source::{Array, Source, Stream};
+use crate::{Description, Field, Fields, Format, Snapshot, Species};
+use particlegs::particles::{SnapshotMeta, SnapshotReader, map_file};
+use particlegs::{Error, Result};
+use scan::{Data, Found, Scanned};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Legacy VTK.
+pub const FORMAT: Format = Format {
+    name: "vtk-legacy",
+    title: "legacy VTK",
+    detect: |head| head.compression.is_none() && head.bytes.starts_with(b"# vtk DataFile"),
+    open: |paths, _| Ok(Box::new(Legacy::open(paths)?)),
+};
+
+struct Legacy {
+    place: String,
+    bytes: Bytes,
+    scanned: Scanned,
+    description: Description,
+}
+
+impl Legacy {
+    fn open(paths: &[PathBuf]) -> Result<Legacy> {
+        let path = &paths[0];
+        if let Some(second) = paths.get(1) {
+            return Err(Error::input_hint(second, "a second VTK file", "one at a time"));
+        }
+        let (map, _) = map_file(path)?;
+        let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
+        let scanned = scan::scan(path, &bytes)?;
+        if scanned.points == 0 {
+            return Err(Error::input(path, "no points"));
+        }
+        let coding = if scanned.ascii { "text" } else { "binary" };
+        let fields = scanned.arrays.iter().map(|a| Field {
+            name: a.name.clone(),
+            kind: a.kind.name().into(),
+            components: a.components,
+            unit: None,
+        });
+        let fields: Vec<Field> = fields.collect();
+        let species = Species {
+            name: "points".into(),
+            aliases: vec![],
+            count: scanned.points,
+            mass: mass_of(&fields),
+            positions: "POINTS".into(),
+            fields,
+        };
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let description = Description {
+            format: format!("legacy VTK {}, {}, {coding}", scanned.version, scanned.dataset),
+            files: vec![path.clone()],
+            meta: SnapshotMeta { name, time: scanned.time, ..SnapshotMeta::default() },
+            species: vec![species],
+            frames: None,
+            notes: scanned.note.iter().cloned().collect(),
+        };
+        Ok(Legacy { place: path.display().to_string(), bytes, scanned, description })
+    }
+}
+
+fn array(found: &Found) -> Array {
+    let source = match &found.data {
+        Data::Binary(at) => Source::Plain(Stream::Raw(*at)),
+        Data::Text(text) => Source::Ascii(text.clone()),
+    };
+    let (name, kind, components) = (found.name.clone(), found.kind, found.components);
+    Array { name, kind, components, big_endian: true, source }
+}
+
+impl Snapshot for Legacy {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let species = &self.description.species[species];
+        let weight = species.weight_field(&self.place, &fields.weights)?;
+        let mut columns = axes(&self.place, species, fields)?.to_vec();
+        columns.extend(weight.iter().map(|w| Axis { field: w.clone(), component: 0 }));
+        let (mut arrays, mut places): (Vec<Array>, Vec<(usize, u32)>) = (Vec::new(), Vec::new());
+        for axis in &columns {
+            let index = match arrays.iter().position(|a| a.name == axis.field) {
+                Some(index) => index,
+                None => {
+                    let found = self.scanned.arrays.iter().find(|a| a.name == axis.field);
+                    let missing = || Error::input(&self.place, format!("it has no array `{}`", axis.field));
+                    arrays.push(array(found.ok_or_else(missing)?));
+                    arrays.len() - 1
+                }
+            };
+            places.push((index, axis.component));
+        }
+        let points = Points::new(&self.place, self.bytes.clone(), self.scanned.points, arrays, places)?;
+        let meta = self.description.meta.clone();
+        Ok(Box::new(PieceReader::new(meta, vec![Box::new(points)], weight.is_some())?))
+    }
+}
+
+#[cfg(test)]
+mod tests;

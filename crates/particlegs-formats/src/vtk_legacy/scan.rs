@@ -1,0 +1,339 @@
+//! The sections of a legacy VTK file, one after the other: where points and their data lie.
+
+use crate::ascii::{Ascii, shown};
+use crate::strided::Kind;
+use particlegs::{Error, Result};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Where an array's numbers are.
+#[derive(Clone)]
+pub enum Data {
+    /// Big-endian, from this byte on.
+    Binary(u64),
+    /// As text.
+    Text(Arc<Ascii>),
+}
+
+/// An array.
+#[derive(Clone)]
+pub struct Found {
+    /// Its name.
+    pub name: String,
+    /// Type of its numbers.
+    pub kind: Kind,
+    /// Numbers a row.
+    pub components: u32,
+    /// Where they are.
+    pub data: Data,
+}
+
+/// What a file holds.
+#[derive(Default)]
+pub struct Scanned {
+    /// Kind of data, e.g. `POLYDATA`.
+    pub dataset: String,
+    /// Are numbers text?
+    pub ascii: bool,
+    /// Version of the format, as written.
+    pub version: String,
+    /// Number of points.
+    pub points: u64,
+    /// Positions, then the points' arrays.
+    pub arrays: Vec<Found>,
+    /// The field TIME, as some codes write it.
+    pub time: Option<f64>,
+    /// Why the rest was not looked at.
+    pub note: Option<String>,
+}
+
+/// Longest line that is no number.
+const MOST_LINE: usize = 4096;
+/// More arrays than a file has.
+const MOST_ARRAYS: usize = 1024;
+
+const HINT: &str = "the file is cut short or damaged: copy it again from its source";
+
+/// What an attribute section belongs to.
+#[derive(Clone, Copy, PartialEq)]
+enum Of {
+    Dataset,
+    Points,
+    Cells,
+}
+
+struct Scan<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    at: usize,
+    out: Scanned,
+    of: Of,
+    /// Rows of the attributes that follow.
+    rows: u64,
+    /// Are cells written as offsets and connectivity?
+    modern: bool,
+}
+
+/// Reads headers, skipping numbers.
+///
+/// # Errors
+/// [`Error::Input`] where it is no such file, or its numbers end beyond the file.
+pub fn scan(path: &Path, bytes: &[u8]) -> Result<Scanned> {
+    let mut scan = Scan { path, bytes, at: 0, out: Scanned::default(), of: Of::Dataset, rows: 0, modern: false };
+    scan.head()?;
+    while let Some(line) = scan.line()? {
+        if !scan.section(&line)? {
+            let line = shown(&line);
+            scan.out.note = Some(format!("what follows `{line}` before byte {} is not read", scan.at));
+            break;
+        }
+    }
+    if scan.out.arrays.is_empty() {
+        let what = scan.out.note.take().unwrap_or_else(|| "it has no POINTS".into());
+        return Err(scan.fault(what));
+    }
+    Ok(scan.out)
+}
+
+impl Scan<'_> {
+    fn fault(&self, what: impl Into<String>) -> Error {
+        Error::input_hint(self.path, what, HINT)
+    }
+
+    /// The next line as it is; `None` at the end.
+    fn raw_line(&mut self) -> Result<Option<String>> {
+        let rest = &self.bytes[self.at..];
+        if rest.is_empty() {
+            return Ok(None);
+        }
+        let end = rest.iter().take(MOST_LINE).position(|&b| b == b'\n');
+        if end.is_none() && rest.len() >= MOST_LINE {
+            return Err(self.fault(format!("a line at byte {} has more than {MOST_LINE} bytes", self.at)));
+        }
+        let line = String::from_utf8_lossy(&rest[..end.unwrap_or(rest.len())]).trim().to_string();
+        self.at += end.map_or(rest.len(), |e| e + 1);
+        Ok(Some(line))
+    }
+
+    /// The next line that is not blank.
+    fn line(&mut self) -> Result<Option<String>> {
+        let mut line = self.raw_line()?;
+        while line.as_deref() == Some("") {
+            line = self.raw_line()?;
+        }
+        Ok(line)
+    }
+
+    fn head(&mut self) -> Result<()> {
+        let first = self.raw_line()?.unwrap_or_default();
+        let version = first.strip_prefix("# vtk DataFile Version").map(str::trim);
+        let Some(version) = version else {
+            return Err(Error::input(
+                self.path,
+                "not a legacy VTK file: its first line is not `# vtk DataFile Version`",
+            ));
+        };
+        self.modern = version.split('.').next().and_then(|v| v.parse::<u32>().ok()).is_some_and(|v| v >= 5);
+        self.out.version = shown(version);
+        self.raw_line()?;
+        let coding = self.line()?.unwrap_or_default();
+        self.out.ascii = match &coding.to_ascii_uppercase()[..] {
+            "ASCII" => true,
+            "BINARY" => false,
+            _ => return Err(self.fault("its third line is neither ASCII nor BINARY")),
+        };
+        Ok(())
+    }
+
+    /// Reads the section that `line` begins; false for one that is not known.
+    fn section(&mut self, line: &str) -> Result<bool> {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let keyword = words[0].to_ascii_uppercase();
+        match (&keyword[..], &words[1..]) {
+            ("DATASET", [kind]) => {
+                self.out.dataset = kind.to_ascii_uppercase();
+                if !["POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID"].contains(&&self.out.dataset[..]) {
+                    let what = format!("data of type `{}` hold no points of their own", shown(kind));
+                    return Err(Error::input_hint(self.path, what, "save them as POLYDATA"));
+                }
+            }
+            ("DIMENSIONS", [_, _, _]) => {}
+            ("POINTS", [count, kind]) => {
+                let count = self.count(count)?;
+                let Some(kind) = kind_of(kind) else { return Ok(false) };
+                let data = self.numbers("POINTS", count, 3, kind)?;
+                self.out.points = count;
+                self.out.arrays.insert(0, Found { name: "POINTS".into(), kind, components: 3, data });
+            }
+            ("VERTICES" | "LINES" | "POLYGONS" | "TRIANGLE_STRIPS" | "CELLS", [offsets, size]) => {
+                return self.cells(&keyword, offsets, size);
+            }
+            ("CELL_TYPES", [count]) => {
+                let count = self.count(count)?;
+                self.numbers("CELL_TYPES", count, 1, Kind::I32)?;
+            }
+            ("POINT_DATA", [count]) => (self.of, self.rows) = (Of::Points, self.count(count)?),
+            ("CELL_DATA", [count]) => (self.of, self.rows) = (Of::Cells, self.count(count)?),
+            ("METADATA", []) => while self.raw_line()?.is_some_and(|l| !l.is_empty()) {},
+            ("FIELD", [_, count]) => return self.field(count),
+            _ => return self.attribute(&keyword, &words[1..]),
+        }
+        Ok(true)
+    }
+
+    fn count(&self, word: &str) -> Result<u64> {
+        word.parse().map_err(|_| self.fault(format!("`{}` before byte {} is no count", shown(word), self.at)))
+    }
+
+    /// Skips `rows` rows of numbers and tells where they are.
+    fn numbers(&mut self, name: &str, rows: u64, components: u32, kind: Kind) -> Result<Data> {
+        let at = self.at as u64;
+        let count = rows.saturating_mul(u64::from(components));
+        if self.out.ascii {
+            let found = Ascii::find(self.bytes, at, count).map_err(|e| self.fault(format!("{name}: {e}")))?;
+            self.at = found.end() as usize;
+            return Ok(Data::Text(Arc::new(found)));
+        }
+        let end = count.checked_mul(kind.bytes()).and_then(|n| n.checked_add(at));
+        match end.filter(|&e| e <= self.bytes.len() as u64) {
+            Some(end) => self.at = end as usize,
+            None => {
+                let what = format!(
+                    "{name} at byte {at} needs {count} numbers, and the file ends at byte {}",
+                    self.bytes.len()
+                );
+                return Err(self.fault(what));
+            }
+        }
+        Ok(Data::Binary(at))
+    }
+
+    /// Cells: integers in one run, or, from version 5 on, two arrays.
+    fn cells(&mut self, keyword: &str, offsets: &str, size: &str) -> Result<bool> {
+        let (offsets, size) = (self.count(offsets)?, self.count(size)?);
+        if !self.modern {
+            self.numbers(keyword, size, 1, Kind::I32)?;
+            return Ok(true);
+        }
+        for (name, count) in [("OFFSETS", offsets), ("CONNECTIVITY", size)] {
+            let line = self.line()?.unwrap_or_default();
+            let kind = line.strip_prefix(name).and_then(|k| kind_of(k.trim()));
+            let Some(kind) = kind else { return Ok(false) };
+            self.numbers(name, count, 1, kind)?;
+        }
+        Ok(true)
+    }
+
+    /// `name components rows type`, as often as it says.
+    fn field(&mut self, count: &str) -> Result<bool> {
+        for _ in 0..self.count(count)? {
+            let mut line = self.line()?.ok_or_else(|| self.fault("it ends within a FIELD"))?;
+            if line == "METADATA" {
+                self.section("METADATA")?;
+                line = self.line()?.ok_or_else(|| self.fault("it ends within a FIELD"))?;
+            }
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let [name, components, rows, kind] = words[..] else { return Ok(false) };
+            let Some(kind) = kind_of(kind) else { return Ok(false) };
+            let Ok(components) = u32::try_from(self.count(components)?) else { return Ok(false) };
+            let rows = self.count(rows)?;
+            let data = self.numbers(name, rows, components, kind)?;
+            if self.of == Of::Dataset && name.eq_ignore_ascii_case("TIME") && rows == 1 && components == 1 {
+                self.out.time = self.first(&data, kind);
+            }
+            self.keep(name, rows, components, kind, data);
+        }
+        Ok(true)
+    }
+
+    fn first(&self, data: &Data, kind: Kind) -> Option<f64> {
+        let mut out = Vec::new();
+        match data {
+            Data::Binary(at) => out.push(kind.get(&self.bytes[*at as usize..], true)),
+            Data::Text(text) => text.append(self.bytes, 0..1, kind, &mut out).ok()?,
+        }
+        out.first().copied().filter(|t| t.is_finite())
+    }
+
+    /// Attributes with one array each; false for what is not known.
+    fn attribute(&mut self, keyword: &str, words: &[&str]) -> Result<bool> {
+        let (name, components, kind) = match (keyword, words) {
+            ("SCALARS", [name, kind]) => (*name, 1, kind_of(kind)),
+            ("SCALARS", [name, kind, n]) => (*name, self.count(n)?, kind_of(kind)),
+            ("VECTORS" | "NORMALS", [name, kind]) => (*name, 3, kind_of(kind)),
+            ("TENSORS", [name, kind]) => (*name, 9, kind_of(kind)),
+            ("TENSORS6", [name, kind]) => (*name, 6, kind_of(kind)),
+            ("GLOBAL_IDS" | "PEDIGREE_IDS", [name, kind]) => (*name, 1, kind_of(kind)),
+            ("TEXTURE_COORDINATES", [name, n, kind]) => (*name, self.count(n)?, kind_of(kind)),
+            ("COLOR_SCALARS", [name, n]) => {
+                (*name, self.count(n)?, Some(if self.out.ascii { Kind::F32 } else { Kind::U8 }))
+            }
+            ("LOOKUP_TABLE", [_, count]) => {
+                let (count, kind) = (self.count(count)?, if self.out.ascii { Kind::F32 } else { Kind::U8 });
+                self.numbers("LOOKUP_TABLE", count, 4, kind)?;
+                return Ok(true);
+            }
+            _ => return Ok(false),
+        };
+        let (Some(kind), Ok(components)) = (kind, u32::try_from(components)) else { return Ok(false) };
+        if keyword == "SCALARS" {
+            // The name of a table of colours stands before the numbers; some writers leave it out.
+            let before = self.at;
+            if !self.line()?.unwrap_or_default().to_ascii_uppercase().starts_with("LOOKUP_TABLE") {
+                self.at = before;
+            }
+        }
+        let rows = self.rows;
+        let data = self.numbers(name, rows, components, kind)?;
+        self.keep(name, rows, components, kind, data);
+        Ok(true)
+    }
+
+    /// An array of the points, where it is one.
+    fn keep(&mut self, name: &str, rows: u64, components: u32, kind: Kind, data: Data) {
+        let taken = self.of == Of::Points && rows == self.out.points && self.out.arrays.len() < MOST_ARRAYS;
+        if !taken {
+            return;
+        }
+        let name = decoded(name);
+        if !self.out.arrays.iter().any(|a| a.name == name) {
+            self.out.arrays.push(Found { name, kind, components, data });
+        }
+    }
+}
+
+/// Names are written without blanks: `%20` stands for one.
+fn decoded(name: &str) -> String {
+    let mut out = Vec::new();
+    let mut bytes = name.as_bytes();
+    while let [first, rest @ ..] = bytes {
+        let hex = |b: u8| (b as char).to_digit(16).map(|d| d as u8);
+        match rest {
+            [a, b, after @ ..] if *first == b'%' && hex(*a).is_some() && hex(*b).is_some() => {
+                out.push(hex(*a).unwrap_or(0) << 4 | hex(*b).unwrap_or(0));
+                bytes = after;
+            }
+            _ => {
+                out.push(*first);
+                bytes = rest;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).replace(char::is_control, "?")
+}
+
+fn kind_of(name: &str) -> Option<Kind> {
+    Some(match &name.to_ascii_lowercase()[..] {
+        "float" => Kind::F32,
+        "double" => Kind::F64,
+        "char" | "signed_char" => Kind::I8,
+        "unsigned_char" => Kind::U8,
+        "short" => Kind::I16,
+        "unsigned_short" => Kind::U16,
+        "int" | "vtkidtype" => Kind::I32,
+        "unsigned_int" => Kind::U32,
+        "long" | "vtktypeint64" => Kind::I64,
+        "unsigned_long" | "vtktypeuint64" => Kind::U64,
+        _ => return None,
+    })
+}

@@ -1,0 +1,150 @@
+//! Arrays in compressed blocks.
+
+use super::source::Stream;
+use crate::cache::ChunkCache;
+use crate::codecs;
+use particlegs::Error;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// More blocks than an array has: 32 KiB each, that is 128 GiB.
+const MOST_BLOCKS: u64 = 4 << 20;
+
+/// How blocks are compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Compressor {
+    /// zlib streams.
+    Zlib,
+    /// LZ4 blocks.
+    Lz4,
+    /// .xz streams.
+    Lzma,
+}
+
+impl Compressor {
+    /// By the name of VTK's class.
+    pub fn of(name: &str) -> Option<Self> {
+        match name {
+            "vtkZLibDataCompressor" => Some(Compressor::Zlib),
+            "vtkLZ4DataCompressor" => Some(Compressor::Lz4),
+            "vtkLZMADataCompressor" => Some(Compressor::Lzma),
+            _ => None,
+        }
+    }
+}
+
+/// An array's blocks.
+pub struct Blocks {
+    compressor: Compressor,
+    data: Stream,
+    /// Bytes of a block, decompressed, and of the last.
+    block: u64,
+    last: u64,
+    /// Where each block begins in the compressed stream, and where the last ends.
+    starts: Vec<u64>,
+    cache: Arc<ChunkCache>,
+    /// The first block's key in the cache.
+    pub key: u64,
+}
+
+impl Blocks {
+    /// Reads the header of an array of `length` bytes: number of blocks, bytes of a block and of a
+    /// last shorter one, compressed bytes of each, as integers of `size` bytes.
+    pub fn open(
+        bytes: &[u8],
+        stream: Stream,
+        compressor: Compressor,
+        (size, big_endian): (u64, bool),
+        length: u64,
+        cache: &Arc<ChunkCache>,
+    ) -> Result<Blocks, String> {
+        let head = stream.get(bytes, 0..3 * size)?;
+        let [count, block, last] = [0, 1, 2].map(|i| int(&head, i, size, big_endian));
+        if count == 0 || count > MOST_BLOCKS || count > bytes.len() as u64 || block == 0 {
+            return Err(format!("it is said to have {count} compressed blocks of {block} bytes"));
+        }
+        let last = if last == 0 { block } else { last };
+        let whole = (count - 1).checked_mul(block).and_then(|n| n.checked_add(last));
+        if whole != Some(length) || last > block {
+            return Err(format!("its compressed blocks hold {} bytes instead of {length}", whole.unwrap_or(u64::MAX)));
+        }
+        if block.min(length) > codecs::MOST_BYTES as u64 {
+            return Err(format!("its compressed blocks of {block} bytes are larger than {}", codecs::MOST_BYTES));
+        }
+        let header = (3 + count) * size;
+        let sizes = stream.get(bytes, 3 * size..header)?;
+        let mut starts = Vec::with_capacity(count as usize + 1);
+        starts.push(0u64);
+        for i in 0..count as usize {
+            let end = starts[i].checked_add(int(&sizes, i, size, big_endian));
+            starts.push(end.filter(|&e| e <= bytes.len() as u64).ok_or("its compressed blocks end beyond the file")?);
+        }
+        drop(sizes);
+        let data = stream.after(bytes, header);
+        // The last byte must be there.
+        let end = starts[count as usize];
+        data.get(bytes, end.saturating_sub(1)..end)?;
+        Ok(Blocks { compressor, data, block, last, starts, cache: cache.clone(), key: 0 })
+    }
+
+    /// Number of blocks.
+    pub fn count(&self) -> u64 {
+        self.starts.len() as u64 - 1
+    }
+
+    fn decode(&self, bytes: &[u8], index: u64) -> Result<Vec<u8>, String> {
+        let range = self.starts[index as usize]..self.starts[index as usize + 1];
+        if range.end - range.start > codecs::MOST_BYTES as u64 * 9 / 8 {
+            return Err("a compressed block is larger than what it holds".into());
+        }
+        let packed = self.data.get(bytes, range)?;
+        let length = if index + 1 == self.count() { self.last } else { self.block } as usize;
+        match self.compressor {
+            Compressor::Zlib => codecs::zlib(&packed, length),
+            Compressor::Lz4 => codecs::lz4(&packed, length),
+            Compressor::Lzma => codecs::xz(&packed, length),
+        }
+    }
+
+    /// A block, from the cache where it is there.
+    fn kept(&self, bytes: &[u8], index: u64) -> Result<Arc<Vec<u8>>, String> {
+        // The cache speaks the library's errors; their words are what counts here.
+        let decode = || self.decode(bytes, index).map_err(|e| Error::input("", e));
+        self.cache.get(self.key + index, decode).map_err(|e| match e {
+            Error::Input { what, .. } => what,
+            other => other.to_string(),
+        })
+    }
+
+    /// Bytes `range` of the array.
+    pub fn get(&self, bytes: &[u8], range: Range<u64>) -> Result<Vec<u8>, String> {
+        let mut out = Vec::with_capacity((range.end - range.start) as usize);
+        let mut at = range.start;
+        while at < range.end {
+            let index = at / self.block;
+            if index >= self.count() {
+                return Err("more is asked for than its blocks hold".into());
+            }
+            let start = index * self.block;
+            let whole = at == start && range.end - start >= self.block;
+            // Neighbouring runs share the blocks at their ends; the others are decoded only once.
+            let decoded = if whole { Arc::new(self.decode(bytes, index)?) } else { self.kept(bytes, index)? };
+            let part = decoded.get((at - start) as usize..((range.end - start) as usize).min(decoded.len()));
+            let part = part.filter(|p| !p.is_empty()).ok_or("more is asked for than its blocks hold")?;
+            out.extend_from_slice(part);
+            at += part.len() as u64;
+        }
+        Ok(out)
+    }
+}
+
+/// The `index`-th integer of `size` bytes.
+pub fn int(bytes: &[u8], index: usize, size: u64, big_endian: bool) -> u64 {
+    let size = size as usize;
+    let mut raw = [0; 8];
+    raw[..size].copy_from_slice(&bytes[index * size..][..size]);
+    if big_endian {
+        raw[..size].reverse();
+    }
+    u64::from_le_bytes(raw)
+}

@@ -1,0 +1,291 @@
+//! The XML of a VTK file: pieces and where their arrays are said to be.
+
+use super::blocks::Compressor;
+use crate::ascii::shown;
+use crate::strided::Kind;
+use particlegs::{Error, Result};
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+use std::ops::Range;
+use std::path::Path;
+
+/// Limits that no writer comes near: what lies beyond is damage or an attack.
+const MOST_PIECES: usize = 65_536;
+const MOST_ARRAYS: usize = 1 << 18;
+const MOST_ARRAYS_OF_PIECE: usize = 1024;
+const MOST_DEPTH: usize = 32;
+const MOST_NAME: usize = 1024;
+
+/// How an array is written.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Place {
+    /// As text in these bytes.
+    Ascii(Range<u64>),
+    /// As base64 in these bytes.
+    Inline(Range<u64>),
+    /// From this byte of the appended data on.
+    Appended(u64),
+}
+
+/// An array as the XML describes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Declared {
+    /// Its name.
+    pub name: String,
+    /// Type of its numbers; `None` for what are no numbers.
+    pub kind: Option<Kind>,
+    /// Numbers a row.
+    pub components: u32,
+    /// Where they are.
+    pub place: Place,
+}
+
+/// A piece.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Piece {
+    /// Points.
+    pub points: u64,
+    /// Their positions.
+    pub positions: Option<Declared>,
+    /// Arrays of numbers of the points.
+    pub arrays: Vec<Declared>,
+    /// The file that holds it, in files that only list pieces.
+    pub source: Option<String>,
+}
+
+/// What the XML says.
+#[derive(Clone, Debug, Default)]
+pub struct Document {
+    /// Kind of data, e.g. `PolyData`.
+    pub kind: String,
+    /// Byte order of binary data.
+    pub big_endian: bool,
+    /// Bytes of the integers before binary data.
+    pub header: u64,
+    /// How binary data are compressed.
+    pub compressor: Option<Compressor>,
+    /// Its pieces.
+    pub pieces: Vec<Piece>,
+    /// Arrays of no piece, e.g. the time.
+    pub fields: Vec<Declared>,
+    /// Where appended data begin, and whether they are base64.
+    pub appended: Option<(u64, bool)>,
+}
+
+/// Where in the file the parser is.
+#[derive(Default)]
+struct Walk {
+    /// Elements that are open, by their first letters' meaning.
+    open: Vec<Element>,
+    /// The array whose text is awaited.
+    array: Option<(Declared, bool)>,
+    arrays: usize,
+    closed: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Element {
+    File,
+    Piece,
+    Points,
+    PointData,
+    FieldData,
+    Array,
+    Other,
+}
+
+/// Reads the XML of `bytes`, up to the appended data.
+///
+/// # Errors
+/// [`Error::Input`] for what is no XML of VTK, with the byte.
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
+    let mut reader = Reader::from_reader(bytes);
+    let mut document = Document { header: 4, ..Document::default() };
+    let mut walk = Walk::default();
+    loop {
+        let at = reader.buffer_position();
+        let fault = |what: String| Error::input_hint(path, format!("byte {at}: {what}"), HINT);
+        let event = reader.read_event().map_err(|e| fault(format!("broken XML: {}", shown(&e.to_string()))))?;
+        match event {
+            Event::Start(tag) if tag.name().as_ref() == "AppendedData" => {
+                let base64 = attribute(&tag, "encoding").map_err(fault)?.as_deref() == Some("base64");
+                let start = reader.buffer_position() as usize;
+                let blank = bytes[start..].iter().take_while(|b| b.is_ascii_whitespace()).count();
+                if bytes.get(start + blank) != Some(&b'_') {
+                    return Err(fault("the appended data do not begin with `_`".into()));
+                }
+                document.appended = Some(((start + blank + 1) as u64, base64));
+                walk.closed = true;
+                break;
+            }
+            Event::Start(tag) => {
+                let element = walk.enter(&mut document, &tag, false).map_err(fault)?;
+                walk.open.push(element);
+                if walk.open.len() > MOST_DEPTH {
+                    return Err(fault("its XML is nested too deeply".into()));
+                }
+            }
+            Event::Empty(tag) => {
+                walk.enter(&mut document, &tag, true).map_err(fault)?;
+                walk.leave(&mut document).map_err(fault)?;
+            }
+            Event::End(_) => {
+                let element = walk.open.pop();
+                if matches!(element, Some(Element::Array)) {
+                    walk.leave(&mut document).map_err(fault)?;
+                }
+                walk.closed |= element == Some(Element::File);
+            }
+            Event::Text(_) => walk.text(bytes, at..reader.buffer_position()),
+            Event::DocType(_) | Event::GeneralRef(_) => {
+                return Err(fault("its XML defines or uses entities, which VTK files never do: refused".into()));
+            }
+            Event::Eof => break,
+            _ => {}
+        }
+    }
+    if walk.closed {
+        Ok(document)
+    } else {
+        Err(Error::input_hint(path, format!("it ends at byte {} within its XML", bytes.len()), HINT))
+    }
+}
+
+const HINT: &str = "the file is cut short or damaged: copy it again from its source";
+
+fn attribute(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<String>, String> {
+    let found = tag.try_get_attribute(name).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
+    let Some(found) = found else { return Ok(None) };
+    let text =
+        quick_xml::escape::unescape(&found.value).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
+    if text.len() > MOST_NAME {
+        return Err(format!("an attribute {name} of {} bytes", text.len()));
+    }
+    Ok(Some(text.into_owned()))
+}
+
+/// A number in an attribute.
+fn number(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<u64>, String> {
+    let Some(text) = attribute(tag, name)? else { return Ok(None) };
+    text.trim().parse().map(Some).map_err(|_| format!("{name} is `{}`: no count", shown(&text)))
+}
+
+impl Walk {
+    /// An element begins: what it is, and what it says.
+    fn enter(
+        &mut self,
+        document: &mut Document,
+        tag: &BytesStart<'_>,
+        empty: bool,
+    ) -> std::result::Result<Element, String> {
+        let inside = self.open.last().copied();
+        let name = tag.name();
+        Ok(match (name.as_ref(), inside) {
+            ("VTKFile", None) => {
+                self.file(document, tag)?;
+                Element::File
+            }
+            (_, None) => return Err("it is no VTKFile".into()),
+            ("Piece", _) => {
+                if document.pieces.len() == MOST_PIECES {
+                    return Err(format!("more than {MOST_PIECES} pieces"));
+                }
+                let points = number(tag, "NumberOfPoints")?.unwrap_or(0);
+                document.pieces.push(Piece { points, source: attribute(tag, "Source")?, ..Piece::default() });
+                if empty { Element::Other } else { Element::Piece }
+            }
+            ("Points", Some(Element::Piece)) => Element::Points,
+            ("PointData", Some(Element::Piece)) => Element::PointData,
+            ("FieldData", _) => Element::FieldData,
+            ("DataArray", Some(Element::Points | Element::PointData | Element::FieldData)) => {
+                self.arrays += 1;
+                if self.arrays > MOST_ARRAYS {
+                    return Err(format!("more than {MOST_ARRAYS} arrays"));
+                }
+                self.array = Some(declared(tag)?);
+                Element::Array
+            }
+            _ => Element::Other,
+        })
+    }
+
+    fn file(&mut self, document: &mut Document, tag: &BytesStart<'_>) -> std::result::Result<(), String> {
+        document.kind = attribute(tag, "type")?.unwrap_or_default();
+        document.big_endian = attribute(tag, "byte_order")?.as_deref() == Some("BigEndian");
+        document.header = match attribute(tag, "header_type")?.as_deref() {
+            None | Some("UInt32") => 4,
+            Some("UInt64") => 8,
+            Some(other) => return Err(format!("header_type {} is not known", shown(other))),
+        };
+        if let Some(name) = attribute(tag, "compressor")?.filter(|n| !n.is_empty()) {
+            let unknown = || format!("compressor {} is not known", shown(&name));
+            document.compressor = Some(Compressor::of(&name).ok_or_else(unknown)?);
+        }
+        Ok(())
+    }
+
+    /// Text within an element: an array's numbers, where it is directly in one.
+    fn text(&mut self, bytes: &[u8], range: Range<u64>) {
+        let Some((array, awaited)) = &mut self.array else { return };
+        let blank = bytes[range.start as usize..range.end as usize].iter().all(u8::is_ascii_whitespace);
+        if !*awaited || blank || self.open.last() != Some(&Element::Array) {
+            return;
+        }
+        match &mut array.place {
+            Place::Ascii(place) | Place::Inline(place) => *place = range,
+            Place::Appended(_) => {}
+        }
+        *awaited = false;
+    }
+
+    /// The array that was open is complete.
+    fn leave(&mut self, document: &mut Document) -> std::result::Result<(), String> {
+        let Some((array, _)) = self.array.take() else { return Ok(()) };
+        // Of an empty element, nothing was opened: the last open one holds it.
+        match self.open.last() {
+            Some(Element::FieldData) => document.fields.push(array),
+            Some(inside) => {
+                let piece = document.pieces.last_mut().ok_or("an array outside of any piece")?;
+                if *inside == Element::Points {
+                    piece.positions = Some(array);
+                } else if piece.arrays.len() < MOST_ARRAYS_OF_PIECE {
+                    piece.arrays.push(array);
+                } else {
+                    return Err(format!("more than {MOST_ARRAYS_OF_PIECE} arrays of a piece"));
+                }
+            }
+            None => {}
+        }
+        Ok(())
+    }
+}
+
+fn declared(tag: &BytesStart<'_>) -> std::result::Result<(Declared, bool), String> {
+    let kind = attribute(tag, "type")?.and_then(|t| kind_of(&t));
+    let name = attribute(tag, "Name")?.unwrap_or_default().replace(char::is_control, "?");
+    let components = number(tag, "NumberOfComponents")?.unwrap_or(1).max(1);
+    let components = u32::try_from(components).map_err(|_| format!("array {name} has {components} components"))?;
+    let place = match attribute(tag, "format")?.as_deref() {
+        None | Some("ascii") => Place::Ascii(0..0),
+        Some("binary") => Place::Inline(0..0),
+        Some("appended") => Place::Appended(number(tag, "offset")?.ok_or("an appended array without an offset")?),
+        Some(other) => return Err(format!("format `{}` is not known", shown(other))),
+    };
+    Ok((Declared { name, kind, components, place }, true))
+}
+
+fn kind_of(name: &str) -> Option<Kind> {
+    Some(match name {
+        "Float32" => Kind::F32,
+        "Float64" => Kind::F64,
+        "Int8" => Kind::I8,
+        "Int16" => Kind::I16,
+        "Int32" => Kind::I32,
+        "Int64" => Kind::I64,
+        "UInt8" => Kind::U8,
+        "UInt16" => Kind::U16,
+        "UInt32" => Kind::U32,
+        "UInt64" => Kind::U64,
+        _ => return None,
+    })
+}

@@ -1,0 +1,148 @@
+//! One file: its XML, and its arrays located and checked against the file's length.
+
+use super::base64::Text;
+use super::blocks::{Blocks, Compressor, int};
+use super::document::{self, Declared, Document, Place};
+use super::source::{Array, Source, Stream};
+use crate::ascii::Ascii;
+use crate::cache::ChunkCache;
+use crate::strided::Bytes;
+use particlegs::particles::map_file;
+use particlegs::{Error, Result};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A file, mapped.
+pub struct File {
+    /// Its path.
+    pub path: PathBuf,
+    /// Its bytes.
+    pub bytes: Bytes,
+    /// What its XML says.
+    pub document: Document,
+}
+
+/// Longest text of a number that is a field: the time.
+const FIELD_TEXT: u64 = 4096;
+
+impl File {
+    /// Maps a file and reads its XML.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] for broken XML and arrays that do not lie in the file.
+    pub fn open(path: &Path) -> Result<File> {
+        let (map, _) = map_file(path)?;
+        let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
+        let document = document::parse(path, &bytes)?;
+        let file = File { path: path.into(), bytes, document };
+        file.check()?;
+        Ok(file)
+    }
+
+    /// Every array must lie within the file, whether it is read or not: else the file is damaged.
+    fn check(&self) -> Result<()> {
+        let cache = Arc::new(ChunkCache::new(0));
+        for piece in self.document.pieces.iter().filter(|p| p.points > 0) {
+            if piece.positions.is_none() && piece.source.is_none() {
+                return Err(Error::input(&self.path, "a piece has points without positions"));
+            }
+            for array in piece.positions.iter().chain(&piece.arrays) {
+                self.binary(array, piece.points, &cache)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// An array of `rows` rows, ready to be read; `None` for what are no numbers.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the array that does not lie in the file or has another length.
+    pub fn array(&self, declared: &Declared, rows: u64, cache: &Arc<ChunkCache>) -> Result<Option<Array>> {
+        let Some(kind) = declared.kind else { return Ok(None) };
+        let source = match &declared.place {
+            Place::Ascii(range) => {
+                let count = rows.checked_mul(u64::from(declared.components));
+                let fault = || "more numbers than can be counted".to_string();
+                let found = count
+                    .ok_or_else(fault)
+                    .and_then(|n| Ascii::find(&self.bytes[..range.end as usize], range.start, n));
+                Source::Ascii(Arc::new(found.map_err(|e| self.fault(declared, &e))?))
+            }
+            _ => match self.binary(declared, rows, cache)? {
+                Some(source) => source,
+                None => return Ok(None),
+            },
+        };
+        let (name, components) = (declared.name.clone(), declared.components);
+        Ok(Some(Array { name, kind, components, big_endian: self.document.big_endian, source }))
+    }
+
+    /// Where binary numbers are; `None` for text and for what are no numbers.
+    fn binary(&self, declared: &Declared, rows: u64, cache: &Arc<ChunkCache>) -> Result<Option<Source>> {
+        let Some(kind) = declared.kind else { return Ok(None) };
+        let fault = |e: String| self.fault(declared, &e);
+        let stream = match &declared.place {
+            Place::Ascii(range) => {
+                let least = rows.saturating_mul(u64::from(declared.components)).saturating_mul(2);
+                if range.end - range.start < least.saturating_sub(1) {
+                    return Err(fault(format!("{rows} rows do not fit into its text")));
+                }
+                return Ok(None);
+            }
+            Place::Inline(range) => Stream::Base64 { text: Text::find(&self.bytes, range.clone()), base: 0, skip: 0 },
+            Place::Appended(offset) => self.appended(*offset).map_err(fault)?,
+        };
+        let length = rows.checked_mul(kind.bytes()).and_then(|n| n.checked_mul(u64::from(declared.components)));
+        let length = length.ok_or_else(|| fault("more numbers than can be counted".into()))?;
+        self.source(stream, self.document.compressor, length, cache).map(Some).map_err(fault)
+    }
+
+    fn appended(&self, offset: u64) -> std::result::Result<Stream, String> {
+        let (start, base64) = self.document.appended.ok_or("the file has no appended data")?;
+        let end = self.bytes.len() as u64;
+        let at = start.checked_add(offset).filter(|&at| at < end);
+        let at = at.ok_or_else(|| format!("its offset {offset} lies beyond the file's end"))?;
+        Ok(if base64 { Stream::Base64 { text: Text::plain(at..end), base: 0, skip: 0 } } else { Stream::Raw(at) })
+    }
+
+    fn source(
+        &self,
+        stream: Stream,
+        compressor: Option<Compressor>,
+        length: u64,
+        cache: &Arc<ChunkCache>,
+    ) -> std::result::Result<Source, String> {
+        let (size, big_endian) = (self.document.header, self.document.big_endian);
+        if let Some(compressor) = compressor {
+            let blocks = Blocks::open(&self.bytes, stream, compressor, (size, big_endian), length, cache)?;
+            return Ok(Source::Blocks(blocks));
+        }
+        let said = int(&stream.get(&self.bytes, 0..size)?, 0, size, big_endian);
+        // Lengths above 4 GiB wrap in small headers.
+        if said != length && !(size == 4 && said == length & 0xffff_ffff) {
+            return Err(format!("it has {said} bytes instead of {length}"));
+        }
+        let data = stream.after(&self.bytes, size);
+        data.get(&self.bytes, length.saturating_sub(1)..length)?;
+        Ok(Source::Plain(data))
+    }
+
+    fn fault(&self, declared: &Declared, what: &str) -> Error {
+        let what = format!("array `{}`: {what}", declared.name);
+        Error::input_hint(&self.path, what, "the file is cut short or damaged: copy it again from its source")
+    }
+
+    /// The time, where the file says it as ParaView does.
+    pub fn time(&self) -> Option<f64> {
+        let field = self.document.fields.iter().find(|f| f.name == "TimeValue" && f.components == 1)?;
+        if let Place::Ascii(range) | Place::Inline(range) = &field.place
+            && range.end - range.start > FIELD_TEXT
+        {
+            return None;
+        }
+        let array = self.array(field, 1, &Arc::new(ChunkCache::new(0))).ok()??;
+        let mut out = Vec::new();
+        array.append(&self.bytes, 0..1, &mut out).ok()?;
+        out.first().copied().filter(|t| t.is_finite())
+    }
+}

@@ -1,0 +1,200 @@
+//! VTK's XML files of points: VTP and VTU, and the files that list pieces of them.
+
+pub(crate) mod base64;
+pub(crate) mod blocks;
+mod document;
+mod file;
+pub(crate) mod points;
+pub(crate) mod source;
+mod write;
+
+use crate::ascii::shown;
+use crate::axes::{Axis, axes};
+use crate::cache::{ChunkCache, DEFAULT_BYTES};
+use crate::pieces::{Piece, PieceReader};
+use crate::{Description, Field, Fields, Format, Head, Mass, Snapshot, Species};
+use document::Declared;
+use file::File;
+use particlegs::particles::{SnapshotMeta, SnapshotReader};
+use particlegs::{Error, Result};
+use points::Points;
+use source::Source;
+use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
+
+pub use write::write;
+
+/// VTK XML.
+pub const FORMAT: Format = Format {
+    name: "vtk-xml",
+    title: "VTK XML (VTP, VTU)",
+    detect,
+    open: |paths, _| Ok(Box::new(VtkXml::open(paths)?)),
+};
+
+fn detect(head: &Head) -> bool {
+    let text = head.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&head.bytes);
+    let text = text.trim_ascii_start();
+    let cut = |whole: &[u8]| !text.is_empty() && (text.starts_with(whole) || whole.starts_with(text));
+    head.compression.is_none()
+        && (cut(b"<VTKFile") || (text.starts_with(b"<?xml") && text.windows(8).any(|w| w == b"<VTKFile")))
+}
+
+struct VtkXml {
+    files: Vec<File>,
+    description: Description,
+}
+
+impl VtkXml {
+    fn open(paths: &[PathBuf]) -> Result<VtkXml> {
+        if let Some(second) = paths.get(1) {
+            let hint = "several files of one snapshot are listed in a .pvtp or .pvtu: name that";
+            return Err(Error::input_hint(second, "a second VTK file", hint));
+        }
+        let first = File::open(&paths[0])?;
+        let files = match &first.document.kind[..] {
+            "PolyData" | "UnstructuredGrid" => vec![first],
+            "PPolyData" | "PUnstructuredGrid" => parts(&first)?,
+            other => {
+                let what = format!("VTK data of type `{}` hold no points of their own", shown(other));
+                return Err(Error::input_hint(&paths[0], what, "save them as VTP or VTU"));
+            }
+        };
+        let description = describe(&paths[0], &files)?;
+        Ok(VtkXml { files, description })
+    }
+}
+
+/// The files that `list` names, which lie beside or below it.
+fn parts(list: &File) -> Result<Vec<File>> {
+    let folder = list.path.parent().unwrap_or(Path::new(""));
+    let named = list.document.pieces.iter().filter_map(|p| p.source.as_deref());
+    named
+        .map(|name| {
+            let relative = Path::new(name);
+            if !relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
+                let what = format!("it names a piece outside of its folder: `{}`", shown(name));
+                return Err(Error::input_hint(&list.path, what, "put the pieces beside it"));
+            }
+            let path = folder.join(relative);
+            if !path.is_file() {
+                let what = format!("missing: {} names it as a piece", list.path.display());
+                return Err(Error::input(&path, what));
+            }
+            let file = File::open(&path)?;
+            match &file.document.kind[..] {
+                "PolyData" | "UnstructuredGrid" => Ok(file),
+                _ => Err(Error::input(&path, "a piece that is neither a VTP nor a VTU")),
+            }
+        })
+        .collect()
+}
+
+/// Every piece with points, of all files.
+fn pieces(files: &[File]) -> impl Iterator<Item = (&File, &document::Piece)> {
+    files.iter().flat_map(|f| f.document.pieces.iter().filter(|p| p.points > 0).map(move |p| (f, p)))
+}
+
+/// The array of a name, positions before others.
+fn find<'a>(piece: &'a document::Piece, name: &str) -> Option<&'a Declared> {
+    let of = |d: &&Declared| field_name(d, piece) == name && d.kind.is_some();
+    piece.positions.iter().chain(&piece.arrays).find(of)
+}
+
+/// Positions without a name are called `Points`.
+fn field_name<'a>(declared: &'a Declared, piece: &document::Piece) -> &'a str {
+    match &declared.name[..] {
+        "" if piece.positions.as_ref() == Some(declared) => "Points",
+        name => name,
+    }
+}
+
+fn describe(path: &Path, files: &[File]) -> Result<Description> {
+    let count = pieces(files).try_fold(0u64, |n, (_, p)| n.checked_add(p.points));
+    let count = count.ok_or_else(|| Error::input(path, "more points than can be counted"))?;
+    let Some((file, first)) = pieces(files).next() else { return Err(Error::input(path, "no points")) };
+    let mut fields: Vec<Field> = Vec::new();
+    for declared in first.positions.iter().chain(&first.arrays) {
+        let name = field_name(declared, first);
+        let alike = |p: &document::Piece| find(p, name).is_some_and(|d| d.components == declared.components);
+        if name.is_empty() || fields.iter().any(|f| f.name == name) || !pieces(files).all(|(_, p)| alike(p)) {
+            continue;
+        }
+        if let Some(kind) = declared.kind {
+            let (kind, components) = (kind.name().to_string(), declared.components);
+            fields.push(Field { name: name.into(), kind, components, unit: None });
+        }
+    }
+    let positions = first.positions.as_ref().map_or("Points", |p| field_name(p, first)).to_string();
+    let mass = mass_of(&fields);
+    let d = &file.document;
+    let order = if d.big_endian { "big-endian" } else { "little-endian" };
+    let packed = d.compressor.map_or(String::new(), |c| format!(", {c:?}").to_lowercase());
+    let format = format!("VTK XML, {}, {order}{packed}", d.kind);
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let meta = SnapshotMeta { name, time: file.time(), ..SnapshotMeta::default() };
+    let species = Species { name: "points".into(), aliases: vec![], count, mass, positions, fields };
+    let files = files.iter().map(|f| f.path.clone()).collect();
+    Ok(Description { format, files, meta, species: vec![species], frames: None, notes: vec![] })
+}
+
+/// The field of masses, by its name.
+pub(crate) fn mass_of(fields: &[Field]) -> Mass {
+    let named = |f: &&Field| f.components == 1 && matches!(&f.name.to_lowercase()[..], "mass" | "masses");
+    fields.iter().find(named).map_or(Mass::Unknown, |f| Mass::Field(f.name.clone()))
+}
+
+impl Snapshot for VtkXml {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let species = &self.description.species[species];
+        let place = self.files[0].path.display().to_string();
+        let weight = species.weight_field(&place, &fields.weights)?;
+        let mut columns = axes(&place, species, fields)?.to_vec();
+        columns.extend(weight.iter().map(|w| Axis { field: w.clone(), component: 0 }));
+        let cache = Arc::new(ChunkCache::new(DEFAULT_BYTES / 2));
+        let mut key = 0;
+        let mut out: Vec<Box<dyn Piece>> = Vec::new();
+        for (file, piece) in pieces(&self.files) {
+            out.push(Box::new(open_piece(file, piece, &columns, &cache, &mut key)?));
+        }
+        Ok(Box::new(PieceReader::new(self.description.meta.clone(), out, weight.is_some())?))
+    }
+}
+
+fn open_piece(
+    file: &File,
+    piece: &document::Piece,
+    columns: &[Axis],
+    cache: &Arc<ChunkCache>,
+    key: &mut u64,
+) -> Result<Points> {
+    let mut arrays: Vec<source::Array> = Vec::new();
+    let mut names: Vec<&str> = Vec::new();
+    let mut places = Vec::new();
+    for axis in columns {
+        let index = match names.iter().position(|n| *n == axis.field) {
+            Some(index) => index,
+            None => {
+                let missing = || Error::input(&file.path, format!("it has no array `{}`", axis.field));
+                let declared = find(piece, &axis.field).ok_or_else(missing)?;
+                let mut array = file.array(declared, piece.points, cache)?.ok_or_else(missing)?;
+                if let Source::Blocks(blocks) = &mut array.source {
+                    blocks.key = *key;
+                    *key += blocks.count();
+                }
+                arrays.push(array);
+                names.push(&axis.field);
+                arrays.len() - 1
+            }
+        };
+        places.push((index, axis.component));
+    }
+    Points::new(&file.path.display().to_string(), file.bytes.clone(), piece.points, arrays, places)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,70 @@
+//! Points of a piece of VTK, in either of its formats.
+
+use super::source::Array;
+use crate::pieces::{Piece, Rows};
+use crate::strided::{Bytes, Strided};
+use particlegs::particles::InPlace;
+use particlegs::{Error, Result};
+use std::ops::Range;
+
+/// The arrays that are read of a piece.
+pub struct Points {
+    place: String,
+    bytes: Bytes,
+    rows: u64,
+    arrays: Vec<Array>,
+    /// Array and component of x, y, z and perhaps the weight.
+    columns: Vec<(usize, u32)>,
+    /// Where all lie in the file as they are.
+    plain: Option<Strided>,
+}
+
+impl Points {
+    /// `rows` points of the file `place`, whose columns are components of `arrays`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where numbers end beyond the file.
+    pub fn new(place: &str, bytes: Bytes, rows: u64, arrays: Vec<Array>, columns: Vec<(usize, u32)>) -> Result<Points> {
+        let lanes: Option<Vec<_>> = columns.iter().map(|&(a, c)| arrays[a].lane(c)).collect();
+        let plain = match lanes.as_deref() {
+            Some(&[x, y, z]) => Some(Strided::new(place, bytes.clone(), rows, [x, y, z], None)?),
+            Some(&[x, y, z, w]) => Some(Strided::new(place, bytes.clone(), rows, [x, y, z], Some(w))?),
+            _ => None,
+        };
+        Ok(Points { place: place.into(), bytes, rows, arrays, columns, plain })
+    }
+}
+
+impl Piece for Points {
+    fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    fn is_wide(&self) -> bool {
+        self.columns.iter().take(3).any(|&(a, _)| self.arrays[a].kind.is_wide())
+    }
+
+    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+        if let Some(plain) = &self.plain {
+            return plain.read(rows, out);
+        }
+        let mut numbers = Vec::new();
+        let mut held = None;
+        for (k, &(index, component)) in self.columns.iter().enumerate() {
+            let array = &self.arrays[index];
+            if held != Some(index) {
+                numbers.clear();
+                let fault = |e| Error::input(&self.place, format!("array `{}`: {e}", array.name));
+                array.append(&self.bytes, rows.clone(), &mut numbers).map_err(fault)?;
+                held = Some(index);
+            }
+            let column = if k < 3 { &mut out.position[k] } else { &mut out.weight };
+            column.extend(numbers.iter().skip(component as usize).step_by(array.components as usize));
+        }
+        Ok(())
+    }
+
+    fn in_place(&self) -> Option<InPlace> {
+        self.plain.as_ref()?.in_place()
+    }
+}

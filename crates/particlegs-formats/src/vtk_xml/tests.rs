@@ -1,0 +1,140 @@
+//! Small files made here: encodings, several pieces, lists of files, what is refused, out and in.
+
+use super::*;
+use crate::{OpenOptions, Weights};
+use particlegs::particles::{Column, Kept, ParticleLayer, Particles, Selection, Tiling};
+use particlegs::progress::Silent;
+use std::sync::Mutex;
+
+fn rows(path: &Path, fields: &Fields) -> Result<(Description, Vec<[f32; 4]>)> {
+    let snapshot = crate::open(&[path.to_path_buf()], &OpenOptions::default())?;
+    let reader = snapshot.reader(0, fields)?;
+    let out = Mutex::new(Vec::new());
+    let take = |run: u64, c: particlegs::particles::Chunk<'_>| {
+        let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
+        let rows = (0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]);
+        out.lock().unwrap().push((run, rows.collect::<Vec<_>>()));
+        Ok(())
+    };
+    reader.read(0..reader.count().div_ceil(1 << 16), &Silent, &take)?;
+    let mut out = out.into_inner().unwrap();
+    out.sort_by_key(|r| r.0);
+    Ok((snapshot.description().clone(), out.into_iter().flat_map(|r| r.1).collect()))
+}
+
+fn xml(pieces: &str) -> String {
+    format!(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" byte_order=\"LittleEndian\"><PolyData>{pieces}</PolyData></VTKFile>"
+    )
+}
+
+/// Two points as text, with masses in base64: a length of 8 bytes, then 7 and 8 as f32.
+const PIECE: &str = "<Piece NumberOfPoints=\"2\"><PointData><DataArray type=\"Float32\" Name=\"Mass\" format=\"binary\">\n\
+    CAAAAAAA4EAAAABB </DataArray><DataArray type=\"String\" Name=\"s\" format=\"ascii\"/></PointData><Points>\
+    <DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"ascii\"><InformationKey>9</InformationKey>1 2 3\n4 5 6</DataArray></Points></Piece>";
+
+#[test]
+fn pieces_of_text_and_base64() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.vtp");
+    std::fs::write(&path, xml(&format!("{PIECE}<Piece NumberOfPoints=\"0\"/>{PIECE}"))).unwrap();
+    let (d, got) = rows(&path, &Fields::default()).unwrap();
+    assert_eq!(got[..2], [[1.0, 2.0, 3.0, 7.0], [4.0, 5.0, 6.0, 8.0]]);
+    assert_eq!(got[2..], got[..2]);
+    assert_eq!((d.species[0].count, &d.species[0].mass), (4, &Mass::Field("Mass".into())));
+    assert_eq!(d.species[0].fields.len(), 2);
+    // The length encoded on its own, as some writers do.
+    let apart = PIECE.replace("CAAAAAAA4EAAAABB", "CAAAAA==AADgQAAAAEE=");
+    std::fs::write(&path, xml(&apart)).unwrap();
+    assert_eq!(rows(&path, &Fields::default()).unwrap().1, got[..2]);
+}
+
+#[test]
+fn lists_name_files_beside_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = |source: &str| {
+        let text = format!(
+            "<VTKFile type=\"PPolyData\"><PPolyData><PPoints><PDataArray/></PPoints><Piece Source=\"{source}\"/><Piece Source=\"p/1.vtp\"/></PPolyData></VTKFile>"
+        );
+        let path = folder.path().join("a.pvtp");
+        std::fs::write(&path, text).unwrap();
+        rows(&path, &Fields::default())
+    };
+    std::fs::create_dir(folder.path().join("p")).unwrap();
+    std::fs::write(folder.path().join("p/0.vtp"), xml(PIECE)).unwrap();
+    assert!(list("p/0.vtp").unwrap_err().to_string().contains("missing"));
+    std::fs::write(folder.path().join("p/1.vtp"), xml(PIECE)).unwrap();
+    assert_eq!(list("p/0.vtp").unwrap().1.len(), 4);
+    assert!(list("../b.vtp").unwrap_err().to_string().contains("outside"));
+    assert!(list("/etc/passwd").unwrap_err().to_string().contains("outside"));
+    assert!(list("a.pvtp").unwrap_err().to_string().contains("neither"));
+}
+
+#[test]
+fn broken_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.vtp");
+    let fault = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        rows(&path, &Fields::default()).unwrap_err().to_string()
+    };
+    let good = xml(PIECE);
+    assert!(fault(&good.replace("NumberOfPoints=\"2\"", "NumberOfPoints=\"4294967295\"")).contains("do not fit"));
+    assert!(fault(&good.replace("NumberOfPoints=\"2\"", "NumberOfPoints=\"1\"")).contains("8 bytes instead of 4"));
+    assert!(fault(&good.replace("4 5", "4 x")).contains("`x`"));
+    assert!(fault(&good.replace("PolyData", "ImageData")).contains("ImageData"));
+    assert!(fault(&good.replace("<VTKFile", "<!DOCTYPE l [<!ENTITY a \"b\">]><VTKFile")).contains("entities"));
+    assert!(fault(&good.replace("4 5", "&a;")).contains("entities"));
+    assert!(fault(&xml(&"<a>".repeat(100))).contains("nested"));
+    assert!(fault(&good.replace("format=\"binary\"", "format=\"appended\" offset=\"0\"")).contains("no appended data"));
+    for cut in 0..good.len() {
+        fault(&good[..cut]);
+    }
+}
+
+fn written(particles: &Particles, path: &Path) -> u64 {
+    let kept = Kept::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let bytes = write(&kept, path, &Silent).unwrap();
+    assert_eq!(std::fs::metadata(path).unwrap().len(), bytes);
+    bytes
+}
+
+#[test]
+fn out_and_in_gives_equal_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.vtp");
+    let n = 70_001;
+    let column = |k: u32| (0..n).map(|i| (i as f32 * 0.7 + k as f32).sin() * 1e3).collect::<Vec<f32>>();
+    let mut p = Particles::from_columns(column(0), column(1), column(2));
+    p.meta.time = Some(0.125);
+    let bytes = written(&p, &path);
+    assert!(bytes < n as u64 * 16 + 2000);
+    let (d, got) = rows(&path, &Fields::default()).unwrap();
+    assert_eq!((d.meta.time, &d.species[0].mass), (Some(0.125), &Mass::Unknown));
+    let same = |got: &[[f32; 4]], weight: &dyn Fn(usize) -> f32| {
+        (0..n as usize).all(|i| {
+            let [x, y, z] = p.position(i).map(|v| v as f32);
+            got[i].map(f32::to_bits) == [x, y, z, weight(i)].map(f32::to_bits)
+        })
+    };
+    assert!(same(&got, &|_| 0.0));
+    let snapshot = crate::open(std::slice::from_ref(&path), &OpenOptions::default()).unwrap();
+    assert!(snapshot.reader(0, &Fields::default()).unwrap().in_place().is_some());
+
+    let layer = |name: &str, range, particle_mass, weighted| ParticleLayer {
+        name: name.into(),
+        range,
+        particle_mass,
+        weighted,
+    };
+    let mut q = p.clone();
+    q.weights = Some(Column::owned((0..n).map(|i| if i < 66_000 { 0.5 } else { i as f32 }).collect()));
+    q.kinds = vec![layer("dm--x", 0..66_000, Some(0.5), false), layer("gas", 66_000..n as usize, None, true)];
+    written(&q, &path);
+    let (d, got) = rows(&path, &Fields::default()).unwrap();
+    assert_eq!(d.species[0].mass, Mass::Field("mass".into()));
+    assert!(same(&got, &|i| if i < 66_000 { 0.5 } else { i as f32 }));
+    let species = Fields { weights: Weights::Field("species".into()), ..Fields::default() };
+    let (_, got) = rows(&path, &species).unwrap();
+    assert!(same(&got, &|i| f32::from(u8::from(i >= 66_000))));
+}

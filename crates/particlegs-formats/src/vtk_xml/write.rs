@@ -1,0 +1,198 @@
+//! VTP out: appended raw little-endian arrays, each at a place known beforehand.
+//!
+//! Points are float32 triples. One cell holds all of them as vertices: ParaView's Point Gaussian
+//! needs no cell, but what it shows at first, surfaces, does. Masses are an array where particles
+//! have weights or layers different masses, layers are numbered by an array where there are several.
+
+use crate::placed::PlacedFile;
+use particlegs::particles::{Kept, KeptLayer, Run};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use rayon::prelude::*;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Bytes before each array: its length.
+const LENGTH: u64 = 8;
+/// Numbers begin at a multiple of this.
+const ALIGNMENT: usize = 64;
+
+/// Where each array's numbers begin, from the first array's length on; none where it is left out.
+struct Layout {
+    points: u64,
+    mass: Option<u64>,
+    vertices: u64,
+    /// Bytes of a vertex' number.
+    vertex: u64,
+    offsets: u64,
+    species: Option<u64>,
+    end: u64,
+}
+
+impl Layout {
+    fn new(count: u64, mass: bool, species: bool) -> Layout {
+        let mut end = 0;
+        let mut place = |bytes: u64| {
+            let start = end + LENGTH;
+            end = start + bytes;
+            start
+        };
+        let vertex = if count <= i32::MAX as u64 { 4 } else { 8 };
+        // Bytes come last, so that the other numbers stay aligned.
+        let points = place(12 * count);
+        let mass = mass.then(|| place(4 * count));
+        let (vertices, offsets) = (place(vertex * count), place(vertex));
+        let species = species.then(|| place(count));
+        Layout { points, mass, vertices, vertex, offsets, species, end }
+    }
+}
+
+/// Writes `kept` as VTP and tells how many bytes that are. Nothing is left where it fails.
+///
+/// # Errors
+/// [`Error::Input`] where positions overflow float32; [`Error::Argument`] for more than 256 layers;
+/// [`Error::Io`]; [`Error::Cancelled`].
+pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+    let layers = kept.layers();
+    if layers.len() > 256 {
+        return Err(Error::argument(format!(
+            "{} layers are more than the 256 that a VTP can tell apart",
+            layers.len()
+        )));
+    }
+    let count = kept.total();
+    let unlike = layers.iter().any(|l| l.particle_mass != layers[0].particle_mass);
+    let layout = Layout::new(count, kept.weighted() || unlike, layers.len() > 1);
+    let head = head(kept, &layers, &layout)?;
+    let tail = "\n  </AppendedData>\n</VTKFile>\n";
+    let start = head.len() as u64;
+    let length = start + layout.end + tail.len() as u64;
+    let file = PlacedFile::create(out, length)?;
+    file.write_at(head.as_bytes(), 0)?;
+    file.write_at(tail.as_bytes(), start + layout.end)?;
+    let sized = [
+        (Some(layout.points), 12 * count),
+        (layout.mass, 4 * count),
+        (Some(layout.vertices), layout.vertex * count),
+        (Some(layout.offsets), layout.vertex),
+        (layout.species, count),
+    ];
+    for (place, bytes) in sized.into_iter().filter_map(|(p, b)| p.map(|p| (p, b))) {
+        file.write_at(&bytes.to_le_bytes(), start + place - LENGTH)?;
+    }
+    file.write_at(&count.to_le_bytes()[..layout.vertex as usize], start + layout.offsets)?;
+    progress.begin("writing", count);
+    (0..kept.runs()).into_par_iter().try_for_each_init(
+        || (Run::default(), Vec::new()),
+        |(run, bytes), id| {
+            progress.check()?;
+            kept.load(id, run)?;
+            let layer = kept.layer_of(id);
+            write_run(&file, start, &layout, kept.first(id), run, layer, layers.get(layer), bytes)?;
+            progress.advance(run.columns[0].len() as u64);
+            Ok::<_, Error>(())
+        },
+    )?;
+    file.finish()?;
+    progress.end();
+    Ok(length)
+}
+
+/// A run's part of every array.
+fn write_run(
+    file: &PlacedFile,
+    start: u64,
+    layout: &Layout,
+    first: u64,
+    run: &Run,
+    index: usize,
+    layer: Option<&KeptLayer>,
+    bytes: &mut Vec<u8>,
+) -> Result<()> {
+    let [x, y, z, w] = &run.columns;
+    bytes.clear();
+    bytes.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes));
+    file.write_at(bytes, start + layout.points + 12 * first)?;
+    if let Some(place) = layout.mass {
+        let own = |i: usize| w.get(i).copied().unwrap_or(1.0);
+        let mass = |i: usize| match layer {
+            // Weights count in units of the layer's mass, where it has one.
+            Some(KeptLayer { weighted: true, particle_mass: Some(unit), .. }) => (f64::from(own(i)) * unit) as f32,
+            Some(KeptLayer { weighted: false, particle_mass: Some(each), .. }) => *each as f32,
+            _ => own(i),
+        };
+        bytes.clear();
+        bytes.extend((0..x.len()).map(mass).flat_map(f32::to_le_bytes));
+        file.write_at(bytes, start + place + 4 * first)?;
+    }
+    bytes.clear();
+    let vertices = first..first + x.len() as u64;
+    match layout.vertex {
+        4 => bytes.extend(vertices.flat_map(|i| (i as u32).to_le_bytes())),
+        _ => bytes.extend(vertices.flat_map(u64::to_le_bytes)),
+    }
+    file.write_at(bytes, start + layout.vertices + layout.vertex * first)?;
+    if let Some(place) = layout.species {
+        bytes.clear();
+        bytes.resize(x.len(), index as u8);
+        file.write_at(bytes, start + place + first)?;
+    }
+    Ok(())
+}
+
+/// The XML up to the first array, as long as alignment needs.
+fn head(kept: &Kept<'_>, layers: &[KeptLayer], layout: &Layout) -> Result<String> {
+    let mut xml = String::from("<?xml version=\"1.0\"?>\n");
+    text(kept, layers, layout, &mut xml).map_err(|_| Error::argument("the header of a VTP cannot be written"))?;
+    let opening = "  <AppendedData encoding=\"raw\">";
+    let end = xml.len() + opening.len() + 1 + LENGTH as usize;
+    let blanks = end.next_multiple_of(ALIGNMENT) - end;
+    xml += opening;
+    xml.extend(std::iter::repeat_n(' ', blanks));
+    xml.push('_');
+    Ok(xml)
+}
+
+fn text(kept: &Kept<'_>, layers: &[KeptLayer], layout: &Layout, xml: &mut String) -> std::fmt::Result {
+    let count = kept.total();
+    if layout.species.is_some() {
+        for (i, layer) in layers.iter().enumerate() {
+            // Two dashes would end the comment.
+            let name = layer.name.replace('-', "_").replace(char::is_control, "?");
+            writeln!(xml, "<!-- species {i}: {name} -->")?;
+        }
+    }
+    writeln!(xml, "<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">")?;
+    writeln!(xml, "  <PolyData>")?;
+    if let Some(time) = kept.meta().time.filter(|t| t.is_finite()) {
+        writeln!(
+            xml,
+            "    <FieldData>\n      <DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{time:e}</DataArray>\n    </FieldData>"
+        )?;
+    }
+    writeln!(
+        xml,
+        "    <Piece NumberOfPoints=\"{count}\" NumberOfVerts=\"1\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">"
+    )?;
+    let array = |xml: &mut String, kind: &str, name: &str, components: u32, place: u64| {
+        let offset = place - LENGTH;
+        writeln!(
+            xml,
+            "        <DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"appended\" offset=\"{offset}\"/>"
+        )
+    };
+    writeln!(xml, "      <PointData>")?;
+    if let Some(place) = layout.mass {
+        array(xml, "Float32", "mass", 1, place)?;
+    }
+    if let Some(place) = layout.species {
+        array(xml, "UInt8", "species", 1, place)?;
+    }
+    writeln!(xml, "      </PointData>\n      <Points>")?;
+    array(xml, "Float32", "Points", 3, layout.points)?;
+    writeln!(xml, "      </Points>\n      <Verts>")?;
+    let kind = if layout.vertex == 4 { "Int32" } else { "Int64" };
+    array(xml, kind, "connectivity", 1, layout.vertices)?;
+    array(xml, kind, "offsets", 1, layout.offsets)?;
+    writeln!(xml, "      </Verts>\n    </Piece>\n  </PolyData>")
+}

@@ -1,0 +1,59 @@
+//! Every broken file is refused in one line that names it, at once and in little memory.
+
+mod support;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+#[global_allocator]
+static COUNTING: support::Counting = support::Counting;
+
+/// The one that is good: a box of 0 is none.
+const GOOD: &str = "hdf5_box0.hdf5";
+const MOST_BYTES: usize = 100 << 20;
+const LONGEST: Duration = Duration::from_secs(1);
+
+fn check(path: &Path, refused: bool) -> Vec<String> {
+    let mut wrong = Vec::new();
+    let name = path.file_name().expect("a file").to_string_lossy().into_owned();
+    let before = support::start_counting();
+    let start = Instant::now();
+    let result = catch_unwind(AssertUnwindSafe(|| support::read_everything(path, None)));
+    let (time, (peak, largest)) = (start.elapsed(), support::counted());
+    match result {
+        Err(_) => wrong.push("it panics".into()),
+        Ok(Ok(n)) if refused => wrong.push(format!("it is read: {n} particles")),
+        Ok(Ok(_)) => {}
+        Ok(Err(e)) if !refused => wrong.push(format!("it is refused: {e}")),
+        Ok(Err(e)) => {
+            let text = e.to_string();
+            println!("{text} | {}", e.hint());
+            if text.contains('\n') || e.hint().contains('\n') {
+                wrong.push(format!("more than a line: {text:?}"));
+            }
+            if !text.contains(&name) {
+                wrong.push(format!("the file is not named: {text}"));
+            }
+        }
+    }
+    if time > LONGEST {
+        wrong.push(format!("it takes {time:?}"));
+    }
+    if peak - before > MOST_BYTES {
+        wrong.push(format!("it takes {} MiB, {} MiB at once", (peak - before) >> 20, largest >> 20));
+    }
+    wrong.into_iter().map(|what| format!("{name}: {what}")).collect()
+}
+
+#[test]
+fn every_broken_file_is_refused_in_one_line() {
+    let Some(folder) = support::shared() else { return };
+    let mut files: Vec<_> =
+        std::fs::read_dir(folder.join("bad")).expect("a folder").flatten().map(|e| e.path()).collect();
+    files.retain(|p| p.file_name().is_some_and(|n| n != "README.md"));
+    files.sort();
+    assert!(files.len() >= 64, "{} files", files.len());
+    let wrong: Vec<String> = files.iter().flat_map(|p| check(p, !p.ends_with(GOOD))).collect();
+    assert!(wrong.is_empty(), "{} faults:\n{}", wrong.len(), wrong.join("\n"));
+}

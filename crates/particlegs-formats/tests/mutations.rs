@@ -1,0 +1,233 @@
+//! Damaged copies of each format's smallest files: cut at every byte, every bit of the beginning
+//! flipped. None may panic, hang, or take much memory; most are refused.
+
+mod support;
+
+use std::collections::BTreeSet;
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::FileExt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, Once};
+use std::time::{Duration, Instant};
+
+#[global_allocator]
+static COUNTING: support::Counting = support::Counting;
+
+/// No allocation may be larger.
+const MOST_BYTES: usize = 64 << 20;
+/// No case may take longer.
+const LONGEST: Duration = Duration::from_secs(1);
+/// Every byte of so many first and last ones is cut at, and every 97th between.
+const FIRST: u64 = 4096;
+const LAST: u64 = 1024;
+const BETWEEN: usize = 97;
+
+/// One damaged copy.
+#[derive(Clone, Copy, Debug)]
+enum Damage {
+    /// Only so many bytes are left.
+    Cut(u64),
+    /// This bit of this byte is flipped.
+    Flip(u64, u8),
+}
+
+fn damages(length: u64) -> Vec<Damage> {
+    // Longest first: the file is then cut shorter and shorter.
+    let near = (0..length).rev().filter(|&at| at < FIRST || at + LAST >= length);
+    let between = (FIRST..length.saturating_sub(LAST)).step_by(BETWEEN);
+    let mut cuts: Vec<u64> = near.chain(between).collect();
+    cuts.sort_unstable_by(|a, b| b.cmp(a));
+    let flips = (0..length.min(FIRST)).flat_map(|at| (0..8).map(move |bit| Damage::Flip(at, bit)));
+    flips.chain(cuts.into_iter().map(Damage::Cut)).collect()
+}
+
+/// The formats that a damaged copy is read in: its own, and the one that its content now says.
+fn read(path: &Path, format: &str) -> usize {
+    let mut refused = usize::from(support::read_everything(path, Some(format)).is_err());
+    if let Ok(other) = particlegs_formats::detect(path)
+        && other.name != format
+    {
+        refused += usize::from(support::read_everything(path, Some(other.name)).is_err());
+    }
+    refused
+}
+
+/// What is run through: which file, and how many cases are done and refused.
+struct Run {
+    name: String,
+    format: &'static str,
+    bytes: Vec<u8>,
+    done: AtomicUsize,
+    refused: AtomicUsize,
+    faults: Mutex<BTreeSet<String>>,
+}
+
+impl Run {
+    fn new(path: &Path) -> Result<Run, String> {
+        let format = particlegs_formats::detect(path).map_err(|e| e.to_string())?.name;
+        support::read_everything(path, None).map_err(|e| format!("as it is: {e}"))?;
+        let name = path.file_name().expect("a file").to_string_lossy().into_owned();
+        let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+        Ok(Run { name, format, bytes, done: 0.into(), refused: 0.into(), faults: Mutex::default() })
+    }
+
+    fn fault(&self, what: String) {
+        self.faults.lock().expect("no thread dies").insert(format!("{}: {what}", self.name));
+    }
+
+    fn case(&self, damage: Damage, path: &Path, file: &File) {
+        match damage {
+            Damage::Cut(length) => file.set_len(length).expect("a file that can be cut"),
+            Damage::Flip(at, bit) => {
+                file.write_all_at(&[self.bytes[at as usize] ^ 1 << bit], at).expect("a file that can be written")
+            }
+        }
+        support::start_counting();
+        let start = Instant::now();
+        let watch = Watch::start(format!("{} {damage:?}", self.name));
+        let result = catch_unwind(AssertUnwindSafe(|| read(path, self.format)));
+        drop(watch);
+        let (time, (_, largest)) = (start.elapsed(), support::counted());
+        match result {
+            Ok(refused) => drop(self.refused.fetch_add(refused.min(1), Relaxed)),
+            Err(_) => {
+                let message = PANIC.lock().unwrap_or_else(|e| e.into_inner());
+                self.fault(format!("{damage:?} panics: {message}"));
+            }
+        }
+        // A busy machine may stop any process for a second, but not the same case twice.
+        if time > LONGEST && (0..2).all(|_| self.is_slow(path)) {
+            self.fault(format!("{damage:?} takes {time:?}"));
+        }
+        if largest > MOST_BYTES {
+            self.fault(format!("{damage:?} takes {} MiB at once", largest >> 20));
+        }
+        if let Damage::Flip(at, _) = damage {
+            file.write_all_at(&self.bytes[at as usize..=at as usize], at).expect("a file that can be written");
+        }
+        self.done.fetch_add(1, Relaxed);
+    }
+
+    fn is_slow(&self, path: &Path) -> bool {
+        let start = Instant::now();
+        let _ = catch_unwind(AssertUnwindSafe(|| read(path, self.format)));
+        start.elapsed() > LONGEST
+    }
+
+    /// All damages, in a copy of the same name.
+    fn all(&self) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join(&self.name);
+        std::fs::write(&path, &self.bytes).expect("a copy");
+        let file = OpenOptions::new().write(true).open(&path).expect("the copy");
+        let start = Instant::now();
+        for damage in damages(self.bytes.len() as u64) {
+            self.case(damage, &path, &file);
+        }
+        let (done, refused) = (self.done.load(Relaxed), self.refused.load(Relaxed));
+        println!(
+            "{} ({}): {done} cases, {refused} refused, {:.1} s",
+            self.name,
+            self.format,
+            start.elapsed().as_secs_f64()
+        );
+    }
+}
+
+/// The case that runs, while it runs: the process ends where it hangs, for nothing else would name it.
+struct Watch;
+
+static CURRENT: Mutex<Option<(Instant, String)>> = Mutex::new(None);
+
+impl Watch {
+    fn start(case: String) -> Watch {
+        static DOG: Once = Once::new();
+        *CURRENT.lock().expect("no thread dies") = Some((Instant::now(), case));
+        DOG.call_once(|| drop(std::thread::spawn(Watch::look)));
+        Watch
+    }
+
+    fn look() {
+        loop {
+            std::thread::sleep(Duration::from_secs(1));
+            let current = CURRENT.lock().expect("no thread dies");
+            if let Some((_, case)) = current.as_ref().filter(|c| c.0.elapsed() > Duration::from_secs(30)) {
+                eprintln!("hangs: {case}");
+                std::process::abort();
+            }
+        }
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        *CURRENT.lock().expect("no thread dies") = None;
+    }
+}
+
+/// The last panic's message.
+static PANIC: Mutex<String> = Mutex::new(String::new());
+
+/// Runs files through, and lists all faults at the end.
+fn damage_all(files: &[PathBuf]) {
+    // Faults are listed below; every panic's own report would bury them.
+    std::panic::set_hook(Box::new(|info| {
+        *PANIC.lock().unwrap_or_else(|e| e.into_inner()) = info.to_string().replace('\n', " ");
+    }));
+    let mut faults = Vec::new();
+    for path in files {
+        match Run::new(path) {
+            Ok(run) => {
+                run.all();
+                faults.extend(run.faults.into_inner().expect("no thread dies").into_iter().take(8));
+            }
+            Err(what) => faults.push(format!("{}: {what}", path.display())),
+        }
+    }
+    drop(std::panic::take_hook());
+    assert!(faults.is_empty(), "{} faults (8 a file at most):\n{}", faults.len(), faults.join("\n"));
+}
+
+/// One at a time: what is allocated is counted for the whole process.
+static ONE: Mutex<()> = Mutex::new(());
+
+/// Files of a folder, smallest first.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder").flatten().map(|e| e.path());
+    let mut files: Vec<PathBuf> = entries.filter(|p| p.is_file()).collect();
+    files.sort_by_key(|p| (p.metadata().map_or(0, |m| m.len()), p.clone()));
+    files
+}
+
+#[test]
+#[ignore = "half a million damaged files: a minute"]
+fn damaged_fixtures_do_no_harm() {
+    let _one = ONE.lock();
+    let mut files = files(&support::fixtures());
+    files.retain(|p| p.extension().is_none_or(|e| e != "py" && e != "md"));
+    damage_all(&files);
+}
+
+#[test]
+#[ignore = "some hundred thousand damaged files: a minute"]
+fn each_format_s_smallest_file_damaged_does_no_harm() {
+    let _one = ONE.lock().unwrap_or_else(|e| e.into_inner());
+    let Some(folder) = support::shared() else { return };
+    let mut all = files(&folder.join("real"));
+    all.extend(files(&folder.join("gen")));
+    all.sort_by_key(|p| p.metadata().map_or(0, |m| m.len()));
+    let mut chosen: Vec<(&str, PathBuf)> = Vec::new();
+    for path in all {
+        // A copy of one file of several is refused at once, damaged or not.
+        let Ok(format) = particlegs_formats::detect(&path) else { continue };
+        let alone = || support::open(&path, None, None).is_ok_and(|s| s.description().files.len() == 1);
+        if chosen.iter().all(|c| c.0 != format.name) && alone() && support::read_everything(&path, None).is_ok() {
+            chosen.push((format.name, path));
+        }
+    }
+    let names: Vec<&str> = chosen.iter().map(|c| c.0).collect();
+    println!("{} formats: {}", names.len(), names.join(", "));
+    damage_all(&chosen.into_iter().map(|c| c.1).collect::<Vec<_>>());
+}

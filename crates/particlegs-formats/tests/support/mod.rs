@@ -1,0 +1,126 @@
+//! What the suites share: the shared data's place, counted memory, reading a whole file.
+// Each suite uses its part.
+#![allow(dead_code)]
+
+use particlegs::particles::RUN;
+use particlegs::progress::Silent;
+use particlegs_formats::{Fields, OpenOptions, Snapshot};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+/// The folder of sample files beside the project, where there is one.
+pub fn shared() -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/formats");
+    let found = [beside, PathBuf::from(std::env::var_os("PARTICLEGS_FORMATS").unwrap_or_default())];
+    let found = found.into_iter().find(|p| p.join("README.md").is_file());
+    if found.is_none() {
+        eprintln!("skipped: no folder of sample files (set PARTICLEGS_FORMATS)");
+    }
+    found
+}
+
+/// The fixtures of this crate.
+pub fn fixtures() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures")
+}
+
+/// Counts what is allocated.
+pub struct Counting;
+
+static LIVE: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+static LARGEST: AtomicUsize = AtomicUsize::new(0);
+
+fn grown(by: usize) {
+    let live = LIVE.fetch_add(by, Relaxed) + by;
+    PEAK.fetch_max(live, Relaxed);
+}
+
+// SAFETY: every call goes to the system's allocator as it is.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        grown(layout.size());
+        LARGEST.fetch_max(layout.size(), Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        grown(layout.size());
+        LARGEST.fetch_max(layout.size(), Relaxed);
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        LIVE.fetch_sub(layout.size(), Relaxed);
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // The old stretch lives until the new one is filled.
+        grown(size);
+        LIVE.fetch_sub(layout.size(), Relaxed);
+        LARGEST.fetch_max(size, Relaxed);
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+/// Memory in use now; peaks are counted from here on.
+pub fn start_counting() -> usize {
+    let live = LIVE.load(Relaxed);
+    PEAK.store(live, Relaxed);
+    LARGEST.store(0, Relaxed);
+    live
+}
+
+/// The largest sum of memory in use, and the largest single allocation, since the last start.
+pub fn counted() -> (usize, usize) {
+    (PEAK.load(Relaxed), LARGEST.load(Relaxed))
+}
+
+/// Opens a file, optionally with a format and a frame.
+pub fn open(path: &Path, format: Option<&str>, frame: Option<u64>) -> particlegs::Result<Box<dyn Snapshot>> {
+    let options = OpenOptions { format: format.map(String::from), frame, ..OpenOptions::default() };
+    particlegs_formats::open(&[path.to_path_buf()], &options)
+}
+
+/// Opens a file and reads every particle of every species; NaN and infinity are errors, as they
+/// are for those who load particles. Gives the number of particles.
+pub fn read_everything(path: &Path, format: Option<&str>) -> particlegs::Result<u64> {
+    let snapshot = open(path, format, None)?;
+    let mut total = 0;
+    for species in 0..snapshot.description().species.len() {
+        let reader = snapshot.reader(species, &Fields::default())?;
+        let runs = reader.count().div_ceil(RUN as u64);
+        reader.read(0..runs, &Silent, &|_, chunk| {
+            let columns = chunk.position.iter().chain(&chunk.weight);
+            match columns.flat_map(|c| c.iter()).find(|v| !v.is_finite()) {
+                Some(v) => Err(particlegs::Error::input(path, format!("a particle lies at {v}"))),
+                None => Ok(()),
+            }
+        })?;
+        if let Some(place) = reader.in_place() {
+            drop(place);
+        }
+        total += reader.count();
+    }
+    Ok(total)
+}
+
+/// The first particles of a species: position and weight, with `fields`.
+pub fn particles(snapshot: &dyn Snapshot, species: usize, fields: &Fields) -> particlegs::Result<Vec<[f64; 4]>> {
+    let reader = snapshot.reader(species, fields)?;
+    let out = Mutex::new(vec![[f64::NAN; 4]; reader.count() as usize]);
+    let origin = reader.origin();
+    reader.read(0..reader.count().div_ceil(RUN as u64), &Silent, &|run, chunk| {
+        let mut out = out.lock().expect("no reader panics");
+        for i in 0..chunk.len() {
+            let at = |k: usize| origin[k] + f64::from(chunk.position[k][i]);
+            let weight = chunk.weight.map_or(0.0, |w| f64::from(w[i]));
+            out[run as usize * RUN + i] = [at(0), at(1), at(2), weight];
+        }
+        Ok(())
+    })?;
+    Ok(out.into_inner().expect("no reader panics"))
+}

@@ -1,0 +1,121 @@
+//! Masses of layers: one for all where all are the same, classes where they are few.
+
+use super::{Column, ParticleLayer, Particles, Positions};
+use crate::{Error, Result};
+
+/// Classes of mass at most; more are no classes.
+const MOST_CLASSES: usize = 64;
+
+/// A layer whose particles all have the same weight needs none: the weight becomes its particle mass.
+/// Where all layers then have one and the same, no weights are left.
+pub fn settle_masses(mut particles: Particles) -> Particles {
+    let Some(weights) = particles.weights.clone() else { return particles };
+    let mut kinds = particles.layers();
+    for kind in kinds.iter_mut().filter(|k| k.weighted) {
+        let own = &weights[kind.range.clone()];
+        if own.iter().all(|w| *w == own[0]) {
+            kind.weighted = false;
+            kind.particle_mass = Some(kind.particle_mass.unwrap_or(1.0) * f64::from(own[0]));
+        }
+    }
+    let one = kinds[0].particle_mass;
+    if kinds.iter().all(|k| !k.weighted && k.particle_mass == one) {
+        particles.weights = None;
+        particles.meta.particle_mass = one;
+    }
+    if particles.kinds.is_empty() && kinds[0].weighted {
+        return particles;
+    }
+    particles.kinds = kinds;
+    particles
+}
+
+/// The particles of every layer sorted into one layer for each mass, the lightest first; order is
+/// kept within. Zoom simulations have a few masses, and count and mass then mean the same within a
+/// layer.
+///
+/// # Errors
+/// [`Error::Input`] where there are more than 64 masses.
+pub fn layers_by_mass(particles: &Particles) -> Result<Particles> {
+    let Some(weights) = &particles.weights else { return Ok(particles.clone()) };
+    let mut order: Vec<usize> = Vec::with_capacity(particles.len());
+    let mut kinds = Vec::new();
+    for layer in particles.layers() {
+        if !layer.weighted {
+            let start = order.len();
+            order.extend(layer.range.clone());
+            kinds.push(ParticleLayer { range: start..order.len(), ..layer });
+            continue;
+        }
+        let own = &weights[layer.range.clone()];
+        let classes = classes(own).ok_or_else(|| {
+            let what = format!("`{}` has more than {MOST_CLASSES} different masses: no classes", layer.name);
+            Error::input_hint(&particles.meta.name, what, "use `--layers species`")
+        })?;
+        for class in &classes {
+            let start = order.len();
+            order.extend(layer.range.clone().zip(own).filter(|(_, w)| *w == class).map(|(i, _)| i));
+            let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };
+            let particle_mass = Some(layer.particle_mass.unwrap_or(1.0) * f64::from(*class));
+            kinds.push(ParticleLayer { name, range: start..order.len(), particle_mass, weighted: false });
+        }
+    }
+    let pick = |column: &dyn Fn(usize) -> f32| Column::owned(order.iter().map(|&i| column(i)).collect());
+    let positions = match &particles.positions {
+        Positions::Columns(c) => [0, 1, 2].map(|k| pick(&|i| c[k][i])),
+        Positions::Triples(t) => [0, 1, 2].map(|k| pick(&|i| t[3 * i + k])),
+    };
+    Ok(Particles {
+        positions: Positions::Columns(positions),
+        weights: Some(pick(&|i| weights[i])),
+        origin: particles.origin,
+        meta: particles.meta.clone(),
+        kinds,
+    })
+}
+
+/// The different weights, rising; `None` where there are too many.
+fn classes(weights: &[f32]) -> Option<Vec<f32>> {
+    let mut classes: Vec<f32> = Vec::new();
+    for &w in weights {
+        if let Err(place) = classes.binary_search_by(|c| c.total_cmp(&w)) {
+            if classes.len() == MOST_CLASSES {
+                return None;
+            }
+            classes.insert(place, w);
+        }
+    }
+    Some(classes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn weighted(weights: Vec<f32>) -> Particles {
+        let x: Vec<f32> = (0..weights.len()).map(|i| i as f32).collect();
+        let mut p = Particles::from_columns(x.clone(), x.clone(), x);
+        p.weights = Some(Column::owned(weights));
+        p
+    }
+
+    #[test]
+    fn equal_weights_become_a_particle_mass() {
+        let p = settle_masses(weighted(vec![2.5; 4]));
+        assert!(p.weights.is_none());
+        assert_eq!(p.meta.particle_mass, Some(2.5));
+        assert!(settle_masses(weighted(vec![2.5, 1.0])).weights.is_some());
+    }
+
+    #[test]
+    fn classes_are_layers_and_keep_order() {
+        let p = layers_by_mass(&weighted(vec![4.0, 0.5, 4.0, 0.5, 0.5])).unwrap();
+        let layers = p.layers();
+        assert_eq!(layers.iter().map(|l| l.range.clone()).collect::<Vec<_>>(), [0..3, 3..5]);
+        assert_eq!((&layers[0].name[..], layers[0].particle_mass), ("particles m=0.5", Some(0.5)));
+        assert_eq!((0..5).map(|i| p.position(i)[0]).collect::<Vec<_>>(), [1.0, 3.0, 4.0, 0.0, 2.0]);
+        let total = p.total_mass();
+        assert_eq!(total, layers.iter().map(|l| l.particle_mass.unwrap() * l.range.len() as f64).sum::<f64>());
+        assert!(layers_by_mass(&weighted((0..100).map(|i| i as f32 + 1.0).collect())).is_err());
+    }
+}
