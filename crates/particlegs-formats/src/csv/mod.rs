@@ -37,10 +37,10 @@ fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
     let mut builder = Builder::new(&content, guess.layout.clone(), None, lines.place());
     lines.pass(u64::MAX, |place, block| builder.add(place, block))?;
     let mut notes = Vec::new();
-    if lines.ends_open() && !content.is_seekable() {
+    if lines.ends_open() {
         notes.push("the last line has no end: the file may have been cut off there".into());
     }
-    let table = builder.finish(lines.place())?;
+    let table = builder.until(lines.place()).finish()?;
     let kinds = kinds(&table);
     let columns = columns(&guess, &kinds);
     let meta = meta(path, &columns);

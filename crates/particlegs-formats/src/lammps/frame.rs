@@ -9,6 +9,9 @@ use crate::text::split::{Separator, shown};
 use crate::text::table::Builder;
 use particlegs::{Error, Result};
 
+/// Most columns that an atom may have.
+const MOST_COLUMNS: usize = 1 << 10;
+
 /// What stands before a frame's atoms.
 #[derive(Default)]
 pub struct FrameHead {
@@ -39,13 +42,13 @@ impl FrameHead {
 ///
 /// # Errors
 /// [`Error::Input`] for broken sections, and where there are fewer atoms than stated.
-pub fn next(
-    content: &Content,
-    lines: &mut Lines<'_>,
+pub fn next<'c>(
+    content: &'c Content,
+    lines: &mut Lines<'c>,
     units: &mut Option<String>,
     number: u64,
     wanted: bool,
-) -> Result<Option<Frame<FrameHead>>> {
+) -> Result<Option<Frame<'c, FrameHead>>> {
     let Some(head) = (Sections { content, lines, number }).read(units)? else { return Ok(None) };
     let (step, start) = (head.step, lines.place());
     let layout = Layout { separator: Separator::Blanks, columns: head.columns.clone(), comment: None };
@@ -61,8 +64,7 @@ pub fn next(
         let what = format!("line {} is {}, and frame {number} states {count} atoms only", end.line, shown(line));
         return Err(Error::input(content.path(), what));
     }
-    let table = if wanted { Some(builder.finish(end)?) } else { None };
-    Ok(Some(Frame { head, table, step }))
+    Ok(Some(Frame { head, rows: wanted.then(|| builder.until(end)), step }))
 }
 
 struct Sections<'a, 'c> {
@@ -129,6 +131,9 @@ impl Sections<'_, '_> {
             FrameHead { count: None, .. } => Err(self.error("`ITEM: NUMBER OF ATOMS` is missing")),
             _ if !has_box => Err(self.error("`ITEM: BOX BOUNDS` is missing")),
             FrameHead { columns, .. } if columns.is_empty() => Err(self.error("`ITEM: ATOMS` names no columns")),
+            FrameHead { columns, .. } if columns.len() > MOST_COLUMNS => {
+                Err(self.error(format!("`ITEM: ATOMS` names {} columns, more than {MOST_COLUMNS}", columns.len())))
+            }
             _ => Ok(()),
         }
     }

@@ -2,16 +2,16 @@
 
 use super::content::Content;
 use super::lines::Lines;
-use super::table::Table;
+use super::table::{Builder, Table};
 use crate::Frames;
 use particlegs::{Error, Result};
 
 /// A frame that was found.
-pub struct Frame<H> {
+pub struct Frame<'c, H> {
     /// What its header says.
     pub head: H,
     /// Its rows, where they were wanted.
-    pub table: Option<Table>,
+    pub rows: Option<Builder<'c>>,
     /// Its step, as the file numbers it.
     pub step: Option<i64>,
 }
@@ -37,7 +37,7 @@ pub struct Scan<H> {
 pub fn scan<'c, H>(
     content: &'c Content,
     chosen: Option<u64>,
-    mut next: impl FnMut(&mut Lines<'c>, u64, bool) -> Result<Option<Frame<H>>>,
+    mut next: impl FnMut(&mut Lines<'c>, u64, bool) -> Result<Option<Frame<'c, H>>>,
 ) -> Result<Scan<H>> {
     let mut lines = content.lines(super::content::Place::START, None)?;
     let mut kept = None;
@@ -46,9 +46,9 @@ pub fn scan<'c, H>(
     loop {
         match next(&mut lines, count, chosen.is_none_or(|c| c == count)) {
             Ok(None) => break,
-            Ok(Some(Frame { head, table, step })) => {
-                if let Some(table) = table {
-                    kept = Some((head, table, Frames { count, chosen: count, step }));
+            Ok(Some(Frame { head, rows, step })) => {
+                if let Some(rows) = rows {
+                    kept = Some((head, rows, Frames { count, chosen: count, step }));
                 }
                 count += 1;
             }
@@ -63,7 +63,8 @@ pub fn scan<'c, H>(
     if lines.ends_open() {
         notes.push("the last line has no end: the file may have been cut off there".into());
     }
-    let Some((head, table, frames)) = kept else { return Err(no_frame(content, chosen, count)) };
+    let Some((head, rows, frames)) = kept else { return Err(no_frame(content, chosen, count)) };
+    let table = rows.finish()?;
     Ok(Scan { head, table, frames: Frames { count, ..frames }, notes })
 }
 

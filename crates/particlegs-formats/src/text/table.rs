@@ -138,12 +138,17 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// All rows, which end at `end`, are taken in.
+    /// The rows end at `end`.
+    pub fn until(mut self, end: Place) -> Self {
+        self.end = end;
+        self
+    }
+
+    /// The table, all rows taken in. Those of plain files are looked at only here.
     ///
     /// # Errors
     /// [`Error::Input`] where the key column is missing; [`Error::Io`].
-    pub fn finish(mut self, end: Place) -> Result<Table> {
-        self.end = end;
+    pub fn finish(mut self) -> Result<Table> {
         let counts_lines = self.key.is_none() && self.layout.comment.is_none();
         let tallies: Vec<Tally> = if !self.content.is_seekable() {
             vec![std::mem::take(&mut self.tally)]

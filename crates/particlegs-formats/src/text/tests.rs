@@ -25,6 +25,10 @@ fn bzip2(content: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
+fn zstd(content: &[u8]) -> Vec<u8> {
+    ruzstd::encoding::compress_to_vec(content, ruzstd::encoding::CompressionLevel::Fastest)
+}
+
 /// More than two runs of two species, one of them rare.
 fn dump(atoms: usize) -> Vec<u8> {
     let head = format!("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{atoms}\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\n");
@@ -36,7 +40,7 @@ fn dump(atoms: usize) -> Vec<u8> {
 fn runs_are_the_same_from_any_source_by_any_number_of_threads() {
     let atoms = 150_000;
     let plain = dump(atoms);
-    for content in [plain.clone(), gzip(&plain), bzip2(&plain)] {
+    for content in [plain.clone(), gzip(&plain), bzip2(&plain), zstd(&plain)] {
         for threads in [1, 5] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let got = pool.install(|| open(&content, "lammps")).unwrap();
@@ -93,7 +97,7 @@ fn long_lines_are_refused() {
 
 #[test]
 fn broken_streams_are_named() {
-    for (name, whole) in [("gzip", gzip(&dump(3000))), ("bzip2", bzip2(&dump(3000)))] {
+    for (name, whole) in [("gzip", gzip(&dump(3000))), ("bzip2", bzip2(&dump(3000))), ("zstd", zstd(&dump(3000)))] {
         let message = |content: &[u8]| open(content, "lammps").err().map_or("it was read".into(), |e| e.to_string());
         assert!(message(&whole[..whole.len() - 5]).contains(&format!("its {name} stream is cut off after")));
         let mut wrong = whole.clone();
@@ -111,7 +115,8 @@ fn any_bytes_get_an_answer() {
     let extended = "2\nLattice=\"2 0 0 0 3 0 1 0 4\" Properties=species:S:1:pos:R:3 pbc=\"T F T\"\nH 1 2 3\nO 1 2 3\n";
     let table = "# made\nx [kpc],y [kpc],z [kpc],mass\n1,2,3,4\n4,\"5\",6,7\n";
     for (format, text) in [("lammps", tilted), ("xyz", extended), ("csv", table)] {
-        for content in [text.as_bytes().to_vec(), gzip(text.as_bytes()), bzip2(text.as_bytes())] {
+        for content in [text.as_bytes().to_vec(), gzip(text.as_bytes()), bzip2(text.as_bytes()), zstd(text.as_bytes())]
+        {
             for cut in 0..content.len() {
                 let _ = open(&content[..cut], format);
             }

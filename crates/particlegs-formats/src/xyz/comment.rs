@@ -1,5 +1,6 @@
 //! The comment of an extended XYZ frame: `key=value`, values quoted where they hold blanks.
 
+use super::MOST_COLUMNS;
 use crate::Field;
 use crate::text::snapshot::header_number;
 use crate::text::split::{Separator, shown, tokens};
@@ -15,9 +16,6 @@ pub struct Comment {
     /// What a user should know.
     pub notes: Vec<String>,
 }
-
-/// Most columns that `Properties` may name.
-const MOST_COLUMNS: u32 = 1 << 10;
 
 impl Comment {
     /// # Errors
@@ -130,14 +128,14 @@ fn fields(value: &str) -> Result<Vec<Field>, String> {
             "L" => "bool",
             other => return Err(format!("`Properties`: kind {} is none of S, R, I and L", shown(other.as_bytes()))),
         };
-        let components = part[2].parse().ok().filter(|n| (1..=MOST_COLUMNS).contains(n));
+        let components = part[2].parse().ok().filter(|n| (1..=MOST_COLUMNS as u32).contains(n));
         let Some(components) = components else {
             return Err(format!("`Properties`: {} is no number of columns", shown(part[2].as_bytes())));
         };
         all = all.saturating_add(components);
         fields.push(Field { name: part[0].into(), kind: kind.into(), components, unit: None });
     }
-    if all > MOST_COLUMNS {
+    if all > MOST_COLUMNS as u32 {
         return Err(format!("`Properties` names {all} columns, more than {MOST_COLUMNS}"));
     }
     Ok(fields)

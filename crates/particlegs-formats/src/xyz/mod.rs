@@ -4,7 +4,7 @@
 
 mod comment;
 
-use crate::text::content::{Content, Place};
+use crate::text::content::Content;
 use crate::text::frames::{Frame, scan};
 use crate::text::lines::{Lines, without_end};
 use crate::text::parse::Layout;
@@ -39,6 +39,9 @@ fn detect(head: &Head) -> bool {
 fn count_of(line: &[u8]) -> Option<u64> {
     std::str::from_utf8(line.trim_ascii()).ok()?.parse().ok()
 }
+
+/// Most columns that a line may have.
+const MOST_COLUMNS: usize = 1 << 10;
 
 /// What stands before a frame's atoms.
 struct FrameHead {
@@ -92,7 +95,12 @@ fn columns(mut fields: Vec<Field>, table: &Table) -> Columns {
 }
 
 /// Reads the frame that begins at the next line.
-fn frame(content: &Content, lines: &mut Lines<'_>, number: u64, wanted: bool) -> Result<Option<Frame<FrameHead>>> {
+fn frame<'c>(
+    content: &'c Content,
+    lines: &mut Lines<'c>,
+    number: u64,
+    wanted: bool,
+) -> Result<Option<Frame<'c, FrameHead>>> {
     let error = |what: String| Error::input(content.path(), format!("frame {number}{what}"));
     let mut first = lines.line()?.map(<[u8]>::to_vec);
     while first.as_ref().is_some_and(|line| line.trim_ascii().is_empty()) {
@@ -110,38 +118,28 @@ fn frame(content: &Content, lines: &mut Lines<'_>, number: u64, wanted: bool) ->
         None if count == 0 => plain_fields(4),
         None => plain_fields(lines.peek()?.map_or(0, |line| tokens(line, Separator::Blanks).len())),
     };
-    let table = rows(content, lines, count, &fields, wanted).map_err(|e| {
-        e.unwrap_or_else(|found| error(format!(" is cut off: it states {count} atoms, and {found} lines follow")))
-    })?;
-    Ok(Some(Frame { head: FrameHead { comment, fields }, table, step: None }))
+    if fields.len() > MOST_COLUMNS {
+        return Err(error(format!(" has more than {MOST_COLUMNS} columns")));
+    }
+    let mut rows = Builder::new(content, layout(&fields), key_column(&fields), lines.place());
+    let found = lines.pass(count, |place, block| if wanted { rows.add(place, block) } else { Ok(()) })?;
+    if found < count {
+        return Err(error(format!(" is cut off: it states {count} atoms, and {found} lines follow")));
+    }
+    let rows = wanted.then(|| rows.until(lines.place()));
+    Ok(Some(Frame { head: FrameHead { comment, fields }, rows, step: None }))
 }
 
-/// Goes past a frame's atoms; `Err(Err(n))` where there are only n.
-fn rows(
-    content: &Content,
-    lines: &mut Lines<'_>,
-    count: u64,
-    fields: &[Field],
-    wanted: bool,
-) -> std::result::Result<Option<Table>, std::result::Result<Error, u64>> {
+fn layout(fields: &[Field]) -> Layout {
     let name = |f: &Field| (0..f.components).map(|_| f.name.clone()).collect::<Vec<_>>();
-    let columns = fields.iter().flat_map(name).collect();
-    let layout = Layout { separator: Separator::Blanks, columns, comment: None };
-    let species = fields.first().filter(|f| f.kind == "text" && f.components == 1);
-    let key = species.map(|_| 0).or_else(|| key_column(fields));
-    let start: Place = lines.place();
-    let mut builder = Builder::new(content, layout, key, start);
-    let found =
-        lines.pass(count, |place, block| if wanted { builder.add(place, block) } else { Ok(()) }).map_err(Ok)?;
-    if found < count {
-        return Err(Err(found));
-    }
-    let end = lines.place();
-    if wanted { builder.finish(end).map(Some).map_err(Ok) } else { Ok(None) }
+    Layout { separator: Separator::Blanks, columns: fields.iter().flat_map(name).collect(), comment: None }
 }
 
 /// The column of symbols or atomic numbers, wherever it stands.
 fn key_column(fields: &[Field]) -> Option<usize> {
+    if fields.first().is_some_and(|f| f.kind == "text" && f.components == 1) {
+        return Some(0);
+    }
     let names = ["species", "element", "symbol", "Z", "type"];
     let index = names.iter().find_map(|n| fields.iter().position(|f| f.name == *n && f.components == 1))?;
     Some(fields[..index].iter().map(|f| f.components as usize).sum())
