@@ -6,7 +6,7 @@ use std::io::Read;
 
 /// Longest block that is decompressed at once. Writers use some kilobytes to some megabytes; a
 /// longer one comes from a damaged file or would not fit the memory that a reader may take.
-pub const MOST_BYTES: usize = 32 << 20;
+pub const MOST_BYTES: usize = 16 << 20;
 
 /// `length` zero bytes, where that is no more than [`MOST_BYTES`].
 fn space(length: usize) -> Result<Vec<u8>, String> {

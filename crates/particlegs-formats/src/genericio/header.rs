@@ -61,6 +61,8 @@ pub struct File {
     pub scale: [f64; 3],
     /// First byte and size of the headers of blocks, where there are some.
     blocks: Option<(u64, u64)>,
+    /// Bytes a particle of the variables before each.
+    before: Vec<u64>,
 }
 
 /// Byte order by the first bytes.
@@ -71,6 +73,10 @@ pub fn signature(bytes: &[u8]) -> Option<bool> {
         _ => None,
     }
 }
+
+/// More than files have: beyond, their tables would fill the memory.
+const MOST_VARIABLES: u64 = 1024;
+const MOST_RANKS: u64 = 1 << 21;
 
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
@@ -109,8 +115,12 @@ impl File {
         if total != Some(field(16)?) {
             return Err(header.fault("the ranks' counts do not add up to the number of elements"));
         }
-        drop(header);
-        Ok(File { path: path.into(), bytes, big_endian, variables, ranks, origin, scale, blocks })
+        let mut before = vec![0u64];
+        for variable in &variables {
+            let bytes = before[before.len() - 1].checked_add(variable.size);
+            before.push(bytes.ok_or_else(|| header.fault("the sizes of its variables"))?);
+        }
+        Ok(File { path: path.into(), bytes, big_endian, variables, ranks, origin, scale, blocks, before })
     }
 
     /// Index of the variable of a name.
@@ -123,15 +133,14 @@ impl File {
     /// # Errors
     /// [`Error::Input`] where it ends beyond the file, or is stored in a way that is not known.
     pub fn column(&self, rank: usize, variable: usize) -> Result<Column> {
-        let count = self.ranks[rank].count;
-        let length = |v: &Variable| count.checked_mul(v.size);
+        let Rank { count, start } = self.ranks[rank];
+        let length = count.checked_mul(self.variables[variable].size);
         let column = match self.blocks {
             None => {
-                let before = self.variables[..variable].iter().try_fold(self.ranks[rank].start, |at, v| {
-                    length(v).and_then(|l| at.checked_add(l)).and_then(|at| at.checked_add(CRC))
-                });
-                let size = length(&self.variables[variable]);
-                before.zip(size).map(|(start, size)| Column { start, size, blosc: false })
+                let skipped = count.checked_mul(self.before[variable]);
+                let start =
+                    skipped.and_then(|n| n.checked_add(CRC * variable as u64)).and_then(|n| n.checked_add(start));
+                start.zip(length).map(|(start, size)| Column { start, size, blosc: false })
             }
             Some((start, size)) => {
                 let index = (rank * self.variables.len() + variable) as u64;
@@ -139,12 +148,25 @@ impl File {
             }
         };
         let end = |c: &Column| c.start.checked_add(c.size).and_then(|e| e.checked_add(CRC));
-        let whole = |c: &Column| c.blosc || length(&self.variables[variable]) == Some(c.size);
+        let whole = |c: &Column| c.blosc || length == Some(c.size);
         column.filter(|c| end(c).is_some_and(|e| e <= self.bytes.len() as u64) && whole(c)).ok_or_else(|| {
             let name = &self.variables[variable].name;
             let what = format!("variable {name} of rank {rank} ends beyond the file's {} bytes", self.bytes.len());
             Error::input_hint(&self.path, what, HINT)
         })
+    }
+
+    /// Whether every column lies within the file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first that does not.
+    pub fn check(&self) -> Result<()> {
+        for rank in 0..self.ranks.len() {
+            // Without headers of blocks, columns follow each other: the last ends last.
+            let first = if self.blocks.is_some() { 0 } else { self.variables.len().saturating_sub(1) };
+            (first..self.variables.len()).try_for_each(|v| self.column(rank, v).map(drop))?;
+        }
+        Ok(())
     }
 
     /// From the header of a block, within the header.
@@ -217,6 +239,14 @@ impl Header<'_> {
 
     /// A table of `count` entries of `size` bytes, each at least `least`, within the header.
     fn table(&self, what: &str, start: u64, size: u64, least: u64, count: u64) -> Result<()> {
+        let most = match what {
+            "variables" => MOST_VARIABLES,
+            "ranks" => MOST_RANKS,
+            _ => u64::MAX,
+        };
+        if count > most {
+            return Err(self.fault(&format!("{count} {what} are more than {most}")));
+        }
         let end = count.checked_mul(size).and_then(|n| n.checked_add(start));
         if size < least || end.is_none_or(|e| e > self.bytes.len() as u64) {
             return Err(self.fault(&format!("its {count} {what} do not lie in it")));

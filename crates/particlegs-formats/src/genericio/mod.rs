@@ -8,17 +8,17 @@ mod blosclz;
 #[cfg(test)]
 mod chunks;
 mod header;
-mod rank;
+mod ranks;
 mod split;
 
 use crate::axes::axes;
-use crate::cache::{ChunkCache, DEFAULT_BYTES};
+use crate::cache::DEFAULT_BYTES;
 use crate::pieces::{Piece, PieceReader};
 use crate::{Description, Field, Fields, Format, Mass, Snapshot, Species};
 use header::File;
 use particlegs::particles::{Cell, SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
-use rank::RankPiece;
+use ranks::Ranks;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ pub const FORMAT: Format = Format {
 };
 
 struct GenericIo {
-    files: Vec<File>,
+    files: Vec<Arc<File>>,
     description: Description,
 }
 
@@ -39,7 +39,7 @@ impl GenericIo {
     fn open(paths: &[PathBuf]) -> Result<GenericIo> {
         let files = split::open(paths)?;
         let description = describe(&paths[0], &files)?;
-        Ok(GenericIo { files, description })
+        Ok(GenericIo { files: files.into_iter().map(Arc::new).collect(), description })
     }
 }
 
@@ -50,12 +50,8 @@ fn describe(path: &Path, files: &[File]) -> Result<Description> {
     if count == 0 {
         return Err(Error::input(path, "no particles"));
     }
-    for file in files {
-        // What is cut short is said before anything is read.
-        for rank in 0..file.ranks.len() {
-            (0..file.variables.len()).try_for_each(|v| file.column(rank, v).map(drop))?;
-        }
-    }
+    // What is cut short is said before anything is read.
+    files.iter().try_for_each(|f| f.check())?;
     let ranks: usize = files.iter().map(|f| f.ranks.len()).sum();
     let compressed = (0..first.ranks.len().min(1))
         .any(|r| (0..first.variables.len()).any(|v| first.column(r, v).is_ok_and(|c| c.blosc)));
@@ -106,8 +102,6 @@ impl Snapshot for GenericIo {
         let axes = axes(&place, species, fields)?;
         let weight = species.weight_field(&place, &fields.weights)?;
         let names: Vec<&str> = axes.iter().map(|a| &a.field[..]).chain(weight.as_deref()).collect();
-        let cache = Arc::new(ChunkCache::new(DEFAULT_BYTES));
-        let mut key = 0;
         let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
         for file in &self.files {
             let variable = |name: &&str| {
@@ -115,11 +109,11 @@ impl Snapshot for GenericIo {
                 file.variable(name).ok_or_else(missing)
             };
             let variables: Vec<usize> = names.iter().map(variable).collect::<Result<_>>()?;
-            for rank in (0..file.ranks.len()).filter(|&r| file.ranks[r].count > 0) {
-                pieces.push(Box::new(RankPiece::new(file, rank, &variables, &cache, &mut key)?));
-            }
+            pieces.push(Box::new(Ranks::new(file.clone(), &variables, DEFAULT_BYTES / self.files.len())?));
         }
-        if let [one] = &pieces[..] {
+        if let ([one], [file]) = (&pieces[..], &self.files[..])
+            && file.ranks.iter().filter(|r| r.count > 0).count() == 1
+        {
             // One rank can be used where it lies, past `read`: what is wrong must be said here.
             one.read(0..1, &mut crate::pieces::Rows::default())?;
         }

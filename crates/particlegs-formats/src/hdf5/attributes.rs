@@ -32,11 +32,6 @@ impl Attributes {
         self.get(name).is_some()
     }
 
-    /// No attributes?
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
     /// The numbers of the attribute `name`.
     pub fn numbers(&self, name: &str) -> Option<&[f64]> {
         match self.get(name)? {

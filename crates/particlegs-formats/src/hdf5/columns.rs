@@ -143,6 +143,7 @@ impl Piece for Columns {
 
 impl Columns {
     fn read_chunks(&self, part: &Part, chunks: &Chunks, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+        let mut scratch = Vec::new();
         for down in rows.start / chunks.rows..rows.end.div_ceil(chunks.rows) {
             let begin = down * chunks.rows;
             let end = self.rows.min(begin + chunks.rows);
@@ -150,14 +151,25 @@ impl Columns {
             let whole = inside.end - inside.start == end - begin;
             for side in 0..chunks.across {
                 let here = |w: &&Want| w.component / chunks.columns == side;
-                if part.wants.iter().any(|w| here(&w)) {
-                    self.with_chunk(part, chunks, down * chunks.across + side, whole, |bytes, offset| {
-                        for want in part.wants.iter().filter(here) {
-                            let lane = lane(&part.table, offset, chunks.columns, want.component % chunks.columns);
-                            lane.append(bytes, inside.clone(), column(out, want.target));
-                        }
-                    })?;
+                if !part.wants.iter().any(|w| here(&w)) {
+                    continue;
                 }
+                let index = down * chunks.across + side;
+                let shuffled = chunks.pipeline.leaves_shuffled(chunks.places[index as usize].mask);
+                self.with_chunk(part, chunks, index, whole, |bytes, offset| {
+                    // Rows that are put together first begin at 0.
+                    let (bytes, rows) = if shuffled {
+                        let numbers = [inside.start, inside.end].map(|r| (r * chunks.columns) as usize);
+                        chunks.pipeline.numbers(bytes, numbers[0]..numbers[1], &mut scratch);
+                        (&scratch[..], 0..inside.end - inside.start)
+                    } else {
+                        (bytes, inside.clone())
+                    };
+                    for want in part.wants.iter().filter(here) {
+                        let lane = lane(&part.table, offset, chunks.columns, want.component % chunks.columns);
+                        lane.append(bytes, rows.clone(), column(out, want.target));
+                    }
+                })?;
             }
         }
         Ok(())

@@ -62,8 +62,8 @@ impl DataSet {
 pub struct Members {
     /// Readable ones.
     pub sets: Vec<DataSet>,
-    /// The rest: name and reason.
-    pub unreadable: Vec<(String, String)>,
+    /// The rest: name and error.
+    pub unreadable: Vec<(String, Error)>,
 }
 
 /// Bytes that the library reads from.
@@ -167,7 +167,10 @@ impl Container {
         for name in names {
             match group.dataset(&name) {
                 Ok(set) => members.sets.push(describe(&name, &set)),
-                Err(e) => members.unreadable.push((name, line(&e))),
+                Err(e) => {
+                    let error = broken(&format!("{place}/{name}"), &e);
+                    members.unreadable.push((name, error));
+                }
             }
         }
         Ok(members)

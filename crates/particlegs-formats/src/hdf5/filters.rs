@@ -7,6 +7,7 @@ use hdf5_reader::filters::{FILTER_DEFLATE, FILTER_FLETCHER32, FILTER_SHUFFLE, ap
 use hdf5_reader::messages::filter_pipeline::FilterDescription;
 use particlegs::{Error, Result};
 use std::borrow::Cow;
+use std::ops::Range;
 
 /// One step.
 enum Stage {
@@ -69,7 +70,8 @@ impl Pipeline {
         (0..self.stages.len()).all(|i| skipped(mask, i))
     }
 
-    /// Undoes it: `stored` must become `length` bytes.
+    /// Undoes it but for a shuffle that was the first step: `stored` must become `length` bytes.
+    /// [`Pipeline::numbers`] puts shuffled numbers together where they are used, by few, in the processor's cache.
     ///
     /// # Errors
     /// What contradicts that, in words.
@@ -77,8 +79,9 @@ impl Pipeline {
         // What a compressor may have added to `length` bytes before another came.
         let limit = length + length / 64 + 1024;
         let mut bytes = Cow::Borrowed(stored);
+        let last = self.first(mask).filter(|_| self.leaves_shuffled(mask));
         for (i, stage) in self.stages.iter().enumerate().rev() {
-            if skipped(mask, i) {
+            if skipped(mask, i) || Some(i) == last {
                 continue;
             }
             bytes = match stage {
@@ -94,6 +97,21 @@ impl Pipeline {
             };
         }
         if bytes.len() == length { Ok(bytes) } else { Err(format!("{} bytes instead of {length}", bytes.len())) }
+    }
+
+    /// The first step that was taken.
+    fn first(&self, mask: u32) -> Option<usize> {
+        (0..self.stages.len()).find(|&i| !skipped(mask, i))
+    }
+
+    /// Is the last step to undo a shuffle that [`Pipeline::undo`] leaves?
+    pub fn leaves_shuffled(&self, mask: u32) -> bool {
+        self.first(mask).is_some_and(|i| matches!(self.stages[i], Stage::Shuffle))
+    }
+
+    /// Numbers `range` of a chunk that is left shuffled, their bytes together.
+    pub fn numbers(&self, shuffled: &[u8], range: Range<usize>, out: &mut Vec<u8>) {
+        gather(shuffled, self.element, range, out);
     }
 }
 
@@ -132,29 +150,33 @@ fn checked(mut bytes: Cow<'_, [u8]>) -> std::result::Result<Cow<'_, [u8]>, Strin
     Ok(bytes)
 }
 
-/// Puts the bytes of each number together again; what is left over at the end was not moved.
+/// Puts the bytes of all numbers together; what is left over at the end was not moved.
 fn unshuffle(bytes: &[u8], size: usize) -> Vec<u8> {
-    let mut out = vec![0u8; bytes.len()];
-    match size {
-        4 => interleave::<4>(bytes, &mut out),
-        8 => interleave::<8>(bytes, &mut out),
-        _ => {
-            let count = bytes.len() / size;
-            for k in 0..size {
-                for (i, &b) in bytes[k * count..(k + 1) * count].iter().enumerate() {
-                    out[i * size + k] = b;
-                }
-            }
-        }
-    }
-    let moved = bytes.len() / size * size;
-    out[moved..].copy_from_slice(&bytes[moved..]);
+    let count = bytes.len() / size;
+    let mut out = Vec::with_capacity(bytes.len());
+    gather(bytes, size, 0..count, &mut out);
+    out.extend_from_slice(&bytes[count * size..]);
     out
 }
 
-fn interleave<const SIZE: usize>(bytes: &[u8], out: &mut [u8]) {
-    let count = bytes.len() / SIZE;
-    let planes: [&[u8]; SIZE] = std::array::from_fn(|k| &bytes[k * count..(k + 1) * count]);
+/// Numbers `range` of shuffled ones of `size` bytes, their bytes together.
+fn gather(shuffled: &[u8], size: usize, range: Range<usize>, out: &mut Vec<u8>) {
+    let count = shuffled.len() / size;
+    let plane = |k: usize| &shuffled[k * count..][range.clone()];
+    out.resize(range.len() * size, 0);
+    match size {
+        4 => interleave::<4>(plane, out),
+        8 => interleave::<8>(plane, out),
+        _ => (0..size).for_each(|k| {
+            for (number, &byte) in out.chunks_exact_mut(size).zip(plane(k)) {
+                number[k] = byte;
+            }
+        }),
+    }
+}
+
+fn interleave<'a, const SIZE: usize>(plane: impl Fn(usize) -> &'a [u8], out: &mut [u8]) {
+    let planes: [&[u8]; SIZE] = std::array::from_fn(plane);
     for (i, number) in out.chunks_exact_mut(SIZE).enumerate() {
         for k in 0..SIZE {
             number[k] = planes[k][i];

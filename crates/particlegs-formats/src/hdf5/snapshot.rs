@@ -135,8 +135,8 @@ impl Builder {
         let members = container.members(&group)?;
         let positions = POSITIONS.iter().find_map(|n| members.sets.iter().find(|s| s.name == *n));
         let Some(positions) = positions else {
-            if let Some((name, why)) = members.unreadable.iter().find(|u| POSITIONS.contains(&&u.0[..])) {
-                return Err(Error::input(format!("{place}/{name}"), format!("it cannot be read: {why}")));
+            if let Some((_, error)) = members.unreadable.into_iter().find(|u| POSITIONS.contains(&&u.0[..])) {
+                return Err(error);
             }
             self.note(format!("{group} has no positions (no data set {}): left out", POSITIONS[0]));
             return Ok(0);
@@ -154,8 +154,8 @@ impl Builder {
         }
         if rows > 0 && self.found[kind].is_none() {
             let positions = positions.name.clone();
-            for (name, why) in members.unreadable {
-                self.note(format!("{group}/{name} is not read: {why}"));
+            for (_, error) in members.unreadable {
+                self.note(format!("not read: {error}"));
             }
             self.found[kind] = Some(Found { group, positions, sets: members.sets, aliases });
         }

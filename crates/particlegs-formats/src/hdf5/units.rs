@@ -78,13 +78,16 @@ pub fn unit(
         }
     };
     let name = match quantity {
-        Quantity::Length => length_name(cgs),
-        Quantity::Mass => mass_name(cgs),
+        Quantity::Length => length_name,
+        Quantity::Mass => mass_name,
     };
-    let text = match power {
-        0.0 => name,
-        -1.0 => format!("{name}/h"),
-        p => format!("{name} h^{p}"),
+    // GIZMO writes its unit with h in it: 4.4e21 cm is kpc/h where h is 0.7.
+    let without = hubble.filter(|_| power == 0.0 && name(cgs).1).map(|h| name(cgs * h)).filter(|n| !n.1);
+    let text = match (without, power) {
+        (Some((name, _)), _) => format!("{name}/h"),
+        (None, 0.0) => name(cgs).0,
+        (None, -1.0) => format!("{}/h", name(cgs).0),
+        (None, p) => format!("{} h^{p}", name(cgs).0),
     };
     Unit { text: Some(text), comoving }
 }
@@ -117,28 +120,31 @@ fn h_power(own: &Attributes, groups: &Groups) -> Option<f64> {
     // Paicos keeps units as formulas: `arepo_length small_a / small_h`.
     let formula = own.text(&["unit"]).filter(|t| t.starts_with("arepo_"));
     let formula = formula.map(|t| if t.split('/').skip(1).any(|d| d.trim() == "small_h") { -1.0 } else { 0.0 });
-    // SWIFT has no h in any unit.
-    let swift = (!groups.units.is_empty() && groups.units.has("Unit length in cgs (U_L)")).then_some(0.0);
-    stated.filter(|p| p.is_finite()).or(formula).or(swift)
+    // SWIFT has no h in any unit; GIZMO's names in capitals are for units that contain it.
+    let swift = groups.units.has("Unit length in cgs (U_L)");
+    let gizmo = groups.header.has("UnitLength_In_CGS") || groups.parameters.has("UnitLength_In_CGS");
+    stated.filter(|p| p.is_finite()).or(formula).or((swift || gizmo).then_some(0.0))
 }
 
-fn length_name(cm: f64) -> String {
+/// A length's name, and whether it has none but a number.
+fn length_name(cm: f64) -> (String, bool) {
     match LENGTHS.iter().find(|l| (cm / l.1 - 1.0).abs() < TOLERANCE) {
-        Some(l) => l.0.to_string(),
-        None => format!("{} cm", number(cm)),
+        Some(l) => (l.0.to_string(), false),
+        None => (format!("{} cm", number(cm)), true),
     }
 }
 
-fn mass_name(grams: f64) -> String {
+/// A mass's name, and whether it has none but a number.
+fn mass_name(grams: f64) -> (String, bool) {
     let suns = grams / SUN;
     let power = suns.log10().round();
     if (suns / 10f64.powf(power) - 1.0).abs() < TOLERANCE && (-6.0..=20.0).contains(&power) {
-        return if power == 0.0 { "Msun".into() } else { format!("1e{power} Msun") };
+        return (if power == 0.0 { "Msun".into() } else { format!("1e{power} Msun") }, false);
     }
     match grams {
-        1.0 => "g".into(),
-        1e3 => "kg".into(),
-        _ => format!("{} g", number(grams)),
+        1.0 => ("g".into(), false),
+        1e3 => ("kg".into(), false),
+        _ => (format!("{} g", number(grams)), true),
     }
 }
 
@@ -197,18 +203,22 @@ mod tests {
         assert_eq!(of(&[], &kpc, Some(false), Some(1.0)).text.as_deref(), Some("kpc"));
         assert_eq!(of(&[], &kpc, Some(false), Some(0.7)).text, None);
         assert_eq!(of(&[], &[], Some(true), Some(0.7)), Unit { text: None, comoving: Some(true) });
-        assert_eq!(length_name(1.496e13), "AU");
-        assert_eq!(length_name(3.2e21), "3.2e21 cm");
-        assert_eq!(mass_name(1.989e43), "1e10 Msun");
-        assert_eq!(mass_name(1.989e33), "Msun");
-        assert_eq!(mass_name(5e40), "5e40 g");
+        assert_eq!(length_name(1.496e13).0, "AU");
+        assert_eq!(length_name(3.2e21), ("3.2e21 cm".into(), true));
+        assert_eq!(mass_name(1.989e43).0, "1e10 Msun");
+        assert_eq!(mass_name(1.989e33).0, "Msun");
+        assert_eq!(mass_name(5e40).0, "5e40 g");
+        let gizmo = |cm, h| of(&[], &[("UnitLength_In_CGS", cm)], Some(true), Some(h)).text.unwrap();
+        assert_eq!(gizmo(3.085678e21 / 0.7, 0.7), "kpc/h");
+        assert_eq!(gizmo(3.085678e21, 0.7), "kpc");
+        assert_eq!(gizmo(3.2e21, 0.7), "3.2e21 cm");
     }
 
     #[test]
     fn texts_are_read_back() {
         for text in ["kpc/h", "Mpc", "3.2e21 cm/h", "AU"] {
             let (cm, power) = parse(text, Quantity::Length).unwrap();
-            let name = length_name(cm);
+            let name = length_name(cm).0;
             assert_eq!(if power == 0.0 { name } else { format!("{name}/h") }, text);
         }
         assert_eq!(parse("1e10 Msun/h", Quantity::Mass), Some((1e10 * SUN, -1.0)));

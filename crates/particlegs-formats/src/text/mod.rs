@@ -8,6 +8,7 @@
 pub mod content;
 pub mod frames;
 pub mod lines;
+mod number;
 pub mod parse;
 pub mod reader;
 pub mod snapshot;

@@ -1,7 +1,8 @@
 //! Rows of numbers, parsed line by line.
 
-use super::lines::of_block;
-use super::split::{Separator, is_blank, leading_number, number, shown, tokens};
+use super::lines::without_end;
+use super::number::number_at;
+use super::split::{Separator, is_blank, number, shown, tokens};
 
 /// How the lines of a table are taken apart.
 #[derive(Clone, Debug)]
@@ -15,15 +16,20 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Does `line` hold a row?
-    pub fn is_row(&self, line: &[u8]) -> bool {
+    /// Does the line at the beginning of `text` hold a row?
+    #[inline]
+    pub fn is_row(&self, text: &[u8]) -> bool {
         match self.comment {
             None => true,
-            Some(comment) => line.iter().find(|b| !is_blank(**b)).is_some_and(|&b| b != comment),
+            Some(comment) => {
+                let first = text.iter().find(|b| !is_blank(**b) && **b != b'\r');
+                first.is_some_and(|&b| b != comment && b != b'\n')
+            }
         }
     }
 
     /// The value in `column`, where the line goes so far.
+    #[inline]
     pub fn value<'a>(&self, line: &'a [u8], column: usize) -> Option<&'a [u8]> {
         if self.separator != Separator::Blanks {
             return tokens(line, self.separator).get(column).copied();
@@ -38,18 +44,33 @@ impl Layout {
     }
 }
 
-fn past_blanks(line: &[u8], mut at: usize) -> usize {
-    while at < line.len() && is_blank(line[at]) {
+#[inline(always)]
+fn past_blanks(text: &[u8], mut at: usize) -> usize {
+    while at < text.len() && is_blank(text[at]) {
         at += 1;
     }
     at
 }
 
-fn past_token(line: &[u8], mut at: usize) -> usize {
-    while at < line.len() && !is_blank(line[at]) {
+/// Past the bytes of a token: line ends and other control characters end it, as blanks do.
+#[inline(always)]
+fn past_token(text: &[u8], mut at: usize) -> usize {
+    while at < text.len() && text[at] > b' ' {
         at += 1;
     }
     at
+}
+
+/// The first line of a text without its end, and how many bytes it takes.
+#[inline]
+fn first_line(text: &[u8]) -> (&[u8], usize) {
+    let length = line_length(text);
+    (without_end(&text[..length]), length)
+}
+
+#[inline]
+fn line_length(text: &[u8]) -> usize {
+    memchr::memchr(b'\n', text).map_or(text.len(), |n| n + 1)
 }
 
 /// A cell about which positions are stated in units of its vectors.
@@ -74,7 +95,8 @@ pub struct Plan {
     /// The columns read, ascending, each once.
     wanted: Vec<usize>,
     /// Which of them are x, y, z and the weight.
-    slots: Vec<usize>,
+    slots: [usize; 4],
+    weighted: bool,
     /// Positions in units of a cell.
     scaling: Option<Scaling>,
     /// Only rows whose value in this column is this one.
@@ -95,8 +117,11 @@ impl Plan {
         let mut wanted = all.clone();
         wanted.sort_unstable();
         wanted.dedup();
-        let slots = all.iter().filter_map(|c| wanted.binary_search(c).ok()).collect();
-        Plan { wanted, slots, scaling, key, origin: [0.0; 3] }
+        let mut slots = [0; 4];
+        for (slot, column) in slots.iter_mut().zip(&all) {
+            *slot = wanted.binary_search(column).unwrap_or(0);
+        }
+        Plan { wanted, slots, weighted: weight.is_some(), scaling, key, origin: [0.0; 3] }
     }
 
     /// The same about `origin`.
@@ -118,8 +143,14 @@ impl Plan {
 
     /// Are there weights?
     pub fn has_weights(&self) -> bool {
-        self.slots.len() > 3
+        self.weighted
     }
+}
+
+/// Equal bytes? Keys are a byte or two: a call to compare them would cost more than they do.
+#[inline(always)]
+pub fn same(a: &[u8], b: &[u8]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b)
 }
 
 /// Columns of particles: x, y, z about an origin, weights.
@@ -153,116 +184,124 @@ impl Parser<'_> {
     /// # Errors
     /// The first line that is no row of this table.
     pub fn block(&mut self, block: &[u8], line: u64, out: &mut Columns) -> Result<(usize, u64), Fault> {
-        let (mut bytes, mut lines) = (0, 0);
-        for (text, length) in of_block(block) {
-            if self.room == 0 {
-                break;
-            }
+        let (mut at, mut lines) = (0, 0);
+        while at < block.len() && self.room > 0 {
+            let text = &block[at..];
+            let mut length = None;
             if self.layout.is_row(text) && self.is_chosen(text) {
                 if self.skip > 0 {
                     self.skip -= 1;
                 } else {
-                    self.row(text, out).ok_or_else(|| self.fault(text, line + lines))?;
+                    length = self.row(text, out);
+                    if length.is_none() {
+                        return Err(self.fault(first_line(text).0, line + lines));
+                    }
                     self.room -= 1;
                 }
             }
-            bytes += length;
+            at += length.unwrap_or_else(|| line_length(text));
             lines += 1;
         }
-        Ok((bytes, lines))
+        Ok((at, lines))
     }
 
-    fn is_chosen(&self, line: &[u8]) -> bool {
+    #[inline(always)]
+    fn is_chosen(&self, text: &[u8]) -> bool {
         match &self.plan.key {
             None => true,
-            Some((column, key)) => self.layout.value(line, *column) == Some(key),
+            Some((column, key)) => self.layout.value(text, *column).is_some_and(|value| same(value, key)),
         }
     }
 
-    #[inline]
-    fn row(&self, line: &[u8], out: &mut Columns) -> Option<()> {
-        let values = match self.layout.separator {
-            Separator::Blanks => self.blanks(line),
-            Separator::Byte(byte) => self.bytes(line, byte),
+    /// Reads the row at the beginning of `text`; how many bytes its line takes.
+    #[inline(always)]
+    fn row(&self, text: &[u8], out: &mut Columns) -> Option<usize> {
+        let mut values = [0.0; 4];
+        let length = match self.layout.separator {
+            Separator::Blanks => self.blanks(text, &mut values),
+            Separator::Byte(byte) => self.bytes(text, byte, &mut values),
         };
-        let values = values.or_else(|| self.slowly(line))?;
+        let length = length.or_else(|| self.slowly(text, &mut values))?;
         let slots = &self.plan.slots;
-        let mut position = [values[slots[0]], values[slots[1]], values[slots[2]]];
+        let mut position = [values[slots[0] & 3], values[slots[1] & 3], values[slots[2] & 3]];
         if let Some(scaling) = &self.plan.scaling {
             position = scaling.place(position);
         }
         for k in 0..3 {
             out[k].push((position[k] - self.plan.origin[k]) as f32);
         }
-        if let Some(&slot) = slots.get(3) {
-            out[3].push(values[slot] as f32);
+        if self.plan.weighted {
+            out[3].push(values[slots[3] & 3] as f32);
         }
-        Some(())
+        Some(length)
     }
 
-    /// The wanted values of a line of values between blanks, where all is as it should be.
-    #[inline]
-    fn blanks(&self, line: &[u8]) -> Option<[f64; 4]> {
-        let mut values = [0.0; 4];
+    /// The wanted values of a line of values between blanks, where all is as it should be. The line's
+    /// end is found on the way.
+    #[inline(always)]
+    fn blanks(&self, text: &[u8], values: &mut [f64; 4]) -> Option<usize> {
         let (mut at, mut column) = (0, 0);
         for (value, &want) in values.iter_mut().zip(&self.plan.wanted) {
             while column < want {
-                at = past_token(line, past_blanks(line, at));
+                at = past_token(text, past_blanks(text, at));
                 column += 1;
             }
-            at = past_blanks(line, at);
-            let (read, length) = leading_number(&line[at..])?;
-            at += length;
-            if at < line.len() && !is_blank(line[at]) {
+            at = past_blanks(text, at);
+            *value = number_at(text, &mut at)?;
+            if at < text.len() && text[at] > b' ' {
                 return None;
             }
-            *value = read;
             column += 1;
         }
+        let columns = self.layout.columns.len();
+        let end = past_blanks(text, at);
+        if column == columns && text.get(end) == Some(&b'\n') {
+            return Some(end + 1);
+        }
         // A token begins after each blank that no blank follows.
-        let more = line[at..].windows(2).filter(|w| is_blank(w[0]) & !is_blank(w[1])).count();
-        (column + more == self.layout.columns.len()).then_some(values)
+        let (rest, length) = first_line(&text[at..]);
+        let more = rest.windows(2).filter(|w| is_blank(w[0]) & !is_blank(w[1])).count();
+        (column + more == columns).then_some(at + length)
     }
 
     /// The same for values with one byte between.
-    #[inline]
-    fn bytes(&self, line: &[u8], separator: u8) -> Option<[f64; 4]> {
-        let mut values = [0.0; 4];
+    #[inline(always)]
+    fn bytes(&self, text: &[u8], separator: u8, values: &mut [f64; 4]) -> Option<usize> {
+        let (line, length) = first_line(text);
+        let is_room = |byte: u8| is_blank(byte) && byte != separator;
         let (mut at, mut column) = (0, 0);
         for (value, &want) in values.iter_mut().zip(&self.plan.wanted) {
             while column < want {
                 at += memchr::memchr(separator, &line[at..])? + 1;
                 column += 1;
             }
-            while at < line.len() && is_blank(line[at]) && line[at] != separator {
+            while at < line.len() && is_room(line[at]) {
                 at += 1;
             }
-            let (read, length) = leading_number(&line[at..])?;
-            at += length;
-            while at < line.len() && is_blank(line[at]) && line[at] != separator {
+            *value = number_at(line, &mut at)?;
+            while at < line.len() && is_room(line[at]) {
                 at += 1;
             }
             if at < line.len() && line[at] != separator {
                 return None;
             }
-            *value = read;
         }
         let more = line[at..].iter().filter(|&&b| b == separator).count();
-        (column + 1 + more == self.layout.columns.len()).then_some(values)
+        (column + 1 + more == self.layout.columns.len()).then_some(length)
     }
 
     /// Values that are quoted, or written as Fortran does.
     #[cold]
-    fn slowly(&self, line: &[u8]) -> Option<[f64; 4]> {
+    fn slowly(&self, text: &[u8], values: &mut [f64; 4]) -> Option<usize> {
+        let (line, length) = first_line(text);
         let all = tokens(line, self.layout.separator);
         if all.len() != self.layout.columns.len() {
             return None;
         }
-        let mut values = [0.0; 4];
         for (value, &want) in values.iter_mut().zip(&self.plan.wanted) {
             *value = number(all[want])?;
         }
-        Some(values)
+        Some(length)
     }
 
     /// What is wrong with a line that could not be read.

@@ -59,12 +59,6 @@ fn unquoted(token: &[u8]) -> &[u8] {
     }
 }
 
-/// The number at the beginning of `bytes`, and how many of them it takes.
-#[inline]
-pub fn leading_number(bytes: &[u8]) -> Option<(f64, usize)> {
-    fast_float2::parse_partial::<f64, _>(bytes).ok()
-}
-
 /// The number that `token` is, `nan` and `inf` among them, and Fortran's `1.5D+03`.
 pub fn number(token: &[u8]) -> Option<f64> {
     if let Ok(value) = fast_float2::parse::<f64, _>(token) {

@@ -2,7 +2,7 @@
 
 use super::content::{Content, Place};
 use super::lines::of_block;
-use super::parse::Layout;
+use super::parse::{Layout, same};
 use particlegs::{Error, Result};
 use rayon::prelude::*;
 
@@ -89,8 +89,8 @@ impl Tally {
     }
 
     fn count(&mut self, value: &[u8], rows: u64) {
-        if self.counts.get(self.last).is_none_or(|(v, _)| v != value) {
-            let found = self.counts.iter().position(|(v, _)| v == value);
+        if self.counts.get(self.last).is_none_or(|(v, _)| !same(v, value)) {
+            let found = self.counts.iter().position(|(v, _)| same(v, value));
             self.last = found.unwrap_or(self.counts.len());
             if found.is_none() {
                 if self.counts.len() > MOST_SPECIES {

@@ -50,7 +50,7 @@ pub struct Scanned {
 /// Longest line that is no number.
 const MOST_LINE: usize = 4096;
 /// More arrays than a file has.
-const MOST_ARRAYS: usize = 4096;
+const MOST_ARRAYS: usize = 1024;
 
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
@@ -188,7 +188,7 @@ impl Scan<'_> {
     /// Skips `rows` rows of numbers and tells where they are.
     fn numbers(&mut self, name: &str, rows: u64, components: u32, kind: Kind) -> Result<Data> {
         let at = self.at as u64;
-        let count = rows.checked_mul(u64::from(components)).unwrap_or(u64::MAX);
+        let count = rows.saturating_mul(u64::from(components));
         if self.out.ascii {
             let found = Ascii::find(self.bytes, at, count).map_err(|e| self.fault(format!("{name}: {e}")))?;
             self.at = found.end() as usize;
@@ -291,9 +291,12 @@ impl Scan<'_> {
 
     /// An array of the points, where it is one.
     fn keep(&mut self, name: &str, rows: u64, components: u32, kind: Kind, data: Data) {
+        let taken = self.of == Of::Points && rows == self.out.points && self.out.arrays.len() < MOST_ARRAYS;
+        if !taken {
+            return;
+        }
         let name = decoded(name);
-        let fresh = !self.out.arrays.iter().any(|a| a.name == name);
-        if self.of == Of::Points && rows == self.out.points && fresh && self.out.arrays.len() < MOST_ARRAYS {
+        if !self.out.arrays.iter().any(|a| a.name == name) {
             self.out.arrays.push(Found { name, kind, components, data });
         }
     }

@@ -94,7 +94,7 @@ impl Blocks {
 
     fn decode(&self, bytes: &[u8], index: u64) -> Result<Vec<u8>, String> {
         let range = self.starts[index as usize]..self.starts[index as usize + 1];
-        if range.end - range.start > 2 * codecs::MOST_BYTES as u64 {
+        if range.end - range.start > codecs::MOST_BYTES as u64 * 9 / 8 {
             return Err("a compressed block is larger than what it holds".into());
         }
         let packed = self.data.get(bytes, range)?;
@@ -106,6 +106,16 @@ impl Blocks {
         }
     }
 
+    /// A block, from the cache where it is there.
+    fn kept(&self, bytes: &[u8], index: u64) -> Result<Arc<Vec<u8>>, String> {
+        // The cache speaks the library's errors; their words are what counts here.
+        let decode = || self.decode(bytes, index).map_err(|e| Error::input("", e));
+        self.cache.get(self.key + index, decode).map_err(|e| match e {
+            Error::Input { what, .. } => what,
+            other => other.to_string(),
+        })
+    }
+
     /// Bytes `range` of the array.
     pub fn get(&self, bytes: &[u8], range: Range<u64>) -> Result<Vec<u8>, String> {
         let mut out = Vec::with_capacity((range.end - range.start) as usize);
@@ -115,14 +125,10 @@ impl Blocks {
             if index >= self.count() {
                 return Err("more is asked for than its blocks hold".into());
             }
-            // The cache speaks the library's errors; the words are what is kept of them.
-            let decoded =
-                self.cache.get(self.key + index, || self.decode(bytes, index).map_err(|e| Error::input("", e)));
-            let decoded = decoded.map_err(|e| match e {
-                Error::Input { what, .. } => what,
-                other => other.to_string(),
-            })?;
             let start = index * self.block;
+            let whole = at == start && range.end - start >= self.block;
+            // Neighbouring runs share the blocks at their ends; the others are decoded only once.
+            let decoded = if whole { Arc::new(self.decode(bytes, index)?) } else { self.kept(bytes, index)? };
             let part = decoded.get((at - start) as usize..((range.end - start) as usize).min(decoded.len()));
             let part = part.filter(|p| !p.is_empty()).ok_or("more is asked for than its blocks hold")?;
             out.extend_from_slice(part);

@@ -12,6 +12,7 @@ use std::path::Path;
 /// Limits that no writer comes near: what lies beyond is damage or an attack.
 const MOST_PIECES: usize = 65_536;
 const MOST_ARRAYS: usize = 1 << 18;
+const MOST_ARRAYS_OF_PIECE: usize = 1024;
 const MOST_DEPTH: usize = 32;
 const MOST_NAME: usize = 1024;
 
@@ -214,7 +215,7 @@ impl Walk {
         document.header = match attribute(tag, "header_type")?.as_deref() {
             None | Some("UInt32") => 4,
             Some("UInt64") => 8,
-            Some(other) => return Err(format!("header_type {} is not known", shown(&other))),
+            Some(other) => return Err(format!("header_type {} is not known", shown(other))),
         };
         if let Some(name) = attribute(tag, "compressor")?.filter(|n| !n.is_empty()) {
             let unknown = || format!("compressor {} is not known", shown(&name));
@@ -245,7 +246,13 @@ impl Walk {
             Some(Element::FieldData) => document.fields.push(array),
             Some(inside) => {
                 let piece = document.pieces.last_mut().ok_or("an array outside of any piece")?;
-                if *inside == Element::Points { piece.positions = Some(array) } else { piece.arrays.push(array) }
+                if *inside == Element::Points {
+                    piece.positions = Some(array);
+                } else if piece.arrays.len() < MOST_ARRAYS_OF_PIECE {
+                    piece.arrays.push(array);
+                } else {
+                    return Err(format!("more than {MOST_ARRAYS_OF_PIECE} arrays of a piece"));
+                }
             }
             None => {}
         }
@@ -262,7 +269,7 @@ fn declared(tag: &BytesStart<'_>) -> std::result::Result<(Declared, bool), Strin
         None | Some("ascii") => Place::Ascii(0..0),
         Some("binary") => Place::Inline(0..0),
         Some("appended") => Place::Appended(number(tag, "offset")?.ok_or("an appended array without an offset")?),
-        Some(other) => return Err(format!("format `{}` is not known", shown(&other))),
+        Some(other) => return Err(format!("format `{}` is not known", shown(other))),
     };
     Ok((Declared { name, kind, components, place }, true))
 }

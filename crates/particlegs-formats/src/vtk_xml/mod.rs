@@ -155,7 +155,7 @@ impl Snapshot for VtkXml {
         let weight = species.weight_field(&place, &fields.weights)?;
         let mut columns = axes(&place, species, fields)?.to_vec();
         columns.extend(weight.iter().map(|w| Axis { field: w.clone(), component: 0 }));
-        let cache = Arc::new(ChunkCache::new(DEFAULT_BYTES));
+        let cache = Arc::new(ChunkCache::new(DEFAULT_BYTES / 2));
         let mut key = 0;
         let mut out: Vec<Box<dyn Piece>> = Vec::new();
         for (file, piece) in pieces(&self.files) {
