@@ -115,3 +115,35 @@ fn cells_of_every_shape() {
     assert_eq!(cell(&tilted).unwrap().unwrap().vectors[1], [1.0, 2.0, 0.0]);
     assert!(cell(&[1.0, 2.0]).is_err());
 }
+
+#[test]
+fn large_archives_are_read_by_their_large_fields() {
+    let content = floats("(2, 3)", false, (0..6).map(|v| v as f32));
+    let small = npz(&[("pos.npy", content.clone(), false)]);
+    // The same member behind a table whose numbers stand in the fields of ZIP64.
+    let data = 30 + 7 + content.len();
+    let mut bytes = small[..data].to_vec();
+    let mut entry = small[data..data + 46 + 7].to_vec();
+    entry[20..28].fill(0xff);
+    entry[42..46].fill(0xff);
+    entry[30..32].copy_from_slice(&28u16.to_le_bytes());
+    bytes.extend(entry);
+    bytes.extend([1, 0, 24, 0]);
+    let sizes = [content.len() as u64, content.len() as u64, 0];
+    bytes.extend(sizes.iter().flat_map(|v| v.to_le_bytes()));
+    let large = bytes.len() as u64;
+    bytes.extend(b"PK\x06\x06");
+    bytes.extend(44u64.to_le_bytes());
+    bytes.extend([45, 0, 45, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    let table = [1, 1, large - data as u64, data as u64];
+    bytes.extend(table.iter().flat_map(|v: &u64| v.to_le_bytes()));
+    bytes.extend(b"PK\x06\x07\0\0\0\0");
+    bytes.extend(large.to_le_bytes());
+    bytes.extend([1, 0, 0, 0]);
+    bytes.extend(b"PK\x05\x06");
+    bytes.extend([0, 0, 0, 0, 0xff, 0xff, 0xff, 0xff]);
+    bytes.extend([0xff; 8]);
+    bytes.extend([0, 0]);
+    let snapshot = open_bytes("a.npz", &bytes).unwrap();
+    assert!(is_counted(&read_all(&*snapshot, &Fields::default()).unwrap().0));
+}

@@ -81,7 +81,7 @@ pub fn counted() -> (usize, usize) {
 
 /// Opens a file, optionally with a format and a frame.
 pub fn open(path: &Path, format: Option<&str>, frame: Option<u64>) -> particlegs::Result<Box<dyn Snapshot>> {
-    let options = OpenOptions { format: format.map(String::from), frame, ..OpenOptions::default() };
+    let options = OpenOptions { format: format.map(String::from), frame };
     particlegs_formats::open(&[path.to_path_buf()], &options)
 }
 

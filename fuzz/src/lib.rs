@@ -1,0 +1,33 @@
+//! What the targets of the particle formats share.
+
+use particlegs::particles::RUN;
+use particlegs::progress::Silent;
+use particlegs_formats::{Fields, OpenOptions, open};
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+/// The file that each input is written to; readers map files.
+fn file() -> &'static PathBuf {
+    static FILE: OnceLock<PathBuf> = OnceLock::new();
+    FILE.get_or_init(|| {
+        let memory = PathBuf::from("/dev/shm");
+        let folder = if memory.is_dir() { memory } else { std::env::temp_dir() };
+        folder.join(format!("particlegs-fuzz-{}", std::process::id()))
+    })
+}
+
+/// Any bytes as a file of format `name`: described, and every species read to its end.
+pub fn fuzz_format(name: &str, data: &[u8]) {
+    std::fs::write(file(), data).expect("room for the input");
+    let options = OpenOptions { format: Some(name.into()), ..OpenOptions::default() };
+    let Ok(snapshot) = open(&[file().clone()], &options) else { return };
+    for (index, species) in snapshot.description().species.iter().enumerate() {
+        let Ok(reader) = snapshot.reader(index, &Fields::default()) else { continue };
+        assert_eq!(reader.count(), species.count);
+        let _ = reader.read(0..reader.count().div_ceil(RUN as u64), &Silent, &|run, chunk| {
+            let n = reader.count().min((run + 1) * RUN as u64) - run * RUN as u64;
+            assert!(chunk.position.iter().chain(&chunk.weight).all(|c| c.len() as u64 == n));
+            Ok(())
+        });
+    }
+}
