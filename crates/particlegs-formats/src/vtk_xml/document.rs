@@ -138,7 +138,8 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
             }
             Event::Text(_) => walk.text(bytes, at..reader.buffer_position()),
             Event::DocType(_) | Event::GeneralRef(_) => {
-                return Err(fault("its XML defines or uses entities, which VTK files never do: refused".into()));
+                let what = format!("byte {at}: its XML defines or uses entities, which VTK files never do: refused");
+                return Err(Error::input_hint(path, what, "save it again with VTK or ParaView"));
             }
             Event::Eof => break,
             _ => {}
