@@ -4,6 +4,8 @@
 use super::header::{Element, Encoding, Property};
 use crate::pieces::{Piece, Rows};
 use crate::strided::Bytes;
+use crate::text::number::number_at;
+use crate::text::split::shown;
 use particlegs::{Error, Result};
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -25,6 +27,8 @@ pub struct WalkedRows {
     count: u64,
     /// Properties that are x, y, z and perhaps weights.
     columns: Vec<usize>,
+    /// For each property the columns that it is, a bit each.
+    wanted: Vec<u8>,
     index: OnceLock<InWords<Vec<u64>>>,
 }
 
@@ -53,20 +57,20 @@ impl RowFormat {
     pub fn row(&self, bytes: &[u8], at: u64) -> InWords<Range<u64>> {
         match self.encoding {
             Encoding::Ascii => line(bytes, at),
-            _ => Ok(at..self.binary(bytes, at, &[], &mut [])?),
+            _ => Ok(at..self.binary(bytes, at, &[], &mut [0.0; 4])?),
         }
     }
 
-    /// Values of properties `columns` of the row in `range`.
-    fn values(&self, bytes: &[u8], range: Range<u64>, columns: &[usize], out: &mut [f64]) -> InWords<()> {
+    /// Values of the row in `range`: of each property for the columns that want it.
+    fn values(&self, bytes: &[u8], range: Range<u64>, wanted: &[u8], out: &mut [f64; 4]) -> InWords<()> {
         match self.encoding {
-            Encoding::Ascii => self.text(&bytes[range.start as usize..range.end as usize], columns, out),
-            _ => self.binary(bytes, range.start, columns, out).map(drop),
+            Encoding::Ascii => self.text(&bytes[range.start as usize..range.end as usize], wanted, out),
+            _ => self.binary(bytes, range.start, wanted, out).map(drop),
         }
     }
 
     /// Walks a binary row; gives its end.
-    fn binary(&self, bytes: &[u8], mut at: u64, columns: &[usize], out: &mut [f64]) -> InWords<u64> {
+    fn binary(&self, bytes: &[u8], mut at: u64, wanted: &[u8], out: &mut [f64; 4]) -> InWords<u64> {
         let big = self.encoding == Encoding::Big;
         let number = |at: u64, kind: crate::strided::Kind| {
             let slice = usize::try_from(at).ok().and_then(|at| bytes.get(at..));
@@ -75,8 +79,7 @@ impl RowFormat {
         };
         for (i, property) in self.properties.iter().enumerate() {
             let Some(length) = property.list else {
-                let value = number(at, property.kind)?;
-                columns.iter().zip(&mut *out).filter(|(c, _)| **c == i).for_each(|(_, out)| *out = value);
+                take(wanted.get(i).copied().unwrap_or(0), number(at, property.kind)?, out);
                 at += property.kind.bytes();
                 continue;
             };
@@ -93,30 +96,57 @@ impl RowFormat {
         Ok(at)
     }
 
-    fn text(&self, line: &[u8], columns: &[usize], out: &mut [f64]) -> InWords<()> {
-        let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
-        let number = |word: Option<&[u8]>| {
-            let word = word.ok_or("it has too few values")?;
-            let value = std::str::from_utf8(word).ok().and_then(|w| w.parse::<f64>().ok());
-            value.ok_or_else(|| format!("`{}` is no number", word[..word.len().min(40)].escape_ascii()))
-        };
-        for (i, property) in self.properties.iter().enumerate() {
-            let word = words.next();
+    fn text(&self, line: &[u8], wanted: &[u8], out: &mut [f64; 4]) -> InWords<()> {
+        let mut at = 0;
+        for (property, &wanted) in self.properties.iter().zip(wanted) {
             if property.list.is_some() {
-                let items = number(word)?;
+                let items = value(line, &mut at)?;
                 // A line has fewer items than bytes.
                 for _ in 0..(items.max(0.0) as u64).min(line.len() as u64) {
-                    words.next().ok_or("it has too few values")?;
+                    word(line, &mut at).ok_or(FEW)?;
                 }
-            } else if columns.contains(&i) {
-                let value = number(word)?;
-                columns.iter().zip(&mut *out).filter(|(c, _)| **c == i).for_each(|(_, out)| *out = value);
-            } else if word.is_none() {
-                return Err("it has too few values".into());
+            } else if wanted != 0 {
+                take(wanted, value(line, &mut at)?, out);
+            } else {
+                word(line, &mut at).ok_or(FEW)?;
             }
         }
-        if words.next().is_some() { Err("it has too many values".into()) } else { Ok(()) }
+        if word(line, &mut at).is_some() { Err("it has too many values".into()) } else { Ok(()) }
     }
+}
+
+const FEW: &str = "it has too few values";
+
+/// Gives a value to every column that wants it: bit k for column k.
+fn take(wanted: u8, value: f64, out: &mut [f64; 4]) {
+    (0..4).filter(|k| wanted >> k & 1 == 1).for_each(|k| out[k] = value);
+}
+
+fn pass_blanks(line: &[u8], at: &mut usize) {
+    while line.get(*at).is_some_and(u8::is_ascii_whitespace) {
+        *at += 1;
+    }
+}
+
+/// The next word of a line.
+fn word<'a>(line: &'a [u8], at: &mut usize) -> Option<&'a [u8]> {
+    pass_blanks(line, at);
+    let start = *at;
+    while line.get(*at).is_some_and(|b| !b.is_ascii_whitespace()) {
+        *at += 1;
+    }
+    (*at > start).then(|| &line[start..*at])
+}
+
+/// The next word of a line as a number.
+fn value(line: &[u8], at: &mut usize) -> InWords<f64> {
+    pass_blanks(line, at);
+    let start = *at;
+    let value = number_at(line, at).filter(|_| line.get(*at).is_none_or(u8::is_ascii_whitespace));
+    value.ok_or_else(|| {
+        *at = start;
+        word(line, at).map_or(FEW.into(), |w| format!("{} is no number", shown(w)))
+    })
 }
 
 /// The next line that is not blank, without its end.
@@ -142,7 +172,10 @@ impl WalkedRows {
         count: u64,
         columns: Vec<usize>,
     ) -> Self {
-        WalkedRows { bytes, place: place.into(), format, start, lines_before, count, columns, index: OnceLock::new() }
+        let mut wanted = vec![0; format.properties.len()];
+        columns.iter().enumerate().for_each(|(k, &property)| wanted[property] |= 1 << k);
+        let (place, index) = (place.into(), OnceLock::new());
+        WalkedRows { bytes, place, format, start, lines_before, count, columns, wanted, index }
     }
 
     fn wrong(&self, row: u64, what: &str) -> Error {
@@ -191,7 +224,7 @@ impl Piece for WalkedRows {
             if row < rows.start {
                 continue;
             }
-            let read = self.format.values(&self.bytes, range, &self.columns, &mut values);
+            let read = self.format.values(&self.bytes, range, &self.wanted, &mut values);
             read.map_err(|e| self.wrong(row, &e))?;
             for k in 0..3 {
                 out.position[k].push(values[k]);

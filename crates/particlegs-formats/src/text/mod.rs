@@ -8,7 +8,7 @@
 pub mod content;
 pub mod frames;
 pub mod lines;
-mod number;
+pub(crate) mod number;
 pub mod parse;
 pub mod reader;
 pub mod snapshot;
