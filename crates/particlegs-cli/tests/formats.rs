@@ -144,5 +144,7 @@ fn what_cannot_be_read_is_told_in_one_line() {
     refused(&["convert", &fixture("species.hdf5"), "-o", &out, "--particle-type", "9", "-q"], 3, "PartType1 (1, dm");
     refused(&["convert", &fixture("species.hdf5"), "-o", &out, "--weights", "Age", "-q"], 3, "Age");
     refused(&["convert", &fixture("two_frames.dump.gz"), "-o", &out, "--frame", "7", "-q"], 3, "frame");
+    refused(&["convert", &fixture("species.hdf5"), "-o", &out, "--frame", "0", "-q"], 2, "no frames");
+    refused(&["convert", &sample(), "-o", &out, "--positions", "Coordinates", "-q"], 2, "xx, yy and zz");
     refused(&["info", &at(&dir, "missing.hdf5")], 6, "missing.hdf5");
 }

@@ -36,7 +36,7 @@ pub fn read(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Resu
     let mut particles = match is_raw(paths) && choice.open.format.is_none() {
         true => chosen_of_raw(open_raw(paths)?, choice)?,
         false => {
-            let snapshot = open(&resolved(paths)?, &choice.open)?;
+            let snapshot = opened(paths, choice)?;
             read_species(&*snapshot, choice, progress)?
         }
     };
@@ -72,7 +72,7 @@ pub fn describe(
     if is_raw(paths) && choice.open.format.is_none() {
         return describe_raw(paths, choice);
     }
-    let snapshot = open(&resolved(paths)?, &choice.open)?;
+    let snapshot = opened(paths, choice)?;
     let mut description = snapshot.description().clone();
     let wanted = if bounds { 0..description.species.len() } else { 0..0 };
     let bounds = wanted
@@ -80,6 +80,19 @@ pub fn describe(
         .collect::<Result<Vec<_>>>()?;
     choice.stated.apply(&mut description.meta)?;
     Ok((description, bounds))
+}
+
+/// Opens files of a format; a frame is asked for only where there are frames.
+fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
+    let snapshot = open(&resolved(paths)?, &choice.open)?;
+    if choice.open.frame.is_some() && snapshot.description().frames.is_none() {
+        return Err(no_frames(&snapshot.description().meta.name));
+    }
+    Ok(snapshot)
+}
+
+fn no_frames(name: &str) -> Error {
+    Error::argument(format!("{name} is one snapshot: it has no frames to choose from"))
 }
 
 /// Bounds of what a reader reads, invalid positions apart.
@@ -186,6 +199,12 @@ fn called(s: &Species) -> String {
 
 /// The layers chosen of raw data, and their weights or none.
 fn chosen_of_raw(mut particles: Particles, choice: &Choice) -> Result<Particles> {
+    if choice.open.frame.is_some() {
+        return Err(no_frames(&particles.meta.name));
+    }
+    if let Some(name) = choice.fields.positions.as_deref().filter(|name| *name != "xx,yy,zz") {
+        return Err(Error::argument(format!("raw data have no field `{name}`: positions stand in xx, yy and zz")));
+    }
     match &choice.fields.weights {
         crate::Weights::Auto => {}
         crate::Weights::None => {
