@@ -16,7 +16,6 @@ mod codecs;
 pub mod compressed;
 pub mod laned;
 pub mod pieces;
-mod placed;
 pub mod stored;
 pub mod streamed;
 pub mod strided;

@@ -2,11 +2,11 @@
 
 use super::encode::{self, Attribute, Group, Set, Value};
 use super::units::{self, Quantity};
+use particlegs::output::PlacedFile;
 use particlegs::particles::{Kept, KeptLayer, Run, SnapshotMeta};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use rayon::prelude::*;
-use std::fs::File;
 use std::path::Path;
 
 /// Types in the order in which layers without a number get them: dark matter first, gas last.
@@ -20,15 +20,8 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
     let layers = kept.layers();
     let types = types(&layers, out)?;
     let plan = encode::plan(&groups(kept.meta(), &layers, &types, out)?);
-    let fail = |e| Error::io(out, e);
-    let folder = match out.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
-    let temporary = temporary(folder).map_err(fail)?;
-    let file = temporary.as_file();
-    file.set_len(plan.length).map_err(fail)?;
-    write_at(file, &plan.metadata, 0).map_err(fail)?;
+    let file = PlacedFile::create(out, plan.length)?;
+    file.write_at(&plan.metadata, 0)?;
     progress.begin("write", kept.total());
     (0..kept.runs()).into_par_iter().try_for_each_init(<(Run, Vec<u8>)>::default, |(run, bytes), id| {
         progress.check()?;
@@ -37,39 +30,28 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
         let count = run.columns[0].len() as u64;
         // A run that keeps nothing may belong to a layer that keeps nothing, which has no group.
         if let Some(layer) = layers.get(index).filter(|_| count > 0) {
-            write_run(file, layer, kept.first(id) - layer.range.start, &plan.data[FIRST + index], run, bytes)
-                .map_err(fail)?;
+            write_run(&file, layer, kept.first(id) - layer.range.start, &plan.data[FIRST + index], run, bytes)?;
         }
         progress.advance(count);
         Ok::<_, Error>(())
     })?;
     progress.end();
-    file.sync_all().map_err(fail)?;
-    temporary.persist(out).map_err(|e| fail(e.error))?;
+    file.finish()?;
     Ok(plan.length)
 }
 
 /// Groups before the first layer's.
 const FIRST: usize = 2;
 
-/// A file in `folder` that goes away unless it is moved to its place, as readable as any new file.
-fn temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".particlegs-").suffix(".tmp");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
-}
-
 /// Writes a run's positions and masses at row `row` of its layer's data sets, which begin at `data`.
 fn write_run(
-    file: &File,
+    file: &PlacedFile,
     layer: &KeptLayer,
     row: u64,
     data: &[u64],
     run: &Run,
     bytes: &mut Vec<u8>,
-) -> std::io::Result<()> {
+) -> Result<()> {
     let [x, y, z, w] = &run.columns;
     bytes.resize(12 * x.len(), 0);
     for (i, triple) in bytes.chunks_exact_mut(12).enumerate() {
@@ -77,30 +59,12 @@ fn write_run(
         triple[4..8].copy_from_slice(&y[i].to_le_bytes());
         triple[8..].copy_from_slice(&z[i].to_le_bytes());
     }
-    write_at(file, bytes, data[0] + 12 * row)?;
+    file.write_at(bytes, data[0] + 12 * row)?;
     if let Some(&masses) = data.get(1).filter(|_| layer.weighted) {
         let unit = layer.particle_mass.unwrap_or(1.0);
         bytes.clear();
         bytes.extend(w.iter().flat_map(|&w| ((f64::from(w) * unit) as f32).to_le_bytes()));
-        write_at(file, bytes, masses + 4 * row)?;
-    }
-    Ok(())
-}
-
-#[cfg(unix)]
-fn write_at(file: &File, bytes: &[u8], offset: u64) -> std::io::Result<()> {
-    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
-}
-
-#[cfg(windows)]
-fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> std::io::Result<()> {
-    while !bytes.is_empty() {
-        let n = std::os::windows::fs::FileExt::seek_write(file, bytes, offset)?;
-        if n == 0 {
-            return Err(std::io::ErrorKind::WriteZero.into());
-        }
-        bytes = &bytes[n..];
-        offset += n as u64;
+        file.write_at(bytes, masses + 4 * row)?;
     }
     Ok(())
 }

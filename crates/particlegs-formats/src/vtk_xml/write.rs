@@ -4,7 +4,7 @@
 //! needs no cell, but what it shows at first, surfaces, does. Masses are an array where particles
 //! have weights or layers different masses, layers are numbered by an array where there are several.
 
-use crate::placed::PlacedFile;
+use particlegs::output::PlacedFile;
 use particlegs::particles::{Kept, KeptLayer, Run};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};

@@ -2,6 +2,7 @@
 
 use super::ONE_LAYER;
 use super::select::{Kept, KeptLayer, Run};
+use crate::output::{check_space, write_at};
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Write;
@@ -123,41 +124,6 @@ fn temporary_folder(beside: &Path) -> std::io::Result<tempfile::TempDir> {
         builder.permissions(std::fs::Permissions::from_mode(0o777));
     }
     builder.tempdir_in(beside)
-}
-
-/// Says before the work that the disk is too small, rather than after half of it.
-#[cfg(unix)]
-fn check_space(folder: &Path, bytes: u64) -> std::io::Result<()> {
-    let disk = rustix::fs::statvfs(folder)?;
-    let free = disk.f_bavail.saturating_mul(disk.f_frsize);
-    if free < bytes {
-        let what = format!("the snapshot takes {bytes} bytes and the disk has {free} free");
-        return Err(std::io::Error::new(std::io::ErrorKind::StorageFull, what));
-    }
-    Ok(())
-}
-
-#[cfg(not(unix))]
-fn check_space(_: &Path, _: u64) -> std::io::Result<()> {
-    Ok(())
-}
-
-#[cfg(unix)]
-fn write_at(file: &File, bytes: &[u8], offset: u64) -> std::io::Result<()> {
-    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
-}
-
-#[cfg(windows)]
-fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> std::io::Result<()> {
-    while !bytes.is_empty() {
-        let n = std::os::windows::fs::FileExt::seek_write(file, bytes, offset)?;
-        if n == 0 {
-            return Err(std::io::ErrorKind::WriteZero.into());
-        }
-        bytes = &bytes[n..];
-        offset += n as u64;
-    }
-    Ok(())
 }
 
 /// Header of a little-endian f32 array of shape (count, 3), padded to a multiple of 64 bytes.
