@@ -26,6 +26,7 @@ pub mod fit;
 pub mod reference;
 pub mod render;
 
+pub mod blocks;
 pub mod score;
 
 pub mod compress;

@@ -1,8 +1,9 @@
 //! The reader trait: metadata first, then particles run by run.
 
-use super::{Column, Positions, SnapshotMeta};
+use super::{Column, Particles, Positions, SnapshotMeta};
 use crate::Result;
 use crate::progress::Progress;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Columns that the caller owns and reuses.
@@ -70,5 +71,34 @@ pub trait SnapshotReader: Send + Sync {
     /// All particles where they lie, if they lie so: origin 0, f32 columns or triples.
     fn in_place(&self) -> Option<InPlace> {
         None
+    }
+}
+
+/// Particles in memory are read like any others.
+impl SnapshotReader for Particles {
+    fn meta(&self) -> &SnapshotMeta {
+        &self.meta
+    }
+
+    fn count(&self) -> u64 {
+        self.len() as u64
+    }
+
+    fn has_weights(&self) -> bool {
+        self.weights.is_some()
+    }
+
+    fn origin(&self) -> [f64; 3] {
+        self.origin
+    }
+
+    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+        runs.into_par_iter().try_for_each_init(ChunkBuffer::default, |buffer, run| {
+            progress.check()?;
+            let start = run as usize * RUN;
+            let chunk = self.chunk(start..self.len().min(start + RUN), buffer);
+            progress.advance(chunk.len() as u64);
+            sink(run, chunk)
+        })
     }
 }

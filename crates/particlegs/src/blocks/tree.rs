@@ -1,0 +1,179 @@
+//! Cuts along the longest axis at balanced counts.
+
+use super::Sample;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// A binary tree of cuts: every position belongs to exactly one of its blocks. Cuts are about the
+/// origin of the sample that made it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KdTree {
+    /// The root first; a cut's children come after it.
+    nodes: Vec<Node>,
+    blocks: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Node {
+    /// Positions below `at` on `axis` go to node `below`, the others to `above`.
+    Cut { axis: usize, at: f32, below: u32, above: u32 },
+    /// A block's number.
+    Block(u32),
+}
+
+impl KdTree {
+    /// Cuts a sample into `blocks` parts of balanced counts, each cut along the longest extent of
+    /// what is cut. Particles at one coordinate stay together.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for no blocks, and where the particles stand at fewer places than blocks.
+    pub fn new(sample: &Sample, blocks: u32) -> Result<Self> {
+        let count = sample.position[0].len();
+        if blocks == 0 || blocks as usize > count.max(1) {
+            return Err(Error::argument(format!("{blocks} blocks are outside 1 to {count}, the particles there are")));
+        }
+        let mut tree = KdTree { nodes: Vec::new(), blocks: 0 };
+        let mut order: Vec<u32> = (0..count as u32).collect();
+        tree.grow(sample, &mut order, blocks)?;
+        Ok(tree)
+    }
+
+    /// Adds the nodes of `order`'s particles in `blocks` blocks; gives the first one's number.
+    fn grow(&mut self, sample: &Sample, order: &mut [u32], blocks: u32) -> Result<u32> {
+        let here = self.nodes.len() as u32;
+        self.nodes.push(Node::Block(self.blocks));
+        if blocks == 1 {
+            self.blocks += 1;
+            return Ok(here);
+        }
+        let axis = longest(sample, order);
+        let column = &sample.position[axis];
+        let lower = blocks / 2;
+        let wanted = (order.len() as f64 * f64::from(lower) / f64::from(blocks)).round() as usize;
+        // Equal coordinates stay together, so they are cut before or after the one in the middle.
+        let rank = wanted.clamp(1, order.len() - 1);
+        let (_, &mut middle, _) = order.select_nth_unstable_by(rank, |a, b| by(column, *a, *b));
+        let at = cut(column, order, column[middle as usize]).ok_or_else(|| {
+            Error::argument("the particles stand at fewer places than blocks were asked for: ask for fewer")
+        })?;
+        // Of equal order whatever the sort did: the halves' own order does not matter.
+        order.sort_unstable_by(|a, b| (column[*a as usize] >= at).cmp(&(column[*b as usize] >= at)));
+        let split = order.partition_point(|&i| column[i as usize] < at);
+        let (below, above) = order.split_at_mut(split);
+        if below.len() < lower as usize || above.len() < (blocks - lower) as usize {
+            return Err(Error::argument("too many particles stand at one place for so many blocks: ask for fewer"));
+        }
+        let below = self.grow(sample, below, lower)?;
+        let above = self.grow(sample, above, blocks - lower)?;
+        self.nodes[here as usize] = Node::Cut { axis, at, below, above };
+        Ok(here)
+    }
+
+    /// Number of blocks.
+    pub fn blocks(&self) -> u32 {
+        self.blocks
+    }
+
+    /// The block of a position about the tree's origin.
+    pub fn block_of(&self, position: [f32; 3]) -> u32 {
+        let mut node = 0;
+        loop {
+            match self.nodes[node as usize] {
+                Node::Block(block) => return block,
+                Node::Cut { axis, at, below, above } => node = if position[axis] < at { below } else { above },
+            }
+        }
+    }
+
+    /// Is a tree that was read from a file one that [`KdTree::block_of`] can walk?
+    pub fn is_sound(&self) -> bool {
+        let blocks = self.nodes.iter().filter_map(|n| if let Node::Block(b) = n { Some(*b) } else { None });
+        let children = |(i, n): (usize, &Node)| match n {
+            Node::Block(_) => true,
+            Node::Cut { axis, at, below, above } => {
+                let inside = |c: u32| (c as usize) > i && (c as usize) < self.nodes.len();
+                *axis < 3 && at.is_finite() && inside(*below) && inside(*above)
+            }
+        };
+        self.nodes.iter().enumerate().all(children) && blocks.eq(0..self.blocks) && self.blocks > 0
+    }
+}
+
+fn by(column: &[f32], a: u32, b: u32) -> std::cmp::Ordering {
+    column[a as usize].total_cmp(&column[b as usize])
+}
+
+/// The axis of the largest extent, of equal ones the first.
+fn longest(sample: &Sample, order: &[u32]) -> usize {
+    let extent = [0, 1, 2].map(|k| {
+        let column = order.iter().map(|&i| sample.position[k][i as usize]);
+        let (lo, hi) = column.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+        hi - lo
+    });
+    (1..3).fold(0, |best, k| if extent[k] > extent[best] { k } else { best })
+}
+
+/// `middle` where something lies below it, else the next coordinate above; `None` where all are one.
+fn cut(column: &[f32], order: &[u32], middle: f32) -> Option<f32> {
+    let values = || order.iter().map(|&i| column[i as usize]);
+    if values().any(|v| v < middle) {
+        return Some(middle);
+    }
+    values().filter(|v| *v > middle).min_by(f32::total_cmp)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    fn cloud(n: usize) -> Sample {
+        let mut random = Random::new(3, 7, 0);
+        let mut column = |scale: f32| (0..n).map(|_| random.uniform() as f32 * scale).collect::<Vec<f32>>();
+        Sample { position: [column(1.0), column(4.0), column(2.0)] }
+    }
+
+    fn counts(tree: &KdTree, s: &Sample) -> Vec<usize> {
+        let mut counts = vec![0; tree.blocks() as usize];
+        for i in 0..s.position[0].len() {
+            counts[tree.block_of([0, 1, 2].map(|k| s.position[k][i])) as usize] += 1;
+        }
+        counts
+    }
+
+    #[test]
+    fn any_number_of_blocks_is_balanced() {
+        let s = cloud(10_007);
+        for blocks in [1, 2, 3, 7, 8, 64] {
+            let tree = KdTree::new(&s, blocks).unwrap();
+            assert!(tree.is_sound());
+            let counts = counts(&tree, &s);
+            let fair = 10_007 / blocks as usize;
+            assert!(counts.iter().all(|c| c.abs_diff(fair) <= 3), "{blocks}: {counts:?}");
+        }
+    }
+
+    #[test]
+    fn one_particle_a_block_and_not_more_blocks() {
+        let s = cloud(5);
+        assert_eq!(counts(&KdTree::new(&s, 5).unwrap(), &s), [1; 5]);
+        assert!(KdTree::new(&s, 6).is_err() && KdTree::new(&s, 0).is_err());
+        let one_place = Sample { position: [0, 1, 2].map(|_| vec![1.0; 9]) };
+        assert!(KdTree::new(&one_place, 2).is_err());
+        assert!(KdTree::new(&one_place, 1).is_ok());
+    }
+
+    #[test]
+    fn broken_trees_are_told() {
+        let tree = KdTree::new(&cloud(100), 4).unwrap();
+        let text = serde_json::to_string(&tree).unwrap();
+        assert_eq!(serde_json::from_str::<KdTree>(&text).unwrap(), tree);
+        for (from, to) in
+            [("\"axis\":1", "\"axis\":3"), ("\"below\":1", "\"below\":0"), ("\"blocks\":4", "\"blocks\":5")]
+        {
+            assert!(text.contains(from), "{text}");
+            assert!(!serde_json::from_str::<KdTree>(&text.replacen(from, to, 1)).unwrap().is_sound());
+        }
+    }
+}
