@@ -28,6 +28,26 @@ fn same_bytes_for_any_threads_and_without_simd() {
 }
 
 #[test]
+fn blocks_hold_all_particles_and_draw_the_same() {
+    let dir = tempfile::tempdir().unwrap();
+    let args = |t| vec!["--effort", "fast", "--ratio", "100", "--blocks", "5", "--no-certificate", "--threads", t];
+    let bytes = compress(dir.path(), "b.pgs", &args("2"), true);
+    assert!(bytes == compress(dir.path(), "b1.pgs", &args("1"), true), "threads change the bytes");
+    let target = 262_144 * 12 / 100;
+    assert!(bytes.len() <= target && target - bytes.len() <= 5 * 256, "{} of {target}", bytes.len());
+    let model = particlegs::codec::decode(&bytes, "b.pgs").unwrap();
+    let counts: Vec<u64> = model.blocks().map(|b| b.count).collect();
+    assert_eq!((counts.len(), counts.iter().sum::<u64>()), (5, 262_144));
+    assert!(counts.iter().all(|c| c.abs_diff(262_144 / 5) <= 3), "{counts:?}");
+    for bad in ["0", "262145"] {
+        let out = dir.path().join("bad.pgs");
+        let mut c = particlegs();
+        c.arg("compress").arg(sample()).arg("-o").arg(&out).args(["--blocks", bad, "-q"]).assert().failure().code(2);
+        assert!(!out.exists());
+    }
+}
+
+#[test]
 fn sizes_are_met() {
     let dir = tempfile::tempdir().unwrap();
     let raw = 262_144 * 12;

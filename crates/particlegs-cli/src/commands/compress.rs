@@ -32,6 +32,9 @@ pub struct Arguments {
     /// Time for quality.
     #[arg(long, value_enum, default_value_t = EffortArg::Default)]
     effort: EffortArg,
+    /// Divide the particles into K blocks of balanced counts, each fitted on its own.
+    #[arg(long, value_name = "K", default_value_t = 1)]
+    blocks: u32,
     /// Default particle radius to store (default: 0.0406 of the mean spacing).
     #[arg(long, value_name = "WORLD")]
     radius: Option<f64>,
@@ -124,6 +127,9 @@ impl Arguments {
         let mut command = format!("compress{} --effort {name} --seed {}", self.target.text(), self.common.seed);
         command += &self.snapshot.text();
         command += &self.selection.text(&self.window);
+        if self.blocks != 1 {
+            command += &format!(" --blocks {}", self.blocks);
+        }
         for (option, value) in [("radius", self.radius), ("opacity", self.opacity)] {
             if let Some(v) = value {
                 command += &format!(" --{option} {v}");
@@ -134,6 +140,7 @@ impl Arguments {
             effort,
             radius: self.radius,
             opacity: self.opacity,
+            blocks: self.blocks,
             seed: self.common.seed,
             certificate: !self.no_certificate,
             command,

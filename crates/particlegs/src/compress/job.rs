@@ -1,19 +1,20 @@
 //! From particles to a measured file.
 
-use super::rate::{Met, meet_size};
+use super::block::{BlockJob, CodedBlock, Fitting, Workshop};
+use super::clock::Clock;
 use super::target::Target;
 use super::{describe, search};
+use crate::blocks::divide;
 use crate::camera::{ORBITS, base_distance, spherical_camera};
-use crate::codec::{self, CodedLayer, Encoder, LayerHead, Precision};
-use crate::fit::{self, Effort, FitOptions};
+use crate::codec::{self, CodedLayer, LayerHead};
+use crate::fit::{self, Effort};
 use crate::memory::require;
-use crate::model::{Block, Metadata, Mixture, Model};
-use crate::particles::{Bounds, ParticleLayer, Particles};
+use crate::model::{Metadata, Model};
+use crate::particles::{Bounds, Particles};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::score;
 use crate::{Error, Result};
-use std::time::Instant;
 
 /// What `compress` is asked to do.
 #[derive(Clone, Debug)]
@@ -26,6 +27,8 @@ pub struct Options {
     pub radius: Option<f64>,
     /// Default opacity to store (`None` = 0.05).
     pub opacity: Option<f64>,
+    /// Blocks that are fitted on their own, 1 or more.
+    pub blocks: u32,
     /// Seed of the fit and the views.
     pub seed: u64,
     /// Measure the decoded model and store what was found?
@@ -75,122 +78,63 @@ pub(super) struct Job<'a> {
     pub progress: &'a dyn Progress,
     pub metadata: Metadata,
     pub raw_bytes: u64,
-    /// Layers, the smallest first: what they leave of their room goes to the larger.
-    layers: Vec<LayerJob>,
+    blocks: Vec<BlockJob>,
     /// Bytes of the file beside its coded blocks.
     pub overhead: u64,
-    seconds: Vec<(&'static str, f64)>,
+    clock: Clock,
 }
 
-/// One species or mass class, a block of its own.
-struct LayerJob {
-    name: String,
-    particle_mass: Option<f64>,
-    particles: Particles,
-    bounds: Bounds,
-    /// Sum of the weights, or the count.
-    mass: f64,
-    raw_bytes: u64,
-}
-
-/// Coded blocks, one a layer of the job, and the multiple of the nominal steps of the largest.
-#[derive(Clone)]
+/// The coded blocks of a job, in its order.
 pub(super) struct Coded {
-    pub blocks: Vec<Vec<u8>>,
-    pub factor: f64,
+    pub blocks: Vec<CodedBlock>,
 }
 
 impl Coded {
     /// Bytes of the blocks.
     pub fn len(&self) -> usize {
-        self.blocks.iter().map(Vec::len).sum()
+        self.blocks.iter().map(CodedBlock::len).sum()
     }
 }
-
-/// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
-/// are rounder and take fewer.
-pub(super) fn bytes_a_gaussian(effort: Effort) -> f64 {
-    if effort == Effort::Fast { 3.4 } else { 4.1 }
-}
-/// Fits tried at most to find a number of Gaussians whose steps are near nominal.
-const FITS: usize = 3;
-/// Step factors between these cost less than a refit gains.
-const NEAR_NOMINAL: std::ops::Range<f64> = 0.75..1.4;
 
 impl<'a> Job<'a> {
     fn begin(particles: &'a Particles, options: &'a Options, progress: &'a dyn Progress) -> Result<Self> {
-        let start = Instant::now();
-        let (radius, opacity) = (options.radius, options.opacity);
-        progress.begin("bounds and hash", 0);
-        let mut layers: Vec<LayerJob> = particles.layers().iter().map(|l| LayerJob::of(particles, l)).collect();
-        let bounds = layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds));
-        let mass = layers.iter().map(|l| l.mass).sum();
-        let metadata = describe(particles, bounds, mass, radius, opacity, options.command.clone());
+        let mut clock = Clock::default();
+        let count = particles.len() as u64;
+        let divided = if options.blocks > 1 { particles.raw_bytes() } else { 0 };
+        require("the fit", divided + fit::memory_needed(particles) / u64::from(options.blocks.max(1)))?;
+        progress.begin("bounds, hash and blocks", count);
+        let parts = clock.time("divide", || divide(particles, options.blocks, progress))?;
+        let blocks: Vec<BlockJob> = clock.time("read", || parts.iter().map(BlockJob::of).collect());
+        let layers = || blocks.iter().flat_map(|b| &b.layers);
+        let bounds = layers().fold(Bounds::empty(), |all, l| all.union(&l.bounds));
+        let mass = layers().map(|l| l.mass).sum();
+        let metadata = clock.time("read", || {
+            describe(particles, bounds, mass, options.radius, options.opacity, options.command.clone())
+        });
         progress.end();
         progress.check()?;
-        layers.sort_by(|a, b| (a.raw_bytes, &a.name).cmp(&(b.raw_bytes, &b.name)));
-        let need = layers.iter().map(|l| fit::memory_needed(&l.particles)).max().unwrap_or(0);
-        require("the fit", need)?;
-        let heads: Vec<_> = layers.iter().map(LayerJob::head).collect();
-        let overhead = codec::size_without_blocks(&metadata, options.certificate, &heads) as u64;
-        let seconds = vec![("read", start.elapsed().as_secs_f64())];
-        Ok(Job { particles, options, progress, metadata, raw_bytes: particles.raw_bytes(), layers, overhead, seconds })
+        let overhead = codec::size_without_blocks(&metadata, options.certificate, &heads(&blocks)) as u64;
+        Ok(Job { particles, options, progress, metadata, raw_bytes: particles.raw_bytes(), blocks, overhead, clock })
     }
 
-    /// Fits `number` Gaussians to a layer (fewer where its particles do not carry so many), ready to
-    /// be coded.
-    fn fit(&mut self, layer: usize, number: u64) -> Result<Encoder> {
-        let start = Instant::now();
-        let LayerJob { particles, bounds, mass, .. } = &self.layers[layer];
-        let count = particles.len() as u64;
-        let options = FitOptions {
-            gaussians: usize::try_from(number.min(count)).unwrap_or(usize::MAX),
-            effort: self.options.effort,
-            radius: self.metadata.default_radius,
-            pixel: near_pixel(&self.metadata.bounds),
-            seed: self.options.seed,
-        };
-        let gaussians: Mixture = fit::fit(particles, &options, self.progress)?;
-        let block = Block { bounds: *bounds, count, mass: *mass, gaussians };
-        self.spent("fit", start);
-        Encoder::new(&block)
-    }
-
-    /// `number` Gaussians at the nominal precision, shared among the layers by their particles.
+    /// `number` Gaussians at the nominal precision, shared among the blocks by their particles.
     pub fn at_number(&mut self, number: u64) -> Result<Coded> {
-        let (mut left, mut particles_left) = (number, self.metadata.count);
-        let mut blocks = Vec::with_capacity(self.layers.len());
-        for layer in 0..self.layers.len() {
-            let count = self.layers[layer].particles.len() as u64;
-            let share = (left as f64 * count as f64 / particles_left as f64).round() as u64;
-            let encoder = self.fit(layer, share.clamp(1, count))?;
-            (left, particles_left) = (left.saturating_sub(share.max(1)), particles_left - count);
-            let start = Instant::now();
-            blocks.push(encoder.encode(&Precision::BALANCED));
-            self.spent("code", start);
-        }
-        Ok(Coded { blocks, factor: 1.0 })
+        let all = self.metadata.count;
+        self.each(|block, shop| {
+            let share = (number as f64 * (block.count as f64 / all as f64)).round() as u64;
+            block.at_number(share.max(1), shop)
+        })
     }
 
-    /// The best file of at most `target` bytes, every layer at about the same ratio.
+    /// The best file of at most `target` bytes, every block at the same ratio.
     fn at_size(&mut self, target: u64) -> Result<Coded> {
-        let (mut room, mut raw_left) = (target.saturating_sub(self.overhead), self.raw_bytes);
-        let mut coded = Coded { blocks: Vec::with_capacity(self.layers.len()), factor: 1.0 };
-        let (mut too_large, mut too_small) = (false, false);
-        for layer in 0..self.layers.len() {
-            let raw_bytes = self.layers[layer].raw_bytes;
-            let share = (room as f64 * (raw_bytes as f64 / raw_left as f64)) as u64;
-            let met = self.layer_at_size(layer, share)?;
-            room = room.saturating_sub(met.bytes.len() as u64);
-            raw_left -= raw_bytes;
-            (too_large, too_small) = (met.too_large, met.too_small);
-            coded.factor = met.factor;
-            coded.blocks.push(met.bytes);
-        }
+        let (room, all) = (target.saturating_sub(self.overhead), self.raw_bytes);
+        let coded =
+            self.each(|block, shop| block.at_size((room as f64 * (block.raw_bytes as f64 / all as f64)) as u64, shop))?;
         let bytes = coded.len() as u64 + self.overhead;
-        if too_large {
+        if coded.blocks.iter().any(|b| b.too_large) {
             self.refuse_or_warn(target, bytes)?;
-        } else if too_small {
+        } else if coded.blocks.iter().all(|b| b.too_small) {
             self.progress.message(&format!(
                 "note: the file has {bytes} bytes, fewer than the {target} asked for: these particles need no more"
             ));
@@ -198,38 +142,16 @@ impl<'a> Job<'a> {
         Ok(coded)
     }
 
-    /// The best block of a layer of at most `room` bytes: a number of Gaussians whose steps are near
-    /// nominal, and the steps that just fit.
-    fn layer_at_size(&mut self, layer: usize, room: u64) -> Result<Met> {
-        let count = self.layers[layer].particles.len() as u64;
-        let mut number = ((room as f64 / bytes_a_gaussian(self.options.effort)) as u64).clamp(1, count);
-        let mut met = self.met_with(layer, number, room)?;
-        for _ in 1..FITS {
-            let fine = !met.outcome.too_large && NEAR_NOMINAL.contains(&met.outcome.factor);
-            // What a Gaussian costs at the nominal steps tells the right number.
-            let better = ((room as f64 / met.nominal_bytes) as u64).clamp(1, count);
-            if fine || better == number || met.found < number && better > met.found {
-                break;
-            }
-            number = better;
-            met = self.met_with(layer, number, room)?;
-        }
-        if met.outcome.too_large && number > 1 {
-            met = self.met_with(layer, 1, room)?;
-        }
-        Ok(met.outcome)
-    }
-
-    fn met_with(&mut self, layer: usize, number: u64, room: u64) -> Result<MetWith> {
-        let encoder = self.fit(layer, number)?;
-        let start = Instant::now();
-        let encode = |q| {
-            self.progress.check()?;
-            Ok(encoder.encode(&Precision::BALANCED.scaled(q)))
+    /// Does each block in turn; a fit itself uses all threads.
+    fn each(&mut self, mut work: impl FnMut(&BlockJob, &mut Workshop<'_>) -> Result<CodedBlock>) -> Result<Coded> {
+        let fitting = Fitting {
+            effort: self.options.effort,
+            radius: self.metadata.default_radius,
+            pixel: near_pixel(&self.metadata.bounds),
+            seed: self.options.seed,
         };
-        let (outcome, nominal) = meet_size(room, encoder.len(), encode)?;
-        self.spent("code", start);
-        Ok(MetWith { outcome, found: encoder.len() as u64, nominal_bytes: nominal as f64 / encoder.len() as f64 })
+        let mut shop = Workshop { fitting, progress: self.progress, clock: &mut self.clock };
+        Ok(Coded { blocks: self.blocks.iter().map(|b| work(b, &mut shop)).collect::<Result<_>>()? })
     }
 
     /// Header and one Gaussian do not fit: a warning by default, an error where it was asked for.
@@ -246,56 +168,54 @@ impl<'a> Job<'a> {
 
     /// The file of coded blocks.
     pub fn file(&self, coded: &Coded, certificate: Option<&crate::model::Certificate>) -> Result<Vec<u8>> {
-        let layer = |(l, block): (&LayerJob, &Vec<u8>)| CodedLayer {
-            name: l.name.clone(),
-            particle_mass: l.particle_mass,
-            blocks: vec![block.clone()],
-        };
-        codec::assemble(&self.metadata, certificate, self.layers.iter().zip(&coded.blocks).map(layer).collect())
-    }
-
-    fn spent(&mut self, phase: &'static str, start: Instant) {
-        let seconds = start.elapsed().as_secs_f64();
-        match self.seconds.iter_mut().find(|s| s.0 == phase) {
-            Some(s) => s.1 += seconds,
-            None => self.seconds.push((phase, seconds)),
+        let mut layers: Vec<CodedLayer> = Vec::new();
+        for (job, coded) in self.blocks.iter().zip(&coded.blocks) {
+            for (layer, block) in job.layers.iter().zip(&coded.layers) {
+                match layers.iter_mut().find(|l| l.name == layer.name) {
+                    Some(l) => l.blocks.push(block.clone()),
+                    None => layers.push(CodedLayer {
+                        name: layer.name.clone(),
+                        particle_mass: layer.particle_mass,
+                        blocks: vec![block.clone()],
+                    }),
+                }
+            }
         }
+        codec::assemble(&self.metadata, certificate, layers)
     }
 
     /// Decodes the file and, where asked for, measures the decoded model.
     fn finish(mut self, coded: Coded) -> Result<Compressed> {
-        let start = Instant::now();
         let mut bytes = self.file(&coded, None)?;
-        let mut model = codec::decode(&bytes, "the file just coded")?;
-        self.spent("decode", start);
+        let mut model = self.clock.time("decode", || codec::decode(&bytes, "the file just coded"))?;
         if self.options.certificate {
-            let start = Instant::now();
-            let certificate = score::certificate(&model, self.particles, self.options.seed, self.progress)?;
+            let (seed, progress) = (self.options.seed, self.progress);
+            let certificate =
+                self.clock.time("certificate", || score::certificate(&model, self.particles, seed, progress))?;
             bytes = self.file(&coded, Some(&certificate))?;
             model.certificate = Some(certificate);
-            self.spent("certificate", start);
         }
-        Ok(Compressed { bytes, model, raw_bytes: self.raw_bytes, step_factor: coded.factor, seconds: self.seconds })
+        let factors = coded.blocks.iter().map(|b| b.factor);
+        let step_factor = factors.sum::<f64>() / coded.blocks.len().max(1) as f64;
+        Ok(Compressed { bytes, model, raw_bytes: self.raw_bytes, step_factor, seconds: self.clock.seconds() })
     }
 }
 
-impl LayerJob {
-    fn head(&self) -> LayerHead<'_> {
-        let weighted = self.particles.weights.is_some();
-        LayerHead { name: &self.name, particle_mass: self.particle_mass, weighted, blocks: 1 }
-    }
-
-    fn of(all: &Particles, layer: &ParticleLayer) -> Self {
-        let particles = all.of_layer(layer);
-        LayerJob {
-            name: layer.name.clone(),
-            particle_mass: layer.particle_mass,
-            bounds: particles.bounds(),
-            mass: particles.total_mass(),
-            raw_bytes: particles.raw_bytes(),
-            particles,
+/// The file's layers without their blocks.
+fn heads(blocks: &[BlockJob]) -> Vec<LayerHead<'_>> {
+    let mut heads: Vec<LayerHead<'_>> = Vec::new();
+    for layer in blocks.iter().flat_map(|b| &b.layers) {
+        match heads.iter_mut().find(|h| h.name == layer.name) {
+            Some(head) => head.blocks += 1,
+            None => heads.push(LayerHead {
+                name: &layer.name,
+                particle_mass: layer.particle_mass,
+                weighted: layer.particles.weights.is_some(),
+                blocks: 1,
+            }),
         }
     }
+    heads
 }
 
 /// A pixel at the focal point of the near orbit, 1080 pixels high, world units. (The far orbit's
@@ -304,13 +224,4 @@ fn near_pixel(bounds: &Bounds) -> f64 {
     const SIZE: Size = Size { width: 1920, height: 1080 };
     let distance = ORBITS[2].factor * base_distance(bounds, SIZE);
     distance / spherical_camera(bounds.center(), 0.0, 0.0, distance).focal_pixels(SIZE)
-}
-
-/// A fit coded to a size.
-struct MetWith {
-    outcome: Met,
-    /// Gaussians that the fit gave.
-    found: u64,
-    /// Bytes a Gaussian at the nominal steps.
-    nominal_bytes: f64,
 }

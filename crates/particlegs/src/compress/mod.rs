@@ -3,6 +3,8 @@
 //! [`Target`] says what is asked for, [`describe`] what is known about the snapshot, [`compress`]
 //! chooses how many Gaussians at how many bits, fits, codes, decodes and measures.
 
+mod block;
+mod clock;
 mod describe;
 mod job;
 mod rate;

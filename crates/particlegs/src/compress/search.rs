@@ -1,6 +1,7 @@
 //! The smallest file of a wanted quality: masked PSNR, `expected` look, mean over held-out views.
 
-use super::job::{Coded, Job, bytes_a_gaussian};
+use super::block::bytes_a_gaussian;
+use super::job::{Coded, Job};
 use super::target::DEFAULT_RATIO;
 use crate::codec;
 use crate::picture::Size;

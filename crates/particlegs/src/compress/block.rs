@@ -1,0 +1,194 @@
+//! One block of the job: a part of the particles, in its layers, fitted and coded on its own.
+//!
+//! What a block becomes depends on its particles, the options and its share of the target alone:
+//! not on other blocks, nor on where it is done.
+
+use super::clock::Clock;
+use super::rate::{Met, meet_size};
+use crate::Result;
+use crate::codec::{Encoder, Precision};
+use crate::fit::{self, Effort, FitOptions};
+use crate::model::{Block, Mixture};
+use crate::particles::{Bounds, ParticleLayer, Particles};
+use crate::progress::Progress;
+
+/// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
+/// are rounder and take fewer.
+pub fn bytes_a_gaussian(effort: Effort) -> f64 {
+    if effort == Effort::Fast { 3.4 } else { 4.1 }
+}
+/// Fits tried at most to find a number of Gaussians whose steps are near nominal.
+const FITS: usize = 3;
+/// Step factors between these cost less than a refit gains.
+const NEAR_NOMINAL: std::ops::Range<f64> = 0.75..1.4;
+
+/// How blocks are fitted: the same for all of a job.
+#[derive(Clone, Copy, Debug)]
+pub struct Fitting {
+    /// Time for quality.
+    pub effort: Effort,
+    /// The file's default particle radius, world units.
+    pub radius: f64,
+    /// Pixels whose blur decides splits, world units.
+    pub pixel: f64,
+    /// Seed of the fit.
+    pub seed: u64,
+}
+
+/// A block to be made.
+pub struct BlockJob {
+    /// Layers, the smallest first: what they leave of their room goes to the larger.
+    pub layers: Vec<LayerJob>,
+    /// Particles.
+    pub count: u64,
+    /// Their bytes as float32.
+    pub raw_bytes: u64,
+}
+
+/// One layer of a block: one coded block of the file.
+pub struct LayerJob {
+    /// Name.
+    pub name: String,
+    /// Mass of a particle of weight 1, where known.
+    pub particle_mass: Option<f64>,
+    /// Its particles.
+    pub particles: Particles,
+    /// Their bounds.
+    pub bounds: Bounds,
+    /// Sum of the weights, or the count.
+    pub mass: f64,
+    raw_bytes: u64,
+}
+
+/// A block's layers coded, in the order of the job's, and how that went for the largest.
+#[derive(Clone, Default)]
+pub struct CodedBlock {
+    /// One a layer.
+    pub layers: Vec<Vec<u8>>,
+    /// Multiple of the nominal steps.
+    pub factor: f64,
+    /// Is it too large at the coarsest steps?
+    pub too_large: bool,
+    /// Is it well below its room at the finest?
+    pub too_small: bool,
+}
+
+impl CodedBlock {
+    /// Bytes.
+    pub fn len(&self) -> usize {
+        self.layers.iter().map(Vec::len).sum()
+    }
+}
+
+/// What fits of a block are made with.
+pub struct Workshop<'a> {
+    /// How.
+    pub fitting: Fitting,
+    /// Whom to tell.
+    pub progress: &'a dyn Progress,
+    /// Where time went.
+    pub clock: &'a mut Clock,
+}
+
+impl BlockJob {
+    /// The layers of some particles.
+    pub fn of(particles: &Particles) -> Self {
+        let mut layers: Vec<LayerJob> = particles.layers().iter().map(|l| LayerJob::of(particles, l)).collect();
+        layers.sort_by(|a, b| (a.raw_bytes, &a.name).cmp(&(b.raw_bytes, &b.name)));
+        BlockJob { layers, count: particles.len() as u64, raw_bytes: particles.raw_bytes() }
+    }
+
+    /// `number` Gaussians at the nominal precision, shared among the layers by their particles.
+    pub fn at_number(&self, number: u64, shop: &mut Workshop<'_>) -> Result<CodedBlock> {
+        let (mut left, mut particles_left) = (number, self.count);
+        let mut coded = CodedBlock { factor: 1.0, ..CodedBlock::default() };
+        for layer in &self.layers {
+            let count = layer.particles.len() as u64;
+            let share = ((left as f64 * count as f64 / particles_left as f64).round() as u64).clamp(1, count);
+            (left, particles_left) = (left.saturating_sub(share), particles_left - count);
+            let encoder = layer.fit(share, shop)?;
+            coded.layers.push(shop.clock.time("code", || encoder.encode(&Precision::BALANCED)));
+        }
+        Ok(coded)
+    }
+
+    /// The best of at most `room` bytes, every layer at about the same ratio.
+    pub fn at_size(&self, room: u64, shop: &mut Workshop<'_>) -> Result<CodedBlock> {
+        let (mut room, mut raw_left) = (room, self.raw_bytes);
+        let mut coded = CodedBlock::default();
+        for layer in &self.layers {
+            let share = (room as f64 * (layer.raw_bytes as f64 / raw_left as f64)) as u64;
+            let met = layer.at_size(share, shop)?;
+            room = room.saturating_sub(met.bytes.len() as u64);
+            raw_left -= layer.raw_bytes;
+            (coded.factor, coded.too_large, coded.too_small) = (met.factor, met.too_large, met.too_small);
+            coded.layers.push(met.bytes);
+        }
+        Ok(coded)
+    }
+}
+
+impl LayerJob {
+    fn of(particles: &Particles, layer: &ParticleLayer) -> Self {
+        let particles = particles.of_layer(layer);
+        LayerJob {
+            name: layer.name.clone(),
+            particle_mass: layer.particle_mass,
+            bounds: particles.bounds(),
+            mass: particles.total_mass(),
+            raw_bytes: particles.raw_bytes(),
+            particles,
+        }
+    }
+
+    /// Fits `number` Gaussians (fewer where the particles do not carry so many), ready to be coded.
+    fn fit(&self, number: u64, shop: &mut Workshop<'_>) -> Result<Encoder> {
+        let count = self.particles.len() as u64;
+        let Fitting { effort, radius, pixel, seed } = shop.fitting;
+        let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
+        let options = FitOptions { gaussians, effort, radius, pixel, seed };
+        let gaussians: Mixture = shop.clock.time("fit", || fit::fit(&self.particles, &options, shop.progress))?;
+        Encoder::new(&Block { bounds: self.bounds, count, mass: self.mass, gaussians })
+    }
+
+    /// A number of Gaussians whose steps are near nominal, and the steps that just fit `room`.
+    fn at_size(&self, room: u64, shop: &mut Workshop<'_>) -> Result<Met> {
+        let count = self.particles.len() as u64;
+        let mut number = ((room as f64 / bytes_a_gaussian(shop.fitting.effort)) as u64).clamp(1, count);
+        let mut met = self.met_with(number, room, shop)?;
+        for _ in 1..FITS {
+            let fine = !met.outcome.too_large && NEAR_NOMINAL.contains(&met.outcome.factor);
+            // What a Gaussian costs at the nominal steps tells the right number.
+            let better = ((room as f64 / met.nominal_bytes) as u64).clamp(1, count);
+            if fine || better == number || met.found < number && better > met.found {
+                break;
+            }
+            number = better;
+            met = self.met_with(number, room, shop)?;
+        }
+        if met.outcome.too_large && number > 1 {
+            met = self.met_with(1, room, shop)?;
+        }
+        Ok(met.outcome)
+    }
+
+    fn met_with(&self, number: u64, room: u64, shop: &mut Workshop<'_>) -> Result<MetWith> {
+        let encoder = self.fit(number, shop)?;
+        let progress = shop.progress;
+        let encode = |q| {
+            progress.check()?;
+            Ok(encoder.encode(&Precision::BALANCED.scaled(q)))
+        };
+        let (outcome, nominal) = shop.clock.time("code", || meet_size(room, encoder.len(), encode))?;
+        Ok(MetWith { outcome, found: encoder.len() as u64, nominal_bytes: nominal as f64 / encoder.len() as f64 })
+    }
+}
+
+/// A fit coded to a size.
+struct MetWith {
+    outcome: Met,
+    /// Gaussians that the fit gave.
+    found: u64,
+    /// Bytes a Gaussian at the nominal steps.
+    nominal_bytes: f64,
+}

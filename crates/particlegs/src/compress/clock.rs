@@ -1,0 +1,28 @@
+//! Where the time of a job goes.
+
+use std::time::Instant;
+
+/// Wall-clock seconds by phase, in the order in which phases first came.
+#[derive(Clone, Debug, Default)]
+pub struct Clock {
+    seconds: Vec<(&'static str, f64)>,
+}
+
+impl Clock {
+    /// Does some work of a phase.
+    pub fn time<T>(&mut self, phase: &'static str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let done = work();
+        let seconds = start.elapsed().as_secs_f64();
+        match self.seconds.iter_mut().find(|s| s.0 == phase) {
+            Some(s) => s.1 += seconds,
+            None => self.seconds.push((phase, seconds)),
+        }
+        done
+    }
+
+    /// The phases.
+    pub fn seconds(self) -> Vec<(&'static str, f64)> {
+        self.seconds
+    }
+}
