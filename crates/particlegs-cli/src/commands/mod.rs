@@ -6,6 +6,7 @@ mod compress;
 mod convert;
 mod eval;
 mod info;
+mod merge;
 mod reference;
 mod render;
 mod verify;
@@ -24,6 +25,8 @@ pub enum Command {
     Compare(compare::Arguments),
     /// Score a model against its snapshot.
     Eval(eval::Arguments),
+    /// Join model files into one, exactly: blocks are copied.
+    Merge(merge::Arguments),
     /// Write a snapshot anew: tiled, cropped, thinned, as float32.
     Convert(convert::Arguments),
     /// Draw pictures of all particles: ParaView's exactly, or noise-free.
@@ -44,6 +47,7 @@ pub fn run(command: Command) -> Result<()> {
         Command::Compress(a) => compress::run(a),
         Command::Compare(a) => compare::run(a),
         Command::Eval(a) => eval::run(a),
+        Command::Merge(a) => merge::run(a),
         Command::Convert(a) => convert::run(a),
         Command::Reference(a) => reference::run(&a),
         Command::Render(a) => render::run(&a),

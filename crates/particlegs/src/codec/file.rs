@@ -248,12 +248,18 @@ pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
 /// # Errors
 /// As [`decode`], streams apart.
 pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
+    Ok(coded_file(bytes, place)?.1)
+}
+
+/// Metadata and coded blocks of a file.
+pub(super) fn coded_file(bytes: &[u8], place: &str) -> Result<(Metadata, Vec<CodedLayer>)> {
     let copy = |part: Part<'_>| CodedLayer {
         name: part.name,
         particle_mass: part.mass.particle_mass,
         blocks: part.blocks.iter().map(|b| b.0.bytes.to_vec()).collect(),
     };
-    Ok(parts(bytes, place)?.layers.into_iter().map(copy).collect())
+    let parts = parts(bytes, place)?;
+    Ok((parts.metadata, parts.layers.into_iter().map(copy).collect()))
 }
 
 /// What a file says without its Gaussians being decoded.
