@@ -336,6 +336,11 @@ pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
     })
 }
 
+/// BLAKE3 of a model file's bytes: what is made from a model names it by this.
+pub fn file_hash(bytes: &[u8]) -> [u8; 32] {
+    *blake3::Hasher::new().update_rayon(bytes).finalize().as_bytes()
+}
+
 /// Metadata alone.
 ///
 /// # Errors

@@ -308,7 +308,8 @@ mod tests {
 
     #[test]
     fn metadata_is_that_of_the_whole() {
-        let files = [model("dm", 3.0, 10, None), model("dm", 9.0, 20, None), model("gas", 5.0, 5, Some(2.5))].map(|m| coded(&m));
+        let files = [model("dm", 3.0, 10, None), model("dm", 9.0, 20, None), model("gas", 5.0, 5, Some(2.5))]
+            .map(|m| coded(&m));
         let merged = merge(&[&files[2], &files[0], &files[1]]).unwrap();
         let back = decode(&merged, "merged").unwrap();
         let m = &back.metadata;
@@ -316,7 +317,10 @@ mod tests {
         assert_eq!((m.bounds.min, m.bounds.max), ([2.0; 3], [10.0; 3]));
         assert_eq!(m.default_radius, m.bounds.default_radius(35));
         assert_eq!((&m.source[..], &m.command[..]), ("snap.*", "merge of: compress --ratio *"));
-        assert_eq!(back.layers.iter().map(|l| (&l.name[..], l.blocks.len())).collect::<Vec<_>>(), [("dm", 2), ("gas", 1)]);
+        assert_eq!(
+            back.layers.iter().map(|l| (&l.name[..], l.blocks.len())).collect::<Vec<_>>(),
+            [("dm", 2), ("gas", 1)]
+        );
         assert_eq!(m.source_hash, blocks_hash(&crate::codec::coded_layers(&merged, "merged").unwrap()));
         // Blocks of one source keep its hash.
         let mut one = [model("dm", 3.0, 10, None), model("dm", 9.0, 20, None)];

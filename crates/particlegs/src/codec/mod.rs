@@ -30,7 +30,8 @@ pub use container::is_model;
 pub use encoder::Encoder;
 pub use file::{
     BlockInfo, CodedLayer, FileInfo, LayerHead, LayerInfo, assemble, coded_layers, decode, decode_block, encode,
-    read_info, read_metadata, size_without_blocks,
+    file_hash, read_info, read_metadata, size_without_blocks,
 };
 pub use merge::{Merge, blocks_hash};
 pub use precision::Precision;
+pub(crate) use sums::whole_counts;

@@ -115,7 +115,7 @@ pub(super) fn bytes_a_gaussian(effort: Effort) -> f64 {
 /// Fits tried at most to find a number of Gaussians whose steps are near nominal.
 const FITS: usize = 3;
 /// Step factors between these cost less than a refit gains.
-const NEAR_NOMINAL: std::ops::Range<f64> = 0.75..1.4;
+pub(super) const NEAR_NOMINAL: std::ops::Range<f64> = 0.75..1.4;
 
 impl<'a> Job<'a> {
     fn begin(particles: &'a Particles, options: &'a Options, progress: &'a dyn Progress) -> Result<Self> {
@@ -300,7 +300,7 @@ impl LayerJob {
 
 /// A pixel at the focal point of the near orbit, 1080 pixels high, world units. (The far orbit's
 /// gains twice as much at few Gaussians, and loses 0.5 dB near where there are many.)
-fn near_pixel(bounds: &Bounds) -> f64 {
+pub(super) fn near_pixel(bounds: &Bounds) -> f64 {
     const SIZE: Size = Size { width: 1920, height: 1080 };
     let distance = ORBITS[2].factor * base_distance(bounds, SIZE);
     distance / spherical_camera(bounds.center(), 0.0, 0.0, distance).focal_pixels(SIZE)
