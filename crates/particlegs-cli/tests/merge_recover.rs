@@ -110,7 +110,7 @@ fn recovered_particles_say_what_they_are() {
     // It is a snapshot that the other commands read.
     particlegs().arg("info").arg(out("own")).assert().success();
 
-    for method in ["volume", "ellipsoid", "grid", "spaced"] {
+    for method in ["volume", "ellipsoid", "grid", "stratified", "spaced"] {
         let few = run(method, &["--method", method, "--particles", "12345"]);
         assert!(few.iter().all(|c| c.len() == 12_345 && c.iter().all(|v| (0.0..25.0).contains(v))), "{method}");
     }

@@ -59,6 +59,8 @@ enum MethodArg {
     Ellipsoid,
     /// Uniform in cells of a grid of 512^3 that hold the Gaussians' centres (V6).
     Grid,
+    /// As count, evenly: less shot noise in cells, spacings too regular.
+    Stratified,
     /// As count, clumped within Gaussians: nearest neighbours come near the truth.
     Spaced,
 }
@@ -141,6 +143,7 @@ impl Arguments {
             MethodArg::Volume => Method::Volume,
             MethodArg::Ellipsoid => Method::Ellipsoid,
             MethodArg::Grid => Method::Grid,
+            MethodArg::Stratified => Method::Stratified,
             MethodArg::Spaced => Method::Spaced,
         }
     }

@@ -30,8 +30,14 @@ pub struct SimplifyOptions {
     pub pixel: f64,
 }
 
-/// Neighbours that a Gaussian may merge with, and among which an old one looks for its new one.
+/// Neighbours that a Gaussian may merge with, and that its own may go to.
 const NEIGHBOURS: usize = 12;
+/// Those are neighbours whose separation is within this of the best, ...
+const REACH: f64 = 14.0;
+/// ... searched for again when a round leaves less than this of those at the last search.
+const SEARCH_AGAIN: f64 = 0.6;
+/// Searches between two looks at whether to stop.
+const CHECK: usize = 1 << 14;
 /// Largest share of the Gaussians that a round merges away.
 const SHARE: f64 = 0.1;
 /// Rounds of regrouping.
@@ -58,25 +64,19 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
     require("simplifying", mixture.len() as u64 * BYTES_A_GAUSSIAN)?;
     let frame = Frame::of(mixture);
     let old = frame.items(mixture);
+    if old.len() <= options.gaussians {
+        return Ok(frame.mixture(&old, mixture.mass.is_some()));
+    }
     let radius = options.radius / frame.unit;
     let blur = Blur::of_picture(BLUR_RADII * radius, options.pixel / frame.unit);
     let measure = Measure { blur2: 2.0 * blur * blur, floor: (FLOOR_RADII * radius).powi(2) };
-    let excess = old.len().saturating_sub(options.gaussians);
-    progress.begin("simplify", excess as u64);
-    let mut new = old.clone();
-    while new.len() > options.gaussians {
+    let (mut new, mut homes) = merged(&old, options.gaussians, measure, progress)?;
+    let neighbours = Neighbours::find(&new, measure, REACH, progress)?;
+    for _ in 0..REGROUPINGS {
         progress.check()?;
-        let before = new.len();
-        new = round(new, options.gaussians, measure);
-        progress.advance((before - new.len()) as u64);
+        new = regrouped(&old, &new, &mut homes, &neighbours, measure);
     }
-    if excess > 0 {
-        for _ in 0..REGROUPINGS {
-            progress.check()?;
-            new = regrouped(&old, &new, measure);
-        }
-    }
-    progress.end();
+    new.retain(|item| item.blob.count > 0.0);
     Ok(frame.mixture(&new, mixture.mass.is_some()))
 }
 
@@ -85,6 +85,17 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
 struct Item {
     blob: Blob,
     mass: f64,
+}
+
+impl Item {
+    fn joined(&self, other: &Item) -> Item {
+        Item { blob: union(&self.blob, &other.blob), mass: self.mass + other.mass }
+    }
+
+    /// The same place without particles.
+    fn emptied(&self) -> Item {
+        Item { blob: Blob { count: 0.0, ..self.blob }, mass: 0.0 }
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -137,6 +148,132 @@ fn ellipsoid(b: &Blob, floor: f64) -> Ellipsoid {
     Ellipsoid::new(b.mean, b.cov.add(&Sym3::scaled_identity(floor)), b.count)
 }
 
+/// For each Gaussian those that it overlaps most, itself left out, in an order that repeats.
+struct Neighbours(Vec<Vec<u32>>);
+
+impl Neighbours {
+    fn find(items: &[Item], measure: Measure, reach: f64, progress: &dyn Progress) -> Result<Self> {
+        let ellipsoids: Vec<Ellipsoid> = items.par_iter().map(|i| ellipsoid(&i.blob, measure.floor)).collect();
+        let tree = OverlapTree::new(&ellipsoids);
+        let own = |found: &mut Vec<(f64, u32)>, j: usize| {
+            if j.is_multiple_of(CHECK) {
+                progress.check()?;
+            }
+            tree.nearest(&ellipsoids[j], NEIGHBOURS, reach, found);
+            Ok(found.iter().map(|f| f.1).filter(|&n| n as usize != j).collect())
+        };
+        (0..items.len()).into_par_iter().with_min_len(64).map_init(Vec::new, own).collect::<Result<_>>().map(Self)
+    }
+
+    /// Each with the next, the last with the one before.
+    fn chain(count: usize) -> Self {
+        Neighbours(
+            (0..count).map(|j| if j + 1 < count { j as u32 + 1 } else { j as u32 - 1 }).map(|n| vec![n]).collect(),
+        )
+    }
+
+    /// Those of the Gaussians after a round: of a merged pair both ones' in turn.
+    fn after(&self, round: &Round) -> Self {
+        let own = |&i: &u32| {
+            let mut lists = [Some(i), round.partner[i as usize]].map(|k| {
+                let list: &[u32] = k.map_or(&[], |k| &self.0[k as usize]);
+                list.iter()
+            });
+            let me = round.place[i as usize];
+            let mut all: Vec<u32> = Vec::with_capacity(NEIGHBOURS);
+            while all.len() < NEIGHBOURS && lists.iter().any(|l| l.len() > 0) {
+                for n in lists.iter_mut().filter_map(|l| l.next()) {
+                    let n = round.place[*n as usize];
+                    if n != me && !all.contains(&n) {
+                        all.push(n);
+                    }
+                }
+            }
+            all
+        };
+        Neighbours(round.kept.par_iter().map(own).collect())
+    }
+}
+
+/// Which Gaussians a round merged.
+struct Round {
+    /// With whom each was merged, at the one that stays.
+    partner: Vec<Option<u32>>,
+    /// Those that stay.
+    kept: Vec<u32>,
+    /// Where each is found after the round.
+    place: Vec<u32>,
+}
+
+/// Merges pairs until `wanted` are left; for each old one says where it went.
+fn merged(old: &[Item], wanted: usize, measure: Measure, progress: &dyn Progress) -> Result<(Vec<Item>, Vec<u32>)> {
+    progress.begin("simplify", (old.len() - wanted) as u64);
+    let mut items = old.to_vec();
+    let mut homes: Vec<u32> = (0..old.len() as u32).collect();
+    let (mut reach, mut searched) = (REACH, items.len());
+    let mut neighbours = Neighbours::find(&items, measure, reach, progress)?;
+    while items.len() > wanted {
+        progress.check()?;
+        let merges = cheapest(&items, &neighbours, measure);
+        if merges.is_empty() {
+            // Islands have no neighbours within reach: look as far as it takes. Flat Gaussians whose
+            // overlaps are no numbers go with the next.
+            neighbours = match reach.is_finite() {
+                true => Neighbours::find(&items, measure, f64::INFINITY, progress)?,
+                false => Neighbours::chain(items.len()),
+            };
+            (reach, searched) = (f64::INFINITY, items.len());
+            continue;
+        }
+        if (items.len() as f64) < SEARCH_AGAIN * searched as f64 {
+            neighbours = Neighbours::find(&items, measure, reach, progress)?;
+            searched = items.len();
+            continue;
+        }
+        let round = Round::of(items.len(), &merges, wanted);
+        progress.advance((items.len() - round.kept.len()) as u64);
+        neighbours = neighbours.after(&round);
+        homes.par_iter_mut().for_each(|home| *home = round.place[*home as usize]);
+        let joined = |&i: &u32| {
+            let item = items[i as usize];
+            round.partner[i as usize].map_or(item, |j| item.joined(&items[j as usize]))
+        };
+        items = round.kept.par_iter().map(joined).collect();
+    }
+    progress.end();
+    Ok((items, homes))
+}
+
+impl Round {
+    /// The cheapest disjoint pairs, until `wanted` are left or a round's share is used up.
+    fn of(count: usize, merges: &[Merge], wanted: usize) -> Round {
+        let most = (count - wanted).min((count as f64 * SHARE) as usize).max(1);
+        let mut partner = vec![None; count];
+        let mut into: Vec<Option<u32>> = vec![None; count];
+        let mut made = 0;
+        for &Merge { a, b, .. } in merges {
+            let free = |k: u32| partner[k as usize].is_none() && into[k as usize].is_none();
+            if made == most {
+                break;
+            }
+            if free(a) && free(b) {
+                partner[a as usize] = Some(b);
+                into[b as usize] = Some(a);
+                made += 1;
+            }
+        }
+        let kept: Vec<u32> = (0..count as u32).filter(|&i| into[i as usize].is_none()).collect();
+        let mut place = vec![0; count];
+        kept.iter().enumerate().for_each(|(to, &i)| place[i as usize] = to as u32);
+        (0..count).for_each(|i| {
+            if let Some(a) = into[i] {
+                place[i] = place[a as usize];
+            }
+        });
+        Round { partner, kept, place }
+    }
+}
+
 /// The cheapest merge of a Gaussian.
 struct Merge {
     cost: f64,
@@ -144,49 +281,18 @@ struct Merge {
     b: u32,
 }
 
-/// Merges the cheapest disjoint pairs, until `wanted` are left or a round's share is used up.
-fn round(items: Vec<Item>, wanted: usize, measure: Measure) -> Vec<Item> {
-    let merges = cheapest(&items, measure);
-    let most = (items.len() - wanted).min((items.len() as f64 * SHARE) as usize).max(1);
-    let mut partner = vec![None; items.len()];
-    let mut gone = vec![false; items.len()];
-    let mut made = 0;
-    for Merge { a, b, .. } in merges {
-        let (a, b) = (a as usize, b as usize);
-        if made == most {
-            break;
-        }
-        if gone[a] || gone[b] || partner[a].is_some() || partner[b].is_some() {
-            continue;
-        }
-        partner[a] = Some(b);
-        gone[b] = true;
-        made += 1;
-    }
-    let joined = |i: usize| match partner[i] {
-        None => items[i],
-        Some(j) => Item { blob: union(&items[i].blob, &items[j].blob), mass: items[i].mass + items[j].mass },
-    };
-    (0..items.len()).filter(|&i| !gone[i]).map(joined).collect()
-}
-
 /// Each Gaussian's cheapest merge among its neighbours, the cheapest of all first.
-fn cheapest(items: &[Item], measure: Measure) -> Vec<Merge> {
-    let ellipsoids: Vec<Ellipsoid> = items.par_iter().map(|i| ellipsoid(&i.blob, measure.floor)).collect();
-    let tree = OverlapTree::new(&ellipsoids);
-    let own = |found: &mut Vec<(f64, u32)>, j: usize| {
-        tree.nearest(&ellipsoids[j], NEIGHBOURS, f64::INFINITY, found);
+fn cheapest(items: &[Item], neighbours: &Neighbours, measure: Measure) -> Vec<Merge> {
+    let own = |j: usize| {
         let me = &items[j].blob;
-        let merge = |n: u32| {
+        let merge = |&n: &u32| {
             let other = &items[n as usize].blob;
             let cost = difference(&union(me, other), me, other, measure.blur2);
             Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
         };
-        let others = found.iter().map(|f| f.1).filter(|&n| n as usize != j);
-        others.map(merge).min_by(by_cost)
+        neighbours.0[j].iter().map(merge).min_by(by_cost)
     };
-    let mut merges: Vec<Merge> =
-        (0..items.len()).into_par_iter().with_min_len(64).map_init(Vec::new, own).flatten_iter().collect();
+    let mut merges: Vec<Merge> = (0..items.len()).into_par_iter().with_min_len(64).map(own).flatten_iter().collect();
     merges.par_sort_unstable_by(by_cost);
     merges
 }
@@ -195,35 +301,45 @@ fn by_cost(p: &Merge, q: &Merge) -> std::cmp::Ordering {
     p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b)))
 }
 
-/// Each old Gaussian goes to the new one under which it is likeliest; the new ones get the moments
-/// of their own. One that nothing goes to is dropped.
-fn regrouped(old: &[Item], new: &[Item], measure: Measure) -> Vec<Item> {
-    let ellipsoids: Vec<Ellipsoid> = new.par_iter().map(|i| ellipsoid(&i.blob, measure.floor)).collect();
-    let tree = OverlapTree::new(&ellipsoids);
-    let inverse: Vec<Option<(Sym3, f64)>> =
-        ellipsoids.par_iter().map(|e| Some((e.cov.inverse()?, e.cov.det().ln() - e.log_count2))).collect();
-    let home = |found: &mut Vec<(f64, u32)>, item: &Item| {
-        let me = ellipsoid(&item.blob, measure.floor);
-        tree.nearest(&me, NEIGHBOURS, f64::INFINITY, found);
-        // Minus twice the mean log-likelihood of its particles, but for a constant.
-        let cost = |n: u32| {
-            let Some((inverse, constant)) = &inverse[n as usize] else { return f64::INFINITY };
-            let d = std::array::from_fn(|k| me.mean[k] - ellipsoids[n as usize].mean[k]);
-            trace_of_product(inverse, &me.cov) + inverse.quadratic(d) + constant
-        };
-        let all = found.iter().map(|f| (cost(f.1), f.1));
-        all.min_by(|p, q| p.0.total_cmp(&q.0).then(p.1.cmp(&q.1))).map_or(0, |best| best.1)
-    };
-    let homes: Vec<u32> = old.par_iter().with_min_len(64).map_init(Vec::new, home).collect();
+/// Each old Gaussian goes to the one under which it is likeliest, of its home and the home's
+/// neighbours; the new ones get the moments of their own, which may be none.
+fn regrouped(old: &[Item], new: &[Item], homes: &mut [u32], neighbours: &Neighbours, measure: Measure) -> Vec<Item> {
+    let fields: Vec<Option<Field>> = new.par_iter().map(|item| Field::of(item, measure)).collect();
+    homes.par_iter_mut().zip(old).with_min_len(64).for_each(|(home, item)| {
+        let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
+        let cost = |n: u32| fields[n as usize].as_ref().map_or(f64::INFINITY, |f| f.cost(item.blob.mean, &cov));
+        let others = neighbours.0[*home as usize].iter().map(|&n| (cost(n), n));
+        let best = others.fold((cost(*home), *home), |best, next| if next.0 < best.0 { next } else { best });
+        *home = best.1;
+    });
     let mut groups: Vec<Option<Item>> = vec![None; new.len()];
-    for (item, &home) in old.iter().zip(&homes) {
+    for (item, &home) in old.iter().zip(homes.iter()) {
         let group = &mut groups[home as usize];
-        *group = Some(match group {
-            None => *item,
-            Some(g) => Item { blob: union(&g.blob, &item.blob), mass: g.mass + item.mass },
-        });
+        *group = Some(group.map_or(*item, |g| g.joined(item)));
     }
-    groups.into_iter().flatten().collect()
+    groups.into_iter().zip(new).map(|(group, was)| group.unwrap_or(was.emptied())).collect()
+}
+
+/// A Gaussian as a density that others are judged by.
+struct Field {
+    mean: [f64; 3],
+    inverse: Sym3,
+    /// ln det - 2 ln count.
+    constant: f64,
+}
+
+impl Field {
+    fn of(item: &Item, measure: Measure) -> Option<Field> {
+        let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
+        let inverse = cov.inverse().filter(|_| item.blob.count > 0.0)?;
+        Some(Field { mean: item.blob.mean, inverse, constant: cov.det().ln() - 2.0 * item.blob.count.ln() })
+    }
+
+    /// Minus twice the mean log-likelihood of a Gaussian's particles, but for a constant.
+    fn cost(&self, mean: [f64; 3], cov: &Sym3) -> f64 {
+        let d = std::array::from_fn(|k| mean[k] - self.mean[k]);
+        trace_of_product(&self.inverse, cov) + self.inverse.quadratic(d) + self.constant
+    }
 }
 
 fn trace_of_product(a: &Sym3, b: &Sym3) -> f64 {
@@ -286,6 +402,17 @@ mod tests {
         let small = simplify(&m, &SimplifyOptions { gaussians: 3, radius: 0.01, pixel: 0.0 }, &Silent).unwrap();
         assert_eq!(small.count, [10.0, 20.0, 10.0]);
         assert!((small.mean[0][1] - 1.0005).abs() < 1e-12);
+    }
+
+    #[test]
+    fn points_and_islands_merge_too() {
+        let mut m = Mixture::default();
+        for i in 0..40 {
+            m.push([f64::from(i * i * i), 0.0, 0.0], Sym3::default(), 3.0, 0.0);
+        }
+        let small = simplify(&m, &SimplifyOptions { gaussians: 3, radius: 1e-9, pixel: 0.0 }, &Silent).unwrap();
+        assert!(!small.is_empty() && small.len() <= 3);
+        assert_eq!(small.count.iter().sum::<f64>(), 120.0);
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::Method;
 use super::normals::Draws;
 use super::plan::LayerPlan;
 use super::spaced::Cascade;
+use super::stratified::stratify;
 use super::wrap::Wrap;
 use crate::math::{Random, Sym3};
 use crate::particles::{Bounds, Run};
@@ -62,7 +63,8 @@ impl Rules {
         run: &mut Run,
     ) -> Result<()> {
         let n = (range.end - range.start) as usize;
-        let mut random = Random::new(self.stream(&layer.name), PURPOSE, number);
+        let stream = self.stream(&layer.name);
+        let mut random = Random::new(stream, PURPOSE, number);
         scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
         self.raw(n, &mut random, scratch);
         let mut gaussian = layer.ends.partition_point(|&end| end <= range.start);
@@ -70,7 +72,7 @@ impl Rules {
         let mut at = 0;
         while at < n {
             let stop = ((layer.ends[gaussian] - range.start) as usize).min(n);
-            self.place(layer, gaussian, at..stop, scratch);
+            self.place(layer, stream, gaussian, range.start, at..stop, scratch);
             if self.weighted {
                 let weight = layer.weights.get(gaussian).copied().unwrap_or(1.0);
                 run.columns[3].resize(stop, weight);
@@ -99,11 +101,21 @@ impl Rules {
                 scratch.draws.uniforms(random, &mut scratch.radii);
             }
             Method::Grid | Method::Spaced => scratch.draws.uniforms(random, &mut scratch.flat),
+            Method::Stratified => {}
         }
     }
 
-    /// Places the particles `range` of the run, which belong to one Gaussian.
-    fn place(&self, layer: &LayerPlan, gaussian: usize, range: Range<usize>, scratch: &mut Scratch) {
+    /// Places the particles `range` of the run, which belong to one Gaussian. The run begins at the
+    /// layer's particle `first`.
+    fn place(
+        &self,
+        layer: &LayerPlan,
+        stream: u64,
+        gaussian: usize,
+        first: u64,
+        range: Range<usize>,
+        scratch: &mut Scratch,
+    ) {
         let n = scratch.flat.len() / 3;
         let (x, rest) = scratch.flat.split_at_mut(n);
         let (y, z) = rest.split_at_mut(n);
@@ -111,15 +123,17 @@ impl Rules {
         let [x, y, z] = &mut scratch.position;
         let out = [&mut x[range.clone()], &mut y[range.clone()], &mut z[range.clone()]];
         let g = &layer.gaussians;
+        // The Gaussian's name among all, and its first particle in the layer.
+        let key = [stream, gaussian as u64];
+        let begin = if gaussian == 0 { 0 } else { layer.ends[gaussian - 1] };
         let placed = Placed::new(g.mean_of(gaussian), &g.cov_of(gaussian), self.scale);
         match self.method {
             Method::Count | Method::Volume => {}
             Method::Ellipsoid => to_ball(&mut raw, &scratch.radii[range]),
             Method::Grid => return in_cell(&self.bounds, placed.mean, &raw, out),
+            Method::Stratified => stratify(key, first + range.start as u64 - begin, &mut raw),
             Method::Spaced => {
-                let begin = if gaussian == 0 { 0 } else { layer.ends[gaussian - 1] };
                 let count = layer.ends[gaussian] - begin;
-                let key = [self.stream(&layer.name), gaussian as u64];
                 let density = count as f64 / (placed.volume() * self.mean_density);
                 Cascade::new(key, count, density).apply(&mut raw);
             }

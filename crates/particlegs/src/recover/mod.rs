@@ -12,7 +12,9 @@ mod method;
 mod normals;
 mod notes;
 mod plan;
+mod quantile;
 mod spaced;
+mod stratified;
 mod wrap;
 
 pub use job::{Options, Recovered, recover};

@@ -61,6 +61,10 @@ fn supports(certificate: Option<&Certificate>, options: &Options, own: bool) -> 
              up, so that correlations and groups on their scale are not the source's"
                 .into(),
         ),
+        super::Method::Stratified => all.push(
+            "counts in cells: their shot noise is below that of a random draw; distances to neighbours are too even"
+                .into(),
+        ),
         other => all.push(format!("method `{}` is there for comparison: prefer `count`", other.name())),
     }
     if options.scale != 1.0 {
