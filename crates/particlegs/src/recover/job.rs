@@ -112,3 +112,97 @@ pub fn recover(
 /// Bytes of a particle in a thread's scratch space: numbers and positions in f64, columns and
 /// triples in f32.
 const BYTES_A_DRAW: usize = 8 * 7 + 4 * 7;
+
+#[cfg(test)]
+mod tests {
+    use super::super::plan::tests::model;
+    use super::*;
+    use crate::particles::{Particles, open_raw};
+    use crate::progress::Silent;
+
+    fn options(method: Method) -> Options {
+        Options { particles: None, method, scale: 1.0, seed: 5, form: RawForm::Columns, model_name: "m.pgs".into() }
+    }
+
+    fn drawn(model: Model, options: &Options) -> Result<Particles> {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("out");
+        let made = recover(model, [0; 32], options, &out, &Silent);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), usize::from(made.is_ok()));
+        let number = made?.particles;
+        let p = open_raw(
+            &["xx.f32", "yy.f32", "zz.f32", "ww.f32"]
+                .map(|n| out.join(n))
+                .into_iter()
+                .filter(|p| p.exists())
+                .collect::<Vec<_>>(),
+        )?;
+        assert_eq!(p.len() as u64, number);
+        Ok(p)
+    }
+
+    #[test]
+    fn every_method_has_the_mean_and_the_spread_of_the_gaussian() {
+        let lone = || model(&[("particles", &[(0, None), (0, None), (0, None), (0, None), (20_000, None)])]);
+        for (method, spread) in [
+            (Method::Count, 1.0),
+            (Method::Volume, 1.0),
+            (Method::Stratified, 1.0),
+            // A ball of 3 standard deviations: 9 / 5.
+            (Method::Ellipsoid, 1.8),
+        ] {
+            let p = drawn(lone(), &options(method)).unwrap();
+            let (mean, cov) = moments(&p);
+            assert!((mean[0] - 4.5).abs() < 0.01 && (mean[1] - 5.0).abs() < 0.01, "{method:?} {mean:?}");
+            for (got, want) in cov.iter().zip([0.04, 0.01, 0.0, 0.02, -0.005, 0.01]) {
+                assert!((got - spread * want).abs() < 0.04 * 0.04 * spread, "{method:?} {cov:?}");
+            }
+        }
+        let wide = drawn(lone(), &Options { scale: 2.0, ..options(Method::Count) }).unwrap();
+        assert!((moments(&wide).1[0] - 0.16).abs() < 0.007);
+        // The grid's cell that holds the centre.
+        let p = drawn(lone(), &options(Method::Grid)).unwrap();
+        assert!((0..p.len()).all(|i| (p.position(i)[0] - 4.5).abs() < 10.0 / 512.0));
+    }
+
+    fn moments(p: &Particles) -> ([f64; 3], [f64; 6]) {
+        let n = p.len() as f64;
+        let mut mean = [0.0; 3];
+        (0..p.len()).for_each(|i| (0..3).for_each(|k| mean[k] += p.position(i)[k] / n));
+        let mut cov = [0.0; 6];
+        for i in 0..p.len() {
+            let d: [f64; 3] = std::array::from_fn(|k| p.position(i)[k] - mean[k]);
+            let products = [d[0] * d[0], d[0] * d[1], d[0] * d[2], d[1] * d[1], d[1] * d[2], d[2] * d[2]];
+            (0..6).for_each(|k| cov[k] += products[k] / n);
+        }
+        (mean, cov)
+    }
+
+    #[test]
+    fn layers_and_masses_come_back() {
+        let two = || model(&[("dm", &[(100_000, None), (7, None)]), ("gas", &[(300, Some(30.0)), (50, Some(1.0))])]);
+        let p = drawn(two(), &options(Method::Count)).unwrap();
+        let layers = p.layers();
+        assert_eq!(
+            (&layers[0].name[..], layers[0].range.clone(), layers[0].particle_mass),
+            ("dm", 0..100_007, Some(2.0))
+        );
+        assert_eq!((&layers[1].name[..], layers[1].range.clone(), layers[1].weighted), ("gas", 100_007..100_357, true));
+        let weights = p.weights.as_ref().unwrap();
+        assert!(weights[100_007..100_307].iter().all(|&w| w == 0.1) && weights[100_307..].iter().all(|&w| w == 0.02));
+        assert_eq!(weights[0], 1.0);
+        // A layer alone has the same particles.
+        let alone = drawn(two().only(&["gas".into()]).unwrap(), &options(Method::Count)).unwrap();
+        assert!((0..350).all(|i| alone.position(i) == p.position(100_007 + i)));
+        let npy = Options { form: RawForm::NpyFolder, ..options(Method::Count) };
+        assert!(drawn(two(), &npy).is_err());
+    }
+
+    #[test]
+    fn particles_beyond_float32_are_refused() {
+        let mut far = model(&[("particles", &[(10, None)])]);
+        far.metadata.cell = None;
+        far.layers[0].blocks[0].gaussians.mean[0][0] = 1e39;
+        assert!(drawn(far, &options(Method::Count)).is_err());
+    }
+}
