@@ -27,6 +27,7 @@ pub mod reference;
 pub mod render;
 
 pub mod blocks;
+pub mod recover;
 pub mod score;
 
 pub mod compress;

@@ -6,8 +6,11 @@ mod compress;
 mod convert;
 mod eval;
 mod info;
+mod merge;
+mod recover;
 mod reference;
 mod render;
+mod simplify;
 mod verify;
 
 use clap::Subcommand;
@@ -24,6 +27,12 @@ pub enum Command {
     Compare(compare::Arguments),
     /// Score a model against its snapshot.
     Eval(eval::Arguments),
+    /// Join model files into one, exactly: blocks are copied.
+    Merge(merge::Arguments),
+    /// Make a model smaller, without the particles.
+    Simplify(simplify::Arguments),
+    /// Draw synthetic particles from a model.
+    Recover(recover::Arguments),
     /// Write a snapshot anew: tiled, cropped, thinned, as float32.
     Convert(convert::Arguments),
     /// Draw pictures of all particles: ParaView's exactly, or noise-free.
@@ -44,6 +53,9 @@ pub fn run(command: Command) -> Result<()> {
         Command::Compress(a) => compress::run(a),
         Command::Compare(a) => compare::run(a),
         Command::Eval(a) => eval::run(a),
+        Command::Merge(a) => merge::run(a),
+        Command::Simplify(a) => simplify::run(a),
+        Command::Recover(a) => recover::run(a),
         Command::Convert(a) => convert::run(a),
         Command::Reference(a) => reference::run(&a),
         Command::Render(a) => render::run(&a),

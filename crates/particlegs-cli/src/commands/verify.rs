@@ -56,9 +56,11 @@ pub fn run(a: Arguments) -> Result<()> {
             format!("its Gaussians hold {counts} particles, mass off by {mass_error:e}"),
         ));
     }
+    // A merge of several snapshots has the hash of its blocks: no snapshot can match it.
+    let of_several = model.metadata.source_hash == codec::blocks_hash(&codec::coded_layers(&bytes, &place)?);
     let measured_again = match a.snapshot.is_empty() {
         true => None,
-        false => Some(measure(&a, &model, &context)?),
+        false => Some(measure(&a, &model, of_several, &context)?),
     };
     let certificate = match (&model.certificate, &measured_again) {
         (_, Some(_)) => "measured again",
@@ -71,7 +73,7 @@ pub fn run(a: Arguments) -> Result<()> {
         particles: counts,
         counts_sum_to_particles: true,
         mass_error,
-        source_matches: measured_again.map(|_| true),
+        source_matches: measured_again.filter(|_| !of_several).map(|_| true),
         certificate,
         measured_again,
     };
@@ -79,7 +81,9 @@ pub fn run(a: Arguments) -> Result<()> {
         "{}: sound: {} bytes, {} Gaussians whose counts sum to {} particles, mass within {mass_error:.1e}\n",
         place, report.model_bytes, report.gaussians, report.particles
     );
-    if measured_again.is_some() {
+    if measured_again.is_some() && of_several {
+        text.push_str("source: merged from several snapshots, whose hashes it does not have; the number of particles is that of this one\n");
+    } else if measured_again.is_some() {
         text.push_str("source: the snapshot is the one that the file was made of\n");
     }
     text.push_str(&format!("certificate: {certificate}\n"));
@@ -107,11 +111,13 @@ fn sums(model: &Model) -> (u64, f64) {
 }
 
 /// The certificate of the same views, measured now. An error where the snapshot is not the source.
-fn measure(a: &Arguments, model: &Model, context: &Context) -> Result<Certificate> {
+fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) -> Result<Certificate> {
     let particles: Particles =
         a.opening.open_selected(&a.snapshot, (&a.selection, &a.window), a.common.seed, context)?;
-    if source_hash(&particles) != model.metadata.source_hash {
-        let what = format!("it is not the snapshot that {} was made of (their hashes differ)", a.model.display());
+    let matches = source_hash(&particles) == model.metadata.source_hash;
+    if !matches && !(of_several && particles.len() as u64 == model.metadata.count) {
+        let why = if of_several { "their numbers of particles differ" } else { "their hashes differ" };
+        let what = format!("it is not the snapshot that {} was made of ({why})", a.model.display());
         return Err(Error::input(a.snapshot[0].as_path(), what));
     }
     let seed = model.certificate.map_or(a.common.seed, |c| c.seed);

@@ -248,12 +248,18 @@ pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
 /// # Errors
 /// As [`decode`], streams apart.
 pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
+    Ok(coded_file(bytes, place)?.1)
+}
+
+/// Metadata and coded blocks of a file.
+pub(super) fn coded_file(bytes: &[u8], place: &str) -> Result<(Metadata, Vec<CodedLayer>)> {
     let copy = |part: Part<'_>| CodedLayer {
         name: part.name,
         particle_mass: part.mass.particle_mass,
         blocks: part.blocks.iter().map(|b| b.0.bytes.to_vec()).collect(),
     };
-    Ok(parts(bytes, place)?.layers.into_iter().map(copy).collect())
+    let parts = parts(bytes, place)?;
+    Ok((parts.metadata, parts.layers.into_iter().map(copy).collect()))
 }
 
 /// What a file says without its Gaussians being decoded.
@@ -328,6 +334,11 @@ pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
         certificate: parts.certificate,
         bytes: bytes.len() as u64,
     })
+}
+
+/// BLAKE3 of a model file's bytes: what is made from a model names it by this.
+pub fn file_hash(bytes: &[u8]) -> [u8; 32] {
+    *blake3::Hasher::new().update_rayon(bytes).finalize().as_bytes()
 }
 
 /// Metadata alone.

@@ -2,7 +2,8 @@
 //!
 //! A block's means are sorted into a tree of boxes (`tree`); sizes, counts, shapes (`shape`) and
 //! places are put on lattices (`trellis`); one walk (`walk`) codes them against predictions with
-//! adaptive models (`symbols`) and rANS (`rans`). Sections with checksums hold it all together.
+//! adaptive models (`symbols`) and rANS (`rans`). Sections with checksums hold it all together;
+//! files are merged by copying their blocks (`merge`).
 
 mod certificate;
 mod container;
@@ -11,6 +12,7 @@ mod encoder;
 mod exact;
 mod file;
 mod header;
+mod merge;
 mod metadata;
 mod precision;
 mod predict;
@@ -28,6 +30,8 @@ pub use container::is_model;
 pub use encoder::Encoder;
 pub use file::{
     BlockInfo, CodedLayer, FileInfo, LayerHead, LayerInfo, assemble, coded_layers, decode, decode_block, encode,
-    read_info, read_metadata, size_without_blocks,
+    file_hash, read_info, read_metadata, size_without_blocks,
 };
+pub use merge::{Merge, blocks_hash};
 pub use precision::Precision;
+pub(crate) use sums::whole_counts;

@@ -20,7 +20,7 @@ pub fn bytes_a_gaussian(effort: Effort) -> f64 {
 /// Fits tried at most to find a number of Gaussians whose steps are near nominal.
 const FITS: usize = 3;
 /// Step factors between these cost less than a refit gains.
-const NEAR_NOMINAL: std::ops::Range<f64> = 0.75..1.4;
+pub const NEAR_NOMINAL: std::ops::Range<f64> = 0.75..1.4;
 
 /// How blocks are fitted: the same for all of a job.
 #[derive(Clone, Copy, Debug)]

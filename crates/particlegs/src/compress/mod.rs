@@ -1,7 +1,8 @@
 //! Floor 6: the whole job: a snapshot, a target, an effort in; a model file's bytes out.
 //!
 //! [`Target`] says what is asked for, [`describe`] what is known about the snapshot, [`compress`]
-//! chooses how many Gaussians at how many bits, fits, codes, decodes and measures.
+//! chooses how many Gaussians at how many bits, fits, codes, decodes and measures; [`simplify()`]
+//! makes a file smaller without the particles.
 
 mod block;
 mod clock;
@@ -9,8 +10,10 @@ mod describe;
 mod job;
 mod rate;
 mod search;
+mod simplify;
 mod target;
 
 pub use describe::describe;
 pub use job::{Compressed, Options, compress};
+pub use simplify::{Simplified, simplify};
 pub use target::Target;

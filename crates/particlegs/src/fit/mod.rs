@@ -4,7 +4,8 @@
 //! whose particles lie side by side, best cut first, and sums each cell's [`Moments`]: one
 //! Gaussian a cell. The geometry counts particles, as ParaView draws them; masses are carried
 //! along. [`refine`] softens the cells by truncated EM and moves Gaussians from where they are not
-//! needed to where they are; [`fit`] does both as an [`Effort`] allows.
+//! needed to where they are; [`fit`] does both as an [`Effort`] allows. [`simplify()`] makes a mixture
+//! smaller without the particles.
 
 mod candidates;
 mod cut;
@@ -18,6 +19,7 @@ mod partition;
 mod refine;
 mod select;
 mod shade;
+mod simplify;
 mod split_merge;
 mod store;
 
@@ -27,4 +29,5 @@ pub use memory::memory_needed;
 pub use moments::Moments;
 pub use partition::{Partition, PartitionOptions, partition};
 pub use refine::{RefineOptions, refine};
+pub use simplify::{SimplifyOptions, simplify};
 pub use store::Store;

@@ -23,6 +23,14 @@ impl Random {
         self.0.next_u64()
     }
 
+    /// Fills `words` with the stream's next bits, 32 each.
+    pub fn fill(&mut self, words: &mut [u32]) {
+        self.0.fill_bytes(bytemuck::cast_slice_mut(words));
+        if cfg!(target_endian = "big") {
+            words.iter_mut().for_each(|w| *w = w.swap_bytes());
+        }
+    }
+
     /// Uniform in [0, 1), 53 bits.
     pub fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)

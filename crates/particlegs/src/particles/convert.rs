@@ -3,7 +3,7 @@
 //! Memory stays at a few runs a thread, whatever the size of the output.
 
 use super::select::{Kept, Run, Selection};
-use super::write::SnapshotWriter;
+use super::write::{Described, RawForm, SnapshotWriter};
 use super::{Particles, Tiling};
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -47,7 +47,7 @@ pub fn convert(
 /// [`Error::Cancelled`].
 pub fn write_raw(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<Converted> {
     let weighted = kept.weighted();
-    let writer = SnapshotWriter::create(out, kept.total(), weighted)?;
+    let writer = SnapshotWriter::create(out, RawForm::of_name(out), kept.total(), weighted)?;
     progress.begin("writing", kept.total());
     (0..kept.runs()).into_par_iter().try_for_each_init(
         || (Run::default(), Vec::new()),
@@ -59,7 +59,12 @@ pub fn write_raw(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result
             Ok::<_, Error>(())
         },
     )?;
-    writer.finish(kept)?;
+    writer.finish(&Described {
+        meta: kept.meta(),
+        layers: kept.layers(),
+        order: "layer by layer, tile by tile, particles in input order",
+        notes: [("made_from".to_string(), kept.notes())].into_iter().collect(),
+    })?;
     progress.end();
     Ok(Converted { particles: kept.total(), bytes: kept.total() * if weighted { 16 } else { 12 } })
 }

@@ -1,0 +1,423 @@
+//! A smaller mixture from a mixture, without the particles.
+//!
+//! Two Gaussians become the one that has the moments of both, the pairs that show least first. What
+//! shows is measured as split and merge measure it: the squared difference of the projections along
+//! the three axes, under the blur of pictures, in closed form. Rounds take the cheapest disjoint
+//! pairs of neighbours until few enough are left, so that 2 million Gaussians take no heap and no
+//! more than n log n. Then, as k-means does for points, each old Gaussian goes to the new one that
+//! explains it best (Goldberger and Roweis 2004), and the new ones get the moments of their own.
+//! Count, mass, mean and covariance of the whole are kept throughout.
+
+use super::Blur;
+use super::candidates::{Ellipsoid, OverlapTree};
+use super::split_merge::{Blob, difference, union};
+use crate::math::Sym3;
+use crate::memory::require;
+use crate::model::Mixture;
+use crate::particles::Bounds;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use rayon::prelude::*;
+
+/// What to make of a mixture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimplifyOptions {
+    /// Gaussians, at most.
+    pub gaussians: usize,
+    /// Radius that particles are drawn with, world units.
+    pub radius: f64,
+    /// A pixel of the pictures that the model is made for, world units.
+    pub pixel: f64,
+}
+
+/// Neighbours that a Gaussian may merge with, and that its own may go to.
+const NEIGHBOURS: usize = 12;
+/// Those are neighbours whose separation is within this of the best, ...
+const REACH: f64 = 14.0;
+/// ... searched for again when a round leaves less than this of those at the last search.
+const SEARCH_AGAIN: f64 = 0.6;
+/// Searches between two looks at whether to stop.
+const CHECK: usize = 1 << 14;
+/// Largest share of the Gaussians that a round merges away.
+const SHARE: f64 = 0.1;
+/// Rounds of regrouping.
+const REGROUPINGS: usize = 4;
+/// Blur of the measure and floor of sizes, in particle radii, as in refinement.
+const BLUR_RADII: f64 = 6.0;
+const FLOOR_RADII: f64 = 0.6;
+/// Bytes that a Gaussian takes in the work.
+const BYTES_A_GAUSSIAN: u64 = 600;
+
+/// Merges Gaussians until at most `options.gaussians` are left. The same bits for any number of
+/// threads. Gaussians without particles are dropped.
+///
+/// # Errors
+/// [`Error::Argument`] for no Gaussians or a radius that is not positive; [`Error::Memory`];
+/// [`Error::Cancelled`].
+pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Mixture> {
+    if options.gaussians == 0 || !(options.radius > 0.0 && options.radius.is_finite() && options.pixel >= 0.0) {
+        return Err(Error::argument(format!(
+            "{} Gaussians and a radius of {} must be positive",
+            options.gaussians, options.radius
+        )));
+    }
+    require("simplifying", mixture.len() as u64 * BYTES_A_GAUSSIAN)?;
+    let frame = Frame::of(mixture);
+    let old = frame.items(mixture);
+    if old.len() <= options.gaussians {
+        return Ok(frame.mixture(&old, mixture.mass.is_some()));
+    }
+    let radius = options.radius / frame.unit;
+    let blur = Blur::of_picture(BLUR_RADII * radius, options.pixel / frame.unit);
+    let measure = Measure { blur2: 2.0 * blur * blur, floor: (FLOOR_RADII * radius).powi(2) };
+    let (mut new, mut homes) = merged(&old, options.gaussians, measure, progress)?;
+    let neighbours = Neighbours::find(&new, measure, REACH, progress)?;
+    for _ in 0..REGROUPINGS {
+        progress.check()?;
+        new = regrouped(&old, &new, &mut homes, &neighbours, measure);
+    }
+    new.retain(|item| item.blob.count > 0.0);
+    Ok(frame.mixture(&new, mixture.mass.is_some()))
+}
+
+/// A Gaussian and its mass.
+#[derive(Clone, Copy)]
+struct Item {
+    blob: Blob,
+    mass: f64,
+}
+
+impl Item {
+    fn joined(&self, other: &Item) -> Item {
+        Item { blob: union(&self.blob, &other.blob), mass: self.mass + other.mass }
+    }
+
+    /// The same place without particles.
+    fn emptied(&self) -> Item {
+        Item { blob: Blob { count: 0.0, ..self.blob }, mass: 0.0 }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Measure {
+    /// Twice the variance of the blur.
+    blur2: f64,
+    /// Least variance in the search for neighbours.
+    floor: f64,
+}
+
+/// The unit and the origin of the work: products of many lengths stay within f64 whatever the unit.
+struct Frame {
+    origin: [f64; 3],
+    unit: f64,
+}
+
+impl Frame {
+    fn of(mixture: &Mixture) -> Frame {
+        let mut bounds = Bounds::empty();
+        (0..mixture.len()).for_each(|i| bounds.include(mixture.mean_of(i)));
+        let widest = bounds.extent().into_iter().fold(0.0, f64::max);
+        let spread = mixture.cov[0].iter().zip(&mixture.cov[3]).zip(&mixture.cov[5]);
+        let size = spread.map(|((x, y), z)| (x + y + z).sqrt()).fold(0.0, f64::max);
+        let unit = widest.max(size);
+        Frame { origin: bounds.center(), unit: if unit > 0.0 && unit.is_finite() { unit } else { 1.0 } }
+    }
+
+    fn items(&self, mixture: &Mixture) -> Vec<Item> {
+        let per = 1.0 / self.unit;
+        let item = |i: usize| {
+            let mean = mixture.mean_of(i);
+            let mean = std::array::from_fn(|k| (mean[k] - self.origin[k]) * per);
+            let cov = mixture.cov_of(i).scale(per).scale(per);
+            Item { blob: Blob { count: mixture.count[i], mean, cov }, mass: mixture.mass_of(i) }
+        };
+        (0..mixture.len()).filter(|&i| mixture.count[i] > 0.0).map(item).collect()
+    }
+
+    fn mixture(&self, items: &[Item], masses: bool) -> Mixture {
+        let mut out = Mixture { mass: masses.then(Vec::new), ..Mixture::default() };
+        for Item { blob, mass } in items {
+            let mean = std::array::from_fn(|k| self.origin[k] + blob.mean[k] * self.unit);
+            out.push(mean, blob.cov.scale(self.unit).scale(self.unit), blob.count, *mass);
+        }
+        out
+    }
+}
+
+fn ellipsoid(b: &Blob, floor: f64) -> Ellipsoid {
+    Ellipsoid::new(b.mean, b.cov.add(&Sym3::scaled_identity(floor)), b.count)
+}
+
+/// For each Gaussian those that it overlaps most, itself left out, in an order that repeats.
+struct Neighbours(Vec<Vec<u32>>);
+
+impl Neighbours {
+    fn find(items: &[Item], measure: Measure, reach: f64, progress: &dyn Progress) -> Result<Self> {
+        let ellipsoids: Vec<Ellipsoid> = items.par_iter().map(|i| ellipsoid(&i.blob, measure.floor)).collect();
+        let tree = OverlapTree::new(&ellipsoids);
+        let own = |found: &mut Vec<(f64, u32)>, j: usize| {
+            if j.is_multiple_of(CHECK) {
+                progress.check()?;
+            }
+            tree.nearest(&ellipsoids[j], NEIGHBOURS, reach, found);
+            Ok(found.iter().map(|f| f.1).filter(|&n| n as usize != j).collect())
+        };
+        (0..items.len()).into_par_iter().with_min_len(64).map_init(Vec::new, own).collect::<Result<_>>().map(Self)
+    }
+
+    /// Each with the next, the last with the one before.
+    fn chain(count: usize) -> Self {
+        Neighbours(
+            (0..count).map(|j| if j + 1 < count { j as u32 + 1 } else { j as u32 - 1 }).map(|n| vec![n]).collect(),
+        )
+    }
+
+    /// Those of the Gaussians after a round: of a merged pair both ones' in turn.
+    fn after(&self, round: &Round) -> Self {
+        let own = |&i: &u32| {
+            let mut lists = [Some(i), round.partner[i as usize]].map(|k| {
+                let list: &[u32] = k.map_or(&[], |k| &self.0[k as usize]);
+                list.iter()
+            });
+            let me = round.place[i as usize];
+            let mut all: Vec<u32> = Vec::with_capacity(NEIGHBOURS);
+            while all.len() < NEIGHBOURS && lists.iter().any(|l| l.len() > 0) {
+                for n in lists.iter_mut().filter_map(|l| l.next()) {
+                    let n = round.place[*n as usize];
+                    if n != me && !all.contains(&n) {
+                        all.push(n);
+                    }
+                }
+            }
+            all
+        };
+        Neighbours(round.kept.par_iter().map(own).collect())
+    }
+}
+
+/// Which Gaussians a round merged.
+struct Round {
+    /// With whom each was merged, at the one that stays.
+    partner: Vec<Option<u32>>,
+    /// Those that stay.
+    kept: Vec<u32>,
+    /// Where each is found after the round.
+    place: Vec<u32>,
+}
+
+/// Merges pairs until `wanted` are left; for each old one says where it went.
+fn merged(old: &[Item], wanted: usize, measure: Measure, progress: &dyn Progress) -> Result<(Vec<Item>, Vec<u32>)> {
+    progress.begin("simplify", (old.len() - wanted) as u64);
+    let mut items = old.to_vec();
+    let mut homes: Vec<u32> = (0..old.len() as u32).collect();
+    let (mut reach, mut searched) = (REACH, items.len());
+    let mut neighbours = Neighbours::find(&items, measure, reach, progress)?;
+    while items.len() > wanted {
+        progress.check()?;
+        let merges = cheapest(&items, &neighbours, measure);
+        if merges.is_empty() {
+            // Islands have no neighbours within reach: look as far as it takes. Flat Gaussians whose
+            // overlaps are no numbers go with the next.
+            neighbours = match reach.is_finite() {
+                true => Neighbours::find(&items, measure, f64::INFINITY, progress)?,
+                false => Neighbours::chain(items.len()),
+            };
+            (reach, searched) = (f64::INFINITY, items.len());
+            continue;
+        }
+        if (items.len() as f64) < SEARCH_AGAIN * searched as f64 {
+            neighbours = Neighbours::find(&items, measure, reach, progress)?;
+            searched = items.len();
+            continue;
+        }
+        let round = Round::of(items.len(), &merges, wanted);
+        progress.advance((items.len() - round.kept.len()) as u64);
+        neighbours = neighbours.after(&round);
+        homes.par_iter_mut().for_each(|home| *home = round.place[*home as usize]);
+        let joined = |&i: &u32| {
+            let item = items[i as usize];
+            round.partner[i as usize].map_or(item, |j| item.joined(&items[j as usize]))
+        };
+        items = round.kept.par_iter().map(joined).collect();
+    }
+    progress.end();
+    Ok((items, homes))
+}
+
+impl Round {
+    /// The cheapest disjoint pairs, until `wanted` are left or a round's share is used up.
+    fn of(count: usize, merges: &[Merge], wanted: usize) -> Round {
+        let most = (count - wanted).min((count as f64 * SHARE) as usize).max(1);
+        let mut partner = vec![None; count];
+        let mut into: Vec<Option<u32>> = vec![None; count];
+        let mut made = 0;
+        for &Merge { a, b, .. } in merges {
+            let free = |k: u32| partner[k as usize].is_none() && into[k as usize].is_none();
+            if made == most {
+                break;
+            }
+            if free(a) && free(b) {
+                partner[a as usize] = Some(b);
+                into[b as usize] = Some(a);
+                made += 1;
+            }
+        }
+        let kept: Vec<u32> = (0..count as u32).filter(|&i| into[i as usize].is_none()).collect();
+        let mut place = vec![0; count];
+        kept.iter().enumerate().for_each(|(to, &i)| place[i as usize] = to as u32);
+        (0..count).for_each(|i| {
+            if let Some(a) = into[i] {
+                place[i] = place[a as usize];
+            }
+        });
+        Round { partner, kept, place }
+    }
+}
+
+/// The cheapest merge of a Gaussian.
+struct Merge {
+    cost: f64,
+    a: u32,
+    b: u32,
+}
+
+/// Each Gaussian's cheapest merge among its neighbours, the cheapest of all first.
+fn cheapest(items: &[Item], neighbours: &Neighbours, measure: Measure) -> Vec<Merge> {
+    let own = |j: usize| {
+        let me = &items[j].blob;
+        let merge = |&n: &u32| {
+            let other = &items[n as usize].blob;
+            let cost = difference(&union(me, other), me, other, measure.blur2);
+            Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
+        };
+        neighbours.0[j].iter().map(merge).min_by(by_cost)
+    };
+    let mut merges: Vec<Merge> = (0..items.len()).into_par_iter().with_min_len(64).map(own).flatten_iter().collect();
+    merges.par_sort_unstable_by(by_cost);
+    merges
+}
+
+fn by_cost(p: &Merge, q: &Merge) -> std::cmp::Ordering {
+    p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b)))
+}
+
+/// Each old Gaussian goes to the one under which it is likeliest, of its home and the home's
+/// neighbours; the new ones get the moments of their own, which may be none.
+fn regrouped(old: &[Item], new: &[Item], homes: &mut [u32], neighbours: &Neighbours, measure: Measure) -> Vec<Item> {
+    let fields: Vec<Option<Field>> = new.par_iter().map(|item| Field::of(item, measure)).collect();
+    homes.par_iter_mut().zip(old).with_min_len(64).for_each(|(home, item)| {
+        let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
+        let cost = |n: u32| fields[n as usize].as_ref().map_or(f64::INFINITY, |f| f.cost(item.blob.mean, &cov));
+        let others = neighbours.0[*home as usize].iter().map(|&n| (cost(n), n));
+        let best = others.fold((cost(*home), *home), |best, next| if next.0 < best.0 { next } else { best });
+        *home = best.1;
+    });
+    let mut groups: Vec<Option<Item>> = vec![None; new.len()];
+    for (item, &home) in old.iter().zip(homes.iter()) {
+        let group = &mut groups[home as usize];
+        *group = Some(group.map_or(*item, |g| g.joined(item)));
+    }
+    groups.into_iter().zip(new).map(|(group, was)| group.unwrap_or(was.emptied())).collect()
+}
+
+/// A Gaussian as a density that others are judged by.
+struct Field {
+    mean: [f64; 3],
+    inverse: Sym3,
+    /// ln det - 2 ln count.
+    constant: f64,
+}
+
+impl Field {
+    fn of(item: &Item, measure: Measure) -> Option<Field> {
+        let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
+        let inverse = cov.inverse().filter(|_| item.blob.count > 0.0)?;
+        Some(Field { mean: item.blob.mean, inverse, constant: cov.det().ln() - 2.0 * item.blob.count.ln() })
+    }
+
+    /// Minus twice the mean log-likelihood of a Gaussian's particles, but for a constant.
+    fn cost(&self, mean: [f64; 3], cov: &Sym3) -> f64 {
+        let d = std::array::from_fn(|k| mean[k] - self.mean[k]);
+        trace_of_product(&self.inverse, cov) + self.inverse.quadratic(d) + self.constant
+    }
+}
+
+fn trace_of_product(a: &Sym3, b: &Sym3) -> f64 {
+    let (a, b) = (&a.0, &b.0);
+    a[0] * b[0] + a[3] * b[3] + a[5] * b[5] + 2.0 * (a[1] * b[1] + a[2] * b[2] + a[4] * b[4])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+    use crate::progress::Silent;
+
+    fn mixture(n: u64, unit: f64) -> Mixture {
+        let mut m = Mixture { mass: Some(Vec::new()), ..Mixture::default() };
+        for i in 0..n {
+            let mut r = Random::new(9, 0, i);
+            let mut v = || [r.normal(), r.normal(), r.normal()];
+            let (mean, a, b) = (v(), v(), v());
+            let cov = Sym3::outer(a).add(&Sym3::outer(b)).scale(0.01).add(&Sym3::scaled_identity(1e-4));
+            let count = (1.0 + 20.0 * v()[0].abs()).round();
+            m.push(mean.map(|x| unit * (7.0 + x)), cov.scale(unit).scale(unit), count, 0.5 * count);
+        }
+        m
+    }
+
+    /// Count, mass, mean and covariance of the whole.
+    fn moments(m: &Mixture) -> (f64, Blob) {
+        let item = |i| Blob { count: m.count[i], mean: m.mean_of(i), cov: m.cov_of(i) };
+        let whole = (1..m.len()).fold(item(0), |all, i| union(&all, &item(i)));
+        ((0..m.len()).map(|i| m.mass_of(i)).sum(), whole)
+    }
+
+    #[test]
+    fn moments_are_conserved_at_any_unit() {
+        for unit in [1.0, 1e-20, 1e20] {
+            let m = mixture(500, unit);
+            for k in [1, 7, 200, 499, 500, 900] {
+                let options = SimplifyOptions { gaussians: k, radius: 0.02 * unit, pixel: 0.01 * unit };
+                let small = simplify(&m, &options, &Silent).unwrap();
+                assert!(small.len() <= k && small.len() >= k.min(500) * 9 / 10, "{k}: {}", small.len());
+                let ((mass, a), (mass2, b)) = (moments(&m), moments(&small));
+                assert_eq!((a.count, mass), (b.count, mass2));
+                for j in 0..3 {
+                    assert!((a.mean[j] - b.mean[j]).abs() < 1e-10 * unit);
+                }
+                for j in 0..6 {
+                    assert!((a.cov.0[j] - b.cov.0[j]).abs() < 1e-10 * unit * unit);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn twins_merge_first() {
+        let mut m = Mixture::default();
+        for x in [0.0, 1.0, 1.001, 2.0] {
+            m.push([x, 0.0, 0.0], Sym3::scaled_identity(0.01), 10.0, 0.0);
+        }
+        let small = simplify(&m, &SimplifyOptions { gaussians: 3, radius: 0.01, pixel: 0.0 }, &Silent).unwrap();
+        assert_eq!(small.count, [10.0, 20.0, 10.0]);
+        assert!((small.mean[0][1] - 1.0005).abs() < 1e-12);
+    }
+
+    #[test]
+    fn points_and_islands_merge_too() {
+        let mut m = Mixture::default();
+        for i in 0..40 {
+            m.push([f64::from(i * i * i), 0.0, 0.0], Sym3::default(), 3.0, 0.0);
+        }
+        let small = simplify(&m, &SimplifyOptions { gaussians: 3, radius: 1e-9, pixel: 0.0 }, &Silent).unwrap();
+        assert!(!small.is_empty() && small.len() <= 3);
+        assert_eq!(small.count.iter().sum::<f64>(), 120.0);
+    }
+
+    #[test]
+    fn nothing_is_refused() {
+        let options = SimplifyOptions { gaussians: 0, radius: 1.0, pixel: 0.0 };
+        assert!(simplify(&mixture(3, 1.0), &options, &Silent).is_err());
+    }
+}

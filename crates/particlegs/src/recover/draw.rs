@@ -1,0 +1,218 @@
+//! A run of particles from its Gaussians.
+
+use super::Method;
+use super::normals::Draws;
+use super::plan::LayerPlan;
+use super::spaced::Cascade;
+use super::stratified::stratify;
+use super::wrap::Wrap;
+use crate::math::{Random, Sym3};
+use crate::particles::{Bounds, Run};
+use crate::{Error, Result};
+use std::ops::Range;
+
+/// Random streams of recovery.
+pub(super) const PURPOSE: u32 = 0x7265_636f;
+/// Cells of [`Method::Grid`] along each axis.
+const GRID: f64 = 512.0;
+/// Radius of [`Method::Ellipsoid`], in standard deviations.
+const REACH: f64 = 3.0;
+
+/// What all runs are drawn by.
+pub(super) struct Rules {
+    pub method: Method,
+    /// Factor on standard deviations.
+    pub scale: f64,
+    pub seed: u64,
+    /// Bounds of the snapshot.
+    pub bounds: Bounds,
+    /// Particles drawn in a unit of volume of the snapshot, for [`Method::Spaced`].
+    pub mean_density: f64,
+    pub wrap: Option<Wrap>,
+    /// Does the output have a column of weights?
+    pub weighted: bool,
+}
+
+/// Scratch space of a thread.
+#[derive(Default)]
+pub(super) struct Scratch {
+    draws: Draws,
+    flat: Vec<f64>,
+    radii: Vec<f64>,
+    position: [Vec<f64>; 3],
+}
+
+/// A Gaussian ready to be drawn from.
+struct Placed {
+    mean: [f64; 3],
+    /// Lower triangle of a root of the covariance: xx, yx, yy, zx, zy, zz.
+    root: [f64; 6],
+}
+
+impl Rules {
+    /// Fills `run` with the particles `range` of a layer, its run number `number`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where a position does not fit into f32.
+    pub(super) fn fill(
+        &self,
+        layer: &LayerPlan,
+        number: u64,
+        range: Range<u64>,
+        scratch: &mut Scratch,
+        run: &mut Run,
+    ) -> Result<()> {
+        let n = (range.end - range.start) as usize;
+        let stream = self.stream(&layer.name);
+        let mut random = Random::new(stream, PURPOSE, number);
+        scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
+        self.raw(n, &mut random, scratch);
+        let mut gaussian = layer.ends.partition_point(|&end| end <= range.start);
+        run.columns[3].clear();
+        let mut at = 0;
+        while at < n {
+            let stop = ((layer.ends[gaussian] - range.start) as usize).min(n);
+            self.place(layer, stream, gaussian, range.start, at..stop, scratch);
+            if self.weighted {
+                let weight = layer.weights.get(gaussian).copied().unwrap_or(1.0);
+                run.columns[3].resize(stop, weight);
+            }
+            at = stop;
+            gaussian += 1;
+        }
+        self.finish(layer, scratch, run)
+    }
+
+    /// The seed of a layer: its particles do not depend on which other layers are drawn.
+    fn stream(&self, name: &str) -> u64 {
+        let mut first = [0; 8];
+        first.copy_from_slice(&blake3::hash(name.as_bytes()).as_bytes()[..8]);
+        self.seed ^ u64::from_le_bytes(first)
+    }
+
+    /// Normal or uniform numbers, one column after the other.
+    fn raw(&self, n: usize, random: &mut Random, scratch: &mut Scratch) {
+        scratch.flat.resize(3 * n, 0.0);
+        match self.method {
+            Method::Count | Method::Volume => scratch.draws.normals(random, &mut scratch.flat),
+            Method::Ellipsoid => {
+                scratch.draws.normals(random, &mut scratch.flat);
+                scratch.radii.resize(n, 0.0);
+                scratch.draws.uniforms(random, &mut scratch.radii);
+            }
+            Method::Grid | Method::Spaced => scratch.draws.uniforms(random, &mut scratch.flat),
+            Method::Stratified => {}
+        }
+    }
+
+    /// Places the particles `range` of the run, which belong to one Gaussian. The run begins at the
+    /// layer's particle `first`.
+    fn place(
+        &self,
+        layer: &LayerPlan,
+        stream: u64,
+        gaussian: usize,
+        first: u64,
+        range: Range<usize>,
+        scratch: &mut Scratch,
+    ) {
+        let n = scratch.flat.len() / 3;
+        let (x, rest) = scratch.flat.split_at_mut(n);
+        let (y, z) = rest.split_at_mut(n);
+        let mut raw = [&mut x[range.clone()], &mut y[range.clone()], &mut z[range.clone()]];
+        let [x, y, z] = &mut scratch.position;
+        let out = [&mut x[range.clone()], &mut y[range.clone()], &mut z[range.clone()]];
+        let g = &layer.gaussians;
+        // The Gaussian's name among all, and its first particle in the layer.
+        let key = [stream, gaussian as u64];
+        let begin = if gaussian == 0 { 0 } else { layer.ends[gaussian - 1] };
+        let placed = Placed::new(g.mean_of(gaussian), &g.cov_of(gaussian), self.scale);
+        match self.method {
+            Method::Count | Method::Volume => {}
+            Method::Ellipsoid => to_ball(&mut raw, &scratch.radii[range]),
+            Method::Grid => return in_cell(&self.bounds, placed.mean, &raw, out),
+            Method::Stratified => stratify(key, first + range.start as u64 - begin, &mut raw),
+            Method::Spaced => {
+                let count = layer.ends[gaussian] - begin;
+                let density = count as f64 / (placed.volume() * self.mean_density);
+                Cascade::new(key, count, density).apply(&mut raw);
+            }
+        }
+        placed.apply(raw, out);
+    }
+
+    /// Wraps, rounds to f32 and checks.
+    fn finish(&self, layer: &LayerPlan, scratch: &mut Scratch, run: &mut Run) -> Result<()> {
+        if let Some(wrap) = &self.wrap {
+            wrap.apply(&mut scratch.position);
+        }
+        for k in 0..3 {
+            run.columns[k].clear();
+            let column = scratch.position[k].iter();
+            match &self.wrap {
+                Some(wrap) => run.columns[k].extend(column.map(|&v| wrap.round(k, v))),
+                None => run.columns[k].extend(column.map(|&v| v as f32)),
+            }
+            if run.columns[k].iter().any(|v| !v.is_finite()) {
+                return Err(Error::input(&layer.name, "particles of this layer do not fit into float32"));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Placed {
+    /// A lower triangle L with L L^T = `cov` times the square of `scale`; directions without extent
+    /// get none.
+    fn new(mean: [f64; 3], cov: &Sym3, scale: f64) -> Placed {
+        let [xx, xy, xz, yy, yz, zz] = cov.0;
+        let over = |v: f64, root: f64| if root > 0.0 { v / root } else { 0.0 };
+        let a = xx.max(0.0).sqrt();
+        let (b, d) = (over(xy, a), over(xz, a));
+        let c = (yy - b * b).max(0.0).sqrt();
+        let e = over(yz - b * d, c);
+        let f = (zz - d * d - e * e).max(0.0).sqrt();
+        Placed { mean, root: [a, b, c, d, e, f].map(|v| v * scale) }
+    }
+
+    /// Volume that a Gaussian of one particle fills at its mean density, (4 pi)^(3/2) times the root
+    /// of the determinant.
+    fn volume(&self) -> f64 {
+        (4.0 * std::f64::consts::PI).powf(1.5) * self.root[0] * self.root[2] * self.root[5]
+    }
+
+    fn apply(&self, raw: [&mut [f64]; 3], out: [&mut [f64]; 3]) {
+        let [x, y, z] = raw;
+        let [u, v, w] = out;
+        let ([mx, my, mz], [a, b, c, d, e, f]) = (self.mean, self.root);
+        for i in 0..x.len() {
+            u[i] = mx + a * x[i];
+            v[i] = my + (b * x[i] + c * y[i]);
+            w[i] = mz + (d * x[i] + e * y[i] + f * z[i]);
+        }
+    }
+}
+
+/// Normal draws to uniform ones in a ball of radius [`REACH`]: their directions, and radii whose
+/// cubes are uniform.
+fn to_ball(raw: &mut [&mut [f64]; 3], radii: &[f64]) {
+    let [x, y, z] = raw;
+    for i in 0..radii.len() {
+        let length = (x[i] * x[i] + y[i] * y[i] + z[i] * z[i]).sqrt();
+        let factor = if length > 0.0 { REACH * radii[i].cbrt() / length } else { 0.0 };
+        x[i] *= factor;
+        y[i] *= factor;
+        z[i] *= factor;
+    }
+}
+
+/// Uniform draws in the grid's cell that holds `centre`.
+fn in_cell(bounds: &Bounds, centre: [f64; 3], raw: &[&mut [f64]; 3], out: [&mut [f64]; 3]) {
+    let extent = bounds.extent();
+    for (k, out) in out.into_iter().enumerate() {
+        let width = extent[k] / GRID;
+        let cell = ((centre[k] - bounds.min[k]) / width).floor().clamp(0.0, GRID - 1.0);
+        let low = if width > 0.0 { bounds.min[k] + cell * width } else { bounds.min[k] };
+        out.iter_mut().zip(raw[k].iter()).for_each(|(to, u)| *to = low + width * u);
+    }
+}

@@ -1,0 +1,208 @@
+//! From a model to files of particles, run by run.
+
+use super::Method;
+use super::draw::{Rules, Scratch};
+use super::notes::notes;
+use super::plan::Plan;
+use super::wrap::Wrap;
+use crate::memory::require;
+use crate::model::Model;
+use crate::particles::{Described, ONE_LAYER, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
+use crate::progress::Progress;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// How to draw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Particles (`None`: as many as the model stands for).
+    pub particles: Option<u64>,
+    /// How they are placed.
+    pub method: Method,
+    /// Factor on the Gaussians' standard deviations (the published variants: 1.2 to 3).
+    pub scale: f64,
+    /// Seed of the draws.
+    pub seed: u64,
+    /// Columns, or triples.
+    pub form: RawForm,
+    /// The model file's name, for meta.json.
+    pub model_name: String,
+}
+
+/// What was written.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Recovered {
+    /// Particles.
+    pub particles: u64,
+    /// Bytes of their columns.
+    pub bytes: u64,
+}
+
+/// Draws particles from `model` (whose file has the BLAKE3 `model_hash`) and writes them to `out`
+/// with a meta.json that says what they are. Memory stays at the model and a few runs a thread,
+/// whatever the number of particles; the same model, options and seed give the same bytes for any
+/// number of threads.
+///
+/// # Errors
+/// [`Error::Argument`] for no particles or a scale that is not positive; [`Error::Input`] where
+/// positions do not fit into float32 or weights would be lost; [`Error::Io`]; [`Error::Memory`];
+/// [`Error::Cancelled`].
+pub fn recover(
+    model: Model,
+    model_hash: [u8; 32],
+    options: &Options,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Recovered> {
+    if !(options.scale > 0.0 && options.scale.is_finite()) {
+        return Err(Error::argument(format!("a scale of {} is not positive", options.scale)));
+    }
+    require("drawing", (rayon::current_num_threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
+    let (metadata, certificate) = (model.metadata.clone(), model.certificate);
+    let plan = Plan::new(model, options.particles, options.method)?;
+    let weighted = plan.weighted();
+    let volume: f64 = metadata.bounds.extent_nonzero().iter().product();
+    let rules = Rules {
+        method: options.method,
+        scale: options.scale,
+        seed: options.seed,
+        bounds: metadata.bounds,
+        mean_density: plan.total as f64 / volume,
+        wrap: Wrap::new(metadata.cell.as_ref(), &metadata.bounds),
+        weighted,
+    };
+    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted)?;
+    progress.begin("drawing particles", plan.total);
+    (0..plan.runs()).into_par_iter().try_for_each_init(
+        || (Scratch::default(), Run::default(), Vec::new()),
+        |(scratch, run, triples), id| {
+            progress.check()?;
+            let (layer, number, range) = plan.run(id);
+            let (first, count) = (layer.first + range.start, range.end - range.start);
+            rules.fill(layer, number, range, scratch, run)?;
+            writer.write(first, run, triples)?;
+            progress.advance(count);
+            Ok::<_, Error>(())
+        },
+    )?;
+    let layers = plan.described();
+    let one = layers.len() == 1 && layers[0].name == ONE_LAYER;
+    let meta = SnapshotMeta {
+        name: format!("{} (synthetic)", metadata.source),
+        cell: metadata.cell,
+        length_unit: metadata.length_unit.clone(),
+        mass_unit: metadata.mass_unit.clone(),
+        particle_mass: layers[0].particle_mass.filter(|_| one),
+        comoving: metadata.comoving,
+        scale_factor: metadata.scale_factor,
+        hubble: metadata.hubble,
+        time: metadata.time,
+    };
+    writer.finish(&Described {
+        meta: &meta,
+        layers,
+        order: "layer by layer, Gaussian by Gaussian",
+        notes: notes(&metadata, certificate.as_ref(), model_hash, options, plan.total),
+    })?;
+    progress.end();
+    Ok(Recovered { particles: plan.total, bytes: plan.total * if weighted { 16 } else { 12 } })
+}
+
+/// Bytes of a particle in a thread's scratch space: numbers and positions in f64, columns and
+/// triples in f32.
+const BYTES_A_DRAW: usize = 8 * 7 + 4 * 7;
+
+#[cfg(test)]
+mod tests {
+    use super::super::plan::tests::model;
+    use super::*;
+    use crate::particles::{Particles, open_raw};
+    use crate::progress::Silent;
+
+    fn options(method: Method) -> Options {
+        Options { particles: None, method, scale: 1.0, seed: 5, form: RawForm::Columns, model_name: "m.pgs".into() }
+    }
+
+    fn drawn(model: Model, options: &Options) -> Result<Particles> {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("out");
+        let made = recover(model, [0; 32], options, &out, &Silent);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), usize::from(made.is_ok()));
+        let number = made?.particles;
+        let p = open_raw(
+            &["xx.f32", "yy.f32", "zz.f32", "ww.f32"]
+                .map(|n| out.join(n))
+                .into_iter()
+                .filter(|p| p.exists())
+                .collect::<Vec<_>>(),
+        )?;
+        assert_eq!(p.len() as u64, number);
+        Ok(p)
+    }
+
+    #[test]
+    fn every_method_has_the_mean_and_the_spread_of_the_gaussian() {
+        let lone = || model(&[("particles", &[(0, None), (0, None), (0, None), (0, None), (20_000, None)])]);
+        for (method, spread) in [
+            (Method::Count, 1.0),
+            (Method::Volume, 1.0),
+            (Method::Stratified, 1.0),
+            // A ball of 3 standard deviations: 9 / 5.
+            (Method::Ellipsoid, 1.8),
+        ] {
+            let p = drawn(lone(), &options(method)).unwrap();
+            let (mean, cov) = moments(&p);
+            assert!((mean[0] - 4.5).abs() < 0.01 && (mean[1] - 5.0).abs() < 0.01, "{method:?} {mean:?}");
+            for (got, want) in cov.iter().zip([0.04, 0.01, 0.0, 0.02, -0.005, 0.01]) {
+                assert!((got - spread * want).abs() < 0.04 * 0.04 * spread, "{method:?} {cov:?}");
+            }
+        }
+        let wide = drawn(lone(), &Options { scale: 2.0, ..options(Method::Count) }).unwrap();
+        assert!((moments(&wide).1[0] - 0.16).abs() < 0.007);
+        // The grid's cell that holds the centre.
+        let p = drawn(lone(), &options(Method::Grid)).unwrap();
+        assert!((0..p.len()).all(|i| (p.position(i)[0] - 4.5).abs() < 10.0 / 512.0));
+    }
+
+    fn moments(p: &Particles) -> ([f64; 3], [f64; 6]) {
+        let n = p.len() as f64;
+        let mut mean = [0.0; 3];
+        (0..p.len()).for_each(|i| (0..3).for_each(|k| mean[k] += p.position(i)[k] / n));
+        let mut cov = [0.0; 6];
+        for i in 0..p.len() {
+            let d: [f64; 3] = std::array::from_fn(|k| p.position(i)[k] - mean[k]);
+            let products = [d[0] * d[0], d[0] * d[1], d[0] * d[2], d[1] * d[1], d[1] * d[2], d[2] * d[2]];
+            (0..6).for_each(|k| cov[k] += products[k] / n);
+        }
+        (mean, cov)
+    }
+
+    #[test]
+    fn layers_and_masses_come_back() {
+        let two = || model(&[("dm", &[(100_000, None), (7, None)]), ("gas", &[(300, Some(30.0)), (50, Some(1.0))])]);
+        let p = drawn(two(), &options(Method::Count)).unwrap();
+        let layers = p.layers();
+        assert_eq!(
+            (&layers[0].name[..], layers[0].range.clone(), layers[0].particle_mass),
+            ("dm", 0..100_007, Some(2.0))
+        );
+        assert_eq!((&layers[1].name[..], layers[1].range.clone(), layers[1].weighted), ("gas", 100_007..100_357, true));
+        let weights = p.weights.as_ref().unwrap();
+        assert!(weights[100_007..100_307].iter().all(|&w| w == 0.1) && weights[100_307..].iter().all(|&w| w == 0.02));
+        assert_eq!(weights[0], 1.0);
+        // A layer alone has the same particles.
+        let alone = drawn(two().only(&["gas".into()]).unwrap(), &options(Method::Count)).unwrap();
+        assert!((0..350).all(|i| alone.position(i) == p.position(100_007 + i)));
+        let npy = Options { form: RawForm::NpyFolder, ..options(Method::Count) };
+        assert!(drawn(two(), &npy).is_err());
+    }
+
+    #[test]
+    fn particles_beyond_float32_are_refused() {
+        let mut far = model(&[("particles", &[(10, None)])]);
+        far.metadata.cell = None;
+        far.layers[0].blocks[0].gaussians.mean[0][0] = 1e39;
+        assert!(drawn(far, &options(Method::Count)).is_err());
+    }
+}

@@ -1,0 +1,21 @@
+//! Floor 4: a mixture becomes particles again: synthetic ones, drawn from it.
+//!
+//! A `plan` says how many particles each Gaussian gets (its own number, or a share of another
+//! total) and cuts each layer into runs of 65 536. A run's draws belong to (seed, layer, run), so
+//! that threads do not matter: `normals` makes standard normals many at once, `draw` places them
+//! by the [`Method`], `wrap` takes them into the periodic box. [`recover`] streams the runs to disk
+//! and writes beside them what they are: synthetic, of which file, and good for what (`notes`).
+
+mod draw;
+mod job;
+mod method;
+mod normals;
+mod notes;
+mod plan;
+mod quantile;
+mod spaced;
+mod stratified;
+mod wrap;
+
+pub use job::{Options, Recovered, recover};
+pub use method::Method;

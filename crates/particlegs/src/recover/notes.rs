@@ -1,0 +1,81 @@
+//! What meta.json says about recovered particles.
+
+use super::Options;
+use crate::model::{Certificate, Metadata};
+use serde_json::{Map, Value, json};
+
+/// The first thing that a reader of meta.json should see.
+const SYNTHETIC: &str = "SYNTHETIC: drawn at random from a mixture of Gaussians that was fitted to a simulation. \
+No particle of it was simulated; there are no identifiers and no velocities.";
+/// What no recovered particle can tell, whatever was measured.
+const NEVER: &str = "positions of individual particles; velocities, histories and merger trees; structure smaller \
+than the Gaussians that it was drawn from";
+
+/// The keys beside box and units.
+pub(super) fn notes(
+    metadata: &Metadata,
+    certificate: Option<&Certificate>,
+    model_hash: [u8; 32],
+    options: &Options,
+    particles: u64,
+) -> Map<String, Value> {
+    let own = particles == metadata.count;
+    let mut notes = Map::new();
+    notes.insert("synthetic".into(), SYNTHETIC.into());
+    notes.insert(
+        "recovered_from".into(),
+        json!({
+            "model": options.model_name,
+            "model_blake3": hex(&model_hash),
+            "source": metadata.source,
+            "source_blake3": hex(&metadata.source_hash),
+            "source_particles": metadata.count,
+            "method": options.method.name(),
+            "scale": options.scale,
+            "seed": options.seed,
+            "each_gaussian_has_its_own_count": own && options.method != super::Method::Volume,
+            "program": concat!("particlegs ", env!("CARGO_PKG_VERSION")),
+        }),
+    );
+    notes.insert("supports".into(), supports(certificate, options, own).into());
+    notes.insert("does_not_support".into(), NEVER.into());
+    notes
+}
+
+/// Which analyses the file's measurements support.
+fn supports(certificate: Option<&Certificate>, options: &Options, own: bool) -> Vec<String> {
+    let measured = match certificate {
+        None => "nothing was measured when the model was made: compare with the source (`particlegs stats`) before use"
+            .to_string(),
+        Some(c) => format!(
+            "density on a grid of {} cells along the longest extent: correlation with the source {:.4}, mean absolute \
+             error of the contrast {:.3} (the model's own, measured when it was made; a draw adds its shot noise)",
+            c.grid, c.density_correlation, c.density_mae
+        ),
+    };
+    let mut all = vec![measured];
+    match options.method {
+        super::Method::Count => {}
+        super::Method::Spaced => all.push(
+            "distances to the nearest neighbour, in the mean and the median; clumps smaller than a Gaussian are made \
+             up, so that correlations and groups on their scale are not the source's"
+                .into(),
+        ),
+        super::Method::Stratified => all.push(
+            "counts in cells: their shot noise is below that of a random draw; distances to neighbours are too even"
+                .into(),
+        ),
+        other => all.push(format!("method `{}` is there for comparison: prefer `count`", other.name())),
+    }
+    if options.scale != 1.0 {
+        all.push(format!("Gaussians were scaled by {}: densities are not the model's", options.scale));
+    }
+    if !own {
+        all.push("another number of particles than the source's: shot noise and spacing differ from it".into());
+    }
+    all
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

@@ -1,0 +1,263 @@
+//! Which particles belong to which Gaussian.
+
+use super::Method;
+use crate::codec::whole_counts;
+use crate::math::Sym3;
+use crate::model::{Layer, Mixture, Model};
+use crate::particles::{KeptLayer, RUN};
+use crate::{Error, Result};
+use std::ops::Range;
+
+/// Particles that can be drawn: counts stay whole in f64.
+const MOST: u64 = 1 << 53;
+
+/// A layer's Gaussians and the particles that each gets.
+pub(super) struct LayerPlan {
+    pub name: String,
+    /// Mass of a particle of weight 1, so that the layer keeps its mass.
+    pub particle_mass: Option<f64>,
+    /// Do its particles have weights of their own?
+    pub weighted: bool,
+    /// The Gaussians of all its blocks.
+    pub gaussians: Mixture,
+    /// Particles up to and with each Gaussian.
+    pub ends: Vec<u64>,
+    /// Weight of each Gaussian's particles; empty where `weighted` is not set.
+    pub weights: Vec<f32>,
+    /// Particles of the layers before.
+    pub first: u64,
+}
+
+impl LayerPlan {
+    /// Particles.
+    pub fn count(&self) -> u64 {
+        self.ends.last().copied().unwrap_or(0)
+    }
+
+    fn runs(&self) -> u64 {
+        self.count().div_ceil(RUN as u64)
+    }
+}
+
+/// What is to be drawn.
+pub(super) struct Plan {
+    pub layers: Vec<LayerPlan>,
+    /// Particles.
+    pub total: u64,
+}
+
+impl Plan {
+    /// Shares `wanted` particles (`None`: as many as the model stands for) among the Gaussians.
+    /// Where that is the model's own number, each gets its own count, but for [`Method::Volume`].
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for 0 particles, or more than 2^53.
+    pub fn new(model: Model, wanted: Option<u64>, method: Method) -> Result<Plan> {
+        let own: u64 = model.layers.iter().map(Layer::count).sum();
+        let total = wanted.unwrap_or(own);
+        if total == 0 || total > MOST {
+            return Err(Error::argument(format!("{total} particles were asked for: 1 to 2^53 can be drawn")));
+        }
+        let mut layers: Vec<LayerPlan> = model.layers.into_iter().map(LayerPlan::of).collect();
+        let mut counts: Vec<f64> = Vec::with_capacity(layers.iter().map(|l| l.gaussians.len()).sum());
+        for layer in &layers {
+            let g = &layer.gaussians;
+            match method {
+                Method::Volume => counts.extend((0..g.len()).map(|i| g.count[i] * volume(&g.cov_of(i)))),
+                _ => counts.extend_from_slice(&g.count),
+            }
+        }
+        if method == Method::Volume || total != own {
+            whole_counts(&mut counts, total);
+        }
+        let (mut rest, mut first) = (&counts[..], 0);
+        for layer in &mut layers {
+            let (mine, others) = rest.split_at(layer.gaussians.len());
+            layer.share(mine, first);
+            first += layer.count();
+            rest = others;
+        }
+        layers.retain(|l| l.count() > 0);
+        Ok(Plan { layers, total })
+    }
+
+    /// Do any particles have weights of their own?
+    pub fn weighted(&self) -> bool {
+        self.layers.iter().any(|l| l.weighted)
+    }
+
+    /// The layers that get particles.
+    pub fn described(&self) -> Vec<KeptLayer> {
+        let layer = |l: &LayerPlan| KeptLayer {
+            name: l.name.clone(),
+            range: l.first..l.first + l.count(),
+            particle_mass: l.particle_mass,
+            weighted: l.weighted,
+        };
+        self.layers.iter().map(layer).collect()
+    }
+
+    /// Number of runs.
+    pub fn runs(&self) -> u64 {
+        self.layers.iter().map(LayerPlan::runs).sum()
+    }
+
+    /// Layer of run `id`, the run's number in it, and its particles there.
+    pub fn run(&self, mut id: u64) -> (&LayerPlan, u64, Range<u64>) {
+        let mut layers = self.layers.iter();
+        let mut layer = layers.next().expect("a plan has particles");
+        while id >= layer.runs() {
+            id -= layer.runs();
+            layer = layers.next().expect("a run of the plan");
+        }
+        let start = id * RUN as u64;
+        (layer, id, start..layer.count().min(start + RUN as u64))
+    }
+}
+
+impl LayerPlan {
+    fn of(layer: Layer) -> LayerPlan {
+        let weighted = layer.is_weighted();
+        let mut blocks = layer.blocks.into_iter().map(|b| b.gaussians);
+        let mut gaussians = blocks.next().unwrap_or_default();
+        blocks.for_each(|b| gaussians.append(&b));
+        LayerPlan {
+            name: layer.name,
+            particle_mass: layer.particle_mass,
+            weighted,
+            gaussians,
+            ends: Vec::new(),
+            weights: Vec::new(),
+            first: 0,
+        }
+    }
+
+    /// Takes the Gaussians' counts. The layer keeps its mass: by its particles' weights where they
+    /// have some, else by the mass of a particle.
+    fn share(&mut self, counts: &[f64], first: u64) {
+        let mut end = 0u64;
+        self.ends = counts
+            .iter()
+            .map(|&c| {
+                end += c as u64;
+                end
+            })
+            .collect();
+        self.first = first;
+        let g = &self.gaussians;
+        if let Some(masses) = &g.mass {
+            let mean = |i: usize| if g.count[i] > 0.0 { masses[i] / g.count[i] } else { 0.0 };
+            let there: f64 = masses.iter().sum();
+            let drawn: f64 = counts.iter().enumerate().map(|(i, c)| c * mean(i)).sum();
+            let factor = if drawn > 0.0 { there / drawn } else { 1.0 };
+            // A weight is positive, though it be too small for f32.
+            let weight = |i: usize| ((mean(i) * factor) as f32).clamp(f32::MIN_POSITIVE, f32::MAX);
+            self.weights = (0..g.len()).map(weight).collect();
+        } else if let Some(mass) = &mut self.particle_mass {
+            let own: f64 = g.count.iter().sum();
+            if end > 0 && own != end as f64 {
+                *mass *= own / end as f64;
+            }
+        }
+    }
+}
+
+/// Volume of an ellipsoid of one standard deviation, but for 4 pi / 3.
+fn volume(cov: &Sym3) -> f64 {
+    cov.det().max(0.0).sqrt()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::model::{Block, Law, Metadata};
+    use crate::particles::Bounds;
+    use proptest::prelude::*;
+
+    /// A model of one layer a slice of (count, mass); each Gaussian at its number along x.
+    pub fn model(layers: &[(&str, &[(u64, Option<f64>)])]) -> Model {
+        let layer = |(name, gaussians): &(&str, &[(u64, Option<f64>)])| {
+            let weighted = gaussians.iter().any(|g| g.1.is_some());
+            let mut m = Mixture { mass: weighted.then(Vec::new), ..Mixture::default() };
+            for (i, &(count, mass)) in gaussians.iter().enumerate() {
+                let cov = Sym3([0.04, 0.01, 0.0, 0.02, -0.005, 0.01]);
+                m.push([i as f64 + 0.5, 5.0, 5.0], cov, count as f64, mass.unwrap_or(0.0));
+            }
+            let count = gaussians.iter().map(|g| g.0).sum();
+            let mass = if weighted { gaussians.iter().filter_map(|g| g.1).sum() } else { count as f64 };
+            let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
+            let particle_mass = (!weighted).then_some(2.0);
+            Layer { name: name.to_string(), particle_mass, blocks: vec![Block { bounds, count, mass, gaussians: m }] }
+        };
+        let layers: Vec<Layer> = layers.iter().map(layer).collect();
+        let metadata = Metadata {
+            law: Law::OpticalDepth,
+            count: layers.iter().map(Layer::count).sum(),
+            mass: layers.iter().flat_map(|l| &l.blocks).map(|b| b.mass).sum(),
+            bounds: Bounds { min: [0.0; 3], max: [10.0; 3] },
+            cell: Some(crate::particles::Cell::orthogonal([10.0; 3])),
+            default_radius: 0.1,
+            default_opacity: 0.05,
+            source: "test".into(),
+            source_hash: [1; 32],
+            length_unit: Some("Mpc/h".into()),
+            mass_unit: None,
+            comoving: None,
+            scale_factor: None,
+            hubble: None,
+            time: None,
+            command: "test".into(),
+            tool_version: "0".into(),
+        };
+        Model { metadata, layers, certificate: None }
+    }
+
+    proptest! {
+        /// Any number is drawn exactly, and every layer keeps its mass.
+        #[test]
+        fn numbers_and_masses_are_kept(
+            counts in proptest::collection::vec((1u64..500, 0.1f64..10.0), 1..9),
+            wanted in 50u64..5000,
+        ) {
+            let dm: Vec<_> = counts.iter().map(|c| (c.0, None)).collect();
+            let gas: Vec<_> = counts.iter().map(|c| (c.0, Some(c.1))).collect();
+            let model = model(&[("dm", &dm), ("gas", &gas)]);
+            let masses: Vec<f64> = model.layers.iter().map(|l| l.unit_mass() * l.blocks[0].mass).collect();
+            let own = Plan::new(model.clone(), None, Method::Count).unwrap();
+            for (layer, g) in own.layers.iter().zip([&dm, &gas]) {
+                let each: Vec<u64> = std::iter::once(0).chain(layer.ends.iter().copied()).collect();
+                prop_assert!(each.windows(2).zip(g).all(|(w, g)| w[1] - w[0] == g.0));
+            }
+            for method in [Method::Count, Method::Volume] {
+                let plan = Plan::new(model.clone(), Some(wanted), method).unwrap();
+                prop_assert_eq!(plan.layers.iter().map(LayerPlan::count).sum::<u64>(), wanted);
+                for (layer, mass) in plan.layers.iter().zip(&masses) {
+                    let drawn: f64 = match layer.weighted {
+                        false => layer.particle_mass.unwrap() * layer.count() as f64,
+                        true => (0..layer.ends.len())
+                            .map(|i| (layer.ends[i] - if i == 0 { 0 } else { layer.ends[i - 1] }) as f64 * f64::from(layer.weights[i]))
+                            .sum(),
+                    };
+                    prop_assert!((drawn / mass - 1.0).abs() < 1e-6, "{drawn} {mass}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn none_and_too_many_are_refused() {
+        let m = model(&[("particles", &[(5, None)])]);
+        assert!(Plan::new(m.clone(), Some(0), Method::Count).is_err());
+        assert!(Plan::new(m, Some(u64::MAX), Method::Count).is_err());
+    }
+
+    #[test]
+    fn runs_cover_every_layer() {
+        let plan =
+            Plan::new(model(&[("a", &[(70_000, None), (3, None)]), ("b", &[(1, None)])]), None, Method::Count).unwrap();
+        assert_eq!(plan.runs(), 3);
+        let runs: Vec<_> = (0..3).map(|id| plan.run(id)).map(|(l, n, r)| (l.name.clone(), n, r)).collect();
+        assert_eq!(runs[1], ("a".into(), 1, 65_536..70_003));
+        assert_eq!(runs[2], ("b".into(), 0, 0..1));
+    }
+}
