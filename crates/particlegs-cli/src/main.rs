@@ -8,6 +8,7 @@ mod info_snapshot;
 mod pictures;
 mod report;
 mod snapshot_args;
+mod stats_tables;
 mod view_args;
 
 use clap::Parser;

@@ -26,6 +26,8 @@ pub mod fit;
 pub mod reference;
 pub mod render;
 
+pub mod stats;
+
 pub mod score;
 
 pub mod compress;
