@@ -42,7 +42,7 @@ fn maybe(v: Option<f64>) -> String {
 ///
 /// # Errors
 /// [`particlegs::Error::Io`].
-pub fn write(folder: &Path, s: &Statistics, _unit: Option<&str>) -> Result<()> {
+pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
     if let Some(spectra) = &s.spectra {
         let mut csv = Csv::new("k_low,k_high,k,modes,power_truth,power_other,cross,ratio,r,r_without_noise");
         for h in &spectra.shells {

@@ -2,7 +2,7 @@
 
 use crate::common::Common;
 use crate::snapshot_args::SnapshotArgs;
-use crate::stats_tables;
+use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueEnum};
 use particlegs::model::Model;
 use particlegs::particles::Particles;
@@ -71,6 +71,9 @@ pub struct Arguments {
     /// Particles whose nearest neighbour is sought.
     #[arg(long, value_name = "N", default_value_t = 500_000)]
     neighbours: usize,
+    /// Take no axis as periodic, whatever the files say.
+    #[arg(long)]
+    open: bool,
     /// Tables alone, no plots.
     #[arg(long)]
     no_plots: bool,
@@ -193,7 +196,10 @@ pub fn run(a: Arguments) -> Result<()> {
     let statistics = compare(truth.subject(), other.subject(), &options, &context)?;
     statistics.notes.iter().for_each(|n| context.message(&format!("note: {n}")));
     let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());
-    stats_tables::write(&a.out, &statistics, unit.as_deref())?;
+    stats_tables::write(&a.out, &statistics)?;
+    if !a.no_plots {
+        stats_plots::write_all(&a.out, &statistics, unit.as_deref())?;
+    }
     let report = Report {
         truth: a.truth.display().to_string(),
         other: a.other.display().to_string(),
@@ -223,6 +229,7 @@ fn options(a: &Arguments) -> Result<StatsOptions> {
         assignment: a.assignment.into(),
         spectrum_cells: a.spectrum_grid,
         spectrum_assignment: a.spectrum_assignment.into(),
+        open: a.open,
         interlaced: !a.no_interlacing,
         k_max: a.k_max,
         separations,

@@ -100,12 +100,14 @@ fn check(o: &StatsOptions) -> Result<()> {
     }
 }
 
-/// The truth's box; by the published convention its bounds, whatever repeats.
+/// The truth's box; its bounds where it is to be taken as open, as the published convention does.
 fn job_domain(truth: Subject<'_>, o: &StatsOptions) -> Domain {
-    match (o.convention, truth) {
-        (Convention::Correct, t) => t.domain(),
-        (Convention::Paper, Subject::Particles(p)) => Domain::new(&p.bounds(), None),
-        (Convention::Paper, Subject::Model(m)) => Domain::new(&m.metadata.bounds, None),
+    if o.convention == Convention::Correct && !o.open {
+        return truth.domain();
+    }
+    match truth {
+        Subject::Particles(p) => Domain::new(&p.bounds(), None),
+        Subject::Model(m) => Domain::new(&m.metadata.bounds, None),
     }
 }
 

@@ -50,6 +50,8 @@ pub struct StatsOptions {
     pub measures: Vec<Measure>,
     /// Definitions.
     pub convention: Convention,
+    /// Take no axis as periodic, whatever the truth says?
+    pub open: bool,
     /// Cells along the longest edge for densities.
     pub cells: usize,
     /// Assignment for densities.
@@ -87,6 +89,7 @@ impl Default for StatsOptions {
         StatsOptions {
             measures: Measure::ALL.to_vec(),
             convention: Convention::Correct,
+            open: false,
             cells: 256,
             assignment: Assignment::Ngp,
             spectrum_cells: 256,
