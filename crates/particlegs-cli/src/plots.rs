@@ -175,7 +175,7 @@ impl ValueFormatter<f64> for Ticks {
 /// The figure as SVG; `None` where nothing can be shown.
 fn draw(f: &Figure<'_>) -> Option<String> {
     let points = || f.curves.iter().flat_map(|c| c.points.iter());
-    let x = Axis::around(points().filter(|p| p.1.is_finite()).map(|p| p.0), f.log_x)?;
+    let x = Axis::around(points().filter(|p| p.1.is_finite() && (!f.log_y || p.1 > 0.0)).map(|p| p.0), f.log_x)?;
     let y = Axis::around(points().map(|p| p.1).chain(f.levels.iter().copied()), f.log_y)?;
     let mut svg = String::new();
     {
@@ -228,13 +228,16 @@ fn curves(area: &Area<'_>, f: &Figure<'_>, x: Axis, y: Axis) -> Option<()> {
         series.label(c.name).legend(move |(a, b)| {
             // A legend's mark is a path either way: a short one stands for dots.
             let from = if dots { a + 9 } else { a };
-            PathElement::new(vec![(from, b), (if dots { a + 13 } else { a + 22 }, b)], style.stroke_width(if dots { 5 } else { 2 }))
+            PathElement::new(
+                vec![(from, b), (if dots { a + 13 } else { a + 22 }, b)],
+                style.stroke_width(if dots { 5 } else { 2 }),
+            )
         });
     }
     if f.curves.len() > 1 {
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
+            .position(if f.ratio.is_empty() { SeriesLabelPosition::LowerLeft } else { SeriesLabelPosition::UpperRight })
             .background_style(WHITE.mix(0.85))
             .border_style(TRUTH.mix(0.3))
             .label_font(("sans-serif", 15))
@@ -257,9 +260,11 @@ fn ratio(area: &Area<'_>, f: &Figure<'_>, x: Axis) -> Option<()> {
         .build_cartesian_2d(x.range(), y.range())
         .ok()?;
     chart
-        .draw_series([(0.1, 0.18), (0.05, 0.3)].map(|(half, shade)| {
-            Rectangle::new([(x.low, 1.0 - half), (x.high, 1.0 + half)], BAND.mix(shade).filled())
-        }))
+        .draw_series(
+            [(0.1, 0.18), (0.05, 0.3)].map(|(half, shade)| {
+                Rectangle::new([(x.low, 1.0 - half), (x.high, 1.0 + half)], BAND.mix(shade).filled())
+            }),
+        )
         .ok()?;
     chart
         .configure_mesh()
@@ -304,7 +309,12 @@ mod tests {
             y: "xi".into(),
             log_x: true,
             log_y: true,
-            curves: vec![Curve { name: "truth", side: 0, dots: false, points: vec![(0.1, 1.0), (1.0, -1.0), (2.0, 3.0)] }],
+            curves: vec![Curve {
+                name: "truth",
+                side: 0,
+                dots: false,
+                points: vec![(0.1, 1.0), (1.0, -1.0), (2.0, 3.0)],
+            }],
             ratio: vec![(0.1, 1.0), (2.0, f64::INFINITY)],
             levels: vec![],
         };

@@ -18,9 +18,11 @@ impl Units {
     fn new(unit: Option<&str>) -> Self {
         match unit {
             None => Units { length: String::new(), wave: String::new(), volume: String::new() },
-            Some(u) => {
-                Units { length: format!(" [{u}]"), wave: format!(" [{}]", per_length(u)), volume: format!(" [({u})^3]") }
-            }
+            Some(u) => Units {
+                length: format!(" [{u}]"),
+                wave: format!(" [{}]", per_length(u)),
+                volume: format!(" [({u})^3]"),
+            },
         }
     }
 }
@@ -180,7 +182,8 @@ fn neighbours(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
 fn pdf(d: &DensityReport) -> Figure<'static> {
     let middle = |i: usize| 10f64.powf(0.5 * (d.pdf.edges[i] + d.pdf.edges[i + 1]));
     let all: f64 = d.cells.iter().map(|n| *n as f64).product();
-    let of = |side: usize| (0..d.pdf.cells[side].len()).map(|i| (middle(i), d.pdf.cells[side][i] as f64 / all)).collect();
+    let of =
+        |side: usize| (0..d.pdf.cells[side].len()).map(|i| (middle(i), d.pdf.cells[side][i] as f64 / all)).collect();
     let ratio = |i: usize| {
         let [a, b] = [0, 1].map(|side| d.pdf.cells[side][i] as f64);
         (a > 0.0).then(|| (middle(i), b / a))

@@ -1,8 +1,8 @@
 //! Statistics as tables: CSV files, and the short one on the terminal.
 
+use particlegs::Result;
 use particlegs::output::write_bytes;
 use particlegs::stats::{SizeClass, Statistics};
-use particlegs::Result;
 use std::path::Path;
 
 /// The reciprocal of a unit of length: `h/Mpc` of `Mpc/h`.
@@ -145,13 +145,8 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
     let length = unit.map_or(String::new(), |u| format!(" {u}"));
     let wave = unit.map_or(String::new(), |u| format!(" {}", per_length(u)));
     let kind = |side: usize| if s.model[side] { "model of " } else { "" };
-    let mut lines = vec![format!(
-        "truth {}{} particles, other {}{} particles",
-        kind(0),
-        s.particles[0],
-        kind(1),
-        s.particles[1]
-    )];
+    let mut lines =
+        vec![format!("truth {}{} particles, other {}{} particles", kind(0), s.particles[0], kind(1), s.particles[1])];
     let mut line = |name: &str, value: String| lines.push(format!("{name:<36} {value}"));
     let t = &s.summary;
     if let Some(d) = &s.density {

@@ -60,7 +60,7 @@ pub struct Arguments {
     #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1)]
     separations: Option<Vec<f64>>,
     /// Distances to take for xi(r), about, a band of separations; above it primaries are sampled.
-    #[arg(long, value_name = "N", default_value_t = 1_000_000_000)]
+    #[arg(long, value_name = "N", default_value_t = 300_000_000)]
     pairs: u64,
     /// Linking length of groups, in mean spacings.
     #[arg(long, value_name = "B", default_value_t = 0.2)]
@@ -217,8 +217,7 @@ fn options(a: &Arguments) -> Result<StatsOptions> {
         Some([low, high]) => Some([*low, *high]),
         Some(_) => return Err(Error::argument("--separations takes two lengths LO,HI")),
     };
-    let measures =
-        if a.only.is_empty() { Measure::ALL.to_vec() } else { a.only.iter().map(|m| (*m).into()).collect() };
+    let measures = if a.only.is_empty() { Measure::ALL.to_vec() } else { a.only.iter().map(|m| (*m).into()).collect() };
     Ok(StatsOptions {
         measures,
         convention: match a.convention {

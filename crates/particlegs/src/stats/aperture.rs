@@ -60,7 +60,8 @@ pub fn counts_within(
             let mut count = 0;
             points.near(points.cell_of(*c), radius, |run, shift| {
                 let at: [f64; 3] = std::array::from_fn(|k| c[k] - shift[k]);
-                let inside = |p: &&[f64; 3]| (0..3).map(|k| (p[k] - at[k]) * (p[k] - at[k])).sum::<f64>() <= radius * radius;
+                let inside =
+                    |p: &&[f64; 3]| (0..3).map(|k| (p[k] - at[k]) * (p[k] - at[k])).sum::<f64>() <= radius * radius;
                 count += points.position[run].iter().filter(inside).count() as u64;
             });
             Ok(count)

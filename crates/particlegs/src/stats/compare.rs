@@ -3,9 +3,7 @@
 use super::aperture::{aperture_mass, counts_within, group_center};
 use super::neighbours::{NeighbourOptions, nearest_distances};
 use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation, positions_of};
-use super::report::{
-    DensityReport, GroupReport, NeighbourReport, SizeClass, Statistics, XiByPairs, XiByTransform,
-};
+use super::report::{DensityReport, GroupReport, NeighbourReport, SizeClass, Statistics, XiByPairs, XiByTransform};
 use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
@@ -24,7 +22,12 @@ const CORES: [[u64; 2]; 3] = [[100, 299], [300, 999], [1000, u64::MAX]];
 /// # Errors
 /// [`Error::Input`] for a subject without particles, [`Error::Argument`] for options outside their
 /// range, [`Error::Memory`] where a grid does not fit, [`Error::Cancelled`].
-pub fn compare(truth: Subject<'_>, other: Subject<'_>, o: &StatsOptions, progress: &dyn Progress) -> Result<Statistics> {
+pub fn compare(
+    truth: Subject<'_>,
+    other: Subject<'_>,
+    o: &StatsOptions,
+    progress: &dyn Progress,
+) -> Result<Statistics> {
     check(o)?;
     for (name, subject) in [("the truth", &truth), ("the other", &other)] {
         if subject.count() == 0 {
@@ -198,11 +201,11 @@ impl Job<'_> {
             if self.paper() { Grid::stretched(&self.domain, [cells; 3]) } else { Grid::new(&self.domain, cells) };
         let pair: Pair = transform_pair(self.pair, &grid, &domain, &options, self.progress)?;
         let spectra = spectra(&pair, &domain, &options);
-        let edges: Vec<f64> = self.edges().into_iter().filter(|r| *r >= PI / options.k_max).collect();
-        let xi = (edges.len() > 1 && !self.paper()).then(|| XiByTransform {
-            xi: xi_of_modes(&pair, &domain, &options, &edges),
-            edges,
-        });
+        // Bins as wide as the shortest wave's half: narrower ones hold its ringing.
+        let (width, last) = (PI / options.k_max, self.edges().last().copied().unwrap_or(0.0));
+        let edges: Vec<f64> = (1..=1000).map(|i| width * f64::from(i)).take_while(|r| *r <= last).collect();
+        let xi = (edges.len() > 1 && !self.paper())
+            .then(|| XiByTransform { xi: xi_of_modes(&pair, &domain, &options, &edges), edges });
         self.progress.end();
         Ok((Some(spectra), xi))
     }
@@ -243,9 +246,9 @@ impl Job<'_> {
         let sizes = groups.each_ref().map(|g| g.members.iter().map(|m| m.len() as u64).collect::<Vec<u64>>());
         let smallest = self.o.smallest_group as u64;
         let class = |from: u64, to: Option<u64>| {
-            let count = sizes.each_ref().map(|s| {
-                s.iter().filter(|n| **n >= from && to.is_none_or(|t| **n <= t)).count() as u64
-            });
+            let count = sizes
+                .each_ref()
+                .map(|s| s.iter().filter(|n| **n >= from && to.is_none_or(|t| **n <= t)).count() as u64);
             let ratio = (count[0] > 0).then(|| count[1] as f64 / count[0] as f64);
             SizeClass { from, to, groups: count, ratio }
         };
@@ -260,8 +263,7 @@ impl Job<'_> {
             .take_while(|b| *b <= largest[0].max(largest[1]))
             .collect();
         bounds.dedup();
-        let histogram =
-            (0..bounds.len()).map(|i| class(bounds[i], bounds.get(i + 1).map(|b| b - 1))).collect();
+        let histogram = (0..bounds.len()).map(|i| class(bounds[i], bounds.get(i + 1).map(|b| b - 1))).collect();
         Ok(GroupReport {
             linking_length: groups.each_ref().map(|g| g.linking_length),
             classes,

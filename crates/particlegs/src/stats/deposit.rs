@@ -112,9 +112,8 @@ fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) ->
     let unit = p.meta.particle_mass.unwrap_or(1.0);
     for i in 0..chunk.len() {
         let weight = unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
-        let mut u: [f64; 3] = std::array::from_fn(|k| {
-            (f64::from(chunk.position[k][i]) + (p.origin[k] - grid.min[k])) * scale[k] + shift
-        });
+        let mut u: [f64; 3] =
+            std::array::from_fn(|k| (f64::from(chunk.position[k][i]) + (p.origin[k] - grid.min[k])) * scale[k] + shift);
         if (0..3).all(|k| place(grid, k, &mut u[k])) {
             records.push((u, weight));
         } else {

@@ -47,8 +47,12 @@ fn every_scheme_agrees_with_its_plain_twin() {
                     }
                     let fast = deposit(Subject::Particles(&p), &grid, scheme, shift, &Silent).unwrap();
                     let plain = plain(&p, &grid, scheme, shift);
-                    let worst =
-                        fast.mass.iter().zip(&plain).map(|(a, b)| (f64::from(*a) - b).abs() / b.max(1.0)).fold(0.0, f64::max);
+                    let worst = fast
+                        .mass
+                        .iter()
+                        .zip(&plain)
+                        .map(|(a, b)| (f64::from(*a) - b).abs() / b.max(1.0))
+                        .fold(0.0, f64::max);
                     assert!(worst < 1e-5, "{scheme:?} {longest} {periodic} {shift}: {worst}");
                 }
             }

@@ -45,15 +45,7 @@ impl Splat {
     }
 
     /// Adds what a Gaussian has in some planes of the grid; `grid` holds those planes alone.
-    pub fn add_to(
-        &mut self,
-        g: &Grid,
-        planes: Range<usize>,
-        grid: &mut [f64],
-        mean: [f64; 3],
-        cov: &Sym3,
-        mass: f64,
-    ) {
+    pub fn add_to(&mut self, g: &Grid, planes: Range<usize>, grid: &mut [f64], mean: [f64; 3], cov: &Sym3, mass: f64) {
         let cell = g.side[0].min(g.side[1]).min(g.side[2]);
         let diagonal = [cov.0[0], cov.0[3], cov.0[5]].map(|v| v.max(0.0).sqrt());
         if diagonal.iter().all(|s| *s <= SMALLEST * cell) {
@@ -239,7 +231,9 @@ mod tests {
     fn planes_apart_are_the_whole() {
         for periodic in [false, true] {
             let g = grid(periodic);
-            for (mean, s) in [([0.3, 6.0, 6.0], 0.2), ([11.0, 3.0, 6.0], 1.5), ([5.0, 5.0, 5.0], 4.0), ([3.0; 3], 0.001)] {
+            for (mean, s) in
+                [([0.3, 6.0, 6.0], 0.2), ([11.0, 3.0, 6.0], 1.5), ([5.0, 5.0, 5.0], 4.0), ([3.0; 3], 0.001)]
+            {
                 let cov = turned([s, 0.5 * s, 0.02 * s]);
                 let whole = deposit(&g, mean, &cov);
                 for slab in 0..4 {

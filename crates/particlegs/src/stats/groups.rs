@@ -74,9 +74,12 @@ impl<'a> Rows<'a> {
             if domain.periodic[k] { 0.0 } else { positions.iter().map(|x| x[k]).fold(0.0, f64::min) }
         });
         // Axes that repeat need whole cells; open ones may have any number.
-        let cells: [i64; 3] = std::array::from_fn(|k| {
-            if domain.periodic[k] { (domain.length[k] / wanted).ceil() as i64 } else { i64::MAX }
-        });
+        let cells: [i64; 3] =
+            std::array::from_fn(
+                |k| {
+                    if domain.periodic[k] { (domain.length[k] / wanted).ceil() as i64 } else { i64::MAX }
+                },
+            );
         let side: [f64; 3] =
             std::array::from_fn(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { wanted });
         let place = |x: &[f64; 3], k: usize| (((x[k] - low[k]) / side[k]) as i64).clamp(0, cells[k] - 1);
@@ -144,8 +147,7 @@ impl<'a> Rows<'a> {
         if (0..n).contains(&i) {
             return Some((i, 0.0));
         }
-        self.domain.periodic[axis]
-            .then(|| (i.rem_euclid(n), i.div_euclid(n) as f64 * self.domain.length[axis]))
+        self.domain.periodic[axis].then(|| (i.rem_euclid(n), i.div_euclid(n) as f64 * self.domain.length[axis]))
     }
 
     /// Walks two rows side by side and joins cells at most two apart along z.

@@ -77,7 +77,12 @@ fn moments(s: &Sums, pivot: f64) -> AxisMoments {
     let third = m3 - 3.0 * m1 * m2 + 2.0 * m1.powi(3);
     let fourth = m4 - 4.0 * m1 * m3 + 6.0 * m1 * m1 * m2 - 3.0 * m1.powi(4);
     let over = |v: f64, power: f64| if variance > 0.0 { v / variance.powf(power) } else { 0.0 };
-    AxisMoments { mean: pivot + m1, deviation: variance.sqrt(), skewness: over(third, 1.5), kurtosis: over(fourth, 2.0) }
+    AxisMoments {
+        mean: pivot + m1,
+        deviation: variance.sqrt(),
+        skewness: over(third, 1.5),
+        kurtosis: over(fourth, 2.0),
+    }
 }
 
 #[cfg(test)]
@@ -93,7 +98,8 @@ mod tests {
         assert!((x.skewness - 180.0 / 4.0 / 12.5f64.powf(1.5)).abs() < 1e-12);
         assert_eq!((y.mean, y.deviation, y.skewness), (5.0, 0.0, 0.0));
         assert!((z.kurtosis - 1.0).abs() < 1e-12);
-        let model = crate::stats::testing::model_of(&[([3.0, 4.0, 5.0], Sym3([4.0, 0.0, 0.0, 1.0, 0.0, 0.25]), 7.0)], [9.0; 3]);
+        let model =
+            crate::stats::testing::model_of(&[([3.0, 4.0, 5.0], Sym3([4.0, 0.0, 0.0, 1.0, 0.0, 0.25]), 7.0)], [9.0; 3]);
         let [x, _, z] = axis_moments(Subject::Model(&model));
         assert!((x.mean - 3.0).abs() < 1e-12 && (x.deviation - 2.0).abs() < 1e-12);
         assert!(x.skewness.abs() < 1e-12 && (z.kurtosis - 3.0).abs() < 1e-9);

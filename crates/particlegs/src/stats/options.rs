@@ -22,14 +22,8 @@ pub enum Measure {
 
 impl Measure {
     /// All of them.
-    pub const ALL: [Measure; 6] = [
-        Measure::Density,
-        Measure::Spectrum,
-        Measure::Pairs,
-        Measure::Groups,
-        Measure::Neighbours,
-        Measure::Moments,
-    ];
+    pub const ALL: [Measure; 6] =
+        [Measure::Density, Measure::Spectrum, Measure::Pairs, Measure::Groups, Measure::Neighbours, Measure::Moments];
 }
 
 /// Whose definitions are followed.
@@ -98,7 +92,7 @@ impl Default for StatsOptions {
             k_max: None,
             separations: None,
             bins_per_decade: 10,
-            pair_budget: 1_000_000_000,
+            pair_budget: 300_000_000,
             linking: 0.2,
             smallest_group: 20,
             aperture: 0.128,

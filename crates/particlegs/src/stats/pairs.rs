@@ -123,7 +123,8 @@ pub fn count_pairs(
             counts.primaries[b] = primaries.len() as u64;
             let density = n.saturating_sub(1) as f64 / domain.volume();
             counts.expected[b] = primaries.len() as f64 * density * shell_volume(domain, edges[b], edges[b + 1]);
-            counts.xi[b] = if counts.expected[b] > 0.0 { pairs[b - first] as f64 / counts.expected[b] - 1.0 } else { 0.0 };
+            counts.xi[b] =
+                if counts.expected[b] > 0.0 { pairs[b - first] as f64 / counts.expected[b] - 1.0 } else { 0.0 };
         }
         progress.advance(1);
         first = last;
@@ -221,7 +222,9 @@ mod tests {
             for j in (0..x.len()).filter(|j| *j != i) {
                 let d = domain.shortest_way(std::array::from_fn(|k| x[j][k] - x[i][k]));
                 let r = d.iter().map(|v| v * v).sum::<f64>();
-                (0..out.len()).filter(|b| r >= edges[*b].powi(2) && r < edges[*b + 1].powi(2)).for_each(|b| out[b] += 1);
+                (0..out.len())
+                    .filter(|b| r >= edges[*b].powi(2) && r < edges[*b + 1].powi(2))
+                    .for_each(|b| out[b] += 1);
             }
         }
         out

@@ -83,9 +83,7 @@ impl Points {
 
     /// The cell of a position.
     pub fn cell_of(&self, x: [f64; 3]) -> [usize; 3] {
-        std::array::from_fn(|k| {
-            (((x[k] - self.low[k]) / self.side[k]).max(0.0) as usize).min(self.cells[k] - 1)
-        })
+        std::array::from_fn(|k| (((x[k] - self.low[k]) / self.side[k]).max(0.0) as usize).min(self.cells[k] - 1))
     }
 
     fn key(&self, [i, j, k]: [usize; 3]) -> usize {

@@ -59,7 +59,7 @@ pub struct DensityReport {
     pub slices: [[Slice; 2]; 3],
 }
 
-/// xi(r) from |delta_k|^2, in the bins of the pair counts from pi / k_max on.
+/// xi(r) from |delta_k|^2, in bins of pi / k_max from there on.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct XiByTransform {
     /// Edges of the bins.

@@ -24,7 +24,8 @@ fn domain(length: [f64; 3]) -> Domain {
 }
 
 fn poisson(n: usize, length: [f64; 3], seed: u64) -> Particles {
-    let column = |k: u32| (0..n).map(|i| (Random::new(seed, k, i as u64).uniform() * length[k as usize]) as f32).collect();
+    let column =
+        |k: u32| (0..n).map(|i| (Random::new(seed, k, i as u64).uniform() * length[k as usize]) as f32).collect();
     Particles::from_columns(column(0), column(1), column(2))
 }
 
@@ -83,10 +84,12 @@ fn a_wave_has_its_power_and_its_place() {
 #[test]
 fn one_gaussian_from_the_mixture_itself() {
     let (length, deviation) = ([4.0; 3], 0.25);
-    let model = super::testing::model_of(&[([1.3, 2.0, 3.9], Sym3::scaled_identity(deviation * deviation), 1000.0)], length);
+    let model =
+        super::testing::model_of(&[([1.3, 2.0, 3.9], Sym3::scaled_identity(deviation * deviation), 1000.0)], length);
     let o = options(64, 20.0);
     let subject = Subject::Model(&model);
-    let pair = transform_pair([subject, subject], &Grid::new(&domain(length), 64), &domain(length), &o, &Silent).unwrap();
+    let pair =
+        transform_pair([subject, subject], &Grid::new(&domain(length), 64), &domain(length), &o, &Silent).unwrap();
     let s = spectra(&pair, &domain(length), &o);
     assert_eq!(s.shot_noise, [0.0, 0.0]);
     for h in s.shells.iter().filter(|h| h.k * deviation < 2.5) {
@@ -98,7 +101,8 @@ fn one_gaussian_from_the_mixture_itself() {
     let edges = [0.4, 0.42, 0.6, 0.62, 0.9, 0.92];
     let [xi, _] = xi_of_modes(&pair, &domain(length), &o, &edges);
     for (i, r) in [(0, 0.41f64), (2, 0.61), (4, 0.91)] {
-        let expected = 64.0 / (4.0 * PI * deviation * deviation).powf(1.5) * (-r * r / (4.0 * deviation * deviation)).exp() - 1.0;
+        let expected =
+            64.0 / (4.0 * PI * deviation * deviation).powf(1.5) * (-r * r / (4.0 * deviation * deviation)).exp() - 1.0;
         assert!((xi[i] / expected - 1.0).abs() < 0.02, "{r}: {} {expected}", xi[i]);
     }
 }

@@ -53,8 +53,7 @@ pub(super) struct Neighbours {
 impl Neighbours {
     /// Builds the tree of positions relative to the domain's corner (wrapped where it repeats).
     pub fn new(positions: &[[f64; 3]], domain: &Domain) -> Self {
-        let mut points: Vec<([f64; 3], u32)> =
-            positions.iter().enumerate().map(|(i, x)| (*x, i as u32)).collect();
+        let mut points: Vec<([f64; 3], u32)> = positions.iter().enumerate().map(|(i, x)| (*x, i as u32)).collect();
         let mut axes = vec![0; points.len()];
         build(&mut points, &mut axes);
         Neighbours { tree: Tree { points, domain: *domain }, axes }

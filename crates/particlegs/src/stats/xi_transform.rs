@@ -1,7 +1,7 @@
 //! xi(r) from the modes of a transform.
 
-use super::spectrum::{Pair, SpectrumOptions, visit_plane};
 use super::Domain;
+use super::spectrum::{Pair, SpectrumOptions, visit_plane};
 use rayon::prelude::*;
 
 /// xi of both fields in bins of r, from |delta_k|^2 with the shot noise subtracted.
