@@ -6,8 +6,11 @@ mod density_args;
 mod info_model;
 mod info_snapshot;
 mod pictures;
+mod plots;
 mod report;
 mod snapshot_args;
+mod stats_plots;
+mod stats_tables;
 mod view_args;
 
 use clap::Parser;

@@ -28,6 +28,8 @@ pub mod render;
 
 pub mod blocks;
 pub mod recover;
+pub mod stats;
+
 pub mod score;
 
 pub mod compress;

@@ -39,7 +39,7 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 /// Does the file begin as a model file does?
-fn is_model(path: &Path) -> Result<bool> {
+pub(super) fn is_model(path: &Path) -> Result<bool> {
     if path.is_dir() {
         return Ok(false);
     }

@@ -11,6 +11,7 @@ mod recover;
 mod reference;
 mod render;
 mod simplify;
+mod stats;
 mod verify;
 
 use clap::Subcommand;
@@ -39,6 +40,8 @@ pub enum Command {
     Reference(reference::Arguments),
     /// Draw pictures of a model.
     Render(render::Arguments),
+    /// Measure what recovered particles, or a model itself, are good for: density, P(k), xi(r), groups.
+    Stats(stats::Arguments),
     /// Print what a model file or a snapshot says about itself.
     Info(info::Arguments),
     /// Check a model file wholly, and against its snapshot where that is given.
@@ -59,6 +62,7 @@ pub fn run(command: Command) -> Result<()> {
         Command::Convert(a) => convert::run(a),
         Command::Reference(a) => reference::run(&a),
         Command::Render(a) => render::run(&a),
+        Command::Stats(a) => stats::run(a),
         Command::Info(a) => info::run(a),
         Command::Verify(a) => verify::run(a),
         Command::Completions(a) => completions::run(&a),

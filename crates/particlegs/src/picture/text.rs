@@ -4,7 +4,8 @@ use super::Rgb8;
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont};
 use std::sync::OnceLock;
 
-const FONT: &[u8] = include_bytes!("../../assets/DejaVuSans-subset.ttf");
+/// The embedded font: a subset of DejaVu Sans, TrueType.
+pub const FONT: &[u8] = include_bytes!("../../assets/DejaVuSans-subset.ttf");
 
 fn font() -> &'static FontRef<'static> {
     static PARSED: OnceLock<FontRef<'static>> = OnceLock::new();

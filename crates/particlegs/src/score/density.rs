@@ -1,10 +1,10 @@
 //! Density on a grid: particles by nearest grid point, Gaussians integrated over the cells.
 
-use super::deposit::Splat;
 use crate::Result;
 use crate::model::{Mixture, Model};
 use crate::particles::{Bounds, Cell, Particles};
 use crate::progress::Progress;
+use crate::stats::{Grid, Splat};
 use rayon::prelude::*;
 
 /// Parallel parts of a sum, fixed so that results do not depend on threads.
@@ -12,12 +12,7 @@ const PARTS: usize = 32;
 
 /// A grid over the bounds, or over the periodic box along axes that repeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DensityGrid {
-    pub(super) min: [f64; 3],
-    pub(super) side: [f64; 3],
-    pub(super) cells: [usize; 3],
-    pub(super) periodic: [bool; 3],
-}
+pub struct DensityGrid(Grid);
 
 /// How two densities on a grid agree.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -43,17 +38,17 @@ impl DensityGrid {
         }
         let side = extent[0].max(extent[1]).max(extent[2]) / f64::from(longest.max(1));
         let cells = extent.map(|e| ((e / side).round() as usize).max(1));
-        DensityGrid {
+        DensityGrid(Grid {
             min: std::array::from_fn(|k| center[k] - 0.5 * extent[k]),
             side: std::array::from_fn(|k| extent[k] / cells[k] as f64),
             cells,
             periodic,
-        }
+        })
     }
 
     /// Cells along x, y and z.
     pub fn cells(&self) -> [usize; 3] {
-        self.cells
+        self.0.cells
     }
 
     /// Mass in each cell, x slowest: every particle in the cell that holds it.
@@ -62,8 +57,8 @@ impl DensityGrid {
     /// [`crate::Error::Cancelled`].
     pub fn of_particles(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<f64>> {
         let unit_mass = particles.meta.particle_mass.unwrap_or(1.0);
-        let scale = self.side.map(f64::recip);
-        let offset: [f64; 3] = std::array::from_fn(|k| (particles.origin[k] - self.min[k]) * scale[k]);
+        let scale = self.0.side.map(f64::recip);
+        let offset: [f64; 3] = std::array::from_fn(|k| (particles.origin[k] - self.0.min[k]) * scale[k]);
         self.sum_parts(particles.len(), |grid, range| {
             let mut buffer = Default::default();
             for start in range.clone().step_by(1 << 16) {
@@ -71,7 +66,7 @@ impl DensityGrid {
                 let chunk = particles.chunk(start..range.end.min(start + (1 << 16)), &mut buffer);
                 for i in 0..chunk.len() {
                     let cell = [0, 1, 2].map(|k| self.cell(k, f64::from(chunk.position[k][i]) * scale[k] + offset[k]));
-                    grid[self.index(cell)] += unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+                    grid[self.0.index(cell)] += unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                 }
             }
             Ok(())
@@ -84,7 +79,7 @@ impl DensityGrid {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn of_model(&self, model: &Model, progress: &dyn Progress) -> Result<Vec<f64>> {
-        let mut sum = vec![0.0; self.cells.iter().product()];
+        let mut sum = vec![0.0; self.0.cells.iter().product()];
         for layer in &model.layers {
             for block in &layer.blocks {
                 let part = self.of_mixture(&block.gaussians, progress)?;
@@ -101,7 +96,7 @@ impl DensityGrid {
                 if i % 256 == 0 {
                     progress.check()?;
                 }
-                splat.add(self, grid, mixture.mean_of(i), &mixture.cov_of(i), mixture.mass_of(i));
+                splat.add(&self.0, grid, mixture.mean_of(i), &mixture.cov_of(i), mixture.mass_of(i));
             }
             Ok(())
         })
@@ -113,7 +108,7 @@ impl DensityGrid {
         n: usize,
         fill: impl Fn(&mut [f64], std::ops::Range<usize>) -> Result<()> + Sync,
     ) -> Result<Vec<f64>> {
-        let cells = self.cells.iter().product();
+        let cells = self.0.cells.iter().product();
         let parts = PARTS.min(n.max(1));
         let grids = (0..parts)
             .into_par_iter()
@@ -126,22 +121,17 @@ impl DensityGrid {
         Ok((0..cells).map(|c| grids.iter().map(|g| g[c]).sum()).collect())
     }
 
-    /// Place of a cell in a column of cells.
-    pub(super) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
-        (i * self.cells[1] + j) * self.cells[2] + k
-    }
-
     /// The cell along `axis` that holds coordinate `u`, in cells: nearly always plainly inside.
     fn cell(&self, axis: usize, u: f64) -> usize {
         let i = u as i32;
-        if u >= 0.0 && (i as usize) < self.cells[axis] { i as usize } else { self.cell_beyond(axis, u) }
+        if u >= 0.0 && (i as usize) < self.0.cells[axis] { i as usize } else { self.cell_beyond(axis, u) }
     }
 
     /// The same beyond the grid: repeated, or the nearest at the edge (the bounds' own end).
     #[cold]
     fn cell_beyond(&self, axis: usize, u: f64) -> usize {
-        let (i, n) = (u.floor() as i64, self.cells[axis] as i64);
-        (if self.periodic[axis] { i.rem_euclid(n) } else { i.clamp(0, n - 1) }) as usize
+        let (i, n) = (u.floor() as i64, self.0.cells[axis] as i64);
+        (if self.0.periodic[axis] { i.rem_euclid(n) } else { i.clamp(0, n - 1) }) as usize
     }
 }
 
@@ -192,7 +182,7 @@ mod tests {
         let open = DensityGrid::new(&bounds, None, 10);
         assert_eq!(open.cells(), [10, 5, 5]);
         let rho = open.of_particles(&p, &Silent).unwrap();
-        let at = |rho: &[f64], i: usize, k: usize| rho[open.index([i, 0, k])];
+        let at = |rho: &[f64], i: usize, k: usize| rho[open.0.index([i, 0, k])];
         assert_eq!([at(&rho, 0, 0), at(&rho, 9, 0), at(&rho, 0, 4)], [1.0, 2.0, 1.0]);
         // The same in a box: 10.0 is 0.0 again.
         p.meta.cell = Some(Cell::orthogonal([10.0, 5.0, 5.0]));

@@ -8,7 +8,6 @@
 mod certify;
 mod compare;
 mod density;
-mod deposit;
 mod evaluate;
 mod held_out;
 mod mean;

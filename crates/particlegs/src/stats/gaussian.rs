@@ -4,8 +4,9 @@
 //! three error functions. So each Gaussian is split along its principal axes into round ones of
 //! its smallest deviation, a lattice whose sum is the Gaussian to a few parts in a thousand.
 
-use super::density::DensityGrid;
+use super::Grid;
 use crate::math::Sym3;
+use std::ops::Range;
 
 /// Lattice step in deviations of the round kernel: aliases are below exp(-2 pi^2 / 1.5^2) = 2e-4.
 const STEP: f64 = 1.5;
@@ -18,18 +19,37 @@ const TAIL: f64 = 4.5;
 
 /// Scratch space to deposit one Gaussian.
 #[derive(Default)]
-pub(super) struct Splat {
+pub(crate) struct Splat {
     nodes: [Vec<(f64, f64)>; 3],
     shares: [Vec<(usize, f64)>; 3],
 }
 
 impl Splat {
     /// Adds a Gaussian to the grid.
-    pub fn add(&mut self, g: &DensityGrid, grid: &mut [f64], mean: [f64; 3], cov: &Sym3, mass: f64) {
+    pub fn add(&mut self, g: &Grid, grid: &mut [f64], mean: [f64; 3], cov: &Sym3, mass: f64) {
+        self.add_to(g, 0..g.cells[0], grid, mean, cov, mass);
+    }
+
+    /// False where a Gaussian has nothing in some planes of the grid, by a generous bound.
+    pub fn may_touch(g: &Grid, planes: &Range<usize>, mean: [f64; 3], cov: &Sym3) -> bool {
+        // The lattice ends 3.5 deviations and a step from the mean along each principal axis, its
+        // kernel TAIL further; a kernel is at most the deviation along x or one of the two floors.
+        let kernel = cov.0[0].max(0.0).sqrt() + SMALLEST * g.side[0] + FLATTEST * cov.trace().max(0.0).sqrt();
+        let reach = (7.0 * cov.0[0].max(0.0).sqrt() + 7.5 * kernel) / g.side[0] + 1.0;
+        let (n, x) = (g.cells[0] as f64, (mean[0] - g.min[0]) / g.side[0]);
+        let (low, high) = (planes.start as f64 - reach, planes.end as f64 + reach);
+        if !g.periodic[0] {
+            return x >= low && x <= high;
+        }
+        high - low >= n || (x - low).rem_euclid(n) <= high - low
+    }
+
+    /// Adds what a Gaussian has in some planes of the grid; `grid` holds those planes alone.
+    pub fn add_to(&mut self, g: &Grid, planes: Range<usize>, grid: &mut [f64], mean: [f64; 3], cov: &Sym3, mass: f64) {
         let cell = g.side[0].min(g.side[1]).min(g.side[2]);
         let diagonal = [cov.0[0], cov.0[3], cov.0[5]].map(|v| v.max(0.0).sqrt());
         if diagonal.iter().all(|s| *s <= SMALLEST * cell) {
-            return self.add_straight(g, grid, mean, diagonal, mass);
+            return self.add_straight(g, &planes, grid, mean, diagonal, mass);
         }
         let eigen = cov.eigen();
         let deviation = eigen.values.map(|v| v.max(0.0).sqrt());
@@ -43,7 +63,7 @@ impl Splat {
                 for &(c, wc) in &nodes[2] {
                     let v = &eigen.vectors;
                     let at = std::array::from_fn(|k| mean[k] + a * v[0][k] + b * v[1][k] + c * v[2][k]);
-                    self.add_straight(g, grid, at, [kernel; 3], mass * wa * wb * wc);
+                    self.add_straight(g, &planes, grid, at, [kernel; 3], mass * wa * wb * wc);
                 }
             }
         }
@@ -51,14 +71,27 @@ impl Splat {
     }
 
     /// Adds a Gaussian whose axes are the grid's: exact.
-    fn add_straight(&mut self, g: &DensityGrid, grid: &mut [f64], mean: [f64; 3], deviation: [f64; 3], mass: f64) {
-        for k in 0..3 {
+    fn add_straight(
+        &mut self,
+        g: &Grid,
+        planes: &Range<usize>,
+        grid: &mut [f64],
+        mean: [f64; 3],
+        deviation: [f64; 3],
+        mass: f64,
+    ) {
+        shares(&mut self.shares[0], g, 0, mean[0], deviation[0]);
+        self.shares[0].retain(|(i, _)| planes.contains(i));
+        if self.shares[0].is_empty() {
+            return;
+        }
+        for k in 1..3 {
             shares(&mut self.shares[k], g, k, mean[k], deviation[k]);
         }
         let [x, y, z] = &self.shares;
         for &(i, wi) in x {
             for &(j, wj) in y {
-                let row = g.index([i, j, 0]);
+                let row = g.index([i - planes.start, j, 0]);
                 for &(k, wk) in z {
                     grid[row + k] += mass * wi * wj * wk;
                 }
@@ -90,7 +123,7 @@ fn nodes(out: &mut Vec<(f64, f64)>, variance: f64, kernel: f64) {
 
 /// Cells along axis `k` and a one-dimensional Gaussian's share in each, folded where the axis
 /// repeats and cut where it does not.
-fn shares(out: &mut Vec<(usize, f64)>, g: &DensityGrid, k: usize, mean: f64, deviation: f64) {
+fn shares(out: &mut Vec<(usize, f64)>, g: &Grid, k: usize, mean: f64, deviation: f64) {
     out.clear();
     let (n, side) = (g.cells[k] as i64, g.side[k]);
     let (mut x, s) = ((mean - g.min[k]) / side, deviation / side);
@@ -143,21 +176,20 @@ fn normal_share(x: f64, s: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::{Bounds, Cell};
+    use crate::stats::Domain;
 
-    fn grid(periodic: bool) -> DensityGrid {
-        let cell = Cell { periodic: [periodic; 3], ..Cell::orthogonal([12.0; 3]) };
-        DensityGrid::new(&Bounds { min: [0.0; 3], max: [12.0; 3] }, Some(&cell), 12)
+    fn grid(periodic: bool) -> Grid {
+        Grid::new(&Domain { min: [0.0; 3], length: [12.0; 3], periodic: [periodic; 3] }, 12)
     }
 
-    fn deposit(g: &DensityGrid, mean: [f64; 3], cov: &Sym3) -> Vec<f64> {
+    fn deposit(g: &Grid, mean: [f64; 3], cov: &Sym3) -> Vec<f64> {
         let mut out = vec![0.0; g.cells.iter().product()];
         Splat::default().add(g, &mut out, mean, cov, 1.0);
         out
     }
 
     /// The plain twin: a midpoint sum over 8 x 8 x 8 points a cell.
-    fn plain(g: &DensityGrid, mean: [f64; 3], cov: &Sym3) -> Vec<f64> {
+    fn plain(g: &Grid, mean: [f64; 3], cov: &Sym3) -> Vec<f64> {
         const FINE: usize = 8;
         let inverse = cov.inverse().unwrap();
         let scale = (2.0 * std::f64::consts::PI).powf(-1.5) / cov.det().sqrt() / (FINE * FINE * FINE) as f64;
@@ -192,6 +224,27 @@ mod tests {
             let error: f64 = fast.iter().zip(&plain).map(|(a, b)| (a - b).abs()).sum();
             let worst = fast.iter().zip(&plain).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(error < 0.01 && worst < 0.002, "{deviations:?}: {error} in all, {worst} in a cell");
+        }
+    }
+
+    #[test]
+    fn planes_apart_are_the_whole() {
+        for periodic in [false, true] {
+            let g = grid(periodic);
+            for (mean, s) in
+                [([0.3, 6.0, 6.0], 0.2), ([11.0, 3.0, 6.0], 1.5), ([5.0, 5.0, 5.0], 4.0), ([3.0; 3], 0.001)]
+            {
+                let cov = turned([s, 0.5 * s, 0.02 * s]);
+                let whole = deposit(&g, mean, &cov);
+                for slab in 0..4 {
+                    let planes = 3 * slab..3 * slab + 3;
+                    let mut part = vec![0.0; 3 * 144];
+                    if Splat::may_touch(&g, &planes, mean, &cov) {
+                        Splat::default().add_to(&g, planes, &mut part, mean, &cov, 1.0);
+                    }
+                    assert_eq!(part, whole[432 * slab..432 * (slab + 1)]);
+                }
+            }
         }
     }
 

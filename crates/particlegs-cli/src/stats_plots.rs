@@ -1,0 +1,236 @@
+//! Statistics as pictures: one figure each, and the central slices.
+
+use crate::plots::{Curve, Figure, write};
+use crate::stats_tables::per_length;
+use particlegs::Result;
+use particlegs::picture::{Colormap, PanelImage, Rgb8, Size, panels, write_rgb_png};
+use particlegs::stats::{DensityReport, Slice, Statistics};
+use std::path::Path;
+
+/// Axis labels in the unit of length, where it is known.
+struct Units {
+    length: String,
+    wave: String,
+    volume: String,
+}
+
+impl Units {
+    fn new(unit: Option<&str>) -> Self {
+        match unit {
+            None => Units { length: String::new(), wave: String::new(), volume: String::new() },
+            Some(u) => Units {
+                length: format!(" [{u}]"),
+                wave: format!(" [{}]", per_length(u)),
+                volume: format!(" [({u})^3]"),
+            },
+        }
+    }
+}
+
+/// Writes every figure that the statistics have.
+///
+/// # Errors
+/// [`particlegs::Error::Io`].
+pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()> {
+    let units = Units::new(unit);
+    for figure in spectra(s, &units).into_iter().chain(xi(s, &units)).chain(groups(s)).chain(neighbours(s, &units)) {
+        write(folder, &figure)?;
+    }
+    if let Some(d) = &s.density {
+        write(folder, &pdf(d))?;
+        for axis in 0..3 {
+            write(folder, &profile(s, d, axis, &units))?;
+            let [a, b] = &d.slices[axis];
+            let picture = slices(a, b);
+            write_rgb_png(&folder.join(format!("slice_{}.png", ["x", "y", "z"][axis])), &picture)?;
+        }
+    }
+    Ok(())
+}
+
+fn pair(points: [Vec<(f64, f64)>; 2]) -> Vec<Curve> {
+    let [a, b] = points;
+    vec![
+        Curve { name: "truth", side: 0, dots: false, points: a },
+        Curve { name: "other", side: 1, dots: false, points: b },
+    ]
+}
+
+fn spectra(s: &Statistics, u: &Units) -> Vec<Figure<'static>> {
+    let Some(p) = &s.spectra else { return Vec::new() };
+    let of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
+    let corrected = if p.options.shot_noise_subtracted { "shot noise subtracted" } else { "shot noise included" };
+    let r = |name, side, pick: fn(&particlegs::stats::Shell) -> Option<f64>| Curve {
+        name,
+        side,
+        dots: false,
+        points: p.shells.iter().filter_map(|h| Some((h.k, pick(h)?))).collect(),
+    };
+    vec![
+        Figure {
+            name: "power",
+            title: format!("Power spectrum ({corrected})"),
+            x: format!("k{}", u.wave),
+            y: format!("P(k){}", u.volume),
+            log_x: true,
+            log_y: true,
+            curves: pair([of(0), of(1)]),
+            ratio: p.shells.iter().filter_map(|h| Some((h.k, h.ratio?))).collect(),
+            levels: vec![],
+        },
+        Figure {
+            name: "coherence",
+            title: "Cross-correlation coefficient".into(),
+            x: format!("k{}", u.wave),
+            y: "r(k)".into(),
+            log_x: true,
+            log_y: false,
+            curves: vec![
+                r("as they are", 1, |h| h.r),
+                r("without shot noise", 2, |h| h.r_without_noise.filter(|r| *r < 1.5)),
+            ],
+            ratio: vec![],
+            levels: vec![1.0, 0.99, 0.9],
+        },
+    ]
+}
+
+fn xi(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
+    let middle = |e: &[f64], i: usize| (e[i] * e[i + 1]).sqrt();
+    let mut curves = Vec::new();
+    let mut ratio = Vec::new();
+    if let Some(x) = &s.xi_by_pairs {
+        let of = |side: usize| {
+            let c = &x.counts[side];
+            (0..c.xi.len()).map(|i| (middle(&c.edges, i), c.xi[i])).collect::<Vec<_>>()
+        };
+        curves.extend(pair([of(0), of(1)]));
+        let edges = &x.counts[0].edges;
+        ratio = (0..x.ratio.len()).filter_map(|i| Some((middle(edges, i), x.ratio[i]?))).collect();
+    }
+    if let Some(x) = &s.xi_by_transform {
+        for (side, name) in [(0, "truth, by transform"), (1, "other, by transform")] {
+            let points = (0..x.xi[side].len()).map(|i| (middle(&x.edges, i), x.xi[side][i])).collect();
+            curves.push(Curve { name, side, dots: true, points });
+        }
+        if ratio.is_empty() {
+            let of = |i: usize| (middle(&x.edges, i), x.xi[1][i] / x.xi[0][i]);
+            ratio = (0..x.xi[0].len()).filter(|i| x.xi[0][*i] > 0.0).map(of).collect();
+        }
+    }
+    (!curves.is_empty()).then(|| Figure {
+        name: "xi",
+        title: "Two-point correlation".into(),
+        x: format!("r{}", u.length),
+        y: "xi(r)".into(),
+        log_x: true,
+        log_y: true,
+        curves,
+        ratio,
+        levels: vec![],
+    })
+}
+
+fn groups(s: &Statistics) -> Option<Figure<'static>> {
+    let g = s.groups.as_ref()?;
+    let middle = |i: usize| {
+        let c = &g.histogram[i];
+        (c.from as f64 * c.to.map_or(c.from as f64 * std::f64::consts::SQRT_2, |t| (t + 1) as f64)).sqrt()
+    };
+    let of = |side: usize| (0..g.histogram.len()).map(|i| (middle(i), g.histogram[i].groups[side] as f64)).collect();
+    Some(Figure {
+        name: "groups",
+        title: "Friends-of-friends groups by size".into(),
+        x: "particles in a group".into(),
+        y: "groups a bin".into(),
+        log_x: true,
+        log_y: true,
+        curves: pair([of(0), of(1)]),
+        ratio: (0..g.histogram.len()).filter_map(|i| Some((middle(i), g.histogram[i].ratio?))).collect(),
+        levels: vec![],
+    })
+}
+
+fn neighbours(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
+    let n = s.neighbours.as_ref()?;
+    let of = |side: usize| {
+        let d = &n.distances[side];
+        (0..d.counts.len())
+            .map(|i| ((d.edges[i] * d.edges[i + 1]).sqrt(), d.counts[i] as f64 / d.sampled as f64))
+            .collect::<Vec<_>>()
+    };
+    let (a, b) = (of(0), of(1));
+    // Both histograms have edges of one lattice, if not the same ends.
+    let ratio = a
+        .iter()
+        .filter(|p| p.1 > 1e-4)
+        .filter_map(|p| Some((p.0, b.iter().find(|q| (q.0 / p.0 - 1.0).abs() < 1e-6)?.1 / p.1)))
+        .collect();
+    Some(Figure {
+        name: "neighbours",
+        title: "Distance to the nearest neighbour".into(),
+        x: format!("distance{}", u.length),
+        y: "share a bin (20 a decade)".into(),
+        log_x: true,
+        log_y: false,
+        curves: pair([a, b]),
+        ratio,
+        levels: vec![],
+    })
+}
+
+fn pdf(d: &DensityReport) -> Figure<'static> {
+    let middle = |i: usize| 10f64.powf(0.5 * (d.pdf.edges[i] + d.pdf.edges[i + 1]));
+    let all: f64 = d.cells.iter().map(|n| *n as f64).product();
+    let of =
+        |side: usize| (0..d.pdf.cells[side].len()).map(|i| (middle(i), d.pdf.cells[side][i] as f64 / all)).collect();
+    let ratio = |i: usize| {
+        let [a, b] = [0, 1].map(|side| d.pdf.cells[side][i] as f64);
+        (a > 0.0).then(|| (middle(i), b / a))
+    };
+    Figure {
+        name: "density_pdf",
+        title: "Distribution of density".into(),
+        x: "density / mean".into(),
+        y: "share of cells a bin (10 a decade)".into(),
+        log_x: true,
+        log_y: true,
+        curves: pair([of(0), of(1)]),
+        ratio: (0..d.pdf.cells[0].len()).filter_map(ratio).collect(),
+        levels: vec![],
+    }
+}
+
+fn profile(s: &Statistics, d: &DensityReport, axis: usize, u: &Units) -> Figure<'static> {
+    let names = [("profile_x", "x"), ("profile_y", "y"), ("profile_z", "z")][axis];
+    let at = |i: usize| s.domain.min[axis] + (i as f64 + 0.5) * d.side[axis];
+    let of = |side: usize| d.profiles[axis][side].iter().enumerate().map(|(i, v)| (at(i), *v)).collect();
+    let [a, b] = &d.profiles[axis];
+    Figure {
+        name: names.0,
+        title: format!("Mass along {}", names.1),
+        x: format!("{}{}", names.1, u.length),
+        y: "mass a plane / mean".into(),
+        log_x: false,
+        log_y: false,
+        curves: pair([of(0), of(1)]),
+        ratio: (0..a.len()).filter(|i| a[*i] > 0.0).map(|i| (at(i), b[i] / a[i])).collect(),
+        levels: vec![],
+    }
+}
+
+/// Truth and other side by side, the logarithm of density from a tenth to a thousand times the mean.
+fn slices(a: &Slice, b: &Slice) -> Rgb8 {
+    let picture = |s: &Slice| {
+        // About 480 pixels along the longer side, cells as squares of pixels; the first axis across.
+        let scale = (480 / s.shape[0].max(s.shape[1]).max(1)).max(1);
+        let size = Size { width: s.shape[0] * scale, height: s.shape[1] * scale };
+        let pixel = |at: usize| {
+            let (across, up) = (at % size.width / scale, s.shape[1] - 1 - at / size.width / scale);
+            Colormap::Inferno.color((s.values[across * s.shape[1] + up].log10() + 1.0) / 4.0)
+        };
+        Rgb8 { size, data: (0..size.pixels()).map(pixel).collect() }
+    };
+    let (left, right) = (picture(a), picture(b));
+    panels(&[("truth", PanelImage::Color(&left)), ("other", PanelImage::Color(&right))])
+}

@@ -1,0 +1,203 @@
+//! Statistics as tables: CSV files, and the short one on the terminal.
+
+use particlegs::Result;
+use particlegs::output::write_bytes;
+use particlegs::stats::{SizeClass, Statistics};
+use std::path::Path;
+
+/// The reciprocal of a unit of length: `h/Mpc` of `Mpc/h`.
+pub fn per_length(unit: &str) -> String {
+    match unit.split_once('/') {
+        Some((a, b)) if !b.contains('/') => format!("{b}/{a}"),
+        _ => format!("1/{unit}"),
+    }
+}
+
+struct Csv(String);
+
+impl Csv {
+    fn new(head: &str) -> Self {
+        Csv(format!("{head}\n"))
+    }
+
+    fn row(&mut self, values: &[String]) {
+        self.0 += &values.join(",");
+        self.0.push('\n');
+    }
+
+    fn write(&self, folder: &Path, name: &str) -> Result<()> {
+        write_bytes(&folder.join(name), self.0.as_bytes())
+    }
+}
+
+fn number(v: f64) -> String {
+    v.to_string()
+}
+
+fn maybe(v: Option<f64>) -> String {
+    v.map_or(String::new(), number)
+}
+
+/// Writes a CSV file for every statistic measured. Lengths are in the snapshot's unit.
+///
+/// # Errors
+/// [`particlegs::Error::Io`].
+pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
+    if let Some(spectra) = &s.spectra {
+        let mut csv = Csv::new("k_low,k_high,k,modes,power_truth,power_other,cross,ratio,r,r_without_noise");
+        for h in &spectra.shells {
+            csv.row(&[
+                number(h.edges[0]),
+                number(h.edges[1]),
+                number(h.k),
+                h.modes.to_string(),
+                number(h.power[0]),
+                number(h.power[1]),
+                number(h.cross),
+                maybe(h.ratio),
+                maybe(h.r),
+                maybe(h.r_without_noise),
+            ]);
+        }
+        csv.write(folder, "power.csv")?;
+    }
+    if let Some(x) = &s.xi_by_pairs {
+        let mut csv = Csv::new(
+            "r_low,r_high,pairs_truth,pairs_other,primaries_truth,primaries_other,expected_truth,expected_other,xi_truth,xi_other,ratio",
+        );
+        let [a, b] = &x.counts;
+        for i in 0..a.pairs.len() {
+            csv.row(&[
+                number(a.edges[i]),
+                number(a.edges[i + 1]),
+                a.pairs[i].to_string(),
+                b.pairs[i].to_string(),
+                a.primaries[i].to_string(),
+                b.primaries[i].to_string(),
+                number(a.expected[i]),
+                number(b.expected[i]),
+                number(a.xi[i]),
+                number(b.xi[i]),
+                maybe(x.ratio[i]),
+            ]);
+        }
+        csv.write(folder, "xi_pairs.csv")?;
+    }
+    if let Some(x) = &s.xi_by_transform {
+        let mut csv = Csv::new("r_low,r_high,xi_truth,xi_other");
+        for i in 0..x.edges.len() - 1 {
+            csv.row(&[number(x.edges[i]), number(x.edges[i + 1]), number(x.xi[0][i]), number(x.xi[1][i])]);
+        }
+        csv.write(folder, "xi_transform.csv")?;
+    }
+    write_density(folder, s)?;
+    write_groups(folder, s)?;
+    write_neighbours(folder, s)
+}
+
+fn write_density(folder: &Path, s: &Statistics) -> Result<()> {
+    let Some(d) = &s.density else { return Ok(()) };
+    let mut csv = Csv::new("log10_density_low,log10_density_high,cells_truth,cells_other");
+    for i in 0..d.pdf.edges.len() - 1 {
+        let cells = [&d.pdf.cells[0], &d.pdf.cells[1]].map(|c| c[i].to_string());
+        let [a, b] = cells;
+        csv.row(&[number(d.pdf.edges[i]), number(d.pdf.edges[i + 1]), a, b]);
+    }
+    csv.write(folder, "density_pdf.csv")?;
+    let mut csv = Csv::new("axis,low,high,truth,other");
+    for (k, axis) in ["x", "y", "z"].iter().enumerate() {
+        let [a, b] = &d.profiles[k];
+        for i in 0..a.len() {
+            let at = |i: usize| s.domain.min[k] + i as f64 * d.side[k];
+            csv.row(&[(*axis).into(), number(at(i)), number(at(i + 1)), number(a[i]), number(b[i])]);
+        }
+    }
+    csv.write(folder, "profiles.csv")
+}
+
+fn write_groups(folder: &Path, s: &Statistics) -> Result<()> {
+    let Some(g) = &s.groups else { return Ok(()) };
+    let mut csv = Csv::new("from,to,groups_truth,groups_other,ratio");
+    for c in &g.histogram {
+        let to = c.to.map_or(String::new(), |t| t.to_string());
+        csv.row(&[c.from.to_string(), to, c.groups[0].to_string(), c.groups[1].to_string(), maybe(c.ratio)]);
+    }
+    csv.write(folder, "groups.csv")
+}
+
+fn write_neighbours(folder: &Path, s: &Statistics) -> Result<()> {
+    let Some(n) = &s.neighbours else { return Ok(()) };
+    let mut csv = Csv::new("side,low,high,particles");
+    for (side, d) in ["truth", "other"].iter().zip(&n.distances) {
+        for i in 0..d.counts.len() {
+            csv.row(&[(*side).into(), number(d.edges[i]), number(d.edges[i + 1]), d.counts[i].to_string()]);
+        }
+    }
+    csv.write(folder, "neighbours.csv")
+}
+
+fn size(c: &SizeClass) -> String {
+    c.to.map_or(format!("{} and more", c.from), |t| format!("{} to {t}", c.from))
+}
+
+/// The table on the terminal.
+pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
+    let length = unit.map_or(String::new(), |u| format!(" {u}"));
+    let wave = unit.map_or(String::new(), |u| format!(" {}", per_length(u)));
+    let kind = |side: usize| if s.model[side] { "model of " } else { "" };
+    let mut lines =
+        vec![format!("truth {}{} particles, other {}{} particles", kind(0), s.particles[0], kind(1), s.particles[1])];
+    let mut line = |name: &str, value: String| lines.push(format!("{name:<36} {value}"));
+    let t = &s.summary;
+    if let Some(d) = &s.density {
+        let [x, y, z] = d.cells;
+        line("density grid", format!("{x}x{y}x{z}"));
+        line("correlation; MAE of delta", {
+            format!("{:.4}; {:.4}", d.agreement.correlation, d.agreement.mean_absolute_error)
+        });
+        line("RMSE of delta", format!("{:.4}", d.agreement.root_mean_square_error));
+    }
+    if let Some(p) = &s.spectra {
+        let [x, y, z] = p.cells;
+        let last = p.shells.last();
+        line("P(k) grid; to k", format!("{x}x{y}x{z}; {:.4}{wave}", last.map_or(0.0, |h| h.k)));
+        let deviation = t.largest_power_deviation.map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
+        line("largest deviation of P(k); r there", {
+            format!("{deviation}; {}", t.r_at_k_max.map_or("-".into(), |r| format!("{r:.4}")))
+        });
+        let to = |v: Option<f64>| v.map_or("nowhere".into(), |k| format!("{k:.3}"));
+        line("P(k) within 1, 5, 10 % to k", {
+            let [a, b, c] =
+                [t.power_within_1_percent_to, t.power_within_5_percent_to, t.power_within_10_percent_to].map(to);
+            format!("{a}, {b}, {c}{wave}")
+        });
+        line("r(k) above 0.99, 0.9 to k", format!("{}, {}{wave}", to(t.r_above_0_99_to), to(t.r_above_0_9_to)));
+    }
+    if s.xi_by_pairs.is_some() {
+        let from = t.xi_within_10_percent_from.map_or("nowhere".into(), |r| format!("{r:.4}{length}"));
+        line("xi(r) within 10 % from r", from);
+    }
+    if let Some(g) = &s.groups {
+        for c in &g.classes {
+            let ratio = c.ratio.map_or(String::new(), |r| format!(" ({:+.1} %)", 100.0 * (r - 1.0)));
+            line(&format!("groups of {}", size(c)), format!("{} against {}{ratio}", c.groups[1], c.groups[0]));
+        }
+        for a in g.apertures.iter().filter(|a| a.groups > 0) {
+            let sizes = if a.sizes[1] == u64::MAX {
+                format!("{} and more", a.sizes[0])
+            } else {
+                format!("{} to {}", a.sizes[0], a.sizes[1])
+            };
+            let median = a.median.map_or("-".into(), |m| format!("{m:.3}"));
+            line(&format!("mass in {:.4}{length}, {sizes}", a.radius), format!("{median} of the truth (median)"));
+        }
+    }
+    if let Some(n) = &s.neighbours {
+        let [a, b] = &n.distances;
+        line("nearest neighbour, mean", format!("{:.4} against {:.4}{length}: {:.3}", b.mean, a.mean, n.mean_ratio));
+        line("nearest neighbour, median", {
+            format!("{:.4} against {:.4}{length}: {:.3}", b.median, a.median, n.median_ratio)
+        });
+    }
+    lines.join("\n")
+}

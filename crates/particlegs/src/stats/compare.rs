@@ -1,0 +1,304 @@
+//! The whole job: everything that is asked for, of truth and other, over the truth's box.
+
+use super::aperture::{aperture_mass, counts_within, group_center};
+use super::neighbours::{NeighbourOptions, nearest_distances};
+use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation, positions_of};
+use super::report::{DensityReport, GroupReport, NeighbourReport, SizeClass, Statistics, XiByPairs, XiByTransform};
+use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
+use super::xi_transform::xi_of_modes;
+use super::{
+    Convention, Domain, Field, Grid, Groups, Measure, StatsOptions, Subject, Summary, axis_moments, central_slice,
+    compare_density, density_pdf, deposit, deposit_bytes, find_groups, profile,
+};
+use crate::progress::Progress;
+use crate::{Error, Result};
+use std::f64::consts::PI;
+
+/// Sizes of groups whose cores are compared.
+const CORES: [[u64; 2]; 3] = [[100, 299], [300, 999], [1000, u64::MAX]];
+
+/// Measures `other` against `truth`.
+///
+/// # Errors
+/// [`Error::Input`] for a subject without particles, [`Error::Argument`] for options outside their
+/// range, [`Error::Memory`] where a grid does not fit, [`Error::Cancelled`].
+pub fn compare(
+    truth: Subject<'_>,
+    other: Subject<'_>,
+    o: &StatsOptions,
+    progress: &dyn Progress,
+) -> Result<Statistics> {
+    check(o)?;
+    for (name, subject) in [("the truth", &truth), ("the other", &other)] {
+        if subject.count() == 0 {
+            return Err(Error::input(name, "no particles to measure"));
+        }
+    }
+    let job = Job { pair: [truth, other], domain: job_domain(truth, o), o, progress };
+    let wants = |m| o.measures.contains(&m);
+    let mut notes = job.notes();
+    let density = if wants(Measure::Density) { Some(job.density()?) } else { None };
+    let (spectra, xi_by_transform) = if wants(Measure::Spectrum) { job.spectrum()? } else { (None, None) };
+    let moments = wants(Measure::Moments).then(|| job.pair.map(axis_moments));
+    let (mut xi_by_pairs, mut groups, mut neighbours) = (None, None, None);
+    let of_points = [Measure::Pairs, Measure::Groups, Measure::Neighbours];
+    if of_points.iter().any(|m| wants(*m)) {
+        if let [Some(a), Some(b)] = job.pair.map(|s| positions_of(s, &job.domain)) {
+            let positions = [&a[..], &b[..]];
+            xi_by_pairs = if wants(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
+            groups = if wants(Measure::Groups) { Some(job.groups(positions)?) } else { None };
+            neighbours = if wants(Measure::Neighbours) { Some(job.neighbours(positions)?) } else { None };
+        } else {
+            notes.push("pairs, groups and neighbours are of particles: recover them from the model first".into());
+        }
+    }
+    let summary = Summary::new(
+        density.as_ref().map(|d| &d.agreement),
+        spectra.as_ref(),
+        xi_by_pairs.as_ref(),
+        groups.as_ref(),
+        neighbours.as_ref(),
+    );
+    Ok(Statistics {
+        options: o.clone(),
+        domain: job.domain,
+        particles: job.pair.map(|s| s.count()),
+        model: job.pair.map(|s| s.particles().is_none()),
+        spacing: job.spacing(0),
+        density,
+        spectra,
+        xi_by_transform,
+        xi_by_pairs,
+        groups,
+        neighbours,
+        moments,
+        summary,
+        notes,
+    })
+}
+
+fn check(o: &StatsOptions) -> Result<()> {
+    let within = |name: &str, value: f64, low: f64, high: f64| {
+        if value >= low && value <= high {
+            Ok(())
+        } else {
+            Err(Error::argument(format!("{name} {value} is outside {low} to {high}")))
+        }
+    };
+    within("cells of the density grid", o.cells as f64, 2.0, 8192.0)?;
+    within("cells of the spectrum's grid", o.spectrum_cells as f64, 4.0, 8192.0)?;
+    within("bins a decade", o.bins_per_decade as f64, 1.0, 1000.0)?;
+    within("the linking length in mean spacings", o.linking, 1e-6, 2.0)?;
+    within("the aperture in mean spacings", o.aperture, 1e-6, 100.0)?;
+    within("the smallest group", o.smallest_group as f64, 2.0, 1e9)?;
+    within("the sample of neighbours", o.neighbour_sample as f64, 2.0, 4e9)?;
+    if let Some(k) = o.k_max {
+        within("the largest wave number", k, f64::MIN_POSITIVE, f64::MAX)?;
+    }
+    match o.separations {
+        Some([low, high]) if !(low > 0.0 && high > low && high.is_finite()) => {
+            Err(Error::argument(format!("separations {low} to {high} must ascend from above 0")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The truth's box; its bounds where it is to be taken as open, as the published convention does.
+fn job_domain(truth: Subject<'_>, o: &StatsOptions) -> Domain {
+    if o.convention == Convention::Correct && !o.open {
+        return truth.domain();
+    }
+    match truth {
+        Subject::Particles(p) => Domain::new(&p.bounds(), None),
+        Subject::Model(m) => Domain::new(&m.metadata.bounds, None),
+    }
+}
+
+struct Job<'a> {
+    pair: [Subject<'a>; 2],
+    domain: Domain,
+    o: &'a StatsOptions,
+    progress: &'a dyn Progress,
+}
+
+impl Job<'_> {
+    fn paper(&self) -> bool {
+        self.o.convention == Convention::Paper
+    }
+
+    /// Mean spacing of one side.
+    fn spacing(&self, side: usize) -> f64 {
+        self.domain.spacing(self.pair[side].count() as usize)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let mut notes = vec![];
+        if !self.domain.periodic.iter().all(|p| *p) && !self.paper() {
+            notes.push("axes without a periodic box: P(k) takes them as if they repeated".into());
+        }
+        if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights.is_some())) {
+            notes.push("pairs, groups and neighbours count particles, whatever their weights".into());
+        }
+        if self.pair.iter().any(|s| s.particles().is_none()) {
+            notes.push("a model's density is its mixture integrated over the cells (NGP window, no shot noise)".into());
+        }
+        if self.paper() {
+            notes.push(
+                "published convention: NGP on a grid stretched over the bounds, one box length for k, no shot noise \
+                 subtracted, no window corrected, neighbours among a thinned set"
+                    .into(),
+            );
+        }
+        notes
+    }
+
+    fn density(&self) -> Result<DensityReport> {
+        let n = self.o.cells;
+        let grid = if self.paper() { Grid::stretched(&self.domain, [n; 3]) } else { Grid::new(&self.domain, n) };
+        crate::memory::require("two density grids", deposit_bytes(&grid) + 4 * grid.len() as u64)?;
+        self.progress.begin("densities", self.pair.iter().map(|s| s.count()).sum());
+        let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.progress);
+        let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
+        self.progress.end();
+        let inside = |f: &Field| super::density::mean_mass(f) * f.grid.len() as f64;
+        let mean_profile = |f: &Field, axis| {
+            let p = profile(f, axis);
+            let mean = p.iter().sum::<f64>() / p.len() as f64;
+            p.into_iter().map(|v| if mean > 0.0 { v / mean } else { 0.0 }).collect::<Vec<f64>>()
+        };
+        Ok(DensityReport {
+            cells: grid.cells,
+            side: grid.side,
+            agreement: compare_density(&a, &b),
+            mass_ratio: (inside(&b) + b.outside) / (inside(&a) + a.outside),
+            outside: [&a, &b].map(|f| f.outside / (inside(f) + f.outside)),
+            pdf: density_pdf(&a, &b),
+            profiles: [0, 1, 2].map(|axis| [mean_profile(&a, axis), mean_profile(&b, axis)]),
+            slices: [0, 1, 2].map(|axis| [central_slice(&a, axis), central_slice(&b, axis)]),
+        })
+    }
+
+    fn spectrum(&self) -> Result<(Option<super::Spectra>, Option<XiByTransform>)> {
+        let domain = if self.paper() {
+            // One length for all three axes: the grid's cells are taken for cubes.
+            Domain { length: [self.domain.longest(); 3], ..self.domain }
+        } else {
+            self.domain
+        };
+        let cells = self.o.spectrum_cells;
+        let grid_limit = PI * cells as f64 / domain.longest();
+        let wanted = self.o.k_max.unwrap_or(PI / self.spacing(0));
+        let options = SpectrumOptions {
+            cells,
+            assignment: if self.paper() { super::Assignment::Ngp } else { self.o.spectrum_assignment },
+            interlaced: self.o.interlaced && !self.paper(),
+            deconvolved: !self.paper(),
+            shot_noise_subtracted: !self.paper(),
+            k_max: if self.paper() { grid_limit } else { wanted.min(grid_limit) },
+        };
+        self.progress.begin("power spectra", 0);
+        let grid =
+            if self.paper() { Grid::stretched(&self.domain, [cells; 3]) } else { Grid::new(&self.domain, cells) };
+        let pair: Pair = transform_pair(self.pair, &grid, &domain, &options, self.progress)?;
+        let spectra = spectra(&pair, &domain, &options);
+        // Bins as wide as the shortest wave's half: narrower ones hold its ringing.
+        let (width, last) = (PI / options.k_max, self.edges().last().copied().unwrap_or(0.0));
+        let edges: Vec<f64> = (1..=1000).map(|i| width * f64::from(i)).take_while(|r| *r <= last).collect();
+        let xi = (edges.len() > 1 && !self.paper())
+            .then(|| XiByTransform { xi: xi_of_modes(&pair, &domain, &options, &edges), edges });
+        self.progress.end();
+        Ok((Some(spectra), xi))
+    }
+
+    /// Edges of the bins of separation.
+    fn edges(&self) -> Vec<f64> {
+        let longest = longest_separation(&self.domain);
+        let [low, high] =
+            self.o.separations.unwrap_or([0.05 * self.spacing(0), longest.min(0.125 * self.domain.shortest())]);
+        let high = high.min(longest);
+        logarithmic_edges(low.min(0.5 * high), high, self.o.bins_per_decade)
+    }
+
+    fn pairs(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<XiByPairs> {
+        let options = PairOptions { edges: self.edges(), budget: self.o.pair_budget, seed: self.o.seed };
+        self.progress.begin("pair counts", 0);
+        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.progress);
+        let counts = [count(0)?, count(1)?];
+        self.progress.end();
+        if counts.iter().any(|c| c.primaries.iter().any(|p| *p < c.particles)) {
+            notes.push("pairs at large separations are of a random sample of primaries with all others".into());
+        }
+        let ratio = (0..options.edges.len() - 1)
+            .map(|b| (counts[0].xi[b] > 0.0).then(|| counts[1].xi[b] / counts[0].xi[b]))
+            .collect();
+        Ok(XiByPairs { counts, ratio })
+    }
+
+    fn groups(&self, positions: [&[[f64; 3]]; 2]) -> Result<GroupReport> {
+        self.progress.begin("friends of friends", 0);
+        let find = |side: usize| {
+            let length = self.o.linking * self.spacing(side);
+            find_groups(positions[side], &self.domain, length, self.o.smallest_group, self.progress)
+        };
+        let groups = [find(0)?, find(1)?];
+        let apertures = self.apertures(positions, &groups[0])?;
+        self.progress.end();
+        let sizes = groups.each_ref().map(|g| g.members.iter().map(|m| m.len() as u64).collect::<Vec<u64>>());
+        let smallest = self.o.smallest_group as u64;
+        let class = |from: u64, to: Option<u64>| {
+            let count = sizes
+                .each_ref()
+                .map(|s| s.iter().filter(|n| **n >= from && to.is_none_or(|t| **n <= t)).count() as u64);
+            let ratio = (count[0] > 0).then(|| count[1] as f64 / count[0] as f64);
+            SizeClass { from, to, groups: count, ratio }
+        };
+        let classes = [(20, Some(49)), (50, Some(99)), (100, None)]
+            .into_iter()
+            .filter(|(_, to)| to.is_none_or(|t| t >= smallest))
+            .map(|(from, to)| class(from.max(smallest), to))
+            .collect();
+        let largest = sizes.each_ref().map(|s| s.first().copied().unwrap_or(0));
+        let mut bounds: Vec<u64> = (0..)
+            .map(|i| (smallest as f64 * 2f64.powf(0.5 * f64::from(i))).round() as u64)
+            .take_while(|b| *b <= largest[0].max(largest[1]))
+            .collect();
+        bounds.dedup();
+        let histogram = (0..bounds.len()).map(|i| class(bounds[i], bounds.get(i + 1).map(|b| b - 1))).collect();
+        Ok(GroupReport {
+            linking_length: groups.each_ref().map(|g| g.linking_length),
+            classes,
+            histogram,
+            largest,
+            grouped: [0, 1].map(|s| sizes[s].iter().sum::<u64>() as f64 / positions[s].len() as f64),
+            apertures,
+        })
+    }
+
+    /// Shares of all particles within the aperture, other over truth, by size of the truth's group.
+    fn apertures(&self, positions: [&[[f64; 3]]; 2], truth: &Groups) -> Result<Vec<super::ApertureMass>> {
+        use rayon::prelude::*;
+        let radius = self.o.aperture * self.spacing(0);
+        let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();
+        let chosen = Groups { linking_length: truth.linking_length, members: truth.members[..large].to_vec() };
+        let centers: Vec<[f64; 3]> =
+            chosen.members.par_iter().map(|m| group_center(positions[0], m, &self.domain)).collect();
+        let count = |side: usize| counts_within(positions[side], &self.domain, &centers, radius, self.progress);
+        let (a, b) = (count(0)?, count(1)?);
+        let per = positions[0].len() as f64 / positions[1].len() as f64;
+        Ok(CORES.map(|sizes| aperture_mass(&chosen, &a, &b, per, radius, sizes)).to_vec())
+    }
+
+    fn neighbours(&self, positions: [&[[f64; 3]]; 2]) -> Result<NeighbourReport> {
+        self.progress.begin("nearest neighbours", 0);
+        let options =
+            NeighbourOptions { sample: self.o.neighbour_sample, among_sample: self.paper(), seed: self.o.seed };
+        let of = |side: usize| nearest_distances(positions[side], &self.domain, &options, self.progress);
+        let distances = [of(0)?, of(1)?];
+        self.progress.end();
+        Ok(NeighbourReport {
+            mean_ratio: distances[1].mean / distances[0].mean,
+            median_ratio: distances[1].median / distances[0].median,
+            distances,
+        })
+    }
+}

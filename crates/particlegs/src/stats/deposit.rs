@@ -1,0 +1,246 @@
+//! Mass in the cells of a grid: of particles by an assignment scheme, of Gaussians by integrals.
+//!
+//! Every task owns a run of planes and adds to them alone, in the order of the particles: no
+//! atomics, no copies of the grid, and the same bits whatever the threads.
+
+use super::gaussian::Splat;
+use super::{Assignment, Grid, Subject};
+use crate::Result;
+use crate::model::Mixture;
+use crate::particles::{ChunkBuffer, Particles, RUN};
+use crate::progress::Progress;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Chunks of particles that are sorted by plane before any is deposited: bounds the memory.
+const BATCH: usize = 32;
+/// Planes that a task owns when Gaussians are deposited: fewer repeat more work at the seams.
+const MODEL_SLABS: usize = 32;
+/// And when particles are.
+const SLABS: usize = 128;
+
+/// Mass in each cell of a grid, as f32 (the grid is the largest thing that statistics hold).
+#[derive(Clone, Debug)]
+pub struct Field {
+    /// The grid.
+    pub grid: Grid,
+    /// Mass in each cell, x slowest.
+    pub mass: Vec<f32>,
+    /// Mass that lay beyond an open edge and is in no cell.
+    pub outside: f64,
+}
+
+/// Bytes that [`deposit`] takes at most.
+pub fn deposit_bytes(grid: &Grid) -> u64 {
+    4 * grid.len() as u64 + (BATCH * RUN * (size_of::<Record>() + 16)) as u64
+}
+
+/// Mass of a subject on a grid whose cells are moved by `shift` cells downwards (0 or 0.5 for
+/// interlacing). A model's Gaussians are integrated over the cells, which is the window of
+/// [`Assignment::Ngp`] whatever `scheme` says.
+///
+/// # Errors
+/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
+pub fn deposit(
+    subject: Subject<'_>,
+    grid: &Grid,
+    scheme: Assignment,
+    shift: f64,
+    progress: &dyn Progress,
+) -> Result<Field> {
+    crate::memory::require("a density grid", deposit_bytes(grid))?;
+    let mut field = Field { grid: *grid, mass: vec![0.0; grid.len()], outside: 0.0 };
+    match subject {
+        Subject::Particles(p) => add_particles(&mut field, p, scheme, shift, progress)?,
+        Subject::Model(m) => {
+            for layer in &m.layers {
+                let parts: Vec<&Mixture> = layer.blocks.iter().map(|b| &b.gaussians).collect();
+                add_mixtures(&mut field, &parts, layer.unit_mass(), shift, progress)?;
+            }
+        }
+    }
+    Ok(field)
+}
+
+/// A particle in units of cells.
+type Record = ([f64; 3], f64);
+
+/// A chunk's particles sorted by plane, and where each plane begins.
+struct Sorted {
+    records: Vec<Record>,
+    start: Vec<u32>,
+    outside: f64,
+}
+
+fn add_particles(
+    field: &mut Field,
+    p: &Particles,
+    scheme: Assignment,
+    shift: f64,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let grid = field.grid;
+    let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(SLABS).max(4));
+    let chunks = p.len().div_ceil(RUN);
+    for first in (0..chunks).step_by(BATCH) {
+        progress.check()?;
+        let sorted: Vec<Sorted> = (first..chunks.min(first + BATCH))
+            .into_par_iter()
+            .map(|c| sort_by_plane(&grid, p, c * RUN..p.len().min((c + 1) * RUN), shift))
+            .collect();
+        field.outside += sorted.iter().map(|s| s.outside).sum::<f64>();
+        field.mass.par_chunks_mut(depth * plane).enumerate().for_each(|(slab, out)| {
+            let planes = slab * depth..slab * depth + out.len() / plane;
+            // Thousands of small shares meet in a cell: they are summed in f64 and rounded once.
+            let mut sum = vec![0.0f64; out.len()];
+            for s in &sorted {
+                add_to_planes(&grid, s, scheme, planes.clone(), &mut sum);
+            }
+            out.iter_mut().zip(sum).for_each(|(o, s)| *o = (f64::from(*o) + s) as f32);
+        });
+        progress.advance(sorted.iter().map(|s| s.records.len() as u64).sum());
+    }
+    Ok(())
+}
+
+fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) -> Sorted {
+    let mut buffer = ChunkBuffer::default();
+    let chunk = p.chunk(range, &mut buffer);
+    let mut outside = 0.0;
+    let scale = grid.side.map(f64::recip);
+    let mut records: Vec<Record> = Vec::with_capacity(chunk.len());
+    let unit = p.meta.particle_mass.unwrap_or(1.0);
+    for i in 0..chunk.len() {
+        let weight = unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+        let mut u: [f64; 3] =
+            std::array::from_fn(|k| (f64::from(chunk.position[k][i]) + (p.origin[k] - grid.min[k])) * scale[k] + shift);
+        if (0..3).all(|k| place(grid, k, &mut u[k])) {
+            records.push((u, weight));
+        } else {
+            outside += weight;
+        }
+    }
+    let mut start = vec![0u32; grid.cells[0] + 1];
+    records.iter().for_each(|r| start[r.0[0] as usize + 1] += 1);
+    for i in 0..grid.cells[0] {
+        start[i + 1] += start[i];
+    }
+    let mut next = start.clone();
+    let mut out = vec![([0.0; 3], 0.0); records.len()];
+    for r in records {
+        let at = &mut next[r.0[0] as usize];
+        out[*at as usize] = r;
+        *at += 1;
+    }
+    Sorted { records: out, start, outside }
+}
+
+/// Brings a coordinate into [0, cells), or says that it lies outside. An open grid's far end
+/// belongs to its last cell.
+fn place(grid: &Grid, axis: usize, u: &mut f64) -> bool {
+    let n = grid.cells[axis] as f64;
+    if *u >= 0.0 && *u < n {
+        return true;
+    }
+    if grid.periodic[axis] {
+        *u = u.rem_euclid(n);
+        if *u >= n {
+            *u = 0.0;
+        }
+        return true;
+    }
+    if *u == n {
+        *u = n.next_down();
+        return true;
+    }
+    false
+}
+
+/// Adds what a sorted chunk has in some planes; `out` holds those planes alone.
+fn add_to_planes(grid: &Grid, sorted: &Sorted, scheme: Assignment, planes: Range<usize>, out: &mut [f64]) {
+    let n = grid.cells[0];
+    let reach = usize::from(scheme != Assignment::Ngp);
+    let mut visit = |plane: usize| {
+        for r in &sorted.records[sorted.start[plane] as usize..sorted.start[plane + 1] as usize] {
+            add_record(grid, r, scheme, &planes, out);
+        }
+    };
+    if planes.len() + 2 * reach >= n {
+        return (0..n).for_each(visit);
+    }
+    // Particles of the planes beside these reach into them.
+    let (first, last) = (planes.start as i64 - reach as i64, planes.end as i64 + reach as i64);
+    for i in first..last {
+        if (0..n as i64).contains(&i) {
+            visit(i as usize);
+        } else if grid.periodic[0] {
+            visit(i.rem_euclid(n as i64) as usize);
+        }
+    }
+}
+
+#[inline]
+fn add_record(grid: &Grid, (u, weight): &Record, scheme: Assignment, planes: &Range<usize>, out: &mut [f64]) {
+    let order = scheme.order();
+    let axes: [(i64, [f64; 3]); 3] = std::array::from_fn(|k| scheme.weights(u[k]));
+    for a in 0..order {
+        let i = grid.wrap(0, axes[0].0 + a as i64);
+        if !planes.contains(&i) {
+            continue;
+        }
+        for b in 0..order {
+            let j = grid.wrap(1, axes[1].0 + b as i64);
+            let row = ((i - planes.start) * grid.cells[1] + j) * grid.cells[2];
+            let share = weight * axes[0].1[a] * axes[1].1[b];
+            for c in 0..order {
+                out[row + grid.wrap(2, axes[2].0 + c as i64)] += share * axes[2].1[c];
+            }
+        }
+    }
+}
+
+fn add_mixtures(
+    field: &mut Field,
+    parts: &[&Mixture],
+    unit_mass: f64,
+    shift: f64,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let grid = field.grid;
+    let moved = Grid { min: std::array::from_fn(|k| grid.min[k] - shift * grid.side[k]), ..grid };
+    let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(MODEL_SLABS).max(1));
+    field
+        .mass
+        .par_chunks_mut(depth * plane)
+        .enumerate()
+        .map(|(slab, out)| {
+            let planes = slab * depth..slab * depth + out.len() / plane;
+            // Sums of many small shares: f64, rounded once.
+            let (mut sum, mut splat) = (vec![0.0f64; out.len()], Splat::default());
+            for m in parts {
+                for i in 0..m.len() {
+                    if i % 256 == 0 {
+                        progress.check()?;
+                    }
+                    let (mean, cov) = (m.mean_of(i), m.cov_of(i));
+                    if Splat::may_touch(&moved, &planes, mean, &cov) {
+                        splat.add_to(&moved, planes.clone(), &mut sum, mean, &cov, unit_mass * m.mass_of(i));
+                    }
+                }
+            }
+            out.iter_mut().zip(sum).for_each(|(o, s)| *o += s as f32);
+            Ok(())
+        })
+        .collect::<Result<()>>()?;
+    let total: f64 = parts.iter().flat_map(|m| (0..m.len()).map(|i| m.mass_of(i))).sum::<f64>() * unit_mass;
+    // Axes that repeat keep everything; what an open grid lost is the difference.
+    if !grid.periodic.iter().all(|p| *p) {
+        let inside: f64 = field.mass.iter().map(|v| f64::from(*v)).sum();
+        field.outside = (field.outside + total - inside).max(0.0);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[path = "deposit_tests.rs"]
+mod tests;

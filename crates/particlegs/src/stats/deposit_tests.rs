@@ -1,0 +1,108 @@
+use super::*;
+use crate::math::{Random, Sym3};
+use crate::particles::Column;
+use crate::progress::Silent;
+use crate::stats::Domain;
+
+fn random(n: usize, length: [f64; 3]) -> Particles {
+    let column = |k: u32| (0..n).map(|i| (Random::new(1, k, i as u64).uniform() * length[k as usize]) as f32).collect();
+    Particles::from_columns(column(0), column(1), column(2))
+}
+
+fn domain(length: [f64; 3], periodic: bool) -> Domain {
+    Domain { min: [0.0; 3], length, periodic: [periodic; 3] }
+}
+
+/// The plain twin: one particle after the other.
+fn plain(p: &Particles, grid: &Grid, scheme: Assignment, shift: f64) -> Vec<f64> {
+    let mut out = vec![0.0; grid.len()];
+    for i in 0..p.len() {
+        let x = p.position(i);
+        let axes: [_; 3] = std::array::from_fn(|k| {
+            let u = (x[k] - grid.min[k]) / grid.side[k] + shift;
+            scheme.weights(u)
+        });
+        for a in 0..27 {
+            let o = [a / 9, a / 3 % 3, a % 3];
+            let w: f64 = (0..3).map(|k| axes[k].1[o[k]]).product();
+            let at = std::array::from_fn(|k| grid.wrap(k, axes[k].0 + o[k] as i64));
+            out[grid.index(at)] += w * p.weights.as_ref().map_or(1.0, |c| f64::from(c[i]));
+        }
+    }
+    out
+}
+
+#[test]
+fn every_scheme_agrees_with_its_plain_twin() {
+    let length = [3.0, 10.0, 7.0];
+    let mut p = random(5000, length);
+    p.weights = Some(Column::owned((0..5000).map(|i| 0.5 + (i % 7) as f32).collect()));
+    for periodic in [true, false] {
+        for longest in [1, 2, 5, 40] {
+            let grid = Grid::new(&domain(length, periodic), longest);
+            for scheme in [Assignment::Ngp, Assignment::Cic, Assignment::Tsc] {
+                for shift in [0.0, 0.5] {
+                    if shift > 0.0 && !periodic {
+                        continue;
+                    }
+                    let fast = deposit(Subject::Particles(&p), &grid, scheme, shift, &Silent).unwrap();
+                    let plain = plain(&p, &grid, scheme, shift);
+                    let worst = fast
+                        .mass
+                        .iter()
+                        .zip(&plain)
+                        .map(|(a, b)| (f64::from(*a) - b).abs() / b.max(1.0))
+                        .fold(0.0, f64::max);
+                    assert!(worst < 1e-5, "{scheme:?} {longest} {periodic} {shift}: {worst}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let p = random(300_000, [4.0, 4.0, 4.0]);
+    let grid = Grid::new(&domain([4.0; 3], true), 24);
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| deposit(Subject::Particles(&p), &grid, Assignment::Tsc, 0.5, &Silent).unwrap().mass)
+    };
+    assert_eq!(run(1), run(5));
+}
+
+#[test]
+fn what_lies_beyond_an_open_edge_is_counted() {
+    let p = Particles::from_columns(vec![-0.5, 0.5, 4.0, 4.1], vec![1.0; 4], vec![1.0; 4]);
+    let grid = Grid::new(&domain([4.0; 3], false), 4);
+    let f = deposit(Subject::Particles(&p), &grid, Assignment::Tsc, 0.0, &Silent).unwrap();
+    assert_eq!(f.outside, 2.0);
+    assert!((f.mass.iter().sum::<f32>() - 2.0).abs() < 1e-6);
+}
+
+#[test]
+fn a_model_keeps_its_mass_and_its_place() {
+    let mut m = Mixture::default();
+    m.push([1.0, 9.5, 3.0], Sym3([0.3, 0.1, 0.0, 0.2, 0.0, 0.4]), 100.0, 100.0);
+    m.push([2.9, 0.6, 6.6], Sym3::scaled_identity(1e-6), 50.0, 50.0);
+    let grid = Grid::new(&domain([3.0, 10.0, 7.0], true), 40);
+    let mut field = Field { grid, mass: vec![0.0; grid.len()], outside: 0.0 };
+    add_mixtures(&mut field, &[&m], 2.0, 0.0, &Silent).unwrap();
+    assert!((field.mass.iter().map(|v| f64::from(*v)).sum::<f64>() - 300.0).abs() < 1e-3);
+    assert!((field.mass[grid.index([11, 2, 26])] - 100.0).abs() < 0.5);
+    let mut whole = vec![0.0; grid.len()];
+    let mut splat = Splat::default();
+    (0..2).for_each(|i| splat.add(&grid, &mut whole, m.mean_of(i), &m.cov_of(i), 2.0 * m.mass_of(i)));
+    assert!(field.mass.iter().zip(&whole).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5));
+}
+
+#[test]
+fn a_grid_beyond_memory_says_what_it_needs() {
+    let grid = Grid::new(&domain([1.0; 3], true), 65_000);
+    let p = random(10, [1.0; 3]);
+    // Refused before anything is taken, where the system tells what it has.
+    if crate::memory::available_bytes().is_some() {
+        let error = deposit(Subject::Particles(&p), &grid, Assignment::Ngp, 0.0, &Silent).unwrap_err();
+        assert_eq!(error.exit_code(), 7);
+    }
+}

@@ -1,0 +1,130 @@
+//! A grid over a domain and the schemes that share a particle among its cells.
+
+use super::Domain;
+
+/// Cells over a domain; x is the slowest index.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Lowest corner, world units.
+    pub min: [f64; 3],
+    /// Edges of a cell, world units.
+    pub side: [f64; 3],
+    /// Cells along x, y and z.
+    pub cells: [usize; 3],
+    /// Does the axis repeat?
+    pub periodic: [bool; 3],
+}
+
+/// How a particle is shared among cells (Hockney and Eastwood 1981).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Assignment {
+    /// Nearest grid point: the cell that holds it.
+    Ngp,
+    /// Cloud in cell: two cells an axis, linear.
+    Cic,
+    /// Triangular-shaped cloud: three cells an axis, quadratic.
+    Tsc,
+}
+
+impl Assignment {
+    /// Power of sinc in the window's transform; also the most cells an axis.
+    pub fn order(self) -> usize {
+        match self {
+            Assignment::Ngp => 1,
+            Assignment::Cic => 2,
+            Assignment::Tsc => 3,
+        }
+    }
+
+    /// The first cell and the weights of coordinate `u` in cells (cell i spans i to i + 1).
+    #[inline]
+    pub(super) fn weights(self, u: f64) -> (i64, [f64; 3]) {
+        match self {
+            Assignment::Ngp => (u.floor() as i64, [1.0, 0.0, 0.0]),
+            Assignment::Cic => {
+                let first = (u - 0.5).floor();
+                let f = u - 0.5 - first;
+                (first as i64, [1.0 - f, f, 0.0])
+            }
+            Assignment::Tsc => {
+                let nearest = u.floor();
+                let d = u - nearest - 0.5;
+                let (low, high) = (0.5 - d, 0.5 + d);
+                (nearest as i64 - 1, [0.5 * low * low, 0.75 - d * d, 0.5 * high * high])
+            }
+        }
+    }
+}
+
+impl Grid {
+    /// `longest` cells along the longest edge and as many of about the same length along the others.
+    pub fn new(domain: &Domain, longest: usize) -> Self {
+        let side = domain.longest() / longest.max(1) as f64;
+        Self::stretched(domain, domain.length.map(|l| ((l / side).round() as usize).max(1)))
+    }
+
+    /// Given numbers of cells, of whatever shape that makes them.
+    pub fn stretched(domain: &Domain, cells: [usize; 3]) -> Self {
+        Grid {
+            min: domain.min,
+            side: std::array::from_fn(|k| domain.length[k] / cells[k] as f64),
+            cells,
+            periodic: domain.periodic,
+        }
+    }
+
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    /// Never: a grid has at least one cell.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Place of a cell in a column of cells.
+    pub fn index(&self, [i, j, k]: [usize; 3]) -> usize {
+        (i * self.cells[1] + j) * self.cells[2] + k
+    }
+
+    /// A cell index along `axis` as it is stored: repeated, or the nearest at an open edge.
+    #[inline]
+    pub(super) fn wrap(&self, axis: usize, i: i64) -> usize {
+        let n = self.cells[axis] as i64;
+        if (0..n).contains(&i) {
+            return i as usize;
+        }
+        (if self.periodic[axis] { i.rem_euclid(n) } else { i.clamp(0, n - 1) }) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_sum_to_one_and_keep_the_place() {
+        for i in 0..1000 {
+            let u = i as f64 * 0.0173 + 3.0;
+            for scheme in [Assignment::Ngp, Assignment::Cic, Assignment::Tsc] {
+                let (first, w) = scheme.weights(u);
+                assert!((w.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+                assert!(w.iter().all(|v| *v >= -1e-12));
+                let center: f64 = w.iter().enumerate().map(|(j, w)| w * (first as f64 + j as f64 + 0.5)).sum();
+                if scheme != Assignment::Ngp {
+                    assert!((center - u).abs() < 1e-12, "{scheme:?} {u}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn slabs_get_cells_of_one_length() {
+        let d = Domain { min: [0.0; 3], length: [1.0, 4.0, 3.9], periodic: [true, true, false] };
+        let g = Grid::new(&d, 40);
+        assert_eq!(g.cells, [10, 40, 39]);
+        assert_eq!([g.wrap(0, -1), g.wrap(2, -1), g.wrap(2, 50)], [9, 0, 38]);
+    }
+}

@@ -1,0 +1,316 @@
+//! Friends of friends: groups of particles joined by links of a given length (Davis et al. 1985).
+//!
+//! Particles are sorted into cells whose diagonal is the linking length, so that a cell's own are
+//! friends without a look; two cells are joined once one pair between them is found. Cells are
+//! found by rows: along z they lie sorted, and two rows are walked side by side.
+
+use super::Domain;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use rayon::prelude::*;
+
+/// Groups of at least the smallest size asked for, the largest first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Groups {
+    /// Linking length, world units.
+    pub linking_length: f64,
+    /// Members of each group: indices of particles, ascending.
+    pub members: Vec<Vec<u32>>,
+}
+
+/// An occupied cell: its place along z and its particles in the sorted order.
+#[derive(Clone, Copy)]
+struct CellRun {
+    z: i64,
+    first: u32,
+    end: u32,
+}
+
+struct Rows<'a> {
+    domain: &'a Domain,
+    cells: [i64; 3],
+    side: [f64; 3],
+    /// Occupied cells, row after row.
+    runs: Vec<CellRun>,
+    /// Occupied rows in ascending order: (x, y) and the first of their runs; one more at the end.
+    rows: Vec<([i64; 2], u32)>,
+    position: Vec<[f64; 3]>,
+    index: Vec<u32>,
+}
+
+/// Finds the groups of at least `smallest` particles.
+///
+/// # Errors
+/// [`Error::Argument`] for a linking length that is not above zero or above a third of an edge that
+/// repeats, or 4 294 967 295 particles and more; [`Error::Memory`]; [`Error::Cancelled`].
+pub fn find_groups(
+    positions: &[[f64; 3]],
+    domain: &Domain,
+    linking_length: f64,
+    smallest: usize,
+    progress: &dyn Progress,
+) -> Result<Groups> {
+    let longest = (0..3).filter(|k| domain.periodic[*k]).map(|k| domain.length[k] / 3.0).fold(f64::INFINITY, f64::min);
+    if !(linking_length > 0.0 && linking_length <= longest) {
+        return Err(Error::argument(format!("linking length {linking_length} is outside 0 to {longest:.6}")));
+    }
+    if positions.len() >= u32::MAX as usize {
+        return Err(Error::argument("groups of more than 4294967295 particles; take a sample"));
+    }
+    crate::memory::require("friends of friends", positions.len() as u64 * 120)?;
+    let rows = Rows::new(positions, domain, linking_length);
+    progress.check()?;
+    let links = rows.links(linking_length, progress)?;
+    let mut sets = Sets::new(rows.runs.len());
+    links.iter().flatten().for_each(|(a, b)| sets.join(*a, *b));
+    Ok(Groups { linking_length, members: rows.members(&mut sets, smallest) })
+}
+
+impl<'a> Rows<'a> {
+    fn new(positions: &[[f64; 3]], domain: &'a Domain, linking_length: f64) -> Self {
+        // A little under the diagonal, so that rounding makes no friends.
+        let wanted = linking_length / 3f64.sqrt() * (1.0 - 1e-9);
+        let low: [f64; 3] = std::array::from_fn(|k| {
+            if domain.periodic[k] { 0.0 } else { positions.iter().map(|x| x[k]).fold(0.0, f64::min) }
+        });
+        // Axes that repeat need whole cells; open ones may have any number.
+        let cells: [i64; 3] =
+            std::array::from_fn(
+                |k| {
+                    if domain.periodic[k] { (domain.length[k] / wanted).ceil() as i64 } else { i64::MAX }
+                },
+            );
+        let side: [f64; 3] =
+            std::array::from_fn(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { wanted });
+        let place = |x: &[f64; 3], k: usize| (((x[k] - low[k]) / side[k]) as i64).clamp(0, cells[k] - 1);
+        let mut order: Vec<([i64; 3], u32)> = positions
+            .par_iter()
+            .enumerate()
+            .map(|(i, x)| ([place(x, 0), place(x, 1), place(x, 2)], i as u32))
+            .collect();
+        order.par_sort_unstable();
+        let (mut runs, mut rows): (Vec<CellRun>, Vec<([i64; 2], u32)>) = Default::default();
+        for (at, (cell, _)) in order.iter().enumerate() {
+            let row = [cell[0], cell[1]];
+            let new_row = rows.last().is_none_or(|r| r.0 != row);
+            if new_row {
+                rows.push((row, runs.len() as u32));
+            }
+            match runs.last_mut() {
+                Some(run) if !new_row && run.z == cell[2] => run.end += 1,
+                _ => runs.push(CellRun { z: cell[2], first: at as u32, end: at as u32 + 1 }),
+            }
+        }
+        rows.push(([i64::MAX; 2], runs.len() as u32));
+        let position = order.par_iter().map(|(_, i)| positions[*i as usize]).collect();
+        let index = order.into_iter().map(|(_, i)| i).collect();
+        Rows { domain, cells, side, runs, rows, position, index }
+    }
+
+    /// Pairs of cells that hold friends, row by row.
+    fn links(&self, length: f64, progress: &dyn Progress) -> Result<Vec<Vec<(u32, u32)>>> {
+        (0..self.rows.len() - 1)
+            .into_par_iter()
+            .map(|row| {
+                if row % 256 == 0 {
+                    progress.check()?;
+                }
+                let mut links = Vec::new();
+                for dx in -2..=2i64 {
+                    for dy in -2..=2i64 {
+                        // Each pair of rows from one of its two sides.
+                        if (dx, dy) >= (0, 0)
+                            && let Some((other, shift)) = self.row_beside(row, dx, dy)
+                        {
+                            let gap = gap(dx) * self.side[0] * gap(dx) * self.side[0]
+                                + gap(dy) * self.side[1] * gap(dy) * self.side[1];
+                            self.link_rows(row, other, shift, length, gap, &mut links);
+                        }
+                    }
+                }
+                Ok(links)
+            })
+            .collect()
+    }
+
+    /// The row dx, dy away, and the shift that brings its particles beside this one's.
+    fn row_beside(&self, row: usize, dx: i64, dy: i64) -> Option<(usize, [f64; 2])> {
+        let [x, y] = self.rows[row].0;
+        let (x, sx) = self.wrapped(0, x + dx)?;
+        let (y, sy) = self.wrapped(1, y + dy)?;
+        let found = self.rows[..self.rows.len() - 1].binary_search_by(|r| r.0.cmp(&[x, y])).ok()?;
+        Some((found, [sx, sy]))
+    }
+
+    fn wrapped(&self, axis: usize, i: i64) -> Option<(i64, f64)> {
+        let n = self.cells[axis];
+        if (0..n).contains(&i) {
+            return Some((i, 0.0));
+        }
+        self.domain.periodic[axis].then(|| (i.rem_euclid(n), i.div_euclid(n) as f64 * self.domain.length[axis]))
+    }
+
+    /// Walks two rows side by side and joins cells at most two apart along z.
+    fn link_rows(&self, a: usize, b: usize, shift: [f64; 2], length: f64, gap: f64, links: &mut Vec<(u32, u32)>) {
+        let (from, to) = (self.rows[b].1 as usize, self.rows[b + 1].1 as usize);
+        let images: &[i64] = if self.domain.periodic[2] { &[-1, 0, 1] } else { &[0] };
+        for image in images {
+            let (turn, z_shift) =
+                (if *image == 0 { 0 } else { image * self.cells[2] }, *image as f64 * self.domain.length[2]);
+            let mut low = from;
+            for i in self.rows[a].1 as usize..self.rows[a + 1].1 as usize {
+                let cell = self.runs[i];
+                while low < to && self.runs[low].z + turn < cell.z - 2 {
+                    low += 1;
+                }
+                let near = (low..to).take_while(|j| self.runs[*j].z + turn <= cell.z + 2);
+                for j in near {
+                    let dz = crate::stats::groups::gap(self.runs[j].z + turn - cell.z) * self.side[2];
+                    // Within one row each pair once, and never a cell with itself.
+                    let once = a != b || shift != [0.0; 2] || *image > 0 || (*image == 0 && j > i);
+                    if once && gap + dz * dz <= length * length {
+                        let shift = [shift[0], shift[1], z_shift];
+                        if self.friends(cell, self.runs[j], shift, length * length) {
+                            links.push((i as u32, j as u32));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn friends(&self, a: CellRun, b: CellRun, shift: [f64; 3], square: f64) -> bool {
+        let others = &self.position[b.first as usize..b.end as usize];
+        self.position[a.first as usize..a.end as usize].iter().any(|x| {
+            let x = [x[0] - shift[0], x[1] - shift[1], x[2] - shift[2]];
+            others.iter().any(|y| {
+                let d = [y[0] - x[0], y[1] - x[1], y[2] - x[2]];
+                d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= square
+            })
+        })
+    }
+
+    /// Particles of each large set, ascending; sets by size, then by their first particle.
+    fn members(&self, sets: &mut Sets, smallest: usize) -> Vec<Vec<u32>> {
+        let n = self.runs.len();
+        let root: Vec<u32> = (0..n as u32).map(|i| sets.root(i)).collect();
+        let mut size = vec![0usize; n];
+        (0..n).for_each(|i| size[root[i] as usize] += (self.runs[i].end - self.runs[i].first) as usize);
+        let mut slot = vec![u32::MAX; n];
+        let mut members: Vec<Vec<u32>> = Vec::new();
+        for i in 0..n {
+            let r = root[i] as usize;
+            if size[r] < smallest {
+                continue;
+            }
+            if slot[r] == u32::MAX {
+                slot[r] = members.len() as u32;
+                members.push(Vec::with_capacity(size[r]));
+            }
+            members[slot[r] as usize]
+                .extend_from_slice(&self.index[self.runs[i].first as usize..self.runs[i].end as usize]);
+        }
+        members.par_iter_mut().for_each(|m| m.sort_unstable());
+        members.sort_by(|a, b| b.len().cmp(&a.len()).then(a.first().cmp(&b.first())));
+        members
+    }
+}
+
+/// Cells between two that are `d` apart.
+fn gap(d: i64) -> f64 {
+    (d.abs() - 1).max(0) as f64
+}
+
+/// Disjoint sets: the smaller number is the root, paths are halved.
+struct Sets(Vec<u32>);
+
+impl Sets {
+    fn new(n: usize) -> Self {
+        Sets((0..n as u32).collect())
+    }
+
+    fn root(&mut self, mut i: u32) -> u32 {
+        while self.0[i as usize] != i {
+            let above = self.0[self.0[i as usize] as usize];
+            self.0[i as usize] = above;
+            i = above;
+        }
+        i
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+    use crate::progress::Silent;
+
+    /// The plain twin: every pair.
+    fn plain(x: &[[f64; 3]], domain: &Domain, length: f64, smallest: usize) -> Vec<Vec<u32>> {
+        let mut sets = Sets::new(x.len());
+        for i in 0..x.len() {
+            for j in 0..i {
+                let d = domain.shortest_way(std::array::from_fn(|k| x[i][k] - x[j][k]));
+                if d.iter().map(|v| v * v).sum::<f64>() <= length * length {
+                    sets.join(i as u32, j as u32);
+                }
+            }
+        }
+        let mut by_root: Vec<Vec<u32>> = vec![Vec::new(); x.len()];
+        (0..x.len() as u32).for_each(|i| by_root[sets.root(i) as usize].push(i));
+        by_root.retain(|m| m.len() >= smallest);
+        by_root.sort_by(|a, b| b.len().cmp(&a.len()).then(a.first().cmp(&b.first())));
+        by_root
+    }
+
+    fn clustered(n: usize, length: [f64; 3]) -> Vec<[f64; 3]> {
+        (0..n)
+            .map(|i| {
+                let mut center = Random::new(4, 1, (i % 40) as u64);
+                let mut r = Random::new(4, 2, i as u64);
+                let spread = if i % 3 == 0 { 1.0 } else { 0.03 };
+                length.map(|l| (center.uniform() * l + spread * r.normal()).rem_euclid(l))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn groups_are_those_of_all_pairs() {
+        for periodic in [[true; 3], [false; 3], [true, false, true]] {
+            let length = [2.0, 3.0, 1.5];
+            let domain = Domain { min: [0.0; 3], length, periodic };
+            let x = clustered(1500, length);
+            for link in [0.02, 0.06, 0.11, 0.3] {
+                let fast = find_groups(&x, &domain, link, 2, &Silent).unwrap();
+                assert_eq!(fast.members, plain(&x, &domain, link, 2), "{periodic:?} {link}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_chain_across_the_seam_is_one_group_and_threads_do_not_matter() {
+        let domain = Domain { min: [0.0; 3], length: [10.0, 1.0, 1.0], periodic: [true; 3] };
+        let x: Vec<[f64; 3]> = (0..20).map(|i| [(9.0 + 0.1 * i as f64) % 10.0, 0.0, 0.999]).collect();
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| find_groups(&x, &domain, 0.11, 2, &Silent).unwrap())
+        };
+        assert_eq!(run(1).members, vec![(0..20).collect::<Vec<u32>>()]);
+        assert_eq!(run(1), run(4));
+        assert!(find_groups(&x, &domain, 0.09, 2, &Silent).unwrap().members.is_empty());
+    }
+
+    #[test]
+    fn absurd_links_are_refused() {
+        let domain = Domain { min: [0.0; 3], length: [1.0; 3], periodic: [true; 3] };
+        for link in [0.0, -1.0, f64::NAN, 0.5] {
+            assert_eq!(find_groups(&[[0.5; 3]], &domain, link, 2, &Silent).unwrap_err().exit_code(), 2);
+        }
+        assert!(find_groups(&[], &domain, 0.1, 1, &Silent).unwrap().members.is_empty());
+    }
+}

@@ -1,0 +1,49 @@
+//! Floor 4: what recovered particles, or a mixture itself, are good for, in numbers.
+//!
+//! [`compare`] does the whole job over the truth's box ([`Domain`]). Densities are deposited on a
+//! [`Grid`] (`deposit`, `gaussian`), compared cell by cell (`density`) and transformed (`transform`)
+//! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). What looks at neighbours sorts positions
+//! into cells: pair counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in
+//! their cores (`aperture`); nearest neighbours use a tree (`tree`, `neighbours`).
+
+mod aperture;
+mod compare;
+mod density;
+mod deposit;
+mod domain;
+mod gaussian;
+mod grid;
+mod groups;
+mod moments;
+mod neighbours;
+mod options;
+mod pairs;
+mod points;
+mod report;
+mod spectrum;
+#[cfg(test)]
+mod spectrum_tests;
+mod subject;
+mod summary;
+#[cfg(test)]
+mod testing;
+mod transform;
+mod tree;
+mod xi_transform;
+
+pub use aperture::{ApertureMass, aperture_mass, counts_within, group_center};
+pub use compare::compare;
+pub use density::{DensityComparison, DensityPdf, Slice, central_slice, compare_density, density_pdf, profile};
+pub use deposit::{Field, deposit, deposit_bytes};
+pub use domain::Domain;
+pub(crate) use gaussian::Splat;
+pub use grid::{Assignment, Grid};
+pub use groups::{Groups, find_groups};
+pub use moments::{AxisMoments, axis_moments};
+pub use neighbours::{NearestDistances, NeighbourOptions, nearest_distances};
+pub use options::{Convention, Measure, StatsOptions};
+pub use pairs::{PairCounts, PairOptions, count_pairs, logarithmic_edges, longest_separation};
+pub use report::{DensityReport, GroupReport, NeighbourReport, SizeClass, Statistics, XiByPairs, XiByTransform};
+pub use spectrum::{Shell, Spectra, SpectrumOptions, power_spectra};
+pub use subject::Subject;
+pub use summary::Summary;

@@ -1,0 +1,193 @@
+//! Distances to the nearest neighbour, of all particles or of a sample of them.
+
+use super::Domain;
+use super::tree::Neighbours;
+use crate::math::Random;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use rayon::prelude::*;
+
+/// Draws of the sample.
+const PURPOSE: u32 = 0x6e65_6172;
+/// Bins of the histogram, a decade.
+const PER_DECADE: f64 = 20.0;
+
+/// Distances to the nearest other particle.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct NearestDistances {
+    /// Particles whose neighbour was sought.
+    pub sampled: u64,
+    /// Particles among which it was sought.
+    pub among: u64,
+    /// Mean distance, world units.
+    pub mean: f64,
+    /// Median.
+    pub median: f64,
+    /// 1, 5, 25, 75, 95 and 99 % of the distances are below these.
+    pub percentiles: [f64; 6],
+    /// Edges of the histogram's bins: 20 a decade, shared by whatever is compared.
+    pub edges: Vec<f64>,
+    /// Distances in each bin.
+    pub counts: Vec<u64>,
+    /// Distances of zero.
+    pub zero: u64,
+}
+
+/// Which neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct NeighbourOptions {
+    /// Particles to look from, at most.
+    pub sample: usize,
+    /// Thin the particles to the sample first and look among it alone, as the published table does:
+    /// its distances are those of the thinned set.
+    pub among_sample: bool,
+    /// Seed of the sample.
+    pub seed: u64,
+}
+
+/// A sample of `wanted` of `n` indices, ascending: each step keeps with the chance that is left.
+fn sample(n: usize, wanted: usize, seed: u64) -> Vec<u32> {
+    if wanted >= n {
+        return (0..n as u32).collect();
+    }
+    let mut random = Random::new(seed, PURPOSE, 0);
+    let (mut out, mut left) = (Vec::with_capacity(wanted), wanted);
+    for i in 0..n {
+        if random.uniform() * ((n - i) as f64) < left as f64 {
+            out.push(i as u32);
+            left -= 1;
+        }
+    }
+    out
+}
+
+/// Distances to nearest neighbours; positions relative to the domain's corner, wrapped.
+///
+/// # Errors
+/// [`Error::Argument`] for fewer than two particles or 4 294 967 295 and more, [`Error::Memory`],
+/// [`Error::Cancelled`].
+pub fn nearest_distances(
+    positions: &[[f64; 3]],
+    domain: &Domain,
+    o: &NeighbourOptions,
+    progress: &dyn Progress,
+) -> Result<NearestDistances> {
+    if positions.len() < 2 || positions.len() >= u32::MAX as usize || o.sample < 2 {
+        return Err(Error::argument("nearest neighbours need from 2 to 4294967294 particles"));
+    }
+    crate::memory::require("a tree of neighbours", positions.len() as u64 * 33 + o.sample as u64 * 32)?;
+    let chosen = sample(positions.len(), o.sample, o.seed);
+    let thinned: Vec<[f64; 3]> =
+        if o.among_sample { chosen.iter().map(|i| positions[*i as usize]).collect() } else { Vec::new() };
+    let all = if o.among_sample { &thinned[..] } else { positions };
+    let tree = Neighbours::new(all, domain);
+    let mut distances = chosen
+        .par_chunks(1024)
+        .enumerate()
+        .map(|(step, run)| {
+            progress.check()?;
+            let of = |(at, i): (usize, &u32)| {
+                let own = if o.among_sample { (step * 1024 + at) as u32 } else { *i };
+                tree.nearest(all[own as usize], own)
+            };
+            Ok(run.iter().enumerate().map(of).collect::<Vec<f64>>())
+        })
+        .collect::<Result<Vec<_>>>()?
+        .concat();
+    let mean = distances.iter().sum::<f64>() / distances.len() as f64;
+    distances.par_sort_unstable_by(f64::total_cmp);
+    Ok(summary(&distances, mean, all.len()))
+}
+
+fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
+    let n = sorted.len();
+    let at = |share: f64| {
+        let x = share * (n - 1) as f64;
+        let (i, f) = (x.floor() as usize, x.fract());
+        sorted[i] + f * (sorted[(i + 1).min(n - 1)] - sorted[i])
+    };
+    let zero = sorted.iter().take_while(|d| **d == 0.0).count();
+    let bin = |d: f64| (d.log10() * PER_DECADE).floor() as i64;
+    let (mut edges, mut counts) = (Vec::new(), Vec::new());
+    if zero < n {
+        let (low, high) = (bin(sorted[zero]), bin(sorted[n - 1]));
+        edges = (low..=high + 1).map(|b| 10f64.powf(b as f64 / PER_DECADE)).collect();
+        counts = vec![0; (high - low + 1) as usize];
+        sorted[zero..].iter().for_each(|d| counts[(bin(*d) - low) as usize] += 1);
+    }
+    NearestDistances {
+        sampled: n as u64,
+        among: among as u64,
+        mean,
+        median: at(0.5),
+        percentiles: [0.01, 0.05, 0.25, 0.75, 0.95, 0.99].map(at),
+        edges,
+        counts,
+        zero: zero as u64,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    fn random(n: usize, length: [f64; 3]) -> Vec<[f64; 3]> {
+        (0..n)
+            .map(|i| {
+                let mut r = Random::new(8, 0, i as u64);
+                let core = i % 2 == 0;
+                length.map(|l| if core { l * 0.02 * r.uniform() } else { l * r.uniform() })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn distances_are_those_of_all_pairs() {
+        for periodic in [[true; 3], [false; 3], [true, false, true]] {
+            let domain = Domain { min: [0.0; 3], length: [1.0, 2.0, 3.0], periodic };
+            let x = random(900, domain.length);
+            let tree = Neighbours::new(&x, &domain);
+            for i in 0..x.len() {
+                let plain = (0..x.len())
+                    .filter(|j| *j != i)
+                    .map(|j| domain.shortest_way(std::array::from_fn(|k| x[j][k] - x[i][k])))
+                    .map(|d| d.iter().map(|v| v * v).sum::<f64>())
+                    .fold(f64::INFINITY, f64::min)
+                    .sqrt();
+                assert!((tree.nearest(x[i], i as u32) - plain).abs() < 1e-12, "{i}");
+            }
+        }
+    }
+
+    /// Poisson points: the mean distance is 0.55396 of the mean spacing (Chandrasekhar 1943).
+    #[test]
+    fn poisson_points_have_their_mean() {
+        let domain = Domain { min: [0.0; 3], length: [2.0; 3], periodic: [true; 3] };
+        let x: Vec<[f64; 3]> = (0..30_000)
+            .map(|i| {
+                let mut r = Random::new(2, 0, i);
+                [0; 3].map(|_| 2.0 * r.uniform())
+            })
+            .collect();
+        let o = NeighbourOptions { sample: 20_000, among_sample: false, seed: 1 };
+        let d = nearest_distances(&x, &domain, &o, &Silent).unwrap();
+        assert!((d.mean / domain.spacing(30_000) / 0.55396 - 1.0).abs() < 0.01, "{d:?}");
+        assert_eq!((d.sampled, d.among), (20_000, 30_000));
+        assert_eq!(d.counts.iter().sum::<u64>() + d.zero, 20_000);
+        let thin = nearest_distances(&x, &domain, &NeighbourOptions { among_sample: true, sample: 3750, ..o }, &Silent);
+        assert!((thin.unwrap().mean / d.mean - 2.0).abs() < 0.06);
+    }
+
+    #[test]
+    fn a_lattice_has_one_distance_and_doubles_none() {
+        let domain = Domain { min: [0.0; 3], length: [4.0; 3], periodic: [true; 3] };
+        let mut x: Vec<[f64; 3]> = (0..64).map(|i| [i / 16, i / 4 % 4, i % 4].map(|v| v as f64)).collect();
+        let o = NeighbourOptions { sample: 1000, among_sample: false, seed: 1 };
+        let d = nearest_distances(&x, &domain, &o, &Silent).unwrap();
+        assert_eq!((d.mean, d.median, d.zero), (1.0, 1.0, 0));
+        x.push([1.0; 3]);
+        assert_eq!(nearest_distances(&x, &domain, &o, &Silent).unwrap().zero, 2);
+        assert!(nearest_distances(&x[..1], &domain, &o, &Silent).is_err());
+    }
+}

@@ -1,0 +1,146 @@
+//! Positions sorted into the cells of a grid, for whatever looks at neighbours.
+
+use super::Domain;
+use crate::Result;
+use crate::particles::Particles;
+use rayon::prelude::*;
+
+/// Positions relative to the domain's corner, in [0, length) along axes that repeat, in the order
+/// of the particles.
+pub(super) fn local_positions(p: &Particles, domain: &Domain) -> Vec<[f64; 3]> {
+    let chunks = p.par_chunks(|_, c| {
+        let at = |i: usize| std::array::from_fn(|k| p.origin[k] + f64::from(c.position[k][i]));
+        (0..c.len()).map(|i| domain.local(at(i))).collect::<Vec<[f64; 3]>>()
+    });
+    chunks.concat()
+}
+
+/// Points by cell.
+pub(super) struct Points {
+    /// The domain.
+    pub domain: Domain,
+    /// Cells along each axis.
+    pub cells: [usize; 3],
+    /// Lowest corner of the first cell, relative to the domain's.
+    pub low: [f64; 3],
+    /// Edges of a cell.
+    pub side: [f64; 3],
+    /// First point of each cell, x slowest, and the number of points.
+    pub start: Vec<u32>,
+    /// Positions by cell and, within a cell, in the order of the particles.
+    pub position: Vec<[f64; 3]>,
+    /// Which particle each is.
+    pub index: Vec<u32>,
+}
+
+/// Bytes of the points of `n` particles.
+pub(super) fn points_bytes(n: usize) -> u64 {
+    // Two columns of positions while they are sorted, indices, keys and cells.
+    n as u64 * (24 + 24 + 4 + 8 + 16)
+}
+
+impl Points {
+    /// Cells at least `side` long; longer where there would be more than four a point.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] above 4 294 967 295 particles, [`crate::Error::Memory`].
+    pub fn new(positions: &[[f64; 3]], domain: &Domain, side: f64) -> Result<Self> {
+        if positions.len() >= u32::MAX as usize {
+            return Err(crate::Error::argument("neighbours of more than 4294967295 particles; take a sample"));
+        }
+        crate::memory::require("a grid of neighbours", points_bytes(positions.len()))?;
+        let (low, length) = extent(positions, domain);
+        let least = length.map(f64::cbrt).iter().product::<f64>() / (4.0 * positions.len().max(1) as f64).cbrt();
+        let mut side = side.max(least).max(f64::MIN_POSITIVE);
+        let count = |side: f64| length.map(|l| (l / side).floor().max(1.0));
+        // An axis thinner than a cell leaves more cells to the others than that bound foresees.
+        while count(side).iter().product::<f64>() > 4.0 * positions.len() as f64 + 64.0 {
+            side *= 1.25;
+        }
+        let cells = count(side).map(|c| c as usize);
+        let mut p = Points {
+            domain: *domain,
+            cells,
+            low,
+            side: std::array::from_fn(|k| length[k] / cells[k] as f64),
+            start: Vec::new(),
+            position: Vec::new(),
+            index: Vec::new(),
+        };
+        let mut keys: Vec<(u32, u32)> =
+            positions.par_iter().enumerate().map(|(i, x)| (p.key(p.cell_of(*x)) as u32, i as u32)).collect();
+        keys.par_sort_unstable();
+        let mut start = vec![0u32; cells.iter().product::<usize>() + 1];
+        keys.iter().for_each(|(key, _)| start[*key as usize + 1] += 1);
+        for i in 1..start.len() {
+            start[i] += start[i - 1];
+        }
+        p.start = start;
+        p.position = keys.par_iter().map(|(_, i)| positions[*i as usize]).collect();
+        p.index = keys.into_iter().map(|(_, i)| i).collect();
+        Ok(p)
+    }
+
+    /// The cell of a position.
+    pub fn cell_of(&self, x: [f64; 3]) -> [usize; 3] {
+        std::array::from_fn(|k| (((x[k] - self.low[k]) / self.side[k]).max(0.0) as usize).min(self.cells[k] - 1))
+    }
+
+    fn key(&self, [i, j, k]: [usize; 3]) -> usize {
+        (i * self.cells[1] + j) * self.cells[2] + k
+    }
+
+    /// The points of cells `k` in row (i, j).
+    pub fn row(&self, i: usize, j: usize, k: std::ops::Range<usize>) -> std::ops::Range<usize> {
+        let row = self.key([i, j, 0]);
+        self.start[row + k.start] as usize..self.start[row + k.end] as usize
+    }
+
+    /// Cells of an axis within `reach` world units of cell `i`, each once, and the shift that brings
+    /// their points beside it.
+    pub fn beside(&self, axis: usize, i: usize, reach: f64) -> Vec<(usize, f64)> {
+        let (n, length) = (self.cells[axis] as i64, self.domain.length[axis]);
+        let steps = (reach / self.side[axis]).ceil() as i64;
+        let i = i as i64;
+        if !self.domain.periodic[axis] {
+            return ((i - steps).max(0)..=(i + steps).min(n - 1)).map(|c| (c as usize, 0.0)).collect();
+        }
+        // Up to half the axis is reached: a cell seen from both sides is listed for each image.
+        (i - steps..=i + steps).map(|c| (c.rem_euclid(n) as usize, c.div_euclid(n) as f64 * length)).collect()
+    }
+
+    /// Calls `visit` with runs of points that may lie within `reach` of one in row (i, j), cell k,
+    /// and the shift to add to them. Each image of each point comes once.
+    pub fn near(&self, [i, j, k]: [usize; 3], reach: f64, mut visit: impl FnMut(std::ops::Range<usize>, [f64; 3])) {
+        let z = self.beside(2, k, reach);
+        for (x, sx) in self.beside(0, i, reach) {
+            for (y, sy) in self.beside(1, j, reach) {
+                // Neighbours along z lie together, up to the seam.
+                let mut from = 0;
+                while from < z.len() {
+                    let mut to = from + 1;
+                    while to < z.len() && z[to].1 == z[from].1 {
+                        to += 1;
+                    }
+                    let run = self.row(x, y, z[from].0..z[to - 1].0 + 1);
+                    if !run.is_empty() {
+                        visit(run, [sx, sy, z[from].1]);
+                    }
+                    from = to;
+                }
+            }
+        }
+    }
+}
+
+/// The domain where the axis repeats, else where the points are.
+fn extent(positions: &[[f64; 3]], domain: &Domain) -> ([f64; 3], [f64; 3]) {
+    let (mut low, mut length) = ([0.0; 3], domain.length);
+    for k in (0..3).filter(|k| !domain.periodic[*k]) {
+        let ends = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x[k]), b.max(x[k])));
+        if ends.1 > ends.0 {
+            (low[k], length[k]) = (ends.0, ends.1 - ends.0);
+        }
+    }
+    (low, length)
+}

@@ -1,0 +1,54 @@
+//! What statistics are of: particles, or a model's mixture itself.
+
+use super::Domain;
+use crate::model::Model;
+use crate::particles::Particles;
+
+/// Particles, or a model.
+#[derive(Clone, Copy)]
+pub enum Subject<'a> {
+    /// A snapshot.
+    Particles(&'a Particles),
+    /// A mixture; particles are nowhere drawn from it.
+    Model(&'a Model),
+}
+
+impl Subject<'_> {
+    /// Its box.
+    pub fn domain(&self) -> Domain {
+        match self {
+            Subject::Particles(p) => Domain::of_particles(p),
+            Subject::Model(m) => Domain::of_model(m),
+        }
+    }
+
+    /// Particles, or those that the model stands for.
+    pub fn count(&self) -> u64 {
+        match self {
+            Subject::Particles(p) => p.len() as u64,
+            Subject::Model(m) => m.layers.iter().map(crate::model::Layer::count).sum(),
+        }
+    }
+
+    /// The particles, where there are any.
+    pub fn particles(&self) -> Option<&Particles> {
+        match self {
+            Subject::Particles(p) => Some(p),
+            Subject::Model(_) => None,
+        }
+    }
+
+    /// The volume that a unit of power is measured in: V sum w^2 / (sum w)^2 of particles, which is
+    /// the shot noise of P(k); a mixture has none.
+    pub fn shot_noise(&self, domain: &Domain) -> f64 {
+        let Subject::Particles(p) = self else { return 0.0 };
+        let squares: f64 = match &p.weights {
+            None => p.len() as f64,
+            Some(_) => p
+                .par_chunks(|_, c| c.weight.unwrap_or(&[]).iter().map(|&w| f64::from(w) * f64::from(w)).sum::<f64>())
+                .iter()
+                .sum(),
+        };
+        domain.volume() * squares / p.total_mass().powi(2)
+    }
+}
