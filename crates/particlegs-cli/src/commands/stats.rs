@@ -145,7 +145,7 @@ impl From<MeasureName> for Measure {
 
 /// Particles or a model, as they were read.
 enum Source {
-    Particles(Particles),
+    Particles(Box<Particles>),
     Model(Box<Model>),
 }
 
@@ -155,7 +155,7 @@ impl Source {
             let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
             return Ok(Source::Model(Box::new(codec::decode(&bytes, &path.display().to_string())?)));
         }
-        Ok(Source::Particles(args.open(&[path.to_path_buf()], progress)?))
+        Ok(Source::Particles(Box::new(args.open(&[path.to_path_buf()], progress)?)))
     }
 
     fn subject(&self) -> Subject<'_> {
