@@ -57,9 +57,9 @@ fn a_model_is_measured_by_its_mixture() {
         "--quiet",
     ]);
     compress.assert().success();
-    let s = stats(&thin, &model, &out, &["--no-plots", "--grid", "12"]);
+    let s = stats(&thin, &model, &out, &["--no-plots"]);
     assert_eq!(s["model"], serde_json::json!([false, true]));
-    assert!(s["summary"]["density_correlation"].as_f64().unwrap() > 0.8);
+    assert!(s["summary"]["density_correlation"].as_f64().unwrap() > 0.5);
     assert!(s["groups"].is_null() && s["xi_by_pairs"].is_null() && s["spectra"]["shot_noise"][1] == 0.0);
     assert!(s["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("recover")));
     assert!(listing(&out).iter().all(|f| !f.ends_with(".png")));

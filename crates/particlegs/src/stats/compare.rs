@@ -43,6 +43,9 @@ pub fn compare(
     let (mut xi_by_pairs, mut groups, mut neighbours) = (None, None, None);
     let of_points = [Measure::Pairs, Measure::Groups, Measure::Neighbours];
     if of_points.iter().any(|m| wants(*m)) {
+        // Positions of both, and once more while chunks are put together.
+        let counts = job.pair.map(|s| s.particles().map_or(0, |p| p.len() as u64));
+        crate::memory::require("positions", 24 * (counts[0] + counts[1] + counts[0].max(counts[1])))?;
         if let [Some(a), Some(b)] = job.pair.map(|s| positions_of(s, &job.domain)) {
             let positions = [&a[..], &b[..]];
             xi_by_pairs = if wants(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
@@ -278,6 +281,10 @@ impl Job<'_> {
     fn apertures(&self, positions: [&[[f64; 3]]; 2], truth: &Groups) -> Result<Vec<super::ApertureMass>> {
         use rayon::prelude::*;
         let radius = self.o.aperture * self.spacing(0);
+        let longest = longest_separation(&self.domain);
+        if radius > longest {
+            return Err(Error::argument(format!("an aperture of {radius:.6} is larger than the box's {longest:.6}")));
+        }
         let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();
         let chosen = Groups { linking_length: truth.linking_length, members: truth.members[..large].to_vec() };
         let centers: Vec<[f64; 3]> =

@@ -74,7 +74,7 @@ pub(super) fn mean_mass(f: &Field) -> f64 {
 }
 
 fn correlation(aa: f64, bb: f64, ab: f64) -> f64 {
-    if aa > 0.0 && bb > 0.0 { ab / (aa.sqrt() * bb.sqrt()) } else { f64::from(u8::from(aa == bb)) }
+    if aa > 0.0 && bb > 0.0 { (ab / (aa.sqrt() * bb.sqrt())).clamp(-1.0, 1.0) } else { f64::from(u8::from(aa == bb)) }
 }
 
 /// 1 / mean, or 0 where there is no mass.
