@@ -57,8 +57,8 @@ fn supports(certificate: Option<&Certificate>, options: &Options, own: bool) -> 
     match options.method {
         super::Method::Count => {}
         super::Method::Spaced => all.push(
-            "distances to the nearest neighbour, in the mean and the median; clumps smaller than a Gaussian are made \
-             up, so that correlations and groups on their scale are not the source's"
+            "made for distances to the nearest neighbour, set by one simulation at one ratio: compare before use; clumps \
+             smaller than a Gaussian are made up, so that correlations and groups on their scale are not the source's"
                 .into(),
         ),
         super::Method::Stratified => all.push(
