@@ -9,6 +9,7 @@
 mod bounds;
 mod convert;
 mod hash;
+mod images;
 mod layer;
 mod load;
 mod masses;

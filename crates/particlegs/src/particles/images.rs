@@ -1,0 +1,51 @@
+//! Periodic images: positions taken near a point.
+
+use super::{Bounds, Cell, Chunk};
+use crate::{Error, Result};
+
+/// Takes positions at their periodic images nearest to a point.
+pub(super) struct Images {
+    centre: [f64; 3],
+    cell: Cell,
+    /// Maps a world vector to fractions of the cell vectors.
+    fractions: [[f64; 3]; 3],
+}
+
+impl Images {
+    /// Images about the middle of `crop`, which must not be wider than the cell where it repeats.
+    ///
+    /// # Errors
+    /// [`Error::Input`] without a cell that has a volume; [`Error::Argument`] for a wider crop.
+    pub fn about(crop: &Bounds, cell: Option<&Cell>, name: &str) -> Result<Self> {
+        let Some(cell) = cell else {
+            let hint = "give it with `--box Lx,Ly,Lz`, or choose by --region, which does not wrap";
+            return Err(Error::input_hint(name, "a region that wraps needs the periodic box", hint));
+        };
+        let fractions = cell.inverse().ok_or_else(|| Error::input(name, "the cell has no volume"))?;
+        let extent = crop.extent();
+        if let Some(lengths) = cell.lengths()
+            && let Some(k) = (0..3).find(|&k| cell.periodic[k] && extent[k] > lengths[k])
+        {
+            let what = format!("a region {} wide on axis {k} would repeat the box of {}", extent[k], lengths[k]);
+            return Err(Error::argument(what));
+        }
+        Ok(Images { centre: crop.center(), cell: *cell, fractions })
+    }
+
+    /// Replaces the positions of `columns` (about `origin`) by those of `chunk` (about `offset`) at
+    /// their images.
+    pub fn nearest(&self, chunk: &Chunk<'_>, offset: [f64; 3], origin: [f64; 3], columns: &mut [Vec<f32>; 4]) {
+        for i in 0..chunk.len() {
+            let p: [f64; 3] = std::array::from_fn(|k| f64::from(chunk.position[k][i]) + offset[k]);
+            let d: [f64; 3] = std::array::from_fn(|k| p[k] - self.centre[k]);
+            let steps: [f64; 3] = std::array::from_fn(|a| {
+                let fraction: f64 = (0..3).map(|k| d[k] * self.fractions[k][a]).sum();
+                if self.cell.periodic[a] { fraction.round() } else { 0.0 }
+            });
+            for k in 0..3 {
+                let shift: f64 = (0..3).map(|a| steps[a] * self.cell.vectors[a][k]).sum();
+                columns[k][i] = (p[k] - shift - origin[k]) as f32;
+            }
+        }
+    }
+}
