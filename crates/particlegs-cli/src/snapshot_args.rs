@@ -1,10 +1,10 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
-use particlegs::particles::{Bounds, Particles, Selection, Stated};
+use particlegs::particles::{Bounds, Layered, Particles, Room, Selection, Stated};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_selected};
+use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_later, read_selected};
 use std::path::PathBuf;
 
 /// What a user says of the files.
@@ -102,18 +102,41 @@ pub struct WindowArgs {
 impl SnapshotArgs {
     /// Opens the snapshot whole.
     pub fn open(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Particles> {
-        read(paths, &self.choice()?, progress)
+        read(paths, &self.choice()?, &Room::Memory, progress)
     }
 
     /// Opens what a selection keeps of it.
     pub fn open_selected(
         &self,
         paths: &[PathBuf],
+        what: (&SelectionArgs, &WindowArgs),
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Particles> {
+        self.open_selected_in(&Room::Memory, paths, what, seed, progress)
+    }
+
+    /// Opens what a selection keeps of it; what is not used as it lies is put into `room`.
+    pub fn open_selected_in(
+        &self,
+        room: &Room,
+        paths: &[PathBuf],
         (selection, window): (&SelectionArgs, &WindowArgs),
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Particles> {
-        read_selected(paths, &self.choice()?, selection.selection(window, seed)?, progress)
+        read_selected(paths, &self.choice()?, selection.selection(window, seed)?, room, progress)
+    }
+
+    /// What a selection keeps, to be read in parts where it lies, if that can be.
+    pub fn open_later(
+        &self,
+        paths: &[PathBuf],
+        (selection, window): (&SelectionArgs, &WindowArgs),
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Option<Layered>> {
+        read_later(paths, &self.choice()?, selection.selection(window, seed)?, progress)
     }
 
     /// As stored in a model's command: what decides which particles are read.

@@ -5,6 +5,7 @@ use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueEnum};
 use particlegs::compress::{Compressed, Options, Target, compress};
 use particlegs::fit::Effort;
+use particlegs::particles::Room;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, output};
 use serde_json::json;
@@ -141,6 +142,7 @@ impl Arguments {
             radius: self.radius,
             opacity: self.opacity,
             blocks: self.blocks,
+            room: Room::Memory,
             seed: self.common.seed,
             certificate: !self.no_certificate,
             command,

@@ -8,12 +8,16 @@ mod block;
 mod clock;
 mod describe;
 mod job;
+mod plan;
 mod rate;
 mod search;
 mod simplify;
 mod target;
 
+pub use block::{BlockJob, CodedBlock, Outcome, Workshop};
+pub use clock::Clock;
 pub use describe::describe;
 pub use job::{Compressed, Options, compress};
+pub use plan::{Plan, PlannedLayer};
 pub use simplify::{Simplified, simplify};
 pub use target::Target;

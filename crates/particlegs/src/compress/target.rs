@@ -6,7 +6,8 @@ use crate::{Error, Result};
 pub const DEFAULT_RATIO: f64 = 300.0;
 
 /// What the file is to meet.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Target {
     /// Ratio 300; where header and one Gaussian do not fit, the smallest file with a warning.
     Default,
