@@ -3,8 +3,10 @@
 mod commands;
 mod common;
 mod density_args;
+mod fit_args;
 mod info_model;
 mod info_snapshot;
+mod job_args;
 mod pictures;
 mod plots;
 mod report;

@@ -5,10 +5,11 @@ use particlegs::particles::{Bounds, Layered, Particles, Room, Selection, Stated}
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_later, read_selected};
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// What a user says of the files.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Snapshot options")]
 pub struct SnapshotArgs {
     /// Format of the file, where its content does not tell.
@@ -44,7 +45,7 @@ pub struct SnapshotArgs {
 }
 
 /// What becomes a layer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum LayersBy {
     /// A species.
     Species,
@@ -58,7 +59,7 @@ fn names() -> Vec<&'static str> {
 }
 
 /// Which particles to keep.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (in the order region, every, sample)")]
 pub struct SelectionArgs {
     /// Keep x0 <= x < x1 and likewise y and z (world units); the box is dropped.
@@ -80,7 +81,7 @@ pub struct SelectionArgs {
 }
 
 /// A window to keep, instead of a region.
-#[derive(Args, Clone, Debug, Default)]
+#[derive(Args, Clone, Debug, Default, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (in the order region, every, sample)")]
 pub struct WindowArgs {
     /// Keep a window about this point, taken across the periodic box.

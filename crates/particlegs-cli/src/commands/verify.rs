@@ -2,8 +2,10 @@
 
 use crate::common::{Common, Context};
 use crate::info_model;
+use crate::job_args::JobSnapshot;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
+use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, Model};
 use particlegs::particles::{Particles, column_hash, source_hash};
 use particlegs::{Error, Result, codec, score};
@@ -13,10 +15,10 @@ use std::path::PathBuf;
 /// Arguments.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n\nA corrupt file ends with exit code 4."
+    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify JOB\n\nA corrupt file ends with exit code 4."
 )]
 pub struct Arguments {
-    /// Model file.
+    /// Model file, or a job's folder.
     model: PathBuf,
     /// The snapshot that it was made of: its hash is compared and the certificate measured again.
     snapshot: Vec<PathBuf>,
@@ -46,6 +48,9 @@ struct Report {
 /// Reads the whole file, decodes every block and checks the sums.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
+    if Job::is_job(&a.model) {
+        return verify_job(&a, &context);
+    }
     let bytes = info_model::read(&a.model)?;
     let place = a.model.display().to_string();
     let model = codec::decode(&bytes, &place)?;
@@ -93,6 +98,26 @@ pub fn run(a: Arguments) -> Result<()> {
         text.push_str(&info_model::certificate(Some(again)));
     }
     context.finish(text.trim_end(), &report)
+}
+
+/// Reads every file of a job, and its snapshot, through.
+fn verify_job(a: &Arguments, context: &Context) -> Result<()> {
+    if !a.snapshot.is_empty() {
+        return Err(Error::argument("a job names its snapshot itself: give the folder alone"));
+    }
+    let job = Job::open(&a.model)?;
+    job.verify(Some(JobSnapshot::of(&job)?.layered(context)?), context)?;
+    let status = job.status()?;
+    let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
+    let text = format!(
+        "{}: sound: the snapshot is the one that was planned; {} of {} chunks and {} of {} blocks are there, each whole",
+        a.model.display(),
+        done(&status.chunks),
+        status.chunks.len(),
+        done(&status.blocks),
+        status.blocks.len()
+    );
+    context.finish(&text, &status)
 }
 
 /// The particles that the Gaussians stand for, and the relative error of their mass.

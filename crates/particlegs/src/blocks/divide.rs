@@ -1,9 +1,9 @@
 //! A snapshot in memory divided into its blocks.
 
 use super::{KdTree, sample};
-use crate::particles::{Blank, ChunkBuffer, Particles, ParticleLayer, RUN, Room};
-use crate::progress::Progress;
 use crate::Result;
+use crate::particles::{Blank, ChunkBuffer, ParticleLayer, Particles, RUN, Room};
+use crate::progress::Progress;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -31,9 +31,8 @@ pub fn divide(particles: &Particles, blocks: u32, room: &Room, progress: &dyn Pr
         .collect::<Result<_>>()?;
     let of_block = |b: usize| counts.iter().map(|c| c[b] as usize).sum::<usize>();
     let width = if particles.weights.is_some() { 4 } else { 3 };
-    let mut columns: Vec<Vec<Blank>> = (0..blocks as usize)
-        .map(|b| room.columns("the blocks", width, of_block(b)))
-        .collect::<Result<_>>()?;
+    let mut columns: Vec<Vec<Blank>> =
+        (0..blocks as usize).map(|b| room.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
     let places = places(&mut columns, &counts);
     runs.par_iter().zip(places).try_for_each_init(ChunkBuffer::default, |buffer, ((_, run), mut place)| {
         progress.check()?;

@@ -121,7 +121,8 @@ mod tests {
 
     fn snapshot(weights: impl Fn(usize) -> f32) -> Particles {
         let n = 3 * RUN;
-        let column = |k: usize| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
+        let column =
+            |k: usize| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
         let mut p = Particles::from_columns(column(0), column(1), column(2));
         p.weights = Some(Column::owned((0..n).map(weights).collect()));
         let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: true };
@@ -151,7 +152,8 @@ mod tests {
     #[test]
     fn invalid_values_are_named() {
         let mut p = snapshot(|i| i as f32 + 1.0);
-        p.weights = Some(Column::owned((0..p.len()).map(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 }).collect()));
+        p.weights =
+            Some(Column::owned((0..p.len()).map(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 }).collect()));
         let error = Survey::new(&mut Layered::of(&p), "here", &Silent).err().unwrap();
         assert!(error.to_string().contains("the first at index 140000"), "{error}");
     }

@@ -181,7 +181,8 @@ mod tests {
         let s = cloud(5_000);
         let tree = KdTree::new(&s, 13).unwrap();
         for part in 0..50 {
-            let own: Vec<[f32; 3]> = (part * 100..part * 100 + 3).map(|i| [0, 1, 2].map(|k| s.position[k][i])).collect();
+            let own: Vec<[f32; 3]> =
+                (part * 100..part * 100 + 3).map(|i| [0, 1, 2].map(|k| s.position[k][i])).collect();
             let ends = |f: fn(f32, f32) -> f32| [0, 1, 2].map(|k| own.iter().map(|p| p[k]).reduce(f).unwrap());
             let found = tree.blocks_in(ends(f32::min), ends(f32::max));
             assert!(own.iter().all(|p| found.contains(&tree.block_of(*p))));

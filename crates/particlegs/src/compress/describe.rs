@@ -5,13 +5,8 @@ use crate::model::{Law, Metadata};
 use crate::particles::{Bounds, SnapshotMeta};
 
 /// Metadata of a model of `count` particles within `bounds`; its mass is known when its blocks are.
-pub fn describe(
-    meta: &SnapshotMeta,
-    count: u64,
-    bounds: Bounds,
-    source_hash: [u8; 32],
-    options: &Options,
-) -> Metadata {
+pub fn describe(meta: &SnapshotMeta, count: u64, bounds: Bounds, source_hash: [u8; 32], options: &Options) -> Metadata {
+    let blocks = if options.blocks > 1 { format!(" --blocks {}", options.blocks) } else { String::new() };
     Metadata {
         law: Law::OpticalDepth,
         count,
@@ -28,7 +23,7 @@ pub fn describe(
         scale_factor: meta.scale_factor,
         hubble: meta.hubble,
         time: meta.time,
-        command: options.command.clone(),
+        command: options.command.clone() + &blocks,
         tool_version: env!("CARGO_PKG_VERSION").to_string(),
     }
 }

@@ -13,7 +13,7 @@ use crate::memory::require;
 use crate::model::{Certificate, Model};
 use crate::particles::{Bounds, ParticleLayer, Particles, Room, source_hash};
 use crate::progress::Progress;
-use crate::score;
+use crate::{output, score};
 
 /// What `compress` is asked to do.
 #[derive(Clone, Debug)]
@@ -34,7 +34,8 @@ pub struct Options {
     pub seed: u64,
     /// Measure the decoded model and store what was found?
     pub certificate: bool,
-    /// The command as stored in the file: what decides its bytes, without paths and threads.
+    /// The command as stored in the file: what decides its bytes, without paths, threads and the
+    /// number of blocks, which is added.
     pub command: String,
 }
 
@@ -94,6 +95,9 @@ impl<'a> Job<'a> {
     fn begin(particles: &'a Particles, options: &'a Options, progress: &'a dyn Progress) -> Result<Self> {
         let mut clock = Clock::default();
         require("the fit", fit::memory_needed(particles) / u64::from(options.blocks.max(1)))?;
+        if let (Room::Disk(folder), true) = (&options.room, options.blocks > 1) {
+            output::check_space_in(folder, particles.raw_bytes())?;
+        }
         progress.begin("bounds, hash and blocks", particles.len() as u64);
         let parts = clock.time("divide", || divide(particles, options.blocks, &options.room, progress))?;
         let blocks: Vec<BlockJob> = clock.time("read", || parts.iter().map(BlockJob::of).collect());

@@ -122,7 +122,8 @@ impl Plan {
         let Some(target) = self.target.bytes(self.raw_bytes()) else { return Ok(()) };
         let smallest = bytes + self.overhead();
         if outcomes.iter().any(|o| o.too_large) {
-            let what = format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
+            let what =
+                format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
             if self.target != Target::Default {
                 let ratio = self.raw_bytes() as f64 / smallest as f64;
                 let hint = format!("ask for `--size {smallest}B` or more, or for a ratio of {ratio:.4} or less");

@@ -51,9 +51,7 @@ const WIDTH: usize = 11;
 
 /// Gaussians as bytes: mean, covariance, count, mass of each, f64, little-endian.
 pub(super) fn to_bytes(g: &Gaussians) -> Vec<u8> {
-    let one = |j: usize| {
-        g.mean[j].into_iter().chain(g.cov[j].0).chain([g.count[j], g.mass[j]])
-    };
+    let one = |j: usize| g.mean[j].into_iter().chain(g.cov[j].0).chain([g.count[j], g.mass[j]]);
     (0..g.len()).flat_map(one).flat_map(f64::to_le_bytes).collect()
 }
 
@@ -64,8 +62,7 @@ pub(super) fn of_bytes(bytes: &[u8]) -> Option<Gaussians> {
     }
     let mut g = Gaussians::default();
     for one in bytes.chunks_exact(8 * WIDTH) {
-        let v: [f64; WIDTH] =
-            std::array::from_fn(|i| f64::from_le_bytes(std::array::from_fn(|b| one[8 * i + b])));
+        let v: [f64; WIDTH] = std::array::from_fn(|i| f64::from_le_bytes(std::array::from_fn(|b| one[8 * i + b])));
         let cov = Sym3([v[3], v[4], v[5], v[6], v[7], v[8]]);
         g.push([v[0], v[1], v[2]], cov, v[9], v[10]);
     }
@@ -83,7 +80,10 @@ mod tests {
         g.push([0.1, -2.0, 1e300], cov, 7.0, 0.5);
         g.push([0.0; 3], cov, 1.0, 1.0);
         let back = of_bytes(&to_bytes(&g)).unwrap();
-        assert_eq!((back.mean, back.cov, back.count, back.mass), (g.mean.clone(), g.cov.clone(), g.count.clone(), g.mass.clone()));
+        assert_eq!(
+            (back.mean, back.cov, back.count, back.mass),
+            (g.mean.clone(), g.cov.clone(), g.count.clone(), g.mass.clone())
+        );
         assert!(of_bytes(&to_bytes(&g)[1..]).is_none());
     }
 }

@@ -36,9 +36,10 @@ fn kinds(source: &Layered) -> Result<Vec<ParticleLayer>> {
     let mut end = 0usize;
     let kind = |l: &ReadLayer| {
         let start = end;
-        end = usize::try_from(l.count).ok().and_then(|n| start.checked_add(n)).ok_or_else(|| {
-            Error::input(&source.meta.name, "more particles than memory counts")
-        })?;
+        end = usize::try_from(l.count)
+            .ok()
+            .and_then(|n| start.checked_add(n))
+            .ok_or_else(|| Error::input(&source.meta.name, "more particles than memory counts"))?;
         let (particle_mass, weighted) = (l.particle_mass, l.weighted);
         Ok(ParticleLayer { name: l.name.clone(), range: start..end, particle_mass, weighted })
     };

@@ -1,8 +1,8 @@
 //! Opens raw float32: a folder, or three or four files; checks the values of any snapshot.
 
 use super::room::Blank;
-use super::{ChunkBuffer, Column, ParticleLayer, Particles, Positions, Room, SnapshotMeta, sidecar, sidecar::Sidecar};
 use super::storage::CHUNK;
+use super::{ChunkBuffer, Column, ParticleLayer, Particles, Positions, Room, SnapshotMeta, sidecar, sidecar::Sidecar};
 use crate::{Error, Result};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -147,7 +147,9 @@ impl Invalid {
         let Invalid { count, first } = self;
         Error::input_hint(
             place,
-            format!("{count} particles are invalid (NaN, infinite, or weight not positive), the first at index {first}"),
+            format!(
+                "{count} particles are invalid (NaN, infinite, or weight not positive), the first at index {first}"
+            ),
             "`--skip-invalid` drops them; `--weights none` ignores masses",
         )
     }

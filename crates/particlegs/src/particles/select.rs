@@ -5,8 +5,8 @@
 //! threads.
 
 use super::images::Images;
-use super::storage::CHUNK;
 use super::room::Blank;
+use super::storage::CHUNK;
 use super::{Bounds, ChunkBuffer, ParticleLayer, Particles, Room, SnapshotMeta, Tiling};
 use crate::math::Random;
 use crate::progress::Progress;
@@ -57,12 +57,7 @@ type Key = (u64, u64, u32);
 ///
 /// # Errors
 /// Those of [`Kept::new`]; of [`Room::columns`] before anything is taken.
-pub fn select(
-    particles: &Particles,
-    selection: Selection,
-    room: &Room,
-    progress: &dyn Progress,
-) -> Result<Particles> {
+pub fn select(particles: &Particles, selection: Selection, room: &Room, progress: &dyn Progress) -> Result<Particles> {
     Kept::about(particles.origin, particles, Tiling::single(), selection, progress)?.collect(room, progress)
 }
 
