@@ -67,6 +67,7 @@ pub fn run(a: Arguments) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }
     output::check_writable(&a.output)?;
+    options.memory = memory;
     if memory.is_some() {
         options.room = Room::Disk(a.scratch_folder());
     }

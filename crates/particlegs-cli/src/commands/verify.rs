@@ -149,5 +149,5 @@ fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) ->
         return Err(Error::input(a.snapshot[0].as_path(), what));
     }
     let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
-    score::certificate(model, &particles, seed, context)
+    score::certificate(model, &particles, seed, None, context)
 }

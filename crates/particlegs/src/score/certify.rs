@@ -1,6 +1,6 @@
 //! The certificate: what a model's file says was measured after decoding it.
 
-use super::evaluate::evaluate;
+use super::evaluate::evaluate_against;
 use super::scores::LookScores;
 use super::{ViewSeed, certificate_views, density_of};
 use crate::Result;
@@ -8,6 +8,7 @@ use crate::model::{Certificate, LookScore, Model, OrbitScore};
 use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::Progress;
+use crate::reference::Reference;
 
 /// Picture size of certificates.
 const SIZE: Size = Size { width: 1920, height: 1080 };
@@ -17,15 +18,23 @@ const GRID: u16 = 50;
 /// Measures `model` against the snapshot that it was made from: one frame of each orbit at the
 /// model's default radius and opacity, and the density on a grid of 50 cells along the longest
 /// extent, over the periodic box where there is one. `seed` turns the views; measuring again with
-/// the certificate's own repeats it. The model is best the decoded one.
+/// the certificate's own repeats it. The model is best the decoded one. `memory` is what the pictures of
+/// all particles may take; what is measured does not depend on it.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub fn certificate(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Certificate> {
+pub fn certificate(
+    model: &Model,
+    particles: &Particles,
+    seed: u64,
+    memory: Option<u64>,
+    progress: &dyn Progress,
+) -> Result<Certificate> {
     let m = &model.metadata;
     let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed };
     let views = certificate_views(&of, m.default_opacity);
-    let evaluation = evaluate(model, particles, &views, SIZE, progress)?;
+    let truth = Reference::new(particles).within(memory.unwrap_or(u64::MAX));
+    let evaluation = evaluate_against(model, &truth, &views, SIZE, progress)?;
     let orbits = std::array::from_fn(|k| {
         let v = &evaluation.views[k];
         OrbitScore {
