@@ -3,12 +3,12 @@
 use super::aperture::{aperture_mass, counts_within, group_center};
 use super::neighbours::{NeighbourOptions, nearest_distances};
 use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation, positions_of};
-use super::report::{DensityReport, GroupReport, NeighbourReport, SizeClass, Statistics, XiByPairs, XiByTransform};
+use super::report::{DensityReport, GroupReport, NeighbourReport, Statistics, XiByPairs, XiByTransform};
 use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
-    Convention, Domain, Field, Grid, Groups, Measure, StatsOptions, Subject, Summary, axis_moments, central_slice,
-    compare_density, density_pdf, deposit, deposit_bytes, find_groups, profile,
+    Convention, Domain, Field, Grid, Groups, Measure, SizeClass, StatsOptions, Subject, Summary, axis_moments,
+    central_slice, compare_density, density_pdf, deposit, deposit_bytes, find_groups, profile, size_histogram,
 };
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -246,27 +246,16 @@ impl Job<'_> {
         let groups = [find(0)?, find(1)?];
         let apertures = self.apertures(positions, &groups[0])?;
         self.progress.end();
-        let sizes = groups.each_ref().map(|g| g.members.iter().map(|m| m.len() as u64).collect::<Vec<u64>>());
+        let sizes = groups.each_ref().map(Groups::sizes);
         let smallest = self.o.smallest_group as u64;
-        let class = |from: u64, to: Option<u64>| {
-            let count = sizes
-                .each_ref()
-                .map(|s| s.iter().filter(|n| **n >= from && to.is_none_or(|t| **n <= t)).count() as u64);
-            let ratio = (count[0] > 0).then(|| count[1] as f64 / count[0] as f64);
-            SizeClass { from, to, groups: count, ratio }
-        };
+        let class = |from: u64, to: Option<u64>| SizeClass::of(sizes.each_ref().map(|s| &s[..]), from, to);
         let classes = [(20, Some(49)), (50, Some(99)), (100, None)]
             .into_iter()
             .filter(|(_, to)| to.is_none_or(|t| t >= smallest))
             .map(|(from, to)| class(from.max(smallest), to))
             .collect();
         let largest = sizes.each_ref().map(|s| s.first().copied().unwrap_or(0));
-        let mut bounds: Vec<u64> = (0..)
-            .map(|i| (smallest as f64 * 2f64.powf(0.5 * f64::from(i))).round() as u64)
-            .take_while(|b| *b <= largest[0].max(largest[1]))
-            .collect();
-        bounds.dedup();
-        let histogram = (0..bounds.len()).map(|i| class(bounds[i], bounds.get(i + 1).map(|b| b - 1))).collect();
+        let histogram = size_histogram(sizes.each_ref().map(|s| &s[..]), smallest);
         Ok(GroupReport {
             linking_length: groups.each_ref().map(|g| g.linking_length),
             classes,

@@ -18,6 +18,13 @@ pub struct Groups {
     pub members: Vec<Vec<u32>>,
 }
 
+impl Groups {
+    /// Particles of each group, descending.
+    pub fn sizes(&self) -> Vec<u64> {
+        self.members.iter().map(|m| m.len() as u64).collect()
+    }
+}
+
 /// An occupied cell: its place along z and its particles in the sorted order.
 #[derive(Clone, Copy)]
 struct CellRun {
@@ -38,6 +45,11 @@ struct Rows<'a> {
     index: Vec<u32>,
 }
 
+/// The longest link that [`find_groups`] takes: a third of the shortest edge that repeats.
+pub fn longest_link(domain: &Domain) -> f64 {
+    (0..3).filter(|k| domain.periodic[*k]).map(|k| domain.length[k] / 3.0).fold(f64::INFINITY, f64::min)
+}
+
 /// Finds the groups of at least `smallest` particles.
 ///
 /// # Errors
@@ -50,7 +62,7 @@ pub fn find_groups(
     smallest: usize,
     progress: &dyn Progress,
 ) -> Result<Groups> {
-    let longest = (0..3).filter(|k| domain.periodic[*k]).map(|k| domain.length[k] / 3.0).fold(f64::INFINITY, f64::min);
+    let longest = longest_link(domain);
     if !(linking_length > 0.0 && linking_length <= longest) {
         return Err(Error::argument(format!("linking length {linking_length} is outside 0 to {longest:.6}")));
     }

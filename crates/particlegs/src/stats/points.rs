@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 /// Positions relative to the domain's corner, in [0, length) along axes that repeat, in the order
 /// of the particles.
-pub(super) fn local_positions(p: &Particles, domain: &Domain) -> Vec<[f64; 3]> {
+pub(crate) fn local_positions(p: &Particles, domain: &Domain) -> Vec<[f64; 3]> {
     let chunks = p.par_chunks(|_, c| {
         let at = |i: usize| std::array::from_fn(|k| p.origin[k] + f64::from(c.position[k][i]));
         (0..c.len()).map(|i| domain.local(at(i))).collect::<Vec<[f64; 3]>>()

@@ -1,7 +1,7 @@
 //! The figures of a table: how far each statistic is to be trusted.
 
 use super::report::{GroupReport, NeighbourReport, XiByPairs};
-use super::{DensityComparison, Spectra};
+use super::{DensityComparison, Shell, SizeClass, Spectra};
 
 /// Truth groups that a bin of sizes must hold before its ratio says anything.
 const FEWEST_GROUPS: u64 = 30;
@@ -49,15 +49,13 @@ impl Summary {
         groups: Option<&GroupReport>,
         neighbours: Option<&NeighbourReport>,
     ) -> Self {
-        let shells = || spectra.iter().flat_map(|s| &s.shells);
-        let deviation = |ratio: Option<f64>| ratio.map_or(f64::INFINITY, |r| (r - 1.0).abs());
-        let power_to = |limit: f64| last_while(shells().map(|s| (s.k, deviation(s.ratio) <= limit)));
-        let r_to = |limit: f64| last_while(shells().map(|s| (s.k, s.r.is_some_and(|r| r >= limit))));
+        let power_to = |limit: f64| spectra.and_then(|s| s.power_within(limit));
+        let r_to = |limit: f64| spectra.and_then(|s| s.r_above(limit));
         Summary {
             density_correlation: density.map(|d| d.correlation),
             density_mean_absolute_error: density.map(|d| d.mean_absolute_error),
             largest_power_deviation: spectra
-                .map(|s| s.shells.iter().map(|s| deviation(s.ratio)).fold(0.0, f64::max))
+                .map(|s| s.shells.iter().map(deviation).fold(0.0, f64::max))
                 .filter(|d| d.is_finite()),
             power_within_1_percent_to: power_to(0.01),
             power_within_5_percent_to: power_to(0.05),
@@ -66,11 +64,29 @@ impl Summary {
             r_above_0_9_to: r_to(0.9),
             r_at_k_max: spectra.and_then(|s| s.shells.last()?.r),
             xi_within_10_percent_from: xi.and_then(xi_from),
-            groups_within_10_percent_from: groups.and_then(groups_from),
+            groups_within_10_percent_from: groups.and_then(|g| sizes_within(&g.histogram, 0.1).flatten()),
             core_mass: groups.and_then(|g| g.apertures.iter().find(|a| a.sizes == [100, 299])?.median),
             nearest_mean: neighbours.map(|n| n.mean_ratio),
             nearest_median: neighbours.map(|n| n.median_ratio),
         }
+    }
+}
+
+/// |P_other / P_truth - 1| of a shell.
+fn deviation(shell: &Shell) -> f64 {
+    shell.ratio.map_or(f64::INFINITY, |r| (r - 1.0).abs())
+}
+
+impl Spectra {
+    /// The last shell's k up to which every shell's P(k) is within `limit` of the truth's (0.01 = 1 %);
+    /// `None` = not even the first's.
+    pub fn power_within(&self, limit: f64) -> Option<f64> {
+        last_while(self.shells.iter().map(|s| (s.k, deviation(s) <= limit)))
+    }
+
+    /// The same for r(k), noise included, of at least `limit`.
+    pub fn r_above(&self, limit: f64) -> Option<f64> {
+        last_while(self.shells.iter().map(|s| (s.k, s.r.is_some_and(|r| r >= limit))))
     }
 }
 
@@ -89,13 +105,32 @@ fn xi_from(xi: &XiByPairs) -> Option<f64> {
         .map(|b| truth.edges[b])
 }
 
-fn groups_from(groups: &GroupReport) -> Option<u64> {
-    groups
-        .histogram
-        .iter()
-        .rev()
-        .filter(|c| c.groups[0] >= FEWEST_GROUPS)
-        .take_while(|c| c.ratio.is_some_and(|r| (r - 1.0).abs() <= 0.1))
-        .last()
-        .map(|c| c.from)
+/// The smallest size from which on the number of groups is within `limit` of the truth's in every
+/// class that holds 30 of the truth's or more; `Some(None)` = not even in the largest of them, `None`
+/// = there is none.
+pub fn sizes_within(histogram: &[SizeClass], limit: f64) -> Option<Option<u64>> {
+    let mut judged = histogram.iter().rev().filter(|c| c.groups[0] >= FEWEST_GROUPS).peekable();
+    judged.peek()?;
+    Some(judged.take_while(|c| c.ratio.is_some_and(|r| (r - 1.0).abs() <= limit)).last().map(|c| c.from))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_count_from_the_largest_class_that_says_anything() {
+        let class = |from: u64, truth: u64, other: u64| SizeClass {
+            from,
+            to: None,
+            groups: [truth, other],
+            ratio: Some(other as f64 / truth as f64),
+        };
+        let few = class(400, 29, 1);
+        let (good, bad) = (class(200, 100, 91), class(100, 100, 89));
+        assert_eq!(sizes_within(&[bad, good, few], 0.1), Some(Some(200)));
+        assert_eq!(sizes_within(&[class(50, 60, 60), bad, few], 0.1), Some(None));
+        assert_eq!(sizes_within(&[few], 0.1), None);
+        assert_eq!(sizes_within(&[class(20, 500, 500), class(50, 60, 60), good], 0.1), Some(Some(20)));
+    }
 }
