@@ -66,7 +66,7 @@ pub struct Science {
     /// And at least 0.9.
     pub r_above_0_9_to: Limit,
     /// Friends-of-friends groups (linking length 0.2 of the mean spacing) of this many particles and
-    /// more are within 10 % of the snapshot's number, in every bin of sizes with 30 groups or more.
+    /// more are within 10 % of the snapshot's number, in classes of sizes joined to hold 100 or more.
     pub groups_within_10_percent_from: Limit,
 }
 

@@ -84,7 +84,7 @@ fn measure(of: ScienceOf, pair: [Subject<'_>; 2], domain: &Domain, progress: &dy
     })
 }
 
-/// Not measured where the box is thinner than links allow, or no class of sizes holds enough groups.
+/// Not measured where the box is thinner than links allow, or there are too few groups.
 fn groups(pair: [&Particles; 2], domain: &Domain, progress: &dyn Progress) -> Result<Limit> {
     let length = LINKING * domain.spacing(pair[0].len());
     if length > longest_link(domain) {

@@ -3,8 +3,9 @@
 use super::report::{GroupReport, NeighbourReport, XiByPairs};
 use super::{DensityComparison, Shell, SizeClass, Spectra};
 
-/// Truth groups that a bin of sizes must hold before its ratio says anything.
-const FEWEST_GROUPS: u64 = 30;
+/// Truth groups that sizes are joined to hold before their ratio says anything: the scatter of a
+/// number is its root.
+const FEWEST_GROUPS: u64 = 100;
 /// xi of the truth below which a ratio of xi says nothing.
 const LEAST_XI: f64 = 0.1;
 
@@ -31,7 +32,7 @@ pub struct Summary {
     pub r_at_k_max: Option<f64>,
     /// xi(r) by pairs is within 10 % from here on, as far as the truth's is above 0.1.
     pub xi_within_10_percent_from: Option<f64>,
-    /// Groups of this size and above have counts within 10 %, in every bin of at least 30 groups.
+    /// Groups of this size and above have counts within 10 %, in classes joined to hold at least 100.
     pub groups_within_10_percent_from: Option<u64>,
     /// Median of other / truth within the aperture, groups of 100 to 299.
     pub core_mass: Option<f64>,
@@ -106,12 +107,23 @@ fn xi_from(xi: &XiByPairs) -> Option<f64> {
 }
 
 /// The smallest size from which on the number of groups is within `limit` of the truth's in every
-/// class that holds 30 of the truth's or more; `Some(None)` = not even in the largest of them, `None`
-/// = there is none.
+/// class. Classes are joined, from the largest sizes down, until they hold 100 of the truth's groups;
+/// what is left at the small end is not judged. `Some(None)` = not even in the largest, `None` = there
+/// are not enough groups.
 pub fn sizes_within(histogram: &[SizeClass], limit: f64) -> Option<Option<u64>> {
-    let mut judged = histogram.iter().rev().filter(|c| c.groups[0] >= FEWEST_GROUPS).peekable();
-    judged.peek()?;
-    Some(judged.take_while(|c| c.ratio.is_some_and(|r| (r - 1.0).abs() <= limit)).last().map(|c| c.from))
+    let (mut judged, mut sum, mut from) = (false, [0; 2], None);
+    for class in histogram.iter().rev() {
+        (0..2).for_each(|side| sum[side] += class.groups[side]);
+        if sum[0] < FEWEST_GROUPS {
+            continue;
+        }
+        judged = true;
+        if (sum[1] as f64 / sum[0] as f64 - 1.0).abs() > limit {
+            break;
+        }
+        (from, sum) = (Some(class.from), [0; 2]);
+    }
+    judged.then_some(from)
 }
 
 #[cfg(test)]
@@ -119,18 +131,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_count_from_the_largest_class_that_says_anything() {
-        let class = |from: u64, truth: u64, other: u64| SizeClass {
-            from,
-            to: None,
-            groups: [truth, other],
-            ratio: Some(other as f64 / truth as f64),
-        };
-        let few = class(400, 29, 1);
-        let (good, bad) = (class(200, 100, 91), class(100, 100, 89));
+    fn small_classes_are_joined_before_they_are_judged() {
+        let class =
+            |from: u64, truth: u64, other: u64| SizeClass { from, to: None, groups: [truth, other], ratio: None };
+        let few = class(400, 50, 30);
+        let (good, bad) = (class(200, 100, 109), class(100, 100, 89));
+        // 139 of 150, then 89 of 100.
         assert_eq!(sizes_within(&[bad, good, few], 0.1), Some(Some(200)));
-        assert_eq!(sizes_within(&[class(50, 60, 60), bad, few], 0.1), Some(None));
-        assert_eq!(sizes_within(&[few], 0.1), None);
-        assert_eq!(sizes_within(&[class(20, 500, 500), class(50, 60, 60), good], 0.1), Some(Some(20)));
+        assert_eq!(sizes_within(&[class(20, 900, 900), bad, good], 0.1), Some(Some(200)));
+        assert_eq!(sizes_within(&[class(20, 900, 900), bad], 0.1), Some(None));
+        assert_eq!(sizes_within(&[class(20, 60, 0), class(50, 500, 500), good], 0.1), Some(Some(50)));
+        assert_eq!((sizes_within(&[few], 0.1), sizes_within(&[], 0.1)), (None, None));
     }
 }
