@@ -1,7 +1,7 @@
 //! Floor 4: what recovered particles, or a mixture itself, are good for, in numbers.
 //!
 //! [`compare`] does the whole job over the truth's box ([`Domain`]). Densities are deposited on a
-//! [`Grid`] (`deposit`, `gaussian`), compared cell by cell (`density`) and transformed (`transform`)
+//! [`Grid`] (`deposit`, `gaussian`, `resolved`), compared cell by cell (`density`) and transformed (`transform`)
 //! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). What looks at neighbours sorts positions
 //! into cells: pair counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in
 //! their cores (`aperture`); groups are compared by size (`sizes`); nearest neighbours use a tree (`tree`, `neighbours`).
@@ -20,6 +20,7 @@ mod options;
 mod pairs;
 mod points;
 mod report;
+mod resolved;
 mod sizes;
 mod spectrum;
 #[cfg(test)]
