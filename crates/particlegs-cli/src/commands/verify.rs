@@ -92,10 +92,11 @@ pub fn run(a: Arguments) -> Result<()> {
         text.push_str("source: the snapshot is the one that the file was made of\n");
     }
     text.push_str(&format!("certificate: {certificate}\n"));
-    text.push_str(&info_model::certificate(model.certificate.as_ref()));
+    let unit = model.metadata.length_unit.as_deref();
+    text.push_str(&info_model::certificate(model.certificate.as_ref(), unit));
     if let Some(again) = &measured_again {
         text.push_str("\nmeasured again, now:\n");
-        text.push_str(&info_model::certificate(Some(again)));
+        text.push_str(&info_model::certificate(Some(again), unit));
     }
     context.finish(text.trim_end(), &report)
 }

@@ -1,6 +1,7 @@
 //! The certificate: what a model's file says was measured after decoding it.
 
 use super::evaluate::evaluate_against;
+use super::science::science;
 use super::scores::LookScores;
 use super::{ViewSeed, certificate_views, density_of};
 use crate::Result;
@@ -17,9 +18,10 @@ const GRID: u16 = 50;
 
 /// Measures `model` against the snapshot that it was made from: one frame of each orbit at the
 /// model's default radius and opacity, and the density on a grid of 50 cells along the longest
-/// extent, over the periodic box where there is one. `seed` turns the views; measuring again with
-/// the certificate's own repeats it. The model is best the decoded one. `memory` is what the pictures of
-/// all particles may take; what is measured does not depend on it.
+/// extent, over the periodic box where there is one; then P(k), r(k) and groups (`science`). `seed`
+/// turns the views and draws the particles; measuring again with the certificate's own repeats it.
+/// The model is best the decoded one. `memory` is what the pictures of all particles may take; what is
+/// measured does not depend on it.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
@@ -46,6 +48,9 @@ pub fn certificate(
     progress.begin("density", 0);
     let density = density_of(model, particles, &m.bounds, GRID, progress)?;
     progress.end();
+    progress.begin("power spectra and groups", 0);
+    let science = science(model, particles, seed, progress)?;
+    progress.end();
     Ok(Certificate {
         width: SIZE.width as u16,
         height: SIZE.height as u16,
@@ -54,6 +59,7 @@ pub fn certificate(
         grid: GRID,
         density_correlation: density.correlation,
         density_mae: density.mean_absolute_error,
+        science: Some(science),
     })
 }
 
