@@ -3,6 +3,8 @@
 mod commands;
 mod common;
 mod density_args;
+#[allow(dead_code)]
+mod emit;
 mod info_model;
 mod info_snapshot;
 mod pictures;

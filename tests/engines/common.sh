@@ -1,0 +1,42 @@
+# What the engines' tests share; sourced, from the repository's root.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+cd "$root"
+
+# The program under test; cargo builds the default where it is missing.
+program=${PARTICLEGS:-$root/target/debug/particlegs}
+[ -x "$program" ] || cargo build --locked -p particlegs-cli
+work=$(mktemp -d)
+job="$work/a job"
+# Long enough blocks to be caught at work, short enough for a test.
+options=("$root/samples/nbody64" --blocks 6 --effort high --ratio "${RATIO:-25}" --seed 7)
+
+skip() { echo "skipped: $*"; exit 0; }
+fail() { echo "FAILED: $*" >&2; exit 1; }
+
+# wait_for SECONDS WHAT COMMAND...: until the command succeeds.
+wait_for() {
+  local tries=$(($1 * 5)) what=$2
+  shift 2
+  for _ in $(seq "$tries"); do if "$@" >/dev/null 2>&1; then return; fi; sleep 0.2; done
+  fail "waited in vain for $what"
+}
+
+# The process that works on a block of this test's own job folder; fails where there is none.
+block_pid() {
+  local pid
+  for pid in $(pgrep -x particlegs); do
+    if tr '\0' '\n' <"/proc/$pid/cmdline" 2>/dev/null | grep -qxF "$job" && tr '\0' ' ' <"/proc/$pid/cmdline" | grep -qE " 0*$1 "; then
+      echo "$pid"
+      return
+    fi
+  done
+  return 1
+}
+
+# The same bytes as one process makes of the same options.
+compare_with_direct() {
+  "$program" compress "${options[@]}" --no-certificate -o "$work/direct.pgs" --quiet >/dev/null
+  cmp "$work/direct.pgs" "$1" || fail "the merged file differs from what one process makes"
+  "$program" verify "$job" --quiet >/dev/null || fail "verify refuses the job folder"
+}
