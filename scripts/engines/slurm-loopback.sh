@@ -14,7 +14,7 @@ fail() { echo "slurm-loopback: $*" >&2; exit 1; }
 
 install() {
   if command -v slurmctld slurmd sbatch munged >/dev/null; then return; fi
-  [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || fail "slurmctld is missing, and only root can install it"
+  if [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null; then fail "Slurm is missing, and only root can install it"; fi
   # No package may start a daemon of its own; apt's chatter belongs to nobody.
   export DEBIAN_FRONTEND=noninteractive
   local options=(-qq -y -o Dpkg::Use-Pty=0 --no-install-recommends)

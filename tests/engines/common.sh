@@ -1,4 +1,5 @@
-# What the engines' tests share; sourced, from the repository's root.
+# shellcheck shell=bash disable=SC2034
+# What the engines' tests share; sourced.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 cd "$root"
@@ -9,7 +10,7 @@ program=${PARTICLEGS:-$root/target/debug/particlegs}
 work=$(mktemp -d)
 job="$work/a job"
 # Long enough blocks to be caught at work, short enough for a test.
-options=("$root/samples/nbody64" --blocks 6 --effort high --ratio "${RATIO:-25}" --seed 7)
+options=("$root/samples/nbody64" --blocks 6 --effort high --ratio "${RATIO:-60}" --seed 7)
 
 skip() { echo "skipped: $*"; exit 0; }
 fail() { echo "FAILED: $*" >&2; exit 1; }

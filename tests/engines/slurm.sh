@@ -2,6 +2,7 @@
 # A job folder driven by a real Slurm on the loopback interface: cancelled and submitted again, one task
 # killed, one told to stop (SIGUSR1: checkpoint, exit 75), batches because of a small MaxArraySize; then
 # merged, and compared with what one process makes, byte by byte. Says `skipped: ...` where no Slurm is.
+# shellcheck source=tests/engines/common.sh
 . "$(dirname "$0")/common.sh"
 
 loopback=scripts/engines/slurm-loopback.sh

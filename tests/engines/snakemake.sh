@@ -2,6 +2,7 @@
 # A job folder driven by Snakemake: a block told to stop and a block killed (both tried again), then
 # Snakemake itself killed, run again, run once more with nothing to do; then compared with what one process
 # makes, byte by byte. Says `skipped: ...` where Snakemake is neither there (SNAKEMAKE, PATH) nor installable.
+# shellcheck source=tests/engines/common.sh
 . "$(dirname "$0")/common.sh"
 
 snakemake=${SNAKEMAKE:-$(command -v snakemake || true)}
@@ -9,8 +10,10 @@ if [ -z "$snakemake" ]; then
   venv=target/engines/snakemake
   snakemake=$root/$venv/bin/snakemake
   if [ ! -x "$snakemake" ]; then
-    python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --disable-pip-version-check 'snakemake>=8' ||
-      { rm -rf "$venv"; skip "Snakemake cannot be installed here"; }
+    if ! { python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --disable-pip-version-check 'snakemake>=8'; } >&2; then
+      rm -rf "$venv"
+      skip "Snakemake cannot be installed here"
+    fi
   fi
 fi
 main=''
