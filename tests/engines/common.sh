@@ -25,12 +25,25 @@ wait_for() {
 
 # The process that works on a block of this test's own job folder; fails where there is none.
 block_pid() {
-  local pid
+  local pid words
   for pid in $(pgrep -x particlegs); do
-    if tr '\0' '\n' <"/proc/$pid/cmdline" 2>/dev/null | grep -qxF "$job" && tr '\0' ' ' <"/proc/$pid/cmdline" | grep -qE " 0*$1 "; then
+    # It may end while it is looked at.
+    mapfile -d '' -t words < <(cat "/proc/$pid/cmdline" 2>/dev/null)
+    if is_block "$1" "${words[@]}"; then
       echo "$pid"
       return
     fi
+  done
+  return 1
+}
+
+# is_block I, then a command line: whether it is this job's block I.
+is_block() {
+  local i=$1
+  shift
+  while [ $# -gt 2 ]; do
+    if [ "$1" = block ] && [ "$2" = "$job" ]; then [ "$((10#$3))" = "$i" ]; return; fi
+    shift
   done
   return 1
 }

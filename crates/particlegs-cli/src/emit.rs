@@ -78,8 +78,7 @@ fn fill(template: &str, values: &[(&str, String)]) -> String {
     while let Some(at) = rest.find('@') {
         let (before, tail) = rest.split_at(at);
         text += before;
-        let value =
-            values.iter().find_map(|(name, v)| Some((v, tail[1..].strip_prefix(name)?.strip_prefix('@')?)));
+        let value = values.iter().find_map(|(name, v)| Some((v, tail[1..].strip_prefix(name)?.strip_prefix('@')?)));
         rest = match value {
             Some((v, after)) => {
                 text += v;
