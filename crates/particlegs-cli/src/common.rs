@@ -6,8 +6,8 @@ use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::io::IsTerminal;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock, Mutex};
 
 /// Options of every command.
 #[derive(Args, Clone, Debug)]
@@ -28,6 +28,8 @@ pub struct Common {
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);
+/// Set by SIGUSR1, which batch systems send a while before they end a task.
+static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// What a command runs with.
 pub struct Context {
@@ -58,6 +60,8 @@ impl Common {
                 std::process::exit(130);
             }
         });
+        #[cfg(unix)]
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&SOON));
         Ok(Context { common: self, bar: Mutex::new(None) })
     }
 }
@@ -112,6 +116,6 @@ impl Progress for Context {
     }
 
     fn cancelled(&self) -> bool {
-        STOP.load(Ordering::SeqCst)
+        STOP.load(Ordering::SeqCst) || SOON.load(Ordering::SeqCst)
     }
 }

@@ -3,10 +3,11 @@
 mod commands;
 mod common;
 mod density_args;
-#[allow(dead_code)]
 mod emit;
+mod fit_args;
 mod info_model;
 mod info_snapshot;
+mod job_args;
 mod pictures;
 mod plots;
 mod report;

@@ -1,14 +1,15 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
-use particlegs::particles::{Bounds, Particles, Selection, Stated};
+use particlegs::particles::{Bounds, Layered, Particles, Room, Selection, Stated};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_selected};
+use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_later, read_selected};
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// What a user says of the files.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Snapshot options")]
 pub struct SnapshotArgs {
     /// Format of the file, where its content does not tell.
@@ -44,7 +45,7 @@ pub struct SnapshotArgs {
 }
 
 /// What becomes a layer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum LayersBy {
     /// A species.
     Species,
@@ -58,7 +59,7 @@ fn names() -> Vec<&'static str> {
 }
 
 /// Which particles to keep.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (in the order region, every, sample)")]
 pub struct SelectionArgs {
     /// Keep x0 <= x < x1 and likewise y and z (world units); the box is dropped.
@@ -80,7 +81,7 @@ pub struct SelectionArgs {
 }
 
 /// A window to keep, instead of a region.
-#[derive(Args, Clone, Debug, Default)]
+#[derive(Args, Clone, Debug, Default, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (in the order region, every, sample)")]
 pub struct WindowArgs {
     /// Keep a window about this point, taken across the periodic box.
@@ -102,18 +103,41 @@ pub struct WindowArgs {
 impl SnapshotArgs {
     /// Opens the snapshot whole.
     pub fn open(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Particles> {
-        read(paths, &self.choice()?, progress)
+        read(paths, &self.choice()?, &Room::Memory, progress)
     }
 
     /// Opens what a selection keeps of it.
     pub fn open_selected(
         &self,
         paths: &[PathBuf],
+        what: (&SelectionArgs, &WindowArgs),
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Particles> {
+        self.open_selected_in(&Room::Memory, paths, what, seed, progress)
+    }
+
+    /// Opens what a selection keeps of it; what is not used as it lies is put into `room`.
+    pub fn open_selected_in(
+        &self,
+        room: &Room,
+        paths: &[PathBuf],
         (selection, window): (&SelectionArgs, &WindowArgs),
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Particles> {
-        read_selected(paths, &self.choice()?, selection.selection(window, seed)?, progress)
+        read_selected(paths, &self.choice()?, selection.selection(window, seed)?, room, progress)
+    }
+
+    /// What a selection keeps, to be read in parts where it lies, if that can be.
+    pub fn open_later(
+        &self,
+        paths: &[PathBuf],
+        (selection, window): (&SelectionArgs, &WindowArgs),
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Option<Layered>> {
+        read_later(paths, &self.choice()?, selection.selection(window, seed)?, progress)
     }
 
     /// As stored in a model's command: what decides which particles are read.

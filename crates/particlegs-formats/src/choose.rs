@@ -2,8 +2,8 @@
 
 use crate::{Description, Fields, OpenOptions, Snapshot, Species, open};
 use particlegs::particles::{
-    Bounds, LayerSource, Particles, Selection, SnapshotReader, Stated, check_values, layers_by_mass, load, open_raw,
-    select, settle_masses,
+    Bounds, LayerSource, Layered, Particles, Room, Selection, SnapshotReader, Stated, check_values, layers_by_mass,
+    load, open_raw, select, settle_masses,
 };
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -27,22 +27,19 @@ pub struct Choice {
 }
 
 /// Reads what was chosen: raw float32 (a folder with xx.f32, yy.f32, zz.f32, or those files) or any
-/// format of [`crate::FORMATS`].
+/// format of [`crate::FORMATS`]. What does not lie in its file as it is used is put into `room`.
 ///
 /// # Errors
 /// Those of opening and reading; [`Error::Argument`] for a species that there is not.
-pub fn read(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<Particles> {
-    let place = paths.first().map(|p| p.display().to_string()).unwrap_or_default();
+pub fn read(paths: &[PathBuf], choice: &Choice, room: &Room, progress: &dyn Progress) -> Result<Particles> {
     let mut particles = match is_raw(paths) && choice.open.format.is_none() {
         true => chosen_of_raw(open_raw(paths)?, choice)?,
-        false => {
-            let snapshot = opened(paths, choice)?;
-            read_species(&*snapshot, choice, progress)?
-        }
+        false => load(&species_of(&*opened(paths, choice)?, choice, progress)?, room, progress)?,
     };
     choice.stated.apply(&mut particles.meta)?;
-    let particles = settle_masses(check_values(particles, &place, choice.skip_invalid)?);
-    if choice.by_mass { layers_by_mass(&particles) } else { Ok(particles) }
+    let drop = choice.skip_invalid.then_some(room);
+    let particles = settle_masses(check_values(particles, &place(paths), drop)?);
+    if choice.by_mass { layers_by_mass(&particles, room) } else { Ok(particles) }
 }
 
 /// [`read`], then what a selection keeps.
@@ -53,10 +50,39 @@ pub fn read_selected(
     paths: &[PathBuf],
     choice: &Choice,
     selection: Selection,
+    room: &Room,
     progress: &dyn Progress,
 ) -> Result<Particles> {
-    let particles = read(paths, choice, progress)?;
-    if selection.is_all() { Ok(particles) } else { select(&particles, selection, progress) }
+    let particles = read(paths, choice, room, progress)?;
+    if selection.is_all() { Ok(particles) } else { select(&particles, selection, room, progress) }
+}
+
+/// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
+/// for streams, and where particles are dropped, selected or sorted by mass ([`read_selected`] does
+/// those). Values are not checked.
+///
+/// # Errors
+/// Those of opening; [`Error::Argument`] for a species that there is not.
+pub fn read_later(
+    paths: &[PathBuf],
+    choice: &Choice,
+    selection: Selection,
+    progress: &dyn Progress,
+) -> Result<Option<Layered>> {
+    if choice.skip_invalid || choice.by_mass || !selection.is_all() {
+        return Ok(None);
+    }
+    let mut source = match is_raw(paths) && choice.open.format.is_none() {
+        true => Layered::of(&chosen_of_raw(open_raw(paths)?, choice)?),
+        false => species_of(&*opened(paths, choice)?, choice, progress)?,
+    };
+    choice.stated.apply(&mut source.meta)?;
+    Ok(source.random_access().then_some(source))
+}
+
+/// How errors name what was named.
+fn place(paths: &[PathBuf]) -> String {
+    paths.first().map(|p| p.display().to_string()).unwrap_or_default()
 }
 
 /// What the files say, with what a user states, and if wanted the bounds of each species.
@@ -152,17 +178,15 @@ fn name_key(path: &Path) -> (usize, String) {
     (name.len(), name)
 }
 
-fn read_species(snapshot: &dyn Snapshot, choice: &Choice, progress: &dyn Progress) -> Result<Particles> {
+fn species_of(snapshot: &dyn Snapshot, choice: &Choice, progress: &dyn Progress) -> Result<Layered> {
     let description = snapshot.description();
     let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;
     description.notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
-    let readers = chosen.iter().map(|&i| snapshot.reader(i, &choice.fields)).collect::<Result<Vec<_>>>()?;
-    let sources: Vec<LayerSource<'_>> = chosen
-        .iter()
-        .zip(&readers)
-        .map(|(&i, reader)| LayerSource { name: description.species[i].name.clone(), reader: &**reader })
-        .collect();
-    load(&sources, progress)
+    let layer = |i: usize| {
+        let reader = snapshot.reader(i, &choice.fields)?.into();
+        Ok(LayerSource { name: description.species[i].name.clone(), reader })
+    };
+    Layered::new(chosen.into_iter().map(layer).collect::<Result<_>>()?)
 }
 
 /// Indices of the species that `names` choose, each once; all without names.

@@ -39,7 +39,7 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
-pub use choose::{Choice, describe, read, read_selected};
+pub use choose::{Choice, describe, read, read_later, read_selected};
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
 pub use writers::{WRITERS, Writer, writer_for};

@@ -159,6 +159,10 @@ impl SnapshotReader for StreamReader {
         self.origin
     }
 
+    fn random_access(&self) -> bool {
+        false
+    }
+
     fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
         if runs.is_empty() {
             return Ok(());

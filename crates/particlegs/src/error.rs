@@ -72,6 +72,12 @@ pub enum Error {
     /// The caller asked to stop.
     #[error("stopped")]
     Cancelled,
+    /// The caller asked to stop, and the same command goes on from there.
+    #[error("{what}: stopped; what is finished is kept")]
+    Checkpointed {
+        /// The task.
+        what: String,
+    },
 }
 
 impl Error {
@@ -107,6 +113,7 @@ impl Error {
             Error::Corrupt { .. } => "copy the file again from its source; `particlegs verify` checks it",
             Error::Compatibility { .. } => "use a newer particlegs",
             Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture",
+            Error::Checkpointed { .. } => "run the same command again to go on",
             Error::Io { .. } | Error::Cancelled => "",
         }
     }
@@ -120,6 +127,7 @@ impl Error {
             Error::Unreachable { .. } => 5,
             Error::Io { .. } => 6,
             Error::Memory { .. } => 7,
+            Error::Checkpointed { .. } => 75,
             Error::Cancelled => 130,
         }
     }

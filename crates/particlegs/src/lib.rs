@@ -34,4 +34,6 @@ pub mod score;
 
 pub mod compress;
 
+pub mod job;
+
 pub use error::{Error, Result};

@@ -89,6 +89,14 @@ impl PlacedFile {
     }
 }
 
+/// Says before the work that the disk of `folder` has no room for `bytes`.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn check_space_in(folder: &Path, bytes: u64) -> Result<()> {
+    check_space(folder, bytes).map_err(|e| Error::io(folder, e))
+}
+
 /// Says before the work that the disk is too small, rather than after half of it.
 #[cfg(unix)]
 pub(crate) fn check_space(folder: &Path, bytes: u64) -> std::io::Result<()> {

@@ -1,6 +1,6 @@
 //! Refinement on the sample and on degenerate input, through the public interface.
 
-use particlegs::fit::{Effort, FitOptions, PartitionOptions, RefineOptions, fit, partition, refine};
+use particlegs::fit::{Effort, FitOptions, NoPieces, PartitionOptions, RefineOptions, fit, partition, refine};
 use particlegs::math::{Sym3, set_simd};
 use particlegs::model::Mixture;
 use particlegs::particles::{Column, Particles, open_raw};
@@ -19,7 +19,7 @@ fn radius(p: &Particles) -> f64 {
 fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixture {
     let cells = partition(p, gaussians, radius(p), PartitionOptions::default(), &Silent).unwrap();
     let options = RefineOptions { first_iterations: 3, rounds, iterations: 2, sample, pixel: 0.0, seed: 1 };
-    refine(&cells, radius(p), &options, &Silent).unwrap()
+    refine(&cells, radius(p), &options, &mut NoPieces, &Silent).unwrap()
 }
 
 /// ||P(mixture)||^2 - 2 <P(mixture), P(particles)> over the axis planes at `blur`, with some of the

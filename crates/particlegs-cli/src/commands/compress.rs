@@ -1,14 +1,15 @@
 //! `particlegs compress IN... -o M.pgs`.
 
 use crate::common::{Common, Context};
+use crate::fit_args::FitArgs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
-use clap::{Args, ValueEnum};
-use particlegs::compress::{Compressed, Options, Target, compress};
-use particlegs::fit::Effort;
+use clap::Args;
+use particlegs::compress::{Compressed, Load, Options, compress, parse_bytes};
+use particlegs::particles::{Particles, Room};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, output};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Arguments.
@@ -19,6 +20,7 @@ Examples:
   particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --effort high
   particlegs compress x.f32 y.f32 z.f32 -o snapshot.pgs --size 11MB
   particlegs compress points.npy -o points.pgs --psnr 32 --box 100,100,100
+  particlegs compress huge.hdf5 -o huge.pgs --memory 2GiB --scratch /local/tmp
   particlegs compress snapshot/ -o snapshot.pgs --pictures pictures/")]
 pub struct Arguments {
     /// A snapshot: its first file, its folder, or raw columns x y z (w).
@@ -28,22 +30,18 @@ pub struct Arguments {
     #[arg(long, short, value_name = "M.pgs")]
     output: PathBuf,
     #[command(flatten)]
-    target: TargetArgs,
-    /// Time for quality.
-    #[arg(long, value_enum, default_value_t = EffortArg::Default)]
-    effort: EffortArg,
-    /// Divide the particles into K blocks of balanced counts, each fitted on its own.
-    #[arg(long, value_name = "K", default_value_t = 1)]
-    blocks: u32,
-    /// Default particle radius to store (default: 0.0406 of the mean spacing).
-    #[arg(long, value_name = "WORLD")]
-    radius: Option<f64>,
-    /// Default opacity to store (default: 0.05).
-    #[arg(long)]
-    opacity: Option<f64>,
-    /// Do not measure the decoded model: no scores in the file.
-    #[arg(long)]
-    no_certificate: bool,
+    fit: FitArgs,
+    /// Divide the particles into K blocks of balanced counts, each fitted on its own (default: 1, or
+    /// as many as --memory asks for).
+    #[arg(long, value_name = "K")]
+    blocks: Option<u32>,
+    /// Memory to stay within, e.g. 1GiB: particles wait on disk, block by block.
+    #[arg(long, value_name = "M")]
+    memory: Option<String>,
+    /// Folder of the scratch files that --memory needs (default: the output's); they have no names
+    /// and vanish by themselves.
+    #[arg(long, value_name = "DIR", requires = "memory")]
+    scratch: Option<PathBuf>,
     /// Write side-by-side pictures (truth | model | error) and the surface density to a folder.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
@@ -57,100 +55,11 @@ pub struct Arguments {
     common: Common,
 }
 
-/// One target at most.
-#[derive(Args)]
-#[group(multiple = false)]
-struct TargetArgs {
-    /// Compression ratio: 12 bytes a particle (16 with weights) over the file's bytes [default: 300].
-    #[arg(long)]
-    ratio: Option<f64>,
-    /// File size, e.g. 11MB, 900kB, 1.5GiB.
-    #[arg(long)]
-    size: Option<String>,
-    /// Number of Gaussians, at the nominal precision.
-    #[arg(long, value_name = "K")]
-    gaussians: Option<u64>,
-    /// Masked PSNR in dB, `expected` look, mean over held-out views.
-    #[arg(long, value_name = "DB")]
-    psnr: Option<f64>,
-}
-
-/// Effort on the command line.
-#[derive(Clone, Copy, ValueEnum)]
-enum EffortArg {
-    /// The partition alone: for pictures; small groups are lost.
-    Fast,
-    /// Refined.
-    Default,
-    /// Refined longer.
-    High,
-}
-
-impl TargetArgs {
-    fn target(&self) -> Result<Target> {
-        match (self.ratio, &self.size, self.gaussians, self.psnr) {
-            (Some(r), ..) => Target::Ratio(r).check(),
-            (_, Some(s), ..) => Target::parse_size(s),
-            (_, _, Some(k), _) => Target::Gaussians(k).check(),
-            (.., Some(d)) => Target::Psnr(d).check(),
-            _ => Ok(Target::Default),
-        }
-    }
-
-    /// As stored in the file: what decides its bytes.
-    fn text(&self) -> String {
-        match (self.ratio, &self.size, self.gaussians, self.psnr) {
-            (Some(r), ..) => format!(" --ratio {r}"),
-            (_, Some(s), ..) => format!(" --size {s}"),
-            (_, _, Some(k), _) => format!(" --gaussians {k}"),
-            (.., Some(d)) => format!(" --psnr {d}"),
-            _ => String::new(),
-        }
-    }
-}
-
-impl Arguments {
-    fn options(&self) -> Result<Options> {
-        for (name, value) in [("--radius", self.radius), ("--opacity", self.opacity)] {
-            if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
-                return Err(Error::argument(format!("{name} must be positive")));
-            }
-        }
-        if self.opacity.is_some_and(|a| a > 1.0) {
-            return Err(Error::argument("--opacity is outside (0, 1]"));
-        }
-        let (effort, name) = match self.effort {
-            EffortArg::Fast => (Effort::Fast, "fast"),
-            EffortArg::Default => (Effort::Default, "default"),
-            EffortArg::High => (Effort::High, "high"),
-        };
-        let mut command = format!("compress{} --effort {name} --seed {}", self.target.text(), self.common.seed);
-        command += &self.snapshot.text();
-        command += &self.selection.text(&self.window);
-        if self.blocks != 1 {
-            command += &format!(" --blocks {}", self.blocks);
-        }
-        for (option, value) in [("radius", self.radius), ("opacity", self.opacity)] {
-            if let Some(v) = value {
-                command += &format!(" --{option} {v}");
-            }
-        }
-        Ok(Options {
-            target: self.target.target()?,
-            effort,
-            radius: self.radius,
-            opacity: self.opacity,
-            blocks: self.blocks,
-            seed: self.common.seed,
-            certificate: !self.no_certificate,
-            command,
-        })
-    }
-}
-
 /// Compresses, writes the file and the pictures, reports.
 pub fn run(a: Arguments) -> Result<()> {
-    let options = a.options()?;
+    let selection = (&a.selection, &a.window);
+    let mut options = a.fit.options(&a.snapshot, selection, a.common.seed)?;
+    let memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     let context = a.common.clone().start()?;
     let start = Instant::now();
     if let Some(folder) = &a.pictures {
@@ -158,7 +67,11 @@ pub fn run(a: Arguments) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }
     output::check_writable(&a.output)?;
-    let particles = a.snapshot.open_selected(&a.input, (&a.selection, &a.window), a.common.seed, &context)?;
+    if memory.is_some() {
+        options.room = Room::Disk(a.scratch_folder());
+    }
+    let particles = a.snapshot.open_selected_in(&options.room, &a.input, selection, a.common.seed, &context)?;
+    options.blocks = blocks(&a, &options, memory, &particles, &context)?;
     if particles.meta.cell.is_none() {
         context.message("note: no periodic box is known (--box Lx,Ly,Lz): nothing wraps around");
     }
@@ -175,6 +88,41 @@ pub fn run(a: Arguments) -> Result<()> {
     Ok(())
 }
 
+impl Arguments {
+    /// Where scratch files go.
+    fn scratch_folder(&self) -> PathBuf {
+        let beside = self.output.parent().filter(|p| !p.as_os_str().is_empty());
+        self.scratch.clone().unwrap_or_else(|| beside.unwrap_or(Path::new(".")).to_path_buf())
+    }
+}
+
+/// The number of blocks: as asked for, or as the memory asks for; says what scratch space that takes.
+fn blocks(
+    a: &Arguments,
+    options: &Options,
+    memory: Option<u64>,
+    particles: &Particles,
+    context: &Context,
+) -> Result<u32> {
+    let Some(bound) = memory else { return Ok(a.blocks.unwrap_or(1)) };
+    let raw_bytes = particles.raw_bytes();
+    let (target, effort) = (options.target, options.effort);
+    let load = Load { count: particles.len() as u64, raw_bytes, target, effort, copies: 1 };
+    let blocks = match a.blocks {
+        None => load.blocks_within(bound)?,
+        Some(blocks) if load.block_bytes(u64::from(blocks)) <= bound => blocks,
+        Some(blocks) => {
+            let (what, need_bytes) = (format!("a fit in {blocks} blocks"), load.block_bytes(u64::from(blocks)));
+            return Err(Error::Memory { what, need_bytes, have_bytes: bound });
+        }
+    };
+    if blocks > 1 {
+        let folder = a.scratch_folder();
+        context.message(&format!("{blocks} blocks; scratch: {raw_bytes} bytes in {}", folder.display()));
+    }
+    Ok(blocks)
+}
+
 fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> Result<()> {
     let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
     let ratio = done.raw_bytes as f64 / bytes as f64;
@@ -186,7 +134,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     );
     let phases: Vec<String> = done.seconds.iter().map(|(p, s)| format!("{p} {s:.2} s")).collect();
     text += &format!("\n{:.2} s: {}", seconds, phases.join(", "));
-    if matches!(a.effort, EffortArg::Fast) {
+    if a.fit.is_fast() {
         text += "\nfor pictures: the partition alone loses most small groups; use --effort default for statistics";
     }
     if done.model.certificate.is_some() {

@@ -1,5 +1,6 @@
 //! One file a command.
 
+mod block;
 mod compare;
 mod completions;
 mod compress;
@@ -7,11 +8,14 @@ mod convert;
 mod eval;
 mod info;
 mod merge;
+mod plan;
 mod recover;
 mod reference;
 mod render;
+mod scatter;
 mod simplify;
 mod stats;
+mod status;
 mod verify;
 
 use clap::Subcommand;
@@ -28,7 +32,15 @@ pub enum Command {
     Compare(compare::Arguments),
     /// Score a model against its snapshot.
     Eval(eval::Arguments),
-    /// Join model files into one, exactly: blocks are copied.
+    /// Plan a compression as a folder whose parts run anywhere, in any order.
+    Plan(plan::Arguments),
+    /// Sort a chunk of a job's snapshot into its blocks.
+    Scatter(scatter::Arguments),
+    /// Do one block of a job.
+    Block(block::Arguments),
+    /// Tell how far a job is.
+    Status(status::Arguments),
+    /// Join model files, or a job's blocks, into one, exactly: blocks are copied.
     Merge(merge::Arguments),
     /// Make a model smaller, without the particles.
     Simplify(simplify::Arguments),
@@ -44,7 +56,7 @@ pub enum Command {
     Stats(stats::Arguments),
     /// Print what a model file or a snapshot says about itself.
     Info(info::Arguments),
-    /// Check a model file wholly, and against its snapshot where that is given.
+    /// Check a model file wholly, and against its snapshot where that is given; or a job.
     Verify(verify::Arguments),
     /// Print a shell's completion script.
     Completions(completions::Arguments),
@@ -56,6 +68,10 @@ pub fn run(command: Command) -> Result<()> {
         Command::Compress(a) => compress::run(a),
         Command::Compare(a) => compare::run(a),
         Command::Eval(a) => eval::run(a),
+        Command::Plan(a) => plan::run(a),
+        Command::Scatter(a) => scatter::run(a),
+        Command::Block(a) => block::run(a),
+        Command::Status(a) => status::run(a),
         Command::Merge(a) => merge::run(a),
         Command::Simplify(a) => simplify::run(a),
         Command::Recover(a) => recover::run(a),

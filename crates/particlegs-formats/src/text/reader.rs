@@ -172,6 +172,10 @@ impl SnapshotReader for RowReader {
         self.plan.origin()
     }
 
+    fn random_access(&self) -> bool {
+        self.table.content.is_seekable()
+    }
+
     fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
         let runs = runs.start..runs.end.min(self.count().div_ceil(RUN as u64));
         if !self.table.content.is_seekable() {

@@ -2,60 +2,97 @@
 
 use super::{KdTree, sample};
 use crate::Result;
-use crate::particles::{ChunkBuffer, Column, ParticleLayer, Particles, Positions, RUN};
+use crate::particles::{Blank, ChunkBuffer, ParticleLayer, Particles, RUN, Room};
 use crate::progress::Progress;
 use rayon::prelude::*;
+use std::ops::Range;
 
-/// The particles of each block, in their order; layers stay layers. Blocks may lack a layer.
+/// The particles of each block, in their order, in columns of `room`; layers stay layers. Blocks may
+/// lack a layer.
 ///
 /// # Errors
-/// Those of [`KdTree::new`]; [`crate::Error::Cancelled`].
-pub fn divide(particles: &Particles, blocks: u32, progress: &dyn Progress) -> Result<Vec<Particles>> {
+/// Those of [`KdTree::new`] and [`Room::columns`]; [`crate::Error::Cancelled`].
+pub fn divide(particles: &Particles, blocks: u32, room: &Room, progress: &dyn Progress) -> Result<Vec<Particles>> {
     if blocks == 1 {
         return Ok(vec![particles.clone()]);
     }
     let tree = KdTree::new(&sample(particles, progress)?, blocks)?;
-    let numbers: Vec<Vec<u32>> = particles
-        .par_chunks(|_, chunk| (0..chunk.len()).map(|i| tree.block_of(chunk.position.map(|c| c[i]))).collect());
-    progress.check()?;
-    Ok((0..blocks).into_par_iter().map(|b| of_block(particles, &numbers, b)).collect())
+    let layers = particles.layers();
+    let runs: Vec<(usize, Range<usize>)> = layers.iter().enumerate().flat_map(|(i, l)| runs_of(i, &l.range)).collect();
+    let counts: Vec<Vec<u32>> = runs
+        .par_iter()
+        .map_init(ChunkBuffer::default, |buffer, (_, run)| {
+            progress.check()?;
+            let mut counts = vec![0u32; blocks as usize];
+            let chunk = particles.chunk(run.clone(), buffer);
+            tree.blocks_of(&chunk).for_each(|b| counts[b as usize] += 1);
+            Ok(counts)
+        })
+        .collect::<Result<_>>()?;
+    let of_block = |b: usize| counts.iter().map(|c| c[b] as usize).sum::<usize>();
+    let width = if particles.weights.is_some() { 4 } else { 3 };
+    let mut columns: Vec<Vec<Blank>> =
+        (0..blocks as usize).map(|b| room.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
+    let places = places(&mut columns, &counts);
+    runs.par_iter().zip(places).try_for_each_init(ChunkBuffer::default, |buffer, ((_, run), mut place)| {
+        progress.check()?;
+        let chunk = particles.chunk(run.clone(), buffer);
+        let mut at = vec![0usize; blocks as usize];
+        for (i, block) in tree.blocks_of(&chunk).enumerate() {
+            let (to, at) = (&mut place[block as usize], &mut at[block as usize]);
+            (0..3).for_each(|k| to[k][*at] = chunk.position[k][i]);
+            chunk.weight.iter().for_each(|w| to[3][*at] = w[i]);
+            *at += 1;
+        }
+        Ok::<_, crate::Error>(())
+    })?;
+    let blocks = columns.into_iter().enumerate().map(|(b, columns)| {
+        let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        let kinds = kinds(&layers, runs.iter().map(|r| r.0).zip(counts.iter().map(|c| c[b] as usize)));
+        Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), kinds))
+    });
+    blocks.collect()
 }
 
-/// The particles whose number is `block`.
-fn of_block(particles: &Particles, numbers: &[Vec<u32>], block: u32) -> Particles {
-    let (mut columns, mut buffer): ([Vec<f32>; 4], _) = Default::default();
-    let mut kinds: Vec<ParticleLayer> = Vec::new();
-    for layer in particles.layers() {
-        let start = columns[0].len();
-        let mut at = layer.range.start;
-        while at < layer.range.end {
-            // Numbers come in the particles' own chunks, which layers do not respect.
-            let end = layer.range.end.min((at / RUN + 1) * RUN);
-            let chunk = particles.chunk(at..end, &mut buffer as &mut ChunkBuffer);
-            let own = &numbers[at / RUN][at % RUN..][..end - at];
-            for (i, _) in own.iter().enumerate().filter(|n| *n.1 == block) {
-                (0..3).for_each(|k| columns[k].push(chunk.position[k][i]));
-                chunk.weight.iter().for_each(|w| columns[3].push(w[i]));
+/// Runs of a layer's particles.
+fn runs_of(layer: usize, range: &Range<usize>) -> impl Iterator<Item = (usize, Range<usize>)> + use<> {
+    let end = range.end;
+    range.clone().step_by(RUN).map(move |start| (layer, start..end.min(start + RUN)))
+}
+
+/// Where each run writes: for each block, its part of the block's columns.
+fn places<'a>(columns: &'a mut [Vec<Blank>], counts: &[Vec<u32>]) -> Vec<Vec<Vec<&'a mut [f32]>>> {
+    let mut places: Vec<Vec<Vec<&mut [f32]>>> = counts.iter().map(|_| Vec::with_capacity(columns.len())).collect();
+    for (b, columns) in columns.iter_mut().enumerate() {
+        places.iter_mut().for_each(|p| p.push(Vec::with_capacity(columns.len())));
+        for column in columns {
+            let mut rest = &mut column[..];
+            for (place, counts) in places.iter_mut().zip(counts) {
+                let (own, after) = rest.split_at_mut(counts[b] as usize);
+                place[b].push(own);
+                rest = after;
             }
-            at = end;
-        }
-        if columns[0].len() > start {
-            kinds.push(ParticleLayer { range: start..columns[0].len(), ..layer });
         }
     }
-    let [x, y, z, w] = columns.map(Column::owned);
-    Particles {
-        positions: Positions::Columns([x, y, z]),
-        weights: particles.weights.as_ref().map(|_| w),
-        origin: particles.origin,
-        meta: particles.meta.clone(),
-        kinds,
-    }
+    places
+}
+
+/// The layers of a block from the layer and number of each of its runs' particles.
+pub(super) fn kinds(layers: &[ParticleLayer], runs: impl Iterator<Item = (usize, usize)>) -> Vec<ParticleLayer> {
+    let mut counts = vec![0; layers.len()];
+    runs.for_each(|(layer, n)| counts[layer] += n);
+    let mut end = 0;
+    let kind = |(l, n): (&ParticleLayer, usize)| {
+        end += n;
+        ParticleLayer { range: end - n..end, ..l.clone() }
+    };
+    layers.iter().zip(counts).map(kind).filter(|k| !k.range.is_empty()).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::particles::Column;
     use crate::progress::Silent;
 
     #[test]
@@ -66,17 +103,21 @@ mod tests {
         p.weights = Some(Column::owned((0..n).map(|i| i as f32 + 1.0).collect()));
         let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: true };
         p.kinds = vec![kind("a", 0..70_000), kind("b", 70_000..n as usize)];
-        let blocks = divide(&p, 3, &Silent).unwrap();
-        assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
-        let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights.clone().unwrap().to_vec()).collect();
-        seen.sort_by(f32::total_cmp);
-        assert!(seen.iter().enumerate().all(|(i, w)| *w == i as f32 + 1.0));
-        for b in &blocks {
-            assert!(b.len().abs_diff(50_000) < 100, "{}", b.len());
-            let names: Vec<String> = b.layers().iter().map(|l| l.name.clone()).collect();
-            assert_eq!(names, ["a", "b"]);
-            let weights = b.weights.clone().unwrap();
-            assert!(b.layers()[0].range.clone().all(|i| weights[i] <= 70_000.0));
+        let folder = tempfile::tempdir().unwrap();
+        for room in [Room::Memory, Room::Disk(folder.path().into())] {
+            let blocks = divide(&p, 3, &room, &Silent).unwrap();
+            assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
+            let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights.clone().unwrap().to_vec()).collect();
+            seen.sort_by(f32::total_cmp);
+            assert!(seen.iter().enumerate().all(|(i, w)| *w == i as f32 + 1.0));
+            for b in &blocks {
+                assert!(b.len().abs_diff(50_000) < 100, "{}", b.len());
+                let names: Vec<String> = b.layers().iter().map(|l| l.name.clone()).collect();
+                assert_eq!(names, ["a", "b"]);
+                let weights = b.weights.clone().unwrap();
+                assert!(weights.windows(2).all(|w| w[0] < w[1]), "order is kept");
+                assert!(b.layers()[0].range.clone().all(|i| weights[i] <= 70_000.0));
+            }
         }
     }
 }

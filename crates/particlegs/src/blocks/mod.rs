@@ -6,8 +6,10 @@
 
 mod divide;
 mod sample;
+mod survey;
 mod tree;
 
 pub use divide::divide;
 pub use sample::{Sample, sample};
+pub use survey::{RunSurvey, Survey};
 pub use tree::KdTree;

@@ -1,6 +1,7 @@
 //! Cuts along the longest axis at balanced counts.
 
 use super::Sample;
+use crate::particles::Chunk;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -86,6 +87,27 @@ impl KdTree {
         }
     }
 
+    /// The block of each particle of a chunk.
+    pub fn blocks_of(&self, chunk: &Chunk<'_>) -> impl Iterator<Item = u32> {
+        (0..chunk.len()).map(|i| self.block_of(chunk.position.map(|c| c[i])))
+    }
+
+    /// The blocks that a box (its corners included) reaches into, rising.
+    pub fn blocks_in(&self, min: [f32; 3], max: [f32; 3]) -> Vec<u32> {
+        let (mut found, mut open) = (Vec::new(), vec![0u32]);
+        while let Some(node) = open.pop() {
+            match self.nodes[node as usize] {
+                Node::Block(block) => found.push(block),
+                Node::Cut { axis, at, below, above } => {
+                    open.extend((max[axis] >= at).then_some(above));
+                    open.extend((min[axis] < at).then_some(below));
+                }
+            }
+        }
+        found.sort_unstable();
+        found
+    }
+
     /// Is a tree that was read from a file one that [`KdTree::block_of`] can walk?
     pub fn is_sound(&self) -> bool {
         let blocks = self.nodes.iter().filter_map(|n| if let Node::Block(b) = n { Some(*b) } else { None });
@@ -152,6 +174,21 @@ mod tests {
             let fair = 10_007 / blocks as usize;
             assert!(counts.iter().all(|c| c.abs_diff(fair) <= 3), "{blocks}: {counts:?}");
         }
+    }
+
+    #[test]
+    fn boxes_find_the_blocks_of_what_they_hold() {
+        let s = cloud(5_000);
+        let tree = KdTree::new(&s, 13).unwrap();
+        for part in 0..50 {
+            let own: Vec<[f32; 3]> =
+                (part * 100..part * 100 + 3).map(|i| [0, 1, 2].map(|k| s.position[k][i])).collect();
+            let ends = |f: fn(f32, f32) -> f32| [0, 1, 2].map(|k| own.iter().map(|p| p[k]).reduce(f).unwrap());
+            let found = tree.blocks_in(ends(f32::min), ends(f32::max));
+            assert!(own.iter().all(|p| found.contains(&tree.block_of(*p))));
+            assert_eq!(tree.blocks_in(own[0], own[0]), [tree.block_of(own[0])]);
+        }
+        assert_eq!(tree.blocks_in([-1.0; 3], [5.0; 3]).len(), 13);
     }
 
     #[test]

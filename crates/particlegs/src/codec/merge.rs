@@ -130,7 +130,10 @@ fn combined_digest(sorted: &[[u8; 32]]) -> [u8; 32] {
 }
 
 /// Particles and mass of all blocks: the masses in rising order, so that no order of files shows.
-fn sums(layers: &[CodedLayer]) -> Result<(u64, f64)> {
+///
+/// # Errors
+/// [`Error::Argument`] for a block that is none, and where the sums overflow.
+pub fn sums(layers: &[CodedLayer]) -> Result<(u64, f64)> {
     let (mut count, mut masses) = (Some(0u64), Vec::new());
     for block in layers.iter().flat_map(|l| &l.blocks) {
         let header = BlockHeader::read(block).map_err(Error::argument)?;

@@ -32,6 +32,6 @@ pub use file::{
     BlockInfo, CodedLayer, FileInfo, LayerHead, LayerInfo, assemble, coded_layers, decode, decode_block, encode,
     file_hash, read_info, read_metadata, size_without_blocks,
 };
-pub use merge::{Merge, blocks_hash};
+pub use merge::{Merge, blocks_hash, sums};
 pub use precision::Precision;
 pub(crate) use sums::whole_counts;

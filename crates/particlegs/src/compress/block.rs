@@ -6,8 +6,8 @@
 use super::clock::Clock;
 use super::rate::{Met, meet_size};
 use crate::Result;
-use crate::codec::{Encoder, Precision};
-use crate::fit::{self, Effort, FitOptions};
+use crate::codec::{CodedLayer, Encoder, Precision};
+use crate::fit::{self, Effort, FitOptions, Pieces, Under};
 use crate::model::{Block, Mixture};
 use crate::particles::{Bounds, ParticleLayer, Particles};
 use crate::progress::Progress;
@@ -56,17 +56,24 @@ pub struct LayerJob {
     /// Their bounds.
     pub bounds: Bounds,
     /// Sum of the weights, or the count.
-    pub mass: f64,
+    mass: f64,
     raw_bytes: u64,
 }
 
-/// A block's layers coded, in the order of the job's, and how that went for the largest.
+/// A block's layers coded, one block each, and how that went for the largest.
 #[derive(Clone, Default)]
 pub struct CodedBlock {
-    /// One a layer.
-    pub layers: Vec<Vec<u8>>,
+    /// Its layers.
+    pub layers: Vec<CodedLayer>,
+    /// How it meets its room.
+    pub outcome: Outcome,
+}
+
+/// How a block meets its room.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Outcome {
     /// Multiple of the nominal steps.
-    pub factor: f64,
+    pub step_factor: f64,
     /// Is it too large at the coarsest steps?
     pub too_large: bool,
     /// Is it well below its room at the finest?
@@ -76,7 +83,12 @@ pub struct CodedBlock {
 impl CodedBlock {
     /// Bytes.
     pub fn len(&self) -> usize {
-        self.layers.iter().map(Vec::len).sum()
+        self.layers.iter().flat_map(|l| &l.blocks).map(Vec::len).sum()
+    }
+
+    fn push(&mut self, layer: &LayerJob, bytes: Vec<u8>) {
+        let (name, particle_mass) = (layer.name.clone(), layer.particle_mass);
+        self.layers.push(CodedLayer { name, particle_mass, blocks: vec![bytes] });
     }
 }
 
@@ -88,6 +100,8 @@ pub struct Workshop<'a> {
     pub progress: &'a dyn Progress,
     /// Where time went.
     pub clock: &'a mut Clock,
+    /// Finished pieces of fits.
+    pub pieces: &'a mut dyn Pieces,
 }
 
 impl BlockJob {
@@ -101,13 +115,14 @@ impl BlockJob {
     /// `number` Gaussians at the nominal precision, shared among the layers by their particles.
     pub fn at_number(&self, number: u64, shop: &mut Workshop<'_>) -> Result<CodedBlock> {
         let (mut left, mut particles_left) = (number, self.count);
-        let mut coded = CodedBlock { factor: 1.0, ..CodedBlock::default() };
+        let mut coded = CodedBlock::default();
+        coded.outcome.step_factor = 1.0;
         for layer in &self.layers {
             let count = layer.particles.len() as u64;
             let share = ((left as f64 * count as f64 / particles_left as f64).round() as u64).clamp(1, count);
             (left, particles_left) = (left.saturating_sub(share), particles_left - count);
             let encoder = layer.fit(share, shop)?;
-            coded.layers.push(shop.clock.time("code", || encoder.encode(&Precision::BALANCED)));
+            coded.push(layer, shop.clock.time("code", || encoder.encode(&Precision::BALANCED)));
         }
         Ok(coded)
     }
@@ -121,8 +136,9 @@ impl BlockJob {
             let met = layer.at_size(share, shop)?;
             room = room.saturating_sub(met.bytes.len() as u64);
             raw_left -= layer.raw_bytes;
-            (coded.factor, coded.too_large, coded.too_small) = (met.factor, met.too_large, met.too_small);
-            coded.layers.push(met.bytes);
+            let Met { bytes, factor: step_factor, too_large, too_small } = met;
+            coded.outcome = Outcome { step_factor, too_large, too_small };
+            coded.push(layer, bytes);
         }
         Ok(coded)
     }
@@ -147,7 +163,9 @@ impl LayerJob {
         let Fitting { effort, radius, pixel, seed } = shop.fitting;
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
         let options = FitOptions { gaussians, effort, radius, pixel, seed };
-        let gaussians: Mixture = shop.clock.time("fit", || fit::fit(&self.particles, &options, shop.progress))?;
+        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/{gaussians}", self.name) };
+        let gaussians: Mixture =
+            shop.clock.time("fit", || fit::fit_in_pieces(&self.particles, &options, &mut pieces, shop.progress))?;
         Encoder::new(&Block { bounds: self.bounds, count, mass: self.mass, gaussians })
     }
 

@@ -1,37 +1,29 @@
 //! What the model file says about its snapshot.
 
+use super::Options;
 use crate::model::{Law, Metadata};
-use crate::particles::{Bounds, Particles, source_hash};
+use crate::particles::{Bounds, SnapshotMeta};
 
-/// Metadata of a model of these particles; `mass` is the sum of their weights, 1 where a layer has
-/// none.
-pub fn describe(
-    particles: &Particles,
-    bounds: Bounds,
-    mass: f64,
-    radius: Option<f64>,
-    opacity: Option<f64>,
-    command: String,
-) -> Metadata {
-    let meta = &particles.meta;
-    let count = particles.len() as u64;
+/// Metadata of a model of `count` particles within `bounds`; its mass is known when its blocks are.
+pub fn describe(meta: &SnapshotMeta, count: u64, bounds: Bounds, source_hash: [u8; 32], options: &Options) -> Metadata {
+    let blocks = if options.blocks > 1 { format!(" --blocks {}", options.blocks) } else { String::new() };
     Metadata {
         law: Law::OpticalDepth,
         count,
-        mass,
+        mass: count as f64,
         bounds,
         cell: meta.cell,
-        default_radius: radius.unwrap_or_else(|| bounds.default_radius(count)),
-        default_opacity: opacity.unwrap_or(DEFAULT_OPACITY),
+        default_radius: options.radius.unwrap_or_else(|| bounds.default_radius(count)),
+        default_opacity: options.opacity.unwrap_or(DEFAULT_OPACITY),
         source: meta.name.clone(),
-        source_hash: source_hash(particles),
+        source_hash,
         length_unit: meta.length_unit.clone(),
         mass_unit: meta.mass_unit.clone(),
         comoving: meta.comoving,
         scale_factor: meta.scale_factor,
         hubble: meta.hubble,
         time: meta.time,
-        command,
+        command: options.command.clone() + &blocks,
         tool_version: env!("CARGO_PKG_VERSION").to_string(),
     }
 }

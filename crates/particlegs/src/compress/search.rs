@@ -33,12 +33,12 @@ struct Tried {
 /// # Errors
 /// [`Error::Unreachable`] where as many Gaussians as particles, or eight fits, do not reach it.
 pub(super) fn reach_quality(job: &mut Job, decibels: f64) -> Result<Coded> {
-    let m = &job.metadata;
-    let seed = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: job.options.seed };
+    let m = &job.plan.metadata;
+    let seed = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: job.plan.seed };
     let held_out = HeldOut::draw(job.particles, &held_out_views(&seed, FRAMES), SIZE, job.progress)?;
     let most = m.count as f64;
     let mut number =
-        (job.raw_bytes as f64 / DEFAULT_RATIO / bytes_a_gaussian(job.options.effort)).clamp(1.0, most).floor();
+        (job.plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(job.plan.effort)).clamp(1.0, most).floor();
     let (mut above, mut below): (Option<Tried>, Option<Tried>) = (None, None);
     for _ in 0..FITS {
         let coded = job.at_number(number as u64)?;

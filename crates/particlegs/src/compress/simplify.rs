@@ -1,7 +1,7 @@
 //! A smaller file from a file, without the particles.
 
 use super::block::{NEAR_NOMINAL, bytes_a_gaussian};
-use super::job::near_pixel;
+use super::plan::near_pixel;
 use super::rate::{Met, meet_size};
 use super::target::Target;
 use crate::codec::{self, CodedLayer, Encoder, LayerHead, Precision};

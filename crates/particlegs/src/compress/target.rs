@@ -6,7 +6,8 @@ use crate::{Error, Result};
 pub const DEFAULT_RATIO: f64 = 300.0;
 
 /// What the file is to meet.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Target {
     /// Ratio 300; where header and one Gaussian do not fit, the smallest file with a warning.
     Default,
@@ -49,21 +50,29 @@ impl Target {
     /// # Errors
     /// [`Error::Argument`] for anything else.
     pub fn parse_size(text: &str) -> Result<Self> {
-        let fail = || Error::argument(format!("size `{text}` is not a number with B, kB, MB, GB, KiB, MiB or GiB"));
-        let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
-        let number: f64 = text[..split].parse().map_err(|_| fail())?;
-        let unit = match text[split..].trim().to_ascii_lowercase().as_str() {
-            "" | "b" => 1.0,
-            "kb" | "k" => 1e3,
-            "mb" | "m" => 1e6,
-            "gb" | "g" => 1e9,
-            "kib" => 1024.0,
-            "mib" => 1024.0 * 1024.0,
-            "gib" => 1024.0 * 1024.0 * 1024.0,
-            _ => return Err(fail()),
-        };
-        Target::Size((number * unit).floor() as u64).check()
+        Target::Size(parse_bytes(text)?).check()
     }
+}
+
+/// Parses a number of bytes: `11MB`, `900 kB`, `1.5GiB`, `83886`.
+///
+/// # Errors
+/// [`Error::Argument`] for anything else.
+pub fn parse_bytes(text: &str) -> Result<u64> {
+    let fail = || Error::argument(format!("size `{text}` is not a number with B, kB, MB, GB, KiB, MiB or GiB"));
+    let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
+    let number: f64 = text[..split].parse().map_err(|_| fail())?;
+    let unit = match text[split..].trim().to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "kb" | "k" => 1e3,
+        "mb" | "m" => 1e6,
+        "gb" | "g" => 1e9,
+        "kib" => 1024.0,
+        "mib" => 1024.0 * 1024.0,
+        "gib" => 1024.0 * 1024.0 * 1024.0,
+        _ => return Err(fail()),
+    };
+    Ok((number * unit).floor() as u64)
 }
 
 #[cfg(test)]

@@ -1,13 +1,14 @@
 //! The fit of a snapshot: partition, then as much refinement as the effort asks for.
 
-use super::{PartitionOptions, RefineOptions, partition, refine};
+use super::{NoPieces, PartitionOptions, Pieces, RefineOptions, partition, refine};
 use crate::Result;
 use crate::model::Mixture;
 use crate::particles::Particles;
 use crate::progress::Progress;
 
 /// How much time to spend.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Effort {
     /// The partition alone: for pictures; most small groups are lost.
     Fast,
@@ -38,11 +39,24 @@ pub struct FitOptions {
 /// # Errors
 /// As [`partition`] and [`refine`].
 pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress) -> Result<Mixture> {
+    fit_in_pieces(particles, options, &mut NoPieces, progress)
+}
+
+/// [`fit`] that keeps its pieces, and takes those that are there.
+///
+/// # Errors
+/// As [`fit`], and those of [`Pieces::keep`].
+pub fn fit_in_pieces(
+    particles: &Particles,
+    options: &FitOptions,
+    pieces: &mut dyn Pieces,
+    progress: &dyn Progress,
+) -> Result<Mixture> {
     let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
     let cells = partition(particles, options.gaussians, options.radius, how, progress)?;
     match options.effort.refinement(cells.store.len(), cells.cells.len(), options) {
         None => Ok(cells.mixture()),
-        Some(how) => refine(&cells, options.radius, &how, progress),
+        Some(how) => refine(&cells, options.radius, &how, pieces, progress),
     }
 }
 

@@ -10,7 +10,7 @@ use super::Blur;
 use super::em::{Candidates, Cloud, Gaussians, Groups, Reach, Shape, expect, maximise, regroup};
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
-use super::{Moments, Partition, Store};
+use super::{Moments, Partition, Pieces, Store, pieces as kept};
 use crate::model::Mixture;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -51,8 +51,15 @@ const FOCUS: f64 = 1.0;
 /// the number of particles.
 ///
 /// # Errors
-/// [`Error::Argument`] for a radius that is not positive; [`Error::Cancelled`].
-pub fn refine(partition: &Partition, radius: f64, options: &RefineOptions, progress: &dyn Progress) -> Result<Mixture> {
+/// [`Error::Argument`] for a radius that is not positive; those of [`Pieces::keep`];
+/// [`Error::Cancelled`].
+pub fn refine(
+    partition: &Partition,
+    radius: f64,
+    options: &RefineOptions,
+    pieces: &mut dyn Pieces,
+    progress: &dyn Progress,
+) -> Result<Mixture> {
     if !(radius > 0.0 && radius.is_finite() && options.sample > 0.0 && options.pixel >= 0.0) {
         return Err(Error::argument(format!("radius {radius} and sample {} must be positive", options.sample)));
     }
@@ -64,8 +71,16 @@ pub fn refine(partition: &Partition, radius: f64, options: &RefineOptions, progr
     progress.begin("refine", (blocks.len() * (options.rounds + 2)) as u64);
     let store = &partition.store;
     let mut mixture = Mixture { mass: store.weight.as_ref().map(|_| Vec::new()), ..Mixture::default() };
-    for block in blocks {
-        let gaussians = refiner.block(block)?;
+    for (i, block) in blocks.into_iter().enumerate() {
+        let key = format!("refined {i}");
+        let gaussians = match pieces.get(&key).and_then(|bytes| kept::of_bytes(&bytes)) {
+            Some(there) => there,
+            None => {
+                let made = refiner.block(block)?;
+                pieces.keep(&key, kept::to_bytes(&made))?;
+                made
+            }
+        };
         append(&mut mixture, &gaussians, store);
     }
     progress.end();

@@ -3,14 +3,15 @@
 use crate::particles::{Bounds, Cell};
 
 /// How Gaussians become a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Law {
     /// Depths add up: `1 - exp(-sum tau)`. No order, no network.
     OpticalDepth,
 }
 
 /// Everything a file carries beside its Gaussians. `None` = the source does not say.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Metadata {
     /// Image law.
     pub law: Law,
@@ -29,7 +30,8 @@ pub struct Metadata {
     pub default_opacity: f64,
     /// Source name.
     pub source: String,
-    /// BLAKE3 of the source's particles: each column's f32 bytes in turn (x, y, z, then weights).
+    /// What binds it to its source: [`crate::particles::source_hash`].
+    #[serde(with = "hex")]
     pub source_hash: [u8; 32],
     /// Unit of length, as text.
     pub length_unit: Option<String>,
@@ -53,5 +55,23 @@ impl Metadata {
     /// Redshift from the scale factor.
     pub fn redshift(&self) -> Option<f64> {
         self.scale_factor.map(|a| 1.0 / a - 1.0)
+    }
+}
+
+/// The hash as text.
+mod hex {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(hash: &[u8; 32], to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(&hash.iter().map(|b| format!("{b:02x}")).collect::<String>())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<[u8; 32], D::Error> {
+        let text = String::deserialize(from)?;
+        let byte = |i: usize| text.get(2 * i..2 * i + 2).and_then(|t| u8::from_str_radix(t, 16).ok());
+        let bytes: Option<Vec<u8>> = (0..32).map(byte).collect();
+        let hash = bytes.filter(|_| text.len() == 64).and_then(|b| b.try_into().ok());
+        hash.ok_or_else(|| D::Error::custom("a hash has 64 hexadecimal digits"))
     }
 }

@@ -1,12 +1,58 @@
 //! What binds a model to its snapshot.
 
-use super::{ChunkBuffer, Particles};
+use super::{Chunk, ChunkBuffer, Particles, RUN};
 
-/// BLAKE3 of the particles: the f32 bytes (little-endian) of x, then y, z, then weights where there
-/// are any; the same for columns and triples. An origin that is not zero comes first, as f64.
+/// BLAKE3 of a run of a layer: of its positions (the f32 bytes, little-endian, of x, then y, then z) and
+/// of its weights where there are any.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RunHash {
+    /// Of the positions.
+    pub positions: [u8; 32],
+    /// Of the weights.
+    pub weights: Option<[u8; 32]>,
+}
+
+/// The hash of a run.
+pub fn hash_run(chunk: &Chunk<'_>) -> RunHash {
+    let mut hasher = blake3::Hasher::new();
+    for axis in chunk.position {
+        hasher.update(bytemuck::cast_slice(axis));
+    }
+    let weights = chunk.weight.map(|w| *blake3::hash(bytemuck::cast_slice(w)).as_bytes());
+    RunHash { positions: *hasher.finalize().as_bytes(), weights }
+}
+
+/// The hash of a snapshot from those of its runs, layer after layer: BLAKE3 of the origin as f64 where
+/// it is not zero, then of each run's hash of positions and, where it has one, of weights.
+pub fn hash_of_runs<'a>(origin: [f64; 3], runs: impl Iterator<Item = &'a RunHash>) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    if origin != [0.0; 3] {
+        origin.iter().for_each(|o| {
+            hasher.update(&o.to_le_bytes());
+        });
+    }
+    for run in runs {
+        hasher.update(&run.positions);
+        run.weights.iter().for_each(|w| {
+            hasher.update(w);
+        });
+    }
+    *hasher.finalize().as_bytes()
+}
+
+/// The hash that stands in a model's metadata: [`hash_of_runs`] of runs of 65 536 particles, each layer
+/// beginning a run, weights where a layer has them. Runs can be hashed wherever they are read.
 pub fn source_hash(particles: &Particles) -> [u8; 32] {
-    const STEP: usize = 1 << 20;
-    let n = particles.len();
+    let mut hashes = Vec::new();
+    for layer in particles.layers() {
+        let own = particles.of_layer(&layer);
+        hashes.extend(own.par_chunks(|_, chunk| hash_run(&chunk)));
+    }
+    hash_of_runs(particles.origin, hashes.iter())
+}
+
+/// The hash in files that early versions made: BLAKE3 of the columns x, y, z, then of all weights.
+pub fn column_hash(particles: &Particles) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut buffer = ChunkBuffer::default();
     if particles.origin != [0.0; 3] {
@@ -15,9 +61,9 @@ pub fn source_hash(particles: &Particles) -> [u8; 32] {
         });
     }
     for axis in 0..3 {
-        for start in (0..n).step_by(STEP) {
-            let chunk = particles.chunk(start..n.min(start + STEP), &mut buffer);
-            hasher.update_rayon(bytemuck::cast_slice(chunk.position[axis]));
+        for start in (0..particles.len()).step_by(RUN) {
+            let chunk = particles.chunk(start..particles.len().min(start + RUN), &mut buffer);
+            hasher.update(bytemuck::cast_slice(chunk.position[axis]));
         }
     }
     if let Some(weights) = &particles.weights {
@@ -28,7 +74,7 @@ pub fn source_hash(particles: &Particles) -> [u8; 32] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Column, Positions};
+    use super::super::{Column, ParticleLayer, Positions};
     use super::*;
 
     #[test]
@@ -37,7 +83,23 @@ mod tests {
         let mut triples = columns.clone();
         triples.positions = Positions::Triples(Column::owned(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
         assert_eq!(source_hash(&columns), source_hash(&triples));
+        assert_eq!(column_hash(&columns), column_hash(&triples));
         let bytes: Vec<u8> = [1f32, 4.0, 2.0, 5.0, 3.0, 6.0].iter().flat_map(|v| v.to_le_bytes()).collect();
-        assert_eq!(source_hash(&columns), *blake3::hash(&bytes).as_bytes());
+        assert_eq!(column_hash(&columns), *blake3::hash(&bytes).as_bytes());
+        assert_eq!(source_hash(&columns), *blake3::hash(blake3::hash(&bytes).as_bytes()).as_bytes());
+    }
+
+    #[test]
+    fn runs_are_of_layers() {
+        let n = RUN + 10;
+        let mut p = Particles::from_columns(vec![1.0; n], vec![2.0; n], vec![3.0; n]);
+        let whole = source_hash(&p);
+        let kind = |range| ParticleLayer { name: "a".into(), range, particle_mass: None, weighted: false };
+        p.kinds = vec![kind(0..10), kind(10..n)];
+        assert_ne!(source_hash(&p), whole);
+        let small = Particles::from_columns(vec![1.0; 10], vec![2.0; 10], vec![3.0; 10]);
+        let large = Particles::from_columns(vec![1.0; RUN], vec![2.0; RUN], vec![3.0; RUN]);
+        let runs = [small, large].map(|p| hash_run(&p.chunk(0..p.len(), &mut ChunkBuffer::default())));
+        assert_eq!(hash_of_runs([0.0; 3], runs.iter()), source_hash(&p));
     }
 }

@@ -1,6 +1,7 @@
 //! Masses of layers: one for all where all are the same, classes where they are few.
 
-use super::{Column, ParticleLayer, Particles, Positions};
+use super::room::Blank;
+use super::{ParticleLayer, Particles, Positions, Room};
 use crate::{Error, Result};
 
 /// Classes of mass at most; more are no classes.
@@ -30,48 +31,48 @@ pub fn settle_masses(mut particles: Particles) -> Particles {
     particles
 }
 
-/// The particles of every layer sorted into one layer for each mass, the lightest first; order is
-/// kept within. Zoom simulations have a few masses, and count and mass then mean the same within a
-/// layer.
+/// The particles of every layer sorted into one layer for each mass, the lightest first, in columns of
+/// `room`; order is kept within. Zoom simulations have a few masses, and count and mass then mean the
+/// same within a layer.
 ///
 /// # Errors
-/// [`Error::Input`] where there are more than 64 masses.
-pub fn layers_by_mass(particles: &Particles) -> Result<Particles> {
+/// [`Error::Input`] where there are more than 64 masses; those of [`Room::columns`].
+pub fn layers_by_mass(particles: &Particles, room: &Room) -> Result<Particles> {
     let Some(weights) = &particles.weights else { return Ok(particles.clone()) };
-    let mut order: Vec<usize> = Vec::with_capacity(particles.len());
-    let mut kinds = Vec::new();
+    let mut columns = room.columns("the particles by mass", 4, particles.len())?;
+    let mut kinds: Vec<ParticleLayer> = Vec::new();
+    let mut end = 0;
+    // Takes the particles of `range` whose weight is `class`, or all.
+    let mut take = |range: &std::ops::Range<usize>, class: Option<f32>| {
+        let start = end;
+        for i in range.clone().filter(|&i| class.is_none_or(|c| weights[i] == c)) {
+            let [x, y, z] = match &particles.positions {
+                Positions::Columns(c) => [c[0][i], c[1][i], c[2][i]],
+                Positions::Triples(t) => [t[3 * i], t[3 * i + 1], t[3 * i + 2]],
+            };
+            columns.iter_mut().zip([x, y, z, weights[i]]).for_each(|(c, v)| c[end] = v);
+            end += 1;
+        }
+        start..end
+    };
     for layer in particles.layers() {
         if !layer.weighted {
-            let start = order.len();
-            order.extend(layer.range.clone());
-            kinds.push(ParticleLayer { range: start..order.len(), ..layer });
+            kinds.push(ParticleLayer { range: take(&layer.range, None), ..layer });
             continue;
         }
-        let own = &weights[layer.range.clone()];
-        let classes = classes(own).ok_or_else(|| {
+        let classes = classes(&weights[layer.range.clone()]).ok_or_else(|| {
             let what = format!("`{}` has more than {MOST_CLASSES} different masses: no classes", layer.name);
             Error::input_hint(&particles.meta.name, what, "use `--layers species`")
         })?;
         for class in &classes {
-            let start = order.len();
-            order.extend(layer.range.clone().zip(own).filter(|(_, w)| *w == class).map(|(i, _)| i));
             let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };
             let particle_mass = Some(layer.particle_mass.unwrap_or(1.0) * f64::from(*class));
-            kinds.push(ParticleLayer { name, range: start..order.len(), particle_mass, weighted: false });
+            let range = take(&layer.range, Some(*class));
+            kinds.push(ParticleLayer { name, range, particle_mass, weighted: false });
         }
     }
-    let pick = |column: &dyn Fn(usize) -> f32| Column::owned(order.iter().map(|&i| column(i)).collect());
-    let positions = match &particles.positions {
-        Positions::Columns(c) => [0, 1, 2].map(|k| pick(&|i| c[k][i])),
-        Positions::Triples(t) => [0, 1, 2].map(|k| pick(&|i| t[3 * i + k])),
-    };
-    Ok(Particles {
-        positions: Positions::Columns(positions),
-        weights: Some(pick(&|i| weights[i])),
-        origin: particles.origin,
-        meta: particles.meta.clone(),
-        kinds,
-    })
+    let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+    Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), kinds))
 }
 
 /// The different weights, rising; `None` where there are too many.
@@ -90,6 +91,7 @@ fn classes(weights: &[f32]) -> Option<Vec<f32>> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Column;
     use super::*;
 
     fn weighted(weights: Vec<f32>) -> Particles {
@@ -109,13 +111,13 @@ mod tests {
 
     #[test]
     fn classes_are_layers_and_keep_order() {
-        let p = layers_by_mass(&weighted(vec![4.0, 0.5, 4.0, 0.5, 0.5])).unwrap();
+        let p = layers_by_mass(&weighted(vec![4.0, 0.5, 4.0, 0.5, 0.5]), &Room::Memory).unwrap();
         let layers = p.layers();
         assert_eq!(layers.iter().map(|l| l.range.clone()).collect::<Vec<_>>(), [0..3, 3..5]);
         assert_eq!((&layers[0].name[..], layers[0].particle_mass), ("particles m=0.5", Some(0.5)));
         assert_eq!((0..5).map(|i| p.position(i)[0]).collect::<Vec<_>>(), [1.0, 3.0, 4.0, 0.0, 2.0]);
         let total = p.total_mass();
         assert_eq!(total, layers.iter().map(|l| l.particle_mass.unwrap() * l.range.len() as f64).sum::<f64>());
-        assert!(layers_by_mass(&weighted((0..100).map(|i| i as f32 + 1.0).collect())).is_err());
+        assert!(layers_by_mass(&weighted((0..100).map(|i| i as f32 + 1.0).collect()), &Room::Memory).is_err());
     }
 }

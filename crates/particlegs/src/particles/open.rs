@@ -1,8 +1,9 @@
 //! Opens raw float32: a folder, or three or four files; checks the values of any snapshot.
 
-use super::{Column, ParticleLayer, Particles, Positions, SnapshotMeta, sidecar, sidecar::Sidecar};
+use super::room::Blank;
+use super::storage::CHUNK;
+use super::{ChunkBuffer, Column, ParticleLayer, Particles, Positions, Room, SnapshotMeta, sidecar, sidecar::Sidecar};
 use crate::{Error, Result};
-use rayon::prelude::*;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -110,45 +111,65 @@ pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
 }
 
 /// Checks every value: particles with NaN, infinite or (weights) non-positive values are refused, or
-/// dropped into fresh columns.
+/// dropped into fresh columns of a room.
 ///
 /// # Errors
-/// [`Error::Input`] at `place`: how many, and the first.
-pub fn check_values(particles: Particles, place: &str, drop: bool) -> Result<Particles> {
-    let parts = particles.par_chunks(|start, chunk| {
-        let mut bad = 0u64;
-        let mut first = None;
-        // NaN and infinity have the largest exponents; one maximum tells for the whole chunk
-        // whether a closer look is needed.
-        let largest = |c: &[f32]| c.iter().fold(0, |m: u32, v| m.max(v.to_bits() & 0x7fff_ffff));
-        let suspicious = chunk.position.iter().any(|c| largest(c) >= f32::INFINITY.to_bits())
-            || chunk.weight.is_some_and(|w| w.iter().any(|&v| !valid_weight(v)));
-        if suspicious {
-            for i in 0..chunk.len() {
-                if !valid(&chunk, i) {
-                    bad += 1;
-                    first.get_or_insert(start + i);
-                }
-            }
+/// [`Error::Input`] at `place`: how many, and the first; those of [`Room::columns`].
+pub fn check_values(particles: Particles, place: &str, drop: Option<&Room>) -> Result<Particles> {
+    let invalid = particles.par_chunks(|_, chunk| invalid(&chunk)).into_iter();
+    let invalid = invalid.enumerate().fold(Invalid::default(), |all, (i, own)| all.and((i * CHUNK) as u64, own));
+    match drop {
+        _ if invalid.count == 0 => Ok(particles),
+        None => Err(invalid.refusal(place)),
+        Some(_) if invalid.count == particles.len() as u64 => {
+            Err(Error::input(place, format!("all {} particles are invalid", invalid.count)))
         }
-        (bad, first)
-    });
-    let bad: u64 = parts.iter().map(|p| p.0).sum();
-    if bad == 0 {
-        return Ok(particles);
+        Some(room) => keep_valid(&particles, particles.len() - invalid.count as usize, room),
     }
-    let first = parts.iter().find_map(|p| p.1).unwrap_or(0);
-    if !drop {
-        return Err(Error::input_hint(
+}
+
+/// Invalid particles of a stretch: how many, and the first.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Invalid {
+    pub count: u64,
+    first: u64,
+}
+
+impl Invalid {
+    /// With those of a later stretch, which begins at index `start`.
+    pub(crate) fn and(self, start: u64, later: Invalid) -> Invalid {
+        let first = if self.count > 0 { self.first } else { start + later.first };
+        Invalid { count: self.count + later.count, first }
+    }
+
+    /// The error that refuses them.
+    pub(crate) fn refusal(self, place: &str) -> Error {
+        let Invalid { count, first } = self;
+        Error::input_hint(
             place,
-            format!("{bad} particles are invalid (NaN, infinite, or weight not positive), the first at index {first}"),
+            format!(
+                "{count} particles are invalid (NaN, infinite, or weight not positive), the first at index {first}"
+            ),
             "`--skip-invalid` drops them; `--weights none` ignores masses",
-        ));
+        )
     }
-    if bad == particles.len() as u64 {
-        return Err(Error::input(place, format!("all {bad} particles are invalid")));
+}
+
+/// The invalid particles of a chunk.
+pub(crate) fn invalid(chunk: &super::Chunk<'_>) -> Invalid {
+    // NaN and infinity have the largest exponents; one maximum tells for the whole chunk whether a
+    // closer look is needed.
+    let largest = |c: &[f32]| c.iter().fold(0, |m: u32, v| m.max(v.to_bits() & 0x7fff_ffff));
+    let suspicious = chunk.position.iter().any(|c| largest(c) >= f32::INFINITY.to_bits())
+        || chunk.weight.is_some_and(|w| w.iter().any(|&v| !valid_weight(v)));
+    if !suspicious {
+        return Invalid::default();
     }
-    Ok(keep_valid(&particles))
+    let mut bad = (0..chunk.len()).filter(|&i| !valid(chunk, i));
+    match bad.next() {
+        None => Invalid::default(),
+        Some(first) => Invalid { count: 1 + bad.count() as u64, first: first as u64 },
+    }
 }
 
 fn valid_weight(w: f32) -> bool {
@@ -159,30 +180,28 @@ fn valid(chunk: &super::Chunk<'_>, i: usize) -> bool {
     chunk.position.iter().all(|c| c[i].is_finite()) && chunk.weight.is_none_or(|w| valid_weight(w[i]))
 }
 
-fn keep_valid(particles: &Particles) -> Particles {
-    let parts = particles.par_chunks(|start, chunk| {
-        let keep: Vec<usize> = (0..chunk.len()).filter(|&i| valid(&chunk, i)).collect();
-        let pick = |c: &[f32]| keep.iter().map(|&i| c[i]).collect::<Vec<f32>>();
-        let of_kind = |kind: &ParticleLayer| keep.iter().filter(|&&i| kind.range.contains(&(start + i))).count();
-        (chunk.position.map(pick), chunk.weight.map(pick), particles.kinds.iter().map(of_kind).collect::<Vec<_>>())
-    });
-    let column = |k: usize| Column::owned(parts.par_iter().flat_map_iter(|p| p.0[k].iter().copied()).collect());
-    let mut end = 0;
-    let kinds = particles.kinds.iter().enumerate().map(|(i, kind)| {
-        let start = end;
-        end += parts.iter().map(|p| p.2[i]).sum::<usize>();
-        ParticleLayer { range: start..end, ..kind.clone() }
-    });
-    Particles {
-        positions: Positions::Columns([column(0), column(1), column(2)]),
-        weights: particles
-            .weights
-            .as_ref()
-            .map(|_| Column::owned(parts.iter().flat_map(|p| p.1.iter().flatten().copied()).collect())),
-        origin: particles.origin,
-        meta: particles.meta.clone(),
-        kinds: kinds.filter(|k| !k.range.is_empty()).collect(),
+fn keep_valid(particles: &Particles, count: usize, room: &Room) -> Result<Particles> {
+    let weighted = particles.weights.is_some();
+    let mut columns = room.columns("the valid particles", if weighted { 4 } else { 3 }, count)?;
+    let (mut kinds, mut end, mut buffer) = (Vec::new(), 0, ChunkBuffer::default());
+    for kind in particles.layers() {
+        let first = end;
+        for start in kind.range.clone().step_by(CHUNK) {
+            let chunk = particles.chunk(start..kind.range.end.min(start + CHUNK), &mut buffer);
+            for i in (0..chunk.len()).filter(|&i| valid(&chunk, i)) {
+                (0..3).for_each(|k| columns[k][end] = chunk.position[k][i]);
+                chunk.weight.iter().for_each(|w| columns[3][end] = w[i]);
+                end += 1;
+            }
+        }
+        kinds.push(ParticleLayer { range: first..end, ..kind });
     }
+    kinds.retain(|k| !k.range.is_empty());
+    if particles.kinds.is_empty() {
+        kinds.clear();
+    }
+    let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+    Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), kinds))
 }
 
 /// Metadata of a file that says nothing but its name.

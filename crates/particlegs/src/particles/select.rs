@@ -5,10 +5,10 @@
 //! threads.
 
 use super::images::Images;
+use super::room::Blank;
 use super::storage::CHUNK;
-use super::{Bounds, ChunkBuffer, Column, ParticleLayer, Particles, Positions, SnapshotMeta, Tiling};
+use super::{Bounds, ChunkBuffer, ParticleLayer, Particles, Room, SnapshotMeta, Tiling};
 use crate::math::Random;
-use crate::memory::require;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -53,12 +53,12 @@ pub struct Run {
 /// The draw's place in the order of keys: a particle is drawn where its own is not above.
 type Key = (u64, u64, u32);
 
-/// The particles that a selection keeps, in memory, about the same origin.
+/// The particles that a selection keeps, in columns of `room`, about the same origin.
 ///
 /// # Errors
-/// Those of [`Kept::new`]; [`Error::Memory`] before anything is taken.
-pub fn select(particles: &Particles, selection: Selection, progress: &dyn Progress) -> Result<Particles> {
-    Kept::about(particles.origin, particles, Tiling::single(), selection, progress)?.collect(progress)
+/// Those of [`Kept::new`]; of [`Room::columns`] before anything is taken.
+pub fn select(particles: &Particles, selection: Selection, room: &Room, progress: &dyn Progress) -> Result<Particles> {
+    Kept::about(particles.origin, particles, Tiling::single(), selection, progress)?.collect(room, progress)
 }
 
 /// A layer of what is kept.
@@ -232,11 +232,10 @@ impl<'a> Kept<'a> {
         self.first[id as usize]
     }
 
-    /// What is kept, in memory.
-    fn collect(&self, progress: &dyn Progress) -> Result<Particles> {
+    /// What is kept, in columns.
+    fn collect(&self, room: &Room, progress: &dyn Progress) -> Result<Particles> {
         let columns = if self.weighted() { 4 } else { 3 };
-        require("the particles chosen", self.total() * 4 * columns as u64)?;
-        let mut values = vec![vec![0f32; self.total() as usize]; columns];
+        let mut values = room.columns("the particles chosen", columns, self.total() as usize)?;
         let mut places: Vec<Vec<&mut [f32]>> = (0..self.runs()).map(|_| Vec::new()).collect();
         for column in &mut values {
             let mut rest = &mut column[..];
@@ -260,10 +259,8 @@ impl<'a> Kept<'a> {
         };
         let kinds =
             if self.particles.kinds.is_empty() { Vec::new() } else { self.layers().into_iter().map(kind).collect() };
-        let mut values = values.into_iter().map(Column::owned);
-        let mut next = || values.next().expect("three columns at least");
-        let positions = Positions::Columns([next(), next(), next()]);
-        Ok(Particles { positions, weights: values.next(), origin: self.origin, meta: self.meta.clone(), kinds })
+        let columns = values.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), kinds))
     }
 
     /// Fills `run` with what run `id` keeps.

@@ -68,6 +68,10 @@ pub trait SnapshotReader: Send + Sync {
     /// # Errors
     /// [`crate::Error::Input`] for bytes that contradict the format; the sink's; `Cancelled`.
     fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()>;
+    /// Can runs be read in any order at no more than their own cost? Streams cannot.
+    fn random_access(&self) -> bool {
+        true
+    }
     /// All particles where they lie, if they lie so: origin 0, f32 columns or triples.
     fn in_place(&self) -> Option<InPlace> {
         None

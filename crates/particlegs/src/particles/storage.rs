@@ -99,6 +99,19 @@ impl Particles {
         }
     }
 
+    /// Particles of columns x, y, z and perhaps weights.
+    pub(crate) fn of_columns(
+        columns: Vec<Column>,
+        origin: [f64; 3],
+        meta: SnapshotMeta,
+        kinds: Vec<ParticleLayer>,
+    ) -> Self {
+        let mut columns = columns.into_iter();
+        let mut next = || columns.next().expect("three columns at least");
+        let positions = Positions::Columns([next(), next(), next()]);
+        Particles { positions, weights: columns.next(), origin, meta, kinds }
+    }
+
     /// Number of particles.
     pub fn len(&self) -> usize {
         match &self.positions {

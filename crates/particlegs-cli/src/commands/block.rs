@@ -1,0 +1,55 @@
+//! `particlegs block JOB I`.
+
+use crate::common::Common;
+use crate::job_args::{JobSnapshot, of_task, task_number};
+use clap::Args;
+use particlegs::job::{Done, Job};
+use particlegs::{Error, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Arguments.
+#[derive(Args)]
+#[command(after_help = "\
+Fits one block and writes a model file of it. What is done is skipped; SIGTERM, SIGUSR1 and Ctrl-C
+stop it with exit code 75 after a checkpoint: run it again to go on.
+
+Examples:
+  particlegs block job 0
+  particlegs block job env:SLURM_ARRAY_TASK_ID")]
+pub struct Arguments {
+    /// The job's folder.
+    job: PathBuf,
+    /// The block, from 0, or `env:NAME`.
+    #[arg(value_name = "I")]
+    block: String,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Does one block.
+pub fn run(a: Arguments) -> Result<()> {
+    let context = a.common.clone().start()?;
+    let job = Job::open(&a.job)?;
+    let number = task_number(&a.block)?;
+    let block = u32::try_from(number).map_err(|_| {
+        Error::argument(format!("block {number} is outside the {} of this job", job.manifest.plan.blocks))
+    })?;
+    let snapshot = JobSnapshot::of(&job)?;
+    let done = job.block(block, || snapshot.layered(&context), &context);
+    let done = done.map_err(|e| of_task(e, &a.job, &format!("block {block}")))?;
+    let (report, how) = match &done {
+        Done::Before(report) => (report, "was done before".to_string()),
+        Done::Now(report, 0) => (report, "done".to_string()),
+        Done::Now(report, pieces) => (report, format!("done, from a checkpoint of {pieces} pieces")),
+    };
+    let seconds: f64 = report.seconds.iter().map(|s| s.1).sum();
+    let text = format!(
+        "{}: block {block} {how}: {} particles -> {} Gaussians, {} bytes, {seconds:.2} s",
+        a.job.display(),
+        report.particles,
+        report.gaussians,
+        report.bytes
+    );
+    context.finish(&text, &json!({ "before": matches!(done, Done::Before(_)), "report": report }))
+}

@@ -1,0 +1,54 @@
+//! `particlegs status JOB`.
+
+use crate::common::Common;
+use clap::Args;
+use particlegs::Result;
+use particlegs::job::{Job, State};
+use std::path::PathBuf;
+
+/// Arguments.
+#[derive(Args)]
+#[command(after_help = "Example:\n  particlegs status job --json -")]
+pub struct Arguments {
+    /// The job's folder.
+    job: PathBuf,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Tells how far a job is.
+pub fn run(a: Arguments) -> Result<()> {
+    let context = a.common.clone().start()?;
+    let status = Job::open(&a.job)?.status()?;
+    let parts = |states: &[State]| {
+        let of = |state| {
+            let found = states.iter().enumerate().filter(|s| *s.1 == state).map(|s| s.0.to_string());
+            found.collect::<Vec<_>>()
+        };
+        let mut text = format!("{} of {} done", of(State::Done).len(), states.len());
+        for (state, name) in [(State::Checkpointed, "with a checkpoint"), (State::Missing, "to do")] {
+            let found = of(state);
+            if !found.is_empty() {
+                let more = if found.len() > 12 { ", ..." } else { "" };
+                let first = found.iter().take(12).cloned().collect::<Vec<_>>().join(", ");
+                text += &format!("; {} {name} ({first}{more})", found.len());
+            }
+        }
+        text
+    };
+    let chunks = match status.chunks.len() {
+        0 => "none needed".to_string(),
+        _ => parts(&status.chunks),
+    };
+    let text = format!(
+        "{}\nchunks: {chunks}\nblocks: {}\nparticles: {} of {}; {} Gaussians, {} bytes, {:.1} s of work",
+        a.job.display(),
+        parts(&status.blocks),
+        status.particles[0],
+        status.particles[1],
+        status.gaussians,
+        status.model_bytes,
+        status.seconds
+    );
+    context.finish(&text, &status)
+}

@@ -1,0 +1,127 @@
+//! What a model is to be: target, effort, what it stores. The same for `compress` and `plan`.
+
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use clap::{Args, ValueEnum};
+use particlegs::compress::{Options, Target};
+use particlegs::fit::Effort;
+use particlegs::particles::Room;
+use particlegs::{Error, Result};
+
+/// What a model is to be.
+#[derive(Args, Clone, Debug)]
+pub struct FitArgs {
+    #[command(flatten)]
+    target: TargetArgs,
+    /// Time for quality.
+    #[arg(long, value_enum, default_value_t = EffortArg::Default)]
+    effort: EffortArg,
+    /// Default particle radius to store (default: 0.0406 of the mean spacing).
+    #[arg(long, value_name = "WORLD")]
+    radius: Option<f64>,
+    /// Default opacity to store (default: 0.05).
+    #[arg(long)]
+    opacity: Option<f64>,
+    /// Do not measure the decoded model: no scores in the file.
+    #[arg(long)]
+    no_certificate: bool,
+}
+
+/// One target at most.
+#[derive(Args, Clone, Debug)]
+#[group(multiple = false)]
+struct TargetArgs {
+    /// Compression ratio: 12 bytes a particle (16 with weights) over the file's bytes [default: 300].
+    #[arg(long)]
+    ratio: Option<f64>,
+    /// File size, e.g. 11MB, 900kB, 1.5GiB.
+    #[arg(long)]
+    size: Option<String>,
+    /// Number of Gaussians, at the nominal precision.
+    #[arg(long, value_name = "K")]
+    gaussians: Option<u64>,
+    /// Masked PSNR in dB, `expected` look, mean over held-out views.
+    #[arg(long, value_name = "DB")]
+    psnr: Option<f64>,
+}
+
+/// Effort on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum EffortArg {
+    /// The partition alone: for pictures; small groups are lost.
+    Fast,
+    /// Refined.
+    Default,
+    /// Refined longer.
+    High,
+}
+
+impl TargetArgs {
+    fn target(&self) -> Result<Target> {
+        match (self.ratio, &self.size, self.gaussians, self.psnr) {
+            (Some(r), ..) => Target::Ratio(r).check(),
+            (_, Some(s), ..) => Target::parse_size(s),
+            (_, _, Some(k), _) => Target::Gaussians(k).check(),
+            (.., Some(d)) => Target::Psnr(d).check(),
+            _ => Ok(Target::Default),
+        }
+    }
+
+    /// As stored in the file: what decides its bytes.
+    fn text(&self) -> String {
+        match (self.ratio, &self.size, self.gaussians, self.psnr) {
+            (Some(r), ..) => format!(" --ratio {r}"),
+            (_, Some(s), ..) => format!(" --size {s}"),
+            (_, _, Some(k), _) => format!(" --gaussians {k}"),
+            (.., Some(d)) => format!(" --psnr {d}"),
+            _ => String::new(),
+        }
+    }
+}
+
+impl FitArgs {
+    /// For pictures alone?
+    pub fn is_fast(&self) -> bool {
+        self.effort == EffortArg::Fast
+    }
+
+    /// The options of a job in one block, in memory.
+    pub fn options(
+        &self,
+        snapshot: &SnapshotArgs,
+        (selection, window): (&SelectionArgs, &WindowArgs),
+        seed: u64,
+    ) -> Result<Options> {
+        for (name, value) in [("--radius", self.radius), ("--opacity", self.opacity)] {
+            if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
+                return Err(Error::argument(format!("{name} must be positive")));
+            }
+        }
+        if self.opacity.is_some_and(|a| a > 1.0) {
+            return Err(Error::argument("--opacity is outside (0, 1]"));
+        }
+        let (effort, name) = match self.effort {
+            EffortArg::Fast => (Effort::Fast, "fast"),
+            EffortArg::Default => (Effort::Default, "default"),
+            EffortArg::High => (Effort::High, "high"),
+        };
+        let mut command = format!("compress{} --effort {name} --seed {seed}", self.target.text());
+        command += &snapshot.text();
+        command += &selection.text(window);
+        for (option, value) in [("radius", self.radius), ("opacity", self.opacity)] {
+            if let Some(v) = value {
+                command += &format!(" --{option} {v}");
+            }
+        }
+        Ok(Options {
+            target: self.target.target()?,
+            effort,
+            radius: self.radius,
+            opacity: self.opacity,
+            blocks: 1,
+            room: Room::Memory,
+            seed,
+            certificate: !self.no_certificate,
+            command,
+        })
+    }
+}

@@ -1,0 +1,86 @@
+//! How a job's snapshot is named in its manifest, and opened again.
+
+use crate::common::Context;
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use particlegs::job::{Job, Source};
+use particlegs::particles::{Layered, Particles, Room};
+use particlegs::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// A snapshot as a job names it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct JobSnapshot {
+    paths: Vec<PathBuf>,
+    opening: SnapshotArgs,
+    selection: SelectionArgs,
+    window: WindowArgs,
+    seed: u64,
+}
+
+impl JobSnapshot {
+    /// As named on the command line; tasks may run in other folders.
+    pub fn new(
+        paths: &[PathBuf],
+        opening: &SnapshotArgs,
+        (selection, window): (&SelectionArgs, &WindowArgs),
+        seed: u64,
+    ) -> Result<Self> {
+        let absolute = |p: &PathBuf| std::fs::canonicalize(p).map_err(|e| Error::io(p, e));
+        let paths = paths.iter().map(absolute).collect::<Result<_>>()?;
+        let (opening, selection, window) = (opening.clone(), selection.clone(), window.clone());
+        Ok(JobSnapshot { paths, opening, selection, window, seed })
+    }
+
+    /// As a job's manifest names it.
+    pub fn of(job: &Job) -> Result<Self> {
+        let place = job.folder.join("plan.json");
+        let value = job.manifest.snapshot.clone();
+        serde_json::from_value(value).map_err(|e| Error::input(&place, format!("names no snapshot: {e}")))
+    }
+
+    /// How errors name it.
+    pub fn place(&self) -> String {
+        self.paths.first().map_or_else(String::new, |p| p.display().to_string())
+    }
+
+    /// The snapshot as it is planned; what cannot be read where it lies is put into `room`.
+    pub fn source(&self, room: &Room, context: &Context) -> Result<Source> {
+        match self.opening.open_later(&self.paths, (&self.selection, &self.window), self.seed, context)? {
+            Some(layered) => Ok(Source::Later(layered)),
+            None => Ok(Source::Now(self.particles(room, context)?)),
+        }
+    }
+
+    /// The snapshot, to be read run by run.
+    pub fn layered(&self, context: &Context) -> Result<Layered> {
+        match self.source(&Room::Memory, context)? {
+            Source::Later(layered) => Ok(layered),
+            Source::Now(particles) => Ok(Layered::of(&particles)),
+        }
+    }
+
+    /// The particles.
+    pub fn particles(&self, room: &Room, context: &Context) -> Result<Particles> {
+        self.opening.open_selected_in(room, &self.paths, (&self.selection, &self.window), self.seed, context)
+    }
+}
+
+/// A task's number: from 0, or `env:NAME` for what an engine's variable says.
+pub fn task_number(text: &str) -> Result<u64> {
+    let said = match text.strip_prefix("env:") {
+        None => text.to_string(),
+        Some(name) => {
+            std::env::var(name).map_err(|_| Error::argument(format!("{text}: the variable {name} is not set")))?
+        }
+    };
+    said.trim().parse().map_err(|_| Error::argument(format!("{text}: `{said}` is not a number from 0")))
+}
+
+/// Errors of a task that an engine runs again: a stop is no failure.
+pub fn of_task(error: Error, job: &Path, task: &str) -> Error {
+    match error {
+        Error::Cancelled => Error::Checkpointed { what: format!("{}: {task}", job.display()) },
+        other => other,
+    }
+}

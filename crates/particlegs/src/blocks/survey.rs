@@ -1,0 +1,160 @@
+//! What one pass over a snapshot tells, wherever it lies.
+
+use super::Sample;
+use crate::Result;
+use crate::particles::{Bounds, Chunk, Invalid, Layered, RUN, RunHash, hash_of_runs, hash_run, invalid};
+use crate::progress::Progress;
+use std::sync::Mutex;
+
+/// What one pass over a snapshot tells.
+pub struct Survey {
+    /// Its runs, layer after layer, each layer beginning one.
+    pub runs: Vec<RunSurvey>,
+    /// Positions spread evenly over it.
+    pub sample: Sample,
+    /// Bounds of all particles, world units.
+    pub bounds: Bounds,
+}
+
+/// A run of at most 65 536 particles of one layer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunSurvey {
+    /// Lowest coordinates, about the snapshot's origin.
+    pub min: [f32; 3],
+    /// Highest coordinates.
+    pub max: [f32; 3],
+    /// Hash of its particles.
+    pub hash: RunHash,
+}
+
+/// What is known of a run while it passes.
+#[derive(Default)]
+struct Seen {
+    survey: Option<RunSurvey>,
+    sample: [Vec<f32>; 3],
+    invalid: Invalid,
+    /// Its first weight, if all are the same.
+    weight: Option<f32>,
+}
+
+impl Survey {
+    /// Reads all particles once. A layer whose weights turn out to be all the same has them dropped
+    /// in `source`, as [`crate::particles::settle_masses`] does.
+    ///
+    /// # Errors
+    /// Those of the readers; [`crate::Error::Input`] at `place` for invalid values;
+    /// [`crate::Error::Cancelled`].
+    pub fn new(source: &mut Layered, place: &str, progress: &dyn Progress) -> Result<Survey> {
+        let every = Sample::every(source.count());
+        progress.begin("survey", source.count());
+        let mut all = Survey { runs: Vec::new(), sample: Sample::default(), bounds: Bounds::empty() };
+        let (mut start, mut bad) = (0, Invalid::default());
+        for index in 0..source.layers.len() {
+            let layer = &source.layers[index];
+            let seen: Vec<Mutex<Seen>> = (0..layer.runs()).map(|_| Mutex::default()).collect();
+            layer.read(source.origin, 0..layer.runs(), progress, &|run, chunk| {
+                let first = start + run * RUN as u64;
+                *seen[run as usize].lock().unwrap_or_else(|e| e.into_inner()) = Seen::of(&chunk, first, every);
+                Ok(())
+            })?;
+            let mut weights = Vec::with_capacity(seen.len());
+            let from = all.runs.len();
+            for (run, seen) in seen.into_iter().enumerate() {
+                let seen = seen.into_inner().unwrap_or_else(|e| e.into_inner());
+                bad = bad.and(start + (run * RUN) as u64, seen.invalid);
+                weights.push(seen.weight);
+                all.sample.append(seen.sample);
+                let missing = || crate::Error::input(place, format!("run {run} of layer `{}` is missing", layer.name));
+                all.runs.push(seen.survey.ok_or_else(missing)?);
+            }
+            start += layer.count;
+            if let Some(&Some(weight)) = weights.first()
+                && layer.weighted
+                && weights.iter().all(|w| *w == Some(weight))
+            {
+                source.settle(index, weight);
+                all.runs[from..].iter_mut().for_each(|r| r.hash.weights = None);
+            }
+        }
+        progress.end();
+        if bad.count > 0 {
+            return Err(bad.refusal(place));
+        }
+        all.bounds = all.runs.iter().fold(Bounds::empty(), |all, r| all.union(&r.bounds(source.origin)));
+        Ok(all)
+    }
+
+    /// The snapshot's hash.
+    pub fn hash(&self, origin: [f64; 3]) -> [u8; 32] {
+        hash_of_runs(origin, self.runs.iter().map(|r| &r.hash))
+    }
+}
+
+impl RunSurvey {
+    /// Bounds, world units.
+    fn bounds(&self, origin: [f64; 3]) -> Bounds {
+        let world = |p: [f32; 3]| std::array::from_fn(|k| origin[k] + f64::from(p[k]));
+        Bounds { min: world(self.min), max: world(self.max) }
+    }
+}
+
+impl Seen {
+    fn of(chunk: &Chunk<'_>, first: u64, every: u64) -> Seen {
+        let end = |f: fn(f32, f32) -> f32, from: f32| chunk.position.map(|c| c.iter().fold(from, |a, &v| f(a, v)));
+        let (min, max) = (end(f32::min, f32::INFINITY), end(f32::max, f32::NEG_INFINITY));
+        let one = chunk.weight.and_then(|w| w.first().copied().filter(|f| w.iter().all(|v| v == f)));
+        Seen {
+            survey: Some(RunSurvey { min, max, hash: hash_run(chunk) }),
+            sample: Sample::of_run(chunk, first, every),
+            invalid: invalid(chunk),
+            weight: one,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sample;
+    use super::*;
+    use crate::particles::{Column, ParticleLayer, Particles, settle_masses, source_hash};
+    use crate::progress::Silent;
+
+    fn snapshot(weights: impl Fn(usize) -> f32) -> Particles {
+        let n = 3 * RUN;
+        let column =
+            |k: usize| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
+        let mut p = Particles::from_columns(column(0), column(1), column(2));
+        p.weights = Some(Column::owned((0..n).map(weights).collect()));
+        let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: true };
+        p.kinds = vec![kind("a", 0..70_000), kind("b", 70_000..n)];
+        p.origin = [1e6, 0.0, -3.5];
+        p
+    }
+
+    #[test]
+    fn tells_what_the_particles_in_memory_tell() {
+        for same in [false, true] {
+            let p = snapshot(|i| if same && i >= 70_000 { 2.0 } else { 1.0 + i as f32 });
+            let mut source = Layered::of(&p);
+            let survey = Survey::new(&mut source, "here", &Silent).unwrap();
+            let p = settle_masses(p);
+            assert_eq!(survey.bounds, p.bounds());
+            assert_eq!(survey.hash(source.origin), source_hash(&p));
+            assert_eq!(survey.sample.position, sample(&p, &Silent).unwrap().position);
+            assert_eq!(source.raw_bytes(), p.raw_bytes());
+            let heads = |l: &ParticleLayer| (l.name.clone(), l.weighted, l.particle_mass);
+            let read: Vec<_> = source.layers.iter().map(|l| (l.name.clone(), l.weighted, l.particle_mass)).collect();
+            assert_eq!(read, p.layers().iter().map(heads).collect::<Vec<_>>());
+            assert_eq!(read[1].1, !same);
+        }
+    }
+
+    #[test]
+    fn invalid_values_are_named() {
+        let mut p = snapshot(|i| i as f32 + 1.0);
+        p.weights =
+            Some(Column::owned((0..p.len()).map(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 }).collect()));
+        let error = Survey::new(&mut Layered::of(&p), "here", &Silent).err().unwrap();
+        assert!(error.to_string().contains("the first at index 140000"), "{error}");
+    }
+}

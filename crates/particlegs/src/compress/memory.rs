@@ -1,0 +1,95 @@
+//! How many blocks a bound on memory asks for.
+
+use super::block::bytes_a_gaussian;
+use super::target::Target;
+use crate::fit::Effort;
+use crate::{Error, Result};
+
+/// The program itself, its buffers and pictures. Measured: docs/results/full-scale.md.
+const BASE: u64 = 150 << 20;
+/// Refinement holds a few million particles with their candidates at a time.
+const REFINING: u64 = 250 << 20;
+/// A Gaussian while a block is cut, refined and coded.
+const GAUSSIAN: u64 = 260;
+/// A Gaussian of the whole model while it is put together, decoded and measured.
+const DECODED: u64 = 160;
+
+/// What decides the memory of a job.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Load {
+    /// Particles.
+    pub count: u64,
+    /// Their bytes as float32.
+    pub raw_bytes: u64,
+    /// What is asked for.
+    pub target: Target,
+    /// Time for quality.
+    pub effort: Effort,
+    /// Copies of a block's particles in memory: the fit's, and another where the block was read into
+    /// memory.
+    pub copies: u64,
+}
+
+impl Load {
+    /// The fewest blocks whose fits take at most `bound` bytes each.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] where no number of blocks does.
+    pub fn blocks_within(&self, bound: u64) -> Result<u32> {
+        let fits = |blocks: u64| self.block_bytes(blocks) <= bound;
+        let most = self.count.min(1 << 20);
+        if !fits(most) {
+            let what = "a job of blocks".to_string();
+            return Err(Error::Memory { what, need_bytes: self.block_bytes(most), have_bytes: bound });
+        }
+        let (mut low, mut high) = (0, most);
+        while high - low > 1 {
+            let middle = (low + high) / 2;
+            *(if fits(middle) { &mut high } else { &mut low }) = middle;
+        }
+        Ok(high as u32)
+    }
+
+    /// Bytes that a job in `blocks` blocks takes, one at a time.
+    pub fn block_bytes(&self, blocks: u64) -> u64 {
+        // Cuts through a sample are not exact.
+        let share = |n: u64| (n as f64 / blocks.max(1) as f64 * 1.01) as u64;
+        let gaussians = self.gaussians();
+        let refining = if self.effort == Effort::Fast { 0 } else { REFINING.min(60 * share(self.count)) };
+        let block = self.copies * share(self.raw_bytes) + GAUSSIAN * share(gaussians) + refining;
+        BASE + block.max(DECODED * gaussians)
+    }
+
+    /// Gaussians that the target will ask for.
+    fn gaussians(&self) -> u64 {
+        let wanted = match (self.target, self.target.bytes(self.raw_bytes)) {
+            (_, Some(bytes)) => (bytes as f64 / bytes_a_gaussian(self.effort)) as u64,
+            (Target::Gaussians(number), _) => number,
+            // A quality: as many as the default ratio has, and twice as many again.
+            _ => 3 * (Target::Default.bytes(self.raw_bytes).unwrap_or(0) as f64 / bytes_a_gaussian(self.effort)) as u64,
+        };
+        wanted.clamp(1, self.count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn less_memory_asks_for_more_blocks() {
+        let load = |ratio| Load {
+            count: 1 << 28,
+            raw_bytes: 12 << 28,
+            target: Target::Ratio(ratio),
+            effort: Effort::Default,
+            copies: 1,
+        };
+        let blocks = [16u64, 4, 2, 1].map(|gib| load(290.0).blocks_within(gib << 30).unwrap());
+        assert_eq!(blocks[0], 1);
+        assert!(blocks.windows(2).all(|w| w[0] < w[1]), "{blocks:?}");
+        assert!(load(290.0).block_bytes(u64::from(blocks[3])) <= 1 << 30);
+        assert!(load(290.0).block_bytes(u64::from(blocks[3]) - 1) > 1 << 30);
+        assert!(matches!(load(290.0).blocks_within(100 << 20), Err(Error::Memory { .. })));
+    }
+}

@@ -1,0 +1,186 @@
+//! What every block must know of the whole: the same for all of a job, wherever blocks are done.
+
+use super::block::{BlockJob, CodedBlock, Fitting, Outcome, Workshop};
+use super::job::Options;
+use super::target::Target;
+use crate::camera::{ORBITS, base_distance, spherical_camera};
+use crate::codec::{self, CodedLayer, LayerHead};
+use crate::fit::Effort;
+use crate::model::{Certificate, Metadata};
+use crate::particles::Bounds;
+use crate::picture::Size;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// A layer of the whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedLayer {
+    /// Name.
+    pub name: String,
+    /// Particles.
+    pub count: u64,
+    /// Mass of a particle of weight 1, where known.
+    pub particle_mass: Option<f64>,
+    /// Do its particles have weights of their own?
+    pub weighted: bool,
+}
+
+/// What is asked for, and what is known of the whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Size, ratio or number.
+    pub target: Target,
+    /// Time for quality.
+    pub effort: Effort,
+    /// Seed of the fits and the views.
+    pub seed: u64,
+    /// Is the decoded model measured?
+    pub certificate: bool,
+    /// Number of blocks.
+    pub blocks: u32,
+    /// Layers.
+    pub layers: Vec<PlannedLayer>,
+    /// What the file will say; its mass comes from the blocks.
+    pub metadata: Metadata,
+}
+
+impl Plan {
+    /// A plan for a snapshot that `metadata` describes.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a target that is none.
+    pub fn new(options: &Options, metadata: Metadata, layers: Vec<PlannedLayer>) -> Result<Plan> {
+        Ok(Plan {
+            target: options.target.check()?,
+            effort: options.effort,
+            seed: options.seed,
+            certificate: options.certificate,
+            blocks: options.blocks,
+            layers,
+            metadata,
+        })
+    }
+
+    /// Bytes of the particles as float32.
+    pub fn raw_bytes(&self) -> u64 {
+        self.layers.iter().map(|l| l.count * if l.weighted { 16 } else { 12 }).sum()
+    }
+
+    /// How blocks are fitted.
+    pub fn fitting(&self) -> Fitting {
+        Fitting {
+            effort: self.effort,
+            radius: self.metadata.default_radius,
+            pixel: near_pixel(&self.metadata.bounds),
+            seed: self.seed,
+        }
+    }
+
+    /// Bytes of the file beside its coded blocks, where every block has every layer: where some lack
+    /// one, a few bytes more than there will be.
+    pub fn overhead(&self) -> u64 {
+        let heads = self.layers.iter().map(|l| LayerHead {
+            name: &l.name,
+            particle_mass: l.particle_mass,
+            weighted: l.weighted,
+            blocks: self.blocks as usize,
+        });
+        codec::size_without_blocks(&self.metadata, self.certificate, &heads.collect::<Vec<_>>()) as u64
+    }
+
+    /// A block as the target wants it: its share of the room or of the number.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the target can only be met by all blocks together; those of the fit.
+    pub fn block(&self, block: &BlockJob, shop: &mut Workshop<'_>) -> Result<CodedBlock> {
+        match (self.target, self.target.bytes(self.raw_bytes())) {
+            (_, Some(bytes)) => {
+                let room = bytes.saturating_sub(self.overhead());
+                let share = block.raw_bytes as f64 / self.raw_bytes() as f64;
+                block.at_size((room as f64 * share) as u64, shop)
+            }
+            (Target::Gaussians(number), _) => self.block_at_number(block, number, shop),
+            _ => Err(Error::argument("a quality is met by all blocks together, not by one: ask for a size or ratio")),
+        }
+    }
+
+    /// A block with its share of `number` Gaussians.
+    ///
+    /// # Errors
+    /// Those of the fit.
+    pub fn block_at_number(&self, block: &BlockJob, number: u64, shop: &mut Workshop<'_>) -> Result<CodedBlock> {
+        let share = (number as f64 * (block.count as f64 / self.metadata.count as f64)).round() as u64;
+        block.at_number(share.max(1), shop)
+    }
+
+    /// Says what a user must know of how blocks of `bytes` in all meet their target.
+    ///
+    /// # Errors
+    /// [`Error::Unreachable`] where header and one Gaussian do not fit an explicit size.
+    pub fn judge(&self, outcomes: &[Outcome], bytes: u64, progress: &dyn Progress) -> Result<()> {
+        let Some(target) = self.target.bytes(self.raw_bytes()) else { return Ok(()) };
+        let smallest = bytes + self.overhead();
+        if outcomes.iter().any(|o| o.too_large) {
+            let what =
+                format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
+            if self.target != Target::Default {
+                let ratio = self.raw_bytes() as f64 / smallest as f64;
+                let hint = format!("ask for `--size {smallest}B` or more, or for a ratio of {ratio:.4} or less");
+                return Err(Error::Unreachable { what, hint });
+            }
+            progress.message(&format!("warning: {what}"));
+        } else if outcomes.iter().all(|o| o.too_small) {
+            progress.message(&format!(
+                "note: the file has {smallest} bytes, fewer than the {target} asked for: these particles need no more"
+            ));
+        }
+        Ok(())
+    }
+
+    /// The file of all blocks.
+    ///
+    /// # Errors
+    /// Those of [`codec::assemble`].
+    pub fn file<'a>(
+        &self,
+        blocks: impl Iterator<Item = &'a CodedLayer>,
+        certificate: Option<&Certificate>,
+    ) -> Result<Vec<u8>> {
+        self.file_of(self.metadata.clone(), blocks, certificate)
+    }
+
+    /// The file of one block on its own: a model of its particles, drawn as the whole is.
+    ///
+    /// # Errors
+    /// Those of [`codec::assemble`].
+    pub fn block_file(&self, job: &BlockJob, coded: &CodedBlock) -> Result<Vec<u8>> {
+        let bounds = job.layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds));
+        self.file_of(Metadata { bounds, ..self.metadata.clone() }, coded.layers.iter(), None)
+    }
+
+    fn file_of<'a>(
+        &self,
+        metadata: Metadata,
+        blocks: impl Iterator<Item = &'a CodedLayer>,
+        certificate: Option<&Certificate>,
+    ) -> Result<Vec<u8>> {
+        let mut layers: Vec<CodedLayer> = Vec::new();
+        for layer in blocks {
+            match layers.iter_mut().find(|l| l.name == layer.name) {
+                Some(l) => l.blocks.extend(layer.blocks.iter().cloned()),
+                None => layers.push(layer.clone()),
+            }
+        }
+        let (count, mass) = codec::sums(&layers)?;
+        codec::assemble(&Metadata { count, mass, ..metadata }, certificate, layers)
+    }
+}
+
+/// A pixel at the focal point of the near orbit, 1080 pixels high, world units. (The far orbit's
+/// gains twice as much at few Gaussians, and loses 0.5 dB near where there are many.)
+pub(super) fn near_pixel(bounds: &Bounds) -> f64 {
+    const SIZE: Size = Size { width: 1920, height: 1080 };
+    let distance = ORBITS[2].factor * base_distance(bounds, SIZE);
+    distance / spherical_camera(bounds.center(), 0.0, 0.0, distance).focal_pixels(SIZE)
+}

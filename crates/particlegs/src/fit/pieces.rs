@@ -1,0 +1,89 @@
+//! Finished pieces of a fit, kept so that an interrupted fit goes on where it stopped.
+
+use super::em::Gaussians;
+use crate::Result;
+use crate::math::Sym3;
+
+/// Where finished pieces are kept. What a fit gives does not depend on which of them are there.
+pub trait Pieces {
+    /// A piece that was kept before.
+    fn get(&self, key: &str) -> Option<Vec<u8>>;
+    /// Keeps a piece.
+    ///
+    /// # Errors
+    /// Those of where it is kept.
+    fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()>;
+}
+
+/// Keeps nothing.
+pub struct NoPieces;
+
+impl Pieces for NoPieces {
+    fn get(&self, _: &str) -> Option<Vec<u8>> {
+        None
+    }
+
+    fn keep(&mut self, _: &str, _: Vec<u8>) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Pieces under a name of their own.
+pub struct Under<'a> {
+    /// Where they are kept.
+    pub pieces: &'a mut dyn Pieces,
+    /// What their keys begin with.
+    pub prefix: String,
+}
+
+impl Pieces for Under<'_> {
+    fn get(&self, key: &str) -> Option<Vec<u8>> {
+        self.pieces.get(&format!("{}/{key}", self.prefix))
+    }
+
+    fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        self.pieces.keep(&format!("{}/{key}", self.prefix), bytes)
+    }
+}
+
+/// Numbers of a Gaussian.
+const WIDTH: usize = 11;
+
+/// Gaussians as bytes: mean, covariance, count, mass of each, f64, little-endian.
+pub(super) fn to_bytes(g: &Gaussians) -> Vec<u8> {
+    let one = |j: usize| g.mean[j].into_iter().chain(g.cov[j].0).chain([g.count[j], g.mass[j]]);
+    (0..g.len()).flat_map(one).flat_map(f64::to_le_bytes).collect()
+}
+
+/// Gaussians of bytes; `None` where they are none.
+pub(super) fn of_bytes(bytes: &[u8]) -> Option<Gaussians> {
+    if bytes.len() % (8 * WIDTH) != 0 {
+        return None;
+    }
+    let mut g = Gaussians::default();
+    for one in bytes.chunks_exact(8 * WIDTH) {
+        let v: [f64; WIDTH] = std::array::from_fn(|i| f64::from_le_bytes(std::array::from_fn(|b| one[8 * i + b])));
+        let cov = Sym3([v[3], v[4], v[5], v[6], v[7], v[8]]);
+        g.push([v[0], v[1], v[2]], cov, v[9], v[10]);
+    }
+    Some(g)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaussians_come_back() {
+        let mut g = Gaussians::default();
+        let cov = Sym3([1.0, 2.0, 3.0, 0.1, -0.2, f64::MIN_POSITIVE]);
+        g.push([0.1, -2.0, 1e300], cov, 7.0, 0.5);
+        g.push([0.0; 3], cov, 1.0, 1.0);
+        let back = of_bytes(&to_bytes(&g)).unwrap();
+        assert_eq!(
+            (back.mean, back.cov, back.count, back.mass),
+            (g.mean.clone(), g.cov.clone(), g.count.clone(), g.mass.clone())
+        );
+        assert!(of_bytes(&to_bytes(&g)[1..]).is_none());
+    }
+}

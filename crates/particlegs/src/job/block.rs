@@ -1,0 +1,112 @@
+//! One block of a job: read, fitted, coded, written.
+
+use super::checkpoint::Checkpoint;
+use super::manifest::Job;
+use crate::compress::{BlockJob, Clock, Outcome, Workshop};
+use crate::particles::Layered;
+use crate::progress::Progress;
+use crate::{Error, Result, codec, output};
+use serde::{Deserialize, Serialize};
+
+/// What is said of a block that is done: `blocks/00000.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BlockReport {
+    /// The plan that it belongs to, BLAKE3 of plan.json.
+    pub plan: String,
+    /// Its number.
+    pub block: u32,
+    /// BLAKE3 of its model file.
+    pub model: String,
+    /// Bytes of its model file.
+    pub bytes: u64,
+    /// Particles.
+    pub particles: u64,
+    /// Gaussians.
+    pub gaussians: u64,
+    /// How it meets its room.
+    pub outcome: Outcome,
+    /// Wall-clock seconds by phase.
+    pub seconds: Vec<(String, f64)>,
+}
+
+/// How [`Job::block`] ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Done {
+    /// It was done before.
+    Before(BlockReport),
+    /// It is done now, with so many pieces from a checkpoint.
+    Now(BlockReport, usize),
+}
+
+impl Job {
+    /// Does block `block`: nothing where it is done, the rest where a checkpoint is there. `source`
+    /// opens the snapshot where it is read in place. Writes `blocks/00000.pgs`, a model file of the
+    /// block alone, then its report.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a block that there is not; [`Error::Input`] where its buckets are
+    /// missing or broken or the snapshot changed; those of the fit; [`Error::Cancelled`] after what was
+    /// finished has been kept in a checkpoint.
+    pub fn block(&self, block: u32, source: impl FnOnce() -> Result<Layered>, progress: &dyn Progress) -> Result<Done> {
+        let blocks = self.manifest.plan.blocks;
+        if block >= blocks {
+            let what = format!("block {block} is outside the {blocks} that this job has, counted from 0");
+            return Err(Error::argument(what));
+        }
+        if let Some(report) = self.report(block)?
+            && self.block_path(block, "pgs").metadata().is_ok_and(|m| m.len() == report.bytes)
+        {
+            return Ok(Done::Before(report));
+        }
+        let mut clock = Clock::default();
+        let particles = clock.time("read", || self.gather(block, source, progress))?;
+        if particles.is_empty() {
+            return Err(Error::input(&self.folder, format!("block {block} holds no particles")));
+        }
+        let job = clock.time("read", || BlockJob::of(&particles));
+        let mut checkpoint = Checkpoint::open(self, block)?;
+        let before = checkpoint.len();
+        let plan = &self.manifest.plan;
+        let mut shop = Workshop { fitting: plan.fitting(), progress, clock: &mut clock, pieces: &mut checkpoint };
+        let coded = match plan.block(&job, &mut shop) {
+            Ok(coded) => coded,
+            Err(error) => {
+                checkpoint.save()?;
+                return Err(error);
+            }
+        };
+        let bytes = plan.block_file(&job, &coded)?;
+        output::write_bytes(&self.block_path(block, "pgs"), &bytes)?;
+        let info = codec::read_info(&bytes, "the block just coded")?;
+        let report = BlockReport {
+            plan: hex(&self.id),
+            block,
+            model: blake3::hash(&bytes).to_hex().to_string(),
+            bytes: bytes.len() as u64,
+            particles: info.metadata.count,
+            gaussians: info.layers.iter().flat_map(|l| &l.blocks).map(|b| u64::from(b.gaussians)).sum(),
+            outcome: coded.outcome,
+            seconds: clock.seconds().into_iter().map(|(phase, s)| (phase.into(), s)).collect(),
+        };
+        let text = serde_json::to_string_pretty(&report).expect("plain data") + "\n";
+        output::write_bytes(&self.block_path(block, "json"), text.as_bytes())?;
+        checkpoint.remove()?;
+        Ok(Done::Now(report, before))
+    }
+
+    /// What is said of a block; `None` where it is not done, or for another plan.
+    pub(super) fn report(&self, block: u32) -> Result<Option<BlockReport>> {
+        let path = self.block_path(block, "json");
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(Error::io(&path, e)),
+        };
+        let report: Option<BlockReport> = serde_json::from_str(&text).ok();
+        Ok(report.filter(|r| r.plan == hex(&self.id) && r.block == block))
+    }
+}
+
+pub(super) fn hex(bytes: &[u8; 32]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

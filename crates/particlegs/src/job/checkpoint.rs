@@ -1,0 +1,135 @@
+//! `blocks/00000.checkpoint`: finished pieces of a block's fits.
+//!
+//! Little-endian: magic, the plan's id, u32 block; pieces (u32 length of the key, key, u64 length,
+//! bytes); CRC-32 of all that.
+
+use super::manifest::Job;
+use crate::fit::Pieces;
+use crate::{Error, Result, output};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+const MAGIC: &[u8; 8] = b"PGSCKPT1";
+/// A process that is killed outright loses at most about this much.
+const INTERVAL: Duration = Duration::from_secs(60);
+
+/// Pieces kept in memory, and in a file from time to time.
+pub(super) struct Checkpoint {
+    path: PathBuf,
+    head: Vec<u8>,
+    pieces: BTreeMap<String, Vec<u8>>,
+    saved: Instant,
+    /// Pieces that the file does not hold.
+    unsaved: usize,
+}
+
+impl Checkpoint {
+    /// What is there of a block; nothing where the file is missing, broken or of another plan: it only
+    /// saves time.
+    pub(super) fn open(job: &Job, block: u32) -> Result<Checkpoint> {
+        let path = job.block_path(block, "checkpoint");
+        let head = [&MAGIC[..], &job.id, &block.to_le_bytes()].concat();
+        let pieces = match std::fs::read(&path) {
+            Ok(bytes) => pieces_of(&bytes, &head).unwrap_or_default(),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => BTreeMap::new(),
+            Err(e) => return Err(Error::io(&path, e)),
+        };
+        Ok(Checkpoint { path, head, pieces, saved: Instant::now(), unsaved: 0 })
+    }
+
+    /// Number of pieces.
+    pub(super) fn len(&self) -> usize {
+        self.pieces.len()
+    }
+
+    /// Writes what the file does not hold yet.
+    pub(super) fn save(&mut self) -> Result<()> {
+        if self.unsaved == 0 {
+            return Ok(());
+        }
+        let mut bytes = self.head.clone();
+        for (key, piece) in &self.pieces {
+            bytes.extend((key.len() as u32).to_le_bytes());
+            bytes.extend(key.as_bytes());
+            bytes.extend((piece.len() as u64).to_le_bytes());
+            bytes.extend(piece);
+        }
+        bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+        output::write_bytes(&self.path, &bytes)?;
+        (self.saved, self.unsaved) = (Instant::now(), 0);
+        Ok(())
+    }
+
+    /// Removes the file: the block is done.
+    pub(super) fn remove(self) -> Result<()> {
+        match std::fs::remove_file(&self.path) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&self.path, e)),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Pieces for Checkpoint {
+    fn get(&self, key: &str) -> Option<Vec<u8>> {
+        self.pieces.get(key).cloned()
+    }
+
+    fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        self.pieces.insert(key.into(), bytes);
+        self.unsaved += 1;
+        if self.saved.elapsed() >= INTERVAL { self.save() } else { Ok(()) }
+    }
+}
+
+/// The pieces of a file; `None` where it is broken or has another head.
+fn pieces_of(bytes: &[u8], head: &[u8]) -> Option<BTreeMap<String, Vec<u8>>> {
+    let (body, crc) = bytes.split_at_checked(bytes.len().checked_sub(4)?)?;
+    let mut rest = body.strip_prefix(head)?;
+    if crc32fast::hash(body).to_le_bytes() != crc {
+        return None;
+    }
+    let mut pieces = BTreeMap::new();
+    while !rest.is_empty() {
+        let key = take(&mut rest, 4).and_then(|n| take(&mut rest, u32::from_le_bytes(n.try_into().ok()?) as usize))?;
+        let length = u64::from_le_bytes(take(&mut rest, 8)?.try_into().ok()?);
+        let piece = take(&mut rest, usize::try_from(length).ok()?)?;
+        pieces.insert(String::from_utf8(key.to_vec()).ok()?, piece.to_vec());
+    }
+    Some(pieces)
+}
+
+fn take<'a>(rest: &mut &'a [u8], n: usize) -> Option<&'a [u8]> {
+    let (own, after) = rest.split_at_checked(n)?;
+    *rest = after;
+    Some(own)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_come_back_and_broken_files_are_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.checkpoint");
+        let head = b"head".to_vec();
+        let fresh =
+            |pieces| Checkpoint { path: path.clone(), head: head.clone(), pieces, saved: Instant::now(), unsaved: 0 };
+        let mut c = fresh(BTreeMap::new());
+        c.save().unwrap();
+        assert!(!path.exists(), "nothing to save");
+        c.keep("a/1", vec![1, 2, 3]).unwrap();
+        c.keep("b", vec![]).unwrap();
+        c.save().unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(pieces_of(&bytes, b"head").unwrap(), c.pieces);
+        assert!(pieces_of(&bytes, b"other").is_none());
+        for cut in 0..bytes.len() {
+            assert!(pieces_of(&bytes[..cut], b"head").is_none(), "{cut}");
+        }
+        c.remove().unwrap();
+        assert!(!path.exists());
+        fresh(BTreeMap::new()).remove().unwrap();
+    }
+}

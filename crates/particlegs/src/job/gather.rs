@@ -1,0 +1,156 @@
+//! A block's particles, from buckets or from the snapshot where it lies.
+
+use super::bucket::Buckets;
+use super::manifest::Job;
+use crate::Result;
+use crate::particles::{Blank, Chunk, Layered, ParticleLayer, Particles, Room, SnapshotMeta};
+use crate::progress::Progress;
+use std::ops::Range;
+use std::sync::Mutex;
+
+impl Job {
+    /// The particles of block `block`; `source` opens the snapshot where that is needed.
+    pub(super) fn gather(
+        &self,
+        block: u32,
+        source: impl FnOnce() -> Result<Layered>,
+        progress: &dyn Progress,
+    ) -> Result<Particles> {
+        match self.manifest.chunks {
+            0 => self.gather_in_place(block, &self.as_planned(source()?)?, progress),
+            chunks => self.gather_buckets(block, chunks, progress),
+        }
+    }
+
+    /// From the buckets of all chunks.
+    fn gather_buckets(&self, block: u32, chunks: u64, progress: &dyn Progress) -> Result<Particles> {
+        let layers = self.manifest.plan.layers.len();
+        let mut files = (0..chunks).map(|c| Buckets::open(self, c)).collect::<Result<Vec<_>>>()?;
+        let mut counts = vec![0u64; layers];
+        let entries = files.iter_mut().map(|f| f.entry(block)).collect::<Result<Vec<_>>>()?;
+        entries.iter().for_each(|e| counts.iter_mut().zip(&e.counts).for_each(|(n, c)| *n += c));
+        let mut particles = Gathered::new(self, &counts)?;
+        for (file, entry) in files.iter_mut().zip(&entries) {
+            progress.check()?;
+            let values = file.read(entry)?;
+            let mut rest = &values[..];
+            for (layer, &n) in entry.counts.iter().enumerate() {
+                let (own, after) = rest.split_at(particles.width(layer) * n as usize);
+                particles.push(layer, own, n as usize);
+                rest = after;
+            }
+        }
+        particles.finish()
+    }
+
+    /// From the runs that reach into the block.
+    fn gather_in_place(&self, block: u32, source: &Layered, progress: &dyn Progress) -> Result<Particles> {
+        let starts = self.manifest.layer_runs();
+        let tree = &self.manifest.tree;
+        let inside = |run: &u64| {
+            let r = &self.runs[*run as usize];
+            tree.blocks_in(r.min, r.max).contains(&block)
+        };
+        let mut layers = Vec::new();
+        for (index, layer) in source.layers.iter().enumerate() {
+            let runs: Vec<u64> = (starts[index]..starts[index + 1]).filter(inside).map(|r| r - starts[index]).collect();
+            let found: Vec<Mutex<Vec<f32>>> = runs.iter().map(|_| Mutex::default()).collect();
+            for stretch in stretches(&runs) {
+                layer.read(source.origin, stretch, progress, &|run, chunk| {
+                    self.check_run(index, run, &chunk)?;
+                    if let Ok(place) = runs.binary_search(&run) {
+                        *found[place].lock().unwrap_or_else(|e| e.into_inner()) = self.pick(block, &chunk);
+                    }
+                    Ok(())
+                })?;
+            }
+            layers
+                .push(found.into_iter().map(|f| f.into_inner().unwrap_or_else(|e| e.into_inner())).collect::<Vec<_>>());
+        }
+        let width = |l: usize| if self.manifest.plan.layers[l].weighted { 4 } else { 3 };
+        let count = |(l, runs): (usize, &Vec<Vec<f32>>)| runs.iter().map(|r| (r.len() / width(l)) as u64).sum();
+        let counts: Vec<u64> = layers.iter().enumerate().map(count).collect();
+        let mut particles = Gathered::new(self, &counts)?;
+        for (layer, runs) in layers.into_iter().enumerate() {
+            runs.iter().for_each(|own| particles.push(layer, own, own.len() / width(layer)));
+        }
+        particles.finish()
+    }
+
+    /// The particles of a chunk that lie in a block, column after column.
+    fn pick(&self, block: u32, chunk: &Chunk<'_>) -> Vec<f32> {
+        let own: Vec<usize> =
+            self.manifest.tree.blocks_of(chunk).enumerate().filter(|b| b.1 == block).map(|b| b.0).collect();
+        let columns = chunk.position.into_iter().chain(chunk.weight);
+        columns.flat_map(|c| own.iter().map(|&i| c[i])).collect()
+    }
+}
+
+/// Runs of consecutive numbers.
+fn stretches(runs: &[u64]) -> Vec<Range<u64>> {
+    let mut found: Vec<Range<u64>> = Vec::new();
+    for &run in runs {
+        match found.last_mut() {
+            Some(last) if last.end == run => last.end += 1,
+            _ => found.push(run..run + 1),
+        }
+    }
+    found
+}
+
+/// A block's columns being filled, layer by layer.
+struct Gathered<'a> {
+    job: &'a Job,
+    columns: Vec<Blank>,
+    /// The layers that it has, and how much of each is filled.
+    kinds: Vec<Option<ParticleLayer>>,
+    filled: Vec<usize>,
+}
+
+impl<'a> Gathered<'a> {
+    fn new(job: &'a Job, counts: &[u64]) -> Result<Self> {
+        let layers = &job.manifest.plan.layers;
+        let total: u64 = counts.iter().fold(0, |n, c| n.saturating_add(*c));
+        let total = usize::try_from(total).unwrap_or(usize::MAX);
+        let weighted = layers.iter().any(|l| l.weighted);
+        let columns = Room::Memory.columns("the block's particles", if weighted { 4 } else { 3 }, total)?;
+        let mut end = 0;
+        let kinds: Vec<Option<ParticleLayer>> = layers
+            .iter()
+            .zip(counts)
+            .map(|(l, &n)| {
+                end += n as usize;
+                let range = end - n as usize..end;
+                (n > 0).then(|| ParticleLayer {
+                    name: l.name.clone(),
+                    range,
+                    particle_mass: l.particle_mass,
+                    weighted: l.weighted,
+                })
+            })
+            .collect();
+        Ok(Gathered { job, columns, filled: vec![0; kinds.len()], kinds })
+    }
+
+    /// Columns of a layer.
+    fn width(&self, layer: usize) -> usize {
+        if self.job.manifest.plan.layers[layer].weighted { 4 } else { 3 }
+    }
+
+    /// Appends `n` particles of a layer, column after column.
+    fn push(&mut self, layer: usize, values: &[f32], n: usize) {
+        let (width, Some(kind)) = (self.width(layer), &self.kinds[layer]) else { return };
+        let start = kind.range.start + self.filled[layer];
+        for k in 0..width {
+            self.columns[k][start..start + n].copy_from_slice(&values[k * n..(k + 1) * n]);
+        }
+        self.filled[layer] += n;
+    }
+
+    fn finish(self) -> Result<Particles> {
+        let columns = self.columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        let kinds = self.kinds.into_iter().flatten().collect();
+        let meta = SnapshotMeta { name: self.job.manifest.plan.metadata.source.clone(), ..SnapshotMeta::default() };
+        Ok(Particles::of_columns(columns, self.job.manifest.origin, meta, kinds))
+    }
+}

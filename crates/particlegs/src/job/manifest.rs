@@ -1,0 +1,184 @@
+//! The manifest of a job, and where its files lie.
+
+use super::runs;
+use crate::blocks::{KdTree, RunSurvey};
+use crate::compress::Plan;
+use crate::particles::{Layered, RUN};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Version of the folder's layout.
+const VERSION: u32 = 1;
+
+/// What a job's folder says of itself: `plan.json`. The same snapshot and options give the same text.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Version of the folder's layout.
+    pub particlegs_job: u32,
+    /// How the snapshot is opened: the caller's own.
+    pub snapshot: serde_json::Value,
+    /// What every block must know of the whole.
+    pub plan: Plan,
+    /// What positions are relative to.
+    pub origin: [f64; 3],
+    /// Which block a position belongs to.
+    pub tree: KdTree,
+    /// Runs that are bucketed together.
+    pub chunk_runs: u64,
+    /// Chunks to be bucketed; none where blocks read the snapshot where it lies.
+    pub chunks: u64,
+    /// Memory that a task may take, bytes.
+    pub memory: Option<u64>,
+}
+
+impl Manifest {
+    pub(super) fn new(
+        snapshot: serde_json::Value,
+        plan: Plan,
+        origin: [f64; 3],
+        tree: KdTree,
+        memory: Option<u64>,
+    ) -> Self {
+        Manifest { particlegs_job: VERSION, snapshot, plan, origin, tree, chunk_runs: 1, chunks: 0, memory }
+    }
+
+    /// Its text.
+    pub(super) fn text(&self) -> String {
+        serde_json::to_string_pretty(self).expect("plain data") + "\n"
+    }
+
+    /// Runs before each layer, and in all.
+    pub(super) fn layer_runs(&self) -> Vec<u64> {
+        let mut sums = vec![0];
+        for layer in &self.plan.layers {
+            sums.push(sums[sums.len() - 1] + layer.count.div_ceil(RUN as u64));
+        }
+        sums
+    }
+
+    /// Bytes of the particles of a chunk at most.
+    pub(super) fn chunk_bytes(&self) -> u64 {
+        self.chunk_runs.saturating_mul(16 * RUN as u64)
+    }
+
+    /// What cannot be so in a manifest that this program wrote.
+    fn fault(&self) -> Option<&'static str> {
+        let plan = &self.plan;
+        let counts = plan.layers.iter().try_fold(0u64, |n, l| n.checked_add(l.count));
+        let finite = |v: &[f64]| v.iter().all(|v| v.is_finite());
+        let (m, b) = (&plan.metadata, &plan.metadata.bounds);
+        let checks = [
+            (self.tree.is_sound() && self.tree.blocks() == plan.blocks, "its tree and its blocks differ"),
+            (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.count > 0), "a layer without particles"),
+            (counts == Some(m.count) && m.count <= 1 << 53, "its layers do not sum to its particles"),
+            (self.chunk_runs > 0 && self.chunks <= m.count, "chunks of nothing"),
+            (finite(&self.origin) && finite(&b.min) && finite(&b.max), "positions that are not finite"),
+            (m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0, "its radius or opacity"),
+            (plan.target.check().is_ok(), "its target"),
+        ];
+        checks.into_iter().find(|c| !c.0).map(|c| c.1)
+    }
+}
+
+/// A job's folder, opened.
+pub struct Job {
+    /// Where it lies.
+    pub folder: PathBuf,
+    /// What it says.
+    pub manifest: Manifest,
+    /// BLAKE3 of the manifest, by which every file names its plan.
+    pub(super) id: [u8; 32],
+    /// The snapshot's runs.
+    pub(super) runs: Vec<RunSurvey>,
+}
+
+impl Job {
+    /// Opens a folder that [`super::plan`] made.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] where it holds no plan, or one that is broken or too new.
+    pub fn open(folder: &Path) -> Result<Job> {
+        let path = folder.join("plan.json");
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                return Err(Error::input_hint(
+                    folder,
+                    "no plan.json: not a job's folder",
+                    "`particlegs plan` makes one",
+                ));
+            }
+            Err(e) => return Err(Error::io(&path, e)),
+        };
+        let version: Option<u64> = serde_json::from_str::<serde_json::Value>(&text)
+            .ok()
+            .and_then(|v| v.get("particlegs_job").and_then(serde_json::Value::as_u64));
+        if version.is_some_and(|v| v > u64::from(VERSION)) {
+            return Err(Error::Compatibility {
+                place: path.display().to_string(),
+                what: "the plan of a newer program".into(),
+            });
+        }
+        let manifest: Manifest =
+            serde_json::from_str(&text).map_err(|e| Error::input(&path, format!("no plan: {e}")))?;
+        if let Some(fault) = manifest.fault() {
+            return Err(Error::input(&path, format!("no sound plan: {fault}")));
+        }
+        let id = *blake3::hash(text.as_bytes()).as_bytes();
+        let count = *manifest.layer_runs().last().unwrap_or(&0);
+        let runs = runs::read(&folder.join("runs.bin"), &id, count)?;
+        Ok(Job { folder: folder.to_path_buf(), manifest, id, runs })
+    }
+
+    /// Is this a folder with a plan?
+    pub fn is_job(path: &Path) -> bool {
+        path.join("plan.json").is_file()
+    }
+
+    /// The buckets of a chunk.
+    pub fn chunk_path(&self, chunk: u64) -> PathBuf {
+        self.folder.join(format!("scatter/{chunk:05}.bin"))
+    }
+
+    /// A block's file with this ending.
+    pub(super) fn block_path(&self, block: u32, ending: &str) -> PathBuf {
+        self.folder.join(format!("blocks/{block:05}.{ending}"))
+    }
+
+    /// The snapshot, opened again, as it was planned: layers whose weights were all the same have none.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where its layers are others than those planned.
+    pub(super) fn as_planned(&self, mut source: Layered) -> Result<Layered> {
+        let planned = &self.manifest.plan.layers;
+        let same = source.layers.len() == planned.len()
+            && source.origin == self.manifest.origin
+            && source.layers.iter().zip(planned).all(|(a, b)| a.name == b.name && a.count == b.count);
+        if !same {
+            return Err(self.changed("its layers are others"));
+        }
+        for (layer, planned) in source.layers.iter_mut().zip(planned) {
+            if planned.weighted && !layer.weighted {
+                return Err(self.changed("its masses are others"));
+            }
+            (layer.weighted, layer.particle_mass) = (planned.weighted, planned.particle_mass);
+        }
+        Ok(source)
+    }
+
+    pub(super) fn changed(&self, how: &str) -> Error {
+        let what = format!("the snapshot changed after `plan`: {how}");
+        Error::input_hint(&self.manifest.plan.metadata.source, what, "plan anew, in another folder")
+    }
+
+    /// Layer by layer, the part of some of the snapshot's runs that lies in it.
+    pub(super) fn by_layer(&self, runs: Range<u64>) -> impl Iterator<Item = (usize, Range<u64>)> {
+        let starts = self.manifest.layer_runs();
+        (0..starts.len() - 1).filter_map(move |l| {
+            let (first, end) = (runs.start.max(starts[l]), runs.end.min(starts[l + 1]));
+            (first < end).then(|| (l, first - starts[l]..end - starts[l]))
+        })
+    }
+}

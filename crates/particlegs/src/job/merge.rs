@@ -1,0 +1,104 @@
+//! The job's file from its blocks' files.
+
+use super::manifest::Job;
+use crate::codec::{self, CodedLayer};
+use crate::compress::Outcome;
+use crate::model::Model;
+use crate::particles::{Particles, source_hash};
+use crate::progress::Progress;
+use crate::{Error, Result, score};
+
+/// A merged file.
+pub struct Merged {
+    /// The file, whole.
+    pub bytes: Vec<u8>,
+    /// The file decoded again.
+    pub model: Model,
+}
+
+impl Job {
+    /// Puts the file together: the same bytes whatever ran where and in what order. With `particles`
+    /// the decoded model is measured on them and the file holds the certificate.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming blocks that are missing or broken, or where `particles` are not the
+    /// snapshot that was planned; [`Error::Unreachable`] where a size asked for cannot be met.
+    pub fn merge(&self, particles: Option<&Particles>, progress: &dyn Progress) -> Result<Merged> {
+        let plan = &self.manifest.plan;
+        if particles.is_some_and(|p| source_hash(p) != plan.metadata.source_hash) {
+            return Err(self.changed("its hash is another"));
+        }
+        self.check_done()?;
+        progress.begin("merging", u64::from(plan.blocks));
+        let (mut layers, mut outcomes): (Vec<CodedLayer>, Vec<Outcome>) = Default::default();
+        for block in 0..plan.blocks {
+            progress.check()?;
+            let (coded, outcome) = self.done_block(block)?;
+            layers.extend(coded);
+            outcomes.push(outcome);
+            progress.advance(1);
+        }
+        progress.end();
+        let bytes = layers.iter().flat_map(|l| &l.blocks).map(|b| b.len() as u64).sum();
+        plan.judge(&outcomes, bytes, progress)?;
+        let mut bytes = plan.file(layers.iter(), None)?;
+        let mut model = codec::decode(&bytes, "the merged file")?;
+        if model.metadata.count != plan.metadata.count {
+            let what =
+                format!("its blocks hold {} particles, {} were planned", model.metadata.count, plan.metadata.count);
+            return Err(Error::input(&self.folder, what));
+        }
+        if let Some(particles) = particles {
+            let certificate = score::certificate(&model, particles, plan.seed, progress)?;
+            bytes = plan.file(layers.iter(), Some(&certificate))?;
+            model.certificate = Some(certificate);
+        }
+        Ok(Merged { bytes, model })
+    }
+
+    /// Are all blocks done?
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming those that are not.
+    pub fn check_done(&self) -> Result<()> {
+        let missing = self.missing()?;
+        let Some(first) = missing.first() else { return Ok(()) };
+        let blocks = self.manifest.plan.blocks;
+        let what = format!("{} of {blocks} blocks are not done: {}", missing.len(), some(&missing));
+        Err(Error::input_hint(&self.folder, what, format!("run `particlegs block {} {first}`", self.folder.display())))
+    }
+
+    /// A done block's coded layers.
+    pub(super) fn done_block(&self, block: u32) -> Result<(Vec<CodedLayer>, Outcome)> {
+        let path = self.block_path(block, "pgs");
+        let broken = |what: &str| {
+            let hint = format!("delete it and run `particlegs block {} {block}`", self.folder.display());
+            Error::input_hint(&path, what, hint)
+        };
+        let report = self.report(block)?.ok_or_else(|| broken("its report is missing"))?;
+        let bytes = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
+        if blake3::hash(&bytes).to_hex().as_str() != report.model {
+            return Err(broken("half-written or changed: it is not what its report says"));
+        }
+        Ok((codec::coded_layers(&bytes, &path.display().to_string())?, report.outcome))
+    }
+
+    /// Blocks that are not done.
+    pub(super) fn missing(&self) -> Result<Vec<u32>> {
+        let mut missing = Vec::new();
+        for block in 0..self.manifest.plan.blocks {
+            if self.report(block)?.is_none() || !self.block_path(block, "pgs").is_file() {
+                missing.push(block);
+            }
+        }
+        Ok(missing)
+    }
+}
+
+/// The first few of some numbers.
+fn some(numbers: &[u32]) -> String {
+    const FEW: usize = 8;
+    let first: Vec<String> = numbers.iter().take(FEW).map(u32::to_string).collect();
+    let more = if numbers.len() > FEW { format!(" and {} more", numbers.len() - FEW) } else { String::new() };
+    first.join(", ") + &more
+}

@@ -1,0 +1,26 @@
+//! Floor 7: a compression as a folder, so that any engine can do its parts anywhere.
+//!
+//! [`plan`] passes over the snapshot once and writes a [`Manifest`]: what is asked for, the cuts, the
+//! hash of every run of particles. Where runs lie scattered over the blocks, [`Job::scatter`] copies
+//! chunks of the snapshot into buckets, one file a chunk ([`bucket`]); where they are together already,
+//! blocks read them where they are ([`gather`]). [`Job::block`] fits a block and writes a model file of
+//! its own, with a checkpoint on the way; [`Job::merge`] puts the file together: the same bytes as
+//! [`crate::compress::compress`] gives, whatever ran where and in what order.
+//!
+//! Every file appears whole or not at all, and names the plan that it belongs to.
+
+mod block;
+mod bucket;
+mod checkpoint;
+mod gather;
+mod manifest;
+mod merge;
+mod plan;
+mod runs;
+mod scatter;
+mod status;
+
+pub use block::{BlockReport, Done};
+pub use manifest::{Job, Manifest};
+pub use plan::{Planned, Source, Task, plan};
+pub use status::{State, Status};

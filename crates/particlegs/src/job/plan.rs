@@ -1,0 +1,162 @@
+//! The one pass over the snapshot that a job begins with.
+
+use super::bucket::Buckets;
+use super::manifest::{Job, Manifest};
+use super::runs;
+use crate::blocks::{KdTree, Survey};
+use crate::compress::{Load, Options, Plan, PlannedLayer, Target, describe};
+use crate::particles::{Layered, Particles, RUN};
+use crate::progress::Progress;
+use crate::{Error, Result, output};
+use std::path::Path;
+
+/// A snapshot to be planned.
+pub enum Source {
+    /// Read where it lies, by every task that needs it.
+    Later(Layered),
+    /// Chosen particles that only this process has: they are bucketed at once.
+    Now(Particles),
+}
+
+/// What is asked for.
+pub struct Task<'a> {
+    /// As for [`crate::compress::compress`]; its number of blocks is not looked at.
+    pub options: &'a Options,
+    /// Number of blocks; as many as the memory asks for by default.
+    pub blocks: Option<u32>,
+    /// Memory that a task may take, bytes.
+    pub memory: Option<u64>,
+    /// How the snapshot is opened again: the caller's own.
+    pub snapshot: serde_json::Value,
+    /// How errors name it.
+    pub place: &'a str,
+}
+
+/// A job that is planned.
+pub struct Planned {
+    /// The job.
+    pub job: Job,
+    /// Was the same plan there already?
+    pub before: bool,
+}
+
+/// Runs a chunk has at most: 33 million particles.
+const MOST_RUNS: u64 = 512;
+/// A snapshot is cut into this many chunks before they grow.
+const CHUNKS: u64 = 32;
+/// Memory of a task where none is given.
+const MEMORY: u64 = 4 << 30;
+/// Bytes of a particle in a chunk while it is bucketed: as read, sorted, and its order.
+const BUCKETED: u64 = 40;
+/// Blocks read a snapshot where it lies if together they read it no more than this often.
+const READ_AGAIN: f64 = 2.0;
+
+/// Plans a job in `folder`: reads the snapshot once, then writes the manifest, whole or not at all.
+/// The same plan again changes nothing.
+///
+/// # Errors
+/// [`Error::Argument`] for a target that only all blocks together meet, for more blocks than there are
+/// places, and where the folder holds another plan or something else; [`Error::Input`] for invalid
+/// values; [`Error::Memory`] where a task cannot be small enough; those of reading and writing.
+pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Planned> {
+    if let Target::Psnr(_) = task.options.target {
+        let hint = "ask for a size, a ratio or a number of Gaussians; `compress` meets a quality".to_string();
+        return Err(Error::Argument { what: "a quality is met by all blocks together".into(), hint });
+    }
+    check_folder(folder)?;
+    let at_once = matches!(source, Source::Now(_));
+    let mut source = match source {
+        Source::Later(layered) => layered,
+        Source::Now(particles) => Layered::of(&particles),
+    };
+    let survey = Survey::new(&mut source, task.place, progress)?;
+    let load = Load {
+        count: source.count(),
+        raw_bytes: source.raw_bytes(),
+        target: task.options.target,
+        effort: task.options.effort,
+        copies: 2,
+    };
+    let blocks = match task.blocks {
+        Some(blocks) => blocks,
+        None => load.blocks_within(task.memory.unwrap_or(MEMORY))?,
+    };
+    if let Some(have_bytes) = task.memory
+        && load.block_bytes(u64::from(blocks)) > have_bytes
+    {
+        let what = format!("a block of {blocks}");
+        return Err(Error::Memory { what, need_bytes: load.block_bytes(u64::from(blocks)), have_bytes });
+    }
+    let tree = KdTree::new(&survey.sample, blocks)?;
+    let options = Options { blocks, ..task.options.clone() };
+    let hash = survey.hash(source.origin);
+    let metadata = describe(&source.meta, source.count(), survey.bounds, hash, &options);
+    let layers = source.layers.iter().map(|l| PlannedLayer {
+        name: l.name.clone(),
+        count: l.count,
+        particle_mass: l.particle_mass,
+        weighted: l.weighted,
+    });
+    let plan = Plan::new(&options, metadata, layers.collect())?;
+    let mut manifest = Manifest::new(task.snapshot.clone(), plan, source.origin, tree, task.memory);
+    let runs = survey.runs.len() as u64;
+    let within = task.memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
+    manifest.chunk_runs = runs.div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));
+    if at_once || reads(&manifest.tree, &survey) > READ_AGAIN {
+        manifest.chunks = runs.div_ceil(manifest.chunk_runs);
+    }
+    let text = manifest.text();
+    let id = *blake3::hash(text.as_bytes()).as_bytes();
+    let job = Job { folder: folder.to_path_buf(), manifest, id, runs: survey.runs };
+    let path = folder.join("plan.json");
+    let before = match std::fs::read(&path) {
+        Ok(there) if there == text.as_bytes() => true,
+        Ok(_) => return Err(another(folder)),
+        Err(_) => false,
+    };
+    make_folder(&folder.join("blocks"))?;
+    make_folder(&folder.join("scatter"))?;
+    runs::write(&folder.join("runs.bin"), &job.id, &job.runs)?;
+    if at_once {
+        output::check_space_in(folder, source.raw_bytes())?;
+        (0..job.manifest.chunks).try_for_each(|c| match Buckets::open(&job, c) {
+            Ok(_) => Ok(()),
+            Err(_) => job.bucket(&source, c, progress),
+        })?;
+    }
+    output::write_bytes(&path, text.as_bytes())?;
+    Ok(Planned { job, before })
+}
+
+/// How often the snapshot is read if every block reads the runs that reach into it.
+fn reads(tree: &KdTree, survey: &Survey) -> f64 {
+    let touched: usize = survey.runs.iter().map(|r| tree.blocks_in(r.min, r.max).len()).sum();
+    touched as f64 / survey.runs.len().max(1) as f64
+}
+
+fn another(folder: &Path) -> Error {
+    let what = format!("{}: another plan is there", folder.display());
+    Error::Argument { what, hint: "name another folder, or delete this one".into() }
+}
+
+/// Is the folder a job's, or empty, or still to be made?
+fn check_folder(folder: &Path) -> Result<()> {
+    const OURS: [&str; 4] = ["plan.json", "runs.bin", "blocks", "scatter"];
+    make_folder(folder)?;
+    let ours = |name: std::ffi::OsString| {
+        OURS.iter().any(|o| name == *o) || name.to_string_lossy().starts_with(".particlegs-")
+    };
+    let mut entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?.filter_map(|e| e.ok());
+    match entries.find(|e| !ours(e.file_name())) {
+        None => output::check_writable(&folder.join("plan.json")),
+        Some(other) => {
+            let what = format!("{}: holds `{}`", folder.display(), other.file_name().to_string_lossy());
+            Err(Error::Argument { what, hint: "a job wants a folder of its own".into() })
+        }
+    }
+}
+
+/// Makes a folder where it is not there.
+fn make_folder(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
+}

@@ -1,0 +1,88 @@
+//! Chunks of the snapshot into buckets, one for each block.
+
+use super::bucket::{self, Buckets, Sorted};
+use super::manifest::Job;
+use crate::blocks::RunSurvey;
+use crate::particles::{Chunk, Layered, hash_run};
+use crate::progress::Progress;
+use crate::{Error, Result, output};
+use std::sync::Mutex;
+
+impl Job {
+    /// Buckets chunk `chunk` of the snapshot; nothing where that is done. Gives whether there was
+    /// anything to do.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a chunk that there is not; [`Error::Input`] where the snapshot changed
+    /// after it was planned; those of reading and writing; [`Error::Cancelled`].
+    pub fn scatter(
+        &self,
+        source: impl FnOnce() -> Result<Layered>,
+        chunk: u64,
+        progress: &dyn Progress,
+    ) -> Result<bool> {
+        let chunks = self.manifest.chunks;
+        if chunk >= chunks {
+            let what = format!("chunk {chunk} is outside the {chunks} that this job has, counted from 0");
+            return Err(Error::argument(what));
+        }
+        if self.chunk_path(chunk).is_file() {
+            // Half-written or foreign files are named, not taken for done.
+            Buckets::open(self, chunk)?;
+            return Ok(false);
+        }
+        self.bucket(&self.as_planned(source()?)?, chunk, progress)?;
+        Ok(true)
+    }
+
+    /// Reads a chunk's runs and writes their buckets.
+    pub(super) fn bucket(&self, source: &Layered, chunk: u64, progress: &dyn Progress) -> Result<()> {
+        let first = chunk * self.manifest.chunk_runs;
+        let end = (first + self.manifest.chunk_runs).min(self.runs.len() as u64);
+        let sorted: Vec<Mutex<Sorted>> = (first..end).map(|_| Mutex::default()).collect();
+        let starts = self.manifest.layer_runs();
+        for (layer, runs) in self.by_layer(first..end) {
+            source.layers[layer].read(source.origin, runs, progress, &|run, chunk| {
+                let global = starts[layer] + run;
+                self.check_run(layer, run, &chunk)?;
+                let place = &sorted[(global - first) as usize];
+                *place.lock().unwrap_or_else(|e| e.into_inner()) = self.sort(layer, &chunk);
+                Ok(())
+            })?;
+        }
+        progress.check()?;
+        let sorted: Vec<Sorted> =
+            sorted.into_iter().map(|s| s.into_inner().unwrap_or_else(|e| e.into_inner())).collect();
+        let path = self.chunk_path(chunk);
+        output::write_atomic(&path, |to| bucket::write(self, chunk, &sorted, to))
+    }
+
+    /// Is run `run` of a layer what it was when the job was planned?
+    pub(super) fn check_run(&self, layer: usize, run: u64, chunk: &Chunk<'_>) -> Result<()> {
+        let planned: &RunSurvey = &self.runs[(self.manifest.layer_runs()[layer] + run) as usize];
+        if hash_run(chunk) == planned.hash {
+            return Ok(());
+        }
+        let name = &self.manifest.plan.layers[layer].name;
+        let first = run * crate::particles::RUN as u64;
+        let last = first + chunk.len() as u64 - 1;
+        Err(self.changed(&format!("its particles {first} to {last} of `{name}` are others")))
+    }
+
+    /// A run's particles sorted by block; order is kept within.
+    fn sort(&self, layer: usize, chunk: &Chunk<'_>) -> Sorted {
+        let blocks: Vec<u32> = self.manifest.tree.blocks_of(chunk).collect();
+        let mut order: Vec<u32> = (0..blocks.len() as u32).collect();
+        order.sort_by_key(|&i| blocks[i as usize]);
+        let pick = |c: &[f32]| order.iter().map(|&i| c[i as usize]).collect::<Vec<f32>>();
+        let [x, y, z] = chunk.position.map(pick);
+        let mut counts: Vec<(u32, u32)> = Vec::new();
+        for &i in &order {
+            match counts.last_mut() {
+                Some((block, n)) if *block == blocks[i as usize] => *n += 1,
+                _ => counts.push((blocks[i as usize], 1)),
+            }
+        }
+        Sorted { layer, blocks: counts, columns: [x, y, z, chunk.weight.map_or_else(Vec::new, pick)] }
+    }
+}

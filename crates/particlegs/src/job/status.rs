@@ -1,0 +1,104 @@
+//! How far a job is, and whether what is there is sound.
+
+use super::bucket::Buckets;
+use super::manifest::Job;
+use crate::blocks::Survey;
+use crate::particles::Layered;
+use crate::progress::Progress;
+use crate::{Result, codec};
+use serde::Serialize;
+
+/// How far a part is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// Its file is there.
+    Done,
+    /// A checkpoint is there.
+    Checkpointed,
+    /// Nothing is there.
+    Missing,
+}
+
+/// How far a job is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Status {
+    /// Chunks of the snapshot, bucketed or missing.
+    pub chunks: Vec<State>,
+    /// Blocks.
+    pub blocks: Vec<State>,
+    /// Bytes of the model files of blocks that are done.
+    pub model_bytes: u64,
+    /// Gaussians in them.
+    pub gaussians: u64,
+    /// Particles in them, and in all.
+    pub particles: [u64; 2],
+    /// Seconds that they took, all phases.
+    pub seconds: f64,
+}
+
+impl Job {
+    /// Looks at what is there, without reading it through.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
+    pub fn status(&self) -> Result<Status> {
+        let m = &self.manifest;
+        let chunk = |c| if self.chunk_path(c).is_file() { State::Done } else { State::Missing };
+        let mut status = Status {
+            chunks: (0..m.chunks).map(chunk).collect(),
+            blocks: Vec::new(),
+            model_bytes: 0,
+            gaussians: 0,
+            particles: [0, m.plan.metadata.count],
+            seconds: 0.0,
+        };
+        for block in 0..m.plan.blocks {
+            let report = self.report(block)?.filter(|_| self.block_path(block, "pgs").is_file());
+            status.blocks.push(match &report {
+                Some(_) => State::Done,
+                None if self.block_path(block, "checkpoint").is_file() => State::Checkpointed,
+                None => State::Missing,
+            });
+            if let Some(r) = report {
+                status.model_bytes += r.bytes;
+                status.gaussians += r.gaussians;
+                status.particles[0] += r.particles;
+                status.seconds += r.seconds.iter().map(|s| s.1).sum::<f64>();
+            }
+        }
+        Ok(status)
+    }
+
+    /// Reads every file through that is there: buckets, blocks, and the snapshot where `source` gives it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] naming the first that is broken, of another plan, or changed;
+    /// [`crate::Error::Corrupt`] for a block whose Gaussians cannot be decoded.
+    pub fn verify(&self, source: Option<Layered>, progress: &dyn Progress) -> Result<()> {
+        let m = &self.manifest;
+        if let Some(source) = source {
+            let mut source = self.as_planned(source)?;
+            let survey = Survey::new(&mut source, &m.plan.metadata.source, progress)?;
+            if survey.runs != self.runs {
+                return Err(self.changed("its particles are others"));
+            }
+        }
+        progress.begin("verifying", m.chunks + u64::from(m.plan.blocks));
+        for chunk in (0..m.chunks).filter(|c| self.chunk_path(*c).is_file()) {
+            progress.check()?;
+            Buckets::open(self, chunk)?.check()?;
+            progress.advance(1);
+        }
+        let missing = self.missing()?;
+        for block in (0..m.plan.blocks).filter(|b| missing.binary_search(b).is_err()) {
+            progress.check()?;
+            for coded in self.done_block(block)?.0.iter().flat_map(|l| &l.blocks) {
+                codec::decode_block(coded, &self.block_path(block, "pgs").display().to_string())?;
+            }
+            progress.advance(1);
+        }
+        progress.end();
+        Ok(())
+    }
+}

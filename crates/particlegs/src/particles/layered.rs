@@ -1,0 +1,153 @@
+//! The layers of a snapshot, read run by run as if they were in memory.
+
+use super::{Chunk, ChunkBuffer, Particles, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use crate::progress::Progress;
+use crate::{Error, Result};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// A layer to be read.
+pub struct LayerSource {
+    /// Its name.
+    pub name: String,
+    /// Its particles; the reader's metadata says the mass of one.
+    pub reader: Arc<dyn SnapshotReader>,
+}
+
+/// Layers of one snapshot, about one origin. Where one layer has weights, or the masses of their
+/// particles differ, particles have masses, if all are known; else none is used.
+pub struct Layered {
+    /// What the snapshot says.
+    pub meta: SnapshotMeta,
+    /// What positions are relative to.
+    pub origin: [f64; 3],
+    /// The layers, none of them empty.
+    pub layers: Vec<ReadLayer>,
+}
+
+/// One layer.
+pub struct ReadLayer {
+    /// Its name.
+    pub name: String,
+    /// Number of particles.
+    pub count: u64,
+    /// Mass of a particle of weight 1, where known.
+    pub particle_mass: Option<f64>,
+    /// Do its particles have weights of their own?
+    pub weighted: bool,
+    reader: Arc<dyn SnapshotReader>,
+}
+
+impl Layered {
+    /// Layers as their readers give them.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where there is none.
+    pub fn new(sources: Vec<LayerSource>) -> Result<Self> {
+        let first = &sources.first().ok_or_else(|| Error::argument("no layer was chosen"))?.reader;
+        let mass = |s: &LayerSource| s.reader.meta().particle_mass;
+        let one = first.meta().particle_mass;
+        let known = sources.iter().all(|s| s.reader.has_weights() || mass(s).is_some());
+        let same = sources.iter().all(|s| !s.reader.has_weights() && mass(s) == one);
+        let meta = SnapshotMeta { particle_mass: one.filter(|_| known && same), ..first.meta().clone() };
+        // One origin for all: 0 unless every layer lies far from it.
+        let far = |k: usize| sources.iter().all(|s| s.reader.origin()[k] != 0.0);
+        let origin = [0, 1, 2].map(|k| if far(k) { first.origin()[k] } else { 0.0 });
+        let layers = sources.into_iter().map(|s| {
+            let weighted = known && s.reader.has_weights();
+            // A weight of its own is the mass; the layer's is in the weights too, for who reads all.
+            let particle_mass = s.reader.meta().particle_mass.filter(|_| known && !weighted);
+            ReadLayer { name: s.name, count: s.reader.count(), particle_mass, weighted, reader: s.reader }
+        });
+        Ok(Layered { meta, origin, layers: layers.collect() })
+    }
+
+    /// Particles in memory or mapped.
+    pub fn of(particles: &Particles) -> Self {
+        let layer = |l: super::ParticleLayer| ReadLayer {
+            count: l.range.len() as u64,
+            particle_mass: l.particle_mass,
+            weighted: l.weighted,
+            reader: Arc::new(particles.of_layer(&l)),
+            name: l.name,
+        };
+        let layers = particles.layers().into_iter().map(layer).filter(|l| l.count > 0).collect();
+        Layered { meta: particles.meta.clone(), origin: particles.origin, layers }
+    }
+
+    /// Number of particles.
+    pub fn count(&self) -> u64 {
+        self.layers.iter().fold(0, |n, l| n.saturating_add(l.count))
+    }
+
+    /// Bytes of the particles as float32 columns: 12 each, 16 where their layer is weighted.
+    pub fn raw_bytes(&self) -> u64 {
+        self.layers.iter().map(|l| l.count * if l.weighted { 16 } else { 12 }).sum()
+    }
+
+    /// Are there weights in the columns of all?
+    pub(super) fn has_weights(&self) -> bool {
+        self.layers.iter().any(|l| l.weighted)
+            || self.layers.iter().any(|l| l.particle_mass != self.layers[0].particle_mass)
+    }
+
+    /// Can runs be read in any order at no more than their own cost?
+    pub fn random_access(&self) -> bool {
+        self.layers.iter().all(|l| l.reader.random_access())
+    }
+
+    /// The layer that lies in a file as it would lie in memory, where it is the only one.
+    pub(super) fn in_place(&self) -> Option<super::InPlace> {
+        match &self.layers[..] {
+            [one] => one.reader.in_place(),
+            _ => None,
+        }
+    }
+
+    /// Drops the weights of layer `index`: all its particles weigh `weight`.
+    pub(crate) fn settle(&mut self, index: usize, weight: f32) {
+        let layer = &mut self.layers[index];
+        layer.weighted = false;
+        layer.particle_mass = Some(layer.particle_mass.unwrap_or(1.0) * f64::from(weight));
+    }
+}
+
+impl ReadLayer {
+    /// Number of runs.
+    pub fn runs(&self) -> u64 {
+        self.count.div_ceil(RUN as u64)
+    }
+
+    /// Hands over the runs of `runs` in any order, about `origin`, with weights where the layer has
+    /// them.
+    ///
+    /// # Errors
+    /// Those of the reader; [`Error::Input`] where it gives other runs than it told; the sink's.
+    pub fn read(&self, origin: [f64; 3], runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+        let reader = &*self.reader;
+        let shift: [f64; 3] = std::array::from_fn(|k| reader.origin()[k] - origin[k]);
+        let wrong = |what: String| Error::input(&self.name, what);
+        reader.read(runs.clone(), progress, &|run, chunk| {
+            if !runs.contains(&run) {
+                return Err(wrong(format!("run {run} came, which was not asked for")));
+            }
+            let told = (self.count - run * RUN as u64).min(RUN as u64);
+            if chunk.len() as u64 != told || self.weighted && chunk.weight.is_none() {
+                return Err(wrong(format!("{} particles in run {run}, {told} were told", chunk.len())));
+            }
+            let weight = chunk.weight.filter(|_| self.weighted);
+            if shift == [0.0; 3] {
+                return sink(run, Chunk { position: chunk.position, weight });
+            }
+            let mut buffer = ChunkBuffer::default();
+            for k in 0..3 {
+                buffer.position[k].extend(chunk.position[k].iter().map(|&v| match shift[k] {
+                    0.0 => v,
+                    s => (f64::from(v) + s) as f32,
+                }));
+            }
+            let [x, y, z] = &buffer.position;
+            sink(run, Chunk { position: [x, y, z], weight })
+        })
+    }
+}

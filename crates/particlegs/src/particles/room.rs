@@ -1,0 +1,133 @@
+//! Where large columns are put: memory, or files of a scratch folder that vanish by themselves.
+
+use super::Column;
+use crate::memory::require;
+use crate::{Error, Result};
+use memmap2::MmapMut;
+use std::ops::{Deref, DerefMut};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Where large columns are put.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Room {
+    /// Memory of the process.
+    #[default]
+    Memory,
+    /// Files without a name in this folder, mapped: the system writes them out as it needs memory,
+    /// and they are gone when the process is, however it ends.
+    Disk(PathBuf),
+}
+
+/// A column that is being filled, zeros at first.
+pub enum Blank {
+    /// In memory.
+    Memory(Vec<f32>),
+    /// In a mapped file.
+    Disk(MmapMut),
+}
+
+impl Room {
+    /// `count` columns of `len` zeros; `what` names them where they do not fit.
+    ///
+    /// # Errors
+    /// [`Error::Memory`], or [`Error::Io`] where the disk has no room, before anything is taken.
+    pub fn columns(&self, what: &str, count: usize, len: usize) -> Result<Vec<Blank>> {
+        let bytes = len as u64 * 4;
+        match self {
+            Room::Memory => {
+                require(what, bytes.saturating_mul(count as u64))?;
+                Ok((0..count).map(|_| Blank::Memory(vec![0.0; len])).collect())
+            }
+            // A file of no bytes cannot be mapped.
+            Room::Disk(_) if len == 0 => Ok((0..count).map(|_| Blank::Memory(Vec::new())).collect()),
+            Room::Disk(folder) => {
+                let fail = |e| Error::io(folder, e);
+                crate::output::check_space(folder, bytes.saturating_mul(count as u64)).map_err(fail)?;
+                (0..count).map(|_| map_scratch(folder, bytes).map(Blank::Disk).map_err(fail)).collect()
+            }
+        }
+    }
+}
+
+/// A new file of zeros without a name, mapped.
+fn map_scratch(folder: &Path, bytes: u64) -> std::io::Result<MmapMut> {
+    let file = tempfile::tempfile_in(folder)?;
+    reserve(&file, bytes)?;
+    // SAFETY: nobody else can open a file without a name, and its blocks are reserved, so that no
+    // write into the mapping finds the disk full.
+    unsafe { MmapMut::map_mut(&file) }
+}
+
+/// Takes the disk's blocks now, where the file system can say so.
+#[cfg(target_os = "linux")]
+fn reserve(file: &std::fs::File, bytes: u64) -> std::io::Result<()> {
+    use rustix::io::Errno;
+    match rustix::fs::fallocate(file, rustix::fs::FallocateFlags::empty(), 0, bytes) {
+        Err(Errno::OPNOTSUPP | Errno::NOSYS) => file.set_len(bytes),
+        other => Ok(other?),
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn reserve(file: &std::fs::File, bytes: u64) -> std::io::Result<()> {
+    file.set_len(bytes)
+}
+
+impl Blank {
+    /// The column, filled.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the mapping cannot be made read-only.
+    pub fn finish(self) -> Result<Column> {
+        Ok(match self {
+            Blank::Memory(values) => Column::owned(values),
+            Blank::Disk(map) => {
+                let len = map.len() / 4;
+                let map = map.make_read_only().map_err(|e| Error::io("scratch file", e))?;
+                Column::Mapped { map: Arc::new(map), offset: 0, len }
+            }
+        })
+    }
+}
+
+impl Deref for Blank {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        match self {
+            Blank::Memory(values) => values,
+            Blank::Disk(map) => bytemuck::cast_slice(map),
+        }
+    }
+}
+
+impl DerefMut for Blank {
+    fn deref_mut(&mut self) -> &mut [f32] {
+        match self {
+            Blank::Memory(values) => values,
+            Blank::Disk(map) => bytemuck::cast_slice_mut(map),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_hold_what_is_written_and_leave_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        for room in [Room::Memory, Room::Disk(folder.path().to_path_buf())] {
+            let mut columns = room.columns("a test", 2, 3).unwrap();
+            assert_eq!(&columns[1][..], [0.0; 3]);
+            columns[1][2] = 7.0;
+            let last = columns.pop().unwrap().finish().unwrap();
+            assert_eq!(&last[..], [0.0, 0.0, 7.0]);
+            assert!(room.columns("nothing", 1, 0).unwrap()[0].is_empty());
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let full = Room::Disk(folder.path().to_path_buf()).columns("a test", 4, 1 << 50);
+        assert!(matches!(full, Err(Error::Io { .. })));
+    }
+}
