@@ -25,8 +25,8 @@ end_rest() {
 }
 trap 'end_rest; rm -rf "$work"' EXIT
 
-"$program" plan "${options[@]}" -o "$job" --emit snakemake >"$work/Snakefile"
-sed -i -E 's/^(MEMORY, MINUTES, THREADS = .*), [0-9]+  #/\1, 1  #/' "$work/Snakefile"
+"$program" plan "${options[@]}" -o "$job" --emit snakemake --quiet >"$work/Snakefile"
+sed -i -E 's/^(MINUTES, THREADS = .*), [0-9]+  #/\1, 1  #/' "$work/Snakefile"
 run() { "$snakemake" --snakefile "$work/Snakefile" --directory "$work" --cores 2 --quiet all "$@"; }
 
 echo "the first two blocks: one told to stop, one killed; then Snakemake killed"

@@ -31,8 +31,10 @@ pub struct Job {
     pub chunks: u64,
     /// Blocks, at least 1.
     pub blocks: u64,
-    /// Memory of one task in MB (10^6 bytes), at least 1.
-    pub memory: u64,
+    /// Memory of a chunk or a block, bytes.
+    pub task_bytes: u64,
+    /// Memory of the merge, bytes.
+    pub merge_bytes: u64,
     /// Threads of one task, at least 1.
     pub threads: usize,
 }
@@ -52,11 +54,12 @@ pub fn script(engine: Engine, job: &Job) -> Result<String> {
         Some(text) if !text.contains(refused) => Ok(quote(text)),
         _ => Err(Error::argument(format!("{}: this path cannot stand in the engine's script", p.display()))),
     };
-    // Slurm counts in MiB: rounded up, no task has less than its plan says.
-    let memory = match engine {
-        Engine::Slurm => (job.memory * 1_000_000).div_ceil(1 << 20),
-        Engine::Snakemake => job.memory,
+    // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
+    let unit = match engine {
+        Engine::Slurm => 1 << 20,
+        Engine::Snakemake => 1_000_000,
     };
+    let memory = |bytes: u64| (bytes.div_ceil(unit) * 11).div_ceil(10).to_string();
     Ok(fill(
         template,
         &[
@@ -65,7 +68,8 @@ pub fn script(engine: Engine, job: &Job) -> Result<String> {
             ("MODEL", path(&job.model)?),
             ("CHUNKS", job.chunks.to_string()),
             ("BLOCKS", job.blocks.to_string()),
-            ("MEMORY", memory.to_string()),
+            ("MEMORY", memory(job.task_bytes)),
+            ("MERGE_MEMORY", memory(job.merge_bytes)),
             ("THREADS", job.threads.to_string()),
         ],
     ))
@@ -119,7 +123,8 @@ mod tests {
             model: "/scratch/m.pgs".into(),
             chunks: 12,
             blocks: 1000,
-            memory: 2000,
+            task_bytes: 2_000_000_000,
+            merge_bytes: 500_000_000,
             threads: 4,
         }
     }
@@ -128,7 +133,7 @@ mod tests {
     fn every_place_is_filled_once() {
         for engine in [Engine::Slurm, Engine::Snakemake] {
             let text = script(engine, &Job { folder: "/scratch/job".into(), ..job() }).unwrap();
-            for name in ["PROGRAM", "JOB", "MODEL", "CHUNKS", "BLOCKS", "MEMORY", "THREADS"] {
+            for name in ["PROGRAM", "JOB", "MODEL", "CHUNKS", "BLOCKS", "MEMORY", "MERGE_MEMORY", "THREADS"] {
                 assert!(!text.contains(&format!("@{name}@")), "{name} in {text}");
             }
         }
@@ -143,7 +148,8 @@ mod tests {
             "model=/scratch/m.pgs\n",
             "chunks=12 ",
             "blocks=1000\n",
-            "memory=1908M ",
+            "memory=2099M ",
+            "merge_memory=525M ",
             "cpus=4\n",
             "--requeue",
             "--signal=\"B:USR1@$notice\"",
@@ -159,7 +165,8 @@ mod tests {
             "PROGRAM = \"/opt/particlegs\"\n",
             "JOB = \"/s/a \\\"b\\\" \\\\c é\"\n",
             "CHUNKS, BLOCKS = 12, 1000 ",
-            "MEMORY, MINUTES, THREADS = 2000, 240, 4 ",
+            "MEMORY, MERGE_MEMORY = 2200, 550 ",
+            "MINUTES, THREADS = 240, 4 ",
         ] {
             assert!(text.contains(line), "{line} in {text}");
         }

@@ -10,7 +10,8 @@ job=@JOB@
 model=@MODEL@
 chunks=@CHUNKS@             # chunks of the input to scatter; 0: nothing to scatter
 blocks=@BLOCKS@
-memory=@MEMORY@M         # of a task, as planned
+memory=@MEMORY@M         # of a chunk or a block, as planned
+merge_memory=@MERGE_MEMORY@M   # of the merge; where it measures a certificate, with all particles
 cpus=@THREADS@
 time=04:00:00        # of a task; what needs longer stops at a checkpoint and queues again
 notice=120           # seconds before the end at which a task is told to stop
@@ -48,18 +49,18 @@ submit() { # NAME DEPENDENCY, then sbatch's arguments: prints the job's number
   local name=$1 after=$2
   shift 2
   sbatch --parsable --job-name="$title-$name" --output="$job/logs/$name-%A-%a.log" --open-mode=append \
-    --nodes=1 --ntasks=1 --cpus-per-task="$cpus" --mem="$memory" --time="$time" --requeue \
+    --nodes=1 --ntasks=1 --cpus-per-task="$cpus" --time="$time" --requeue \
     ${after:+--dependency="afterok:$after" --kill-on-invalid-dep=yes} ${site[@]+"${site[@]}"} "$@" | cut -d';' -f1
 }
 
 submit_array() { # scatter|block COUNT DEPENDENCY
   local batch=$((($2 + array - 1) / array))
-  submit "$1" "$3" --signal="B:USR1@$notice" --array="0-$((($2 + batch - 1) / batch - 1))%$at_once" "$0" "$1" "$2" "$batch"
+  submit "$1" "$3" --mem="$memory" --signal="B:USR1@$notice" --array="0-$((($2 + batch - 1) / batch - 1))%$at_once" "$0" "$1" "$2" "$batch"
 }
 
 case "${1:-submit}" in
   scatter | block) items "$@" ;;
-  merge) exec "$program" merge "$job" -o "$model" ;;
+  merge) exec "$program" merge "$job" -o "$model" --threads "$SLURM_CPUS_PER_TASK" ;;
   submit)
     title=particlegs-$(basename "$job" | tr -c '[:alnum:]\n' _)
     if squeue --noheader --user="$(id -un)" --format=%j | grep -q "^$title-"; then
@@ -72,6 +73,6 @@ case "${1:-submit}" in
     last=''
     if [ "$chunks" -gt 0 ]; then last=$(submit_array scatter "$chunks" ''); echo "scatter: $last"; fi
     last=$(submit_array block "$blocks" "$last"); echo "blocks: $last"
-    last=$(submit merge "$last" "$0" merge); echo "merge: $last"
+    last=$(submit merge "$last" --mem="$merge_memory" "$0" merge); echo "merge: $last"
     ;;
 esac
