@@ -3,6 +3,7 @@
 mod commands;
 mod common;
 mod density_args;
+mod emit;
 mod fit_args;
 mod info_model;
 mod info_snapshot;

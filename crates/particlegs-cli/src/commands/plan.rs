@@ -1,16 +1,18 @@
 //! `particlegs plan IN... -o JOB --blocks K|auto`.
 
 use crate::common::Common;
+use crate::emit::{self, Engine};
 use crate::fit_args::FitArgs;
 use crate::job_args::JobSnapshot;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
 use particlegs::compress::parse_bytes;
-use particlegs::job::{self, Task};
+use particlegs::job::{self, Job, Task};
 use particlegs::particles::Room;
+use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
@@ -20,7 +22,10 @@ The job is a folder; its parts run anywhere, in any order, as often as you like:
   particlegs scatter job              (all chunks; or one: particlegs scatter job 3)
   particlegs block job 0              (one block; in a Slurm array: env:SLURM_ARRAY_TASK_ID)
   particlegs merge job -o snapshot.pgs
-`particlegs status job` tells how far it is. The file is that of `compress --blocks 64`.")]
+`particlegs status job` tells how far it is. The file is that of `compress --blocks 64`.
+An engine does all that by a script, which is yours (docs/guide/cluster.md):
+  particlegs plan snapshot/ -o job --blocks 64 --emit slurm > job.slurm && bash job.slurm
+  particlegs plan snapshot/ -o job --blocks 64 --emit snakemake > Snakefile && snakemake --cores all")]
 pub struct Arguments {
     /// A snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
@@ -34,6 +39,9 @@ pub struct Arguments {
     /// Memory that a task may take, e.g. 4GiB [default for auto: 4GiB].
     #[arg(long, value_name = "M")]
     memory: Option<String>,
+    /// Print the script by which an engine does the job; what is said of the plan goes to stderr.
+    #[arg(long, value_enum, value_name = "ENGINE")]
+    emit: Option<Engine>,
     #[command(flatten)]
     fit: FitArgs,
     #[command(flatten)]
@@ -87,5 +95,36 @@ pub fn run(a: Arguments) -> Result<()> {
         "job": a.output, "particles": plan.metadata.count, "blocks": plan.blocks, "chunks": m.chunks,
         "scatter_bytes": if m.chunks > 0 { plan.raw_bytes() } else { 0 }, "memory": m.memory, "planned_before": planned.before,
     });
-    context.finish(&text, &value)
+    let Some(engine) = a.emit else { return context.finish(&text, &value) };
+    context.message(&text);
+    let script = script(engine, &planned.job, a.common.threads.unwrap_or(THREADS))?;
+    if let Some(target) = &a.common.json {
+        crate::report::json(target, &value)?;
+    }
+    crate::report::line(script.trim_end())
+}
+
+/// Threads of a task in a script, where `--threads` does not say: blocks run beside each other.
+const THREADS: usize = 4;
+
+/// The engine's script for a job: the model file beside the folder, tasks as large as the plan says.
+fn script(engine: Engine, job: &Job, threads: usize) -> Result<String> {
+    let absolute = |p: &Path| std::fs::canonicalize(p).map_err(|e| Error::io(p, e));
+    let folder = absolute(&job.folder)?;
+    let program = std::env::current_exe().map_err(|e| Error::io("this program", e))?;
+    let mut model = folder.clone().into_os_string();
+    model.push(".pgs");
+    emit::script(
+        engine,
+        &emit::Job {
+            program,
+            model: model.into(),
+            folder,
+            chunks: job.manifest.chunks,
+            blocks: u64::from(job.manifest.plan.blocks),
+            task_bytes: job.task_bytes(),
+            merge_bytes: job.merge_bytes(),
+            threads,
+        },
+    )
 }

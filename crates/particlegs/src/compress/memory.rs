@@ -36,11 +36,24 @@ impl Load {
     /// # Errors
     /// [`Error::Memory`] where no number of blocks does.
     pub fn blocks_within(&self, bound: u64) -> Result<u32> {
-        let fits = |blocks: u64| self.block_bytes(blocks) <= bound;
+        self.fewest(bound, |blocks| self.block_bytes(blocks))
+    }
+
+    /// The fewest blocks that take at most `bound` bytes each where every one has a process of its own:
+    /// the whole model is then in none of them.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] where no number of blocks does.
+    pub fn tasks_within(&self, bound: u64) -> Result<u32> {
+        self.fewest(bound, |blocks| self.task_bytes(blocks))
+    }
+
+    fn fewest(&self, bound: u64, bytes: impl Fn(u64) -> u64) -> Result<u32> {
+        let fits = |blocks: u64| bytes(blocks) <= bound;
         let most = self.count.min(1 << 20);
         if !fits(most) {
             let what = "a job of blocks".to_string();
-            return Err(Error::Memory { what, need_bytes: self.block_bytes(most), have_bytes: bound });
+            return Err(Error::Memory { what, need_bytes: bytes(most), have_bytes: bound });
         }
         let (mut low, mut high) = (0, most);
         while high - low > 1 {
@@ -50,14 +63,23 @@ impl Load {
         Ok(high as u32)
     }
 
-    /// Bytes that a job in `blocks` blocks takes, one at a time.
+    /// Bytes that a job in `blocks` blocks takes in one process, one block at a time.
     pub fn block_bytes(&self, blocks: u64) -> u64 {
+        self.task_bytes(blocks).max(self.merge_bytes())
+    }
+
+    /// Bytes that putting the blocks together takes, without the particles to measure the model on.
+    pub fn merge_bytes(&self) -> u64 {
+        BASE + DECODED * self.gaussians()
+    }
+
+    /// Bytes that one of `blocks` blocks takes in a process of its own.
+    pub fn task_bytes(&self, blocks: u64) -> u64 {
         // Cuts through a sample are not exact.
         let share = |n: u64| (n as f64 / blocks.max(1) as f64 * 1.01) as u64;
         let gaussians = self.gaussians();
         let refining = if self.effort == Effort::Fast { 0 } else { REFINING.min(60 * share(self.count)) };
-        let block = self.copies * share(self.raw_bytes) + GAUSSIAN * share(gaussians) + refining;
-        BASE + block.max(DECODED * gaussians)
+        BASE + self.copies * share(self.raw_bytes) + GAUSSIAN * share(gaussians) + refining
     }
 
     /// Gaussians that the target will ask for.
@@ -91,5 +113,10 @@ mod tests {
         assert!(load(290.0).block_bytes(u64::from(blocks[3])) <= 1 << 30);
         assert!(load(290.0).block_bytes(u64::from(blocks[3]) - 1) > 1 << 30);
         assert!(matches!(load(290.0).blocks_within(100 << 20), Err(Error::Memory { .. })));
+        // A model larger than the bound: no single process, but tasks.
+        let vast = Load { count: 1 << 36, raw_bytes: 12 << 36, ..load(300.0) };
+        assert!(vast.blocks_within(8 << 30).is_err());
+        assert!(vast.task_bytes(u64::from(vast.tasks_within(8 << 30).unwrap())) <= 8 << 30);
+        assert!(vast.merge_bytes() > 8 << 30);
     }
 }

@@ -25,14 +25,17 @@ impl Job {
     /// From the buckets of all chunks.
     fn gather_buckets(&self, block: u32, chunks: u64, progress: &dyn Progress) -> Result<Particles> {
         let layers = self.manifest.plan.layers.len();
-        let mut files = (0..chunks).map(|c| Buckets::open(self, c)).collect::<Result<Vec<_>>>()?;
+        // One file open at a time: there may be more chunks than a process may have files.
+        let entries = (0..chunks).map(|c| Buckets::open(self, c)?.entry(block)).collect::<Result<Vec<_>>>()?;
         let mut counts = vec![0u64; layers];
-        let entries = files.iter_mut().map(|f| f.entry(block)).collect::<Result<Vec<_>>>()?;
         entries.iter().for_each(|e| counts.iter_mut().zip(&e.counts).for_each(|(n, c)| *n += c));
         let mut particles = Gathered::new(self, &counts)?;
-        for (file, entry) in files.iter_mut().zip(&entries) {
+        for (chunk, entry) in (0..chunks).zip(&entries) {
             progress.check()?;
-            let values = file.read(entry)?;
+            if entry.counts.iter().all(|n| *n == 0) {
+                continue;
+            }
+            let values = Buckets::open(self, chunk)?.read(entry)?;
             let mut rest = &values[..];
             for (layer, &n) in entry.counts.iter().enumerate() {
                 let (own, after) = rest.split_at(particles.width(layer) * n as usize);

@@ -15,6 +15,7 @@ mod checkpoint;
 mod gather;
 mod manifest;
 mod merge;
+mod need;
 mod plan;
 mod runs;
 mod scatter;

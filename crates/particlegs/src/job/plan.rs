@@ -2,6 +2,7 @@
 
 use super::bucket::Buckets;
 use super::manifest::{Job, Manifest};
+use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, Survey};
 use crate::compress::{Load, Options, Plan, PlannedLayer, Target, describe};
@@ -47,7 +48,7 @@ const CHUNKS: u64 = 32;
 /// Memory of a task where none is given.
 const MEMORY: u64 = 4 << 30;
 /// Bytes of a particle in a chunk while it is bucketed: as read, sorted, and its order.
-const BUCKETED: u64 = 40;
+pub(super) const BUCKETED: u64 = 40;
 /// Blocks read a snapshot where it lies if together they read it no more than this often.
 const READ_AGAIN: f64 = 2.0;
 
@@ -75,17 +76,17 @@ pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progr
         raw_bytes: source.raw_bytes(),
         target: task.options.target,
         effort: task.options.effort,
-        copies: 2,
+        copies: COPIES,
     };
     let blocks = match task.blocks {
         Some(blocks) => blocks,
-        None => load.blocks_within(task.memory.unwrap_or(MEMORY))?,
+        None => load.tasks_within(task.memory.unwrap_or(MEMORY))?,
     };
     if let Some(have_bytes) = task.memory
-        && load.block_bytes(u64::from(blocks)) > have_bytes
+        && load.task_bytes(u64::from(blocks)) > have_bytes
     {
         let what = format!("a block of {blocks}");
-        return Err(Error::Memory { what, need_bytes: load.block_bytes(u64::from(blocks)), have_bytes });
+        return Err(Error::Memory { what, need_bytes: load.task_bytes(u64::from(blocks)), have_bytes });
     }
     let tree = KdTree::new(&survey.sample, blocks)?;
     let options = Options { blocks, ..task.options.clone() };
@@ -141,7 +142,8 @@ fn another(folder: &Path) -> Error {
 
 /// Is the folder a job's, or empty, or still to be made?
 fn check_folder(folder: &Path) -> Result<()> {
-    const OURS: [&str; 4] = ["plan.json", "runs.bin", "blocks", "scatter"];
+    // What engines say of their tasks goes to `logs`.
+    const OURS: [&str; 5] = ["plan.json", "runs.bin", "blocks", "scatter", "logs"];
     make_folder(folder)?;
     let ours = |name: std::ffi::OsString| {
         OURS.iter().any(|o| name == *o) || name.to_string_lossy().starts_with(".particlegs-")

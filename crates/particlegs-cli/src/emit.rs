@@ -1,0 +1,205 @@
+//! The short scripts by which a site's own engine drives a job folder: `plan --emit slurm|snakemake`.
+//!
+//! The scripts stand beside this file as they are, with `@NAME@` where the plan's values go; the user
+//! owns what is printed. Nothing here asks the engine or the disk.
+
+use particlegs::{Error, Result};
+use std::path::{Path, PathBuf};
+
+const SLURM: &str = include_str!("emit/slurm.sh");
+const SNAKEMAKE: &str = include_str!("emit/Snakefile");
+
+/// An engine that can drive a job folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Engine {
+    /// One bash script, to be run on a login node: three dependent submissions.
+    Slurm,
+    /// A Snakefile of three rules.
+    Snakemake,
+}
+
+/// What a script must know of a job. Paths should be absolute: tasks run elsewhere.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The program's own path.
+    pub program: PathBuf,
+    /// The job folder.
+    pub folder: PathBuf,
+    /// The file that the merge writes.
+    pub model: PathBuf,
+    /// Chunks of the input to scatter; 0 where blocks read the snapshot itself.
+    pub chunks: u64,
+    /// Blocks, at least 1.
+    pub blocks: u64,
+    /// Memory of a chunk or a block, bytes.
+    pub task_bytes: u64,
+    /// Memory of the merge, bytes.
+    pub merge_bytes: u64,
+    /// Threads of one task, at least 1.
+    pub threads: usize,
+}
+
+/// The engine's script for a job. Refused: a path that is no UTF-8 or has a line break, and for
+/// Snakemake one with braces: it takes them for wildcards and knows no way to quote them.
+pub fn script(engine: Engine, job: &Job) -> Result<String> {
+    let (template, quote): (&str, fn(&str) -> String) = match engine {
+        Engine::Slurm => (SLURM, shell_word),
+        Engine::Snakemake => (SNAKEMAKE, python_literal),
+    };
+    let refused: &[char] = match engine {
+        Engine::Slurm => &['\n', '\r'],
+        Engine::Snakemake => &['\n', '\r', '{', '}'],
+    };
+    let path = |p: &Path| match p.to_str() {
+        Some(text) if !text.contains(refused) => Ok(quote(text)),
+        _ => Err(Error::argument(format!("{}: this path cannot stand in the engine's script", p.display()))),
+    };
+    // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
+    let unit = match engine {
+        Engine::Slurm => 1 << 20,
+        Engine::Snakemake => 1_000_000,
+    };
+    let memory = |bytes: u64| (bytes.div_ceil(unit) * 11).div_ceil(10).to_string();
+    Ok(fill(
+        template,
+        &[
+            ("PROGRAM", path(&job.program)?),
+            ("JOB", path(&job.folder)?),
+            ("MODEL", path(&job.model)?),
+            ("CHUNKS", job.chunks.to_string()),
+            ("BLOCKS", job.blocks.to_string()),
+            ("MEMORY", memory(job.task_bytes)),
+            ("MERGE_MEMORY", memory(job.merge_bytes)),
+            ("THREADS", job.threads.to_string()),
+        ],
+    ))
+}
+
+/// Replaces each `@NAME@` in one pass, so that a path may contain whatever it likes.
+fn fill(template: &str, values: &[(&str, String)]) -> String {
+    let mut text = String::with_capacity(template.len() + 256);
+    let mut rest = template;
+    while let Some(at) = rest.find('@') {
+        let (before, tail) = rest.split_at(at);
+        text += before;
+        let value = values.iter().find_map(|(name, v)| Some((v, tail[1..].strip_prefix(name)?.strip_prefix('@')?)));
+        rest = match value {
+            Some((v, after)) => {
+                text += v;
+                after
+            }
+            None => {
+                text.push('@');
+                &tail[1..]
+            }
+        };
+    }
+    text + rest
+}
+
+/// One word for a POSIX shell.
+fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:,@%=".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        return text.to_string();
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+/// A string for Python: JSON's escapes are Python's, and serde_json leaves other characters as they are.
+fn python_literal(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::process::{Command, Stdio};
+
+    fn job() -> Job {
+        Job {
+            program: "/opt/particlegs".into(),
+            folder: "/scratch/my job's {1} @BLOCKS@".into(),
+            model: "/scratch/m.pgs".into(),
+            chunks: 12,
+            blocks: 1000,
+            task_bytes: 2_000_000_000,
+            merge_bytes: 500_000_000,
+            threads: 4,
+        }
+    }
+
+    #[test]
+    fn every_place_is_filled_once() {
+        for engine in [Engine::Slurm, Engine::Snakemake] {
+            let text = script(engine, &Job { folder: "/scratch/job".into(), ..job() }).unwrap();
+            for name in ["PROGRAM", "JOB", "MODEL", "CHUNKS", "BLOCKS", "MEMORY", "MERGE_MEMORY", "THREADS"] {
+                assert!(!text.contains(&format!("@{name}@")), "{name} in {text}");
+            }
+        }
+    }
+
+    #[test]
+    fn slurm_says_what_the_plan_says() {
+        let text = script(Engine::Slurm, &job()).unwrap();
+        for line in [
+            "program=/opt/particlegs\n",
+            "job='/scratch/my job'\\''s {1} @BLOCKS@'\n",
+            "model=/scratch/m.pgs\n",
+            "chunks=12 ",
+            "blocks=1000\n",
+            "memory=2099M ",
+            "merge_memory=525M ",
+            "cpus=4\n",
+            "--requeue",
+            "--signal=\"B:USR1@$notice\"",
+        ] {
+            assert!(text.contains(line), "{line} in {text}");
+        }
+    }
+
+    #[test]
+    fn snakemake_says_what_the_plan_says() {
+        let text = script(Engine::Snakemake, &Job { folder: "/s/a \"b\" \\c é".into(), ..job() }).unwrap();
+        for line in [
+            "PROGRAM = \"/opt/particlegs\"\n",
+            "JOB = \"/s/a \\\"b\\\" \\\\c é\"\n",
+            "CHUNKS, BLOCKS = 12, 1000 ",
+            "MEMORY, MERGE_MEMORY = 2200, 550 ",
+            "MINUTES, THREADS = 240, 4 ",
+        ] {
+            assert!(text.contains(line), "{line} in {text}");
+        }
+    }
+
+    #[test]
+    fn a_path_that_cannot_stand_in_a_script_is_refused() {
+        for engine in [Engine::Slurm, Engine::Snakemake] {
+            assert!(script(engine, &Job { folder: "a\nb".into(), ..job() }).is_err());
+        }
+        assert!(script(Engine::Snakemake, &Job { model: "a{b}.pgs".into(), ..job() }).is_err());
+    }
+
+    #[test]
+    fn words_survive_the_shell() {
+        for word in ["", "plain/path.pgs", "a b", "it's", "$HOME `x` \"y\" \\ * {1}", "é", "-o"] {
+            let echo = Command::new("sh").arg("-c").arg(format!("printf %s {}", shell_word(word))).output();
+            // Without a shell on this machine there is nothing to compare with.
+            let Ok(output) = echo else { return };
+            // printf takes a leading dash for itself; the word was one word all the same.
+            if word != "-o" {
+                assert_eq!(String::from_utf8_lossy(&output.stdout), word);
+            }
+        }
+    }
+
+    #[test]
+    fn bash_can_parse_the_script() {
+        let child = Command::new("bash").arg("-n").stdin(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        let Ok(mut child) = child else { return };
+        let text = script(Engine::Slurm, &job()).unwrap();
+        std::io::Write::write_all(&mut child.stdin.take().unwrap(), text.as_bytes()).unwrap();
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+}

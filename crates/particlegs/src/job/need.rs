@@ -1,0 +1,35 @@
+//! What the tasks of a job take, for engines that want to know before they start them.
+
+use super::manifest::Job;
+use super::plan::BUCKETED;
+use crate::compress::Load;
+use crate::particles::RUN;
+
+/// Copies of a block's particles that a task holds: as gathered, and the fit's.
+pub(super) const COPIES: u64 = 2;
+
+impl Job {
+    fn load(&self) -> Load {
+        let plan = &self.manifest.plan;
+        Load {
+            count: plan.metadata.count,
+            raw_bytes: plan.raw_bytes(),
+            target: plan.target,
+            effort: plan.effort,
+            copies: COPIES,
+        }
+    }
+
+    /// Bytes of memory that a block or a chunk takes, whichever is larger: an estimate from above.
+    pub fn task_bytes(&self) -> u64 {
+        let m = &self.manifest;
+        let chunk = if m.chunks > 0 { m.chunk_runs.saturating_mul(BUCKETED * RUN as u64) } else { 0 };
+        self.load().task_bytes(u64::from(m.plan.blocks)).max(chunk)
+    }
+
+    /// Bytes of memory that the merge takes; where the model is measured, with all particles in memory.
+    pub fn merge_bytes(&self) -> u64 {
+        let particles = if self.manifest.plan.certificate { self.manifest.plan.raw_bytes() } else { 0 };
+        self.load().merge_bytes().saturating_add(particles)
+    }
+}
