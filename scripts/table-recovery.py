@@ -7,7 +7,6 @@ import sys
 
 out, page = sys.argv[1], sys.argv[2]
 MODELS = [f"{r}-default" for r in (30, 65, 100, 300, 1000, 3000)] + ["65-fast", "300-fast"]
-# A statistic is supported where it is within the first limit, with care within the second.
 XI_LARGEST = 0.1  # xi(r) is judged where the truth's is above this
 
 
@@ -38,6 +37,22 @@ def spectrum(s):
     }
 
 
+def xi_from(s, join=0.98):
+    """Smallest r from which on xi is within 10 %: by pair counts below `join`, where all particles or many are
+    primaries, and by transform above, where the few primaries of pair counts scatter by 5 to 10 %."""
+    pairs, fourier = s["xi_by_pairs"], s["xi_by_transform"]
+    truth, edges = pairs["counts"][0]["xi"], pairs["counts"][0]["edges"]
+    bins = [(edges[i], pairs["ratio"][i]) for i in range(len(truth)) if truth[i] >= XI_LARGEST and edges[i] < join]
+    a, b = fourier["xi"]
+    bins += [(e, y / x) for e, x, y in zip(fourier["edges"], a, b) if x >= XI_LARGEST and e >= join]
+    start = None
+    for r, ratio in sorted(bins, reverse=True):
+        if ratio is None or abs(ratio - 1) > 0.1:
+            break
+        start = r
+    return start
+
+
 def density(s):
     a = s["density"]["agreement"]
     return {"correlation": a["correlation"], "mae": a["mean_absolute_error"]}
@@ -60,7 +75,7 @@ for name in MODELS:
         "model": name, "ratio": made["compression_ratio"], "effort": name.split("-")[1], "gaussians": made["gaussians"],
         "bytes": made["model_bytes"], "seconds": made["seconds"],
         "drawn": {"density": density(drawn), "spectrum": spectrum(drawn), **particles(drawn),
-                  "xi_within_10_percent_from": drawn["summary"]["xi_within_10_percent_from"]},
+                  "xi_within_10_percent_from": xi_from(drawn)},
         "direct": {"density": density(direct), "spectrum": spectrum(direct)},
     }
     for method in ("spaced", "stratified"):
@@ -102,7 +117,7 @@ def off(c):
 
 
 def name_of(e):
-    return f'{e["ratio"]:.0f}, {e["effort"]}'
+    return e["model"].replace("-", ", ")
 
 
 truth = results[0]["drawn"]["groups"]
@@ -119,7 +134,7 @@ line("particlegs recover m.pgs -o spaced --method spaced                 # and s
 line("particlegs stats nbody128 spaced -o s-spaced --grid 50 --only density,groups,neighbours")
 line("```")
 line()
-line("Density: nearest grid point, 50^3 cells of 16.8 particles. P(k): triangular-shaped clouds, two grids of 512^3 half a cell apart, window divided out, shot noise subtracted; r(k) with the noise of the particles in it. xi(r): pair counts, 10 bins a decade, where the truth's is above 0.1. Groups: friends of friends, 0.2 of the mean spacing, periodic. Core mass: median over groups of 100 to 299 particles of other / truth within 0.05 Mpc/h of the truth's centre.")
+line("Density: nearest grid point, 50^3 cells of 16.8 particles. P(k): triangular-shaped clouds, two grids of 512^3 half a cell apart, window divided out, shot noise subtracted; r(k) with the noise of the particles in it. xi(r), where the truth's is above 0.1: pair counts below 1 Mpc/h, 10 bins a decade from 0.0195 on; by transform above (pair counts are of a sample of primaries there, and scatter by 5 to 10 %). Groups: friends of friends, 0.2 of the mean spacing, periodic. Core mass: median over groups of 100 to 299 particles of other / truth within 0.05 Mpc/h of the truth's centre.")
 line()
 line("## Particles drawn by `count` (the default)")
 line()
@@ -226,7 +241,8 @@ d, s = at["drawn"], at["drawn"]["spectrum"]
 xi = d["xi_within_10_percent_from"]
 floors = [
     ("density correlation", f'{d["density"]["correlation"]:.4f}', "0.998", "0.9993", d["density"]["correlation"] >= 0.998, d["density"]["correlation"] >= 0.9993),
-    ("MAE of delta", f'{d["density"]["mae"]:.4f}', "0.21", "0.15", d["density"]["mae"] <= 0.21, d["density"]["mae"] <= 0.15),
+    ("MAE of delta, `count`", f'{d["density"]["mae"]:.4f}', "0.21", "0.15", d["density"]["mae"] <= 0.21, d["density"]["mae"] <= 0.15),
+    ("the same, `stratified`", f'{at["stratified"]["density"]["mae"]:.4f}', "0.21", "0.15", at["stratified"]["density"]["mae"] <= 0.21, at["stratified"]["density"]["mae"] <= 0.15),
     ("largest deviation of P(k) to 8 h/Mpc", percent(s["largest_deviation"]), "5 %", "1 %", s["largest_deviation"] <= 0.05, s["largest_deviation"] <= 0.01),
     ("r(k) there", f'{s["r_at_k_max"]:.3f}', "measured", "", True, None),
     ("xi(r) within 10 % for r above, Mpc/h", "nowhere" if xi is None else f"{xi:.3f}", "0.2", "0.1", xi is not None and xi <= 0.2, xi is not None and xi <= 0.1),

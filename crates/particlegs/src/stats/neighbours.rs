@@ -1,7 +1,7 @@
 //! Distances to the nearest neighbour, of all particles or of a sample of them.
 
 use super::Domain;
-use super::tree::{Neighbours, Place, places};
+use super::tree::{Neighbours, places_of};
 use crate::math::Random;
 use crate::particles::Particles;
 use crate::progress::Progress;
@@ -77,13 +77,15 @@ pub fn nearest_distances(
     if n < 2 || n >= u32::MAX as usize || o.sample < 2 {
         return Err(Error::argument("nearest neighbours need from 2 to 4294967294 particles"));
     }
-    crate::memory::require("a tree of neighbours", n as u64 * 13 + o.sample.min(n) as u64 * 24)?;
-    let all = places(particles, domain);
-    let chosen: Vec<Place> = sample(n, o.sample, o.seed).into_iter().map(|i| all[i as usize]).collect();
+    crate::memory::require("a tree of neighbours", n as u64 * 14 + o.sample.min(n) as u64 * 28)?;
+    let chosen = places_of(particles, domain, &sample(n, o.sample, o.seed));
     progress.check()?;
-    let among = if o.among_sample { chosen.clone() } else { all };
-    let count = among.len();
-    let tree = Neighbours::new(among, particles.origin, domain);
+    let thinned = o.among_sample.then(|| {
+        let column = |k: usize| chosen.iter().map(|x| x[k]).collect();
+        Particles { origin: particles.origin, ..Particles::from_columns(column(0), column(1), column(2)) }
+    });
+    let among = thinned.as_ref().unwrap_or(particles);
+    let tree = Neighbours::new(among, domain);
     let mut distances = chosen
         .par_chunks(1024)
         .map(|run| {
@@ -94,7 +96,7 @@ pub fn nearest_distances(
         .concat();
     let mean = distances.iter().sum::<f64>() / distances.len() as f64;
     distances.par_sort_unstable_by(f64::total_cmp);
-    Ok(summary(&distances, mean, count))
+    Ok(summary(&distances, mean, among.len()))
 }
 
 fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
@@ -155,8 +157,8 @@ mod tests {
             let mut p = particles(&x);
             p.origin = [5.0, 0.0, -3.0];
             let moved = Domain { min: p.origin, ..domain };
-            let all = places(&p, &moved);
-            let tree = Neighbours::new(all.clone(), p.origin, &moved);
+            let all = places_of(&p, &moved, &(0..900).collect::<Vec<u32>>());
+            let tree = Neighbours::new(&p, &moved);
             for i in 0..x.len() {
                 let plain = (0..x.len())
                     .filter(|j| *j != i)
