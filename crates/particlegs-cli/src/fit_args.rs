@@ -119,6 +119,7 @@ impl FitArgs {
             opacity: self.opacity,
             blocks: 1,
             room: Room::Memory,
+            memory: None,
             seed,
             certificate: !self.no_certificate,
             command,

@@ -153,7 +153,7 @@ fn text(r: &Report<'_>) -> String {
             row("  steps", steps);
         }
     }
-    out.push_str(&certificate(r.certificate));
+    out.push_str(&certificate(r.certificate, m.length_unit));
     out.trim_end().to_string()
 }
 
@@ -171,8 +171,8 @@ fn said(value: Option<impl ToString>) -> String {
     value.map_or_else(|| "not stated".into(), |v| v.to_string())
 }
 
-/// The certificate as a table.
-pub fn certificate(c: Option<&Certificate>) -> String {
+/// The certificate as a table, and what statistics said in words. `unit` is the unit of length.
+pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let Some(c) = c else { return "certificate        none\n".into() };
     let mut out = format!(
         "certificate        measured at encoding: {} x {}, one frame an orbit, seed {}\n  {:<6} {:<17} {:>22} {:>20}\n",
@@ -193,6 +193,12 @@ pub fn certificate(c: Option<&Certificate>) -> String {
         "  density on a grid of {} cells: correlation {:.5}, mean absolute error of the contrast {:.4}",
         c.grid, c.density_correlation, c.density_mae
     );
+    match &c.science {
+        Some(science) => science.in_words(unit).iter().for_each(|words| {
+            let _ = writeln!(out, "  {words}");
+        }),
+        None => out.push_str("  power spectrum, cross-correlation, groups: not measured\n"),
+    }
     out
 }
 

@@ -1,8 +1,8 @@
 //! Statistics as pictures: one figure each, and the central slices.
 
 use crate::plots::{Curve, Figure, write};
-use crate::stats_tables::per_length;
 use particlegs::Result;
+use particlegs::model::per_length;
 use particlegs::picture::{Colormap, PanelImage, Rgb8, Size, panels, write_rgb_png};
 use particlegs::stats::{DensityReport, Slice, Statistics};
 use std::path::Path;

@@ -1,17 +1,10 @@
 //! Statistics as tables: CSV files, and the short one on the terminal.
 
 use particlegs::Result;
+use particlegs::model::per_length;
 use particlegs::output::write_bytes;
 use particlegs::stats::{SizeClass, Statistics};
 use std::path::Path;
-
-/// The reciprocal of a unit of length: `h/Mpc` of `Mpc/h`.
-pub fn per_length(unit: &str) -> String {
-    match unit.split_once('/') {
-        Some((a, b)) if !b.contains('/') => format!("{b}/{a}"),
-        _ => format!("1/{unit}"),
-    }
-}
 
 struct Csv(String);
 

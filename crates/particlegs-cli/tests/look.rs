@@ -104,6 +104,19 @@ fn verify_finds_damage_and_measures_again() {
     let now = again["measured_again"]["orbits"][0]["expected"]["masked_psnr"].as_f64().unwrap();
     let then = stored["certificate"]["orbits"][0]["expected"]["masked_psnr"].as_f64().unwrap();
     assert!((now - then).abs() < 0.011, "{now} {then}");
+    // The same particles are drawn and measured; the file holds f32.
+    let science = |v: &Value| v["science"].clone();
+    let (now, then) = (science(&again["measured_again"]), science(&stored["certificate"]));
+    assert_eq!((&now["of"], &now["spectrum_grid"]), (&"drawn_particles".into(), &128.into()));
+    for key in ["k_max", "power_within_1_percent_to", "power_within_5_percent_to", "r_above_0_99_to", "r_above_0_9_to"]
+    {
+        match now[key].as_f64() {
+            Some(k) => assert!((k / then[key].as_f64().unwrap() - 1.0).abs() < 1e-6, "{key}"),
+            None => assert_eq!(now[key], then[key], "{key}"),
+        }
+    }
+    assert_eq!(now["groups_within_10_percent_from"], then["groups_within_10_percent_from"]);
+    assert!(now["k_max"].as_f64().unwrap() > 7.9);
 
     let bytes = std::fs::read(&path).unwrap();
     let broken = dir.path().join("broken.pgs");

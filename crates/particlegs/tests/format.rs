@@ -3,7 +3,9 @@
 
 use particlegs::codec::{self, CodedLayer, Encoder, LayerHead, Precision};
 use particlegs::math::{Random, Sym3};
-use particlegs::model::{Block, Certificate, Law, Layer, LookScore, Metadata, Mixture, Model, OrbitScore};
+use particlegs::model::{
+    Block, Certificate, Law, Layer, Limit, LookScore, Metadata, Mixture, Model, OrbitScore, Science, ScienceOf,
+};
 use particlegs::particles::{Bounds, Cell};
 use particlegs::{Error, math};
 use proptest::prelude::*;
@@ -72,6 +74,21 @@ fn certificate() -> Certificate {
         grid: 50,
         density_correlation: 0.5,
         density_mae: 0.25,
+        science: Some(science()),
+    }
+}
+
+/// Every limit in another state, values that f32 holds.
+fn science() -> Science {
+    Science {
+        of: ScienceOf::DrawnParticles,
+        spectrum_grid: 256,
+        k_max: 8.0,
+        power_within_1_percent_to: Limit::Never,
+        power_within_5_percent_to: Limit::At(8.0),
+        r_above_0_99_to: Limit::At(2.5),
+        r_above_0_9_to: Limit::NotMeasured,
+        groups_within_10_percent_from: Limit::At(57.0),
     }
 }
 
@@ -101,6 +118,7 @@ fn a_file_comes_back() {
         assert_eq!(back.metadata, m.metadata);
         assert_eq!(back.gaussians(), 800);
         assert_eq!(back.certificate.unwrap().orbits[0].paraview.masked_psnr, Some(30.25));
+        assert_eq!(back.certificate.unwrap().science, Some(science()));
         for (a, b) in back.blocks().zip(m.blocks()) {
             assert_eq!((a.count, a.mass, a.bounds), (b.count, b.mass, b.bounds));
             assert_eq!(a.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
@@ -121,7 +139,10 @@ fn what_is_not_gaussians_is_small() {
     let m = small();
     let size = codec::size_without_blocks(&m.metadata, false, &[head(1)]) - m.metadata.command.len();
     assert!(size < 400, "{size} bytes");
-    assert_eq!(codec::size_without_blocks(&m.metadata, true, &[head(1)]) - m.metadata.command.len() - size, 16 + 94);
+    assert_eq!(
+        codec::size_without_blocks(&m.metadata, true, &[head(1)]) - m.metadata.command.len() - size,
+        16 + 94 + 16 + 27
+    );
 }
 
 #[test]
@@ -275,6 +296,36 @@ fn newer_files_are_told_apart() {
     };
     assert!(add(b"note").is_ok());
     assert!(matches!(add(b"NOTE"), Err(Error::Compatibility { .. })));
+}
+
+/// Statistics are a section of version 1.2: older readers skip it, and so does this one in files
+/// that state an older version. It stands behind the certificate alone.
+#[test]
+fn statistics_are_read_where_their_version_has_them() {
+    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
+    assert_eq!(bytes[8..10], [1, 2]);
+    let of = |bytes: &[u8]| Ok::<_, Error>(codec::decode(bytes, "m")?.certificate.and_then(|c| c.science));
+    assert_eq!(of(&bytes).unwrap(), Some(science()));
+    let mut older = bytes.clone();
+    older[9] = 1;
+    reseal(&mut older);
+    assert_eq!(of(&older).unwrap(), None);
+    let (cert, stat) = [b"CERT", b"stat"].map(|t| bytes.windows(4).position(|w| w == t).unwrap()).into();
+    let cut = |from: usize, to: usize| {
+        let mut b = [&bytes[..from], &bytes[to..]].concat();
+        let length = b.len() as u64;
+        b[12..20].copy_from_slice(&length.to_le_bytes());
+        reseal(&mut b);
+        b
+    };
+    // Without them, and without the certificate that they belong to.
+    let plain = codec::decode(&cut(stat, stat + 16 + 27), "m").unwrap();
+    assert!(plain.certificate.is_some_and(|c| c.science.is_none()));
+    assert!(matches!(of(&cut(cert, stat)), Err(Error::Corrupt { .. })));
+    // A certificate without statistics keeps the version of its metadata.
+    let c = Certificate { science: None, ..certificate() };
+    let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
+    assert_eq!((bytes[9], of(&bytes).unwrap()), (0, None));
 }
 
 #[test]
@@ -472,22 +523,26 @@ fn threads_and_simd_give_the_same_bytes() {
     math::set_simd(true);
 }
 
-/// A file of version 1.0 and what it holds. To write them anew after a deliberate change of the
-/// format (and a new version of it): PARTICLEGS_WRITE_FIXTURES=1.
+/// Files of every version and what they hold. To write those of the newest anew after a deliberate
+/// change of the format (and a new version of it): PARTICLEGS_WRITE_FIXTURES=1.
 #[test]
-fn files_of_version_1_0_stay_readable() {
+fn files_of_every_version_stay_readable() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
-    let (file, values) = (folder.join("format-1.0.pgs"), folder.join("format-1.0.json"));
+    let path = |name: &str| folder.join(name);
     if std::env::var_os("PARTICLEGS_WRITE_FIXTURES").is_some() {
         let m = model(vec![block(mixture(30, 11, 4.0, 6.0, true))], true);
         let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
-        std::fs::write(&values, table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
-        std::fs::write(&file, bytes).unwrap();
+        std::fs::write(path("format-1.2.json"), table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
+        std::fs::write(path("format-1.2.pgs"), bytes).unwrap();
     }
-    let model = codec::decode(&std::fs::read(&file).unwrap(), "format-1.0.pgs").unwrap();
-    assert_eq!(table(&model), std::fs::read_to_string(&values).unwrap().trim_end());
-    assert_eq!(model.metadata.command, "particlegs compress nbody -o m.pgs");
-    assert_eq!(model.certificate.unwrap().seed, 42);
+    for (version, has_science) in [("1.0", false), ("1.2", true)] {
+        let model = codec::decode(&std::fs::read(path(&format!("format-{version}.pgs"))).unwrap(), version).unwrap();
+        let values = std::fs::read_to_string(path(&format!("format-{version}.json"))).unwrap();
+        assert_eq!(table(&model), values.trim_end());
+        assert_eq!(model.metadata.command, "particlegs compress nbody -o m.pgs");
+        let certificate = model.certificate.unwrap();
+        assert_eq!((certificate.seed, certificate.science), (42, has_science.then(science)));
+    }
 }
 
 /// Bit-exact: shortest decimals that come back.

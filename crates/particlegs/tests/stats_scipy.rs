@@ -38,7 +38,7 @@ fn neighbours_pairs_and_groups_are_scipys() {
     let pairs = count_pairs(&x, &domain, &o, &Silent).unwrap().pairs;
     assert_eq!(pairs.iter().map(|p| *p as f64).collect::<Vec<_>>(), floats(&e["pairs"]));
     let o = NeighbourOptions { sample: 600, among_sample: false, seed: 1 };
-    let d = nearest_distances(&x, &domain, &o, &Silent).unwrap();
+    let d = nearest_distances(&p, &domain, &o, &Silent).unwrap();
     close(d.mean, e["nearest_mean"].as_f64().unwrap(), 1e-12);
     close(d.median, e["nearest_median"].as_f64().unwrap(), 1e-12);
     let length = e["linking"].as_f64().unwrap() * domain.spacing(600);

@@ -67,6 +67,7 @@ pub fn run(a: Arguments) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }
     output::check_writable(&a.output)?;
+    options.memory = memory;
     if memory.is_some() {
         options.room = Room::Disk(a.scratch_folder());
     }
@@ -138,7 +139,11 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
         text += "\nfor pictures: the partition alone loses most small groups; use --effort default for statistics";
     }
     if done.model.certificate.is_some() {
-        text += &format!("\n{}", crate::info_model::certificate(done.model.certificate.as_ref()).trim_end());
+        text += &format!(
+            "\n{}",
+            crate::info_model::certificate(done.model.certificate.as_ref(), done.model.metadata.length_unit.as_deref())
+                .trim_end()
+        );
     }
     let value = json!({
         "output": a.output, "particles": done.model.metadata.count, "gaussians": gaussians,

@@ -92,10 +92,11 @@ pub fn run(a: Arguments) -> Result<()> {
         text.push_str("source: the snapshot is the one that the file was made of\n");
     }
     text.push_str(&format!("certificate: {certificate}\n"));
-    text.push_str(&info_model::certificate(model.certificate.as_ref()));
+    let unit = model.metadata.length_unit.as_deref();
+    text.push_str(&info_model::certificate(model.certificate.as_ref(), unit));
     if let Some(again) = &measured_again {
         text.push_str("\nmeasured again, now:\n");
-        text.push_str(&info_model::certificate(Some(again)));
+        text.push_str(&info_model::certificate(Some(again), unit));
     }
     context.finish(text.trim_end(), &report)
 }
@@ -149,5 +150,5 @@ fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) ->
         return Err(Error::input(a.snapshot[0].as_path(), what));
     }
     let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
-    score::certificate(model, &particles, seed, context)
+    score::certificate(model, &particles, seed, None, context)
 }

@@ -1,4 +1,5 @@
-//! The certificate section: 94 bytes (docs/format.md, section 3).
+//! The certificate section: 94 bytes (docs/format.md, section 3); its statistics have a section of
+//! their own (`science`).
 
 use super::wire::Reader;
 use crate::model::{Certificate, LookScore, OrbitScore};
@@ -46,7 +47,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Certificate, String> {
         return Err(format!("a certificate of {} bytes", bytes.len()));
     }
     let orbits = [orbits[0], orbits[1], orbits[2]];
-    Ok(Certificate { width, height, seed, orbits, grid, density_correlation, density_mae })
+    Ok(Certificate { width, height, seed, orbits, grid, density_correlation, density_mae, science: None })
 }
 
 fn look(r: &mut Reader<'_>) -> Result<LookScore, String> {
@@ -99,6 +100,7 @@ mod tests {
             grid: 64,
             density_correlation: 0.999,
             density_mae: 0.2,
+            science: None,
         };
         let bytes = write(&c);
         assert_eq!(bytes.len(), CERTIFICATE_BYTES);

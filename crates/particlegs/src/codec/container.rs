@@ -8,7 +8,7 @@ pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
 /// Version that is written. A reader takes any minor version of its major one.
 pub(crate) const MAJOR: u8 = 1;
 /// See [`MAJOR`].
-pub(crate) const MINOR: u8 = 1;
+pub(crate) const MINOR: u8 = 2;
 /// Magic, major, minor, reserved, length, checksum.
 pub(crate) const HEAD_BYTES: usize = 8 + 1 + 1 + 2 + 8 + 4;
 /// Tag, length, checksum.
@@ -18,6 +18,10 @@ pub(crate) const SECTION_BYTES: usize = 4 + 8 + 4;
 pub(crate) const META: [u8; 4] = *b"META";
 /// Certificate.
 pub(crate) const CERTIFICATE: [u8; 4] = *b"CERT";
+/// Statistics: a further part of the certificate, since version 1.2.
+pub(crate) const SCIENCE: [u8; 4] = *b"stat";
+/// The first minor version whose readers know [`SCIENCE`].
+pub(crate) const SCIENCE_SINCE: u8 = 2;
 /// A layer: name and number of blocks, which follow.
 pub(crate) const LAYER: [u8; 4] = *b"LAYR";
 /// A block.
@@ -69,7 +73,7 @@ pub fn is_model(head: &[u8]) -> bool {
 /// # Errors
 /// [`Error::Corrupt`] and [`Error::Compatibility`].
 pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Vec<Section<'a>>> {
-    head(file, place)?;
+    let minor = head(file, place)?;
     let mut out = Vec::new();
     let mut at = HEAD_BYTES;
     while at < file.len() {
@@ -77,6 +81,7 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Vec<Section<'a>>> 
         at += SECTION_BYTES + section.bytes.len();
         match section.tag {
             META | CERTIFICATE | LAYER | BLOCK => out.push(section),
+            SCIENCE if minor >= SCIENCE_SINCE => out.push(section),
             [b'a'..=b'z', ..] => {}
             tag => {
                 let what = format!("section `{}` is not known and may not be skipped", tag.escape_ascii());
@@ -87,7 +92,8 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Vec<Section<'a>>> 
     Ok(out)
 }
 
-fn head(file: &[u8], place: &str) -> Result<()> {
+/// Checks the head and gives the minor version.
+fn head(file: &[u8], place: &str) -> Result<u8> {
     let corrupt = |what: String| Err(Error::corrupt(place, what));
     if !file.starts_with(&MAGIC) {
         let what = if file.is_empty() { "it is empty" } else { "it does not begin as a model file does" };
@@ -117,7 +123,7 @@ fn head(file: &[u8], place: &str) -> Result<()> {
         std::cmp::Ordering::Greater => {
             corrupt(format!("{} bytes follow its end at byte {length}", file.len() as u64 - length))
         }
-        std::cmp::Ordering::Equal => Ok(()),
+        std::cmp::Ordering::Equal => Ok(minor),
     }
 }
 

@@ -1,10 +1,12 @@
 //! Models as files: which sections, in which order.
 
-use super::container::{self, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SECTION_BYTES, Section};
+use super::container::{
+    self, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SCIENCE, SCIENCE_SINCE, SECTION_BYTES, Section,
+};
 use super::header::BlockHeader;
 use super::metadata::{Fault, LayerMass};
 use super::wire::Reader;
-use super::{Encoder, Precision, certificate, decoder, metadata};
+use super::{Encoder, Precision, certificate, decoder, metadata, science};
 use crate::model::{Block, Certificate, Layer, Metadata, Model};
 use crate::{Error, Result};
 
@@ -75,13 +77,17 @@ pub fn assemble(
         layer.blocks = keyed.into_iter().map(|k| k.2).collect();
     }
     let meta = metadata::write(metadata, &masses);
+    let science = certificate.and_then(|c| c.science.as_ref()).map(science::write);
     let certificate = certificate.map(certificate::write);
     let heads: Vec<Vec<u8>> = layers.iter().map(layer_bytes).collect();
     let body = layers.iter().zip(&heads).flat_map(|(layer, head)| {
         std::iter::once((LAYER, &head[..])).chain(layer.blocks.iter().map(|b| (BLOCK, &b[..])))
     });
-    let front = std::iter::once((META, &meta[..])).chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])));
-    Ok(container::write(metadata::minor_version(&meta), front.chain(body)))
+    let minor = metadata::minor_version(&meta).max(if science.is_some() { SCIENCE_SINCE } else { 0 });
+    let front = std::iter::once((META, &meta[..]))
+        .chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])))
+        .chain(science.iter().map(|s| (SCIENCE, &s[..])));
+    Ok(container::write(minor, front.chain(body)))
 }
 
 /// A layer without its blocks.
@@ -97,9 +103,11 @@ pub struct LayerHead<'a> {
     pub blocks: usize,
 }
 
-/// Bytes of a file beside its coded blocks. The file's size is this plus the sizes of its blocks.
+/// Bytes of a file beside its coded blocks, with or without a certificate and its statistics. The
+/// file's size is this plus the sizes of its blocks.
 pub fn size_without_blocks(metadata: &Metadata, certificate: bool, layers: &[LayerHead<'_>]) -> usize {
-    let certificate = if certificate { SECTION_BYTES + certificate::CERTIFICATE_BYTES } else { 0 };
+    let measured = 2 * SECTION_BYTES + certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES;
+    let certificate = if certificate { measured } else { 0 };
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.blocks).sum();
     let mass = |l: &LayerHead<'_>| LayerMass { weighted: l.weighted, particle_mass: l.particle_mass };
     let masses: Vec<LayerMass> = layers.iter().map(mass).collect();
@@ -150,10 +158,15 @@ fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         })?,
         _ => return Err(corrupt("it does not begin with metadata".into())),
     };
-    let certificate = match rest.next_if(|s| s.tag == CERTIFICATE) {
+    let mut certificate = match rest.next_if(|s| s.tag == CERTIFICATE) {
         Some(s) => Some(certificate::read(s.bytes).map_err(corrupt)?),
         None => None,
     };
+    if let Some(c) = &mut certificate
+        && let Some(s) = rest.next_if(|s| s.tag == SCIENCE)
+    {
+        c.science = Some(science::read(s.bytes).map_err(corrupt)?);
+    }
     let mut layers: Vec<(String, Vec<(Section<'a>, BlockHeader)>)> = Vec::new();
     while let Some(section) = rest.next() {
         let (name, count) = layer_head(&section).map_err(corrupt)?;

@@ -17,6 +17,7 @@ mod metadata;
 mod precision;
 mod predict;
 mod rans;
+mod science;
 mod shape;
 mod streams;
 mod sums;

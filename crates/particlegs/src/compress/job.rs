@@ -30,6 +30,8 @@ pub struct Options {
     pub blocks: u32,
     /// Where blocks are put while they wait.
     pub room: Room,
+    /// Memory to stay within, bytes, as far as it is not decided by the number of blocks.
+    pub memory: Option<u64>,
     /// Seed of the fit and the views.
     pub seed: u64,
     /// Measure the decoded model and store what was found?
@@ -76,6 +78,7 @@ pub(super) struct Job<'a> {
     pub progress: &'a dyn Progress,
     pub plan: Plan,
     blocks: Vec<BlockJob>,
+    memory: Option<u64>,
     clock: Clock,
 }
 
@@ -113,7 +116,7 @@ impl<'a> Job<'a> {
             weighted: l.weighted,
         };
         let plan = Plan::new(options, metadata, particles.layers().into_iter().map(layer).collect())?;
-        Ok(Job { particles, progress, plan, blocks, clock })
+        Ok(Job { particles, progress, plan, blocks, memory: options.memory, clock })
     }
 
     /// `number` Gaussians at the nominal precision, shared among the blocks by their particles.
@@ -146,8 +149,11 @@ impl<'a> Job<'a> {
         let mut model = self.clock.time("decode", || codec::decode(&bytes, "the file just coded"))?;
         if self.plan.certificate {
             let (seed, progress) = (self.plan.seed, self.progress);
-            let certificate =
-                self.clock.time("certificate", || score::certificate(&model, self.particles, seed, progress))?;
+            // The model and what is drawn of it take the rest.
+            let pictures = self.memory.map(|m| m / 5);
+            let certificate = self
+                .clock
+                .time("certificate", || score::certificate(&model, self.particles, seed, pictures, progress))?;
             bytes = self.file(&coded, Some(&certificate))?;
             model.certificate = Some(certificate);
         }

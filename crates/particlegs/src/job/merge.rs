@@ -49,7 +49,7 @@ impl Job {
             return Err(Error::input(&self.folder, what));
         }
         if let Some(particles) = particles {
-            let certificate = score::certificate(&model, particles, plan.seed, progress)?;
+            let certificate = score::certificate(&model, particles, plan.seed, None, progress)?;
             bytes = plan.file(layers.iter(), Some(&certificate))?;
             model.certificate = Some(certificate);
         }

@@ -1,5 +1,7 @@
 //! What was measured after decoding, when the file was made.
 
+use super::Science;
+
 /// Scores of one orbit in one look: the model's, and those of the noise-free picture of all
 /// particles (spec: metrics.md).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -42,4 +44,6 @@ pub struct Certificate {
     pub density_correlation: f64,
     /// Mean absolute error of the density contrast delta = rho / mean - 1 on that grid.
     pub density_mae: f64,
+    /// What statistics said; `None` in files before version 1.2.
+    pub science: Option<Science>,
 }

@@ -3,7 +3,9 @@
 mod certificate;
 mod metadata;
 mod mixture;
+mod science;
 
 pub use certificate::{Certificate, LookScore, OrbitScore};
 pub use metadata::{Law, Metadata};
 pub use mixture::{Block, Layer, Mixture, Model};
+pub use science::{Limit, Science, ScienceOf, per_length};

@@ -2,11 +2,12 @@
 
 use super::Method;
 use super::normals::Draws;
-use super::plan::LayerPlan;
+use super::plan::{LayerPlan, Plan};
 use super::spaced::Cascade;
 use super::stratified::stratify;
 use super::wrap::Wrap;
 use crate::math::{Random, Sym3};
+use crate::model::Metadata;
 use crate::particles::{Bounds, Run};
 use crate::{Error, Result};
 use std::ops::Range;
@@ -50,6 +51,20 @@ struct Placed {
 }
 
 impl Rules {
+    /// For the particles of a plan, those of the snapshot that `metadata` describes.
+    pub(super) fn new(method: Method, scale: f64, seed: u64, metadata: &Metadata, plan: &Plan) -> Rules {
+        let volume: f64 = metadata.bounds.extent_nonzero().iter().product();
+        Rules {
+            method,
+            scale,
+            seed,
+            bounds: metadata.bounds,
+            mean_density: plan.total as f64 / volume,
+            wrap: Wrap::new(metadata.cell.as_ref(), &metadata.bounds),
+            weighted: plan.weighted(),
+        }
+    }
+
     /// Fills `run` with the particles `range` of a layer, its run number `number`.
     ///
     /// # Errors

@@ -4,7 +4,6 @@ use super::Method;
 use super::draw::{Rules, Scratch};
 use super::notes::notes;
 use super::plan::Plan;
-use super::wrap::Wrap;
 use crate::memory::require;
 use crate::model::Model;
 use crate::particles::{Described, ONE_LAYER, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
@@ -62,16 +61,7 @@ pub fn recover(
     let (metadata, certificate) = (model.metadata.clone(), model.certificate);
     let plan = Plan::new(model, options.particles, options.method)?;
     let weighted = plan.weighted();
-    let volume: f64 = metadata.bounds.extent_nonzero().iter().product();
-    let rules = Rules {
-        method: options.method,
-        scale: options.scale,
-        seed: options.seed,
-        bounds: metadata.bounds,
-        mean_density: plan.total as f64 / volume,
-        wrap: Wrap::new(metadata.cell.as_ref(), &metadata.bounds),
-        weighted,
-    };
+    let rules = Rules::new(options.method, options.scale, options.seed, &metadata, &plan);
     let writer = SnapshotWriter::create(out, options.form, plan.total, weighted)?;
     progress.begin("drawing particles", plan.total);
     (0..plan.runs()).into_par_iter().try_for_each_init(

@@ -4,9 +4,11 @@
 //! total) and cuts each layer into runs of 65 536. A run's draws belong to (seed, layer, run), so
 //! that threads do not matter: `normals` makes standard normals many at once, `draw` places them
 //! by the [`Method`], `wrap` takes them into the periodic box. [`recover`] streams the runs to disk
-//! and writes beside them what they are: synthetic, of which file, and good for what (`notes`).
+//! and writes beside them what they are: synthetic, of which file, and good for what (`notes`);
+//! [`draw`] keeps them in memory, to be measured.
 
 mod draw;
+mod in_memory;
 mod job;
 mod method;
 mod normals;
@@ -17,5 +19,6 @@ mod spaced;
 mod stratified;
 mod wrap;
 
+pub use in_memory::draw;
 pub use job::{Options, Recovered, recover};
 pub use method::Method;

@@ -11,6 +11,10 @@ No particle of it was simulated; there are no identifiers and no velocities.";
 const NEVER: &str = "positions of individual particles; velocities, histories and merger trees; structure smaller \
 than the Gaussians that it was drawn from";
 
+/// Said where the file has no certificate.
+const NOTHING: &str =
+    "nothing was measured when the model was made: compare with the source (`particlegs stats`) before use";
+
 /// The keys beside box and units.
 pub(super) fn notes(
     metadata: &Metadata,
@@ -37,23 +41,34 @@ pub(super) fn notes(
             "program": concat!("particlegs ", env!("CARGO_PKG_VERSION")),
         }),
     );
-    notes.insert("supports".into(), supports(certificate, options, own).into());
+    notes.insert("supports".into(), supports(certificate, metadata.length_unit.as_deref(), options, own).into());
     notes.insert("does_not_support".into(), NEVER.into());
     notes
 }
 
 /// Which analyses the file's measurements support.
-fn supports(certificate: Option<&Certificate>, options: &Options, own: bool) -> Vec<String> {
-    let measured = match certificate {
-        None => "nothing was measured when the model was made: compare with the source (`particlegs stats`) before use"
-            .to_string(),
-        Some(c) => format!(
-            "density on a grid of {} cells along the longest extent: correlation with the source {:.4}, mean absolute \
-             error of the contrast {:.3} (the model's own, measured when it was made; a draw adds its shot noise)",
-            c.grid, c.density_correlation, c.density_mae
-        ),
+fn supports(certificate: Option<&Certificate>, unit: Option<&str>, options: &Options, own: bool) -> Vec<String> {
+    let Some(c) = certificate else {
+        return with_method(vec![NOTHING.into()], options, own);
     };
-    let mut all = vec![measured];
+    let mut all = vec![format!(
+        "density on a grid of {} cells along the longest extent: correlation with the source {:.4}, mean absolute \
+         error of the contrast {:.3} (the model's own, measured when it was made; a draw adds its shot noise)",
+        c.grid, c.density_correlation, c.density_mae
+    )];
+    match &c.science {
+        Some(science) => all.extend(science.in_words(unit)),
+        None => all.push(
+            "P(k), r(k) and groups were not measured when the model was made: compare with the source \
+             (`particlegs stats`) before use"
+                .into(),
+        ),
+    }
+    with_method(all, options, own)
+}
+
+/// Adds what the method, the scale and the number of particles say.
+fn with_method(mut all: Vec<String>, options: &Options, own: bool) -> Vec<String> {
     match options.method {
         super::Method::Count => {}
         super::Method::Spaced => all.push(

@@ -15,6 +15,8 @@ use crate::splat::{Look, tone};
 pub struct Reference<'a> {
     particles: &'a Particles,
     bounds: Bounds,
+    /// Bytes of splats that are held at a time.
+    budget: u64,
 }
 
 impl<'a> Reference<'a> {
@@ -25,7 +27,15 @@ impl<'a> Reference<'a> {
 
     /// With bounds known already, world units.
     pub fn with_bounds(particles: &'a Particles, bounds: Bounds) -> Self {
-        Reference { particles, bounds }
+        // A quarter of the positions: few passes over the particles, little beside them.
+        let budget = (particles.len() as u64 * 3).max(paraview::LEAST_BUDGET);
+        Reference { particles, bounds, budget }
+    }
+
+    /// With at most about this many bytes beside the particles, for more passes over them. Pictures do
+    /// not depend on it.
+    pub fn within(self, bytes: u64) -> Self {
+        Reference { budget: self.budget.min(bytes).max(1 << 24), ..self }
     }
 
     /// The bounds.
@@ -78,7 +88,8 @@ impl<'a> Reference<'a> {
     }
 
     fn exact(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8> {
-        paraview::draw(self.particles, &self.projector(view, size)?, size, view.opacity as f32, progress)
+        let projector = self.projector(view, size)?;
+        paraview::draw(self.particles, &projector, size, view.opacity as f32, self.budget, progress)
     }
 
     fn projector(&self, view: &View, size: Size) -> Result<Projector> {

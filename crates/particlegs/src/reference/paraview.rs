@@ -20,8 +20,8 @@ const BAND_ROWS: usize = 16;
 /// Fragments that one task gathers at a time (8 bytes each), unless a single row has more.
 const FRAGMENTS_AT_ONCE: usize = 4 << 20;
 
-/// Splats held at a time take at most this many bytes, or a quarter of the raw positions.
-const LEAST_BUDGET: usize = 512 << 20;
+/// Bytes of splats that may be held at a time for any snapshot.
+pub(super) const LEAST_BUDGET: u64 = 512 << 20;
 
 /// ParaView's picture of all particles without FXAA.
 ///
@@ -32,9 +32,10 @@ pub(super) fn draw(
     projector: &Projector,
     size: Size,
     opacity: f32,
+    budget: u64,
     progress: &dyn Progress,
 ) -> Result<Gray8> {
-    let scene = Scene { particles, projector, size, opacity, progress };
+    let scene = Scene { particles, projector, size, opacity, budget, progress };
     let (picture, wrote) = scene.render(PEELS, true)?;
     // VTK stops once a whole peel writes no back layer anywhere, and blends no rest then: only in
     // nearly empty or nearly transparent pictures, which are drawn again with fewer peels.
@@ -49,6 +50,8 @@ struct Scene<'a> {
     projector: &'a Projector,
     size: Size,
     opacity: f32,
+    /// Bytes of splats held at a time.
+    budget: u64,
     progress: &'a dyn Progress,
 }
 
@@ -93,7 +96,7 @@ impl Scene<'_> {
     /// Runs of bands whose splats fit the budget together, judged by a sample of the particles.
     fn groups(&self) -> Vec<Range<usize>> {
         let n = self.particles.len();
-        let budget = LEAST_BUDGET.max(n * 3) / size_of::<Splat>();
+        let budget = (self.budget / size_of::<Splat>() as u64) as usize;
         let bands = self.bands();
         // Even every particle in two bands fits: no need to look.
         if n * 2 <= budget && self.projector.radius_pixels_at_most(self.size) < BAND_ROWS as f32 / 6.0 {

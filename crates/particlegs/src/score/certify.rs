@@ -1,6 +1,7 @@
 //! The certificate: what a model's file says was measured after decoding it.
 
-use super::evaluate::evaluate;
+use super::evaluate::evaluate_against;
+use super::science::science;
 use super::scores::LookScores;
 use super::{ViewSeed, certificate_views, density_of};
 use crate::Result;
@@ -8,6 +9,7 @@ use crate::model::{Certificate, LookScore, Model, OrbitScore};
 use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::Progress;
+use crate::reference::Reference;
 
 /// Picture size of certificates.
 const SIZE: Size = Size { width: 1920, height: 1080 };
@@ -16,16 +18,25 @@ const GRID: u16 = 50;
 
 /// Measures `model` against the snapshot that it was made from: one frame of each orbit at the
 /// model's default radius and opacity, and the density on a grid of 50 cells along the longest
-/// extent, over the periodic box where there is one. `seed` turns the views; measuring again with
-/// the certificate's own repeats it. The model is best the decoded one.
+/// extent, over the periodic box where there is one; then P(k), r(k) and groups (`science`). `seed`
+/// turns the views and draws the particles; measuring again with the certificate's own repeats it.
+/// The model is best the decoded one. `memory` is what the pictures of all particles may take; what is
+/// measured does not depend on it.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub fn certificate(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Certificate> {
+pub fn certificate(
+    model: &Model,
+    particles: &Particles,
+    seed: u64,
+    memory: Option<u64>,
+    progress: &dyn Progress,
+) -> Result<Certificate> {
     let m = &model.metadata;
     let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed };
     let views = certificate_views(&of, m.default_opacity);
-    let evaluation = evaluate(model, particles, &views, SIZE, progress)?;
+    let truth = Reference::new(particles).within(memory.unwrap_or(u64::MAX));
+    let evaluation = evaluate_against(model, &truth, &views, SIZE, progress)?;
     let orbits = std::array::from_fn(|k| {
         let v = &evaluation.views[k];
         OrbitScore {
@@ -37,6 +48,9 @@ pub fn certificate(model: &Model, particles: &Particles, seed: u64, progress: &d
     progress.begin("density", 0);
     let density = density_of(model, particles, &m.bounds, GRID, progress)?;
     progress.end();
+    progress.begin("power spectra and groups", 0);
+    let science = science(model, particles, seed, progress)?;
+    progress.end();
     Ok(Certificate {
         width: SIZE.width as u16,
         height: SIZE.height as u16,
@@ -45,6 +59,7 @@ pub fn certificate(model: &Model, particles: &Particles, seed: u64, progress: &d
         grid: GRID,
         density_correlation: density.correlation,
         density_mae: density.mean_absolute_error,
+        science: Some(science),
     })
 }
 

@@ -25,17 +25,27 @@ pub fn evaluate(
     size: Size,
     progress: &dyn Progress,
 ) -> Result<Evaluation> {
+    evaluate_against(model, &Reference::new(particles), views, size, progress)
+}
+
+/// [`evaluate`] with the snapshot's own pictures drawn by `truth`.
+pub(super) fn evaluate_against(
+    model: &Model,
+    truth: &Reference<'_>,
+    views: &[EvalView],
+    size: Size,
+    progress: &dyn Progress,
+) -> Result<Evaluation> {
     if views.is_empty() {
         return Err(Error::argument("no views to score in"));
     }
     views.iter().try_for_each(|v| v.view.check(size))?;
-    let truth = Reference::new(particles);
     let scene = Scene::of(model);
     let mut scored = Vec::with_capacity(views.len());
     for (number, v) in views.iter().enumerate() {
         let progress = InView { name: format!("{} ({}/{})", v.view.name, number + 1, views.len()), inner: progress };
         let view = clipped(&v.view, truth.bounds());
-        scored.push(evaluate_view(&scene, &truth, &view, &v.orbit, size, &progress)?);
+        scored.push(evaluate_view(&scene, truth, &view, &v.orbit, size, &progress)?);
     }
     Ok(Evaluation::of(scored))
 }

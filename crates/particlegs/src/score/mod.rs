@@ -11,6 +11,7 @@ mod density;
 mod evaluate;
 mod held_out;
 mod mean;
+mod science;
 mod scores;
 #[cfg(test)]
 mod tests;

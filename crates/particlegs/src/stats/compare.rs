@@ -2,14 +2,16 @@
 
 use super::aperture::{aperture_mass, counts_within, group_center};
 use super::neighbours::{NeighbourOptions, nearest_distances};
-use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation, positions_of};
-use super::report::{DensityReport, GroupReport, NeighbourReport, SizeClass, Statistics, XiByPairs, XiByTransform};
+use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation};
+use super::points::local_positions;
+use super::report::{DensityReport, GroupReport, NeighbourReport, Statistics, XiByPairs, XiByTransform};
 use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
-    Convention, Domain, Field, Grid, Groups, Measure, StatsOptions, Subject, Summary, axis_moments, central_slice,
-    compare_density, density_pdf, deposit, deposit_bytes, find_groups, profile,
+    Convention, Domain, Field, Grid, Groups, Measure, SizeClass, StatsOptions, Subject, Summary, axis_moments,
+    central_slice, compare_density, density_pdf, deposit, deposit_bytes, find_groups, profile, size_histogram,
 };
+use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::f64::consts::PI;
@@ -43,14 +45,15 @@ pub fn compare(
     let (mut xi_by_pairs, mut groups, mut neighbours) = (None, None, None);
     let of_points = [Measure::Pairs, Measure::Groups, Measure::Neighbours];
     if of_points.iter().any(|m| wants(*m)) {
-        // Positions of both, and once more while chunks are put together.
-        let counts = job.pair.map(|s| s.particles().map_or(0, |p| p.len() as u64));
-        crate::memory::require("positions", 24 * (counts[0] + counts[1] + counts[0].max(counts[1])))?;
-        if let [Some(a), Some(b)] = job.pair.map(|s| positions_of(s, &job.domain)) {
-            let positions = [&a[..], &b[..]];
-            xi_by_pairs = if wants(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
-            groups = if wants(Measure::Groups) { Some(job.groups(positions)?) } else { None };
-            neighbours = if wants(Measure::Neighbours) { Some(job.neighbours(positions)?) } else { None };
+        if let [Some(a), Some(b)] = job.pair.map(|s| s.particles()) {
+            if wants(Measure::Pairs) || wants(Measure::Groups) {
+                crate::memory::require("positions", 24 * (a.len() + b.len()) as u64)?;
+                let positions = [local_positions(a, &job.domain), local_positions(b, &job.domain)];
+                let positions = [&positions[0][..], &positions[1][..]];
+                xi_by_pairs = if wants(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
+                groups = if wants(Measure::Groups) { Some(job.groups(positions)?) } else { None };
+            }
+            neighbours = if wants(Measure::Neighbours) { Some(job.neighbours([a, b])?) } else { None };
         } else {
             notes.push("pairs, groups and neighbours are of particles: recover them from the model first".into());
         }
@@ -134,6 +137,11 @@ impl Job<'_> {
         self.domain.spacing(self.pair[side].count() as usize)
     }
 
+    /// Particles of the larger side; 0 of a model.
+    fn most_particles(&self) -> u64 {
+        self.pair.iter().filter_map(|s| s.particles()).map(|p| p.len() as u64).max().unwrap_or(0)
+    }
+
     fn notes(&self) -> Vec<String> {
         let mut notes = vec![];
         if !self.domain.periodic.iter().all(|p| *p) && !self.paper() {
@@ -158,7 +166,10 @@ impl Job<'_> {
     fn density(&self) -> Result<DensityReport> {
         let n = self.o.cells;
         let grid = if self.paper() { Grid::stretched(&self.domain, [n; 3]) } else { Grid::new(&self.domain, n) };
-        crate::memory::require("two density grids", deposit_bytes(&grid) + 4 * grid.len() as u64)?;
+        crate::memory::require(
+            "two density grids",
+            deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
+        )?;
         self.progress.begin("densities", self.pair.iter().map(|s| s.count()).sum());
         let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.progress);
         let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
@@ -246,27 +257,16 @@ impl Job<'_> {
         let groups = [find(0)?, find(1)?];
         let apertures = self.apertures(positions, &groups[0])?;
         self.progress.end();
-        let sizes = groups.each_ref().map(|g| g.members.iter().map(|m| m.len() as u64).collect::<Vec<u64>>());
+        let sizes = groups.each_ref().map(Groups::sizes);
         let smallest = self.o.smallest_group as u64;
-        let class = |from: u64, to: Option<u64>| {
-            let count = sizes
-                .each_ref()
-                .map(|s| s.iter().filter(|n| **n >= from && to.is_none_or(|t| **n <= t)).count() as u64);
-            let ratio = (count[0] > 0).then(|| count[1] as f64 / count[0] as f64);
-            SizeClass { from, to, groups: count, ratio }
-        };
+        let class = |from: u64, to: Option<u64>| SizeClass::of(sizes.each_ref().map(|s| &s[..]), from, to);
         let classes = [(20, Some(49)), (50, Some(99)), (100, None)]
             .into_iter()
             .filter(|(_, to)| to.is_none_or(|t| t >= smallest))
             .map(|(from, to)| class(from.max(smallest), to))
             .collect();
         let largest = sizes.each_ref().map(|s| s.first().copied().unwrap_or(0));
-        let mut bounds: Vec<u64> = (0..)
-            .map(|i| (smallest as f64 * 2f64.powf(0.5 * f64::from(i))).round() as u64)
-            .take_while(|b| *b <= largest[0].max(largest[1]))
-            .collect();
-        bounds.dedup();
-        let histogram = (0..bounds.len()).map(|i| class(bounds[i], bounds.get(i + 1).map(|b| b - 1))).collect();
+        let histogram = size_histogram(sizes.each_ref().map(|s| &s[..]), smallest);
         Ok(GroupReport {
             linking_length: groups.each_ref().map(|g| g.linking_length),
             classes,
@@ -295,11 +295,11 @@ impl Job<'_> {
         Ok(CORES.map(|sizes| aperture_mass(&chosen, &a, &b, per, radius, sizes)).to_vec())
     }
 
-    fn neighbours(&self, positions: [&[[f64; 3]]; 2]) -> Result<NeighbourReport> {
+    fn neighbours(&self, particles: [&Particles; 2]) -> Result<NeighbourReport> {
         self.progress.begin("nearest neighbours", 0);
         let options =
             NeighbourOptions { sample: self.o.neighbour_sample, among_sample: self.paper(), seed: self.o.seed };
-        let of = |side: usize| nearest_distances(positions[side], &self.domain, &options, self.progress);
+        let of = |side: usize| nearest_distances(particles[side], &self.domain, &options, self.progress);
         let distances = [of(0)?, of(1)?];
         self.progress.end();
         Ok(NeighbourReport {

@@ -30,9 +30,16 @@ pub struct Field {
     pub outside: f64,
 }
 
-/// Bytes that [`deposit`] takes at most.
-pub fn deposit_bytes(grid: &Grid) -> u64 {
-    4 * grid.len() as u64 + (BATCH * RUN * (size_of::<Record>() + 16)) as u64
+/// Bytes that [`deposit`] takes at most, of `particles` or of a model (0).
+pub fn deposit_bytes(grid: &Grid, particles: u64) -> u64 {
+    let sums = if sums_stay(grid, particles) { 8 } else { 0 };
+    (4 + sums) * grid.len() as u64 + (BATCH * RUN * (size_of::<Record>() + 16)) as u64
+}
+
+/// Are sums kept in f64 from batch to batch? They cost less than a third of the particles' own bytes
+/// then, and save a pass over the grid for every batch.
+fn sums_stay(grid: &Grid, particles: u64) -> bool {
+    particles >= 2 * grid.len() as u64 && particles > (BATCH * RUN) as u64
 }
 
 /// Mass of a subject on a grid whose cells are moved by `shift` cells downwards (0 or 0.5 for
@@ -48,7 +55,8 @@ pub fn deposit(
     shift: f64,
     progress: &dyn Progress,
 ) -> Result<Field> {
-    crate::memory::require("a density grid", deposit_bytes(grid))?;
+    let particles = subject.particles().map_or(0, |p| p.len() as u64);
+    crate::memory::require("a density grid", deposit_bytes(grid, particles))?;
     let mut field = Field { grid: *grid, mass: vec![0.0; grid.len()], outside: 0.0 };
     match subject {
         Subject::Particles(p) => add_particles(&mut field, p, scheme, shift, progress)?,
@@ -82,6 +90,8 @@ fn add_particles(
     let grid = field.grid;
     let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(SLABS).max(4));
     let chunks = p.len().div_ceil(RUN);
+    // Thousands of small shares meet in a cell: they are summed in f64.
+    let mut sums = if sums_stay(&grid, p.len() as u64) { vec![0.0f64; grid.len()] } else { Vec::new() };
     for first in (0..chunks).step_by(BATCH) {
         progress.check()?;
         let sorted: Vec<Sorted> = (first..chunks.min(first + BATCH))
@@ -89,16 +99,23 @@ fn add_particles(
             .map(|c| sort_by_plane(&grid, p, c * RUN..p.len().min((c + 1) * RUN), shift))
             .collect();
         field.outside += sorted.iter().map(|s| s.outside).sum::<f64>();
-        field.mass.par_chunks_mut(depth * plane).enumerate().for_each(|(slab, out)| {
+        let add = |slab: usize, out: &mut [f64]| {
             let planes = slab * depth..slab * depth + out.len() / plane;
-            // Thousands of small shares meet in a cell: they are summed in f64 and rounded once.
-            let mut sum = vec![0.0f64; out.len()];
-            for s in &sorted {
-                add_to_planes(&grid, s, scheme, planes.clone(), &mut sum);
-            }
-            out.iter_mut().zip(sum).for_each(|(o, s)| *o = (f64::from(*o) + s) as f32);
-        });
+            sorted.iter().for_each(|s| add_to_planes(&grid, s, scheme, planes.clone(), out));
+        };
+        if sums.is_empty() {
+            field.mass.par_chunks_mut(depth * plane).enumerate().for_each(|(slab, out)| {
+                let mut sum = vec![0.0f64; out.len()];
+                add(slab, &mut sum);
+                out.iter_mut().zip(sum).for_each(|(o, s)| *o = (f64::from(*o) + s) as f32);
+            });
+        } else {
+            sums.par_chunks_mut(depth * plane).enumerate().for_each(|(slab, out)| add(slab, out));
+        }
         progress.advance(sorted.iter().map(|s| s.records.len() as u64).sum());
+    }
+    if !sums.is_empty() {
+        field.mass.par_iter_mut().zip(&sums).for_each(|(o, s)| *o = *s as f32);
     }
     Ok(())
 }

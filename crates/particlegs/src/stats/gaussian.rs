@@ -2,9 +2,11 @@
 //!
 //! A box integral of a turned Gaussian has no closed form, that of a round one is a product of
 //! three error functions. So each Gaussian is split along its principal axes into round ones of
-//! its smallest deviation, a lattice whose sum is the Gaussian to a few parts in a thousand.
+//! its smallest deviation, a lattice whose sum is the Gaussian to a few parts in a thousand. Where the
+//! grid resolves the Gaussian, the density at the cells' centres is closer and faster (`resolved`).
 
 use super::Grid;
+use super::resolved::Resolved;
 use crate::math::Sym3;
 use std::ops::Range;
 
@@ -53,15 +55,18 @@ impl Splat {
         }
         let eigen = cov.eigen();
         let deviation = eigen.values.map(|v| v.max(0.0).sqrt());
+        if let Some(resolved) = Resolved::new(g, mean, cov, deviation[2], mass) {
+            return resolved.add_to(g, &planes, grid);
+        }
         let kernel = deviation[2].max(SMALLEST * cell).max(FLATTEST * deviation[0]);
         for k in 0..3 {
             nodes(&mut self.nodes[k], deviation[k] * deviation[k] - kernel * kernel, kernel);
         }
         let nodes = std::mem::take(&mut self.nodes);
+        let v = &eigen.vectors;
         for &(a, wa) in &nodes[0] {
             for &(b, wb) in &nodes[1] {
                 for &(c, wc) in &nodes[2] {
-                    let v = &eigen.vectors;
                     let at = std::array::from_fn(|k| mean[k] + a * v[0][k] + b * v[1][k] + c * v[2][k]);
                     self.add_straight(g, &planes, grid, at, [kernel; 3], mass * wa * wb * wc);
                 }
@@ -80,6 +85,9 @@ impl Splat {
         deviation: [f64; 3],
         mass: f64,
     ) {
+        if !touches(g, planes, mean[0], deviation[0]) {
+            return;
+        }
         shares(&mut self.shares[0], g, 0, mean[0], deviation[0]);
         self.shares[0].retain(|(i, _)| planes.contains(i));
         if self.shares[0].is_empty() {
@@ -98,6 +106,24 @@ impl Splat {
             }
         }
     }
+}
+
+/// Are any of the cells that [`shares`] gives along x among the planes?
+fn touches(g: &Grid, planes: &Range<usize>, mean: f64, deviation: f64) -> bool {
+    let n = g.cells[0] as i64;
+    let (x, reach) = ((mean - g.min[0]) / g.side[0], TAIL * deviation / g.side[0]);
+    let (first, last) = ((x - reach).floor(), (x + reach).floor());
+    let (start, end) = (planes.start as i64, planes.end as i64);
+    // Far away, or wider than the box: not for the arithmetic below.
+    if end - start == n || first.is_nan() || first.abs().max(last.abs()) > 1e15 || last - first >= (n - 1) as f64 {
+        return true;
+    }
+    // A cell more on either side: `shares` wraps the mean first, which rounds.
+    let (first, last) = (first as i64 - 1, last as i64 + 1);
+    if !g.periodic[0] {
+        return first < end && last >= start;
+    }
+    (start - first).rem_euclid(n) <= last - first || (first - start).rem_euclid(n) < end - start
 }
 
 /// Offsets and weights of kernels of deviation `kernel` whose sum has `variance` more.
@@ -218,7 +244,9 @@ mod tests {
     #[test]
     fn turned_gaussians_fill_cells_as_the_plain_twin_says() {
         let g = grid(false);
-        for deviations in [[1.0, 1.0, 1.0], [1.2, 0.7, 0.3], [1.0, 0.3, 0.35], [0.9, 0.85, 0.8], [1.1, 0.9, 0.25]] {
+        for deviations in
+            [[1.0, 1.0, 1.0], [1.4, 1.1, 0.81], [1.2, 0.7, 0.3], [1.0, 0.3, 0.35], [0.9, 0.85, 0.8], [1.1, 0.9, 0.25]]
+        {
             let (mean, cov) = ([6.1, 5.7, 6.4], turned(deviations));
             let (fast, plain) = (deposit(&g, mean, &cov), plain(&g, mean, &cov));
             let error: f64 = fast.iter().zip(&plain).map(|(a, b)| (a - b).abs()).sum();
@@ -251,9 +279,11 @@ mod tests {
     #[test]
     fn boxes_keep_all_mass_and_wrap() {
         let g = grid(true);
-        for (s, far) in [(0.0, 0.0), (0.05, 12.0), (0.4, -24.0), (3.0, 0.0), (500.0, 0.0), (1e30, 1e30)] {
+        for (s, far) in
+            [(0.0, 0.0), (0.05, 12.0), (0.4, -24.0), (1.7, 0.0), (3.0, 0.0), (90.0, 0.0), (500.0, 0.0), (1e30, 1e30)]
+        {
             let out = deposit(&g, [0.1 + far, 11.9, 6.0], &turned([s, 0.5 * s, 0.5 * s]));
-            assert!((out.iter().sum::<f64>() - 1.0).abs() < 1e-6, "{s}: {}", out.iter().sum::<f64>());
+            assert!((out.iter().sum::<f64>() - 1.0).abs() < 1e-5, "{s}: {}", out.iter().sum::<f64>());
             assert!(out.iter().all(|v| *v >= -1e-7 && v.is_finite()));
         }
         let (here, there) =

@@ -2,7 +2,8 @@
 //!
 //! Particles are sorted into cells whose diagonal is the linking length, so that a cell's own are
 //! friends without a look; two cells are joined once one pair between them is found. Cells are
-//! found by rows: along z they lie sorted, and two rows are walked side by side.
+//! found by rows: along z they lie sorted, and two rows are walked side by side. Cells that touch are
+//! joined first: of those further apart most are then of one group already, and need no look.
 
 use super::Domain;
 use crate::progress::Progress;
@@ -18,12 +19,38 @@ pub struct Groups {
     pub members: Vec<Vec<u32>>,
 }
 
+impl Groups {
+    /// Particles of each group, descending.
+    pub fn sizes(&self) -> Vec<u64> {
+        self.members.iter().map(|m| m.len() as u64).collect()
+    }
+}
+
 /// An occupied cell: its place along z and its particles in the sorted order.
 #[derive(Clone, Copy)]
 struct CellRun {
     z: i64,
     first: u32,
     end: u32,
+}
+
+/// Which cells are looked at: those with a face, edge or corner in common, or the others.
+#[derive(Clone, Copy, PartialEq)]
+enum Reach {
+    Touching,
+    Apart,
+}
+
+/// How two rows are walked.
+struct Walk<'a> {
+    length: f64,
+    /// Square of the rows' distance.
+    gap: f64,
+    reach: Reach,
+    /// Do the rows not touch?
+    apart: bool,
+    /// Set of each cell so far.
+    roots: &'a [u32],
 }
 
 struct Rows<'a> {
@@ -38,6 +65,11 @@ struct Rows<'a> {
     index: Vec<u32>,
 }
 
+/// The longest link that [`find_groups`] takes: a third of the shortest edge that repeats.
+pub fn longest_link(domain: &Domain) -> f64 {
+    (0..3).filter(|k| domain.periodic[*k]).map(|k| domain.length[k] / 3.0).fold(f64::INFINITY, f64::min)
+}
+
 /// Finds the groups of at least `smallest` particles.
 ///
 /// # Errors
@@ -50,19 +82,21 @@ pub fn find_groups(
     smallest: usize,
     progress: &dyn Progress,
 ) -> Result<Groups> {
-    let longest = (0..3).filter(|k| domain.periodic[*k]).map(|k| domain.length[k] / 3.0).fold(f64::INFINITY, f64::min);
+    let longest = longest_link(domain);
     if !(linking_length > 0.0 && linking_length <= longest) {
         return Err(Error::argument(format!("linking length {linking_length} is outside 0 to {longest:.6}")));
     }
     if positions.len() >= u32::MAX as usize {
         return Err(Error::argument("groups of more than 4294967295 particles; take a sample"));
     }
-    crate::memory::require("friends of friends", positions.len() as u64 * 120)?;
+    crate::memory::require("friends of friends", positions.len() as u64 * 80)?;
     let rows = Rows::new(positions, domain, linking_length);
     progress.check()?;
-    let links = rows.links(linking_length, progress)?;
     let mut sets = Sets::new(rows.runs.len());
-    links.iter().flatten().for_each(|(a, b)| sets.join(*a, *b));
+    for reach in [Reach::Touching, Reach::Apart] {
+        let links = rows.links(linking_length, reach, &sets.roots(), progress)?;
+        links.iter().flatten().for_each(|(a, b)| sets.join(*a, *b));
+    }
     Ok(Groups { linking_length, members: rows.members(&mut sets, smallest) })
 }
 
@@ -83,14 +117,10 @@ impl<'a> Rows<'a> {
         let side: [f64; 3] =
             std::array::from_fn(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { wanted });
         let place = |x: &[f64; 3], k: usize| (((x[k] - low[k]) / side[k]) as i64).clamp(0, cells[k] - 1);
-        let mut order: Vec<([i64; 3], u32)> = positions
-            .par_iter()
-            .enumerate()
-            .map(|(i, x)| ([place(x, 0), place(x, 1), place(x, 2)], i as u32))
-            .collect();
-        order.par_sort_unstable();
+        let order = sorted(positions, &|x| [0, 1, 2].map(|k| place(x, k)), occupied(positions, &place, &cells));
         let (mut runs, mut rows): (Vec<CellRun>, Vec<([i64; 2], u32)>) = Default::default();
-        for (at, (cell, _)) in order.iter().enumerate() {
+        for (at, i) in order.iter().enumerate() {
+            let cell = [0, 1, 2].map(|k| place(&positions[*i as usize], k));
             let row = [cell[0], cell[1]];
             let new_row = rows.last().is_none_or(|r| r.0 != row);
             if new_row {
@@ -102,13 +132,13 @@ impl<'a> Rows<'a> {
             }
         }
         rows.push(([i64::MAX; 2], runs.len() as u32));
-        let position = order.par_iter().map(|(_, i)| positions[*i as usize]).collect();
-        let index = order.into_iter().map(|(_, i)| i).collect();
-        Rows { domain, cells, side, runs, rows, position, index }
+        let position = order.par_iter().map(|i| positions[*i as usize]).collect();
+        Rows { domain, cells, side, runs, rows, position, index: order }
     }
 
-    /// Pairs of cells that hold friends, row by row.
-    fn links(&self, length: f64, progress: &dyn Progress) -> Result<Vec<Vec<(u32, u32)>>> {
+    /// Pairs of cells that hold friends and are not in one set yet, row by row.
+    fn links(&self, length: f64, reach: Reach, roots: &[u32], progress: &dyn Progress) -> Result<Vec<Vec<(u32, u32)>>> {
+        let most = if reach == Reach::Touching { 1 } else { 2 };
         (0..self.rows.len() - 1)
             .into_par_iter()
             .map(|row| {
@@ -116,15 +146,18 @@ impl<'a> Rows<'a> {
                     progress.check()?;
                 }
                 let mut links = Vec::new();
-                for dx in -2..=2i64 {
-                    for dy in -2..=2i64 {
+                for dx in 0..=most {
+                    for dy in -most..=most {
                         // Each pair of rows from one of its two sides.
                         if (dx, dy) >= (0, 0)
                             && let Some((other, shift)) = self.row_beside(row, dx, dy)
                         {
                             let gap = gap(dx) * self.side[0] * gap(dx) * self.side[0]
                                 + gap(dy) * self.side[1] * gap(dy) * self.side[1];
-                            self.link_rows(row, other, shift, length, gap, &mut links);
+                            // Rows that touch have cells apart along z alone.
+                            let apart = dx.abs() > 1 || dy.abs() > 1;
+                            let walk = Walk { length, gap, reach, apart, roots };
+                            self.link_rows(row, other, shift, &walk, &mut links);
                         }
                     }
                 }
@@ -151,28 +184,41 @@ impl<'a> Rows<'a> {
     }
 
     /// Walks two rows side by side and joins cells at most two apart along z.
-    fn link_rows(&self, a: usize, b: usize, shift: [f64; 2], length: f64, gap: f64, links: &mut Vec<(u32, u32)>) {
-        let (from, to) = (self.rows[b].1 as usize, self.rows[b + 1].1 as usize);
-        let images: &[i64] = if self.domain.periodic[2] { &[-1, 0, 1] } else { &[0] };
-        for image in images {
-            let (turn, z_shift) =
-                (if *image == 0 { 0 } else { image * self.cells[2] }, *image as f64 * self.domain.length[2]);
-            let mut low = from;
-            for i in self.rows[a].1 as usize..self.rows[a + 1].1 as usize {
+    fn link_rows(&self, a: usize, b: usize, shift: [f64; 2], walk: &Walk<'_>, links: &mut Vec<(u32, u32)>) {
+        let runs_of = |row: usize| self.rows[row].1 as usize..self.rows[row + 1].1 as usize;
+        let (own, others) = (runs_of(a), runs_of(b));
+        for image in [-1i64, 0, 1] {
+            let turn = if image == 0 { 0 } else { image * self.cells[2] };
+            let beside = |run: usize, turn: i64, of: usize| (self.runs[run].z + turn - self.runs[of].z).abs() <= 2;
+            // Other images of the box matter at its seam alone.
+            let seam = match image {
+                -1 => self.domain.periodic[2] && beside(others.end - 1, turn, own.start),
+                0 => true,
+                _ => self.domain.periodic[2] && beside(others.start, turn, own.end - 1),
+            };
+            if !seam {
+                continue;
+            }
+            let shift = [shift[0], shift[1], image as f64 * self.domain.length[2]];
+            let same = a == b && shift[0] == 0.0 && shift[1] == 0.0;
+            let mut low = others.start;
+            for i in own.clone() {
                 let cell = self.runs[i];
-                while low < to && self.runs[low].z + turn < cell.z - 2 {
+                while low < others.end && self.runs[low].z + turn < cell.z - 2 {
                     low += 1;
                 }
-                let near = (low..to).take_while(|j| self.runs[*j].z + turn <= cell.z + 2);
-                for j in near {
-                    let dz = crate::stats::groups::gap(self.runs[j].z + turn - cell.z) * self.side[2];
+                for j in (low..others.end).take_while(|j| self.runs[*j].z + turn <= cell.z + 2) {
                     // Within one row each pair once, and never a cell with itself.
-                    let once = a != b || shift != [0.0; 2] || *image > 0 || (*image == 0 && j > i);
-                    if once && gap + dz * dz <= length * length {
-                        let shift = [shift[0], shift[1], z_shift];
-                        if self.friends(cell, self.runs[j], shift, length * length) {
-                            links.push((i as u32, j as u32));
-                        }
+                    let once = !same || image > 0 || (image == 0 && j > i);
+                    let steps = self.runs[j].z + turn - cell.z;
+                    let dz = gap(steps) * self.side[2];
+                    if once
+                        && (walk.apart || steps.abs() > 1) == (walk.reach == Reach::Apart)
+                        && walk.gap + dz * dz <= walk.length * walk.length
+                        && walk.roots[i] != walk.roots[j]
+                        && self.friends(cell, self.runs[j], shift, walk.length * walk.length)
+                    {
+                        links.push((i as u32, j as u32));
                     }
                 }
             }
@@ -193,7 +239,7 @@ impl<'a> Rows<'a> {
     /// Particles of each large set, ascending; sets by size, then by their first particle.
     fn members(&self, sets: &mut Sets, smallest: usize) -> Vec<Vec<u32>> {
         let n = self.runs.len();
-        let root: Vec<u32> = (0..n as u32).map(|i| sets.root(i)).collect();
+        let root = sets.roots();
         let mut size = vec![0usize; n];
         (0..n).for_each(|i| size[root[i] as usize] += (self.runs[i].end - self.runs[i].first) as usize);
         let mut slot = vec![u32::MAX; n];
@@ -216,6 +262,32 @@ impl<'a> Rows<'a> {
     }
 }
 
+/// Cells that positions reach on each axis.
+fn occupied(positions: &[[f64; 3]], place: &(impl Fn(&[f64; 3], usize) -> i64 + Sync), cells: &[i64; 3]) -> [i64; 3] {
+    // Open axes have any number of cells: those up to the last point.
+    [0, 1, 2].map(|k| match cells[k] {
+        i64::MAX => positions.par_iter().map(|x| place(x, k)).max().unwrap_or(0) + 1,
+        n => n,
+    })
+}
+
+/// Particles by cell, x slowest, and by number within one.
+fn sorted(positions: &[[f64; 3]], cell: &(impl Fn(&[f64; 3]) -> [i64; 3] + Sync), cells: [i64; 3]) -> Vec<u32> {
+    fn by<K: Ord + Send>(positions: &[[f64; 3]], key: impl Fn(&[f64; 3]) -> K + Sync) -> Vec<u32> {
+        let mut keys: Vec<(K, u32)> = positions.par_iter().enumerate().map(|(i, x)| (key(x), i as u32)).collect();
+        keys.par_sort_unstable();
+        keys.into_par_iter().map(|k| k.1).collect()
+    }
+    let all = cells.iter().try_fold(1u64, |n, c| n.checked_mul(*c as u64));
+    if all.is_none_or(|n| n > i64::MAX as u64) {
+        return by(positions, cell);
+    }
+    by(positions, |x| {
+        let [i, j, k] = cell(x);
+        ((i * cells[1] + j) * cells[2] + k) as u64
+    })
+}
+
 /// Cells between two that are `d` apart.
 fn gap(d: i64) -> f64 {
     (d.abs() - 1).max(0) as f64
@@ -236,6 +308,11 @@ impl Sets {
             i = above;
         }
         i
+    }
+
+    /// Of every member.
+    fn roots(&mut self) -> Vec<u32> {
+        (0..self.0.len() as u32).map(|i| self.root(i)).collect()
     }
 
     fn join(&mut self, a: u32, b: u32) {

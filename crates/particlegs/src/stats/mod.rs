@@ -1,10 +1,10 @@
 //! Floor 4: what recovered particles, or a mixture itself, are good for, in numbers.
 //!
 //! [`compare`] does the whole job over the truth's box ([`Domain`]). Densities are deposited on a
-//! [`Grid`] (`deposit`, `gaussian`), compared cell by cell (`density`) and transformed (`transform`)
+//! [`Grid`] (`deposit`, `gaussian`, `resolved`), compared cell by cell (`density`) and transformed (`transform`)
 //! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). What looks at neighbours sorts positions
 //! into cells: pair counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in
-//! their cores (`aperture`); nearest neighbours use a tree (`tree`, `neighbours`).
+//! their cores (`aperture`); groups are compared by size (`sizes`); nearest neighbours use a tree (`tree`, `neighbours`).
 
 mod aperture;
 mod compare;
@@ -20,6 +20,8 @@ mod options;
 mod pairs;
 mod points;
 mod report;
+mod resolved;
+mod sizes;
 mod spectrum;
 #[cfg(test)]
 mod spectrum_tests;
@@ -38,12 +40,14 @@ pub use deposit::{Field, deposit, deposit_bytes};
 pub use domain::Domain;
 pub(crate) use gaussian::Splat;
 pub use grid::{Assignment, Grid};
-pub use groups::{Groups, find_groups};
+pub use groups::{Groups, find_groups, longest_link};
 pub use moments::{AxisMoments, axis_moments};
 pub use neighbours::{NearestDistances, NeighbourOptions, nearest_distances};
 pub use options::{Convention, Measure, StatsOptions};
 pub use pairs::{PairCounts, PairOptions, count_pairs, logarithmic_edges, longest_separation};
-pub use report::{DensityReport, GroupReport, NeighbourReport, SizeClass, Statistics, XiByPairs, XiByTransform};
+pub(crate) use points::local_positions;
+pub use report::{DensityReport, GroupReport, NeighbourReport, Statistics, XiByPairs, XiByTransform};
+pub use sizes::{SizeClass, size_histogram};
 pub use spectrum::{Shell, Spectra, SpectrumOptions, power_spectra};
 pub use subject::Subject;
-pub use summary::Summary;
+pub use summary::{Summary, sizes_within};

@@ -1,8 +1,9 @@
 //! Distances to the nearest neighbour, of all particles or of a sample of them.
 
 use super::Domain;
-use super::tree::Neighbours;
+use super::tree::{Neighbours, Place, places};
 use crate::math::Random;
+use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -61,42 +62,39 @@ fn sample(n: usize, wanted: usize, seed: u64) -> Vec<u32> {
     out
 }
 
-/// Distances to nearest neighbours; positions relative to the domain's corner, wrapped.
+/// Distances to nearest neighbours.
 ///
 /// # Errors
 /// [`Error::Argument`] for fewer than two particles or 4 294 967 295 and more, [`Error::Memory`],
 /// [`Error::Cancelled`].
 pub fn nearest_distances(
-    positions: &[[f64; 3]],
+    particles: &Particles,
     domain: &Domain,
     o: &NeighbourOptions,
     progress: &dyn Progress,
 ) -> Result<NearestDistances> {
-    if positions.len() < 2 || positions.len() >= u32::MAX as usize || o.sample < 2 {
+    let n = particles.len();
+    if n < 2 || n >= u32::MAX as usize || o.sample < 2 {
         return Err(Error::argument("nearest neighbours need from 2 to 4294967294 particles"));
     }
-    crate::memory::require("a tree of neighbours", positions.len() as u64 * 33 + o.sample as u64 * 32)?;
-    let chosen = sample(positions.len(), o.sample, o.seed);
-    let thinned: Vec<[f64; 3]> =
-        if o.among_sample { chosen.iter().map(|i| positions[*i as usize]).collect() } else { Vec::new() };
-    let all = if o.among_sample { &thinned[..] } else { positions };
-    let tree = Neighbours::new(all, domain);
+    crate::memory::require("a tree of neighbours", n as u64 * 13 + o.sample.min(n) as u64 * 24)?;
+    let all = places(particles, domain);
+    let chosen: Vec<Place> = sample(n, o.sample, o.seed).into_iter().map(|i| all[i as usize]).collect();
+    progress.check()?;
+    let among = if o.among_sample { chosen.clone() } else { all };
+    let count = among.len();
+    let tree = Neighbours::new(among, particles.origin, domain);
     let mut distances = chosen
         .par_chunks(1024)
-        .enumerate()
-        .map(|(step, run)| {
+        .map(|run| {
             progress.check()?;
-            let of = |(at, i): (usize, &u32)| {
-                let own = if o.among_sample { (step * 1024 + at) as u32 } else { *i };
-                tree.nearest(all[own as usize], own)
-            };
-            Ok(run.iter().enumerate().map(of).collect::<Vec<f64>>())
+            Ok(run.iter().map(|x| tree.nearest(*x)).collect::<Vec<f64>>())
         })
         .collect::<Result<Vec<_>>>()?
         .concat();
     let mean = distances.iter().sum::<f64>() / distances.len() as f64;
     distances.par_sort_unstable_by(f64::total_cmp);
-    Ok(summary(&distances, mean, all.len()))
+    Ok(summary(&distances, mean, count))
 }
 
 fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
@@ -132,12 +130,17 @@ mod tests {
     use super::*;
     use crate::progress::Silent;
 
+    fn particles(x: &[[f64; 3]]) -> Particles {
+        let column = |k: usize| x.iter().map(|x| x[k] as f32).collect();
+        Particles::from_columns(column(0), column(1), column(2))
+    }
+
     fn random(n: usize, length: [f64; 3]) -> Vec<[f64; 3]> {
         (0..n)
             .map(|i| {
                 let mut r = Random::new(8, 0, i as u64);
                 let core = i % 2 == 0;
-                length.map(|l| if core { l * 0.02 * r.uniform() } else { l * r.uniform() })
+                length.map(|l| f64::from((if core { l * 0.02 * r.uniform() } else { l * r.uniform() }) as f32))
             })
             .collect()
     }
@@ -146,8 +149,14 @@ mod tests {
     fn distances_are_those_of_all_pairs() {
         for periodic in [[true; 3], [false; 3], [true, false, true]] {
             let domain = Domain { min: [0.0; 3], length: [1.0, 2.0, 3.0], periodic };
-            let x = random(900, domain.length);
-            let tree = Neighbours::new(&x, &domain);
+            let mut x = random(900, domain.length);
+            // Some lie in another image of the box, and about another origin.
+            (0..3).filter(|k| periodic[*k]).for_each(|k| x[7][k] += domain.length[k]);
+            let mut p = particles(&x);
+            p.origin = [5.0, 0.0, -3.0];
+            let moved = Domain { min: p.origin, ..domain };
+            let all = places(&p, &moved);
+            let tree = Neighbours::new(all.clone(), p.origin, &moved);
             for i in 0..x.len() {
                 let plain = (0..x.len())
                     .filter(|j| *j != i)
@@ -155,7 +164,7 @@ mod tests {
                     .map(|d| d.iter().map(|v| v * v).sum::<f64>())
                     .fold(f64::INFINITY, f64::min)
                     .sqrt();
-                assert!((tree.nearest(x[i], i as u32) - plain).abs() < 1e-12, "{i}");
+                assert!((tree.nearest(all[i]) - plain).abs() < 1e-6, "{i}");
             }
         }
     }
@@ -171,11 +180,16 @@ mod tests {
             })
             .collect();
         let o = NeighbourOptions { sample: 20_000, among_sample: false, seed: 1 };
-        let d = nearest_distances(&x, &domain, &o, &Silent).unwrap();
+        let d = nearest_distances(&particles(&x), &domain, &o, &Silent).unwrap();
         assert!((d.mean / domain.spacing(30_000) / 0.55396 - 1.0).abs() < 0.01, "{d:?}");
         assert_eq!((d.sampled, d.among), (20_000, 30_000));
         assert_eq!(d.counts.iter().sum::<u64>() + d.zero, 20_000);
-        let thin = nearest_distances(&x, &domain, &NeighbourOptions { among_sample: true, sample: 3750, ..o }, &Silent);
+        let thin = nearest_distances(
+            &particles(&x),
+            &domain,
+            &NeighbourOptions { among_sample: true, sample: 3750, ..o },
+            &Silent,
+        );
         assert!((thin.unwrap().mean / d.mean - 2.0).abs() < 0.06);
     }
 
@@ -184,10 +198,10 @@ mod tests {
         let domain = Domain { min: [0.0; 3], length: [4.0; 3], periodic: [true; 3] };
         let mut x: Vec<[f64; 3]> = (0..64).map(|i| [i / 16, i / 4 % 4, i % 4].map(|v| v as f64)).collect();
         let o = NeighbourOptions { sample: 1000, among_sample: false, seed: 1 };
-        let d = nearest_distances(&x, &domain, &o, &Silent).unwrap();
+        let d = nearest_distances(&particles(&x), &domain, &o, &Silent).unwrap();
         assert_eq!((d.mean, d.median, d.zero), (1.0, 1.0, 0));
         x.push([1.0; 3]);
-        assert_eq!(nearest_distances(&x, &domain, &o, &Silent).unwrap().zero, 2);
-        assert!(nearest_distances(&x[..1], &domain, &o, &Silent).is_err());
+        assert_eq!(nearest_distances(&particles(&x), &domain, &o, &Silent).unwrap().zero, 2);
+        assert!(nearest_distances(&particles(&x[..1]), &domain, &o, &Silent).is_err());
     }
 }

@@ -5,8 +5,8 @@
 //! expected of a uniform distribution is in closed form, so no random catalogue is needed:
 //! 4 pi r^2 dr per volume, less what an open box's edges cut off.
 
+use super::Domain;
 use super::points::Points;
-use super::{Domain, Subject};
 use crate::math::Random;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -195,11 +195,6 @@ fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn 
     let mut pairs = vec![0; edges.len() - 1];
     parts.iter().for_each(|p| pairs.iter_mut().zip(&p[1..]).for_each(|(s, v)| *s += v));
     Ok(pairs)
-}
-
-/// Positions for pair counts, groups and neighbours: refuses what has none.
-pub(super) fn positions_of(subject: Subject<'_>, domain: &Domain) -> Option<Vec<[f64; 3]>> {
-    subject.particles().map(|p| super::points::local_positions(p, domain))
 }
 
 #[cfg(test)]

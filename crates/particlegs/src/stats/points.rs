@@ -2,17 +2,20 @@
 
 use super::Domain;
 use crate::Result;
-use crate::particles::Particles;
+use crate::particles::{ChunkBuffer, Particles, RUN};
 use rayon::prelude::*;
 
 /// Positions relative to the domain's corner, in [0, length) along axes that repeat, in the order
 /// of the particles.
-pub(super) fn local_positions(p: &Particles, domain: &Domain) -> Vec<[f64; 3]> {
-    let chunks = p.par_chunks(|_, c| {
-        let at = |i: usize| std::array::from_fn(|k| p.origin[k] + f64::from(c.position[k][i]));
-        (0..c.len()).map(|i| domain.local(at(i))).collect::<Vec<[f64; 3]>>()
+pub(crate) fn local_positions(p: &Particles, domain: &Domain) -> Vec<[f64; 3]> {
+    let mut all = vec![[0.0; 3]; p.len()];
+    all.par_chunks_mut(RUN).enumerate().for_each_init(ChunkBuffer::default, |buffer, (run, out)| {
+        let chunk = p.chunk(run * RUN..run * RUN + out.len(), buffer);
+        for (i, x) in out.iter_mut().enumerate() {
+            *x = domain.local(std::array::from_fn(|k| p.origin[k] + f64::from(chunk.position[k][i])));
+        }
     });
-    chunks.concat()
+    all
 }
 
 /// Points by cell.

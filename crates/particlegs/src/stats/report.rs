@@ -1,7 +1,8 @@
 //! What [`super::compare`] measures, as plain data. Pairs are truth, then other.
 
 use super::{
-    ApertureMass, AxisMoments, DensityComparison, DensityPdf, Domain, NearestDistances, Slice, Spectra, StatsOptions,
+    ApertureMass, AxisMoments, DensityComparison, DensityPdf, Domain, NearestDistances, SizeClass, Slice, Spectra,
+    StatsOptions,
 };
 
 /// Everything measured; `None` = not asked for, or not to be had of a model.
@@ -75,19 +76,6 @@ pub struct XiByPairs {
     pub counts: [super::PairCounts; 2],
     /// xi of other / truth; `None` where the truth's is not above zero.
     pub ratio: Vec<Option<f64>>,
-}
-
-/// Groups of a range of sizes.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct SizeClass {
-    /// Smallest size, particles.
-    pub from: u64,
-    /// Largest size; `None` = no end.
-    pub to: Option<u64>,
-    /// Groups.
-    pub groups: [u64; 2],
-    /// other / truth.
-    pub ratio: Option<f64>,
 }
 
 /// Friends-of-friends groups.

@@ -162,7 +162,9 @@ pub(super) fn transform_pair(
     let most = mode_limits(grid, domain, o.k_max);
     crate::memory::require(
         "the power spectrum's grid",
-        deposit_bytes(grid) + transform_bytes(grid.cells, most) + 3 * Modes::bytes(most),
+        deposit_bytes(grid, [a, b].iter().filter_map(|s| s.particles()).map(|p| p.len() as u64).max().unwrap_or(0))
+            + transform_bytes(grid.cells, most)
+            + 3 * Modes::bytes(most),
     )?;
     let first = modes_of(a, grid, most, o, progress)?;
     let second = modes_of(b, grid, most, o, progress)?;

@@ -13,7 +13,7 @@ pub enum Subject<'a> {
     Model(&'a Model),
 }
 
-impl Subject<'_> {
+impl<'a> Subject<'a> {
     /// Its box.
     pub fn domain(&self) -> Domain {
         match self {
@@ -31,7 +31,7 @@ impl Subject<'_> {
     }
 
     /// The particles, where there are any.
-    pub fn particles(&self) -> Option<&Particles> {
+    pub fn particles(&self) -> Option<&'a Particles> {
         match self {
             Subject::Particles(p) => Some(p),
             Subject::Model(_) => None,

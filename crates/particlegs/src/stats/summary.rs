@@ -1,10 +1,11 @@
 //! The figures of a table: how far each statistic is to be trusted.
 
 use super::report::{GroupReport, NeighbourReport, XiByPairs};
-use super::{DensityComparison, Spectra};
+use super::{DensityComparison, Shell, SizeClass, Spectra};
 
-/// Truth groups that a bin of sizes must hold before its ratio says anything.
-const FEWEST_GROUPS: u64 = 30;
+/// Truth groups that sizes are joined to hold before their ratio says anything: the scatter of a
+/// number is its root.
+const FEWEST_GROUPS: u64 = 100;
 /// xi of the truth below which a ratio of xi says nothing.
 const LEAST_XI: f64 = 0.1;
 
@@ -31,7 +32,7 @@ pub struct Summary {
     pub r_at_k_max: Option<f64>,
     /// xi(r) by pairs is within 10 % from here on, as far as the truth's is above 0.1.
     pub xi_within_10_percent_from: Option<f64>,
-    /// Groups of this size and above have counts within 10 %, in every bin of at least 30 groups.
+    /// Groups of this size and above have counts within 10 %, in classes joined to hold at least 100.
     pub groups_within_10_percent_from: Option<u64>,
     /// Median of other / truth within the aperture, groups of 100 to 299.
     pub core_mass: Option<f64>,
@@ -49,15 +50,13 @@ impl Summary {
         groups: Option<&GroupReport>,
         neighbours: Option<&NeighbourReport>,
     ) -> Self {
-        let shells = || spectra.iter().flat_map(|s| &s.shells);
-        let deviation = |ratio: Option<f64>| ratio.map_or(f64::INFINITY, |r| (r - 1.0).abs());
-        let power_to = |limit: f64| last_while(shells().map(|s| (s.k, deviation(s.ratio) <= limit)));
-        let r_to = |limit: f64| last_while(shells().map(|s| (s.k, s.r.is_some_and(|r| r >= limit))));
+        let power_to = |limit: f64| spectra.and_then(|s| s.power_within(limit));
+        let r_to = |limit: f64| spectra.and_then(|s| s.r_above(limit));
         Summary {
             density_correlation: density.map(|d| d.correlation),
             density_mean_absolute_error: density.map(|d| d.mean_absolute_error),
             largest_power_deviation: spectra
-                .map(|s| s.shells.iter().map(|s| deviation(s.ratio)).fold(0.0, f64::max))
+                .map(|s| s.shells.iter().map(deviation).fold(0.0, f64::max))
                 .filter(|d| d.is_finite()),
             power_within_1_percent_to: power_to(0.01),
             power_within_5_percent_to: power_to(0.05),
@@ -66,11 +65,29 @@ impl Summary {
             r_above_0_9_to: r_to(0.9),
             r_at_k_max: spectra.and_then(|s| s.shells.last()?.r),
             xi_within_10_percent_from: xi.and_then(xi_from),
-            groups_within_10_percent_from: groups.and_then(groups_from),
+            groups_within_10_percent_from: groups.and_then(|g| sizes_within(&g.histogram, 0.1).flatten()),
             core_mass: groups.and_then(|g| g.apertures.iter().find(|a| a.sizes == [100, 299])?.median),
             nearest_mean: neighbours.map(|n| n.mean_ratio),
             nearest_median: neighbours.map(|n| n.median_ratio),
         }
+    }
+}
+
+/// |P_other / P_truth - 1| of a shell.
+fn deviation(shell: &Shell) -> f64 {
+    shell.ratio.map_or(f64::INFINITY, |r| (r - 1.0).abs())
+}
+
+impl Spectra {
+    /// The last shell's k up to which every shell's P(k) is within `limit` of the truth's (0.01 = 1 %);
+    /// `None` = not even the first's.
+    pub fn power_within(&self, limit: f64) -> Option<f64> {
+        last_while(self.shells.iter().map(|s| (s.k, deviation(s) <= limit)))
+    }
+
+    /// The same for r(k), noise included, of at least `limit`.
+    pub fn r_above(&self, limit: f64) -> Option<f64> {
+        last_while(self.shells.iter().map(|s| (s.k, s.r.is_some_and(|r| r >= limit))))
     }
 }
 
@@ -89,13 +106,41 @@ fn xi_from(xi: &XiByPairs) -> Option<f64> {
         .map(|b| truth.edges[b])
 }
 
-fn groups_from(groups: &GroupReport) -> Option<u64> {
-    groups
-        .histogram
-        .iter()
-        .rev()
-        .filter(|c| c.groups[0] >= FEWEST_GROUPS)
-        .take_while(|c| c.ratio.is_some_and(|r| (r - 1.0).abs() <= 0.1))
-        .last()
-        .map(|c| c.from)
+/// The smallest size from which on the number of groups is within `limit` of the truth's in every
+/// class. Classes are joined, from the largest sizes down, until they hold 100 of the truth's groups;
+/// what is left at the small end is not judged. `Some(None)` = not even in the largest, `None` = there
+/// are not enough groups.
+pub fn sizes_within(histogram: &[SizeClass], limit: f64) -> Option<Option<u64>> {
+    let (mut judged, mut sum, mut from) = (false, [0; 2], None);
+    for class in histogram.iter().rev() {
+        (0..2).for_each(|side| sum[side] += class.groups[side]);
+        if sum[0] < FEWEST_GROUPS {
+            continue;
+        }
+        judged = true;
+        if (sum[1] as f64 / sum[0] as f64 - 1.0).abs() > limit {
+            break;
+        }
+        (from, sum) = (Some(class.from), [0; 2]);
+    }
+    judged.then_some(from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_classes_are_joined_before_they_are_judged() {
+        let class =
+            |from: u64, truth: u64, other: u64| SizeClass { from, to: None, groups: [truth, other], ratio: None };
+        let few = class(400, 50, 30);
+        let (good, bad) = (class(200, 100, 109), class(100, 100, 89));
+        // 139 of 150, then 89 of 100.
+        assert_eq!(sizes_within(&[bad, good, few], 0.1), Some(Some(200)));
+        assert_eq!(sizes_within(&[class(20, 900, 900), bad, good], 0.1), Some(Some(200)));
+        assert_eq!(sizes_within(&[class(20, 900, 900), bad], 0.1), Some(None));
+        assert_eq!(sizes_within(&[class(20, 60, 0), class(50, 500, 500), good], 0.1), Some(Some(50)));
+        assert_eq!((sizes_within(&[few], 0.1), sizes_within(&[], 0.1)), (None, None));
+    }
 }

@@ -1,0 +1,113 @@
+//! Particles drawn into memory, to be measured.
+
+use super::Method;
+use super::draw::{Rules, Scratch};
+use super::plan::Plan;
+use crate::Result;
+use crate::memory::require;
+use crate::model::Model;
+use crate::particles::{Column, Particles, Positions, Run, SnapshotMeta};
+use crate::progress::Progress;
+use rayon::prelude::*;
+
+/// Runs drawn at once: bounds what is held beside the particles.
+const BATCH: u64 = 32;
+
+/// As many particles as `model` stands for, by [`Method::Count`]: those that [`super::recover`]
+/// writes with this seed, as f32 relative to `origin`. Each has its mass as weight where `weighted`
+/// is set, else none.
+///
+/// # Errors
+/// [`crate::Error::Input`] where positions do not fit into float32, [`crate::Error::Memory`],
+/// [`crate::Error::Cancelled`].
+pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress: &dyn Progress) -> Result<Particles> {
+    require("drawn particles", model.metadata.count.saturating_mul(16))?;
+    let moved = moved(model, origin);
+    let (metadata, plan) = (moved.metadata.clone(), Plan::new(moved, None, Method::Count)?);
+    let mut rules = Rules::new(Method::Count, 1.0, seed, &metadata, &plan);
+    rules.weighted = weighted;
+    let mut columns = [0, 1, 2, 3].map(|k| Vec::with_capacity(if k < 3 || weighted { plan.total as usize } else { 0 }));
+    for first in (0..plan.runs()).step_by(BATCH as usize) {
+        let runs = (first..plan.runs().min(first + BATCH))
+            .into_par_iter()
+            .map_init(Scratch::default, |scratch, id| {
+                progress.check()?;
+                let (layer, number, range) = plan.run(id);
+                let mut run = Run::default();
+                rules.fill(layer, number, range, scratch, &mut run)?;
+                let mass = layer.particle_mass.unwrap_or(1.0) as f32;
+                run.columns[3].iter_mut().for_each(|w| *w *= mass);
+                Ok(run.columns)
+            })
+            .collect::<Result<Vec<_>>>()?;
+        for run in &runs {
+            columns.iter_mut().zip(run).for_each(|(all, part)| all.extend_from_slice(part));
+        }
+    }
+    let [x, y, z, w] = columns;
+    Ok(Particles {
+        positions: Positions::Columns([x, y, z].map(Column::owned)),
+        weights: weighted.then(|| Column::owned(w)),
+        origin,
+        meta: SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() },
+        kinds: Vec::new(),
+    })
+}
+
+/// The model about another origin, without what drawing does not need.
+fn moved(model: &Model, origin: [f64; 3]) -> Model {
+    let mut moved = model.clone();
+    for k in 0..3 {
+        for block in moved.layers.iter_mut().flat_map(|l| &mut l.blocks) {
+            block.gaussians.mean[k].iter_mut().for_each(|x| *x -= origin[k]);
+        }
+        let m = &mut moved.metadata;
+        (m.bounds.min[k], m.bounds.max[k]) = (m.bounds.min[k] - origin[k], m.bounds.max[k] - origin[k]);
+        if let Some(cell) = &mut m.cell {
+            cell.origin[k] -= origin[k];
+        }
+    }
+    moved
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::plan::tests::model;
+    use super::super::{Options, recover};
+    use super::*;
+    use crate::particles::{RawForm, open_raw};
+    use crate::progress::Silent;
+
+    #[test]
+    fn these_are_the_particles_that_are_written() {
+        let m = model(&[("dm", &[(100_000, None), (7, None)]), ("gas", &[(300, None)])]);
+        let drawn = draw(&m, 5, [0.0; 3], false, &Silent).unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("out");
+        let options = Options {
+            particles: None,
+            method: Method::Count,
+            scale: 1.0,
+            seed: 5,
+            form: RawForm::Columns,
+            model_name: "m.pgs".into(),
+        };
+        recover(m.clone(), [0; 32], &options, &out, &Silent).unwrap();
+        let written = open_raw(&["xx.f32", "yy.f32", "zz.f32"].map(|n| out.join(n))).unwrap();
+        assert_eq!(drawn.len(), 100_307);
+        assert!((0..drawn.len()).all(|i| drawn.position(i) == written.position(i)) && drawn.weights.is_none());
+        // About an origin far away they are the same, but for rounding.
+        let far = draw(&m, 5, [-1000.0, 0.0, 500.0], false, &Silent).unwrap();
+        let off = |i: usize| (0..3).map(|k| (far.position(i)[k] - drawn.position(i)[k]).abs()).fold(0.0, f64::max);
+        // Two points on both sides of the seam are the same place.
+        assert!((0..drawn.len()).all(|i| off(i) < 1e-3 || off(i) > 9.99));
+    }
+
+    #[test]
+    fn weights_are_masses() {
+        let m = model(&[("dm", &[(100, None)]), ("gas", &[(50, Some(25.0))])]);
+        let drawn = draw(&m, 5, [0.0; 3], true, &Silent).unwrap();
+        let w = drawn.weights.unwrap();
+        assert_eq!((w.len(), w[0], w[149]), (150, 2.0, 0.5));
+    }
+}

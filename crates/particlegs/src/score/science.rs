@@ -1,0 +1,125 @@
+//! What a certificate says of statistics: how far P(k), r(k) and groups are to be trusted.
+//!
+//! What is measured follows from the number of particles alone, so that the same input gives the
+//! same file on every machine, and takes less than 500 MB beside the snapshot.
+
+use crate::model::{Limit, Model, Science, ScienceOf};
+use crate::particles::Particles;
+use crate::progress::Progress;
+use crate::recover::draw;
+use crate::stats::{
+    Assignment, Domain, SpectrumOptions, Subject, find_groups, local_positions, longest_link, power_spectra,
+    size_histogram, sizes_within,
+};
+use crate::{Error, Result};
+use std::f64::consts::PI;
+
+/// Particles up to which they are drawn from the model and searched for groups; of larger
+/// snapshots the mixture's own spectrum is measured.
+const MOST_DRAWN: u64 = 1 << 22;
+/// Cells of the spectrum's grid along the longest edge: the power of 2 from twice the particles on
+/// that edge on, within these.
+const LEAST_CELLS: usize = 32;
+const MOST_CELLS: usize = 256;
+/// Wave numbers go to this share of the grid's Nyquist frequency, where what the window folds back
+/// is below a thousandth.
+const SHARE_OF_NYQUIST: f64 = 0.5;
+/// Links and smallest groups, as everywhere (`stats`).
+const LINKING: f64 = 0.2;
+const SMALLEST_GROUP: usize = 20;
+const GROUPS_WITHIN: f64 = 0.1;
+
+/// Measures `model` against its snapshot. Particles are drawn with `seed`.
+///
+/// # Errors
+/// [`Error::Memory`], [`Error::Cancelled`].
+pub(super) fn science(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Science> {
+    let domain = Domain::of_particles(particles);
+    let of_mixture =
+        || measure(ScienceOf::Mixture, [Subject::Particles(particles), Subject::Model(model)], &domain, progress);
+    if particles.len() as u64 > MOST_DRAWN || particles.len() < 2 {
+        return of_mixture();
+    }
+    let drawn = match draw(model, seed, particles.origin, particles.weights.is_some(), progress) {
+        // Tails of Gaussians at the end of float32.
+        Err(Error::Input { .. }) => return of_mixture(),
+        drawn => drawn?,
+    };
+    let pair = [Subject::Particles(particles), Subject::Particles(&drawn)];
+    let science = measure(ScienceOf::DrawnParticles, pair, &domain, progress)?;
+    Ok(Science { groups_within_10_percent_from: groups([particles, &drawn], &domain, progress)?, ..science })
+}
+
+/// The spectrum's grid and largest wave number for `n` particles.
+fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
+    let spacing = domain.spacing(n);
+    let wanted = (2.0 * domain.longest() / spacing * (1.0 - 1e-9)).ceil().min(MOST_CELLS as f64);
+    let cells = (wanted as usize).next_power_of_two().clamp(LEAST_CELLS, MOST_CELLS);
+    let nyquist = PI * cells as f64 / domain.longest();
+    SpectrumOptions {
+        cells,
+        assignment: Assignment::Tsc,
+        interlaced: true,
+        deconvolved: true,
+        shot_noise_subtracted: true,
+        k_max: (PI / spacing).min(SHARE_OF_NYQUIST * nyquist),
+    }
+}
+
+/// P(k) and r(k); groups are left out.
+fn measure(of: ScienceOf, pair: [Subject<'_>; 2], domain: &Domain, progress: &dyn Progress) -> Result<Science> {
+    let o = spectrum_options(domain, pair[0].count() as usize);
+    let spectra = power_spectra(pair, domain, &o, progress)?;
+    let limit =
+        |place: Option<f64>| if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(place) };
+    Ok(Science {
+        of,
+        spectrum_grid: o.cells as u16,
+        k_max: spectra.shells.last().map_or(0.0, |s| s.k),
+        power_within_1_percent_to: limit(spectra.power_within(0.01)),
+        power_within_5_percent_to: limit(spectra.power_within(0.05)),
+        r_above_0_99_to: limit(spectra.r_above(0.99)),
+        r_above_0_9_to: limit(spectra.r_above(0.9)),
+        groups_within_10_percent_from: Limit::NotMeasured,
+    })
+}
+
+/// Not measured where the box is thinner than links allow, or there are too few groups.
+fn groups(pair: [&Particles; 2], domain: &Domain, progress: &dyn Progress) -> Result<Limit> {
+    let length = LINKING * domain.spacing(pair[0].len());
+    if length > longest_link(domain) {
+        return Ok(Limit::NotMeasured);
+    }
+    let sizes = |p: &Particles| {
+        let positions = local_positions(p, domain);
+        Ok(find_groups(&positions, domain, length, SMALLEST_GROUP, progress)?.sizes())
+    };
+    let (truth, drawn) = (sizes(pair[0])?, sizes(pair[1])?);
+    let histogram = size_histogram([&truth, &drawn], SMALLEST_GROUP as u64);
+    Ok(match sizes_within(&histogram, GROUPS_WITHIN) {
+        None => Limit::NotMeasured,
+        Some(size) => Limit::measured(size.map(|n| n as f64)),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_follow_from_counts_and_stay_small() {
+        let cube = Domain { min: [0.0; 3], length: [50.0; 3], periodic: [true; 3] };
+        let of = |domain: &Domain, n: usize| {
+            let o = spectrum_options(domain, n);
+            (o.cells, o.k_max)
+        };
+        let (cells, k) = of(&cube, 128 * 128 * 128);
+        assert!(cells == 256 && (k - PI * 128.0 / 50.0).abs() < 1e-9, "{cells} {k}");
+        assert_eq!(of(&cube, 64 * 64 * 64).0, 128);
+        assert_eq!(of(&cube, 2).0, LEAST_CELLS);
+        // More particles than the grid resolves: half its Nyquist frequency.
+        assert_eq!(of(&cube, usize::MAX), (256, PI * 128.0 / 50.0));
+        let needle = Domain { min: [0.0; 3], length: [1e6, 1.0, 1.0], periodic: [false; 3] };
+        assert_eq!(of(&needle, 1000).0, 256);
+    }
+}

@@ -1,0 +1,131 @@
+//! A Gaussian that the grid resolves: its density at the cells' centres.
+//!
+//! A cell's integral smooths by a box of variance 1/12; a Gaussian wider by that is the same to a few
+//! parts in ten thousand where its smallest deviation is near a cell or above. Along a row the
+//! exponent is a parabola, so that each cell costs two products.
+
+use super::Grid;
+use crate::math::Sym3;
+use std::ops::Range;
+
+/// Smallest deviation in cells: sums over cells then keep mass to 1e-6.
+const FINEST: f64 = 0.8;
+/// Gaussians end here, in deviations; ...
+const REACH: f64 = 5.0;
+/// ... where this share of their mass is inside.
+const INSIDE: f64 = 0.999_984_559_501_709;
+
+/// A Gaussian in units of cells.
+pub(super) struct Resolved {
+    mean: [f64; 3],
+    /// Inverse of the covariance with the cells' variance.
+    inverse: Sym3,
+    /// The exponent's least value along z, of x and y: xx, xy, yy.
+    projected: [f64; 3],
+    /// And along y then, of x.
+    line: f64,
+    /// Half its extent along x.
+    half: f64,
+    peak: f64,
+}
+
+impl Resolved {
+    /// `None` where the grid is too coarse for it, or it is many boxes wide.
+    pub fn new(g: &Grid, mean: [f64; 3], cov: &Sym3, smallest: f64, mass: f64) -> Option<Self> {
+        let coarsest = g.side[0].max(g.side[1]).max(g.side[2]);
+        if smallest.is_nan() || smallest < FINEST * coarsest {
+            return None;
+        }
+        let [a, b, c] = g.side.map(f64::recip);
+        let v = &cov.0;
+        let within = 1.0 / 12.0;
+        let wide = Sym3([
+            v[0] * a * a + within,
+            v[1] * a * b,
+            v[2] * a * c,
+            v[3] * b * b + within,
+            v[4] * b * c,
+            v[5] * c * c + within,
+        ]);
+        let half = [wide.0[0], wide.0[3], wide.0[5]].map(|v| REACH * v.sqrt());
+        let mut middle: [f64; 3] = std::array::from_fn(|k| (mean[k] - g.min[k]) / g.side[k]);
+        for k in 0..3 {
+            let n = g.cells[k] as f64;
+            if g.periodic[k] {
+                middle[k] = middle[k].rem_euclid(n);
+            }
+            // Wider than the box it is folded many times, which is not for here. Neither is what is no number.
+            if !(half[k] <= n && middle[k].abs() < 1e9) {
+                return None;
+            }
+        }
+        let (inverse, det) = (wide.inverse()?, wide.det());
+        let peak = mass / INSIDE * (2.0 * std::f64::consts::PI).powf(-1.5) / det.sqrt();
+        let [xx, xy, xz, yy, yz, zz] = inverse.0;
+        // The parabola's least value along z is a form of x and y, and along y then one of x.
+        let projected = [xx - xz * xz / zz, xy - xz * yz / zz, yy - yz * yz / zz];
+        let line = projected[0] - projected[1] * projected[1] / projected[2];
+        let sound = zz > 0.0 && projected[2] > 0.0 && line > 0.0 && peak.is_finite();
+        sound.then_some(Resolved { mean: middle, inverse, projected, line, half: half[0], peak })
+    }
+
+    /// Adds what lies in some planes of the grid; `grid` holds those planes alone.
+    pub fn add_to(&self, g: &Grid, planes: &Range<usize>, grid: &mut [f64]) {
+        let [.., xz, _, yz, zz] = self.inverse.0;
+        let [pxx, pxy, pyy] = self.projected;
+        let most = REACH * REACH;
+        let step = (-zz).exp();
+        for i in cells(self.mean[0], self.half) {
+            let Some(plane) = place(g, 0, i).filter(|p| planes.contains(p)) else { continue };
+            let dx = i as f64 + 0.5 - self.mean[0];
+            let left = most - self.line * dx * dx;
+            if left <= 0.0 {
+                continue;
+            }
+            for j in cells(self.mean[1] - pxy / pyy * dx, (left / pyy).sqrt()) {
+                let Some(line) = place(g, 1, j) else { continue };
+                let dy = j as f64 + 0.5 - self.mean[1];
+                let least = pxx * dx * dx + 2.0 * pxy * dx * dy + pyy * dy * dy;
+                if least >= most {
+                    continue;
+                }
+                let middle = self.mean[2] - (xz * dx + yz * dy) / zz;
+                let row = g.index([plane - planes.start, line, 0]);
+                self.add_row(g, &mut grid[row..row + g.cells[2]], middle, ((most - least) / zz).sqrt(), least, step);
+            }
+        }
+    }
+
+    /// One row along z about `middle`, where the exponent is -`least` / 2.
+    fn add_row(&self, g: &Grid, row: &mut [f64], middle: f64, half: f64, least: f64, step: f64) {
+        let (zz, n) = (self.inverse.0[5], row.len() as i64);
+        let run = cells(middle, half);
+        let run = if g.periodic[2] { run } else { run.start.max(0)..run.end.min(n) };
+        if run.is_empty() {
+            return;
+        }
+        let dz = run.start as f64 + 0.5 - middle;
+        let mut value = self.peak * (-0.5 * (least + zz * dz * dz)).exp();
+        let mut ratio = (-zz * (dz + 0.5)).exp();
+        let mut k = run.start.rem_euclid(n) as usize;
+        for _ in run {
+            row[k] += value;
+            (value, ratio) = (value * ratio, ratio * step);
+            k = if k + 1 == row.len() { 0 } else { k + 1 };
+        }
+    }
+}
+
+/// Cells whose centres lie within `half` of `middle`.
+fn cells(middle: f64, half: f64) -> Range<i64> {
+    (middle - half - 0.5).ceil() as i64..(middle + half - 0.5).floor() as i64 + 1
+}
+
+/// The stored cell, or `None` beyond an open edge.
+fn place(g: &Grid, axis: usize, i: i64) -> Option<usize> {
+    let n = g.cells[axis] as i64;
+    if (0..n).contains(&i) {
+        return Some(i as usize);
+    }
+    g.periodic[axis].then(|| i.rem_euclid(n) as usize)
+}
