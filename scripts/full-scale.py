@@ -5,16 +5,20 @@
 
 SNAPSHOT is nbody128 (2.1 M particles); tilings of it and models are made in WORK. Every run is added to
 RESULTS.json by its name; named runs alone are done where names are given. A run: wall-clock seconds by
-phase, CPU seconds (which other work on the machine changes little), peak anonymous memory (RssAnon, sampled every 50 ms), size, scores of the certificate.
+phase, CPU seconds (which other work on the machine changes little), peak anonymous memory (RssAnon,
+sampled every 50 ms), size, scores of the certificate.
 `scripts/full-scale-page.py RESULTS.json` writes the page from it.
 """
 import json, os, subprocess, sys, time
 
 PROGRAM, SNAPSHOT, WORK, RESULTS, *NAMES = sys.argv[1:]
+SMALL = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "samples", "nbody64")
 TILES = {"2.1M": None, "16.8M": "2,2,2", "67M": "2,4,4", "268M": "2,8,8"}
 
 
 def snapshot(size):
+    if size == "0.26M":
+        return SMALL
     if TILES.get(size) is None:
         return SNAPSHOT
     folder = os.path.join(WORK, "nbody128-" + size)
@@ -58,7 +62,7 @@ def all_runs():
     for blocks in ("1", "8"):
         yield f"fast-290-blocks-{blocks}", "268M", ["--effort", "fast", "--ratio", "290", "--blocks", blocks]
     yield "fast-290-memory-1G", "268M", ["--effort", "fast", "--ratio", "290", "--memory", "1GB"]
-    for size in ("2.1M", "16.8M", "67M"):
+    for size in ("0.26M", "2.1M", "16.8M", "67M"):
         yield f"growth-{size}", size, ["--ratio", "290"]
         yield f"growth-fast-{size}", size, ["--ratio", "290", "--effort", "fast"]
 

@@ -112,6 +112,6 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
         true => Some(JobSnapshot::of(&job)?.particles(&Room::Memory, context)?),
         false => None,
     };
-    let merged = job.merge(particles.as_ref(), context)?;
-    Ok((merged.bytes, job.manifest.plan.blocks as usize))
+    let bytes = job.merge(particles.as_ref(), context)?;
+    Ok((bytes, job.manifest.plan.blocks as usize))
 }

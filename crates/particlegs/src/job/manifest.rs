@@ -53,7 +53,7 @@ impl Manifest {
     pub(super) fn layer_runs(&self) -> Vec<u64> {
         let mut sums = vec![0];
         for layer in &self.plan.layers {
-            sums.push(sums[sums.len() - 1] + layer.count.div_ceil(RUN as u64));
+            sums.push(layer.count.div_ceil(RUN as u64).saturating_add(sums[sums.len() - 1]));
         }
         sums
     }
@@ -67,13 +67,14 @@ impl Manifest {
     fn fault(&self) -> Option<&'static str> {
         let plan = &self.plan;
         let counts = plan.layers.iter().try_fold(0u64, |n, l| n.checked_add(l.count));
+        let runs = self.layer_runs().last().copied().unwrap_or(0);
         let finite = |v: &[f64]| v.iter().all(|v| v.is_finite());
         let (m, b) = (&plan.metadata, &plan.metadata.bounds);
         let checks = [
             (self.tree.is_sound() && self.tree.blocks() == plan.blocks, "its tree and its blocks differ"),
             (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.count > 0), "a layer without particles"),
             (counts == Some(m.count) && m.count <= 1 << 53, "its layers do not sum to its particles"),
-            (self.chunk_runs > 0 && self.chunks <= m.count, "chunks of nothing"),
+            (self.chunk_runs > 0 && [0, runs.div_ceil(self.chunk_runs.max(1))].contains(&self.chunks), "its chunks"),
             (finite(&self.origin) && finite(&b.min) && finite(&b.max), "positions that are not finite"),
             (m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0, "its radius or opacity"),
             (plan.target.check().is_ok(), "its target"),

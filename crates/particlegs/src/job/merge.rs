@@ -3,18 +3,9 @@
 use super::manifest::Job;
 use crate::codec::{self, CodedLayer};
 use crate::compress::Outcome;
-use crate::model::Model;
 use crate::particles::{Particles, source_hash};
 use crate::progress::Progress;
 use crate::{Error, Result, score};
-
-/// A merged file.
-pub struct Merged {
-    /// The file, whole.
-    pub bytes: Vec<u8>,
-    /// The file decoded again.
-    pub model: Model,
-}
 
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. With `particles`
@@ -23,7 +14,7 @@ impl Job {
     /// # Errors
     /// [`Error::Input`] naming blocks that are missing or broken, or where `particles` are not the
     /// snapshot that was planned; [`Error::Unreachable`] where a size asked for cannot be met.
-    pub fn merge(&self, particles: Option<&Particles>, progress: &dyn Progress) -> Result<Merged> {
+    pub fn merge(&self, particles: Option<&Particles>, progress: &dyn Progress) -> Result<Vec<u8>> {
         let plan = &self.manifest.plan;
         if particles.is_some_and(|p| source_hash(p) != plan.metadata.source_hash) {
             return Err(self.changed("its hash is another"));
@@ -41,19 +32,18 @@ impl Job {
         progress.end();
         let bytes = layers.iter().flat_map(|l| &l.blocks).map(|b| b.len() as u64).sum();
         plan.judge(&outcomes, bytes, progress)?;
-        let mut bytes = plan.file(layers.iter(), None)?;
-        let mut model = codec::decode(&bytes, "the merged file")?;
-        if model.metadata.count != plan.metadata.count {
-            let what =
-                format!("its blocks hold {} particles, {} were planned", model.metadata.count, plan.metadata.count);
-            return Err(Error::input(&self.folder, what));
+        let bytes = plan.file(layers.iter(), None)?;
+        let (count, planned) = (codec::read_metadata(&bytes, "the merged file")?.count, plan.metadata.count);
+        if count != planned {
+            return Err(Error::input(
+                &self.folder,
+                format!("its blocks hold {count} particles, {planned} were planned"),
+            ));
         }
-        if let Some(particles) = particles {
-            let certificate = score::certificate(&model, particles, plan.seed, None, progress)?;
-            bytes = plan.file(layers.iter(), Some(&certificate))?;
-            model.certificate = Some(certificate);
-        }
-        Ok(Merged { bytes, model })
+        let Some(particles) = particles else { return Ok(bytes) };
+        let model = codec::decode(&bytes, "the merged file")?;
+        let certificate = score::certificate(&model, particles, plan.seed, None, progress)?;
+        plan.file(layers.iter(), Some(&certificate))
     }
 
     /// Are all blocks done?
