@@ -35,7 +35,7 @@ def timed(*command):
     if process.returncode != 0:
         sys.exit(f"exit {process.returncode}: {' '.join(command)}")
     return {
-        "command": " ".join(["particlegs", *command[1:]]),
+        "command": " ".join(["particlegs", *(pathlib.Path(c).name for c in command[1:])]),
         "wall_s": round(time.monotonic() - start, 3),
         "cpu_s": round(usage.ru_utime + usage.ru_stime, 3),
         "peak_anonymous_mb": round(found[0] / 1024, 1),
@@ -59,7 +59,7 @@ def main():
     work.mkdir(parents=True, exist_ok=True)
     job = work / "job"
     plan = ["plan", a.data, "--blocks", a.blocks, "--effort", a.effort, "--ratio", a.ratio, "--no-certificate", "-o", job, "--quiet"]
-    result = {"data": a.data, "blocks": a.blocks, "effort": a.effort, "ratio": a.ratio, "plan": timed(*plan)}
+    result = {"data": pathlib.Path(a.data).name, "blocks": a.blocks, "effort": a.effort, "ratio": a.ratio, "plan": timed(*plan)}
     manifest = json.loads((job / "plan.json").read_text())
     result["particles"], result["chunks"] = manifest["plan"]["metadata"]["count"], manifest["chunks"]
     if result["chunks"]:

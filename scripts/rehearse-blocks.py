@@ -116,7 +116,7 @@ def main():
     job, other, model = work / "job", work / "other", work / "model.pgs"
     common = ["--ratio", a.ratio, "--no-certificate", "--quiet"]
     options = [a.data, "--blocks", a.blocks, *common]
-    result = {"data": a.data, "blocks": a.blocks, "ratio": a.ratio, "cores": a.cores}
+    result = {"data": pathlib.Path(a.data).name, "blocks": a.blocks, "ratio": a.ratio, "cores": a.cores}
 
     result["one_block"] = timed(PROGRAM, "compress", a.data, *common, "-o", work / "one.pgs")
     result["one_process"] = timed(PROGRAM, "compress", *options, "-o", work / "direct.pgs")
