@@ -31,16 +31,25 @@ def timed(*command, out=None, log=None):
     }
 
 
-def blocks_at_work(job):
-    """Process numbers of `particlegs block` on this job folder."""
+def descendants(pid):
+    """All processes that a process started; they come and go while this looks."""
+    try:
+        children = [int(p) for task in os.listdir(f"/proc/{pid}/task") for p in open(f"/proc/{pid}/task/{task}/children").read().split()]
+    except OSError:
+        return []
+    return children + [d for c in children for d in descendants(c)]
+
+
+def blocks_at_work(main):
+    """Process number and block of every `particlegs block` under Snakemake."""
     found = []
-    for folder in pathlib.Path("/proc").glob("[0-9]*"):
+    for pid in descendants(main):
         try:
-            words = (folder / "cmdline").read_bytes().split(b"\0")
+            words = open(f"/proc/{pid}/cmdline", "rb").read().split(b"\0")
         except OSError:
             continue
-        if len(words) > 2 and words[1] == b"block" and words[2] == os.fsencode(job):
-            found.append(int(folder.name))
+        if len(words) > 3 and os.path.basename(words[0]) == b"particlegs" and words[1] == b"block":
+            found.append((pid, words[3]))
     return found
 
 
@@ -48,17 +57,21 @@ def done(job):
     return sum(1 for _ in (job / "blocks").glob("*.pgs")) if (job / "blocks").is_dir() else 0
 
 
-def strike(job, number, count):
-    """Sends a signal to `count` blocks at work, one after another; how many it reached."""
+def strike(main, number, count, struck):
+    """Sends a signal to `count` blocks at work that were not `struck` before: one that fails again and
+    again would end the whole run. How many it reached."""
     reached, deadline = 0, time.monotonic() + 60
     while reached < count and time.monotonic() < deadline:
-        for pid in blocks_at_work(job)[:1]:
+        for pid, block in blocks_at_work(main):
+            if block in struck or reached == count:
+                continue
             try:
                 os.kill(pid, number)
-                reached += 1
             except ProcessLookupError:
-                pass
-        time.sleep(0.05)
+                continue
+            struck.add(block)
+            reached += 1
+        time.sleep(0.002)
     return reached
 
 
@@ -71,16 +84,16 @@ def engine(snakefile, work, job, cores, blocks):
         first = subprocess.Popen(command, stdout=log, stderr=log)
         while done(job) < blocks // 10 and first.poll() is None:
             time.sleep(0.2)
-        result["killed"] = strike(job, signal.SIGKILL, 10)
-        result["told_to_stop"] = strike(job, signal.SIGUSR1, 10)
+        struck = set()
+        result["killed"] = strike(first.pid, signal.SIGKILL, 10, struck)
+        result["told_to_stop"] = strike(first.pid, signal.SIGUSR1, 10, struck)
         while done(job) < blocks // 2 and first.poll() is None:
             time.sleep(0.2)
         if first.poll() is not None:
             sys.exit("Snakemake ended before it was killed: see " + str(work / "snakemake.log"))
         first.kill()
         first.wait()
-        for pid in blocks_at_work(job):
-            os.kill(pid, signal.SIGKILL)
+        time.sleep(2)  # the blocks it left behind end by themselves
         result["first_run"] = {"wall_s": round(time.monotonic() - start, 2), "blocks_done": done(job)}
         subprocess.run(command + ["--unlock"], stdout=log, stderr=log, check=True)
         result["second_run"] = timed(*command, "--rerun-incomplete", log=log)
@@ -93,6 +106,7 @@ def main():
     parser.add_argument("data")
     parser.add_argument("out", type=pathlib.Path)
     parser.add_argument("--blocks", type=int, default=1000)
+    parser.add_argument("--ratio", type=float, default=30, help="at 300 a block of 2000 particles has less room than its head takes")
     parser.add_argument("--cores", type=int, default=2)
     parser.add_argument("--sample", type=int, default=100, help="blocks timed as processes without an engine")
     parser.add_argument("--work", type=pathlib.Path)
@@ -100,14 +114,15 @@ def main():
     work = a.work or pathlib.Path(tempfile.mkdtemp(prefix="rehearsal-"))
     work.mkdir(parents=True, exist_ok=True)
     job, other, model = work / "job", work / "other", work / "model.pgs"
-    options = [a.data, "--blocks", a.blocks]
-    result = {"blocks": a.blocks, "cores": a.cores}
+    common = ["--ratio", a.ratio, "--no-certificate", "--quiet"]
+    options = [a.data, "--blocks", a.blocks, *common]
+    result = {"data": pathlib.Path(a.data).name, "blocks": a.blocks, "ratio": a.ratio, "cores": a.cores}
 
-    result["one_block"] = timed(PROGRAM, "compress", a.data, "--no-certificate", "-o", work / "one.pgs", "--quiet")
-    result["one_process"] = timed(PROGRAM, "compress", *options, "--no-certificate", "-o", work / "direct.pgs", "--quiet")
+    result["one_block"] = timed(PROGRAM, "compress", a.data, *common, "-o", work / "one.pgs")
+    result["one_process"] = timed(PROGRAM, "compress", *options, "-o", work / "direct.pgs")
 
     # Blocks as processes, without an engine: what a process adds to what its own sidecar says.
-    timed(PROGRAM, "plan", *options, "-o", other, "--quiet")
+    timed(PROGRAM, "plan", *options, "-o", other)
     result["scatter"] = timed(PROGRAM, "scatter", other, "--quiet")
     step = max(1, a.blocks // a.sample)
     each = [timed(PROGRAM, "block", other, i, "--threads", 1, "--quiet") for i in range(0, a.blocks, step)]

@@ -26,7 +26,7 @@ wait_for 60 "block 0 at work" block_pid 0
 sleep 0.5
 scancel "$(array_number)"
 wait_for 60 "an empty queue: the merge must go with its array" queue_is_empty
-if [ -e "$work/job.slurm.pgs" ]; then fail "a cancelled job has a model"; fi
+if [ -e "$job.pgs" ]; then fail "a cancelled job has a model"; fi
 
 echo "submitted again: block 2 killed, block 4 told to stop"
 bash "$work/job.slurm" >"$work/submitted"

@@ -13,6 +13,8 @@ const REFINING: u64 = 250 << 20;
 const GAUSSIAN: u64 = 260;
 /// A Gaussian of the whole model while it is put together, decoded and measured.
 const DECODED: u64 = 160;
+/// A Gaussian of the whole model while coded blocks are copied: they and the file made of them.
+const COPIED: u64 = 16;
 
 /// What decides the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,12 +67,13 @@ impl Load {
 
     /// Bytes that a job in `blocks` blocks takes in one process, one block at a time.
     pub fn block_bytes(&self, blocks: u64) -> u64 {
-        self.task_bytes(blocks).max(self.merge_bytes())
+        self.task_bytes(blocks).max(self.merge_bytes(true))
     }
 
-    /// Bytes that putting the blocks together takes, without the particles to measure the model on.
-    pub fn merge_bytes(&self) -> u64 {
-        BASE + DECODED * self.gaussians()
+    /// Bytes that putting the blocks together takes; where the model is `measured`, without the particles
+    /// that it is measured on.
+    pub fn merge_bytes(&self, measured: bool) -> u64 {
+        BASE + self.gaussians() * if measured { DECODED } else { COPIED }
     }
 
     /// Bytes that one of `blocks` blocks takes in a process of its own.
@@ -117,6 +120,6 @@ mod tests {
         let vast = Load { count: 1 << 36, raw_bytes: 12 << 36, ..load(300.0) };
         assert!(vast.blocks_within(8 << 30).is_err());
         assert!(vast.task_bytes(u64::from(vast.tasks_within(8 << 30).unwrap())) <= 8 << 30);
-        assert!(vast.merge_bytes() > 8 << 30);
+        assert!(vast.merge_bytes(true) > 8 << 30 && vast.merge_bytes(false) < vast.merge_bytes(true) / 5);
     }
 }
