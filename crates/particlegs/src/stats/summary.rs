@@ -56,7 +56,7 @@ impl Summary {
             density_correlation: density.map(|d| d.correlation),
             density_mean_absolute_error: density.map(|d| d.mean_absolute_error),
             largest_power_deviation: spectra
-                .map(|s| s.shells.iter().map(deviation).fold(0.0, f64::max))
+                .map(|s| s.judged().map(deviation).fold(0.0, f64::max))
                 .filter(|d| d.is_finite()),
             power_within_1_percent_to: power_to(0.01),
             power_within_5_percent_to: power_to(0.05),
@@ -79,15 +79,23 @@ fn deviation(shell: &Shell) -> f64 {
 }
 
 impl Spectra {
-    /// The last shell's k up to which every shell's P(k) is within `limit` of the truth's (0.01 = 1 %);
-    /// `None` = not even the first's.
+    /// Shells in which the truth has power to be compared: more than its shot noise scatters. (A tiled
+    /// box has none between the harmonics of its tiles.)
+    fn judged(&self) -> impl Iterator<Item = &Shell> {
+        let scatter = |s: &Shell| self.shot_noise[0] / (0.5 * s.modes as f64).sqrt();
+        self.shells.iter().filter(move |s| s.power[0] > scatter(s))
+    }
+
+    /// The last shell's k up to which every shell's P(k) is within `limit` of the truth's (0.01 = 1 %),
+    /// shells apart in which the truth has no power above the scatter of its shot noise; `None` = not
+    /// even the first's.
     pub fn power_within(&self, limit: f64) -> Option<f64> {
-        last_while(self.shells.iter().map(|s| (s.k, deviation(s) <= limit)))
+        last_while(self.judged().map(|s| (s.k, deviation(s) <= limit)))
     }
 
     /// The same for r(k), noise included, of at least `limit`.
     pub fn r_above(&self, limit: f64) -> Option<f64> {
-        last_while(self.shells.iter().map(|s| (s.k, s.r.is_some_and(|r| r >= limit))))
+        last_while(self.judged().map(|s| (s.k, s.r.is_some_and(|r| r >= limit))))
     }
 }
 
@@ -128,7 +136,35 @@ pub fn sizes_within(histogram: &[SizeClass], limit: f64) -> Option<Option<u64>> 
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Assignment, SpectrumOptions};
     use super::*;
+
+    #[test]
+    fn shells_without_power_are_not_judged() {
+        let shell = |k: f64, truth: f64, other: f64| Shell {
+            edges: [k - 0.5, k + 0.5],
+            k,
+            modes: 200,
+            power: [truth, other],
+            cross: 0.0,
+            ratio: Some(other / truth),
+            r: Some(if truth > 1.0 { 0.999 } else { 0.2 }),
+            r_without_noise: None,
+        };
+        let options = SpectrumOptions {
+            cells: 8,
+            assignment: Assignment::Tsc,
+            interlaced: true,
+            deconvolved: true,
+            shot_noise_subtracted: true,
+            k_max: 4.0,
+        };
+        // The second holds the scatter of a noise of 1 in 100 independent modes, the third less than none.
+        let shells = vec![shell(1.0, 50.0, 50.2), shell(2.0, 0.09, 0.3), shell(3.0, -0.2, 0.3), shell(4.0, 9.0, 9.3)];
+        let spectra = Spectra { options, cells: [8; 3], shot_noise: [1.0, 1.0], shells };
+        assert_eq!((spectra.power_within(0.01), spectra.power_within(0.05)), (Some(1.0), Some(4.0)));
+        assert_eq!(spectra.r_above(0.99), Some(4.0));
+    }
 
     #[test]
     fn small_classes_are_joined_before_they_are_judged() {
