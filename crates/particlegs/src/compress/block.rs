@@ -82,7 +82,7 @@ pub struct Outcome {
 
 impl CodedBlock {
     /// Bytes.
-    pub fn len(&self) -> usize {
+    pub fn size(&self) -> usize {
         self.layers.iter().flat_map(|l| &l.blocks).map(Vec::len).sum()
     }
 

@@ -90,7 +90,7 @@ pub(super) struct Coded {
 impl Coded {
     /// Bytes of the blocks.
     pub fn len(&self) -> usize {
-        self.blocks.iter().map(CodedBlock::len).sum()
+        self.blocks.iter().map(CodedBlock::size).sum()
     }
 }
 

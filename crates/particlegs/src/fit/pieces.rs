@@ -57,7 +57,7 @@ pub(super) fn to_bytes(g: &Gaussians) -> Vec<u8> {
 
 /// Gaussians of bytes; `None` where they are none.
 pub(super) fn of_bytes(bytes: &[u8]) -> Option<Gaussians> {
-    if bytes.len() % (8 * WIDTH) != 0 {
+    if !bytes.len().is_multiple_of(8 * WIDTH) {
         return None;
     }
     let mut g = Gaussians::default();

@@ -105,7 +105,7 @@ fn held_out_views_rank_models() {
 fn certificates_repeat_and_know_the_density() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
-    let c = certificate(&fine, &particles, 42, &Silent).unwrap();
+    let c = certificate(&fine, &particles, 42, None, &Silent).unwrap();
     assert_eq!((c.width, c.height, c.grid), (1920, 1080, 50));
     assert!(
         c.orbits.iter().all(|o| o.expected.masked_psnr > Some(20.0) && o.expected.noise_free_masked_psnr.is_none())
