@@ -58,7 +58,9 @@ fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
     let nyquist = PI * cells as f64 / domain.longest();
     SpectrumOptions {
         cells,
-        assignment: Assignment::Tsc,
+        // Up to half of Nyquist, interlaced, the wider cloud changes nothing that a tenth of a per cent
+        // shows, and takes three times as long where there are many particles.
+        assignment: if n as u64 > MOST_DRAWN { Assignment::Cic } else { Assignment::Tsc },
         interlaced: true,
         deconvolved: true,
         shot_noise_subtracted: true,
