@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Writes docs/results/full-scale.md and docs/images/full-scale-growth.svg from full-scale.py's results (needs matplotlib).
+"""Writes docs/results/full-scale.md and docs/images/full-scale-growth.svg from the results of full-scale.py and
+full-scale-notes.md (needs matplotlib).
 
     scripts/full-scale-page.py docs/results/full-scale.json
 """
@@ -103,7 +104,7 @@ for ax, key, label, scale in zip(axes, ("cpu_seconds", "peak_anonymous_mib", "mo
 fig.savefig(os.path.join(DOCS, "images", "full-scale-growth.svg"), metadata={"Date": None})
 fig.savefig("/tmp/full-scale-growth.png", dpi=80) if os.environ.get("LOOK") else None
 
-NOTES = os.path.join(DOCS, "results", "full-scale-notes.md")
+NOTES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "full-scale-notes.md")
 if os.path.exists(NOTES):
     with open(NOTES) as f:
         out.append("\n" + f.read().strip())

@@ -118,8 +118,7 @@ fn blocks(
         }
     };
     if blocks > 1 {
-        let folder = a.scratch_folder();
-        context.message(&format!("{blocks} blocks; scratch: {raw_bytes} bytes in {}", folder.display()));
+        options.room.announce(&format!("{blocks} blocks"), raw_bytes, context);
     }
     Ok(blocks)
 }

@@ -58,9 +58,9 @@ pub struct Compressed {
 /// Compresses a snapshot.
 ///
 /// # Errors
-/// [`Error::Unreachable`] where an explicit ratio or size is below the smallest file (which it
-/// names), or a quality above what all particles as Gaussians reach; [`Error::Memory`] before the
-/// fit where it would not fit; [`Error::Cancelled`].
+/// [`crate::Error::Unreachable`] where an explicit ratio or size is below the smallest file (which it
+/// names), or a quality above what all particles as Gaussians reach; [`crate::Error::Memory`] before the
+/// fit where it would not fit; [`crate::Error::Cancelled`].
 pub fn compress(particles: &Particles, options: &Options, progress: &dyn Progress) -> Result<Compressed> {
     let mut job = Job::begin(particles, options, progress)?;
     let coded = match job.plan.target {

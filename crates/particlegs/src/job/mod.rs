@@ -2,8 +2,8 @@
 //!
 //! [`plan`] passes over the snapshot once and writes a [`Manifest`]: what is asked for, the cuts, the
 //! hash of every run of particles. Where runs lie scattered over the blocks, [`Job::scatter`] copies
-//! chunks of the snapshot into buckets, one file a chunk ([`bucket`]); where they are together already,
-//! blocks read them where they are ([`gather`]). [`Job::block`] fits a block and writes a model file of
+//! chunks of the snapshot into buckets, one file a chunk (`bucket`); where they are together already,
+//! blocks read them where they are (`gather`). [`Job::block`] fits a block and writes a model file of
 //! its own, with a checkpoint on the way; [`Job::merge`] puts the file together: the same bytes as
 //! [`crate::compress::compress`] gives, whatever ran where and in what order.
 //!

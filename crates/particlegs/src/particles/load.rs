@@ -20,7 +20,9 @@ pub fn load(source: &Layered, room: &Room, progress: &dyn Progress) -> Result<Pa
         return Ok(Particles { positions, weights, origin: [0.0; 3], meta, kinds });
     }
     let total = kinds.last().map_or(0, |k| k.range.end);
-    let mut columns = room.columns("the particles", if weighted { 4 } else { 3 }, total)?;
+    let width = if weighted { 4 } else { 3 };
+    room.announce("the particles as read", 4 * width as u64 * total as u64, progress);
+    let mut columns = room.columns("the particles", width, total)?;
     progress.begin("reading", total as u64);
     for (layer, kind) in source.layers.iter().zip(&kinds) {
         let parts: Vec<&mut [f32]> = columns.iter_mut().map(|c| &mut c[kind.range.clone()]).collect();

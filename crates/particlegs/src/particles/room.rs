@@ -2,6 +2,7 @@
 
 use super::Column;
 use crate::memory::require;
+use crate::progress::Progress;
 use crate::{Error, Result};
 use memmap2::MmapMut;
 use std::ops::{Deref, DerefMut};
@@ -28,6 +29,13 @@ pub enum Blank {
 }
 
 impl Room {
+    /// Says what scratch space is about to be taken, if any.
+    pub fn announce(&self, what: &str, bytes: u64, progress: &dyn Progress) {
+        if let Room::Disk(folder) = self {
+            progress.message(&format!("scratch for {what}: {bytes} bytes in {}", folder.display()));
+        }
+    }
+
     /// `count` columns of `len` zeros; `what` names them where they do not fit.
     ///
     /// # Errors

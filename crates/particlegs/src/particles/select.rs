@@ -235,6 +235,7 @@ impl<'a> Kept<'a> {
     /// What is kept, in columns.
     fn collect(&self, room: &Room, progress: &dyn Progress) -> Result<Particles> {
         let columns = if self.weighted() { 4 } else { 3 };
+        room.announce("the particles chosen", 4 * columns as u64 * self.total(), progress);
         let mut values = room.columns("the particles chosen", columns, self.total() as usize)?;
         let mut places: Vec<Vec<&mut [f32]>> = (0..self.runs()).map(|_| Vec::new()).collect();
         for column in &mut values {

@@ -1,6 +1,6 @@
 //! The figures of a table: how far each statistic is to be trusted.
 
-use super::report::{GroupReport, NeighbourReport, XiByPairs};
+use super::report::{GroupReport, NeighbourReport, XiByPairs, XiByTransform};
 use super::{DensityComparison, Shell, SizeClass, Spectra};
 
 /// Truth groups that sizes are joined to hold before their ratio says anything: the scatter of a
@@ -30,7 +30,8 @@ pub struct Summary {
     pub r_above_0_9_to: Option<f64>,
     /// r at the last shell.
     pub r_at_k_max: Option<f64>,
-    /// xi(r) by pairs is within 10 % from here on, as far as the truth's is above 0.1.
+    /// xi(r) is within 10 % from here on, as far as the truth's is above 0.1: by pairs, and by transform
+    /// where pairs are of a sample.
     pub xi_within_10_percent_from: Option<f64>,
     /// Groups of this size and above have counts within 10 %, in classes joined to hold at least 100.
     pub groups_within_10_percent_from: Option<u64>,
@@ -46,7 +47,7 @@ impl Summary {
     pub(super) fn new(
         density: Option<&DensityComparison>,
         spectra: Option<&Spectra>,
-        xi: Option<&XiByPairs>,
+        xi: (Option<&XiByPairs>, Option<&XiByTransform>),
         groups: Option<&GroupReport>,
         neighbours: Option<&NeighbourReport>,
     ) -> Self {
@@ -64,7 +65,7 @@ impl Summary {
             r_above_0_99_to: r_to(0.99),
             r_above_0_9_to: r_to(0.9),
             r_at_k_max: spectra.and_then(|s| s.shells.last()?.r),
-            xi_within_10_percent_from: xi.and_then(xi_from),
+            xi_within_10_percent_from: xi.0.and_then(|pairs| xi_from(pairs, xi.1)),
             groups_within_10_percent_from: groups.and_then(|g| sizes_within(&g.histogram, 0.1).flatten()),
             core_mass: groups.and_then(|g| g.apertures.iter().find(|a| a.sizes == [100, 299])?.median),
             nearest_mean: neighbours.map(|n| n.mean_ratio),
@@ -104,14 +105,25 @@ fn last_while(places: impl Iterator<Item = (f64, bool)>) -> Option<f64> {
     places.take_while(|(_, good)| *good).last().map(|(k, _)| k)
 }
 
-fn xi_from(xi: &XiByPairs) -> Option<f64> {
-    let truth = &xi.counts[0];
-    (0..xi.ratio.len())
-        .rev()
-        .filter(|b| truth.xi[*b] >= LEAST_XI)
-        .take_while(|b| xi.ratio[*b].is_some_and(|r| (r - 1.0).abs() <= 0.1))
-        .last()
-        .map(|b| truth.edges[b])
+/// The separation from which on xi is within 10 %, where the truth's says something: by pairs where all
+/// are counted, by transform where pairs are of a sample, which scatters as much.
+fn xi_from(pairs: &XiByPairs, transform: Option<&XiByTransform>) -> Option<f64> {
+    let truth = &pairs.counts[0];
+    let sampled = |b: &usize| pairs.counts.iter().any(|c| c.primaries[*b] < c.particles);
+    // The transform's bins are as wide as its shortest wave's half: the first two hold too little.
+    let join = match ((0..pairs.ratio.len()).find(sampled), transform) {
+        (Some(first), Some(t)) => t.edges.get(2).map_or(f64::INFINITY, |e| e.max(truth.edges[first])),
+        _ => f64::INFINITY,
+    };
+    let near = (0..pairs.ratio.len()).map(|b| (truth.edges[b], truth.xi[b], pairs.ratio[b]));
+    let far = transform.into_iter().flat_map(|t| {
+        let ratio = |i: usize| (t.xi[0][i] > 0.0).then(|| t.xi[1][i] / t.xi[0][i]);
+        (0..t.xi[0].len()).map(move |i| (t.edges[i], t.xi[0][i], ratio(i)))
+    });
+    let judged = near.filter(|b| b.0 < join).chain(far.filter(|b| b.0 >= join)).filter(|b| b.1 >= LEAST_XI);
+    let judged: Vec<(f64, bool)> =
+        judged.map(|(r, _, ratio)| (r, ratio.is_some_and(|r| (r - 1.0).abs() <= 0.1))).collect();
+    judged.iter().rev().take_while(|b| b.1).last().map(|b| b.0)
 }
 
 /// The smallest size from which on the number of groups is within `limit` of the truth's in every
@@ -136,8 +148,31 @@ pub fn sizes_within(histogram: &[SizeClass], limit: f64) -> Option<Option<u64>> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Assignment, SpectrumOptions};
+    use super::super::{Assignment, PairCounts, SpectrumOptions};
     use super::*;
+
+    #[test]
+    fn xi_of_a_sample_is_judged_by_transform() {
+        let counts = |xi: [f64; 3], primaries: [u64; 3]| PairCounts {
+            edges: vec![0.1, 1.0, 2.0, 3.0],
+            pairs: vec![9; 3],
+            primaries: primaries.to_vec(),
+            expected: vec![1.0; 3],
+            xi: xi.to_vec(),
+            particles: 50,
+        };
+        // The last bin is of a sample, and off by its scatter.
+        let truth = counts([9.0, 4.0, 1.0], [50, 50, 7]);
+        let pairs = XiByPairs {
+            ratio: vec![Some(2.0), Some(1.05), Some(0.8)],
+            counts: [truth, counts([18.0, 4.2, 0.8], [50, 50, 7])],
+        };
+        assert_eq!(xi_from(&pairs, None), None);
+        let edges: Vec<f64> = (1..8).map(|i| 0.5 * f64::from(i)).collect();
+        let transform =
+            XiByTransform { edges, xi: [vec![1.0, 1.0, 1.0, 1.0, 1.0, 0.05], vec![9.0, 9.0, 9.0, 1.02, 0.95, 0.5]] };
+        assert_eq!(xi_from(&pairs, Some(&transform)), Some(1.0));
+    }
 
     #[test]
     fn shells_without_power_are_not_judged() {
