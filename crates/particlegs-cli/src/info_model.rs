@@ -87,7 +87,7 @@ fn metadata(m: &Metadata) -> MetadataReport<'_> {
         default_radius: m.default_radius,
         default_opacity: m.default_opacity,
         source: &m.source,
-        source_blake3: m.source_hash.iter().map(|b| format!("{b:02x}")).collect(),
+        source_blake3: particlegs::particles::hex(&m.source_hash),
         length_unit: m.length_unit.as_deref(),
         mass_unit: m.mass_unit.as_deref(),
         comoving: m.comoving,

@@ -45,6 +45,13 @@ pub struct Plan {
     pub metadata: Metadata,
 }
 
+impl PlannedLayer {
+    /// Columns of its particles: positions, and weights where it has them.
+    pub fn columns(&self) -> usize {
+        if self.weighted { 4 } else { 3 }
+    }
+}
+
 impl Plan {
     /// A plan for a snapshot that `metadata` describes.
     ///
@@ -64,7 +71,7 @@ impl Plan {
 
     /// Bytes of the particles as float32.
     pub fn raw_bytes(&self) -> u64 {
-        self.layers.iter().map(|l| l.count * if l.weighted { 16 } else { 12 }).sum()
+        self.layers.iter().map(|l| l.count * 4 * l.columns() as u64).sum()
     }
 
     /// How blocks are fitted.

@@ -3,7 +3,7 @@
 use super::checkpoint::Checkpoint;
 use super::manifest::Job;
 use crate::compress::{BlockJob, Clock, Outcome, Workshop};
-use crate::particles::Layered;
+use crate::particles::{Layered, hex};
 use crate::progress::Progress;
 use crate::{Error, Result, codec, output};
 use serde::{Deserialize, Serialize};
@@ -105,8 +105,4 @@ impl Job {
         let report: Option<BlockReport> = serde_json::from_str(&text).ok();
         Ok(report.filter(|r| r.plan == hex(&self.id) && r.block == block))
     }
-}
-
-pub(super) fn hex(bytes: &[u8; 32]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -22,7 +22,7 @@ fn entry_bytes(job: &Job) -> usize {
 /// Bytes of particles, by layer.
 fn particle_bytes(job: &Job, counts: &[u64]) -> Option<u64> {
     let mut layers = counts.iter().zip(&job.manifest.plan.layers);
-    layers.try_fold(0u64, |n, (c, l)| c.checked_mul(if l.weighted { 16 } else { 12 })?.checked_add(n))
+    layers.try_fold(0u64, |n, (c, l)| c.checked_mul(4 * l.columns() as u64)?.checked_add(n))
 }
 
 /// A run's particles sorted by block.

@@ -3,6 +3,7 @@
 use super::bucket::Buckets;
 use super::manifest::Job;
 use crate::Result;
+use crate::compress::PlannedLayer;
 use crate::particles::{Blank, Chunk, Layered, ParticleLayer, Particles, Room, SnapshotMeta};
 use crate::progress::Progress;
 use std::ops::Range;
@@ -38,8 +39,8 @@ impl Job {
             let values = Buckets::open(self, chunk)?.read(entry)?;
             let mut rest = &values[..];
             for (layer, &n) in entry.counts.iter().enumerate() {
-                let (own, after) = rest.split_at(particles.width(layer) * n as usize);
-                particles.push(layer, own, n as usize);
+                let (own, after) = rest.split_at(self.manifest.plan.layers[layer].columns() * n as usize);
+                particles.push(layer, own);
                 rest = after;
             }
         }
@@ -48,8 +49,7 @@ impl Job {
 
     /// From the runs that reach into the block.
     fn gather_in_place(&self, block: u32, source: &Layered, progress: &dyn Progress) -> Result<Particles> {
-        let starts = self.manifest.layer_runs();
-        let tree = &self.manifest.tree;
+        let (starts, tree) = (&self.starts, &self.manifest.tree);
         let inside = |run: &u64| {
             let r = &self.runs[*run as usize];
             tree.blocks_in(r.min, r.max).contains(&block)
@@ -70,12 +70,12 @@ impl Job {
             layers
                 .push(found.into_iter().map(|f| f.into_inner().unwrap_or_else(|e| e.into_inner())).collect::<Vec<_>>());
         }
-        let width = |l: usize| if self.manifest.plan.layers[l].weighted { 4 } else { 3 };
+        let width = |l: usize| self.manifest.plan.layers[l].columns();
         let count = |(l, runs): (usize, &Vec<Vec<f32>>)| runs.iter().map(|r| (r.len() / width(l)) as u64).sum();
         let counts: Vec<u64> = layers.iter().enumerate().map(count).collect();
         let mut particles = Gathered::new(self, &counts)?;
         for (layer, runs) in layers.into_iter().enumerate() {
-            runs.iter().for_each(|own| particles.push(layer, own, own.len() / width(layer)));
+            runs.iter().for_each(|own| particles.push(layer, own));
         }
         particles.finish()
     }
@@ -115,8 +115,8 @@ impl<'a> Gathered<'a> {
         let layers = &job.manifest.plan.layers;
         let total: u64 = counts.iter().fold(0, |n, c| n.saturating_add(*c));
         let total = usize::try_from(total).unwrap_or(usize::MAX);
-        let weighted = layers.iter().any(|l| l.weighted);
-        let columns = Room::Memory.columns("the block's particles", if weighted { 4 } else { 3 }, total)?;
+        let width = layers.iter().map(PlannedLayer::columns).max().unwrap_or(3);
+        let columns = Room::Memory.columns("the block's particles", width, total)?;
         let mut end = 0;
         let kinds: Vec<Option<ParticleLayer>> = layers
             .iter()
@@ -135,17 +135,13 @@ impl<'a> Gathered<'a> {
         Ok(Gathered { job, columns, filled: vec![0; kinds.len()], kinds })
     }
 
-    /// Columns of a layer.
-    fn width(&self, layer: usize) -> usize {
-        if self.job.manifest.plan.layers[layer].weighted { 4 } else { 3 }
-    }
-
-    /// Appends `n` particles of a layer, column after column.
-    fn push(&mut self, layer: usize, values: &[f32], n: usize) {
-        let (width, Some(kind)) = (self.width(layer), &self.kinds[layer]) else { return };
+    /// Appends particles of a layer, column after column.
+    fn push(&mut self, layer: usize, values: &[f32]) {
+        let Some(kind) = &self.kinds[layer] else { return };
         let start = kind.range.start + self.filled[layer];
-        for k in 0..width {
-            self.columns[k][start..start + n].copy_from_slice(&values[k * n..(k + 1) * n]);
+        let n = values.len() / self.job.manifest.plan.layers[layer].columns();
+        for (column, values) in self.columns.iter_mut().zip(values.chunks_exact(n.max(1))) {
+            column[start..start + n].copy_from_slice(values);
         }
         self.filled[layer] += n;
     }

@@ -91,6 +91,8 @@ pub struct Job {
     pub manifest: Manifest,
     /// BLAKE3 of the manifest, by which every file names its plan.
     pub(super) id: [u8; 32],
+    /// Runs before each layer, and in all.
+    pub(super) starts: Vec<u64>,
     /// The snapshot's runs.
     pub(super) runs: Vec<RunSurvey>,
 }
@@ -113,24 +115,22 @@ impl Job {
             }
             Err(e) => return Err(Error::io(&path, e)),
         };
-        let version: Option<u64> = serde_json::from_str::<serde_json::Value>(&text)
-            .ok()
-            .and_then(|v| v.get("particlegs_job").and_then(serde_json::Value::as_u64));
-        if version.is_some_and(|v| v > u64::from(VERSION)) {
+        let no_plan = |e: serde_json::Error| Error::input(&path, format!("no plan: {e}"));
+        let value: serde_json::Value = serde_json::from_str(&text).map_err(no_plan)?;
+        if value["particlegs_job"].as_u64().is_some_and(|v| v > u64::from(VERSION)) {
             return Err(Error::Compatibility {
                 place: path.display().to_string(),
                 what: "the plan of a newer program".into(),
             });
         }
-        let manifest: Manifest =
-            serde_json::from_str(&text).map_err(|e| Error::input(&path, format!("no plan: {e}")))?;
+        let manifest: Manifest = serde_json::from_value(value).map_err(no_plan)?;
         if let Some(fault) = manifest.fault() {
             return Err(Error::input(&path, format!("no sound plan: {fault}")));
         }
         let id = *blake3::hash(text.as_bytes()).as_bytes();
-        let count = *manifest.layer_runs().last().unwrap_or(&0);
-        let runs = runs::read(&folder.join("runs.bin"), &id, count)?;
-        Ok(Job { folder: folder.to_path_buf(), manifest, id, runs })
+        let starts = manifest.layer_runs();
+        let runs = runs::read(&folder.join("runs.bin"), &id, starts[starts.len() - 1])?;
+        Ok(Job { folder: folder.to_path_buf(), manifest, id, starts, runs })
     }
 
     /// Is this a folder with a plan?
@@ -176,10 +176,9 @@ impl Job {
 
     /// Layer by layer, the part of some of the snapshot's runs that lies in it.
     pub(super) fn by_layer(&self, runs: Range<u64>) -> impl Iterator<Item = (usize, Range<u64>)> {
-        let starts = self.manifest.layer_runs();
-        (0..starts.len() - 1).filter_map(move |l| {
-            let (first, end) = (runs.start.max(starts[l]), runs.end.min(starts[l + 1]));
-            (first < end).then(|| (l, first - starts[l]..end - starts[l]))
+        self.starts.windows(2).enumerate().filter_map(move |(layer, own)| {
+            let (first, end) = (runs.start.max(own[0]), runs.end.min(own[1]));
+            (first < end).then(|| (layer, first - own[0]..end - own[0]))
         })
     }
 }

@@ -71,23 +71,32 @@ pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progr
         Source::Now(particles) => Layered::of(&particles),
     };
     let survey = Survey::new(&mut source, task.place, progress)?;
-    let load = Load {
-        count: source.count(),
-        raw_bytes: source.raw_bytes(),
-        target: task.options.target,
-        effort: task.options.effort,
-        copies: COPIES,
-    };
-    let blocks = match task.blocks {
-        Some(blocks) => blocks,
-        None => load.tasks_within(task.memory.unwrap_or(MEMORY))?,
-    };
-    if let Some(have_bytes) = task.memory
-        && load.task_bytes(u64::from(blocks)) > have_bytes
-    {
-        let what = format!("a block of {blocks}");
-        return Err(Error::Memory { what, need_bytes: load.task_bytes(u64::from(blocks)), have_bytes });
+    let mut manifest = manifest(&source, &survey, task)?;
+    if at_once || reads(&manifest.tree, &survey) > READ_AGAIN {
+        manifest.chunks = (survey.runs.len() as u64).div_ceil(manifest.chunk_runs);
     }
+    let text = manifest.text();
+    let before = is_there(folder, &text)?;
+    let id = *blake3::hash(text.as_bytes()).as_bytes();
+    let starts = manifest.layer_runs();
+    let job = Job { folder: folder.to_path_buf(), manifest, id, starts, runs: survey.runs };
+    make_folder(&folder.join("blocks"))?;
+    make_folder(&folder.join("scatter"))?;
+    runs::write(&folder.join("runs.bin"), &job.id, &job.runs)?;
+    if at_once {
+        output::check_space_in(folder, source.raw_bytes())?;
+        (0..job.manifest.chunks).try_for_each(|c| match Buckets::open(&job, c) {
+            Ok(_) => Ok(()),
+            Err(_) => job.bucket(&source, c, progress),
+        })?;
+    }
+    output::write_bytes(&folder.join("plan.json"), text.as_bytes())?;
+    Ok(Planned { job, before })
+}
+
+/// The manifest of a surveyed snapshot; blocks read it where it lies.
+fn manifest(source: &Layered, survey: &Survey, task: &Task<'_>) -> Result<Manifest> {
+    let blocks = blocks(source, task)?;
     let tree = KdTree::new(&survey.sample, blocks)?;
     let options = Options { blocks, ..task.options.clone() };
     let hash = survey.hash(source.origin);
@@ -100,44 +109,46 @@ pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progr
     });
     let plan = Plan::new(&options, metadata, layers.collect())?;
     let mut manifest = Manifest::new(task.snapshot.clone(), plan, source.origin, tree, task.memory);
-    let runs = survey.runs.len() as u64;
     let within = task.memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
-    manifest.chunk_runs = runs.div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));
-    if at_once || reads(&manifest.tree, &survey) > READ_AGAIN {
-        manifest.chunks = runs.div_ceil(manifest.chunk_runs);
-    }
-    let text = manifest.text();
-    let id = *blake3::hash(text.as_bytes()).as_bytes();
-    let job = Job { folder: folder.to_path_buf(), manifest, id, runs: survey.runs };
-    let path = folder.join("plan.json");
-    let before = match std::fs::read(&path) {
-        Ok(there) if there == text.as_bytes() => true,
-        Ok(_) => return Err(another(folder)),
-        Err(_) => false,
+    manifest.chunk_runs = (survey.runs.len() as u64).div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));
+    Ok(manifest)
+}
+
+/// The number of blocks: as asked for, or as the memory of a task asks for.
+fn blocks(source: &Layered, task: &Task<'_>) -> Result<u32> {
+    let load = Load {
+        count: source.count(),
+        raw_bytes: source.raw_bytes(),
+        target: task.options.target,
+        effort: task.options.effort,
+        copies: COPIES,
     };
-    make_folder(&folder.join("blocks"))?;
-    make_folder(&folder.join("scatter"))?;
-    runs::write(&folder.join("runs.bin"), &job.id, &job.runs)?;
-    if at_once {
-        output::check_space_in(folder, source.raw_bytes())?;
-        (0..job.manifest.chunks).try_for_each(|c| match Buckets::open(&job, c) {
-            Ok(_) => Ok(()),
-            Err(_) => job.bucket(&source, c, progress),
-        })?;
+    let Some(blocks) = task.blocks else { return load.tasks_within(task.memory.unwrap_or(MEMORY)) };
+    let need_bytes = load.task_bytes(u64::from(blocks));
+    match task.memory {
+        Some(have_bytes) if need_bytes > have_bytes => {
+            Err(Error::Memory { what: format!("a block of {blocks}"), need_bytes, have_bytes })
+        }
+        _ => Ok(blocks),
     }
-    output::write_bytes(&path, text.as_bytes())?;
-    Ok(Planned { job, before })
+}
+
+/// Is this very plan in the folder?
+fn is_there(folder: &Path, text: &str) -> Result<bool> {
+    match std::fs::read(folder.join("plan.json")) {
+        Ok(there) if there == text.as_bytes() => Ok(true),
+        Ok(_) => {
+            let what = format!("{}: another plan is there", folder.display());
+            Err(Error::Argument { what, hint: "name another folder, or delete this one".into() })
+        }
+        Err(_) => Ok(false),
+    }
 }
 
 /// How often the snapshot is read if every block reads the runs that reach into it.
 fn reads(tree: &KdTree, survey: &Survey) -> f64 {
     let touched: usize = survey.runs.iter().map(|r| tree.blocks_in(r.min, r.max).len()).sum();
     touched as f64 / survey.runs.len().max(1) as f64
-}
-
-fn another(folder: &Path) -> Error {
-    let what = format!("{}: another plan is there", folder.display());
-    Error::Argument { what, hint: "name another folder, or delete this one".into() }
 }
 
 /// Is the folder a job's, or empty, or still to be made?

@@ -40,12 +40,10 @@ impl Job {
         let first = chunk * self.manifest.chunk_runs;
         let end = (first + self.manifest.chunk_runs).min(self.runs.len() as u64);
         let sorted: Vec<Mutex<Sorted>> = (first..end).map(|_| Mutex::default()).collect();
-        let starts = self.manifest.layer_runs();
         for (layer, runs) in self.by_layer(first..end) {
             source.layers[layer].read(source.origin, runs, progress, &|run, chunk| {
-                let global = starts[layer] + run;
                 self.check_run(layer, run, &chunk)?;
-                let place = &sorted[(global - first) as usize];
+                let place = &sorted[(self.starts[layer] + run - first) as usize];
                 *place.lock().unwrap_or_else(|e| e.into_inner()) = self.sort(layer, &chunk);
                 Ok(())
             })?;
@@ -59,7 +57,7 @@ impl Job {
 
     /// Is run `run` of a layer what it was when the job was planned?
     pub(super) fn check_run(&self, layer: usize, run: u64, chunk: &Chunk<'_>) -> Result<()> {
-        let planned: &RunSurvey = &self.runs[(self.manifest.layer_runs()[layer] + run) as usize];
+        let planned: &RunSurvey = &self.runs[(self.starts[layer] + run) as usize];
         if hash_run(chunk) == planned.hash {
             return Ok(());
         }
@@ -76,13 +74,8 @@ impl Job {
         order.sort_by_key(|&i| blocks[i as usize]);
         let pick = |c: &[f32]| order.iter().map(|&i| c[i as usize]).collect::<Vec<f32>>();
         let [x, y, z] = chunk.position.map(pick);
-        let mut counts: Vec<(u32, u32)> = Vec::new();
-        for &i in &order {
-            match counts.last_mut() {
-                Some((block, n)) if *block == blocks[i as usize] => *n += 1,
-                _ => counts.push((blocks[i as usize], 1)),
-            }
-        }
+        let same = order.chunk_by(|&a, &b| blocks[a as usize] == blocks[b as usize]);
+        let counts = same.map(|run| (blocks[run[0] as usize], run.len() as u32)).collect();
         Sorted { layer, blocks: counts, columns: [x, y, z, chunk.weight.map_or_else(Vec::new, pick)] }
     }
 }

@@ -64,14 +64,11 @@ mod hex {
     use serde::{Deserialize, Deserializer, Serializer};
 
     pub fn serialize<S: Serializer>(hash: &[u8; 32], to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(&hash.iter().map(|b| format!("{b:02x}")).collect::<String>())
+        to.serialize_str(&crate::particles::hex(hash))
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<[u8; 32], D::Error> {
-        let text = String::deserialize(from)?;
-        let byte = |i: usize| text.get(2 * i..2 * i + 2).and_then(|t| u8::from_str_radix(t, 16).ok());
-        let bytes: Option<Vec<u8>> = (0..32).map(byte).collect();
-        let hash = bytes.filter(|_| text.len() == 64).and_then(|b| b.try_into().ok());
-        hash.ok_or_else(|| D::Error::custom("a hash has 64 hexadecimal digits"))
+        let hash = blake3::Hash::from_hex(String::deserialize(from)?).map_err(D::Error::custom)?;
+        Ok(*hash.as_bytes())
     }
 }

@@ -26,7 +26,7 @@ mod write;
 
 pub use bounds::Bounds;
 pub use convert::{Converted, convert, write_raw};
-pub use hash::{RunHash, column_hash, hash_of_runs, hash_run, source_hash};
+pub use hash::{RunHash, column_hash, hash_of_runs, hash_run, hex, source_hash};
 pub use layer::{ONE_LAYER, ParticleLayer};
 pub use layered::{LayerSource, Layered, ReadLayer};
 pub use load::{Stated, load};

@@ -2,6 +2,7 @@
 
 use super::Options;
 use crate::model::{Certificate, Metadata};
+use crate::particles::hex;
 use serde_json::{Map, Value, json};
 
 /// The first thing that a reader of meta.json should see.
@@ -89,8 +90,4 @@ fn with_method(mut all: Vec<String>, options: &Options, own: bool) -> Vec<String
         all.push("another number of particles than the source's: shot noise and spacing differ from it".into());
     }
     all
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
