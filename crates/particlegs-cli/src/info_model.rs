@@ -77,9 +77,8 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
 }
 
 fn metadata(m: &Metadata) -> MetadataReport<'_> {
-    let particlegs::model::Law::OpticalDepth = m.law;
     MetadataReport {
-        law: "optical-depth",
+        law: m.law.name(),
         particles: m.count,
         mass: m.mass,
         bounds: m.bounds,

@@ -46,6 +46,7 @@ fn tiny(particles: &Particles) -> Model {
     Model {
         metadata,
         layers: vec![Layer { name: "all".into(), particle_mass: None, blocks: vec![block] }],
+        vizmapper: None,
         certificate: None,
     }
 }

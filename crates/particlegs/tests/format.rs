@@ -95,7 +95,12 @@ fn science() -> Science {
 fn model(blocks: Vec<Block>, certified: bool) -> Model {
     let metadata = metadata(&blocks);
     let certificate = certified.then(certificate);
-    Model { metadata, layers: vec![Layer { name: "dm".into(), particle_mass: Some(5.1e9), blocks }], certificate }
+    Model {
+        metadata,
+        layers: vec![Layer { name: "dm".into(), particle_mass: Some(5.1e9), blocks }],
+        vizmapper: None,
+        certificate,
+    }
 }
 
 fn small() -> Model {

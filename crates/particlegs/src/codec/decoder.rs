@@ -76,7 +76,7 @@ pub(crate) fn block(bytes: &[u8]) -> Result<Block, String> {
         rescale(&mut mass, header.mass);
         mass
     });
-    let gaussians = Mixture { mean, cov, count, mass };
+    let gaussians = Mixture { mean, cov, count, mass, shade: None };
     Ok(Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians })
 }
 

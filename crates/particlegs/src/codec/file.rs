@@ -245,7 +245,7 @@ pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
         }
         layers.push(Layer { name, particle_mass: mass.particle_mass, blocks: decoded });
     }
-    Ok(Model { metadata: parts.metadata, layers, certificate: parts.certificate })
+    Ok(Model { metadata: parts.metadata, layers, vizmapper: None, certificate: parts.certificate })
 }
 
 /// Decodes one coded block.

@@ -260,6 +260,7 @@ mod tests {
                 particle_mass: None,
                 blocks: vec![Block { bounds, count, mass, gaussians }],
             }],
+            vizmapper: None,
             certificate: None,
         }
     }

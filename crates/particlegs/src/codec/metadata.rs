@@ -101,8 +101,13 @@ pub(crate) fn write(m: &Metadata, layers: &[LayerMass]) -> Vec<u8> {
         out.extend((value.len() as u16).to_le_bytes());
         out.extend(value);
     };
-    let Law::OpticalDepth = m.law;
-    field(LAW, &[1]);
+    field(
+        LAW,
+        &[match m.law {
+            Law::OpticalDepth => 1,
+            Law::AlphaBlend => 2,
+        }],
+    );
     field(COUNT, &m.count.to_le_bytes());
     field(MASS, &m.mass.to_le_bytes());
     field(WEIGHTED, &[u8::from(layers.iter().any(|l| l.weighted))]);

@@ -106,6 +106,7 @@ impl Partition {
             cov: std::array::from_fn(|k| column(&|m| m.cov.0[k] * unit * unit)),
             count: column(&|m| m.count as f64),
             mass: self.store.weight.as_ref().map(|_| column(&|m| m.mass)),
+            shade: None,
         }
     }
 }

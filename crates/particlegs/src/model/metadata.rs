@@ -8,6 +8,19 @@ use crate::particles::{Bounds, Cell};
 pub enum Law {
     /// Depths add up: `1 - exp(-sum tau)`. No order, no network.
     OpticalDepth,
+    /// Splatting as published: sorted by depth and blended front to back, scale and opacity
+    /// corrected by a network.
+    AlphaBlend,
+}
+
+impl Law {
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Law::OpticalDepth => "optical-depth",
+            Law::AlphaBlend => "alpha-blend",
+        }
+    }
 }
 
 /// Everything a file carries beside its Gaussians. `None` = the source does not say.

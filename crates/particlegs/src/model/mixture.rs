@@ -1,6 +1,6 @@
 //! A mixture of Gaussians that carry counts and masses.
 
-use super::{Certificate, Metadata};
+use super::{Certificate, Metadata, Shade, VizMapper};
 use crate::math::Sym3;
 use crate::particles::Bounds;
 
@@ -16,6 +16,9 @@ pub struct Mixture {
     /// Mass that each stands for where particles have weights of their own; else every particle
     /// has the mass 1 and this is `None`.
     pub mass: Option<Vec<f64>>,
+    /// Opacities and grey levels, of models of the alpha-blend law alone. Their counts stand in
+    /// proportion to opacity: a Gaussian's share of the particles that recovery draws.
+    pub shade: Option<Shade>,
 }
 
 impl Mixture {
@@ -44,7 +47,7 @@ impl Mixture {
         self.mass.as_ref().map_or(self.count[i], |m| m[i])
     }
 
-    /// Adds a Gaussian. `mass` counts only where the mixture has masses.
+    /// Adds a Gaussian to a mixture without shade. `mass` counts only where the mixture has masses.
     pub fn push(&mut self, mean: [f64; 3], cov: Sym3, count: f64, mass: f64) {
         for k in 0..3 {
             self.mean[k].push(mean[k]);
@@ -58,7 +61,7 @@ impl Mixture {
         }
     }
 
-    /// Adds all of another's. Both have masses, or neither.
+    /// Adds all of another's. Both have masses and shades, or neither.
     pub fn append(&mut self, other: &Mixture) {
         for k in 0..3 {
             self.mean[k].extend_from_slice(&other.mean[k]);
@@ -69,6 +72,10 @@ impl Mixture {
         self.count.extend_from_slice(&other.count);
         if let (Some(a), Some(b)) = (&mut self.mass, &other.mass) {
             a.extend_from_slice(b);
+        }
+        if let (Some(a), Some(b)) = (&mut self.shade, &other.shade) {
+            a.opacity.extend_from_slice(&b.opacity);
+            a.grey.extend_from_slice(&b.grey);
         }
     }
 }
@@ -104,6 +111,8 @@ pub struct Model {
     pub metadata: Metadata,
     /// Layers, at least one.
     pub layers: Vec<Layer>,
+    /// The network of the alpha-blend law; `None` = another law, or trained without one.
+    pub vizmapper: Option<VizMapper>,
     /// What was measured after decoding.
     pub certificate: Option<Certificate>,
 }

@@ -1,10 +1,12 @@
 //! Floor 2: the mixture and what is known about it: plain data. Knows no file, no camera, no thread.
 
+mod alpha_blend;
 mod certificate;
 mod metadata;
 mod mixture;
 mod science;
 
+pub use alpha_blend::{Shade, VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 pub use certificate::{Certificate, LookScore, OrbitScore};
 pub use metadata::{Law, Metadata};
 pub use mixture::{Block, Layer, Mixture, Model};

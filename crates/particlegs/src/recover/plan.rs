@@ -209,7 +209,7 @@ pub(super) mod tests {
             command: "test".into(),
             tool_version: "0".into(),
         };
-        Model { metadata, layers, certificate: None }
+        Model { metadata, layers, vizmapper: None, certificate: None }
     }
 
     proptest! {

@@ -38,6 +38,7 @@ fn tiny(particles: &Particles, n: usize) -> Model {
     Model {
         metadata: metadata(particles),
         layers: vec![Layer { name: "all".into(), particle_mass: None, blocks: vec![block] }],
+        vizmapper: None,
         certificate: None,
     }
 }

@@ -31,5 +31,5 @@ pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model 
     };
     let block = Block { bounds, count, mass: count as f64, gaussians: m };
     let layer = Layer { name: "all".into(), particle_mass: None, blocks: vec![block] };
-    Model { metadata, layers: vec![layer], certificate: None }
+    Model { metadata, layers: vec![layer], vizmapper: None, certificate: None }
 }
