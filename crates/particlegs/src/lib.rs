@@ -29,6 +29,7 @@ pub mod render;
 pub mod blocks;
 pub mod recover;
 pub mod stats;
+pub mod train;
 
 pub mod score;
 
