@@ -3,6 +3,7 @@
 //! A [`learner::Learner`] holds the Gaussians of one law as parameters, draws them, and moves them
 //! down the gradient of a [`Loss`].
 
+mod adam;
 mod dssim;
 mod learner;
 mod loss;

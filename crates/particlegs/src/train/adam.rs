@@ -1,0 +1,84 @@
+//! Adam (Kingma and Ba 2015), one instance a group of parameters.
+
+use rayon::prelude::*;
+
+/// Parameters in one step of parallel work.
+const RUN: usize = 1 << 14;
+
+/// The decay of the averages, and what keeps the division finite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Adam {
+    /// Decay of the mean gradient.
+    pub beta1: f32,
+    /// Decay of the mean squared gradient.
+    pub beta2: f32,
+    /// Added to the root of the latter.
+    pub epsilon: f32,
+}
+
+/// Running averages of the gradients of a group.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Averages {
+    /// Of the gradient.
+    pub first: Vec<f32>,
+    /// Of its square.
+    pub second: Vec<f32>,
+    /// Steps so far.
+    pub steps: u64,
+}
+
+impl Averages {
+    /// For `len` parameters, before any step.
+    pub fn zeros(len: usize) -> Self {
+        Averages { first: vec![0.0; len], second: vec![0.0; len], steps: 0 }
+    }
+}
+
+impl Adam {
+    /// Moves `values` against `gradient`, `rate` at most about a step.
+    pub fn step(&self, values: &mut [f32], gradient: &[f32], averages: &mut Averages, rate: f64) {
+        assert!(values.len() == gradient.len() && values.len() == averages.first.len(), "columns of one length");
+        averages.steps += 1;
+        let t = averages.steps.min(i32::MAX as u64) as i32;
+        let correct1 = 1.0 - f64::from(self.beta1).powi(t);
+        let correct2 = 1.0 - f64::from(self.beta2).powi(t);
+        let rate = (rate / correct1) as f32;
+        let unroot = (1.0 / correct2) as f32;
+        let (b1, b2, epsilon) = (self.beta1, self.beta2, self.epsilon);
+        values
+            .par_chunks_mut(RUN)
+            .zip(gradient.par_chunks(RUN))
+            .zip(averages.first.par_chunks_mut(RUN).zip(averages.second.par_chunks_mut(RUN)))
+            .for_each(|((values, gradient), (first, second))| {
+                for (((v, g), m), s) in values.iter_mut().zip(gradient).zip(first).zip(second) {
+                    *m = b1 * *m + (1.0 - b1) * g;
+                    *s = b2 * *s + (1.0 - b2) * g * g;
+                    *v -= rate * *m / ((*s * unroot).sqrt() + epsilon);
+                }
+            });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-8 };
+
+    #[test]
+    fn the_first_step_has_the_rate() {
+        let (mut v, mut a) = (vec![1.0f32, 1.0, 1.0], Averages::zeros(3));
+        ADAM.step(&mut v, &[5.0, -0.01, 0.0], &mut a, 0.1);
+        assert!((v[0] - 0.9).abs() < 1e-5 && (v[1] - 1.1).abs() < 1e-4 && v[2] == 1.0, "{v:?}");
+    }
+
+    #[test]
+    fn finds_a_minimum() {
+        let (mut v, mut a) = (vec![3.0f32, -2.0], Averages::zeros(2));
+        for k in 0..2000 {
+            let g = [2.0 * (v[0] - 1.0), 20.0 * (v[1] - 4.0)];
+            ADAM.step(&mut v, &g, &mut a, 0.05 * (1.0 - k as f64 / 2000.0));
+        }
+        assert!((v[0] - 1.0).abs() < 1e-3 && (v[1] - 4.0).abs() < 1e-3, "{v:?}");
+    }
+}
