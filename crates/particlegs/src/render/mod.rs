@@ -8,15 +8,15 @@
 //! from coarse to fine. The sum is the optical depth; [`draw`] passes it through a look's curve.
 //! The same machinery with masses instead of counts gives the surface density.
 
-mod bins;
-mod depth;
-mod lens;
-mod project;
-mod pyramid;
-mod raster;
+pub(crate) mod bins;
+pub(crate) mod depth;
+pub(crate) mod lens;
+pub(crate) mod project;
+pub(crate) mod pyramid;
+pub(crate) mod raster;
 mod scene;
 mod scratch;
-mod slices;
+pub(crate) mod slices;
 mod surface;
 
 #[cfg(test)]
