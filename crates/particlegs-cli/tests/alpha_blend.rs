@@ -94,7 +94,10 @@ fn info_and_verify_say_what_it_is() {
     let path = write(dir.path(), "m.pgs", 0..64, Law::AlphaBlend);
     let text = stdout(particlegs().arg("info").arg(&path));
     assert!(text.contains("1.3, image law alpha-blend"), "{text}");
-    assert!(text.contains("[4, 64, 64, 2], 4610 parameters in 4812 bytes; scale within 0.1, opacity within 0.3"), "{text}");
+    assert!(
+        text.contains("[4, 64, 64, 2], 4610 parameters in 4812 bytes; scale within 0.1, opacity within 0.3"),
+        "{text}"
+    );
     assert!(text.contains("4352 bytes as PLY, 68 a Gaussian"), "{text}");
     let out = dir.path().join("info.json");
     particlegs().arg("info").arg(&path).arg("--json").arg(&out).assert().success();
@@ -137,7 +140,8 @@ fn it_is_drawn_and_scored() {
 #[test]
 fn merging_takes_the_network_of_the_first_block() {
     let dir = tempfile::tempdir().unwrap();
-    let [a, b] = [("a.pgs", 0..30), ("b.pgs", 30..64)].map(|(name, runs)| write(dir.path(), name, runs, Law::AlphaBlend));
+    let [a, b] =
+        [("a.pgs", 0..30), ("b.pgs", 30..64)].map(|(name, runs)| write(dir.path(), name, runs, Law::AlphaBlend));
     let merged = |parts: [&Path; 2], name: &str| {
         let out = dir.path().join(name);
         let done = particlegs().arg("merge").args(parts).arg("-o").arg(&out).assert().success();

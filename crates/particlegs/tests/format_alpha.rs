@@ -4,12 +4,10 @@
 mod common;
 
 use common::{block, certificate, metadata, mixture, partner, reseal, science};
+use particlegs::Error;
 use particlegs::codec::{self, CodedLayer, Encoder, LayerHead, Merge, Precision, VIZMAPPER_SECTION_BYTES};
 use particlegs::math::Random;
-use particlegs::model::{
-    Block, Law, Layer, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
-};
-use particlegs::Error;
+use particlegs::model::{Block, Law, Layer, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges};
 use proptest::prelude::*;
 
 /// A mixture with opacities over two decades, some near 1, and grey levels about 1, some 0.
@@ -359,7 +357,9 @@ fn coded_blocks_are_put_together_by_their_law() {
     let m = small();
     let bytes = encoded(&m);
     let coded = || codec::coded_layers(&bytes, "m").unwrap();
-    let whole = |layers: Vec<CodedLayer>| codec::assemble_with(&m.metadata, m.vizmapper.as_ref(), m.certificate.as_ref(), layers);
+    let whole = |layers: Vec<CodedLayer>| {
+        codec::assemble_with(&m.metadata, m.vizmapper.as_ref(), m.certificate.as_ref(), layers)
+    };
     assert_eq!(whole(coded()).unwrap(), bytes);
     let mut depth = m.metadata.clone();
     depth.law = Law::OpticalDepth;
@@ -387,8 +387,7 @@ fn files_of_every_version_stay_readable() {
 fn table(m: &Model) -> String {
     let g = &m.layers[0].blocks[0].gaussians;
     let shade = g.shade.as_ref().unwrap();
-    let columns: Vec<&Vec<f64>> =
-        g.mean.iter().chain(&g.cov).chain([&g.count, &shade.opacity, &shade.grey]).collect();
+    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count, &shade.opacity, &shade.grey]).collect();
     let network = &m.vizmapper.as_ref().unwrap().parameters;
     let (columns, network) = (serde_json::to_string(&columns).unwrap(), serde_json::to_string(network).unwrap());
     columns.replace("],", "],\n") + "\n" + &network

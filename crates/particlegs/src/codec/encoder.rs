@@ -96,10 +96,7 @@ impl Encoder {
             (0..bits.len()).for_each(|p| bits[p] += segment[p]);
         }
         let [count, mass] = if self.shaded { ["opacity", "grey"] } else { ["count", "mass"] };
-        ["tree", "size", count, mass, "shape", "place"]
-            .into_iter()
-            .zip(bits.map(|b| b / self.len() as f64))
-            .collect()
+        ["tree", "size", count, mass, "shape", "place"].into_iter().zip(bits.map(|b| b / self.len() as f64)).collect()
     }
 
     /// The trunk and the segments, each recorded and `done`.

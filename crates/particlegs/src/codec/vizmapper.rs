@@ -101,7 +101,11 @@ pub(crate) fn read(bytes: &[u8]) -> std::result::Result<VizMapper, Fault> {
 /// Scales stay positive, opacities keep a positive factor.
 fn check_ranges(r: &VizRanges) -> std::result::Result<(), String> {
     let good = (0.0..1.0).contains(&r.scale) && (0.0..=16.0).contains(&r.opacity) && r.floor > 0.0 && r.floor <= 1.0;
-    if good { Ok(()) } else { Err(format!("ranges {r:?} of a VizMapper: scale in [0, 1), opacity in [0, 16], floor in (0, 1]")) }
+    if good {
+        Ok(())
+    } else {
+        Err(format!("ranges {r:?} of a VizMapper: scale in [0, 1), opacity in [0, 16], floor in (0, 1]"))
+    }
 }
 
 /// The step in which the largest of the values is `most`.
@@ -166,7 +170,8 @@ mod tests {
                 assert_eq!(a.ranges, b.ranges);
                 for i in 0..500 {
                     let mut r = Random::new(seed, 9, i);
-                    let f = [1.5 * r.uniform() - 0.75, 1.5 * r.uniform() - 0.75, 0.5 + 0.8 * r.normal(), 0.6 * r.normal()];
+                    let f =
+                        [1.5 * r.uniform() - 0.75, 1.5 * r.uniform() - 0.75, 0.5 + 0.8 * r.normal(), 0.6 * r.normal()];
                     for (p, q) in outputs(&a, f).iter().zip(outputs(&b, f)) {
                         worst = worst.max((p - q).abs());
                         squares += (p - q) * (p - q);

@@ -65,7 +65,11 @@ impl Plan {
         let mut counts: Vec<f64> = Vec::with_capacity(model.gaussians());
         for block in model.blocks() {
             let (g, start) = (&block.gaussians, counts.len());
-            if shared { counts.extend(numbers(block)) } else { counts.extend_from_slice(&g.count) }
+            if shared {
+                counts.extend(numbers(block))
+            } else {
+                counts.extend_from_slice(&g.count)
+            }
             if by_volume {
                 counts[start..].iter_mut().enumerate().for_each(|(i, n)| *n *= volume(&g.cov_of(i)));
             }

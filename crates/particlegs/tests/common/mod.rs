@@ -2,9 +2,7 @@
 #![allow(dead_code)]
 
 use particlegs::math::{Random, Sym3};
-use particlegs::model::{
-    Block, Certificate, Law, Limit, LookScore, Metadata, Mixture, OrbitScore, Science, ScienceOf,
-};
+use particlegs::model::{Block, Certificate, Law, Limit, LookScore, Metadata, Mixture, OrbitScore, Science, ScienceOf};
 use particlegs::particles::{Bounds, Cell};
 
 /// A mixture of `n` Gaussians in a box of `scale` at `origin`.
@@ -110,4 +108,3 @@ pub fn reseal(file: &mut [u8]) {
         at = end;
     }
 }
-
