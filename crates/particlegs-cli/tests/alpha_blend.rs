@@ -167,7 +167,7 @@ fn particles_are_recovered_by_opacity() {
         let out = dir.path().join(method);
         let mut c = particlegs();
         c.arg("recover").arg(&path).arg("-o").arg(&out).args(["--method", method, "--quiet"]).assert().success();
-        let p = open_raw(&[out.clone()]).unwrap();
+        let p = open_raw(std::slice::from_ref(&out)).unwrap();
         assert_eq!(p.len(), 262_144);
         let from = &json(&out.join("meta.json"))["recovered_from"];
         let own = !["volume", "grid"].contains(&method);

@@ -58,7 +58,7 @@ impl BlockHeader {
         out.extend(self.count.to_le_bytes());
         out.extend(self.mass.to_le_bytes());
         out.extend(self.gaussians.to_le_bytes());
-        out.push(u8::from(self.weighted) * WEIGHTED | u8::from(self.shaded) * SHADED);
+        out.push((u8::from(self.weighted) * WEIGHTED) | (u8::from(self.shaded) * SHADED));
         out.extend(self.low);
         for v in self.steps.iter().chain([&self.importance, &self.centre]) {
             out.extend(v.to_le_bytes());

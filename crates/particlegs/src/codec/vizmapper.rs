@@ -179,7 +179,7 @@ mod tests {
                     }
                 }
             }
-            let rms: f64 = (squares / n as f64).sqrt();
+            let rms: f64 = (squares / n).sqrt();
             println!("trained {trained}: {VIZMAPPER_BYTES} bytes, output error rms {rms:.5}, largest {worst:.5}, of 1");
             assert!(rms < 0.01 && worst < 0.05, "{rms} {worst}");
             assert!(trained || worst == 0.0, "a network that changes nothing still changes nothing");
