@@ -106,6 +106,14 @@ fn info_and_verify_say_what_it_is() {
     assert_eq!((&info["vizmapper"]["parameters"], &info["vizmapper"]["ranges"]["floor"]), (&4610.into(), &0.4.into()));
     let text = stdout(particlegs().arg("verify").arg(&path));
     assert!(text.contains("64 Gaussians whose counts sum to 262144 particles"), "{text}");
+    // Measured as any other: pictures by its own law, densities and particles by its counts.
+    let again = dir.path().join("again.json");
+    let mut verify = particlegs();
+    verify.arg("verify").arg(&path).arg(sample()).arg("--quiet").arg("--json").arg(&again).assert().success();
+    let measured = &json(&again)["measured_again"];
+    assert!(measured["orbits"][0]["expected"]["masked_psnr"].is_number(), "{measured}");
+    let correlation = measured["density_correlation"].as_f64().unwrap();
+    assert!(correlation > 0.1 && correlation < 1.0, "{measured}");
     let mut bytes = std::fs::read(&path).unwrap();
     bytes[700] ^= 1;
     std::fs::write(dir.path().join("bad.pgs"), bytes).unwrap();

@@ -141,9 +141,9 @@ proptest! {
 
 #[test]
 fn extreme_opacities_and_greys_are_coded() {
-    let mut m = shaded(6, 1, 0.0, 5.0);
-    let opacity = vec![f64::MIN_POSITIVE, 1e-9, 0.5, 1.0 - 1e-9, 1.0f64.next_down(), 0.01];
-    m.shade = Some(Shade { opacity, grey: vec![0.0, 1e-300, 1.0, 50.0, 0.0, 1e200] });
+    let mut m = shaded(7, 1, 0.0, 5.0);
+    let opacity = vec![0.0, f64::MIN_POSITIVE, 1e-9, 0.5, 1.0 - 1e-9, 1.0, 0.01];
+    m.shade = Some(Shade { opacity, grey: vec![0.0, 1e-300, 1.0, 50.0, 0.0, 1e200, 0.5] });
     let b = Block { count: 7, mass: 7.0, ..block(m) };
     let back = model(vec![b], None, false);
     check_sums(&codec::decode(&encoded(&back), "m").unwrap());
@@ -183,7 +183,7 @@ fn what_cannot_be_coded_is_refused() {
         change(&mut b.gaussians);
         assert!(matches!(Encoder::new(&b), Err(Error::Argument { .. })));
     };
-    for o in [0.0, 1.0, -0.5, f64::NAN] {
+    for o in [-1e-9, 1.0f64.next_up(), -0.5, f64::NAN] {
         refused(&|g| g.shade.as_mut().unwrap().opacity[2] = o);
     }
     for v in [-1e-9, f64::NAN, f64::INFINITY] {

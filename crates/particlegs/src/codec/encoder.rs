@@ -41,7 +41,7 @@ impl Encoder {
     ///
     /// # Errors
     /// [`Error::Argument`] for a block without Gaussians or particles, for numbers that are not
-    /// finite, opacities outside (0, 1), grey levels below 0, and masses beside a shade.
+    /// finite, opacities outside [0, 1], grey levels below 0, and masses beside a shade.
     pub fn new(block: &Block) -> Result<Encoder> {
         check(block)?;
         let g = &block.gaussians;
@@ -303,10 +303,11 @@ fn check(block: &Block) -> Result<()> {
         return Err(Error::argument("a block with NaN or infinite numbers cannot be coded"));
     }
     if let Some(shade) = &g.shade {
-        let inside = shade.opacity.iter().all(|&o| o > 0.0 && o < 1.0);
+        // 0 and 1 come of rounding, and are coded as the nearest opacity that can be.
+        let inside = shade.opacity.iter().all(|o| (0.0..=1.0).contains(o));
         let grey = shade.grey.iter().all(|&v| v >= 0.0 && v.is_finite());
         if shade.opacity.len() != n || shade.grey.len() != n || !inside || !grey || g.mass.is_some() {
-            let what = "opacities outside (0, 1), grey levels below 0, or masses beside them cannot be coded";
+            let what = "opacities outside [0, 1], grey levels below 0, or masses beside them cannot be coded";
             return Err(Error::argument(what));
         }
     }

@@ -69,7 +69,7 @@ pub(crate) fn opacity_of(depth: f64) -> f64 {
     1.0 - exp(-depth.clamp(DEPTHS.0, DEPTHS.1))
 }
 
-/// The depth of an opacity in (0, 1).
+/// The depth of an opacity in [0, 1].
 pub(crate) fn depth_of(opacity: f64) -> f64 {
     (-(-opacity).ln_1p()).clamp(DEPTHS.0, DEPTHS.1)
 }
