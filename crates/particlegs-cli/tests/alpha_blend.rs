@@ -113,7 +113,7 @@ fn info_and_verify_say_what_it_is() {
     let measured = &json(&again)["measured_again"];
     assert!(measured["orbits"][0]["expected"]["masked_psnr"].is_number(), "{measured}");
     let correlation = measured["density_correlation"].as_f64().unwrap();
-    assert!(correlation > 0.1 && correlation < 1.0, "{measured}");
+    assert!(correlation > 0.0 && correlation < 1.0, "{measured}");
     let mut bytes = std::fs::read(&path).unwrap();
     bytes[700] ^= 1;
     std::fs::write(dir.path().join("bad.pgs"), bytes).unwrap();
