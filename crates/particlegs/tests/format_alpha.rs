@@ -149,6 +149,26 @@ fn extreme_opacities_and_greys_are_coded() {
     check_sums(&codec::decode(&encoded(&back), "m").unwrap());
 }
 
+/// Splats are placed by pictures: some leave the particles' bounds, and are not pulled back.
+#[test]
+fn splats_outside_the_bounds_stay_there() {
+    let mut b = block(shaded(200, 6, 0.0, 5.0));
+    let far = [[-3.0, 2.0, 2.0], [2.0, 40.0, 2.0]];
+    for (i, mean) in far.iter().enumerate() {
+        (0..3).for_each(|k| b.gaussians.mean[k][i] = mean[k]);
+    }
+    let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
+    let back = codec::decode_block(&bytes, "b").unwrap();
+    for mean in far {
+        let nearest = |k: usize, i: usize| (back.gaussians.mean[k][i] - mean[k]).abs() < 0.1;
+        assert!((0..200).any(|i| (0..3).all(|k| nearest(k, i))), "{mean:?}");
+    }
+    assert_eq!((back.bounds.min[0], back.bounds.max[1]), (-3.0, 40.0));
+    b.gaussians.mean[0][0] = -1.7e308;
+    b.gaussians.mean[0][1] = 1.7e308;
+    assert!(matches!(Encoder::new(&b), Err(Error::Argument { .. })));
+}
+
 #[test]
 fn steps_scale_the_size() {
     let b = block(shaded(3000, 5, 0.0, 50.0));

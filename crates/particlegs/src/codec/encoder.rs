@@ -45,20 +45,21 @@ impl Encoder {
     pub fn new(block: &Block) -> Result<Encoder> {
         check(block)?;
         let g = &block.gaussians;
-        let tree = Tree::build(&g.mean, &block.bounds);
+        let bounds = box_of(block)?;
+        let tree = Tree::build(&g.mean, &bounds);
         let logs = Logs::new(block, &tree.order);
-        let extent = block.bounds.extent();
+        let extent = bounds.extent();
         let within = std::array::from_fn(|k| {
             let place = |(&i, cell): (&u32, &super::tree::Cell)| {
                 if extent[k] == 0.0 {
                     return 0.5;
                 }
-                let u = (g.mean[k][i as usize] - block.bounds.min[k]) / extent[k];
+                let u = (g.mean[k][i as usize] - bounds.min[k]) / extent[k];
                 (u * (1u64 << cell.depth[k]) as f64 - cell.index[k] as f64).clamp(0.0, 1.0)
             };
             tree.order.par_iter().zip(&tree.cells).map(place).collect()
         });
-        let Block { bounds, count, mass, .. } = *block;
+        let Block { count, mass, .. } = *block;
         Ok(Encoder { bounds, count, mass, shaded: g.shade.is_some(), tree, logs, within })
     }
 
@@ -279,6 +280,20 @@ impl Script for Given<'_> {
 
     fn leaf(&mut self, i: usize) -> Leaf {
         self.leaves[i]
+    }
+}
+
+/// The box that means are coded in: the particles' bounds, which hold the means of their moments.
+/// Splats are placed by pictures alone and may leave it, so theirs grows to hold them.
+fn box_of(block: &Block) -> Result<Bounds> {
+    let g = &block.gaussians;
+    let mut bounds = block.bounds;
+    if g.shade.is_some() {
+        (0..g.len()).for_each(|i| bounds.include(g.mean_of(i)));
+    }
+    match bounds.extent().iter().all(|e| e.is_finite()) {
+        true => Ok(bounds),
+        false => Err(Error::argument("a block wider than f64 cannot be coded")),
     }
 }
 
