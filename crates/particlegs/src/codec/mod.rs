@@ -13,6 +13,7 @@ mod encoder;
 mod exact;
 mod file;
 mod header;
+mod info;
 mod merge;
 mod metadata;
 mod precision;
@@ -32,9 +33,10 @@ mod wire;
 pub use container::is_model;
 pub use encoder::Encoder;
 pub use file::{
-    BlockInfo, CodedLayer, FileInfo, LayerHead, LayerInfo, VIZMAPPER_SECTION_BYTES, assemble, assemble_with,
-    coded_layers, decode, decode_block, encode, file_hash, read_info, read_metadata, size_without_blocks,
+    CodedLayer, LayerHead, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, decode, decode_block,
+    encode, file_hash, read_metadata, size_without_blocks,
 };
+pub use info::{BlockInfo, FileInfo, LayerInfo, read_info};
 pub use merge::{Merge, blocks_hash, sums};
 pub use precision::Precision;
 pub(crate) use sums::whole_counts;
