@@ -2,8 +2,9 @@
 
 use crate::common::Context;
 use particlegs::codec::{self, FileInfo, LayerInfo};
-use particlegs::model::{Certificate, LookScore, Metadata};
+use particlegs::model::{Certificate, Law, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 use particlegs::{Error, Result};
+use particlegs_formats::SPLAT_PLY_BYTES;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
@@ -19,7 +20,18 @@ struct Report<'a> {
     bytes_per_gaussian: f64,
     metadata: MetadataReport<'a>,
     layers: &'a [LayerInfo],
+    vizmapper: Option<NetworkReport>,
+    published_bytes: u64,
     certificate: Option<&'a Certificate>,
+}
+
+/// The network of an alpha-blend model.
+#[derive(Serialize)]
+struct NetworkReport {
+    shape: [usize; 4],
+    parameters: usize,
+    ranges: VizRanges,
+    bytes: usize,
 }
 
 #[derive(Serialize)]
@@ -71,9 +83,20 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
         bytes_per_gaussian: info.bytes as f64 / gaussians as f64,
         metadata: metadata(&info.metadata),
         layers: &info.layers,
+        vizmapper: info.vizmapper.as_ref().map(network),
+        published_bytes: gaussians * SPLAT_PLY_BYTES,
         certificate: info.certificate.as_ref(),
     };
     context.finish(&text(&report), &report)
+}
+
+fn network(n: &VizMapper) -> NetworkReport {
+    NetworkReport {
+        shape: VIZMAPPER_SHAPE,
+        parameters: n.parameters.len(),
+        ranges: n.ranges,
+        bytes: codec::VIZMAPPER_SECTION_BYTES,
+    }
 }
 
 fn metadata(m: &Metadata) -> MetadataReport<'_> {
@@ -108,6 +131,25 @@ fn text(r: &Report<'_>) -> String {
     row("format", format!("{}, image law {}", r.format_version, m.law));
     row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
     row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
+    row(
+        "as published",
+        format!(
+            "{} bytes as PLY, {SPLAT_PLY_BYTES} a Gaussian, ratio {:.1}",
+            r.published_bytes,
+            r.raw_bytes as f64 / r.published_bytes as f64
+        ),
+    );
+    match &r.vizmapper {
+        Some(n) => row(
+            "VizMapper",
+            format!(
+                "{:?}, {} parameters in {} bytes; scale within {}, opacity within {}, its factor at least {}",
+                n.shape, n.parameters, n.bytes, n.ranges.scale, n.ranges.opacity, n.ranges.floor
+            ),
+        ),
+        None if m.law == Law::AlphaBlend.name() => row("VizMapper", "none: trained without".into()),
+        None => {}
+    }
     row("particles", m.particles.to_string());
     row("weights", format!("{} in all (1 a particle where a layer has none)", m.mass));
     row("bounds", format!("{:?} to {:?}", m.bounds.min, m.bounds.max));

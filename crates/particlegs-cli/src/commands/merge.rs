@@ -6,6 +6,7 @@ use crate::job_args::JobSnapshot;
 use clap::Args;
 use particlegs::codec::{self, Merge};
 use particlegs::job::Job;
+use particlegs::model::Law;
 use particlegs::particles::Room;
 use particlegs::progress::Progress;
 use particlegs::{Result, output};
@@ -18,6 +19,8 @@ use std::time::Instant;
 #[command(after_help = "\
 Blocks are copied as they are coded: nothing is lost, and the order of the parts does not matter.
 Particle radius, bounds and counts are those of the whole; the scores in the parts are dropped.
+Of alpha-blend models the VizMapper of the part with the first block (by layer, then by place) is
+taken, as published: fine-tune the merged model on the whole snapshot.
 
 A job's folder gives the file that `compress` gives, measured on its snapshot.
 
@@ -64,6 +67,13 @@ pub fn run(a: Arguments) -> Result<()> {
     output::write_bytes(&a.output, &bytes)?;
     let seconds = start.elapsed().as_secs_f64();
     let info = codec::read_info(&bytes, &a.output.display().to_string())?;
+    if info.metadata.law == Law::AlphaBlend && parts > 1 {
+        let network = match info.vizmapper {
+            Some(_) => "the VizMapper is that of the part with the first block",
+            None => "the part with the first block has no VizMapper, and so the file has none",
+        };
+        context.message(&format!("note: {network}, as published; it was trained on that part alone"));
+    }
     let blocks = || info.layers.iter().flat_map(|l| &l.blocks);
     let report = Report {
         parts,

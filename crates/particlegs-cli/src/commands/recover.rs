@@ -53,11 +53,12 @@ pub struct Arguments {
 enum MethodArg {
     /// Normal draws, each Gaussian's own number (the published V0).
     Count,
-    /// Normal draws in proportion to count times volume (V1).
+    /// Normal draws in proportion to count (alpha-blend models: opacity) times volume (V1).
     Volume,
     /// Uniform in ellipsoids of three standard deviations (V4).
     Ellipsoid,
-    /// Uniform in cells of a grid of 512^3 that hold the Gaussians' centres (V6).
+    /// Uniform in cells of a grid of 512^3 that hold the Gaussians' centres (V6; alpha-blend models: in
+    /// proportion to opacity times volume).
     Grid,
     /// As count, evenly: less shot noise in cells, spacings too regular.
     Stratified,

@@ -4,7 +4,7 @@ use crate::common::Common;
 use crate::density_args::{DensityArgs, Quantities};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
-use particlegs::model::Model;
+use particlegs::model::{Law, Model};
 use particlegs::picture::write_gray_png;
 use particlegs::progress::Progress;
 use particlegs::render::{Scene, draw, surface_density};
@@ -135,6 +135,11 @@ fn densities(
     progress: &dyn Progress,
     report: &mut Report,
 ) -> Result<()> {
+    if model.metadata.law == Law::AlphaBlend {
+        let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
+        let hint = "draw particles with `recover`, and their density with `reference --style density`".to_string();
+        return Err(Error::Argument { what, hint });
+    }
     let quantities = Quantities::of_model(model);
     let (size, views) = a.density.views(&a.view, subject, &quantities)?;
     make_folder(a)?;

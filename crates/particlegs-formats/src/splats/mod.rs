@@ -1,12 +1,14 @@
 //! Gaussian splats of viewers, read as points: SPZ, binary glTF, .splat records. (Splats in PLY
-//! files are points of PLY files.)
+//! files are points of PLY files.) Models of the alpha-blend law are written as the `published` PLY.
 
 mod glb;
 mod gltf;
+mod published;
 mod records;
 mod spz;
 
 use crate::Format;
+pub use published::{SPLAT_PLY_BYTES, write_splats};
 
 /// Binary glTF, with `KHR_gaussian_splatting` or plain points.
 pub const GLB: Format = Format { name: "glb", title: "glTF splats or points", detect: glb::detect, open: glb::open };

@@ -4,10 +4,10 @@ use super::exact::{exp, exp_twice};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES};
 use super::rans::Player;
 use super::streams;
-use super::sums::{rescale, whole_counts};
+use super::sums::{opacity_of, rescale, whole_counts};
 use super::tree::{Node, gaussians, pieces};
 use super::walk::{Nothing, OutOfRange, trunk, walk};
-use crate::model::{Block, Mixture};
+use crate::model::{Block, Mixture, Shade};
 use rayon::prelude::*;
 
 /// Where a segment's Gaussians go: mean, count and covariance.
@@ -15,7 +15,7 @@ struct Columns<'a> {
     mean: [&'a mut [f64]; 3],
     count: &'a mut [f64],
     cov: [&'a mut [f64]; 6],
-    /// Mass a particle, relative; empty without weights.
+    /// Mass a particle, relative, or grey level; empty without either.
     weight: &'a mut [f64],
 }
 
@@ -51,7 +51,7 @@ pub(crate) fn block(bytes: &[u8]) -> Result<Block, String> {
     let mut mean: [Vec<f64>; 3] = std::array::from_fn(|_| column(n));
     let mut cov: [Vec<f64>; 6] = std::array::from_fn(|_| column(n));
     let mut count = column(n);
-    let mut weight = column(if header.weighted { n } else { 0 });
+    let mut weight = column(if header.has_w() { n } else { 0 });
     let work: Vec<_> =
         nodes.iter().zip(&streams.segments).zip(split(&nodes, &mut mean, &mut count, &mut cov, &mut weight)).collect();
     let whole = streams.trunk.is_some();
@@ -70,13 +70,18 @@ pub(crate) fn block(bytes: &[u8]) -> Result<Block, String> {
     if !padding.is_empty() && (bytes.len() != least || padding.iter().any(|&b| b != 0)) {
         return Err("the block goes on after its last Gaussian".into());
     }
+    // Opacities as coded; the counts in proportion to them are made whole.
+    let shade = header.shaded.then(|| {
+        count.iter_mut().for_each(|c| *c = opacity_of(*c));
+        Shade { opacity: count.clone(), grey: std::mem::take(&mut weight) }
+    });
     whole_counts(&mut count, header.count);
     let mass = header.weighted.then(|| {
         let mut mass: Vec<f64> = count.iter().zip(&weight).map(|(c, w)| c * w).collect();
         rescale(&mut mass, header.mass);
         mass
     });
-    let gaussians = Mixture { mean, cov, count, mass, shade: None };
+    let gaussians = Mixture { mean, cov, count, mass, shade };
     Ok(Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians })
 }
 
@@ -139,7 +144,7 @@ fn segment<'a>(
             let f = leaf.place[k] as f64 * 0.25 / leaf.levels[k] as f64;
             mean[i] = leaf.cell.point(&header.bounds, extent, k, f);
         }
-        if header.weighted {
+        if header.has_w() {
             weight[i] = exp(header.log_weight(leaf.w));
         }
         forms.push(Form { radius: leaf.radius, factor: leaf.factor, shape: leaf.shape });

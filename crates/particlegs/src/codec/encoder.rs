@@ -27,6 +27,8 @@ pub struct Encoder {
     bounds: Bounds,
     count: u64,
     mass: f64,
+    /// Of the alpha-blend law.
+    shaded: bool,
     tree: Tree,
     logs: Logs,
     /// Place within the leaf's cell, in 0 to 1.
@@ -34,28 +36,31 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// Sorts the Gaussians and takes their logarithms.
+    /// Sorts the Gaussians and takes their logarithms. Of Gaussians with a shade the opacity is coded
+    /// and not the count, which follows from it.
     ///
     /// # Errors
-    /// [`Error::Argument`] for a block without Gaussians or particles, and for numbers that are
-    /// not finite.
+    /// [`Error::Argument`] for a block without Gaussians or particles, for numbers that are not
+    /// finite, opacities outside [0, 1], grey levels below 0, and masses beside a shade.
     pub fn new(block: &Block) -> Result<Encoder> {
         check(block)?;
         let g = &block.gaussians;
-        let tree = Tree::build(&g.mean, &block.bounds);
+        let bounds = box_of(block)?;
+        let tree = Tree::build(&g.mean, &bounds);
         let logs = Logs::new(block, &tree.order);
-        let extent = block.bounds.extent();
+        let extent = bounds.extent();
         let within = std::array::from_fn(|k| {
             let place = |(&i, cell): (&u32, &super::tree::Cell)| {
                 if extent[k] == 0.0 {
                     return 0.5;
                 }
-                let u = (g.mean[k][i as usize] - block.bounds.min[k]) / extent[k];
+                let u = (g.mean[k][i as usize] - bounds.min[k]) / extent[k];
                 (u * (1u64 << cell.depth[k]) as f64 - cell.index[k] as f64).clamp(0.0, 1.0)
             };
             tree.order.par_iter().zip(&tree.cells).map(place).collect()
         });
-        Ok(Encoder { bounds: block.bounds, count: block.count, mass: block.mass, tree, logs, within })
+        let Block { count, mass, .. } = *block;
+        Ok(Encoder { bounds, count, mass, shaded: g.shade.is_some(), tree, logs, within })
     }
 
     /// Number of Gaussians.
@@ -91,10 +96,8 @@ impl Encoder {
         for segment in &segments {
             (0..bits.len()).for_each(|p| bits[p] += segment[p]);
         }
-        ["tree", "size", "count", "mass", "shape", "place"]
-            .into_iter()
-            .zip(bits.map(|b| b / self.len() as f64))
-            .collect()
+        let [count, mass] = if self.shaded { ["opacity", "grey"] } else { ["count", "mass"] };
+        ["tree", "size", count, mass, "shape", "place"].into_iter().zip(bits.map(|b| b / self.len() as f64)).collect()
     }
 
     /// The trunk and the segments, each recorded and `done`.
@@ -136,7 +139,8 @@ impl Encoder {
             count: self.count,
             mass: self.mass,
             gaussians: self.len() as u32,
-            weighted: self.logs.weight.is_some(),
+            weighted: self.logs.weight.is_some() && !self.shaded,
+            shaded: self.shaded,
             low: [0; 4],
             steps: precision.steps(),
             importance: (precision.importance as f32).clamp(0.0, 4.0),
@@ -145,7 +149,7 @@ impl Encoder {
         };
         let mut leaves: Vec<Leaf> = self.tree.cells.iter().map(|&cell| Leaf { cell, ..Leaf::default() }).collect();
         self.each(&mut leaves, |range, leaves| self.scalars(&header, range, leaves));
-        let sum: f64 = leaves.iter().map(|l| header.log_count(l.m) - header.log_size(l.t)).sum();
+        let sum: f64 = leaves.iter().map(|l| header.log_importance(l.t, l.m)).sum();
         header.centre = (sum / leaves.len() as f64) as f32;
         self.each(&mut leaves, |range, leaves| {
             let factors: Vec<f64> = leaves.iter().map(|l| header.step_factor(l.t, l.m)).collect();
@@ -279,6 +283,20 @@ impl Script for Given<'_> {
     }
 }
 
+/// The box that means are coded in: the particles' bounds, which hold the means of their moments.
+/// Splats are placed by pictures alone and may leave it, so theirs grows to hold them.
+fn box_of(block: &Block) -> Result<Bounds> {
+    let g = &block.gaussians;
+    let mut bounds = block.bounds;
+    if g.shade.is_some() {
+        (0..g.len()).for_each(|i| bounds.include(g.mean_of(i)));
+    }
+    match bounds.extent().iter().all(|e| e.is_finite()) {
+        true => Ok(bounds),
+        false => Err(Error::argument("a block wider than f64 cannot be coded")),
+    }
+}
+
 fn check(block: &Block) -> Result<()> {
     let g = &block.gaussians;
     let n = g.len();
@@ -298,6 +316,15 @@ fn check(block: &Block) -> Result<()> {
     let b = &block.bounds;
     if !finite || !(0..3).all(|k| b.min[k] <= b.max[k] && (b.max[k] - b.min[k]).is_finite()) {
         return Err(Error::argument("a block with NaN or infinite numbers cannot be coded"));
+    }
+    if let Some(shade) = &g.shade {
+        // 0 and 1 come of rounding, and are coded as the nearest opacity that can be.
+        let inside = shade.opacity.iter().all(|o| (0.0..=1.0).contains(o));
+        let grey = shade.grey.iter().all(|&v| v >= 0.0 && v.is_finite());
+        if shade.opacity.len() != n || shade.grey.len() != n || !inside || !grey || g.mass.is_some() {
+            let what = "opacities outside [0, 1], grey levels below 0, or masses beside them cannot be coded";
+            return Err(Error::argument(what));
+        }
     }
     Ok(())
 }

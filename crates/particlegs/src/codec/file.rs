@@ -1,15 +1,18 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SCIENCE, SCIENCE_SINCE, SECTION_BYTES, Section,
+    self, ALPHA_BLEND_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SCIENCE, SCIENCE_SINCE, SECTION_BYTES,
+    Section, VIZMAPPER,
 };
 use super::header::BlockHeader;
 use super::metadata::{Fault, LayerMass};
 use super::wire::Reader;
-use super::{Encoder, Precision, certificate, decoder, metadata, science};
-use crate::model::{Block, Certificate, Layer, Metadata, Model};
+use super::{Encoder, Precision, certificate, decoder, metadata, science, vizmapper};
+use crate::model::{Block, Certificate, Law, Layer, Metadata, Model, VizMapper};
 use crate::{Error, Result};
 
+/// Place of the minor version in a file.
+const MINOR_AT: usize = 9;
 /// Layers in a file at most, and bytes of a layer's name.
 const MOST_LAYERS: usize = 1024;
 const LONGEST_NAME: usize = 255;
@@ -35,20 +38,46 @@ pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
         let blocks = layer.blocks.iter().map(|b| Ok(Encoder::new(b)?.encode(precision))).collect::<Result<_>>()?;
         Ok(CodedLayer { name: layer.name.clone(), particle_mass: layer.particle_mass, blocks })
     });
-    assemble(&model.metadata, model.certificate.as_ref(), layers.collect::<Result<_>>()?)
+    let layers = layers.collect::<Result<_>>()?;
+    assemble_with(&model.metadata, model.vizmapper.as_ref(), model.certificate.as_ref(), layers)
 }
 
 /// A file of coded blocks: copied, not coded anew. Layers are sorted by name and blocks by their
 /// bounds, so that the file does not depend on the order in which parts were merged.
 ///
 /// # Errors
-/// [`Error::Argument`] where there is no layer, one without blocks, two of one name, or a block
-/// that is none.
-pub fn assemble(
+/// [`Error::Argument`] where there is no layer, one without blocks, two of one name, a block that is
+/// none, or one of another law than the metadata's.
+pub fn assemble(metadata: &Metadata, certificate: Option<&Certificate>, layers: Vec<CodedLayer>) -> Result<Vec<u8>> {
+    assemble_with(metadata, None, certificate, layers)
+}
+
+/// [`assemble`], with the network of an alpha-blend model that has one. It is kept in 8 bits a weight:
+/// what is measured is best measured on the decoded file.
+///
+/// # Errors
+/// As [`assemble`]; for a network that cannot be coded, or of a model of another law.
+pub fn assemble_with(
     metadata: &Metadata,
+    vizmapper: Option<&VizMapper>,
+    certificate: Option<&Certificate>,
+    layers: Vec<CodedLayer>,
+) -> Result<Vec<u8>> {
+    let network = vizmapper.map(vizmapper::write).transpose()?;
+    put_together(metadata, network.as_deref(), certificate, layers)
+}
+
+/// [`assemble_with`] of a network's section as it is coded.
+pub(super) fn put_together(
+    metadata: &Metadata,
+    network: Option<&[u8]>,
     certificate: Option<&Certificate>,
     mut layers: Vec<CodedLayer>,
 ) -> Result<Vec<u8>> {
+    let shaded = metadata.law == Law::AlphaBlend;
+    if network.is_some() && !shaded {
+        return Err(Error::argument("a VizMapper belongs to models of the alpha-blend law alone"));
+    }
     layers.sort_by(|a, b| a.name.cmp(&b.name));
     let names_differ = layers.windows(2).all(|w| w[0].name != w[1].name);
     let sound =
@@ -63,6 +92,9 @@ pub fn assemble(
         let mut keyed = Vec::with_capacity(layer.blocks.len());
         for block in layer.blocks.drain(..) {
             let header = BlockHeader::read(&block).map_err(Error::argument)?;
+            if header.shaded != shaded {
+                return Err(Error::argument(other_law(&layer.name, metadata.law)));
+            }
             keyed.push((order_key(&header), header.weighted, block));
         }
         keyed.sort();
@@ -83,11 +115,17 @@ pub fn assemble(
     let body = layers.iter().zip(&heads).flat_map(|(layer, head)| {
         std::iter::once((LAYER, &head[..])).chain(layer.blocks.iter().map(|b| (BLOCK, &b[..])))
     });
-    let minor = metadata::minor_version(&meta).max(if science.is_some() { SCIENCE_SINCE } else { 0 });
+    let minor = metadata::minor_version(&meta, metadata.law).max(if science.is_some() { SCIENCE_SINCE } else { 0 });
     let front = std::iter::once((META, &meta[..]))
         .chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])))
-        .chain(science.iter().map(|s| (SCIENCE, &s[..])));
+        .chain(science.iter().map(|s| (SCIENCE, &s[..])))
+        .chain(network.iter().map(|&n| (VIZMAPPER, n)));
     Ok(container::write(minor, front.chain(body)))
+}
+
+/// Blocks that contradict the law of their file.
+fn other_law(layer: &str, law: Law) -> String {
+    format!("a block of layer `{layer}` is not of the law {}", law.name())
 }
 
 /// A layer without its blocks.
@@ -103,8 +141,12 @@ pub struct LayerHead<'a> {
     pub blocks: usize,
 }
 
+/// What a network of the alpha-blend law adds to a file.
+pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_BYTES;
+
 /// Bytes of a file beside its coded blocks, with or without a certificate and its statistics. The
-/// file's size is this plus the sizes of its blocks.
+/// file's size is this plus the sizes of its blocks, and of its network where it has one
+/// ([`VIZMAPPER_SECTION_BYTES`]).
 pub fn size_without_blocks(metadata: &Metadata, certificate: bool, layers: &[LayerHead<'_>]) -> usize {
     let measured = 2 * SECTION_BYTES + certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES;
     let certificate = if certificate { measured } else { 0 };
@@ -115,7 +157,7 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: bool, layers: &[Lay
 }
 
 /// What bounds a block sorts by: the lower corner, then the upper, in the order of numbers.
-fn order_key(h: &BlockHeader) -> [u64; 6] {
+pub(super) fn order_key(h: &BlockHeader) -> [u64; 6] {
     let ordered = |v: f64| {
         // -0 and 0 are one place; negative numbers count down.
         let bits = (v + 0.0).to_bits();
@@ -133,31 +175,37 @@ fn layer_bytes(layer: &CodedLayer) -> Vec<u8> {
 }
 
 /// A file taken apart: metadata and certificate read, blocks still coded.
-struct Parts<'a> {
-    metadata: Metadata,
-    certificate: Option<Certificate>,
-    layers: Vec<Part<'a>>,
+pub(super) struct Parts<'a> {
+    pub metadata: Metadata,
+    pub certificate: Option<Certificate>,
+    /// The network's section, and what it says.
+    pub network: Option<(&'a [u8], VizMapper)>,
+    pub layers: Vec<Part<'a>>,
 }
 
 /// A layer taken apart.
-struct Part<'a> {
-    name: String,
-    mass: LayerMass,
-    blocks: Vec<(Section<'a>, BlockHeader)>,
+pub(super) struct Part<'a> {
+    pub name: String,
+    pub mass: LayerMass,
+    pub blocks: Vec<(Section<'a>, BlockHeader)>,
 }
 
 /// Reads all but the streams, and checks what the parts say of each other.
-fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
+pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     let sections = container::read(bytes, place)?;
     let corrupt = |what: String| Error::corrupt(place, what);
     let mut rest = sections.into_iter().peekable();
+    let unknown = |what: String| Error::Compatibility { place: place.into(), what };
     let (metadata, masses) = match rest.next() {
         Some(s) if s.tag == META => metadata::read(s.bytes).map_err(|fault| match fault {
             Fault::Corrupt(what) => corrupt(what),
-            Fault::Unknown(what) => Error::Compatibility { place: place.into(), what },
+            Fault::Unknown(what) => unknown(what),
         })?,
         _ => return Err(corrupt("it does not begin with metadata".into())),
     };
+    if metadata.law == Law::AlphaBlend && bytes[MINOR_AT] < ALPHA_BLEND_SINCE {
+        return Err(unknown(format!("version 1.{} does not know the image law 2", bytes[MINOR_AT])));
+    }
     let mut certificate = match rest.next_if(|s| s.tag == CERTIFICATE) {
         Some(s) => Some(certificate::read(s.bytes).map_err(corrupt)?),
         None => None,
@@ -167,6 +215,13 @@ fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     {
         c.science = Some(science::read(s.bytes).map_err(corrupt)?);
     }
+    let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
+        Ok(_) if metadata.law != Law::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
+        Ok(network) => Ok((s.bytes, network)),
+        Err(vizmapper::Fault::Corrupt(what)) => Err(corrupt(what)),
+        Err(vizmapper::Fault::Unknown(what)) => Err(unknown(what)),
+    });
+    let network = network.transpose()?;
     let mut layers: Vec<(String, Vec<(Section<'a>, BlockHeader)>)> = Vec::new();
     while let Some(section) = rest.next() {
         let (name, count) = layer_head(&section).map_err(corrupt)?;
@@ -193,7 +248,7 @@ fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     let part = |((name, blocks), mass)| Part { name, mass, blocks };
     let layers: Vec<Part<'a>> = layers.into_iter().zip(masses).map(part).collect();
     agree(&metadata, &layers).map_err(corrupt)?;
-    Ok(Parts { metadata, certificate, layers })
+    Ok(Parts { metadata, certificate, network, layers })
 }
 
 fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), String> {
@@ -218,6 +273,10 @@ fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
     let count = blocks().try_fold(0u64, |sum, b| sum.checked_add(b.count));
     if count != Some(m.count) {
         return Err(format!("blocks hold {count:?} particles, the metadata says {}", m.count));
+    }
+    let shaded = m.law == Law::AlphaBlend;
+    if let Some(l) = layers.iter().find(|l| l.blocks.iter().any(|b| b.1.shaded != shaded)) {
+        return Err(other_law(&l.name, m.law));
     }
     let mass: f64 = blocks().map(|b| b.mass).sum();
     if let Some(l) = layers.iter().find(|l| l.blocks.iter().any(|b| b.1.weighted != l.mass.weighted)) {
@@ -245,7 +304,8 @@ pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
         }
         layers.push(Layer { name, particle_mass: mass.particle_mass, blocks: decoded });
     }
-    Ok(Model { metadata: parts.metadata, layers, vizmapper: None, certificate: parts.certificate })
+    let vizmapper = parts.network.map(|n| n.1);
+    Ok(Model { metadata: parts.metadata, layers, vizmapper, certificate: parts.certificate })
 }
 
 /// Decodes one coded block.
@@ -261,91 +321,29 @@ pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
 /// # Errors
 /// As [`decode`], streams apart.
 pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
-    Ok(coded_file(bytes, place)?.1)
+    Ok(coded_file(bytes, place)?.layers)
 }
 
-/// Metadata and coded blocks of a file.
-pub(super) fn coded_file(bytes: &[u8], place: &str) -> Result<(Metadata, Vec<CodedLayer>)> {
+/// A file taken apart to be merged.
+pub(super) struct CodedFile {
+    pub metadata: Metadata,
+    /// The network's section.
+    pub network: Option<Vec<u8>>,
+    pub layers: Vec<CodedLayer>,
+}
+
+/// Metadata, network and coded blocks of a file.
+pub(super) fn coded_file(bytes: &[u8], place: &str) -> Result<CodedFile> {
     let copy = |part: Part<'_>| CodedLayer {
         name: part.name,
         particle_mass: part.mass.particle_mass,
         blocks: part.blocks.iter().map(|b| b.0.bytes.to_vec()).collect(),
     };
     let parts = parts(bytes, place)?;
-    Ok((parts.metadata, parts.layers.into_iter().map(copy).collect()))
-}
-
-/// What a file says without its Gaussians being decoded.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FileInfo {
-    /// Version of the format: major, minor.
-    pub version: [u8; 2],
-    /// Metadata.
-    pub metadata: Metadata,
-    /// Certificate.
-    pub certificate: Option<Certificate>,
-    /// Layers.
-    pub layers: Vec<LayerInfo>,
-    /// Bytes of the file.
-    pub bytes: u64,
-}
-
-/// A layer of a file.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct LayerInfo {
-    /// Name.
-    pub name: String,
-    /// Mass of a particle of weight 1, where known.
-    pub particle_mass: Option<f64>,
-    /// Do its particles have weights of their own?
-    pub weighted: bool,
-    /// Blocks.
-    pub blocks: Vec<BlockInfo>,
-}
-
-/// A block of a file.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct BlockInfo {
-    /// Bounds of its particles, world units.
-    pub bounds: crate::particles::Bounds,
-    /// Particles.
-    pub count: u64,
-    /// Their mass.
-    pub mass: f64,
-    /// Gaussians.
-    pub gaussians: u32,
-    /// Coded size.
-    pub bytes: u64,
-    /// Quantisation steps.
-    pub precision: Precision,
-}
-
-/// Reads everything but the Gaussians; every checksum is checked.
-///
-/// # Errors
-/// As [`decode`], streams apart.
-pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
-    let parts = parts(bytes, place)?;
-    let block = |(section, h): &(Section<'_>, BlockHeader)| BlockInfo {
-        bounds: h.bounds,
-        count: h.count,
-        mass: h.mass,
-        gaussians: h.gaussians,
-        bytes: section.bytes.len() as u64,
-        precision: Precision::of_header(h.steps, h.importance),
-    };
-    let layers = parts.layers.iter().map(|part| LayerInfo {
-        name: part.name.clone(),
-        particle_mass: part.mass.particle_mass,
-        weighted: part.mass.weighted,
-        blocks: part.blocks.iter().map(block).collect(),
-    });
-    Ok(FileInfo {
-        version: [bytes[8], bytes[9]],
-        layers: layers.collect(),
+    Ok(CodedFile {
         metadata: parts.metadata,
-        certificate: parts.certificate,
-        bytes: bytes.len() as u64,
+        network: parts.network.map(|n| n.0.to_vec()),
+        layers: parts.layers.into_iter().map(copy).collect(),
     })
 }
 

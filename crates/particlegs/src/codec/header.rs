@@ -24,6 +24,8 @@ pub(crate) struct BlockHeader {
     pub mass: f64,
     pub gaussians: u32,
     pub weighted: bool,
+    /// Is it of the alpha-blend law: opacities for counts, grey levels for masses?
+    pub shaded: bool,
     /// Plain low bits of the residuals of size, count, mass and shape.
     pub low: [u8; 4],
     /// Steps of position, size, count, shape and mass.
@@ -38,6 +40,10 @@ pub(crate) struct BlockHeader {
 pub(crate) const HEADER_BYTES: usize = 48 + 8 + 8 + 4 + 1 + 4 + 20 + 8 + (4 + 8) + (4 + 12);
 /// Gaussians that a byte of a block may stand for.
 pub(crate) const GAUSSIANS_A_BYTE: u64 = 4;
+/// Bit of the flags: masses are coded.
+const WEIGHTED: u8 = 1;
+/// Bit of the flags: opacities and grey levels are coded.
+const SHADED: u8 = 2;
 /// Counts stay whole in f64.
 pub(crate) const MOST_PARTICLES: u64 = 1 << 53;
 /// The step factor lies in 1/8 to 8.
@@ -52,7 +58,7 @@ impl BlockHeader {
         out.extend(self.count.to_le_bytes());
         out.extend(self.mass.to_le_bytes());
         out.extend(self.gaussians.to_le_bytes());
-        out.push(u8::from(self.weighted));
+        out.push((u8::from(self.weighted) * WEIGHTED) | (u8::from(self.shaded) * SHADED));
         out.extend(self.low);
         for v in self.steps.iter().chain([&self.importance, &self.centre]) {
             out.extend(v.to_le_bytes());
@@ -85,14 +91,16 @@ impl BlockHeader {
             count,
             mass,
             gaussians,
-            weighted: flags & 1 == 1,
+            weighted: flags & WEIGHTED != 0,
+            shaded: flags & SHADED != 0,
             low,
             steps,
             importance,
             centre,
             predict,
         };
-        if flags > 1 {
+        // Masses and shades at once are nobody's.
+        if flags > SHADED {
             return Err(format!("block flags {flags:#04x} are reserved"));
         }
         header.check(block.len() as u64)?;
@@ -138,19 +146,27 @@ impl BlockHeader {
         exp(self.log_size(t))
     }
 
-    /// ln of the count.
+    /// ln of the count; of a shaded block ln of the depth at the peak, `-ln(1 - opacity)`.
     #[inline]
     pub(crate) fn log_count(&self, m: i32) -> f64 {
         0.5 * f64::from(self.steps[2]) * f64::from(m)
     }
 
-    /// ln of the mass a particle, relative to the block's mean.
+    /// Is a number coded for each Gaussian beside its count: its mass, or its grey level?
+    #[inline(always)]
+    pub(crate) fn has_w(&self) -> bool {
+        self.weighted || self.shaded
+    }
+
+    /// ln of the mass a particle, relative to the block's mean; of a shaded block ln of the grey
+    /// level.
     #[inline]
     pub(crate) fn log_weight(&self, w: i32) -> f64 {
         0.5 * f64::from(self.steps[4]) * f64::from(w)
     }
 
-    /// The factor on the steps of shape and position: finer where much mass is in little room.
+    /// The factor on the steps of shape and position: finer where much mass is in little room, in
+    /// shaded blocks where much opacity is on much room.
     #[inline]
     pub(crate) fn step_factor(&self, t: i32, m: i32) -> f64 {
         limited(self.size_power(t) * self.count_power(m))
@@ -159,7 +175,14 @@ impl BlockHeader {
     /// The size's share of the step factor.
     #[inline]
     pub(crate) fn size_power(&self, t: i32) -> f64 {
-        exp(f64::from(self.importance) * self.log_size(t))
+        let b = f64::from(self.importance);
+        exp(if self.shaded { -b } else { b } * self.log_size(t))
+    }
+
+    /// What [`Self::step_factor`] is 1 at, of one Gaussian: its mean is the centre.
+    pub(crate) fn log_importance(&self, t: i32, m: i32) -> f64 {
+        let size = self.log_size(t);
+        self.log_count(m) - if self.shaded { -size } else { size }
     }
 
     /// The count's share of the step factor.

@@ -5,7 +5,7 @@
 //! metadata is either equal in all parts, or computed anew from the blocks, or combined by an
 //! operation that is associative, commutative and takes a value with itself to itself.
 
-use super::file::{CodedLayer, assemble, coded_file};
+use super::file::{CodedFile, CodedLayer, coded_file, order_key, put_together};
 use super::header::BlockHeader;
 use super::sums::compensated;
 use crate::memory::require;
@@ -27,8 +27,13 @@ pub struct Merge {
     /// What all parts so far say, combined; and the first part's place, for refusals.
     known: Option<(Metadata, String)>,
     layers: BTreeMap<String, MergedLayer>,
+    /// The first block so far and the network of the part that holds it.
+    network: Option<(First, Option<Vec<u8>>)>,
     bytes: u64,
 }
+
+/// What decides which block is the first of a file: its layer's name, its bounds, its bytes.
+type First = (String, [u64; 6], Vec<u8>);
 
 /// A layer of the merged file.
 struct MergedLayer {
@@ -49,7 +54,7 @@ impl Merge {
         // A copy of the blocks now, and another when the file is put together.
         self.bytes += bytes.len() as u64;
         require("the merge", self.bytes + bytes.len() as u64)?;
-        let (metadata, layers) = coded_file(bytes, place)?;
+        let CodedFile { metadata, network, layers } = coded_file(bytes, place)?;
         self.known = Some(match self.known.take() {
             None => (alone(metadata), place.to_string()),
             Some((known, first)) => {
@@ -57,6 +62,11 @@ impl Merge {
                 (combined(known, &alone(metadata)), first)
             }
         });
+        if let Some(first) = first_block(&layers, place)?
+            && self.network.as_ref().is_none_or(|there| first < there.0)
+        {
+            self.network = Some((first, network));
+        }
         layers.into_iter().try_for_each(|layer| self.add_layer(layer, place))
     }
 
@@ -103,8 +113,16 @@ impl Merge {
         if metadata.source_hash == [0; 32] {
             metadata.source_hash = combined_digest(&digests);
         }
-        assemble(&metadata, None, layers)
+        let network = self.network.and_then(|n| n.1);
+        put_together(&metadata, network.as_deref(), None, layers)
     }
+}
+
+/// The first block of a file: they come in order.
+fn first_block(layers: &[CodedLayer], place: &str) -> Result<Option<First>> {
+    let Some((layer, block)) = layers.first().and_then(|l| Some((l, l.blocks.first()?))) else { return Ok(None) };
+    let header = BlockHeader::read(block).map_err(|what| Error::corrupt(place, what))?;
+    Ok(Some((layer.name.clone(), order_key(&header), block.clone())))
 }
 
 /// The hash that stands in for the source's where blocks come from several sources: of the blocks
@@ -197,7 +215,7 @@ fn refuse_unlike(a: &Metadata, b: &Metadata, first: &str, place: &str) -> Result
     let cell = |m: &Metadata| m.cell.map_or_else(|| "not stated".to_string(), |c| format!("{c:?}"));
     let told = |m: &Metadata| {
         [
-            ("image law", format!("{:?}", m.law)),
+            ("image law", m.law.name().to_string()),
             ("unit of length", text(&m.length_unit)),
             ("unit of mass", text(&m.mass_unit)),
             ("cell", cell(m)),

@@ -1,8 +1,9 @@
 //! The metadata section: tag, length, value (docs/format.md, section 2).
 //!
 //! Version 1.0 knows one rule of masses for all layers; a file whose layers differ states version
-//! 1.1 and a field that older programs refuse.
+//! 1.1 and a field that older programs refuse. The alpha-blend law came with version 1.3.
 
+use super::container::ALPHA_BLEND_SINCE;
 use super::wire::Reader;
 use crate::model::{Law, Metadata};
 use crate::particles::{Bounds, Cell};
@@ -87,7 +88,10 @@ impl LayerMasses {
 }
 
 /// The lowest minor version that has what the section says.
-pub(crate) fn minor_version(section: &[u8]) -> u8 {
+pub(crate) fn minor_version(section: &[u8], law: Law) -> u8 {
+    if law == Law::AlphaBlend {
+        return ALPHA_BLEND_SINCE;
+    }
     let newer = fields(section).is_ok_and(|fields| fields.iter().any(|f| !FIRST_VERSION.contains(&f.0)));
     u8::from(newer)
 }
@@ -150,13 +154,14 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
     let get = |tag: u8| fields.iter().find(|f| f.0 == tag).map(|f| f.1);
     let need = |tag: u8| get(tag).ok_or_else(|| format!("metadata field {tag} is missing"));
     let real = |tag: u8| get(tag).map(|v| float(tag, v)).transpose();
-    match need(LAW)? {
-        [1] => {}
+    let law = match need(LAW)? {
+        [1] => Law::OpticalDepth,
+        [2] => Law::AlphaBlend,
         [law] => return Err(Fault::Unknown(format!("image law {law} is not known"))),
         v => return Err(Fault::Corrupt(format!("an image law of {} bytes", v.len()))),
-    }
+    };
     let m = Metadata {
-        law: Law::OpticalDepth,
+        law,
         count: u64::from_le_bytes(exact(COUNT, need(COUNT)?)?),
         mass: float(MASS, need(MASS)?)?,
         bounds: bounds(need(BOUNDS)?)?,

@@ -3,7 +3,8 @@
 //! A block's means are sorted into a tree of boxes (`tree`); sizes, counts, shapes (`shape`) and
 //! places are put on lattices (`trellis`); one walk (`walk`) codes them against predictions with
 //! adaptive models (`symbols`) and rANS (`rans`). Sections with checksums hold it all together;
-//! files are merged by copying their blocks (`merge`).
+//! files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
+//! and grey levels in the places of counts and masses; its network has a section (`vizmapper`).
 
 mod certificate;
 mod container;
@@ -12,6 +13,7 @@ mod encoder;
 mod exact;
 mod file;
 mod header;
+mod info;
 mod merge;
 mod metadata;
 mod precision;
@@ -24,15 +26,17 @@ mod sums;
 mod symbols;
 mod tree;
 mod trellis;
+mod vizmapper;
 mod walk;
 mod wire;
 
 pub use container::is_model;
 pub use encoder::Encoder;
 pub use file::{
-    BlockInfo, CodedLayer, FileInfo, LayerHead, LayerInfo, assemble, coded_layers, decode, decode_block, encode,
-    file_hash, read_info, read_metadata, size_without_blocks,
+    CodedLayer, LayerHead, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, decode, decode_block,
+    encode, file_hash, read_metadata, size_without_blocks,
 };
+pub use info::{BlockInfo, FileInfo, LayerInfo, read_info};
 pub use merge::{Merge, blocks_hash, sums};
 pub use precision::Precision;
 pub(crate) use sums::whole_counts;

@@ -9,12 +9,13 @@ pub struct Precision {
     pub size: f64,
     /// Step of the five shape numbers (coordinates of half the trace-free matrix logarithm).
     pub shape: f64,
-    /// Step of ln count.
+    /// Step of ln count; in models of the alpha-blend law of ln(-ln(1 - opacity)).
     pub count: f64,
-    /// Step of ln (mass / count), where particles have weights.
+    /// Step of ln (mass / count), where particles have weights; of ln grey in the alpha-blend law.
     pub mass: f64,
     /// How steeply the steps of position and shape fall with count / radius: a Gaussian's step is
-    /// the above times (count / radius)^-importance, 1 for a middling Gaussian.
+    /// the above times (count / radius)^-importance, 1 for a middling Gaussian; in the alpha-blend
+    /// law times (depth radius)^-importance.
     pub importance: f64,
 }
 

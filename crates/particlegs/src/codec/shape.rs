@@ -1,6 +1,7 @@
 //! Covariances as logarithms: one size and five shape numbers (docs/format.md, section 9).
 
 use super::exact::to_five;
+use super::sums::depth_of;
 use crate::math::{Eigen, Sym3};
 use crate::model::Block;
 use rayon::prelude::*;
@@ -11,14 +12,16 @@ const FLATTEST: f64 = 1.0 / (1u64 << 20) as f64;
 const SMALLEST: f64 = 1.0 / (1u64 << 36) as f64;
 /// Counts below this are coded as this.
 const FEWEST: f64 = 1.0 / 64.0;
+/// Grey levels below this are coded as this: a quarter of a step of eight bits.
+const DARKEST: f64 = 1.0 / 1024.0;
 
 /// Columns of logarithms, in the order of the leaves.
 pub(crate) struct Logs {
     /// ln of the geometric mean radius, ln det / 6.
     pub size: Vec<f64>,
-    /// ln of the count.
+    /// ln of the count; with a shade ln of the depth `-ln(1 - opacity)`.
     pub count: Vec<f64>,
-    /// ln of mass / count over the block's.
+    /// ln of mass / count over the block's; with a shade ln of the grey level.
     pub weight: Option<Vec<f64>>,
     /// Five a Gaussian.
     pub shape: Vec<f64>,
@@ -30,17 +33,19 @@ impl Logs {
         let floors = Floors::of(block);
         let shapes: Vec<(f64, [f64; 5])> =
             order.par_iter().map(|&i| logarithm(&g.cov_of(i as usize), &floors)).collect();
+        let size = shapes.iter().map(|s| s.0).collect();
+        let shape = shapes.iter().flat_map(|s| s.1).collect();
+        let column = |value: &dyn Fn(usize) -> f64| order.iter().map(|&i| value(i as usize).ln()).collect();
+        if let Some(s) = &g.shade {
+            let count = column(&|i| depth_of(s.opacity[i]));
+            return Logs { size, count, weight: Some(column(&|i| s.grey[i].clamp(DARKEST, 1e30))), shape };
+        }
         let count = |i: usize| g.count[i].max(FEWEST);
         let relative = |m: &Vec<f64>| {
             let mean = block.mass / block.count as f64;
-            order.iter().map(|&i| (m[i as usize] / count(i as usize) / mean).clamp(1e-30, 1e30).ln()).collect()
+            column(&|i| (m[i] / count(i) / mean).clamp(1e-30, 1e30))
         };
-        Logs {
-            size: shapes.iter().map(|s| s.0).collect(),
-            count: order.iter().map(|&i| count(i as usize).ln()).collect(),
-            weight: g.mass.as_ref().map(relative),
-            shape: shapes.iter().flat_map(|s| s.1).collect(),
-        }
+        Logs { size, count: column(&count), weight: g.mass.as_ref().map(relative), shape }
     }
 }
 

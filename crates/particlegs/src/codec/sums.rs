@@ -1,4 +1,7 @@
-//! Whole counts that sum to the particles, and masses that sum to theirs (docs/format.md, section 10).
+//! Whole counts that sum to the particles, masses that sum to theirs, and opacities (docs/format.md,
+//! section 10).
+
+use super::exact::exp;
 
 /// A sum that does not lose small terms (Neumaier), in the order of the slice.
 pub(crate) fn compensated(values: &[f64]) -> f64 {
@@ -56,6 +59,19 @@ fn take_back(counts: &mut [f64], mut excess: u64) {
         counts[i] -= part as f64;
         excess -= part;
     }
+}
+
+/// Depths `-ln(1 - opacity)` that are told apart: opacities from 1e-6 to 1 - 1e-7.
+const DEPTHS: (f64, f64) = (1.0 / (1 << 20) as f64, 16.0);
+
+/// The opacity of a depth, in (0, 1).
+pub(crate) fn opacity_of(depth: f64) -> f64 {
+    1.0 - exp(-depth.clamp(DEPTHS.0, DEPTHS.1))
+}
+
+/// The depth of an opacity in [0, 1].
+pub(crate) fn depth_of(opacity: f64) -> f64 {
+    (-(-opacity).ln_1p()).clamp(DEPTHS.0, DEPTHS.1)
 }
 
 /// Scales masses so that they sum to `total`.

@@ -15,9 +15,9 @@ pub(crate) struct Leaf {
     pub cell: Cell,
     /// Log size.
     pub t: i32,
-    /// Log count.
+    /// Log count; in shaded blocks log depth.
     pub m: i32,
-    /// Log mass a particle, relative; 0 where particles have no weights.
+    /// Log mass a particle, relative, or in shaded blocks log grey level; 0 where neither is coded.
     pub w: i32,
     pub shape: [i32; 5],
     /// Levels of the cell's axes.
@@ -28,7 +28,7 @@ pub(crate) struct Leaf {
     pub radius: f64,
     /// Factor on the steps of shape and place.
     pub factor: f64,
-    /// Particles, as decoded, before they are made whole.
+    /// Particles, as decoded, before they are made whole; in shaded blocks the depth.
     pub count: f64,
 }
 
@@ -244,7 +244,7 @@ impl<'a> Leaves<'a> {
         c.part(Part::Count);
         let predicted = h.predict_m(level, leaf.t, &self.before);
         leaf.m = scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, predicted, leaf.m)?;
-        if h.weighted {
+        if h.has_w() {
             c.part(Part::Mass);
             leaf.w = scalar(c, &mut models.w, h.low[2], &mut self.trellis_w, self.before[0].w, leaf.w)?;
         }

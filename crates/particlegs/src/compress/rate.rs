@@ -81,6 +81,10 @@ fn better(new: &[u8], old: &[u8], target: u64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::codec::{Encoder, Precision};
+    use crate::math::Sym3;
+    use crate::model::{Block, Mixture, Shade};
+    use crate::particles::Bounds;
     use proptest::prelude::*;
 
     proptest! {
@@ -101,5 +105,26 @@ mod tests {
         let met = meet_size(100, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().0;
         assert!(met.too_large);
         assert!(meet_size(1_000_000, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().0.too_small);
+    }
+
+    /// A block of the alpha-blend law meets a size by its steps as any other.
+    #[test]
+    fn shaded_blocks_meet_their_size() {
+        let mut g = Mixture::default();
+        let mut shade = Shade::default();
+        for i in 0..2000 {
+            let mut r = crate::math::Random::new(1, 1, i);
+            let mean = std::array::from_fn(|_| 10.0 * r.uniform());
+            g.push(mean, Sym3([0.01, 0.002 * r.normal(), 0.0, 0.02, 0.0, 0.01 + 0.01 * r.uniform()]), 50.0, 50.0);
+            shade.opacity.push(0.01 + 0.5 * r.uniform());
+            shade.grey.push(1.0);
+        }
+        g.shade = Some(shade);
+        let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
+        let encoder = Encoder::new(&Block { bounds, count: 100_000, mass: 1e5, gaussians: g }).unwrap();
+        for target in [5000u64, 6500, 9000] {
+            let (met, _) = meet_size(target, 2000, |q| Ok(encoder.encode(&Precision::BALANCED.scaled(q)))).unwrap();
+            assert!(!met.too_large && close_enough(met.bytes.len() as u64, target), "{target} {}", met.bytes.len());
+        }
     }
 }

@@ -6,7 +6,7 @@ use super::rate::{Met, meet_size};
 use super::target::Target;
 use crate::codec::{self, CodedLayer, Encoder, LayerHead, Precision};
 use crate::fit::{self, Effort, SimplifyOptions};
-use crate::model::{Block, Layer, Metadata, Mixture, Model};
+use crate::model::{Block, Law, Layer, Metadata, Mixture, Model};
 use crate::particles::Bounds;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -29,8 +29,8 @@ const TRIES: usize = 3;
 /// `command` is stored before the model's own.
 ///
 /// # Errors
-/// [`Error::Argument`] for more Gaussians than there are or fewer than layers, or a target that is
-/// neither; [`Error::Unreachable`] for a ratio below the model's own, or one that no file reaches;
+/// [`Error::Argument`] for a model of the alpha-blend law, whose splats do not add up; for more
+/// Gaussians than there are or fewer than layers, or a target that is neither; [`Error::Unreachable`] for a ratio below the model's own, or one that no file reaches;
 /// those of [`fit::simplify`].
 pub fn simplify(
     model: Model,
@@ -41,6 +41,10 @@ pub fn simplify(
 ) -> Result<Simplified> {
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;
+    if metadata.law != Law::OpticalDepth {
+        let what = format!("a model of the law {} cannot be simplified: its splats do not add up", metadata.law.name());
+        return Err(Error::Argument { what, hint: "train one with fewer Gaussians on the snapshot".into() });
+    }
     metadata.command = format!("{command} of: {}", metadata.command);
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
     let raw_bytes = layers.iter().map(|l| l.count() * if l.is_weighted() { 16 } else { 12 }).sum();

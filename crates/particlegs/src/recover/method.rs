@@ -1,16 +1,22 @@
 //! How particles are placed (spec: paper.md, recovery; the published names in brackets).
 
+use crate::model::Law;
+
 /// How many particles a Gaussian gets, and where they go.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Method {
-    /// Normal draws, as many as the Gaussian stands for (V0, whose weight is the opacity).
+    /// Normal draws, as many as the Gaussian stands for (V0): of models of the alpha-blend law in
+    /// proportion to its opacity.
     #[default]
     Count,
-    /// Normal draws in proportion to count times volume, the root of the covariance's determinant (V1).
+    /// Normal draws in proportion to count (alpha-blend: opacity) times volume, the root of the
+    /// covariance's determinant (V1).
     Volume,
     /// Uniform in the ellipsoid of three standard deviations, as many as the Gaussian stands for (V4).
     Ellipsoid,
-    /// Uniform in the cell of a grid of 512^3 over the bounds that holds the Gaussian's centre (V6).
+    /// Uniform in the cell of a grid of 512^3 over the bounds that holds the Gaussian's centre (V6): as
+    /// many as the Gaussian stands for; in the alpha-blend law, as published, in proportion to opacity
+    /// times volume.
     Grid,
     /// As `Count`, at the places of a low-discrepancy sequence: less shot noise in counts of cells,
     /// and spacings more even than any simulation's.
@@ -22,6 +28,11 @@ pub enum Method {
 }
 
 impl Method {
+    /// Are particles shared out by volume too, rather than by the Gaussians' own numbers alone?
+    pub(super) fn by_volume(self, law: Law) -> bool {
+        self == Method::Volume || self == Method::Grid && law == Law::AlphaBlend
+    }
+
     /// Its name on the command line and in meta.json.
     pub fn name(self) -> &'static str {
         match self {

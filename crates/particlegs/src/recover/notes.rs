@@ -1,7 +1,7 @@
 //! What meta.json says about recovered particles.
 
 use super::Options;
-use crate::model::{Certificate, Metadata};
+use crate::model::{Certificate, Law, Metadata};
 use crate::particles::hex;
 use serde_json::{Map, Value, json};
 
@@ -15,6 +15,10 @@ than the Gaussians that it was drawn from";
 /// Said where the file has no certificate.
 const NOTHING: &str =
     "nothing was measured when the model was made: compare with the source (`particlegs stats`) before use";
+
+/// Said of models of the alpha-blend law.
+const BY_OPACITY: &str = "numbers of particles go by the opacities of a model that was fitted to pictures alone: densities \
+are what pictures show of them, and bright places may hold fewer particles than the source's";
 
 /// The keys beside box and units.
 pub(super) fn notes(
@@ -32,17 +36,22 @@ pub(super) fn notes(
         json!({
             "model": options.model_name,
             "model_blake3": hex(&model_hash),
+            "law": metadata.law.name(),
             "source": metadata.source,
             "source_blake3": hex(&metadata.source_hash),
             "source_particles": metadata.count,
             "method": options.method.name(),
             "scale": options.scale,
             "seed": options.seed,
-            "each_gaussian_has_its_own_count": own && options.method != super::Method::Volume,
+            "each_gaussian_has_its_own_count": own && !options.method.by_volume(metadata.law),
             "program": concat!("particlegs ", env!("CARGO_PKG_VERSION")),
         }),
     );
-    notes.insert("supports".into(), supports(certificate, metadata.length_unit.as_deref(), options, own).into());
+    let mut supports = supports(certificate, metadata.length_unit.as_deref(), options, own);
+    if metadata.law == Law::AlphaBlend {
+        supports.push(BY_OPACITY.into());
+    }
+    notes.insert("supports".into(), supports.into());
     notes.insert("does_not_support".into(), NEVER.into());
     notes
 }

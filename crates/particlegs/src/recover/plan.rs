@@ -3,7 +3,7 @@
 use super::Method;
 use crate::codec::whole_counts;
 use crate::math::Sym3;
-use crate::model::{Layer, Mixture, Model};
+use crate::model::{Block, Layer, Mixture, Model};
 use crate::particles::{KeptLayer, RUN};
 use crate::{Error, Result};
 use std::ops::Range;
@@ -48,7 +48,9 @@ pub(super) struct Plan {
 
 impl Plan {
     /// Shares `wanted` particles (`None`: as many as the model stands for) among the Gaussians.
-    /// Where that is the model's own number, each gets its own count, but for [`Method::Volume`].
+    /// Where that is the model's own number, each gets its own count, but for methods that go by
+    /// volume. Other numbers of an alpha-blend model are shared by the opacities themselves, which
+    /// rounding to whole counts would lose where Gaussians are many and particles few.
     ///
     /// # Errors
     /// [`Error::Argument`] for 0 particles, or more than 2^53.
@@ -58,18 +60,24 @@ impl Plan {
         if total == 0 || total > MOST {
             return Err(Error::argument(format!("{total} particles were asked for: 1 to 2^53 can be drawn")));
         }
-        let mut layers: Vec<LayerPlan> = model.layers.into_iter().map(LayerPlan::of).collect();
-        let mut counts: Vec<f64> = Vec::with_capacity(layers.iter().map(|l| l.gaussians.len()).sum());
-        for layer in &layers {
-            let g = &layer.gaussians;
-            match method {
-                Method::Volume => counts.extend((0..g.len()).map(|i| g.count[i] * volume(&g.cov_of(i)))),
-                _ => counts.extend_from_slice(&g.count),
+        let by_volume = method.by_volume(model.metadata.law);
+        let shared = by_volume || total != own;
+        let mut counts: Vec<f64> = Vec::with_capacity(model.gaussians());
+        for block in model.blocks() {
+            let (g, start) = (&block.gaussians, counts.len());
+            if shared {
+                counts.extend(numbers(block))
+            } else {
+                counts.extend_from_slice(&g.count)
+            }
+            if by_volume {
+                counts[start..].iter_mut().enumerate().for_each(|(i, n)| *n *= volume(&g.cov_of(i)));
             }
         }
-        if method == Method::Volume || total != own {
+        if shared {
             whole_counts(&mut counts, total);
         }
+        let mut layers: Vec<LayerPlan> = model.layers.into_iter().map(LayerPlan::of).collect();
         let (mut rest, mut first) = (&counts[..], 0);
         for layer in &mut layers {
             let (mine, others) = rest.split_at(layer.gaussians.len());
@@ -162,6 +170,15 @@ impl LayerPlan {
     }
 }
 
+/// The particles that each of a block's Gaussians stands for; of an alpha-blend block before they
+/// were made whole.
+fn numbers(block: &Block) -> Vec<f64> {
+    let g = &block.gaussians;
+    let Some(shade) = &g.shade else { return g.count.clone() };
+    let sum: f64 = shade.opacity.iter().sum();
+    shade.opacity.iter().map(|o| o / sum * block.count as f64).collect()
+}
+
 /// Volume of an ellipsoid of one standard deviation, but for 4 pi / 3.
 fn volume(cov: &Sym3) -> f64 {
     cov.det().max(0.0).sqrt()
@@ -170,7 +187,7 @@ fn volume(cov: &Sym3) -> f64 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::model::{Block, Law, Metadata};
+    use crate::model::{Law, Metadata, Shade};
     use crate::particles::Bounds;
     use proptest::prelude::*;
 
@@ -242,6 +259,45 @@ pub(super) mod tests {
                 }
             }
         }
+    }
+
+    /// Gaussians of opacities 0.1, 0.2 and 0.7, the second of eight times the volume.
+    pub fn shaded(count: u64) -> Model {
+        let mut m = model(&[("particles", &[(1, None), (1, None), (1, None)])]);
+        (m.metadata.law, m.metadata.count, m.metadata.mass) = (Law::AlphaBlend, count, count as f64);
+        let block = &mut m.layers[0].blocks[0];
+        (block.count, block.mass) = (count, count as f64);
+        let opacity = vec![0.1, 0.2, 0.7];
+        let g = &mut block.gaussians;
+        g.count = opacity.clone();
+        whole_counts(&mut g.count, count);
+        (0..6).for_each(|k| g.cov[k][1] *= 4.0);
+        g.shade = Some(Shade { opacity, grey: vec![1.0; 3] });
+        m
+    }
+
+    /// What spec/paper.md says of V0, V1, V4 and V6.
+    #[test]
+    fn alpha_blend_models_are_shared_by_opacity() {
+        let each = |count: u64, wanted: Option<u64>, method| {
+            let plan = Plan::new(shaded(count), wanted, method).unwrap();
+            let ends = &plan.layers[0].ends;
+            [ends[0], ends[1] - ends[0], ends[2] - ends[1]]
+        };
+        for method in [Method::Count, Method::Ellipsoid, Method::Stratified, Method::Spaced] {
+            assert_eq!(each(1000, None, method), [100, 200, 700]);
+            // Two particles say nothing of the opacities, which are still there.
+            assert_eq!(each(2, None, method).iter().sum::<u64>(), 2);
+            assert_eq!(each(2, Some(1000), method), [100, 200, 700]);
+        }
+        // Opacity times volume: 1 : 16 : 7.
+        for method in [Method::Volume, Method::Grid] {
+            assert_eq!(each(2400, None, method), [100, 1600, 700]);
+            assert_eq!(each(3, Some(2400), method), [100, 1600, 700]);
+        }
+        // Grids of the other law go by counts.
+        let depth = model(&[("particles", &[(10, None), (30, None)])]);
+        assert_eq!(Plan::new(depth, Some(400), Method::Grid).unwrap().layers[0].ends, [100, 400]);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use super::{
     Convention, Domain, Field, Grid, Groups, Measure, SizeClass, StatsOptions, Subject, Summary, axis_moments,
     central_slice, compare_density, density_pdf, deposit, deposit_bytes, find_groups, profile, size_histogram,
 };
+use crate::model::Law;
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -152,6 +153,13 @@ impl Job<'_> {
         }
         if self.pair.iter().any(|s| s.particles().is_none()) {
             notes.push("a model's density is its mixture integrated over the cells (NGP window, no shot noise)".into());
+        }
+        let alpha = |s: &Subject<'_>| matches!(s, Subject::Model(m) if m.metadata.law == Law::AlphaBlend);
+        if self.pair.iter().any(alpha) {
+            notes.push(
+                "an alpha-blend model's density is that of its counts: shares by opacity, which was fitted to pictures"
+                    .into(),
+            );
         }
         if self.paper() {
             notes.push(

@@ -1,0 +1,110 @@
+//! Models to write, and files to damage. Not every test file needs all of it.
+#![allow(dead_code)]
+
+use particlegs::math::{Random, Sym3};
+use particlegs::model::{Block, Certificate, Law, Limit, LookScore, Metadata, Mixture, OrbitScore, Science, ScienceOf};
+use particlegs::particles::{Bounds, Cell};
+
+/// A mixture of `n` Gaussians in a box of `scale` at `origin`.
+pub fn mixture(n: usize, seed: u64, origin: f64, scale: f64, weighted: bool) -> Mixture {
+    let mut m = Mixture { mass: weighted.then(Vec::new), ..Mixture::default() };
+    for i in 0..n {
+        let mut r = Random::new(seed, 1, i as u64);
+        // Clustered places, sizes over three decades, all shapes.
+        let cluster = Random::new(seed, 2, i as u64 / 7).uniform();
+        let mean = std::array::from_fn(|_| origin + scale * (cluster + 0.05 * r.normal()));
+        let size = scale * 1e-3 * (1.5 * r.normal()).exp();
+        let v: [[f64; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| size * r.normal()));
+        let cov = Sym3::outer(v[0]).add(&Sym3::outer(v[1])).add(&Sym3::outer(v[2]));
+        let count = (3.0 + r.normal()).exp();
+        m.push(mean, cov, count, count * (0.3 * r.normal()).exp());
+    }
+    m
+}
+
+pub fn block(gaussians: Mixture) -> Block {
+    let mut bounds = Bounds::empty();
+    (0..gaussians.len()).for_each(|i| bounds.include(gaussians.mean_of(i)));
+    let count = gaussians.count.iter().sum::<f64>().round().max(1.0);
+    let mass = gaussians.mass.as_ref().map_or(count, |m| m.iter().sum());
+    Block { bounds, count: count as u64, mass, gaussians }
+}
+
+pub fn metadata(blocks: &[Block]) -> Metadata {
+    let bounds = blocks.iter().fold(Bounds::empty(), |b, x| b.union(&x.bounds));
+    let count = blocks.iter().map(|b| b.count).sum();
+    Metadata {
+        law: Law::OpticalDepth,
+        count,
+        mass: blocks.iter().map(|b| b.mass).sum(),
+        bounds,
+        cell: Some(Cell::orthogonal([50.0; 3])),
+        default_radius: bounds.default_radius(count),
+        default_opacity: 0.05,
+        source: "nbody".into(),
+        source_hash: [7; 32],
+        length_unit: Some("Mpc/h".into()),
+        mass_unit: None,
+        comoving: Some(true),
+        scale_factor: Some(1.0),
+        hubble: Some(0.68),
+        time: None,
+        command: "particlegs compress nbody -o m.pgs".into(),
+        tool_version: "0.1.0".into(),
+    }
+}
+
+pub fn certificate() -> Certificate {
+    let look = LookScore { masked_psnr: Some(30.25), ssim: 0.75, noise_free_masked_psnr: None, noise_free_ssim: 1.0 };
+    let orbit = OrbitScore { paraview: look, paraview_no_fxaa: look, expected: look };
+    Certificate {
+        width: 1920,
+        height: 1080,
+        seed: 42,
+        orbits: [orbit; 3],
+        grid: 50,
+        density_correlation: 0.5,
+        density_mae: 0.25,
+        science: Some(science()),
+    }
+}
+
+/// Every limit in another state, values that f32 holds.
+pub fn science() -> Science {
+    Science {
+        of: ScienceOf::DrawnParticles,
+        spectrum_grid: 256,
+        k_max: 8.0,
+        power_within_1_percent_to: Limit::Never,
+        power_within_5_percent_to: Limit::At(8.0),
+        r_above_0_99_to: Limit::At(2.5),
+        r_above_0_9_to: Limit::NotMeasured,
+        groups_within_10_percent_from: Limit::At(57.0),
+    }
+}
+
+/// Each decoded Gaussian's original: the one whose mean is nearest.
+pub fn partner(m: &Mixture, mean: [f64; 3]) -> usize {
+    let distance = |i: usize| (0..3).map(|k| (m.mean[k][i] - mean[k]).powi(2)).sum::<f64>();
+    (0..m.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap()
+}
+
+/// The checksums of a file made right again, so that what is behind them meets the damage.
+pub fn reseal(file: &mut [u8]) {
+    let sum = crc32fast::hash(&file[..20]);
+    file[20..24].copy_from_slice(&sum.to_le_bytes());
+    let mut at = 24;
+    while at + 16 <= file.len() {
+        let length = u64::from_le_bytes(file[at + 4..at + 12].try_into().unwrap());
+        let Some(end) = usize::try_from(length).ok().and_then(|l| l.checked_add(at + 16)).filter(|&e| e <= file.len())
+        else {
+            return;
+        };
+        let mut h = crc32fast::Hasher::new();
+        h.update(&file[at..at + 12]);
+        h.update(&file[at + 16..end]);
+        let sum = h.finalize();
+        file[at + 12..at + 16].copy_from_slice(&sum.to_le_bytes());
+        at = end;
+    }
+}
