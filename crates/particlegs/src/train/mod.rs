@@ -4,10 +4,12 @@
 //! down the gradient of a [`Loss`].
 
 mod adam;
+mod alpha;
 mod dssim;
 mod learner;
 mod loss;
 mod state;
 
+pub use alpha::AlphaConfig;
 pub use learner::Densify;
 pub use loss::{Loss, Norm};

@@ -18,10 +18,12 @@ pub(crate) mod raster;
 #[cfg(test)]
 pub(crate) mod plain;
 #[cfg(test)]
+pub(crate) mod testing;
+#[cfg(test)]
 mod tests;
 
 pub(super) use adapt::Blend;
-pub(crate) use bins::{TILE, Tiles};
+pub(crate) use bins::TILE;
 pub(super) use draw::optical_depth;
 pub(crate) use eye::Eye;
 pub(crate) use plan::{CutOffs, Plan};

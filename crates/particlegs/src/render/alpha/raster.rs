@@ -26,7 +26,7 @@ pub(crate) fn blend(plan: &Plan, size: Size, progress: &dyn Progress) -> Result<
         progress.check()?;
         let mut tile = Tile::new();
         for column in 0..plan.tiles.across {
-            let lit = Lit::of(size, [column * TILE, row * TILE]);
+            let lit = Lit::in_band(size.width, pixels.len() / size.width, column, row);
             tile.start(&lit, |_| true);
             dispatch!(simd_level(), simd => blend_tile(simd, plan, row * plan.tiles.across + column, &lit, &mut tile));
             lit.store(&tile.sum, pixels, size.width);
@@ -46,9 +46,9 @@ pub(crate) struct Lit {
 }
 
 impl Lit {
-    /// Of the tile whose first pixel is `origin`.
-    pub fn of(size: Size, origin: [usize; 2]) -> Self {
-        Lit { origin, extent: [TILE.min(size.width - origin[0]), TILE.min(size.height - origin[1])] }
+    /// Of a column of tiles in a band of `height` rows.
+    pub fn in_band(width: usize, height: usize, column: usize, row: usize) -> Self {
+        Lit { origin: [column * TILE, row * TILE], extent: [TILE.min(width - column * TILE), TILE.min(height)] }
     }
 
     /// Copies a tile's numbers to its rows of the picture.

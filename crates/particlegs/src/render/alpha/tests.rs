@@ -2,10 +2,11 @@
 
 use super::plain;
 use super::raster::blend;
+use super::testing::empty_model;
 use super::*;
 use crate::camera::{Camera, Normalisation, Projection, View};
 use crate::math::{Random, Sym3};
-use crate::model::{Block, Law, Layer, Metadata, Mixture, Model, Shade, VizMapper, VizRanges};
+use crate::model::{Block, Layer, Mixture, Model, Shade, VizMapper, VizRanges};
 use crate::particles::Bounds;
 use crate::picture::{Plane, Size};
 use crate::progress::Silent;
@@ -163,28 +164,11 @@ fn model(n: usize, vizmapper: Option<VizMapper>) -> Model {
         shade.opacity.push(g.opacity);
         shade.grey.push(g.grey);
     }
-    let metadata = Metadata {
-        law: Law::AlphaBlend,
-        count: n as u64,
-        mass: n as f64,
-        bounds,
-        cell: None,
-        default_radius: 0.02,
-        default_opacity: 0.05,
-        source: String::new(),
-        source_hash: [0; 32],
-        length_unit: None,
-        mass_unit: None,
-        comoving: None,
-        scale_factor: None,
-        hubble: None,
-        time: None,
-        command: String::new(),
-        tool_version: String::new(),
-    };
     let block = Block { bounds, count: n as u64, mass: n as f64, gaussians };
-    let layers = vec![Layer { name: "dm".into(), particle_mass: None, blocks: vec![block] }];
-    Model { metadata, layers, vizmapper, certificate: None }
+    let mut model = empty_model(bounds, n as u64);
+    model.layers = vec![Layer { name: "dm".into(), particle_mass: None, blocks: vec![block] }];
+    model.vizmapper = vizmapper;
+    model
 }
 
 fn world_view(of: &Model) -> View {
