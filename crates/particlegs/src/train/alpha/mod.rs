@@ -18,6 +18,8 @@ mod raster;
 mod start;
 
 #[cfg(test)]
+mod learner_tests;
+#[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod twin;

@@ -1,23 +1,14 @@
-//! Gradients against differences of the plain twin; the learner as a whole.
+//! Gradients against differences of the plain twin.
 
 use super::parameters::{Group, One, Parameters};
 use super::pass::{Mapper, Pass};
 use super::twin::{Twin, drawn};
-use super::*;
 use crate::camera::{Camera, Normalisation, Projection, View};
 use crate::math::Random;
 use crate::model::vizmapper::{Network, Setting, tests::stirred};
-use crate::model::{Block, Law, Layer, Model, VizMapper, VizRanges};
-use crate::particles::{Bounds, open_raw};
-use crate::picture::{Gray8, Plane, Size, masked_psnr};
-use crate::progress::Silent;
-use crate::reference::Reference;
+use crate::model::{VizMapper, VizRanges};
+use crate::picture::{Plane, Size};
 use crate::render::alpha::{CutOffs, Eye};
-use crate::render::{self, Scene};
-use crate::score::{ViewSeed, training_views};
-use crate::splat::Look;
-use crate::train::learner::{Densify, Learner, Moment, Shot};
-use crate::train::loss::Loss;
 
 const SIZE: Size = Size { width: 37, height: 21 };
 const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
@@ -130,96 +121,4 @@ fn what_is_not_seen_wants_nothing_and_order_does_not_matter() {
     }
     let none = Parameters::default();
     assert!(Pass::new(&eye, &none, None, of, CutOffs::PUBLISHED).unwrap().drawn.data.iter().all(|v| *v == 0.0));
-}
-
-fn ground(bounds: &Bounds, particles: u64) -> Ground {
-    Ground {
-        frame: Normalisation::of(bounds),
-        radius: bounds.default_radius(particles),
-        opacity: 0.05,
-        particles,
-        seed: 4,
-    }
-}
-
-/// Pictures of the sample to learn from.
-struct Lesson {
-    bounds: Bounds,
-    particles: crate::particles::Particles,
-    shots: Vec<(View, Gray8, Plane)>,
-}
-
-fn lesson(size: Size, frames: usize) -> Lesson {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
-    let particles = open_raw(&[folder.into()]).unwrap();
-    let bounds = particles.bounds();
-    let radius = bounds.default_radius(particles.len() as u64);
-    let seed = ViewSeed { bounds: &bounds, default_radius: radius, size, seed: 3 };
-    let reference = Reference::new(&particles);
-    let shots = training_views(&seed, frames)
-        .into_iter()
-        .map(|v| {
-            let truth = reference.draw(&v.view, size, Look::Expected, &Silent).unwrap();
-            let target = Plane { size, data: truth.data.iter().map(|b| f32::from(*b) / 255.0).collect() };
-            (v.view, truth, target)
-        })
-        .collect();
-    Lesson { bounds, particles, shots }
-}
-
-const STILL: Densify = Densify { every: 0, until: 0, threshold: 2e-4 };
-
-fn train(learner: &mut AlphaLearner, lesson: &Lesson, from: u64, steps: u64, densify: Densify) -> f64 {
-    let mut sum = 0.0;
-    for iteration in from..from + steps {
-        let (view, _, target) = &lesson.shots[iteration as usize % lesson.shots.len()];
-        let at = Moment { iteration, iterations: from + steps, densify };
-        let stepped = learner.step(&Shot { view, target }, &Loss::PUBLISHED, &at).unwrap();
-        assert_eq!(stepped.not_finite, None);
-        sum += stepped.loss;
-        learner.control(&at);
-    }
-    sum / steps as f64
-}
-
-/// The learner's mixture in a model.
-fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
-    let (gaussians, vizmapper) = learner.mixture();
-    let n = learner.ground.particles;
-    let mut m = render::alpha::testing::empty_model(bounds, n);
-    m.metadata.law = Law::AlphaBlend;
-    m.metadata.default_radius = learner.ground.radius;
-    m.metadata.default_opacity = learner.ground.opacity;
-    m.vizmapper = vizmapper;
-    let block = Block { bounds, count: n, mass: n as f64, gaussians };
-    m.layers = vec![Layer { name: "dm".into(), particle_mass: None, blocks: vec![block] }];
-    m
-}
-
-/// Mean masked PSNR over the lesson's views, drawn as models are.
-fn score(learner: &AlphaLearner, lesson: &Lesson) -> f64 {
-    let m = model(learner, lesson.bounds);
-    let psnr = lesson.shots.iter().map(|(view, truth, _)| {
-        masked_psnr(&render::draw(&Scene::of(&m), view, truth.size, Look::Paraview, &Silent).unwrap(), truth).unwrap()
-    });
-    psnr.sum::<f64>() / lesson.shots.len() as f64
-}
-
-const SMALL: Size = Size { width: 240, height: 135 };
-
-#[test]
-fn training_on_the_sample_lowers_the_loss() {
-    let lesson = lesson(SMALL, 4);
-    let n = lesson.particles.len() as u64;
-    let mut learner =
-        AlphaLearner::from_particles(&lesson.particles, 2000, ground(&lesson.bounds, n), AlphaConfig::default())
-            .unwrap();
-    let before = score(&learner, &lesson);
-    let first = train(&mut learner, &lesson, 0, 12, STILL);
-    train(&mut learner, &lesson, 12, 180, STILL);
-    let last = train(&mut learner, &lesson, 192, 12, STILL);
-    let after = score(&learner, &lesson);
-    println!("loss {first:.4} to {last:.4}, masked PSNR {before:.2} to {after:.2} dB");
-    assert!(last < 0.7 * first, "{first} to {last}");
-    assert!(after > before + 3.0, "{before} to {after}");
 }
