@@ -1,10 +1,12 @@
 //! What a model is to be: target, effort, what it stores. The same for `compress` and `plan`.
 
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::train_args::TrainArgs;
 use clap::{Args, ValueEnum};
 use particlegs::compress::{Options, Target};
 use particlegs::fit::Effort;
 use particlegs::particles::Room;
+use particlegs::train::Limits;
 use particlegs::{Error, Result};
 
 /// What a model is to be.
@@ -21,6 +23,8 @@ pub struct FitArgs {
     /// Default opacity to store (default: 0.05).
     #[arg(long)]
     opacity: Option<f64>,
+    #[command(flatten)]
+    pub train: TrainArgs,
     /// Do not measure the decoded model: no scores in the file.
     #[arg(long)]
     no_certificate: bool,
@@ -105,6 +109,7 @@ impl FitArgs {
             EffortArg::High => (Effort::High, "high"),
         };
         let mut command = format!("compress{} --effort {name} --seed {seed}", self.target.text());
+        command += &self.train.text()?;
         command += &snapshot.text();
         command += &selection.text(window);
         for (option, value) in [("radius", self.radius), ("opacity", self.opacity)] {
@@ -118,6 +123,8 @@ impl FitArgs {
             radius: self.radius,
             opacity: self.opacity,
             blocks: 1,
+            training: self.train.config()?,
+            limits: Limits::default(),
             room: Room::Memory,
             memory: None,
             seed,

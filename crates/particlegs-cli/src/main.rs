@@ -14,6 +14,8 @@ mod report;
 mod snapshot_args;
 mod stats_plots;
 mod stats_tables;
+mod train_args;
+mod train_log;
 mod view_args;
 
 use clap::Parser;

@@ -12,6 +12,8 @@ pub trait Progress: Sync {
     fn end(&self) {}
     /// Something the user should read.
     fn message(&self, _text: &str) {}
+    /// A line of a log, JSON.
+    fn log(&self, _line: &str) {}
     /// True once the caller wants the work to stop.
     fn cancelled(&self) -> bool {
         false

@@ -6,6 +6,7 @@ use particlegs::fit::Effort;
 use particlegs::job::{Done, Job, Source, Task, plan};
 use particlegs::particles::{Layered, ParticleLayer, Particles, Room, open_raw};
 use particlegs::progress::{Progress, Silent};
+use particlegs::train::Limits;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -33,6 +34,8 @@ fn planned(folder: &Path) -> Job {
         radius: None,
         opacity: None,
         blocks: 1,
+        training: None,
+        limits: Limits::default(),
         room: Room::Memory,
         memory: None,
         seed: 3,

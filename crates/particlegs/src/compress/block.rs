@@ -4,13 +4,15 @@
 //! not on other blocks, nor on where it is done.
 
 use super::clock::Clock;
+use super::plan::Plan;
 use super::rate::{Met, meet_size};
-use crate::Result;
 use crate::codec::{CodedLayer, Encoder, Precision};
 use crate::fit::{self, Effort, FitOptions, Pieces, Under};
 use crate::model::{Block, Mixture};
 use crate::particles::{Bounds, ParticleLayer, Particles};
 use crate::progress::Progress;
+use crate::train::{self, Config, Limits};
+use crate::{Error, Result};
 
 /// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
 /// are rounder and take fewer.
@@ -31,6 +33,8 @@ pub struct Fitting {
     pub radius: f64,
     /// Pixels whose blur decides splits, world units.
     pub pixel: f64,
+    /// The file's default opacity.
+    pub opacity: f64,
     /// Seed of the fit.
     pub seed: u64,
 }
@@ -92,16 +96,46 @@ impl CodedBlock {
     }
 }
 
-/// What fits of a block are made with.
+/// What a stop of the caller's means to a training run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopMeans {
+    /// The best so far is coded.
+    TheBestSoFar,
+    /// The work is given up, to be taken up again from its pieces.
+    GivingUp,
+}
+
+/// What blocks are made with.
 pub struct Workshop<'a> {
-    /// How.
-    pub fitting: Fitting,
-    /// Whom to tell.
-    pub progress: &'a dyn Progress,
-    /// Where time went.
-    pub clock: &'a mut Clock,
-    /// Finished pieces of fits.
-    pub pieces: &'a mut dyn Pieces,
+    fitting: Fitting,
+    training: Option<&'a Config>,
+    limits: &'a Limits,
+    stop_means: StopMeans,
+    progress: &'a dyn Progress,
+    clock: &'a mut Clock,
+    pieces: &'a mut dyn Pieces,
+    /// Was a training run stopped, and the best so far taken?
+    pub stopped: bool,
+    /// Held-out scores of training runs: before and after, dB.
+    pub trained: Vec<[Option<f64>; 2]>,
+}
+
+impl<'a> Workshop<'a> {
+    /// For blocks of `plan`; `pieces` keeps finished pieces of fits and training runs.
+    pub fn new(
+        plan: &'a Plan,
+        limits: &'a Limits,
+        stop_means: StopMeans,
+        (progress, clock, pieces): (&'a dyn Progress, &'a mut Clock, &'a mut dyn Pieces),
+    ) -> Self {
+        let (fitting, training) = (plan.fitting(), plan.training.as_ref());
+        Workshop { fitting, training, limits, stop_means, progress, clock, pieces, stopped: false, trained: Vec::new() }
+    }
+
+    /// Cancelled, and not merely stopped?
+    fn check(&self) -> Result<()> {
+        if self.stopped { Ok(()) } else { self.progress.check() }
+    }
 }
 
 impl BlockJob {
@@ -121,7 +155,8 @@ impl BlockJob {
             let count = layer.particles.len() as u64;
             let share = ((left as f64 * count as f64 / particles_left as f64).round() as u64).clamp(1, count);
             (left, particles_left) = (left.saturating_sub(share), particles_left - count);
-            let encoder = layer.fit(share, shop)?;
+            let gaussians = layer.fit(share, shop)?;
+            let encoder = layer.encoder(layer.train(gaussians, shop)?)?;
             coded.push(layer, shop.clock.time("code", || encoder.encode(&Precision::BALANCED)));
         }
         Ok(coded)
@@ -158,15 +193,36 @@ impl LayerJob {
     }
 
     /// Fits `number` Gaussians (fewer where the particles do not carry so many), ready to be coded.
-    fn fit(&self, number: u64, shop: &mut Workshop<'_>) -> Result<Encoder> {
+    fn fit(&self, number: u64, shop: &mut Workshop<'_>) -> Result<Mixture> {
         let count = self.particles.len() as u64;
-        let Fitting { effort, radius, pixel, seed } = shop.fitting;
+        let Fitting { effort, radius, pixel, seed, .. } = shop.fitting;
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
         let options = FitOptions { gaussians, effort, radius, pixel, seed };
         let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/{gaussians}", self.name) };
-        let gaussians: Mixture =
-            shop.clock.time("fit", || fit::fit_in_pieces(&self.particles, &options, &mut pieces, shop.progress))?;
+        shop.clock.time("fit", || fit::fit_in_pieces(&self.particles, &options, &mut pieces, shop.progress))
+    }
+
+    /// Gaussians ready to be coded.
+    fn encoder(&self, gaussians: Mixture) -> Result<Encoder> {
+        let count = self.particles.len() as u64;
         Encoder::new(&Block { bounds: self.bounds, count, mass: self.mass, gaussians })
+    }
+
+    /// Trains Gaussians on pictures of the layer, where the job is to.
+    fn train(&self, gaussians: Mixture, shop: &mut Workshop<'_>) -> Result<Mixture> {
+        let Some(config) = shop.training.filter(|_| !shop.stopped) else { return Ok(gaussians) };
+        let Fitting { radius, opacity, seed, .. } = shop.fitting;
+        let defaults = train::Defaults { bounds: self.bounds, radius, opacity, seed };
+        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/{}", self.name, gaussians.len()) };
+        let trained = shop.clock.time("train", || {
+            train::train(&self.particles, &gaussians, (config, shop.limits, &defaults), &mut pieces, shop.progress)
+        })?;
+        if trained.stopped && shop.stop_means == StopMeans::GivingUp {
+            return Err(Error::Cancelled);
+        }
+        shop.stopped |= trained.stopped;
+        shop.trained.push(trained.scores);
+        Ok(trained.mixture)
     }
 
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `room`.
@@ -187,18 +243,30 @@ impl LayerJob {
         if met.outcome.too_large && number > 1 {
             met = self.met_with(1, room, shop)?;
         }
+        if let Some(gaussians) = met.fitted.take() {
+            let trained = self.train(gaussians, shop)?;
+            met = self.coded(trained, room, shop)?;
+        }
         Ok(met.outcome)
     }
 
     fn met_with(&self, number: u64, room: u64, shop: &mut Workshop<'_>) -> Result<MetWith> {
-        let encoder = self.fit(number, shop)?;
-        let progress = shop.progress;
+        let gaussians = self.fit(number, shop)?;
+        self.coded(gaussians, room, shop)
+    }
+
+    fn coded(&self, gaussians: Mixture, room: u64, shop: &mut Workshop<'_>) -> Result<MetWith> {
+        let fitted = shop.training.is_some().then(|| gaussians.clone());
+        let encoder = self.encoder(gaussians)?;
+        let start = std::time::Instant::now();
         let encode = |q| {
-            progress.check()?;
+            shop.check()?;
             Ok(encoder.encode(&Precision::BALANCED.scaled(q)))
         };
-        let (outcome, nominal) = shop.clock.time("code", || meet_size(room, encoder.len(), encode))?;
-        Ok(MetWith { outcome, found: encoder.len() as u64, nominal_bytes: nominal as f64 / encoder.len() as f64 })
+        let (outcome, nominal) = meet_size(room, encoder.len(), encode)?;
+        shop.clock.add("code", start.elapsed().as_secs_f64());
+        let nominal_bytes = nominal as f64 / encoder.len() as f64;
+        Ok(MetWith { outcome, found: encoder.len() as u64, nominal_bytes, fitted })
     }
 }
 
@@ -209,4 +277,6 @@ struct MetWith {
     found: u64,
     /// Bytes a Gaussian at the nominal steps.
     nominal_bytes: f64,
+    /// What the fit gave, where it is to be trained.
+    fitted: Option<Mixture>,
 }

@@ -13,12 +13,16 @@ impl Clock {
     pub fn time<T>(&mut self, phase: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let done = work();
-        let seconds = start.elapsed().as_secs_f64();
+        self.add(phase, start.elapsed().as_secs_f64());
+        done
+    }
+
+    /// Adds seconds to a phase.
+    pub fn add(&mut self, phase: &'static str, seconds: f64) {
         match self.seconds.iter_mut().find(|s| s.0 == phase) {
             Some(s) => s.1 += seconds,
             None => self.seconds.push((phase, seconds)),
         }
-        done
     }
 
     /// The phases.

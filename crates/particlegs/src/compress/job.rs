@@ -1,6 +1,6 @@
 //! From particles to a measured file, in one process.
 
-use super::block::{BlockJob, CodedBlock, Outcome, Workshop};
+use super::block::{BlockJob, CodedBlock, Outcome, StopMeans, Workshop};
 use super::clock::Clock;
 use super::plan::{Plan, PlannedLayer};
 use super::target::Target;
@@ -8,11 +8,12 @@ use super::{describe, search};
 use crate::Result;
 use crate::blocks::divide;
 use crate::codec;
-use crate::fit::{self, Effort};
+use crate::fit::{self, Effort, Pieces, Under};
 use crate::memory::require;
 use crate::model::{Certificate, Model};
 use crate::particles::{Bounds, ParticleLayer, Particles, Room, source_hash};
 use crate::progress::Progress;
+use crate::train::{Config, Limits};
 use crate::{output, score};
 
 /// What `compress` is asked to do.
@@ -30,6 +31,10 @@ pub struct Options {
     pub blocks: u32,
     /// Where blocks are put while they wait.
     pub room: Room,
+    /// How the fit is trained further; `None` = not.
+    pub training: Option<Config>,
+    /// How far training goes.
+    pub limits: Limits,
     /// Memory to stay within, bytes, as far as it is not decided by the number of blocks.
     pub memory: Option<u64>,
     /// Seed of the fit and the views.
@@ -39,6 +44,22 @@ pub struct Options {
     /// The command as stored in the file: what decides its bytes, without paths, threads and the
     /// number of blocks, which is added.
     pub command: String,
+}
+
+impl Options {
+    /// 32 bytes that name the work: what decides the model's bytes. A checkpoint of other work is of no use.
+    pub fn name_of_work(&self, particles: &Particles) -> [u8; 32] {
+        let training = serde_json::to_string(&self.training).unwrap_or_default();
+        let text = format!("{} blocks {} {training}", self.command, self.blocks);
+        let mut hash = blake3::Hasher::new();
+        hash.update(text.as_bytes()).update(&source_hash(particles));
+        *hash.finalize().as_bytes()
+    }
+}
+
+/// The first half of a text's BLAKE3, as digits: names a configuration in a command.
+pub fn name_of(text: &str) -> String {
+    blake3::hash(text.as_bytes()).to_hex()[..16].to_string()
 }
 
 /// A file and how it came to be.
@@ -51,18 +72,28 @@ pub struct Compressed {
     pub raw_bytes: u64,
     /// Multiple of the nominal quantisation steps.
     pub step_factor: f64,
+    /// Held-out masked PSNR of each trained layer of a block before and after training, dB, as trained
+    /// and not coded yet.
+    pub trained: Vec<[Option<f64>; 2]>,
+    /// Was training stopped, and this is the best so far?
+    pub stopped: bool,
     /// Wall-clock seconds by phase, in order.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// Compresses a snapshot.
+/// Compresses a snapshot; `pieces` keeps what an interrupted run can go on from.
 ///
 /// # Errors
 /// [`crate::Error::Unreachable`] where an explicit ratio or size is below the smallest file (which it
 /// names), or a quality above what all particles as Gaussians reach; [`crate::Error::Memory`] before the
 /// fit where it would not fit; [`crate::Error::Cancelled`].
-pub fn compress(particles: &Particles, options: &Options, progress: &dyn Progress) -> Result<Compressed> {
-    let mut job = Job::begin(particles, options, progress)?;
+pub fn compress(
+    particles: &Particles,
+    options: &Options,
+    pieces: &mut dyn Pieces,
+    progress: &dyn Progress,
+) -> Result<Compressed> {
+    let mut job = Job::begin(particles, options, pieces, progress)?;
     let coded = match job.plan.target {
         Target::Psnr(decibels) => search::reach_quality(&mut job, decibels)?,
         _ => job.each(Plan::block)?,
@@ -79,6 +110,10 @@ pub(super) struct Job<'a> {
     pub plan: Plan,
     blocks: Vec<BlockJob>,
     memory: Option<u64>,
+    limits: &'a Limits,
+    pieces: &'a mut dyn Pieces,
+    trained: Vec<[Option<f64>; 2]>,
+    stopped: bool,
     clock: Clock,
 }
 
@@ -95,7 +130,12 @@ impl Coded {
 }
 
 impl<'a> Job<'a> {
-    fn begin(particles: &'a Particles, options: &'a Options, progress: &'a dyn Progress) -> Result<Self> {
+    fn begin(
+        particles: &'a Particles,
+        options: &'a Options,
+        pieces: &'a mut dyn Pieces,
+        progress: &'a dyn Progress,
+    ) -> Result<Self> {
         let mut clock = Clock::default();
         require("the fit", fit::memory_needed(particles) / u64::from(options.blocks.max(1)))?;
         if let (Room::Disk(folder), true) = (&options.room, options.blocks > 1) {
@@ -116,7 +156,19 @@ impl<'a> Job<'a> {
             weighted: l.weighted,
         };
         let plan = Plan::new(options, metadata, particles.layers().into_iter().map(layer).collect())?;
-        Ok(Job { particles, progress, plan, blocks, memory: options.memory, clock })
+        let (memory, limits) = (options.memory, &options.limits);
+        Ok(Job {
+            particles,
+            progress,
+            plan,
+            blocks,
+            memory,
+            limits,
+            pieces,
+            trained: Vec::new(),
+            stopped: false,
+            clock,
+        })
     }
 
     /// `number` Gaussians at the nominal precision, shared among the blocks by their particles.
@@ -129,10 +181,16 @@ impl<'a> Job<'a> {
         &mut self,
         mut work: impl FnMut(&Plan, &BlockJob, &mut Workshop<'_>) -> Result<CodedBlock>,
     ) -> Result<Coded> {
-        let fitting = self.plan.fitting();
-        let mut shop =
-            Workshop { fitting, progress: self.progress, clock: &mut self.clock, pieces: &mut fit::NoPieces };
-        let blocks = self.blocks.iter().map(|b| work(&self.plan, b, &mut shop)).collect::<Result<_>>()?;
+        let mut blocks = Vec::with_capacity(self.blocks.len());
+        for (number, block) in self.blocks.iter().enumerate() {
+            let mut pieces = Under { pieces: &mut *self.pieces, prefix: number.to_string() };
+            let tools = (self.progress, &mut self.clock, &mut pieces as &mut dyn Pieces);
+            let mut shop = Workshop::new(&self.plan, self.limits, StopMeans::TheBestSoFar, tools);
+            shop.stopped = self.stopped;
+            blocks.push(work(&self.plan, block, &mut shop)?);
+            self.stopped = shop.stopped;
+            self.trained.append(&mut shop.trained);
+        }
         Ok(Coded { blocks })
     }
 
@@ -147,7 +205,7 @@ impl<'a> Job<'a> {
         self.blocks.clear();
         let mut bytes = self.file(&coded, None)?;
         let mut model = self.clock.time("decode", || codec::decode(&bytes, "the file just coded"))?;
-        if self.plan.certificate {
+        if self.plan.certificate && !self.stopped {
             let (seed, progress) = (self.plan.seed, self.progress);
             // The model and what is drawn of it take the rest.
             let pictures = self.memory.map(|m| m / 5);
@@ -160,6 +218,7 @@ impl<'a> Job<'a> {
         let factors = coded.blocks.iter().map(|b| b.outcome.step_factor);
         let step_factor = factors.sum::<f64>() / coded.blocks.len().max(1) as f64;
         let (raw_bytes, seconds) = (self.plan.raw_bytes(), self.clock.seconds());
-        Ok(Compressed { bytes, model, raw_bytes, step_factor, seconds })
+        let (trained, stopped) = (self.trained, self.stopped);
+        Ok(Compressed { bytes, model, raw_bytes, step_factor, trained, stopped, seconds })
     }
 }

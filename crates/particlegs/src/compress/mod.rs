@@ -5,6 +5,7 @@
 //! makes a file smaller without the particles.
 
 mod block;
+mod checkpoint;
 mod clock;
 mod describe;
 mod job;
@@ -15,10 +16,11 @@ mod search;
 mod simplify;
 mod target;
 
-pub use block::{BlockJob, CodedBlock, Outcome, Workshop};
+pub use block::{BlockJob, CodedBlock, Outcome, StopMeans, Workshop};
+pub use checkpoint::Checkpoint;
 pub use clock::Clock;
 pub use describe::describe;
-pub use job::{Compressed, Options, compress};
+pub use job::{Compressed, Options, compress, name_of};
 pub use memory::Load;
 pub use plan::{Plan, PlannedLayer};
 pub use simplify::{Simplified, simplify};

@@ -10,6 +10,7 @@ use crate::model::{Certificate, Metadata};
 use crate::particles::Bounds;
 use crate::picture::Size;
 use crate::progress::Progress;
+use crate::train::Config;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +36,9 @@ pub struct Plan {
     pub effort: Effort,
     /// Seed of the fits and the views.
     pub seed: u64,
+    /// How blocks are trained after the fit; `None` = not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training: Option<Config>,
     /// Is the decoded model measured?
     pub certificate: bool,
     /// Number of blocks.
@@ -62,6 +66,7 @@ impl Plan {
             target: options.target.check()?,
             effort: options.effort,
             seed: options.seed,
+            training: options.training.clone(),
             certificate: options.certificate,
             blocks: options.blocks,
             layers,
@@ -80,6 +85,7 @@ impl Plan {
             effort: self.effort,
             radius: self.metadata.default_radius,
             pixel: near_pixel(&self.metadata.bounds),
+            opacity: self.metadata.default_opacity,
             seed: self.seed,
         }
     }

@@ -1,10 +1,10 @@
 //! One block of a job: read, fitted, coded, written.
 
-use super::checkpoint::Checkpoint;
 use super::manifest::Job;
-use crate::compress::{BlockJob, Clock, Outcome, Workshop};
+use crate::compress::{BlockJob, Checkpoint, Clock, Outcome, StopMeans, Workshop};
 use crate::particles::{Layered, hex};
 use crate::progress::Progress;
+use crate::train::Limits;
 use crate::{Error, Result, codec, output};
 use serde::{Deserialize, Serialize};
 
@@ -64,10 +64,11 @@ impl Job {
             return Err(Error::input(&self.folder, format!("block {block} holds no particles")));
         }
         let job = clock.time("read", || BlockJob::of(&particles));
-        let mut checkpoint = Checkpoint::open(self, block)?;
+        let mut checkpoint = Checkpoint::open(self.block_path(block, "checkpoint"), &self.id)?;
         let before = checkpoint.len();
         let plan = &self.manifest.plan;
-        let mut shop = Workshop { fitting: plan.fitting(), progress, clock: &mut clock, pieces: &mut checkpoint };
+        let limits = Limits { seconds: None, scratch: Some(self.folder.clone()) };
+        let mut shop = Workshop::new(plan, &limits, StopMeans::GivingUp, (progress, &mut clock, &mut checkpoint));
         let coded = match plan.block(&job, &mut shop) {
             Ok(coded) => coded,
             Err(error) => {

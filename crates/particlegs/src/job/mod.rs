@@ -11,7 +11,6 @@
 
 mod block;
 mod bucket;
-mod checkpoint;
 mod gather;
 mod manifest;
 mod merge;

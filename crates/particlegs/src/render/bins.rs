@@ -59,74 +59,21 @@ impl<'a> Binner<'a> {
     /// Adds a footprint to every band that it touches.
     #[inline]
     pub fn add(&mut self, f: &Footprint) {
-        let [xx, xy, yy] = f.cov;
-        let reach = FARTHEST_CUT.sqrt() + 3.0;
-        let far = |at: f64, variance: f64, pixels: usize| {
-            let beyond = (-at).max(at - pixels as f64) - (2 * PAD) as f64;
-            beyond > 0.0 && beyond * beyond > reach * reach * variance
-        };
-        let size = self.levels[0].size;
-        if far(f.mean[0], xx, size.width) || far(f.mean[1], yy, size.height) {
-            return;
-        }
-        let det = xx * yy - xy * xy;
-        if !(det > 0.0 && f.sum > 0.0) {
-            return;
-        }
-        let peak = f.sum / (2.0 * std::f64::consts::PI * det.sqrt());
-        let half_sum = 0.5 * (xx + yy);
-        let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
-        let cut2 = cut(peak, smaller);
-        let (reach_x, reach_y) = ((cut2 * xx).sqrt(), (cut2 * yy).sqrt());
-        let (level, scale) = self.level(smaller);
-        let shape = &self.levels[level];
-        let pad = PAD as f64;
-        let x = (f.mean[0] + 0.5) * scale - 0.5 + pad;
-        let y = (f.mean[1] + 0.5) * scale - 0.5 + pad;
-        let (half_x, half_y) = (reach_x * scale, reach_y * scale);
-        let right = (shape.size.width + 2 * PAD - 1) as f64;
-        let bottom = (shape.rows - 1) as f64;
-        let outside = x + half_x < 0.0 || x - half_x > right || y + half_y < 0.0 || y - half_y > bottom;
-        // Not the negation: what is not a number stays out.
-        if outside || !(x.is_finite() && y.is_finite() && peak.is_finite()) {
-            return;
-        }
-        // What the cut takes away is put back; nearest cuts are the most frequent.
-        let outside = if cut2 == NEAREST_CUT { NEAREST_SHARE } else { (-0.5 * cut2).exp() };
-        let mut peak = peak / (1.0 - outside);
-        if smaller < SMALL {
-            peak /= lattice_sum(f);
-        }
-        const HALF_LOG2_E: f64 = 0.5 * std::f64::consts::LOG2_E;
-        let unscale2 = 1.0 / (scale * scale);
-        let stroke = Stroke {
-            x: x as f32,
-            y: y as f32,
-            slope: (xy / yy) as f32,
-            along: (-HALF_LOG2_E * yy / det * unscale2) as f32,
-            down: (-HALF_LOG2_E / yy * unscale2) as f32,
-            end: (-HALF_LOG2_E * cut2) as f32,
-            peak: peak as f32,
-            half: half_y as f32,
-        };
-        let first = (y - half_y).max(0.0) as usize / BAND;
-        let last = (y + half_y).min(bottom) as usize / BAND;
-        for band in first..=last {
-            self.found.push(((shape.first_band + band) as u32, stroke));
+        if let Some(placed) = place(self.levels, f) {
+            self.add_placed(&placed);
         }
     }
 
-    /// The coarsest plane that still shows a variance, and its scale.
-    fn level(&self, variance: f64) -> (usize, f64) {
-        let mut level = 0;
-        let mut scale = 1.0;
-        let mut least = 4.0 * SHARPEST * SHARPEST;
-        while level + 1 < self.levels.len() && variance >= least {
-            level += 1;
-            scale *= 0.5;
-            least *= 4.0;
+    /// Adds a stroke to every band that it touches.
+    #[inline]
+    pub fn add_placed(&mut self, placed: &Placed) {
+        let shape = &self.levels[placed.level];
+        let (y, half) = (f64::from(placed.stroke.y), f64::from(placed.stroke.half));
+        let first = (y - half).max(0.0) as usize / BAND;
+        let last = (y + half).min((shape.rows - 1) as f64) as usize / BAND;
+        for band in first..=last {
+            self.found.push(((shape.first_band + band) as u32, placed.stroke));
         }
-        (level, scale)
     }
 
     /// Sorts by band, keeping the order within each.
@@ -149,6 +96,89 @@ impl<'a> Binner<'a> {
         }
         Bins { strokes, starts }
     }
+}
+
+/// A footprint that touches the picture, on the plane that suits it.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    /// The plane.
+    pub level: usize,
+    /// Its pixels over the picture's.
+    pub scale: f64,
+    /// Is the sum over the pixel grid made exact, as that of small footprints is?
+    pub small: bool,
+    /// What is drawn.
+    pub stroke: Stroke,
+}
+
+/// Finds a footprint's plane and stroke; `None` where it does not touch the picture.
+#[inline]
+pub fn place(levels: &[Level], f: &Footprint) -> Option<Placed> {
+    let [xx, xy, yy] = f.cov;
+    let reach = FARTHEST_CUT.sqrt() + 3.0;
+    let far = |at: f64, variance: f64, pixels: usize| {
+        let beyond = (-at).max(at - pixels as f64) - (2 * PAD) as f64;
+        beyond > 0.0 && beyond * beyond > reach * reach * variance
+    };
+    let size = levels[0].size;
+    if far(f.mean[0], xx, size.width) || far(f.mean[1], yy, size.height) {
+        return None;
+    }
+    let det = xx * yy - xy * xy;
+    if !(det > 0.0 && f.sum > 0.0) {
+        return None;
+    }
+    let peak = f.sum / (2.0 * std::f64::consts::PI * det.sqrt());
+    let half_sum = 0.5 * (xx + yy);
+    let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
+    let cut2 = cut(peak, smaller);
+    let (reach_x, reach_y) = ((cut2 * xx).sqrt(), (cut2 * yy).sqrt());
+    let (level, scale) = suited(levels, smaller);
+    let shape = &levels[level];
+    let pad = PAD as f64;
+    let x = (f.mean[0] + 0.5) * scale - 0.5 + pad;
+    let y = (f.mean[1] + 0.5) * scale - 0.5 + pad;
+    let (half_x, half_y) = (reach_x * scale, reach_y * scale);
+    let right = (shape.size.width + 2 * PAD - 1) as f64;
+    let bottom = (shape.rows - 1) as f64;
+    let outside = x + half_x < 0.0 || x - half_x > right || y + half_y < 0.0 || y - half_y > bottom;
+    // Not the negation: what is not a number stays out.
+    if outside || !(x.is_finite() && y.is_finite() && peak.is_finite()) {
+        return None;
+    }
+    // What the cut takes away is put back; nearest cuts are the most frequent.
+    let outside = if cut2 == NEAREST_CUT { NEAREST_SHARE } else { (-0.5 * cut2).exp() };
+    let mut peak = peak / (1.0 - outside);
+    let small = smaller < SMALL;
+    if small {
+        peak /= lattice_sum(f);
+    }
+    const HALF_LOG2_E: f64 = 0.5 * std::f64::consts::LOG2_E;
+    let unscale2 = 1.0 / (scale * scale);
+    let stroke = Stroke {
+        x: x as f32,
+        y: y as f32,
+        slope: (xy / yy) as f32,
+        along: (-HALF_LOG2_E * yy / det * unscale2) as f32,
+        down: (-HALF_LOG2_E / yy * unscale2) as f32,
+        end: (-HALF_LOG2_E * cut2) as f32,
+        peak: peak as f32,
+        half: half_y as f32,
+    };
+    Some(Placed { level, scale, small, stroke })
+}
+
+/// The coarsest plane that still shows a variance, and its scale.
+fn suited(levels: &[Level], variance: f64) -> (usize, f64) {
+    let mut level = 0;
+    let mut scale = 1.0;
+    let mut least = 4.0 * SHARPEST * SHARPEST;
+    while level + 1 < levels.len() && variance >= least {
+        level += 1;
+        scale *= 0.5;
+        least *= 4.0;
+    }
+    (level, scale)
 }
 
 /// Half of the frequencies that a variance of 1/12 lets through.
@@ -184,4 +214,26 @@ pub fn lattice_sum(f: &Footprint) -> f64 {
         }
     }
     sum
+}
+
+/// The logarithm of [`lattice_sum`]'s change with the mean (x, y) and the covariance (xx, xy, yy).
+pub fn lattice_slope(f: &Footprint) -> ([f64; 2], [f64; 3]) {
+    const TWO_PI: f64 = 2.0 * std::f64::consts::PI;
+    let [xx, xy, yy] = f.cov;
+    let (mut sum, mut mean, mut cov) = (1.0, [0.0; 2], [0.0; 3]);
+    for (i, j) in FREQUENCIES {
+        let power = -0.5 * TWO_PI * TWO_PI * (i * i * xx + 2.0 * i * j * xy + j * j * yy);
+        if power > -14.0 {
+            let (sin, cos) = (TWO_PI * (i * f.mean[0] + j * f.mean[1])).sin_cos();
+            let size = 2.0 * power.exp();
+            sum += size * cos;
+            let by_power = -0.5 * TWO_PI * TWO_PI * size * cos;
+            for (c, k) in cov.iter_mut().zip([i * i, 2.0 * i * j, j * j]) {
+                *c += by_power * k;
+            }
+            mean[0] -= size * sin * TWO_PI * i;
+            mean[1] -= size * sin * TWO_PI * j;
+        }
+    }
+    (mean.map(|v| v / sum), cov.map(|v| v / sum))
 }

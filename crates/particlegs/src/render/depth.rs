@@ -55,7 +55,7 @@ pub fn draw(scene: &Scene, view: &View, size: Size, look: Look, progress: &dyn P
 
 /// VTK's splats widen towards the edges by sqrt(1 + x^2/z^2) and sqrt(1 + y^2/z^2): constant for a
 /// pixel, so applied to the sum.
-fn grow(plane: &mut Plane, lens: &Lens) {
+pub(crate) fn grow(plane: &mut Plane, lens: &Lens) {
     let factor = |i: usize, center: f64| {
         let t = (i as f64 - center) / lens.focal;
         (1.0 + t * t).sqrt() as f32
@@ -92,6 +92,11 @@ pub(super) fn sum(
             Ok(project_run(m, start..m.len().min(start + RUN), lenses, &levels, &weight))
         })
         .collect::<Result<Vec<Bins>>>()?;
+    paint(&levels, &bins, progress)
+}
+
+/// Draws all strokes and sums the planes.
+pub(crate) fn paint(levels: &[Level], bins: &[Bins], progress: &dyn Progress) -> Result<Plane> {
     let mut planes: Vec<Vec<f32>> = levels.iter().map(|l| scratch::take(l.stride * l.rows)).collect();
     let bands: Vec<(&Level, usize, &mut [f32])> = levels
         .iter()
@@ -105,7 +110,7 @@ pub(super) fn sum(
         data.fill(0.0);
         let mut band = Band { data, stride: level.stride, width: level.size.width + 2 * PAD, first: b * BAND };
         let number = level.first_band + b;
-        for bin in &bins {
+        for bin in bins {
             raster::draw(&mut band, &bin.strokes[bin.starts[number] as usize..bin.starts[number + 1] as usize]);
         }
         Ok(())
@@ -172,7 +177,7 @@ fn project(g: &InCamera, lens: &Lens, binner: &mut Binner) {
 }
 
 /// A Gaussian in the camera's axes.
-pub(super) fn in_camera(m: &Mixture, i: usize, lens: &Lens, weight: f64) -> InCamera {
+pub(crate) fn in_camera(m: &Mixture, i: usize, lens: &Lens, weight: f64) -> InCamera {
     let a = &lens.axes;
     let v: [f64; 3] = std::array::from_fn(|k| m.mean[k][i] - lens.position[k]);
     let mean = a.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);

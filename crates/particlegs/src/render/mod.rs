@@ -12,15 +12,15 @@
 //! Models of the alpha-blend law are drawn by [`alpha`], behind the same calls.
 
 pub(crate) mod alpha;
-mod bins;
-mod depth;
-mod lens;
-mod project;
-mod pyramid;
-mod raster;
+pub(crate) mod bins;
+pub(crate) mod depth;
+pub(crate) mod lens;
+pub(crate) mod project;
+pub(crate) mod pyramid;
+pub(crate) mod raster;
 mod scene;
 mod scratch;
-mod slices;
+pub(crate) mod slices;
 mod surface;
 
 #[cfg(test)]

@@ -63,6 +63,52 @@ pub fn inverse_moments(d: f64, e: f64) -> DepthMoments {
     }
 }
 
+/// How [`DepthMoments`] change with the Gaussian's mean depth and with its variance of depth.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthSlopes {
+    /// With the mean depth.
+    pub by_depth: DepthMoments,
+    /// With the variance.
+    pub by_variance: DepthMoments,
+}
+
+/// The slopes of [`inverse_moments`] at `e = variance / d^2`.
+pub fn inverse_slopes(d: f64, variance: f64) -> DepthSlopes {
+    let s = 1.0 / d;
+    let s2 = s * s;
+    let e = variance * s2;
+    let (m2, by2) = (1.0 + e * (3.0 + 15.0 * e), 3.0 + 30.0 * e);
+    let (m3, by3) = (1.0 + e * (6.0 + 45.0 * e), 6.0 + 90.0 * e);
+    let (m4, by4) = (1.0 + e * (10.0 + 105.0 * e), 10.0 + 210.0 * e);
+    let spread = e * (1.0 + e * (24.0 - e * (75.0 + 450.0 * e)));
+    let by_spread = if spread > 0.0 { 1.0 + e * (48.0 - e * (225.0 + 1800.0 * e)) } else { 0.0 };
+    let inverse = 1.0 / m2;
+    let quotient = |v: f64, by: f64| (by - v * inverse * by2) * inverse;
+    let by_e = DepthMoments {
+        weight: by2 * s2,
+        mean: quotient(m3, by3) * s,
+        square: quotient(m4, by4) * s2,
+        variance: (by_spread - 2.0 * spread.max(0.0) * inverse * by2) * inverse * inverse * s2,
+    };
+    let m = inverse_moments(d, e);
+    // e falls with depth as 1/d^2, and the moments with their own powers of it.
+    let by_depth = |value: f64, power: f64, by_e: f64| -s * (power * value + 2.0 * e * by_e);
+    DepthSlopes {
+        by_depth: DepthMoments {
+            weight: by_depth(m.weight, 2.0, by_e.weight),
+            mean: by_depth(m.mean, 1.0, by_e.mean),
+            square: by_depth(m.square, 2.0, by_e.square),
+            variance: by_depth(m.variance, 2.0, by_e.variance),
+        },
+        by_variance: DepthMoments {
+            weight: by_e.weight * s2,
+            mean: by_e.mean * s2,
+            square: by_e.square * s2,
+            variance: by_e.variance * s2,
+        },
+    }
+}
+
 /// How lateral position follows depth: its slope, and what is left of the lateral covariance.
 #[derive(Clone, Copy, Debug)]
 pub struct Regression {

@@ -96,6 +96,60 @@ fn add_row(coarse: &[f32], level: &Level, row: usize, line: &mut [f32], fine: &m
     }
 }
 
+/// The transpose of [`add_up`] (its edges' repetition apart): what the gradient of the fine plane
+/// means for the coarse one.
+pub fn gather_down(fine: &[f32], fine_level: &Level, coarse: &mut [f32], coarse_level: &Level) {
+    coarse.par_chunks_mut(coarse_level.stride).take(coarse_level.rows).enumerate().for_each_init(
+        || (vec![0.0f32; fine_level.stride], [vec![], vec![]]),
+        |(line, halves), (row, coarse)| {
+            let level = crate::math::simd_level();
+            fearless_simd::dispatch!(level, _simd => gather_row(fine, fine_level, row, line, halves, coarse));
+        },
+    );
+}
+
+/// One coarse row: down first, into `line`, then across.
+#[inline(always)]
+fn gather_row(
+    fine: &[f32],
+    level: &Level,
+    row: usize,
+    line: &mut [f32],
+    halves: &mut [Vec<f32>; 2],
+    coarse: &mut [f32],
+) {
+    line.fill(0.0);
+    for k in row.saturating_sub(8)..=row {
+        // Fine rows 2 k and 2 k + 1 take coarse rows k.. and k + 1.. with the taps W, one reversed.
+        let even = (row - k < 8).then(|| (2 * k, W[7 - (row - k)]));
+        let odd = (row > k).then(|| (2 * k + 1, W[row - k - 1]));
+        for (from, w) in [even, odd].into_iter().flatten() {
+            if from < level.rows {
+                let from = &fine[from * level.stride..(from + 1) * level.stride];
+                line.iter_mut().zip(from).for_each(|(l, f)| *l += w * f);
+            }
+        }
+    }
+    // The same across: even and odd columns apart, eight zeros before each.
+    let width = level.size.width + 2 * PAD;
+    for (parity, half) in halves.iter_mut().enumerate() {
+        half.clear();
+        half.resize(8, 0.0);
+        half.extend(line[..width].iter().skip(parity).step_by(2));
+        half.resize(coarse.len() + 8, 0.0);
+    }
+    let n = coarse.len();
+    let even: [&[f32]; 8] = std::array::from_fn(|t| &halves[0][8 - t..][..n]);
+    let odd: [&[f32]; 8] = std::array::from_fn(|t| &halves[1][7 - t..][..n]);
+    for (c, out) in coarse.iter_mut().enumerate() {
+        let mut sum = 0.0;
+        for t in 0..8 {
+            sum += W[7 - t] * even[t][c] + W[t] * odd[t][c];
+        }
+        *out = sum;
+    }
+}
+
 /// Interpolation a quarter of a pixel past the fourth sample: the least-squares filter for
 /// Gaussians of sigma [`SHARPEST`] and wider, good to 8e-4 of their peak (the cubic: 1.3e-2).
 const W: [f32; 8] =
@@ -106,4 +160,31 @@ const W: [f32; 8] =
 fn taps(row: usize) -> [usize; 8] {
     let first = row / 2 + PAD - PAD / 2 - if row.is_multiple_of(2) { 4 } else { 3 };
     std::array::from_fn(|k| first + k)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    /// <U c, f> = <c, U^T f> where the edges are dark.
+    #[test]
+    fn gathering_is_the_transpose() {
+        let levels = levels(Size { width: 77, height: 50 });
+        let mut draw = Random::new(1, 0, 0);
+        let mut plane = |l: &Level| {
+            let mut p = vec![0.0f32; l.stride * l.rows];
+            for row in PAD..l.rows - PAD {
+                p[row * l.stride + PAD..][..l.size.width].fill_with(|| draw.normal() as f32);
+            }
+            p
+        };
+        let (coarse, fine) = (plane(&levels[1]), plane(&levels[0]));
+        let (mut up, mut down) = (vec![0.0; fine.len()], vec![0.0; coarse.len()]);
+        add_up(&coarse, &levels[1], &mut up, &levels[0]);
+        gather_down(&fine, &levels[0], &mut down, &levels[1]);
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| f64::from(x * y)).sum::<f64>();
+        let (a, b) = (dot(&up, &fine), dot(&coarse, &down));
+        assert!((a - b).abs() < 1e-3 * (1.0 + a.abs()), "{a} {b}");
+    }
 }

@@ -1,8 +1,8 @@
 //! What is drawn: the Gaussians, borrowed, and the bounds that clip where a view does not say.
 
 use super::alpha::Blend;
-use crate::camera::View;
-use crate::model::{Law, Mixture, Model};
+use crate::camera::{Normalisation, View};
+use crate::model::{Law, Mixture, Model, VizMapper};
 use crate::particles::Bounds;
 use crate::picture::{Gray8, Plane, Size};
 use crate::splat::{Look, tone};
@@ -28,6 +28,18 @@ impl<'a> Scene<'a> {
     /// One mixture of the optical-depth law, fitted to particles with these bounds.
     pub fn of_mixture(mixture: &'a Mixture, bounds: Bounds) -> Self {
         Scene { parts: vec![(mixture, 1.0)], bounds, blend: None }
+    }
+
+    /// One mixture of the alpha-blend law, which has opacities, with its network, if any; fitted to
+    /// particles with these bounds, with default `radius` and `opacity`.
+    pub fn of_shaded(
+        mixture: &'a Mixture,
+        vizmapper: Option<&'a VizMapper>,
+        bounds: Bounds,
+        [radius, opacity]: [f64; 2],
+    ) -> Self {
+        let blend = Blend { vizmapper, frame: Normalisation::of(&bounds), radius, opacity };
+        Scene { parts: vec![(mixture, 1.0)], bounds, blend: Some(blend) }
     }
 
     /// How its Gaussians become a picture.

@@ -6,7 +6,7 @@
 //! spline, inside the clipping range; its moments are sums over a fine grid of depths.
 
 use super::lens::Lens;
-use super::project::{DepthMoments, Footprint, InCamera};
+use super::project::{DepthMoments, DepthSlopes, Footprint, InCamera};
 
 /// A Gaussian whose depth spread is a larger share of its depth is cut.
 pub const LARGEST_SPREAD: f64 = 0.03;
@@ -49,14 +49,41 @@ pub fn fate(lens: &Lens, depth: f64, variance: f64) -> Fate {
 
 /// Calls `emit` with the footprint of each piece.
 pub fn cut(lens: &Lens, g: &InCamera, mut emit: impl FnMut(Footprint)) {
+    let r = g.regression();
+    slice::<3>(lens, g, |sums| emit(g.footprint(lens, &r, &moments(sums))));
+}
+
+/// Calls `emit` with the moments of each piece and their slopes; the splines stay where they are.
+pub fn cut_with_slopes(lens: &Lens, g: &InCamera, mut emit: impl FnMut(DepthMoments, DepthSlopes)) {
+    slice::<9>(lens, g, |sums| {
+        let [weight, first, second] = [sums[0], sums[1], sums[2]];
+        let m = moments(&[weight, first, second]);
+        let by = |at: usize| {
+            let mean = (sums[at + 1] - m.mean * sums[at]) / weight;
+            let square = (sums[at + 2] - m.square * sums[at]) / weight;
+            let variance = if m.variance > 0.0 { square - 2.0 * m.mean * mean } else { 0.0 };
+            DepthMoments { weight: sums[at], mean, square, variance }
+        };
+        emit(m, DepthSlopes { by_depth: by(3), by_variance: by(6) });
+    });
+}
+
+/// Moments from a piece's sums of w, w q and w q^2.
+fn moments(&[weight, first, second]: &[f64; 3]) -> DepthMoments {
+    let (mean, square) = (first / weight, second / weight);
+    DepthMoments { weight, mean, square, variance: (square - mean * mean).max(0.0) }
+}
+
+/// Calls `emit` with the sums of each piece: w, w q, w q^2 and, where `N` is 9, their changes with
+/// the mean depth and with its variance.
+fn slice<const N: usize>(lens: &Lens, g: &InCamera, mut emit: impl FnMut(&[f64; N])) {
     let [near, far] = lens.range;
     let sigma = g.cov[5].max(0.0).sqrt();
     let (lo, hi) = ((g.mean[2] - REACH * sigma).max(near), (g.mean[2] + REACH * sigma).min(far));
-    let r = g.regression();
     if lo >= hi {
         // No spread (or none inside): all or nothing, as for a particle.
         if g.mean[2] >= near && g.mean[2] <= far {
-            emit(g.footprint(lens, &r, &flat(lens, g.mean[2])));
+            emit(&flat(lens, g.mean[2]));
         }
         return;
     }
@@ -67,7 +94,7 @@ pub fn cut(lens: &Lens, g: &InCamera, mut emit: impl FnMut(Footprint)) {
     let step = if lens.perspective { STEP.min(own) } else { own };
     let steps = (length / step).ceil().clamp(1.0, MOST);
     let step = length / steps;
-    let mut pieces = vec![[0.0f64; 3]; steps as usize + 3];
+    let mut pieces = vec![[0.0f64; N]; steps as usize + 3];
     let points = steps as usize * POINTS;
     for i in 0..points {
         let u = (i as f64 + 0.5) / POINTS as f64;
@@ -79,30 +106,27 @@ pub fn cut(lens: &Lens, g: &InCamera, mut emit: impl FnMut(Footprint)) {
             (-0.5 * z * z).exp() * stretch * step / (POINTS as f64 * sigma * (2.0 * std::f64::consts::PI).sqrt());
         let (q, density) = if lens.perspective { (1.0 / depth, density / (depth * depth)) } else { (depth, density) };
         let first = u as usize;
+        // The density's relative changes with the mean and with the variance.
+        let slopes = [1.0, z / sigma, 0.5 * (z * z - 1.0) / (sigma * sigma)];
         for (k, b) in spline(u - first as f64).into_iter().enumerate() {
             let w = b * density;
-            let sums = &mut pieces[first + k];
-            sums[0] += w;
-            sums[1] += w * q;
-            sums[2] += w * q * q;
+            for (sums, slope) in pieces[first + k].chunks_exact_mut(3).zip(slopes) {
+                let w = w * slope;
+                sums[0] += w;
+                sums[1] += w * q;
+                sums[2] += w * q * q;
+            }
         }
     }
-    for [weight, first, second] in pieces {
-        if weight > 0.0 {
-            let (mean, square) = (first / weight, second / weight);
-            let variance = (square - mean * mean).max(0.0);
-            emit(g.footprint(lens, &r, &DepthMoments { weight, mean, square, variance }));
-        }
-    }
+    pieces.iter().filter(|sums| sums[0] > 0.0).for_each(emit);
 }
 
-/// Moments of a Gaussian without depth.
-fn flat(lens: &Lens, depth: f64) -> DepthMoments {
-    if lens.perspective {
-        super::project::inverse_moments(depth, 0.0)
-    } else {
-        DepthMoments { weight: 1.0, mean: depth, square: depth * depth, variance: 0.0 }
-    }
+/// Sums of a Gaussian without depth; what they would change with is left at 0.
+fn flat<const N: usize>(lens: &Lens, depth: f64) -> [f64; N] {
+    let (weight, q) = if lens.perspective { (1.0 / (depth * depth), 1.0 / depth) } else { (1.0, depth) };
+    let mut sums = [0.0; N];
+    sums[..3].copy_from_slice(&[weight, weight * q, weight * q * q]);
+    sums
 }
 
 /// The four cubic B-splines that reach a point `t` in [0, 1) of a step.

@@ -1,7 +1,8 @@
 //! The looks a picture can have.
 
 /// How optical depth, or a snapshot, becomes grey levels (spec: metrics.md).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Look {
     /// ParaView 6.0's default: four-layer dual depth peeling, 8-bit blending, FXAA.
     Paraview,

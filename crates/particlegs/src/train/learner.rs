@@ -5,14 +5,34 @@ use super::state::State;
 use crate::Result;
 use crate::camera::View;
 use crate::model::{Mixture, VizMapper};
-use crate::picture::Plane;
+use crate::picture::{Plane, Size};
 
 /// A picture to learn from.
 pub(crate) struct Shot<'a> {
     /// Camera, radius and opacity.
     pub view: &'a View,
-    /// Brightness wanted, in [0, 1]; its size is the picture's.
+    /// Brightness wanted, in [0, 1]; its size is the crop's.
     pub target: &'a Plane,
+    /// The part of the view's picture that the target shows.
+    pub crop: Crop,
+}
+
+/// A part of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Crop {
+    /// The whole picture.
+    pub full: Size,
+    /// Left column and top row of the part.
+    pub corner: [usize; 2],
+    /// The part.
+    pub size: Size,
+}
+
+impl Crop {
+    /// All of it.
+    pub fn whole(full: Size) -> Self {
+        Crop { full, corner: [0, 0], size: full }
+    }
 }
 
 /// Where in a run a step stands.
@@ -22,6 +42,8 @@ pub(crate) struct Moment {
     pub iteration: u64,
     /// Steps of the whole run.
     pub iterations: u64,
+    /// Share of the run that is done, by steps or by time, whichever is more.
+    pub done: f64,
     /// Density control of the stage.
     pub densify: Densify,
 }

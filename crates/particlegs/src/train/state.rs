@@ -36,3 +36,79 @@ impl State {
             .ok_or_else(|| format!("no column `{name}` of {len} numbers"))
     }
 }
+
+/// What a file of a state begins with.
+const MAGIC: &[u8; 8] = b"PGSTATE1";
+
+impl State {
+    /// All columns as bytes, little-endian: magic; for single, then double precision u32 number of
+    /// columns, and of each u32 length of its name, name, u64 numbers, numbers.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut out = MAGIC.to_vec();
+        let head = |out: &mut Vec<u8>, name: &str, len: usize| {
+            out.extend((name.len() as u32).to_le_bytes());
+            out.extend(name.as_bytes());
+            out.extend((len as u64).to_le_bytes());
+        };
+        out.extend((self.columns.len() as u32).to_le_bytes());
+        for (name, c) in &self.columns {
+            head(&mut out, name, c.len());
+            c.iter().for_each(|v| out.extend(v.to_le_bytes()));
+        }
+        out.extend((self.numbers.len() as u32).to_le_bytes());
+        for (name, c) in &self.numbers {
+            head(&mut out, name, c.len());
+            c.iter().for_each(|v| out.extend(v.to_le_bytes()));
+        }
+        out
+    }
+
+    /// The state of bytes; `None` where they are none.
+    pub fn of_bytes(bytes: &[u8]) -> Option<State> {
+        let mut rest = bytes.strip_prefix(MAGIC)?;
+        let columns = read_columns(&mut rest, f32::from_le_bytes)?;
+        let numbers = read_columns(&mut rest, f64::from_le_bytes)?;
+        rest.is_empty().then_some(State { columns, numbers })
+    }
+}
+
+fn read_columns<T, const N: usize>(
+    rest: &mut &[u8],
+    number: impl Fn([u8; N]) -> T,
+) -> Option<BTreeMap<String, Vec<T>>> {
+    let mut take = |n: usize| -> Option<&[u8]> {
+        let (own, after) = rest.split_at_checked(n)?;
+        *rest = after;
+        Some(own)
+    };
+    let mut columns = BTreeMap::new();
+    for _ in 0..u32::from_le_bytes(take(4)?.try_into().ok()?) {
+        let name = u32::from_le_bytes(take(4)?.try_into().ok()?);
+        let name = String::from_utf8(take(name as usize)?.to_vec()).ok()?;
+        let len = usize::try_from(u64::from_le_bytes(take(8)?.try_into().ok()?)).ok()?;
+        let bytes = take(len.checked_mul(N)?)?;
+        columns.insert(name, bytes.chunks_exact(N).filter_map(|c| Some(number(c.try_into().ok()?))).collect());
+    }
+    Some(columns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_come_back_bit_by_bit_and_broken_bytes_are_none() {
+        let mut state = State::default();
+        state.columns.insert("a".into(), vec![1.0, -0.0, f32::MIN_POSITIVE]);
+        state.columns.insert("empty".into(), vec![]);
+        state.numbers.insert("b".into(), vec![1.0 / 3.0, f64::INFINITY]);
+        let bytes = state.to_bytes();
+        assert_eq!(State::of_bytes(&bytes), Some(state));
+        for cut in 0..bytes.len() {
+            assert_eq!(State::of_bytes(&bytes[..cut]), None, "{cut}");
+        }
+        let mut long = bytes.clone();
+        long[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
+        assert_eq!(State::of_bytes(&long), None);
+    }
+}

@@ -21,11 +21,14 @@ const LEAST_SCALE: f64 = 1e-12;
 /// What an alpha-blend scene has beside its Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::render) struct Blend<'a> {
-    vizmapper: Option<&'a VizMapper>,
+    /// Its network, if any.
+    pub vizmapper: Option<&'a VizMapper>,
     /// The training frame.
     pub frame: Normalisation,
-    radius: f64,
-    opacity: f64,
+    /// Default radius, world units.
+    pub radius: f64,
+    /// Default opacity.
+    pub opacity: f64,
 }
 
 impl<'a> Blend<'a> {

@@ -27,8 +27,10 @@ pub(crate) struct Eye {
     pub guard: [f64; 2],
     /// Depths outside are not drawn.
     pub range: [f64; 2],
-    /// The picture's size.
+    /// Pixels that are drawn.
     pub size: Size,
+    /// Half the whole picture's pixels across and down.
+    pub half: [f64; 2],
 }
 
 impl Eye {
@@ -58,7 +60,14 @@ impl Eye {
             guard: half.map(|h| GUARD * h / focal),
             range: [(near * frame.scale).max(NEAR), far * frame.scale],
             size,
+            half,
         })
+    }
+
+    /// That draws only a part of its picture: `size` pixels from column and row `corner` on.
+    pub fn part(self, corner: [usize; 2], size: Size) -> Eye {
+        let center = std::array::from_fn(|k| self.center[k] - corner[k] as f64);
+        Eye { center, size, ..self }
     }
 
     /// Camera coordinates of a place in the training frame: right, down, depth.

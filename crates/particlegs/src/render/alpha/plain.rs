@@ -30,7 +30,7 @@ pub(crate) fn footprint(eye: &Eye, g: &Gaussian) -> Option<([f64; 2], [f64; 3], 
     let (a, b, c) = (s[0][0] + 1.0, s[0][1], s[1][1] + 1.0);
     let det = a * c - b * b;
     let compensation = (before / det).max(2.5e-5).sqrt();
-    let at = [f * x / z + 0.5 * eye.size.width as f64 - 0.5, f * y / z + 0.5 * eye.size.height as f64 - 0.5];
+    let at = [f * x / z + eye.center[0], f * y / z + eye.center[1]];
     Some((at, [c / det, -b / det, a / det], g.opacity * compensation))
 }
 

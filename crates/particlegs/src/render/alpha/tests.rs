@@ -131,6 +131,22 @@ fn order_and_what_is_not_seen_do_not_matter() {
     assert_eq!(bits(&alone), bits(&draw(&e, &both, CutOffs::PUBLISHED)));
 }
 
+/// A part of a picture is that part of the picture, to the rounding of pixel coordinates.
+#[test]
+fn parts_are_cut_out() {
+    let g = gaussians(12, 400, 0.06);
+    let e = eye([1.0, 2.0, 4.0]);
+    let whole = draw(&e, &g, CutOffs::PUBLISHED);
+    let (corner, size) = ([21, 9], Size { width: 40, height: 33 });
+    let part = draw(&e.part(corner, size), &g, CutOffs::PUBLISHED);
+    let mut far = 0;
+    for (i, v) in part.data.iter().enumerate() {
+        let at = (i / size.width + corner[1]) * SIZE.width + i % size.width + corner[0];
+        far += usize::from((v - whole.data[at]).abs() > 1e-5);
+    }
+    assert!(far < 4, "{far}");
+}
+
 #[test]
 fn none_at_all_is_black() {
     assert!(draw(&eye([0.0, 0.0, 4.0]), &[], CutOffs::PUBLISHED).data.iter().all(|v| *v == 0.0));

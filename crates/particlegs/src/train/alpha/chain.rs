@@ -40,7 +40,7 @@ pub(super) fn chain(eye: &Eye, one: &One, adapted: &Adapted, sums: &Sums) -> Slo
         logit: sum * (1.0 - opacity),
         odds: sum * (1.0 - opacity) / adapted.odds,
         feature: if 0.5 + SH0 * one.feature > 0.0 { SH0 * grey } else { 0.0 },
-        screen: (at[0] * 0.5 * eye.size.width as f64).hypot(at[1] * 0.5 * eye.size.height as f64),
+        screen: (at[0] * eye.half[0]).hypot(at[1] * eye.half[1]),
         ..Slopes::default()
     };
     shape(one, adapted.scale, &with_cov, &mut out);

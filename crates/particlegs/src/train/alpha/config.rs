@@ -1,6 +1,7 @@
 //! What can be chosen about training under the alpha-blend law.
 
 use crate::model::VizRanges;
+use crate::{Error, Result};
 
 /// Hyper-parameters; the default is the published single-block recipe (spec: paper.md). When to
 /// densify stands in [`crate::train::Densify`].
@@ -84,6 +85,41 @@ impl AlphaConfig {
         }
     }
 
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the first one out of range.
+    pub fn check(&self) -> Result<()> {
+        let fail = |what: &str| Err(Error::argument(format!("training: alpha_blend: {what}")));
+        let rates = [
+            self.position_rate,
+            self.position_rate_end,
+            self.scale_rate,
+            self.rotation_rate,
+            self.opacity_rate,
+            self.feature_rate,
+            self.vizmapper_rate,
+        ];
+        if !rates.iter().all(|r| (0.0..=1.0).contains(r)) {
+            return fail("rates must be within 0 to 1");
+        }
+        let share = |v: f64| (0.0..1.0).contains(&v);
+        let VizRanges { scale, opacity, floor } = self.ranges;
+        if !(share(scale) && share(opacity) && floor > 0.0 && floor.is_finite()) {
+            return fail("ranges: scale and opacity must be within 0 to 1, floor above 0");
+        }
+        if !(self.extent > 0.0 && self.extent.is_finite()) {
+            return fail("extent must be positive");
+        }
+        let weights = [self.vizmapper_clip, self.identity, self.percent_dense];
+        if !(share(self.least_opacity) && weights.iter().all(|v| *v >= 0.0 && v.is_finite())) {
+            return fail(
+                "least_opacity must be within 0 to 1; vizmapper_clip, identity and percent_dense must not be negative",
+            );
+        }
+        Ok(())
+    }
+
     /// Adam's rate for positions at the step of that number, counted from 1.
     pub(super) fn position_rate_at(&self, step: u64) -> f64 {
         let t = (step as f64 / self.position_rate_steps.max(1) as f64).min(1.0);
@@ -107,6 +143,10 @@ mod tests {
         assert!((c.position_rate_at(25_000) / 4.4 - 1.6e-5).abs() < 1e-12);
         assert!((c.position_rate_at(90_000) / 4.4 - 1.6e-6).abs() < 1e-12);
         assert!((c.reset_opacity() - 0.0133).abs() < 1e-12);
+        c.check().unwrap();
+        AlphaConfig::fine_tuning().check().unwrap();
+        let fault = AlphaConfig { extent: f64::NAN, ..c }.check().unwrap_err().to_string();
+        assert_eq!(fault, "training: alpha_blend: extent must be positive");
         let text = serde_json::to_string(&c).unwrap();
         assert_eq!(serde_json::from_str::<AlphaConfig>(&text).unwrap(), c);
         assert_eq!(serde_json::from_str::<AlphaConfig>("{}").unwrap(), c);

@@ -104,7 +104,8 @@ fn shown(drawn: &Plane) -> Plane {
 
 impl Learner for AlphaLearner {
     fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &Moment) -> Result<Stepped> {
-        let eye = Eye::new(shot.view, shot.target.size, &self.ground.frame)?;
+        let crop = &shot.crop;
+        let eye = Eye::new(shot.view, crop.full, &self.ground.frame)?.part(crop.corner, crop.size);
         let setting =
             Setting { radius: shot.view.radius / self.ground.radius, opacity: shot.view.opacity / self.ground.opacity };
         let mapper = self.mapper.as_ref().map(|m| Mapper {

@@ -11,7 +11,7 @@ use crate::progress::Silent;
 use crate::reference::Reference;
 use crate::render::{self, Scene};
 use crate::splat::Look;
-use crate::train::learner::{Densify, Learner, Moment, NotFinite, Shot};
+use crate::train::learner::{Crop, Densify, Learner, Moment, NotFinite, Shot};
 use crate::train::loss::Loss;
 use crate::train::state::State;
 
@@ -66,14 +66,22 @@ fn lesson_of(folder: &str, size: Size, frames: usize) -> Lesson {
     Lesson { bounds, particles, shots }
 }
 
+fn shot<'a>(view: &'a View, target: &'a Plane) -> Shot<'a> {
+    Shot { view, target, crop: Crop::whole(target.size) }
+}
+
+fn moment(iteration: u64, iterations: u64, densify: Densify) -> Moment {
+    Moment { iteration, iterations, done: iteration as f64 / iterations as f64, densify }
+}
+
 const STILL: Densify = Densify { every: 0, until: 0, threshold: 2e-4 };
 
 fn train(learner: &mut AlphaLearner, lesson: &Lesson, from: u64, steps: u64, densify: Densify) -> f64 {
     let mut sum = 0.0;
     for iteration in from..from + steps {
         let (view, _, target) = &lesson.shots[iteration as usize % lesson.shots.len()];
-        let at = Moment { iteration, iterations: from + steps, densify };
-        let stepped = learner.step(&Shot { view, target }, &Loss::PUBLISHED, &at).unwrap();
+        let at = moment(iteration, from + steps, densify);
+        let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
         assert_eq!(stepped.not_finite, None);
         sum += stepped.loss;
         learner.control(&at);
@@ -183,8 +191,8 @@ fn gradients_that_are_not_numbers_are_survived() {
         let before = learner.state();
         learner.spoil = Some((group, 17, value));
         let (view, _, target) = &lesson.shots[0];
-        let at = Moment { iteration: 3, iterations: 9, densify: STILL };
-        let stepped = learner.step(&Shot { view, target }, &Loss::PUBLISHED, &at).unwrap();
+        let at = moment(3, 9, STILL);
+        let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
         assert_eq!(stepped.not_finite, Some(NotFinite { group: group.name(), gaussian: 17, count: 1 }));
         let after = learner.state();
         for g in Group::ALL {
@@ -205,15 +213,15 @@ fn parameters_and_targets_that_are_not_numbers_are_named() {
     let mut learner = small_learner(&lesson, AlphaConfig::default());
     learner.parameters.0[Group::Rotation as usize][4 * 33 + 1] = f32::NAN;
     let (view, _, target) = &lesson.shots[0];
-    let at = Moment { iteration: 0, iterations: 9, densify: STILL };
-    let stepped = learner.step(&Shot { view, target }, &Loss::PUBLISHED, &at).unwrap();
+    let at = moment(0, 9, STILL);
+    let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
     assert_eq!(stepped.not_finite, Some(NotFinite { group: "rotation", gaussian: 33, count: 1 }));
     assert!(learner.mapper.as_ref().unwrap().parameters.iter().all(|v| v.is_finite()));
     let mut target = target.clone();
     target.data.fill(f32::NAN);
     let mut learner = small_learner(&lesson, AlphaConfig::default());
     let before = learner.parameters.clone();
-    let stepped = learner.step(&Shot { view, target: &target }, &Loss::PUBLISHED, &at).unwrap();
+    let stepped = learner.step(&shot(view, &target), &Loss::PUBLISHED, &at).unwrap();
     assert!(stepped.not_finite.unwrap().count > 100);
     assert!(learner.parameters.0.iter().flatten().all(|v| v.is_finite()));
     assert_eq!(learner.len(), before.len());
@@ -241,7 +249,7 @@ fn density_control_by_hand() {
         l
     };
     let due = Densify { every: 10, until: 100, threshold: 5e-4 };
-    let at = |iteration, densify| Moment { iteration, iterations: 1000, densify };
+    let at = |iteration, densify| moment(iteration, 1000, densify);
     let mut l = fresh();
     for quiet in [at(8, due), at(109, due), at(9, Densify { every: 0, ..due })] {
         l.control(&quiet);
@@ -289,8 +297,8 @@ fn models_hold_what_was_trained() {
     assert!((sum / lesson.particles.len() as f64 - 1.0).abs() < 1e-12);
     let mut again = AlphaLearner::from_model(&m, learner.ground, learner.config).unwrap();
     let (view, _, target) = &lesson.shots[1];
-    let at = Moment { iteration: 30, iterations: 31, densify: STILL };
-    let shot = Shot { view, target };
+    let at = moment(30, 31, STILL);
+    let shot = shot(view, target);
     let losses = [&mut learner, &mut again].map(|l| l.step(&shot, &Loss::PUBLISHED, &at).unwrap().loss);
     assert!((losses[0] - losses[1]).abs() < 1e-6, "{losses:?}");
     let drawn = render::draw(&Scene::of(&m), view, QUICK, Look::Expected, &Silent).unwrap();

@@ -1,21 +1,20 @@
-//! `blocks/00000.checkpoint`: finished pieces of a block's fits.
+//! A file of finished pieces: what an interrupted job goes on from.
 //!
-//! Little-endian: magic, the plan's id, u32 block; pieces (u32 length of the key, key, u64 length,
-//! bytes); CRC-32 of all that.
+//! Little-endian: magic, the 32 bytes that say whose it is; pieces (u32 length of the key, key, u64
+//! length, bytes); CRC-32 of all that.
 
-use super::manifest::Job;
 use crate::fit::Pieces;
 use crate::{Error, Result, output};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-const MAGIC: &[u8; 8] = b"PGSCKPT1";
+const MAGIC: &[u8; 8] = b"PGSCKPT2";
 /// A process that is killed outright loses at most about this much.
 const INTERVAL: Duration = Duration::from_secs(60);
 
 /// Pieces kept in memory, and in a file from time to time.
-pub(super) struct Checkpoint {
+pub struct Checkpoint {
     path: PathBuf,
     head: Vec<u8>,
     pieces: BTreeMap<String, Vec<u8>>,
@@ -25,11 +24,13 @@ pub(super) struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// What is there of a block; nothing where the file is missing, broken or of another plan: it only
-    /// saves time.
-    pub(super) fn open(job: &Job, block: u32) -> Result<Checkpoint> {
-        let path = job.block_path(block, "checkpoint");
-        let head = [&MAGIC[..], &job.id, &block.to_le_bytes()].concat();
+    /// What is there of the work that `whose` names; nothing where the file is missing, broken or of
+    /// other work: it only saves time.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the file is there and cannot be read.
+    pub fn open(path: PathBuf, whose: &[u8; 32]) -> Result<Checkpoint> {
+        let head = [&MAGIC[..], whose].concat();
         let pieces = match std::fs::read(&path) {
             Ok(bytes) => pieces_of(&bytes, &head).unwrap_or_default(),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => BTreeMap::new(),
@@ -38,13 +39,27 @@ impl Checkpoint {
         Ok(Checkpoint { path, head, pieces, saved: Instant::now(), unsaved: 0 })
     }
 
+    /// Of new work: what is there is not looked at.
+    pub fn fresh(path: PathBuf, whose: &[u8; 32]) -> Checkpoint {
+        let head = [&MAGIC[..], whose].concat();
+        Checkpoint { path, head, pieces: BTreeMap::new(), saved: Instant::now(), unsaved: 0 }
+    }
+
     /// Number of pieces.
-    pub(super) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.pieces.len()
     }
 
+    /// Are there none?
+    pub fn is_empty(&self) -> bool {
+        self.pieces.is_empty()
+    }
+
     /// Writes what the file does not hold yet.
-    pub(super) fn save(&mut self) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn save(&mut self) -> Result<()> {
         if self.unsaved == 0 {
             return Ok(());
         }
@@ -61,8 +76,11 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Removes the file: the block is done.
-    pub(super) fn remove(self) -> Result<()> {
+    /// Removes the file: the work is done.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn remove(self) -> Result<()> {
         match std::fs::remove_file(&self.path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&self.path, e)),
             _ => Ok(()),
