@@ -9,7 +9,7 @@
 //! from coarse to fine. The sum is the optical depth; [`draw`] passes it through a look's curve.
 //! The same machinery with masses instead of counts gives the surface density.
 //!
-//! Models of the alpha-blend law are drawn by [`alpha`], behind the same calls.
+//! Models of the alpha-blend law are drawn by `alpha`, behind the same calls.
 
 pub(crate) mod alpha;
 pub(crate) mod bins;

@@ -87,8 +87,10 @@ impl Plan {
         let run = RUN.max(seen.len().div_ceil(MOST_BINS));
         let entries: u64 = seen.iter().map(|(_, s)| s.touched.number()).sum();
         let places = (seen.len().div_ceil(run) * (tiles.number() + 1)) as u64;
-        if entries > u64::from(u32::MAX) {
-            return Err(Error::Memory { what: "a picture".into(), need_bytes: 4 * entries, have_bytes: 1 << 34 });
+        // Bins count with 32 bits.
+        let most = u64::from(u32::MAX);
+        if entries > most {
+            return Err(Error::Memory { what: "a picture".into(), need_bytes: 4 * entries, have_bytes: 4 * most });
         }
         memory::require("a picture", 4 * (entries + 2 * places))?;
         let touched: Vec<Touched> = order.iter().map(|(_, place)| seen[*place as usize].1.touched).collect();

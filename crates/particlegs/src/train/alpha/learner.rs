@@ -118,7 +118,7 @@ impl Learner for AlphaLearner {
         // Brightness beyond white is cut: nothing there moves it.
         let beyond = valued.gradient.data.iter_mut().zip(&pass.drawn.data);
         beyond.filter(|(_, b)| **b > 1.0).for_each(|(g, _)| *g = 0.0);
-        #[allow(unused_mut)]
+        #[cfg_attr(not(test), allow(unused_mut))]
         let mut gradient = pass.back(&valued.gradient);
         #[cfg(test)]
         if let Some((group, i, v)) = self.spoil.take() {
@@ -137,8 +137,9 @@ impl Learner for AlphaLearner {
         if let Some(g) = gradient.network
             && !self.descend_network(g)
         {
-            not_finite = not_finite.or(Some(NotFinite { group: "vizmapper", gaussian: 0, count: 0 }));
+            not_finite = not_finite.or(Some(NotFinite { group: "vizmapper", gaussian: 0, count: 1 }));
         }
+        // The picture's loss alone: what holds the network to the identity is no measure of it.
         Ok(Stepped { loss: valued.value, not_finite })
     }
 
@@ -204,13 +205,22 @@ impl Learner for AlphaLearner {
             all.push(averages(g.name(), len, steps[g as usize])?);
         }
         let screen = state.column("screen", 2 * n)?;
-        if let Some(m) = &mut self.mapper {
-            m.parameters = state.column("vizmapper", VIZMAPPER_PARAMETERS)?.to_vec();
-            self.mapper_averages = averages("vizmapper", VIZMAPPER_PARAMETERS, steps[GROUPS])?;
+        let network = match &self.mapper {
+            None => None,
+            Some(_) => Some((
+                state.column("vizmapper", VIZMAPPER_PARAMETERS)?.to_vec(),
+                averages("vizmapper", VIZMAPPER_PARAMETERS, steps[GROUPS])?,
+            )),
+        };
+        // All is there: nothing was changed until now.
+        let all = all.try_into().map_err(|_| "groups are missing")?;
+        if let (Some(m), Some((parameters, averages))) = (&mut self.mapper, network) {
+            m.parameters = parameters;
+            self.mapper_averages = averages;
         }
         self.screen = screen.chunks_exact(2).map(|c| [c[0], c[1]]).collect();
         self.parameters = parameters;
-        self.averages = all.try_into().map_err(|_| "groups are missing")?;
+        self.averages = all;
         Ok(())
     }
 }
