@@ -122,3 +122,27 @@ fn what_is_not_seen_wants_nothing_and_order_does_not_matter() {
     let none = Parameters::default();
     assert!(Pass::new(&eye, &none, None, of, CutOffs::PUBLISHED).unwrap().drawn.data.iter().all(|v| *v == 0.0));
 }
+
+/// Three Gaussians that leave less than 1e-4: what is behind them wants nothing, and they want the
+/// same with and without it.
+#[test]
+fn what_is_hidden_wants_nothing() {
+    let eye = Eye::new(&view([0.0, 0.0, 3.0]), SIZE, &FRAME).unwrap();
+    let mut draw = Random::new(8, 1, 3);
+    let want = Plane { size: SIZE, data: (0..SIZE.pixels()).map(|_| draw.normal() as f32).collect() };
+    let of = Setting { radius: 1.0, opacity: 1.0 };
+    let back = |p: &Parameters| Pass::new(&eye, p, None, of, CutOffs::PUBLISHED).unwrap().back(&want);
+    let mut wall = Parameters::default();
+    for k in 0..3 {
+        let rotation = [1.0, 0.0, 0.0, 0.0];
+        let position = [0.0, 0.0, 1.0 - 0.1 * f64::from(k)];
+        wall.push(&One { position, log_scale: [2.0, 2.0, -3.0], rotation, logit: 12.0, feature: 0.3 });
+    }
+    let mut both = wall.clone();
+    (0..20).for_each(|i| both.push(&drawn(6, i)));
+    let (alone, hidden) = (back(&wall), back(&both));
+    for i in 0..23 {
+        let law = if i < 3 { alone.parameters.get(i) } else { Parameters::zeros(1).get(0) };
+        assert_eq!(hidden.parameters.get(i), law, "{i}");
+    }
+}
