@@ -2,7 +2,8 @@
 
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::fit::{PartitionOptions, partition};
-use particlegs::particles::open_raw;
+use particlegs::model::{Mixture, Shade, VizMapper, VizRanges};
+use particlegs::particles::{Bounds, open_raw};
 use particlegs::picture::Size;
 use particlegs::progress::Silent;
 use particlegs::render::{Scene, optical_depth};
@@ -14,6 +15,24 @@ fn main() {
 /// The sample's partition at 1080p, from the far orbit's distance.
 #[divan::bench(args = [2_000, 20_000, 171_000], sample_count = 10)]
 fn far_1080p(bencher: divan::Bencher, gaussians: usize) {
+    let (mixture, bounds, size, view) = far(gaussians);
+    let scene = Scene::of_mixture(&mixture, bounds);
+    bencher.bench(|| optical_depth(&scene, &view, size, &Silent).expect("a picture"));
+}
+
+/// The same Gaussians drawn by the alpha-blend law, all of one opacity, with the network.
+#[divan::bench(args = [2_000, 20_000, 171_000], sample_count = 10)]
+fn alpha_blend_far_1080p(bencher: divan::Bencher, gaussians: usize) {
+    let (mut mixture, bounds, size, view) = far(gaussians);
+    let n = mixture.len();
+    mixture.shade = Some(Shade { opacity: vec![0.3; n], grey: vec![1.0; n] });
+    let network = VizMapper::new(VizRanges::TRAINING, 1);
+    let scene = Scene::of_shaded(&mixture, Some(&network), bounds, [view.radius, view.opacity]);
+    bencher.bench(|| optical_depth(&scene, &view, size, &Silent).expect("a picture"));
+}
+
+/// A partition of the sample, and a view of it from the far orbit.
+fn far(gaussians: usize) -> (Mixture, Bounds, Size, View) {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
     let particles = open_raw(&[folder.into()]).expect("the sample");
     let bounds = particles.bounds();
@@ -23,6 +42,5 @@ fn far_1080p(bencher: divan::Bencher, gaussians: usize) {
     let size = Size { width: 1920, height: 1080 };
     let camera = spherical_camera(bounds.center(), 30.0, 20.0, base_distance(&bounds, size));
     let view = View { name: "far".into(), camera, radius, opacity: 0.05 };
-    let scene = Scene::of_mixture(&mixture, bounds);
-    bencher.bench(|| optical_depth(&scene, &view, size, &Silent).expect("a picture"));
+    (mixture, bounds, size, view)
 }

@@ -4,7 +4,9 @@
 mod random;
 mod simd;
 mod symmetric;
+mod vector;
 
 pub use random::Random;
 pub use simd::{set_simd, simd_level};
 pub use symmetric::{Eigen, Sym3};
+pub(crate) use vector::{across, add_product, exp2};

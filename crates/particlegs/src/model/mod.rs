@@ -5,6 +5,7 @@ mod certificate;
 mod metadata;
 mod mixture;
 mod science;
+pub(crate) mod vizmapper;
 
 pub use alpha_blend::{Shade, VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 pub use certificate::{Certificate, LookScore, OrbitScore};

@@ -1,5 +1,6 @@
 //! Optical depth, and the picture.
 
+use super::alpha;
 use super::bins::{Binner, Bins};
 use super::lens::Lens;
 use super::project::{DepthMoments, InCamera, inverse_moments};
@@ -13,7 +14,7 @@ use crate::camera::{Projection, View};
 use crate::model::Mixture;
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
-use crate::splat::{Look, tone};
+use crate::splat::Look;
 use rayon::prelude::*;
 
 /// Gaussians projected in one step; fixed, so that sums do not depend on threads.
@@ -22,10 +23,17 @@ const RUN: usize = 4096;
 /// Optical depth a pixel: `tau = sum n W N2` (spec: optical-depth.md), every Gaussian integrated
 /// along depth. The growth of splats towards the corners is taken where they land.
 ///
+/// Of a scene of the alpha-blend law, whose pictures are brightnesses b in [0, 1], it is the depth
+/// that would look as bright: `-ln(1 - b)`.
+///
 /// # Errors
-/// [`crate::Error::Argument`] where the view has a number outside its range,
-/// [`crate::Error::Cancelled`].
+/// [`crate::Error::Argument`] where the view has a number outside its range, for an orthographic
+/// view of the alpha-blend law, and where one of its Gaussians is not a number;
+/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
+    if let Some(blend) = &scene.blend {
+        return alpha::optical_depth(blend, &scene.parts, view, size, progress);
+    }
     let lens = Lens::optical(view, size, &scene.bounds)?;
     let mut plane = sum(scene, &[lens], size, |m, _, i| m.count[i], progress)?;
     if matches!(view.camera.projection, Projection::Perspective { .. }) {
@@ -34,13 +42,13 @@ pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Prog
     Ok(plane)
 }
 
-/// The picture of a scene in a look.
+/// The picture of a scene in a look; a scene of the alpha-blend law has one look ([`Scene::tone`]).
 ///
 /// # Errors
 /// As [`optical_depth`].
 pub fn draw(scene: &Scene, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
     let tau = optical_depth(scene, view, size, progress)?;
-    let picture = tone(&tau, look, view.opacity, view.radius_pixels(size));
+    let picture = scene.tone(&tau, look, view, size);
     scratch::give(tau.data);
     Ok(picture)
 }

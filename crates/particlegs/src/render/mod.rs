@@ -1,4 +1,5 @@
-//! Floor 3: a mixture becomes a picture by the optical-depth law (spec: optical-depth.md).
+//! Floor 3: a mixture becomes a picture, by default under the optical-depth law (spec:
+//! optical-depth.md).
 //!
 //! A [`Scene`] borrows the Gaussians. A `lens` puts each on the picture plane: position, the
 //! moments of its inverse depth, and a 2-D covariance; Gaussians that the camera stands in, that
@@ -7,7 +8,10 @@
 //! they touch (`bins`), bands are drawn over all cores (`raster`), and the levels are summed
 //! from coarse to fine. The sum is the optical depth; [`draw`] passes it through a look's curve.
 //! The same machinery with masses instead of counts gives the surface density.
+//!
+//! Models of the alpha-blend law are drawn by `alpha`, behind the same calls.
 
+pub(crate) mod alpha;
 pub(crate) mod bins;
 pub(crate) mod depth;
 pub(crate) mod lens;

@@ -9,7 +9,7 @@ use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::render::{self, Scene};
-use crate::splat::{Look, tone};
+use crate::splat::Look;
 use crate::{Error, Result};
 
 /// Scores `model` against `particles` in `views`, drawn at `size`. Views without a clipping range
@@ -96,7 +96,7 @@ fn evaluate_view(
 ) -> Result<ViewScores> {
     let truth = Truth::draw(reference, view, size, progress)?;
     let tau = render::optical_depth(scene, view, size, progress)?;
-    let drawn = |look| tone(&tau, look, view.opacity, view.radius_pixels(size));
+    let drawn = |look| scene.tone(&tau, look, view, size);
     let no_fxaa = drawn(Look::ParaviewNoFxaa);
     let target = truth.picture(Look::ParaviewNoFxaa);
     Ok(ViewScores {

@@ -4,6 +4,7 @@
 //! down the gradient of a [`Loss`].
 
 mod adam;
+mod alpha;
 mod cameras;
 mod config;
 mod depth;
@@ -15,6 +16,7 @@ mod run;
 mod state;
 mod targets;
 
+pub use alpha::AlphaConfig;
 pub use cameras::Defaults;
 pub use config::{Cameras, Config, Preset, Stage, Start};
 pub use depth::{DepthConfig, Rates};

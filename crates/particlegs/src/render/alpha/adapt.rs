@@ -1,0 +1,122 @@
+//! From a scene's Gaussians to those of a view: into the training frame, bent for its radius and
+//! opacity.
+
+use super::project::Gaussian;
+use crate::camera::{Normalisation, View};
+use crate::math::Sym3;
+use crate::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
+use crate::model::{Law, Mixture, Model, VizMapper};
+use crate::{Error, Result};
+use rayon::prelude::*;
+
+/// Gaussians in one step of parallel work.
+const RUN: usize = 4096;
+
+/// Opacities are kept this far from 0 and 1, where logits are infinite.
+const EDGE: f64 = 1e-9;
+
+/// Scales (training frame) are taken as no smaller than this where their logarithm is wanted.
+const LEAST_SCALE: f64 = 1e-12;
+
+/// What an alpha-blend scene has beside its Gaussians.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct Blend<'a> {
+    /// Its network, if any.
+    pub vizmapper: Option<&'a VizMapper>,
+    /// The training frame.
+    pub frame: Normalisation,
+    /// Default radius, world units.
+    pub radius: f64,
+    /// Default opacity.
+    pub opacity: f64,
+}
+
+impl<'a> Blend<'a> {
+    /// That of a model, where its law is this one.
+    pub fn of(model: &'a Model) -> Option<Self> {
+        let m = &model.metadata;
+        (m.law == Law::AlphaBlend).then(|| Blend {
+            vizmapper: model.vizmapper.as_ref(),
+            frame: Normalisation::of(&m.bounds),
+            radius: m.default_radius,
+            opacity: m.default_opacity,
+        })
+    }
+
+    /// The Gaussians as they look in a view.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the first Gaussian that is not a number, and for a mixture
+    /// without opacities.
+    pub fn gaussians(&self, parts: &[(&Mixture, f64)], view: &View) -> Result<Vec<Gaussian>> {
+        let setting = Setting { radius: view.radius / self.radius, opacity: view.opacity / self.opacity };
+        let network = self.vizmapper.map(|v| (Network::new(v), v.ranges));
+        let runs: Vec<(&Mixture, usize, usize)> = parts
+            .iter()
+            .scan(0, |first, (m, _)| {
+                *first += m.len();
+                Some((*m, *first - m.len()))
+            })
+            .flat_map(|(m, first)| (0..m.len()).step_by(RUN).map(move |start| (m, first, start)))
+            .collect();
+        let gaussians = runs
+            .into_par_iter()
+            .map(|(m, first, start)| {
+                self.run(m, start..m.len().min(start + RUN), setting, network.as_ref())
+                    .map_err(|(i, what)| Error::argument(format!("Gaussian {}: {what}", first + i)))
+            })
+            .collect::<Result<Vec<_>>>()?;
+        Ok(gaussians.into_iter().flatten().collect())
+    }
+
+    fn run(
+        &self,
+        m: &Mixture,
+        range: std::ops::Range<usize>,
+        setting: Setting,
+        network: Option<&(Network, crate::model::VizRanges)>,
+    ) -> std::result::Result<Vec<Gaussian>, (usize, String)> {
+        let mut own = Vec::with_capacity(range.len());
+        let mut gaussians = range
+            .map(|i| {
+                let (g, inputs) = self.normal(m, i, setting).map_err(|what| (i, what))?;
+                own.push(inputs);
+                Ok(g)
+            })
+            .collect::<std::result::Result<Vec<_>, _>>()?;
+        let mut out = vec![[0f32; 2]; own.len()];
+        if let Some((network, _)) = network {
+            outputs(network, &own, &mut out);
+        }
+        for (g, out) in gaussians.iter_mut().zip(out) {
+            let a = network.map_or(Adapted::STATIC, |(_, ranges)| ranges.adapt(setting, out));
+            g.cov = g.cov.scale(a.scale * a.scale);
+            g.opacity = a.opacity(logit(g.opacity));
+        }
+        Ok(gaussians)
+    }
+
+    /// A Gaussian in the training frame, not yet bent, and the network's inputs.
+    fn normal(&self, m: &Mixture, i: usize, setting: Setting) -> std::result::Result<(Gaussian, [f32; 4]), String> {
+        let shade = m.shade.as_ref().ok_or("the mixture has no opacities, which the alpha-blend law needs")?;
+        let scale = self.frame.scale;
+        let mean: [f64; 3] = std::array::from_fn(|k| (m.mean[k][i] - self.frame.center[k]) * scale);
+        let cov = Sym3(m.cov_of(i).0.map(|v| v * scale * scale));
+        let (opacity, grey) = (shade.opacity[i], shade.grey[i]);
+        for (what, values) in
+            [("mean", &mean[..]), ("covariance", &cov.0[..]), ("opacity", &[opacity]), ("grey level", &[grey])]
+        {
+            if values.iter().any(|v| !v.is_finite()) {
+                return Err(format!("its {what} is not finite"));
+            }
+        }
+        let opacity = opacity.clamp(EDGE, 1.0 - EDGE);
+        let log_scale = cov.det().max(LEAST_SCALE.powi(6)).ln() / 6.0;
+        Ok((Gaussian { mean, cov, opacity, grey }, inputs(setting, log_scale, logit(opacity))))
+    }
+}
+
+/// ln(o / (1 - o)).
+fn logit(opacity: f64) -> f64 {
+    (opacity / (1.0 - opacity)).ln()
+}

@@ -1,0 +1,29 @@
+//! Training of the alpha-blend law: 3-D Gaussian splatting as published, with the network that
+//! follows radius and opacity (paper section III).
+//!
+//! [`AlphaLearner`] holds the Gaussians in the training frame ([`parameters`], [`start`]). A step is
+//! a [`pass`]: adapt, draw, then back again, tile by tile (`raster`), Gaussian by Gaussian (`chain`)
+//! and through the network (`network`). `density` clones, splits and prunes as published. The rates
+//! and all else that can be chosen stand in [`AlphaConfig`].
+
+mod chain;
+mod config;
+mod density;
+mod learner;
+mod nearest;
+mod network;
+mod parameters;
+mod pass;
+mod raster;
+mod start;
+
+#[cfg(test)]
+mod learner_tests;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod twin;
+
+pub use config::AlphaConfig;
+pub(crate) use learner::AlphaLearner;
+pub(crate) use start::Ground;
