@@ -8,10 +8,10 @@ use super::plan::Plan;
 use super::rate::{Met, meet_size};
 use crate::codec::{CodedLayer, Encoder, Precision};
 use crate::fit::{self, Effort, FitOptions, Pieces, Under};
-use crate::model::{Block, Mixture};
+use crate::model::{Block, Law, Mixture, VizMapper};
 use crate::particles::{Bounds, ParticleLayer, Particles};
 use crate::progress::Progress;
-use crate::train::{self, Config, Limits};
+use crate::train::{self, Config, From, Limits, Start, Trained};
 use crate::{Error, Result};
 
 /// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
@@ -69,6 +69,8 @@ pub struct LayerJob {
 pub struct CodedBlock {
     /// Its layers.
     pub layers: Vec<CodedLayer>,
+    /// The network of the alpha-blend law.
+    pub vizmapper: Option<VizMapper>,
     /// How it meets its room.
     pub outcome: Outcome,
 }
@@ -155,8 +157,9 @@ impl BlockJob {
             let count = layer.particles.len() as u64;
             let share = ((left as f64 * count as f64 / particles_left as f64).round() as u64).clamp(1, count);
             (left, particles_left) = (left.saturating_sub(share), particles_left - count);
-            let gaussians = layer.fit(share, shop)?;
-            let encoder = layer.encoder(layer.train(gaussians, shop)?)?;
+            let made = layer.made(share, shop)?;
+            let encoder = layer.encoder(made.gaussians)?;
+            coded.vizmapper = made.vizmapper.or(coded.vizmapper);
             coded.push(layer, shop.clock.time("code", || encoder.encode(&Precision::BALANCED)));
         }
         Ok(coded)
@@ -168,7 +171,8 @@ impl BlockJob {
         let mut coded = CodedBlock::default();
         for layer in &self.layers {
             let share = (room as f64 * (layer.raw_bytes as f64 / raw_left as f64)) as u64;
-            let met = layer.at_size(share, shop)?;
+            let (met, vizmapper) = layer.at_size(share, shop)?;
+            coded.vizmapper = vizmapper.or(coded.vizmapper);
             room = room.saturating_sub(met.bytes.len() as u64);
             raw_left -= layer.raw_bytes;
             let Met { bytes, factor: step_factor, too_large, too_small } = met;
@@ -195,7 +199,10 @@ impl LayerJob {
     /// Fits `number` Gaussians (fewer where the particles do not carry so many), ready to be coded.
     fn fit(&self, number: u64, shop: &mut Workshop<'_>) -> Result<Mixture> {
         let count = self.particles.len() as u64;
-        let Fitting { effort, radius, pixel, seed, .. } = shop.fitting;
+        let Fitting { mut effort, radius, pixel, seed, .. } = shop.fitting;
+        if shop.training.is_some_and(|t| t.start == Start::Partition) {
+            effort = Effort::Fast;
+        }
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
         let options = FitOptions { gaussians, effort, radius, pixel, seed };
         let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/{gaussians}", self.name) };
@@ -205,30 +212,55 @@ impl LayerJob {
     /// Gaussians ready to be coded.
     fn encoder(&self, gaussians: Mixture) -> Result<Encoder> {
         let count = self.particles.len() as u64;
-        Encoder::new(&Block { bounds: self.bounds, count, mass: self.mass, gaussians })
+        // Weights are not kept by a law whose Gaussians have opacities.
+        let mass = if gaussians.shade.is_some() { count as f64 } else { self.mass };
+        Encoder::new(&Block { bounds: self.bounds, count, mass, gaussians })
     }
 
-    /// Trains Gaussians on pictures of the layer, where the job is to.
-    fn train(&self, gaussians: Mixture, shop: &mut Workshop<'_>) -> Result<Mixture> {
-        let Some(config) = shop.training.filter(|_| !shop.stopped) else { return Ok(gaussians) };
+    /// Trains Gaussians on pictures of the layer.
+    fn train(&self, config: &Config, from: From<'_>, shop: &mut Workshop<'_>) -> Result<Trained> {
         let Fitting { radius, opacity, seed, .. } = shop.fitting;
         let defaults = train::Defaults { bounds: self.bounds, radius, opacity, seed };
-        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/{}", self.name, gaussians.len()) };
+        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/trained", self.name) };
         let trained = shop.clock.time("train", || {
-            train::train(&self.particles, &gaussians, (config, shop.limits, &defaults), &mut pieces, shop.progress)
+            train::train(&self.particles, from, (config, shop.limits, &defaults), &mut pieces, shop.progress)
         })?;
         if trained.stopped && shop.stop_means == StopMeans::GivingUp {
             return Err(Error::Cancelled);
         }
         shop.stopped |= trained.stopped;
         shop.trained.push(trained.scores);
-        Ok(trained.mixture)
+        Ok(trained)
+    }
+
+    /// At most `number` Gaussians, fitted and, where the job is to, trained.
+    fn made(&self, number: u64, shop: &mut Workshop<'_>) -> Result<Made> {
+        let Some(config) = shop.training.filter(|_| !shop.stopped) else {
+            return Ok(Made { gaussians: self.fit(number, shop)?, vizmapper: None });
+        };
+        let mut config = config.clone();
+        if config.alpha_blend.most_gaussians == 0 {
+            config.alpha_blend.most_gaussians = number as usize;
+        }
+        let trained = if config.start == Start::Random {
+            let most = if config.start_gaussians == 0 { number } else { config.start_gaussians };
+            self.train(&config, From::Particles(most.min(number) as usize), shop)?
+        } else {
+            let gaussians = self.fit(number, shop)?;
+            self.train(&config, From::Fit(&gaussians), shop)?
+        };
+        Ok(Made { gaussians: trained.mixture, vizmapper: trained.vizmapper })
     }
 
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `room`.
-    fn at_size(&self, room: u64, shop: &mut Workshop<'_>) -> Result<Met> {
+    fn at_size(&self, room: u64, shop: &mut Workshop<'_>) -> Result<(Met, Option<VizMapper>)> {
         let count = self.particles.len() as u64;
         let mut number = ((room as f64 / bytes_a_gaussian(shop.fitting.effort)) as u64).clamp(1, count);
+        if shop.training.is_some_and(|t| t.start == Start::Random || t.law == Law::AlphaBlend) {
+            // Nothing is known of what a trained Gaussian costs before it is trained.
+            let made = self.made(number, shop)?;
+            return Ok((self.coded(made.gaussians, room, shop)?.outcome, made.vizmapper));
+        }
         let mut met = self.met_with(number, room, shop)?;
         for _ in 1..FITS {
             let fine = !met.outcome.too_large && NEAR_NOMINAL.contains(&met.outcome.factor);
@@ -243,11 +275,11 @@ impl LayerJob {
         if met.outcome.too_large && number > 1 {
             met = self.met_with(1, room, shop)?;
         }
-        if let Some(gaussians) = met.fitted.take() {
-            let trained = self.train(gaussians, shop)?;
-            met = self.coded(trained, room, shop)?;
+        if let (Some(config), Some(gaussians)) = (shop.training, met.fitted.take()) {
+            let trained = self.train(config, From::Fit(&gaussians), shop)?;
+            met = self.coded(trained.mixture, room, shop)?;
         }
-        Ok(met.outcome)
+        Ok((met.outcome, None))
     }
 
     fn met_with(&self, number: u64, room: u64, shop: &mut Workshop<'_>) -> Result<MetWith> {
@@ -268,6 +300,12 @@ impl LayerJob {
         let nominal_bytes = nominal as f64 / encoder.len() as f64;
         Ok(MetWith { outcome, found: encoder.len() as u64, nominal_bytes, fitted })
     }
+}
+
+/// Gaussians and their network.
+struct Made {
+    gaussians: Mixture,
+    vizmapper: Option<VizMapper>,
 }
 
 /// A fit coded to a size.

@@ -8,7 +8,7 @@ use crate::particles::{Bounds, SnapshotMeta};
 pub fn describe(meta: &SnapshotMeta, count: u64, bounds: Bounds, source_hash: [u8; 32], options: &Options) -> Metadata {
     let blocks = if options.blocks > 1 { format!(" --blocks {}", options.blocks) } else { String::new() };
     Metadata {
-        law: Law::OpticalDepth,
+        law: options.training.as_ref().map_or(Law::OpticalDepth, |t| t.law),
         count,
         mass: count as f64,
         bounds,

@@ -196,7 +196,8 @@ impl<'a> Job<'a> {
 
     /// The file of coded blocks.
     pub fn file(&self, coded: &Coded, certificate: Option<&Certificate>) -> Result<Vec<u8>> {
-        self.plan.file(coded.blocks.iter().flat_map(|b| &b.layers), certificate)
+        let network = coded.blocks.first().and_then(|b| b.vizmapper.as_ref());
+        self.plan.file(coded.blocks.iter().flat_map(|b| &b.layers), network, certificate)
     }
 
     /// Decodes the file and, where asked for, measures the decoded model.

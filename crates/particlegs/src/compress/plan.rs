@@ -6,7 +6,7 @@ use super::target::Target;
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer, LayerHead};
 use crate::fit::Effort;
-use crate::model::{Certificate, Metadata};
+use crate::model::{Certificate, Law, Metadata, VizMapper};
 use crate::particles::Bounds;
 use crate::picture::Size;
 use crate::progress::Progress;
@@ -62,6 +62,14 @@ impl Plan {
     /// # Errors
     /// [`Error::Argument`] for a target that is none.
     pub fn new(options: &Options, metadata: Metadata, layers: Vec<PlannedLayer>) -> Result<Plan> {
+        let alpha = options.training.as_ref().is_some_and(|t| t.law == Law::AlphaBlend);
+        if alpha && layers.len() > 1 {
+            return Err(Error::argument(
+                "the alpha-blend law has one layer: choose one with --particle-type, or use the optical-depth law",
+            ));
+        }
+        // Its Gaussians have opacities, not masses.
+        let layers = layers.into_iter().map(|l| PlannedLayer { weighted: l.weighted && !alpha, ..l }).collect();
         Ok(Plan {
             target: options.target.check()?,
             effort: options.effort,
@@ -99,7 +107,12 @@ impl Plan {
             weighted: l.weighted,
             blocks: self.blocks as usize,
         });
-        codec::size_without_blocks(&self.metadata, self.certificate, &heads.collect::<Vec<_>>()) as u64
+        let network = match &self.training {
+            Some(t) if t.law == Law::AlphaBlend && t.alpha_blend.vizmapper => codec::VIZMAPPER_SECTION_BYTES,
+            _ => 0,
+        };
+        let heads: Vec<LayerHead> = heads.collect();
+        (codec::size_without_blocks(&self.metadata, self.certificate, &heads) + network) as u64
     }
 
     /// A block as the target wants it: its share of the room or of the number.
@@ -151,16 +164,17 @@ impl Plan {
         Ok(())
     }
 
-    /// The file of all blocks.
+    /// The file of all blocks, with the network of block 0 (paper section III-D).
     ///
     /// # Errors
     /// Those of [`codec::assemble`].
     pub fn file<'a>(
         &self,
         blocks: impl Iterator<Item = &'a CodedLayer>,
+        vizmapper: Option<&VizMapper>,
         certificate: Option<&Certificate>,
     ) -> Result<Vec<u8>> {
-        self.file_of(self.metadata.clone(), blocks, certificate)
+        self.file_of(self.metadata.clone(), blocks, vizmapper, certificate)
     }
 
     /// The file of one block on its own: a model of its particles, drawn as the whole is.
@@ -169,13 +183,14 @@ impl Plan {
     /// Those of [`codec::assemble`].
     pub fn block_file(&self, job: &BlockJob, coded: &CodedBlock) -> Result<Vec<u8>> {
         let bounds = job.layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds));
-        self.file_of(Metadata { bounds, ..self.metadata.clone() }, coded.layers.iter(), None)
+        self.file_of(Metadata { bounds, ..self.metadata.clone() }, coded.layers.iter(), coded.vizmapper.as_ref(), None)
     }
 
     fn file_of<'a>(
         &self,
         metadata: Metadata,
         blocks: impl Iterator<Item = &'a CodedLayer>,
+        vizmapper: Option<&VizMapper>,
         certificate: Option<&Certificate>,
     ) -> Result<Vec<u8>> {
         let mut layers: Vec<CodedLayer> = Vec::new();
@@ -186,7 +201,7 @@ impl Plan {
             }
         }
         let (count, mass) = codec::sums(&layers)?;
-        codec::assemble(&Metadata { count, mass, ..metadata }, certificate, layers)
+        codec::assemble_with(&Metadata { count, mass, ..metadata }, vizmapper, certificate, layers)
     }
 }
 

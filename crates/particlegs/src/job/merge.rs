@@ -3,6 +3,7 @@
 use super::manifest::Job;
 use crate::codec::{self, CodedLayer};
 use crate::compress::Outcome;
+use crate::model::VizMapper;
 use crate::particles::{Particles, source_hash};
 use crate::progress::Progress;
 use crate::{Error, Result, score};
@@ -22,17 +23,21 @@ impl Job {
         self.check_done()?;
         progress.begin("merging", u64::from(plan.blocks));
         let (mut layers, mut outcomes): (Vec<CodedLayer>, Vec<Outcome>) = Default::default();
+        let mut network = None;
         for block in 0..plan.blocks {
             progress.check()?;
-            let (coded, outcome) = self.done_block(block)?;
+            let (coded, vizmapper, outcome) = self.done_block(block)?;
             layers.extend(coded);
+            if block == 0 {
+                network = vizmapper;
+            }
             outcomes.push(outcome);
             progress.advance(1);
         }
         progress.end();
         let bytes = layers.iter().flat_map(|l| &l.blocks).map(|b| b.len() as u64).sum();
         plan.judge(&outcomes, bytes, progress)?;
-        let bytes = plan.file(layers.iter(), None)?;
+        let bytes = plan.file(layers.iter(), network.as_ref(), None)?;
         let (count, planned) = (codec::read_metadata(&bytes, "the merged file")?.count, plan.metadata.count);
         if count != planned {
             return Err(Error::input(
@@ -43,7 +48,7 @@ impl Job {
         let Some(particles) = particles else { return Ok(bytes) };
         let model = codec::decode(&bytes, "the merged file")?;
         let certificate = score::certificate(&model, particles, plan.seed, None, progress)?;
-        plan.file(layers.iter(), Some(&certificate))
+        plan.file(layers.iter(), network.as_ref(), Some(&certificate))
     }
 
     /// Are all blocks done?
@@ -58,8 +63,8 @@ impl Job {
         Err(Error::input_hint(&self.folder, what, format!("run `particlegs block {} {first}`", self.folder.display())))
     }
 
-    /// A done block's coded layers.
-    pub(super) fn done_block(&self, block: u32) -> Result<(Vec<CodedLayer>, Outcome)> {
+    /// A done block's coded layers and network.
+    pub(super) fn done_block(&self, block: u32) -> Result<(Vec<CodedLayer>, Option<VizMapper>, Outcome)> {
         let path = self.block_path(block, "pgs");
         let broken = |what: &str| {
             let hint = format!("delete it and run `particlegs block {} {block}`", self.folder.display());
@@ -70,7 +75,9 @@ impl Job {
         if blake3::hash(&bytes).to_hex().as_str() != report.model {
             return Err(broken("half-written or changed: it is not what its report says"));
         }
-        Ok((codec::coded_layers(&bytes, &path.display().to_string())?, report.outcome))
+        let name = path.display().to_string();
+        let vizmapper = codec::read_info(&bytes, &name)?.vizmapper;
+        Ok((codec::coded_layers(&bytes, &name)?, vizmapper, report.outcome))
     }
 
     /// Blocks that are not done.

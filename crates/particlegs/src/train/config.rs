@@ -1,5 +1,6 @@
 //! Every hyper-parameter of a training run, and the presets.
 
+use super::alpha::AlphaConfig;
 use super::depth::DepthConfig;
 use super::learner::Densify;
 use super::loss::{Loss, Norm};
@@ -83,8 +84,12 @@ pub struct Config {
     pub cameras: Cameras,
     /// Stages, one after the other.
     pub stages: Vec<Stage>,
+    /// Particles that a random start draws, at most as many as the file has room for; 0 = that many.
+    pub start_gaussians: u64,
     /// Of the optical-depth law.
     pub optical_depth: DepthConfig,
+    /// Of the alpha-blend law.
+    pub alpha_blend: AlphaConfig,
 }
 
 /// A named set of hyper-parameters.
@@ -130,7 +135,9 @@ impl Config {
                 internal: 0.1,
                 densify: NEVER,
             }],
+            start_gaussians: 0,
             optical_depth: DepthConfig::default(),
+            alpha_blend: AlphaConfig::default(),
         };
         match preset {
             Preset::Fast => ours(4000, 240),
@@ -173,7 +180,9 @@ impl Config {
                 stage(15_000, three, 1, 0.0, Densify { every: 200, until: 24_000, threshold: 3e-4 }),
                 stage(12_000, three, 1, 0.2, Densify { every: 200, until: 36_000, threshold: 3e-4 }),
             ],
+            start_gaussians: 200_000,
             optical_depth: DepthConfig::default(),
+            alpha_blend: AlphaConfig::default(),
         }
     }
 
@@ -196,6 +205,10 @@ impl Config {
         }
         self.cameras.frames = steps(self.cameras.frames).max(8);
         self.evaluate_every = steps(self.evaluate_every);
+        self.start_gaussians = steps(self.start_gaussians);
+        let a = &mut self.alpha_blend;
+        (a.position_rate_steps, a.densify_from, a.reset_every) =
+            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
         Ok(self)
     }
 
@@ -262,7 +275,8 @@ impl Config {
         if !(self.loss.smooth >= 0.0 && share(self.loss.dssim) && self.checkpoint_seconds >= 0.0) {
             return fail("loss.smooth and checkpoint_seconds must not be negative, loss.dssim within 0 to 1");
         }
-        self.optical_depth.check()
+        self.optical_depth.check()?;
+        self.alpha_blend.check()
     }
 
     /// Steps of all stages.

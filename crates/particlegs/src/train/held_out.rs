@@ -4,7 +4,7 @@ use super::cameras::Defaults;
 use super::config::Config;
 use crate::Result;
 use crate::camera::View;
-use crate::model::{Mixture, VizMapper};
+use crate::model::{Law, Mixture, VizMapper};
 use crate::picture::{Gray8, Size, masked_psnr};
 use crate::progress::Progress;
 use crate::reference::Reference;
@@ -50,8 +50,12 @@ impl<'a> HeldOut<'a> {
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn masked_psnr(&self, mixture: &Mixture, _vizmapper: Option<&VizMapper>) -> Result<Option<f64>> {
-        let scene = Scene::of_mixture(mixture, self.defaults.bounds);
+    pub fn masked_psnr(&self, mixture: &Mixture, vizmapper: Option<&VizMapper>) -> Result<Option<f64>> {
+        let Defaults { bounds, radius, opacity, .. } = *self.defaults;
+        let scene = match self.config.law {
+            Law::OpticalDepth => Scene::of_mixture(mixture, bounds),
+            Law::AlphaBlend => Scene::of_shaded(mixture, vizmapper, bounds, [radius, opacity]),
+        };
         let mut scores = Vec::new();
         for (view, truth) in self.views.iter().zip(&self.truth) {
             let drawn = render::draw(&scene, view, self.size, self.config.target, self.progress)?;

@@ -23,4 +23,4 @@ pub use depth::{DepthConfig, Rates};
 pub(crate) use learner::Crop;
 pub use learner::Densify;
 pub use loss::{Loss, Norm};
-pub use run::{Limits, Trained, train};
+pub use run::{From, Limits, Trained, train};

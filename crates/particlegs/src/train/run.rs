@@ -1,5 +1,6 @@
 //! A training run: stages of steps, evaluation on held-out views, checkpoints, a log.
 
+use super::alpha::{AlphaLearner, Ground};
 use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
 use super::depth::DepthLearner;
@@ -7,10 +8,10 @@ use super::held_out::HeldOut;
 use super::learner::{Crop, Learner, Moment, Shot};
 use super::state::State;
 use super::targets::Targets;
-use crate::camera::View;
+use crate::camera::{Normalisation, View};
 use crate::fit::Pieces;
 use crate::math::Random;
-use crate::model::{Law, Mixture, VizMapper};
+use crate::model::{Law, Mixture, Model, VizMapper};
 use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::Progress;
@@ -89,7 +90,18 @@ struct Best {
     state: State,
 }
 
-/// Trains `start` on pictures of `particles`.
+/// The Gaussians that a run starts from.
+#[derive(Clone, Copy, Debug)]
+pub enum From<'a> {
+    /// Those of a fit.
+    Fit(&'a Mixture),
+    /// So many particles at random.
+    Particles(usize),
+    /// A model of the alpha-blend law.
+    Model(&'a Model),
+}
+
+/// Trains Gaussians on pictures of `particles`.
 ///
 /// Pictures, steps and densities depend on the seed alone; a run that goes on from `pieces` ends with
 /// the same bits as one that was never broken. When the caller stops it, the best so far is given and
@@ -100,7 +112,7 @@ struct Best {
 /// `pieces`.
 pub fn train(
     particles: &Particles,
-    start: &Mixture,
+    from: From<'_>,
     (config, limits, defaults): (&Config, &Limits, &Defaults),
     pieces: &mut dyn Pieces,
     progress: &dyn Progress,
@@ -109,10 +121,7 @@ pub fn train(
     let reference = Reference::with_bounds(particles, defaults.bounds);
     let internal = config.stages.iter().any(|s| s.internal > 0.0);
     let views = Views::new(&config.cameras, defaults, internal);
-    let learner: Box<dyn Learner> = match config.law {
-        Law::OpticalDepth => Box::new(DepthLearner::new(start, defaults.bounds, config.target, config.optical_depth)),
-        Law::AlphaBlend => return Err(Error::argument("training by the alpha-blend law is not there yet")),
-    };
+    let learner = learner(particles, from, config, defaults)?;
     let held_out = HeldOut::draw(&reference, &views.held_out, config, defaults, progress)?;
     let mut run = Run {
         config,
@@ -137,6 +146,29 @@ pub fn train(
         pieces.keep(KEY, run.state().to_bytes())?;
     }
     run.finish(stopped)
+}
+
+/// The learner of the law, at its start.
+fn learner(particles: &Particles, from: From<'_>, config: &Config, defaults: &Defaults) -> Result<Box<dyn Learner>> {
+    let ground = Ground {
+        frame: Normalisation::of(&defaults.bounds),
+        radius: defaults.radius,
+        opacity: defaults.opacity,
+        particles: particles.len() as u64,
+        seed: defaults.seed,
+    };
+    let random = |n| AlphaLearner::from_particles(particles, n, ground, config.alpha_blend);
+    let depth = |m: &Mixture| DepthLearner::new(m, defaults.bounds, config.target, config.optical_depth);
+    Ok(match (config.law, from) {
+        (Law::OpticalDepth, From::Fit(m)) => Box::new(depth(m)),
+        (Law::OpticalDepth, From::Particles(n)) => Box::new(depth(&Mixture { shade: None, ..random(n)?.mixture().0 })),
+        (Law::OpticalDepth, From::Model(_)) => {
+            return Err(Error::argument("models of the optical-depth law are trained by `compress --train`"));
+        }
+        (Law::AlphaBlend, From::Fit(m)) => Box::new(AlphaLearner::from_mixture(m, ground, config.alpha_blend)?),
+        (Law::AlphaBlend, From::Particles(n)) => Box::new(random(n)?),
+        (Law::AlphaBlend, From::Model(m)) => Box::new(AlphaLearner::from_model(m, ground, config.alpha_blend)?),
+    })
 }
 
 impl Run<'_> {
