@@ -105,8 +105,8 @@ impl AlphaConfig {
         }
         let share = |v: f64| (0.0..1.0).contains(&v);
         let VizRanges { scale, opacity, floor } = self.ranges;
-        if !(share(scale) && share(opacity) && floor > 0.0 && floor.is_finite()) {
-            return fail("ranges: scale and opacity must be within 0 to 1, floor above 0");
+        if !(share(scale) && share(opacity) && floor > 0.0 && floor <= 1.0) {
+            return fail("ranges: scale and opacity must be below 1, floor above 0 and at most 1");
         }
         if !(self.extent > 0.0 && self.extent.is_finite()) {
             return fail("extent must be positive");
