@@ -63,6 +63,11 @@ impl Encoder {
         Ok(Encoder { bounds, count, mass, shaded: g.shade.is_some(), tree, logs, within })
     }
 
+    /// The Gaussians' numbers in the order of the file.
+    pub fn order(&self) -> &[u32] {
+        &self.tree.order
+    }
+
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.tree.order.len()

@@ -157,7 +157,7 @@ impl BlockJob {
             let count = layer.particles.len() as u64;
             let share = ((left as f64 * count as f64 / particles_left as f64).round() as u64).clamp(1, count);
             (left, particles_left) = (left.saturating_sub(share), particles_left - count);
-            let made = layer.made(share, shop)?;
+            let made = layer.made(share, None, shop)?;
             let encoder = layer.encoder(made.gaussians)?;
             coded.vizmapper = made.vizmapper.or(coded.vizmapper);
             coded.push(layer, shop.clock.time("code", || encoder.encode(&Precision::BALANCED)));
@@ -218,9 +218,9 @@ impl LayerJob {
     }
 
     /// Trains Gaussians on pictures of the layer.
-    fn train(&self, config: &Config, from: From<'_>, shop: &mut Workshop<'_>) -> Result<Trained> {
+    fn train(&self, config: &Config, from: From<'_>, bytes: Option<u64>, shop: &mut Workshop<'_>) -> Result<Trained> {
         let Fitting { radius, opacity, seed, .. } = shop.fitting;
-        let defaults = train::Defaults { bounds: self.bounds, radius, opacity, seed };
+        let defaults = train::Defaults { bounds: self.bounds, radius, opacity, seed, bytes };
         let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/trained", self.name) };
         let trained = shop.clock.time("train", || {
             train::train(&self.particles, from, (config, shop.limits, &defaults), &mut pieces, shop.progress)
@@ -234,7 +234,7 @@ impl LayerJob {
     }
 
     /// At most `number` Gaussians, fitted and, where the job is to, trained.
-    fn made(&self, number: u64, shop: &mut Workshop<'_>) -> Result<Made> {
+    fn made(&self, number: u64, bytes: Option<u64>, shop: &mut Workshop<'_>) -> Result<Made> {
         let Some(config) = shop.training.filter(|_| !shop.stopped) else {
             return Ok(Made { gaussians: self.fit(number, shop)?, vizmapper: None });
         };
@@ -244,10 +244,10 @@ impl LayerJob {
         }
         let trained = if config.start == Start::Random {
             let most = if config.start_gaussians == 0 { number } else { config.start_gaussians };
-            self.train(&config, From::Particles(most.min(number) as usize), shop)?
+            self.train(&config, From::Particles(most.min(number) as usize), bytes, shop)?
         } else {
             let gaussians = self.fit(number, shop)?;
-            self.train(&config, From::Fit(&gaussians), shop)?
+            self.train(&config, From::Fit(&gaussians), bytes, shop)?
         };
         Ok(Made { gaussians: trained.mixture, vizmapper: trained.vizmapper })
     }
@@ -258,7 +258,7 @@ impl LayerJob {
         let mut number = ((room as f64 / bytes_a_gaussian(shop.fitting.effort)) as u64).clamp(1, count);
         if shop.training.is_some_and(|t| t.start == Start::Random || t.law == Law::AlphaBlend) {
             // Nothing is known of what a trained Gaussian costs before it is trained.
-            let made = self.made(number, shop)?;
+            let made = self.made(number, Some(room), shop)?;
             return Ok((self.coded(made.gaussians, room, shop)?.outcome, made.vizmapper));
         }
         let mut met = self.met_with(number, room, shop)?;
@@ -276,7 +276,7 @@ impl LayerJob {
             met = self.met_with(1, room, shop)?;
         }
         if let (Some(config), Some(gaussians)) = (shop.training, met.fitted.take()) {
-            let trained = self.train(config, From::Fit(&gaussians), shop)?;
+            let trained = self.train(config, From::Fit(&gaussians), Some(room), shop)?;
             met = self.coded(trained.mixture, room, shop)?;
         }
         Ok((met.outcome, None))

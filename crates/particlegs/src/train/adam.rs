@@ -32,6 +32,17 @@ impl Averages {
     pub fn zeros(len: usize) -> Self {
         Averages { first: vec![0.0; len], second: vec![0.0; len], steps: 0 }
     }
+
+    /// The mean size of a gradient: over all parameters, of the root of its mean square.
+    pub fn mean_size(&self, beta2: f64) -> f64 {
+        if self.steps == 0 || self.second.is_empty() {
+            return 0.0;
+        }
+        let sums: Vec<f64> =
+            self.second.par_chunks(RUN).map(|run| run.iter().map(|s| f64::from(s.sqrt())).sum()).collect();
+        let correct = 1.0 - beta2.powi(self.steps.min(i32::MAX as u64) as i32);
+        sums.iter().sum::<f64>() / self.second.len() as f64 / correct.sqrt()
+    }
 }
 
 impl Adam {

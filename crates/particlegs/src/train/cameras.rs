@@ -26,6 +26,8 @@ pub struct Defaults {
     pub opacity: f64,
     /// Seed of the run.
     pub seed: u64,
+    /// Bytes that the coded Gaussians are to have, where known.
+    pub bytes: Option<u64>,
 }
 
 /// The views of a run.
@@ -108,7 +110,7 @@ mod tests {
     #[test]
     fn views_are_as_many_as_asked_for_and_share_no_pose() {
         let bounds = Bounds { min: [0.0; 3], max: [1.0, 2.0, 3.0] };
-        let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3 };
+        let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None };
         let cameras = Config::preset(Preset::Paper, Law::AlphaBlend).cameras;
         let views = Views::new(&cameras, &of, true);
         assert_eq!((views.training.len(), views.held_out.len(), views.internal.len()), (320, 80, 400));

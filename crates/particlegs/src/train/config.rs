@@ -109,6 +109,7 @@ const NEVER: Densify = Densify { every: 0, until: 0, threshold: 0.0 };
 impl Config {
     /// The hyper-parameters of a preset.
     pub fn preset(preset: Preset, law: Law) -> Config {
+        // Whole pictures first, since every Gaussian is seen at every step; then parts at full size.
         let ours = |iterations: u64, frames: u64| Config {
             law,
             target: Look::Expected,
@@ -123,18 +124,28 @@ impl Config {
                 frames,
                 radius: [0.25, 1.75],
                 opacity: [0.25, 1.75],
-                wide: 0.15,
+                wide: 0.1,
                 wide_radius: 6.25,
                 held_out: 0.05,
             },
-            stages: vec![Stage {
-                iterations,
-                size: [1920, 1080],
-                oversample: 1,
-                crop: [960, 540],
-                internal: 0.1,
-                densify: NEVER,
-            }],
+            stages: vec![
+                Stage {
+                    iterations: iterations * 5 / 8,
+                    size: [960, 540],
+                    oversample: 1,
+                    crop: [0, 0],
+                    internal: 0.05,
+                    densify: NEVER,
+                },
+                Stage {
+                    iterations: iterations * 3 / 8,
+                    size: [1920, 1080],
+                    oversample: 1,
+                    crop: [960, 540],
+                    internal: 0.05,
+                    densify: NEVER,
+                },
+            ],
             start_gaussians: 0,
             optical_depth: DepthConfig::default(),
             alpha_blend: AlphaConfig::default(),

@@ -22,7 +22,7 @@ pub(crate) struct HeldOut<'a> {
 }
 
 impl<'a> HeldOut<'a> {
-    /// Draws the targets of the first `config.evaluate_views` views, at the first stage's size.
+    /// Draws the targets of the first `config.evaluate_views` views, at the largest stage's size.
     ///
     /// # Errors
     /// Those of the reference renderer.
@@ -33,7 +33,7 @@ impl<'a> HeldOut<'a> {
         defaults: &'a Defaults,
         progress: &'a dyn Progress,
     ) -> Result<Self> {
-        let [width, height] = config.stages[0].size;
+        let [width, height] = config.stages.iter().map(|s| s.size).max_by_key(|s| s[0] * s[1]).unwrap_or([16, 16]);
         let size = Size { width, height };
         let views: Vec<View> = views.iter().take(config.evaluate_views as usize).cloned().collect();
         let truth = views

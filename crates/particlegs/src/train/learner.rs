@@ -99,6 +99,14 @@ pub(crate) trait Learner {
     /// The Gaussians in world units, and the network.
     fn mixture(&self) -> (Mixture, Option<VizMapper>);
 
+    /// The Gaussians as the file will give them, where that is known.
+    ///
+    /// # Errors
+    /// Those of the coder, for numbers that are not finite.
+    fn shown(&self) -> Result<(Mixture, Option<VizMapper>)> {
+        Ok(self.mixture())
+    }
+
     /// Everything that the next step depends on, exactly.
     fn state(&self) -> State;
 

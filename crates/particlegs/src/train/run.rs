@@ -3,7 +3,7 @@
 use super::alpha::{AlphaLearner, Ground};
 use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
-use super::depth::DepthLearner;
+use super::depth::{DepthGround, DepthLearner};
 use super::held_out::HeldOut;
 use super::learner::{Crop, Learner, Moment, Shot};
 use super::state::State;
@@ -158,7 +158,9 @@ fn learner(particles: &Particles, from: From<'_>, config: &Config, defaults: &De
         seed: defaults.seed,
     };
     let random = |n| AlphaLearner::from_particles(particles, n, ground, config.alpha_blend);
-    let depth = |m: &Mixture| DepthLearner::new(m, defaults.bounds, config.target, config.optical_depth);
+    let (bounds, particles, look, bytes) = (defaults.bounds, particles.len() as u64, config.target, defaults.bytes);
+    let depth =
+        |m: &Mixture| DepthLearner::new(m, DepthGround { bounds, particles, look, bytes }, config.optical_depth);
     Ok(match (config.law, from) {
         (Law::OpticalDepth, From::Fit(m)) => Box::new(depth(m)),
         (Law::OpticalDepth, From::Particles(n)) => Box::new(depth(&Mixture { shade: None, ..random(n)?.mixture().0 })),
@@ -271,7 +273,7 @@ impl Run<'_> {
 
     /// Scores the Gaussians on the held-out views and keeps the best.
     fn evaluate(&mut self) -> Result<()> {
-        let (mixture, vizmapper) = self.learner.mixture();
+        let (mixture, vizmapper) = self.learner.shown()?;
         let score = self.held_out.masked_psnr(&mixture, vizmapper.as_ref())?;
         if self.iteration == 0 {
             self.best.first = score;
@@ -309,7 +311,7 @@ impl Run<'_> {
     fn finish(mut self, stopped: bool) -> Result<Trained> {
         let fail = |what| Error::argument(format!("the best state: {what}"));
         self.learner.restore(&self.best.state).map_err(fail)?;
-        let (mixture, vizmapper) = self.learner.mixture();
+        let (mixture, vizmapper) = self.learner.shown()?;
         let scores = [self.best.first, self.best.score];
         Ok(Trained { mixture, vizmapper, iterations: self.iteration, scores, stopped })
     }

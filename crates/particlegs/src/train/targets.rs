@@ -9,11 +9,14 @@ use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::splat::Look;
 use crate::{Error, Result};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+/// Pixels in one step of parallel work.
+const RUN: usize = 1 << 14;
 /// Levels of a kept pixel.
 const LEVELS: f32 = 65_535.0;
 
@@ -62,28 +65,27 @@ impl<'a> Targets<'a> {
             self.write(place, &levels)?;
             self.places.insert(key, place);
         }
-        let Size { width, .. } = self.size;
-        let rows = (crop.corner[1]..crop.corner[1] + crop.size.height)
-            .flat_map(|row| &levels[row * width + crop.corner[0]..][..crop.size.width]);
-        Ok(Plane { size: crop.size, data: rows.map(|&l| f32::from(l) / LEVELS).collect() })
+        let from = crop.corner[1] * self.size.width;
+        Ok(part(crop, self.size.width, &levels[from..]))
     }
 
     /// The whole picture, from `oversample` times as many pixels along either side.
     fn draw(&self, view: &View, progress: &dyn Progress) -> Result<Vec<u16>> {
         let k = self.oversample;
         let large = Size { width: self.size.width * k, height: self.size.height * k };
-        let quantised = |v: f32| (v * LEVELS + 0.5) as u16;
         if self.look != Look::Expected {
             let picture = self.reference.draw(view, large, self.look, progress)?;
-            let at = |i: usize| f32::from(picture.data[i]) / 255.0;
-            return Ok(averaged(self.size, k, at).map(quantised).collect());
+            return Ok(averaged(self.size, k, |i| f32::from(picture.data[i]) / 255.0));
         }
         let tau = self.reference.optical_depth(view, large, progress)?;
-        Ok(averaged(self.size, k, |i| -(-tau.data[i]).exp_m1()).map(quantised).collect())
+        Ok(averaged(self.size, k, |i| -(-tau.data[i]).exp_m1()))
     }
 
     fn write(&mut self, place: u64, levels: &[u16]) -> Result<()> {
-        let bytes: Vec<u8> = levels.iter().flat_map(|l| l.to_le_bytes()).collect();
+        let mut bytes = vec![0u8; 2 * levels.len()];
+        bytes.par_chunks_mut(2 * RUN).zip(levels.par_chunks(RUN)).for_each(|(bytes, levels)| {
+            bytes.chunks_exact_mut(2).zip(levels).for_each(|(b, l)| b.copy_from_slice(&l.to_le_bytes()));
+        });
         let fail = |e| Error::io(&self.folder, e);
         if self.file.is_none() {
             self.file = Some(tempfile::tempfile_in(&self.folder).map_err(fail)?);
@@ -100,19 +102,34 @@ impl<'a> Targets<'a> {
         let first = place * self.size.pixels() as u64 + (crop.corner[1] * self.size.width) as u64;
         let mut bytes = vec![0u8; 2 * self.size.width * crop.size.height];
         file.seek(SeekFrom::Start(2 * first)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
-        let rows = bytes.chunks_exact(2 * self.size.width);
-        let pixels = rows.flat_map(|row| row[2 * crop.corner[0]..][..2 * crop.size.width].chunks_exact(2));
-        let data = pixels.map(|p| f32::from(u16::from_le_bytes([p[0], p[1]])) / LEVELS).collect();
-        Ok(Plane { size: crop.size, data })
+        let mut levels = vec![0u16; bytes.len() / 2];
+        levels.par_chunks_mut(RUN).zip(bytes.par_chunks(2 * RUN)).for_each(|(levels, bytes)| {
+            levels.iter_mut().zip(bytes.chunks_exact(2)).for_each(|(l, b)| *l = u16::from_le_bytes([b[0], b[1]]));
+        });
+        Ok(part(crop, self.size.width, &levels))
     }
 }
 
-/// Means of squares of `k` times `k` pixels of a picture that is `k` times as large.
-fn averaged(size: Size, k: usize, at: impl Fn(usize) -> f32) -> impl Iterator<Item = f32> {
+/// Brightness of a part, from the rows of a picture of that width that begin where the part does.
+fn part(crop: &Crop, width: usize, levels: &[u16]) -> Plane {
+    let mut plane = Plane::zeros(crop.size);
+    plane.data.par_chunks_mut(crop.size.width).zip(levels.par_chunks(width)).for_each(|(out, row)| {
+        let row = &row[crop.corner[0]..];
+        out.iter_mut().zip(row).for_each(|(o, &l)| *o = f32::from(l) * (1.0 / LEVELS));
+    });
+    plane
+}
+
+/// Levels of means of squares of `k` times `k` pixels of a picture that is `k` times as large.
+fn averaged(size: Size, k: usize, at: impl Fn(usize) -> f32 + Sync) -> Vec<u16> {
     let wide = size.width * k;
-    (0..size.pixels()).map(move |p| {
-        let (x, y) = (p % size.width * k, p / size.width * k);
-        let sum: f32 = (0..k * k).map(|q| at((y + q / k) * wide + x + q % k)).sum();
-        sum / (k * k) as f32
-    })
+    let mut out = vec![0u16; size.pixels()];
+    out.par_chunks_mut(size.width).enumerate().for_each(|(y, out)| {
+        for (x, o) in out.iter_mut().enumerate() {
+            let first = y * k * wide + x * k;
+            let sum: f32 = (0..k * k).map(|q| at(first + q / k * wide + q % k)).sum();
+            *o = (sum / (k * k) as f32 * LEVELS + 0.5) as u16;
+        }
+    });
+    out
 }

@@ -5,10 +5,11 @@
 //! multiplied by exp of a number. One rate then suits Gaussians of all sizes and shapes.
 
 use super::adjoint::{OfGaussian, full};
+use super::coded::{Coded, code};
+use super::columns::{Change, Columns, Numbers};
 use super::curve::Curve;
 use super::raster::Tape;
 use crate::Result;
-use crate::math::Sym3;
 use crate::model::{Mixture, VizMapper};
 use crate::particles::Bounds;
 use crate::picture::Plane;
@@ -47,6 +48,14 @@ pub struct DepthConfig {
     /// Share of ln(count / count at the start) taken back each step, times the rate: pictures do not
     /// hold the mass of saturated cores.
     pub count_pull: f64,
+    /// Steps from one coding to the next: between them steps are taken from the decoded Gaussians, so
+    /// that they learn what rounding does; 0 = never.
+    pub code_every: u64,
+    /// Share of the run after which that begins.
+    pub code_from: f64,
+    /// Share of the group's mean gradient that is added to each one's own in Adam's division:
+    /// parameters that pictures hardly depend on then hardly move, instead of wandering.
+    pub calm: f64,
     /// Decay of Adam's mean gradient.
     pub beta1: f64,
     /// Decay of Adam's mean squared gradient.
@@ -61,8 +70,11 @@ impl Default for DepthConfig {
             warm_up: 20,
             rates: Rates { place: 1.0, shape: 1.0, count: 0.1 },
             count_pull: 0.0,
+            calm: 0.5,
+            code_every: 20,
+            code_from: 0.2,
             beta1: 0.9,
-            beta2: 0.99,
+            beta2: 0.999,
         }
     }
 }
@@ -78,6 +90,8 @@ impl DepthConfig {
         let rates = [self.rates.place, self.rates.shape, self.rates.count, self.count_pull];
         if positive(self.rate)
             && positive(self.last_rate)
+            && (0.0..=1.0).contains(&self.code_from)
+            && (0.0..=1e3).contains(&self.calm)
             && share(self.beta1)
             && share(self.beta2)
             && rates.iter().all(|r| (0.0..=100.0).contains(r))
@@ -91,97 +105,91 @@ impl DepthConfig {
     }
 }
 
+/// What the Gaussians are trained for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct DepthGround {
+    /// Bounds of the particles, world units.
+    pub bounds: Bounds,
+    /// Particles.
+    pub particles: u64,
+    /// Look of the targets.
+    pub look: Look,
+    /// Bytes that the coded Gaussians are to have; `None` = not known: they are not coded on the way.
+    pub bytes: Option<u64>,
+}
+
 /// Parameters and what Adam remembers of them.
 pub(crate) struct DepthLearner {
     config: DepthConfig,
-    look: Look,
-    bounds: Bounds,
-    /// Particles: what the counts sum to.
-    total: f64,
-    mean: [Vec<f64>; 3],
-    /// Rows of the lower factor of the covariance: 00, 10, 11, 20, 21, 22.
-    factor: [Vec<f64>; 6],
-    log_count: Vec<f64>,
-    /// At the start.
+    ground: DepthGround,
+    columns: Columns,
+    /// The same as decoded, since they are coded on the way.
+    coded: Option<Coded>,
+    /// ln count at the start.
     first_log_count: Vec<f64>,
+    /// Mass a particle, where particles have weights; it stays as it is.
+    weight: Option<Vec<f64>>,
     /// Of place (3 a Gaussian), shape (6) and count (1).
     averages: [Averages; 3],
     #[cfg(test)]
     pub poison: Option<usize>,
 }
 
-/// Gradients in the Gaussians' own frames.
+/// Gradients in the Gaussians' own frames, by group.
 struct Own {
-    place: Vec<f32>,
-    shape: Vec<f32>,
-    count: Vec<f32>,
+    groups: [Vec<f32>; 3],
     not_finite: Option<NotFinite>,
 }
 
 impl DepthLearner {
-    /// From a mixture with covariances that have an inverse; `look` is the targets'.
-    pub fn new(mixture: &Mixture, bounds: Bounds, look: Look, config: DepthConfig) -> Self {
+    /// From a mixture.
+    pub fn new(mixture: &Mixture, ground: DepthGround, config: DepthConfig) -> Self {
         let m = mixture.len();
-        let mut factor: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(m));
-        for i in 0..m {
-            factor.iter_mut().zip(lower(&mixture.cov_of(i))).for_each(|(f, v)| f.push(v));
-        }
-        let log_count: Vec<f64> = mixture.count.iter().map(|c| c.max(1e-6).ln()).collect();
+        let columns = Columns::of(mixture, |i| i);
         DepthLearner {
             config,
-            look,
-            bounds,
-            total: mixture.count.iter().sum(),
-            mean: mixture.mean.clone(),
-            factor,
-            first_log_count: log_count.clone(),
-            log_count,
-            averages: [3, 6, 1].map(|k| Averages::zeros(k * m)),
+            ground,
+            first_log_count: columns.0.iter().map(|n| n[9]).collect(),
+            columns,
+            coded: None,
+            weight: mixture.mass.as_ref().map(|m| m.iter().zip(&mixture.count).map(|(m, c)| m / c.max(1e-3)).collect()),
+            averages: WIDTHS.map(|k| Averages::zeros(k * m)),
             #[cfg(test)]
             poison: None,
         }
     }
 
-    fn factor_of(&self, i: usize) -> [f64; 6] {
-        std::array::from_fn(|k| self.factor[k][i])
-    }
-
-    /// The Gaussians as they are.
-    fn gaussians(&self) -> Mixture {
-        let m = self.log_count.len();
-        let mut cov: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(m));
-        for i in 0..m {
-            let [a, b, c, d, e, f] = self.factor_of(i);
-            let s = [a * a, a * b, a * d, b * b + c * c, b * d + c * e, d * d + e * e + f * f];
-            cov.iter_mut().zip(s).for_each(|(c, v)| c.push(v));
-        }
-        let count = self.log_count.iter().map(|c| c.exp()).collect();
-        Mixture { mean: self.mean.clone(), cov, count, mass: None, shade: None }
-    }
-
-    /// Brightness of a shot and the gradient of the loss with its depth.
+    /// Loss of a shot, and its gradient with every Gaussian.
     fn backward(&self, mixture: &Mixture, shot: &Shot<'_>, loss: &Loss) -> Result<(f64, Vec<OfGaussian>)> {
-        let tape = Tape::draw(mixture, &self.bounds, shot.view, &shot.crop)?;
-        let curve = Curve::new(self.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));
+        let tape = Tape::draw(mixture, &self.ground.bounds, shot.view, &shot.crop)?;
+        let curve = Curve::new(self.ground.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));
         let size = tape.tau.size;
-        let (drawn, slope): (Vec<f32>, Vec<f32>) =
-            tape.tau.data.par_iter().with_min_len(4096).map(|&t| curve.at(t)).unzip();
-        let mut valued = loss.of(&Plane { size, data: drawn }, shot.target);
-        valued.gradient.data.par_iter_mut().zip(&slope).for_each(|(g, s)| *g *= s);
+        let (mut drawn, mut slope) = (Plane::zeros(size), Plane::zeros(size));
+        let pixels = drawn.data.par_chunks_mut(PIXELS).zip(slope.data.par_chunks_mut(PIXELS));
+        pixels.zip(tape.tau.data.par_chunks(PIXELS)).for_each(|((drawn, slope), tau)| {
+            for ((d, s), t) in drawn.iter_mut().zip(slope).zip(tau) {
+                (*d, *s) = curve.at(*t);
+            }
+        });
+        let mut valued = loss.of(&drawn, shot.target);
+        valued.gradient.data.par_iter_mut().zip(&slope.data).for_each(|(g, s)| *g *= s);
         Ok((valued.value, tape.gradient(mixture, valued.gradient)))
+    }
+
+    /// The Gaussians that steps are taken from.
+    fn seen(&self) -> &Columns {
+        self.coded.as_ref().map_or(&self.columns, |c| &c.columns)
     }
 
     /// Gradients turned into the Gaussians' own frames; what is not finite counts as zero.
     fn own(&self, world: &[OfGaussian]) -> Own {
-        let m = world.len();
-        let mut own = Own {
-            place: Vec::with_capacity(3 * m),
-            shape: Vec::with_capacity(6 * m),
-            count: Vec::with_capacity(m),
-            not_finite: None,
-        };
-        for (i, g) in world.iter().enumerate() {
-            if !g.is_finite() {
+        let turned: Vec<[f32; 10]> =
+            self.seen().0.par_iter().zip(world).with_min_len(1024).map(|(n, g)| turned(n, g)).collect();
+        let mut own = Own { groups: WIDTHS.map(|k| Vec::with_capacity(k * world.len())), not_finite: None };
+        for (i, (t, g)) in turned.iter().zip(world).enumerate() {
+            let t = if g.is_finite() && t.iter().all(|v| v.is_finite()) {
+                *t
+            } else {
                 let group = if g.mean.iter().any(|v| !v.is_finite()) {
                     "position"
                 } else if g.cov.iter().any(|v| !v.is_finite()) {
@@ -190,18 +198,11 @@ impl DepthLearner {
                     "count"
                 };
                 own.not_finite.get_or_insert(NotFinite { group, gaussian: i, count: 0 }).count += 1;
-                own.place.extend([0.0; 3]);
-                own.shape.extend([0.0; 6]);
-                own.count.push(0.0);
-                continue;
-            }
-            let l = self.factor_of(i);
-            let [a, b, c, d, e, f] = l;
-            let [x, y, z] = g.mean;
-            own.place.extend([a * x + b * y + d * z, c * y + e * z, f * z].map(|v| v as f32));
-            let cov = congruent(&l, &full(&g.cov));
-            own.shape.extend(cov.map(|v| (2.0 * v) as f32));
-            own.count.push((g.count * self.log_count[i].exp()) as f32);
+                [0.0; 10]
+            };
+            own.groups[0].extend(&t[..3]);
+            own.groups[1].extend(&t[3..9]);
+            own.groups[2].push(t[9]);
         }
         own
     }
@@ -215,36 +216,50 @@ impl DepthLearner {
     }
 
     fn update(&mut self, own: &Own, rate: f64) {
-        let m = self.log_count.len();
+        let m = self.len();
         let c = &self.config;
-        let adam = Adam { beta1: c.beta1 as f32, beta2: c.beta2 as f32, epsilon: 1e-15 };
-        let [place, shape, count] = &mut self.averages;
-        let mut by = [vec![0.0f32; 3 * m], vec![0.0f32; 6 * m], vec![0.0f32; m]];
-        adam.step(&mut by[0], &own.place, place, rate * c.rates.place);
-        adam.step(&mut by[1], &own.shape, shape, rate * c.rates.shape);
-        adam.step(&mut by[2], &own.count, count, rate * c.rates.count);
-        let pull = rate * c.count_pull;
-        for i in 0..m {
-            let [a, b, c, d, e, f] = self.factor_of(i);
-            let v: [f64; 3] = std::array::from_fn(|k| f64::from(by[0][3 * i + k]));
-            let moved = [a * v[0], b * v[0] + c * v[1], d * v[0] + e * v[1] + f * v[2]];
-            (0..3).for_each(|k| self.mean[k][i] += moved[k]);
-            let s: [f64; 6] = std::array::from_fn(|k| f64::from(by[1][6 * i + k]));
-            let (p, q, r) = (s[0].exp(), s[2].exp(), s[5].exp());
-            let new = [a * p, b * p + c * s[1], c * q, d * p + e * s[1] + f * s[3], e * q + f * s[4], f * r];
-            (0..6).for_each(|k| self.factor[k][i] = new[k]);
-            let away = self.log_count[i] - self.first_log_count[i];
-            self.log_count[i] += f64::from(by[2][i]) - pull * away;
+        let (beta1, beta2) = (c.beta1 as f32, c.beta2 as f32);
+        let mut by = WIDTHS.map(|k| vec![0.0f32; k * m]);
+        let rates = [c.rates.place, c.rates.shape, c.rates.count];
+        for (k, rate_share) in rates.into_iter().enumerate() {
+            let epsilon = (c.calm * self.averages[k].mean_size(c.beta2)) as f32;
+            let adam = Adam { beta1, beta2, epsilon: epsilon.max(1e-15) };
+            adam.step(&mut by[k], &own.groups[k], &mut self.averages[k], rate * rate_share);
         }
+        let pull = (rate * c.count_pull) as f32;
+        let mut changes: Vec<Change> = (0..m)
+            .map(|i| {
+                let [p, s] = [&by[0][3 * i..3 * i + 3], &by[1][6 * i..6 * i + 6]];
+                let away = (self.columns.0[i][9] - self.first_log_count[i]) as f32;
+                [p[0], p[1], p[2], s[0], s[1], s[2], s[3], s[4], s[5], by[2][i] - pull * away]
+            })
+            .collect();
         // The particles stay as many as they are.
-        let shift = (self.total / self.log_count.iter().map(|c| c.exp()).sum::<f64>()).ln();
-        self.log_count.iter_mut().for_each(|c| *c += shift);
+        let sum: f64 = self.columns.0.iter().zip(&changes).map(|(n, by)| (n[9] + f64::from(by[9])).exp()).sum();
+        let shift = (self.ground.particles as f64 / sum).ln() as f32;
+        changes.iter_mut().for_each(|by| by[9] += shift);
+        self.columns.change(&changes);
+        if let Some(coded) = &mut self.coded {
+            coded.columns.change(&changes);
+        }
+    }
+
+    /// Codes the Gaussians where that is due.
+    fn code(&mut self, at: &Moment) -> Result<()> {
+        let (every, Some(bytes)) = (self.config.code_every, self.ground.bytes) else { return Ok(()) };
+        if every > 0 && at.done >= self.config.code_from && at.iteration.is_multiple_of(every) {
+            let factor = self.coded.as_ref().map_or(1.0, |c| c.factor);
+            let DepthGround { bounds, particles, .. } = self.ground;
+            self.coded = Some(code(&self.columns, bounds, particles, factor, bytes)?);
+        }
+        Ok(())
     }
 }
 
 impl Learner for DepthLearner {
     fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &Moment) -> Result<Stepped> {
-        let mixture = self.gaussians();
+        self.code(at)?;
+        let mixture = self.seen().mixture();
         #[allow(unused_mut)]
         let (value, mut world) = self.backward(&mixture, shot, loss)?;
         #[cfg(test)]
@@ -259,20 +274,33 @@ impl Learner for DepthLearner {
     fn control(&mut self, _at: &Moment) {}
 
     fn len(&self) -> usize {
-        self.log_count.len()
+        self.columns.0.len()
     }
 
     fn mixture(&self) -> (Mixture, Option<VizMapper>) {
-        (self.gaussians(), None)
+        let mixture = self.columns.mixture();
+        let heavy = |w: &Vec<f64>| w.iter().zip(&mixture.count).map(|(w, c)| w * c).collect();
+        (Mixture { mass: self.weight.as_ref().map(heavy), ..mixture }, None)
+    }
+
+    fn shown(&self) -> Result<(Mixture, Option<VizMapper>)> {
+        let DepthGround { bounds, particles, bytes, .. } = self.ground;
+        let Some(bytes) = bytes else { return Ok(self.mixture()) };
+        // Twice: the first says at which precision the bytes are met.
+        let factor = self.coded.as_ref().map_or(1.0, |c| c.factor);
+        let factor = code(&self.columns, bounds, particles, factor, bytes)?.factor;
+        Ok((code(&self.columns, bounds, particles, factor, bytes)?.columns.mixture(), None))
     }
 
     fn state(&self) -> State {
         let mut state = State::default();
-        let axes = self.mean.iter().enumerate().map(|(k, c)| (format!("mean {k}"), c));
-        let factor = self.factor.iter().enumerate().map(|(k, c)| (format!("factor {k}"), c));
-        let counts = [("log count", &self.log_count), ("first log count", &self.first_log_count)];
-        let counts = counts.map(|(n, c)| (n.to_string(), c));
-        state.numbers.extend(axes.chain(factor).chain(counts).map(|(n, c)| (n, c.clone())));
+        let flat = |c: &Columns| c.0.iter().flatten().copied().collect::<Vec<f64>>();
+        state.numbers.insert("gaussians".into(), flat(&self.columns));
+        state.numbers.insert("first log count".into(), self.first_log_count.clone());
+        if let Some(coded) = &self.coded {
+            state.numbers.insert("coded".into(), flat(&coded.columns));
+            state.numbers.insert("step factor".into(), vec![coded.factor]);
+        }
         for (name, a) in GROUPS.iter().zip(&self.averages) {
             state.columns.insert(format!("{name} first"), a.first.clone());
             state.columns.insert(format!("{name} second"), a.second.clone());
@@ -282,37 +310,43 @@ impl Learner for DepthLearner {
     }
 
     fn restore(&mut self, state: &State) -> std::result::Result<(), String> {
-        let m = state.numbers.get("log count").map_or(0, Vec::len);
-        for k in 0..3 {
-            self.mean[k] = state.doubles(&format!("mean {k}"), m)?.to_vec();
-        }
-        for k in 0..6 {
-            self.factor[k] = state.doubles(&format!("factor {k}"), m)?.to_vec();
-        }
-        self.log_count = state.doubles("log count", m)?.to_vec();
-        self.first_log_count = state.doubles("first log count", m)?.to_vec();
-        for ((name, a), k) in GROUPS.iter().zip(&mut self.averages).zip([3, 6, 1]) {
+        let m = state.numbers.get("first log count").map_or(0, Vec::len);
+        let columns = |name: &str| -> std::result::Result<Columns, String> {
+            let flat = state.doubles(name, 10 * m)?;
+            Ok(Columns(flat.chunks_exact(10).map(|n| std::array::from_fn(|k| n[k])).collect()))
+        };
+        let coded = match state.numbers.contains_key("coded") {
+            true => Some(Coded { columns: columns("coded")?, factor: state.doubles("step factor", 1)?[0] }),
+            false => None,
+        };
+        let mut averages: [Averages; 3] = Default::default();
+        for ((name, a), k) in GROUPS.iter().zip(&mut averages).zip(WIDTHS) {
             a.first = state.column(&format!("{name} first"), k * m)?.to_vec();
             a.second = state.column(&format!("{name} second"), k * m)?.to_vec();
             a.steps = state.doubles(&format!("{name} steps"), 1)?[0] as u64;
         }
+        (self.columns, self.coded, self.averages) = (columns("gaussians")?, coded, averages);
+        self.first_log_count = state.doubles("first log count", m)?.to_vec();
         Ok(())
     }
 }
 
+/// Groups of parameters, and their numbers a Gaussian.
 const GROUPS: [&str; 3] = ["place", "shape", "count"];
+const WIDTHS: [usize; 3] = [3, 6, 1];
+/// Pixels in one step of parallel work.
+const PIXELS: usize = 1 << 14;
 
-/// The lower triangular factor of a covariance; directions without extent get 1e-6 of the largest.
-fn lower(cov: &Sym3) -> [f64; 6] {
-    let largest = cov.0[0].max(cov.0[3]).max(cov.0[5]).max(f64::MIN_POSITIVE);
-    let least = 1e-12 * largest;
-    let [xx, xy, xz, yy, yz, zz] = cov.0;
-    let a = xx.max(least).sqrt();
-    let (b, d) = (xy / a, xz / a);
-    let c = (yy - b * b).max(least).sqrt();
-    let e = (yz - b * d) / c;
-    let f = (zz - d * d - e * e).max(least).sqrt();
-    [a, b, c, d, e, f]
+/// A gradient in the Gaussian's own frame (see [`Columns::change`]).
+fn turned(n: &Numbers, g: &OfGaussian) -> [f32; 10] {
+    let [_, _, _, a, b, c, d, e, f, log_count] = *n;
+    let [x, y, z] = g.mean;
+    let s = congruent(&[a, b, c, d, e, f], &full(&g.cov));
+    let place = [a * x + b * y + d * z, c * y + e * z, f * z];
+    let count = g.count * log_count.exp();
+    let all =
+        [place[0], place[1], place[2], 2.0 * s[0], 2.0 * s[1], 2.0 * s[2], 2.0 * s[3], 2.0 * s[4], 2.0 * s[5], count];
+    all.map(|v| v as f32)
 }
 
 /// The lower triangle of L^T G L.

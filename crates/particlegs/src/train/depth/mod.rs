@@ -7,6 +7,8 @@
 //! covariance and count. The [`DepthLearner`] moves them in each Gaussian's own frame.
 
 mod adjoint;
+mod coded;
+mod columns;
 mod curve;
 mod gather;
 mod learner;
@@ -15,5 +17,5 @@ mod raster;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use learner::DepthLearner;
 pub use learner::{DepthConfig, Rates};
+pub(crate) use learner::{DepthGround, DepthLearner};
