@@ -49,6 +49,13 @@ impl Columns {
         }
     }
 
+    /// Moves every number a share of the way to `other`'s.
+    pub fn approach(&mut self, other: &Columns, share: f64) {
+        self.0.par_iter_mut().with_min_len(RUN).zip(&other.0).for_each(|(own, other)| {
+            own.iter_mut().zip(other).for_each(|(a, b)| *a += share * (b - *a));
+        });
+    }
+
     /// Moves every Gaussian in its own frame: its mean by L v, its factor to L B with B lower
     /// triangular and the exponential of a number on the diagonal, its count by a factor.
     pub fn change(&mut self, by: &[Change]) {

@@ -8,6 +8,7 @@ use super::adjoint::{OfGaussian, full};
 use super::coded::{Coded, code};
 use super::columns::{Change, Columns, Numbers};
 use super::curve::Curve;
+use super::density::{Move, relocate};
 use super::raster::Tape;
 use crate::Result;
 use crate::model::{Mixture, VizMapper};
@@ -15,7 +16,7 @@ use crate::particles::Bounds;
 use crate::picture::Plane;
 use crate::splat::Look;
 use crate::train::adam::{Adam, Averages};
-use crate::train::learner::{Learner, Moment, NotFinite, Shot, Stepped};
+use crate::train::learner::{Densify, Learner, Moment, NotFinite, Shot, Stepped};
 use crate::train::loss::Loss;
 use crate::train::state::State;
 use rayon::prelude::*;
@@ -48,6 +49,9 @@ pub struct DepthConfig {
     /// Share of ln(count / count at the start) taken back each step, times the rate: pictures do not
     /// hold the mass of saturated cores.
     pub count_pull: f64,
+    /// Share of the Gaussians that density control moves at a time: the quietest are merged into a
+    /// neighbour, the loudest are halved; 0 = none. When is said by the stages.
+    pub relocate: f64,
     /// Steps from one coding to the next: between them steps are taken from the decoded Gaussians, so
     /// that they learn what rounding does; 0 = never.
     pub code_every: u64,
@@ -56,6 +60,9 @@ pub struct DepthConfig {
     /// Share of the group's mean gradient that is added to each one's own in Adam's division:
     /// parameters that pictures hardly depend on then hardly move, instead of wandering.
     pub calm: f64,
+    /// Steps over which the Gaussians that are scored and kept are averaged, at most a tenth of those
+    /// done; 1 = not.
+    pub average: f64,
     /// Decay of Adam's mean gradient.
     pub beta1: f64,
     /// Decay of Adam's mean squared gradient.
@@ -70,7 +77,9 @@ impl Default for DepthConfig {
             warm_up: 20,
             rates: Rates { place: 1.0, shape: 1.0, count: 0.1 },
             count_pull: 0.0,
+            average: 300.0,
             calm: 0.5,
+            relocate: 0.005,
             code_every: 20,
             code_from: 0.2,
             beta1: 0.9,
@@ -92,6 +101,8 @@ impl DepthConfig {
             && positive(self.last_rate)
             && (0.0..=1.0).contains(&self.code_from)
             && (0.0..=1e3).contains(&self.calm)
+            && (1.0..=1e9).contains(&self.average)
+            && (0.0..=0.25).contains(&self.relocate)
             && share(self.beta1)
             && share(self.beta2)
             && rates.iter().all(|r| (0.0..=100.0).contains(r))
@@ -123,6 +134,8 @@ pub(crate) struct DepthLearner {
     config: DepthConfig,
     ground: DepthGround,
     columns: Columns,
+    /// Their running average: what is scored and kept.
+    averaged: Columns,
     /// The same as decoded, since they are coded on the way.
     coded: Option<Coded>,
     /// ln count at the start.
@@ -150,6 +163,7 @@ impl DepthLearner {
             config,
             ground,
             first_log_count: columns.0.iter().map(|n| n[9]).collect(),
+            averaged: columns.clone(),
             columns,
             coded: None,
             weight: mixture.mass.as_ref().map(|m| m.iter().zip(&mixture.count).map(|(m, c)| m / c.max(1e-3)).collect()),
@@ -268,17 +282,53 @@ impl Learner for DepthLearner {
         }
         let own = self.own(&world);
         self.update(&own, self.rate(at));
+        let over = self.config.average.min(0.1 * (at.iteration + 1) as f64).max(1.0);
+        self.averaged.approach(&self.columns, 1.0 / over);
         Ok(Stepped { loss: value, not_finite: own.not_finite })
     }
 
-    fn control(&mut self, _at: &Moment) {}
+    fn control(&mut self, at: &Moment) {
+        let step = at.iteration + 1;
+        let Densify { every, until, .. } = at.densify;
+        if every == 0 || step > until || !step.is_multiple_of(every) {
+            return;
+        }
+        let [place, shape, _] = &self.averages;
+        let squares = place.second.chunks_exact(3).zip(shape.second.chunks_exact(6));
+        let gradients: Vec<f64> =
+            squares.map(|(p, s)| p.iter().chain(s).map(|&v| f64::from(v)).sum::<f64>().sqrt()).collect();
+        let heavy = |(w, n): (&f64, &Numbers)| w * n[9].exp();
+        let mut mass: Option<Vec<f64>> =
+            self.weight.as_ref().map(|w| w.iter().zip(&self.columns.0).map(heavy).collect());
+        for Move { from, into, half_of } in relocate(&mut self.columns, &gradients, self.config.relocate) {
+            for i in [from, into, half_of] {
+                self.first_log_count[i] = self.columns.0[i][9];
+                for (a, k) in self.averages.iter_mut().zip(WIDTHS) {
+                    a.first[k * i..k * (i + 1)].fill(0.0);
+                }
+            }
+            // Its half wants as much as it wanted; what was merged goes on as the larger did.
+            for (a, k) in self.averages.iter_mut().zip(WIDTHS) {
+                a.second.copy_within(k * half_of..k * (half_of + 1), k * from);
+            }
+            if let Some(mass) = &mut mass {
+                mass[into] += mass[from];
+                mass[half_of] *= 0.5;
+                mass[from] = mass[half_of];
+            }
+        }
+        self.weight = mass.map(|m| m.iter().zip(&self.columns.0).map(|(m, n)| m / n[9].exp()).collect());
+        // What was decoded and averaged is of other Gaussians now.
+        self.coded = None;
+        self.averaged = self.columns.clone();
+    }
 
     fn len(&self) -> usize {
         self.columns.0.len()
     }
 
     fn mixture(&self) -> (Mixture, Option<VizMapper>) {
-        let mixture = self.columns.mixture();
+        let mixture = self.averaged.mixture();
         let heavy = |w: &Vec<f64>| w.iter().zip(&mixture.count).map(|(w, c)| w * c).collect();
         (Mixture { mass: self.weight.as_ref().map(heavy), ..mixture }, None)
     }
@@ -288,14 +338,15 @@ impl Learner for DepthLearner {
         let Some(bytes) = bytes else { return Ok(self.mixture()) };
         // Twice: the first says at which precision the bytes are met.
         let factor = self.coded.as_ref().map_or(1.0, |c| c.factor);
-        let factor = code(&self.columns, bounds, particles, factor, bytes)?.factor;
-        Ok((code(&self.columns, bounds, particles, factor, bytes)?.columns.mixture(), None))
+        let factor = code(&self.averaged, bounds, particles, factor, bytes)?.factor;
+        Ok((code(&self.averaged, bounds, particles, factor, bytes)?.columns.mixture(), None))
     }
 
     fn state(&self) -> State {
         let mut state = State::default();
         let flat = |c: &Columns| c.0.iter().flatten().copied().collect::<Vec<f64>>();
         state.numbers.insert("gaussians".into(), flat(&self.columns));
+        state.numbers.insert("averaged".into(), flat(&self.averaged));
         state.numbers.insert("first log count".into(), self.first_log_count.clone());
         if let Some(coded) = &self.coded {
             state.numbers.insert("coded".into(), flat(&coded.columns));
@@ -325,6 +376,7 @@ impl Learner for DepthLearner {
             a.second = state.column(&format!("{name} second"), k * m)?.to_vec();
             a.steps = state.doubles(&format!("{name} steps"), 1)?[0] as u64;
         }
+        self.averaged = columns("averaged")?;
         (self.columns, self.coded, self.averages) = (columns("gaussians")?, coded, averages);
         self.first_log_count = state.doubles("first log count", m)?.to_vec();
         Ok(())

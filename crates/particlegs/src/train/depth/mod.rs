@@ -10,6 +10,7 @@ mod adjoint;
 mod coded;
 mod columns;
 mod curve;
+mod density;
 mod gather;
 mod learner;
 mod raster;

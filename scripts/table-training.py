@@ -1,0 +1,99 @@
+#!/usr/bin/env python3
+"""Trains the optical-depth law on nbody128 at ratio 300, scores each model against VTK's twelve pictures and its
+particles' statistics against the snapshot's, and keeps all of it.
+
+    scripts/table-training.py PARTICLEGS DATA REFERENCE WORK RESULTS.json [NAME ...]
+
+DATA holds xx.f32 yy.f32 zz.f32; REFERENCE views.json and paraview/. What RESULTS.json holds is kept unless named.
+`scripts/table-training-page.py RESULTS.json` writes the page from it.
+"""
+import json, os, resource, subprocess, sys, time
+
+PROGRAM, DATA, REFERENCE, WORK, RESULTS, *NAMES = sys.argv[1:]
+
+# Name, options of compress, lines of its TOML.
+RUNS = [
+    ("untrained", [], ""),
+    ("fast", ["--train", "fast"], ""),
+    ("best", ["--train", "best"], ""),
+    ("rounding-unknown", ["--train", "fast"], "[optical_depth]\ncode_every = 0\n"),
+    ("not-calm", ["--train", "fast"], "[optical_depth]\ncalm = 0.0\n"),
+    ("l2", ["--train", "fast"], "[loss]\nnorm = \"l2\"\n"),
+    ("counts-free", ["--train", "fast"], "[optical_depth.rates]\nplace = 1.0\nshape = 1.0\ncount = 1.0\n"),
+    ("counts-fixed", ["--train", "fast"], "[optical_depth.rates]\nplace = 1.0\nshape = 1.0\ncount = 0.0\n"),
+    ("no-wide-views", ["--train", "fast"], "[cameras]\nwide = 0.0\n"),
+    ("many-wide-views", ["--train", "fast"], "[cameras]\nwide = 0.4\n"),
+    ("target-paraview", ["--train", "fast"], "target = \"paraview\"\n"),
+]
+
+
+def particlegs(*args):
+    subprocess.run([PROGRAM, *args, "--quiet"], check=True, stdout=subprocess.DEVNULL)
+
+
+def path(*parts):
+    return os.path.join(WORK, *parts)
+
+
+def load(name):
+    with open(path(name)) as f:
+        return json.load(f)
+
+
+def run(name, options, toml):
+    model = path(name + ".pgs")
+    if toml:
+        with open(path(name + ".toml"), "w") as f:
+            f.write(toml)
+        options = [*options, "--config", path(name + ".toml")]
+    cpu = resource.getrusage(resource.RUSAGE_CHILDREN)
+    start = time.time()
+    particlegs("compress", DATA, "-o", model, "--no-certificate", *options, "--json", path(name + ".json"))
+    wall = time.time() - start
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    said = load(name + ".json")
+    out = {
+        "command": "particlegs compress nbody128 --no-certificate " + " ".join(options[:2]),
+        "config": toml,
+        "wall_seconds": round(wall, 1),
+        "cpu_seconds": round(after.ru_utime + after.ru_stime - cpu.ru_utime - cpu.ru_stime, 1),
+        "load_average": os.getloadavg()[0],
+        **{k: said[k] for k in ("gaussians", "model_bytes", "compression_ratio", "step_factor", "trained", "seconds_by_phase")},
+    }
+    particlegs("render", model, "--views", os.path.join(REFERENCE, "views.json"), "--style", "paraview", "--out", path(name))
+    particlegs("compare", path(name), os.path.join(REFERENCE, "paraview"), "--json", path(name + "-scores.json"))
+    out["views"] = {v["name"]: v["masked_psnr"] for v in load(name + "-scores.json")["views"]}
+    subprocess.run(["rm", "-rf", path("particles")], check=True)
+    particlegs("recover", model, "-o", path("particles"), "--method", "count")
+    particlegs("stats", DATA, path("particles"), "-o", path(name + "-stats"), "--grid", "50", "--spectrum-grid", "512",
+               "--only", "density,spectrum,groups", "--no-plots")
+    out["science"] = science(load(os.path.join(name + "-stats", "stats.json")))
+    subprocess.run(["rm", "-rf", path("particles")], check=True)
+    return out
+
+
+def science(s):
+    shells, classes = s["spectra"]["shells"], s["groups"]["classes"]
+    return {
+        "correlation": s["summary"]["density_correlation"],
+        "mae": s["summary"]["density_mean_absolute_error"],
+        "power_ratio_lowest": [h["ratio"] for h in shells[:2]],
+        "largest_power_deviation": s["summary"]["largest_power_deviation"],
+        "groups": [[c["from"], *c["groups"]] for c in classes],
+        "core_mass": s["summary"]["core_mass"],
+    }
+
+
+results = {}
+if os.path.exists(RESULTS):
+    with open(RESULTS) as f:
+        results = json.load(f)
+os.makedirs(WORK, exist_ok=True)
+for name, options, toml in RUNS:
+    if NAMES and name not in NAMES or not NAMES and name in results:
+        continue
+    results[name] = run(name, options, toml)
+    with open(RESULTS, "w") as f:
+        json.dump(results, f, indent=1)
+        f.write("\n")
+    print(name, results[name]["wall_seconds"], "s", flush=True)
