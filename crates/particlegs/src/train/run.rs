@@ -311,7 +311,8 @@ impl Run<'_> {
     fn finish(mut self, stopped: bool) -> Result<Trained> {
         let fail = |what| Error::argument(format!("the best state: {what}"));
         self.learner.restore(&self.best.state).map_err(fail)?;
-        let (mixture, vizmapper) = self.learner.shown()?;
+        // As they are: those that were decoded on the way would be rounded twice.
+        let (mixture, vizmapper) = self.learner.mixture();
         let scores = [self.best.first, self.best.score];
         Ok(Trained { mixture, vizmapper, iterations: self.iteration, scores, stopped })
     }
