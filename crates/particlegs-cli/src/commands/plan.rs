@@ -56,6 +56,9 @@ pub struct Arguments {
 
 /// Plans.
 pub fn run(a: Arguments) -> Result<()> {
+    if let Some(text) = a.fit.train.printed()? {
+        return crate::report::line(text.trim_end());
+    }
     let selection = (&a.selection, &a.window);
     let options = a.fit.options(&a.snapshot, selection, a.common.seed)?;
     let memory = a.memory.as_deref().map(parse_bytes).transpose()?;

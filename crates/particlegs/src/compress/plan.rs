@@ -62,7 +62,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Argument`] for a target that is none.
     pub fn new(options: &Options, metadata: Metadata, layers: Vec<PlannedLayer>) -> Result<Plan> {
-        let alpha = options.training.as_ref().is_some_and(|t| t.law == Law::AlphaBlend);
+        let alpha = options.law() == Law::AlphaBlend;
         if alpha && layers.len() > 1 {
             return Err(Error::argument(
                 "the alpha-blend law has one layer: choose one with --particle-type, or use the optical-depth law",
@@ -70,7 +70,7 @@ impl Plan {
         }
         // Its Gaussians have opacities, not masses.
         let layers = layers.into_iter().map(|l| PlannedLayer { weighted: l.weighted && !alpha, ..l }).collect();
-        Ok(Plan {
+        let plan = Plan {
             target: options.target.check()?,
             effort: options.effort,
             seed: options.seed,
@@ -79,7 +79,20 @@ impl Plan {
             blocks: options.blocks,
             layers,
             metadata,
-        })
+        };
+        if alpha { plan.has_room() } else { Ok(()) }?;
+        Ok(plan)
+    }
+
+    /// Does the target hold more than the network? Better said before hours of training than after.
+    fn has_room(&self) -> Result<()> {
+        let (asked, beside) = (self.target.bytes(self.raw_bytes()), self.overhead());
+        let Some(bytes) = asked.filter(|b| *b <= beside) else { return Ok(()) };
+        let what = format!(
+            "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone have {beside}"
+        );
+        let hint = "ask for a larger file, or set `vizmapper = false` in [alpha_blend] of --config".into();
+        Err(Error::Unreachable { what, hint })
     }
 
     /// Bytes of the particles as float32.
