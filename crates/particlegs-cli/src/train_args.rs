@@ -15,9 +15,9 @@ pub struct TrainArgs {
     /// Train the fitted Gaussians on pictures of the particles.
     #[arg(long, value_enum, default_value_t = TrainArg::None)]
     train: TrainArg,
-    /// Image law to train by.
-    #[arg(long, value_enum, default_value_t = LawArg::OpticalDepth)]
-    law: LawArg,
+    /// Image law to train by [default: optical-depth, or what --config says].
+    #[arg(long, value_enum)]
+    law: Option<LawArg>,
     #[command(flatten)]
     tune: TuneArgs,
 }
@@ -72,11 +72,12 @@ enum Which {
 }
 
 impl TrainArgs {
-    fn law(&self) -> Law {
-        match self.law {
+    /// The law that is asked for.
+    fn law(&self) -> Option<Law> {
+        self.law.map(|law| match law {
             LawArg::OpticalDepth => Law::OpticalDepth,
             LawArg::AlphaBlend => Law::AlphaBlend,
-        }
+        })
     }
 
     /// What the hyper-parameters begin with; `None` = no training. A file of hyper-parameters without a
@@ -88,7 +89,7 @@ impl TrainArgs {
             TrainArg::Best => Preset::Best,
             TrainArg::Paper => Preset::Paper,
         };
-        Some(Config::preset(preset, self.law()))
+        Some(Config::preset(preset, self.law().unwrap_or(Law::OpticalDepth)))
     }
 
     /// The hyper-parameters; `None` = no training.
@@ -97,9 +98,9 @@ impl TrainArgs {
     /// [`Error::Argument`] for options that need --train; those of [`TuneArgs::config`].
     pub fn config(&self) -> Result<Option<Config>> {
         if let Some(preset) = self.preset() {
-            return self.tune.config(preset).map(Some);
+            return self.tune.config(preset, self.law()).map(Some);
         }
-        if self.tune.is_given() || self.law != LawArg::OpticalDepth {
+        if self.tune.is_given() || self.law.is_some() {
             return Err(Error::argument("--law, --scale and --iterations need --train fast|best|paper"));
         }
         Ok(None)
@@ -110,7 +111,7 @@ impl TrainArgs {
     /// # Errors
     /// As [`TrainArgs::config`].
     pub fn printed(&self) -> Result<Option<String>> {
-        self.preset().map_or(Ok(None), |preset| self.tune.printed(preset))
+        self.preset().map_or(Ok(None), |preset| self.tune.printed(preset, self.law()))
     }
 
     /// As stored in the file: what decides its bytes.
@@ -118,10 +119,11 @@ impl TrainArgs {
         let Some(preset) = self.preset() else { return Ok(String::new()) };
         let name = self.train.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
         let mut text = format!(" --train {name}");
-        if self.law == LawArg::AlphaBlend {
+        let law = self.law();
+        if self.tune.config(preset.clone(), law)?.law == Law::AlphaBlend {
             text += " --law alpha-blend";
         }
-        Ok(text + &self.tune.text(preset)?)
+        Ok(text + &self.tune.text(preset, law)?)
     }
 }
 
@@ -130,11 +132,11 @@ impl TuneArgs {
         self.config.is_some() || self.scale.is_some() || self.iterations.is_some()
     }
 
-    /// `preset` as changed by the file, then by the other options.
+    /// `preset` as changed by the file, then by the other options; `law` is what it must be, if anything.
     ///
     /// # Errors
     /// [`Error::Input`] where the file does not parse; [`Error::Argument`] for a number out of range.
-    pub fn config(&self, preset: Config) -> Result<Config> {
+    pub fn config(&self, preset: Config, law: Option<Law>) -> Result<Config> {
         let mut config = preset;
         if let Some(path) = &self.config {
             let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
@@ -142,12 +144,12 @@ impl TuneArgs {
                 let line = e.span().map_or(1, |s| 1 + text[..s.start.min(text.len())].matches('\n').count());
                 Error::input(path, format!("line {line}: {}", one_line(e.message())))
             })?;
-            let law = config.law;
             config = changed(&config, changes).map_err(|e| {
-                Error::input_hint(path, one_line(e.message()), "--print-config prints what there is, with its values")
+                Error::input_hint(path, one_line(&e.to_string()), "--print-config prints what there is, with its values")
             })?;
-            if config.law != law {
-                return Err(Error::input_hint(path, "law: it is not chosen here", "use --law"));
+            if let Some(law) = law.filter(|l| *l != config.law) {
+                let what = format!("law = \"{}\", but this command trains by {}", config.law.name(), law.name());
+                return Err(Error::input(path, what));
             }
         }
         if let Some(scale) = self.scale {
@@ -164,9 +166,9 @@ impl TuneArgs {
     ///
     /// # Errors
     /// As [`TuneArgs::config`].
-    pub fn printed(&self, preset: Config) -> Result<Option<String>> {
+    pub fn printed(&self, preset: Config, law: Option<Law>) -> Result<Option<String>> {
         let Some(which) = self.print_config else { return Ok(None) };
-        let mut all = table(&self.config(preset.clone())?)?;
+        let mut all = table(&self.config(preset.clone(), law)?)?;
         if which == Which::Changed {
             all = differing(all, &table(&preset)?);
         }
@@ -177,10 +179,10 @@ impl TuneArgs {
     ///
     /// # Errors
     /// As [`TuneArgs::config`].
-    pub fn text(&self, preset: Config) -> Result<String> {
+    pub fn text(&self, preset: Config, law: Option<Law>) -> Result<String> {
         let mut text = String::new();
         if self.config.is_some() {
-            let all = toml::to_string(&self.config(preset)?).map_err(|e| Error::argument(e.to_string()))?;
+            let all = toml::to_string(&self.config(preset, law)?).map_err(|e| Error::argument(e.to_string()))?;
             text += &format!(" --config blake3:{}", particlegs::compress::name_of(&all));
         }
         for (option, value) in [("scale", self.scale), ("iterations", self.iterations.map(|n| n as f64))] {

@@ -84,9 +84,12 @@ impl TargetArgs {
     }
 }
 
+/// The law of the models that are fine-tuned.
+const LAW: Option<Law> = Some(Law::AlphaBlend);
+
 /// Fine-tunes, writes the file, reports.
 pub fn run(a: Arguments) -> Result<()> {
-    if let Some(text) = a.tune.printed(Config::fine_tuning())? {
+    if let Some(text) = a.tune.printed(Config::fine_tuning(), LAW)? {
         return crate::report::line(text.trim_end());
     }
     let none = Path::new("");
@@ -130,12 +133,12 @@ impl Arguments {
         let seed = self.common.seed;
         Ok(FineTuning {
             target,
-            training: self.tune.config(Config::fine_tuning())?,
+            training: self.tune.config(Config::fine_tuning(), LAW)?,
             limits: self.run.limits(start, self.folder(out))?,
             memory: self.memory.as_deref().map(parse_bytes).transpose()?,
             seed,
             certificate: !self.no_certificate,
-            command: format!("finetune{asked} --seed {seed}{}", self.tune.text(Config::fine_tuning())?),
+            command: format!("finetune{asked} --seed {seed}{}", self.tune.text(Config::fine_tuning(), LAW)?),
         })
     }
 
