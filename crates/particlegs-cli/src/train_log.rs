@@ -61,7 +61,7 @@ pub fn logged<T>(
     let done = work(&logged);
     let whole = logged.file.into_inner().unwrap_or_else(|e| e.into_inner()).is_some();
     // The run's outcome is worth more than its curves.
-    if let (true, Err(error)) = (whole, draw(path)) {
+    if whole && let Err(error) = draw(path) {
         context.message(&format!("warning: the curves of {} were not drawn: {error}", path.display()));
     }
     done

@@ -285,6 +285,9 @@ fn what_cannot_be_is_refused_before_the_work() {
     fails(&mut trained(&["--law", "alpha-blend", "--size", "5kB"]), 5, "the head and the network alone");
     fails(&mut trained(&["--log", "nowhere/l.jsonl"]), 6, "nowhere/l.jsonl");
     fails(&mut trained(&["--memory", "1GB", "--scratch", "nowhere"]), 6, "nowhere");
+    snapshot(&dir.join("two"), &[vec![0.0, 1.0, 2.0, 3.0], vec![1.0; 4], vec![2.0; 4], vec![1.0, 1.0, 8.0, 8.0]]);
+    let mut layers = tool(&dir, &["compress", "two", "-o", "m.pgs", "--layers", "mass", "--train", "fast"]);
+    fails(layers.args(["--law", "alpha-blend", "--config", "tiny.toml"]), 2, "the alpha-blend law has one layer");
     // A log that cannot be written to costs no model.
     let out = trained(&["--log", "/dev/full", "--no-certificate", "--iterations", "60"]).output().unwrap();
     let told = String::from_utf8_lossy(&out.stderr);

@@ -68,8 +68,6 @@ impl Plan {
                 "the alpha-blend law has one layer: choose one with --particle-type, or use the optical-depth law",
             ));
         }
-        // Its Gaussians have opacities, not masses.
-        let layers = layers.into_iter().map(|l| PlannedLayer { weighted: l.weighted && !alpha, ..l }).collect();
         let plan = Plan {
             target: options.target.check()?,
             effort: options.effort,
@@ -95,9 +93,15 @@ impl Plan {
         Err(Error::Unreachable { what, hint })
     }
 
-    /// Bytes of the particles as float32.
+    /// Does the file keep the weights of a layer? Gaussians of the alpha-blend law have opacities, not
+    /// masses.
+    fn keeps_weights(&self, layer: &PlannedLayer) -> bool {
+        layer.weighted && self.metadata.law == Law::OpticalDepth
+    }
+
+    /// Bytes of what the file keeps of the particles, as float32.
     pub fn raw_bytes(&self) -> u64 {
-        self.layers.iter().map(|l| l.count * 4 * l.columns() as u64).sum()
+        self.layers.iter().map(|l| l.count * if self.keeps_weights(l) { 16 } else { 12 }).sum()
     }
 
     /// How blocks are fitted.
@@ -117,7 +121,7 @@ impl Plan {
         let heads = self.layers.iter().map(|l| LayerHead {
             name: &l.name,
             particle_mass: l.particle_mass,
-            weighted: l.weighted,
+            weighted: self.keeps_weights(l),
             blocks: self.blocks as usize,
         });
         let network = match &self.training {
