@@ -77,7 +77,9 @@ impl RunArgs {
         let hint = "without --resume the run begins anew";
         match checkpoint.found() {
             Found::Ours => Ok(checkpoint),
-            Found::Nothing => Err(Error::Argument { what: format!("{place}: there is no checkpoint"), hint: hint.into() }),
+            Found::Nothing => {
+                Err(Error::Argument { what: format!("{place}: there is no checkpoint"), hint: hint.into() })
+            }
             Found::Broken => Err(Error::input_hint(&place, "half-written or changed: no checkpoint", hint)),
             Found::Other => Err(Error::input_hint(&place, "of another command, snapshot or configuration", hint)),
         }

@@ -145,7 +145,11 @@ impl TuneArgs {
                 Error::input(path, format!("line {line}: {}", one_line(e.message())))
             })?;
             config = changed(&config, changes).map_err(|e| {
-                Error::input_hint(path, one_line(&e.to_string()), "--print-config prints what there is, with its values")
+                Error::input_hint(
+                    path,
+                    one_line(&e.to_string()),
+                    "--print-config prints what there is, with its values",
+                )
             })?;
             if let Some(law) = law.filter(|l| *l != config.law) {
                 let what = format!("law = \"{}\", but this command trains by {}", config.law.name(), law.name());

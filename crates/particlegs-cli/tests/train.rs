@@ -116,7 +116,7 @@ fn stopped_runs_leave_the_best_and_go_on() {
     let (_dir, dir) = folder();
     for (law, name) in LAWS.into_iter().zip(["-INT", "-TERM"]) {
         let mut arguments = training(law, "m.pgs");
-        arguments.extend(["--iterations", "150"]);
+        arguments.extend(["--iterations", "60"]);
         let mut child = spawn(&dir, &arguments);
         let checkpoint = dir.join("m.pgs.checkpoint");
         wait_for(&checkpoint, &mut child);
@@ -133,7 +133,7 @@ fn stopped_runs_leave_the_best_and_go_on() {
         tool(&dir, &arguments).args(["--resume", "-q"]).assert().success();
         assert!(!checkpoint.exists());
         let mut whole = training(law, "whole.pgs");
-        whole.extend(["--iterations", "150"]);
+        whole.extend(["--iterations", "60"]);
         assert!(unbroken(&dir, &whole, "whole.pgs") == std::fs::read(dir.join("m.pgs")).unwrap(), "{law}");
         fails(tool(&dir, &arguments).arg("--resume"), 2, "there is no checkpoint");
     }
@@ -203,7 +203,9 @@ fn blocks_and_fine_tuning() {
     snapshot(&dir.join("other"), &[vec![0.0, 1.0, 2.0], vec![0.0, 1.0, 5.0], vec![0.0, 4.0, 2.0]]);
     let of = |model: &str, data: &str| tool(&dir, &["finetune", model, data, "-o", "x.pgs", "--config", "tiny.toml"]);
     fails(&mut of("m.pgs", "other"), 3, "not the snapshot that m.pgs was made of");
-    tool(&dir, &["compress", SAMPLE, "-o", "plain.pgs", "--effort", "fast", "--no-certificate", "-q"]).assert().success();
+    tool(&dir, &["compress", SAMPLE, "-o", "plain.pgs", "--effort", "fast", "--no-certificate", "-q"])
+        .assert()
+        .success();
     fails(&mut of("plain.pgs", SAMPLE), 2, "of the law optical-depth");
     fails(of("m.pgs", SAMPLE).args(["--size", "5kB"]), 5, "the head and the network alone");
 }

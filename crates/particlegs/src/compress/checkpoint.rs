@@ -173,8 +173,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.checkpoint");
         let head = b"head".to_vec();
-        let fresh =
-            |pieces| Checkpoint { pieces, head: head.clone(), ..Checkpoint::fresh(path.clone(), &[0; 32]) };
+        let fresh = |pieces| Checkpoint { pieces, head: head.clone(), ..Checkpoint::fresh(path.clone(), &[0; 32]) };
         let mut c = fresh(BTreeMap::new());
         c.save().unwrap();
         assert!(!path.exists(), "nothing to save");

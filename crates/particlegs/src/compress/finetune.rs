@@ -150,8 +150,7 @@ impl Job<'_> {
     fn room(&self) -> Result<u64> {
         let beside = self.beside();
         let Some(room) = self.size.checked_sub(beside).filter(|r| *r > 0) else {
-            let what =
-                format!("{} bytes were asked for; the head and the network alone have {beside}", self.size);
+            let what = format!("{} bytes were asked for; the head and the network alone have {beside}", self.size);
             return Err(Error::Unreachable { what, hint: "ask for a larger file".into() });
         };
         Ok(room)
@@ -160,8 +159,7 @@ impl Job<'_> {
     /// Bytes of the file beside its coded block.
     fn beside(&self) -> u64 {
         let head = LayerHead { name: &self.name, particle_mass: self.particle_mass, weighted: false, blocks: 1 };
-        let network =
-            if self.options.training.alpha_blend.vizmapper { codec::VIZMAPPER_SECTION_BYTES } else { 0 };
+        let network = if self.options.training.alpha_blend.vizmapper { codec::VIZMAPPER_SECTION_BYTES } else { 0 };
         (codec::size_without_blocks(&self.metadata, self.options.certificate, &[head]) + network) as u64
     }
 

@@ -147,7 +147,8 @@ impl<'a> Job<'a> {
         }
         progress.begin("bounds, hash and blocks", particles.len() as u64);
         let parts = clock.time("divide", || divide(particles, options.blocks, &options.room, progress))?;
-        let blocks: Vec<BlockJob> = clock.time("read", || parts.iter().map(|p| BlockJob::of(p, options.law())).collect());
+        let blocks: Vec<BlockJob> =
+            clock.time("read", || parts.iter().map(|p| BlockJob::of(p, options.law())).collect());
         let bounds = blocks.iter().flat_map(|b| &b.layers).fold(Bounds::empty(), |all, l| all.union(&l.bounds));
         let hash = clock.time("read", || source_hash(particles));
         progress.end();

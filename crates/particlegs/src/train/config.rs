@@ -247,7 +247,8 @@ impl Config {
         if c.frames < 2 || c.frames > 1_000_000 {
             return fail("cameras.frames must be 2 to 1000000");
         }
-        if !ordered(&c.radius) || !ordered(&c.opacity) || !(c.wide_radius >= c.radius[1] && c.wide_radius < 1e6) {
+        let beyond = (c.radius[1]..1e6).contains(&c.wide_radius);
+        if !(ordered(&c.radius) && ordered(&c.opacity) && beyond) {
             return fail(
                 "cameras.radius and cameras.opacity must rise from above 0, wide_radius must be beyond radius",
             );

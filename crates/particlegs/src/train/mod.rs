@@ -17,8 +17,12 @@ mod journal;
 mod learner;
 mod loss;
 mod run;
+#[cfg(test)]
+mod run_tests;
 mod state;
 mod targets;
+#[cfg(test)]
+mod targets_tests;
 
 pub use alpha::AlphaConfig;
 pub use cameras::Defaults;

@@ -132,7 +132,7 @@ pub fn train(
 }
 
 /// [`train`] of any learner.
-fn train_with(
+pub(super) fn train_with(
     learner: Box<dyn Learner + '_>,
     particles: &Particles,
     (config, limits, defaults): (&Config, &Limits, &Defaults),
@@ -296,8 +296,8 @@ impl Run<'_> {
 
     /// Scores the Gaussians where that is due and not done.
     fn evaluate_if_due(&mut self) -> Result<()> {
-        let due = self.iteration.is_multiple_of(self.config.evaluate_every)
-            || self.iteration == self.config.iterations();
+        let due =
+            self.iteration.is_multiple_of(self.config.evaluate_every) || self.iteration == self.config.iterations();
         if due { self.evaluate() } else { Ok(()) }
     }
 
