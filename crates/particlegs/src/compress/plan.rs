@@ -104,6 +104,11 @@ impl Plan {
         self.layers.iter().map(|l| l.count * if self.keeps_weights(l) { 16 } else { 12 }).sum()
     }
 
+    /// Bytes of the particles with all their columns, as they wait in files and memory.
+    pub fn column_bytes(&self) -> u64 {
+        self.layers.iter().map(|l| l.count * 4 * l.columns() as u64).sum()
+    }
+
     /// How blocks are fitted.
     pub fn fitting(&self) -> Fitting {
         Fitting {
