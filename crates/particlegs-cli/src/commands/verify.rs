@@ -85,8 +85,8 @@ pub fn run(a: Arguments) -> Result<()> {
         measured_again,
     };
     let mut text = format!(
-        "{}: sound: {} bytes, {} Gaussians of the law {} whose counts sum to {} particles, mass within {mass_error:.1e}\n",
-        place, report.model_bytes, report.gaussians, report.law, report.particles
+        "{}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {mass_error:.1e}\n",
+        place, report.model_bytes, report.law, report.gaussians, report.particles
     );
     if measured_again.is_some() && of_several {
         text.push_str("source: merged from several snapshots, whose hashes it does not have; the number of particles is that of this one\n");
