@@ -15,10 +15,18 @@ pub struct TrainArgs {
     /// Train the fitted Gaussians on pictures of the particles.
     #[arg(long, value_enum, default_value_t = TrainArg::None)]
     train: TrainArg,
-    /// Image law to train by.
-    #[arg(long, value_enum, default_value_t = LawArg::OpticalDepth)]
-    law: LawArg,
-    /// Hyper-parameters in TOML; what it leaves out is the preset's.
+    /// Image law to train by [default: optical-depth, or what --config says].
+    #[arg(long, value_enum)]
+    law: Option<LawArg>,
+    #[command(flatten)]
+    tune: TuneArgs,
+}
+
+/// What is changed of a preset.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Training")]
+pub struct TuneArgs {
+    /// Hyper-parameters in TOML; what it leaves out is the preset's (docs/guide/training.md).
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Print the hyper-parameters as TOML and stop: all of them, or those that differ from the preset.
@@ -64,44 +72,89 @@ enum Which {
 }
 
 impl TrainArgs {
-    fn law(&self) -> Law {
-        match self.law {
+    /// The law that is asked for.
+    fn law(&self) -> Option<Law> {
+        self.law.map(|law| match law {
             LawArg::OpticalDepth => Law::OpticalDepth,
             LawArg::AlphaBlend => Law::AlphaBlend,
-        }
+        })
     }
 
-    /// The preset, where one is asked for; the published law's own is `paper`.
-    fn preset(&self) -> Option<Preset> {
-        match self.train {
-            TrainArg::None if self.config.is_some() || self.print_config.is_some() => Some(Preset::Fast),
-            TrainArg::None => None,
-            TrainArg::Fast => Some(Preset::Fast),
-            TrainArg::Best => Some(Preset::Best),
-            TrainArg::Paper => Some(Preset::Paper),
-        }
+    /// What the hyper-parameters begin with; `None` = no training. A file of hyper-parameters without a
+    /// preset changes `fast`.
+    fn preset(&self) -> Option<Config> {
+        let preset = match self.train {
+            TrainArg::None if self.tune.config.is_none() && self.tune.print_config.is_none() => return None,
+            TrainArg::None | TrainArg::Fast => Preset::Fast,
+            TrainArg::Best => Preset::Best,
+            TrainArg::Paper => Preset::Paper,
+        };
+        Some(Config::preset(preset, self.law().unwrap_or(Law::OpticalDepth)))
     }
 
     /// The hyper-parameters; `None` = no training.
     ///
     /// # Errors
-    /// [`Error::Argument`] for options that need --train, and where the file does not parse or holds a
-    /// number out of range.
+    /// [`Error::Argument`] for options that need --train; those of [`TuneArgs::config`].
     pub fn config(&self) -> Result<Option<Config>> {
-        let Some(preset) = self.preset() else {
-            if self.scale.is_some() || self.iterations.is_some() || self.law != LawArg::OpticalDepth {
-                return Err(Error::argument("--law, --scale and --iterations need --train fast|best|paper"));
-            }
-            return Ok(None);
-        };
-        let mut config = Config::preset(preset, self.law());
+        if let Some(preset) = self.preset() {
+            return self.tune.config(preset, self.law()).map(Some);
+        }
+        if self.tune.is_given() || self.law.is_some() {
+            return Err(Error::argument("--law, --scale and --iterations need --train fast|best|paper"));
+        }
+        Ok(None)
+    }
+
+    /// The hyper-parameters as TOML where they are to be printed.
+    ///
+    /// # Errors
+    /// As [`TrainArgs::config`].
+    pub fn printed(&self) -> Result<Option<String>> {
+        self.preset().map_or(Ok(None), |preset| self.tune.printed(preset, self.law()))
+    }
+
+    /// As stored in the file: what decides its bytes.
+    pub fn text(&self) -> Result<String> {
+        let Some(preset) = self.preset() else { return Ok(String::new()) };
+        let name = self.train.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
+        let mut text = format!(" --train {name}");
+        let law = self.law();
+        if self.tune.config(preset.clone(), law)?.law == Law::AlphaBlend {
+            text += " --law alpha-blend";
+        }
+        Ok(text + &self.tune.text(preset, law)?)
+    }
+}
+
+impl TuneArgs {
+    fn is_given(&self) -> bool {
+        self.config.is_some() || self.scale.is_some() || self.iterations.is_some()
+    }
+
+    /// `preset` as changed by the file, then by the other options; `law` is what it must be, if anything.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the file does not parse; [`Error::Argument`] for a number out of range.
+    pub fn config(&self, preset: Config, law: Option<Law>) -> Result<Config> {
+        let mut config = preset;
         if let Some(path) = &self.config {
             let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-            let bad = |what: String| Error::input(path, what.trim().replace('\n', " "));
-            let changes: toml::Table = toml::from_str(&text).map_err(|e| bad(e.to_string()))?;
-            let mut all = table(&config)?;
-            overlay(&mut all, changes);
-            config = Config::deserialize(toml::Value::Table(all)).map_err(|e| bad(e.to_string()))?;
+            let changes: toml::Table = toml::from_str(&text).map_err(|e| {
+                let line = e.span().map_or(1, |s| 1 + text[..s.start.min(text.len())].matches('\n').count());
+                Error::input(path, format!("line {line}: {}", one_line(e.message())))
+            })?;
+            config = changed(&config, changes).map_err(|e| {
+                Error::input_hint(
+                    path,
+                    one_line(&e.to_string()),
+                    "--print-config prints what there is, with its values",
+                )
+            })?;
+            if let Some(law) = law.filter(|l| *l != config.law) {
+                let what = format!("law = \"{}\", but this command trains by {}", config.law.name(), law.name());
+                return Err(Error::input(path, what));
+            }
         }
         if let Some(scale) = self.scale {
             config = config.scaled(scale)?;
@@ -110,33 +163,30 @@ impl TrainArgs {
             config = config.with_iterations(n)?;
         }
         config.check()?;
-        Ok(Some(config))
+        Ok(config)
     }
 
-    /// Prints the hyper-parameters where that is asked for.
+    /// The hyper-parameters as TOML where they are to be printed.
     ///
     /// # Errors
-    /// As [`TrainArgs::config`].
-    pub fn printed(&self) -> Result<Option<String>> {
-        let (Some(which), Some(config)) = (self.print_config, self.config()?) else { return Ok(None) };
-        let mut all = table(&config)?;
+    /// As [`TuneArgs::config`].
+    pub fn printed(&self, preset: Config, law: Option<Law>) -> Result<Option<String>> {
+        let Some(which) = self.print_config else { return Ok(None) };
+        let mut all = table(&self.config(preset.clone(), law)?)?;
         if which == Which::Changed {
-            let preset = table(&Config::preset(self.preset().unwrap_or(Preset::Fast), self.law()))?;
-            all = differing(all, &preset);
+            all = differing(all, &table(&preset)?);
         }
         toml::to_string(&all).map(Some).map_err(|e| Error::argument(e.to_string()))
     }
 
     /// As stored in the file: what decides its bytes.
-    pub fn text(&self) -> Result<String> {
-        let Some(config) = self.config()? else { return Ok(String::new()) };
-        let preset = self.train.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
-        let mut text = format!(" --train {preset}");
-        if self.law == LawArg::AlphaBlend {
-            text += " --law alpha-blend";
-        }
+    ///
+    /// # Errors
+    /// As [`TuneArgs::config`].
+    pub fn text(&self, preset: Config, law: Option<Law>) -> Result<String> {
+        let mut text = String::new();
         if self.config.is_some() {
-            let all = toml::to_string(&config).map_err(|e| Error::argument(e.to_string()))?;
+            let all = toml::to_string(&self.config(preset, law)?).map_err(|e| Error::argument(e.to_string()))?;
             text += &format!(" --config blake3:{}", particlegs::compress::name_of(&all));
         }
         for (option, value) in [("scale", self.scale), ("iterations", self.iterations.map(|n| n as f64))] {
@@ -146,6 +196,18 @@ impl TrainArgs {
         }
         Ok(text)
     }
+}
+
+/// The first line of an error, and what follows in brief.
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// `config` with some of its values changed.
+fn changed(config: &Config, changes: toml::Table) -> std::result::Result<Config, toml::de::Error> {
+    let mut all = toml::Table::try_from(config).map_err(serde::de::Error::custom)?;
+    overlay(&mut all, changes);
+    Config::deserialize(toml::Value::Table(all))
 }
 
 fn table(config: &Config) -> Result<toml::Table> {
@@ -188,10 +250,9 @@ mod tests {
     #[test]
     fn changes_lie_over_the_preset_and_come_out_again() {
         let config = Config::preset(Preset::Fast, Law::OpticalDepth);
-        let mut all = table(&config).unwrap();
         let changes: toml::Table = toml::from_str("[loss]\nsmooth = 0.5\n[optical_depth.rates]\ncount = 0.0").unwrap();
-        overlay(&mut all, changes.clone());
-        let changed = Config::deserialize(toml::Value::Table(all.clone())).unwrap();
+        let changed = changed(&config, changes.clone()).unwrap();
+        let all = table(&changed).unwrap();
         assert_eq!((changed.loss.smooth, changed.optical_depth.rates.count), (0.5, 0.0));
         assert_eq!(changed.cameras, config.cameras);
         assert_eq!(differing(all, &table(&config).unwrap()), changes);

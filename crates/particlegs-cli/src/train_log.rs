@@ -47,26 +47,37 @@ impl Progress for Logged<'_> {
     }
 }
 
-/// Does work whose log lines are appended to `path`, then draws their curves beside it.
-pub fn logged<T>(path: &Path, context: &Context, work: impl FnOnce(&dyn Progress) -> Result<T>) -> Result<T> {
-    let file = File::options().create(true).append(true).open(path).map_err(|e| Error::io(path, e))?;
+/// Does work whose log lines go to `path`, then draws their curves beside it. A run that goes on appends.
+pub fn logged<T>(
+    path: &Path,
+    append: bool,
+    context: &Context,
+    work: impl FnOnce(&dyn Progress) -> Result<T>,
+) -> Result<T> {
+    let mut options = File::options();
+    let options = if append { options.append(true) } else { options.write(true).truncate(true) };
+    let file = options.create(true).open(path).map_err(|e| Error::io(path, e))?;
     let logged = Logged { context, path: path.to_path_buf(), file: Mutex::new(Some(file)) };
     let done = work(&logged);
-    draw(path)?;
+    let whole = logged.file.into_inner().unwrap_or_else(|e| e.into_inner()).is_some();
+    // The run's outcome is worth more than its curves.
+    if whole && let Err(error) = draw(path) {
+        context.message(&format!("warning: the curves of {} were not drawn: {error}", path.display()));
+    }
     done
 }
 
-/// The curves of a log: NAME-loss and NAME-psnr, SVG and PNG.
+/// The curves of a log: NAME-loss and NAME-psnr, SVG and PNG; of several runs one after the other.
 fn draw(path: &Path) -> Result<()> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    let lines = in_order(&text);
+    let runs = by_run(&text);
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let stem = path.file_stem().map_or_else(|| "training".into(), |s| s.to_string_lossy().into_owned());
-    let curve = |key: &str, name| {
+    let curve = |key: &str, name: &'static str, lines: &[Value]| {
         let point = |l: &Value| Some((l["iteration"].as_f64()?, l[key].as_f64()?));
         Curve { name, side: 1, dots: false, points: lines.iter().filter_map(point).collect() }
     };
-    let figure = |name: &str, title: &str, y: &str, curve: Curve| {
+    let figure = |key: &str, (name, curve_name): (&str, &'static str), title: &str, y: &str| {
         let name = format!("{stem}-{name}");
         let figure = Figure {
             name: &name,
@@ -75,28 +86,31 @@ fn draw(path: &Path) -> Result<()> {
             y: y.into(),
             log_x: false,
             log_y: false,
-            curves: vec![curve],
+            curves: runs.iter().map(|lines| curve(key, curve_name, lines)).collect(),
             ratio: Vec::new(),
             levels: Vec::new(),
         };
         plots::write(folder, &figure)
     };
-    figure("loss", "Training loss", "loss, mean of 50 steps", curve("loss", "training"))?;
-    let scores = curve("held_out_masked_psnr", "held out");
-    figure("psnr", "Held-out views", "masked PSNR, dB", scores)
+    figure("loss", ("loss", "training"), "Training loss", "loss, mean of 50 steps")?;
+    figure("held_out_masked_psnr", ("psnr", "held out"), "Held-out views", "masked PSNR, dB")
 }
 
-/// The lines of a log; those that a resumed run went over again count once, the last time.
-fn in_order(text: &str) -> Vec<Value> {
-    let mut kept: Vec<Value> = Vec::new();
+/// The lines of each run of a log; those that a resumed run went over again count once, the last time.
+fn by_run(text: &str) -> Vec<Vec<Value>> {
+    let mut runs: Vec<Vec<Value>> = Vec::new();
     for line in text.lines().filter_map(|l| serde_json::from_str::<Value>(l).ok()) {
+        let Some(kept) = runs.iter_mut().find(|r| r.first().is_some_and(|f| f["run"] == line["run"])) else {
+            runs.push(vec![line]);
+            continue;
+        };
         let at = |l: &Value| l["iteration"].as_u64().unwrap_or(0);
         while kept.last().is_some_and(|last| at(last) > at(&line)) {
             kept.pop();
         }
         kept.push(line);
     }
-    kept
+    runs
 }
 
 #[cfg(test)]
@@ -105,8 +119,10 @@ mod tests {
 
     #[test]
     fn a_resumed_run_replaces_what_it_does_again() {
-        let text = "{\"iteration\":1}\n{\"iteration\":2}\nbroken\n{\"iteration\":3}\n{\"iteration\":2}\n";
-        let steps: Vec<u64> = in_order(text).iter().map(|l| l["iteration"].as_u64().unwrap()).collect();
+        let text = "{\"iteration\":1}\n{\"iteration\":2}\nbroken\n{\"iteration\":3}\n{\"run\":\"block 1\",\"iteration\":1}\n{\"iteration\":2}\n";
+        let runs = by_run(text);
+        assert_eq!(runs.len(), 2);
+        let steps: Vec<u64> = runs[0].iter().map(|l| l["iteration"].as_u64().unwrap()).collect();
         assert_eq!(steps, [1, 2, 2]);
     }
 }

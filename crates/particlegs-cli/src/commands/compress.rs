@@ -2,13 +2,13 @@
 
 use crate::common::{Common, Context};
 use crate::fit_args::FitArgs;
+use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
-use particlegs::compress::{Checkpoint, Compressed, Load, Options, compress, parse_bytes};
-use particlegs::fit::{NoPieces, Pieces};
+use particlegs::compress::{Compressed, Load, Options, compress, parse_bytes};
+use particlegs::fit::Pieces;
 use particlegs::particles::{Particles, Room};
 use particlegs::progress::Progress;
-use particlegs::train::Limits;
 use particlegs::{Error, Result, output};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -23,14 +23,17 @@ Examples:
   particlegs compress x.f32 y.f32 z.f32 -o snapshot.pgs --size 11MB
   particlegs compress points.npy -o points.pgs --psnr 32 --box 100,100,100
   particlegs compress huge.hdf5 -o huge.pgs --memory 2GiB --scratch /local/tmp
-  particlegs compress snapshot/ -o snapshot.pgs --pictures pictures/")]
+  particlegs compress snapshot/ -o snapshot.pgs --pictures pictures/
+  particlegs compress snapshot/ -o snapshot.pgs --train best --log training.jsonl
+  particlegs compress snapshot/ -o snapshot.pgs --train best --log training.jsonl --resume
+  particlegs compress --train paper --law alpha-blend --print-config > paper.toml")]
 pub struct Arguments {
     /// A snapshot: its first file, its folder, or raw columns x y z (w).
-    #[arg(required = true, value_name = "IN")]
+    #[arg(required_unless_present = "print_config", value_name = "IN")]
     input: Vec<PathBuf>,
     /// The model file to write.
-    #[arg(long, short, value_name = "M.pgs")]
-    output: PathBuf,
+    #[arg(long, short, value_name = "M.pgs", required_unless_present = "print_config")]
+    output: Option<PathBuf>,
     #[command(flatten)]
     fit: FitArgs,
     /// Divide the particles into K blocks of balanced counts, each fitted on its own (default: 1, or
@@ -44,15 +47,8 @@ pub struct Arguments {
     /// and vanish by themselves.
     #[arg(long, value_name = "DIR", requires = "memory")]
     scratch: Option<PathBuf>,
-    /// Stop training after so many minutes; its rates fall so that they are at their end by then.
-    #[arg(long, value_name = "M", help_heading = "Training")]
-    minutes: Option<f64>,
-    /// Go on from M.pgs.checkpoint, which an interrupted run of the same command left.
-    #[arg(long, help_heading = "Training")]
-    resume: bool,
-    /// Log of the training, JSON lines, and its curves beside it as SVG (default: none).
-    #[arg(long, value_name = "FILE.jsonl", help_heading = "Training")]
-    log: Option<PathBuf>,
+    #[command(flatten)]
+    run: RunArgs,
     /// Write side-by-side pictures (truth | model | error) and the surface density to a folder.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
@@ -76,11 +72,15 @@ pub fn run(a: Arguments) -> Result<()> {
     let memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     let context = a.common.clone().start()?;
     let start = Instant::now();
+    if options.training.is_none() {
+        a.run.check_stray()?;
+    }
+    options.limits = a.run.limits(start, a.scratch_folder())?;
     if let Some(folder) = &a.pictures {
         // The model may go there as well.
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }
-    output::check_writable(&a.output)?;
+    output::check_writable(a.output())?;
     options.memory = memory;
     if memory.is_some() {
         options.room = Room::Disk(a.scratch_folder());
@@ -90,34 +90,18 @@ pub fn run(a: Arguments) -> Result<()> {
     if particles.meta.cell.is_none() {
         context.message("note: no periodic box is known (--box Lx,Ly,Lz): nothing wraps around");
     }
-    options.limits = a.limits()?;
-    let mut checkpoint = a.checkpoint(&options, &particles)?;
-    let work = |pieces: &mut dyn Pieces| match &a.log {
-        Some(log) => {
-            crate::train_log::logged(log, &context, |progress| compress(&particles, &options, pieces, progress))
-        }
-        None => compress(&particles, &options, pieces, &context),
+    let mut checkpoint = match options.training {
+        Some(_) => Some(a.run.checkpoint(a.output(), &options.name_of_work(&particles), &context)?),
+        None => None,
     };
-    let done = match &mut checkpoint {
-        None => work(&mut NoPieces)?,
-        Some(checkpoint) => {
-            let done = work(checkpoint);
-            if done.as_ref().map_or(true, |d| d.stopped) {
-                checkpoint.save()?;
-            }
-            done?
-        }
-    };
+    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| compress(&particles, &options, pieces, progress);
+    let done = a.run.run(&context, checkpoint.as_mut(), work)?;
     if !done.stopped {
         context.check()?;
     }
-    output::write_bytes(&a.output, &done.bytes)?;
+    output::write_bytes(a.output(), &done.bytes)?;
     if done.stopped {
-        context.message(&format!(
-            "stopped: {} holds the best so far; the same command with --resume goes on",
-            a.output.display()
-        ));
-        return Err(Error::Cancelled);
+        return Err(run_args::stopped(a.output(), &context));
     }
     if let Some(checkpoint) = checkpoint {
         checkpoint.remove()?;
@@ -133,40 +117,14 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 impl Arguments {
-    /// How far training goes.
-    fn limits(&self) -> Result<Limits> {
-        if self.minutes.is_some_and(|m| !(m > 0.0 && m.is_finite())) {
-            return Err(Error::argument("--minutes must be positive"));
-        }
-        Ok(Limits { seconds: self.minutes.map(|m| 60.0 * m), scratch: Some(self.scratch_folder()) })
-    }
-
-    /// Where a training run keeps what it can go on from; `None` where nothing is trained.
-    fn checkpoint(&self, options: &Options, particles: &Particles) -> Result<Option<Checkpoint>> {
-        if options.training.is_none() {
-            let stray =
-                [("--resume", self.resume), ("--minutes", self.minutes.is_some()), ("--log", self.log.is_some())];
-            return match stray.iter().find(|s| s.1) {
-                Some((option, _)) => Err(Error::argument(format!("{option} needs --train fast|best|paper"))),
-                None => Ok(None),
-            };
-        }
-        let mut path = self.output.clone().into_os_string();
-        path.push(".checkpoint");
-        let whose = options.name_of_work(particles);
-        let checkpoint =
-            if self.resume { Checkpoint::open(path.into(), &whose)? } else { Checkpoint::fresh(path.into(), &whose) };
-        if self.resume && checkpoint.is_empty() {
-            return Err(Error::argument(
-                "there is no checkpoint of this command beside the output: leave --resume out",
-            ));
-        }
-        Ok(Some(checkpoint))
+    /// The model file; empty where nothing but the configuration is printed.
+    fn output(&self) -> &Path {
+        self.output.as_deref().unwrap_or(Path::new(""))
     }
 
     /// Where scratch files go.
     fn scratch_folder(&self) -> PathBuf {
-        let beside = self.output.parent().filter(|p| !p.as_os_str().is_empty());
+        let beside = self.output().parent().filter(|p| !p.as_os_str().is_empty());
         self.scratch.clone().unwrap_or_else(|| beside.unwrap_or(Path::new(".")).to_path_buf())
     }
 }
@@ -202,17 +160,13 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     let ratio = done.raw_bytes as f64 / bytes as f64;
     let mut text = format!(
         "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, ratio {ratio:.1}, {:.2} bytes a Gaussian",
-        a.output.display(),
+        a.output().display(),
         done.model.metadata.count,
         bytes as f64 / gaussians as f64,
     );
     let phases: Vec<String> = done.seconds.iter().map(|(p, s)| format!("{p} {s:.2} s")).collect();
     text += &format!("\n{:.2} s: {}", seconds, phases.join(", "));
-    for [before, after] in &done.trained {
-        if let (Some(before), Some(after)) = (before, after) {
-            text += &format!("\ntrained: {before:.2} to {after:.2} dB masked PSNR on held-out views, before coding");
-        }
-    }
+    text += &run_args::trained(done);
     if a.fit.is_fast() {
         text += "\nfor pictures: the partition alone loses most small groups; use --effort default for statistics";
     }

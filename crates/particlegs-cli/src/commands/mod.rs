@@ -6,6 +6,7 @@ mod completions;
 mod compress;
 mod convert;
 mod eval;
+mod finetune;
 mod info;
 mod merge;
 mod plan;
@@ -42,6 +43,8 @@ pub enum Command {
     Status(status::Arguments),
     /// Join model files, or a job's blocks, into one, exactly: blocks are copied.
     Merge(merge::Arguments),
+    /// Train a merged alpha-blend model on its whole snapshot, as published.
+    Finetune(finetune::Arguments),
     /// Make a model smaller, without the particles.
     Simplify(simplify::Arguments),
     /// Draw synthetic particles from a model.
@@ -73,6 +76,7 @@ pub fn run(command: Command) -> Result<()> {
         Command::Block(a) => block::run(a),
         Command::Status(a) => status::run(a),
         Command::Merge(a) => merge::run(a),
+        Command::Finetune(a) => finetune::run(a),
         Command::Simplify(a) => simplify::run(a),
         Command::Recover(a) => recover::run(a),
         Command::Convert(a) => convert::run(a),

@@ -56,6 +56,9 @@ pub struct Arguments {
 
 /// Plans.
 pub fn run(a: Arguments) -> Result<()> {
+    if let Some(text) = a.fit.train.printed()? {
+        return crate::report::line(text.trim_end());
+    }
     let selection = (&a.selection, &a.window);
     let options = a.fit.options(&a.snapshot, selection, a.common.seed)?;
     let memory = a.memory.as_deref().map(parse_bytes).transpose()?;
@@ -85,7 +88,7 @@ pub fn run(a: Arguments) -> Result<()> {
         0 => "\nno scatter is needed: blocks read the snapshot where it lies".to_string(),
         chunks => format!(
             "\nscatter: {chunks} chunks, {} bytes in all: particlegs scatter {folder} [0 to {}]",
-            plan.raw_bytes(),
+            plan.column_bytes(),
             chunks - 1
         ),
     };
@@ -93,7 +96,7 @@ pub fn run(a: Arguments) -> Result<()> {
     text += &format!("\nthen: particlegs merge {folder} -o MODEL.pgs");
     let value = json!({
         "job": a.output, "particles": plan.metadata.count, "blocks": plan.blocks, "chunks": m.chunks,
-        "scatter_bytes": if m.chunks > 0 { plan.raw_bytes() } else { 0 }, "memory": m.memory, "planned_before": planned.before,
+        "scatter_bytes": if m.chunks > 0 { plan.column_bytes() } else { 0 }, "memory": m.memory, "planned_before": planned.before,
     });
     let Some(engine) = a.emit else { return context.finish(&text, &value) };
     context.message(&text);

@@ -4,10 +4,11 @@ use crate::common::{Common, Context};
 use crate::info_model;
 use crate::job_args::JobSnapshot;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::source;
 use clap::Args;
 use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, Model};
-use particlegs::particles::{Particles, column_hash, source_hash};
+use particlegs::particles::Particles;
 use particlegs::{Error, Result, codec, score};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -36,6 +37,7 @@ pub struct Arguments {
 #[derive(Serialize)]
 struct Report {
     model_bytes: u64,
+    law: &'static str,
     gaussians: usize,
     particles: u64,
     counts_sum_to_particles: bool,
@@ -61,8 +63,7 @@ pub fn run(a: Arguments) -> Result<()> {
             format!("its Gaussians hold {counts} particles, mass off by {mass_error:e}"),
         ));
     }
-    // A merge of several snapshots has the hash of its blocks: no snapshot can match it.
-    let of_several = model.metadata.source_hash == codec::blocks_hash(&codec::coded_layers(&bytes, &place)?);
+    let of_several = source::is_of_several(&bytes, &model, &place)?;
     let measured_again = match a.snapshot.is_empty() {
         true => None,
         false => Some(measure(&a, &model, of_several, &context)?),
@@ -74,6 +75,7 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let report = Report {
         model_bytes: bytes.len() as u64,
+        law: model.metadata.law.name(),
         gaussians: model.gaussians(),
         particles: counts,
         counts_sum_to_particles: true,
@@ -83,8 +85,8 @@ pub fn run(a: Arguments) -> Result<()> {
         measured_again,
     };
     let mut text = format!(
-        "{}: sound: {} bytes, {} Gaussians whose counts sum to {} particles, mass within {mass_error:.1e}\n",
-        place, report.model_bytes, report.gaussians, report.particles
+        "{}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {mass_error:.1e}\n",
+        place, report.model_bytes, report.law, report.gaussians, report.particles
     );
     if measured_again.is_some() && of_several {
         text.push_str("source: merged from several snapshots, whose hashes it does not have; the number of particles is that of this one\n");
@@ -140,15 +142,7 @@ fn sums(model: &Model) -> (u64, f64) {
 fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) -> Result<Certificate> {
     let particles: Particles =
         a.opening.open_selected(&a.snapshot, (&a.selection, &a.window), a.common.seed, context)?;
-    let told = model.metadata.source_hash;
-    let matches = source_hash(&particles) == told
-        || column_hash(&particles) == told
-        || of_several && particles.len() as u64 == model.metadata.count;
-    if !matches {
-        let why = if of_several { "their numbers of particles differ" } else { "their hashes differ" };
-        let what = format!("it is not the snapshot that {} was made of ({why})", a.model.display());
-        return Err(Error::input(a.snapshot[0].as_path(), what));
-    }
+    source::check(model, of_several, &particles, (a.snapshot[0].as_path(), &a.model))?;
     let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
     score::certificate(model, &particles, seed, None, context)
 }

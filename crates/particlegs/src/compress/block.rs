@@ -113,13 +113,32 @@ pub struct Workshop<'a> {
     training: Option<&'a Config>,
     limits: &'a Limits,
     stop_means: StopMeans,
+    /// Has the job several layers?
+    layered: bool,
+    /// Training runs of the block that are still to come.
+    runs_left: usize,
     progress: &'a dyn Progress,
     clock: &'a mut Clock,
     pieces: &'a mut dyn Pieces,
     /// Was a training run stopped, and the best so far taken?
     pub stopped: bool,
-    /// Held-out scores of training runs: before and after, dB.
-    pub trained: Vec<[Option<f64>; 2]>,
+    /// Training runs that were done.
+    pub trained: Vec<TrainedRun>,
+}
+
+/// How a training run went.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct TrainedRun {
+    /// Block and layer, where there are several; else empty.
+    pub run: String,
+    /// Steps done.
+    pub iterations: u64,
+    /// Steps that the configuration wants.
+    pub of: u64,
+    /// Masked PSNR on held-out views before the first step and of the best, dB, not coded yet.
+    pub scores: [Option<f64>; 2],
+    /// Steps with gradients that were not finite, and left out.
+    pub not_finite: u64,
 }
 
 impl<'a> Workshop<'a> {
@@ -131,7 +150,31 @@ impl<'a> Workshop<'a> {
         (progress, clock, pieces): (&'a dyn Progress, &'a mut Clock, &'a mut dyn Pieces),
     ) -> Self {
         let (fitting, training) = (plan.fitting(), plan.training.as_ref());
-        Workshop { fitting, training, limits, stop_means, progress, clock, pieces, stopped: false, trained: Vec::new() }
+        let layered = plan.layers.len() > 1;
+        Workshop {
+            fitting,
+            training,
+            limits,
+            stop_means,
+            layered,
+            runs_left: 1,
+            progress,
+            clock,
+            pieces,
+            stopped: false,
+            trained: Vec::new(),
+        }
+    }
+
+    /// The limits of the next training run of the block: its share of the time that is left.
+    fn next_limits(&mut self, layer: &str) -> Limits {
+        let mut limits = self.limits.share(self.runs_left);
+        self.runs_left = self.runs_left.saturating_sub(1);
+        if self.layered {
+            let between = if limits.run.is_empty() { "" } else { ", " };
+            limits.run = format!("{}{between}{layer}", limits.run);
+        }
+        limits
     }
 
     /// Cancelled, and not merely stopped?
@@ -141,15 +184,19 @@ impl<'a> Workshop<'a> {
 }
 
 impl BlockJob {
-    /// The layers of some particles.
-    pub fn of(particles: &Particles) -> Self {
-        let mut layers: Vec<LayerJob> = particles.layers().iter().map(|l| LayerJob::of(particles, l)).collect();
+    /// The layers of some particles. Weights are not kept by a law whose Gaussians have opacities.
+    pub fn of(particles: &Particles, law: Law) -> Self {
+        let kept = |l: ParticleLayer| ParticleLayer { weighted: l.weighted && law == Law::OpticalDepth, ..l };
+        let mut layers: Vec<LayerJob> =
+            particles.layers().into_iter().map(|l| LayerJob::of(particles, &kept(l))).collect();
         layers.sort_by(|a, b| (a.raw_bytes, &a.name).cmp(&(b.raw_bytes, &b.name)));
-        BlockJob { layers, count: particles.len() as u64, raw_bytes: particles.raw_bytes() }
+        let raw_bytes = layers.iter().map(|l| l.raw_bytes).sum();
+        BlockJob { layers, count: particles.len() as u64, raw_bytes }
     }
 
     /// `number` Gaussians at the nominal precision, shared among the layers by their particles.
     pub fn at_number(&self, number: u64, shop: &mut Workshop<'_>) -> Result<CodedBlock> {
+        shop.runs_left = self.layers.len();
         let (mut left, mut particles_left) = (number, self.count);
         let mut coded = CodedBlock::default();
         coded.outcome.step_factor = 1.0;
@@ -167,6 +214,7 @@ impl BlockJob {
 
     /// The best of at most `room` bytes, every layer at about the same ratio.
     pub fn at_size(&self, room: u64, shop: &mut Workshop<'_>) -> Result<CodedBlock> {
+        shop.runs_left = self.layers.len();
         let (mut room, mut raw_left) = (room, self.raw_bytes);
         let mut coded = CodedBlock::default();
         for layer in &self.layers {
@@ -212,24 +260,35 @@ impl LayerJob {
     /// Gaussians ready to be coded.
     fn encoder(&self, gaussians: Mixture) -> Result<Encoder> {
         let count = self.particles.len() as u64;
-        // Weights are not kept by a law whose Gaussians have opacities.
-        let mass = if gaussians.shade.is_some() { count as f64 } else { self.mass };
-        Encoder::new(&Block { bounds: self.bounds, count, mass, gaussians })
+        Encoder::new(&Block { bounds: self.bounds, count, mass: self.mass, gaussians })
     }
 
     /// Trains Gaussians on pictures of the layer.
     fn train(&self, config: &Config, from: From<'_>, bytes: Option<u64>, shop: &mut Workshop<'_>) -> Result<Trained> {
         let Fitting { radius, opacity, seed, .. } = shop.fitting;
         let defaults = train::Defaults { bounds: self.bounds, radius, opacity, seed, bytes };
-        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/trained", self.name) };
+        let limits = shop.next_limits(&self.name);
+        let start = match from {
+            From::Fit(m) => m.len(),
+            From::Particles(n) => n,
+            From::Model(m) => m.gaussians(),
+        };
+        // A search for a quality trains more than one number.
+        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/trained/{start}", self.name) };
         let trained = shop.clock.time("train", || {
-            train::train(&self.particles, from, (config, shop.limits, &defaults), &mut pieces, shop.progress)
+            train::train(&self.particles, from, (config, &limits, &defaults), &mut pieces, shop.progress)
         })?;
-        if trained.stopped && shop.stop_means == StopMeans::GivingUp {
+        if trained.stopped && (shop.stop_means == StopMeans::GivingUp || shop.runs_left > 0) {
             return Err(Error::Cancelled);
         }
         shop.stopped |= trained.stopped;
-        shop.trained.push(trained.scores);
+        shop.trained.push(TrainedRun {
+            run: limits.run,
+            iterations: trained.iterations,
+            of: config.iterations(),
+            scores: trained.scores,
+            not_finite: trained.not_finite,
+        });
         Ok(trained)
     }
 

@@ -6,12 +6,26 @@
 use crate::fit::Pieces;
 use crate::{Error, Result, output};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 const MAGIC: &[u8; 8] = b"PGSCKPT2";
-/// A process that is killed outright loses at most about this much.
+/// A process that is killed outright loses at most about this much of a fit. Training says itself when
+/// its state is to be written.
 const INTERVAL: Duration = Duration::from_secs(60);
+
+/// What there was where a checkpoint is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Found {
+    /// No file.
+    Nothing,
+    /// A file that is half-written, changed, or no checkpoint.
+    Broken,
+    /// A checkpoint of other work.
+    Other,
+    /// A checkpoint of this work.
+    Ours,
+}
 
 /// Pieces kept in memory, and in a file from time to time.
 pub struct Checkpoint {
@@ -21,6 +35,7 @@ pub struct Checkpoint {
     saved: Instant,
     /// Pieces that the file does not hold.
     unsaved: usize,
+    found: Found,
 }
 
 impl Checkpoint {
@@ -31,18 +46,32 @@ impl Checkpoint {
     /// [`Error::Io`] where the file is there and cannot be read.
     pub fn open(path: PathBuf, whose: &[u8; 32]) -> Result<Checkpoint> {
         let head = [&MAGIC[..], whose].concat();
-        let pieces = match std::fs::read(&path) {
-            Ok(bytes) => pieces_of(&bytes, &head).unwrap_or_default(),
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => BTreeMap::new(),
+        let (found, pieces) = match std::fs::read(&path) {
+            Ok(bytes) => match pieces_of(&bytes, &head) {
+                Some(pieces) => (Found::Ours, pieces),
+                None if is_whole(&bytes) => (Found::Other, BTreeMap::new()),
+                None => (Found::Broken, BTreeMap::new()),
+            },
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => (Found::Nothing, BTreeMap::new()),
             Err(e) => return Err(Error::io(&path, e)),
         };
-        Ok(Checkpoint { path, head, pieces, saved: Instant::now(), unsaved: 0 })
+        Ok(Checkpoint { path, head, pieces, saved: Instant::now(), unsaved: 0, found })
+    }
+
+    /// What there was when it was opened.
+    pub fn found(&self) -> Found {
+        self.found
     }
 
     /// Of new work: what is there is not looked at.
     pub fn fresh(path: PathBuf, whose: &[u8; 32]) -> Checkpoint {
         let head = [&MAGIC[..], whose].concat();
-        Checkpoint { path, head, pieces: BTreeMap::new(), saved: Instant::now(), unsaved: 0 }
+        Checkpoint { path, head, pieces: BTreeMap::new(), saved: Instant::now(), unsaved: 0, found: Found::Nothing }
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Number of pieces.
@@ -98,6 +127,18 @@ impl Pieces for Checkpoint {
         self.unsaved += 1;
         if self.saved.elapsed() >= INTERVAL { self.save() } else { Ok(()) }
     }
+
+    fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        self.pieces.insert(key.into(), bytes);
+        self.unsaved += 1;
+        self.save()
+    }
+}
+
+/// Is this a checkpoint, of whatever work?
+fn is_whole(bytes: &[u8]) -> bool {
+    let body = bytes.split_at_checked(bytes.len().saturating_sub(4));
+    body.is_some_and(|(body, crc)| body.starts_with(MAGIC) && crc32fast::hash(body).to_le_bytes() == crc)
 }
 
 /// The pieces of a file; `None` where it is broken or has another head.
@@ -132,8 +173,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.checkpoint");
         let head = b"head".to_vec();
-        let fresh =
-            |pieces| Checkpoint { path: path.clone(), head: head.clone(), pieces, saved: Instant::now(), unsaved: 0 };
+        let fresh = |pieces| Checkpoint { pieces, head: head.clone(), ..Checkpoint::fresh(path.clone(), &[0; 32]) };
         let mut c = fresh(BTreeMap::new());
         c.save().unwrap();
         assert!(!path.exists(), "nothing to save");
@@ -149,5 +189,23 @@ mod tests {
         c.remove().unwrap();
         assert!(!path.exists());
         fresh(BTreeMap::new()).remove().unwrap();
+    }
+
+    #[test]
+    fn what_was_found_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.checkpoint");
+        let found = |whose: u8| Checkpoint::open(path.clone(), &[whose; 32]).unwrap().found();
+        assert_eq!(found(1), Found::Nothing);
+        let mut c = Checkpoint::fresh(path.clone(), &[1; 32]);
+        c.keep("fit", vec![7]).unwrap();
+        assert_eq!(found(1), Found::Nothing, "pieces of fits wait");
+        c.keep_now("train", vec![1, 2, 3]).unwrap();
+        assert_eq!((found(1), found(2)), (Found::Ours, Found::Other));
+        let bytes = std::fs::read(&path).unwrap();
+        for broken in [&bytes[..bytes.len() - 1], &bytes[1..], b"", b"abc"] {
+            std::fs::write(&path, broken).unwrap();
+            assert_eq!(found(1), Found::Broken);
+        }
     }
 }

@@ -1,14 +1,14 @@
 //! What the model file says about its snapshot.
 
 use super::Options;
-use crate::model::{Law, Metadata};
+use crate::model::Metadata;
 use crate::particles::{Bounds, SnapshotMeta};
 
 /// Metadata of a model of `count` particles within `bounds`; its mass is known when its blocks are.
 pub fn describe(meta: &SnapshotMeta, count: u64, bounds: Bounds, source_hash: [u8; 32], options: &Options) -> Metadata {
     let blocks = if options.blocks > 1 { format!(" --blocks {}", options.blocks) } else { String::new() };
     Metadata {
-        law: options.training.as_ref().map_or(Law::OpticalDepth, |t| t.law),
+        law: options.law(),
         count,
         mass: count as f64,
         bounds,

@@ -1,6 +1,6 @@
 //! From particles to a measured file, in one process.
 
-use super::block::{BlockJob, CodedBlock, Outcome, StopMeans, Workshop};
+use super::block::{BlockJob, CodedBlock, Outcome, StopMeans, TrainedRun, Workshop};
 use super::clock::Clock;
 use super::plan::{Plan, PlannedLayer};
 use super::target::Target;
@@ -10,7 +10,7 @@ use crate::blocks::divide;
 use crate::codec;
 use crate::fit::{self, Effort, Pieces, Under};
 use crate::memory::require;
-use crate::model::{Certificate, Model};
+use crate::model::{Certificate, Law, Model};
 use crate::particles::{Bounds, ParticleLayer, Particles, Room, source_hash};
 use crate::progress::Progress;
 use crate::train::{Config, Limits};
@@ -47,6 +47,11 @@ pub struct Options {
 }
 
 impl Options {
+    /// How Gaussians become pictures.
+    pub fn law(&self) -> Law {
+        self.training.as_ref().map_or(Law::OpticalDepth, |t| t.law)
+    }
+
     /// 32 bytes that name the work: what decides the model's bytes. A checkpoint of other work is of no use.
     pub fn name_of_work(&self, particles: &Particles) -> [u8; 32] {
         let training = serde_json::to_string(&self.training).unwrap_or_default();
@@ -72,9 +77,8 @@ pub struct Compressed {
     pub raw_bytes: u64,
     /// Multiple of the nominal quantisation steps.
     pub step_factor: f64,
-    /// Held-out masked PSNR of each trained layer of a block before and after training, dB, as trained
-    /// and not coded yet.
-    pub trained: Vec<[Option<f64>; 2]>,
+    /// How each training run went: one for a layer of a block.
+    pub trained: Vec<TrainedRun>,
     /// Was training stopped, and this is the best so far?
     pub stopped: bool,
     /// Wall-clock seconds by phase, in order.
@@ -112,7 +116,7 @@ pub(super) struct Job<'a> {
     memory: Option<u64>,
     limits: &'a Limits,
     pieces: &'a mut dyn Pieces,
-    trained: Vec<[Option<f64>; 2]>,
+    trained: Vec<TrainedRun>,
     stopped: bool,
     clock: Clock,
 }
@@ -143,7 +147,8 @@ impl<'a> Job<'a> {
         }
         progress.begin("bounds, hash and blocks", particles.len() as u64);
         let parts = clock.time("divide", || divide(particles, options.blocks, &options.room, progress))?;
-        let blocks: Vec<BlockJob> = clock.time("read", || parts.iter().map(BlockJob::of).collect());
+        let blocks: Vec<BlockJob> =
+            clock.time("read", || parts.iter().map(|p| BlockJob::of(p, options.law())).collect());
         let bounds = blocks.iter().flat_map(|b| &b.layers).fold(Bounds::empty(), |all, l| all.union(&l.bounds));
         let hash = clock.time("read", || source_hash(particles));
         progress.end();
@@ -185,7 +190,14 @@ impl<'a> Job<'a> {
         for (number, block) in self.blocks.iter().enumerate() {
             let mut pieces = Under { pieces: &mut *self.pieces, prefix: number.to_string() };
             let tools = (self.progress, &mut self.clock, &mut pieces as &mut dyn Pieces);
-            let mut shop = Workshop::new(&self.plan, self.limits, StopMeans::TheBestSoFar, tools);
+            let left = self.blocks.len() - number;
+            let mut limits = self.limits.share(left);
+            if self.blocks.len() > 1 {
+                limits.run = format!("block {number}");
+            }
+            // A file wants every block: only the last one's training can be left early.
+            let stop_means = if left > 1 { StopMeans::GivingUp } else { StopMeans::TheBestSoFar };
+            let mut shop = Workshop::new(&self.plan, &limits, stop_means, tools);
             shop.stopped = self.stopped;
             blocks.push(work(&self.plan, block, &mut shop)?);
             self.stopped = shop.stopped;

@@ -2,12 +2,13 @@
 //!
 //! [`Target`] says what is asked for, [`describe`] what is known about the snapshot, [`compress`]
 //! chooses how many Gaussians at how many bits, fits, codes, decodes and measures; [`simplify()`]
-//! makes a file smaller without the particles.
+//! makes a file smaller without the particles, [`finetune()`] trains a merged file on the whole snapshot.
 
 mod block;
 mod checkpoint;
 mod clock;
 mod describe;
+mod finetune;
 mod job;
 mod memory;
 mod plan;
@@ -16,10 +17,11 @@ mod search;
 mod simplify;
 mod target;
 
-pub use block::{BlockJob, CodedBlock, Outcome, StopMeans, Workshop};
-pub use checkpoint::Checkpoint;
+pub use block::{BlockJob, CodedBlock, Outcome, StopMeans, TrainedRun, Workshop};
+pub use checkpoint::{Checkpoint, Found};
 pub use clock::Clock;
 pub use describe::describe;
+pub use finetune::{FineTuning, finetune};
 pub use job::{Compressed, Options, compress, name_of};
 pub use memory::Load;
 pub use plan::{Plan, PlannedLayer};

@@ -62,15 +62,13 @@ impl Plan {
     /// # Errors
     /// [`Error::Argument`] for a target that is none.
     pub fn new(options: &Options, metadata: Metadata, layers: Vec<PlannedLayer>) -> Result<Plan> {
-        let alpha = options.training.as_ref().is_some_and(|t| t.law == Law::AlphaBlend);
+        let alpha = options.law() == Law::AlphaBlend;
         if alpha && layers.len() > 1 {
             return Err(Error::argument(
                 "the alpha-blend law has one layer: choose one with --particle-type, or use the optical-depth law",
             ));
         }
-        // Its Gaussians have opacities, not masses.
-        let layers = layers.into_iter().map(|l| PlannedLayer { weighted: l.weighted && !alpha, ..l }).collect();
-        Ok(Plan {
+        let plan = Plan {
             target: options.target.check()?,
             effort: options.effort,
             seed: options.seed,
@@ -79,11 +77,35 @@ impl Plan {
             blocks: options.blocks,
             layers,
             metadata,
-        })
+        };
+        if alpha { plan.has_room() } else { Ok(()) }?;
+        Ok(plan)
     }
 
-    /// Bytes of the particles as float32.
+    /// Does the target hold more than the network? Better said before hours of training than after.
+    fn has_room(&self) -> Result<()> {
+        let (asked, beside) = (self.target.bytes(self.raw_bytes()), self.overhead());
+        let Some(bytes) = asked.filter(|b| *b <= beside) else { return Ok(()) };
+        let what = format!(
+            "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone have {beside}"
+        );
+        let hint = "ask for a larger file, or set `vizmapper = false` in [alpha_blend] of --config".into();
+        Err(Error::Unreachable { what, hint })
+    }
+
+    /// Does the file keep the weights of a layer? Gaussians of the alpha-blend law have opacities, not
+    /// masses.
+    fn keeps_weights(&self, layer: &PlannedLayer) -> bool {
+        layer.weighted && self.metadata.law == Law::OpticalDepth
+    }
+
+    /// Bytes of what the file keeps of the particles, as float32.
     pub fn raw_bytes(&self) -> u64 {
+        self.layers.iter().map(|l| l.count * if self.keeps_weights(l) { 16 } else { 12 }).sum()
+    }
+
+    /// Bytes of the particles with all their columns, as they wait in files and memory.
+    pub fn column_bytes(&self) -> u64 {
         self.layers.iter().map(|l| l.count * 4 * l.columns() as u64).sum()
     }
 
@@ -104,7 +126,7 @@ impl Plan {
         let heads = self.layers.iter().map(|l| LayerHead {
             name: &l.name,
             particle_mass: l.particle_mass,
-            weighted: l.weighted,
+            weighted: self.keeps_weights(l),
             blocks: self.blocks as usize,
         });
         let network = match &self.training {

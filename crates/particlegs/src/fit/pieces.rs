@@ -13,6 +13,13 @@ pub trait Pieces {
     /// # Errors
     /// Those of where it is kept.
     fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()>;
+    /// Keeps a piece, and sees to it that it outlives the process from now on.
+    ///
+    /// # Errors
+    /// As [`Pieces::keep`].
+    fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        self.keep(key, bytes)
+    }
 }
 
 /// Keeps nothing.
@@ -43,6 +50,10 @@ impl Pieces for Under<'_> {
 
     fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
         self.pieces.keep(&format!("{}/{key}", self.prefix), bytes)
+    }
+
+    fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        self.pieces.keep_now(&format!("{}/{key}", self.prefix), bytes)
     }
 }
 

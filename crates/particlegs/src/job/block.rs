@@ -1,7 +1,7 @@
 //! One block of a job: read, fitted, coded, written.
 
 use super::manifest::Job;
-use crate::compress::{BlockJob, Checkpoint, Clock, Outcome, StopMeans, Workshop};
+use crate::compress::{BlockJob, Checkpoint, Clock, Found, Outcome, StopMeans, Workshop};
 use crate::particles::{Layered, hex};
 use crate::progress::Progress;
 use crate::train::Limits;
@@ -63,16 +63,23 @@ impl Job {
         if particles.is_empty() {
             return Err(Error::input(&self.folder, format!("block {block} holds no particles")));
         }
-        let job = clock.time("read", || BlockJob::of(&particles));
+        let job = clock.time("read", || BlockJob::of(&particles, self.manifest.plan.metadata.law));
         let mut checkpoint = Checkpoint::open(self.block_path(block, "checkpoint"), &self.id)?;
+        if matches!(checkpoint.found(), Found::Broken | Found::Other) {
+            let place = checkpoint.path().display();
+            progress.message(&format!("warning: {place}: broken, or of another plan; the block begins anew"));
+        }
         let before = checkpoint.len();
         let plan = &self.manifest.plan;
-        let limits = Limits { seconds: None, scratch: Some(self.folder.clone()) };
+        let limits = Limits { scratch: Some(self.folder.clone()), ..Limits::default() };
         let mut shop = Workshop::new(plan, &limits, StopMeans::GivingUp, (progress, &mut clock, &mut checkpoint));
         let coded = match plan.block(&job, &mut shop) {
             Ok(coded) => coded,
             Err(error) => {
-                checkpoint.save()?;
+                // What stopped the block is told; that its pieces could not be kept as well, only beside it.
+                if let Err(e) = checkpoint.save() {
+                    progress.message(&format!("warning: the checkpoint was not saved: {e}"));
+                }
                 return Err(error);
             }
         };

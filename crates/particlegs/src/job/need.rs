@@ -30,7 +30,7 @@ impl Job {
     /// Bytes of memory that the merge takes; where the model is measured, with all particles in memory.
     pub fn merge_bytes(&self) -> u64 {
         let plan = &self.manifest.plan;
-        let particles = if plan.certificate { plan.raw_bytes() } else { 0 };
+        let particles = if plan.certificate { plan.column_bytes() } else { 0 };
         self.load().merge_bytes(plan.certificate).saturating_add(particles)
     }
 }

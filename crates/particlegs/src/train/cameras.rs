@@ -121,4 +121,40 @@ mod tests {
         let held = &views.held_out[0].camera.position;
         assert!(views.training.iter().all(|v| v.camera.position != *held));
     }
+
+    #[test]
+    fn draws_follow_the_seed_and_stay_where_they_are_to() {
+        let bounds = Bounds { min: [-1.0, 2.0, 3.0], max: [1.0, 4.0, 4.0] };
+        let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None };
+        let plain = Config::preset(Preset::Fast, Law::OpticalDepth).cameras;
+        let cameras = Cameras { frames: 2000, wide: 0.25, wide_radius: 7.0, ..plain };
+        let [a, b] = [0, 0].map(|_| Views::new(&cameras, &of, true));
+        assert_eq!(a.training, b.training);
+        let other = Views::new(&cameras, &Defaults { seed: 4, ..of }, true);
+        assert_ne!(a.training, other.training);
+        for v in &a.internal {
+            let inside = (0..3).all(|k| (bounds.min[k]..=bounds.max[k]).contains(&v.camera.position[k]));
+            assert!(inside && v.camera.focal_point == bounds.center(), "{v:?}");
+        }
+        let wide = a.training.iter().filter(|v| v.radius > 1.75 * of.radius).count() as f64;
+        assert!((wide / a.training.len() as f64 - 0.25).abs() < 0.04, "{wide}");
+        assert!(a.training.iter().all(|v| v.radius <= 7.0 * of.radius + 1e-12));
+        // Beta(3, 3) has the mean in the middle.
+        let mean = a.training.iter().map(|v| v.opacity).sum::<f64>() / a.training.len() as f64;
+        assert!((mean / of.opacity - 1.0).abs() < 0.05, "{mean}");
+        assert!(Views::new(&cameras, &of, false).internal.is_empty());
+    }
+
+    #[test]
+    fn two_pictures_are_one_to_train_and_one_to_test() {
+        let bounds = Bounds { min: [0.0; 3], max: [1.0; 3] };
+        let of = Defaults { bounds, radius: 0.01, opacity: 0.9, seed: 1, bytes: None };
+        let plain = Config::preset(Preset::Fast, Law::OpticalDepth).cameras;
+        for held_out in [0.0, 0.99] {
+            let views = Views::new(&Cameras { frames: 2, held_out, ..plain.clone() }, &of, false);
+            assert_eq!((views.training.len(), views.held_out.len()), (1, 1));
+            views.training[0].check(Size { width: 64, height: 36 }).unwrap();
+            views.held_out[0].check(Size { width: 64, height: 36 }).unwrap();
+        }
+    }
 }

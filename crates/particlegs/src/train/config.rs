@@ -258,8 +258,8 @@ impl Config {
         if c.frames < 2 || c.frames > 1_000_000 {
             return fail("cameras.frames must be 2 to 1000000");
         }
-        let wider = (c.radius[1]..1e6).contains(&c.wide_radius);
-        if !(ordered(&c.radius) && ordered(&c.opacity) && wider) {
+        let beyond = (c.radius[1]..1e6).contains(&c.wide_radius);
+        if !(ordered(&c.radius) && ordered(&c.opacity) && beyond) {
             return fail(
                 "cameras.radius and cameras.opacity must rise from above 0, wide_radius must be beyond radius",
             );

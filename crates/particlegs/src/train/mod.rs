@@ -1,7 +1,9 @@
 //! Floor 4: gradients: models trained on pictures.
 //!
-//! A [`learner::Learner`] holds the Gaussians of one law as parameters, draws them, and moves them
-//! down the gradient of a [`Loss`].
+//! A learner (`learner`) holds the Gaussians of one law as parameters (`alpha`, `depth`), draws them,
+//! and moves them down the gradient of a [`Loss`]. [`train`] gives it pictures (`cameras`, `targets`)
+//! stage by stage as a [`Config`] says, scores it on held-out views, and keeps its state (`state`) so
+//! that an interrupted run goes on to the same bits.
 
 mod adam;
 mod alpha;
@@ -9,12 +11,18 @@ mod cameras;
 mod config;
 mod depth;
 mod dssim;
+mod fine_tune;
 mod held_out;
+mod journal;
 mod learner;
 mod loss;
 mod run;
+#[cfg(test)]
+mod run_tests;
 mod state;
 mod targets;
+#[cfg(test)]
+mod targets_tests;
 
 pub use alpha::AlphaConfig;
 pub use cameras::Defaults;

@@ -5,6 +5,7 @@ use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
 use super::depth::{DepthGround, DepthLearner};
 use super::held_out::HeldOut;
+use super::journal::{Journal, Standing};
 use super::learner::{Crop, Learner, Moment, Shot};
 use super::state::State;
 use super::targets::Targets;
@@ -17,7 +18,6 @@ use crate::picture::Size;
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::{Error, Result};
-use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -25,16 +25,33 @@ use std::time::Instant;
 const STEP: u32 = 0x7472_7374;
 /// The key of the run's state among the pieces.
 const KEY: &str = "train";
-/// Steps over which the loss that is logged is averaged.
-const LOG_STEPS: u64 = 50;
-
 /// How far a run goes, and where it may write.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Limits {
-    /// Seconds of training; rates fall so that they are at their end by then. `None` = no limit.
+    /// When the command began that the run is part of.
+    pub began: Instant,
+    /// Seconds of the command, the fit included, after which training ends; rates fall so that they
+    /// are at their end by then. `None` = no limit.
     pub seconds: Option<f64>,
     /// Folder of the scratch file of targets; `None` = the system's.
     pub scratch: Option<PathBuf>,
+    /// Name of the run in messages and log, where a command has several; else empty.
+    pub run: String,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits { began: Instant::now(), seconds: None, scratch: None, run: String::new() }
+    }
+}
+
+impl Limits {
+    /// For the next of `runs` runs one after the other: an equal share of the time that is left.
+    pub fn share(&self, runs: usize) -> Limits {
+        let used = self.began.elapsed().as_secs_f64();
+        let seconds = self.seconds.map(|s| used + (s - used).max(0.0) / runs.max(1) as f64);
+        Limits { seconds, ..self.clone() }
+    }
 }
 
 /// A trained mixture.
@@ -48,20 +65,10 @@ pub struct Trained {
     pub iterations: u64,
     /// Masked PSNR on held-out views before the first step and of the best, dB.
     pub scores: [Option<f64>; 2],
+    /// Steps with gradients that were not finite, and left out.
+    pub not_finite: u64,
     /// Did the caller stop it early? Its state is kept.
     pub stopped: bool,
-}
-
-/// A line of the log.
-#[derive(Clone, Debug, Serialize)]
-struct Line {
-    iteration: u64,
-    seconds: f64,
-    loss: Option<f64>,
-    held_out_masked_psnr: Option<f64>,
-    gaussians: usize,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    not_finite: Option<String>,
 }
 
 struct Run<'a> {
@@ -72,13 +79,15 @@ struct Run<'a> {
     learner: Box<dyn Learner + 'a>,
     held_out: HeldOut<'a>,
     views: Views,
+    journal: Journal<'a>,
     /// Steps done.
     iteration: u64,
-    /// Seconds of training before this process.
+    /// The iteration after which the Gaussians were last scored.
+    evaluated: Option<u64>,
+    /// Seconds of the command in processes before this one, until the state was kept.
     before: f64,
-    start: Instant,
-    /// Sum of the losses since the last line of the log.
-    loss_sum: f64,
+    /// Seconds of the command at the first step.
+    first: f64,
     best: Best,
 }
 
@@ -118,10 +127,21 @@ pub fn train(
     progress: &dyn Progress,
 ) -> Result<Trained> {
     config.check()?;
+    let learner = learner(particles, from, config, defaults)?;
+    train_with(learner, particles, (config, limits, defaults), pieces, progress)
+}
+
+/// [`train`] of any learner.
+pub(super) fn train_with(
+    learner: Box<dyn Learner + '_>,
+    particles: &Particles,
+    (config, limits, defaults): (&Config, &Limits, &Defaults),
+    pieces: &mut dyn Pieces,
+    progress: &dyn Progress,
+) -> Result<Trained> {
     let reference = Reference::with_bounds(particles, defaults.bounds);
     let internal = config.stages.iter().any(|s| s.internal > 0.0);
     let views = Views::new(&config.cameras, defaults, internal);
-    let learner = learner(particles, from, config, defaults)?;
     let held_out = HeldOut::draw(&reference, &views.held_out, config, defaults, progress)?;
     let mut run = Run {
         config,
@@ -131,20 +151,25 @@ pub fn train(
         learner,
         held_out,
         views,
+        journal: Journal::new(progress, &limits.run),
         iteration: 0,
+        evaluated: None,
         before: 0.0,
-        start: Instant::now(),
-        loss_sum: 0.0,
+        first: limits.began.elapsed().as_secs_f64(),
         best: Best::default(),
     };
     match pieces.get(KEY).and_then(|b| State::of_bytes(&b)) {
         Some(state) => run.restore(&state).map_err(|what| Error::argument(format!("the checkpoint: {what}")))?,
         None => run.evaluate()?,
     }
-    let stopped = run.stages(&reference, pieces)?;
-    if stopped {
-        pieces.keep(KEY, run.state().to_bytes())?;
-    }
+    let stopped = match run.stages(&reference, pieces) {
+        Err(Error::Cancelled) => true,
+        done => done.map(|()| false)?,
+    };
+    progress.end();
+    // Finished runs are kept as well: what comes after them may be interrupted too.
+    pieces.keep_now(KEY, run.state().to_bytes())?;
+    run.journal.end();
     run.finish(stopped)
 }
 
@@ -174,14 +199,15 @@ fn learner(particles: &Particles, from: From<'_>, config: &Config, defaults: &De
 }
 
 impl Run<'_> {
-    /// All stages; was the run stopped?
-    fn stages(&mut self, reference: &Reference<'_>, pieces: &mut dyn Pieces) -> Result<bool> {
-        let total = self.config.iterations();
-        self.progress.begin("training", total);
+    /// All stages, as far as the time goes.
+    fn stages(&mut self, reference: &Reference<'_>, pieces: &mut dyn Pieces) -> Result<()> {
+        self.progress.begin("training", self.config.iterations());
         self.progress.advance(self.iteration);
         let folder = self.limits.scratch.clone().unwrap_or_else(std::env::temp_dir);
         let mut saved = Instant::now();
         let mut end = 0;
+        // A run may have been stopped between a step and what is due after it.
+        self.evaluate_if_due()?;
         for stage in &self.config.stages {
             end += stage.iterations;
             if self.iteration >= end {
@@ -189,65 +215,64 @@ impl Run<'_> {
             }
             let mut targets = Targets::new(reference, self.config.target, stage, &folder, self.config.cache_bytes);
             while self.iteration < end {
-                if self.progress.cancelled() || self.is_late() {
-                    let stopped = self.progress.cancelled();
-                    self.progress.end();
-                    return Ok(stopped);
+                self.progress.check()?;
+                if self.is_late() {
+                    self.journal.late(&self.standing());
+                    return self.evaluate();
                 }
-                match self.step(stage, &mut targets) {
-                    Err(Error::Cancelled) => return Ok(true),
-                    other => other?,
-                }
+                self.step(stage, &mut targets)?;
+                self.evaluate_if_due()?;
                 if saved.elapsed().as_secs_f64() >= self.config.checkpoint_seconds {
-                    pieces.keep(KEY, self.state().to_bytes())?;
+                    pieces.keep_now(KEY, self.state().to_bytes())?;
                     saved = Instant::now();
                 }
             }
         }
-        self.progress.end();
-        Ok(false)
+        Ok(())
     }
 
+    /// Seconds of the command.
     fn seconds(&self) -> f64 {
-        self.before + self.start.elapsed().as_secs_f64()
+        self.before + self.limits.began.elapsed().as_secs_f64()
     }
 
     fn is_late(&self) -> bool {
         self.limits.seconds.is_some_and(|s| self.seconds() >= s)
     }
 
-    /// One step, and what is due after it.
+    /// Share of the time for training that is over.
+    fn share_of_time(&self) -> f64 {
+        let share = |s: f64| (self.seconds() - self.first) / (s - self.first).max(f64::MIN_POSITIVE);
+        self.limits.seconds.map_or(0.0, share)
+    }
+
+    fn standing(&self) -> Standing {
+        Standing {
+            iteration: self.iteration,
+            iterations: self.config.iterations(),
+            seconds: self.seconds(),
+            gaussians: self.learner.len(),
+        }
+    }
+
+    /// One step.
     fn step(&mut self, stage: &Stage, targets: &mut Targets<'_>) -> Result<()> {
         let (key, view, crop) = self.choose(stage);
         let target = targets.get(key, &view, &crop, self.progress)?;
         let total = self.config.iterations();
-        let by_time = self.limits.seconds.map_or(0.0, |s| self.seconds() / s);
         let at = Moment {
             iteration: self.iteration,
             iterations: total,
-            done: (self.iteration as f64 / total as f64).max(by_time).min(1.0),
+            done: (self.iteration as f64 / total as f64).max(self.share_of_time()).min(1.0),
             densify: stage.densify,
         };
         let shot = Shot { view: &view, target: &target, crop };
         let stepped = self.learner.step(&shot, &self.config.loss, &at)?;
         self.learner.control(&at);
         self.iteration += 1;
-        self.loss_sum += stepped.loss;
         self.progress.advance(1);
-        if let Some(n) = stepped.not_finite {
-            let what = format!("{} of Gaussian {} and {} more", n.group, n.gaussian, n.count - 1);
-            self.progress
-                .message(&format!("warning: step {}: gradient of {what} is not finite, left out", self.iteration));
-            self.log(None, None, Some(what));
-        }
-        if self.iteration.is_multiple_of(LOG_STEPS) {
-            let loss = self.loss_sum / LOG_STEPS as f64;
-            self.loss_sum = 0.0;
-            self.log(Some(loss), None, None);
-        }
-        if self.iteration.is_multiple_of(self.config.evaluate_every) || self.iteration == total {
-            self.evaluate()?;
-        }
+        let standing = self.standing();
+        self.journal.step(stepped.loss, stepped.not_finite, &standing);
         Ok(())
     }
 
@@ -271,8 +296,18 @@ impl Run<'_> {
         (key as u64, views[i].clone(), crop)
     }
 
-    /// Scores the Gaussians on the held-out views and keeps the best.
+    /// Scores the Gaussians where that is due and not done.
+    fn evaluate_if_due(&mut self) -> Result<()> {
+        let due =
+            self.iteration.is_multiple_of(self.config.evaluate_every) || self.iteration == self.config.iterations();
+        if due { self.evaluate() } else { Ok(()) }
+    }
+
+    /// Scores the Gaussians on the held-out views, unless they are scored already, and keeps the best.
     fn evaluate(&mut self) -> Result<()> {
+        if self.evaluated == Some(self.iteration) {
+            return Ok(());
+        }
         let (mixture, vizmapper) = self.learner.shown()?;
         let score = self.held_out.masked_psnr(&mixture, vizmapper.as_ref())?;
         if self.iteration == 0 {
@@ -281,30 +316,9 @@ impl Run<'_> {
         if self.iteration == 0 || score > self.best.score {
             self.best = Best { first: self.best.first, score, state: self.learner.state() };
         }
-        self.log(None, score, None);
-        if let Some(s) = score {
-            self.progress.message(&format!(
-                "step {} of {}: {s:.3} dB masked PSNR on held-out views, {} Gaussians",
-                self.iteration,
-                self.config.iterations(),
-                self.learner.len()
-            ));
-        }
+        self.evaluated = Some(self.iteration);
+        self.journal.evaluation(score, &self.standing());
         Ok(())
-    }
-
-    fn log(&self, loss: Option<f64>, score: Option<f64>, not_finite: Option<String>) {
-        let line = Line {
-            iteration: self.iteration,
-            seconds: self.seconds(),
-            loss,
-            held_out_masked_psnr: score,
-            gaussians: self.learner.len(),
-            not_finite,
-        };
-        if let Ok(text) = serde_json::to_string(&line) {
-            self.progress.log(&text);
-        }
     }
 
     /// The best Gaussians.
@@ -314,7 +328,8 @@ impl Run<'_> {
         // As they are: those that were decoded on the way would be rounded twice.
         let (mixture, vizmapper) = self.learner.mixture();
         let scores = [self.best.first, self.best.score];
-        Ok(Trained { mixture, vizmapper, iterations: self.iteration, scores, stopped })
+        let not_finite = self.journal.faulty;
+        Ok(Trained { mixture, vizmapper, iterations: self.iteration, scores, not_finite, stopped })
     }
 
     /// The learner's state, the best one, and where the run stands.
@@ -325,8 +340,16 @@ impl Run<'_> {
             all.numbers.extend(state.numbers.iter().map(|(n, c)| (format!("{prefix}/{n}"), c.clone())));
         }
         let score = |s: Option<f64>| s.unwrap_or(f64::NAN);
-        let run =
-            vec![self.iteration as f64, self.seconds(), self.loss_sum, score(self.best.first), score(self.best.score)];
+        let run = vec![
+            self.iteration as f64,
+            self.evaluated.map_or(f64::NAN, |i| i as f64),
+            self.seconds(),
+            self.first,
+            self.journal.loss_sum,
+            self.journal.faulty as f64,
+            score(self.best.first),
+            score(self.best.score),
+        ];
         all.numbers.insert("run".into(), run);
         all
     }
@@ -339,10 +362,13 @@ impl Run<'_> {
                 numbers: state.numbers.iter().filter_map(|(n, c)| Some((own(n)?, c.clone()))).collect(),
             }
         };
-        let run = state.doubles("run", 5)?;
-        let score = |v: f64| (!v.is_nan()).then_some(v);
-        (self.iteration, self.before, self.loss_sum) = (run[0] as u64, run[1], run[2]);
-        self.best = Best { first: score(run[3]), score: score(run[4]), state: part("best") };
+        let run = state.doubles("run", 8)?;
+        let some = |v: f64| (!v.is_nan()).then_some(v);
+        self.iteration = run[0] as u64;
+        self.evaluated = some(run[1]).map(|i| i as u64);
+        (self.before, self.first) = (run[2], run[3]);
+        (self.journal.loss_sum, self.journal.faulty) = (run[4], run[5] as u64);
+        self.best = Best { first: some(run[6]), score: some(run[7]), state: part("best") };
         self.learner.restore(&part("now"))
     }
 }

@@ -1,0 +1,178 @@
+//! `particlegs finetune M.pgs SNAPSHOT... -o M2.pgs`.
+
+use crate::common::{Common, Context};
+use crate::info_model;
+use crate::run_args::{self, RunArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::source;
+use crate::train_args::TuneArgs;
+use clap::Args;
+use particlegs::compress::{Compressed, FineTuning, Target, finetune, parse_bytes};
+use particlegs::fit::Pieces;
+use particlegs::model::Law;
+use particlegs::particles::Room;
+use particlegs::progress::Progress;
+use particlegs::train::Config;
+use particlegs::{Error, Result, codec, output};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Arguments.
+#[derive(Args)]
+#[command(after_help = "\
+The published recipe: 60 000 steps at 1080p on pictures of the whole snapshot, with wider ranges of
+the VizMapper and densification until half time; --scale makes it small. The file becomes one block
+of the size of the model, or of what is asked for.
+
+Examples:
+  particlegs merge job -o merged.pgs && particlegs finetune merged.pgs snapshot/ -o tuned.pgs
+  particlegs finetune merged.pgs snapshot/ -o tuned.pgs --scale 0.1 --minutes 30 --log tuning.jsonl
+  particlegs finetune --print-config > finetune.toml")]
+pub struct Arguments {
+    /// Model file of the alpha-blend law.
+    #[arg(required_unless_present = "print_config", value_name = "M.pgs")]
+    model: Option<PathBuf>,
+    /// The whole snapshot that it was made of.
+    #[arg(required_unless_present = "print_config", value_name = "SNAPSHOT")]
+    snapshot: Vec<PathBuf>,
+    /// The model file to write.
+    #[arg(long, short, value_name = "M2.pgs", required_unless_present = "print_config")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    target: TargetArgs,
+    #[command(flatten)]
+    tune: TuneArgs,
+    #[command(flatten)]
+    run: RunArgs,
+    /// Do not measure the decoded model: no scores in the file.
+    #[arg(long)]
+    no_certificate: bool,
+    /// Memory to stay within, e.g. 1GiB: particles wait on disk.
+    #[arg(long, value_name = "M")]
+    memory: Option<String>,
+    #[command(flatten)]
+    opening: SnapshotArgs,
+    #[command(flatten)]
+    selection: SelectionArgs,
+    #[command(flatten)]
+    window: WindowArgs,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// One target at most.
+#[derive(Args, Clone, Debug)]
+#[group(multiple = false)]
+struct TargetArgs {
+    /// Compression ratio: 12 bytes a particle over the file's bytes [default: the model's own size].
+    #[arg(long)]
+    ratio: Option<f64>,
+    /// File size, e.g. 11MB, 900kB, 1.5GiB.
+    #[arg(long)]
+    size: Option<String>,
+}
+
+impl TargetArgs {
+    /// The target, and how the file's command says it.
+    fn target(&self) -> Result<(Target, String)> {
+        Ok(match (self.ratio, &self.size) {
+            (Some(r), _) => (Target::Ratio(r).check()?, format!(" --ratio {r}")),
+            (_, Some(s)) => (Target::parse_size(s)?, format!(" --size {s}")),
+            _ => (Target::Default, String::new()),
+        })
+    }
+}
+
+/// The law of the models that are fine-tuned.
+const LAW: Option<Law> = Some(Law::AlphaBlend);
+
+/// Fine-tunes, writes the file, reports.
+pub fn run(a: Arguments) -> Result<()> {
+    if let Some(text) = a.tune.printed(Config::fine_tuning(), LAW)? {
+        return crate::report::line(text.trim_end());
+    }
+    let none = Path::new("");
+    let (path, out) = (a.model.as_deref().unwrap_or(none), a.output.as_deref().unwrap_or(none));
+    let start = Instant::now();
+    let options = a.options(out, start)?;
+    let context = a.common.clone().start()?;
+    output::check_writable(out)?;
+    let (bytes, place) = (info_model::read(path)?, path.display().to_string());
+    let model = codec::decode(&bytes, &place)?;
+    if model.metadata.law != Law::AlphaBlend {
+        let what = format!("{place}: of the law {}: only alpha-blend models are fine-tuned", model.metadata.law.name());
+        let hint = "optical-depth blocks add up as they are; `compress --train` trains them on the snapshot".into();
+        return Err(Error::Argument { what, hint });
+    }
+    let room = if a.memory.is_some() { Room::Disk(a.folder(out)) } else { Room::Memory };
+    let selection = (&a.selection, &a.window);
+    let particles = a.opening.open_selected_in(&room, &a.snapshot, selection, a.common.seed, &context)?;
+    let of_several = source::is_of_several(&bytes, &model, &place)?;
+    source::check(&model, of_several, &particles, (a.snapshot.first().map_or(none, |p| p), path))?;
+    let mut checkpoint = a.run.checkpoint(out, &options.name_of_work(&bytes), &context)?;
+    let size = bytes.len() as u64;
+    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| {
+        finetune(&model, size, (&particles, &options), pieces, progress)
+    };
+    let done = a.run.run(&context, Some(&mut checkpoint), work)?;
+    if !done.stopped {
+        context.check()?;
+    }
+    output::write_bytes(out, &done.bytes)?;
+    if done.stopped {
+        return Err(run_args::stopped(out, &context));
+    }
+    checkpoint.remove()?;
+    report(out, &context, (model.gaussians(), size), &done, start.elapsed().as_secs_f64())
+}
+
+impl Arguments {
+    fn options(&self, out: &Path, start: Instant) -> Result<FineTuning> {
+        let (target, asked) = self.target.target()?;
+        let seed = self.common.seed;
+        Ok(FineTuning {
+            target,
+            training: self.tune.config(Config::fine_tuning(), LAW)?,
+            limits: self.run.limits(start, self.folder(out))?,
+            memory: self.memory.as_deref().map(parse_bytes).transpose()?,
+            seed,
+            certificate: !self.no_certificate,
+            command: format!("finetune{asked} --seed {seed}{}", self.tune.text(Config::fine_tuning(), LAW)?),
+        })
+    }
+
+    /// Where scratch files go.
+    fn folder(&self, out: &Path) -> PathBuf {
+        out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf()
+    }
+}
+
+fn report(
+    out: &Path,
+    context: &Context,
+    (gaussians_in, bytes_in): (usize, u64),
+    done: &Compressed,
+    seconds: f64,
+) -> Result<()> {
+    let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
+    let ratio = done.raw_bytes as f64 / bytes as f64;
+    let mut text = format!(
+        "{}: {gaussians_in} -> {gaussians} Gaussians, {bytes_in} -> {bytes} bytes, ratio {ratio:.1}, in {seconds:.2} s",
+        out.display()
+    );
+    text += &run_args::trained(done);
+    let certificate = done.model.certificate.as_ref();
+    if certificate.is_some() {
+        let unit = done.model.metadata.length_unit.as_deref();
+        text += &format!("\n{}", info_model::certificate(certificate, unit).trim_end());
+    }
+    let value = json!({
+        "output": out, "gaussians_in": gaussians_in, "gaussians": gaussians, "model_bytes_in": bytes_in,
+        "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
+        "step_factor": done.step_factor, "trained": done.trained, "seconds": seconds,
+        "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
+        "certificate": certificate,
+    });
+    context.finish(&text, &value)
+}

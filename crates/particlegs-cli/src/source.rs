@@ -1,0 +1,32 @@
+//! Is this the snapshot that a model was made of?
+
+use particlegs::codec;
+use particlegs::model::Model;
+use particlegs::particles::{Particles, column_hash, source_hash};
+use particlegs::{Error, Result};
+use std::path::Path;
+
+/// Is a file a merge of several snapshots? It has the hash of its blocks: no snapshot can match it.
+///
+/// # Errors
+/// [`Error::Corrupt`].
+pub fn is_of_several(bytes: &[u8], model: &Model, place: &str) -> Result<bool> {
+    Ok(model.metadata.source_hash == codec::blocks_hash(&codec::coded_layers(bytes, place)?))
+}
+
+/// Refuses particles that are not those of the model: by their hash, or, of a merge of several
+/// snapshots, by their number.
+///
+/// # Errors
+/// [`Error::Input`] that names the snapshot.
+pub fn check(model: &Model, of_several: bool, particles: &Particles, (snapshot, place): (&Path, &Path)) -> Result<()> {
+    let told = model.metadata.source_hash;
+    let matches = source_hash(particles) == told
+        || column_hash(particles) == told
+        || of_several && particles.len() as u64 == model.metadata.count;
+    if matches {
+        return Ok(());
+    }
+    let why = if of_several { "their numbers of particles differ" } else { "their hashes differ" };
+    Err(Error::input(snapshot, format!("it is not the snapshot that {} was made of ({why})", place.display())))
+}
