@@ -58,7 +58,8 @@ def run(name, options, toml):
         "wall_seconds": round(wall, 1),
         "cpu_seconds": round(after.ru_utime + after.ru_stime - cpu.ru_utime - cpu.ru_stime, 1),
         "load_average": os.getloadavg()[0],
-        **{k: said[k] for k in ("gaussians", "model_bytes", "compression_ratio", "step_factor", "trained", "seconds_by_phase")},
+        **{k: said[k] for k in ("gaussians", "model_bytes", "compression_ratio", "step_factor", "seconds_by_phase")},
+        "trained": [t["scores"] for t in said["trained"]],
     }
     particlegs("render", model, "--views", os.path.join(REFERENCE, "views.json"), "--style", "paraview", "--out", path(name))
     particlegs("compare", path(name), os.path.join(REFERENCE, "paraview"), "--json", path(name + "-scores.json"))

@@ -355,7 +355,7 @@ pub fn file_hash(bytes: &[u8]) -> [u8; 32] {
 /// Metadata alone.
 ///
 /// # Errors
-/// As [`read_info`].
+/// As [`super::read_info`].
 pub fn read_metadata(bytes: &[u8], place: &str) -> Result<Metadata> {
     Ok(parts(bytes, place)?.metadata)
 }

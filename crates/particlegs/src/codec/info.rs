@@ -57,7 +57,7 @@ pub struct BlockInfo {
 /// Reads everything but the Gaussians; every checksum is checked.
 ///
 /// # Errors
-/// As [`decode`], streams apart.
+/// As [`super::decode`], streams apart.
 pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
     let parts = parts(bytes, place)?;
     let block = |(section, h): &(Section<'_>, BlockHeader)| BlockInfo {
