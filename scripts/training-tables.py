@@ -269,26 +269,40 @@ def blocks(k, changes="", which="in-range"):
     return lambda name: train(name, options, changes, which=which)
 
 
+TUNED_SIZE = 1.2  # room for what densification adds, in sizes of the merged file
+TUNED_STAGE = """[[stages]]
+iterations = 60000
+size = [1920, 1080]
+crop = [0, 0]
+oversample = 2
+internal = 0.0
+densify = { every = 0, until = 0, threshold = 0.0 }
+"""
+
+
 def can_fine_tune():
     help_ = subprocess.run([PROGRAM, "finetune", "--help"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return help_.returncode == 0
 
 
-def fine_tune(of, changes="", which="in-range"):
+def fine_tune(k, changes="", densify=True):
+    """The merged model of k blocks, tuned on the whole; as many Gaussians as the recipe makes."""
+
     def run(name):
-        known(of)
-        command = ["finetune", path_of(of), SNAPSHOT, "-o", path_of(name), "--scale", str(SCALE), "--iterations", str(TUNE_STEPS)]
-        if changes:
-            config = os.path.join(WORK, name + ".toml")
-            with open(config, "w") as f:
-                f.write(changes)
-            command += ["--config", config]
-        said = os.path.join(WORK, name + "-said.json")
-        result = {**timed([*command, "--json", said]), "command": shown(command), "changes": changes}
+        merged = known(f"blocks-{k}")
+        config, said = os.path.join(WORK, name + ".toml"), os.path.join(WORK, name + "-said.json")
+        stages = "" if densify else TUNED_STAGE
+        text = f"evaluate_views = 4\n[alpha_blend]\nmost_gaussians = {2 * MOST * k}\n{changes}{stages}"
+        with open(config, "w") as f:
+            f.write(text)
+        command = ["finetune", path_of(f"blocks-{k}"), SNAPSHOT, "-o", path_of(name), "--scale", str(SCALE),
+                   "--iterations", str(TUNE_STEPS), "--size", str(round(TUNED_SIZE * merged["model_bytes"])),
+                   "--config", config, "--no-certificate", "--json", said]
+        result = {**timed(command), "command": shown(command), "changes": text, "particles": merged["particles"]}
         with open(said) as f:
             said = json.load(f)
-        result.update({k: said.get(k) for k in ("gaussians", "model_bytes", "compression_ratio", "trained")})
-        return {**result, "scores": scores(path_of(name), which), "small": scores(path_of(name), "small")}
+        result.update({n: said.get(n) for n in ("gaussians", "model_bytes", "compression_ratio", "step_factor", "trained")})
+        return {**result, "scores": scores(path_of(name), "in-range"), "small": scores(path_of(name), "small")}
 
     return run
 
@@ -329,41 +343,39 @@ def recover(of, method="count", scale=None):
     return run
 
 
+def ablation(name):
+    return lambda n: paper(n, ABLATIONS[name], which="all" if name in ("no-vizmapper", "start-fit") else "in-range")
+
+
 def all_runs():
     yield "reference", reference_scores
-    # 1. laws
     yield "full", lambda n: paper(n, which="all")
-    yield "no-vizmapper", lambda n: paper(n, ABLATIONS["no-vizmapper"], which="all")
+    yield "no-vizmapper", ablation("no-vizmapper")
     yield "depth-untrained", law_run
     yield "depth-trained", law_run
-    # 3. blocks
+    for name in ("start-fit", "single-resolution", "far-orbit", "no-densify"):
+        yield name, ablation(name)
     for k in (1, 2, 4, 8):
         yield f"blocks-{k}", blocks(k)
-    # 2. components
-    for name, changes in ABLATIONS.items():
-        if name != "no-vizmapper":
-            yield name, lambda n, c=changes: paper(n, c, which="all" if n == "start-fit" else "in-range")
-    yield "law-depth", lambda n: paper(n, law="optical-depth")
-    yield "blocks-4-published-rates", blocks(4, BLOCK_RATES)
-    # 4. recovery
     for of in ("full", "blocks-8"):
         for method in ("count", "volume", "ellipsoid", "grid"):
             yield f"recover-{of}-{method}", recover(of, method)
         for scale in (1.2, 1.5, 1.8, 2, 2.5, 3):
             yield f"recover-{of}-scale-{scale}", recover(of, "count", scale)
-    for k in (1, 2, 4):
-        yield f"recover-blocks-{k}-count", recover(f"blocks-{k}")
-    for of in ("depth-untrained", "depth-trained"):
+    for of in ("start-fit", "blocks-1", "blocks-2", "blocks-4", "depth-untrained", "depth-trained"):
         yield f"recover-{of}-count", recover(of)
-    # fine-tuning
     if can_fine_tune():
         for k in (1, 2, 4, 8):
-            yield f"tuned-{k}", fine_tune(f"blocks-{k}")
+            yield f"tuned-{k}", fine_tune(k)
+        for k in (1, 2, 4, 8):
             yield f"recover-tuned-{k}-count", recover(f"tuned-{k}")
-        for name, changes in (("no-densify", "[densify]\nevery = 0\nuntil = 0\nthreshold = 0.0\n"), ("dssim-1", "[loss]\ndssim = 1.0\n"),
-                              ("dssim-0.1", "[loss]\ndssim = 0.1\n")):
-            yield f"tuned-8-{name}", fine_tune("blocks-8", changes)
-    # other seeds
+        yield "tuned-8-no-densify", fine_tune(8, densify=False)
+        yield "tuned-8-dssim-1", fine_tune(8, "[loss]\ndssim = 1.0\n")
+        yield "tuned-8-dssim-0.1", fine_tune(8, "[loss]\ndssim = 0.1\n")
+    for name in ("dssim-0.2", "l2", "expected", "start-partition", "no-reset"):
+        yield name, ablation(name)
+    yield "law-depth", lambda n: paper(n, law="optical-depth")
+    yield "blocks-4-published-rates", blocks(4, BLOCK_RATES)
     for seed in (43, 44):
         yield f"full-seed-{seed}", lambda n, s=seed: paper(n, seed=s)
         yield f"no-vizmapper-seed-{seed}", lambda n, s=seed: paper(n, ABLATIONS["no-vizmapper"], seed=s)
