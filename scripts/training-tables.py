@@ -343,6 +343,36 @@ def recover(of, method="count", scale=None):
     return run
 
 
+def turning(_):
+    """Pictures of cameras 0.02 degrees apart: what jumps where the order of depths changes."""
+    with open(os.path.join(WORK, "all.json")) as f:
+        file = json.load(f)
+    view = next(v for v in file["views"] if v["name"].startswith("default-0.7"))
+    center, d = view["focal_point"], [a - b for a, b in zip(view["position"], view["focal_point"])]
+    views = []
+    for i in range(13):
+        c, s = math.cos(math.radians(0.02 * i)), math.sin(math.radians(0.02 * i))
+        turned = [c * d[0] + s * d[2], d[1], c * d[2] - s * d[0]]
+        views.append({**view, "name": f"turn_{i:02}", "position": [a + b for a, b in zip(center, turned)]})
+    path = os.path.join(WORK, "turning.json")
+    with open(path, "w") as f:
+        json.dump({"width": 960, "height": 540, "fov_deg": 30.0, "views": views}, f)
+    out = {}
+    for name in ("full", "depth-untrained"):
+        drawn, first, second = pictures("drawn"), pictures("first"), pictures("second")
+        run_quietly("render", path_of(name), "--views", path, "--style", "expected", "--out", drawn)
+        for folder, ahead in ((first, 0), (second, 1)):
+            os.mkdir(folder)
+            for i in range(12):
+                shutil.copy(os.path.join(drawn, f"turn_{i + ahead:02}.png"), os.path.join(folder, f"turn_{i:02}.png"))
+        said = os.path.join(WORK, "compared.json")
+        run_quietly("compare", first, second, "--json", said)
+        with open(said) as f:
+            steps = json.load(f)["views"]
+        out[name] = {"largest_differences": [v["largest_difference"] for v in steps], "psnr": [round(v["psnr"], 2) for v in steps]}
+    return out
+
+
 def ablation(name):
     return lambda n: paper(n, ABLATIONS[name], which="all" if name in ("no-vizmapper", "start-fit") else "in-range")
 
@@ -364,6 +394,7 @@ def all_runs():
             yield f"recover-{of}-scale-{scale}", recover(of, "count", scale)
     for of in ("start-fit", "blocks-1", "blocks-2", "blocks-4", "depth-untrained", "depth-trained"):
         yield f"recover-{of}-count", recover(of)
+    yield "turning", turning
     if can_fine_tune():
         for k in (1, 2, 4, 8):
             yield f"tuned-{k}", fine_tune(k)
