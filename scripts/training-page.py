@@ -102,13 +102,14 @@ An alpha-blend model draws one picture for both looks. Noise-free: the mean pict
 to pass.
 """)
 
-seeds = [R[n] for n in ("full", "full-seed-43", "full-seed-44") if n in R]
+STEM = "full" if "full-seed-43" in R else "blocks-1"
+seeds = [R[n] for n in (STEM, STEM + "-seed-43", STEM + "-seed-44") if n in R]
 NOISE = 0.0
 if len(seeds) > 1:
     values = [score(r) for r in seeds]
     NOISE = max(values) - min(values)
     spread = ", ".join(f"{v:.2f}" for v in values)
-    line(f'**Noise of one run.** The full recipe with {len(seeds)} seeds: {spread} dB in range, {", ".join(str(r["gaussians"]) for r in seeds)} Gaussians. '
+    line(f'**Noise of one run.** The full recipe ({BASE["steps"] if STEM == "full" else BASE["block_steps"]} steps) with {len(seeds)} seeds: {spread} dB in range, {", ".join(str(r["gaussians"]) for r in seeds)} Gaussians. '
          f"Differences within {NOISE:.2f} dB are called noise below (the paper's artifact: 0.3 dB, 3 % of the Gaussians).")
     line()
 
@@ -145,6 +146,10 @@ for label, r in laws:
     row(label, *(f"{score(r, g):.2f}" for g in LOOKS))
 row("noise-free", *(f"{noise_free(g):.2f}" for g in LOOKS))
 line()
+if "depth-untrained" in R:
+    line("How far alpha-blend + VizMapper stands below optical-depth untrained, dB: " + ", ".join(
+        f'{t} {score(R["depth-untrained"], g) - score(R["full"], g):.2f}' for g, t in zip(LOOKS, titles)) + ".")
+    line()
 line("The same against `expected`, where the target holds no noise that falls or rises with the factor:")
 line()
 head("model", *titles)
