@@ -181,26 +181,38 @@ row("paper", *(f"{v:.2f}" for v in PAPER_ORBITS.values()))
 line()
 
 # 2 ------------------------------------------------------------------------------------------------------
-ABLATIONS = [("full", "full recipe"), ("no-vizmapper", "w/o VizMapper"), ("single-resolution", f"single resolution ({small} throughout)"),
-             ("far-orbit", "far orbit only"), ("no-densify", "w/o densification"), ("no-reset", "w/o opacity reset"),
-             ("dssim-0.2", "0.8 L1 + 0.2 DSSIM"), ("l2", "L2"), ("expected", "target `expected`"), ("start-partition", "start: partition"),
-             ("start-fit", "start: fit (EM, split and merge)"), ("law-depth", "law optical-depth, all else published")]
+LONG = [("full", "full recipe"), ("no-vizmapper", "w/o VizMapper"), ("single-resolution", f"single resolution ({small} throughout)"),
+        ("far-orbit", "far orbit only"), ("start-fit", "start: fit (EM, split and merge)")]
+SHORT = [("blocks-1", "full recipe"), ("short-no-densify", "w/o densification"), ("short-no-reset", "w/o opacity reset"),
+         ("short-dssim-0.2", "0.8 L1 + 0.2 DSSIM"), ("short-l2", "L2"), ("short-expected", "target `expected`"),
+         ("short-start-partition", "start: partition"), ("short-start-fit", "start: fit (EM, split and merge)"),
+         ("short-law-depth", "law optical-depth, all else published")]
 line("## Ablations: components")
 line()
 line(f"In range, mean of the three orbits. `masked` is what changes are counted in; `at {small}` is the first stage's resolution, at which the paper scores. "
      "Coded: bytes of the file at the codec's nominal steps; as PLY: 68 bytes a Gaussian.")
 line()
-head("run", "masked", "change", f"masked at {small}", "change", "PSNR", "SSIM", "masked, `expected`", "Gaussians", "coded", "as PLY", "wall / CPU, s", "paper: change", "same sign")
-full = R.get("full")
-for name, r in rows_of([n for n, _ in ABLATIONS]):
-    label = dict(ABLATIONS)[name]
-    d, ds = score(r) - score(full), score(r, at="small") - score(full, at="small")
-    theirs = PAPER_ABLATIONS.get(name)
-    row(label, f"{score(r):.2f}", "" if name == "full" else signed(d), f'{score(r, at="small"):.2f}', "" if name == "full" else signed(ds),
-        f'{score(r, key="psnr"):.2f}', f'{score(r, key="ssim"):.4f}', f'{score(r, look="expected"):.2f}', f'{r["gaussians"]:,}', f'{r["model_bytes"]:,}',
-        f"{published(r)[0]:,}", f'{r["wall_seconds"]:.0f} / {r["cpu_seconds"]:.0f}', "" if theirs is None else signed(theirs),
-        "" if theirs is None else same(d, theirs, NOISE))
-line()
+
+
+def ablations(named):
+    labels, full = dict(named), R[named[0][0]]
+    head("run", "masked", "change", f"masked at {small}", "change", "PSNR", "SSIM", "masked, `expected`", "Gaussians", "coded", "as PLY", "wall / CPU, s", "paper: change", "same sign")
+    for name, r in rows_of(labels):
+        d, ds = score(r) - score(full), score(r, at="small") - score(full, at="small")
+        theirs, first = PAPER_ABLATIONS.get(name), r is full
+        row(labels[name], f"{score(r):.2f}", "" if first else signed(d), f'{score(r, at="small"):.2f}', "" if first else signed(ds),
+            f'{score(r, key="psnr"):.2f}', f'{score(r, key="ssim"):.4f}', f'{score(r, look="expected"):.2f}', f'{r["gaussians"]:,}', f'{r["model_bytes"]:,}',
+            f"{published(r)[0]:,}", f'{r["wall_seconds"]:.0f} / {r["cpu_seconds"]:.0f}', "" if theirs is None else signed(theirs),
+            "" if theirs is None else same(d, theirs, NOISE))
+    line()
+
+
+full = R["full"]
+ablations(LONG)
+if "blocks-1" in R and any(n.startswith("short-") for n in R):
+    line(f"More of them with {BASE['block_steps']} steps each:")
+    line()
+    ablations(SHORT)
 pairs = [(f"full{s}", f"no-vizmapper{s}") for s in ("", "-seed-43", "-seed-44")]
 changes = [score(R[b]) - score(R[a]) for a, b in pairs if a in R and b in R]
 if len(changes) > 1:
@@ -308,7 +320,7 @@ line("The file whole (head and VizMapper of 4.8 kB included), entropy-coded at n
 line()
 head("model", "law", "Gaussians", "coded bytes", "bytes a Gaussian", "step factor", "of 68")
 for name, law in (("full", "alpha-blend"), ("no-vizmapper", "alpha-blend"), ("start-fit", "alpha-blend"), ("blocks-8", "alpha-blend"), ("tuned-8", "alpha-blend"),
-                  ("law-depth", "optical-depth"), ("depth-untrained", "optical-depth"), ("depth-trained", "optical-depth")):
+                  ("short-law-depth", "optical-depth"), ("depth-untrained", "optical-depth"), ("depth-trained", "optical-depth")):
     if name in R:
         r = R[name]
         each = r["model_bytes"] / r["gaussians"]

@@ -391,8 +391,8 @@ def all_runs():
     for of in ("full", "blocks-8"):
         for method in ("count", "volume", "ellipsoid", "grid"):
             yield f"recover-{of}-{method}", recover(of, method)
-        for scale in (1.2, 1.5, 1.8, 2, 2.5, 3):
-            yield f"recover-{of}-scale-{scale}", recover(of, "count", scale)
+    for scale in (1.2, 1.5, 1.8, 2, 2.5, 3):
+        yield f"recover-full-scale-{scale}", recover("full", "count", scale)
     for of in ("start-fit", "blocks-1", "blocks-2", "blocks-4", "depth-untrained", "depth-trained"):
         yield f"recover-{of}-count", recover(of)
     yield "turning", turning
@@ -404,13 +404,12 @@ def all_runs():
         yield "tuned-8-no-densify", fine_tune(8, densify=False)
         yield "tuned-8-dssim-1", fine_tune(8, "[loss]\ndssim = 1.0\n")
         yield "tuned-8-dssim-0.1", fine_tune(8, "[loss]\ndssim = 0.1\n")
-    for name in ("l2", "no-densify", "expected", "dssim-0.2"):
-        yield name, ablation(name)
+    # The rest beside the single block of the sweep, which has as few steps.
+    for name in ("no-densify", "l2", "dssim-0.2", "expected", "start-partition", "start-fit", "no-reset"):
+        yield f"short-{name}", lambda n: paper(n, ABLATIONS[n[len("short-"):]], steps=BLOCK_STEPS)
+    yield "short-law-depth", lambda n: paper(n, law="optical-depth", steps=BLOCK_STEPS)
     for seed in (43, 44):
         yield f"blocks-1-seed-{seed}", blocks(1, seed=seed)
-    yield "law-depth", lambda n: paper(n, law="optical-depth")
-    for name in ("start-partition", "no-reset"):
-        yield name, ablation(name)
     yield "blocks-4-published-rates", blocks(4, BLOCK_RATES)
     for seed in (43, 44):
         yield f"full-seed-{seed}", lambda n, s=seed: paper(n, seed=s)
