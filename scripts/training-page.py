@@ -120,7 +120,7 @@ LAWS = [("full", "alpha-blend + VizMapper, as published"), ("no-vizmapper", "alp
 laws = [(label, R[n]) for n, label in LAWS if n in R]
 line("## The two laws on the same data")
 line()
-line("The optical-depth models have the bytes of the first row's file; the trained one took its wall-clock time, the fit included.")
+line("The optical-depth models have the bytes of the first row's file; the trained one was trained within its wall-clock time, the fit included (started from that fit; targets `expected`).")
 line()
 head("model", "Gaussians", "bytes", "bytes a Gaussian", "ratio", "wall, s", "CPU, s", "load")
 for label, r in laws:
@@ -316,7 +316,7 @@ if ofs:
 # 5 ------------------------------------------------------------------------------------------------------
 line("## Size: bytes a Gaussian")
 line()
-line("The file whole (head and VizMapper of 4.8 kB included), entropy-coded at nominal steps (alpha-blend: place, shape, opacity, grey level; optical-depth: place, shape, count), against 68 as published.")
+line("The file whole (head and VizMapper of 4.8 kB included), entropy-coded (alpha-blend: place, shape, opacity, grey level; optical-depth: place, shape, count), against 68 as published. Step factor 1: the codec's nominal steps; larger is coarser.")
 line()
 head("model", "law", "Gaussians", "coded bytes", "bytes a Gaussian", "step factor", "of 68")
 for name, law in (("full", "alpha-blend"), ("no-vizmapper", "alpha-blend"), ("start-fit", "alpha-blend"), ("blocks-8", "alpha-blend"), ("tuned-8", "alpha-blend"),
@@ -403,7 +403,7 @@ WHY = {
     "count": "Faint Gaussians are pruned faster than density control adds in so few steps; the paper's 36 000 steps of it refill what ours do not.",
     "single": f"All of it is resolution: at {small} nothing is lost (table above), since the one-pixel floor of its training is then the picture's own.",
     "far": "Larger than published where pictures have more pixels than the far pictures it saw; at the first stage's size about the published change.",
-    "outside": "Much of it is the pictures': optical-depth, which knows no range, falls on the same ones too (first table of falls); opacity's is the target's own noise.",
+    "outside": "Much of it is the pictures', which brighten under a fixed peak: optical-depth, which knows no range, falls on the same ones too (table of falls).",
     "orbits": "Radii and opacities drawn for an orbit's few views move its score by as much: optical-depth's moves alike.",
     "near": "The stage-one resolution of the fine-tuning: what blocks hold beyond it, and near views show, is the row above.",
     "grow": "Each block starts from as many particles and prunes to about as many; the paper's smaller blocks grow less.",
