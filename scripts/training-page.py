@@ -384,7 +384,7 @@ def claims():
                   why=f"The single block fine-tuned as long gains {signed(at('tuned-1') - at('blocks-1'))} dB: here it is the steps that gain, not the blocks." if k == 8 else "")
             claim(f"{k} blocks: fine-tuned against merged, at {small}", PAPER_BLOCKS[k][1] - PAPER_BLOCKS[k][0], at(f"tuned-{k}") - at(f"blocks-{k}"), noise=NOISE)
         near, far = (score(R["tuned-8"], o, at="small") - score(R["blocks-1"], o, at="small") for o in ("orbit-0.5", "orbit-1.0"))
-        claim(f"the same, fine-tuned, at {small}", 1.49 - 1.04, near - far, why=WHY["near"])
+        claim(f"8 blocks' gain near less that far: fine-tuned, at {small}", 1.49 - 1.04, near - far, why=WHY["near"])
         for name, (theirs, _) in PAPER_TUNING.items():
             if name in R:
                 claim(f"fine-tuning: {TUNING[name]}, PSNR at {small}", theirs, score(R[name], key="psnr", at="small") - score(R["tuned-8"], key="psnr", at="small"), noise=NOISE, why=WHY.get(name, ""))
