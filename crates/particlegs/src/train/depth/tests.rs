@@ -156,7 +156,7 @@ fn against_plain(distance: f64, seed: u64, (share, jumps): (f64, usize), toleran
         let largest = off[group.clone()].iter().fold(0.0, |a: f64, o| a.max(o[1]));
         for number in group {
             let share = off[number][0] / largest;
-            assert!(share < tolerance, "number {number} is off by {share:.4}: {off:.3e?}");
+            assert!(share < tolerance, "number {number} is off by {share:.4}: {off:.4?}");
         }
     }
 }
