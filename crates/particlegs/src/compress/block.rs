@@ -141,6 +141,14 @@ pub struct TrainedRun {
     pub not_finite: u64,
 }
 
+impl TrainedRun {
+    /// Of a run of that name under `config`.
+    pub(super) fn of(run: String, config: &Config, trained: &Trained) -> Self {
+        let Trained { iterations, scores, not_finite, .. } = *trained;
+        TrainedRun { run, iterations, of: config.iterations(), scores, not_finite }
+    }
+}
+
 impl<'a> Workshop<'a> {
     /// For blocks of `plan`; `pieces` keeps finished pieces of fits and training runs.
     pub fn new(
@@ -282,13 +290,7 @@ impl LayerJob {
             return Err(Error::Cancelled);
         }
         shop.stopped |= trained.stopped;
-        shop.trained.push(TrainedRun {
-            run: limits.run,
-            iterations: trained.iterations,
-            of: config.iterations(),
-            scores: trained.scores,
-            not_finite: trained.not_finite,
-        });
+        shop.trained.push(TrainedRun::of(limits.run, config, &trained));
         Ok(trained)
     }
 

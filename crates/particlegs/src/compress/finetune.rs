@@ -118,13 +118,7 @@ impl Job<'_> {
             train::train(self.particles, from, (&config, limits, &defaults), &mut pieces, self.progress)
         })?;
         let stopped = trained.stopped;
-        let run = TrainedRun {
-            run: String::new(),
-            iterations: trained.iterations,
-            of: config.iterations(),
-            scores: trained.scores,
-            not_finite: trained.not_finite,
-        };
+        let run = TrainedRun::of(String::new(), &config, &trained);
         let met = clock.time("code", || self.coded(trained.mixture, room, stopped))?;
         let network = trained.vizmapper.as_ref();
         let mut bytes = self.file(&met, network, None)?;

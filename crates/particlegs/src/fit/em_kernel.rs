@@ -3,8 +3,8 @@
 //! Sixteen particles stand in one vector; every level does the same operations in the same order
 //! (no fused multiply-add), so the sums are the same bits with and without vector instructions.
 
-use crate::math::simd_level;
-use fearless_simd::{Simd, dispatch, f32x16, prelude::*, u32x16};
+use crate::math::{exp2, simd_level};
+use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
 
 /// Particles in one vector.
 const LANES: usize = 16;
@@ -192,7 +192,7 @@ fn responsibilities<S: Simd>(
         }
         let mut norm = f32x16::splat(simd, 0.0);
         for s in share.iter_mut() {
-            let p = exp2_negative(simd, f32x16::load_array_ref(simd, &s[v].0) - best);
+            let p = exp2(simd, f32x16::load_array_ref(simd, &s[v].0) - best);
             norm += p;
             p.store_slice(&mut s[v].0);
         }
@@ -221,7 +221,7 @@ fn add_moments<S: Simd>(
             let [x, y, z] = batch.at(simd, v);
             let r = f32x16::load_array_ref(simd, &s[v].0) * f32x16::load_array_ref(simd, &invert[v].0);
             let far = squared(&c.focus, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
-            let w = r * exp2_negative(simd, -far);
+            let w = r * exp2(simd, -far);
             let (wx, wy, wz) = (w * x, w * y, w * z);
             let mass = f32x16::load_array_ref(simd, &batch.mass[v].0);
             let add = [r, r * mass, w, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z];
@@ -256,25 +256,6 @@ fn name_owners(logs: &[[Lanes; BATCH]], v: usize, best: &[f32; LANES], owner: &m
     for (o, n) in owner.iter_mut().zip(names) {
         *o = if n == u32::MAX { 0 } else { n };
     }
-}
-
-/// 2^t for t <= 0, relative error below 3e-7; below 2^-120 it is 2^-120.
-#[inline(always)]
-fn exp2_negative<S: Simd>(simd: S, t: f32x16<S>) -> f32x16<S> {
-    // 1.5 * 2^23: adding it leaves the rounded integer in the low bits.
-    const MAGIC: f32 = 12_582_912.0;
-    let t = t.max(f32x16::splat(simd, -120.0));
-    let shifted = t + MAGIC;
-    let f = t - (shifted - MAGIC);
-    // Minimax of 2^f on [-1/2, 1/2].
-    let p = f * 1.540_353e-4 + 1.333_355_8e-3;
-    let p = p * f + 9.618_129e-3;
-    let p = p * f + 5.550_411e-2;
-    let p = p * f + 0.240_226_5;
-    let p = p * f + std::f32::consts::LN_2;
-    let p = p * f + 1.0;
-    let bits: u32x16<S> = p.to_bits() + (shifted.to_bits() << 23);
-    f32x16::from_bits(bits)
 }
 
 #[cfg(test)]

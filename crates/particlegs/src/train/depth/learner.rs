@@ -7,6 +7,7 @@
 use super::adjoint::{OfGaussian, full};
 use super::coded::{Coded, code};
 use super::columns::{Change, Columns, Numbers};
+use super::config::DepthConfig;
 use super::curve::Curve;
 use super::density::{Move, relocate};
 use super::raster::Tape;
@@ -20,101 +21,6 @@ use crate::train::learner::{Densify, Learner, Moment, NotFinite, Shot, Stepped};
 use crate::train::loss::Loss;
 use crate::train::state::State;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-/// Rates of the groups of parameters, relative to the rate of the step.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Rates {
-    /// Means, in standard deviations.
-    pub place: f64,
-    /// Shapes, in logarithms of radii.
-    pub shape: f64,
-    /// Logarithms of counts.
-    pub count: f64,
-}
-
-/// How Gaussians of the optical-depth law are trained.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DepthConfig {
-    /// Rate of Adam's step, in standard deviations and logarithms.
-    pub rate: f64,
-    /// The last step's rate over the first's; between them a half cosine.
-    pub last_rate: f64,
-    /// Steps over which the rate rises to its full value.
-    pub warm_up: u64,
-    /// Relative rates of the groups.
-    pub rates: Rates,
-    /// Share of ln(count / count at the start) taken back each step, times the rate: pictures do not
-    /// hold the mass of saturated cores.
-    pub count_pull: f64,
-    /// Share of the Gaussians that density control moves at a time: the quietest are merged into a
-    /// neighbour, the loudest are halved; 0 = none. When is said by the stages.
-    pub relocate: f64,
-    /// Steps from one coding to the next: between them steps are taken from the decoded Gaussians, so
-    /// that they learn what rounding does; 0 = never.
-    pub code_every: u64,
-    /// Share of the run after which that begins.
-    pub code_from: f64,
-    /// Share of the group's mean gradient that is added to each one's own in Adam's division:
-    /// parameters that pictures hardly depend on then hardly move, instead of wandering.
-    pub calm: f64,
-    /// Steps over which the Gaussians that are scored and kept are averaged, at most a tenth of those
-    /// done; 1 = not.
-    pub average: f64,
-    /// Decay of Adam's mean gradient.
-    pub beta1: f64,
-    /// Decay of Adam's mean squared gradient.
-    pub beta2: f64,
-}
-
-impl Default for DepthConfig {
-    fn default() -> Self {
-        DepthConfig {
-            rate: 0.03,
-            last_rate: 0.05,
-            warm_up: 20,
-            rates: Rates { place: 1.0, shape: 1.0, count: 0.1 },
-            count_pull: 0.0,
-            average: 300.0,
-            calm: 0.5,
-            relocate: 0.005,
-            code_every: 20,
-            code_from: 0.2,
-            beta1: 0.9,
-            beta2: 0.999,
-        }
-    }
-}
-
-impl DepthConfig {
-    /// Checks every number.
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`].
-    pub fn check(&self) -> Result<()> {
-        let positive = |v: f64| v > 0.0 && v <= 1.0;
-        let share = |v: f64| (0.0..1.0).contains(&v);
-        let rates = [self.rates.place, self.rates.shape, self.rates.count, self.count_pull];
-        if positive(self.rate)
-            && positive(self.last_rate)
-            && (0.0..=1.0).contains(&self.code_from)
-            && (0.0..=1e3).contains(&self.calm)
-            && (1.0..=1e9).contains(&self.average)
-            && (0.0..=0.25).contains(&self.relocate)
-            && share(self.beta1)
-            && share(self.beta2)
-            && rates.iter().all(|r| (0.0..=100.0).contains(r))
-        {
-            Ok(())
-        } else {
-            Err(crate::Error::argument(
-                "training: optical_depth: rate and last_rate must be within 0 to 1, betas below 1, relative rates 0 to 100",
-            ))
-        }
-    }
-}
 
 /// What the Gaussians are trained for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -140,7 +46,7 @@ pub(crate) struct DepthLearner {
     coded: Option<Coded>,
     /// ln count at the start.
     first_log_count: Vec<f64>,
-    /// Mass a particle, where particles have weights; it stays as it is.
+    /// Mass a particle, where particles have weights; density control alone changes it.
     weight: Option<Vec<f64>>,
     /// Of place (3 a Gaussian), shape (6) and count (1).
     averages: [Averages; 3],
@@ -348,6 +254,9 @@ impl Learner for DepthLearner {
         state.numbers.insert("gaussians".into(), flat(&self.columns));
         state.numbers.insert("averaged".into(), flat(&self.averaged));
         state.numbers.insert("first log count".into(), self.first_log_count.clone());
+        if let Some(weight) = &self.weight {
+            state.numbers.insert("weight".into(), weight.clone());
+        }
         if let Some(coded) = &self.coded {
             state.numbers.insert("coded".into(), flat(&coded.columns));
             state.numbers.insert("step factor".into(), vec![coded.factor]);
@@ -376,9 +285,11 @@ impl Learner for DepthLearner {
             a.second = state.column(&format!("{name} second"), k * m)?.to_vec();
             a.steps = state.doubles(&format!("{name} steps"), 1)?[0] as u64;
         }
-        self.averaged = columns("averaged")?;
-        (self.columns, self.coded, self.averages) = (columns("gaussians")?, coded, averages);
-        self.first_log_count = state.doubles("first log count", m)?.to_vec();
+        let (now, averaged) = (columns("gaussians")?, columns("averaged")?);
+        let first_log_count = state.doubles("first log count", m)?.to_vec();
+        let weight = self.weight.as_ref().map(|_| state.doubles("weight", m).map(<[f64]>::to_vec)).transpose()?;
+        (self.columns, self.averaged, self.coded) = (now, averaged, coded);
+        (self.averages, self.first_log_count, self.weight) = (averages, first_log_count, weight);
         Ok(())
     }
 }

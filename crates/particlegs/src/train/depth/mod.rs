@@ -9,6 +9,7 @@
 mod adjoint;
 mod coded;
 mod columns;
+mod config;
 mod curve;
 mod density;
 mod gather;
@@ -18,5 +19,5 @@ mod raster;
 #[cfg(test)]
 mod tests;
 
-pub use learner::{DepthConfig, Rates};
+pub use config::{DepthConfig, Rates};
 pub(crate) use learner::{DepthGround, DepthLearner};

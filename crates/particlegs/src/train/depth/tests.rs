@@ -1,5 +1,6 @@
 use super::adjoint::OfGaussian;
-use super::learner::{DepthConfig, DepthGround, DepthLearner};
+use super::config::DepthConfig;
+use super::learner::{DepthGround, DepthLearner};
 use super::raster::Tape;
 use crate::camera::{View, spherical_camera};
 use crate::math::{Random, Sym3};
@@ -259,6 +260,29 @@ fn a_gradient_that_is_not_a_number_is_named_and_survived() {
     assert!((0..3).all(|k| (after.mean_of(3)[k] - m.mean_of(3)[k]).abs() < 1e-12));
     assert!(after.mean_of(2) != m.mean_of(2));
     assert!(after.mean.iter().chain(&after.cov).flatten().chain(&after.count).all(|v| v.is_finite()));
+}
+
+/// Density control moves masses with their Gaussians; a state taken before or after holds them.
+#[test]
+fn masses_are_kept_by_density_control_and_by_states() {
+    let (mut m, view) = (mixture(8, 40), view(12.0));
+    m.mass = Some(m.count.iter().enumerate().map(|(i, c)| c * (1.0 + i as f64)).collect());
+    let mass = |l: &DepthLearner| l.mixture().0.mass.unwrap().iter().sum::<f64>();
+    let config = DepthConfig { relocate: 0.25, ..DepthConfig::default() };
+    let new = || DepthLearner::new(&m, ground(&m, Look::Expected), config);
+    let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
+    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE) };
+    let mut learner = new();
+    learner.step(&shot, &Loss::PUBLISHED, &moment(0, 10)).unwrap();
+    let at = Moment { densify: Densify { every: 1, until: 10, threshold: 0.0 }, ..moment(0, 10) };
+    // What is scored is the average, which density control sets to the present.
+    learner.control(&at);
+    let all = mass(&learner);
+    let mut other = new();
+    other.restore(&learner.state()).unwrap();
+    assert_eq!(mass(&other), all);
+    learner.control(&at);
+    assert!((mass(&learner) / all - 1.0).abs() < 1e-12, "{} of {all}", mass(&learner));
 }
 
 #[test]
