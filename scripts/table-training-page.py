@@ -37,7 +37,7 @@ for name, r in results.items():
     how.append([name, f"`{r['command']}`", config, f"{r['wall_seconds']:.0f}", f"{seconds.get('train', 0):.0f}", f"{r['cpu_seconds']:.0f}",
                 f"{r['load_average']:.1f}", trained])
 
-with open(os.path.join(here, "training-notes.md")) as f:
+with open(os.path.join(here, "training-depth-notes.md")) as f:
     notes = f.read()
 page = f"""# Training by the optical-depth law: nbody128 at ratio 300
 

@@ -16,14 +16,16 @@ RUNS = [
     ("untrained", [], ""),
     ("fast", ["--train", "fast"], ""),
     ("best", ["--train", "best"], ""),
+    ("not-settled", ["--train", "fast"], "[optical_depth]\nsettle_from = 1.0\n"),
     ("rounding-unknown", ["--train", "fast"], "[optical_depth]\ncode_every = 0\n"),
-    ("not-calm", ["--train", "fast"], "[optical_depth]\ncalm = 0.0\n"),
-    ("l2", ["--train", "fast"], "[loss]\nnorm = \"l2\"\n"),
-    ("counts-free", ["--train", "fast"], "[optical_depth.rates]\nplace = 1.0\nshape = 1.0\ncount = 1.0\n"),
     ("counts-fixed", ["--train", "fast"], "[optical_depth.rates]\nplace = 1.0\nshape = 1.0\ncount = 0.0\n"),
+    ("counts-slow", ["--train", "fast"], "[optical_depth.rates]\nplace = 1.0\nshape = 1.0\ncount = 0.1\n"),
+    ("not-calm", ["--train", "fast"], "[optical_depth]\ncalm = 0.0\n"),
     ("no-wide-views", ["--train", "fast"], "[cameras]\nwide = 0.0\n"),
     ("many-wide-views", ["--train", "fast"], "[cameras]\nwide = 0.4\n"),
+    ("l1", ["--train", "fast"], "[loss]\nnorm = \"l1\"\nsmooth = 0.03\n"),
     ("target-paraview", ["--train", "fast"], "target = \"paraview\"\n"),
+    ("high-effort", ["--train", "fast", "--effort", "high"], ""),
 ]
 
 
@@ -53,7 +55,7 @@ def run(name, options, toml):
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     said = load(name + ".json")
     out = {
-        "command": "particlegs compress nbody128 --no-certificate " + " ".join(options[:2]),
+        "command": "particlegs compress nbody128 --no-certificate " + " ".join(o for o in options if not o.endswith(".toml") and o != "--config"),
         "config": toml,
         "wall_seconds": round(wall, 1),
         "cpu_seconds": round(after.ru_utime + after.ru_stime - cpu.ru_utime - cpu.ru_stime, 1),

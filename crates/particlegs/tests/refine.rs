@@ -110,7 +110,7 @@ fn degenerate_snapshots_are_fitted() {
     for p in &cases {
         for gaussians in [1, 2, 30, 199, 500] {
             for effort in [Effort::Fast, Effort::Default, Effort::High] {
-                let options = FitOptions { gaussians, effort, radius: radius(p), pixel: 0.0, seed: 3 };
+                let options = FitOptions { gaussians, effort, radius: radius(p), pixel: 0.0, seed: 3, share: 1.0 };
                 let m = fit(p, &options, &Silent).unwrap();
                 assert!(!m.is_empty() && m.len() <= gaussians.min(p.len()));
                 assert!((m.count.iter().sum::<f64>() - p.len() as f64).abs() < 1e-9 * p.len() as f64);
@@ -126,12 +126,15 @@ fn degenerate_snapshots_are_fitted() {
 
 #[test]
 fn efforts_follow_the_cost() {
-    let rounds = |effort: Effort, particles, gaussians| {
-        let options = FitOptions { gaussians, effort, radius: 1.0, pixel: 0.0, seed: 0 };
+    let shared = |effort: Effort, share, particles, gaussians| {
+        let options = FitOptions { gaussians, effort, radius: 1.0, pixel: 0.0, seed: 0, share };
         effort.refinement(particles, gaussians, &options).map_or(0, |r| r.rounds)
     };
+    let rounds = |effort, particles, gaussians| shared(effort, 1.0, particles, gaussians);
     assert_eq!(rounds(Effort::Fast, 1 << 21, 19_000), 0);
     let small = rounds(Effort::Default, 1 << 21, 19_000);
     let large = rounds(Effort::Default, 1 << 28, 2_470_000);
     assert!(large >= 1 && large < small && small < rounds(Effort::High, 1 << 21, 19_000));
+    // Blocks share the bound: eight of them take as many rounds as one of all particles.
+    assert_eq!(shared(Effort::Default, 0.125, 1 << 25, 308_750), large);
 }

@@ -333,3 +333,33 @@ fn check(block: &Block) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::decode_block;
+    use crate::math::{Random, Sym3};
+    use crate::model::Mixture;
+
+    /// What was decoded codes to the same bytes at the same precision: training that settles on it
+    /// gets the file that it saw.
+    #[test]
+    fn decoded_gaussians_code_to_the_same_bytes() {
+        let mut gaussians = Mixture::default();
+        for i in 0..3000 {
+            let mut r = Random::new(7, 0, i);
+            let mean = std::array::from_fn(|_| 10.0 * r.uniform());
+            let cov = Sym3([0.02, 0.005 * r.normal(), 0.0, 0.01 + 0.05 * r.uniform(), 0.0, 0.03]);
+            gaussians.push(mean, cov, 1.0 + (100.0 * r.uniform()).floor(), 0.0);
+        }
+        let count = gaussians.count.iter().sum::<f64>() as u64;
+        let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
+        let given = Block { bounds, count, mass: count as f64, gaussians };
+        for factor in [0.5, 1.0, 1.7] {
+            let precision = Precision::BALANCED.scaled(factor);
+            let once = Encoder::new(&given).unwrap().encode(&precision);
+            let decoded = decode_block(&once, "a test").unwrap();
+            assert!(Encoder::new(&decoded).unwrap().encode(&precision) == once, "at {factor} steps");
+        }
+    }
+}

@@ -29,6 +29,8 @@ pub const NEAR_NOMINAL: std::ops::Range<f64> = 0.75..1.4;
 pub struct Fitting {
     /// Time for quality.
     pub effort: Effort,
+    /// Particles of all blocks and layers: they share the effort's bound on time.
+    pub particles: u64,
     /// The file's default particle radius, world units.
     pub radius: f64,
     /// Pixels whose blur decides splits, world units.
@@ -255,12 +257,13 @@ impl LayerJob {
     /// Fits `number` Gaussians (fewer where the particles do not carry so many), ready to be coded.
     fn fit(&self, number: u64, shop: &mut Workshop<'_>) -> Result<Mixture> {
         let count = self.particles.len() as u64;
-        let Fitting { mut effort, radius, pixel, seed, .. } = shop.fitting;
+        let Fitting { mut effort, particles, radius, pixel, seed, .. } = shop.fitting;
         if shop.training.is_some_and(|t| t.start == Start::Partition) {
             effort = Effort::Fast;
         }
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
-        let options = FitOptions { gaussians, effort, radius, pixel, seed };
+        let share = count as f64 / particles.max(1) as f64;
+        let options = FitOptions { gaussians, effort, radius, pixel, seed, share };
         let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/{gaussians}", self.name) };
         shop.clock.time("fit", || fit::fit_in_pieces(&self.particles, &options, &mut pieces, shop.progress))
     }
@@ -297,7 +300,7 @@ impl LayerJob {
     /// At most `number` Gaussians, fitted and, where the job is to, trained.
     fn made(&self, number: u64, bytes: Option<u64>, shop: &mut Workshop<'_>) -> Result<Made> {
         let Some(config) = shop.training.filter(|_| !shop.stopped) else {
-            return Ok(Made { gaussians: self.fit(number, shop)?, vizmapper: None });
+            return Ok(Made { gaussians: self.fit(number, shop)?, vizmapper: None, factor: None });
         };
         let mut config = config.clone();
         if config.alpha_blend.most_gaussians == 0 {
@@ -310,7 +313,7 @@ impl LayerJob {
             let gaussians = self.fit(number, shop)?;
             self.train(&config, From::Fit(&gaussians), bytes, shop)?
         };
-        Ok(Made { gaussians: trained.mixture, vizmapper: trained.vizmapper })
+        Ok(Made { gaussians: trained.mixture, vizmapper: trained.vizmapper, factor: trained.factor })
     }
 
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `room`.
@@ -320,7 +323,7 @@ impl LayerJob {
         if shop.training.is_some_and(|t| t.start == Start::Random || t.law == Law::AlphaBlend) {
             // Nothing is known of what a trained Gaussian costs before it is trained.
             let made = self.made(number, Some(room), shop)?;
-            return Ok((self.coded(made.gaussians, room, shop)?.outcome, made.vizmapper));
+            return Ok((self.coded(made.gaussians, made.factor, room, shop)?.outcome, made.vizmapper));
         }
         let mut met = self.met_with(number, room, shop)?;
         for _ in 1..FITS {
@@ -338,17 +341,18 @@ impl LayerJob {
         }
         if let (Some(config), Some(gaussians)) = (shop.training, met.fitted.take()) {
             let trained = self.train(config, From::Fit(&gaussians), Some(room), shop)?;
-            met = self.coded(trained.mixture, room, shop)?;
+            met = self.coded(trained.mixture, trained.factor, room, shop)?;
         }
         Ok((met.outcome, None))
     }
 
     fn met_with(&self, number: u64, room: u64, shop: &mut Workshop<'_>) -> Result<MetWith> {
         let gaussians = self.fit(number, shop)?;
-        self.coded(gaussians, room, shop)
+        self.coded(gaussians, None, room, shop)
     }
 
-    fn coded(&self, gaussians: Mixture, room: u64, shop: &mut Workshop<'_>) -> Result<MetWith> {
+    /// Gaussians coded to a size, at the `wanted` precision where that fits.
+    fn coded(&self, gaussians: Mixture, wanted: Option<f64>, room: u64, shop: &mut Workshop<'_>) -> Result<MetWith> {
         let fitted = shop.training.is_some().then(|| gaussians.clone());
         let encoder = self.encoder(gaussians)?;
         let start = std::time::Instant::now();
@@ -356,7 +360,7 @@ impl LayerJob {
             shop.check()?;
             Ok(encoder.encode(&Precision::BALANCED.scaled(q)))
         };
-        let (outcome, nominal) = meet_size(room, encoder.len(), encode)?;
+        let (outcome, nominal) = meet_size(room, encoder.len(), wanted, encode)?;
         shop.clock.add("code", start.elapsed().as_secs_f64());
         let nominal_bytes = nominal as f64 / encoder.len() as f64;
         Ok(MetWith { outcome, found: encoder.len() as u64, nominal_bytes, fitted })
@@ -367,6 +371,8 @@ impl LayerJob {
 struct Made {
     gaussians: Mixture,
     vizmapper: Option<VizMapper>,
+    /// The precision to code them at, where it matters.
+    factor: Option<f64>,
 }
 
 /// A fit coded to a size.

@@ -180,7 +180,7 @@ impl Job<'_> {
             }
             Ok(encoder.encode(&Precision::BALANCED.scaled(q)))
         };
-        let (met, _) = meet_size(room, encoder.len(), encode)?;
+        let (met, _) = meet_size(room, encoder.len(), None, encode)?;
         if met.too_large {
             let smallest = met.bytes.len() as u64 + self.beside();
             let what = format!("{} bytes were asked for; the smallest file has {smallest} bytes", self.size);

@@ -113,6 +113,7 @@ impl Plan {
     pub fn fitting(&self) -> Fitting {
         Fitting {
             effort: self.effort,
+            particles: self.layers.iter().map(|l| l.count).sum(),
             radius: self.metadata.default_radius,
             pixel: near_pixel(&self.metadata.bounds),
             opacity: self.metadata.default_opacity,

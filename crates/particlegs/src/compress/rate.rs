@@ -32,10 +32,12 @@ pub fn close_enough(bytes: u64, target: u64) -> bool {
 
 /// Finds the step factor at which `encode` gives the largest file that is not above `target`:
 /// secant steps on log(factor), kept inside a shrinking bracket. Begins at the nominal steps and
-/// gives the bytes there beside the outcome.
+/// gives the bytes there beside the outcome. Where a factor is `wanted` and its file fits, it is
+/// taken.
 pub fn meet_size(
     target: u64,
     gaussians: usize,
+    wanted: Option<f64>,
     mut encode: impl FnMut(f64) -> Result<Vec<u8>>,
 ) -> Result<(Met, usize)> {
     let bits_per_octave = PARAMETERS * gaussians as f64;
@@ -43,6 +45,12 @@ pub fn meet_size(
     let mut at = 0.0f64;
     let mut kept = (at, encode(1.0)?);
     let nominal = kept.1.len();
+    if let Some(factor) = wanted {
+        let bytes = encode(factor)?;
+        if close_enough(bytes.len() as u64, target) {
+            return Ok((Met { bytes, factor, too_large: false, too_small: false }, nominal));
+        }
+    }
     let mut size = nominal as u64;
     for _ in 0..TRIES {
         let fits = size <= target;
@@ -93,18 +101,23 @@ mod tests {
         fn sizes_are_met(gaussians in 100usize..100_000, bits in 20.0f64..60.0, slope in 3.0f64..12.0, want in 0.7f64..1.3) {
             let size = |q: f64| (400.0 + gaussians as f64 * (bits - slope * q.log2()).max(1.0) / 8.0) as usize;
             let target = (size(1.0) as f64 * want) as u64;
-            let met = meet_size(target, gaussians, |q| Ok(vec![0; size(q)])).unwrap().0;
+            let met = meet_size(target, gaussians, None, |q| Ok(vec![0; size(q)])).unwrap().0;
             prop_assert!(!met.too_large);
             prop_assert!(met.too_small || close_enough(met.bytes.len() as u64, target));
             prop_assert!(met.bytes.len() as u64 <= target);
+            // A precision that was found is taken again; one that is too fine is not.
+            let again = meet_size(target, gaussians, Some(met.factor), |q| Ok(vec![0; size(q)])).unwrap().0;
+            prop_assert!(met.too_small || again.factor == met.factor);
+            let finer = meet_size(target, gaussians, Some(0.25 * met.factor), |q| Ok(vec![0; size(q)])).unwrap().0;
+            prop_assert!(finer.bytes.len() as u64 <= target);
         }
     }
 
     #[test]
     fn a_target_out_of_reach_says_so() {
-        let met = meet_size(100, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().0;
+        let met = meet_size(100, 10, None, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().0;
         assert!(met.too_large);
-        assert!(meet_size(1_000_000, 10, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().0.too_small);
+        assert!(meet_size(1_000_000, 10, None, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().0.too_small);
     }
 
     /// A block of the alpha-blend law meets a size by its steps as any other.
@@ -123,7 +136,8 @@ mod tests {
         let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
         let encoder = Encoder::new(&Block { bounds, count: 100_000, mass: 1e5, gaussians: g }).unwrap();
         for target in [5000u64, 6500, 9000] {
-            let (met, _) = meet_size(target, 2000, |q| Ok(encoder.encode(&Precision::BALANCED.scaled(q)))).unwrap();
+            let (met, _) =
+                meet_size(target, 2000, None, |q| Ok(encoder.encode(&Precision::BALANCED.scaled(q)))).unwrap();
             assert!(!met.too_large && close_enough(met.bytes.len() as u64, target), "{target} {}", met.bytes.len());
         }
     }

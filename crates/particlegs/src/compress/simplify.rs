@@ -191,7 +191,7 @@ impl Reduction<'_> {
             self.progress.check()?;
             Ok(encoder.encode(&Precision::BALANCED.scaled(q)))
         };
-        let (met, nominal) = meet_size(room, encoder.len(), encode)?;
+        let (met, nominal) = meet_size(room, encoder.len(), None, encode)?;
         Ok((met, encoder.len(), nominal as f64))
     }
 

@@ -32,6 +32,8 @@ pub struct FitOptions {
     pub pixel: f64,
     /// Seed of the sample.
     pub seed: u64,
+    /// Share of the effort's bound on time: the part of all particles of the job that these are.
+    pub share: f64,
 }
 
 /// Fits at most `options.gaussians` Gaussians to `particles`.
@@ -71,7 +73,7 @@ impl Effort {
             Effort::High => (30.0, 3200e6, 1000.0),
         };
         let looked_at = (particles as f64).min(sample * gaussians as f64).max(1.0);
-        let rounds = (visits / looked_at).clamp(1.0, most) as usize;
+        let rounds = (visits * options.share / looked_at).clamp(1.0, most) as usize;
         Some(RefineOptions {
             first_iterations: 4,
             rounds,

@@ -109,8 +109,9 @@ const NEVER: Densify = Densify { every: 0, until: 0, threshold: 0.0 };
 impl Config {
     /// The hyper-parameters of a preset.
     pub fn preset(preset: Preset, law: Law) -> Config {
-        // Whole pictures first, since every Gaussian is seen at every step; then parts at full size.
-        let ours = |iterations: u64, frames: u64| Config {
+        // Whole pictures, of less than full size: every Gaussian is seen at every step, and parts at
+        // full size teach half as much in the same time (docs/results/training-optical-depth.md).
+        let ours = |[half, larger]: [u64; 2], frames: u64| Config {
             law,
             target: Look::Expected,
             start: Start::Fit,
@@ -124,13 +125,13 @@ impl Config {
                 frames,
                 radius: [0.25, 1.75],
                 opacity: [0.25, 1.75],
-                wide: 0.2,
+                wide: 0.15,
                 wide_radius: 6.25,
                 held_out: 0.05,
             },
             stages: vec![
                 Stage {
-                    iterations: iterations * 5 / 8,
+                    iterations: half,
                     size: [960, 540],
                     oversample: 1,
                     crop: [0, 0],
@@ -138,10 +139,10 @@ impl Config {
                     densify: NEVER,
                 },
                 Stage {
-                    iterations: iterations * 3 / 8,
-                    size: [1920, 1080],
+                    iterations: larger,
+                    size: [1440, 810],
                     oversample: 1,
-                    crop: [960, 540],
+                    crop: [0, 0],
                     internal: 0.05,
                     densify: NEVER,
                 },
@@ -151,8 +152,8 @@ impl Config {
             alpha_blend: AlphaConfig::default(),
         };
         match preset {
-            Preset::Fast => ours(4000, 240),
-            Preset::Best => ours(24_000, 720),
+            Preset::Fast => ours([3000, 600], 240),
+            Preset::Best => ours([12_000, 3000], 720),
             Preset::Paper => Config::published(law),
         }
     }

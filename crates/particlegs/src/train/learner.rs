@@ -107,6 +107,12 @@ pub(crate) trait Learner {
         Ok(self.mixture())
     }
 
+    /// The precision, in nominal steps, at which these Gaussians were coded already: at no other are
+    /// they as good.
+    fn factor(&self) -> Option<f64> {
+        None
+    }
+
     /// Everything that the next step depends on, exactly.
     fn state(&self) -> State;
 

@@ -61,6 +61,8 @@ pub struct Trained {
     pub mixture: Mixture,
     /// Its network, where the law has one.
     pub vizmapper: Option<VizMapper>,
+    /// The precision that the mixture is to be coded at, in nominal steps, where it matters.
+    pub factor: Option<f64>,
     /// Steps done.
     pub iterations: u64,
     /// Masked PSNR on held-out views before the first step and of the best, dB.
@@ -329,7 +331,8 @@ impl Run<'_> {
         let (mixture, vizmapper) = self.learner.mixture();
         let scores = [self.best.first, self.best.score];
         let not_finite = self.journal.faulty;
-        Ok(Trained { mixture, vizmapper, iterations: self.iteration, scores, not_finite, stopped })
+        let factor = self.learner.factor();
+        Ok(Trained { mixture, vizmapper, factor, iterations: self.iteration, scores, not_finite, stopped })
     }
 
     /// The learner's state, the best one, and where the run stands.

@@ -27,6 +27,9 @@ pub struct DepthConfig {
     pub warm_up: u64,
     /// Relative rates of the groups.
     pub rates: Rates,
+    /// Neighbouring Gaussians, at most, whose counts sum to what they did: pictures move mass between
+    /// neighbours, not across the box; 0 = all.
+    pub kept_among: u64,
     /// Share of ln(count / count at the start) taken back each step, times the rate: pictures do not
     /// hold the mass of saturated cores.
     pub count_pull: f64,
@@ -38,6 +41,11 @@ pub struct DepthConfig {
     pub code_every: u64,
     /// Share of the run after which that begins.
     pub code_from: f64,
+    /// Share of the run after which the precision stays, and the coder's choices with it (at least
+    /// `code_from`); 1 = never.
+    pub settle_from: f64,
+    /// Share of the way back to what was decoded that Gaussians are then taken at each coding.
+    pub settle: f64,
     /// Share of the group's mean gradient that is added to each one's own in Adam's division:
     /// parameters that pictures hardly depend on then hardly move, instead of wandering.
     pub calm: f64,
@@ -56,13 +64,16 @@ impl Default for DepthConfig {
             rate: 0.03,
             last_rate: 0.05,
             warm_up: 20,
-            rates: Rates { place: 1.0, shape: 1.0, count: 0.1 },
+            rates: Rates { place: 1.0, shape: 1.0, count: 1.0 },
+            kept_among: 48,
             count_pull: 0.0,
             average: 300.0,
             calm: 0.5,
             relocate: 0.005,
             code_every: 20,
             code_from: 0.2,
+            settle_from: 0.5,
+            settle: 0.04,
             beta1: 0.9,
             beta2: 0.999,
         }
@@ -84,6 +95,10 @@ impl DepthConfig {
             ("count_pull must be within 0 to 100", within(self.count_pull, 0.0, 100.0)),
             ("relocate must be within 0 to 0.25", within(self.relocate, 0.0, 0.25)),
             ("code_from must be within 0 to 1", within(self.code_from, 0.0, 1.0)),
+            (
+                "settle_from and settle must be within 0 to 1",
+                [self.settle_from, self.settle].iter().all(|s| within(*s, 0.0, 1.0)),
+            ),
             ("calm must be within 0 to 1000", within(self.calm, 0.0, 1e3)),
             ("average must be 1 to 1e9", within(self.average, 1.0, 1e9)),
             (

@@ -5,11 +5,12 @@
 //! multiplied by exp of a number. One rate then suits Gaussians of all sizes and shapes.
 
 use super::adjoint::{OfGaussian, full};
-use super::coded::{Coded, code};
+use super::coded::{Coded, Room};
 use super::columns::{Change, Columns, Numbers};
 use super::config::DepthConfig;
 use super::curve::Curve;
 use super::density::{Move, relocate};
+use super::groups::Groups;
 use super::raster::Tape;
 use crate::Result;
 use crate::model::{Mixture, VizMapper};
@@ -44,6 +45,10 @@ pub(crate) struct DepthLearner {
     averaged: Columns,
     /// The same as decoded, since they are coded on the way.
     coded: Option<Coded>,
+    /// Does the precision stay as it is?
+    settled: bool,
+    /// Those whose counts sum to what they did.
+    groups: Groups,
     /// ln count at the start.
     first_log_count: Vec<f64>,
     /// Mass a particle, where particles have weights; density control alone changes it.
@@ -69,9 +74,11 @@ impl DepthLearner {
             config,
             ground,
             first_log_count: columns.0.iter().map(|n| n[9]).collect(),
+            groups: Groups::new(mixture, config.kept_among),
             averaged: columns.clone(),
             columns,
             coded: None,
+            settled: false,
             weight: mixture.mass.as_ref().map(|m| m.iter().zip(&mixture.count).map(|(m, c)| m / c.max(1e-3)).collect()),
             averages: WIDTHS.map(|k| Averages::zeros(k * m)),
             #[cfg(test)]
@@ -98,7 +105,7 @@ impl DepthLearner {
 
     /// The Gaussians that steps are taken from.
     fn seen(&self) -> &Columns {
-        self.coded.as_ref().map_or(&self.columns, |c| &c.columns)
+        self.coded.as_ref().map_or(&self.columns, |c| &c.moved)
     }
 
     /// Gradients turned into the Gaussians' own frames; what is not finite counts as zero.
@@ -124,6 +131,7 @@ impl DepthLearner {
             own.groups[1].extend(&t[3..9]);
             own.groups[2].push(t[9]);
         }
+        self.groups.share(&mut own.groups[2], &self.seen().0);
         own
     }
 
@@ -154,25 +162,53 @@ impl DepthLearner {
                 [p[0], p[1], p[2], s[0], s[1], s[2], s[3], s[4], s[5], by[2][i] - pull * away]
             })
             .collect();
-        // The particles stay as many as they are.
-        let sum: f64 = self.columns.0.iter().zip(&changes).map(|(n, by)| (n[9] + f64::from(by[9])).exp()).sum();
-        let shift = (self.ground.particles as f64 / sum).ln() as f32;
-        changes.iter_mut().for_each(|by| by[9] += shift);
+        self.groups.keep(&self.columns.0, &mut changes);
         self.columns.change(&changes);
         if let Some(coded) = &mut self.coded {
-            coded.columns.change(&changes);
+            coded.moved.change(&changes);
         }
     }
 
     /// Codes the Gaussians where that is due.
     fn code(&mut self, at: &Moment) -> Result<()> {
-        let (every, Some(bytes)) = (self.config.code_every, self.ground.bytes) else { return Ok(()) };
-        if every > 0 && at.done >= self.config.code_from && at.iteration.is_multiple_of(every) {
-            let factor = self.coded.as_ref().map_or(1.0, |c| c.factor);
-            let DepthGround { bounds, particles, .. } = self.ground;
-            self.coded = Some(code(&self.columns, bounds, particles, factor, bytes)?);
+        let (every, Some(room)) = (self.config.code_every, self.room()) else { return Ok(()) };
+        if every == 0 || at.done < self.config.code_from || !at.iteration.is_multiple_of(every) {
+            return Ok(());
+        }
+        self.settled = at.done >= self.config.settle_from;
+        self.coded = Some(match &self.coded {
+            Some(c) if self.settled && c.fits() => {
+                self.columns.approach(&c.exact, self.config.settle);
+                Coded::of(self.weighed(&self.columns), &room, c.factor)?
+            }
+            Some(c) => Coded::of(self.weighed(&self.columns), &room, c.better_factor(&room))?,
+            None => Coded::of(self.weighed(&self.columns), &room, 1.0)?,
+        });
+        if let Some(c) = &self.coded {
+            self.groups.aim(&c.exact.0);
         }
         Ok(())
+    }
+
+    /// What the file is to be, where that is known.
+    fn room(&self) -> Option<Room> {
+        let DepthGround { bounds, particles, bytes, .. } = self.ground;
+        bytes.map(|bytes| Room { bounds, count: particles, bytes })
+    }
+
+    /// As a mixture of all particles, with its masses.
+    fn weighed(&self, columns: &Columns) -> Mixture {
+        let mut mixture = columns.mixture();
+        // A mean of logarithms is below that of the numbers.
+        let scale = self.ground.particles as f64 / mixture.count.iter().sum::<f64>();
+        mixture.count.iter_mut().for_each(|c| *c *= scale);
+        let heavy = |w: &Vec<f64>| w.iter().zip(&mixture.count).map(|(w, c)| w * c).collect();
+        Mixture { mass: self.weight.as_ref().map(heavy), ..mixture }
+    }
+
+    /// The Gaussians as they lie in a file that fits.
+    fn ready(&self) -> Option<&Coded> {
+        self.coded.as_ref().filter(|c| self.settled && c.fits())
     }
 }
 
@@ -224,6 +260,7 @@ impl Learner for DepthLearner {
             }
         }
         self.weight = mass.map(|m| m.iter().zip(&self.columns.0).map(|(m, n)| m / n[9].exp()).collect());
+        self.groups.count(&self.columns.0);
         // What was decoded and averaged is of other Gaussians now.
         self.coded = None;
         self.averaged = self.columns.clone();
@@ -234,18 +271,19 @@ impl Learner for DepthLearner {
     }
 
     fn mixture(&self) -> (Mixture, Option<VizMapper>) {
-        let mixture = self.averaged.mixture();
-        let heavy = |w: &Vec<f64>| w.iter().zip(&mixture.count).map(|(w, c)| w * c).collect();
-        (Mixture { mass: self.weight.as_ref().map(heavy), ..mixture }, None)
+        (self.weighed(self.ready().map_or(&self.averaged, |c| &c.exact)), None)
     }
 
     fn shown(&self) -> Result<(Mixture, Option<VizMapper>)> {
-        let DepthGround { bounds, particles, bytes, .. } = self.ground;
-        let Some(bytes) = bytes else { return Ok(self.mixture()) };
+        let Some(room) = self.room().filter(|_| self.ready().is_none()) else { return Ok(self.mixture()) };
         // Twice: the first says at which precision the bytes are met.
         let factor = self.coded.as_ref().map_or(1.0, |c| c.factor);
-        let factor = code(&self.averaged, bounds, particles, factor, bytes)?.factor;
-        Ok((code(&self.averaged, bounds, particles, factor, bytes)?.columns.mixture(), None))
+        let factor = Coded::of(self.weighed(&self.averaged), &room, factor)?.better_factor(&room);
+        Ok((Coded::of(self.weighed(&self.averaged), &room, factor)?.exact.mixture(), None))
+    }
+
+    fn factor(&self) -> Option<f64> {
+        self.ready().map(|c| c.factor)
     }
 
     fn state(&self) -> State {
@@ -253,13 +291,17 @@ impl Learner for DepthLearner {
         let flat = |c: &Columns| c.0.iter().flatten().copied().collect::<Vec<f64>>();
         state.numbers.insert("gaussians".into(), flat(&self.columns));
         state.numbers.insert("averaged".into(), flat(&self.averaged));
+        state.numbers.insert("group".into(), self.groups.of.iter().map(|&g| f64::from(g)).collect());
+        state.numbers.insert("group counts".into(), self.groups.counts.clone());
+        state.numbers.insert("group aims".into(), self.groups.aims.clone());
         state.numbers.insert("first log count".into(), self.first_log_count.clone());
         if let Some(weight) = &self.weight {
             state.numbers.insert("weight".into(), weight.clone());
         }
         if let Some(coded) = &self.coded {
-            state.numbers.insert("coded".into(), flat(&coded.columns));
-            state.numbers.insert("step factor".into(), vec![coded.factor]);
+            state.numbers.insert("coded, moved".into(), flat(&coded.moved));
+            state.numbers.insert("coded".into(), flat(&coded.exact));
+            state.numbers.insert("coder".into(), vec![coded.factor, coded.filled, f64::from(u8::from(self.settled))]);
         }
         for (name, a) in GROUPS.iter().zip(&self.averages) {
             state.columns.insert(format!("{name} first"), a.first.clone());
@@ -275,10 +317,19 @@ impl Learner for DepthLearner {
             let flat = state.doubles(name, 10 * m)?;
             Ok(Columns(flat.chunks_exact(10).map(|n| std::array::from_fn(|k| n[k])).collect()))
         };
-        let coded = match state.numbers.contains_key("coded") {
-            true => Some(Coded { columns: columns("coded")?, factor: state.doubles("step factor", 1)?[0] }),
-            false => None,
-        };
+        let counts = state.numbers.get("group counts").cloned().unwrap_or_default();
+        let aims = state.doubles("group aims", counts.len())?.to_vec();
+        let of: Vec<u32> = state.doubles("group", m)?.iter().map(|&g| g as u32).collect();
+        if of.iter().any(|&g| g as usize >= counts.len()) {
+            return Err("Gaussians are of groups that there are not".into());
+        }
+        let (mut coded, mut settled) = (None, false);
+        if state.numbers.contains_key("coder") {
+            let coder = state.doubles("coder", 3)?;
+            let (moved, exact) = (columns("coded, moved")?, columns("coded")?);
+            coded = Some(Coded { moved, exact, factor: coder[0], filled: coder[1] });
+            settled = coder[2] != 0.0;
+        }
         let mut averages: [Averages; 3] = Default::default();
         for ((name, a), k) in GROUPS.iter().zip(&mut averages).zip(WIDTHS) {
             a.first = state.column(&format!("{name} first"), k * m)?.to_vec();
@@ -288,8 +339,9 @@ impl Learner for DepthLearner {
         let (now, averaged) = (columns("gaussians")?, columns("averaged")?);
         let first_log_count = state.doubles("first log count", m)?.to_vec();
         let weight = self.weight.as_ref().map(|_| state.doubles("weight", m).map(<[f64]>::to_vec)).transpose()?;
-        (self.columns, self.averaged, self.coded) = (now, averaged, coded);
+        (self.columns, self.averaged, self.coded, self.settled) = (now, averaged, coded, settled);
         (self.averages, self.first_log_count, self.weight) = (averages, first_log_count, weight);
+        self.groups = Groups { of, counts, aims };
         Ok(())
     }
 }

@@ -13,6 +13,7 @@ mod config;
 mod curve;
 mod density;
 mod gather;
+mod groups;
 mod learner;
 mod raster;
 

@@ -1,10 +1,13 @@
 use super::adjoint::OfGaussian;
+use super::columns::{Change, Columns};
 use super::config::DepthConfig;
+use super::groups::Groups;
 use super::learner::{DepthGround, DepthLearner};
 use super::raster::Tape;
 use crate::camera::{View, spherical_camera};
+use crate::codec::{Encoder, Precision, decode_block};
 use crate::math::{Random, Sym3};
-use crate::model::Mixture;
+use crate::model::{Block, Mixture};
 use crate::particles::Bounds;
 use crate::picture::{Plane, Size};
 use crate::render::bins::lattice_sum;
@@ -172,6 +175,54 @@ fn gradients_among_the_gaussians() {
     // The camera stands inside: many are cut along depth or by the near plane. Where a step changes
     // the number of slices, the plain law jumps.
     against_plain(1.2, 17, (5.0, 2), 0.1);
+}
+
+/// Neighbours' counts sum to what they did, and what all of them gain together nobody gains.
+#[test]
+fn neighbours_share_their_particles() {
+    let m = mixture(8, 100);
+    let (groups, now) = (Groups::new(&m, 16), Columns::of(&m, |i| i));
+    assert_eq!(groups.counts.len(), 8);
+    let mut draw = Random::new(5, 0, 0);
+    let mut gradient: Vec<f32> = (0..100).map(|_| draw.normal() as f32).collect();
+    let own = gradient.clone();
+    groups.share(&mut gradient, &now.0);
+    for g in 0..8 {
+        let of = |v: &[f32]| (0..100).filter(|&i| groups.of[i] == g).map(|i| v[i]).collect::<Vec<f32>>();
+        let (left, own) = (of(&gradient).iter().sum::<f32>(), of(&own).iter().map(|v| v.abs()).sum::<f32>());
+        assert!(left.abs() < 1e-5 * own, "{left} of {own}");
+    }
+    let mut changes: Vec<Change> = gradient.iter().map(|&g| [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, g]).collect();
+    groups.keep(&now.0, &mut changes);
+    let mut after = now.clone();
+    after.change(&changes);
+    let mut moved = groups.clone();
+    moved.count(&after.0);
+    for (now, before) in moved.counts.iter().zip(&groups.counts) {
+        assert!((now / before - 1.0).abs() < 1e-6, "{now} of {before}");
+    }
+    assert_eq!(Groups::new(&m, 0).counts.len(), 1);
+}
+
+/// A run that settled gives the file that it saw: within its room, and the same when coded again.
+#[test]
+fn a_settled_run_is_what_is_coded() {
+    let (m, view) = (mixture(8, 400), view(12.0));
+    let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
+    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE) };
+    let ground = DepthGround { bytes: Some(1800), ..ground(&m, Look::Expected) };
+    let config = DepthConfig { code_every: 2, ..DepthConfig::default() };
+    let mut learner = DepthLearner::new(&m, ground, config);
+    for i in 0..100 {
+        learner.step(&shot, &Loss { norm: Norm::L2, ..Loss::PUBLISHED }, &moment(i, 100)).unwrap();
+    }
+    let factor = learner.factor().expect("settled");
+    let (gaussians, _) = learner.mixture();
+    let (count, precision) = (ground.particles, Precision::BALANCED.scaled(factor));
+    let block = Block { bounds: ground.bounds, count, mass: count as f64, gaussians };
+    let bytes = Encoder::new(&block).unwrap().encode(&precision);
+    assert!((1760..=1800).contains(&bytes.len()), "{} bytes", bytes.len());
+    assert!(Encoder::new(&decode_block(&bytes, "a test").unwrap()).unwrap().encode(&precision) == bytes);
 }
 
 /// The whole step's gradient, loss and curve included, along random directions in the Gaussians'

@@ -1,0 +1,98 @@
+//! Neighbouring Gaussians whose counts sum to what they did: pictures move mass between neighbours,
+//! not across the box. The largest scales' power, and what is drawn with a large radius, hang on that.
+
+use super::columns::{Change, Numbers};
+use crate::model::Mixture;
+
+/// What fewer particles count as.
+const LEAST: f64 = 1e-3;
+/// Share of a group's straying that is mended at each coding, and the farthest that goes.
+const CHASE: f64 = 0.2;
+const FARTHEST: f64 = 1.25;
+
+/// The group of every Gaussian, and the groups' particles.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Groups {
+    /// By Gaussian.
+    pub of: Vec<u32>,
+    /// By group.
+    pub counts: Vec<f64>,
+    /// By group, what the parameters are to sum to so that what is decoded from them sums to
+    /// `counts`.
+    pub aims: Vec<f64>,
+}
+
+impl Groups {
+    /// Halves of halves at the median of the widest axis, until they have `most` Gaussians at most; 0 =
+    /// all in one.
+    pub fn new(m: &Mixture, most: u64) -> Groups {
+        let mut groups = Groups { of: vec![0; m.len()], ..Groups::default() };
+        let mut order: Vec<u32> = (0..m.len() as u32).collect();
+        let most = if most == 0 { m.len() } else { usize::try_from(most).unwrap_or(usize::MAX) };
+        groups.split(m, &mut order, most);
+        groups.aims = groups.counts.clone();
+        groups
+    }
+
+    fn split(&mut self, m: &Mixture, members: &mut [u32], most: usize) {
+        if members.len() <= most {
+            members.iter().for_each(|&i| self.of[i as usize] = self.counts.len() as u32);
+            // As parameters have them (see [`Columns::of`]).
+            self.counts.push(members.iter().map(|&i| m.count[i as usize].max(LEAST)).sum());
+            return;
+        }
+        let width = |k: usize| {
+            let at = members.iter().map(|&i| m.mean[k][i as usize]);
+            at.clone().fold(f64::NEG_INFINITY, f64::max) - at.fold(f64::INFINITY, f64::min)
+        };
+        let widths = [0, 1, 2].map(width);
+        let axis = (0..3).fold(0, |a, k| if widths[k] > widths[a] { k } else { a });
+        let at = |i: u32| m.mean[axis][i as usize];
+        let middle = members.len() / 2;
+        members.select_nth_unstable_by(middle, |&a, &b| at(a).total_cmp(&at(b)).then(a.cmp(&b)));
+        let (low, high) = members.split_at_mut(middle);
+        self.split(m, low, most);
+        self.split(m, high, most);
+    }
+
+    /// Sums over groups of a number a Gaussian.
+    fn sums(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut sums = vec![0.0; self.counts.len()];
+        self.of.iter().enumerate().for_each(|(i, &g)| sums[g as usize] += value(i));
+        sums
+    }
+
+    /// The groups' particles are those of `now`, after Gaussians were moved.
+    pub fn count(&mut self, now: &[Numbers]) {
+        self.counts = self.sums(|i| now[i][9].exp());
+        self.aims = self.counts.clone();
+    }
+
+    /// Aims so that groups whose `decoded` counts strayed come back.
+    pub fn aim(&mut self, decoded: &[Numbers]) {
+        let sums = self.sums(|i| decoded[i][9].exp());
+        for ((aim, kept), sum) in self.aims.iter_mut().zip(&self.counts).zip(sums) {
+            let astray = (CHASE * (kept / sum).ln()).exp();
+            *aim = (*aim * astray).clamp(kept / FARTHEST, kept * FARTHEST);
+        }
+    }
+
+    /// The gradient with logarithms of counts, for counts whose sums stay: what one gains its group
+    /// loses.
+    pub fn share(&self, gradient: &mut [f32], now: &[Numbers]) {
+        let total = self.sums(|i| f64::from(gradient[i]));
+        let counts = self.sums(|i| now[i][9].exp());
+        for ((g, n), &k) in gradient.iter_mut().zip(now).zip(&self.of) {
+            let k = k as usize;
+            *g -= (total[k] * n[9].exp() / counts[k].max(f64::MIN_POSITIVE)) as f32;
+        }
+    }
+
+    /// Adds to changes of logarithms of counts what keeps the groups' particles.
+    pub fn keep(&self, now: &[Numbers], changes: &mut [Change]) {
+        let changed = self.sums(|i| (now[i][9] + f64::from(changes[i][9])).exp());
+        let shift = |(kept, changed): (&f64, f64)| (kept / changed).ln() as f32;
+        let shifts: Vec<f32> = self.aims.iter().zip(changed).map(shift).collect();
+        changes.iter_mut().zip(&self.of).for_each(|(by, &g)| by[9] += shifts[g as usize]);
+    }
+}
