@@ -109,6 +109,8 @@ const NEVER: Densify = Densify { every: 0, until: 0, threshold: 0.0 };
 impl Config {
     /// The hyper-parameters of a preset.
     pub fn preset(preset: Preset, law: Law) -> Config {
+        let stage =
+            |iterations, size| Stage { iterations, size, oversample: 1, crop: [0, 0], internal: 0.05, densify: NEVER };
         // Whole pictures, of less than full size: every Gaussian is seen at every step, and parts at
         // full size teach half as much in the same time (docs/results/training-optical-depth.md).
         let ours = |[half, larger]: [u64; 2], frames: u64| Config {
@@ -129,24 +131,7 @@ impl Config {
                 wide_radius: 6.25,
                 held_out: 0.05,
             },
-            stages: vec![
-                Stage {
-                    iterations: half,
-                    size: [960, 540],
-                    oversample: 1,
-                    crop: [0, 0],
-                    internal: 0.05,
-                    densify: NEVER,
-                },
-                Stage {
-                    iterations: larger,
-                    size: [1440, 810],
-                    oversample: 1,
-                    crop: [0, 0],
-                    internal: 0.05,
-                    densify: NEVER,
-                },
-            ],
+            stages: vec![stage(half, [960, 540]), stage(larger, [1440, 810])],
             start_gaussians: 0,
             optical_depth: DepthConfig::default(),
             alpha_blend: AlphaConfig::default(),

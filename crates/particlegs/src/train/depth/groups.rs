@@ -2,10 +2,7 @@
 //! not across the box. The largest scales' power, and what is drawn with a large radius, hang on that.
 
 use super::columns::{Change, Numbers};
-use crate::model::Mixture;
 
-/// What fewer particles count as.
-const LEAST: f64 = 1e-3;
 /// Share of a group's straying that is mended at each coding, and the farthest that goes.
 const CHASE: f64 = 0.2;
 const FARTHEST: f64 = 1.25;
@@ -25,34 +22,33 @@ pub(super) struct Groups {
 impl Groups {
     /// Halves of halves at the median of the widest axis, until they have `most` Gaussians at most; 0 =
     /// all in one.
-    pub fn new(m: &Mixture, most: u64) -> Groups {
-        let mut groups = Groups { of: vec![0; m.len()], ..Groups::default() };
-        let mut order: Vec<u32> = (0..m.len() as u32).collect();
-        let most = if most == 0 { m.len() } else { usize::try_from(most).unwrap_or(usize::MAX) };
-        groups.split(m, &mut order, most);
-        groups.aims = groups.counts.clone();
+    pub fn new(now: &[Numbers], particles: u64, most: u64) -> Groups {
+        let mut groups = Groups { of: vec![0; now.len()], ..Groups::default() };
+        let mut order: Vec<u32> = (0..now.len() as u32).collect();
+        let most = if most == 0 { now.len() } else { usize::try_from(most).unwrap_or(usize::MAX) };
+        groups.split(now, &mut order, most);
+        groups.count(now, particles);
         groups
     }
 
-    fn split(&mut self, m: &Mixture, members: &mut [u32], most: usize) {
+    fn split(&mut self, now: &[Numbers], members: &mut [u32], most: usize) {
         if members.len() <= most {
             members.iter().for_each(|&i| self.of[i as usize] = self.counts.len() as u32);
-            // As parameters have them (see [`Columns::of`]).
-            self.counts.push(members.iter().map(|&i| m.count[i as usize].max(LEAST)).sum());
+            self.counts.push(0.0);
             return;
         }
         let width = |k: usize| {
-            let at = members.iter().map(|&i| m.mean[k][i as usize]);
+            let at = members.iter().map(|&i| now[i as usize][k]);
             at.clone().fold(f64::NEG_INFINITY, f64::max) - at.fold(f64::INFINITY, f64::min)
         };
         let widths = [0, 1, 2].map(width);
         let axis = (0..3).fold(0, |a, k| if widths[k] > widths[a] { k } else { a });
-        let at = |i: u32| m.mean[axis][i as usize];
+        let at = |i: u32| now[i as usize][axis];
         let middle = members.len() / 2;
         members.select_nth_unstable_by(middle, |&a, &b| at(a).total_cmp(&at(b)).then(a.cmp(&b)));
         let (low, high) = members.split_at_mut(middle);
-        self.split(m, low, most);
-        self.split(m, high, most);
+        self.split(now, low, most);
+        self.split(now, high, most);
     }
 
     /// Sums over groups of a number a Gaussian.
@@ -62,9 +58,11 @@ impl Groups {
         sums
     }
 
-    /// The groups' particles are those of `now`, after Gaussians were moved.
-    pub fn count(&mut self, now: &[Numbers]) {
+    /// The groups' particles are those of `now`, of `particles` in all.
+    pub fn count(&mut self, now: &[Numbers], particles: u64) {
         self.counts = self.sums(|i| now[i][9].exp());
+        let scale = particles as f64 / self.counts.iter().sum::<f64>();
+        self.counts.iter_mut().for_each(|c| *c *= scale);
         self.aims = self.counts.clone();
     }
 

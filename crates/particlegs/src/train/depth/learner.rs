@@ -74,7 +74,7 @@ impl DepthLearner {
             config,
             ground,
             first_log_count: columns.0.iter().map(|n| n[9]).collect(),
-            groups: Groups::new(mixture, config.kept_among),
+            groups: Groups::new(&columns.0, ground.particles, config.kept_among),
             averaged: columns.clone(),
             columns,
             coded: None,
@@ -260,7 +260,7 @@ impl Learner for DepthLearner {
             }
         }
         self.weight = mass.map(|m| m.iter().zip(&self.columns.0).map(|(m, n)| m / n[9].exp()).collect());
-        self.groups.count(&self.columns.0);
+        self.groups.count(&self.columns.0, self.ground.particles);
         // What was decoded and averaged is of other Gaussians now.
         self.coded = None;
         self.averaged = self.columns.clone();
@@ -291,7 +291,6 @@ impl Learner for DepthLearner {
         let flat = |c: &Columns| c.0.iter().flatten().copied().collect::<Vec<f64>>();
         state.numbers.insert("gaussians".into(), flat(&self.columns));
         state.numbers.insert("averaged".into(), flat(&self.averaged));
-        state.numbers.insert("group".into(), self.groups.of.iter().map(|&g| f64::from(g)).collect());
         state.numbers.insert("group counts".into(), self.groups.counts.clone());
         state.numbers.insert("group aims".into(), self.groups.aims.clone());
         state.numbers.insert("first log count".into(), self.first_log_count.clone());
@@ -317,12 +316,12 @@ impl Learner for DepthLearner {
             let flat = state.doubles(name, 10 * m)?;
             Ok(Columns(flat.chunks_exact(10).map(|n| std::array::from_fn(|k| n[k])).collect()))
         };
-        let counts = state.numbers.get("group counts").cloned().unwrap_or_default();
-        let aims = state.doubles("group aims", counts.len())?.to_vec();
-        let of: Vec<u32> = state.doubles("group", m)?.iter().map(|&g| g as u32).collect();
-        if of.iter().any(|&g| g as usize >= counts.len()) {
-            return Err("Gaussians are of groups that there are not".into());
+        if m != self.groups.of.len() {
+            return Err(format!("{m} Gaussians, where the run begins with {}", self.groups.of.len()));
         }
+        // Who is in which group follows from the start, as these Gaussians did.
+        let [counts, aims] = ["group counts", "group aims"].map(|name| state.doubles(name, self.groups.counts.len()));
+        let (counts, aims) = (counts?.to_vec(), aims?.to_vec());
         let (mut coded, mut settled) = (None, false);
         if state.numbers.contains_key("coder") {
             let coder = state.doubles("coder", 3)?;
@@ -341,7 +340,7 @@ impl Learner for DepthLearner {
         let weight = self.weight.as_ref().map(|_| state.doubles("weight", m).map(<[f64]>::to_vec)).transpose()?;
         (self.columns, self.averaged, self.coded, self.settled) = (now, averaged, coded, settled);
         (self.averages, self.first_log_count, self.weight) = (averages, first_log_count, weight);
-        self.groups = Groups { of, counts, aims };
+        (self.groups.counts, self.groups.aims) = (counts, aims);
         Ok(())
     }
 }
