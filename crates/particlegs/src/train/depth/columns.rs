@@ -32,21 +32,16 @@ impl Columns {
 
     /// As a mixture.
     pub fn mixture(&self) -> Mixture {
-        let column =
-            |f: &(dyn Fn(&Numbers) -> f64 + Sync)| -> Vec<f64> { self.0.par_iter().with_min_len(RUN).map(f).collect() };
-        let square = |r: usize, c: usize| {
-            move |n: &Numbers| {
-                let rows = [[n[3], 0.0, 0.0], [n[4], n[5], 0.0], [n[6], n[7], n[8]]];
-                (0..3).map(|k| rows[r][k] * rows[c][k]).sum()
-            }
+        let row = |n: &Numbers| {
+            let [x, y, z, a, b, c, d, e, f, log_count] = *n;
+            let cov = [a * a, a * b, a * d, b * b + c * c, b * d + c * e, d * d + e * e + f * f];
+            [x, y, z, cov[0], cov[1], cov[2], cov[3], cov[4], cov[5], log_count.exp()]
         };
-        Mixture {
-            mean: std::array::from_fn(|k| column(&move |n| n[k])),
-            cov: [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|(r, c)| column(&square(r, c))),
-            count: column(&|n| n[9].exp()),
-            mass: None,
-            shade: None,
-        }
+        let rows: Vec<Numbers> = self.0.par_iter().with_min_len(RUN).map(row).collect();
+        let mut columns = [const { Vec::new() }; 10];
+        columns.par_iter_mut().enumerate().for_each(|(k, column)| *column = rows.iter().map(|r| r[k]).collect());
+        let [x, y, z, xx, xy, xz, yy, yz, zz, count] = columns;
+        Mixture { mean: [x, y, z], cov: [xx, xy, xz, yy, yz, zz], count, mass: None, shade: None }
     }
 
     /// Moves every number a share of the way to `other`'s.

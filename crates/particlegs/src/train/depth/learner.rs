@@ -94,9 +94,7 @@ impl DepthLearner {
         let (mut drawn, mut slope) = (Plane::zeros(size), Plane::zeros(size));
         let pixels = drawn.data.par_chunks_mut(PIXELS).zip(slope.data.par_chunks_mut(PIXELS));
         pixels.zip(tape.tau.data.par_chunks(PIXELS)).for_each(|((drawn, slope), tau)| {
-            for ((d, s), t) in drawn.iter_mut().zip(slope).zip(tau) {
-                (*d, *s) = curve.at(*t);
-            }
+            curve.apply(tau, drawn, slope);
         });
         let mut valued = loss.of(&drawn, shot.target);
         valued.gradient.data.par_iter_mut().zip(&slope.data).for_each(|(g, s)| *g *= s);
