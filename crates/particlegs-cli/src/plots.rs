@@ -108,10 +108,10 @@ impl Axis {
 
     fn label(&self, v: f64) -> String {
         if !self.log {
-            return plain(v);
+            return plain(v, self.high - self.low);
         }
         // Ticks of logarithmic axes stand at whole and at halved powers.
-        plain(10f64.powf(v))
+        plain(10f64.powf(v), f64::INFINITY)
     }
 
     fn range(&self) -> Ticks {
@@ -119,17 +119,19 @@ impl Axis {
     }
 }
 
-/// Few digits, no exponent where the number is of ordinary size.
-fn plain(v: f64) -> String {
+/// As few digits as tell ticks of an axis of some length apart, no exponent where the number is of
+/// ordinary size.
+fn plain(v: f64, length: f64) -> String {
     let size = v.abs();
     if size == 0.0 || v.abs() < 1e-12 {
         "0".into()
     } else if (1e-3..1e5).contains(&size) {
-        let digits = (2 - size.log10().floor() as i32).clamp(0, 6) as usize;
+        let digits = (2 - size.min(length).log10().floor() as i32).clamp(0, 6) as usize;
         let text = format!("{v:.digits$}");
         if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
     } else {
-        format!("{v:.0e}")
+        let digits = (size.log10().floor() - length.log10().floor() + 1.0).clamp(0.0, 6.0) as usize;
+        format!("{v:.digits$e}")
     }
 }
 
@@ -295,8 +297,10 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let shown = [0.05, 1.0, 20.0, 12345.0, 0.0, -2.5, 1e-5, 1e7].map(plain);
+        let shown = [0.05, 1.0, 20.0, 12345.0, 0.0, -2.5, 1e-5, 1e7].map(|v| plain(v, f64::INFINITY));
         assert_eq!(shown, ["0.05", "1", "20", "12345", "0", "-2.5", "1e-5", "1e7"]);
+        assert_eq!([32.0, 32.05, 32.1].map(|v| plain(v, 0.25)), ["32", "32.05", "32.1"]);
+        assert_eq!([1e5, 1.2e5].map(|v| plain(v, 5e4)), ["1.00e5", "1.20e5"]);
     }
 
     #[test]
