@@ -101,7 +101,7 @@ impl TrainArgs {
             return self.tune.config(preset, self.law()).map(Some);
         }
         if self.tune.is_given() || self.law.is_some() {
-            return Err(Error::argument("--law, --scale and --iterations need --train fast|best|paper"));
+            return Err(Error::argument("--law, --scale and --iterations need --train fast|best|paper, or --config"));
         }
         Ok(None)
     }

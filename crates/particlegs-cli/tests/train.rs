@@ -200,6 +200,14 @@ fn blocks_and_fine_tuning() {
     assert!((ranges.scale - 0.3).abs() < 1e-6 && (ranges.floor - 0.1).abs() < 1e-6);
     tool(&dir, &["verify", "tuned.pgs", SAMPLE, "-q"]).assert().success();
 
+    // By number, at the nominal precision; never fewer than it has.
+    let own = particlegs::codec::decode(&direct, "m.pgs").unwrap().gaussians();
+    tool(&dir, &tune).args(["--gaussians", &(2 * own).to_string(), "--json", "said.json", "-q"]).assert().success();
+    let said: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.join("said.json")).unwrap()).unwrap();
+    assert_eq!(said["step_factor"], 1.0);
+    assert!(said["gaussians"].as_u64().unwrap() <= 2 * own as u64);
+    fails(tool(&dir, &tune).args(["--gaussians", "3"]), 5, &format!("the model has {own}"));
+
     snapshot(&dir.join("other"), &[vec![0.0, 1.0, 2.0], vec![0.0, 1.0, 5.0], vec![0.0, 4.0, 2.0]]);
     let of = |model: &str, data: &str| tool(&dir, &["finetune", model, data, "-o", "x.pgs", "--config", "tiny.toml"]);
     fails(&mut of("m.pgs", "other"), 3, "not the snapshot that m.pgs was made of");

@@ -71,14 +71,18 @@ struct TargetArgs {
     /// File size, e.g. 11MB, 900kB, 1.5GiB.
     #[arg(long)]
     size: Option<String>,
+    /// Most Gaussians, at the nominal precision.
+    #[arg(long, value_name = "K")]
+    gaussians: Option<u64>,
 }
 
 impl TargetArgs {
     /// The target, and how the file's command says it.
     fn target(&self) -> Result<(Target, String)> {
-        Ok(match (self.ratio, &self.size) {
-            (Some(r), _) => (Target::Ratio(r).check()?, format!(" --ratio {r}")),
-            (_, Some(s)) => (Target::parse_size(s)?, format!(" --size {s}")),
+        Ok(match (self.ratio, &self.size, self.gaussians) {
+            (Some(r), ..) => (Target::Ratio(r).check()?, format!(" --ratio {r}")),
+            (_, Some(s), _) => (Target::parse_size(s)?, format!(" --size {s}")),
+            (.., Some(k)) => (Target::Gaussians(k).check()?, format!(" --gaussians {k}")),
             _ => (Target::Default, String::new()),
         })
     }

@@ -15,7 +15,8 @@ use crate::{Error, Result, score};
 /// What `finetune` is asked to do.
 #[derive(Clone, Debug)]
 pub struct FineTuning {
-    /// Size or ratio; [`Target::Default`] = the model's own size.
+    /// Size, ratio or the most Gaussians (at the nominal precision); [`Target::Default`] = the model's
+    /// own size.
     pub target: Target,
     /// How it is trained.
     pub training: Config,
@@ -43,12 +44,12 @@ impl FineTuning {
 }
 
 /// Trains `model` (of `model_bytes` bytes) on pictures of `particles`, the whole snapshot that it was
-/// made of, and codes it again, in one block, to a size. What is known about the source stays.
+/// made of, and codes it again, in one block. What is known about the source stays.
 ///
 /// # Errors
-/// [`Error::Argument`] for a model of another law, for a target that is no size, and where the number
-/// of `particles` is not the model's; [`Error::Unreachable`] for a size below the smallest file; those
-/// of [`train::train`].
+/// [`Error::Argument`] for a model of another law, for a quality as target, and where the number of
+/// `particles` is not the model's; [`Error::Unreachable`] for a size below the smallest file and for
+/// fewer Gaussians than it has; those of [`train::train`].
 pub fn finetune(
     model: &Model,
     model_bytes: u64,
@@ -72,10 +73,11 @@ pub fn finetune(
     }
     let raw_bytes = 12 * count;
     let size = match options.target.check()? {
-        Target::Default => model_bytes,
-        target => target
-            .bytes(raw_bytes)
-            .ok_or_else(|| Error::argument("a model is fine-tuned to a size or a ratio: it keeps its Gaussians"))?,
+        Target::Default => Some(model_bytes),
+        Target::Psnr(_) => {
+            return Err(Error::argument("a model is fine-tuned to a size, a ratio or a number of Gaussians"));
+        }
+        target => target.bytes(raw_bytes),
     };
     let mut metadata = model.metadata.clone();
     metadata.command = format!("{} of: {}", options.command, metadata.command);
@@ -92,8 +94,8 @@ struct Job<'a> {
     /// Of the layer.
     name: String,
     particle_mass: Option<f64>,
-    /// Bytes wanted.
-    size: u64,
+    /// Bytes wanted; `None` = at the nominal precision, whatever they are.
+    size: Option<u64>,
     model_bytes: u64,
     raw_bytes: u64,
     progress: &'a dyn Progress,
@@ -111,7 +113,7 @@ impl Job<'_> {
             seed: self.options.seed,
             bytes: None,
         };
-        let (config, limits) = (self.config(room), &self.options.limits);
+        let (config, limits) = (self.config(room)?, &self.options.limits);
         let mut pieces = Under { pieces, prefix: "finetune".into() };
         let trained = clock.time("train", || {
             let from = From::Model(self.model);
@@ -141,14 +143,14 @@ impl Job<'_> {
         })
     }
 
-    /// Bytes for the coded block.
-    fn room(&self) -> Result<u64> {
-        let beside = self.beside();
-        let Some(room) = self.size.checked_sub(beside).filter(|r| *r > 0) else {
-            let what = format!("{} bytes were asked for; the head and the network alone have {beside}", self.size);
+    /// Bytes for the coded block, where the file's are asked for.
+    fn room(&self) -> Result<Option<u64>> {
+        let (Some(size), beside) = (self.size, self.beside()) else { return Ok(None) };
+        let Some(room) = size.checked_sub(beside).filter(|r| *r > 0) else {
+            let what = format!("{size} bytes were asked for; the head and the network alone have {beside}");
             return Err(Error::Unreachable { what, hint: "ask for a larger file".into() });
         };
-        Ok(room)
+        Ok(Some(room))
     }
 
     /// Bytes of the file beside its coded block.
@@ -158,20 +160,28 @@ impl Job<'_> {
         (codec::size_without_blocks(&self.metadata, self.options.certificate, &[head]) + network) as u64
     }
 
-    /// The hyper-parameters; where they do not say how many Gaussians there may be, as many as `room`
-    /// holds at the model's own bytes a Gaussian, and no fewer than it has.
-    fn config(&self, room: u64) -> Config {
+    /// The hyper-parameters with the most Gaussians: as many as are asked for; else as they say; else as
+    /// many as `room` holds at the model's own bytes a Gaussian, and no fewer than it has.
+    fn config(&self, room: Option<u64>) -> Result<Config> {
         let mut config = self.options.training.clone();
-        if config.alpha_blend.most_gaussians == 0 {
-            let own = self.model.gaussians();
-            let grown = own as f64 * (room as f64 / self.model_bytes.saturating_sub(self.beside()).max(1) as f64);
-            config.alpha_blend.most_gaussians = own.max(grown as usize);
+        let (own, most) = (self.model.gaussians(), &mut config.alpha_blend.most_gaussians);
+        match (self.options.target, room) {
+            (Target::Gaussians(k), _) if k < own as u64 => {
+                let what = format!("{k} Gaussians were asked for; the model has {own}");
+                return Err(Error::Unreachable { what, hint: format!("ask for `--gaussians {own}` or more") });
+            }
+            (Target::Gaussians(k), _) => *most = usize::try_from(k).unwrap_or(usize::MAX),
+            (_, Some(room)) if *most == 0 => {
+                let grown = own as f64 * (room as f64 / self.model_bytes.saturating_sub(self.beside()).max(1) as f64);
+                *most = own.max(grown as usize);
+            }
+            _ => {}
         }
-        config
+        Ok(config)
     }
 
-    /// All Gaussians as one block of at most `room` bytes.
-    fn coded(&self, gaussians: Mixture, room: u64, stopped: bool) -> Result<Met> {
+    /// All Gaussians as one block: of at most `room` bytes, or at the nominal precision.
+    fn coded(&self, gaussians: Mixture, room: Option<u64>, stopped: bool) -> Result<Met> {
         let count = self.metadata.count;
         let encoder = Encoder::new(&Block { bounds: self.metadata.bounds, count, mass: count as f64, gaussians })?;
         let encode = |q| {
@@ -180,10 +190,13 @@ impl Job<'_> {
             }
             Ok(encoder.encode(&Precision::BALANCED.scaled(q)))
         };
+        let Some(room) = room else {
+            return Ok(Met { bytes: encode(1.0)?, factor: 1.0, too_large: false, too_small: false });
+        };
         let (met, _) = meet_size(room, encoder.len(), None, encode)?;
         if met.too_large {
             let smallest = met.bytes.len() as u64 + self.beside();
-            let what = format!("{} bytes were asked for; the smallest file has {smallest} bytes", self.size);
+            let what = format!("{} bytes were asked for; the smallest file has {smallest} bytes", room + self.beside());
             return Err(Error::Unreachable { what, hint: format!("ask for `--size {smallest}B` or more") });
         }
         Ok(met)
