@@ -12,6 +12,7 @@ use super::targets::Targets;
 use crate::camera::{Normalisation, View};
 use crate::fit::Pieces;
 use crate::math::Random;
+use crate::memory::require;
 use crate::model::{Law, Mixture, Model, VizMapper};
 use crate::particles::Particles;
 use crate::picture::Size;
@@ -119,8 +120,8 @@ pub enum From<'a> {
 /// the state kept.
 ///
 /// # Errors
-/// [`Error::Argument`] for a configuration out of range; [`Error::Io`] of the scratch file; those of
-/// `pieces`.
+/// [`Error::Argument`] for a configuration out of range; [`Error::Memory`] where its pictures and
+/// Gaussians do not fit; [`Error::Io`] of the scratch file; those of `pieces`.
 pub fn train(
     particles: &Particles,
     from: From<'_>,
@@ -129,8 +130,27 @@ pub fn train(
     progress: &dyn Progress,
 ) -> Result<Trained> {
     config.check()?;
+    require("training", bytes_wanted(config, &from))?;
     let learner = learner(particles, from, config, defaults)?;
     train_with(learner, particles, (config, limits, defaults), pieces, progress)
+}
+
+/// Memory that a run takes: of its largest pictures, of the pictures that the renderer of targets
+/// draws, and of the Gaussians that it begins with. As measured, and rounded up.
+pub(super) fn bytes_wanted(config: &Config, from: &From<'_>) -> u64 {
+    const A_PIXEL: u64 = 32;
+    const A_TARGETS_PIXEL: u64 = 8;
+    const A_GAUSSIAN: u64 = 2000;
+    let of_stage = |s: &Stage| {
+        let pixels = (s.size[0] * s.size[1]) as u64;
+        pixels * (A_PIXEL + A_TARGETS_PIXEL * (s.oversample * s.oversample) as u64)
+    };
+    let gaussians = match from {
+        From::Fit(m) => m.len(),
+        From::Particles(n) => *n,
+        From::Model(m) => m.gaussians(),
+    };
+    config.stages.iter().map(of_stage).max().unwrap_or(0) + A_GAUSSIAN * gaussians as u64
 }
 
 /// [`train`] of any learner.

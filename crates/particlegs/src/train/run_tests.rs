@@ -2,7 +2,7 @@
 
 use super::learner::{Learner, Moment, NotFinite, Shot, Stepped};
 use super::loss::Loss;
-use super::run::train_with;
+use super::run::{bytes_wanted, train_with};
 use super::state::State;
 use super::targets_tests::{cloud, defaults};
 use super::{Cameras, Config, From, Limits, Preset, Stage, Trained, train};
@@ -53,6 +53,15 @@ impl Progress for After {
     fn cancelled(&self) -> bool {
         self.0.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |n| Some(n.saturating_sub(1))) == Ok(0)
     }
+}
+
+#[test]
+fn memory_is_that_of_the_largest_pictures() {
+    let small = Config::preset(Preset::Fast, Law::OpticalDepth);
+    let stage = Stage { size: [16_384, 16_384], oversample: 8, ..small.stages[0] };
+    let large = Config { stages: [&small.stages[..], &[stage]].concat(), ..small.clone() };
+    let [small, large] = [small, large].map(|c| bytes_wanted(&c, &From::Particles(1000)));
+    assert!(small < 100 << 20 && large > 128 << 30, "{small} and {large} bytes");
 }
 
 #[test]
