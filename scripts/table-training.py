@@ -11,6 +11,17 @@ import json, os, resource, subprocess, sys, time
 
 PROGRAM, DATA, REFERENCE, WORK, RESULTS, *NAMES = sys.argv[1:]
 
+# The stages of `fast` with density control in the first third.
+STAGE = """[[stages]]
+iterations = {}
+size = {}
+oversample = 1
+crop = [0, 0]
+internal = 0.05
+densify = {{ every = {}, until = 1200, threshold = 0.0 }}
+"""
+DENSITY_CONTROL = STAGE.format(3000, [960, 540], 150) + STAGE.format(600, [1440, 810], 0)
+
 # Name, options of compress, lines of its TOML.
 RUNS = [
     ("untrained", [], ""),
@@ -25,6 +36,7 @@ RUNS = [
     ("many-wide-views", ["--train", "fast"], "[cameras]\nwide = 0.4\n"),
     ("l1", ["--train", "fast"], "[loss]\nnorm = \"l1\"\nsmooth = 0.03\n"),
     ("target-paraview", ["--train", "fast"], "target = \"paraview\"\n"),
+    ("density-control", ["--train", "fast"], DENSITY_CONTROL),
     ("high-effort", ["--train", "fast", "--effort", "high"], ""),
 ]
 
