@@ -27,6 +27,7 @@ RUNS = [
     ("untrained", [], ""),
     ("fast", ["--train", "fast"], ""),
     ("best", ["--train", "best"], ""),
+    ("alpha-blend", ["--train", "fast", "--law", "alpha-blend"], ""),
     ("not-settled", ["--train", "fast"], "[optical_depth]\nsettle_from = 1.0\n"),
     ("rounding-unknown", ["--train", "fast"], "[optical_depth]\ncode_every = 0\n"),
     ("counts-fixed", ["--train", "fast"], "[optical_depth.rates]\nplace = 1.0\nshape = 1.0\ncount = 0.0\n"),

@@ -270,7 +270,6 @@ def blocks(k, changes="", which="in-range", seed=None):
     return lambda name: train(name, options, changes, seed, which)
 
 
-TUNED_SIZE = 1.2  # room for what densification adds, in sizes of the merged file
 TUNED_STAGE = """[[stages]]
 iterations = 60000
 size = [1920, 1080]
@@ -286,18 +285,18 @@ def can_fine_tune():
     return help_.returncode == 0
 
 
-def fine_tune(k, changes="", densify=True, room=1.0):
-    """The merged model of k blocks, tuned on the whole; as many Gaussians as the recipe makes."""
+def fine_tune(k, changes="", densify=True):
+    """The merged model of k blocks, tuned on the whole; as many Gaussians as the recipe makes, nominal steps."""
 
     def run(name):
         merged = known(f"blocks-{k}")
         config, said = os.path.join(WORK, name + ".toml"), os.path.join(WORK, name + "-said.json")
         stages = "" if densify else TUNED_STAGE
-        text = f"evaluate_views = 4\n[alpha_blend]\nmost_gaussians = {2 * MOST * k}\n{changes}{stages}"
+        text = f"evaluate_views = 4\n{changes}{stages}"
         with open(config, "w") as f:
             f.write(text)
         command = ["finetune", path_of(f"blocks-{k}"), SNAPSHOT, "-o", path_of(name), "--scale", str(SCALE),
-                   "--iterations", str(TUNE_STEPS), "--size", str(round(room * TUNED_SIZE * merged["model_bytes"])),
+                   "--iterations", str(TUNE_STEPS), "--gaussians", str(2 * MOST * k),
                    "--config", config, "--no-certificate", "--json", said]
         result = {**timed(command), "command": shown(command), "changes": text, "particles": merged["particles"]}
         with open(said) as f:
@@ -402,8 +401,8 @@ def all_runs():
         for k in (1, 2, 4, 8):
             yield f"recover-tuned-{k}-count", recover(f"tuned-{k}")
         yield "tuned-8-no-densify", fine_tune(8, densify=False)
-        yield "tuned-8-dssim-1", fine_tune(8, "[loss]\ndssim = 1.0\n", room=3.0)
-        yield "tuned-8-dssim-0.1", fine_tune(8, "[loss]\ndssim = 0.1\n", room=1.5)
+        yield "tuned-8-dssim-1", fine_tune(8, "[loss]\ndssim = 1.0\n")
+        yield "tuned-8-dssim-0.1", fine_tune(8, "[loss]\ndssim = 0.1\n")
     for seed in (43, 44):
         yield f"blocks-1-seed-{seed}", blocks(1, seed=seed)
     # The rest beside the single block of the sweep, which has as few steps.
