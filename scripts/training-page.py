@@ -120,7 +120,7 @@ LAWS = [("full", "alpha-blend + VizMapper, as published"), ("no-vizmapper", "alp
 laws = [(label, R[n]) for n, label in LAWS if n in R]
 line("## The two laws on the same data")
 line()
-line("The optical-depth models have the bytes of the first row's file; the trained one was trained within its wall-clock time, the fit included (started from that fit; targets `expected`).")
+line("The optical-depth models have the bytes of the first row's file; the trained one was trained within its wall-clock time, the fit included (started from that fit; targets `expected`). Where loads differ so does what that time holds: see the CPU seconds.")
 line()
 head("model", "Gaussians", "bytes", "bytes a Gaussian", "ratio", "wall, s", "CPU, s", "load")
 for label, r in laws:

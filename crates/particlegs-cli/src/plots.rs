@@ -95,7 +95,9 @@ impl Axis {
         if low > high {
             return None;
         }
-        let room = (0.03 * (high - low)).max(1e-9 * low.abs().max(high.abs())).max(1e-12);
+        let size = low.abs().max(high.abs());
+        // One value alone has an axis that shows how large it is.
+        let room = if low == high { 0.1 * size.max(1.0) } else { (0.03 * (high - low)).max(1e-9 * size).max(1e-12) };
         Some(Axis { log, low: low - room, high: high + room })
     }
 
@@ -301,6 +303,13 @@ mod tests {
         assert_eq!(shown, ["0.05", "1", "20", "12345", "0", "-2.5", "1e-5", "1e7"]);
         assert_eq!([32.0, 32.05, 32.1].map(|v| plain(v, 0.25)), ["32", "32.05", "32.1"]);
         assert_eq!([1e5, 1.2e5].map(|v| plain(v, 5e4)), ["1.00e5", "1.20e5"]);
+    }
+
+    #[test]
+    fn one_value_alone_has_an_axis() {
+        let axis = Axis::around([22.0].into_iter(), false).unwrap();
+        assert!(axis.high - axis.low > 4.0 && axis.label(22.0) == "22" && axis.label(21.5) == "21.5");
+        assert!(Axis::around([0.0].into_iter(), false).unwrap().high > 0.09);
     }
 
     #[test]

@@ -75,7 +75,8 @@ fn draw(path: &Path) -> Result<()> {
     let stem = path.file_stem().map_or_else(|| "training".into(), |s| s.to_string_lossy().into_owned());
     let curve = |key: &str, name: &'static str, lines: &[Value]| {
         let point = |l: &Value| Some((l["iteration"].as_f64()?, l[key].as_f64()?));
-        Curve { name, side: 1, dots: false, points: lines.iter().filter_map(point).collect() }
+        let points: Vec<(f64, f64)> = lines.iter().filter_map(point).collect();
+        Curve { name, side: 1, dots: points.len() == 1, points }
     };
     let figure = |key: &str, (name, curve_name): (&str, &'static str), title: &str, y: &str| {
         let name = format!("{stem}-{name}");

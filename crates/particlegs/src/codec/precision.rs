@@ -24,6 +24,15 @@ impl Precision {
     pub const BALANCED: Precision =
         Precision { position: 0.5, size: 0.22, shape: 0.5, count: 0.22, mass: 0.22, importance: 0.45 };
 
+    /// Multiples of these steps that are of use: from the finest to the coarsest.
+    pub(crate) const FACTORS: [f64; 2] = [1.0 / 64.0, 32.0];
+
+    /// Doublings of all steps that save about so many bytes: each takes a bit off each of a Gaussian's
+    /// ten numbers.
+    pub(crate) fn doublings(bytes: f64, gaussians: usize) -> f64 {
+        8.0 * bytes / (10.0 * gaussians as f64)
+    }
+
     /// All steps times `q`.
     pub fn scaled(self, q: f64) -> Precision {
         Precision {

@@ -1,15 +1,12 @@
 //! Rate control: the step factor at which a coded file just fits.
 
 use crate::Result;
+use crate::codec::Precision;
 
 /// A file may fall short of its target by this share ...
 const SHARE_BELOW: f64 = 0.02;
 /// ... or by this many bytes, whichever is more.
 const BYTES_BELOW: u64 = 256;
-/// Step factors searched: 1 is the nominal precision, larger is coarser.
-const RANGE: (f64, f64) = (1.0 / 64.0, 32.0);
-/// Parameters of a Gaussian: each doubling of all steps saves about a bit for each.
-const PARAMETERS: f64 = 10.0;
 /// Encodings tried at most; secant steps need about five.
 const TRIES: usize = 14;
 
@@ -40,8 +37,7 @@ pub fn meet_size(
     wanted: Option<f64>,
     mut encode: impl FnMut(f64) -> Result<Vec<u8>>,
 ) -> Result<(Met, usize)> {
-    let bits_per_octave = PARAMETERS * gaussians as f64;
-    let (mut fine, mut coarse) = (RANGE.0.log2(), RANGE.1.log2());
+    let [mut fine, mut coarse] = Precision::FACTORS.map(f64::log2);
     let mut at = 0.0f64;
     let mut kept = (at, encode(1.0)?);
     let nominal = kept.1.len();
@@ -61,8 +57,7 @@ pub fn meet_size(
         }
         // Aim a little below the target, so that the next step is likely to fit.
         let aim = target as f64 - 8.0_f64.max(target as f64 / 5000.0);
-        let step = 8.0 * (size as f64 - aim) / bits_per_octave;
-        let next = at + step;
+        let next = at + Precision::doublings(size as f64 - aim, gaussians);
         let margin = 0.02 * (coarse - fine);
         at = if next > fine + margin && next < coarse - margin { next } else { 0.5 * (fine + coarse) };
         let bytes = encode(at.exp2())?;
@@ -89,7 +84,7 @@ fn better(new: &[u8], old: &[u8], target: u64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::codec::{Encoder, Precision};
+    use crate::codec::Encoder;
     use crate::math::Sym3;
     use crate::model::{Block, Mixture, Shade};
     use crate::particles::Bounds;

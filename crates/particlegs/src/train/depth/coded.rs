@@ -16,10 +16,6 @@ use crate::codec::{Encoder, Precision, decode_block};
 use crate::model::{Block, Mixture};
 use crate::particles::Bounds;
 
-/// Parameters of a Gaussian: each doubling of all steps saves about a bit for each.
-const PARAMETERS: f64 = 10.0;
-/// Step factors are kept within this.
-const FACTORS: [f64; 2] = [1.0 / 64.0, 32.0];
 /// Shares of the room that settled Gaussians may take, and what a new precision aims at.
 const FILLED: std::ops::RangeInclusive<f64> = 0.98..=1.0;
 const AIM: f64 = 0.999;
@@ -71,7 +67,9 @@ impl Coded {
 
     /// The factor that leads to the room, for Gaussians like these.
     pub fn better_factor(&self, room: &Room) -> f64 {
-        let octaves = 8.0 * (self.filled - AIM) * room.bytes as f64 / (PARAMETERS * self.exact.0.len() as f64);
-        (self.factor * octaves.clamp(-1.0, 1.0).exp2()).clamp(FACTORS[0], FACTORS[1])
+        let over = (self.filled - AIM) * room.bytes as f64;
+        let doublings = Precision::doublings(over, self.exact.0.len()).clamp(-1.0, 1.0);
+        let [finest, coarsest] = Precision::FACTORS;
+        (self.factor * doublings.exp2()).clamp(finest, coarsest)
     }
 }
