@@ -5,16 +5,15 @@ use super::clock::Clock;
 use super::plan::{Plan, PlannedLayer};
 use super::target::Target;
 use super::{describe, search};
-use crate::Result;
 use crate::blocks::divide;
 use crate::codec;
 use crate::fit::{self, Effort, Pieces, Under};
 use crate::memory::require;
 use crate::model::{Certificate, Law, Model};
-use crate::particles::{Bounds, ParticleLayer, Particles, Room, source_hash};
+use crate::particles::{Bounds, ParticleLayer, Particles, Room, check_particles, source_hash};
 use crate::progress::Progress;
 use crate::train::{Config, Limits};
-use crate::{output, score};
+use crate::{Error, Result, output, score};
 
 /// What `compress` is asked to do.
 #[derive(Clone, Debug)]
@@ -90,7 +89,8 @@ pub struct Compressed {
 /// # Errors
 /// [`crate::Error::Unreachable`] where an explicit ratio or size is below the smallest file (which it
 /// names), or a quality above what all particles as Gaussians reach; [`crate::Error::Memory`] before the
-/// fit where it would not fit; [`crate::Error::Cancelled`].
+/// fit where it would not fit; [`crate::Error::Input`] for no particles and a box that does not hold
+/// them; [`crate::Error::Cancelled`].
 pub fn compress(
     particles: &Particles,
     options: &Options,
@@ -140,6 +140,9 @@ impl<'a> Job<'a> {
         pieces: &'a mut dyn Pieces,
         progress: &'a dyn Progress,
     ) -> Result<Self> {
+        if particles.is_empty() {
+            return Err(Error::input(&particles.meta.name, "no particles"));
+        }
         let mut clock = Clock::default();
         require("the fit", fit::memory_needed(particles) / u64::from(options.blocks.max(1)))?;
         if let (Room::Disk(folder), true) = (&options.room, options.blocks > 1) {
@@ -150,6 +153,7 @@ impl<'a> Job<'a> {
         let blocks: Vec<BlockJob> =
             clock.time("read", || parts.iter().map(|p| BlockJob::of(p, options.law())).collect());
         let bounds = blocks.iter().flat_map(|b| &b.layers).fold(Bounds::empty(), |all, l| all.union(&l.bounds));
+        check_particles(particles, &bounds, progress)?;
         let hash = clock.time("read", || source_hash(particles));
         progress.end();
         progress.check()?;

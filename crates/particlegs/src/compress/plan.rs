@@ -60,8 +60,12 @@ impl Plan {
     /// A plan for a snapshot that `metadata` describes.
     ///
     /// # Errors
-    /// [`Error::Argument`] for a target that is none.
+    /// [`Error::Argument`] for a target that is none; [`Error::Input`] for a snapshot or a layer of no
+    /// particles.
     pub fn new(options: &Options, metadata: Metadata, layers: Vec<PlannedLayer>) -> Result<Plan> {
+        if metadata.count == 0 || layers.iter().any(|l| l.count == 0) {
+            return Err(Error::input(&metadata.source, "no particles, or a layer without any"));
+        }
         let alpha = options.law() == Law::AlphaBlend;
         if alpha && layers.len() > 1 {
             return Err(Error::argument(

@@ -6,7 +6,7 @@ use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, Survey};
 use crate::compress::{Load, Options, Plan, PlannedLayer, Target, describe};
-use crate::particles::{Layered, Particles, RUN};
+use crate::particles::{Layered, Particles, RUN, check_box};
 use crate::progress::Progress;
 use crate::{Error, Result, output};
 use std::path::Path;
@@ -96,6 +96,7 @@ pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progr
 
 /// The manifest of a surveyed snapshot; blocks read it where it lies.
 fn manifest(source: &Layered, survey: &Survey, task: &Task<'_>) -> Result<Manifest> {
+    check_box(&survey.bounds, source.meta.cell.as_ref(), task.place)?;
     let blocks = blocks(source, task)?;
     let tree = KdTree::new(&survey.sample, blocks)?;
     let options = Options { blocks, ..task.options.clone() };

@@ -20,10 +20,12 @@ pub struct ParticleLayer {
 pub const ONE_LAYER: &str = "particles";
 
 impl Particles {
-    /// The layers, at least one: all particles where the snapshot tells no kinds apart.
+    /// The layers, at least one: all particles where the snapshot tells no kinds apart. A kind of no
+    /// particles is none.
     pub fn layers(&self) -> Vec<ParticleLayer> {
-        if !self.kinds.is_empty() {
-            return self.kinds.clone();
+        let kinds: Vec<ParticleLayer> = self.kinds.iter().filter(|k| !k.range.is_empty()).cloned().collect();
+        if !kinds.is_empty() {
+            return kinds;
         }
         vec![ParticleLayer {
             name: ONE_LAYER.into(),

@@ -59,7 +59,7 @@ pub fn certificate(
         grid: GRID,
         density_correlation: density.correlation,
         density_mae: density.mean_absolute_error,
-        science: Some(science),
+        science,
     })
 }
 

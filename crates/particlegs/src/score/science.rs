@@ -4,7 +4,7 @@
 //! same file on every machine, and takes less than 500 MB beside the snapshot.
 
 use crate::model::{Limit, Model, Science, ScienceOf};
-use crate::particles::Particles;
+use crate::particles::{Particles, check_box};
 use crate::progress::Progress;
 use crate::recover::draw;
 use crate::stats::{
@@ -29,14 +29,35 @@ const LINKING: f64 = 0.2;
 const SMALLEST_GROUP: usize = 20;
 const GROUPS_WITHIN: f64 = 0.1;
 
-/// Measures `model` against its snapshot. Particles are drawn with `seed`.
+/// Measures `model` against its snapshot. Particles are drawn with `seed`. `None` in units so small or
+/// so large that float32, in which a file keeps wave numbers, does not hold them.
 ///
 /// # Errors
-/// [`Error::Memory`], [`Error::Cancelled`].
-pub(super) fn science(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Science> {
+/// [`Error::Input`] for a box that does not hold the particles; [`Error::Memory`], [`Error::Cancelled`].
+pub(super) fn science(
+    model: &Model,
+    particles: &Particles,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Option<Science>> {
+    check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
     let domain = Domain::of_particles(particles);
+    let wave_numbers = [2.0 * PI / domain.longest(), spectrum_options(&domain, particles.len()).k_max];
+    if !wave_numbers.iter().all(|k| (*k as f32).is_normal()) {
+        return Ok(None);
+    }
+    science_over(&domain, model, particles, seed, progress).map(Some)
+}
+
+fn science_over(
+    domain: &Domain,
+    model: &Model,
+    particles: &Particles,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Science> {
     let of_mixture =
-        || measure(ScienceOf::Mixture, [Subject::Particles(particles), Subject::Model(model)], &domain, progress);
+        || measure(ScienceOf::Mixture, [Subject::Particles(particles), Subject::Model(model)], domain, progress);
     if particles.len() as u64 > MOST_DRAWN || particles.len() < 2 {
         return of_mixture();
     }
@@ -46,8 +67,8 @@ pub(super) fn science(model: &Model, particles: &Particles, seed: u64, progress:
         drawn => drawn?,
     };
     let pair = [Subject::Particles(particles), Subject::Particles(&drawn)];
-    let science = measure(ScienceOf::DrawnParticles, pair, &domain, progress)?;
-    Ok(Science { groups_within_10_percent_from: groups([particles, &drawn], &domain, progress)?, ..science })
+    let science = measure(ScienceOf::DrawnParticles, pair, domain, progress)?;
+    Ok(Science { groups_within_10_percent_from: groups([particles, &drawn], domain, progress)?, ..science })
 }
 
 /// The spectrum's grid and largest wave number for `n` particles.

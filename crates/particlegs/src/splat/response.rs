@@ -13,6 +13,9 @@ const LEVELS: usize = 256;
 const STEP_BITS: u32 = 6;
 const FIRST_EXPONENT: i32 = -14;
 const LAST_EXPONENT: i32 = 4;
+/// Splats of at most this opacity change no 8-bit buffer: every one of their fragments is rounded
+/// away, however many there are.
+const INVISIBLE_OPACITY: f64 = 0.5 / 255.0;
 
 /// How ParaView's blending turns optical depth into grey levels, for one opacity.
 #[derive(Clone, Debug)]
@@ -22,8 +25,12 @@ pub struct Response {
 }
 
 impl Response {
-    /// The curve of one opacity in (0, 1]. Takes some milliseconds.
+    /// The curve of one opacity in (0, 1]: zero up to half a grey level. Takes some milliseconds.
     pub fn new(opacity: f64) -> Self {
+        // What is not a number is invisible, too: the chain's length is bounded by this alone.
+        if opacity.is_nan() || opacity <= INVISIBLE_OPACITY {
+            return Response { levels: vec![0.0; table_length() + 1] };
+        }
         let chain = Chain::new(opacity);
         let per_fragment = MEAN_COVERED_ALPHA * opacity;
         let by_count = chain.levels_by_count(table_tau(table_length()) / per_fragment);
@@ -239,7 +246,7 @@ mod tests {
 
     #[test]
     fn ends_are_sane() {
-        for a in [1e-6, 0.001, 0.05, 1.0] {
+        for a in [f64::MIN_POSITIVE, 1e-12, 1e-6, 0.001, INVISIBLE_OPACITY, INVISIBLE_OPACITY * 1.001, 0.05, 1.0] {
             let r = Response::new(a);
             assert_eq!(r.level(0.0), 0.0);
             assert_eq!(r.level(f32::NAN), 0.0);
@@ -248,5 +255,16 @@ mod tests {
             assert!(r.level(100.0) <= 255.0);
         }
         assert!((Response::new(0.05).level(12.0) - 246.12).abs() < 0.02);
+    }
+
+    /// The closed form of faint splats is what their chain says.
+    #[test]
+    fn faint_splats_are_rounded_away() {
+        for a in [0.001, INVISIBLE_OPACITY] {
+            let chain = Chain::new(a);
+            assert!(chain.levels_by_count(1000.0).iter().all(|level| *level == 0.0));
+            assert!(chain.back.iter().all(|(q, _)| *q == 0));
+        }
+        assert!(Response::new(INVISIBLE_OPACITY * 1.001).level(8.0) > 0.0);
     }
 }

@@ -52,11 +52,8 @@ pub fn counts_within(
     let points = Points::new(positions, domain, radius)?;
     centers
         .par_iter()
-        .enumerate()
-        .map(|(i, c)| {
-            if i % 64 == 0 {
-                progress.check()?;
-            }
+        .map(|c| {
+            progress.check()?;
             let mut count = 0;
             points.near(points.cell_of(*c), radius, |run, shift| {
                 let at: [f64; 3] = std::array::from_fn(|k| c[k] - shift[k]);

@@ -1,6 +1,7 @@
 //! The whole job: everything that is asked for, of truth and other, over the truth's box.
 
 use super::aperture::{aperture_mass, counts_within, group_center};
+use super::boxes::check_boxes;
 use super::neighbours::{NeighbourOptions, nearest_distances};
 use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation};
 use super::points::local_positions;
@@ -20,10 +21,14 @@ use std::f64::consts::PI;
 /// Sizes of groups whose cores are compared.
 const CORES: [[u64; 2]; 3] = [[100, 299], [300, 999], [1000, u64::MAX]];
 
+/// Largest over smallest separation: float32 positions tell no more apart.
+const WIDEST_SEPARATIONS: f64 = 1e9;
+
 /// Measures `other` against `truth`.
 ///
 /// # Errors
-/// [`Error::Input`] for a subject without particles, [`Error::Argument`] for options outside their
+/// [`Error::Input`] for a subject without particles, one that its box does not hold, and boxes of
+/// different sizes, [`Error::Argument`] for options outside their
 /// range, [`Error::Memory`] where a grid does not fit, [`Error::Cancelled`].
 pub fn compare(
     truth: Subject<'_>,
@@ -37,9 +42,11 @@ pub fn compare(
             return Err(Error::input(name, "no particles to measure"));
         }
     }
+    let of_boxes = check_boxes([truth, other], progress)?;
     let job = Job { pair: [truth, other], domain: job_domain(truth, o), o, progress };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();
+    notes.extend(of_boxes);
     let density = if wants(Measure::Density) { Some(job.density()?) } else { None };
     let (spectra, xi_by_transform) = if wants(Measure::Spectrum) { job.spectrum()? } else { (None, None) };
     let moments = wants(Measure::Moments).then(|| job.pair.map(axis_moments));
@@ -104,8 +111,11 @@ fn check(o: &StatsOptions) -> Result<()> {
     }
     match o.separations {
         Some([low, high]) if !(low > 0.0 && high > low && high.is_finite()) => {
-            Err(Error::argument(format!("separations {low} to {high} must ascend from above 0")))
+            Err(Error::argument(format!("separations {low:e} to {high:e} must ascend from above 0")))
         }
+        Some([low, high]) if high / low > WIDEST_SEPARATIONS => Err(Error::argument(format!(
+            "separations {low:e} to {high:e} span more than a factor of {WIDEST_SEPARATIONS:e}"
+        ))),
         _ => Ok(()),
     }
 }
@@ -222,12 +232,16 @@ impl Job<'_> {
         let grid =
             if self.paper() { Grid::stretched(&self.domain, [cells; 3]) } else { Grid::new(&self.domain, cells) };
         let pair: Pair = transform_pair(self.pair, &grid, &domain, &options, self.progress)?;
-        let spectra = spectra(&pair, &domain, &options);
+        let spectra = spectra(&pair, &domain, &options, self.progress)?;
         // Bins as wide as the shortest wave's half: narrower ones hold its ringing.
         let (width, last) = (PI / options.k_max, self.edges().last().copied().unwrap_or(0.0));
         let edges: Vec<f64> = (1..=1000).map(|i| width * f64::from(i)).take_while(|r| *r <= last).collect();
-        let xi = (edges.len() > 1 && !self.paper())
-            .then(|| XiByTransform { xi: xi_of_modes(&pair, &domain, &options, &edges), edges });
+        let xi = if edges.len() > 1 && !self.paper() {
+            let xi = xi_of_modes(&pair, &domain, &options, &edges, self.progress)?;
+            Some(XiByTransform { xi, edges })
+        } else {
+            None
+        };
         self.progress.end();
         Ok((Some(spectra), xi))
     }

@@ -236,7 +236,8 @@ fn add_mixtures(
             let (mut sum, mut splat) = (vec![0.0f64; out.len()], Splat::default());
             for m in parts {
                 for i in 0..m.len() {
-                    if i % 256 == 0 {
+                    // A Gaussian as wide as the box takes milliseconds.
+                    if i % 8 == 0 {
                         progress.check()?;
                     }
                     let (mean, cov) = (m.mean_of(i), m.cov_of(i));

@@ -7,6 +7,7 @@
 //! their cores (`aperture`); groups are compared by size (`sizes`); nearest neighbours use a tree (`tree`, `neighbours`).
 
 mod aperture;
+mod boxes;
 mod compare;
 mod density;
 mod deposit;

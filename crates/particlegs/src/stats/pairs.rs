@@ -116,6 +116,7 @@ pub fn count_pairs(
         let last = (first + 1..=bins).take_while(|b| edges[*b] <= 3.0 * edges[first + 1]).last().unwrap_or(first + 1);
         let band = &edges[first..=last];
         let points = Points::new(positions, domain, 0.5 * band[band.len() - 1])?;
+        progress.check()?;
         let primaries = choose(&points, band[band.len() - 1], o, first as u64);
         let pairs = count_band(&points, &primaries, band, progress)?;
         for b in first..last {
@@ -171,10 +172,10 @@ fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn 
     let parts: Vec<Vec<u64>> = primaries
         .par_chunks(STEP)
         .map(|run| {
-            progress.check()?;
             // One more bin at each end takes what lies outside.
             let mut bins = vec![0u64; squares.len() + 1];
             for &i in run {
+                progress.check()?;
                 let at = points.position[i as usize];
                 points.near(points.cell_of(at), reach, |others, shift| {
                     let origin: [f64; 3] = std::array::from_fn(|k| at[k] - shift[k]);

@@ -106,6 +106,8 @@ impl Points {
         let steps = (reach / self.side[axis]).ceil() as i64;
         let i = i as i64;
         if !self.domain.periodic[axis] {
+            // Points that share a coordinate, or nearly, have cells of next to no width.
+            let steps = steps.min(n);
             return ((i - steps).max(0)..=(i + steps).min(n - 1)).map(|c| (c as usize, 0.0)).collect();
         }
         // Up to half the axis is reached: a cell seen from both sides is listed for each image.

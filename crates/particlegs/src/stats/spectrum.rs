@@ -120,12 +120,14 @@ pub(super) fn visit_plane(
     domain: &Domain,
     i: usize,
     k_max: f64,
+    progress: &dyn Progress,
     mut visit: impl FnMut(usize, f64, u64),
-) {
+) -> Result<()> {
     let (columns, depth) = modes.plane();
     let base: [f64; 3] = domain.length.map(|l| 2.0 * PI / l);
     let kx = base[0] * (i as f64 - modes.most[0] as f64);
     for j in 0..columns {
+        progress.check()?;
         let ky = base[1] * (j as f64 - modes.most[1] as f64);
         for c in 0..depth {
             let kz = base[2] * c as f64;
@@ -136,6 +138,7 @@ pub(super) fn visit_plane(
             }
         }
     }
+    Ok(())
 }
 
 /// Transforms of both subjects, kept for what else is made of them.
@@ -172,7 +175,10 @@ pub(super) fn transform_pair(
 }
 
 /// P(k), cross power and r(k) of a pair, in shells of width 2 pi / longest edge.
-pub(super) fn spectra(pair: &Pair, domain: &Domain, o: &SpectrumOptions) -> Spectra {
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub(super) fn spectra(pair: &Pair, domain: &Domain, o: &SpectrumOptions, progress: &dyn Progress) -> Result<Spectra> {
     let width = 2.0 * PI / domain.longest();
     // Shell s is centred at s + 1 widths.
     let bins = ((o.k_max / width + 0.5).floor() as usize).max(1);
@@ -181,7 +187,7 @@ pub(super) fn spectra(pair: &Pair, domain: &Domain, o: &SpectrumOptions) -> Spec
         .into_par_iter()
         .map(|i| {
             let (mut count, mut sum) = (vec![0u64; bins], vec![[0.0; 4]; bins]);
-            visit_plane(a, domain, i, o.k_max, |at, k, weight| {
+            visit_plane(a, domain, i, o.k_max, progress, |at, k, weight| {
                 let bin = (k / width - 0.5).max(0.0) as usize;
                 if bin < bins {
                     let (x, y, w) = (a.value[at], b.value[at], weight as f64);
@@ -189,10 +195,10 @@ pub(super) fn spectra(pair: &Pair, domain: &Domain, o: &SpectrumOptions) -> Spec
                     let terms = [k, x.norm_sqr(), y.norm_sqr(), (x * y.conj()).re];
                     (0..4).for_each(|t| sum[bin][t] += w * terms[t]);
                 }
-            });
-            (count, sum)
+            })?;
+            Ok((count, sum))
         })
-        .collect();
+        .collect::<Result<_>>()?;
     let (mut count, mut sum) = (vec![0u64; bins], vec![[0.0; 4]; bins]);
     for (c, s) in planes {
         for bin in 0..bins {
@@ -223,7 +229,7 @@ pub(super) fn spectra(pair: &Pair, domain: &Domain, o: &SpectrumOptions) -> Spec
             }
         })
         .collect();
-    Spectra { options: *o, cells: pair.grid.cells, shot_noise: pair.shot_noise, shells }
+    Ok(Spectra { options: *o, cells: pair.grid.cells, shot_noise: pair.shot_noise, shells })
 }
 
 /// Spectra of two subjects over a domain. Axes that do not repeat are taken as if they did.
@@ -237,5 +243,5 @@ pub fn power_spectra(
     progress: &dyn Progress,
 ) -> Result<Spectra> {
     let grid = Grid::new(domain, o.cells);
-    Ok(spectra(&transform_pair(subjects, &grid, domain, o, progress)?, domain, o))
+    spectra(&transform_pair(subjects, &grid, domain, o, progress)?, domain, o, progress)
 }

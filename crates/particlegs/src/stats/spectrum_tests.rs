@@ -90,7 +90,7 @@ fn one_gaussian_from_the_mixture_itself() {
     let subject = Subject::Model(&model);
     let pair =
         transform_pair([subject, subject], &Grid::new(&domain(length), 64), &domain(length), &o, &Silent).unwrap();
-    let s = spectra(&pair, &domain(length), &o);
+    let s = spectra(&pair, &domain(length), &o, &Silent).unwrap();
     assert_eq!(s.shot_noise, [0.0, 0.0]);
     for h in s.shells.iter().filter(|h| h.k * deviation < 2.5) {
         // The shell's mean of exp(-k^2 s^2) is close to the value at its mean k for narrow shells.
@@ -99,7 +99,7 @@ fn one_gaussian_from_the_mixture_itself() {
     }
     // xi(r) = V / (4 pi s^2)^(3/2) exp(-r^2 / 4 s^2) - 1.
     let edges = [0.4, 0.42, 0.6, 0.62, 0.9, 0.92];
-    let [xi, _] = xi_of_modes(&pair, &domain(length), &o, &edges);
+    let [xi, _] = xi_of_modes(&pair, &domain(length), &o, &edges, &Silent).unwrap();
     for (i, r) in [(0, 0.41f64), (2, 0.61), (4, 0.91)] {
         let expected =
             64.0 / (4.0 * PI * deviation * deviation).powf(1.5) * (-r * r / (4.0 * deviation * deviation)).exp() - 1.0;

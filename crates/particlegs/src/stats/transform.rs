@@ -84,7 +84,7 @@ pub fn transform(field: &Field, most: [usize; 3], progress: &dyn Progress) -> Re
             Ok(())
         })
         .collect::<Result<()>>()?;
-    along_x(&planes, &mut modes, n[0]);
+    along_x(&planes, &mut modes, n[0], progress)?;
     Ok(modes)
 }
 
@@ -136,13 +136,14 @@ impl Plan {
 }
 
 /// The last pass: columns along x, a row of z modes at a time.
-fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize) {
+fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize, progress: &dyn Progress) -> Result<()> {
     let (columns, depth) = modes.plane();
     let most = modes.most[0] as i64;
     let plan = FftPlanner::new().plan_fft_forward(nx);
     let done: Vec<Vec<Complex64>> = (0..columns)
         .into_par_iter()
         .map(|j| {
+            progress.check()?;
             let mut run = vec![Complex64::default(); depth * nx];
             for i in 0..nx {
                 for c in 0..depth {
@@ -154,15 +155,16 @@ fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize) {
             for m in -most..=most {
                 kept.extend((0..depth).map(|c| run[c * nx + place(m, nx)]));
             }
-            kept
+            Ok(kept)
         })
-        .collect();
+        .collect::<Result<_>>()?;
     for (j, kept) in done.iter().enumerate() {
         for (i, row) in kept.chunks(depth).enumerate() {
             let at = (i * columns + j) * depth;
             modes.value[at..at + depth].copy_from_slice(row);
         }
     }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -2,6 +2,8 @@
 
 use super::Domain;
 use super::spectrum::{Pair, SpectrumOptions, visit_plane};
+use crate::Result;
+use crate::progress::Progress;
 use rayon::prelude::*;
 
 /// xi of both fields in bins of r, from |delta_k|^2 with the shot noise subtracted.
@@ -9,7 +11,16 @@ use rayon::prelude::*;
 /// The mean of exp(i k d) over the directions of d is sin(kr) / (kr), and over a shell of r the
 /// difference of 3 (sin kr - kr cos kr) / k^3 at its edges over that of r^3: exact sums over the
 /// modes, without a second transform. Bins narrower than about pi / k_max hold ringing.
-pub(super) fn xi_of_modes(pair: &Pair, domain: &Domain, o: &SpectrumOptions, edges: &[f64]) -> [Vec<f64>; 2] {
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub(super) fn xi_of_modes(
+    pair: &Pair,
+    domain: &Domain,
+    o: &SpectrumOptions,
+    edges: &[f64],
+    progress: &dyn Progress,
+) -> Result<[Vec<f64>; 2]> {
     let [a, b] = &pair.modes;
     let bins = edges.len().saturating_sub(1);
     let noise = pair.shot_noise.map(|n| n / domain.volume());
@@ -17,7 +28,7 @@ pub(super) fn xi_of_modes(pair: &Pair, domain: &Domain, o: &SpectrumOptions, edg
         .into_par_iter()
         .map(|i| {
             let mut sum = vec![[0.0; 2]; bins];
-            visit_plane(a, domain, i, o.k_max, |at, k, weight| {
+            visit_plane(a, domain, i, o.k_max, progress, |at, k, weight| {
                 let w = weight as f64;
                 let power = [w * (a.value[at].norm_sqr() - noise[0]), w * (b.value[at].norm_sqr() - noise[1])];
                 let mut below = primitive(k, edges[0]);
@@ -28,16 +39,16 @@ pub(super) fn xi_of_modes(pair: &Pair, domain: &Domain, o: &SpectrumOptions, edg
                     sum[bin][0] += share * power[0];
                     sum[bin][1] += share * power[1];
                 }
-            });
-            sum
+            })?;
+            Ok(sum)
         })
-        .collect();
+        .collect::<Result<_>>()?;
     let mut sum = vec![[0.0; 2]; bins];
     for p in planes {
         sum.iter_mut().zip(p).for_each(|(s, v)| (0..2).for_each(|t| s[t] += v[t]));
     }
     let of = |t: usize| (0..bins).map(|i| sum[i][t] / (edges[i + 1].powi(3) - edges[i].powi(3))).collect();
-    [of(0), of(1)]
+    Ok([of(0), of(1)])
 }
 
 /// 3 times the integral of r^2 sin(kr) / (kr) up to r.

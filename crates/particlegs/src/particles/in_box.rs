@@ -1,0 +1,172 @@
+//! Does the box that a snapshot states hold its particles?
+
+use super::{Bounds, Cell, Particles};
+use crate::progress::Progress;
+use crate::{Error, Result};
+use rayon::prelude::*;
+
+/// Lengths and coordinates that the arithmetic of this program stands, whatever the unit: their sixth
+/// powers (determinants of covariances) stay within f64. Float32 reaches from 1e-45 to 3e38.
+const LENGTHS: [f64; 2] = [1e-50, 1e50];
+/// A share of the box by which particles may stick out and still count as inside: rounding to f32.
+const SLACK: f64 = 1e-5;
+
+/// Refuses coordinates and boxes that no arithmetic stands, and an axis-aligned box that lies more
+/// than its own length away from some particles: a box of another unit, most likely.
+///
+/// # Errors
+/// [`Error::Input`].
+pub(crate) fn check_box(bounds: &Bounds, cell: Option<&Cell>, name: &str) -> Result<()> {
+    let refused = |what: String| Err(Error::input_hint(name, what, "check the unit of length and the box"));
+    let [least, most] = LENGTHS;
+    if !bounds.min.iter().chain(&bounds.max).all(|x| x.abs() <= most) {
+        return refused(format!("coordinates beyond {most:e}"));
+    }
+    let extent = bounds.extent();
+    if let Some(k) = (0..3).find(|&k| extent[k] > 0.0 && extent[k] < least) {
+        return refused(format!("particles spread over {:e} along {}, less than {least:e}", extent[k], AXES[k]));
+    }
+    let Some(cell) = cell else { return Ok(()) };
+    let sizes = cell.vectors.map(|v| v.iter().fold(0.0, |m: f64, x| m.max(x.abs())));
+    let within = |l: &f64| (least..=most).contains(l);
+    if !(sizes.iter().all(within) && cell.origin.iter().all(|x| x.abs() <= most) && cell.inverse().is_some()) {
+        return refused(format!("a box of {:e}, {:e}, {:e} cannot be used", sizes[0], sizes[1], sizes[2]));
+    }
+    let Some(lengths) = cell.lengths() else { return Ok(()) };
+    for k in (0..3).filter(|&k| cell.periodic[k]) {
+        let (low, length) = (cell.origin[k], lengths[k].abs());
+        if bounds.min[k] < low - (1.0 + SLACK) * length || bounds.max[k] > low + (2.0 + SLACK) * length {
+            return refused(format!(
+                "particles reach from {} to {} along {}, more than a box length out of the box from {} to {}",
+                bounds.min[k],
+                bounds.max[k],
+                AXES[k],
+                low,
+                low + length
+            ));
+        }
+    }
+    Ok(())
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Does the box hold the bounds, for sure?
+fn holds(cell: &Cell, bounds: &Bounds) -> bool {
+    cell.lengths().is_some_and(|lengths| {
+        (0..3).filter(|&k| cell.periodic[k]).all(|k| {
+            let (low, slack) = (cell.origin[k], SLACK * lengths[k]);
+            bounds.min[k] >= low - slack && bounds.max[k] <= low + lengths[k] + slack
+        })
+    })
+}
+
+/// [`check_box`] of particles, and of a tilted box, too. Particles out of the box by less than its
+/// length are at their images in it wherever the box matters: says so, with their number.
+///
+/// # Errors
+/// [`Error::Input`]; [`Error::Cancelled`].
+pub(crate) fn check_particles(particles: &Particles, bounds: &Bounds, progress: &dyn Progress) -> Result<()> {
+    let name = &particles.meta.name;
+    check_box(bounds, particles.meta.cell.as_ref(), name)?;
+    let Some(cell) = particles.meta.cell.filter(|c| c.periodic.contains(&true) && !holds(c, bounds)) else {
+        return Ok(());
+    };
+    let Some(inverse) = cell.inverse() else { return Ok(()) };
+    let [out, far] = particles
+        .par_chunks(|_, chunk| {
+            let mut counts = [0u64; 2];
+            for i in 0..chunk.len() {
+                let d: [f64; 3] = std::array::from_fn(|k| {
+                    f64::from(chunk.position[k][i]) + (particles.origin[k] - cell.origin[k])
+                });
+                let beyond = (0..3).filter(|&a| cell.periodic[a]).map(|a| {
+                    let fraction: f64 = (0..3).map(|k| d[k] * inverse[k][a]).sum();
+                    (-fraction).max(fraction - 1.0)
+                });
+                let beyond = beyond.fold(0.0, f64::max);
+                counts[0] += u64::from(beyond > SLACK);
+                counts[1] += u64::from(beyond > 1.0 + SLACK);
+            }
+            counts
+        })
+        .into_par_iter()
+        .reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+    progress.check()?;
+    if far > 0 {
+        let what = format!("{far} of {} particles lie more than a box length out of the periodic box", particles.len());
+        return Err(Error::input_hint(name, what, "check the unit of length and the box"));
+    }
+    if out > 0 {
+        progress.message(&format!(
+            "note: {name}: {out} of {} particles lie out of the periodic box, by less than its length: where the box \
+             matters they count at their images in it",
+            particles.len()
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::SnapshotMeta;
+    use crate::progress::Silent;
+    use std::sync::Mutex;
+
+    #[derive(Default)]
+    struct Heard(Mutex<Vec<String>>);
+
+    impl Progress for Heard {
+        fn message(&self, text: &str) {
+            self.0.lock().unwrap().push(text.into());
+        }
+    }
+
+    fn points(x: &[f32], cell: Option<Cell>) -> Particles {
+        let mut p = Particles::from_columns(x.to_vec(), vec![1.0; x.len()], vec![2.0; x.len()]);
+        p.meta = SnapshotMeta { name: "snap".into(), cell, ..SnapshotMeta::default() };
+        p
+    }
+
+    fn said(p: &Particles) -> Result<Vec<String>> {
+        let heard = Heard::default();
+        check_particles(p, &p.bounds(), &heard)?;
+        Ok(heard.0.into_inner().unwrap())
+    }
+
+    #[test]
+    fn particles_out_of_the_box_are_counted_or_refused() {
+        let cell = Some(Cell::orthogonal([10.0; 3]));
+        assert!(said(&points(&[0.0, 5.0, 10.0, 10.000_01], cell)).unwrap().is_empty());
+        let notes = said(&points(&[-9.0, 5.0, 10.5, 19.0], cell)).unwrap();
+        assert!(notes.len() == 1 && notes[0].contains("snap: 3 of 4 particles"), "{notes:?}");
+        let refused = said(&points(&[-9.0, 5.0, 21.0], cell)).unwrap_err();
+        assert!(refused.exit_code() == 3 && refused.to_string().contains("from -9 to 21 along x"), "{refused}");
+        // Without a box along x nothing repeats there.
+        let slab = Cell { periodic: [false, true, true], ..Cell::orthogonal([10.0; 3]) };
+        assert!(said(&points(&[-9.0, 5.0, 1e20], Some(slab))).unwrap().is_empty());
+        assert!(said(&points(&[-9.0, 5.0, 1e20], None)).unwrap().is_empty());
+    }
+
+    #[test]
+    fn tilted_boxes_count_by_their_own_axes() {
+        let tilted = Cell { vectors: [[10.0, 0.0, 0.0], [5.0, 10.0, 0.0], [0.0, 0.0, 10.0]], ..Cell::orthogonal([1.0; 3]) };
+        // At y = 1 the box reaches from 0.5 to 10.5.
+        assert!(said(&points(&[0.6, 10.4], Some(tilted))).unwrap().is_empty());
+        assert!(said(&points(&[0.4, 10.4], Some(tilted))).unwrap()[0].contains("1 of 2"));
+        assert_eq!(said(&points(&[0.4, 21.4], Some(tilted))).unwrap_err().exit_code(), 3);
+    }
+
+    #[test]
+    fn lengths_that_no_arithmetic_stands_are_refused() {
+        for cell in [5e-324, 1e-60, 1e60, f64::INFINITY, f64::NAN] {
+            let p = points(&[0.0], Some(Cell::orthogonal([cell; 3])));
+            assert_eq!(check_box(&p.bounds(), p.meta.cell.as_ref(), "p").unwrap_err().exit_code(), 3, "{cell}");
+        }
+        let mut p = points(&[1e-45, 0.0], None);
+        check_particles(&p, &p.bounds(), &Silent).unwrap();
+        p.origin = [1e300; 3];
+        assert_eq!(check_particles(&p, &p.bounds(), &Silent).unwrap_err().exit_code(), 3);
+    }
+}

@@ -1,0 +1,120 @@
+//! Are both subjects of one box, which holds them?
+
+use super::Subject;
+use crate::particles::{Bounds, Cell, check_box, check_particles};
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// Boxes whose lengths differ by no more than this share are of one size.
+const SAME: f64 = 1e-5;
+
+/// Refuses subjects that their boxes do not hold and boxes of different sizes; what a reader of the
+/// results must know beside.
+///
+/// # Errors
+/// [`Error::Input`]; [`Error::Cancelled`].
+pub(super) fn check_boxes(pair: [Subject<'_>; 2], progress: &dyn Progress) -> Result<Vec<String>> {
+    for subject in pair {
+        let at = Place::of(subject);
+        match subject {
+            Subject::Particles(p) => check_particles(p, &at.bounds, progress)?,
+            Subject::Model(_) => check_box(&at.bounds, at.cell, at.name)?,
+        }
+    }
+    let [truth, other] = pair.map(Place::of);
+    let mut notes = Vec::new();
+    if let (Some(a), Some(b)) = (truth.unit, other.unit)
+        && a != b
+    {
+        notes.push(format!("lengths are in {a} in the truth and in {b} in the other, and are compared as numbers"));
+    }
+    match (truth.lengths(), other.lengths()) {
+        (Some(a), Some(b)) => same_lengths(a, b, other.name)?,
+        (Some(_), None) => {
+            check_box(&other.bounds, truth.cell, other.name)?;
+            notes.push("the other states no periodic box: the truth's is taken".into());
+        }
+        (None, Some(_)) => notes.push("the truth states no periodic box: the other's is not looked at".into()),
+        (None, None) => {}
+    }
+    Ok(notes)
+}
+
+/// Where a subject lies.
+struct Place<'a> {
+    name: &'a str,
+    bounds: Bounds,
+    cell: Option<&'a Cell>,
+    unit: Option<&'a str>,
+}
+
+impl<'a> Place<'a> {
+    fn of(subject: Subject<'a>) -> Self {
+        match subject {
+            Subject::Particles(p) => {
+                let m = &p.meta;
+                Place { name: &m.name, bounds: p.bounds(), cell: m.cell.as_ref(), unit: m.length_unit.as_deref() }
+            }
+            Subject::Model(model) => {
+                let m = &model.metadata;
+                Place { name: &m.source, bounds: m.bounds, cell: m.cell.as_ref(), unit: m.length_unit.as_deref() }
+            }
+        }
+    }
+
+    /// Lengths of a box that repeats along some axis; 0 along those where it does not.
+    fn lengths(&self) -> Option<[f64; 3]> {
+        let cell = self.cell.filter(|c| c.periodic.contains(&true))?;
+        let lengths = cell.lengths()?;
+        Some(std::array::from_fn(|k| if cell.periodic[k] { lengths[k] } else { 0.0 }))
+    }
+}
+
+fn same_lengths(truth: [f64; 3], other: [f64; 3], name: &str) -> Result<()> {
+    let differ = |k: usize| {
+        let [a, b] = [truth[k], other[k]];
+        a > 0.0 && b > 0.0 && (a - b).abs() > SAME * a.max(b)
+    };
+    if !(0..3).any(differ) {
+        return Ok(());
+    }
+    let text = |l: [f64; 3]| format!("{} x {} x {}", l[0], l[1], l[2]);
+    let what = format!("its box is {}, the truth's is {}: they cannot be compared", text(other), text(truth));
+    Err(Error::input_hint(name, what, "compare snapshots of one box in one unit of length"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::{Particles, SnapshotMeta};
+    use crate::progress::Silent;
+
+    fn points(to: f32, cell: Option<[f64; 3]>, unit: &str) -> Particles {
+        let column = || vec![0.0, 0.5 * to, to];
+        let mut p = Particles::from_columns(column(), column(), column());
+        let cell = cell.map(Cell::orthogonal);
+        p.meta = SnapshotMeta { name: "p".into(), cell, length_unit: Some(unit.into()), ..SnapshotMeta::default() };
+        p
+    }
+
+    fn checked(a: &Particles, b: &Particles) -> Result<Vec<String>> {
+        check_boxes([Subject::Particles(a), Subject::Particles(b)], &Silent)
+    }
+
+    #[test]
+    fn boxes_of_different_sizes_are_refused() {
+        let (a, b) = (points(9.0, Some([10.0; 3]), "kpc"), points(9.0, Some([10.0, 10.0, 11.0]), "kpc"));
+        assert!(checked(&a, &a).unwrap().is_empty());
+        let refused = checked(&a, &b).unwrap_err();
+        assert!(refused.exit_code() == 3 && refused.to_string().contains("10 x 10 x 11"), "{refused}");
+    }
+
+    #[test]
+    fn what_is_not_stated_is_said() {
+        let truth = points(9.0, Some([10.0; 3]), "kpc");
+        let notes = checked(&truth, &points(9.0, None, "Mpc")).unwrap();
+        assert!(notes.len() == 2 && notes[0].contains("in kpc in the truth and in Mpc"), "{notes:?}");
+        assert_eq!(checked(&truth, &points(30.0, None, "kpc")).unwrap_err().exit_code(), 3);
+        assert_eq!(checked(&points(9.0, None, "kpc"), &truth).unwrap().len(), 1);
+    }
+}
