@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # A job folder driven by Snakemake: a block told to stop and a block killed (both tried again), then
 # Snakemake itself killed, run again, run once more with nothing to do; then compared with what one process
-# makes, byte by byte. Says `skipped: ...` where Snakemake is neither there (SNAKEMAKE, PATH) nor installable.
+# makes, byte by byte. Fails where Snakemake is neither there (SNAKEMAKE, PATH) nor installable.
 # shellcheck source=tests/engines/common.sh
 . "$(dirname "$0")/common.sh"
 
@@ -12,7 +12,7 @@ if [ -z "$snakemake" ]; then
   if [ ! -x "$snakemake" ]; then
     if ! { python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --disable-pip-version-check 'snakemake>=8'; } >&2; then
       rm -rf "$venv"
-      skip "Snakemake cannot be installed here"
+      fail "Snakemake cannot be installed here"
     fi
   fi
 fi

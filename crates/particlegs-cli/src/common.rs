@@ -52,7 +52,7 @@ impl Common {
         }
         // The switch of the determinism tests: the plain path instead of vector instructions.
         if std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off") {
-            particlegs::math::set_simd(false);
+            particlegs::math::disable_simd();
         }
         // A second signal ends the process at once; outputs are whole or absent either way.
         let _ = ctrlc::set_handler(|| {

@@ -201,35 +201,33 @@ fn plans_that_cannot_be_are_refused() {
 }
 
 /// An engine's signal: what is finished is kept, the exit code asks to be run again.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 #[test]
 fn a_signal_stops_a_block_and_it_goes_on_to_the_same_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let options = ["--blocks", "1", "--ratio", "60", "--no-certificate"];
     let direct = compressed(&sample(), &at("direct.pgs"), &options);
-    let plan: Vec<&str> = options.to_vec();
-    particlegs().arg("plan").arg(sample()).arg("-o").arg(at("job")).args(plan).arg("--quiet").assert().success();
+    particlegs().arg("plan").arg(sample()).arg("-o").arg(at("job")).args(options).arg("--quiet").assert().success();
     particlegs().arg("scatter").arg(at("job")).arg("--quiet").assert().success();
-    let mut stops = 0;
-    for wait in [100, 500, 1000, 0] {
+    let checkpoint = at("job/blocks/00000.checkpoint");
+    let (mut stops, mut wait) = (0, 50);
+    // Later and later, until something was finished before the signal: both signals at least once.
+    while stops < 2 || !checkpoint.exists() {
         let mut c = std::process::Command::new(assert_cmd::cargo::cargo_bin("particlegs"));
         let mut child = c.arg("block").arg(at("job")).args(["0", "--quiet"]).spawn().unwrap();
-        if wait > 0 {
-            std::thread::sleep(std::time::Duration::from_millis(wait));
-            let signal = if stops == 0 { "-USR1" } else { "-TERM" };
-            let _ = std::process::Command::new("kill").arg(signal).arg(child.id().to_string()).status();
-        }
-        match child.wait().unwrap().code() {
-            Some(0) => break,
-            Some(75) => stops += 1,
-            // Before the handlers are set up a signal ends the process as usual.
-            None if wait == 100 => {}
-            code => panic!("{code:?}"),
-        }
+        let (number, name) = if stops % 2 == 0 { (10, "-USR1") } else { (15, "-TERM") };
+        common::wait_for_handler(&child, number);
+        std::thread::sleep(std::time::Duration::from_millis(wait));
+        common::signal(&child, name);
+        assert_eq!(child.wait().unwrap().code(), Some(75), "{name} after {wait} ms");
         assert!(!at("job/blocks/00000.pgs").exists());
+        (stops, wait) = (stops + 1, 2 * wait);
     }
+    let out = particlegs().arg("block").arg(at("job")).arg("0").output().unwrap();
+    let text = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(out.status.success() && text.contains("from a checkpoint of"), "{text}");
     particlegs().arg("merge").arg(at("job")).arg("-o").arg(at("m.pgs")).arg("--quiet").assert().success();
     assert_eq!(std::fs::read(at("m.pgs")).unwrap(), direct);
-    assert!(!at("job/blocks/00000.checkpoint").exists());
+    assert!(!checkpoint.exists());
 }

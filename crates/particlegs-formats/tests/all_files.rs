@@ -1,154 +1,54 @@
-//! Every good file: its count, its first three positions and its box are what independent readers
-//! say (the table beside the files).
+//! Every good file gives the particles that its writer was given, and its box.
 
 mod support;
 
-use particlegs_formats::{Fields, Weights};
+use particlegs_formats::{FORMATS, Fields, Snapshot, Weights};
+use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Files whose features are not read, and a word of the message that says so: none now.
-const UNSUPPORTED: &[(&str, &str)] = &[];
-
-/// A row of the table.
-struct Row {
-    file: String,
-    format: String,
-    count: u64,
-    first: Vec<[f64; 3]>,
-    /// Rows of the cell's vectors, or its diagonal.
-    cell: Vec<f64>,
+fn said(e: particlegs::Error) -> String {
+    format!("{e} ({})", e.hint())
 }
 
-fn numbers(text: &str) -> Vec<f64> {
-    text.split(|c: char| !(c.is_ascii_digit() || "+-.e".contains(c))).filter_map(|w| w.parse().ok()).collect()
-}
-
-fn rows(table: &str) -> Vec<Row> {
-    let cells = table.lines().filter(|l| l.starts_with("|real/") || l.starts_with("|gen/"));
-    cells
-        .map(|line| {
-            // Cells hold no bars; a quoted `|` in the formats' column would shift the rest.
-            let c: Vec<&str> = line.trim_matches('|').split('|').collect();
-            let first = c[5].split(';').map(numbers).filter(|v| v.len() == 3).map(|v| [v[0], v[1], v[2]]).collect();
-            let cell = numbers(c[6]).into_iter().filter(|v| *v != 0.0 || c[6].contains("[[")).collect();
-            Row { file: c[0].into(), format: c[1].into(), count: c[4].parse().expect("a count"), first, cell }
-        })
-        .collect()
-}
-
-/// Files of one snapshot after the first: the first one finds them.
-fn is_later_part(file: &str) -> bool {
-    ["snap.1", "multi.1", "multi.2", "multi.1.hdf5", "multi.2.hdf5"].iter().any(|end| file.ends_with(end))
-}
-
-/// Particles of the whole snapshot whose first file this is.
-fn whole_count(row: &Row, rows: &[Row]) -> u64 {
-    let stem = |file: &str| file.trim_end_matches(".hdf5").trim_end_matches(|c: char| c.is_ascii_digit()).to_string();
-    let parts = rows.iter().filter(|r| is_later_part(&r.file) && stem(&r.file) == stem(&row.file));
-    row.count + parts.map(|r| r.count).sum::<u64>()
-}
-
-fn check(folder: &Path, row: &Row, count: u64) -> Result<(), String> {
-    let path = folder.join(&row.file);
-    let said = |e: particlegs::Error| format!("{e} ({})", e.hint());
-    let mut snapshot = support::open(&path, None, None).map_err(said)?;
-    if snapshot.description().frames.is_some_and(|f| f.count > 1) {
-        snapshot = support::open(&path, None, Some(0)).map_err(said)?;
+/// A file, at its first frame where it has frames.
+fn opened(path: &Path) -> Result<Box<dyn Snapshot>, String> {
+    let snapshot = support::open(path, None, None).map_err(said)?;
+    match snapshot.description().frames {
+        Some(_) => support::open(path, None, Some(0)).map_err(said),
+        None => Ok(snapshot),
     }
-    let description = snapshot.description();
-    let counts: Vec<u64> = description.species.iter().map(|s| s.count).collect();
-    if counts.iter().sum::<u64>() != count && counts.first() != Some(&count) {
-        return Err(format!("{counts:?} particles instead of {count}"));
-    }
-    // Rows of dumps come in any order: sorted by id here.
-    let has_ids = row.format.contains("LAMMPS") && description.species[0].fields.iter().any(|f| f.name == "id");
-    let weights = if has_ids { Weights::Field("id".into()) } else { Weights::None };
-    let fields = Fields { weights, ..Fields::default() };
-    let mut particles = support::particles(&*snapshot, 0, &fields).map_err(said)?;
-    if has_ids {
-        // Types are species.
-        for species in 1..description.species.len() {
-            particles.extend(support::particles(&*snapshot, species, &fields).map_err(said)?);
-        }
-        particles.sort_by(|a, b| a[3].total_cmp(&b[3]));
-    }
-    let extent = row.first.iter().flatten().chain(&row.cell).fold(0.0f64, |a, v| a.max(v.abs()));
-    let tolerance = |v: f64| if row.format.contains("SPZ") { 1.3e-4 } else { 6e-6 * v.abs() + 2e-7 * extent + 6e-7 };
-    for (seen, wanted) in particles.iter().zip(&row.first) {
-        if (0..3).any(|k| (seen[k] - wanted[k]).abs() > tolerance(wanted[k])) {
-            return Err(format!("{seen:?} instead of {wanted:?}"));
-        }
-    }
-    check_cell(description.meta.cell.as_ref().map(|c| c.vectors), &row.cell)
 }
 
-fn check_cell(seen: Option<[[f64; 3]; 3]>, wanted: &[f64]) -> Result<(), String> {
-    let near = |a: f64, b: f64| (a - b).abs() <= 1e-5 * b.abs() + 1e-9;
-    let right = match (seen, wanted) {
-        (None, []) => true,
-        (Some(v), [l]) => (0..9).all(|i| near(v[i / 3][i % 3], if i % 4 == 0 { *l } else { 0.0 })),
-        (Some(v), [x, y, z]) => near(v[0][0], *x) && near(v[1][1], *y) && near(v[2][2], *z),
-        (Some(v), nine) if nine.len() == 9 => (0..9).all(|i| near(v[i / 3][i % 3], nine[i])),
-        _ => false,
-    };
-    if right { Ok(()) } else { Err(format!("box {seen:?} instead of {wanted:?}")) }
-}
-
-#[test]
-fn every_good_file_is_what_the_table_says() {
-    let Some(folder) = support::shared() else { return };
-    let table = std::fs::read_to_string(folder.join("README.md")).expect("the table");
-    let rows = rows(&table);
-    assert!(rows.len() > 90, "the table has {} rows", rows.len());
-    let (mut wrong, mut right, mut unsupported) = (Vec::new(), 0, Vec::new());
-    for row in rows.iter().filter(|r| !is_later_part(&r.file)) {
-        let expected = UNSUPPORTED.iter().find(|u| u.0 == row.file);
-        match (check(&folder, row, whole_count(row, &rows)), expected) {
-            (Ok(()), _) => right += 1,
-            (Err(what), Some((_, word))) if what.contains(word) => unsupported.push(what),
-            (Err(what), _) => wrong.push(format!("{} ({}): {what}", row.file, row.format)),
-        }
+/// All particles: position and weight with `fields`, species after species.
+fn everything(snapshot: &dyn Snapshot, fields: &Fields) -> Result<Vec<[f64; 4]>, String> {
+    let mut all = Vec::new();
+    for species in 0..snapshot.description().species.len() {
+        all.extend(support::particles(snapshot, species, fields).map_err(said)?);
     }
-    println!("{right} files as the table says; not supported: {}", unsupported.join("; "));
-    assert!(wrong.is_empty(), "{} of {} files:\n{}", wrong.len(), rows.len(), wrong.join("\n"));
+    Ok(all)
 }
 
 #[test]
 fn every_fixture_holds_the_first_fifty_particles() {
-    let mut wrong = Vec::new();
-    let mut count = 0;
-    for entry in std::fs::read_dir(support::fixtures()).expect("a folder").flatten() {
-        let path = entry.path();
-        if path.extension().is_some_and(|e| e == "py" || e == "md") {
-            continue;
-        }
-        count += 1;
-        if let Err(what) = check_fixture(&path) {
-            wrong.push(format!("{}: {what}", path.display()));
-        }
-    }
-    assert!(wrong.is_empty(), "{} of {count} files:\n{}", wrong.len(), wrong.join("\n"));
+    let files = support::files(&support::fixtures());
+    assert!(files.len() >= 65, "{} files", files.len());
+    let wrong: Vec<String> =
+        files.iter().filter_map(|p| Some(format!("{}: {}", p.display(), check_fixture(p).err()?))).collect();
+    assert!(wrong.is_empty(), "{} of {} files:\n{}", wrong.len(), files.len(), wrong.join("\n"));
+    // None of the formats is left out.
+    let seen: BTreeSet<&str> = files.iter().map(|p| particlegs_formats::detect(p).unwrap().name).collect();
+    let all: BTreeSet<&str> = FORMATS.iter().map(|f| f.name).collect();
+    assert_eq!(seen, all);
 }
 
 /// Compares with the sample's columns, whatever the species and the order.
 fn check_fixture(path: &Path) -> Result<(), String> {
-    let said = |e: particlegs::Error| format!("{e} ({})", e.hint());
-    let mut snapshot = support::open(path, None, None).map_err(said)?;
-    if snapshot.description().frames.is_some() {
-        snapshot = support::open(path, None, Some(0)).map_err(said)?;
-    }
-    let mut seen = Vec::new();
-    for species in 0..snapshot.description().species.len() {
-        seen.extend(support::particles(&*snapshot, species, &Fields::default()).map_err(said)?);
-    }
-    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    let column = |name: &str| -> Vec<f64> {
-        let bytes = std::fs::read(sample.join(name)).expect("the sample");
-        bytes[..200].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]).into()).collect()
-    };
-    let (x, y, z) = (column("xx.f32"), column("yy.f32"), column("zz.f32"));
-    let mut wanted: Vec<[f64; 3]> = (0..50).map(|i| [x[i], y[i], z[i]]).collect();
-    let tolerance = match &*path.file_name().expect("a name").to_string_lossy() {
+    let name = path.file_name().expect("a name").to_string_lossy();
+    let snapshot = opened(path)?;
+    check_box(&name, &*snapshot)?;
+    let mut seen = everything(&*snapshot, &Fields::default())?;
+    let mut wanted = support::sample(50);
+    let tolerance = match &*name {
         // Half floats, twelve bits of fraction, six digits; scaled dumps have nine.
         "v1.spz" => 8e-3,
         name if name.ends_with(".spz") => 1.3e-4,
@@ -168,4 +68,91 @@ fn check_fixture(path: &Path) -> Result<(), String> {
         Some((s, w)) => Err(format!("{s:?} instead of {w:?}")),
         None => Ok(()),
     }
+}
+
+/// Formats that state a box state this one; the others none.
+fn check_box(name: &str, snapshot: &dyn Snapshot) -> Result<(), String> {
+    let states_one = ["hdf5", "gio", "dump", "dump.gz", "dump.bz2", "dump.zst", "extxyz"];
+    let states_one =
+        states_one.iter().any(|e| name.ends_with(e)) || name.starts_with("gadget") || name.ends_with("npz");
+    let wanted = match name {
+        "tilted.dump.bz2" => Some([[25.0, 0.0, 0.0], [2.5, 25.0, 0.0], [1.25, 5.0, 25.0]]),
+        _ if states_one => Some([[25.0, 0.0, 0.0], [0.0, 25.0, 0.0], [0.0, 0.0, 25.0]]),
+        _ => None,
+    };
+    let seen = snapshot.description().meta.cell.as_ref().map(|c| c.vectors);
+    if seen == wanted { Ok(()) } else { Err(format!("box {seen:?} instead of {wanted:?}")) }
+}
+
+/// Files of a snapshot in two parts: either part gives the whole.
+#[test]
+fn either_part_gives_the_whole() {
+    for part in ["gadget1_parts.0", "gadget1_parts.1"] {
+        let snapshot = opened(&support::fixtures().join(part)).unwrap();
+        assert_eq!(snapshot.description().files.len(), 2, "{part}");
+    }
+}
+
+/// What HACC's own library compressed, bit for bit, and what the reference packer of SPZ packed.
+#[test]
+fn files_by_the_formats_own_programs() {
+    let folder = support::data("others");
+    let compressed = opened(&folder.join("hacc_2ranks_blosc.gio")).unwrap();
+    let lengths = compressed.description().meta.cell.as_ref().and_then(|c| c.lengths());
+    assert_eq!(lengths, Some([25.0; 3]));
+    let by_id = Fields { weights: Weights::Field("id".into()), ..Fields::default() };
+    let seen = everything(&*compressed, &by_id).unwrap();
+    assert_eq!(seen.len(), 5000);
+    for (i, (s, w)) in seen.iter().zip(support::sample(5000)).enumerate() {
+        assert_eq!((s[..3].to_vec(), s[3]), (w.to_vec(), i as f64 + 1.0), "particle {i}");
+    }
+    let splats = everything(&*opened(&folder.join("splat_sh3_spzv3.spz")).unwrap(), &Fields::default()).unwrap();
+    assert_eq!(splats.len(), 1000);
+    for (s, w) in splats.iter().zip(support::sample(1000)) {
+        assert!((0..3).all(|k| (s[k] - w[k]).abs() <= 1.3e-4), "{s:?} instead of {w:?}");
+    }
+}
+
+/// Coordinates outside the box stay where they are.
+#[test]
+fn unwrapped_coordinates_are_kept() {
+    let snapshot = opened(&support::data("others").join("unwrapped.dump")).unwrap();
+    let seen = everything(&*snapshot, &Fields::default()).unwrap();
+    assert_eq!(seen.len(), 50);
+    for (i, (s, w)) in seen.iter().zip(support::sample(50)).enumerate() {
+        for k in 0..3 {
+            let wanted = w[k] + 25.0 * ((3 * i + k) % 5) as f64 - 50.0;
+            assert!((s[k] - wanted).abs() <= 1e-5, "{s:?} instead of {w:?}");
+        }
+    }
+}
+
+/// Masses come with the particles they belong to, where the rows are in another order, too.
+#[test]
+fn weights_follow_their_particles() {
+    let fields = |name: &str| Fields { weights: Weights::Field(name.into()), ..Fields::default() };
+    let wanted = support::sample(50);
+    for (name, field) in [
+        ("unordered.dump", "id"),
+        ("plain.dump", "id"),
+        ("two_ranks.gio", "id"),
+        ("records.npy", "mass"),
+        ("deflate.npz", "mass"),
+        ("header.csv.gz", "mass"),
+        ("big_f8.ply", "mass"),
+        ("raw_be.vtp", "mass"),
+        ("raw_zlib.vtu", "mass"),
+        ("binary51.vtk", "mass"),
+    ] {
+        let all = everything(&*opened(&support::fixtures().join(name)).unwrap(), &fields(field)).unwrap();
+        assert_eq!(all.len(), 50, "{name}");
+        for p in &all {
+            let i = wanted.iter().position(|w| (0..3).all(|k| (p[k] - w[k]).abs() < 4e-6)).expect("a particle");
+            let weight = if field == "id" { i + 1 } else { 1 + (i + 1) % 3 };
+            assert_eq!(p[3], weight as f64, "{name}, particle {i}");
+        }
+    }
+    let masses = opened(&support::fixtures().join("gadget2_masses")).unwrap();
+    let all = everything(&*masses, &Fields::default()).unwrap();
+    assert!(all.iter().enumerate().all(|(i, p)| p[3] == (1 + (i + 1) % 3) as f64), "{all:?}");
 }

@@ -48,12 +48,8 @@ fn check(path: &Path, refused: bool) -> Vec<String> {
 
 #[test]
 fn every_broken_file_is_refused_in_one_line() {
-    let Some(folder) = support::shared() else { return };
-    let mut files: Vec<_> =
-        std::fs::read_dir(folder.join("bad")).expect("a folder").flatten().map(|e| e.path()).collect();
-    files.retain(|p| p.file_name().is_some_and(|n| n != "README.md"));
-    files.sort();
-    assert!(files.len() >= 64, "{} files", files.len());
+    let files = support::files(&support::data("bad"));
+    assert!(files.len() >= 65, "{} files", files.len());
     let wrong: Vec<String> = files.iter().flat_map(|p| check(p, !p.ends_with(GOOD))).collect();
     assert!(wrong.is_empty(), "{} faults:\n{}", wrong.len(), wrong.join("\n"));
 }

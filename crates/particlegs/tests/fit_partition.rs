@@ -118,9 +118,7 @@ fn threads_do_not_matter() {
     check(&p, &one);
     assert_eq!(one.cells.len(), 2000);
     assert!(one.store == three.store && one.cells == three.cells && one.moments == three.moments);
-    particlegs::math::set_simd(false);
-    let plain = with(2);
-    particlegs::math::set_simd(true);
+    let plain = particlegs::math::without_simd(|| cut(&p, 2000));
     assert!(one.store == plain.store && one.cells == plain.cells && one.moments == plain.moments);
 }
 

@@ -420,9 +420,7 @@ fn threads_and_simd_give_the_same_bytes() {
         assert_eq!(pool.install(code), bytes);
         assert_eq!(pool.install(|| codec::decode(&bytes, "m")).unwrap(), codec::decode(&bytes, "m").unwrap());
     }
-    math::set_simd(false);
-    assert_eq!(code(), bytes);
-    math::set_simd(true);
+    assert_eq!(math::without_simd(code), bytes);
 }
 
 /// Files of every version and what they hold. To write those of the newest anew after a deliberate

@@ -46,6 +46,24 @@ fn planned(folder: &Path) -> Job {
     plan(Source::Now(sample()), &task, folder, &Silent).unwrap().job
 }
 
+/// A sound block with a right report is refused where it is another block's.
+#[test]
+fn blocks_that_changed_places_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let job = planned(&folder.path().join("job"));
+    let source = || -> particlegs::Result<Layered> { panic!("buckets are enough") };
+    for block in 0..2 {
+        job.block(block, source, &Silent).unwrap();
+    }
+    job.verify(None, &Silent).unwrap();
+    let path = |block: u32, kind: &str| job.folder.join(format!("blocks/{block:05}.{kind}"));
+    std::fs::copy(path(0, "pgs"), path(1, "pgs")).unwrap();
+    let report = std::fs::read_to_string(path(0, "json")).unwrap();
+    std::fs::write(path(1, "json"), report.replace("\"block\": 0", "\"block\": 1")).unwrap();
+    let error = job.verify(None, &Silent).unwrap_err().to_string();
+    assert!(error.contains("00001.pgs") && error.contains("not those of block 1"), "{error}");
+}
+
 #[test]
 fn a_block_goes_on_where_it_stopped() {
     let folder = tempfile::tempdir().unwrap();

@@ -135,10 +135,7 @@ fn a_block_above_4_gib_has_a_wrapped_mark() {
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     let at = head.len() as u64 + length;
     use std::os::unix::fs::FileExt;
-    if file.set_len(at + 4).is_err() {
-        println!("skipped: no sparse files here");
-        return;
-    }
+    file.set_len(at + 4).expect("a temporary folder that takes sparse files");
     file.write_all_at(&mark, at).unwrap();
     file.write_all_at(&5f32.to_le_bytes(), at - 4).unwrap();
     let snapshot = open(&[path]).unwrap();

@@ -1,4 +1,4 @@
-//! What the suites share: the shared data's place, counted memory, reading a whole file.
+//! What the suites share: where files are, counted memory, reading a whole file.
 // Each suite uses its part.
 #![allow(dead_code)]
 
@@ -10,20 +10,34 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-/// The folder of sample files beside the project, where there is one.
-pub fn shared() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/formats");
-    let found = [beside, PathBuf::from(std::env::var_os("PARTICLEGS_FORMATS").unwrap_or_default())];
-    let found = found.into_iter().find(|p| p.join("README.md").is_file());
-    if found.is_none() {
-        eprintln!("skipped: no folder of sample files (set PARTICLEGS_FORMATS)");
-    }
-    found
-}
-
-/// The fixtures of this crate.
+/// The files of this crate that hold the sample's first fifty particles.
 pub fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures")
+}
+
+/// Other files of this crate, by folder.
+pub fn data(folder: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(folder)
+}
+
+/// Files of a folder that are no scripts and no pages, by name.
+pub fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder").map(|e| e.expect("an entry").path());
+    let mut files: Vec<PathBuf> = entries.filter(|p| p.is_file()).collect();
+    files.retain(|p| p.extension().is_none_or(|e| e != "py" && e != "md"));
+    files.sort();
+    files
+}
+
+/// The first particles of the bundled sample.
+pub fn sample(count: usize) -> Vec<[f64; 3]> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
+    let column = |name: &str| -> Vec<f64> {
+        let bytes = std::fs::read(folder.join(name)).expect("the sample");
+        bytes[..4 * count].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]).into()).collect()
+    };
+    let (x, y, z) = (column("xx.f32"), column("yy.f32"), column("zz.f32"));
+    (0..count).map(|i| [x[i], y[i], z[i]]).collect()
 }
 
 /// Counts what is allocated.

@@ -261,7 +261,7 @@ fn name_owners(logs: &[[Lanes; BATCH]], v: usize, best: &[f32; LANES], owner: &m
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Random, set_simd};
+    use crate::math::{Random, without_simd};
 
     /// The E step as a reader would write it, f64.
     fn plain(points: &[[f32; 3]], weight: &[f32], centre: [f32; 3], candidates: &[Whitened]) -> Vec<[f64; SUMS]> {
@@ -319,9 +319,7 @@ mod tests {
                 (sums, owner, l)
             };
             let fast = run();
-            set_simd(false);
-            let scalar = run();
-            set_simd(true);
+            let scalar = without_simd(run);
             assert_eq!(fast, scalar);
             for (a, b) in fast.0.iter().zip(plain(&points, &weight, centre, &candidates)) {
                 for q in 0..SUMS {

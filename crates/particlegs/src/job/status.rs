@@ -5,7 +5,7 @@ use super::manifest::Job;
 use crate::blocks::Survey;
 use crate::particles::Layered;
 use crate::progress::Progress;
-use crate::{Result, codec};
+use crate::{Error, Result, codec};
 use serde::Serialize;
 
 /// How far a part is.
@@ -70,11 +70,12 @@ impl Job {
         Ok(status)
     }
 
-    /// Reads every file through that is there: buckets, blocks, and the snapshot where `source` gives it.
+    /// Reads every file through that is there: buckets, blocks, and the snapshot where `source` gives it. Blocks
+    /// hold particles of their own part of space, and all blocks together as many as were planned.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] naming the first that is broken, of another plan, or changed;
-    /// [`crate::Error::Corrupt`] for a block whose Gaussians cannot be decoded.
+    /// [`crate::Error::Input`] naming the first that is broken, of another plan, or changed, or a block that
+    /// is another one's; [`crate::Error::Corrupt`] for a block whose Gaussians cannot be decoded.
     pub fn verify(&self, source: Option<Layered>, progress: &dyn Progress) -> Result<()> {
         let m = &self.manifest;
         if let Some(source) = source {
@@ -91,14 +92,34 @@ impl Job {
             progress.advance(1);
         }
         let missing = self.missing()?;
+        let mut particles = 0u64;
         for block in (0..m.plan.blocks).filter(|b| missing.binary_search(b).is_err()) {
             progress.check()?;
-            for coded in self.done_block(block)?.0.iter().flat_map(|l| &l.blocks) {
-                codec::decode_block(coded, &self.block_path(block, "pgs").display().to_string())?;
-            }
+            particles = particles.saturating_add(self.verify_block(block)?);
             progress.advance(1);
         }
         progress.end();
+        if missing.is_empty() && particles != m.plan.metadata.count {
+            let what = format!("its blocks hold {particles} particles, the plan {}", m.plan.metadata.count);
+            return Err(Error::input(&self.folder, what));
+        }
         Ok(())
+    }
+
+    /// Decodes a block that is done; gives its particles.
+    fn verify_block(&self, block: u32) -> Result<u64> {
+        let path = self.block_path(block, "pgs");
+        let mut particles = 0u64;
+        for coded in self.done_block(block)?.0.iter().flat_map(|l| &l.blocks) {
+            let decoded = codec::decode_block(coded, &path.display().to_string())?;
+            let corner = |c: [f64; 3]| std::array::from_fn(|k| (c[k] - self.manifest.origin[k]) as f32);
+            let reached = self.manifest.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
+            if !reached.contains(&block) {
+                let hint = format!("delete it and run `particlegs block {} {block}`", self.folder.display());
+                return Err(Error::input_hint(&path, format!("its particles are not those of block {block}"), hint));
+            }
+            particles = particles.saturating_add(decoded.count);
+        }
+        Ok(particles)
     }
 }

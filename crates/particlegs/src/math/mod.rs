@@ -7,6 +7,6 @@ mod symmetric;
 mod vector;
 
 pub use random::Random;
-pub use simd::{set_simd, simd_level};
+pub use simd::{disable_simd, simd_level, without_simd};
 pub use symmetric::{Eigen, Sym3};
 pub(crate) use vector::{across, add_product, exp2};

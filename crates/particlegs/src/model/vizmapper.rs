@@ -246,9 +246,7 @@ pub(crate) mod tests {
             out
         };
         let fast = run();
-        crate::math::set_simd(false);
-        let slow = run();
-        crate::math::set_simd(true);
+        let slow = crate::math::without_simd(run);
         assert_eq!(fast, slow);
         let parameters: Vec<f64> = m.parameters.iter().map(|v| f64::from(*v)).collect();
         for (x, y) in x.iter().zip(&fast) {

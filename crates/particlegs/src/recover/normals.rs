@@ -102,7 +102,7 @@ fn sin_cos(h: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::set_simd;
+    use crate::math::without_simd;
 
     #[test]
     fn functions_agree_with_the_library() {
@@ -140,9 +140,7 @@ mod tests {
             z
         };
         let fast = draw();
-        set_simd(false);
-        let plain = draw();
-        set_simd(true);
+        let plain = without_simd(draw);
         assert_eq!(fast, plain);
     }
 }

@@ -106,9 +106,7 @@ fn threads_and_vectors_change_no_bit() {
         let many = draw();
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(draw);
         assert!(many == one, "threads change the picture");
-        crate::math::set_simd(false);
-        let plain = draw();
-        crate::math::set_simd(true);
+        let plain = crate::math::without_simd(draw);
         assert!(many == plain, "vector instructions change the picture");
     }
 }

@@ -100,9 +100,7 @@ fn threads_and_vectors_do_not_change_a_bit() {
     let draw = || optical_depth(&scene, &v, SIZE, &Silent).unwrap();
     let many = draw();
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(draw);
-    crate::math::set_simd(false);
-    let plain = draw();
-    crate::math::set_simd(true);
+    let plain = crate::math::without_simd(draw);
     let bits = |p: &Plane| p.data.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&many), bits(&one));
     assert_eq!(bits(&many), bits(&plain));

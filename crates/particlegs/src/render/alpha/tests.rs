@@ -97,9 +97,7 @@ fn threads_and_vectors_do_not_change_a_bit() {
     let many = draw(&e, &g, CutOffs::PUBLISHED);
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let one = one.install(|| draw(&e, &g, CutOffs::PUBLISHED));
-    crate::math::set_simd(false);
-    let plain = draw(&e, &g, CutOffs::PUBLISHED);
-    crate::math::set_simd(true);
+    let plain = crate::math::without_simd(|| draw(&e, &g, CutOffs::PUBLISHED));
     assert_eq!(bits(&many), bits(&one));
     assert_eq!(bits(&many), bits(&plain));
 }

@@ -159,9 +159,7 @@ fn threads_vectors_and_interruptions_do_not_change_a_bit() {
     let whole = eventful(&lesson, None, 12);
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     assert!(whole == one.install(|| eventful(&lesson, None, 12)), "threads");
-    crate::math::set_simd(false);
-    let plain = eventful(&lesson, None, 12);
-    crate::math::set_simd(true);
+    let plain = crate::math::without_simd(|| eventful(&lesson, None, 12));
     assert!(whole == plain, "vectors");
     let half = eventful(&lesson, None, 6);
     assert!(whole == eventful(&lesson, Some((&half, 6)), 12), "interruption");

@@ -1,0 +1,50 @@
+//! Every number of a decoded model as hexadecimal bits, one line a Gaussian, for comparison with another reader
+//! of docs/format.md: `decoded_bits MODEL.pgs`.
+
+use particlegs::codec;
+use particlegs::model::{Block, Model};
+use std::io::{BufWriter, Write};
+
+fn bits(values: impl IntoIterator<Item = f64>) -> String {
+    values.into_iter().map(|v| format!("{:016x}", v.to_bits())).collect::<Vec<_>>().join(" ")
+}
+
+fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
+    let m = &model.metadata;
+    let hash: String = m.source_hash.iter().map(|b| format!("{b:02x}")).collect();
+    writeln!(out, "law {} particles {} hash {hash}", m.law as u8, m.count)?;
+    let bounds = m.bounds.min.into_iter().chain(m.bounds.max);
+    let reals = [m.mass].into_iter().chain(bounds).chain([m.default_radius, m.default_opacity]);
+    writeln!(out, "reals {}", bits(reals))?;
+    writeln!(out, "source {}", m.source)?;
+    let Some(network) = &model.vizmapper else { return Ok(()) };
+    let r = network.ranges;
+    writeln!(out, "ranges {}", bits([r.scale, r.opacity, r.floor]))?;
+    let parameters = network.parameters.iter().flat_map(|p| p.to_le_bytes());
+    writeln!(out, "network {}", parameters.map(|b| format!("{b:02x}")).collect::<String>())
+}
+
+fn block(b: &Block, out: &mut dyn Write) -> std::io::Result<()> {
+    let corners = b.bounds.min.into_iter().chain(b.bounds.max);
+    let g = &b.gaussians;
+    writeln!(out, "block {} {} {}", b.count, bits([b.mass].into_iter().chain(corners)), g.len())?;
+    let shade = g.shade.as_ref();
+    let extra = [g.mass.as_ref(), shade.map(|s| &s.opacity), shade.map(|s| &s.grey)];
+    for i in 0..g.len() {
+        let own = g.mean_of(i).into_iter().chain(g.cov_of(i).0).chain([g.count[i]]);
+        writeln!(out, "{}", bits(own.chain(extra.iter().flatten().map(|c| c[i]))))?;
+    }
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let path = std::env::args().nth(1).ok_or("decoded_bits MODEL.pgs")?;
+    let model = codec::decode(&std::fs::read(&path)?, &path)?;
+    let mut out = BufWriter::new(std::io::stdout().lock());
+    head(&model, &mut out)?;
+    for layer in &model.layers {
+        writeln!(out, "layer {} {}", layer.name, layer.blocks.len())?;
+        layer.blocks.iter().try_for_each(|b| block(b, &mut out))?;
+    }
+    Ok(out.flush()?)
+}

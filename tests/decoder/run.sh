@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# Model files read by tests/decoder/pgs.py, which knows docs/format.md alone, and by the program: the same bits.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+. tests/venv.sh
+cargo build --quiet --locked -p particlegs --example decoded_bits
+cargo build --quiet --locked -p particlegs-cli
+particlegs=$target/debug/particlegs
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+compress() { "$particlegs" compress "$@" --no-certificate --quiet >/dev/null; }
+compress samples/nbody64 -o "$work/sample.pgs"
+compress samples/nbody64 -o "$work/blocks.pgs" --effort fast --ratio 100 --blocks 3
+# More than 65536 Gaussians: a trunk and segments.
+compress samples/nbody64 -o "$work/segments.pgs" --effort fast --gaussians 70000
+# Layers, and particles with weights of their own.
+compress crates/particlegs-formats/tests/fixtures/species.hdf5 -o "$work/layers.pgs" --gaussians 20
+compress samples/nbody64 -o "$work/alpha.pgs" --train fast --law alpha-blend --config tests/rasteriser/tiny.toml \
+    --effort fast --size 20kB
+
+passed=0 failed=0
+for model in crates/particlegs/tests/fixtures/format-1.*.pgs "$work"/*.pgs; do
+    "$target/debug/examples/decoded_bits" "$model" >"$work/ours"
+    "$python" tests/decoder/pgs.py "$model" >"$work/theirs"
+    if cmp -s "$work/ours" "$work/theirs"; then
+        echo "$(basename "$model"): the same bits, $(wc -l <"$work/ours") lines"
+        passed=$((passed + 1))
+    else
+        echo "$(basename "$model"): the program (<) and the page (>) differ:"
+        diff "$work/ours" "$work/theirs" | cut -c1-200 | head -4 || true
+        failed=$((failed + 1))
+    fi
+done
+echo "$passed passed, $failed failed"
+[ "$failed" = 0 ]
