@@ -8,8 +8,8 @@
 use crate::progress::Progress;
 use crate::{Error, Result, memory};
 use std::fs::{File, Metadata};
-use std::io::{ErrorKind, Read};
-use std::path::Path;
+use std::io::{ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// The name of standard input among paths.
@@ -226,6 +226,61 @@ impl Form {
     }
 }
 
+/// What a pipe or device gave, in a file without a name: it can be read again and from many places.
+#[derive(Debug)]
+pub struct Spooled {
+    file: File,
+    place: String,
+}
+
+impl Spooled {
+    /// Keeps what `source` still has to give, in the system's folder for temporary files.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the disk is full; [`Error::Cancelled`]; [`Error::Input`] on systems where a
+    /// file without a name cannot be opened again.
+    pub fn of(mut source: Source<'_>) -> Result<Self> {
+        let place = source.place.clone();
+        if !cfg!(target_os = "linux") {
+            return Err(Error::input_hint(place, "a pipe or device", "write the data to a file first"));
+        }
+        let mut file = tempfile::tempfile().map_err(|e| Error::io("the folder for temporary files", e))?;
+        source.progress.begin("reading the input", 0);
+        source.copy(|piece| file.write_all(piece).map_err(|e| Error::io("the copy of the input", e)))?;
+        source.progress.end();
+        Ok(Spooled { file, place })
+    }
+
+    /// Where it can be opened, while this lives.
+    #[cfg(target_os = "linux")]
+    pub fn path(&self) -> PathBuf {
+        use std::os::fd::AsRawFd;
+        PathBuf::from(format!("/proc/self/fd/{}", self.file.as_raw_fd()))
+    }
+
+    /// Where it can be opened, while this lives.
+    #[cfg(not(target_os = "linux"))]
+    pub fn path(&self) -> PathBuf {
+        PathBuf::new()
+    }
+
+    /// How messages name it.
+    pub fn place(&self) -> &str {
+        &self.place
+    }
+
+    /// The error as people know its place.
+    pub fn named(&self, error: Error) -> Error {
+        let path = self.path().display().to_string();
+        let name = |text: String| text.replace(&path, &self.place);
+        match error {
+            Error::Input { place, what, hint } => Error::Input { place: name(place), what: name(what), hint },
+            Error::Io { place, source } => Error::Io { place: name(place), source },
+            other => other,
+        }
+    }
+}
+
 /// Opens a regular file and tells its length; never waits.
 ///
 /// # Errors
@@ -353,7 +408,7 @@ mod tests {
         assert!(read_whole(folder.path(), NOTE, &Silent).unwrap_err().to_string().contains("a folder"));
     }
 
-    #[cfg(unix)]
+    #[cfg(target_os = "linux")]
     fn fifo(folder: &Path) -> std::path::PathBuf {
         let path = folder.join("pipe");
         let mode = rustix::fs::Mode::from_raw_mode(0o600);
@@ -361,7 +416,7 @@ mod tests {
         path
     }
 
-    #[cfg(unix)]
+    #[cfg(target_os = "linux")]
     #[test]
     fn an_endless_device_is_left_after_its_first_bytes() {
         let zero = Path::new("/dev/zero");
@@ -372,7 +427,7 @@ mod tests {
         assert!(read_own(zero, endless).is_err());
     }
 
-    #[cfg(unix)]
+    #[cfg(target_os = "linux")]
     #[test]
     fn a_pipe_is_waited_for_and_read() {
         let folder = tempfile::tempdir().unwrap();
@@ -403,7 +458,7 @@ mod tests {
         }
     }
 
-    #[cfg(unix)]
+    #[cfg(target_os = "linux")]
     #[test]
     fn waiting_for_a_writer_is_said_and_can_be_stopped() {
         let folder = tempfile::tempdir().unwrap();

@@ -10,9 +10,11 @@ pub fn available_bytes() -> Option<u64> {
     Some(kib * 1024)
 }
 
+/// Asks for memory before it is taken.
+///
 /// # Errors
 /// [`Error::Memory`] where `need_bytes` are more than there are.
-pub(crate) fn require(what: &str, need_bytes: u64) -> Result<()> {
+pub fn require(what: &str, need_bytes: u64) -> Result<()> {
     match available_bytes() {
         Some(have_bytes) if need_bytes > have_bytes => {
             Err(Error::Memory { what: what.to_string(), need_bytes, have_bytes })

@@ -22,6 +22,7 @@ mod sidecar;
 mod source;
 mod storage;
 mod tile;
+mod units;
 mod write;
 
 pub use bounds::Bounds;
