@@ -1,5 +1,6 @@
 //! Options that every command has, and what they set up.
 
+use crate::printable::{one_line, printable};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use particlegs::progress::Progress;
@@ -87,7 +88,7 @@ impl Progress for Context {
         let bar = if total == 0 { ProgressBar::new_spinner() } else { ProgressBar::new(total) };
         let form = if total == 0 { "{msg} {spinner} {elapsed}" } else { "{msg:<28} {wide_bar} {percent:>3}% {eta}" };
         bar.set_style(ProgressStyle::with_template(form).unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.set_message(phase.to_string());
+        bar.set_message(one_line(phase).into_owned());
         if let Some(old) = self.bar.lock().unwrap_or_else(|e| e.into_inner()).replace(bar) {
             old.finish_and_clear();
         }
@@ -109,6 +110,7 @@ impl Progress for Context {
         if self.common.quiet {
             return;
         }
+        let text = printable(text);
         match self.bar.lock().unwrap_or_else(|e| e.into_inner()).as_ref() {
             Some(bar) => bar.suspend(|| eprintln!("{text}")),
             None => eprintln!("{text}"),

@@ -10,6 +10,7 @@ use particlegs::particles::{Cell, Particles};
 use particlegs::picture::{
     Colormap, DensityPicture, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
 };
+use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -116,7 +117,12 @@ impl DensityArgs {
     ///
     /// # Errors
     /// [`Error::Argument`] for numbers outside their range and for window options in perspective.
-    pub fn views(&self, views: &ViewArgs, subject: &Subject, q: &Quantities) -> Result<(Size, Vec<DensityView>)> {
+    pub fn views(
+        &self,
+        (views, subject): (&ViewArgs, &Subject),
+        q: &Quantities,
+        progress: &dyn Progress,
+    ) -> Result<(Size, Vec<DensityView>)> {
         if let Some(range) = &self.range
             && !(range.len() == 2 && range[0] > 0.0 && range[1] > range[0] && range[1].is_finite())
         {
@@ -126,7 +132,7 @@ impl DensityArgs {
             if self.center.is_some() || self.width.is_some() || self.depth.is_some() {
                 return Err(Error::argument("--center, --width and --depth belong to --projection orthographic"));
             }
-            let set = views.resolve(subject)?;
+            let set = views.resolve(subject, progress)?;
             return Ok((set.size, set.views.iter().map(|v| DensityView::of_view(v, &subject.bounds)).collect()));
         }
         if views.views.is_some() {

@@ -39,21 +39,30 @@ pub struct Job {
     pub threads: usize,
 }
 
-/// The engine's script for a job. Refused: a path that is no UTF-8 or has a line break, and for
-/// Snakemake one with braces: it takes them for wildcards and knows no way to quote them.
-pub fn script(engine: Engine, job: &Job) -> Result<String> {
-    let (template, quote): (&str, fn(&str) -> String) = match engine {
-        Engine::Slurm => (SLURM, shell_word),
-        Engine::Snakemake => (SNAKEMAKE, python_literal),
+/// A path as an engine's script has it. Refused: one that is no UTF-8 or has a line break, and what an
+/// engine gives a meaning of its own and knows no way to quote: for Snakemake braces (wildcards) and
+/// angle brackets (path variables), for Slurm backslashes (in names of logs).
+pub fn quoted(engine: Engine, path: &Path) -> Result<String> {
+    let (refused, quote): (&[char], fn(&str) -> String) = match engine {
+        Engine::Slurm => (&['\n', '\r', '\\'], shell_word),
+        Engine::Snakemake => (&['\n', '\r', '{', '}', '<', '>'], python_literal),
     };
-    let refused: &[char] = match engine {
-        Engine::Slurm => &['\n', '\r'],
-        Engine::Snakemake => &['\n', '\r', '{', '}'],
-    };
-    let path = |p: &Path| match p.to_str() {
+    match path.to_str() {
         Some(text) if !text.contains(refused) => Ok(quote(text)),
-        _ => Err(Error::argument(format!("{}: this path cannot stand in the engine's script", p.display()))),
+        _ => Err(Error::Argument {
+            what: format!("{}: this path cannot stand in the engine's script", path.display()),
+            hint: "use a path in UTF-8 without line breaks, braces, angle brackets and backslashes".into(),
+        }),
+    }
+}
+
+/// The engine's script for a job.
+pub fn script(engine: Engine, job: &Job) -> Result<String> {
+    let template = match engine {
+        Engine::Slurm => SLURM,
+        Engine::Snakemake => SNAKEMAKE,
     };
+    let path = |p: &Path| quoted(engine, p);
     // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
     let unit = match engine {
         Engine::Slurm => 1 << 20,
@@ -177,7 +186,11 @@ mod tests {
         for engine in [Engine::Slurm, Engine::Snakemake] {
             assert!(script(engine, &Job { folder: "a\nb".into(), ..job() }).is_err());
         }
-        assert!(script(Engine::Snakemake, &Job { model: "a{b}.pgs".into(), ..job() }).is_err());
+        for name in ["a{b}.pgs", "a<r>.pgs"] {
+            assert!(script(Engine::Snakemake, &Job { model: name.into(), ..job() }).is_err());
+            assert!(script(Engine::Slurm, &Job { model: name.into(), ..job() }).is_ok());
+        }
+        assert!(script(Engine::Slurm, &Job { folder: "a\\b".into(), ..job() }).is_err());
     }
 
     #[test]

@@ -1,9 +1,12 @@
 //! What `info` prints about a model file, and its certificate as a table.
 
 use crate::common::Context;
+use crate::printable::one_line;
+use particlegs::Result;
 use particlegs::codec::{self, FileInfo, LayerInfo};
+use particlegs::input::name_of;
 use particlegs::model::{Certificate, Law, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges};
-use particlegs::{Error, Result};
+use particlegs::particles::Cell;
 use particlegs_formats::SPLAT_PLY_BYTES;
 use serde::Serialize;
 use std::fmt::Write;
@@ -57,14 +60,8 @@ struct MetadataReport<'a> {
 }
 
 /// Prints what the file says.
-pub fn print(context: &Context, path: &Path) -> Result<()> {
-    let info = codec::read_info(&read(path)?, &path.display().to_string())?;
-    print_info(context, &info)
-}
-
-/// A model file's bytes.
-pub fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| Error::io(path, e))
+pub fn print(context: &Context, path: &Path, bytes: &[u8]) -> Result<()> {
+    print_info(context, &codec::read_info(bytes, &name_of(path))?)
 }
 
 fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
@@ -126,7 +123,7 @@ fn text(r: &Report<'_>) -> String {
     let m = &r.metadata;
     let mut out = String::new();
     let mut row = |name: &str, value: String| {
-        let _ = writeln!(out, "{name:<18} {value}");
+        let _ = writeln!(out, "{name:<18} {}", one_line(&value));
     };
     row("format", format!("{}, image law {}", r.format_version, m.law));
     row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
@@ -143,8 +140,13 @@ fn text(r: &Report<'_>) -> String {
         Some(n) => row(
             "VizMapper",
             format!(
-                "{:?}, {} parameters in {} bytes; scale within {}, opacity within {}, its factor at least {}",
-                n.shape, n.parameters, n.bytes, n.ranges.scale, n.ranges.opacity, n.ranges.floor
+                "layers of {} values, {} parameters in {} bytes; scale within {}, opacity within {}, its factor at least {}",
+                n.shape.map(|n| n.to_string()).join(", "),
+                n.parameters,
+                n.bytes,
+                n.ranges.scale,
+                n.ranges.opacity,
+                n.ranges.floor
             ),
         ),
         None if m.law == Law::AlphaBlend.name() => row("VizMapper", "none: trained without".into()),
@@ -152,7 +154,7 @@ fn text(r: &Report<'_>) -> String {
     }
     row("particles", m.particles.to_string());
     row("weights", format!("{} in all (1 a particle where a layer has none)", m.mass));
-    row("bounds", format!("{:?} to {:?}", m.bounds.min, m.bounds.max));
+    row("bounds", format!("{} to {}", point(m.bounds.min), point(m.bounds.max)));
     row("cell", cell(m));
     row("default radius", format!("{:.6e}", m.default_radius));
     row("default opacity", format!("{}", m.default_opacity));
@@ -178,7 +180,7 @@ fn text(r: &Report<'_>) -> String {
         row("layer", format!("`{}`: {count} particles, {mass}, {blocks} block(s)", layer.name));
         for b in &layer.blocks {
             let each = b.bytes as f64 / f64::from(b.gaussians);
-            let place = format!("{:?} to {:?}", b.bounds.min, b.bounds.max);
+            let place = format!("{} to {}", point(b.bounds.min), point(b.bounds.max));
             row(
                 "  block",
                 format!(
@@ -199,13 +201,11 @@ fn text(r: &Report<'_>) -> String {
 }
 
 fn cell(m: &MetadataReport<'_>) -> String {
-    let Some(c) = &m.cell else { return "none stated".into() };
-    let axes: String = ["x", "y", "z"].iter().zip(c.periodic).filter(|a| a.1).map(|a| *a.0).collect();
-    let periodic = if axes.is_empty() { "not periodic".into() } else { format!("periodic in {axes}") };
-    match c.lengths() {
-        Some([x, y, z]) => format!("{x} x {y} x {z}, {periodic}"),
-        None => format!("{:?}, {periodic}", c.vectors),
-    }
+    m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::in_words)
+}
+
+fn point(p: [f64; 3]) -> String {
+    format!("({}, {}, {})", p[0], p[1], p[2])
 }
 
 fn said(value: Option<impl ToString>) -> String {

@@ -1,6 +1,7 @@
 //! What `info` prints about a snapshot.
 
 use crate::common::Context;
+use crate::printable::one_line;
 use particlegs::Result;
 use particlegs::particles::{Bounds, Cell, SnapshotMeta};
 use particlegs_formats::{Choice, Description, Field, Mass, describe};
@@ -34,7 +35,7 @@ fn text(r: &Report<'_>) -> String {
     let (d, m) = (r.description, &r.description.meta);
     let mut out = String::new();
     let mut row = |name: &str, value: String| {
-        let _ = writeln!(out, "{name:<18} {value}");
+        let _ = writeln!(out, "{name:<18} {}", one_line(&value));
     };
     row("format", d.format.clone());
     row("files", files(&d.files));
@@ -87,15 +88,8 @@ fn field(f: &Field) -> String {
 }
 
 fn cell(c: &Cell, m: &SnapshotMeta) -> String {
-    let axes: String = ["x", "y", "z"].iter().zip(c.periodic).filter(|a| a.1).map(|a| *a.0).collect();
-    let periodic = if axes.is_empty() { "not periodic".into() } else { format!("periodic in {axes}") };
-    let unit = m.length_unit.as_deref().map_or(String::new(), |u| format!(" {u}"));
-    let shape = match c.lengths() {
-        Some([x, y, z]) => format!("{x} x {y} x {z}{unit}"),
-        None => format!("vectors {}, {}, {}{unit}", point(c.vectors[0]), point(c.vectors[1]), point(c.vectors[2])),
-    };
-    let corner = if c.origin == [0.0; 3] { String::new() } else { format!(", corner {}", point(c.origin)) };
-    format!("{shape}{corner}, {periodic}")
+    let unit = m.length_unit.as_deref().map_or(String::new(), |u| format!(" ({u})"));
+    format!("{}{unit}", c.in_words())
 }
 
 fn length_unit(m: &SnapshotMeta) -> String {

@@ -2,14 +2,17 @@
 
 mod commands;
 mod common;
+mod cut_short;
 mod density_args;
 mod emit;
 mod fit_args;
 mod info_model;
 mod info_snapshot;
+mod inputs;
 mod job_args;
 mod pictures;
 mod plots;
+mod printable;
 mod report;
 mod run_args;
 mod snapshot_args;
@@ -32,6 +35,7 @@ struct Cli {
 }
 
 fn main() -> ExitCode {
+    cut_short::say_so();
     // A reader that closes its end of a pipe early is no error of ours.
     let outcome = std::panic::catch_unwind(|| commands::run(Cli::parse().command));
     match outcome {

@@ -101,11 +101,6 @@ pub struct WindowArgs {
 }
 
 impl SnapshotArgs {
-    /// Opens the snapshot whole.
-    pub fn open(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Particles> {
-        read(paths, &self.choice()?, &Room::Memory, progress)
-    }
-
     /// Opens what a selection keeps of it.
     pub fn open_selected(
         &self,
@@ -175,6 +170,7 @@ impl SnapshotArgs {
             by_mass: self.layers_by == LayersBy::Mass,
             skip_invalid: self.skip_invalid,
             stated: Stated { box_lengths, length_unit: self.length_unit.clone(), mass_unit: self.mass_unit.clone() },
+            spooled: None,
         })
     }
 }

@@ -1,12 +1,15 @@
 //! How a fit is trained further: presets, a configuration file, limits. The same for `compress` and
 //! `plan`.
 
+use crate::inputs::Early;
 use clap::{Args, ValueEnum};
+use particlegs::input::{Begins, Form, read_whole};
 use particlegs::model::Law;
 use particlegs::train::{Config, Preset};
 use particlegs::{Error, Result};
 use serde::Deserialize;
-use std::path::PathBuf;
+use std::cell::OnceCell;
+use std::path::{Path, PathBuf};
 
 /// Training.
 #[derive(Args, Clone, Debug)]
@@ -38,7 +41,12 @@ pub struct TuneArgs {
     /// Steps in all; stages keep their proportions.
     #[arg(long, value_name = "N")]
     iterations: Option<u64>,
+    /// The text of --config, once it is read.
+    #[arg(skip)]
+    file: OnceCell<String>,
 }
+
+const FILE: Form = Form { title: "a configuration in TOML", begins: Begins::Text, most: 1 << 20, expansion: 32 };
 
 /// Presets on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -132,6 +140,16 @@ impl TuneArgs {
         self.config.is_some() || self.scale.is_some() || self.iterations.is_some()
     }
 
+    /// The file's text: read once, as a pipe gives it once.
+    fn text_of(&self, path: &Path) -> Result<&str> {
+        if let Some(text) = self.file.get() {
+            return Ok(text);
+        }
+        let bytes = read_whole(path, FILE, &Early)?;
+        let text = String::from_utf8(bytes).map_err(|_| Error::input(path, "not UTF-8 text"))?;
+        Ok(self.file.get_or_init(|| text))
+    }
+
     /// `preset` as changed by the file, then by the other options; `law` is what it must be, if anything.
     ///
     /// # Errors
@@ -139,8 +157,8 @@ impl TuneArgs {
     pub fn config(&self, preset: Config, law: Option<Law>) -> Result<Config> {
         let mut config = preset;
         if let Some(path) = &self.config {
-            let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-            let changes: toml::Table = toml::from_str(&text).map_err(|e| {
+            let text = self.text_of(path)?;
+            let changes: toml::Table = toml::from_str(text).map_err(|e| {
                 let line = e.span().map_or(1, |s| 1 + text[..s.start.min(text.len())].matches('\n').count());
                 Error::input(path, format!("line {line}: {}", one_line(e.message())))
             })?;

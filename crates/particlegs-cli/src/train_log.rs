@@ -2,6 +2,7 @@
 
 use crate::common::Context;
 use crate::plots::{self, Curve, Figure};
+use particlegs::input::{Begins, Form, read_own};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde_json::Value;
@@ -9,6 +10,9 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+
+/// Years of training, a line every fifty steps.
+const FILE: Form = Form { title: "a log of training", begins: Begins::Text, most: 1 << 28, expansion: 16 };
 
 /// A caller's progress whose log lines go to a file.
 struct Logged<'a> {
@@ -69,7 +73,8 @@ pub fn logged<T>(
 
 /// The curves of a log: NAME-loss and NAME-psnr, SVG and PNG; of several runs one after the other.
 fn draw(path: &Path) -> Result<()> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    let text = read_own(path, FILE)?.unwrap_or_default();
+    let text = String::from_utf8_lossy(&text);
     let runs = by_run(&text);
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let stem = path.file_stem().map_or_else(|| "training".into(), |s| s.to_string_lossy().into_owned());

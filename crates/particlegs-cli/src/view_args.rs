@@ -5,6 +5,7 @@ use clap::Args;
 use particlegs::camera::{View, ViewSet, base_distance, read_views, spherical_camera};
 use particlegs::particles::Bounds;
 use particlegs::picture::Size;
+use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
@@ -52,9 +53,9 @@ impl ViewArgs {
     /// # Errors
     /// [`Error::Input`] or [`Error::Io`] for a views file that cannot be used; [`Error::Argument`]
     /// for a number outside its range.
-    pub fn resolve(&self, subject: &Subject) -> Result<ViewSet> {
+    pub fn resolve(&self, subject: &Subject, progress: &dyn Progress) -> Result<ViewSet> {
         let mut set = match &self.views {
-            Some(path) => read_views(path)?,
+            Some(path) => read_views(path, progress)?,
             None => self.one_view(subject)?,
         };
         if let Some(size) = self.size {

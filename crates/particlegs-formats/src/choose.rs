@@ -1,13 +1,16 @@
 //! From the files that a user names to the particles that a user chose.
 
+use crate::folder::resolved;
 use crate::{Description, Fields, OpenOptions, Snapshot, Species, open};
+use particlegs::input::{Source, Spooled, is_stream};
 use particlegs::particles::{
-    Bounds, LayerSource, Layered, Particles, Room, Selection, SnapshotReader, Stated, check_values, layers_by_mass,
-    load, open_raw, select, settle_masses,
+    Bounds, LayerSource, Layered, Particles, Room, Selection, SnapshotMeta, SnapshotReader, Stated, check_values,
+    layers_by_mass, load, open_raw, select, settle_masses,
 };
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What to read of a snapshot.
 #[derive(Clone, Debug, Default)]
@@ -24,6 +27,39 @@ pub struct Choice {
     pub skip_invalid: bool,
     /// What the user states over what the files say.
     pub stated: Stated,
+    /// What the stream that is named has given already.
+    pub spooled: Option<Arc<Spooled>>,
+}
+
+/// The files to read: those that are named, or what the stream that is named has given.
+struct AtHand {
+    paths: Vec<PathBuf>,
+    spooled: Option<Arc<Spooled>>,
+}
+
+impl AtHand {
+    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<AtHand> {
+        let spooled = match (paths, &choice.spooled) {
+            ([one], None) if is_stream(one) => Some(Arc::new(Spooled::of(Source::open(one, progress)?)?)),
+            (_, spooled) => spooled.clone(),
+        };
+        let paths = spooled.as_ref().map_or_else(|| paths.to_vec(), |s| vec![s.path()]);
+        Ok(AtHand { paths, spooled })
+    }
+
+    /// What `read` gives, with the names that people know.
+    fn named<T>(&self, read: Result<T>) -> Result<T> {
+        read.map_err(|e| match &self.spooled {
+            Some(spooled) => spooled.named(e),
+            None => e,
+        })
+    }
+
+    fn name(&self, meta: &mut SnapshotMeta) {
+        if let Some(spooled) = &self.spooled {
+            meta.name = spooled.place().into();
+        }
+    }
 }
 
 /// Reads what was chosen: raw float32 (a folder with xx.f32, yy.f32, zz.f32, or those files) or any
@@ -32,11 +68,18 @@ pub struct Choice {
 /// # Errors
 /// Those of opening and reading; [`Error::Argument`] for a species that there is not.
 pub fn read(paths: &[PathBuf], choice: &Choice, room: &Room, progress: &dyn Progress) -> Result<Particles> {
+    let at_hand = AtHand::of(paths, choice, progress)?;
+    let mut particles = at_hand.named(read_at_hand(&at_hand.paths, choice, room, progress))?;
+    at_hand.name(&mut particles.meta);
+    Ok(particles)
+}
+
+fn read_at_hand(paths: &[PathBuf], choice: &Choice, room: &Room, progress: &dyn Progress) -> Result<Particles> {
     let mut particles = match is_raw(paths) && choice.open.format.is_none() {
         true => chosen_of_raw(open_raw(paths)?, choice)?,
         false => load(&species_of(&*opened(paths, choice)?, choice, progress)?, room, progress)?,
     };
-    choice.stated.apply(&mut particles.meta)?;
+    say(&choice.stated.apply(&mut particles.meta)?, progress);
     let drop = choice.skip_invalid.then_some(room);
     let particles = settle_masses(check_values(particles, &place(paths), drop)?);
     if choice.by_mass { layers_by_mass(&particles, room) } else { Ok(particles) }
@@ -69,15 +112,19 @@ pub fn read_later(
     selection: Selection,
     progress: &dyn Progress,
 ) -> Result<Option<Layered>> {
-    if choice.skip_invalid || choice.by_mass || !selection.is_all() {
+    if choice.skip_invalid || choice.by_mass || !selection.is_all() || paths.iter().any(|p| is_stream(p)) {
         return Ok(None);
     }
     let mut source = match is_raw(paths) && choice.open.format.is_none() {
         true => Layered::of(&chosen_of_raw(open_raw(paths)?, choice)?),
         false => species_of(&*opened(paths, choice)?, choice, progress)?,
     };
-    choice.stated.apply(&mut source.meta)?;
+    say(&choice.stated.apply(&mut source.meta)?, progress);
     Ok(source.random_access().then_some(source))
+}
+
+fn say(notes: &[String], progress: &dyn Progress) {
+    notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
 }
 
 /// How errors name what was named.
@@ -95,6 +142,21 @@ pub fn describe(
     bounds: bool,
     progress: &dyn Progress,
 ) -> Result<(Description, Vec<Bounds>)> {
+    let at_hand = AtHand::of(paths, choice, progress)?;
+    let (mut description, bounds) = at_hand.named(describe_at_hand(&at_hand.paths, choice, bounds, progress))?;
+    at_hand.name(&mut description.meta);
+    if at_hand.spooled.is_some() {
+        description.files = paths.to_vec();
+    }
+    Ok((description, bounds))
+}
+
+fn describe_at_hand(
+    paths: &[PathBuf],
+    choice: &Choice,
+    bounds: bool,
+    progress: &dyn Progress,
+) -> Result<(Description, Vec<Bounds>)> {
     if is_raw(paths) && choice.open.format.is_none() {
         return describe_raw(paths, choice);
     }
@@ -104,13 +166,14 @@ pub fn describe(
     let bounds = wanted
         .map(|index| bounds_of(&*snapshot.reader(index, &choice.fields)?, progress))
         .collect::<Result<Vec<_>>>()?;
-    choice.stated.apply(&mut description.meta)?;
+    let notes = choice.stated.apply(&mut description.meta)?;
+    description.notes.extend(notes);
     Ok((description, bounds))
 }
 
 /// Opens files of a format; a frame is asked for only where there are frames.
 fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
-    let snapshot = open(&resolved(paths)?, &choice.open)?;
+    let snapshot = open(&resolved(paths, &choice.open)?, &choice.open)?;
     if choice.open.frame.is_some() && snapshot.description().frames.is_none() {
         return Err(no_frames(&snapshot.description().meta.name));
     }
@@ -151,37 +214,10 @@ fn is_raw(paths: &[PathBuf]) -> bool {
     }
 }
 
-/// The files of a snapshot that is named by its folder: those of the first name that is known.
-fn resolved(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
-    let [folder] = paths else { return Ok(paths.to_vec()) };
-    if !folder.is_dir() {
-        return Ok(paths.to_vec());
-    }
-    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
-        .map_err(|e| Error::io(folder, e))?
-        .filter_map(|entry| Some(entry.ok()?.path()).filter(|p| p.is_file()))
-        .collect();
-    files.sort_by_cached_key(|p| name_key(p));
-    match files.iter().find(|p| crate::detect(p).is_ok()) {
-        Some(first) => Ok(vec![first.clone()]),
-        None => Err(Error::input_hint(
-            folder,
-            "a folder without xx.f32, yy.f32, zz.f32 and without a snapshot's file",
-            "name the snapshot's first file",
-        )),
-    }
-}
-
-/// Sorts `snap.2` before `snap.10`.
-fn name_key(path: &Path) -> (usize, String) {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    (name.len(), name)
-}
-
 fn species_of(snapshot: &dyn Snapshot, choice: &Choice, progress: &dyn Progress) -> Result<Layered> {
     let description = snapshot.description();
     let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;
-    description.notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
+    say(&description.notes, progress);
     let layer = |i: usize| {
         let reader = snapshot.reader(i, &choice.fields)?.into();
         Ok(LayerSource { name: description.species[i].name.clone(), reader })
@@ -258,7 +294,7 @@ fn chosen_of_raw(mut particles: Particles, choice: &Choice) -> Result<Particles>
 
 fn describe_raw(paths: &[PathBuf], choice: &Choice) -> Result<(Description, Vec<Bounds>)> {
     let mut particles = open_raw(paths)?;
-    choice.stated.apply(&mut particles.meta)?;
+    let notes = choice.stated.apply(&mut particles.meta)?;
     let scalar = |name: &str| crate::Field { name: name.into(), kind: "f32".into(), components: 1, unit: None };
     let mut fields = vec![scalar("xx"), scalar("yy"), scalar("zz")];
     if particles.weights.is_some() {
@@ -283,7 +319,7 @@ fn describe_raw(paths: &[PathBuf], choice: &Choice) -> Result<(Description, Vec<
         meta: particles.meta.clone(),
         species: layers.iter().map(species).collect(),
         frames: None,
-        notes: Vec::new(),
+        notes,
     };
     Ok((description, layers.iter().map(|l| particles.of_layer(l).bounds()).collect()))
 }

@@ -1,9 +1,9 @@
 //! Text files that come compressed: gzip, bzip2, zstd, read as streams.
 
+use particlegs::input::open_file;
 use particlegs::{Error, Result};
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
-use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
@@ -63,7 +63,7 @@ impl Compression {
 /// # Errors
 /// [`Error::Io`] where it cannot be read.
 pub fn open_stream(path: &Path, compression: Option<Compression>) -> Result<Box<dyn Read + Send>> {
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let (file, _) = open_file(path)?;
     match compression {
         None => Ok(Box::new(file)),
         Some(c) => c.decoder(BufReader::with_capacity(1 << 17, file)).map_err(|e| Error::io(path, e)),

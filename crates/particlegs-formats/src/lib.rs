@@ -22,6 +22,8 @@ pub mod strided;
 pub mod text;
 
 mod choose;
+mod folder;
+mod kind;
 mod registry;
 mod snapshot;
 mod writers;
@@ -40,6 +42,7 @@ mod vtk_xml;
 mod xyz;
 
 pub use choose::{Choice, describe, read, read_later, read_selected};
+pub use kind::Kind;
 pub use registry::{FORMATS, Format, Head, detect, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
 pub use splats::{SPLAT_PLY_BYTES, write_splats};

@@ -1,9 +1,9 @@
 //! Which format a file has: by its content, or by name.
 
 use crate::compressed::Compression;
-use crate::{OpenOptions, Snapshot};
+use crate::{Kind, OpenOptions, Snapshot};
+use particlegs::input::open_file;
 use particlegs::{Error, Result};
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -61,11 +61,7 @@ impl Head {
     /// [`Error::Io`]; [`Error::Input`] for what is no file, and for an empty one.
     pub fn read(path: &Path) -> Result<Head> {
         let fail = |e| Error::io(path, e);
-        let file = File::open(path).map_err(fail)?;
-        let metadata = file.metadata().map_err(fail)?;
-        if !metadata.is_file() {
-            return Err(Error::input(path, "not a regular file"));
-        }
+        let (file, length) = open_file(path)?;
         let mut bytes = Vec::new();
         file.take(HEAD).read_to_end(&mut bytes).map_err(fail)?;
         if bytes.is_empty() {
@@ -76,7 +72,7 @@ impl Head {
             None => bytes.clone(),
             Some(c) => decompressed(path, c),
         };
-        Ok(Head { path: path.to_path_buf(), length: metadata.len(), compression, bytes, content })
+        Ok(Head { path: path.to_path_buf(), length, compression, bytes, content })
     }
 }
 
@@ -86,8 +82,8 @@ const COMPRESSED_HEAD: u64 = 2 << 20;
 /// As much as the first bytes give; a broken stream is found when it is read.
 fn decompressed(path: &Path, compression: Compression) -> Vec<u8> {
     let mut content = Vec::new();
-    let decoder = File::open(path).and_then(|file| compression.decoder(file.take(COMPRESSED_HEAD)));
-    if let Ok(decoder) = decoder {
+    let decoder = open_file(path).map(|(file, _)| compression.decoder(file.take(COMPRESSED_HEAD)));
+    if let Ok(Ok(decoder)) = decoder {
         let _ = decoder.take(HEAD).read_to_end(&mut content);
     }
     content
@@ -99,11 +95,33 @@ fn decompressed(path: &Path, compression: Compression) -> Vec<u8> {
 /// [`Error::Input`] where none fits; [`Error::Io`].
 pub fn detect(path: &Path) -> Result<&'static Format> {
     let head = Head::read(path)?;
-    FORMATS.iter().find(|f| (f.detect)(&head)).ok_or_else(|| {
-        let names: Vec<&str> = FORMATS.iter().map(|f| f.name).collect();
-        let hint = format!("`--format` forces one of: {}", names.join(", "));
-        Error::input_hint(path, "not in a format that this program knows", hint)
-    })
+    match Kind::of_head(&head) {
+        Kind::Snapshot(format) => Ok(format),
+        Kind::Unknown => {
+            let hint = format!("`--format` forces one of: {}", names());
+            Err(Error::input_hint(path, "not in a format that this program knows", hint))
+        }
+        other => {
+            let what = format!("{}, not a snapshot", other.in_words().unwrap_or_default());
+            Err(Error::input_hint(path, what, other.to_a_snapshot()))
+        }
+    }
+}
+
+/// The first format that takes a file to be its own.
+pub(crate) fn format_of(head: &Head) -> Option<&'static Format> {
+    FORMATS.iter().find(|f| (f.detect)(head))
+}
+
+/// The format of that name.
+pub(crate) fn named(name: &str) -> Result<&'static Format> {
+    let unknown = || Error::argument(format!("format `{name}` is not one of: {}", names()));
+    FORMATS.iter().find(|f| f.name == name).ok_or_else(unknown)
+}
+
+/// All names, for messages.
+fn names() -> String {
+    FORMATS.iter().map(|f| f.name).collect::<Vec<_>>().join(", ")
 }
 
 /// Opens the files of one snapshot. Formats in several files need the first alone and find the rest.
@@ -115,10 +133,7 @@ pub fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot
     let first = paths.first().ok_or_else(|| Error::argument("no file was named"))?;
     let format = match &options.format {
         None => detect(first)?,
-        Some(name) => FORMATS.iter().find(|f| f.name == name).ok_or_else(|| {
-            let names: Vec<&str> = FORMATS.iter().map(|f| f.name).collect();
-            Error::argument(format!("format `{name}` is not one of: {}", names.join(", ")))
-        })?,
+        Some(name) => named(name)?,
     };
     (format.open)(paths, options)
 }

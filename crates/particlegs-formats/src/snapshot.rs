@@ -32,6 +32,7 @@ pub struct Description {
     /// The format in words, e.g. `Gadget-2 binary, format 2, big-endian`.
     pub format: String,
     /// The files read, in order.
+    #[serde(serialize_with = "paths_as_text")]
     pub files: Vec<PathBuf>,
     /// Cell, units, cosmology.
     pub meta: SnapshotMeta,
@@ -41,6 +42,11 @@ pub struct Description {
     pub frames: Option<Frames>,
     /// What a user should know: features not read, values that contradict each other.
     pub notes: Vec<String>,
+}
+
+/// What is no UTF-8 in a path is replaced.
+fn paths_as_text<S: serde::Serializer>(paths: &[PathBuf], to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.collect_seq(paths.iter().map(|p| p.to_string_lossy()))
 }
 
 /// Frames of a trajectory.

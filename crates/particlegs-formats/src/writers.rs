@@ -58,18 +58,89 @@ pub static WRITERS: &[Writer] = &[
     },
 ];
 
-/// The writer of that name, or else the one that the output's ending means.
+/// Endings of names that mean data or pictures of a kind that is not written here: a folder of raw
+/// columns is none of them.
+const OTHER_ENDINGS: [&str; 42] = [
+    "csv", "tsv", "txt", "dat", "asc", "xyz", "extxyz", "fits", "fit", "npz", "ply", "splat", "spz", "glb", "gltf",
+    "vtk", "vtu", "vti", "pvtp", "pvtu", "pvd", "gio", "gadget", "gdr", "bp", "nc", "f32", "bin", "raw", "parquet",
+    "feather", "mat", "gz", "bz2", "zst", "zip", "tar", "pgs", "json", "png", "svg", "toml",
+];
+
+/// The writer of that name, or else the one that the output's ending means: a name without a known
+/// ending means raw columns.
 ///
 /// # Errors
-/// [`Error::Argument`] for an unknown name.
+/// [`Error::Argument`] for an unknown name, an ending that means another format than the one that is
+/// named, and one that means a format that is not written.
 pub fn writer_for(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
-    if let Some(name) = name {
-        return WRITERS.iter().find(|w| w.name == name).ok_or_else(|| {
-            let names: Vec<&str> = WRITERS.iter().map(|w| w.name).collect();
-            Error::argument(format!("output format `{name}` is not one of: {}", names.join(", ")))
-        });
+    let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
+    let refused = |what: String| {
+        let writers: Vec<String> = WRITERS.iter().map(Writer::in_words).collect();
+        Err(Error::Argument { what, hint: format!("what can be written: {}", writers.join("; ")) })
+    };
+    if meant.is_none() && OTHER_ENDINGS.contains(&&ending[..]) && !out.is_dir() {
+        return refused(format!("{}: .{ending} is not written", out.display()));
     }
-    let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
-    let known = WRITERS.iter().find(|w| ending.as_deref().is_some_and(|e| w.endings.contains(&e)));
-    Ok(known.unwrap_or(&WRITERS[0]))
+    let Some(name) = name else { return Ok(meant.unwrap_or(&WRITERS[0])) };
+    let Some(writer) = WRITERS.iter().find(|w| w.name == name) else {
+        return refused(format!("output format `{name}` is not known"));
+    };
+    match meant {
+        Some(meant) if meant.name != name => {
+            let (out, title) = (out.display(), meant.title);
+            refused(format!("{out}: its ending means {title}, and `--to {name}` another format"))
+        }
+        // Whether an array or a folder is written stands in the name alone.
+        None if name == "npy" => refused(format!("{}: a NumPy array wants a name that ends in .npy", out.display())),
+        _ => Ok(writer),
+    }
+}
+
+impl Writer {
+    /// For lists: `hdf5 (.hdf5, .h5)`.
+    fn in_words(&self) -> String {
+        let endings: Vec<String> = self.endings.iter().map(|e| format!(".{e}")).collect();
+        let endings = if endings.is_empty() { "a folder".into() } else { endings.join(", ") };
+        format!("{} ({endings})", self.name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_means_what_it_says_or_is_refused() {
+        let to = |out: &str, name: Option<&str>| writer_for(Path::new(out), name).map(|w| w.name);
+        let chosen = [
+            ("x", None, "raw"),
+            ("run.1", None, "raw"),
+            ("snap_099.v2", None, "raw"),
+            ("x.npy", None, "npy"),
+            ("x.NPY", Some("npy"), "npy"),
+            ("x.h5", None, "hdf5"),
+            ("x", Some("hdf5"), "hdf5"),
+            ("x.1", Some("vtp"), "vtp"),
+            ("x.dump", Some("lammps"), "lammps"),
+        ];
+        for (out, name, writer) in chosen {
+            assert_eq!(to(out, name).unwrap(), writer, "{out}");
+        }
+        for (out, name) in [
+            ("x.csv", None),
+            ("x.FITS", None),
+            ("x.xyz", None),
+            ("x.npz", None),
+            ("x.ply", None),
+            ("x.csv", Some("hdf5")),
+            ("x", Some("npy")),
+            ("b.npy", Some("raw")),
+            ("b.npy", Some("hdf5")),
+            ("x", Some("fits")),
+        ] {
+            let error = to(out, name).unwrap_err();
+            assert!(error.hint().contains("raw (a folder); npy (.npy); hdf5 (.hdf5, .h5)"), "{out}: {}", error.hint());
+        }
+    }
 }

@@ -61,6 +61,16 @@ pub enum Error {
         /// Bytes available.
         have_bytes: u64,
     },
+    /// More memory than the caller allows.
+    #[error("{what} needs about {need_bytes} bytes of memory, {bound_bytes} are allowed")]
+    Bound {
+        /// The step that needs it.
+        what: String,
+        /// Bytes needed.
+        need_bytes: u64,
+        /// Bytes allowed.
+        bound_bytes: u64,
+    },
     /// Reading or writing failed.
     #[error("{place}: {source}")]
     Io {
@@ -113,6 +123,7 @@ impl Error {
             Error::Corrupt { .. } => "copy the file again from its source; `particlegs verify` checks it",
             Error::Compatibility { .. } => "use a newer particlegs",
             Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture",
+            Error::Bound { .. } => "allow that much with `--memory`, or ask for a smaller model",
             Error::Checkpointed { .. } => "run the same command again to go on",
             Error::Io { .. } | Error::Cancelled => "",
         }
@@ -126,7 +137,7 @@ impl Error {
             Error::Corrupt { .. } | Error::Compatibility { .. } => 4,
             Error::Unreachable { .. } => 5,
             Error::Io { .. } => 6,
-            Error::Memory { .. } => 7,
+            Error::Memory { .. } | Error::Bound { .. } => 7,
             Error::Checkpointed { .. } => 75,
             Error::Cancelled => 130,
         }

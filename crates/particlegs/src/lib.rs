@@ -9,6 +9,7 @@
 //! radius and opacity in closed form.
 
 pub mod error;
+pub mod input;
 pub mod math;
 pub mod memory;
 pub mod output;

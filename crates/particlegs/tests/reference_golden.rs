@@ -33,7 +33,7 @@ const NOISE_FREE: [(&str, f64, f64); 6] = [
 fn pictures_of_the_sample() {
     let particles = open_raw(&[root().join("../../samples/nbody64")]).unwrap();
     let golden = root().join("tests/golden/nbody64");
-    let set = read_views(&golden.join("views.json")).unwrap();
+    let set = read_views(&golden.join("views.json"), &Silent).unwrap();
     let reference = Reference::new(&particles);
     for (name, noise_free, noise_free_fxaa) in NOISE_FREE {
         let view = set.views.iter().find(|v| v.name == name).unwrap();

@@ -146,7 +146,7 @@ fn blocks(
         Some(blocks) if load.block_bytes(u64::from(blocks)) <= bound => blocks,
         Some(blocks) => {
             let (what, need_bytes) = (format!("a fit in {blocks} blocks"), load.block_bytes(u64::from(blocks)));
-            return Err(Error::Memory { what, need_bytes, have_bytes: bound });
+            return Err(Error::Bound { what, need_bytes, bound_bytes: bound });
         }
     };
     if blocks > 1 {
@@ -178,7 +178,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
         );
     }
     let value = json!({
-        "output": a.output, "particles": done.model.metadata.count, "gaussians": gaussians,
+        "output": a.output().to_string_lossy(), "particles": done.model.metadata.count, "gaussians": gaussians,
         "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
         "bytes_a_gaussian": bytes as f64 / gaussians as f64, "step_factor": done.step_factor, "trained": done.trained,
         "seconds": seconds, "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),

@@ -1,10 +1,11 @@
 //! `particlegs convert IN... -o OUT`.
 
 use crate::common::{Common, Context};
-use crate::info_model;
+use crate::inputs::{self, Either, path_as_text};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
-use particlegs::particles::{Kept, Tiling};
+use particlegs::input::name_of;
+use particlegs::particles::{Kept, Room, Tiling};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec, output};
 use particlegs_formats::{WRITERS, write_splats, writer_for};
@@ -47,6 +48,7 @@ pub struct Arguments {
 
 #[derive(serde::Serialize)]
 struct Report {
+    #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     particles_in: u64,
     particles: u64,
@@ -62,12 +64,15 @@ fn writers() -> Vec<&'static str> {
 /// Converts.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    if let [one] = &a.input[..]
-        && super::info::is_model(one)?
-    {
-        return splats(&a, one, &context);
-    }
-    let particles = a.snapshot.open(&a.input, &context)?;
+    let choice = match &a.input[..] {
+        [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
+            Either::Model(bytes) => return splats(&a, (one, &bytes), &context),
+            Either::Snapshot(choice) => *choice,
+        },
+        _ => a.snapshot.choice()?,
+    };
+    let writer = writer_for(&a.output, a.to.as_deref())?;
+    let particles = particlegs_formats::read(&a.input, &choice, &Room::Memory, &context)?;
     let tiling = match a.tile.as_deref() {
         None => Tiling::single(),
         Some(&[x, y, z]) => Tiling::new([x, y, z], &particles)?,
@@ -77,7 +82,6 @@ pub fn run(a: Arguments) -> Result<()> {
     if particles.origin != [0.0; 3] {
         context.message("note: positions lie far from 0; about 0, float32 keeps fewer of their digits");
     }
-    let writer = writer_for(&a.output, a.to.as_deref())?;
     let start = std::time::Instant::now();
     let kept = Kept::new(&particles, tiling, selection, &context)?;
     if !writer.holds_box && kept.meta().cell.is_some() {
@@ -93,6 +97,7 @@ pub fn run(a: Arguments) -> Result<()> {
 
 #[derive(serde::Serialize)]
 struct SplatReport {
+    #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     gaussians: usize,
     bytes: u64,
@@ -100,7 +105,7 @@ struct SplatReport {
 }
 
 /// A model's Gaussians as the PLY of splat viewers.
-fn splats(a: &Arguments, model: &Path, context: &Context) -> Result<()> {
+fn splats(a: &Arguments, (model, bytes): (&Path, &[u8]), context: &Context) -> Result<()> {
     let start = std::time::Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {
@@ -109,7 +114,7 @@ fn splats(a: &Arguments, model: &Path, context: &Context) -> Result<()> {
         return Err(Error::Argument { what, hint });
     }
     output::check_writable(&a.output)?;
-    let decoded = codec::decode(&info_model::read(model)?, &model.display().to_string())?;
+    let decoded = codec::decode(bytes, &name_of(model))?;
     let bytes = write_splats(&decoded, &a.output, context)?;
     if decoded.vizmapper.is_some() {
         context.message("note: the VizMapper is not in it: a PLY file holds splats alone");

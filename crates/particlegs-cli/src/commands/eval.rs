@@ -1,10 +1,12 @@
 //! `particlegs eval MODEL SNAPSHOT...`.
 
-use crate::common::Common;
+use crate::common::{Common, Context};
+use crate::inputs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::parse_size;
 use clap::Args;
 use particlegs::camera::read_views;
+use particlegs::input::name_of;
 use particlegs::model::Model;
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
@@ -68,8 +70,8 @@ struct Report {
 /// Scores.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let bytes = std::fs::read(&a.model).map_err(|e| Error::io(&a.model, e))?;
-    let model = codec::decode(&bytes, &a.model.display().to_string())?;
+    let bytes = inputs::model(&a.model, &context)?;
+    let model = codec::decode(&bytes, &name_of(&a.model))?;
     let particles = a.snapshot.open_selected(&a.input, (&a.selection, &a.window), context.common.seed, &context)?;
     if model.metadata.count != particles.len() as u64 {
         context.message(&format!(
@@ -78,22 +80,22 @@ pub fn run(a: Arguments) -> Result<()> {
             particles.len()
         ));
     }
-    let (views, size, views_from) = views(&a, &model, context.common.seed)?;
+    let (views, size, views_from) = views(&a, &model, &context)?;
     let evaluation = score::evaluate(&model, &particles, &views, size, &context)?;
     let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
     context.finish(&table(&report), &report)
 }
 
 /// The views, their size, and where they are from in words.
-fn views(a: &Arguments, model: &Model, seed: u64) -> Result<(Vec<EvalView>, Size, String)> {
+fn views(a: &Arguments, model: &Model, context: &Context) -> Result<(Vec<EvalView>, Size, String)> {
     if let Some(path) = &a.views {
-        let set = read_views(path)?;
+        let set = read_views(path, context)?;
         return Ok((score::views_of_file(&set), set.size, format!("{}", path.display())));
     }
     if a.frames == 0 || a.frames > 10_000 {
         return Err(Error::argument(format!("--frames {} is outside 1 to 10000", a.frames)));
     }
-    let m = &model.metadata;
+    let (m, seed) = (&model.metadata, context.common.seed);
     let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: a.size, seed };
     let words = format!("{} frames an orbit, seed {seed}", a.frames);
     Ok((score::evaluation_views(&of, a.frames), a.size, words))

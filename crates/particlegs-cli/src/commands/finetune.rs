@@ -2,6 +2,7 @@
 
 use crate::common::{Common, Context};
 use crate::info_model;
+use crate::inputs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::source;
@@ -9,6 +10,7 @@ use crate::train_args::TuneArgs;
 use clap::Args;
 use particlegs::compress::{Compressed, FineTuning, Target, finetune, parse_bytes};
 use particlegs::fit::Pieces;
+use particlegs::input::name_of;
 use particlegs::model::Law;
 use particlegs::particles::Room;
 use particlegs::progress::Progress;
@@ -102,7 +104,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let options = a.options(out, start)?;
     let context = a.common.clone().start()?;
     output::check_writable(out)?;
-    let (bytes, place) = (info_model::read(path)?, path.display().to_string());
+    let (bytes, place) = (inputs::model(path, &context)?, name_of(path));
     let model = codec::decode(&bytes, &place)?;
     if model.metadata.law != Law::AlphaBlend {
         let what = format!("{place}: of the law {}: only alpha-blend models are fine-tuned", model.metadata.law.name());
@@ -172,7 +174,7 @@ fn report(
         text += &format!("\n{}", info_model::certificate(certificate, unit).trim_end());
     }
     let value = json!({
-        "output": out, "gaussians_in": gaussians_in, "gaussians": gaussians, "model_bytes_in": bytes_in,
+        "output": out.to_string_lossy(), "gaussians_in": gaussians_in, "gaussians": gaussians, "model_bytes_in": bytes_in,
         "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
         "step_factor": done.step_factor, "trained": done.trained, "seconds": seconds,
         "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),

@@ -1,13 +1,12 @@
 //! `particlegs info FILE`: a model file, or a snapshot in any format.
 
 use crate::common::Common;
+use crate::inputs::{self, Either};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{info_model, info_snapshot};
 use clap::Args;
-use particlegs::{Error, Result};
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
+use particlegs::Result;
+use std::path::PathBuf;
 
 /// Arguments.
 #[derive(Args)]
@@ -33,17 +32,10 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     match &a.input[..] {
-        [one] if is_model(one)? => info_model::print(&context, one),
+        [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
+            Either::Model(bytes) => info_model::print(&context, one, &bytes),
+            Either::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),
+        },
         paths => info_snapshot::print(&context, paths, &a.snapshot.choice()?, !a.no_bounds),
     }
-}
-
-/// Does the file begin as a model file does?
-pub(super) fn is_model(path: &Path) -> Result<bool> {
-    if path.is_dir() {
-        return Ok(false);
-    }
-    let mut head = [0u8; 8];
-    let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
-    Ok(file.read_exact(&mut head).is_ok() && particlegs::codec::is_model(&head))
 }

@@ -1,10 +1,11 @@
 //! `particlegs merge A.pgs B.pgs ... -o M.pgs`, `particlegs merge JOB -o M.pgs`.
 
 use crate::common::{Common, Context};
-use crate::info_model;
+use crate::inputs::{self, path_as_text};
 use crate::job_args::JobSnapshot;
 use clap::Args;
 use particlegs::codec::{self, Merge};
+use particlegs::input::name_of;
 use particlegs::job::Job;
 use particlegs::model::Law;
 use particlegs::particles::Room;
@@ -44,6 +45,7 @@ pub struct Arguments {
 
 #[derive(Serialize)]
 struct Report {
+    #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     parts: usize,
     layers: usize,
@@ -105,7 +107,7 @@ fn of_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
     context.begin("merging", parts.len() as u64);
     for part in parts {
         context.check()?;
-        merge.add(&info_model::read(part)?, &part.display().to_string())?;
+        merge.add(&inputs::model(part, context)?, &name_of(part))?;
         context.advance(1);
     }
     context.end();

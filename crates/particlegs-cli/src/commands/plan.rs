@@ -69,6 +69,11 @@ pub fn run(a: Arguments) -> Result<()> {
             Some(number.parse::<u32>().map_err(wrong)?)
         }
     };
+    if let Some(engine) = a.emit {
+        // Better said before the snapshot is read than after.
+        let folder = std::path::absolute(&a.output).map_err(|e| Error::io(&a.output, e))?;
+        emit::quoted(engine, &folder)?;
+    }
     let context = a.common.clone().start()?;
     let snapshot = JobSnapshot::new(&a.input, &a.snapshot, selection, a.common.seed)?;
     let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
@@ -95,7 +100,7 @@ pub fn run(a: Arguments) -> Result<()> {
     text += &format!("\nblocks: particlegs block {folder} 0 to {}", plan.blocks - 1);
     text += &format!("\nthen: particlegs merge {folder} -o MODEL.pgs");
     let value = json!({
-        "job": a.output, "particles": plan.metadata.count, "blocks": plan.blocks, "chunks": m.chunks,
+        "job": a.output.to_string_lossy(), "particles": plan.metadata.count, "blocks": plan.blocks, "chunks": m.chunks,
         "scatter_bytes": if m.chunks > 0 { plan.column_bytes() } else { 0 }, "memory": m.memory, "planned_before": planned.before,
     });
     let Some(engine) = a.emit else { return context.finish(&text, &value) };
@@ -104,7 +109,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if let Some(target) = &a.common.json {
         crate::report::json(target, &value)?;
     }
-    crate::report::line(script.trim_end())
+    crate::report::verbatim(script.trim_end())
 }
 
 /// Threads of a task in a script, where `--threads` does not say: blocks run beside each other.

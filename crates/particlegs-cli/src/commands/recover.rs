@@ -1,9 +1,10 @@
 //! `particlegs recover M.pgs -o DIR`.
 
 use crate::common::Common;
-use crate::info_model;
+use crate::inputs::{self, path_as_text};
 use clap::{Args, ValueEnum};
 use particlegs::codec;
+use particlegs::input::name_of;
 use particlegs::particles::RawForm;
 use particlegs::progress::Progress;
 use particlegs::recover::{Method, Options, recover};
@@ -77,6 +78,7 @@ enum FormArg {
 
 #[derive(Serialize)]
 struct Report {
+    #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     synthetic: bool,
     method: &'static str,
@@ -94,8 +96,8 @@ pub fn run(a: Arguments) -> Result<()> {
         return Err(Error::io(&a.output, exists));
     }
     let start = Instant::now();
-    let bytes = info_model::read(&a.model)?;
-    let mut model = codec::decode(&bytes, &a.model.display().to_string())?;
+    let bytes = inputs::model(&a.model, &context)?;
+    let mut model = codec::decode(&bytes, &name_of(&a.model))?;
     if !a.layer.is_empty() {
         let certificate = model.certificate.take();
         model = model.only(&a.layer)?;

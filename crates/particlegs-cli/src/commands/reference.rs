@@ -2,6 +2,7 @@
 
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
+use crate::inputs::path_as_text;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
@@ -71,6 +72,7 @@ struct Drawn {
     radius_px: f64,
     seconds: f64,
     particles_per_second: f64,
+    #[serde(serialize_with = "path_as_text")]
     path: PathBuf,
 }
 
@@ -87,6 +89,7 @@ struct Report {
 struct DrawnDensity {
     name: String,
     seconds: f64,
+    #[serde(serialize_with = "path_as_text")]
     path: PathBuf,
 }
 
@@ -110,7 +113,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     if a.style == Style::Density {
         return densities(a, &particles, bounds, &context);
     }
-    let set = a.view.resolve(&Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY })?;
+    let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
+    let set = a.view.resolve(&subject, &context)?;
     std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))?;
     let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
     let mut report =
@@ -152,7 +156,7 @@ fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Con
     let count = particles.len() as u64;
     let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
     let quantities = Quantities::of_particles(particles);
-    let (size, views) = a.density.views(&a.view, &subject, &quantities)?;
+    let (size, views) = a.density.views((&a.view, &subject), &quantities, context)?;
     std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))?;
     let mut report =
         DensityReport { style: "density", particles: count, width: size.width, height: size.height, views: Vec::new() };

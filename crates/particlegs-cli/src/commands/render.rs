@@ -2,8 +2,10 @@
 
 use crate::common::Common;
 use crate::density_args::{DensityArgs, Quantities};
+use crate::inputs::{self, path_as_text};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
+use particlegs::input::name_of;
 use particlegs::model::{Law, Model};
 use particlegs::picture::write_gray_png;
 use particlegs::progress::Progress;
@@ -61,6 +63,7 @@ enum Style {
 struct Drawn {
     name: String,
     seconds: f64,
+    #[serde(serialize_with = "path_as_text")]
     path: PathBuf,
 }
 
@@ -76,8 +79,8 @@ struct Report {
 /// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let bytes = std::fs::read(&a.model).map_err(|e| Error::io(&a.model, e))?;
-    let model = codec::decode(&bytes, &a.model.display().to_string())?;
+    let bytes = inputs::model(&a.model, &context)?;
+    let model = codec::decode(&bytes, &name_of(&a.model))?;
     let model = if a.layers == ["all"] { model } else { model.only(&a.layers)? };
     let m = &model.metadata;
     let subject = Subject { bounds: m.bounds, radius: m.default_radius, opacity: m.default_opacity };
@@ -113,7 +116,7 @@ fn pictures(
     progress: &dyn Progress,
     report: &mut Report,
 ) -> Result<()> {
-    let set = a.view.resolve(subject)?;
+    let set = a.view.resolve(subject, progress)?;
     make_folder(a)?;
     (report.width, report.height) = (set.size.width, set.size.height);
     let scene = Scene::of(model);
@@ -141,7 +144,7 @@ fn densities(
         return Err(Error::Argument { what, hint });
     }
     let quantities = Quantities::of_model(model);
-    let (size, views) = a.density.views(&a.view, subject, &quantities)?;
+    let (size, views) = a.density.views((&a.view, subject), &quantities, progress)?;
     make_folder(a)?;
     (report.width, report.height) = (size.width, size.height);
     let scene = Scene::of(model);

@@ -43,5 +43,5 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let all = chunks.end - chunks.start;
     let text = format!("{}: {done} of {all} chunks bucketed, {} were there", a.job.display(), all - done);
-    context.finish(&text, &json!({ "job": a.job, "bucketed": done, "before": all - done }))
+    context.finish(&text, &json!({ "job": a.job.to_string_lossy(), "bucketed": done, "before": all - done }))
 }

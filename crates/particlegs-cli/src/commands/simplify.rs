@@ -1,9 +1,10 @@
 //! `particlegs simplify M.pgs -o M2.pgs --ratio R | --gaussians K`.
 
 use crate::common::Common;
-use crate::info_model;
+use crate::inputs::{self, path_as_text};
 use clap::Args;
 use particlegs::compress::{Target, simplify};
+use particlegs::input::name_of;
 use particlegs::progress::Progress;
 use particlegs::{Result, codec, output};
 use serde::Serialize;
@@ -63,6 +64,7 @@ impl TargetArgs {
 
 #[derive(Serialize)]
 struct Report {
+    #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     gaussians_in: usize,
     gaussians: usize,
@@ -77,8 +79,8 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     let start = Instant::now();
     output::check_writable(&a.output)?;
-    let bytes = info_model::read(&a.model)?;
-    let model = codec::decode(&bytes, &a.model.display().to_string())?;
+    let bytes = inputs::model(&a.model, &context)?;
+    let model = codec::decode(&bytes, &name_of(&a.model))?;
     let gaussians_in = model.gaussians();
     let done = simplify(model, bytes.len() as u64, target, &command, &context)?;
     context.check()?;

@@ -1,11 +1,13 @@
 //! `particlegs stats TRUTH OTHER -o DIR`.
 
 use crate::common::Common;
+use crate::inputs::{self, Either};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueEnum};
+use particlegs::input::name_of;
 use particlegs::model::Model;
-use particlegs::particles::Particles;
+use particlegs::particles::{Particles, Room};
 use particlegs::progress::Progress;
 use particlegs::stats::{Assignment, Convention, Measure, Statistics, StatsOptions, Subject, compare};
 use particlegs::{Error, Result, codec, output};
@@ -151,11 +153,13 @@ enum Source {
 
 impl Source {
     fn open(path: &Path, args: &SnapshotArgs, progress: &dyn Progress) -> Result<Self> {
-        if super::info::is_model(path)? {
-            let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-            return Ok(Source::Model(Box::new(codec::decode(&bytes, &path.display().to_string())?)));
+        match inputs::model_or_snapshot(path, args, progress)? {
+            Either::Model(bytes) => Ok(Source::Model(Box::new(codec::decode(&bytes, &name_of(path))?))),
+            Either::Snapshot(choice) => {
+                let particles = particlegs_formats::read(&[path.to_path_buf()], &choice, &Room::Memory, progress)?;
+                Ok(Source::Particles(Box::new(particles)))
+            }
         }
-        Ok(Source::Particles(Box::new(args.open(&[path.to_path_buf()], progress)?)))
     }
 
     fn subject(&self) -> Subject<'_> {

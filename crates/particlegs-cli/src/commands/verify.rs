@@ -2,10 +2,12 @@
 
 use crate::common::{Common, Context};
 use crate::info_model;
+use crate::inputs;
 use crate::job_args::JobSnapshot;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::source;
 use clap::Args;
+use particlegs::input::name_of;
 use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, Model};
 use particlegs::particles::Particles;
@@ -53,8 +55,8 @@ pub fn run(a: Arguments) -> Result<()> {
     if Job::is_job(&a.model) {
         return verify_job(&a, &context);
     }
-    let bytes = info_model::read(&a.model)?;
-    let place = a.model.display().to_string();
+    let bytes = inputs::model(&a.model, &context)?;
+    let place = name_of(&a.model);
     let model = codec::decode(&bytes, &place)?;
     let (counts, mass_error) = sums(&model);
     if counts != model.metadata.count || mass_error > 1e-9 {

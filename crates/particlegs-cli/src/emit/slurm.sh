@@ -48,7 +48,7 @@ items() { # scatter|block COUNT BATCH
 submit() { # NAME DEPENDENCY, then sbatch's arguments: prints the job's number
   local name=$1 after=$2
   shift 2
-  sbatch --parsable --job-name="$title-$name" --output="$job/logs/$name-%A-%a.log" --open-mode=append \
+  sbatch --parsable --job-name="$title-$name" --output="${job//%/%%}/logs/$name-%A-%a.log" --open-mode=append \
     --nodes=1 --ntasks=1 --cpus-per-task="$cpus" --time="$time" --requeue \
     ${after:+--dependency="afterok:$after" --kill-on-invalid-dep=yes} ${site[@]+"${site[@]}"} "$@" | cut -d';' -f1
 }

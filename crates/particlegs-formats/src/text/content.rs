@@ -2,8 +2,8 @@
 
 use super::lines::Lines;
 use crate::compressed::{Compression, open_stream};
+use particlegs::input::open_file;
 use particlegs::{Error, Result};
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -36,10 +36,7 @@ impl Content {
     /// [`Error::Io`]; [`Error::Input`] for what is no file, and for an empty one.
     pub fn open(path: &Path) -> Result<Self> {
         let fail = |e| Error::io(path, e);
-        let file = File::open(path).map_err(fail)?;
-        if !file.metadata().map_err(fail)?.is_file() {
-            return Err(Error::input(path, "not a regular file"));
-        }
+        let (file, _) = open_file(path)?;
         let mut head = Vec::new();
         file.take(16).read_to_end(&mut head).map_err(fail)?;
         if head.is_empty() {
@@ -80,7 +77,7 @@ impl Content {
         let fail = |e| Error::io(&self.path, e);
         let length = end.map_or(u64::MAX, |end| end.saturating_sub(start.offset));
         let source: Box<dyn Read> = if self.is_seekable() {
-            let mut file = File::open(&self.path).map_err(fail)?;
+            let (mut file, _) = open_file(&self.path)?;
             file.seek(SeekFrom::Start(start.offset)).map_err(fail)?;
             Box::new(file.take(length))
         } else {

@@ -111,6 +111,18 @@ impl KdTree {
     /// Is a tree that was read from a file one that [`KdTree::block_of`] can walk?
     pub fn is_sound(&self) -> bool {
         let blocks = self.nodes.iter().filter_map(|n| if let Node::Block(b) = n { Some(*b) } else { None });
+        // Every node but the root has one parent: else walks would take time beyond measure.
+        let mut parents = vec![0u32; self.nodes.len()];
+        for node in &self.nodes {
+            if let Node::Cut { below, above, .. } = node {
+                for child in [*below, *above] {
+                    parents.get_mut(child as usize).into_iter().for_each(|p| *p += 1);
+                }
+            }
+        }
+        if parents.iter().skip(1).any(|p| *p != 1) {
+            return false;
+        }
         let children = |(i, n): (usize, &Node)| match n {
             Node::Block(_) => true,
             Node::Cut { axis, at, below, above } => {
@@ -206,9 +218,12 @@ mod tests {
         let tree = KdTree::new(&cloud(100), 4).unwrap();
         let text = serde_json::to_string(&tree).unwrap();
         assert_eq!(serde_json::from_str::<KdTree>(&text).unwrap(), tree);
-        for (from, to) in
-            [("\"axis\":1", "\"axis\":3"), ("\"below\":1", "\"below\":0"), ("\"blocks\":4", "\"blocks\":5")]
-        {
+        for (from, to) in [
+            ("\"axis\":1", "\"axis\":3"),
+            ("\"below\":1", "\"below\":0"),
+            ("\"above\":4", "\"above\":1"),
+            ("\"blocks\":4", "\"blocks\":5"),
+        ] {
             assert!(text.contains(from), "{text}");
             assert!(!serde_json::from_str::<KdTree>(&text.replacen(from, to, 1)).unwrap().is_sound());
         }

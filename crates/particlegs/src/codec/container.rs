@@ -1,7 +1,10 @@
 //! The file: a head with its own length, then sections with checksums (docs/format.md, section 1).
 
 use super::wire::Reader;
-use crate::{Error, Result};
+use crate::input::{self, Source};
+use crate::progress::Progress;
+use crate::{Error, Result, memory};
+use std::path::Path;
 
 /// First bytes of a model file; like PNG's, they show transfers that change bytes.
 pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
@@ -71,6 +74,33 @@ pub fn is_model(head: &[u8]) -> bool {
     head.starts_with(&MAGIC)
 }
 
+/// Reads a model file: its head first, and no further than the head says that the file goes. `-` is
+/// standard input.
+///
+/// # Errors
+/// [`Error::Corrupt`] for what is no model file, is cut short or goes on after its end;
+/// [`Error::Compatibility`]; [`Error::Memory`] before it is read; [`Error::Io`]; [`Error::Cancelled`].
+pub fn read_file(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
+    read_source(Source::open(path, progress)?, &input::name_of(path))
+}
+
+/// [`read_file`] of what is open already.
+///
+/// # Errors
+/// As [`read_file`].
+pub fn read_source(mut source: Source<'_>, place: &str) -> Result<Vec<u8>> {
+    let (_, length) = promise(source.peek(HEAD_BYTES)?, place)?;
+    if let Some(there) = source.length().filter(|n| *n != length) {
+        return Err(Error::corrupt(place, other_length(there, length)));
+    }
+    memory::require("a model file", length.min(source.length().unwrap_or(0)))?;
+    let bytes = source.read(length.saturating_add(1))?;
+    match bytes.len() as u64 > length {
+        true => Err(Error::corrupt(place, format!("more bytes follow its end at byte {length}"))),
+        false => Ok(bytes),
+    }
+}
+
 /// Takes a file apart and checks every checksum. Sections that a newer minor version added and
 /// that may be skipped are left out.
 ///
@@ -99,6 +129,22 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Vec<Section<'a>>> 
 
 /// Checks the head and gives the minor version.
 fn head(file: &[u8], place: &str) -> Result<u8> {
+    let (minor, length) = promise(file, place)?;
+    match file.len() as u64 == length {
+        true => Ok(minor),
+        false => Err(Error::corrupt(place, other_length(file.len() as u64, length))),
+    }
+}
+
+fn other_length(there: u64, length: u64) -> String {
+    match there.checked_sub(length) {
+        None => format!("it ends after {there} of {length} bytes"),
+        Some(more) => format!("{more} bytes follow its end at byte {length}"),
+    }
+}
+
+/// What the head says: minor version and length of the file.
+fn promise(file: &[u8], place: &str) -> Result<(u8, u64)> {
     let corrupt = |what: String| Err(Error::corrupt(place, what));
     if !file.starts_with(&MAGIC) {
         let what = if file.is_empty() { "it is empty" } else { "it does not begin as a model file does" };
@@ -123,13 +169,7 @@ fn head(file: &[u8], place: &str) -> Result<u8> {
     if reserved != 0 && minor <= MINOR {
         return corrupt(format!("reserved bytes of the head are {reserved:#06x}"));
     }
-    match (file.len() as u64).cmp(&length) {
-        std::cmp::Ordering::Less => corrupt(format!("it ends after {} of {length} bytes", file.len())),
-        std::cmp::Ordering::Greater => {
-            corrupt(format!("{} bytes follow its end at byte {length}", file.len() as u64 - length))
-        }
-        std::cmp::Ordering::Equal => Ok(minor),
-    }
+    Ok((minor, length))
 }
 
 fn section(file: &[u8], offset: usize) -> std::result::Result<Section<'_>, String> {

@@ -14,7 +14,7 @@ use crate::{Error, Result};
 /// Place of the minor version in a file.
 const MINOR_AT: usize = 9;
 /// Layers in a file at most, and bytes of a layer's name.
-const MOST_LAYERS: usize = 1024;
+pub(crate) const MOST_LAYERS: usize = 1024;
 const LONGEST_NAME: usize = 255;
 
 /// A layer whose blocks are coded.
@@ -272,7 +272,8 @@ fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
     let blocks = || layers.iter().flat_map(|l| l.blocks.iter().map(|b| &b.1));
     let count = blocks().try_fold(0u64, |sum, b| sum.checked_add(b.count));
     if count != Some(m.count) {
-        return Err(format!("blocks hold {count:?} particles, the metadata says {}", m.count));
+        let held = count.map_or_else(|| "too many".into(), |n| n.to_string());
+        return Err(format!("blocks hold {held} particles, the metadata says {}", m.count));
     }
     let shaded = m.law == Law::AlphaBlend;
     if let Some(l) = layers.iter().find(|l| l.blocks.iter().any(|b| b.1.shaded != shaded)) {

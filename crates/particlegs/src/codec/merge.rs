@@ -10,6 +10,7 @@ use super::header::BlockHeader;
 use super::sums::compensated;
 use crate::memory::require;
 use crate::model::Metadata;
+use crate::particles::Cell;
 use crate::splat::DEFAULT_OPACITY;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
@@ -212,7 +213,7 @@ fn refuse_unlike(a: &Metadata, b: &Metadata, first: &str, place: &str) -> Result
     let text = |v: &Option<String>| v.as_ref().map_or_else(|| "not stated".to_string(), |v| format!("`{v}`"));
     let real = |v: Option<f64>| v.map_or_else(|| "not stated".to_string(), |v| v.to_string());
     let flag = |v: Option<bool>| v.map_or_else(|| "not stated".to_string(), |v| v.to_string());
-    let cell = |m: &Metadata| m.cell.map_or_else(|| "not stated".to_string(), |c| format!("{c:?}"));
+    let cell = |m: &Metadata| m.cell.as_ref().map_or_else(|| "not stated".to_string(), Cell::in_words);
     let told = |m: &Metadata| {
         [
             ("image law", m.law.name().to_string()),
@@ -242,7 +243,7 @@ mod tests {
     use crate::codec::{Precision, decode, encode};
     use crate::math::Sym3;
     use crate::model::{Block, Law, Layer, Mixture, Model};
-    use crate::particles::{Bounds, Cell};
+    use crate::particles::Bounds;
     use proptest::prelude::*;
 
     /// A model of one Gaussian at `x`, of `count` particles.

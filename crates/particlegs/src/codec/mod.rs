@@ -30,8 +30,9 @@ mod vizmapper;
 mod walk;
 mod wire;
 
-pub use container::is_model;
+pub use container::{is_model, read_file, read_source};
 pub use encoder::Encoder;
+pub(crate) use file::MOST_LAYERS;
 pub use file::{
     CodedLayer, LayerHead, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, decode, decode_block,
     encode, file_hash, read_metadata, size_without_blocks,

@@ -104,7 +104,10 @@ fn check_ranges(r: &VizRanges) -> std::result::Result<(), String> {
     if good {
         Ok(())
     } else {
-        Err(format!("ranges {r:?} of a VizMapper: scale in [0, 1), opacity in [0, 16], floor in (0, 1]"))
+        let VizRanges { scale, opacity, floor } = r;
+        Err(format!(
+            "a VizMapper whose ranges are outside: scale {scale} of [0, 1), opacity {opacity} of [0, 16], floor {floor} of (0, 1]"
+        ))
     }
 }
 

@@ -4,12 +4,15 @@
 //! length, bytes); CRC-32 of all that.
 
 use crate::fit::Pieces;
+use crate::input::{Begins, Form, read_own};
 use crate::{Error, Result, output};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 const MAGIC: &[u8; 8] = b"PGSCKPT2";
+/// As large as memory allows: the file, and its pieces taken apart.
+const FORM: Form = Form { title: "a checkpoint", begins: Begins::With(MAGIC), most: u64::MAX, expansion: 2 };
 /// A process that is killed outright loses at most about this much of a fit. Training says itself when
 /// its state is to be written.
 const INTERVAL: Duration = Duration::from_secs(60);
@@ -46,14 +49,15 @@ impl Checkpoint {
     /// [`Error::Io`] where the file is there and cannot be read.
     pub fn open(path: PathBuf, whose: &[u8; 32]) -> Result<Checkpoint> {
         let head = [&MAGIC[..], whose].concat();
-        let (found, pieces) = match std::fs::read(&path) {
-            Ok(bytes) => match pieces_of(&bytes, &head) {
+        let (found, pieces) = match read_own(&path, FORM) {
+            Ok(Some(bytes)) => match pieces_of(&bytes, &head) {
                 Some(pieces) => (Found::Ours, pieces),
                 None if is_whole(&bytes) => (Found::Other, BTreeMap::new()),
                 None => (Found::Broken, BTreeMap::new()),
             },
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => (Found::Nothing, BTreeMap::new()),
-            Err(e) => return Err(Error::io(&path, e)),
+            Ok(None) => (Found::Nothing, BTreeMap::new()),
+            Err(Error::Input { .. }) => (Found::Broken, BTreeMap::new()),
+            Err(e) => return Err(e),
         };
         Ok(Checkpoint { path, head, pieces, saved: Instant::now(), unsaved: 0, found })
     }

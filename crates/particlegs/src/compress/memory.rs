@@ -36,7 +36,7 @@ impl Load {
     /// The fewest blocks whose fits take at most `bound` bytes each.
     ///
     /// # Errors
-    /// [`Error::Memory`] where no number of blocks does.
+    /// [`Error::Bound`] where no number of blocks does.
     pub fn blocks_within(&self, bound: u64) -> Result<u32> {
         self.fewest(bound, |blocks| self.block_bytes(blocks))
     }
@@ -45,7 +45,7 @@ impl Load {
     /// the whole model is then in none of them.
     ///
     /// # Errors
-    /// [`Error::Memory`] where no number of blocks does.
+    /// [`Error::Bound`] where no number of blocks does.
     pub fn tasks_within(&self, bound: u64) -> Result<u32> {
         self.fewest(bound, |blocks| self.task_bytes(blocks))
     }
@@ -54,8 +54,8 @@ impl Load {
         let fits = |blocks: u64| bytes(blocks) <= bound;
         let most = self.count.min(1 << 20);
         if !fits(most) {
-            let what = "a job of blocks".to_string();
-            return Err(Error::Memory { what, need_bytes: bytes(most), have_bytes: bound });
+            let what = "even the smallest block".to_string();
+            return Err(Error::Bound { what, need_bytes: bytes(most), bound_bytes: bound });
         }
         let (mut low, mut high) = (0, most);
         while high - low > 1 {
@@ -115,7 +115,7 @@ mod tests {
         assert!(blocks.windows(2).all(|w| w[0] < w[1]), "{blocks:?}");
         assert!(load(290.0).block_bytes(u64::from(blocks[3])) <= 1 << 30);
         assert!(load(290.0).block_bytes(u64::from(blocks[3]) - 1) > 1 << 30);
-        assert!(matches!(load(290.0).blocks_within(100 << 20), Err(Error::Memory { .. })));
+        assert!(matches!(load(290.0).blocks_within(100 << 20), Err(Error::Bound { .. })));
         // A model larger than the bound: no single process, but tasks.
         let vast = Load { count: 1 << 36, raw_bytes: 12 << 36, ..load(300.0) };
         assert!(vast.blocks_within(8 << 30).is_err());

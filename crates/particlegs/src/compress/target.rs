@@ -42,7 +42,18 @@ impl Target {
             Target::Ratio(v) | Target::Psnr(v) => v > 0.0 && v.is_finite(),
             Target::Size(v) | Target::Gaussians(v) => v > 0,
         };
-        if fine { Ok(self) } else { Err(Error::argument(format!("{self:?}: the target must be positive"))) }
+        if fine { Ok(self) } else { Err(Error::argument(format!("{} is not positive and finite", self.in_words()))) }
+    }
+
+    /// What is asked for, as people say it.
+    fn in_words(self) -> String {
+        match self {
+            Target::Default => format!("a ratio of {DEFAULT_RATIO}"),
+            Target::Ratio(v) => format!("a ratio of {v}"),
+            Target::Size(v) => format!("a size of {v} bytes"),
+            Target::Gaussians(v) => format!("a number of {v} Gaussians"),
+            Target::Psnr(v) => format!("a quality of {v} dB"),
+        }
     }
 
     /// Parses a size: `11MB`, `900 kB`, `1.5GiB`, `83886`.

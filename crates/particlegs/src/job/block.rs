@@ -2,6 +2,7 @@
 
 use super::manifest::Job;
 use crate::compress::{BlockJob, Checkpoint, Clock, Found, Outcome, StopMeans, Workshop};
+use crate::input::{Begins, Form, read_own};
 use crate::particles::{Layered, hex};
 use crate::progress::Progress;
 use crate::train::Limits;
@@ -28,6 +29,8 @@ pub struct BlockReport {
     /// Wall-clock seconds by phase.
     pub seconds: Vec<(String, f64)>,
 }
+
+const REPORT: Form = Form { title: "a block's report", begins: Begins::Object, most: 1 << 20, expansion: 16 };
 
 /// How [`Job::block`] ended.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,12 +108,12 @@ impl Job {
     /// What is said of a block; `None` where it is not done, or for another plan.
     pub(super) fn report(&self, block: u32) -> Result<Option<BlockReport>> {
         let path = self.block_path(block, "json");
-        let text = match std::fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(Error::io(&path, e)),
+        let text = match read_own(&path, REPORT) {
+            Ok(Some(text)) => text,
+            Ok(None) | Err(Error::Input { .. }) => return Ok(None),
+            Err(e) => return Err(e),
         };
-        let report: Option<BlockReport> = serde_json::from_str(&text).ok();
+        let report: Option<BlockReport> = serde_json::from_slice(&text).ok();
         Ok(report.filter(|r| r.plan == hex(&self.id) && r.block == block))
     }
 }

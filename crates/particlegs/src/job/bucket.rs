@@ -6,6 +6,7 @@
 //! where the layer has them, weights, as f32 columns. One block is read without the others.
 
 use super::manifest::Job;
+use crate::input::open_file;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -129,6 +130,7 @@ pub(super) struct Buckets<'a> {
     job: &'a Job,
     chunk: u64,
     file: File,
+    length: u64,
     path: PathBuf,
 }
 
@@ -145,17 +147,16 @@ impl<'a> Buckets<'a> {
     /// Opens the buckets of a chunk: they are there, of this plan, and whole.
     pub(super) fn open(job: &'a Job, chunk: u64) -> Result<Self> {
         let path = job.chunk_path(chunk);
-        let mut file = File::open(&path).map_err(|e| match e.kind() {
-            std::io::ErrorKind::NotFound => {
+        let (mut file, length) = open_file(&path).map_err(|e| match e {
+            Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
                 let hint = format!("run `particlegs scatter {} {chunk}`", job.folder.display());
                 Error::input_hint(&path, "this chunk is not bucketed yet", hint)
             }
-            _ => Error::io(&path, e),
+            other => other,
         })?;
-        let length = file.metadata().map_err(|e| Error::io(&path, e))?.len();
         let mut head = [0; HEAD];
         let read = file.read_exact(&mut head);
-        let buckets = Buckets { job, chunk, file, path };
+        let buckets = Buckets { job, chunk, file, length, path };
         read.map_err(|_| buckets.broken("half-written"))?;
         let (body, crc) = head.split_at(HEAD - 4);
         if &body[..8] != MAGIC || crc32fast::hash(body).to_le_bytes() != crc || body[48..56] != length.to_le_bytes() {
@@ -179,7 +180,10 @@ impl<'a> Buckets<'a> {
         let (body, crc) = bytes.split_at(bytes.len() - 4);
         let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|b| body[at + b]));
         let counts: Vec<u64> = (0..self.job.manifest.plan.layers.len()).map(|l| u64_at(8 + 8 * l)).collect();
-        let length = particle_bytes(self.job, &counts).filter(|b| *b <= self.job.manifest.chunk_bytes());
+        let planned = counts.iter().zip(&self.job.manifest.plan.layers).all(|(n, l)| *n <= l.count);
+        // Within the file, before memory is taken for them.
+        let inside = |b: &u64| u64_at(0).checked_add(*b).is_some_and(|end| end <= self.length);
+        let length = particle_bytes(self.job, &counts).filter(|b| planned && inside(b));
         match length {
             Some(bytes) if crc32fast::hash(body).to_le_bytes() == crc => {
                 let crc = u32::from_le_bytes(std::array::from_fn(|b| body[body.len() - 4 + b]));

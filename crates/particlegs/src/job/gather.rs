@@ -2,10 +2,10 @@
 
 use super::bucket::Buckets;
 use super::manifest::Job;
-use crate::Result;
 use crate::compress::PlannedLayer;
-use crate::particles::{Blank, Chunk, Layered, ParticleLayer, Particles, Room, SnapshotMeta};
+use crate::particles::{Blank, Chunk, Layered, ParticleLayer, Particles, Room, SnapshotMeta, check_values};
 use crate::progress::Progress;
+use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Mutex;
 
@@ -29,7 +29,12 @@ impl Job {
         // One file open at a time: there may be more chunks than a process may have files.
         let entries = (0..chunks).map(|c| Buckets::open(self, c)?.entry(block)).collect::<Result<Vec<_>>>()?;
         let mut counts = vec![0u64; layers];
-        entries.iter().for_each(|e| counts.iter_mut().zip(&e.counts).for_each(|(n, c)| *n += c));
+        let add = |(n, c): (&mut u64, &u64)| *n = n.saturating_add(*c);
+        entries.iter().for_each(|e| counts.iter_mut().zip(&e.counts).for_each(add));
+        if counts.iter().zip(&self.manifest.plan.layers).any(|(n, l)| *n > l.count) {
+            let what = format!("its buckets hold more particles of block {block} than were planned in all");
+            return Err(Error::input_hint(&self.folder, what, "plan anew, in another folder"));
+        }
         let mut particles = Gathered::new(self, &counts)?;
         for (chunk, entry) in (0..chunks).zip(&entries) {
             progress.check()?;
@@ -150,6 +155,7 @@ impl<'a> Gathered<'a> {
         let columns = self.columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
         let kinds = self.kinds.into_iter().flatten().collect();
         let meta = SnapshotMeta { name: self.job.manifest.plan.metadata.source.clone(), ..SnapshotMeta::default() };
-        Ok(Particles::of_columns(columns, self.job.manifest.origin, meta, kinds))
+        let particles = Particles::of_columns(columns, self.job.manifest.origin, meta, kinds);
+        check_values(particles, &self.job.folder.display().to_string(), None)
     }
 }

@@ -2,7 +2,9 @@
 
 use super::runs;
 use crate::blocks::{KdTree, RunSurvey};
+use crate::codec::MOST_LAYERS;
 use crate::compress::Plan;
+use crate::input::{Begins, Form, read_own};
 use crate::particles::{Layered, RUN};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -11,6 +13,15 @@ use std::path::{Path, PathBuf};
 
 /// Version of the folder's layout.
 const VERSION: u32 = 1;
+
+/// Four million blocks; numbers of JSON take more memory than text.
+const FORM: Form = Form { title: "a job's plan", begins: Begins::Object, most: 1 << 30, expansion: 24 };
+
+/// The version alone.
+#[derive(Deserialize)]
+struct Versioned {
+    particlegs_job: u64,
+}
 
 /// What a job's folder says of itself: `plan.json`. The same snapshot and options give the same text.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,26 +69,35 @@ impl Manifest {
         sums
     }
 
-    /// Bytes of the particles of a chunk at most.
-    pub(super) fn chunk_bytes(&self) -> u64 {
-        self.chunk_runs.saturating_mul(16 * RUN as u64)
-    }
-
     /// What cannot be so in a manifest that this program wrote.
     fn fault(&self) -> Option<&'static str> {
         let plan = &self.plan;
         let counts = plan.layers.iter().try_fold(0u64, |n, l| n.checked_add(l.count));
         let runs = self.layer_runs().last().copied().unwrap_or(0);
         let finite = |v: &[f64]| v.iter().all(|v| v.is_finite());
+        let positive = |v: f64| v > 0.0 && v.is_finite();
         let (m, b) = (&plan.metadata, &plan.metadata.bounds);
+        let cell = m.cell.is_none_or(|c| c.origin.iter().all(|v| v.is_finite()) && c.inverse().is_some());
+        let mut names: Vec<&str> = plan.layers.iter().map(|l| &l.name[..]).collect();
+        names.sort_unstable();
+        names.dedup();
+        let named = names.len() == plan.layers.len() && names.iter().all(|n| n.len() <= 255);
         let checks = [
             (self.tree.is_sound() && self.tree.blocks() == plan.blocks, "its tree and its blocks differ"),
             (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.count > 0), "a layer without particles"),
             (counts == Some(m.count) && m.count <= 1 << 53, "its layers do not sum to its particles"),
-            (self.chunk_runs > 0 && [0, runs.div_ceil(self.chunk_runs.max(1))].contains(&self.chunks), "its chunks"),
+            (named && plan.layers.len() <= MOST_LAYERS, "its layers are too many, or their names"),
+            (plan.layers.iter().all(|l| l.particle_mass.is_none_or(positive)), "a mass that is not positive"),
+            ((1..=runs.max(1)).contains(&self.chunk_runs), "its chunks"),
+            ([0, runs.div_ceil(self.chunk_runs.max(1))].contains(&self.chunks), "its chunks"),
+            ((0..3).all(|k| b.min[k] <= b.max[k]) && cell, "its bounds or its box"),
             (finite(&self.origin) && finite(&b.min) && finite(&b.max), "positions that are not finite"),
-            (m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0, "its radius or opacity"),
+            (
+                positive(m.default_radius) && m.default_opacity > 0.0 && m.default_opacity <= 1.0,
+                "its radius or opacity",
+            ),
             (plan.target.check().is_ok(), "its target"),
+            (plan.training.as_ref().is_none_or(|t| t.check().is_ok()), "its training"),
         ];
         checks.into_iter().find(|c| !c.0).map(|c| c.1)
     }
@@ -104,30 +124,22 @@ impl Job {
     /// [`Error::Io`]; [`Error::Input`] where it holds no plan, or one that is broken or too new.
     pub fn open(folder: &Path) -> Result<Job> {
         let path = folder.join("plan.json");
-        let text = match std::fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return Err(Error::input_hint(
-                    folder,
-                    "no plan.json: not a job's folder",
-                    "`particlegs plan` makes one",
-                ));
-            }
-            Err(e) => return Err(Error::io(&path, e)),
-        };
+        let text = read_own(&path, FORM)?.ok_or_else(|| {
+            Error::input_hint(folder, "no plan.json: not a job's folder", "`particlegs plan` makes one")
+        })?;
         let no_plan = |e: serde_json::Error| Error::input(&path, format!("no plan: {e}"));
-        let value: serde_json::Value = serde_json::from_str(&text).map_err(no_plan)?;
-        if value["particlegs_job"].as_u64().is_some_and(|v| v > u64::from(VERSION)) {
+        let version = serde_json::from_slice::<Versioned>(&text).map_err(no_plan)?.particlegs_job;
+        if version > u64::from(VERSION) {
             return Err(Error::Compatibility {
                 place: path.display().to_string(),
                 what: "the plan of a newer program".into(),
             });
         }
-        let manifest: Manifest = serde_json::from_value(value).map_err(no_plan)?;
+        let manifest: Manifest = serde_json::from_slice(&text).map_err(no_plan)?;
         if let Some(fault) = manifest.fault() {
             return Err(Error::input(&path, format!("no sound plan: {fault}")));
         }
-        let id = *blake3::hash(text.as_bytes()).as_bytes();
+        let id = *blake3::hash(&text).as_bytes();
         let starts = manifest.layer_runs();
         let runs = runs::read(&folder.join("runs.bin"), &id, starts[starts.len() - 1])?;
         Ok(Job { folder: folder.to_path_buf(), manifest, id, starts, runs })

@@ -5,7 +5,7 @@ use crate::codec::{self, CodedLayer};
 use crate::compress::Outcome;
 use crate::model::VizMapper;
 use crate::particles::{Particles, source_hash};
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 use crate::{Error, Result, score};
 
 impl Job {
@@ -71,7 +71,10 @@ impl Job {
             Error::input_hint(&path, what, hint)
         };
         let report = self.report(block)?.ok_or_else(|| broken("its report is missing"))?;
-        let bytes = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
+        let bytes = match codec::read_file(&path, &Silent) {
+            Err(Error::Corrupt { what, .. } | Error::Compatibility { what, .. }) => return Err(broken(&what)),
+            read => read?,
+        };
         if blake3::hash(&bytes).to_hex().as_str() != report.model {
             return Err(broken("half-written or changed: it is not what its report says"));
         }

@@ -58,7 +58,7 @@ const READ_AGAIN: f64 = 2.0;
 /// # Errors
 /// [`Error::Argument`] for a target that only all blocks together meet, for more blocks than there are
 /// places, and where the folder holds another plan or something else; [`Error::Input`] for invalid
-/// values; [`Error::Memory`] where a task cannot be small enough; those of reading and writing.
+/// values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
 pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Planned> {
     if let Target::Psnr(_) = task.options.target {
         let hint = "ask for a size, a ratio or a number of Gaussians; `compress` meets a quality".to_string();
@@ -127,8 +127,8 @@ fn blocks(source: &Layered, task: &Task<'_>) -> Result<u32> {
     let Some(blocks) = task.blocks else { return load.tasks_within(task.memory.unwrap_or(MEMORY)) };
     let need_bytes = load.task_bytes(u64::from(blocks));
     match task.memory {
-        Some(have_bytes) if need_bytes > have_bytes => {
-            Err(Error::Memory { what: format!("a block of {blocks}"), need_bytes, have_bytes })
+        Some(bound_bytes) if need_bytes > bound_bytes => {
+            Err(Error::Bound { what: format!("a fit in {blocks} blocks"), need_bytes, bound_bytes })
         }
         _ => Ok(blocks),
     }

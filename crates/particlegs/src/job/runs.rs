@@ -1,6 +1,7 @@
 //! `runs.bin`: bounds and hash of every run of the snapshot.
 
 use crate::blocks::RunSurvey;
+use crate::input::{Begins, Form, read_own};
 use crate::particles::RunHash;
 use crate::{Error, Result, output};
 use std::path::Path;
@@ -26,8 +27,14 @@ pub(super) fn write(path: &Path, id: &[u8; 32], runs: &[RunSurvey]) -> Result<()
 
 /// Reads `count` runs of plan `id`.
 pub(super) fn read(path: &Path, id: &[u8; 32], count: u64) -> Result<Vec<RunSurvey>> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     let broken = |what: &str| Error::input_hint(path, what, "plan anew, in another folder");
+    let most = count.saturating_mul(WIDTH as u64).saturating_add(44);
+    let form = Form { title: "the runs of this plan", begins: Begins::With(MAGIC), most, expansion: 2 };
+    let bytes = match read_own(path, form) {
+        Ok(bytes) => bytes.ok_or_else(|| broken("missing"))?,
+        Err(Error::Input { what, .. }) => return Err(broken(&what)),
+        Err(e) => return Err(e),
+    };
     let body = bytes.len().checked_sub(4).filter(|n| *n >= 40).ok_or_else(|| broken("half-written"))?;
     let (body, crc) = bytes.split_at(body);
     if &body[..8] != MAGIC || crc32fast::hash(body).to_le_bytes() != crc {

@@ -61,9 +61,11 @@ impl Job {
                 None => State::Missing,
             });
             if let Some(r) = report {
-                status.model_bytes += r.bytes;
-                status.gaussians += r.gaussians;
-                status.particles[0] += r.particles;
+                // Reports are files: their numbers may be any.
+                let add = |sum: &mut u64, n: u64| *sum = sum.saturating_add(n);
+                add(&mut status.model_bytes, r.bytes);
+                add(&mut status.gaussians, r.gaussians);
+                add(&mut status.particles[0], r.particles);
                 status.seconds += r.seconds.iter().map(|s| s.1).sum::<f64>();
             }
         }

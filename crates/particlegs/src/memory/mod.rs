@@ -38,9 +38,11 @@ fn kib_of(text: &str, name: &str) -> Option<u64> {
     kib.checked_mul(1024)
 }
 
+/// Asks for memory before it is taken.
+///
 /// # Errors
 /// [`Error::Memory`] where `need_bytes` are more than there are.
-pub(crate) fn require(what: &str, need_bytes: u64) -> Result<()> {
+pub fn require(what: &str, need_bytes: u64) -> Result<()> {
     match available_bytes() {
         Some(have_bytes) if need_bytes > have_bytes => {
             Err(Error::Memory { what: what.to_string(), need_bytes, have_bytes })

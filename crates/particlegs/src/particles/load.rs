@@ -1,6 +1,7 @@
 //! A snapshot opened whole from readers: one a layer.
 
 use super::room::Blank;
+use super::units::{is_known_length, is_known_mass};
 use super::{Cell, InPlace, Layered, ParticleLayer, Particles, RUN, ReadLayer, Room, SnapshotMeta};
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -92,24 +93,40 @@ pub struct Stated {
 }
 
 impl Stated {
-    /// Writes it over what the files say. The corner of a stated box is the file's, else 0.
+    /// Writes it over what the files say; numbers are not converted. The corner of a stated box is the
+    /// file's, else 0. Gives what a user should know: a unit that is not known by name, and where the
+    /// files say something else.
     ///
     /// # Errors
     /// [`Error::Argument`] for lengths that are not positive.
-    pub fn apply(&self, meta: &mut SnapshotMeta) -> Result<()> {
+    pub fn apply(&self, meta: &mut SnapshotMeta) -> Result<Vec<String>> {
+        let mut notes = Vec::new();
         if let Some(lengths) = self.box_lengths {
             if !lengths.iter().all(|l| *l > 0.0 && l.is_finite()) {
-                return Err(Error::argument(format!("box lengths {lengths:?} must be positive")));
+                return Err(Error::argument(format!(
+                    "box lengths {} must be positive",
+                    super::sidecar::listed(&lengths)
+                )));
             }
             let origin = meta.cell.map_or([0.0; 3], |c| c.origin);
-            meta.cell = Some(Cell { origin, ..Cell::orthogonal(lengths) });
+            let cell = Cell { origin, ..Cell::orthogonal(lengths) };
+            if let Some(said) = meta.cell.replace(cell).filter(|said| *said != cell) {
+                notes.push(format!("the box is taken as {}; the file says {}", cell.in_words(), said.in_words()));
+            }
         }
-        if let Some(unit) = &self.length_unit {
-            meta.length_unit = Some(unit.clone());
-        }
-        if let Some(unit) = &self.mass_unit {
-            meta.mass_unit = Some(unit.clone());
-        }
-        Ok(())
+        let mut state = |of: &str, stated: &Option<String>, said: &mut Option<String>, known: fn(&str) -> bool| {
+            let Some(unit) = stated else { return };
+            if !known(unit) {
+                notes.push(format!("`{unit}` is no unit of {of} that is known: it is kept as a label"));
+            }
+            if let Some(other) = said.replace(unit.clone()).filter(|other| other != unit) {
+                notes.push(format!(
+                    "the unit of {of} is taken as {unit}; the file says {other}; no number is converted"
+                ));
+            }
+        };
+        state("length", &self.length_unit, &mut meta.length_unit, is_known_length);
+        state("mass", &self.mass_unit, &mut meta.mass_unit, is_known_mass);
+        Ok(notes)
     }
 }

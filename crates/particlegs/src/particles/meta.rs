@@ -35,6 +35,19 @@ impl Cell {
         inverse.iter().flatten().all(|x| x.is_finite()).then_some(inverse)
     }
 
+    /// For people: `25 x 25 x 25, periodic in xyz`, with the corner where it is not at 0.
+    pub fn in_words(&self) -> String {
+        let point = |p: [f64; 3]| format!("({}, {}, {})", p[0], p[1], p[2]);
+        let axes: String = ["x", "y", "z"].iter().zip(self.periodic).filter(|a| a.1).map(|a| *a.0).collect();
+        let periodic = if axes.is_empty() { "not periodic".into() } else { format!("periodic in {axes}") };
+        let shape = match self.lengths() {
+            Some([x, y, z]) => format!("{x} x {y} x {z}"),
+            None => format!("vectors {}", self.vectors.map(point).join(", ")),
+        };
+        let corner = if self.origin == [0.0; 3] { String::new() } else { format!(", corner {}", point(self.origin)) };
+        format!("{shape}{corner}, {periodic}")
+    }
+
     /// Edge lengths where the cell is orthogonal and axis-aligned.
     pub fn lengths(&self) -> Option<[f64; 3]> {
         let v = &self.vectors;

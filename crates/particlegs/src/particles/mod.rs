@@ -23,6 +23,7 @@ mod sidecar;
 mod source;
 mod storage;
 mod tile;
+mod units;
 mod write;
 
 pub use bounds::Bounds;

@@ -3,8 +3,8 @@
 use super::room::Blank;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Column, ParticleLayer, Particles, Positions, Room, SnapshotMeta, sidecar, sidecar::Sidecar};
+use crate::input::open_file;
 use crate::{Error, Result};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -95,16 +95,12 @@ fn map_raw(path: &Path) -> Result<Column> {
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for what is no regular file.
 pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
-    let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
-    if !metadata.is_file() {
-        return Err(Error::input(path, "not a regular file"));
-    }
-    if metadata.len() == 0 {
+    let (file, length) = open_file(path)?;
+    if length == 0 {
         return Ok((None, 0));
     }
     // SAFETY: the mapping is read only; a file that another program truncates while we read it
-    // ends this process with SIGBUS, as with every mapped reader; nothing is written from it.
+    // raises SIGBUS, as with every mapped reader; nothing is written from it.
     let map = unsafe { memmap2::Mmap::map(&file) }.map_err(|e| Error::io(path, e))?;
     let length = map.len();
     Ok((Some(Arc::new(map)), length))

@@ -1,12 +1,14 @@
 //! meta.json beside raw data: box, units, cosmology, layers.
 
 use super::{Cell, ParticleLayer, SnapshotMeta, open::named};
+use crate::input::{self, Begins, read_own};
 use crate::{Error, Result};
 use serde::Deserialize;
 use std::path::Path;
 
-/// Larger sidecars are not ours.
-const LARGEST: u64 = 1 << 20;
+/// A page or two, in truth.
+const FILE: input::Form =
+    input::Form { title: "a snapshot's metadata", begins: Begins::Object, most: 1 << 20, expansion: 16 };
 
 #[derive(Deserialize, Default)]
 struct Form {
@@ -62,11 +64,7 @@ pub struct Sidecar {
 /// [`Error::Input`] where it is no JSON object or a known key holds an impossible value.
 pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     let mut meta = named(&std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf()));
-    let Ok(info) = std::fs::metadata(file) else { return Ok(Sidecar { meta, kinds: Vec::new() }) };
-    if info.len() > LARGEST {
-        return Err(Error::input(file, "larger than 1 MiB: not a snapshot's metadata"));
-    }
-    let text = std::fs::read(file).map_err(|e| Error::io(file, e))?;
+    let Some(text) = read_own(file, FILE)? else { return Ok(Sidecar { meta, kinds: Vec::new() }) };
     let form: Form =
         serde_json::from_slice(&text).map_err(|e| Error::input(file, format!("not a snapshot's metadata: {e}")))?;
     let positive = |v: &f64| *v > 0.0 && v.is_finite();
@@ -76,7 +74,7 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
             Lengths::Each(l) => l,
         };
         if !lengths.iter().all(positive) {
-            return Err(Error::input(file, format!("box {lengths:?} must be positive")));
+            return Err(Error::input(file, format!("box lengths {} must be positive", listed(&lengths))));
         }
         meta.cell = Some(Cell { periodic: periodic(form.periodic), ..Cell::orthogonal(lengths) });
     }
@@ -95,6 +93,11 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     meta.hubble = form.h.filter(positive);
     meta.time = form.time;
     Ok(Sidecar { meta, kinds: kinds(form.layers.unwrap_or_default(), file)? })
+}
+
+/// Numbers as people write them: `1, 2, 3`.
+pub(super) fn listed(numbers: &[f64]) -> String {
+    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }
 
 fn periodic(said: Option<Periodic>) -> [bool; 3] {

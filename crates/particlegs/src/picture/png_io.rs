@@ -1,7 +1,7 @@
 //! PNG in and out.
 
 use super::{Gray8, Rgb8, Size};
-use crate::{Error, Result, output};
+use crate::{Error, Result, input, memory, output};
 use std::io::Write;
 use std::path::Path;
 
@@ -35,7 +35,7 @@ fn write(path: &Path, size: Size, color: png::ColorType, bytes: &[u8]) -> Result
 /// # Errors
 /// [`Error::Input`] where the file is no PNG or is larger than 65 536 pixels in a direction.
 pub fn read_gray_png(path: &Path) -> Result<Gray8> {
-    let file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+    let (file, _) = input::open_file(path)?;
     let bad = |e: png::DecodingError| Error::input(path, format!("not a readable PNG: {e}"));
     let mut decoder = png::Decoder::new(std::io::BufReader::new(file));
     decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
@@ -47,6 +47,8 @@ pub fn read_gray_png(path: &Path) -> Result<Gray8> {
     }
     let bytes =
         reader.output_buffer_size().ok_or_else(|| Error::input(path, "a picture too large for this machine"))?;
+    // As it is decoded, and as grey levels.
+    memory::require("a picture", 2 * bytes as u64)?;
     let mut buffer = vec![0; bytes];
     let frame = reader.next_frame(&mut buffer).map_err(bad)?;
     let pixels = &buffer[..frame.buffer_size()];

@@ -1,0 +1,77 @@
+//! Inputs as commands want them: a model, or whichever of model and snapshot a path names.
+
+use crate::printable::one_line;
+use crate::snapshot_args::SnapshotArgs;
+use particlegs::input::{Source, Spooled, is_stream, name_of};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result, codec};
+use particlegs_formats::{Choice, Kind};
+use serde::Serializer;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What a path holds that may be either.
+pub enum Either {
+    /// A model file's bytes.
+    Model(Vec<u8>),
+    /// A snapshot, and how it is read.
+    Snapshot(Box<Choice>),
+}
+
+/// Bytes that tell a model file.
+const HEAD: usize = 8;
+
+/// A model file's bytes; `-` is standard input.
+///
+/// # Errors
+/// [`Error::Input`] that says what the path names instead, and what to do with that; those of
+/// [`codec::read_file`].
+pub fn model(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
+    if path.is_dir() {
+        return Err(no_model(path));
+    }
+    let mut source = Source::open(path, progress)?;
+    if !codec::is_model(source.peek(HEAD)?) && Kind::of(path).in_words().is_some() {
+        return Err(no_model(path));
+    }
+    codec::read_source(source, &name_of(path))
+}
+
+fn no_model(path: &Path) -> Error {
+    let kind = Kind::of(path);
+    let what = format!("{}, not a model file", kind.in_words().unwrap_or_default());
+    Error::input_hint(path, what, kind.to_a_model())
+}
+
+/// A model or a snapshot. What a pipe gives is looked at once.
+///
+/// # Errors
+/// As [`model`]; those of `opening`.
+pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Progress) -> Result<Either> {
+    let mut choice = opening.choice()?;
+    if path.is_dir() {
+        return Ok(Either::Snapshot(choice.into()));
+    }
+    let mut source = Source::open(path, progress)?;
+    if codec::is_model(source.peek(HEAD)?) {
+        return Ok(Either::Model(codec::read_source(source, &name_of(path))?));
+    }
+    if is_stream(path) {
+        choice.spooled = Some(Arc::new(Spooled::of(source)?));
+    }
+    Ok(Either::Snapshot(choice.into()))
+}
+
+/// Says what is waited for before a command's own progress is set up.
+pub struct Early;
+
+impl Progress for Early {
+    fn message(&self, text: &str) {
+        eprintln!("{}", one_line(text));
+    }
+}
+
+/// A path in a report: what is no UTF-8 in it is replaced.
+pub fn path_as_text<S: Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.serialize_str(&path.to_string_lossy())
+}

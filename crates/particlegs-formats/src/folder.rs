@@ -1,0 +1,159 @@
+//! The snapshot that a folder holds.
+
+use crate::{Format, Head, Kind, OpenOptions, registry};
+use particlegs::{Error, Result};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Snapshots that are named where a folder holds several.
+const NAMED: usize = 8;
+/// Formats whose snapshots may have several files.
+const IN_PARTS: [&str; 4] = ["hdf5", "gadget", "genericio", "vtk-xml"];
+/// Files that are opened to find out which belong together.
+const LOOKED_AT: usize = 64;
+
+/// The file of a snapshot that may be named by its folder: one of them, the formats find the rest.
+///
+/// # Errors
+/// [`Error::Input`] where the folder holds no snapshot, or several; [`Error::Io`].
+pub fn resolved(paths: &[PathBuf], options: &OpenOptions) -> Result<Vec<PathBuf>> {
+    let [folder] = paths else { return Ok(paths.to_vec()) };
+    if !folder.is_dir() {
+        return Ok(paths.to_vec());
+    }
+    let sets = snapshots(&candidates(folder, options)?, options);
+    match &sets[..] {
+        [one] => Ok(vec![one.first.clone()]),
+        [] => Err(none_there(folder)),
+        several => {
+            let names = several.iter().take(NAMED).map(Set::name).collect::<Vec<_>>().join(", ");
+            let more = if several.len() > NAMED { ", ..." } else { "" };
+            let what = format!("a folder with several snapshots: {names}{more}");
+            Err(Error::input_hint(folder, what, "name one of them; `--format` leaves files of other formats out"))
+        }
+    }
+}
+
+fn none_there(folder: &Path) -> Error {
+    match Kind::of(folder) {
+        Kind::Job => Error::input_hint(folder, "a job's folder, not a snapshot", Kind::Job.to_a_snapshot()),
+        _ => Error::input_hint(
+            folder,
+            "a folder without xx.f32, yy.f32, zz.f32 and without a snapshot's file",
+            "name the snapshot's first file",
+        ),
+    }
+}
+
+/// Files of a folder in a known format, or in the one that is asked for, `snap.2` before `snap.10`.
+fn candidates(folder: &Path, options: &OpenOptions) -> Result<Vec<(PathBuf, &'static Format)>> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
+        .map_err(|e| Error::io(folder, e))?
+        .filter_map(|entry| Some(entry.ok()?.path()).filter(|p| p.is_file()))
+        .collect();
+    files.sort_by_cached_key(|p| name_key(p));
+    let format = |path: PathBuf| {
+        let found = match Kind::of_head(&Head::read(&path).ok()?) {
+            Kind::Snapshot(format) => format,
+            _ => return None,
+        };
+        Some((path, found)).filter(|_| options.format.as_ref().is_none_or(|wanted| found.name == wanted))
+    };
+    let found: Vec<_> = files.iter().cloned().filter_map(format).collect();
+    // A format that content does not tell may be asked for where there is one file alone.
+    match (&files[..], &options.format) {
+        ([only], Some(name)) if found.is_empty() => Ok(vec![(only.clone(), registry::named(name)?)]),
+        _ => Ok(found),
+    }
+}
+
+/// Sorts `snap.2` before `snap.10`.
+fn name_key(path: &Path) -> (usize, std::ffi::OsString) {
+    let name = path.file_name().unwrap_or_default();
+    (name.len(), name.to_os_string())
+}
+
+/// Files that are one snapshot.
+struct Set {
+    first: PathBuf,
+    files: BTreeSet<PathBuf>,
+}
+
+impl Set {
+    fn name(&self) -> String {
+        self.first.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+}
+
+/// What belongs together is one: parts name each other, and a list names its pieces.
+fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &OpenOptions) -> Vec<Set> {
+    let mut sets: Vec<Set> = Vec::new();
+    for (path, format) in candidates {
+        if sets.iter().any(|s| s.files.contains(path)) {
+            continue;
+        }
+        let mut files = BTreeSet::from([path.clone()]);
+        if IN_PARTS.contains(&format.name) && sets.len() < LOOKED_AT {
+            let named = (format.open)(std::slice::from_ref(path), &OpenOptions { frame: None, ..options.clone() });
+            files.extend(named.map(|s| s.description().files.clone()).unwrap_or_default());
+        }
+        sets.retain(|s| !s.files.is_subset(&files));
+        sets.push(Set { first: path.clone(), files });
+    }
+    sets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fixture(name: &str) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name)
+    }
+
+    fn names(folder: &Path, format: Option<&str>) -> Result<Vec<String>> {
+        let options = OpenOptions { format: format.map(String::from), frame: None };
+        let found = resolved(&[folder.to_path_buf()], &options)?;
+        Ok(found.iter().map(|p| p.file_name().unwrap().to_string_lossy().into_owned()).collect())
+    }
+
+    #[test]
+    fn one_snapshot_is_found_and_several_are_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let put = |from: &str, name: &str| std::fs::copy(fixture(from), dir.path().join(name)).unwrap();
+        let refused = |text: &str| {
+            let error = names(dir.path(), None).unwrap_err().to_string();
+            assert!(error.contains(text), "{error}");
+        };
+        refused("without a snapshot's file");
+        std::fs::write(dir.path().join("picture.png"), b"\x89PNG\r\n\x1a\n").unwrap();
+        std::fs::write(dir.path().join("views.json"), b"{}").unwrap();
+        put("species.hdf5", "b.hdf5");
+        assert_eq!(names(dir.path(), None).unwrap(), ["b.hdf5"]);
+        put("species.hdf5", "a.hdf5");
+        refused("several snapshots: a.hdf5, b.hdf5");
+        std::fs::remove_file(dir.path().join("a.hdf5")).unwrap();
+        std::fs::write(dir.path().join("atoms.xyz"), "1\nfirst\nAr 0 0 0\n").unwrap();
+        refused("several snapshots: b.hdf5, atoms.xyz");
+        assert_eq!(names(dir.path(), Some("hdf5")).unwrap(), ["b.hdf5"]);
+        assert_eq!(names(dir.path(), Some("xyz")).unwrap(), ["atoms.xyz"]);
+        assert!(names(dir.path(), Some("npy")).is_err());
+    }
+
+    #[test]
+    fn a_list_and_its_pieces_are_one_snapshot() {
+        let dir = tempfile::tempdir().unwrap();
+        let piece = "<?xml version=\"1.0\"?><VTKFile type=\"PolyData\" version=\"0.1\" byte_order=\"LittleEndian\">\
+            <PolyData><Piece NumberOfPoints=\"1\"><Points><DataArray type=\"Float32\" Name=\"Points\" \
+            NumberOfComponents=\"3\" format=\"ascii\">1 2 3</DataArray></Points></Piece></PolyData></VTKFile>";
+        let list = "<?xml version=\"1.0\"?><VTKFile type=\"PPolyData\" version=\"0.1\" byte_order=\"LittleEndian\">\
+            <PPolyData><PPoints><PDataArray type=\"Float32\" Name=\"Points\" NumberOfComponents=\"3\"/></PPoints>\
+            <Piece Source=\"p0.vtp\"/><Piece Source=\"p1.vtp\"/></PPolyData></VTKFile>";
+        for (name, text) in [("p0.vtp", piece), ("p1.vtp", piece), ("list.pvtp", list)] {
+            std::fs::write(dir.path().join(name), text).unwrap();
+        }
+        assert_eq!(names(dir.path(), None).unwrap(), ["list.pvtp"]);
+        std::fs::remove_file(dir.path().join("list.pvtp")).unwrap();
+        assert!(names(dir.path(), None).unwrap_err().to_string().contains("p0.vtp, p1.vtp"));
+    }
+}
