@@ -62,6 +62,14 @@ pub fn print(context: &Context, path: &Path) -> Result<()> {
     print_info(context, &info)
 }
 
+/// Does a model file say that this command made it?
+///
+/// # Errors
+/// Those of reading it.
+pub fn is_of_command(path: &Path, command: &str) -> Result<bool> {
+    Ok(codec::read_metadata(&read(path)?, &path.display().to_string())?.command == command)
+}
+
 /// A model file's bytes.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(|e| Error::io(path, e))

@@ -2,11 +2,12 @@
 
 use crate::common::{Common, Context};
 use crate::info_model;
+use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
-use particlegs::particles::{Kept, Tiling};
+use particlegs::particles::{FOLDER_FILES, Kept, Tiling};
 use particlegs::progress::Progress;
-use particlegs::{Error, Result, codec, output};
+use particlegs::{Error, Result, codec};
 use particlegs_formats::{WRITERS, write_splats, writer_for};
 use std::path::{Path, PathBuf};
 
@@ -36,6 +37,8 @@ pub struct Arguments {
     #[arg(long, value_name = "NX,NY,NZ", value_delimiter = ',', num_args = 1)]
     tile: Option<Vec<u32>>,
     #[command(flatten)]
+    force: ForceArgs,
+    #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
     selection: SelectionArgs,
@@ -62,10 +65,19 @@ fn writers() -> Vec<&'static str> {
 /// Converts.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
+    context.reads(a.input.iter().map(PathBuf::as_path), a.force.force)?;
     if let [one] = &a.input[..]
         && super::info::is_model(one)?
     {
         return splats(&a, one, &context);
+    }
+    let writer = writer_for(&a.output, a.to.as_deref())?;
+    if writer.folder {
+        if context.outputs().writes_folder(&a.output, &FOLDER_FILES)? {
+            return Err(context.refused(&a.output));
+        }
+    } else {
+        context.writes_new(&a.output, &PARTICLES)?;
     }
     let particles = a.snapshot.open(&a.input, &context)?;
     let tiling = match a.tile.as_deref() {
@@ -77,7 +89,6 @@ pub fn run(a: Arguments) -> Result<()> {
     if particles.origin != [0.0; 3] {
         context.message("note: positions lie far from 0; about 0, float32 keeps fewer of their digits");
     }
-    let writer = writer_for(&a.output, a.to.as_deref())?;
     let start = std::time::Instant::now();
     let kept = Kept::new(&particles, tiling, selection, &context)?;
     if !writer.holds_box && kept.meta().cell.is_some() {
@@ -108,7 +119,7 @@ fn splats(a: &Arguments, model: &Path, context: &Context) -> Result<()> {
         let hint = "draw particles with `recover`, then convert those".to_string();
         return Err(Error::Argument { what, hint });
     }
-    output::check_writable(&a.output)?;
+    context.writes_new(&a.output, &PARTICLES)?;
     let decoded = codec::decode(&info_model::read(model)?, &model.display().to_string())?;
     let bytes = write_splats(&decoded, &a.output, context)?;
     if decoded.vizmapper.is_some() {

@@ -68,6 +68,8 @@ struct Report {
 /// Scores.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
+    let inputs = a.input.iter().map(PathBuf::as_path).chain([a.model.as_path()]).chain(a.views.as_deref());
+    context.reads(inputs, false)?;
     let bytes = std::fs::read(&a.model).map_err(|e| Error::io(&a.model, e))?;
     let model = codec::decode(&bytes, &a.model.display().to_string())?;
     let particles = a.snapshot.open_selected(&a.input, (&a.selection, &a.window), context.common.seed, &context)?;

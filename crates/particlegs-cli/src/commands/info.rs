@@ -32,6 +32,7 @@ pub struct Arguments {
 /// Prints what the file says.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
+    context.reads(a.input.iter().map(PathBuf::as_path), false)?;
     match &a.input[..] {
         [one] if is_model(one)? => info_model::print(&context, one),
         paths => info_snapshot::print(&context, paths, &a.snapshot.choice()?, !a.no_bounds),

@@ -53,6 +53,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if Job::is_job(&a.model) {
         return verify_job(&a, &context);
     }
+    context.reads(a.snapshot.iter().map(PathBuf::as_path).chain([a.model.as_path()]), false)?;
     let bytes = info_model::read(&a.model)?;
     let place = a.model.display().to_string();
     let model = codec::decode(&bytes, &place)?;
@@ -109,7 +110,9 @@ fn verify_job(a: &Arguments, context: &Context) -> Result<()> {
         return Err(Error::argument("a job names its snapshot itself: give the folder alone"));
     }
     let job = Job::open(&a.model)?;
-    job.verify(Some(JobSnapshot::of(&job)?.layered(context)?), context)?;
+    let snapshot = JobSnapshot::of(&job)?;
+    context.reads_job(&a.model, snapshot.paths(), false)?;
+    job.verify(Some(snapshot.layered(context)?), context)?;
     let status = job.status()?;
     let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
     let text = format!(

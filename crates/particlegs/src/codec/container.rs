@@ -1,6 +1,7 @@
 //! The file: a head with its own length, then sections with checksums (docs/format.md, section 1).
 
 use super::wire::Reader;
+use crate::output::Kind;
 use crate::{Error, Result};
 
 /// First bytes of a model file; like PNG's, they show transfers that change bytes.
@@ -65,6 +66,9 @@ fn checksum(head: &[u8], bytes: &[u8]) -> u32 {
     h.update(bytes);
     h.finalize()
 }
+
+/// A model file as an output: kept unless replacing is asked for.
+pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| is_model(head) };
 
 /// Does a file that begins so claim to be a model file?
 pub fn is_model(head: &[u8]) -> bool {

@@ -30,7 +30,7 @@ mod vizmapper;
 mod walk;
 mod wire;
 
-pub use container::is_model;
+pub use container::{MODEL, is_model};
 pub use encoder::Encoder;
 pub use file::{
     CodedLayer, LayerHead, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, decode, decode_block,
