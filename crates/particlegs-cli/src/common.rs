@@ -3,12 +3,14 @@
 use crate::printable::{one_line, printable};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use particlegs::output::Outputs;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, LazyLock, Mutex};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock};
+use std::time::{Duration, Instant};
 
 /// Options of every command.
 #[derive(Args, Clone, Debug)]
@@ -29,6 +31,10 @@ pub struct Common {
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);
+/// Does the work keep a checkpoint when it is stopped?
+static KEEPS: AtomicBool = AtomicBool::new(false);
+/// How long it has for that after the first signal, whatever signals follow.
+const FOR_A_CHECKPOINT: Duration = Duration::from_secs(10);
 /// Set by SIGUSR1, which batch systems send a while before they end a task.
 static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
@@ -37,6 +43,7 @@ pub struct Context {
     /// The options.
     pub common: Common,
     bar: Mutex<Option<ProgressBar>>,
+    outputs: Mutex<Outputs>,
 }
 
 impl Common {
@@ -55,26 +62,60 @@ impl Common {
         if std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off") {
             particlegs::math::disable_simd();
         }
-        // A second signal ends the process at once; outputs are whole or absent either way.
-        let _ = ctrlc::set_handler(|| {
-            if STOP.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-        });
+        let _ = ctrlc::set_handler(stop);
         #[cfg(unix)]
         let _ = signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&SOON));
-        Ok(Context { common: self, bar: Mutex::new(None) })
+        Ok(Context { common: self, bar: Mutex::new(None), outputs: Mutex::new(Outputs::new(false, "")) })
+    }
+}
+
+/// Makes a limit on the size of files an error of writing, which leaves nothing, instead of a signal that
+/// ends the process.
+pub fn meet_file_size_limits() {
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+}
+
+/// Asks the work to stop. A second signal ends the process at once, but for work that keeps a checkpoint:
+/// that has some seconds for it. Outputs are whole or absent either way.
+fn stop() {
+    static FIRST: OnceLock<Instant> = OnceLock::new();
+    let again = STOP.swap(true, Ordering::SeqCst);
+    let first = FIRST.get_or_init(Instant::now);
+    if again && !(KEEPS.load(Ordering::SeqCst) && first.elapsed() < FOR_A_CHECKPOINT) {
+        std::process::exit(130);
     }
 }
 
 impl Context {
-    /// Prints the result: JSON where asked for, else the text on stdout.
+    /// From now on a checkpoint is kept where the work is stopped: signals after the first are ignored for
+    /// some seconds.
+    pub fn finishes_its_steps(&self) {
+        KEEPS.store(true, Ordering::SeqCst);
+    }
+
+    /// What the command reads and writes.
+    pub fn outputs(&self) -> MutexGuard<'_, Outputs> {
+        self.outputs.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
+    /// Prints the result: JSON where asked for, and the text on stdout, or on stderr where an output is
+    /// there.
     pub fn finish(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
         if let Some(target) = &self.common.json {
             crate::report::json(target, value)?;
             if target == std::path::Path::new("-") {
                 return Ok(());
             }
+        }
+        self.line(text)
+    }
+
+    /// Prints a line of the result: on stdout, or on stderr where an output is there.
+    pub fn line(&self, text: &str) -> Result<()> {
+        if self.outputs().on_standard_output() {
+            self.message(text);
+            return Ok(());
         }
         crate::report::line(text)
     }

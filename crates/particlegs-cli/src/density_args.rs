@@ -1,14 +1,16 @@
 //! Surface density on the command line: the window, the colours, the files. Shared by `render` and
 //! `reference`.
 
+use crate::common::Context;
+use crate::outputs::{JSON, VALUES};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
 use particlegs::camera::{DensityView, Frame, Projection, spherical_camera};
 use particlegs::model::Model;
-use particlegs::output::{write_atomic, write_bytes};
+use particlegs::output::{FileSet, write_atomic, write_bytes};
 use particlegs::particles::{Cell, Particles};
 use particlegs::picture::{
-    Colormap, DensityPicture, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
+    Colormap, DensityPicture, PNG, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
 };
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -151,14 +153,30 @@ impl DensityArgs {
         Ok((size, vec![view]))
     }
 
+    /// Says what is written of these views.
+    ///
+    /// # Errors
+    /// Those of [`Context::writes`].
+    pub fn plan(&self, folder: &Path, views: &[DensityView], context: &Context) -> Result<()> {
+        let path = |view: &DensityView, ending| folder.join(format!("{}.{ending}", view.name));
+        views.iter().try_for_each(|view| {
+            if !self.raw {
+                return context.writes(&path(view, "png"), &PNG).map(drop);
+            }
+            context.writes(&path(view, "f32"), &VALUES)?;
+            context.writes(&path(view, "json"), &JSON).map(drop)
+        })
+    }
+
     /// Writes a plane as a picture or as raw values; the path written.
     pub fn write(&self, folder: &Path, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
         let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
         let focal = view.camera.focal_pixels(plane.size);
         let world_per_pixel = if perspective { view.camera.distance() / focal } else { 1.0 / focal };
         if self.raw {
-            let path = folder.join(format!("{}.f32", view.name));
-            write_atomic(&path, |w| {
+            let set = FileSet::in_folder(folder)?;
+            let name = format!("{}.f32", view.name);
+            write_atomic(&set.path().join(&name), |w| {
                 plane
                     .data
                     .chunks(1 << 14)
@@ -177,8 +195,9 @@ impl DensityArgs {
             };
             let mut text = serde_json::to_vec_pretty(&form).expect("plain data");
             text.push(b'\n');
-            write_bytes(&folder.join(format!("{}.json", view.name)), &text)?;
-            return Ok(path);
+            write_bytes(&set.path().join(format!("{}.json", view.name)), &text)?;
+            set.finish()?;
+            return Ok(folder.join(name));
         }
         let options = DensityPicture {
             colormap: self.colormap,

@@ -1,12 +1,14 @@
 //! What `info` prints about a model file, and its certificate as a table.
 
 use crate::common::Context;
+use crate::inputs;
 use crate::printable::one_line;
 use particlegs::Result;
 use particlegs::codec::{self, FileInfo, LayerInfo};
 use particlegs::input::name_of;
 use particlegs::model::{Certificate, Law, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 use particlegs::particles::Cell;
+use particlegs::progress::Progress;
 use particlegs_formats::SPLAT_PLY_BYTES;
 use serde::Serialize;
 use std::fmt::Write;
@@ -62,6 +64,14 @@ struct MetadataReport<'a> {
 /// Prints what the file says.
 pub fn print(context: &Context, path: &Path, bytes: &[u8]) -> Result<()> {
     print_info(context, &codec::read_info(bytes, &name_of(path))?)
+}
+
+/// Does a model file say that this command made it?
+///
+/// # Errors
+/// Those of reading it.
+pub fn is_of_command(path: &Path, command: &str, progress: &dyn Progress) -> Result<bool> {
+    Ok(codec::read_metadata(&inputs::model(path, progress)?, &name_of(path))?.command == command)
 }
 
 fn print_info(context: &Context, info: &FileInfo) -> Result<()> {

@@ -39,6 +39,11 @@ impl JobSnapshot {
         serde_json::from_value(value).map_err(|e| Error::input(&place, format!("names no snapshot: {e}")))
     }
 
+    /// Its files.
+    pub fn paths(&self) -> &[PathBuf] {
+        &self.paths
+    }
+
     /// How errors name it.
     pub fn place(&self) -> String {
         self.paths.first().map_or_else(String::new, |p| p.display().to_string())

@@ -10,6 +10,7 @@ mod info_model;
 mod info_snapshot;
 mod inputs;
 mod job_args;
+mod outputs;
 mod pictures;
 mod plots;
 mod printable;
@@ -36,8 +37,12 @@ struct Cli {
 
 fn main() -> ExitCode {
     cut_short::say_so();
-    // A reader that closes its end of a pipe early is no error of ours.
-    let outcome = std::panic::catch_unwind(|| commands::run(Cli::parse().command));
+    common::meet_file_size_limits();
+    let outcome = std::panic::catch_unwind(|| match Cli::try_parse() {
+        Ok(cli) => commands::run(cli.command),
+        Err(asked) if !asked.use_stderr() => report::help(&asked),
+        Err(wrong) => wrong.exit(),
+    });
     match outcome {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(error)) => report::failure(&error),

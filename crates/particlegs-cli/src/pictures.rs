@@ -1,8 +1,10 @@
 //! What `compress --pictures` writes: truth beside model beside error, and the surface density.
 
 use crate::density_args::Quantities;
+use particlegs::Result;
 use particlegs::camera::{DensityView, View, base_distance, spherical_camera};
 use particlegs::model::Model;
+use particlegs::output::FileSet;
 use particlegs::particles::Particles;
 use particlegs::picture::{
     Colormap, DensityPicture, PanelImage, ScaleBar, Size, annotate_density, masked_psnr, panels, write_rgb_png,
@@ -11,7 +13,6 @@ use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::{self, Scene};
 use particlegs::splat::Look;
-use particlegs::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// One panel.
@@ -23,13 +24,18 @@ const DENSITY_HEIGHTS: [f64; 2] = [300.0, 2400.0];
 const ANGLES: [f64; 2] = [30.0, 20.0];
 const DISTANCE: f64 = 0.85;
 
-/// Writes DIR/comparison.png and DIR/density.png; the paths written.
+/// The pictures of a folder.
+pub fn paths(folder: &Path) -> [PathBuf; 2] {
+    ["comparison.png", "density.png"].map(|name| folder.join(name))
+}
+
+/// Writes them, both or none; the paths written. Their places have been looked at before.
 pub fn write(folder: &Path, model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<Vec<PathBuf>> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let paths = ["comparison.png", "density.png"].map(|name| folder.join(name));
-    comparison(&paths[0], model, particles, progress)?;
-    density(&paths[1], model, progress)?;
-    Ok(paths.into())
+    let set = FileSet::in_folder(folder)?;
+    let [compared, summed] = paths(set.path());
+    comparison(&compared, model, particles, progress)?;
+    density(&summed, model, progress)?;
+    set.finish()
 }
 
 fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<()> {

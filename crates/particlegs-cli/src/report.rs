@@ -21,12 +21,27 @@ pub fn failure(error: &Error) -> ExitCode {
 
 /// A line of the result, on stdout.
 pub fn line(text: &str) -> particlegs::Result<()> {
-    writeln!(std::io::stdout(), "{}", printable(text)).map_err(|e| Error::io("standard output", e))
+    verbatim(&printable(text))
 }
 
 /// Text for another program, on stdout: as it is.
-pub fn verbatim(text: &str) -> particlegs::Result<()> {
-    writeln!(std::io::stdout(), "{text}").map_err(|e| Error::io("standard output", e))
+pub fn verbatim(line: &str) -> particlegs::Result<()> {
+    whole(|| writeln!(std::io::stdout(), "{line}"))
+}
+
+/// Text as it is, on stdout.
+pub fn text(bytes: &[u8]) -> particlegs::Result<()> {
+    whole(|| std::io::stdout().write_all(bytes))
+}
+
+/// The help or the version that was asked for, on stdout.
+pub fn help(asked: &clap::Error) -> particlegs::Result<()> {
+    whole(|| asked.print())
+}
+
+/// Writes to stdout, and finds out whether all of it got there.
+fn whole(write: impl FnOnce() -> std::io::Result<()>) -> particlegs::Result<()> {
+    write().and_then(|()| std::io::stdout().flush()).map_err(|e| Error::io("standard output", e))
 }
 
 /// The result as JSON: to a file, or to stdout for `-`.
@@ -34,7 +49,7 @@ pub fn json(target: &Path, value: &impl Serialize) -> particlegs::Result<()> {
     let text = serde_json::to_string_pretty(value).expect("results are plain data") + "\n";
     let text = printable_json(&text);
     if target == Path::new("-") {
-        std::io::stdout().write_all(text.as_bytes()).map_err(|e| Error::io("standard output", e))
+        self::text(text.as_bytes())
     } else {
         particlegs::output::write_bytes(target, text.as_bytes())
     }

@@ -2,13 +2,15 @@
 //! `finetune`.
 
 use crate::common::Context;
-use crate::train_log::logged;
+use crate::outputs::{LOG, SVG};
+use crate::train_log::{curves, logged};
 use clap::Args;
 use particlegs::compress::{Checkpoint, Compressed, Found};
 use particlegs::fit::{NoPieces, Pieces};
+use particlegs::picture::PNG;
 use particlegs::progress::Progress;
 use particlegs::train::Limits;
-use particlegs::{Error, Result};
+use particlegs::{Error, Result, output};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -58,25 +60,52 @@ impl RunArgs {
         Ok(Limits { began, seconds, scratch: Some(scratch), run: String::new() })
     }
 
-    /// The checkpoint beside `output` of the work that `whose` names.
+    /// Does it go on from a checkpoint?
+    pub fn goes_on(&self) -> bool {
+        self.resume
+    }
+
+    /// Says what is written beside the model at `output`: the checkpoint, the log and its curves. What an
+    /// interrupted run has left is given up by `force` alone.
+    ///
+    /// # Errors
+    /// [`Error::Output`], [`Error::Argument`] where there cannot be a checkpoint; those of
+    /// [`Context::writes`].
+    pub fn plan(&self, output: &Path, force: bool, context: &Context) -> Result<()> {
+        match checkpoint_path(output)? {
+            Some(path) => {
+                context.finishes_its_steps();
+                context.writes(&path, &Checkpoint::KIND)?;
+                if path.exists() && !self.resume && !force {
+                    let hint = "--resume goes on from it, --force begins anew";
+                    return Err(Error::output(&path, "an interrupted run has left it", hint));
+                }
+            }
+            None if self.resume => return Err(Error::argument("--resume needs an output that is a file")),
+            None => context.message("note: the output is no file: a run that is stopped leaves no checkpoint"),
+        }
+        let Some(log) = &self.log else { return Ok(()) };
+        context.writes(log, &LOG)?;
+        for curve in curves(log)? {
+            context.writes(&curve, if curve.extension().is_some_and(|e| e == "svg") { &SVG } else { &PNG })?;
+        }
+        Ok(())
+    }
+
+    /// The checkpoint beside `output` of the work that `whose` names; none where the output is a stream.
     ///
     /// # Errors
     /// [`Error::Input`], [`Error::Argument`] where there is none to go on from.
-    pub fn checkpoint(&self, output: &Path, whose: &[u8; 32], context: &Context) -> Result<Checkpoint> {
-        let mut path = output.to_path_buf().into_os_string();
-        path.push(".checkpoint");
-        let path = PathBuf::from(path);
+    pub fn checkpoint(&self, output: &Path, whose: &[u8; 32]) -> Result<Option<Checkpoint>> {
+        let Some(path) = checkpoint_path(output)? else { return Ok(None) };
         let place = path.display().to_string();
         if !self.resume {
-            if path.exists() {
-                context.message(&format!("note: {place}, which --resume would have gone on from, is given up"));
-            }
-            return Ok(Checkpoint::fresh(path, whose));
+            return Ok(Some(Checkpoint::fresh(path, whose)));
         }
         let checkpoint = Checkpoint::open(path, whose)?;
-        let hint = "without --resume the run begins anew";
+        let hint = "without --resume, with --force the run begins anew";
         match checkpoint.found() {
-            Found::Ours => Ok(checkpoint),
+            Found::Ours => Ok(Some(checkpoint)),
             Found::Nothing => {
                 Err(Error::Argument { what: format!("{place}: there is no checkpoint"), hint: hint.into() })
             }
@@ -119,6 +148,16 @@ impl RunArgs {
         }
         done
     }
+}
+
+/// Where the checkpoint of a run lies; nowhere where its output is a stream.
+fn checkpoint_path(output: &Path) -> Result<Option<PathBuf>> {
+    if output::is_stream(output)? {
+        return Ok(None);
+    }
+    let mut path = output.to_path_buf().into_os_string();
+    path.push(".checkpoint");
+    Ok(Some(PathBuf::from(path)))
 }
 
 /// Says of a run that was stopped what there is.

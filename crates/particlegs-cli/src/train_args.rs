@@ -100,6 +100,11 @@ impl TrainArgs {
         Some(Config::preset(preset, self.law().unwrap_or(Law::OpticalDepth)))
     }
 
+    /// The file of hyper-parameters.
+    pub fn config_file(&self) -> Option<&Path> {
+        self.tune.config_file()
+    }
+
     /// The hyper-parameters; `None` = no training.
     ///
     /// # Errors
@@ -136,6 +141,11 @@ impl TrainArgs {
 }
 
 impl TuneArgs {
+    /// The file of hyper-parameters.
+    pub fn config_file(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
     fn is_given(&self) -> bool {
         self.config.is_some() || self.scale.is_some() || self.iterations.is_some()
     }

@@ -3,10 +3,10 @@
 use crate::common::Context;
 use crate::plots::{self, Curve, Figure};
 use particlegs::input::{Begins, Form, read_own};
+use particlegs::output::FileSet;
 use particlegs::progress::Progress;
-use particlegs::{Error, Result};
+use particlegs::{Result, output};
 use serde_json::Value;
-use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -18,7 +18,7 @@ const FILE: Form = Form { title: "a log of training", begins: Begins::Text, most
 struct Logged<'a> {
     context: &'a Context,
     path: PathBuf,
-    file: Mutex<Option<File>>,
+    file: Mutex<Option<Box<dyn Write + Send>>>,
 }
 
 impl Progress for Logged<'_> {
@@ -58,17 +58,41 @@ pub fn logged<T>(
     context: &Context,
     work: impl FnOnce(&dyn Progress) -> Result<T>,
 ) -> Result<T> {
-    let mut options = File::options();
-    let options = if append { options.append(true) } else { options.write(true).truncate(true) };
-    let file = options.create(true).open(path).map_err(|e| Error::io(path, e))?;
+    let file = output::open_log(path, append)?;
     let logged = Logged { context, path: path.to_path_buf(), file: Mutex::new(Some(file)) };
     let done = work(&logged);
     let whole = logged.file.into_inner().unwrap_or_else(|e| e.into_inner()).is_some();
     // The run's outcome is worth more than its curves.
-    if whole && let Err(error) = draw(path) {
+    if whole
+        && !output::is_stream(path)?
+        && let Err(error) = draw(path)
+    {
         context.message(&format!("warning: the curves of {} were not drawn: {error}", path.display()));
     }
     done
+}
+
+/// The curves of a log.
+const CURVES: [&str; 2] = ["loss", "psnr"];
+
+/// Where the curves of the log at `path` are drawn; nowhere where it is a stream.
+///
+/// # Errors
+/// Those of [`output::is_stream`].
+pub fn curves(path: &Path) -> Result<Vec<PathBuf>> {
+    if output::is_stream(path)? {
+        return Ok(Vec::new());
+    }
+    let place = |name, ending| folder_of(path).join(format!("{}-{name}.{ending}", stem(path)));
+    Ok(CURVES.iter().flat_map(|name| ["svg", "png"].map(|ending| place(name, ending))).collect())
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "training".into(), |s| s.to_string_lossy().into_owned())
 }
 
 /// The curves of a log: NAME-loss and NAME-psnr, SVG and PNG; of several runs one after the other.
@@ -76,8 +100,7 @@ fn draw(path: &Path) -> Result<()> {
     let text = read_own(path, FILE)?.unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
     let runs = by_run(&text);
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let stem = path.file_stem().map_or_else(|| "training".into(), |s| s.to_string_lossy().into_owned());
+    let (set, stem) = (FileSet::in_folder(folder_of(path))?, stem(path));
     let curve = |key: &str, name: &'static str, lines: &[Value]| {
         let point = |l: &Value| Some((l["iteration"].as_f64()?, l[key].as_f64()?));
         let points: Vec<(f64, f64)> = lines.iter().filter_map(point).collect();
@@ -96,10 +119,11 @@ fn draw(path: &Path) -> Result<()> {
             ratio: Vec::new(),
             levels: Vec::new(),
         };
-        plots::write(folder, &figure)
+        plots::write(set.path(), &figure)
     };
-    figure("loss", ("loss", "training"), "Training loss", "loss, mean of 50 steps")?;
-    figure("held_out_masked_psnr", ("psnr", "held out"), "Held-out views", "masked PSNR, dB")
+    figure("loss", (CURVES[0], "training"), "Training loss", "loss, mean of 50 steps")?;
+    figure("held_out_masked_psnr", (CURVES[1], "held out"), "Held-out views", "masked PSNR, dB")?;
+    set.finish().map(drop)
 }
 
 /// The lines of each run of a log; those that a resumed run went over again count once, the last time.

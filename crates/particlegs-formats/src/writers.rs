@@ -15,6 +15,8 @@ pub struct Writer {
     pub endings: &'static [&'static str],
     /// Can it hold the periodic box?
     pub holds_box: bool,
+    /// Does it write a folder, not a file?
+    pub folder: bool,
     /// Writes what is kept, whole or not at all; the bytes written.
     pub write: fn(&Kept<'_>, &Path, &dyn Progress) -> Result<u64>,
 }
@@ -26,6 +28,7 @@ pub static WRITERS: &[Writer] = &[
         title: "a folder with float32 columns and meta.json",
         endings: &[],
         holds_box: true,
+        folder: true,
         write: |kept, out, progress| Ok(write_raw(kept, out, progress)?.bytes),
     },
     Writer {
@@ -33,6 +36,7 @@ pub static WRITERS: &[Writer] = &[
         title: "NumPy array of shape (N, 3)",
         endings: &["npy"],
         holds_box: false,
+        folder: false,
         write: |kept, out, progress| Ok(write_raw(kept, out, progress)?.bytes),
     },
     Writer {
@@ -40,6 +44,7 @@ pub static WRITERS: &[Writer] = &[
         title: "HDF5 in the layout of Gadget-4",
         endings: &["hdf5", "h5"],
         holds_box: true,
+        folder: false,
         write: crate::hdf5::write,
     },
     Writer {
@@ -47,6 +52,7 @@ pub static WRITERS: &[Writer] = &[
         title: "VTK PolyData (VTP)",
         endings: &["vtp"],
         holds_box: false,
+        folder: false,
         write: crate::vtk_xml::write,
     },
     Writer {
@@ -54,6 +60,7 @@ pub static WRITERS: &[Writer] = &[
         title: "LAMMPS text dump",
         endings: &["dump", "lammpstrj"],
         holds_box: true,
+        folder: false,
         write: crate::lammps::write::write,
     },
 ];

@@ -79,6 +79,16 @@ pub enum Error {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// An output that is an input or another output, or that is there and may not be replaced.
+    #[error("{place}: {what}")]
+    Output {
+        /// The file or folder that was to be written.
+        place: String,
+        /// Why it is not.
+        what: String,
+        /// What to do, or empty.
+        hint: String,
+    },
     /// The caller asked to stop.
     #[error("stopped")]
     Cancelled,
@@ -111,6 +121,11 @@ impl Error {
         Error::Argument { what: what.into(), hint: String::new() }
     }
 
+    /// An output that is not written over what is there, and what to do about it.
+    pub fn output(place: impl AsPlace, what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Error::Output { place: place.as_place(), what: what.into(), hint: hint.into() }
+    }
+
     /// A failed read or write.
     pub fn io(place: impl AsPlace, source: std::io::Error) -> Self {
         Error::Io { place: place.as_place(), source }
@@ -119,7 +134,10 @@ impl Error {
     /// What to do about it; empty where there is nothing to add.
     pub fn hint(&self) -> &str {
         match self {
-            Error::Input { hint, .. } | Error::Argument { hint, .. } | Error::Unreachable { hint, .. } => hint,
+            Error::Input { hint, .. }
+            | Error::Argument { hint, .. }
+            | Error::Unreachable { hint, .. }
+            | Error::Output { hint, .. } => hint,
             Error::Corrupt { .. } => "copy the file again from its source; `particlegs verify` checks it",
             Error::Compatibility { .. } => "use a newer particlegs",
             Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture",
@@ -138,6 +156,7 @@ impl Error {
             Error::Unreachable { .. } => 5,
             Error::Io { .. } => 6,
             Error::Memory { .. } | Error::Bound { .. } => 7,
+            Error::Output { .. } => 8,
             Error::Checkpointed { .. } => 75,
             Error::Cancelled => 130,
         }

@@ -36,6 +36,8 @@ pub fn run(a: Arguments) -> Result<()> {
         Error::argument(format!("block {number} is outside the {} of this job", job.manifest.plan.blocks))
     })?;
     let snapshot = JobSnapshot::of(&job)?;
+    context.reads_job(&a.job, snapshot.paths(), false)?;
+    context.finishes_its_steps();
     let done = job.block(block, || snapshot.layered(&context), &context);
     let done = done.map_err(|e| of_task(e, &a.job, &format!("block {block}")))?;
     let (report, how) = match &done {

@@ -27,6 +27,7 @@ pub struct Arguments {
 /// Compares; pictures of different sizes are named and make the command fail after the others.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
+    context.reads([a.a.as_path(), &a.b], false)?;
     let comparison = compare_folders(&a.a, &a.b, &context)?;
     for (names, folder) in [(&comparison.only_in_a, &a.b), (&comparison.only_in_b, &a.a)] {
         if !names.is_empty() {

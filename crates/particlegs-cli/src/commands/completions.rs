@@ -15,6 +15,7 @@ pub struct Arguments {
 
 /// Prints the script on stdout.
 pub fn run(a: &Arguments) -> Result<()> {
-    clap_complete::generate(a.shell, &mut crate::Cli::command(), "particlegs", &mut std::io::stdout());
-    Ok(())
+    let mut script = Vec::new();
+    clap_complete::generate(a.shell, &mut crate::Cli::command(), "particlegs", &mut script);
+    crate::report::text(&script)
 }

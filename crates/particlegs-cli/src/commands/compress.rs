@@ -2,14 +2,17 @@
 
 use crate::common::{Common, Context};
 use crate::fit_args::FitArgs;
+use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
-use particlegs::compress::{Compressed, Load, Options, compress, parse_bytes};
+use particlegs::compress::{Compressed, Load, Options, compress, is_asked_for, is_made_of, parse_bytes};
 use particlegs::fit::Pieces;
+use particlegs::model::Model;
 use particlegs::particles::{Particles, Room};
+use particlegs::picture::PNG;
 use particlegs::progress::Progress;
-use particlegs::{Error, Result, output};
+use particlegs::{Error, Result, codec, output};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -53,6 +56,8 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
     #[command(flatten)]
+    force: ForceArgs,
+    #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
     selection: SelectionArgs,
@@ -76,22 +81,21 @@ pub fn run(a: Arguments) -> Result<()> {
         a.run.check_stray()?;
     }
     options.limits = a.run.limits(start, a.scratch_folder())?;
-    if let Some(folder) = &a.pictures {
-        // The model may go there as well.
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    }
-    output::check_writable(a.output())?;
+    let kept = a.plan(&options, &context)?;
     options.memory = memory;
     if memory.is_some() {
         options.room = Room::Disk(a.scratch_folder());
     }
     let particles = a.snapshot.open_selected_in(&options.room, &a.input, selection, a.common.seed, &context)?;
     options.blocks = blocks(&a, &options, memory, &particles, &context)?;
+    if kept {
+        return there_already(&a, &options, &particles, &context);
+    }
     if particles.meta.cell.is_none() {
         context.message("note: no periodic box is known (--box Lx,Ly,Lz): nothing wraps around");
     }
     let mut checkpoint = match options.training {
-        Some(_) => Some(a.run.checkpoint(a.output(), &options.name_of_work(&particles), &context)?),
+        Some(_) => a.run.checkpoint(a.output(), &options.name_of_work(&particles))?,
         None => None,
     };
     let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| compress(&particles, &options, pieces, progress);
@@ -108,12 +112,7 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let seconds = start.elapsed().as_secs_f64();
     report(&a, &context, &done, seconds)?;
-    if let Some(folder) = &a.pictures {
-        for path in crate::pictures::write(folder, &done.model, &particles, &context)? {
-            context.message(&format!("wrote {}", path.display()));
-        }
-    }
-    Ok(())
+    a.write_pictures(&done.model, &particles, &context)
 }
 
 impl Arguments {
@@ -124,9 +123,74 @@ impl Arguments {
 
     /// Where scratch files go.
     fn scratch_folder(&self) -> PathBuf {
-        let beside = self.output().parent().filter(|p| !p.as_os_str().is_empty());
-        self.scratch.clone().unwrap_or_else(|| beside.unwrap_or(Path::new(".")).to_path_buf())
+        self.scratch.clone().unwrap_or_else(|| output::scratch_folder(self.output()))
     }
+
+    /// Says what is read and written. Tells whether a model is there that is kept: one that this command
+    /// can have made.
+    fn plan(&self, options: &Options, context: &Context) -> Result<bool> {
+        let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.config_file());
+        context.reads(inputs, self.force.force)?;
+        if let Some(folder) = &self.pictures {
+            // The model may go there as well.
+            context.makes_folder(folder)?;
+            crate::pictures::paths(folder).iter().try_for_each(|p| context.writes(p, &PNG).map(drop))?;
+        }
+        let there = context.writes(self.output(), &codec::MODEL)?;
+        if options.training.is_some() {
+            self.run.plan(self.output(), self.force.force, context)?;
+        }
+        if let Some(folder) = &self.scratch {
+            output::check_writable(&folder.join("scratch"))?;
+        }
+        let kept = there && !self.run.goes_on();
+        if kept {
+            let bytes = crate::inputs::model(self.output(), context)?;
+            let told = codec::read_metadata(&bytes, &self.output().display().to_string())?;
+            if !is_asked_for(&told, options) {
+                return Err(context.refused(self.output()));
+            }
+        }
+        Ok(kept)
+    }
+
+    /// Draws the pictures that are asked for.
+    fn write_pictures(&self, model: &Model, particles: &Particles, context: &Context) -> Result<()> {
+        let Some(folder) = &self.pictures else { return Ok(()) };
+        for path in crate::pictures::write(folder, model, particles, context)? {
+            context.message(&format!("wrote {}", path.display()));
+        }
+        Ok(())
+    }
+}
+
+/// A model is there and not to be replaced: says that it is what this command makes, or refuses. Its
+/// pictures are drawn all the same.
+fn there_already(a: &Arguments, options: &Options, particles: &Particles, context: &Context) -> Result<()> {
+    let (bytes, place) = (crate::inputs::model(a.output(), context)?, a.output().display().to_string());
+    let model = codec::decode(&bytes, &place)?;
+    let certificate = model.certificate.as_ref();
+    if !is_made_of(&model.metadata, certificate.is_some(), particles, options) {
+        return Err(context.refused(a.output()));
+    }
+    let (raw_bytes, gaussians) = (particles.raw_bytes(), model.gaussians());
+    let ratio = raw_bytes as f64 / bytes.len() as f64;
+    let mut text = format!(
+        "{place}: is there already, made of this snapshot by the same options: {} particles -> {gaussians} Gaussians, \
+         {} bytes, ratio {ratio:.1}",
+        model.metadata.count,
+        bytes.len(),
+    );
+    if certificate.is_some() {
+        let unit = model.metadata.length_unit.as_deref();
+        text += &format!("\n{}", crate::info_model::certificate(certificate, unit).trim_end());
+    }
+    let value = json!({
+        "output": a.output, "there_already": true, "particles": model.metadata.count, "gaussians": gaussians,
+        "model_bytes": bytes.len(), "raw_bytes": raw_bytes, "compression_ratio": ratio, "certificate": certificate,
+    });
+    context.finish(&text, &value)?;
+    a.write_pictures(&model, particles, context)
 }
 
 /// The number of blocks: as asked for, or as the memory asks for; says what scratch space that takes.

@@ -2,12 +2,13 @@
 
 use crate::common::{Common, Context};
 use crate::inputs::{self, Either, path_as_text};
+use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
 use particlegs::input::name_of;
-use particlegs::particles::{Kept, Room, Tiling};
+use particlegs::particles::{FOLDER_FILES, Kept, Room, Tiling};
 use particlegs::progress::Progress;
-use particlegs::{Error, Result, codec, output};
+use particlegs::{Error, Result, codec};
 use particlegs_formats::{WRITERS, write_splats, writer_for};
 use std::path::{Path, PathBuf};
 
@@ -37,6 +38,8 @@ pub struct Arguments {
     #[arg(long, value_name = "NX,NY,NZ", value_delimiter = ',', num_args = 1)]
     tile: Option<Vec<u32>>,
     #[command(flatten)]
+    force: ForceArgs,
+    #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
     selection: SelectionArgs,
@@ -64,6 +67,7 @@ fn writers() -> Vec<&'static str> {
 /// Converts.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
+    context.reads(a.input.iter().map(PathBuf::as_path), a.force.force)?;
     let choice = match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
             Either::Model(bytes) => return splats(&a, (one, &bytes), &context),
@@ -72,6 +76,13 @@ pub fn run(a: Arguments) -> Result<()> {
         _ => a.snapshot.choice()?,
     };
     let writer = writer_for(&a.output, a.to.as_deref())?;
+    if writer.folder {
+        if context.outputs().writes_folder(&a.output, &FOLDER_FILES)? {
+            return Err(context.refused(&a.output));
+        }
+    } else {
+        context.writes_new(&a.output, &PARTICLES)?;
+    }
     let particles = particlegs_formats::read(&a.input, &choice, &Room::Memory, &context)?;
     let tiling = match a.tile.as_deref() {
         None => Tiling::single(),
@@ -113,7 +124,7 @@ fn splats(a: &Arguments, (model, bytes): (&Path, &[u8]), context: &Context) -> R
         let hint = "draw particles with `recover`, then convert those".to_string();
         return Err(Error::Argument { what, hint });
     }
-    output::check_writable(&a.output)?;
+    context.writes_new(&a.output, &PARTICLES)?;
     let decoded = codec::decode(bytes, &name_of(model))?;
     let bytes = write_splats(&decoded, &a.output, context)?;
     if decoded.vizmapper.is_some() {

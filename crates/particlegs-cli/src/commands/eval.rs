@@ -70,6 +70,8 @@ struct Report {
 /// Scores.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
+    let inputs = a.input.iter().map(PathBuf::as_path).chain([a.model.as_path()]).chain(a.views.as_deref());
+    context.reads(inputs, false)?;
     let bytes = inputs::model(&a.model, &context)?;
     let model = codec::decode(&bytes, &name_of(&a.model))?;
     let particles = a.snapshot.open_selected(&a.input, (&a.selection, &a.window), context.common.seed, &context)?;

@@ -3,12 +3,13 @@
 use crate::common::{Common, Context};
 use crate::info_model;
 use crate::inputs;
+use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::source;
 use crate::train_args::TuneArgs;
 use clap::Args;
-use particlegs::compress::{Compressed, FineTuning, Target, finetune, parse_bytes};
+use particlegs::compress::{Checkpoint, Compressed, FineTuning, Target, finetune, parse_bytes};
 use particlegs::fit::Pieces;
 use particlegs::input::name_of;
 use particlegs::model::Law;
@@ -53,6 +54,8 @@ pub struct Arguments {
     /// Memory to stay within, e.g. 1GiB: particles wait on disk.
     #[arg(long, value_name = "M")]
     memory: Option<String>,
+    #[command(flatten)]
+    force: ForceArgs,
     #[command(flatten)]
     opening: SnapshotArgs,
     #[command(flatten)]
@@ -103,7 +106,13 @@ pub fn run(a: Arguments) -> Result<()> {
     let start = Instant::now();
     let options = a.options(out, start)?;
     let context = a.common.clone().start()?;
-    output::check_writable(out)?;
+    let inputs = a.snapshot.iter().map(PathBuf::as_path).chain([path]).chain(a.tune.config_file());
+    context.reads(inputs, a.force.force)?;
+    // What time may have ended is never known to be the same.
+    if context.writes(out, &codec::MODEL)? && !a.run.goes_on() {
+        return Err(context.refused(out));
+    }
+    a.run.plan(out, a.force.force, &context)?;
     let (bytes, place) = (inputs::model(path, &context)?, name_of(path));
     let model = codec::decode(&bytes, &place)?;
     if model.metadata.law != Law::AlphaBlend {
@@ -116,12 +125,12 @@ pub fn run(a: Arguments) -> Result<()> {
     let particles = a.opening.open_selected_in(&room, &a.snapshot, selection, a.common.seed, &context)?;
     let of_several = source::is_of_several(&bytes, &model, &place)?;
     source::check(&model, of_several, &particles, (a.snapshot.first().map_or(none, |p| p), path))?;
-    let mut checkpoint = a.run.checkpoint(out, &options.name_of_work(&bytes), &context)?;
+    let mut checkpoint = a.run.checkpoint(out, &options.name_of_work(&bytes))?;
     let size = bytes.len() as u64;
     let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| {
         finetune(&model, size, (&particles, &options), pieces, progress)
     };
-    let done = a.run.run(&context, Some(&mut checkpoint), work)?;
+    let done = a.run.run(&context, checkpoint.as_mut(), work)?;
     if !done.stopped {
         context.check()?;
     }
@@ -129,7 +138,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if done.stopped {
         return Err(run_args::stopped(out, &context));
     }
-    checkpoint.remove()?;
+    checkpoint.map_or(Ok(()), Checkpoint::remove)?;
     report(out, &context, (model.gaussians(), size), &done, start.elapsed().as_secs_f64())
 }
 
@@ -150,7 +159,7 @@ impl Arguments {
 
     /// Where scratch files go.
     fn folder(&self, out: &Path) -> PathBuf {
-        out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf()
+        output::scratch_folder(out)
     }
 }
 

@@ -31,6 +31,7 @@ pub struct Arguments {
 /// Prints what the file says.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
+    context.reads(a.input.iter().map(PathBuf::as_path), false)?;
     match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
             Either::Model(bytes) => info_model::print(&context, one, &bytes),

@@ -3,14 +3,15 @@
 use crate::common::{Common, Context};
 use crate::inputs::{self, path_as_text};
 use crate::job_args::JobSnapshot;
+use crate::outputs::ForceArgs;
 use clap::Args;
+use particlegs::Result;
 use particlegs::codec::{self, Merge};
 use particlegs::input::name_of;
 use particlegs::job::Job;
 use particlegs::model::Law;
 use particlegs::particles::Room;
 use particlegs::progress::Progress;
-use particlegs::{Result, output};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -40,6 +41,8 @@ pub struct Arguments {
     #[arg(long)]
     no_certificate: bool,
     #[command(flatten)]
+    force: ForceArgs,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -60,13 +63,16 @@ struct Report {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let start = Instant::now();
-    output::check_writable(&a.output)?;
-    let (bytes, parts) = match &a.parts[..] {
+    let (bytes, parts, kept) = match &a.parts[..] {
         [folder] if Job::is_job(folder) => of_job(&a, folder, &context)?,
-        parts => (of_files(parts, &context)?, parts.len()),
+        parts => {
+            context.reads(parts.iter().map(PathBuf::as_path), a.force.force)?;
+            let kept = context.writes(&a.output, &codec::MODEL)?;
+            (of_files(parts, &context)?, parts.len(), kept)
+        }
     };
     context.check()?;
-    output::write_bytes(&a.output, &bytes)?;
+    context.write_model(&a.output, &bytes, kept)?;
     let seconds = start.elapsed().as_secs_f64();
     let info = codec::read_info(&bytes, &a.output.display().to_string())?;
     if info.metadata.law == Law::AlphaBlend && parts > 1 {
@@ -114,16 +120,23 @@ fn of_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
     merge.finish()
 }
 
-/// The file of a job, and the number of its blocks.
-fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, usize)> {
+/// The file of a job, the number of its blocks, and whether a model is there that is kept.
+fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, usize, bool)> {
     let job = Job::open(folder)?;
+    let snapshot = JobSnapshot::of(&job)?;
+    context.reads_job(folder, snapshot.paths(), a.force.force)?;
+    let kept = context.writes(&a.output, &codec::MODEL)?;
+    // The same job gives the same bytes; another one's work is not begun.
+    if kept && !crate::info_model::is_of_command(&a.output, &job.manifest.plan.metadata.command, context)? {
+        return Err(context.refused(&a.output));
+    }
     let measured = job.manifest.plan.certificate && !a.no_certificate;
     // Blocks that are missing are named before the snapshot is read.
     job.check_done()?;
     let particles = match measured {
-        true => Some(JobSnapshot::of(&job)?.particles(&Room::Memory, context)?),
+        true => Some(snapshot.particles(&Room::Memory, context)?),
         false => None,
     };
     let bytes = job.merge(particles.as_ref(), context)?;
-    Ok((bytes, job.manifest.plan.blocks as usize))
+    Ok((bytes, job.manifest.plan.blocks as usize, kept))
 }

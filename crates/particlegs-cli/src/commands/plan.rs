@@ -4,6 +4,7 @@ use crate::common::Common;
 use crate::emit::{self, Engine};
 use crate::fit_args::FitArgs;
 use crate::job_args::JobSnapshot;
+use crate::outputs::ForceArgs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::Args;
 use particlegs::compress::parse_bytes;
@@ -45,6 +46,8 @@ pub struct Arguments {
     #[command(flatten)]
     fit: FitArgs,
     #[command(flatten)]
+    force: ForceArgs,
+    #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
     selection: SelectionArgs,
@@ -77,9 +80,13 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let snapshot = JobSnapshot::new(&a.input, &a.snapshot, selection, a.common.seed)?;
     let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
-    std::fs::create_dir_all(&a.output).map_err(|e| Error::io(&a.output, e))?;
+    context.reads(a.input.iter().map(PathBuf::as_path).chain(a.fit.train.config_file()), a.force.force)?;
+    // What is in the folder is looked at by the plan itself; only an input it must not be.
+    context.outputs().writes_job(&a.output)?;
+    context.makes_folder(&a.output)?;
     let source = snapshot.source(&Room::Disk(a.output.clone()), &context)?;
-    let task = Task { options: &options, blocks, memory, snapshot: named, place: &snapshot.place() };
+    let task =
+        Task { options: &options, blocks, memory, snapshot: named, place: &snapshot.place(), replace: a.force.force };
     let planned = job::plan(source, &task, &a.output, &context)?;
     let (m, plan) = (&planned.job.manifest, &planned.job.manifest.plan);
     let folder = a.output.display();

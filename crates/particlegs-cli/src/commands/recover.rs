@@ -2,13 +2,14 @@
 
 use crate::common::Common;
 use crate::inputs::{self, path_as_text};
+use crate::outputs::ForceArgs;
 use clap::{Args, ValueEnum};
+use particlegs::Result;
 use particlegs::codec;
 use particlegs::input::name_of;
-use particlegs::particles::RawForm;
+use particlegs::particles::{FOLDER_FILES, RawForm};
 use particlegs::progress::Progress;
-use particlegs::recover::{Method, Options, recover};
-use particlegs::{Error, Result};
+use particlegs::recover::{Method, Options, is_there, recover};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -45,6 +46,8 @@ pub struct Arguments {
     /// What to write into the folder beside meta.json.
     #[arg(long, value_enum, default_value_t = FormArg::Raw)]
     form: FormArg,
+    #[command(flatten)]
+    force: ForceArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -91,10 +94,8 @@ struct Report {
 /// Draws.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    if a.output.is_file() {
-        let exists = std::io::Error::new(std::io::ErrorKind::NotADirectory, "is a file, not a folder");
-        return Err(Error::io(&a.output, exists));
-    }
+    context.reads([a.model.as_path()], a.force.force)?;
+    let kept = context.outputs().writes_folder(&a.output, &FOLDER_FILES)?;
     let start = Instant::now();
     let bytes = inputs::model(&a.model, &context)?;
     let mut model = codec::decode(&bytes, &name_of(&a.model))?;
@@ -119,6 +120,13 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let hash = codec::file_hash(&bytes);
     drop(bytes);
+    if kept {
+        if !is_there(&a.output, &model, hash, &options)? {
+            return Err(context.refused(&a.output));
+        }
+        let text = format!("{}: is there already, drawn from this model by the same options", a.output.display());
+        return context.finish(&text, &serde_json::json!({ "output": a.output, "there_already": true }));
+    }
     let done = recover(model, hash, &options, &a.output, &context)?;
     let seconds = start.elapsed().as_secs_f64();
     let report = Report {

@@ -6,12 +6,12 @@ use crate::inputs::path_as_text;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
+use particlegs::Result;
 use particlegs::particles::{Bounds, Particles};
-use particlegs::picture::write_gray_png;
+use particlegs::picture::{PNG, write_gray_png};
 use particlegs::progress::Progress;
 use particlegs::reference::{Reference, surface_density};
 use particlegs::splat::{DEFAULT_OPACITY, Look};
-use particlegs::{Error, Result};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -105,6 +105,7 @@ struct DensityReport {
 /// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
+    context.reads(a.input.iter().map(PathBuf::as_path).chain(a.view.views.as_deref()), false)?;
     let particles =
         a.snapshot.open_selected(&a.input, (&a.selection, &WindowArgs::default()), a.common.seed, &context)?;
     let reference = Reference::new(&particles);
@@ -115,25 +116,27 @@ pub fn run(a: &Arguments) -> Result<()> {
     }
     let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
     let set = a.view.resolve(&subject, &context)?;
-    std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))?;
+    context.makes_folder(&a.out)?;
+    let paths: Vec<PathBuf> = set.views.iter().map(|v| a.out.join(format!("{}.png", v.name))).collect();
+    paths.iter().try_for_each(|path| context.writes(path, &PNG).map(drop))?;
     let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
     let mut report =
         Report { style, particles: count, width: set.size.width, height: set.size.height, views: Vec::new() };
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
     context.begin("drawing", set.views.len() as u64);
-    for view in &set.views {
+    for (view, path) in set.views.iter().zip(paths) {
         let started = Instant::now();
         let picture = match a.style {
-            Style::Paraview => reference.draw(view, set.size, Look::Paraview, &context)?,
-            Style::ParaviewNoFxaa => reference.draw(view, set.size, Look::ParaviewNoFxaa, &context)?,
-            Style::Expected => reference.draw(view, set.size, Look::Expected, &context)?,
-            Style::Response => reference.response(view, set.size, Look::ParaviewNoFxaa, &context)?,
+            Style::Paraview => reference.draw(view, set.size, Look::Paraview, &context),
+            Style::ParaviewNoFxaa => reference.draw(view, set.size, Look::ParaviewNoFxaa, &context),
+            Style::Expected => reference.draw(view, set.size, Look::Expected, &context),
+            Style::Response => reference.response(view, set.size, Look::ParaviewNoFxaa, &context),
             // Density has left above.
-            Style::ResponseFxaa | Style::Density => reference.response(view, set.size, Look::Paraview, &context)?,
+            Style::ResponseFxaa | Style::Density => reference.response(view, set.size, Look::Paraview, &context),
         };
         let seconds = started.elapsed().as_secs_f64();
-        let path = a.out.join(format!("{}.png", view.name));
-        write_gray_png(&path, &picture)?;
+        let written = picture.and_then(|picture| write_gray_png(&path, &picture));
+        context.says_what_is_there(&a.out, report.views.len(), set.views.len(), written)?;
         let (radius_px, rate) = (view.radius_pixels(set.size), count as f64 / seconds);
         text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {rate:>14.3e}", view.name);
         report.views.push(Drawn {
@@ -157,15 +160,17 @@ fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Con
     let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
     let quantities = Quantities::of_particles(particles);
     let (size, views) = a.density.views((&a.view, &subject), &quantities, context)?;
-    std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))?;
+    context.makes_folder(&a.out)?;
+    a.density.plan(&a.out, &views, context)?;
     let mut report =
         DensityReport { style: "density", particles: count, width: size.width, height: size.height, views: Vec::new() };
     let mut text = format!("{:<16} {:>9}", "view", "seconds");
     for view in &views {
         let started = Instant::now();
-        let plane = surface_density(particles, view, size, context)?;
+        let plane = surface_density(particles, view, size, context);
         let seconds = started.elapsed().as_secs_f64();
-        let path = a.density.write(&a.out, view, &plane, &quantities)?;
+        let drawn = plane.and_then(|plane| a.density.write(&a.out, view, &plane, &quantities));
+        let path = context.says_what_is_there(&a.out, report.views.len(), views.len(), drawn)?;
         text += &format!("\n{:<16} {seconds:>9.3}", view.name);
         report.views.push(DrawnDensity { name: view.name.clone(), seconds, path });
     }

@@ -1,14 +1,13 @@
 //! `particlegs render MODEL --style S --out DIR`.
 
-use crate::common::Common;
+use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::inputs::{self, path_as_text};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
 use particlegs::input::name_of;
 use particlegs::model::{Law, Model};
-use particlegs::picture::write_gray_png;
-use particlegs::progress::Progress;
+use particlegs::picture::{PNG, write_gray_png};
 use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::Look;
 use particlegs::{Error, Result, codec};
@@ -79,6 +78,7 @@ struct Report {
 /// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
+    context.reads([a.model.as_path()].into_iter().chain(a.view.views.as_deref()), false)?;
     let bytes = inputs::model(&a.model, &context)?;
     let model = codec::decode(&bytes, &name_of(&a.model))?;
     let model = if a.layers == ["all"] { model } else { model.only(&a.layers)? };
@@ -113,51 +113,49 @@ fn pictures(
     model: &Model,
     subject: &Subject,
     look: Look,
-    progress: &dyn Progress,
+    context: &Context,
     report: &mut Report,
 ) -> Result<()> {
-    let set = a.view.resolve(subject, progress)?;
-    make_folder(a)?;
+    let set = a.view.resolve(subject, context)?;
+    context.makes_folder(&a.out)?;
+    let paths: Vec<PathBuf> = set.views.iter().map(|v| a.out.join(format!("{}.png", v.name))).collect();
+    paths.iter().try_for_each(|path| context.writes(path, &PNG).map(drop))?;
     (report.width, report.height) = (set.size.width, set.size.height);
     let scene = Scene::of(model);
-    for view in &set.views {
+    for (view, path) in set.views.iter().zip(paths) {
         let started = Instant::now();
-        let picture = draw(&scene, view, set.size, look, progress)?;
-        let seconds = started.elapsed().as_secs_f64();
-        let path = a.out.join(format!("{}.png", view.name));
-        write_gray_png(&path, &picture)?;
+        let mut seconds = 0.0;
+        let drawn = draw(&scene, view, set.size, look, context).and_then(|picture| {
+            seconds = started.elapsed().as_secs_f64();
+            write_gray_png(&path, &picture)
+        });
+        context.says_what_is_there(&a.out, report.views.len(), set.views.len(), drawn)?;
         report.views.push(Drawn { name: view.name.clone(), seconds, path });
     }
     Ok(())
 }
 
-fn densities(
-    a: &Arguments,
-    model: &Model,
-    subject: &Subject,
-    progress: &dyn Progress,
-    report: &mut Report,
-) -> Result<()> {
+fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context, report: &mut Report) -> Result<()> {
     if model.metadata.law == Law::AlphaBlend {
         let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
         let hint = "draw particles with `recover`, and their density with `reference --style density`".to_string();
         return Err(Error::Argument { what, hint });
     }
     let quantities = Quantities::of_model(model);
-    let (size, views) = a.density.views((&a.view, subject), &quantities, progress)?;
-    make_folder(a)?;
+    let (size, views) = a.density.views((&a.view, subject), &quantities, context)?;
+    context.makes_folder(&a.out)?;
+    a.density.plan(&a.out, &views, context)?;
     (report.width, report.height) = (size.width, size.height);
     let scene = Scene::of(model);
     for view in &views {
         let started = Instant::now();
-        let plane = surface_density(&scene, view, size, progress)?;
-        let seconds = started.elapsed().as_secs_f64();
-        let path = a.density.write(&a.out, view, &plane, &quantities)?;
+        let mut seconds = 0.0;
+        let drawn = surface_density(&scene, view, size, context).and_then(|plane| {
+            seconds = started.elapsed().as_secs_f64();
+            a.density.write(&a.out, view, &plane, &quantities)
+        });
+        let path = context.says_what_is_there(&a.out, report.views.len(), views.len(), drawn)?;
         report.views.push(Drawn { name: view.name.clone(), seconds, path });
     }
     Ok(())
-}
-
-fn make_folder(a: &Arguments) -> Result<()> {
-    std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))
 }

@@ -36,6 +36,8 @@ pub fn run(a: Arguments) -> Result<()> {
         }
     };
     let snapshot = JobSnapshot::of(&job)?;
+    context.reads_job(&a.job, snapshot.paths(), false)?;
+    context.finishes_its_steps();
     let mut done = 0;
     for chunk in chunks.clone() {
         let scattered = context.check().and_then(|()| job.scatter(|| snapshot.layered(&context), chunk, &context));

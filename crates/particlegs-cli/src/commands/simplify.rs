@@ -1,12 +1,14 @@
 //! `particlegs simplify M.pgs -o M2.pgs --ratio R | --gaussians K`.
 
 use crate::common::Common;
+use crate::info_model;
 use crate::inputs::{self, path_as_text};
+use crate::outputs::ForceArgs;
 use clap::Args;
 use particlegs::compress::{Target, simplify};
 use particlegs::input::name_of;
 use particlegs::progress::Progress;
-use particlegs::{Result, codec, output};
+use particlegs::{Result, codec};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -29,6 +31,8 @@ pub struct Arguments {
     output: PathBuf,
     #[command(flatten)]
     target: TargetArgs,
+    #[command(flatten)]
+    force: ForceArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -78,13 +82,18 @@ pub fn run(a: Arguments) -> Result<()> {
     let (target, command) = a.target.target()?;
     let context = a.common.start()?;
     let start = Instant::now();
-    output::check_writable(&a.output)?;
+    context.reads([a.model.as_path()], a.force.force)?;
+    let kept = context.writes(&a.output, &codec::MODEL)?;
     let bytes = inputs::model(&a.model, &context)?;
     let model = codec::decode(&bytes, &name_of(&a.model))?;
+    // The same work gives the same bytes; other work is not begun.
+    if kept && !info_model::is_of_command(&a.output, &format!("{command} of: {}", model.metadata.command), &context)? {
+        return Err(context.refused(&a.output));
+    }
     let gaussians_in = model.gaussians();
     let done = simplify(model, bytes.len() as u64, target, &command, &context)?;
     context.check()?;
-    output::write_bytes(&a.output, &done.bytes)?;
+    context.write_model(&a.output, &done.bytes, kept)?;
     let report = Report {
         gaussians_in,
         gaussians: done.gaussians,

@@ -193,17 +193,14 @@ struct Report<'a> {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let options = options(&a)?;
-    std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))?;
+    context.reads([a.truth.as_path(), &a.other], false)?;
+    context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
     let truth = Source::open(&a.truth, &a.snapshot, &context)?;
     let other = Source::open(&a.other, &a.snapshot, &context)?;
     let statistics = compare(truth.subject(), other.subject(), &options, &context)?;
     statistics.notes.iter().for_each(|n| context.message(&format!("note: {n}")));
     let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());
-    stats_tables::write(&a.out, &statistics)?;
-    if !a.no_plots {
-        stats_plots::write_all(&a.out, &statistics, unit.as_deref())?;
-    }
     let report = Report {
         truth: a.truth.display().to_string(),
         other: a.other.display().to_string(),
@@ -211,7 +208,13 @@ pub fn run(a: Arguments) -> Result<()> {
         tool_version: env!("CARGO_PKG_VERSION"),
         statistics: &statistics,
     };
-    crate::report::json(&a.out.join("stats.json"), &report)?;
+    context.write_set(&a.out, |folder| {
+        stats_tables::write(folder, &statistics)?;
+        if !a.no_plots {
+            stats_plots::write_all(folder, &statistics, unit.as_deref())?;
+        }
+        crate::report::json(&folder.join("stats.json"), &report)
+    })?;
     context.finish(&stats_tables::summary(&statistics, unit.as_deref()), &report)
 }
 

@@ -19,7 +19,9 @@ pub struct Arguments {
 /// Tells how far a job is.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let status = Job::open(&a.job)?.status()?;
+    let job = Job::open(&a.job)?;
+    context.reads_job(&a.job, &[], false)?;
+    let status = job.status()?;
     let parts = |states: &[State]| {
         let of = |state| {
             let found = states.iter().enumerate().filter(|s| *s.1 == state).map(|s| s.0.to_string());

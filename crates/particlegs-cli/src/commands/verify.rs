@@ -55,6 +55,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if Job::is_job(&a.model) {
         return verify_job(&a, &context);
     }
+    context.reads(a.snapshot.iter().map(PathBuf::as_path).chain([a.model.as_path()]), false)?;
     let bytes = inputs::model(&a.model, &context)?;
     let place = name_of(&a.model);
     let model = codec::decode(&bytes, &place)?;
@@ -111,7 +112,9 @@ fn verify_job(a: &Arguments, context: &Context) -> Result<()> {
         return Err(Error::argument("a job names its snapshot itself: give the folder alone"));
     }
     let job = Job::open(&a.model)?;
-    job.verify(Some(JobSnapshot::of(&job)?.layered(context)?), context)?;
+    let snapshot = JobSnapshot::of(&job)?;
+    context.reads_job(&a.model, snapshot.paths(), false)?;
+    job.verify(Some(snapshot.layered(context)?), context)?;
     let status = job.status()?;
     let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
     let text = format!(

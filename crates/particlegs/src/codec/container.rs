@@ -2,6 +2,7 @@
 
 use super::wire::Reader;
 use crate::input::{self, Source};
+use crate::output::Kind;
 use crate::progress::Progress;
 use crate::{Error, Result, memory};
 use std::path::Path;
@@ -68,6 +69,9 @@ fn checksum(head: &[u8], bytes: &[u8]) -> u32 {
     h.update(bytes);
     h.finalize()
 }
+
+/// A model file as an output: kept unless replacing is asked for.
+pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| is_model(head) };
 
 /// Does a file that begins so claim to be a model file?
 pub fn is_model(head: &[u8]) -> bool {

@@ -30,7 +30,7 @@ mod vizmapper;
 mod walk;
 mod wire;
 
-pub use container::{is_model, read_file, read_source};
+pub use container::{MODEL, is_model, read_file, read_source};
 pub use encoder::Encoder;
 pub(crate) use file::MOST_LAYERS;
 pub use file::{

@@ -42,6 +42,10 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
+    /// A checkpoint as an output, of this version or another.
+    pub const KIND: output::Kind =
+        output::Kind { name: "a checkpoint", kept: false, is: |_, head| head.starts_with(&MAGIC[..7]) };
+
     /// What is there of the work that `whose` names; nothing where the file is missing, broken or of
     /// other work: it only saves time.
     ///

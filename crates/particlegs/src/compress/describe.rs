@@ -2,7 +2,7 @@
 
 use super::Options;
 use crate::model::Metadata;
-use crate::particles::{Bounds, SnapshotMeta};
+use crate::particles::{Bounds, Particles, SnapshotMeta, source_hash};
 
 /// Metadata of a model of `count` particles within `bounds`; its mass is known when its blocks are.
 pub fn describe(meta: &SnapshotMeta, count: u64, bounds: Bounds, source_hash: [u8; 32], options: &Options) -> Metadata {
@@ -26,6 +26,24 @@ pub fn describe(meta: &SnapshotMeta, count: u64, bounds: Bounds, source_hash: [u
         command: options.command.clone() + &blocks,
         tool_version: env!("CARGO_PKG_VERSION").to_string(),
     }
+}
+
+/// Is a model file of `told`, with or without a certificate, what `options` make of `particles`? Never
+/// said of training, which time may have ended.
+pub fn is_made_of(told: &Metadata, has_certificate: bool, particles: &Particles, options: &Options) -> bool {
+    if options.training.is_some() || has_certificate != options.certificate || !is_asked_for(told, options) {
+        return false;
+    }
+    let (count, hash) = (particles.len() as u64, source_hash(particles));
+    let asked = describe(&particles.meta, count, told.bounds, hash, options);
+    // What the hash decides, and how files are called, is not compared.
+    *told == Metadata { mass: told.mass, source: told.source.clone(), ..asked }
+}
+
+/// Can a model file of `told` be what `options` make, whatever the number of blocks that memory asks for?
+pub fn is_asked_for(told: &Metadata, options: &Options) -> bool {
+    let rest = told.command.strip_prefix(&options.command);
+    options.training.is_none() && rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(" --blocks "))
 }
 
 /// ParaView users' usual opacity, and the published default.

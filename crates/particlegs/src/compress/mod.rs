@@ -20,7 +20,7 @@ mod target;
 pub use block::{BlockJob, CodedBlock, Outcome, StopMeans, TrainedRun, Workshop};
 pub use checkpoint::{Checkpoint, Found};
 pub use clock::Clock;
-pub use describe::describe;
+pub use describe::{describe, is_asked_for, is_made_of};
 pub use finetune::{FineTuning, finetune};
 pub use job::{Compressed, Options, compress, name_of};
 pub use memory::Load;

@@ -31,6 +31,8 @@ pub struct Task<'a> {
     pub snapshot: serde_json::Value,
     /// How errors name it.
     pub place: &'a str,
+    /// Give another plan that is in the folder up, with all that was done for it?
+    pub replace: bool,
 }
 
 /// A job that is planned.
@@ -56,9 +58,9 @@ const READ_AGAIN: f64 = 2.0;
 /// The same plan again changes nothing.
 ///
 /// # Errors
-/// [`Error::Argument`] for a target that only all blocks together meet, for more blocks than there are
-/// places, and where the folder holds another plan or something else; [`Error::Input`] for invalid
-/// values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
+/// [`Error::Argument`] for a target that only all blocks together meet and for more blocks than there are
+/// places; [`Error::Output`] where the folder holds another plan or something else; [`Error::Input`] for
+/// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
 pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Planned> {
     if let Target::Psnr(_) = task.options.target {
         let hint = "ask for a size, a ratio or a number of Gaussians; `compress` meets a quality".to_string();
@@ -76,22 +78,48 @@ pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progr
         manifest.chunks = (survey.runs.len() as u64).div_ceil(manifest.chunk_runs);
     }
     let text = manifest.text();
-    let before = is_there(folder, &text)?;
+    let before = is_there(folder, &text, task.replace)?;
     let id = *blake3::hash(text.as_bytes()).as_bytes();
     let starts = manifest.layer_runs();
     let job = Job { folder: folder.to_path_buf(), manifest, id, starts, runs: survey.runs };
+    let written = write(&job, at_once.then_some(&source), &text, progress);
+    if written.is_err() && !before {
+        clear(folder)?;
+    }
+    written.map(|()| Planned { job, before })
+}
+
+/// Writes the files of a plan, the manifest last; chunks too where `source` is only here.
+fn write(job: &Job, source: Option<&Layered>, text: &str, progress: &dyn Progress) -> Result<()> {
+    let folder = &job.folder;
     make_folder(&folder.join("blocks"))?;
     make_folder(&folder.join("scatter"))?;
     runs::write(&folder.join("runs.bin"), &job.id, &job.runs)?;
-    if at_once {
+    if let Some(source) = source {
         output::check_space_in(folder, source.raw_bytes())?;
-        (0..job.manifest.chunks).try_for_each(|c| match Buckets::open(&job, c) {
+        (0..job.manifest.chunks).try_for_each(|c| match Buckets::open(job, c) {
             Ok(_) => Ok(()),
-            Err(_) => job.bucket(&source, c, progress),
+            Err(_) => job.bucket(source, c, progress),
         })?;
     }
-    output::write_bytes(&folder.join("plan.json"), text.as_bytes())?;
-    Ok(Planned { job, before })
+    output::write_bytes(&folder.join("plan.json"), text.as_bytes())
+}
+
+/// Removes a plan and what was done for it; the plan first, so that no half of it is taken for one.
+fn clear(folder: &Path) -> Result<()> {
+    let missing_is_fine = |path: &Path, done: std::io::Result<()>| match done {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, e)),
+        _ => Ok(()),
+    };
+    for name in ["plan.json", "runs.bin"] {
+        let path = folder.join(name);
+        missing_is_fine(&path, std::fs::remove_file(&path))?;
+    }
+    for name in ["blocks", "scatter"] {
+        let path = folder.join(name);
+        missing_is_fine(&path, std::fs::remove_dir_all(&path))?;
+    }
+    Ok(())
 }
 
 /// The manifest of a surveyed snapshot; blocks read it where it lies.
@@ -134,14 +162,12 @@ fn blocks(source: &Layered, task: &Task<'_>) -> Result<u32> {
     }
 }
 
-/// Is this very plan in the folder?
-fn is_there(folder: &Path, text: &str) -> Result<bool> {
+/// Is this very plan in the folder? Another one goes if it may.
+fn is_there(folder: &Path, text: &str, replace: bool) -> Result<bool> {
     match std::fs::read(folder.join("plan.json")) {
         Ok(there) if there == text.as_bytes() => Ok(true),
-        Ok(_) => {
-            let what = format!("{}: another plan is there", folder.display());
-            Err(Error::Argument { what, hint: "name another folder, or delete this one".into() })
-        }
+        Ok(_) if replace => clear(folder).map(|()| false),
+        Ok(_) => Err(Error::output(folder, "another plan is there", "name another folder, or replace this one's plan")),
         Err(_) => Ok(false),
     }
 }
@@ -164,8 +190,8 @@ fn check_folder(folder: &Path) -> Result<()> {
     match entries.find(|e| !ours(e.file_name())) {
         None => output::check_writable(&folder.join("plan.json")),
         Some(other) => {
-            let what = format!("{}: holds `{}`", folder.display(), other.file_name().to_string_lossy());
-            Err(Error::Argument { what, hint: "a job wants a folder of its own".into() })
+            let what = format!("holds `{}`", other.file_name().to_string_lossy());
+            Err(Error::output(folder, what, "a job wants a folder of its own"))
         }
     }
 }

@@ -43,4 +43,4 @@ pub use source::{Chunk, ChunkBuffer, InPlace, RUN, RunSink, SnapshotReader};
 pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};
 pub use tile::Tiling;
-pub use write::{Described, RawForm, SnapshotWriter};
+pub use write::{Described, FOLDER_FILES, RawForm, SnapshotWriter};

@@ -2,7 +2,7 @@
 
 use super::select::{KeptLayer, Run};
 use super::{ONE_LAYER, SnapshotMeta};
-use crate::output::{check_space, write_at};
+use crate::output::{PlacedFile, WholeFolder, check_space, write_at};
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Write;
@@ -43,58 +43,50 @@ pub struct Described<'a> {
     pub notes: serde_json::Map<String, serde_json::Value>,
 }
 
-/// A snapshot being written: files of final length in a temporary folder beside their place, which
-/// goes away unless [`SnapshotWriter::finish`] moves them there.
+/// The names that a folder of particles may hold, whatever its form.
+pub const FOLDER_FILES: [&str; 6] = [COLUMNS[0], COLUMNS[1], COLUMNS[2], COLUMNS[3], TRIPLES, SIDECAR];
+
+/// A snapshot being written: files of final length beside their place, which go away unless
+/// [`SnapshotWriter::finish`] moves them there together.
 pub struct SnapshotWriter {
     out: PathBuf,
-    folder: tempfile::TempDir,
     form: RawForm,
-    /// Names and files: columns, or one of triples after a header of so many bytes.
-    files: Vec<(&'static str, File)>,
+    target: Target,
+    /// Bytes before the triples.
     header: u64,
 }
 
+/// What is written.
+enum Target {
+    /// One file.
+    File(PlacedFile),
+    /// A folder with these files: columns, or one of triples.
+    Folder(WholeFolder, Vec<(&'static str, File)>),
+}
+
 impl SnapshotWriter {
-    /// Opens files for `count` particles.
+    /// Opens files for `count` particles. A folder that is there is replaced by the new one as a whole.
     ///
     /// # Errors
     /// [`Error::Io`] where the place cannot be written or the disk has no room; [`Error::Input`]
-    /// where weights would be lost, or a stale file beside the new ones would be taken for theirs.
+    /// where weights would be lost; [`Error::Output`] where the folder holds anything but particles.
     pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool) -> Result<Self> {
         if form != RawForm::Columns && weighted {
             return Err(Error::input_hint(out, "an .npy of positions would lose the weights", "name a folder instead"));
         }
-        let names = match form {
-            RawForm::Columns if weighted => &COLUMNS[..],
-            RawForm::Columns => &COLUMNS[..3],
-            RawForm::Npy | RawForm::NpyFolder => &[TRIPLES],
+        let header = if form == RawForm::Columns { Vec::new() } else { npy_header(count) };
+        let bytes = count.saturating_mul(if weighted { 16 } else { 12 }).saturating_add(header.len() as u64);
+        let target = match form {
+            RawForm::Npy => {
+                let file = PlacedFile::create(out, bytes)?;
+                file.write_at(&header, 0)?;
+                Target::File(file)
+            }
+            RawForm::Columns if weighted => folder(out, &COLUMNS, bytes, &header)?,
+            RawForm::Columns => folder(out, &COLUMNS[..3], bytes, &header)?,
+            RawForm::NpyFolder => folder(out, &[TRIPLES], bytes, &header)?,
         };
-        let stale: &[&str] = match form {
-            RawForm::Columns => &COLUMNS[names.len()..],
-            RawForm::Npy => &[],
-            RawForm::NpyFolder => &COLUMNS,
-        };
-        if let Some(name) = stale.iter().find(|n| out.join(n).exists()) {
-            return Err(Error::input_hint(
-                out,
-                format!("its {name} belongs to another snapshot and would be taken for this one's"),
-                "remove it, or name another folder",
-            ));
-        }
-        let beside = if form != RawForm::Npy && out.is_dir() { out } else { parent(out) };
-        let folder = temporary_folder(beside).map_err(|e| Error::io(out, e))?;
-        let bytes = count.saturating_mul(if weighted { 16 } else { 12 });
-        check_space(folder.path(), bytes).map_err(|e| Error::io(out, e))?;
-        let create = |name: &'static str| Ok((name, File::create(folder.path().join(name))?));
-        let files: std::io::Result<Vec<_>> = names.iter().copied().map(create).collect();
-        let mut files = files.map_err(|e| Error::io(out, e))?;
-        let mut header = 0;
-        if form != RawForm::Columns {
-            let head = npy_header(count);
-            files[0].1.write_all(&head).map_err(|e| Error::io(out, e))?;
-            header = head.len() as u64;
-        }
-        Ok(SnapshotWriter { out: out.to_path_buf(), folder, form, files, header })
+        Ok(SnapshotWriter { out: out.to_path_buf(), form, target, header: header.len() as u64 })
     }
 
     /// Writes a run at particle `first`; runs may come in any order and from several threads.
@@ -103,14 +95,19 @@ impl SnapshotWriter {
     /// # Errors
     /// [`Error::Io`].
     pub fn write(&self, first: u64, run: &Run, triples: &mut Vec<f32>) -> Result<()> {
-        let done = if self.form == RawForm::Columns {
-            let mut columns = self.files.iter().zip(&run.columns);
-            columns.try_for_each(|((_, file), column)| write_at(file, bytemuck::cast_slice(column), 4 * first))
-        } else {
+        if self.form != RawForm::Columns {
             let [x, y, z, _] = &run.columns;
             triples.clear();
             triples.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]));
-            write_at(&self.files[0].1, bytemuck::cast_slice(triples), self.header + 12 * first)
+        }
+        let place = self.header + 12 * first;
+        let done = match &self.target {
+            Target::File(file) => return file.write_at(bytemuck::cast_slice(triples), place),
+            Target::Folder(_, files) if self.form == RawForm::Columns => {
+                let mut columns = files.iter().zip(&run.columns);
+                columns.try_for_each(|((_, file), column)| write_at(file, bytemuck::cast_slice(column), 4 * first))
+            }
+            Target::Folder(_, files) => write_at(&files[0].1, bytemuck::cast_slice(triples), place),
         };
         done.map_err(|e| Error::io(&self.out, e))
     }
@@ -118,45 +115,31 @@ impl SnapshotWriter {
     /// Syncs the files and moves them to their place; what is known goes beside them.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// [`Error::Io`]; what was there is untouched then.
     pub fn finish(self, described: &Described<'_>) -> Result<()> {
         let fail = |e| Error::io(&self.out, e);
-        let folder = self.folder.path();
-        self.files.iter().try_for_each(|f| f.1.sync_all()).map_err(fail)?;
-        if self.form == RawForm::Npy {
-            return std::fs::rename(folder.join(TRIPLES), &self.out).map_err(fail);
+        match self.target {
+            Target::File(file) => file.finish(),
+            Target::Folder(folder, files) => {
+                files.iter().try_for_each(|f| f.1.sync_all()).map_err(fail)?;
+                write_sidecar(&folder.path().join(SIDECAR), described).map_err(fail)?;
+                folder.finish()
+            }
         }
-        write_sidecar(&folder.join(SIDECAR), described).map_err(fail)?;
-        if !self.out.is_dir() {
-            let kept = self.folder.keep();
-            return std::fs::rename(&kept, &self.out).map_err(|e| {
-                // The copy without its place is of no use; the rename's error is what counts.
-                let _ = std::fs::remove_dir_all(&kept);
-                Error::io(&self.out, e)
-            });
-        }
-        let mut names = self.files.iter().map(|f| f.0).chain([SIDECAR]);
-        names.try_for_each(|n| std::fs::rename(folder.join(n), self.out.join(n))).map_err(fail)
     }
 }
 
-fn parent(path: &Path) -> &Path {
-    match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    }
-}
-
-/// A folder that is removed unless kept, as readable as any new folder.
-fn temporary_folder(beside: &Path) -> std::io::Result<tempfile::TempDir> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".particlegs-").suffix(".tmp");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o777));
-    }
-    builder.tempdir_in(beside)
+/// A folder with files of these names, each with `header` in front.
+fn folder(out: &Path, names: &[&'static str], bytes: u64, header: &[u8]) -> Result<Target> {
+    let folder = WholeFolder::create(out, &FOLDER_FILES)?;
+    let create = |name: &&'static str| {
+        let mut file = File::create(folder.path().join(name))?;
+        file.write_all(header)?;
+        Ok((*name, file))
+    };
+    let files = check_space(folder.path(), bytes).and_then(|()| names.iter().map(create).collect());
+    let files: Vec<_> = files.map_err(|e: std::io::Error| Error::io(out, e))?;
+    Ok(Target::Folder(folder, files))
 }
 
 /// Header of a little-endian f32 array of shape (count, 3), padded to a multiple of 64 bytes.

@@ -15,7 +15,7 @@ pub use annotate::{DensityPicture, ScaleBar, annotate_density, log_range};
 pub use annotate_panels::{PanelImage, panels};
 pub use colormap::{Colormap, diverging};
 pub use plane::{Gray8, Plane, Rgb8, Size};
-pub use png_io::{read_gray_png, write_gray_png, write_rgb_png};
+pub use png_io::{PNG, read_gray_png, write_gray_png, write_rgb_png};
 pub use score::{MASK_LEVEL, Scores, decibels, is_lit, masked_psnr, psnr};
 pub use score_ssim::ssim;
 pub use text::FONT;

@@ -8,6 +8,10 @@ use std::path::Path;
 /// Pictures larger than this in either direction are refused before memory is taken.
 const LARGEST_SIDE: u32 = 65_536;
 
+/// A PNG as an output.
+pub const PNG: output::Kind =
+    output::Kind { name: "a PNG", kept: false, is: |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
+
 /// Writes an 8-bit grey PNG, whole or not at all.
 pub fn write_gray_png(path: &Path, picture: &Gray8) -> Result<()> {
     write(path, picture.size, png::ColorType::Grayscale, &picture.data)

@@ -5,7 +5,7 @@ use super::draw::{Rules, Scratch};
 use super::notes::notes;
 use super::plan::Plan;
 use crate::memory::require;
-use crate::model::Model;
+use crate::model::{Layer, Model};
 use crate::particles::{Described, ONE_LAYER, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -98,6 +98,34 @@ pub fn recover(
     progress.end();
     Ok(Recovered { particles: plan.total, bytes: plan.total * if weighted { 16 } else { 12 } })
 }
+
+/// Are the particles that [`recover`] would draw from `model` by `options` in the folder `out`, as far as
+/// its meta.json and the length of its files say?
+///
+/// # Errors
+/// [`Error::Io`] where meta.json is there and cannot be read.
+pub fn is_there(out: &Path, model: &Model, model_hash: [u8; 32], options: &Options) -> Result<bool> {
+    let total = options.particles.unwrap_or_else(|| model.layers.iter().map(Layer::count).sum());
+    let length = |name: &str| out.join(name).metadata().map_or(0, |m| m.len());
+    let whole = match options.form {
+        RawForm::Columns => ["xx.f32", "yy.f32", "zz.f32"].iter().all(|name| length(name) == 4 * total),
+        RawForm::NpyFolder => length("positions.npy") == 12 * total + NPY_HEADER,
+        RawForm::Npy => false,
+    };
+    if !whole || length("meta.json") > LARGEST_META {
+        return Ok(false);
+    }
+    let path = out.join("meta.json");
+    let text = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
+    let there: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+    let asked = notes(&model.metadata, model.certificate.as_ref(), model_hash, options, total);
+    Ok(asked.iter().all(|(key, value)| there.get(key) == Some(value)))
+}
+
+/// Bytes before the triples of a positions.npy.
+const NPY_HEADER: u64 = 128;
+/// Bytes of the largest meta.json that is looked at.
+const LARGEST_META: u64 = 16 << 20;
 
 /// Bytes of a particle in a thread's scratch space: numbers and positions in f64, columns and
 /// triples in f32.

@@ -1,0 +1,192 @@
+//! What a command reads and writes, said before its work: the one place that decides what is replaced.
+
+use crate::common::Context;
+use clap::Args;
+use particlegs::output::{FileSet, Input, Kind, Outputs};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result, output, picture};
+use serde_json::Value;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Said where something is there that is not replaced unasked.
+const ADVICE: &str = "name another output, or replace it with --force";
+
+/// Of commands that write models, particles or jobs.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct ForceArgs {
+    /// Replace the output where there is one. Inputs and files of other kinds are never replaced.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Results as JSON. What describes a snapshot or a job is JSON too, and not replaced.
+pub const JSON: Kind = Kind {
+    name: "a result as JSON",
+    kept: false,
+    is: |path, head| {
+        let first = head.iter().find(|b| !b.is_ascii_whitespace());
+        let describes = path.file_name().is_some_and(|n| n == "meta.json" || n == "plan.json");
+        matches!(first, Some(b'{' | b'[')) && is_text(head) && !describes
+    },
+};
+
+/// The log of a training run, a JSON object a line.
+pub const LOG: Kind = Kind {
+    name: "a log of JSON lines",
+    kept: false,
+    is: |_, head| {
+        let line = head.split(|b| *b == b'\n').next().unwrap_or_default();
+        serde_json::from_slice::<Value>(line).is_ok_and(|v| v.is_object())
+    },
+};
+
+/// A plot.
+pub const SVG: Kind = Kind {
+    name: "an SVG",
+    kept: false,
+    is: |_, head| head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg"),
+};
+
+/// Surface density as raw values: what describes them lies beside them.
+pub const VALUES: Kind = Kind {
+    name: "raw values of a surface density",
+    kept: false,
+    is: |path, _| beginning(&path.with_extension("json")).is_some_and(|text| text.contains("\"surface density\"")),
+};
+
+/// A snapshot in one file, in whatever format.
+pub const PARTICLES: Kind = Kind { name: "a snapshot", kept: true, is: |_, _| true };
+
+/// A file that nothing but an empty one may be in the place of.
+const UNKNOWN: Kind = Kind { name: "made by this command", kept: false, is: |_, _| false };
+
+/// Is a file's beginning text? It may end within a letter.
+fn is_text(head: &[u8]) -> bool {
+    match std::str::from_utf8(head) {
+        Ok(_) => true,
+        Err(e) => e.error_len().is_none(),
+    }
+}
+
+/// The first few thousand bytes of a file, as text.
+fn beginning(path: &Path) -> Option<String> {
+    let mut head = Vec::new();
+    std::fs::File::open(path).ok()?.take(4096).read_to_end(&mut head).ok()?;
+    Some(String::from_utf8_lossy(&head).into_owned())
+}
+
+impl Context {
+    /// Begins the plan of a command that reads `inputs` and replaces kept outputs if `force`; `--json` is
+    /// its first output.
+    ///
+    /// # Errors
+    /// Those of [`Outputs::writes`].
+    pub fn reads<'a>(&self, inputs: impl IntoIterator<Item = &'a Path>, force: bool) -> Result<()> {
+        let inputs = inputs.into_iter().map(|path| Input::Data(path.to_path_buf()));
+        self.plan(Outputs::new(force, ADVICE), inputs)
+    }
+
+    /// [`Context::reads`] of a job's folder and the snapshot that it names.
+    ///
+    /// # Errors
+    /// Those of [`Outputs::writes`].
+    pub fn reads_job(&self, job: &Path, snapshot: &[PathBuf], force: bool) -> Result<()> {
+        let inputs = snapshot.iter().map(|path| Input::Data(path.clone()));
+        self.plan(Outputs::new(force, ADVICE), inputs.chain([Input::Whole(job.to_path_buf())]))
+    }
+
+    fn plan(&self, mut outputs: Outputs, inputs: impl Iterator<Item = Input>) -> Result<()> {
+        inputs.for_each(|input| outputs.reads(input));
+        if let Some(path) = &self.common.json {
+            outputs.writes(path, &JSON, self)?;
+        }
+        *self.outputs() = outputs;
+        Ok(())
+    }
+
+    /// Takes note of a file that is to be written; tells whether one is there that is kept
+    /// ([`Outputs::writes`]).
+    ///
+    /// # Errors
+    /// Those of [`Outputs::writes`].
+    pub fn writes(&self, path: &Path, kind: &Kind) -> Result<bool> {
+        self.outputs().writes(path, kind, self)
+    }
+
+    /// Takes note of a file that is to be written, and refuses one that is there and kept.
+    ///
+    /// # Errors
+    /// Those of [`Outputs::writes`].
+    pub fn writes_new(&self, path: &Path, kind: &Kind) -> Result<()> {
+        if self.writes(path, kind)? { Err(self.refused(path)) } else { Ok(()) }
+    }
+
+    /// The error for what is there and kept.
+    pub fn refused(&self, path: &Path) -> Error {
+        self.outputs().refused(path)
+    }
+
+    /// Makes a folder for outputs; it goes again if nothing comes into it.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn makes_folder(&self, folder: &Path) -> Result<()> {
+        self.outputs().make_folder(folder)
+    }
+
+    /// Says how many of a command's pictures there are, where it ends before the last.
+    pub fn says_what_is_there<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
+        if outcome.is_err() && done > 0 {
+            self.message(&format!("{done} of {all} pictures are in {}, each whole", folder.display()));
+        }
+        outcome
+    }
+
+    /// Writes a model file. Where one is `kept` it is only looked whether it is the same.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where another one is kept; those of writing.
+    pub fn write_model(&self, path: &Path, bytes: &[u8], kept: bool) -> Result<()> {
+        if !kept {
+            return output::write_bytes(path, bytes);
+        }
+        let there = crate::inputs::model(path, self)?;
+        if there != bytes {
+            return Err(self.refused(path));
+        }
+        self.message(&format!("{}: is there already, and the same", path.display()));
+        Ok(())
+    }
+
+    /// Writes several files into `folder`, all of them or none; gives their paths.
+    ///
+    /// # Errors
+    /// Those of `fill`; [`Error::Output`] where a file of another kind is in the place of one; those of
+    /// writing.
+    pub fn write_set(&self, folder: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<Vec<PathBuf>> {
+        self.makes_folder(folder)?;
+        let set = FileSet::in_folder(folder)?;
+        fill(set.path())?;
+        for place in set.places()? {
+            let staged = set.path().join(place.file_name().unwrap_or_default());
+            self.writes(&place, &kind_of(&place, &staged))?;
+        }
+        set.finish()
+    }
+}
+
+/// The kind of a result file, by its ending; a table is told by its head.
+fn kind_of(place: &Path, staged: &Path) -> Kind {
+    let same_head = || {
+        let line = |path| Some(beginning(path)?.lines().next()?.to_string());
+        line(place).is_some_and(|head| line(staged) == Some(head))
+    };
+    match place.extension().and_then(|e| e.to_str()) {
+        Some("png") => picture::PNG,
+        Some("svg") => SVG,
+        Some("json") => JSON,
+        Some("csv") if same_head() => Kind { is: |_, _| true, ..UNKNOWN },
+        _ => UNKNOWN,
+    }
+}

@@ -1,0 +1,72 @@
+//! Which file a path is, whatever its spelling, links and letter case.
+
+use super::place::{Place, folder_of};
+use std::path::{Component, Path, PathBuf};
+
+/// One file or folder, there or still to be made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Identity {
+    /// A file, folder or pipe that is there: its device and number.
+    There(u64, u64),
+    /// One that is not there: the whole path to it.
+    Free(PathBuf),
+    /// Standard output.
+    StandardOutput,
+}
+
+impl Identity {
+    /// Of an output; none of a device, which several outputs may share.
+    pub fn of_place(place: &Place) -> Option<Identity> {
+        match place {
+            Place::StandardOutput => Some(Identity::StandardOutput),
+            Place::File(path) => Some(Identity::of(path)),
+            Place::Stream(path) => is_pipe(path).then(|| Identity::of(path)),
+        }
+    }
+
+    /// Of a path; links are followed.
+    pub fn of(path: &Path) -> Identity {
+        there(path).unwrap_or_else(|| Identity::Free(spelled_out(path)))
+    }
+}
+
+/// What is there, links followed.
+#[cfg(unix)]
+fn there(path: &Path) -> Option<Identity> {
+    use std::os::unix::fs::MetadataExt;
+    std::fs::metadata(path).ok().map(|m| Identity::There(m.dev(), m.ino()))
+}
+
+#[cfg(not(unix))]
+fn there(_: &Path) -> Option<Identity> {
+    None
+}
+
+/// Is this a named pipe, or the name of an open one?
+pub(super) fn is_pipe(path: &Path) -> bool {
+    #[cfg(unix)]
+    return std::fs::metadata(path).is_ok_and(|m| std::os::unix::fs::FileTypeExt::is_fifo(&m.file_type()));
+    #[cfg(not(unix))]
+    return path.exists() && false;
+}
+
+/// The whole path to something, with the links of the folders that are there followed.
+pub(super) fn spelled_out(path: &Path) -> PathBuf {
+    if let Ok(path) = std::fs::canonicalize(path) {
+        return as_compared(path);
+    }
+    let folder = match folder_of(path) {
+        own if own == path => PathBuf::from("."),
+        folder => spelled_out(folder),
+    };
+    match path.components().next_back() {
+        Some(Component::ParentDir) => folder.parent().unwrap_or(&folder).to_path_buf(),
+        Some(Component::Normal(name)) => as_compared(folder.join(name)),
+        _ => folder,
+    }
+}
+
+/// Where disks usually tell no upper from lower case, names that differ so alone are one.
+fn as_compared(path: PathBuf) -> PathBuf {
+    if cfg!(any(windows, target_os = "macos")) { path.to_string_lossy().to_lowercase().into() } else { path }
+}

@@ -1,0 +1,34 @@
+//! What an output holds, and so what it may replace.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Bytes that tell what a file holds.
+const HEAD: u64 = 1 << 16;
+
+/// What an output holds. A file that is there is replaced by one of its own kind only.
+#[derive(Clone, Copy, Debug)]
+pub struct Kind {
+    /// What it is called, with its article: `a model file`.
+    pub name: &'static str,
+    /// Is it kept unless replacing is asked for?
+    pub kept: bool,
+    /// Does a file that begins with these bytes hold this?
+    pub is: fn(&Path, &[u8]) -> bool,
+}
+
+impl Kind {
+    /// May what is at `path`, a regular file, be replaced by this at all? An empty file always may.
+    pub(super) fn may_replace(&self, path: &Path) -> std::io::Result<bool> {
+        let head = head(path)?;
+        Ok(head.is_empty() || (self.is)(path, &head))
+    }
+}
+
+/// The first bytes of a file.
+fn head(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    File::open(path)?.take(HEAD).read_to_end(&mut head)?;
+    Ok(head)
+}

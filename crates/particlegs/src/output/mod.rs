@@ -1,0 +1,122 @@
+//! The one place that opens outputs: whole or not at all, and never over what was not meant.
+//!
+//! A file is written without a name and appears when it is whole; a link is followed, and the file
+//! behind it is replaced. What is no regular file (a device, a pipe, an open descriptor) is written
+//! through, and the path `-` is standard output. [`Outputs`] says before the work whether an output is
+//! an input, another output, or there already.
+
+mod folder;
+mod identity;
+mod kind;
+mod place;
+mod placed;
+mod plan;
+mod set;
+mod space;
+mod temporary;
+
+pub use folder::WholeFolder;
+pub use kind::Kind;
+pub use place::STANDARD_OUTPUT;
+pub use placed::PlacedFile;
+pub use plan::{Input, Outputs};
+pub use set::FileSet;
+pub use space::check_space_in;
+
+pub(crate) use placed::write_at;
+pub(crate) use space::check_space;
+
+use crate::{Error, Result};
+use place::Place;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use temporary::Temporary;
+
+/// Bytes that are gathered before they are written.
+const BUFFER: usize = 1 << 20;
+
+/// Writes `path`: a regular file is written beside its place, synced, then moved there; a device or a
+/// pipe is written through.
+///
+/// # Errors
+/// [`Error::Io`] where the folder cannot be written or the disk is full: nothing is left then, and what
+/// was there before is untouched. [`Error::Output`] for a block device.
+pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    let fail = |e| Error::io(path, e);
+    match Place::of(path)? {
+        Place::File(target) => {
+            let mut temporary = Temporary::beside(&target).map_err(fail)?;
+            filled(temporary.file(), fill).map_err(fail)?;
+            temporary.file().sync_all().map_err(fail)?;
+            temporary.replace(&target).map_err(fail)
+        }
+        stream => filled(&mut *stream.open().map_err(fail)?, fill).map_err(fail),
+    }
+}
+
+/// Fills `to` through a buffer.
+fn filled(to: &mut dyn Write, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
+    let mut writer = BufWriter::with_capacity(BUFFER, to);
+    fill(&mut writer)?;
+    writer.flush()
+}
+
+/// [`write_atomic`] of bytes at hand.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomic(path, |w| w.write_all(bytes))
+}
+
+/// Says early, before long work, whether `path` can be created in its folder.
+///
+/// # Errors
+/// [`Error::Io`] where the folder is missing or cannot be written, or `path` is a folder.
+pub fn check_writable(path: &Path) -> Result<()> {
+    match Place::of(path)? {
+        Place::File(target) if target.is_dir() => {
+            Err(Error::io(path, std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder")))
+        }
+        Place::File(target) => check_folder(place::folder_of(&target)).map_err(|e| Error::io(path, e)),
+        _ => Ok(()),
+    }
+}
+
+/// Is `path` a device, a pipe or standard output, which nothing can lie beside?
+///
+/// # Errors
+/// As [`write_atomic`].
+pub fn is_stream(path: &Path) -> Result<bool> {
+    Ok(!matches!(Place::of(path)?, Place::File(_)))
+}
+
+/// The folder for files that an output needs on the way: its own, or the system's for temporary files
+/// where the output is a stream.
+pub fn scratch_folder(path: &Path) -> PathBuf {
+    match Place::of(path) {
+        Ok(Place::File(target)) => place::folder_of(&target).to_path_buf(),
+        _ => std::env::temp_dir(),
+    }
+}
+
+/// Opens a file that grows line by line, at its end or anew; a device or a pipe is written through.
+///
+/// # Errors
+/// As [`write_atomic`].
+pub fn open_log(path: &Path, append: bool) -> Result<Box<dyn Write + Send>> {
+    let fail = |e| Error::io(path, e);
+    match Place::of(path)? {
+        Place::File(target) => {
+            let mut options = std::fs::File::options();
+            let options = if append { options.append(true) } else { options.write(true).truncate(true) };
+            Ok(Box::new(options.create(true).open(&target).map_err(fail)?))
+        }
+        stream => stream.open().map_err(fail),
+    }
+}
+
+/// Says whether files can be made in a folder that is there.
+pub(crate) fn check_folder(folder: &Path) -> std::io::Result<()> {
+    tempfile::tempfile_in(folder).map(drop)
+}
+
+#[cfg(test)]
+mod tests;

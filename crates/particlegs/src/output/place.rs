@@ -1,0 +1,113 @@
+//! What a path that is to be written stands for: a regular file behind any links, or a stream.
+
+use crate::{Error, Result};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// The path that is standard output.
+pub const STANDARD_OUTPUT: &str = "-";
+
+/// Links that are followed one after the other before they are taken for a ring.
+const MOST_LINKS: usize = 40;
+
+/// Where an output goes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Place {
+    /// A regular file (or a folder), there or not, with every link followed.
+    File(PathBuf),
+    /// A device, a pipe or an open descriptor: written through.
+    Stream(PathBuf),
+    /// Standard output, as `-` or by one of its names.
+    StandardOutput,
+}
+
+impl Place {
+    /// Follows `path`.
+    ///
+    /// # Errors
+    /// [`Error::Output`] for a block device, whose data would be lost; [`Error::Io`].
+    pub fn of(path: &Path) -> Result<Place> {
+        if path == Path::new(STANDARD_OUTPUT) {
+            return Ok(Place::StandardOutput);
+        }
+        let mut at = path.to_path_buf();
+        for _ in 0..MOST_LINKS {
+            match descriptor(&at) {
+                Some(1) => return Ok(Place::StandardOutput),
+                Some(_) => return Ok(Place::Stream(at)),
+                None => {}
+            }
+            let there = match std::fs::symlink_metadata(&at) {
+                Ok(there) => there,
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Place::File(at)),
+                Err(e) => return Err(Error::io(path, e)),
+            };
+            if !there.is_symlink() {
+                return stands_for(path, at, &there);
+            }
+            let target = std::fs::read_link(&at).map_err(|e| Error::io(path, e))?;
+            at = folder_of(&at).join(target);
+        }
+        Err(Error::io(path, std::io::Error::other("too many symbolic links one after the other")))
+    }
+
+    /// The stream, open for writing. A named pipe wants its reader there.
+    pub fn open(&self) -> std::io::Result<Box<dyn Write + Send>> {
+        match self {
+            Place::StandardOutput => Ok(Box::new(std::io::stdout())),
+            Place::Stream(path) | Place::File(path) => Ok(Box::new(open_stream(path)?)),
+        }
+    }
+}
+
+/// What is there, which is no link, as an output.
+fn stands_for(path: &Path, at: PathBuf, there: &std::fs::Metadata) -> Result<Place> {
+    #[cfg(unix)]
+    if std::os::unix::fs::FileTypeExt::is_block_device(&there.file_type()) {
+        return Err(Error::output(path, "is a block device: its data would be lost", "name a file"));
+    }
+    let regular = there.is_file() || there.is_dir();
+    Ok(if regular { Place::File(at) } else { Place::Stream(at) })
+}
+
+/// Opens a device, a named pipe or a descriptor's name for writing, without waiting for a reader and
+/// without cutting off what a redirected file holds.
+#[cfg(unix)]
+pub(super) fn open_stream(path: &Path) -> std::io::Result<File> {
+    use rustix::fs::OFlags;
+    use std::os::unix::fs::OpenOptionsExt;
+    let flags = OFlags::NONBLOCK | OFlags::APPEND | OFlags::NOCTTY;
+    let file = std::fs::OpenOptions::new().write(true).custom_flags(flags.bits() as i32).open(path);
+    let file = file.map_err(|e| match e.raw_os_error() {
+        Some(code) if code == rustix::io::Errno::NXIO.raw_os_error() => {
+            std::io::Error::new(std::io::ErrorKind::NotConnected, "nobody reads this pipe")
+        }
+        _ => e,
+    })?;
+    // Writes wait for the reader as usual.
+    rustix::fs::fcntl_setfl(&file, OFlags::APPEND)?;
+    Ok(file)
+}
+
+#[cfg(not(unix))]
+pub(super) fn open_stream(path: &Path) -> std::io::Result<File> {
+    std::fs::OpenOptions::new().append(true).open(path)
+}
+
+/// The number of the open descriptor of this process that `path` is a name of, such as `/dev/fd/3`.
+fn descriptor(path: &Path) -> Option<u32> {
+    let number = path.file_name()?.to_str()?.parse().ok()?;
+    let folder = std::fs::canonicalize(folder_of(path)).ok()?;
+    let pid = std::process::id();
+    let ours = [format!("/proc/{pid}/fd"), format!("/proc/{pid}/task/{pid}/fd"), "/dev/fd".to_string()];
+    ours.iter().any(|o| folder == Path::new(o)).then_some(number)
+}
+
+/// The folder that a path lies in.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    }
+}

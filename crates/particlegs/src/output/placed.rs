@@ -1,0 +1,101 @@
+//! A file whose length is known, written in parts.
+
+use super::check_space;
+use super::place::{Place, folder_of};
+use super::temporary::Temporary;
+use crate::{Error, Result};
+use std::fs::File;
+use std::io::{Seek, Write};
+use std::path::{Path, PathBuf};
+
+/// An output file whose length is known: written from several threads at places known beforehand,
+/// and moved to its place by [`PlacedFile::finish`]; else nothing is left of it. For a device or a pipe
+/// it waits in the system's folder for temporary files, and is copied there in the end.
+pub struct PlacedFile {
+    out: PathBuf,
+    target: Target,
+}
+
+enum Target {
+    File(Temporary, PathBuf),
+    Stream(File, Place),
+}
+
+impl PlacedFile {
+    /// A file of `length` bytes for `out`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the folder cannot be written or the disk has no room; [`Error::Output`] for a
+    /// block device.
+    pub fn create(out: &Path, length: u64) -> Result<PlacedFile> {
+        let fail = |e| Error::io(out, e);
+        let target = match Place::of(out)? {
+            Place::File(path) => {
+                check_space(folder_of(&path), length).map_err(fail)?;
+                Target::File(Temporary::beside(&path).map_err(fail)?, path)
+            }
+            stream => {
+                check_space(&std::env::temp_dir(), length).map_err(fail)?;
+                Target::Stream(tempfile::tempfile().map_err(fail)?, stream)
+            }
+        };
+        let file = PlacedFile { out: out.to_path_buf(), target };
+        file.file().set_len(length).map_err(fail)?;
+        Ok(file)
+    }
+
+    fn file(&self) -> &File {
+        match &self.target {
+            Target::File(temporary, _) => temporary.shared(),
+            Target::Stream(file, _) => file,
+        }
+    }
+
+    /// Writes `bytes` from byte `offset` on.
+    ///
+    /// # Errors
+    /// [`Error::Io`], e.g. for a full disk.
+    pub fn write_at(&self, bytes: &[u8], offset: u64) -> Result<()> {
+        write_at(self.file(), bytes, offset).map_err(|e| Error::io(&self.out, e))
+    }
+
+    /// Syncs the file and moves it to its place.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn finish(self) -> Result<()> {
+        let done = match self.target {
+            Target::File(temporary, path) => temporary.shared().sync_all().and_then(|()| temporary.replace(&path)),
+            Target::Stream(file, stream) => copy(file, &stream),
+        };
+        done.map_err(|e| Error::io(&self.out, e))
+    }
+}
+
+/// All of a file into a stream.
+fn copy(mut file: File, stream: &Place) -> std::io::Result<()> {
+    file.rewind()?;
+    let mut to = stream.open()?;
+    std::io::copy(&mut file, &mut to)?;
+    to.flush()
+}
+
+/// Writes all of `bytes` from byte `offset` of `file` on.
+#[cfg(unix)]
+pub(crate) fn write_at(file: &File, bytes: &[u8], offset: u64) -> std::io::Result<()> {
+    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
+}
+
+/// Writes all of `bytes` from byte `offset` of `file` on.
+#[cfg(windows)]
+pub(crate) fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> std::io::Result<()> {
+    while !bytes.is_empty() {
+        let n = std::os::windows::fs::FileExt::seek_write(file, bytes, offset)?;
+        if n == 0 {
+            return Err(std::io::ErrorKind::WriteZero.into());
+        }
+        bytes = &bytes[n..];
+        offset += n as u64;
+    }
+    Ok(())
+}

@@ -1,0 +1,246 @@
+//! What a command reads and writes, known before the work: no output is an input, none is another's
+//! place, and what is there is replaced only where that was meant.
+
+use super::identity::{Identity, is_pipe, spelled_out};
+use super::kind::Kind;
+use super::place::{Place, open_stream};
+use super::{WholeFolder, check_writable};
+use crate::progress::Progress;
+use crate::{Error, Result};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Between two looks for a pipe's reader.
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// Something that a command reads.
+#[derive(Clone, Debug)]
+pub enum Input {
+    /// A file with those that belong to it, or a folder of them.
+    Data(PathBuf),
+    /// A folder whose every file is read, two levels deep: a job.
+    Whole(PathBuf),
+}
+
+/// What a command reads and writes. While it lives, named pipes stay open; when it goes, so do empty
+/// folders that it made.
+#[derive(Debug)]
+pub struct Outputs {
+    inputs: Vec<Input>,
+    taken: Vec<Identity>,
+    replaces: bool,
+    advice: &'static str,
+    pipes: Vec<File>,
+    made: Vec<PathBuf>,
+}
+
+impl Outputs {
+    /// Of a command that replaces what is kept if `replaces`, else gives `advice` where it is there.
+    pub fn new(replaces: bool, advice: &'static str) -> Outputs {
+        let (inputs, taken, pipes, made) = Default::default();
+        Outputs { inputs, taken, replaces, advice, pipes, made }
+    }
+
+    /// Takes note of what is read.
+    pub fn reads(&mut self, input: Input) {
+        self.inputs.push(input);
+    }
+
+    /// Is standard output one of the outputs?
+    pub fn on_standard_output(&self) -> bool {
+        self.taken.contains(&Identity::StandardOutput)
+    }
+
+    /// Takes note of a file that is to be written, and tells whether one is there that is kept: then
+    /// the caller shows that it is what would be written, or refuses by [`Outputs::refused`]. Waits for the
+    /// reader of a named pipe.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where it is an input or another output, or something of another kind is there;
+    /// [`Error::Io`] where it cannot be written; [`Error::Cancelled`].
+    pub fn writes(&mut self, path: &Path, kind: &Kind, progress: &dyn Progress) -> Result<bool> {
+        let place = Place::of(path)?;
+        self.take(path, &place)?;
+        match &place {
+            Place::StandardOutput => Ok(false),
+            Place::Stream(pipe) => self.wait_for_reader(pipe, progress).map(|()| false),
+            Place::File(target) if target.is_file() => {
+                check_writable(path)?;
+                if !kind.may_replace(target).map_err(|e| Error::io(path, e))? {
+                    let what = format!("exists, and is not {}", kind.name);
+                    return Err(Error::output(path, what, "it is left as it is: name another file"));
+                }
+                let empty = target.metadata().is_ok_and(|m| m.len() == 0);
+                Ok(kind.kept && !self.replaces && !empty)
+            }
+            Place::File(_) => check_writable(path).map(|()| false),
+        }
+    }
+
+    /// Takes note of a folder that is to be written whole, of files with the names `own`, and tells
+    /// whether such files are there and kept, as [`Outputs::writes`] does.
+    ///
+    /// # Errors
+    /// As [`Outputs::writes`]; [`Error::Output`] where it holds anything else.
+    pub fn writes_folder(&mut self, path: &Path, own: &[&str]) -> Result<bool> {
+        let Place::File(target) = Place::of(path)? else {
+            return Err(is_no_folder(path));
+        };
+        self.take(path, &Place::File(target.clone()))?;
+        let whole = spelled_out(&target);
+        if self.paths().any(|input| spelled_out(input).starts_with(&whole)) {
+            return Err(is_input(path));
+        }
+        let filled = WholeFolder::check(path, own)?;
+        Ok(filled && !self.replaces)
+    }
+
+    /// Takes note of a job's folder; what is in it is the job's to look at.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where it is, or lies in, an input or another output, or is no folder.
+    pub fn writes_job(&mut self, path: &Path) -> Result<()> {
+        let Place::File(target) = Place::of(path)? else { return Err(is_no_folder(path)) };
+        if target.is_file() {
+            return Err(is_no_folder(path));
+        }
+        self.take(path, &Place::File(target))
+    }
+
+    /// The error for what is there and kept.
+    pub fn refused(&self, path: &Path) -> Error {
+        Error::output(path, "exists, and is not replaced unasked", self.advice)
+    }
+
+    /// Makes a folder where it is missing; it goes again if nothing comes into it.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn make_folder(&mut self, folder: &Path) -> Result<()> {
+        let missing = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists());
+        let missing: Vec<PathBuf> = missing.map(Path::to_path_buf).collect();
+        // The innermost first, as they are removed.
+        self.made.splice(0..0, missing);
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
+    }
+
+    /// Refuses a place that is read, or taken by another output.
+    fn take(&mut self, path: &Path, place: &Place) -> Result<()> {
+        let Some(identity) = Identity::of_place(place) else { return Ok(()) };
+        if self.inputs.iter().any(|input| input.holds(&identity)) {
+            return Err(is_input(path));
+        }
+        if self.taken.contains(&identity) {
+            return Err(Error::output(path, "is another output of this command, too", "name another file"));
+        }
+        self.taken.push(identity);
+        Ok(())
+    }
+
+    fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.inputs.iter().map(|input| match input {
+            Input::Data(path) | Input::Whole(path) => path.as_path(),
+        })
+    }
+
+    /// Opens a named pipe when somebody reads it, and keeps it open.
+    fn wait_for_reader(&mut self, path: &Path, progress: &dyn Progress) -> Result<()> {
+        if !is_pipe(path) {
+            return Ok(());
+        }
+        let mut said = false;
+        loop {
+            match open_stream(path) {
+                Ok(file) => {
+                    self.pipes.push(file);
+                    return Ok(());
+                }
+                Err(e) if e.kind() == std::io::ErrorKind::NotConnected => {}
+                Err(e) => return Err(Error::io(path, e)),
+            }
+            if !said {
+                progress.message(&format!("waiting for a reader of the pipe {}", path.display()));
+                said = true;
+            }
+            progress.check()?;
+            std::thread::sleep(PATIENCE);
+        }
+    }
+}
+
+impl Drop for Outputs {
+    fn drop(&mut self) {
+        for folder in &self.made {
+            // It fails, as it should, where something is in it.
+            let _ = std::fs::remove_dir(folder);
+        }
+    }
+}
+
+fn is_no_folder(path: &Path) -> Error {
+    Error::output(path, "is no folder, and files are to be written there", "name a folder")
+}
+
+fn is_input(path: &Path) -> Error {
+    Error::output(path, "is an input of this command, or belongs to one", "name another output")
+}
+
+impl Input {
+    /// Is a file one of this input's?
+    fn holds(&self, file: &Identity) -> bool {
+        let Identity::There(..) = file else { return false };
+        let (path, whole) = match self {
+            Input::Data(path) => (path, false),
+            Input::Whole(path) => (path, true),
+        };
+        if Identity::of(path) == *file {
+            return true;
+        }
+        match path.is_dir() {
+            true => in_folder(path, whole, file),
+            false => beside(path, file),
+        }
+    }
+}
+
+/// Is it one of a folder's files?
+fn in_folder(folder: &Path, whole: bool, file: &Identity) -> bool {
+    std::fs::read_dir(folder).into_iter().flatten().flatten().any(|entry| {
+        let path = entry.path();
+        let deeper = || whole && path.is_dir() && in_folder(&path, false, file);
+        (whole || is_data(&path)) && Identity::of(&path) == *file || deeper()
+    })
+}
+
+/// May this file of a folder that is read be data? Models, pictures and logs beside data are not.
+fn is_data(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match ending.as_deref() {
+        Some("pgs" | "png" | "svg" | "jsonl" | "checkpoint") => false,
+        Some("json") => path.file_name().is_some_and(|n| n == "meta.json"),
+        _ => true,
+    }
+}
+
+/// Does it lie beside a file and belong to it: another part of the same snapshot, or what is said of it?
+fn beside(path: &Path, file: &Identity) -> bool {
+    let Some(name) = path.file_name().map(|n| n.to_string_lossy().into_owned()) else { return false };
+    let entries = std::fs::read_dir(super::place::folder_of(path)).into_iter().flatten().flatten();
+    let belongs = |other: &str| {
+        let numbered = without_numbers(other) == without_numbers(&name);
+        other == "meta.json" || numbered || other.starts_with(&format!("{name}#"))
+    };
+    // Lists of pieces in XML name those of a folder of their own name.
+    let is_list = path.extension().is_some_and(|e| ["pvtp", "pvtu", "pvd", "vtm"].iter().any(|l| e == *l));
+    let stem = path.file_stem().filter(|_| is_list).map(|s| path.with_file_name(s));
+    let pieces = || stem.is_some_and(|s| s.is_dir() && in_folder(&s, false, file));
+    entries.filter(|e| belongs(&e.file_name().to_string_lossy())).any(|e| Identity::of(&e.path()) == *file) || pieces()
+}
+
+/// A name without the numbers that stand between its dots: `snap_010.3.hdf5` and `snap_010.7.hdf5` are
+/// parts of one snapshot.
+fn without_numbers(name: &str) -> Vec<&str> {
+    let is_number = |part: &&str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+    name.split('.').map(|part| if is_number(&part) { "0" } else { part }).collect()
+}

@@ -1,0 +1,142 @@
+use super::*;
+use crate::progress::Silent;
+use std::fs;
+
+const TEXT: Kind = Kind { name: "a text", kept: true, is: |_, head| head.starts_with(b"text") };
+const NOTE: Kind = Kind { name: "a note", kept: false, is: |_, head| head.starts_with(b"note") };
+
+fn listing(folder: &Path) -> usize {
+    fs::read_dir(folder).unwrap().count()
+}
+
+#[test]
+fn a_failed_write_leaves_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a");
+    let r = write_atomic(&path, |w| {
+        w.write_all(b"half")?;
+        Err(std::io::Error::other("disk full"))
+    });
+    assert!(r.is_err());
+    assert_eq!(listing(dir.path()), 0);
+    write_bytes(&path, b"whole").unwrap();
+    assert_eq!(fs::read(&path).unwrap(), b"whole");
+}
+
+#[test]
+fn appears_whole_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("a");
+    let file = PlacedFile::create(&out, 4).unwrap();
+    file.write_at(b"cd", 2).unwrap();
+    file.write_at(b"ab", 0).unwrap();
+    assert!(!out.exists());
+    file.finish().unwrap();
+    assert_eq!(fs::read(&out).unwrap(), b"abcd");
+    drop(PlacedFile::create(&folder.path().join("b"), 4).unwrap());
+    assert_eq!(listing(folder.path()), 1);
+}
+
+#[cfg(unix)]
+#[test]
+fn links_are_followed_and_stay() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    fs::create_dir(at("far")).unwrap();
+    fs::write(at("far/file"), "old").unwrap();
+    std::os::unix::fs::symlink("far/file", at("one")).unwrap();
+    std::os::unix::fs::symlink("one", at("two")).unwrap();
+    write_bytes(&at("two"), b"new").unwrap();
+    assert_eq!(fs::read(at("far/file")).unwrap(), b"new");
+    assert!(at("one").is_symlink() && at("two").is_symlink());
+    std::os::unix::fs::symlink("far/none", at("dangling")).unwrap();
+    write_bytes(&at("dangling"), b"made").unwrap();
+    assert_eq!(fs::read(at("far/none")).unwrap(), b"made");
+    std::os::unix::fs::symlink("ring", at("ring")).unwrap();
+    assert!(write_bytes(&at("ring"), b"x").is_err());
+}
+
+#[test]
+fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    fs::create_dir(at("data")).unwrap();
+    for name in ["data/xx.f32", "data/meta.json", "snap.0.hdf5", "snap.1.hdf5", "text", "note", "other", "empty"] {
+        fs::write(at(name), if name == "empty" { "" } else { name }).unwrap();
+    }
+    fs::hard_link(at("data/xx.f32"), at("hard")).unwrap();
+    let mut o = Outputs::new(false, "use force");
+    o.reads(Input::Data(at("data")));
+    o.reads(Input::Data(at("snap.0.hdf5")));
+    let refused = |o: &mut Outputs, name: &str, kind: &Kind| match o.writes(&at(name), kind, &Silent) {
+        Err(Error::Output { what, .. }) => what,
+        other => panic!("{name}: {other:?}"),
+    };
+    for name in ["data/xx.f32", "data/../data/meta.json", "hard", "snap.0.hdf5", "snap.1.hdf5"] {
+        assert!(refused(&mut o, name, &NOTE).contains("input"), "{name}");
+    }
+    assert!(refused(&mut o, "other", &TEXT).contains("not a text"));
+    assert!(refused(&mut o, "text", &NOTE).contains("not a note"));
+    assert!(o.writes(&at("text"), &TEXT, &Silent).unwrap(), "it is there, and kept");
+    assert!(!o.writes(&at("note"), &NOTE, &Silent).unwrap());
+    assert!(!o.writes(&at("empty"), &TEXT, &Silent).unwrap());
+    assert!(!o.writes(&at("new"), &TEXT, &Silent).unwrap());
+    assert!(refused(&mut o, "data/../new", &TEXT).contains("another output"));
+    assert!(!o.writes(Path::new("-"), &TEXT, &Silent).unwrap() && o.on_standard_output());
+    assert!(o.writes(Path::new("-"), &NOTE, &Silent).is_err());
+    let mut forced = Outputs::new(true, "");
+    assert!(!forced.writes(&at("text"), &TEXT, &Silent).unwrap());
+    let inner = forced.writes_folder(dir.path(), &[]);
+    assert!(matches!(inner, Err(Error::Output { .. })), "foreign files");
+    assert!(o.writes_folder(&at("data"), &["xx.f32", "meta.json"]).is_err(), "an input");
+    assert!(!forced.writes_folder(&at("data"), &["xx.f32", "meta.json"]).unwrap());
+}
+
+#[test]
+fn made_folders_that_stay_empty_go() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut o = Outputs::new(false, "");
+    o.make_folder(&dir.path().join("a/b/c")).unwrap();
+    o.make_folder(&dir.path().join("d/e")).unwrap();
+    fs::write(dir.path().join("d/file"), "").unwrap();
+    drop(o);
+    assert_eq!(listing(dir.path()), 1);
+    assert_eq!(listing(&dir.path().join("d")), 1);
+}
+
+#[test]
+fn folders_are_exchanged_whole() {
+    let dir = tempfile::tempdir().unwrap();
+    let (out, own) = (dir.path().join("out"), ["a", "b"]);
+    let make = |names: &[&str], text: &str| {
+        let folder = WholeFolder::create(&out, &own)?;
+        names.iter().for_each(|n| fs::write(folder.path().join(n), text).unwrap());
+        folder.finish()
+    };
+    make(&["a", "b"], "one").unwrap();
+    drop(WholeFolder::create(&out, &own).unwrap());
+    make(&["a"], "two").unwrap();
+    assert_eq!((listing(&out), fs::read(out.join("a")).unwrap()), (1, b"two".to_vec()));
+    assert_eq!(listing(dir.path()), 1, "the old one is gone");
+    fs::write(out.join("mine"), "").unwrap();
+    assert!(matches!(make(&["a"], "three"), Err(Error::Output { .. })));
+    assert_eq!(fs::read(out.join("a")).unwrap(), b"two");
+    fs::remove_dir_all(&out).unwrap();
+    fs::create_dir(&out).unwrap();
+    make(&["b"], "four").unwrap();
+    assert_eq!(listing(&out), 1);
+}
+
+#[test]
+fn a_set_appears_together() {
+    let dir = tempfile::tempdir().unwrap();
+    let set = FileSet::in_folder(dir.path()).unwrap();
+    fs::write(set.path().join("a"), "1").unwrap();
+    drop(set);
+    assert_eq!(listing(dir.path()), 0);
+    let set = FileSet::in_folder(dir.path()).unwrap();
+    fs::write(set.path().join("b"), "2").unwrap();
+    fs::write(set.path().join("a"), "1").unwrap();
+    assert_eq!(set.finish().unwrap(), [dir.path().join("a"), dir.path().join("b")]);
+    assert_eq!(listing(dir.path()), 2);
+}
