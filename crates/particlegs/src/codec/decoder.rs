@@ -7,6 +7,8 @@ use super::streams;
 use super::sums::{opacity_of, rescale, whole_counts};
 use super::tree::{Node, gaussians, pieces};
 use super::walk::{Nothing, OutOfRange, trunk, walk};
+use crate::Error;
+use crate::memory::filled;
 use crate::model::{Block, Mixture, Shade};
 use rayon::prelude::*;
 
@@ -30,8 +32,62 @@ struct Form {
 /// Shape numbers beyond this are no Gaussian's.
 const LARGEST_SHAPE: f64 = 32.0;
 
-/// Decodes a block; the text says what is wrong with it.
-pub(crate) fn block(bytes: &[u8]) -> Result<Block, String> {
+/// Why a block cannot be decoded.
+pub(crate) enum Fault {
+    /// It contradicts the format.
+    Corrupt(String),
+    /// There is no memory for its Gaussians.
+    Memory(Error),
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Fault::Corrupt(what)
+    }
+}
+
+impl From<&str> for Fault {
+    fn from(what: &str) -> Self {
+        Fault::Corrupt(what.into())
+    }
+}
+
+impl From<Error> for Fault {
+    fn from(error: Error) -> Self {
+        Fault::Memory(error)
+    }
+}
+
+impl Fault {
+    /// As an error of the block that `corrupt` names.
+    pub(crate) fn at(self, corrupt: impl FnOnce(String) -> Error) -> Error {
+        match self {
+            Fault::Corrupt(what) => corrupt(what),
+            Fault::Memory(error) => error,
+        }
+    }
+}
+
+/// Bytes that the Gaussians of a block take: mean, covariance, count and, where they have them, mass or
+/// opacity and grey level.
+pub(crate) fn gaussian_bytes(header: &BlockHeader) -> u64 {
+    let each = 80 + if header.shaded { 16 } else { 8 * u64::from(header.weighted) };
+    u64::from(header.gaussians) * each
+}
+
+/// Bytes that decoding a block takes beside its Gaussians, at most: nodes and forms of the segments at
+/// work, and remainders of counts.
+pub(crate) fn working_bytes(header: &BlockHeader) -> u64 {
+    const A_GAUSSIAN: u64 = 32;
+    const A_SEGMENT: u64 = 65_536 * 80;
+    u64::from(header.gaussians) * A_GAUSSIAN + rayon::current_num_threads() as u64 * A_SEGMENT
+}
+
+/// What refuses memory for a block's columns is called.
+const COLUMNS: &str = "decoding the model";
+
+/// Decodes a block.
+pub(crate) fn block(bytes: &[u8]) -> Result<Block, Fault> {
     let header = BlockHeader::read(bytes)?;
     let streams = streams::read(header.gaussians, &bytes[HEADER_BYTES..])?;
     let nodes = match streams.trunk {
@@ -44,14 +100,14 @@ pub(crate) fn block(bytes: &[u8]) -> Result<Block, String> {
         }
     };
     if nodes.len() != streams.segments.len() {
-        return Err(format!("{} streams for {} segments", streams.segments.len(), nodes.len()));
+        return Err(format!("{} streams for {} segments", streams.segments.len(), nodes.len()).into());
     }
     let n = header.gaussians as usize;
-    let column = |n: usize| vec![0.0; n];
-    let mut mean: [Vec<f64>; 3] = std::array::from_fn(|_| column(n));
-    let mut cov: [Vec<f64>; 6] = std::array::from_fn(|_| column(n));
-    let mut count = column(n);
-    let mut weight = column(if header.has_w() { n } else { 0 });
+    let column = |n: usize| filled(COLUMNS, 0.0f64, n);
+    let mut mean = [column(n)?, column(n)?, column(n)?];
+    let mut cov = [column(n)?, column(n)?, column(n)?, column(n)?, column(n)?, column(n)?];
+    let mut count = column(n)?;
+    let mut weight = column(if header.has_w() { n } else { 0 })?;
     let work: Vec<_> =
         nodes.iter().zip(&streams.segments).zip(split(&nodes, &mut mean, &mut count, &mut cov, &mut weight)).collect();
     let whole = streams.trunk.is_some();
@@ -154,7 +210,7 @@ fn segment<'a>(
     if covariances(header, &forms, cov) { Ok(player.rest()) } else { Err("a covariance is out of range".into()) }
 }
 
-/// radius^2 exp(2 S); are all finite?
+/// radius^2 exp(2 S); are all finite, and no variance below 0?
 fn covariances(header: &BlockHeader, forms: &[Form], cov: [&mut [f64]; 6]) -> bool {
     let mut good = true;
     for (i, form) in forms.iter().enumerate() {
@@ -164,7 +220,8 @@ fn covariances(header: &BlockHeader, forms: &[Form], cov: [&mut [f64]; 6]) -> bo
         let shape = exp_twice(if within { five } else { [0.0; 5] });
         let size = form.radius * form.radius;
         let v = shape.0.map(|s| s * size);
-        good &= within && v.iter().all(|s| s.is_finite());
+        // Far from round, rounding alone decides the least variance: what comes out negative is no Gaussian.
+        good &= within && v.iter().all(|s| s.is_finite()) && [v[0], v[3], v[5]].iter().all(|s| *s >= 0.0);
         (0..6).for_each(|k| cov[k][i] = v[k]);
     }
     good

@@ -8,6 +8,7 @@ use super::header::BlockHeader;
 use super::metadata::{Fault, LayerMass};
 use super::wire::Reader;
 use super::{Encoder, Precision, certificate, decoder, metadata, science, vizmapper};
+use crate::memory::require;
 use crate::model::{Block, Certificate, Law, Layer, Metadata, Model, VizMapper};
 use crate::{Error, Result};
 
@@ -47,7 +48,7 @@ pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// [`Error::Argument`] where there is no layer, one without blocks, two of one name, a block that is
-/// none, or one of another law than the metadata's.
+/// none, or one of another law than the metadata's, and for metadata that no file holds.
 pub fn assemble(metadata: &Metadata, certificate: Option<&Certificate>, layers: Vec<CodedLayer>) -> Result<Vec<u8>> {
     assemble_with(metadata, None, certificate, layers)
 }
@@ -120,7 +121,13 @@ pub(super) fn put_together(
         .chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])))
         .chain(science.iter().map(|s| (SCIENCE, &s[..])))
         .chain(network.iter().map(|&n| (VIZMAPPER, n)));
-    Ok(container::write(minor, front.chain(body)))
+    let file = container::write(minor, front.chain(body));
+    // Numbers that only a whole file has (sums, bounds, radius) may be none that the format holds.
+    match parts(&file, "the model") {
+        Ok(_) => Ok(file),
+        Err(Error::Corrupt { what, .. }) => Err(Error::argument(format!("no model file can hold this: {what}"))),
+        Err(other) => Err(other),
+    }
 }
 
 /// Blocks that contradict the law of their file.
@@ -293,15 +300,15 @@ fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
 ///
 /// # Errors
 /// [`Error::Corrupt`] where the bytes contradict docs/format.md; [`Error::Compatibility`] for a
-/// newer version or a feature that this program does not know.
+/// newer version or a feature that this program does not know; [`Error::Memory`].
 pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
     let parts = parts(bytes, place)?;
+    require("decoding the model", decoding_bytes(&parts))?;
     let mut layers = Vec::with_capacity(parts.layers.len());
     for Part { name, mass, blocks } in parts.layers {
         let mut decoded = Vec::with_capacity(blocks.len());
         for (section, _) in blocks {
-            let at = |what: String| Error::corrupt(place, format!("block at byte {}: {what}", section.offset));
-            decoded.push(decoder::block(section.bytes).map_err(at)?);
+            decoded.push(section_block(&section, place)?);
         }
         layers.push(Layer { name, particle_mass: mass.particle_mass, blocks: decoded });
     }
@@ -309,12 +316,37 @@ pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
     Ok(Model { metadata: parts.metadata, layers, vizmapper, certificate: parts.certificate })
 }
 
+/// Bytes that decoding takes beside the file: all Gaussians, and the work on the largest block.
+fn decoding_bytes(parts: &Parts<'_>) -> u64 {
+    let headers = || parts.layers.iter().flat_map(|l| l.blocks.iter().map(|b| &b.1));
+    let work = headers().map(decoder::working_bytes).max().unwrap_or(0);
+    headers().map(decoder::gaussian_bytes).sum::<u64>() + work
+}
+
+fn section_block(section: &Section<'_>, place: &str) -> Result<Block> {
+    let at = |what: String| Error::corrupt(place, format!("block at byte {}: {what}", section.offset));
+    decoder::block(section.bytes).map_err(|fault| fault.at(at))
+}
+
 /// Decodes one coded block.
 ///
 /// # Errors
-/// [`Error::Corrupt`].
+/// [`Error::Corrupt`]; [`Error::Memory`].
 pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
-    decoder::block(bytes).map_err(|what| Error::corrupt(place, what))
+    decoder::block(bytes).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
+}
+
+/// Can a file be read again, to its last Gaussian? Its blocks are decoded one after the other, and
+/// nothing is kept. What is written has passed this, or [`decode`].
+///
+/// # Errors
+/// As [`decode`].
+pub fn check(bytes: &[u8], place: &str) -> Result<()> {
+    let parts = parts(bytes, place)?;
+    parts.layers.iter().flat_map(|l| &l.blocks).try_for_each(|(section, header)| {
+        require("decoding the model", decoder::gaussian_bytes(header) + decoder::working_bytes(header))?;
+        section_block(section, place).map(drop)
+    })
 }
 
 /// The coded blocks of a file, to be merged or copied ([`assemble`]).

@@ -5,7 +5,7 @@
 //! metadata is either equal in all parts, or computed anew from the blocks, or combined by an
 //! operation that is associative, commutative and takes a value with itself to itself.
 
-use super::file::{CodedFile, CodedLayer, coded_file, order_key, put_together};
+use super::file::{CodedFile, CodedLayer, check, coded_file, order_key, put_together};
 use super::header::BlockHeader;
 use super::sums::compensated;
 use crate::memory::require;
@@ -48,13 +48,15 @@ impl Merge {
     /// Adds a model file's blocks. `place` names it in errors.
     ///
     /// # Errors
-    /// As [`super::decode`], streams apart; [`Error::Input`] where it differs from the parts before
+    /// As [`super::decode`]; [`Error::Input`] where it differs from the parts before
     /// it in law, units, cell or cosmology, or in the masses of a layer that both have;
     /// [`Error::Memory`].
     pub fn add(&mut self, bytes: &[u8], place: &str) -> Result<()> {
         // A copy of the blocks now, and another when the file is put together.
         self.bytes += bytes.len() as u64;
         require("the merge", self.bytes + bytes.len() as u64)?;
+        // What is copied is read first: a block that cannot be decoded must not spread.
+        check(bytes, place)?;
         let CodedFile { metadata, network, layers } = coded_file(bytes, place)?;
         self.known = Some(match self.known.take() {
             None => (alone(metadata), place.to_string()),

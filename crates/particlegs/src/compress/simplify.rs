@@ -67,7 +67,9 @@ pub fn simplify(
         }
     };
     let gaussians = coded.iter().map(|c| c.gaussians).sum();
-    Ok(Simplified { bytes: job.file(coded)?, gaussians, raw_bytes })
+    let bytes = job.file(coded)?;
+    codec::check(&bytes, "the simplified model")?;
+    Ok(Simplified { bytes, gaussians, raw_bytes })
 }
 
 /// A layer as one block.

@@ -87,6 +87,7 @@ impl Job {
             }
         };
         let bytes = plan.block_file(&job, &coded)?;
+        codec::check(&bytes, "the block just coded")?;
         output::write_bytes(&self.block_path(block, "pgs"), &bytes)?;
         let info = codec::read_info(&bytes, "the block just coded")?;
         let report = BlockReport {

@@ -45,7 +45,10 @@ impl Job {
                 format!("its blocks hold {count} particles, {planned} were planned"),
             ));
         }
-        let Some(particles) = particles else { return Ok(bytes) };
+        let Some(particles) = particles else {
+            codec::check(&bytes, "the merged file")?;
+            return Ok(bytes);
+        };
         let model = codec::decode(&bytes, "the merged file")?;
         let certificate = score::certificate(&model, particles, plan.seed, None, progress)?;
         plan.file(layers.iter(), network.as_ref(), Some(&certificate))

@@ -38,11 +38,17 @@ fn kib_of(text: &str, name: &str) -> Option<u64> {
     kib.checked_mul(1024)
 }
 
+/// Smaller needs are not asked about: a look at the system takes longer than they do.
+const SMALL: u64 = 32 << 20;
+
 /// Asks for memory before it is taken.
 ///
 /// # Errors
-/// [`Error::Memory`] where `need_bytes` are more than there are.
+/// [`Error::Memory`] where `need_bytes` are many, and more than there are.
 pub fn require(what: &str, need_bytes: u64) -> Result<()> {
+    if need_bytes < SMALL {
+        return Ok(());
+    }
     match available_bytes() {
         Some(have_bytes) if need_bytes > have_bytes => {
             Err(Error::Memory { what: what.to_string(), need_bytes, have_bytes })

@@ -56,6 +56,11 @@ impl<'a> Binner<'a> {
         Binner { levels, found: Vec::with_capacity(room) }
     }
 
+    /// Strokes so far, once for every band.
+    pub fn len(&self) -> usize {
+        self.found.len()
+    }
+
     /// Adds a footprint to every band that it touches.
     #[inline]
     pub fn add(&mut self, f: &Footprint) {

@@ -4,8 +4,8 @@ use super::alpha;
 use super::bins::{Binner, Bins};
 use super::lens::Lens;
 use super::project::{DepthMoments, InCamera, inverse_moments};
-use super::pyramid::{self, BAND, Level, PAD};
-use super::raster::{self, Band};
+use super::canvas::Canvas;
+use super::pyramid::Level;
 use super::scene::Scene;
 use super::scratch;
 use super::slices::{Fate, cut, fate};
@@ -19,6 +19,10 @@ use rayon::prelude::*;
 
 /// Gaussians projected in one step; fixed, so that sums do not depend on threads.
 const RUN: usize = 4096;
+/// Runs whose strokes wait together to be drawn ...
+const MOST_RUNS: usize = 64;
+/// ... and strokes of a run, about: they bound the memory where Gaussians fall into very many pieces.
+const MOST_STROKES: usize = 1 << 18;
 
 /// Optical depth a pixel: `tau = sum n W N2` (spec: optical-depth.md), every Gaussian integrated
 /// along depth. The growth of splats towards the corners is taken where they land.
@@ -78,76 +82,77 @@ pub(super) fn sum(
     weight: impl Fn(&Mixture, f64, usize) -> f64 + Sync,
     progress: &dyn Progress,
 ) -> Result<Plane> {
-    let levels = pyramid::levels(size);
-    let runs: Vec<(&Mixture, f64, usize)> = scene
+    let mut canvas = Canvas::new(size)?;
+    let mut runs: Vec<Run<'_>> = scene
         .parts
         .iter()
-        .flat_map(|&(m, unit_mass)| (0..m.len()).step_by(RUN).map(move |start| (m, unit_mass, start)))
+        .flat_map(|&(m, unit_mass)| (0..m.len()).step_by(RUN).map(move |start| Run { m, unit_mass, start }))
         .collect();
-    let bins = runs
-        .par_iter()
-        .map(|&(m, unit_mass, start)| {
-            progress.check()?;
-            let weight = |m: &Mixture, i| weight(m, unit_mass, i);
-            Ok(project_run(m, start..m.len().min(start + RUN), lenses, &levels, &weight))
-        })
-        .collect::<Result<Vec<Bins>>>()?;
-    paint(&levels, &bins, progress)
+    runs.reverse();
+    let mut group = MOST_RUNS;
+    while !runs.is_empty() {
+        let from = runs.len().saturating_sub(group);
+        let projected = runs[from..]
+            .par_iter()
+            .rev()
+            .map(|run| {
+                progress.check()?;
+                let end = run.m.len().min((run.start / RUN + 1) * RUN);
+                let weight = |m: &Mixture, i| weight(m, run.unit_mass, i);
+                Ok(project_run(run.m, run.start..end, lenses, &canvas.levels, &weight))
+            })
+            .collect::<Result<Vec<(Bins, usize)>>>()?;
+        // Strokes are drawn in the order of their Gaussians: what comes after a run that was too much at
+        // once waits, and is projected again.
+        let (mut drawn, mut bins) = (0, Vec::with_capacity(projected.len()));
+        for (own, left) in projected {
+            bins.push(own);
+            match left {
+                0 => drawn += 1,
+                left => {
+                    let at = runs.len() - 1 - drawn;
+                    let end = runs[at].m.len().min((runs[at].start / RUN + 1) * RUN);
+                    runs[at].start = end - left;
+                    break;
+                }
+            }
+        }
+        let whole = drawn == runs.len() - from;
+        group = if whole { (2 * group).min(MOST_RUNS) } else { group.div_ceil(2) };
+        runs.truncate(runs.len() - drawn);
+        canvas.draw(&bins, progress)?;
+    }
+    canvas.finish()
+}
+
+/// Gaussians to be projected in one step: from `start` to the next multiple of [`RUN`].
+struct Run<'a> {
+    m: &'a Mixture,
+    unit_mass: f64,
+    start: usize,
 }
 
 /// Draws all strokes and sums the planes.
-pub(crate) fn paint(levels: &[Level], bins: &[Bins], progress: &dyn Progress) -> Result<Plane> {
-    let mut planes: Vec<Vec<f32>> = levels.iter().map(|l| scratch::take(l.stride * l.rows)).collect();
-    let bands: Vec<(&Level, usize, &mut [f32])> = levels
-        .iter()
-        .zip(&mut planes)
-        .flat_map(|(level, plane)| {
-            plane.chunks_mut(level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
-        })
-        .collect();
-    bands.into_par_iter().with_max_len(1).try_for_each(|(level, b, data)| {
-        progress.check()?;
-        data.fill(0.0);
-        let mut band = Band { data, stride: level.stride, width: level.size.width + 2 * PAD, first: b * BAND };
-        let number = level.first_band + b;
-        for bin in bins {
-            raster::draw(&mut band, &bin.strokes[bin.starts[number] as usize..bin.starts[number + 1] as usize]);
-        }
-        Ok(())
-    })?;
-    for l in (1..levels.len()).rev() {
-        let (finer, coarser) = planes.split_at_mut(l);
-        pyramid::add_up(&coarser[0], &levels[l], &mut finer[l - 1], &levels[l - 1]);
-    }
-    let out = crop(&planes[0], &levels[0]);
-    planes.into_iter().for_each(scratch::give);
-    Ok(out)
+pub(crate) fn paint(size: Size, bins: &[Bins], progress: &dyn Progress) -> Result<Plane> {
+    let mut canvas = Canvas::new(size)?;
+    canvas.draw(bins, progress)?;
+    canvas.finish()
 }
 
-/// The picture without the pad. The interpolation may undershoot; depth is never negative.
-fn crop(plane: &[f32], level: &Level) -> Plane {
-    let Size { width, height } = level.size;
-    let mut out = Plane { size: level.size, data: scratch::take(width * height) };
-    out.data.par_chunks_mut(width).enumerate().for_each(|(row, out)| {
-        let start = (row + PAD) * level.stride + PAD;
-        for (o, v) in out.iter_mut().zip(&plane[start..start + width]) {
-            *o = v.max(0.0);
-        }
-    });
-    debug_assert_eq!(out.data.len(), width * height);
-    out
-}
-
-/// Projects a run of Gaussians to strokes.
+/// Projects a run of Gaussians to strokes; stops where they are too many to be kept. Says how many
+/// Gaussians are left.
 fn project_run(
     m: &Mixture,
     range: std::ops::Range<usize>,
     lenses: &[Lens],
     levels: &[Level],
     weight: &(impl Fn(&Mixture, usize) -> f64 + Sync),
-) -> Bins {
+) -> (Bins, usize) {
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
-    for i in range {
+    for i in range.clone() {
+        if binner.len() > MOST_STROKES {
+            return (binner.finish(), range.end - i);
+        }
         let weight = weight(m, i);
         if weight > 0.0 {
             for lens in lenses {
@@ -155,7 +160,7 @@ fn project_run(
             }
         }
     }
-    binner.finish()
+    (binner.finish(), 0)
 }
 
 /// Projects one Gaussian.

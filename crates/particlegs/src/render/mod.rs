@@ -5,7 +5,7 @@
 //! moments of its inverse depth, and a 2-D covariance; Gaussians that the camera stands in, that
 //! cross the clipping range or that reach far in depth are cut along depth first (`slices`).
 //! Footprints go to the `pyramid` level that suits their sharpness and to the bands of rows that
-//! they touch (`bins`), bands are drawn over all cores (`raster`), and the levels are summed
+//! they touch (`bins`), bands are drawn over all cores (`canvas`, `raster`), and the levels are summed
 //! from coarse to fine. The sum is the optical depth; [`draw`] passes it through a look's curve.
 //! The same machinery with masses instead of counts gives the surface density.
 //!
@@ -13,6 +13,7 @@
 
 pub(crate) mod alpha;
 pub(crate) mod bins;
+mod canvas;
 pub(crate) mod depth;
 pub(crate) mod lens;
 pub(crate) mod project;

@@ -120,6 +120,27 @@ impl CellGrid {
         (i * self.cells[1] + j) * self.cells[2] + k
     }
 
+    /// Steps from cell `home` along an axis to the ends of a shell, or to those of the axis: around the
+    /// box once where it repeats.
+    fn steps(&self, axis: usize, home: usize, shell: i64) -> (i64, i64) {
+        let (n, home) = (self.cells[axis] as i64, home as i64);
+        let (down, up) = if self.periodic[axis] { (n, n) } else { (home, n - 1 - home) };
+        (-down.min(shell), up.min(shell))
+    }
+
+    /// No cell of a shell about `home` is nearer to `x`; infinite where it has no cells.
+    fn nearest_of_shell(&self, x: &[f64; 3], home: [usize; 3], shell: i64) -> f64 {
+        let of_axis = |k: usize| {
+            let (down, up) = self.steps(k, home[k], shell);
+            let from = x[k] - (self.low[k] + home[k] as f64 * self.side[k]);
+            let side = |there: bool, d: f64| {
+                if there { d.max(0.0) + (shell - 1) as f64 * self.side[k] } else { f64::INFINITY }
+            };
+            side(down == -shell, from).min(side(up == shell, self.side[k] - from))
+        };
+        (0..3).map(of_axis).fold(f64::INFINITY, f64::min)
+    }
+
     /// The cell at `i`, which may lie beyond the ends, and the turns of the box to reach it.
     fn image(&self, axis: usize, i: i64) -> Option<(usize, f64)> {
         let n = self.cells[axis] as i64;
@@ -168,12 +189,7 @@ impl Neighbours {
         // Shells of cells, until they are further away than what was found.
         let widest = *self.grid.cells.iter().max().expect("three axes");
         for shell in 1..=widest as i64 {
-            let inner: f64 = (0..3)
-                .map(|k| {
-                    let from = x[k] - (self.grid.low[k] + home[k] as f64 * self.grid.side[k]);
-                    from.min(self.grid.side[k] - from).max(0.0) + (shell - 1) as f64 * self.grid.side[k]
-                })
-                .fold(f64::INFINITY, f64::min);
+            let inner = self.grid.nearest_of_shell(&x, home, shell);
             if best.here > 1 || inner * inner >= best.square {
                 break;
             }
@@ -191,13 +207,17 @@ impl Neighbours {
     fn search_shell(&self, x: &[f64; 3], home: [usize; 3], shell: i64, best: &mut Best) {
         let g = &self.grid;
         let at = |k: usize, d: i64| g.image(k, home[k] as i64 + d);
-        for a in -shell..=shell {
+        // Axes of few cells end long before the shell does.
+        let [x_steps, y_steps, z_steps] = [0, 1, 2].map(|k| g.steps(k, home[k], shell));
+        for a in x_steps.0..=x_steps.1 {
             let Some((i, turn_x)) = at(0, a) else { continue };
-            for b in -shell..=shell {
+            for b in y_steps.0..=y_steps.1 {
                 let Some((j, turn_y)) = at(1, b) else { continue };
                 // Inside the shell only its two ends.
-                let step = if a.abs() == shell || b.abs() == shell { 1 } else { 2 * shell as usize };
-                for c in (-shell..=shell).step_by(step) {
+                let whole = a.abs() == shell || b.abs() == shell;
+                let ends = [-shell, shell].into_iter().filter(|c| !whole && (z_steps.0..=z_steps.1).contains(c));
+                let all = (z_steps.0..=z_steps.1).filter(|_| whole);
+                for c in all.chain(ends) {
                     let Some((k, turn_z)) = at(2, c) else { continue };
                     let (cell, turn) = ([i, j, k], [turn_x, turn_y, turn_z]);
                     let run = self.run(cell);

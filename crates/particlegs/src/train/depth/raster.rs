@@ -54,7 +54,7 @@ impl Tape {
             .map(|run| project_run(mixture, run * RUN..mixture.len().min((run + 1) * RUN), &lens, &levels))
             .collect();
         let (runs, bins): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
-        let mut tau = paint(&levels, &bins, &Silent)?;
+        let mut tau = paint(crop.size, &bins, &Silent)?;
         grow(&mut tau, &lens);
         Ok(Tape { tau, lens, levels, runs })
     }
