@@ -1,5 +1,5 @@
-//! Damaged copies of each format's smallest files: cut at every byte, every bit of the beginning
-//! flipped. None may panic, hang, or take much memory; most are refused.
+//! Damaged copies of every fixture: cut at every byte, bits of the beginning flipped: every one of each
+//! format's smallest files, some of the others. None may panic, hang, or take much memory; most are refused.
 
 mod support;
 
@@ -23,8 +23,10 @@ const LONGEST: Duration = Duration::from_secs(1);
 const FIRST: u64 = 4096;
 const LAST: u64 = 1024;
 const BETWEEN: usize = 97;
-/// So many files of a format are damaged, the smallest.
-const MOST_OF_A_FORMAT: usize = 7;
+/// Every bit is flipped of so many files of a format, the smallest,
+const CLOSELY: usize = 2;
+/// and every so-manyth of the others, a number that is coprime to a byte's bits.
+const SPARSELY: usize = 5;
 
 /// One damaged copy.
 #[derive(Clone, Copy, Debug)]
@@ -35,14 +37,14 @@ enum Damage {
     Flip(u64, u8),
 }
 
-fn damages(length: u64) -> Vec<Damage> {
+fn damages(length: u64, step: usize) -> Vec<Damage> {
     // Longest first: the file is then cut shorter and shorter.
     let near = (0..length).rev().filter(|&at| at < FIRST || at + LAST >= length);
     let between = (FIRST..length.saturating_sub(LAST)).step_by(BETWEEN);
     let mut cuts: Vec<u64> = near.chain(between).collect();
     cuts.sort_unstable_by(|a, b| b.cmp(a));
     let flips = (0..length.min(FIRST)).flat_map(|at| (0..8).map(move |bit| Damage::Flip(at, bit)));
-    flips.chain(cuts.into_iter().map(Damage::Cut)).collect()
+    flips.step_by(step).chain(cuts.into_iter().map(Damage::Cut)).collect()
 }
 
 /// The formats that a damaged copy is read in: its own, and the one that its content now says.
@@ -118,14 +120,14 @@ impl Run {
         start.elapsed() > LONGEST
     }
 
-    /// All damages, in a copy of the same name.
-    fn all(&self) {
+    /// All damages, in a copy of the same name; of its bits every `step`-th.
+    fn all(&self, step: usize) {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join(&self.name);
         std::fs::write(&path, &self.bytes).expect("a copy");
         let file = OpenOptions::new().write(true).open(&path).expect("the copy");
         let start = Instant::now();
-        for damage in damages(self.bytes.len() as u64) {
+        for damage in damages(self.bytes.len() as u64, step) {
             self.case(damage, &path, &file);
         }
         let (done, refused) = (self.done.load(Relaxed), self.refused.load(Relaxed));
@@ -172,23 +174,27 @@ impl Drop for Watch {
 /// The last panic's message.
 static PANIC: Mutex<String> = Mutex::new(String::new());
 
-/// Runs files through, and lists all faults at the end.
+/// Runs files through, smallest first, and lists all faults at the end.
 fn damage_all(files: &[PathBuf]) {
     // Faults are listed below; every panic's own report would bury them.
     std::panic::set_hook(Box::new(|info| {
         *PANIC.lock().unwrap_or_else(|e| e.into_inner()) = info.to_string().replace('\n', " ");
     }));
-    let mut faults = Vec::new();
+    let (mut faults, mut seen) = (Vec::new(), Vec::new());
     for path in files {
         match Run::new(path) {
             Ok(run) => {
-                run.all();
+                let before = seen.iter().filter(|f| **f == run.format).count();
+                seen.push(run.format);
+                run.all(if before < CLOSELY { 1 } else { SPARSELY });
                 faults.extend(run.faults.into_inner().expect("no thread dies").into_iter().take(8));
             }
             Err(what) => faults.push(format!("{}: {what}", path.display())),
         }
     }
     drop(std::panic::take_hook());
+    let formats: BTreeSet<&str> = seen.into_iter().collect();
+    assert_eq!(formats.len(), particlegs_formats::FORMATS.len(), "{formats:?}");
     assert!(faults.is_empty(), "{} faults (8 a file at most):\n{}", faults.len(), faults.join("\n"));
 }
 
@@ -203,15 +209,5 @@ fn damaged_fixtures_do_no_harm() {
     // The parts of one snapshot are refused as soon as one of them is copied alone, damaged or not.
     files.retain(|p| !p.to_string_lossy().contains("_parts."));
     files.sort_by_key(|p| p.metadata().map_or(0, |m| m.len()));
-    // Of each format the smallest ones, so that their number may grow: the time of this test may not.
-    let mut seen: Vec<&str> = Vec::new();
-    files.retain(|p| {
-        let format = particlegs_formats::detect(p).expect("a fixture").name;
-        seen.push(format);
-        seen.iter().filter(|f| **f == format).count() <= MOST_OF_A_FORMAT
-    });
-    seen.sort_unstable();
-    seen.dedup();
-    assert_eq!(seen.len(), particlegs_formats::FORMATS.len(), "{seen:?}");
     damage_all(&files);
 }
