@@ -1,13 +1,13 @@
 //! Options that every command has, and what they set up.
 
+use crate::allotted;
+use crate::progress::Meter;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, LazyLock, Mutex};
+use std::sync::{Arc, LazyLock};
 
 /// Options of every command.
 #[derive(Args, Clone, Debug)]
@@ -16,10 +16,11 @@ pub struct Common {
     /// Write the result as JSON to a file, or `-` for stdout (then nothing else is printed there).
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
-    /// No progress and no messages.
+    /// Print no progress and no messages; errors and the result remain.
     #[arg(long, short)]
     pub quiet: bool,
-    /// Threads (default: all cores). Results do not depend on it.
+    /// Number of threads [default: what the batch system or control group allots, else all cores].
+    /// Results do not depend on it.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
     /// Seed of everything drawn at random. Same input, same seed, same bytes.
@@ -35,21 +36,21 @@ static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 pub struct Context {
     /// The options.
     pub common: Common,
-    bar: Mutex<Option<ProgressBar>>,
+    /// What is shown of the work; nothing under --quiet.
+    meter: Option<Meter>,
 }
 
 impl Common {
     /// Sets the threads and the stop signal up.
     pub fn start(self) -> Result<Context> {
-        if let Some(threads) = self.threads {
-            if threads == 0 || threads > 4096 {
-                return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
-            }
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build_global()
-                .map_err(|e| Error::argument(format!("--threads {threads}: {e}")))?;
+        let threads = self.threads.unwrap_or_else(allotted::threads);
+        if threads == 0 || threads > 4096 {
+            return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
         }
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global()
+            .map_err(|e| Error::argument(format!("--threads {threads}: {e}")))?;
         // The switch of the determinism tests: the plain path instead of vector instructions.
         if std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off") {
             particlegs::math::set_simd(false);
@@ -62,13 +63,26 @@ impl Common {
         });
         #[cfg(unix)]
         let _ = signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&SOON));
-        Ok(Context { common: self, bar: Mutex::new(None) })
+        let meter = (!self.quiet).then(Meter::start);
+        Ok(Context { common: self, meter })
     }
 }
 
 impl Context {
     /// Prints the result: JSON where asked for, else the text on stdout.
     pub fn finish(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
+        self.aside(|| self.print(text, value))
+    }
+
+    /// Does something that prints, with no progress shown meanwhile.
+    fn aside<T>(&self, print: impl FnOnce() -> T) -> T {
+        match &self.meter {
+            Some(meter) => meter.aside(print),
+            None => print(),
+        }
+    }
+
+    fn print(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
         if let Some(target) = &self.common.json {
             crate::report::json(target, value)?;
             if target == std::path::Path::new("-") {
@@ -81,38 +95,19 @@ impl Context {
 
 impl Progress for Context {
     fn begin(&self, phase: &str, total: u64) {
-        if self.common.quiet || !std::io::stderr().is_terminal() {
-            return;
-        }
-        let bar = if total == 0 { ProgressBar::new_spinner() } else { ProgressBar::new(total) };
-        let form = if total == 0 { "{msg} {spinner} {elapsed}" } else { "{msg:<28} {wide_bar} {percent:>3}% {eta}" };
-        bar.set_style(ProgressStyle::with_template(form).unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.set_message(phase.to_string());
-        if let Some(old) = self.bar.lock().unwrap_or_else(|e| e.into_inner()).replace(bar) {
-            old.finish_and_clear();
-        }
+        self.meter.iter().for_each(|m| m.begin(phase, total));
     }
 
     fn advance(&self, steps: u64) {
-        if let Some(bar) = self.bar.lock().unwrap_or_else(|e| e.into_inner()).as_ref() {
-            bar.inc(steps);
-        }
+        self.meter.iter().for_each(|m| m.advance(steps));
     }
 
     fn end(&self) {
-        if let Some(bar) = self.bar.lock().unwrap_or_else(|e| e.into_inner()).take() {
-            bar.finish_and_clear();
-        }
+        self.meter.iter().for_each(Meter::end);
     }
 
     fn message(&self, text: &str) {
-        if self.common.quiet {
-            return;
-        }
-        match self.bar.lock().unwrap_or_else(|e| e.into_inner()).as_ref() {
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
-        }
+        self.meter.iter().for_each(|m| m.message(text));
     }
 
     fn cancelled(&self) -> bool {

@@ -1,5 +1,6 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
+mod allotted;
 mod commands;
 mod common;
 mod density_args;
@@ -10,6 +11,7 @@ mod info_snapshot;
 mod job_args;
 mod pictures;
 mod plots;
+mod progress;
 mod report;
 mod run_args;
 mod snapshot_args;
