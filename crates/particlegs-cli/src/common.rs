@@ -2,7 +2,7 @@
 
 use crate::allotted;
 use crate::progress::Meter;
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
@@ -13,17 +13,23 @@ use std::sync::{Arc, LazyLock};
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
-    /// Write the result as JSON to a file, or `-` for stdout (then nothing else is printed there).
-    #[arg(long, value_name = "FILE|-")]
+    /// Write the result as JSON to a file, or to standard output for `-`.
+    ///
+    /// With `-` nothing else is printed on standard output.
+    #[arg(long, value_name = "FILE|-", value_hint = ValueHint::FilePath)]
     pub json: Option<PathBuf>,
     /// Print no progress and no messages; errors and the result remain.
     #[arg(long, short)]
     pub quiet: bool,
-    /// Number of threads [default: what the batch system or control group allots, else all cores].
-    /// Results do not depend on it.
+    /// Number of threads [default: as many as allotted, else all cores].
+    ///
+    /// Allotted by the batch system, the control group or the affinity mask. The results do not depend
+    /// on the number of threads.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
-    /// Seed of everything drawn at random. Same input, same seed, same bytes.
+    /// Seed of the random numbers.
+    ///
+    /// The same input, options and seed give the same bytes.
     #[arg(long, value_name = "N", default_value_t = 42)]
     pub seed: u64,
 }

@@ -2,6 +2,7 @@
 //! `reference`.
 
 use crate::view_args::{Subject, ViewArgs};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use particlegs::camera::{DensityView, Frame, Projection, spherical_camera};
 use particlegs::model::Model;
@@ -18,39 +19,51 @@ use std::path::{Path, PathBuf};
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Options of --style density")]
 pub struct DensityArgs {
-    /// Colours: viridis, inferno, magma, cividis or grey.
-    #[arg(long, value_name = "NAME", default_value = "inferno")]
+    /// Colour map.
+    #[arg(long, value_name = "NAME", default_value = "inferno", value_parser = colormaps())]
     pub colormap: Colormap,
-    /// Values of the first and the last colour (default: from the picture).
-    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1)]
+    /// Values of the first and the last colour [default: from the picture].
+    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     pub range: Option<Vec<f64>>,
-    /// Perspective, or an orthographic window that wraps around periodic boxes.
-    #[arg(long, value_enum, default_value_t = Lines::Perspective)]
+    /// Projection of the camera.
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = Lines::Perspective, hide_short_help = true)]
     pub projection: Lines,
-    /// Centre of the orthographic window (default: the middle of the bounds).
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    /// Centre of the orthographic window [default: the centre of the bounds].
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true,
+        hide_short_help = true
+    )]
     pub center: Option<Vec<f64>>,
-    /// Width of the orthographic window, world units (default: the box).
-    #[arg(long, value_name = "W")]
+    /// Width of the orthographic window in world units [default: the box].
+    #[arg(long, value_name = "W", hide_short_help = true)]
     pub width: Option<f64>,
-    /// Depth of the orthographic window about its centre (default: one periodic box, else all).
-    #[arg(long, value_name = "D")]
+    /// Depth of the orthographic window in world units [default: one periodic box, else everything].
+    #[arg(long, value_name = "D", hide_short_help = true)]
     pub depth: Option<f64>,
-    /// Write the values instead of a picture: DIR/NAME.f32 (rows from the top) and DIR/NAME.json.
-    #[arg(long)]
+    /// Write the values instead of a picture: NAME.f32 (rows from the top) and NAME.json.
+    #[arg(long, hide_short_help = true)]
     pub raw: bool,
-    /// No colour bar and no scale bar.
-    #[arg(long)]
+    /// Draw no colour bar and no scale bar.
+    #[arg(long, hide_short_help = true)]
     pub no_annotations: bool,
 }
 
 /// The lines of sight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Lines {
-    /// Through the eye.
+    /// Lines of sight through the eye.
     Perspective,
-    /// Parallel.
+    /// Parallel lines of sight; the window repeats a periodic box.
     Orthographic,
+}
+
+/// The colour maps by name, so that help and completion list them.
+fn colormaps() -> impl TypedValueParser<Value = Colormap> {
+    PossibleValuesParser::new(Colormap::ALL.map(Colormap::name)).try_map(|name| name.parse::<Colormap>())
 }
 
 /// What a snapshot or a model says about its masses and lengths.
@@ -131,6 +144,9 @@ impl DensityArgs {
         }
         if views.views.is_some() {
             return Err(Error::argument("--projection orthographic takes --azimuth and --elevation, no --views"));
+        }
+        if views.save_views.is_some() {
+            return Err(Error::argument("--save-views holds perspective views only, no --projection orthographic"));
         }
         let size = views.size.unwrap_or(Size { width: 1920, height: 1080 });
         let center = match self.center.as_deref() {

@@ -12,9 +12,9 @@ const SNAKEMAKE: &str = include_str!("emit/Snakefile");
 /// An engine that can drive a job folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Engine {
-    /// One bash script, to be run on a login node: three dependent submissions.
+    /// A bash script for a login node: three dependent submissions.
     Slurm,
-    /// A Snakefile of three rules.
+    /// A Snakefile with three rules.
     Snakemake,
 }
 

@@ -3,7 +3,7 @@
 
 use crate::common::Context;
 use crate::train_log::logged;
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, Compressed, Found};
 use particlegs::fit::{NoPieces, Pieces};
 use particlegs::progress::Progress;
@@ -21,15 +21,17 @@ const MOST_AFTER: f64 = 60.0;
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct RunArgs {
-    /// Be done after about so many minutes, all in all: training ends when a tenth of them (a minute
-    /// at most) is left; its rates fall so that they are at their end by then.
-    #[arg(long, value_name = "M")]
+    /// Time limit for the whole run, in minutes.
+    ///
+    /// Training ends when a tenth of the time, at most one minute, is left for coding and measuring. The
+    /// learning rates decrease so that they reach their final values by then.
+    #[arg(long, value_name = "M", hide_short_help = true)]
     minutes: Option<f64>,
-    /// Go on from OUTPUT.checkpoint, which an interrupted run of the same command left.
-    #[arg(long)]
+    /// Continue an interrupted run of the same command from OUTPUT.checkpoint.
+    #[arg(long, hide_short_help = true)]
     resume: bool,
-    /// Log of the training, JSON lines, and its curves beside it as SVG and PNG (default: none).
-    #[arg(long, value_name = "FILE.jsonl")]
+    /// Write a training log as JSON lines, and its curves beside it as SVG and PNG.
+    #[arg(long, value_name = "FILE.jsonl", hide_short_help = true, value_hint = ValueHint::FilePath)]
     log: Option<PathBuf>,
 }
 

@@ -2,7 +2,7 @@
 
 use crate::common::Common;
 use crate::job_args::{JobSnapshot, of_task, task_number};
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::job::{Done, Job};
 use particlegs::{Error, Result};
 use serde_json::json;
@@ -11,16 +11,17 @@ use std::path::PathBuf;
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-Fits one block and writes a model file of it. What is done is skipped; SIGTERM, SIGUSR1 and Ctrl-C
-stop it with exit code 75 after a checkpoint: run it again to go on.
+Fits one block and writes its model file; a block that is done is skipped. After SIGTERM, SIGUSR1 or
+Ctrl-C it writes a checkpoint, and the exit code is 75: run it again to continue.
 
 Examples:
   particlegs block job 0
   particlegs block job env:SLURM_ARRAY_TASK_ID")]
 pub struct Arguments {
-    /// The job's folder.
+    /// Folder of the job.
+    #[arg(value_name = "JOB", value_hint = ValueHint::DirPath)]
     job: PathBuf,
-    /// The block, from 0, or `env:NAME`.
+    /// Number of the block, counted from 0, or `env:NAME` for a variable that holds it.
     #[arg(value_name = "I")]
     block: String,
     #[command(flatten)]

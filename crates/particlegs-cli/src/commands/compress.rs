@@ -4,7 +4,7 @@ use crate::common::{Common, Context};
 use crate::fit_args::FitArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::compress::{Compressed, Load, Options, compress, parse_bytes};
 use particlegs::fit::Pieces;
 use particlegs::particles::{Particles, Room};
@@ -16,9 +16,15 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "\
+#[command(
+    after_help = "\
 Examples:
-  particlegs compress snapshot/ -o snapshot.pgs                     ratio 300, default effort
+  particlegs compress snapshot/ -o snapshot.pgs
+  particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --pictures pictures/
+  particlegs compress huge.hdf5 -o huge.pgs --memory 2GiB",
+    after_long_help = "\
+Examples:
+  particlegs compress snapshot/ -o snapshot.pgs
   particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --effort high
   particlegs compress x.f32 y.f32 z.f32 -o snapshot.pgs --size 11MB
   particlegs compress points.npy -o points.pgs --psnr 32 --box 100,100,100
@@ -26,31 +32,43 @@ Examples:
   particlegs compress snapshot/ -o snapshot.pgs --pictures pictures/
   particlegs compress snapshot/ -o snapshot.pgs --train best --log training.jsonl
   particlegs compress snapshot/ -o snapshot.pgs --train best --log training.jsonl --resume
-  particlegs compress --train paper --law alpha-blend --print-config > paper.toml")]
+  particlegs compress --train paper --law alpha-blend --print-config > paper.toml
+
+docs/guide/choosing.md says which ratio and effort to choose."
+)]
 pub struct Arguments {
-    /// A snapshot: its first file, its folder, or raw columns x y z (w).
+    /// Snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required_unless_present = "print_config", value_name = "IN")]
     input: Vec<PathBuf>,
-    /// The model file to write.
-    #[arg(long, short, value_name = "M.pgs", required_unless_present = "print_config")]
+    /// Model file to write.
+    #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
     #[command(flatten)]
     fit: FitArgs,
-    /// Divide the particles into K blocks of balanced counts, each fitted on its own (default: 1, or
-    /// as many as --memory asks for).
-    #[arg(long, value_name = "K")]
-    blocks: Option<u32>,
-    /// Memory to stay within, e.g. 1GiB: particles wait on disk, block by block.
-    #[arg(long, value_name = "M")]
+    /// Memory limit, such as 2GiB: larger snapshots are fitted block by block.
+    #[arg(long, value_name = "SIZE", help_heading = "Options")]
     memory: Option<String>,
-    /// Folder of the scratch files that --memory needs (default: the output's); they have no names
-    /// and vanish by themselves.
-    #[arg(long, value_name = "DIR", requires = "memory")]
+    /// Number of blocks, fitted one by one [default: 1, or as many as --memory asks for].
+    ///
+    /// Blocks hold about equal numbers of particles.
+    #[arg(long, value_name = "K", help_heading = "Options", hide_short_help = true)]
+    blocks: Option<u32>,
+    /// Folder for the scratch files of --memory [default: that of the model file].
+    ///
+    /// The files are removed when the run ends, however it ends.
+    #[arg(
+        long,
+        value_name = "DIR",
+        help_heading = "Options",
+        hide_short_help = true,
+        value_hint = ValueHint::DirPath,
+        requires = "memory"
+    )]
     scratch: Option<PathBuf>,
     #[command(flatten)]
     run: RunArgs,
-    /// Write side-by-side pictures (truth | model | error) and the surface density to a folder.
-    #[arg(long, value_name = "DIR")]
+    /// Write pictures to a folder: snapshot, model and error side by side, and the surface density.
+    #[arg(long, value_name = "DIR", help_heading = "Options", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
     #[command(flatten)]
     snapshot: SnapshotArgs,
@@ -159,7 +177,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
     let ratio = done.raw_bytes as f64 / bytes as f64;
     let mut text = format!(
-        "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, ratio {ratio:.1}, {:.2} bytes a Gaussian",
+        "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, ratio {ratio:.1}, {:.2} bytes per Gaussian",
         a.output().display(),
         done.model.metadata.count,
         bytes as f64 / gaussians as f64,
@@ -180,7 +198,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     let value = json!({
         "output": a.output, "particles": done.model.metadata.count, "gaussians": gaussians,
         "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
-        "bytes_a_gaussian": bytes as f64 / gaussians as f64, "step_factor": done.step_factor, "trained": done.trained,
+        "bytes_per_gaussian": bytes as f64 / gaussians as f64, "step_factor": done.step_factor, "trained": done.trained,
         "seconds": seconds, "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
         "certificate": done.model.certificate,
     });

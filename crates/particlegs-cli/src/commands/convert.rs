@@ -3,17 +3,25 @@
 use crate::common::{Common, Context};
 use crate::info_model;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::particles::{Kept, Tiling};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec, output};
 use particlegs_formats::{WRITERS, write_splats, writer_for};
 use std::path::{Path, PathBuf};
 
-/// Write a snapshot anew: in another format, tiled, cropped, thinned, as float32. Or an alpha-blend
-/// model as the PLY of splat viewers.
+/// Arguments.
 #[derive(Args)]
-#[command(after_help = "Steps run in the order tile, region, every, sample.
+#[command(
+    mut_args = |a| if SELECTION.contains(&a.get_id().as_str()) { a.hide_short_help(false) } else { a },
+    after_help = "\
+Steps are applied in the order tile, region, every, sample.
+
+Examples:
+  particlegs convert snap_099.0.hdf5 --particle-type dm -o dm.vtp
+  particlegs convert snapshot -o few.npy --sample 100000 --seed 7",
+    after_long_help = "\
+Steps are applied in the order tile, region, every, sample.
 
 Examples:
   particlegs convert nbody128 -o tiled --tile 2,8,8      # 128 copies side by side
@@ -21,18 +29,24 @@ Examples:
   particlegs convert snap_099.0.hdf5 --particle-type dm -o dm.vtp
   particlegs convert snapshot -o cut --region 0,10,0,10,5,6
   particlegs convert snapshot -o few.npy --sample 100000 --seed 7
-  particlegs convert M.pgs -o splats.ply                 # an alpha-blend model, normalised as in training")]
+  particlegs convert M.pgs -o splats.ply                 # an alpha-blend model, normalised as in training"
+)]
 pub struct Arguments {
-    /// A snapshot: its first file, its folder, or raw columns x y z (w); or a model file.
+    /// Snapshot: its first file, its folder, or raw columns x y z (w); or an alpha-blend model.
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
-    /// What to write: a folder for raw columns and meta.json, or a name that ends in .npy, .hdf5, .vtp or .dump.
-    #[arg(long, short, value_name = "OUT")]
+    /// File to write, or a folder for raw columns and meta.json.
+    ///
+    /// The ending of the name chooses the format: .npy, .hdf5, .h5, .vtp, .dump, .lammpstrj; of an
+    /// alpha-blend model .ply, the splats of viewers.
+    #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::AnyPath)]
     output: PathBuf,
-    /// Format to write, where the name does not tell.
+    /// Output format, where the name does not tell.
     #[arg(long, value_name = "FORMAT", value_parser = clap::builder::PossibleValuesParser::new(writers()))]
     to: Option<String>,
-    /// Repeat the periodic box so often along x, y and z; tile by tile, z fastest.
+    /// Repeat the periodic box so often along x, y and z.
+    ///
+    /// Copies are written one after the other, z fastest.
     #[arg(long, value_name = "NX,NY,NZ", value_delimiter = ',', num_args = 1)]
     tile: Option<Vec<u32>>,
     #[command(flatten)]
@@ -44,6 +58,9 @@ pub struct Arguments {
     #[command(flatten)]
     common: Common,
 }
+
+/// What `convert -h` shows of the options that other commands leave to `--help`.
+const SELECTION: [&str; 5] = ["region", "every", "sample", "center", "width"];
 
 #[derive(serde::Serialize)]
 struct Report {

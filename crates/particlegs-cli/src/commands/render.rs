@@ -2,8 +2,9 @@
 
 use crate::common::Common;
 use crate::density_args::{DensityArgs, Quantities};
+use crate::drawn::Drawn;
 use crate::view_args::{Subject, ViewArgs};
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, ValueHint};
 use particlegs::model::{Law, Model};
 use particlegs::picture::write_gray_png;
 use particlegs::progress::Progress;
@@ -16,25 +17,42 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "Examples:
-  particlegs render model.pgs --out pictures
-  particlegs render model.pgs --views views.json --style expected --out pictures
-  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 --out near
-  particlegs render model.pgs --style density --colormap magma --out sigma
-  particlegs render model.pgs --layer PartType4 --out stars
-  particlegs render model.pgs --style density --projection orthographic --center 0,25,25 --width 30 --depth 5 --out slab")]
+#[command(
+    after_help = "\
+Examples:
+  particlegs render model.pgs -o pictures
+  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near
+  particlegs render model.pgs --style density --colormap magma -o sigma",
+    after_long_help = "\
+Examples:
+  particlegs render model.pgs -o pictures
+  particlegs render model.pgs --views views.json --style expected -o pictures
+  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near
+  particlegs render model.pgs --azimuth 30 --save-views view.json -o pictures
+  particlegs render model.pgs --style density --colormap magma -o sigma
+  particlegs render model.pgs --layer PartType4 -o stars
+  particlegs render model.pgs --style density --projection orthographic --width 30 --depth 5 -o slab
+
+docs/guide/pictures.md describes styles, cameras and views files."
+)]
 pub struct Arguments {
-    /// The model file.
-    #[arg(value_name = "MODEL")]
+    /// Model file.
+    #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// What to draw.
-    #[arg(long, value_enum, default_value_t = Style::Paraview)]
-    style: Style,
-    /// Folder for the pictures; made where it is missing.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the pictures, NAME.png for each view.
+    #[arg(long = "output", short, visible_alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
-    /// Layers to draw: `all`, or names as `info` lists them.
-    #[arg(long, visible_alias = "layer", value_name = "all|NAME,...", value_delimiter = ',', default_value = "all")]
+    /// What to draw.
+    #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
+    style: Style,
+    /// Layers to draw, by the names that `info` lists, or `all`.
+    #[arg(
+        long = "layer",
+        visible_alias = "layers",
+        value_name = "NAME,...",
+        value_delimiter = ',',
+        default_value = "all"
+    )]
     layers: Vec<String>,
     #[command(flatten)]
     view: ViewArgs,
@@ -47,21 +65,14 @@ pub struct Arguments {
 /// The styles that a model can be drawn in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Style {
-    /// What ParaView would draw of the particles, without its noise.
+    /// As ParaView draws the particles, without their shot noise.
     Paraview,
-    /// The same without FXAA.
+    /// The same without antialiasing (FXAA).
     ParaviewNoFxaa,
-    /// 255 (1 - exp(-tau)).
+    /// 255 (1 - exp(-tau)) for the optical depth tau.
     Expected,
-    /// Surface density, in logarithmic colours with bars.
+    /// Surface density in logarithmic colours, with a colour bar and a scale bar.
     Density,
-}
-
-#[derive(Serialize)]
-struct Drawn {
-    name: String,
-    seconds: f64,
-    path: PathBuf,
 }
 
 #[derive(Serialize)]
@@ -70,6 +81,7 @@ struct Report {
     gaussians: usize,
     width: usize,
     height: usize,
+    fov_deg: Option<f64>,
     views: Vec<Drawn>,
 }
 
@@ -86,6 +98,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         gaussians: model.gaussians(),
         width: 0,
         height: 0,
+        fov_deg: None,
         views: Vec::new(),
     };
     let look = match a.style {
@@ -98,9 +111,10 @@ pub fn run(a: &Arguments) -> Result<()> {
         Some(look) => pictures(a, &model, &subject, look, &context, &mut report)?,
         None => densities(a, &model, &subject, &context, &mut report)?,
     }
+    report.fov_deg = report.views.first().and_then(Drawn::fov_deg);
     let mut text = format!("{:<16} {:>9}", "view", "seconds");
     for v in &report.views {
-        text += &format!("\n{:<16} {:>9.3}", v.name, v.seconds);
+        text += &format!("\n{:<16} {:>9.3}", v.name(), v.seconds());
     }
     context.finish(&text, &report)
 }
@@ -123,7 +137,7 @@ fn pictures(
         let seconds = started.elapsed().as_secs_f64();
         let path = a.out.join(format!("{}.png", view.name));
         write_gray_png(&path, &picture)?;
-        report.views.push(Drawn { name: view.name.clone(), seconds, path });
+        report.views.push(Drawn::of_view(view, seconds, path));
     }
     Ok(())
 }
@@ -150,7 +164,7 @@ fn densities(
         let plane = surface_density(&scene, view, size, progress)?;
         let seconds = started.elapsed().as_secs_f64();
         let path = a.density.write(&a.out, view, &plane, &quantities)?;
-        report.views.push(Drawn { name: view.name.clone(), seconds, path });
+        report.views.push(Drawn::of_density(view, seconds, path));
     }
     Ok(())
 }

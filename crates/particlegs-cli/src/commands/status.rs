@@ -1,7 +1,7 @@
 //! `particlegs status JOB`.
 
 use crate::common::Common;
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::job::{Job, State};
 use std::path::PathBuf;
@@ -10,7 +10,8 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(after_help = "Example:\n  particlegs status job --json -")]
 pub struct Arguments {
-    /// The job's folder.
+    /// Folder of the job.
+    #[arg(value_name = "JOB", value_hint = ValueHint::DirPath)]
     job: PathBuf,
     #[command(flatten)]
     common: Common,

@@ -1,0 +1,40 @@
+//! `particlegs man DIR`.
+
+use clap::{Args, CommandFactory, ValueHint};
+use clap_mangen::Man;
+use particlegs::{Error, Result, output};
+use std::path::{Path, PathBuf};
+
+/// Arguments.
+#[derive(Args)]
+#[command(after_help = "\
+Writes particlegs.1, and particlegs-COMMAND.1 for each command.
+
+Examples:
+  particlegs man ~/.local/share/man/man1 && man particlegs-compress
+  particlegs man pages && man pages/particlegs-render.1")]
+pub struct Arguments {
+    /// Folder for the pages.
+    #[arg(value_name = "DIR", value_hint = ValueHint::DirPath)]
+    folder: PathBuf,
+}
+
+/// Writes every page, each whole or not at all.
+pub fn run(a: &Arguments) -> Result<()> {
+    std::fs::create_dir_all(&a.folder).map_err(|e| Error::io(&a.folder, e))?;
+    let mut program = crate::Cli::command();
+    program.build();
+    for command in program.get_subcommands().filter(|c| c.get_name() != "help") {
+        let title = format!("{}-{}", program.get_name(), command.get_name());
+        page(command.clone().display_name(title.clone()), &a.folder.join(format!("{title}.1")))?;
+    }
+    let path = a.folder.join(format!("{}.1", program.get_name()));
+    page(program, &path)
+}
+
+/// One page, as troff.
+fn page(command: clap::Command, path: &Path) -> Result<()> {
+    let mut text = Vec::new();
+    Man::new(command).render(&mut text).map_err(|e| Error::io(path, e))?;
+    output::write_bytes(path, &text)
+}
