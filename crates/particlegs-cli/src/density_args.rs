@@ -137,16 +137,20 @@ impl DensityArgs {
         }
         if self.projection == Lines::Perspective {
             if self.center.is_some() || self.width.is_some() || self.depth.is_some() {
-                return Err(Error::argument("--center, --width and --depth belong to --projection orthographic"));
+                return Err(Error::argument("--center, --width and --depth need --projection orthographic"));
             }
             let set = views.resolve(subject)?;
             return Ok((set.size, set.views.iter().map(|v| DensityView::of_view(v, &subject.bounds)).collect()));
         }
         if views.views.is_some() {
-            return Err(Error::argument("--projection orthographic takes --azimuth and --elevation, no --views"));
+            return Err(Error::argument(
+                "--views cannot be used with --projection orthographic: give --azimuth and --elevation",
+            ));
         }
         if views.save_views.is_some() {
-            return Err(Error::argument("--save-views holds perspective views only, no --projection orthographic"));
+            return Err(Error::argument(
+                "--save-views cannot be used with --projection orthographic: a views file holds perspective views only",
+            ));
         }
         let size = views.size.unwrap_or(Size { width: 1920, height: 1080 });
         let center = match self.center.as_deref() {

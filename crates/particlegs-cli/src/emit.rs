@@ -52,7 +52,7 @@ pub fn script(engine: Engine, job: &Job) -> Result<String> {
     };
     let path = |p: &Path| match p.to_str() {
         Some(text) if !text.contains(refused) => Ok(quote(text)),
-        _ => Err(Error::argument(format!("{}: this path cannot stand in the engine's script", p.display()))),
+        _ => Err(Error::argument(format!("{}: this path cannot be written in the script of this engine", p.display()))),
     };
     // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
     let unit = match engine {

@@ -105,7 +105,7 @@ impl FitArgs {
             }
         }
         if self.opacity.is_some_and(|a| a > 1.0) {
-            return Err(Error::argument("--opacity is outside (0, 1]"));
+            return Err(Error::argument("--opacity must be above 0 and at most 1"));
         }
         let (effort, name) = match self.effort {
             EffortArg::Fast => (Effort::Fast, "fast"),

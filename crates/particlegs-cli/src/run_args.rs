@@ -71,19 +71,23 @@ impl RunArgs {
         let place = path.display().to_string();
         if !self.resume {
             if path.exists() {
-                context.message(&format!("note: {place}, which --resume would have gone on from, is given up"));
+                context.message(&format!("note: {place} is discarded; --resume would continue from it"));
             }
             return Ok(Checkpoint::fresh(path, whose));
         }
         let checkpoint = Checkpoint::open(path, whose)?;
-        let hint = "without --resume the run begins anew";
+        let hint = "without --resume the run starts from the beginning";
         match checkpoint.found() {
             Found::Ours => Ok(checkpoint),
             Found::Nothing => {
-                Err(Error::Argument { what: format!("{place}: there is no checkpoint"), hint: hint.into() })
+                Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), hint: hint.into() })
             }
-            Found::Broken => Err(Error::input_hint(&place, "half-written or changed: no checkpoint", hint)),
-            Found::Other => Err(Error::input_hint(&place, "of another command, snapshot or configuration", hint)),
+            Found::Broken => {
+                Err(Error::input_hint(&place, "not a complete checkpoint: it is truncated or altered", hint))
+            }
+            Found::Other => {
+                Err(Error::input_hint(&place, "a checkpoint of another command, snapshot or configuration", hint))
+            }
         }
     }
 
@@ -115,7 +119,7 @@ impl RunArgs {
                 if let Err(e) = checkpoint.save() {
                     context.message(&format!("warning: the checkpoint was not saved: {e}"));
                 } else if matches!(error, Error::Cancelled) && !checkpoint.is_empty() {
-                    context.message("stopped: the same command with --resume goes on");
+                    context.message("stopped: the same command with --resume continues");
                 }
             }
         }
@@ -126,7 +130,8 @@ impl RunArgs {
 /// Says of a run that was stopped what there is.
 pub fn stopped(output: &Path, context: &Context) -> Error {
     let output = output.display();
-    context.message(&format!("stopped: {output} holds the best so far; the same command with --resume goes on"));
+    context
+        .message(&format!("stopped: {output} holds the best model so far; the same command with --resume continues"));
     Error::Cancelled
 }
 
@@ -137,7 +142,7 @@ pub fn trained(done: &Compressed) -> String {
         let run = if t.run.is_empty() { String::new() } else { format!(" {}", t.run) };
         let steps = match t.iterations == t.of {
             true => format!("{} steps", t.of),
-            false => format!("{} of {} steps, then the time was up", t.iterations, t.of),
+            false => format!("{} of {} steps, ended by the time limit", t.iterations, t.of),
         };
         text += &format!("\ntrained{run}: {steps}");
         if let [Some(before), Some(after)] = t.scores {

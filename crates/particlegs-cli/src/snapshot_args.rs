@@ -102,7 +102,14 @@ pub struct WindowArgs {
     )]
     pub center: Option<Vec<f64>>,
     /// Width of the window about --center, or its three widths.
-    #[arg(long, hide_short_help = true, value_name = "W|Wx,Wy,Wz", value_delimiter = ',', num_args = 1, requires = "center")]
+    #[arg(
+        long,
+        hide_short_help = true,
+        value_name = "W|Wx,Wy,Wz",
+        value_delimiter = ',',
+        num_args = 1,
+        requires = "center"
+    )]
     pub width: Option<Vec<f64>>,
 }
 
@@ -167,7 +174,7 @@ impl SnapshotArgs {
             None => None,
             Some([l]) => Some([*l; 3]),
             Some([x, y, z]) => Some([*x, *y, *z]),
-            Some(_) => return Err(Error::argument("--box takes one length or three")),
+            Some(_) => return Err(Error::argument("--box takes one length or three lengths Lx,Ly,Lz")),
         };
         let weights = match self.weights.as_deref() {
             None => Weights::Auto,
@@ -199,7 +206,9 @@ impl SelectionArgs {
         if let Some(b) = crop
             && !(0..3).all(|k| b.min[k] < b.max[k] && b.max[k].is_finite() && b.min[k].is_finite())
         {
-            return Err(Error::argument("the region must have lower ends below its upper ends on each axis"));
+            return Err(Error::argument(
+                "the region must be finite, with its lower bound below its upper bound on each axis",
+            ));
         }
         Ok(Selection { crop, wrap: window.center.is_some(), every: self.every, sample: self.sample, seed })
     }

@@ -37,7 +37,7 @@ impl Progress for Logged<'_> {
     fn log(&self, line: &str) {
         let mut file = self.file.lock().unwrap_or_else(|e| e.into_inner());
         if let Some(Err(error)) = file.as_mut().map(|f| writeln!(f, "{line}")) {
-            self.context.message(&format!("warning: {}: {error}; the log ends here", self.path.display()));
+            self.context.message(&format!("warning: {}: {error}; nothing more is logged", self.path.display()));
             *file = None;
         }
     }
@@ -62,7 +62,7 @@ pub fn logged<T>(
     let whole = logged.file.into_inner().unwrap_or_else(|e| e.into_inner()).is_some();
     // The run's outcome is worth more than its curves.
     if whole && let Err(error) = draw(path) {
-        context.message(&format!("warning: the curves of {} were not drawn: {error}", path.display()));
+        context.message(&format!("warning: the curves of {} could not be drawn: {error}", path.display()));
     }
     done
 }
@@ -93,8 +93,8 @@ fn draw(path: &Path) -> Result<()> {
         };
         plots::write(folder, &figure)
     };
-    figure("loss", ("loss", "training"), "Training loss", "loss, mean of 50 steps")?;
-    figure("held_out_masked_psnr", ("psnr", "held out"), "Held-out views", "masked PSNR, dB")
+    figure("loss", ("loss", "training"), "Training loss", "loss (mean of 50 steps)")?;
+    figure("held_out_masked_psnr", ("psnr", "held out"), "Held-out views", "masked PSNR [dB]")
 }
 
 /// The lines of each run of a log; those that a resumed run went over again count once, the last time.

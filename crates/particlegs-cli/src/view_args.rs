@@ -90,7 +90,7 @@ impl ViewArgs {
         }
         for (name, degrees) in [("azimuth", self.azimuth), ("elevation", self.elevation)] {
             if !degrees.is_finite() {
-                return Err(Error::argument(format!("--{name} {degrees} is no number of degrees")));
+                return Err(Error::argument(format!("--{name} {degrees} is not a finite angle")));
             }
         }
         let size = self.size.unwrap_or(Size { width: 1920, height: 1080 });
@@ -103,7 +103,7 @@ impl ViewArgs {
 
 /// `1920x1080`.
 pub fn parse_size(text: &str) -> std::result::Result<Size, String> {
-    let fail = || format!("`{text}` is no size; write width x height, such as 1920x1080, each from 1 to 32768");
+    let fail = || format!("`{text}` is not a picture size: give WIDTHxHEIGHT, such as 1920x1080, each from 1 to 32768");
     let (w, h) = text.split_once(['x', 'X']).ok_or_else(fail)?;
     let side = |t: &str| t.trim().parse::<usize>().ok().filter(|n| (1..=32_768).contains(n));
     match (side(w), side(h)) {

@@ -46,13 +46,15 @@ fn every_option_is_described_and_grouped_in_the_long_help() {
         assert!(long.lines().any(|l| l.starts_with(heading)), "{heading}");
     }
     let options = |text: &str| {
-        let starts = |l: &&str| l.trim_start().starts_with("--") || l.trim_start().starts_with('-') && l.contains(", --");
+        let starts =
+            |l: &&str| l.trim_start().starts_with("--") || l.trim_start().starts_with('-') && l.contains(", --");
         text.lines().filter(starts).count()
     };
     let short = printed(&["compress", "-h"]);
     assert!(options(&long) > 2 * options(&short), "{} and {}", options(&long), options(&short));
     // Options that do not belong to training do not stand under its heading.
-    let training = long.split("Training:").nth(1).unwrap().split("\n\n").take_while(|p| !p.contains("Snapshot options"));
+    let training =
+        long.split("Training:").nth(1).unwrap().split("\n\n").take_while(|p| !p.contains("Snapshot options"));
     assert!(!training.collect::<String>().contains("--pictures"));
 }
 
@@ -66,7 +68,8 @@ fn the_version_is_the_programs() {
 /// Every command that writes takes `-o`, `--output` and `--out`.
 #[test]
 fn outputs_have_one_spelling() {
-    let writers = ["compress", "plan", "merge", "finetune", "simplify", "recover", "convert", "reference", "render", "stats"];
+    let writers =
+        ["compress", "plan", "merge", "finetune", "simplify", "recover", "convert", "reference", "render", "stats"];
     for name in writers {
         assert!(printed(&[name, "-h"]).contains("-o, --output"), "{name}");
         for option in ["-o", "--output", "--out"] {
@@ -116,7 +119,8 @@ fn completions_offer_the_values() {
         assert!(script.contains(&format!("compgen -W \"{values}")), "{values}");
     }
     // Folders where a folder is wanted.
-    let render = script.split("particlegs__subcmd__render)").nth(1).or(script.split("particlegs__render)").nth(1)).unwrap();
+    let render =
+        script.split("particlegs__subcmd__render)").nth(1).or(script.split("particlegs__render)").nth(1)).unwrap();
     let output = render.split("--output)").nth(1).unwrap().split(";;").next().unwrap();
     assert!(output.contains("plusdirs") || output.contains("compgen -d"), "{output}");
     for shell in ["zsh", "fish", "elvish", "powershell"] {

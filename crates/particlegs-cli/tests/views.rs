@@ -20,7 +20,17 @@ fn subjects(dir: &Path) -> [PathBuf; 2] {
 }
 
 const VIEW: [&str; 12] = [
-    "--azimuth", "33.3", "--elevation", "-12.1", "--distance", "0.7", "--radius", "0.0123", "--opacity", "0.21", "--size",
+    "--azimuth",
+    "33.3",
+    "--elevation",
+    "-12.1",
+    "--distance",
+    "0.7",
+    "--radius",
+    "0.0123",
+    "--opacity",
+    "0.21",
+    "--size",
     "96x54",
 ];
 

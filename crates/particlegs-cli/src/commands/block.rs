@@ -34,15 +34,20 @@ pub fn run(a: Arguments) -> Result<()> {
     let job = Job::open(&a.job)?;
     let number = task_number(&a.block)?;
     let block = u32::try_from(number).map_err(|_| {
-        Error::argument(format!("block {number} is outside the {} of this job", job.manifest.plan.blocks))
+        Error::argument(format!(
+            "block {number} is outside the {} of this job, counted from 0",
+            job.manifest.plan.blocks
+        ))
     })?;
     let snapshot = JobSnapshot::of(&job)?;
     let done = job.block(block, || snapshot.layered(&context), &context);
     let done = done.map_err(|e| of_task(e, &a.job, &format!("block {block}")))?;
     let (report, how) = match &done {
-        Done::Before(report) => (report, "was done before".to_string()),
+        Done::Before(report) => (report, "was already done".to_string()),
         Done::Now(report, 0) => (report, "done".to_string()),
-        Done::Now(report, pieces) => (report, format!("done, from a checkpoint of {pieces} pieces")),
+        Done::Now(report, pieces) => {
+            (report, format!("done, continued from a checkpoint with {pieces} finished parts"))
+        }
     };
     let seconds: f64 = report.seconds.iter().map(|s| s.1).sum();
     let text = format!(

@@ -106,7 +106,8 @@ pub fn run(a: Arguments) -> Result<()> {
     let particles = a.snapshot.open_selected_in(&options.room, &a.input, selection, a.common.seed, &context)?;
     options.blocks = blocks(&a, &options, memory, &particles, &context)?;
     if particles.meta.cell.is_none() {
-        context.message("note: no periodic box is known (--box Lx,Ly,Lz): nothing wraps around");
+        context
+            .message("note: the snapshot states no periodic box, so nothing is periodic (--box Lx,Ly,Lz states one)");
     }
     let mut checkpoint = match options.training {
         Some(_) => Some(a.run.checkpoint(a.output(), &options.name_of_work(&particles), &context)?),

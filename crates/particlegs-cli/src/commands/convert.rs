@@ -92,13 +92,16 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let selection = a.selection.selection(&a.window, context.common.seed)?;
     if particles.origin != [0.0; 3] {
-        context.message("note: positions lie far from 0; about 0, float32 keeps fewer of their digits");
+        context.message("note: the positions are far from 0, where float32 keeps fewer of their digits");
     }
     let writer = writer_for(&a.output, a.to.as_deref())?;
     let start = std::time::Instant::now();
     let kept = Kept::new(&particles, tiling, selection, &context)?;
     if !writer.holds_box && kept.meta().cell.is_some() {
-        context.message(&format!("note: {} holds no box; give it again with --box", writer.title));
+        context.message(&format!(
+            "note: {} cannot store the periodic box; state it by --box when reading the file",
+            writer.title
+        ));
     }
     let bytes = (writer.write)(&kept, &a.output, &context)?;
     let seconds = start.elapsed().as_secs_f64();
@@ -121,15 +124,15 @@ fn splats(a: &Arguments, model: &Path, context: &Context) -> Result<()> {
     let start = std::time::Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {
-        let what = "a model is written as splats alone, to a name that ends in .ply".to_string();
-        let hint = "draw particles with `recover`, then convert those".to_string();
+        let what = "a model can only be converted to splats, by an output name that ends in .ply".to_string();
+        let hint = "draw particles with `recover`, then convert them".to_string();
         return Err(Error::Argument { what, hint });
     }
     output::check_writable(&a.output)?;
     let decoded = codec::decode(&info_model::read(model)?, &model.display().to_string())?;
     let bytes = write_splats(&decoded, &a.output, context)?;
     if decoded.vizmapper.is_some() {
-        context.message("note: the VizMapper is not in it: a PLY file holds splats alone");
+        context.message("note: the VizMapper is left out: a PLY file holds splats only");
     }
     let (gaussians, seconds) = (decoded.gaussians(), start.elapsed().as_secs_f64());
     let text = format!("{}: {gaussians} splats, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);

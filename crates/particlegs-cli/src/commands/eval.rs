@@ -15,16 +15,14 @@ use std::path::PathBuf;
 
 /// Arguments.
 #[derive(Args)]
-#[command(
-    after_help = "\
+#[command(after_help = "\
 Pictures of the far, mid and near orbits are compared in three styles. Beside each score stand the
 noise-free score, the gap to it, and the score of an all-black picture (docs/guide/glossary.md).
 
 Examples:
   particlegs eval model.pgs snapshot
   particlegs eval model.pgs snapshot --frames 80 --json scores.json
-  particlegs eval model.pgs snapshot --views views.json"
-)]
+  particlegs eval model.pgs snapshot --views views.json")]
 pub struct Arguments {
     /// Model file.
     #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
@@ -98,7 +96,7 @@ fn views(a: &Arguments, model: &Model, seed: u64) -> Result<(Vec<EvalView>, Size
     }
     let m = &model.metadata;
     let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: a.size, seed };
-    let words = format!("{} frames an orbit, seed {seed}", a.frames);
+    let words = format!("{} views per orbit, seed {seed}", a.frames);
     Ok((score::evaluation_views(&of, a.frames), a.size, words))
 }
 
@@ -149,7 +147,7 @@ fn table(r: &Report) -> String {
             text += &row(name, orbit, scores, shot_noise);
         }
     }
-    text + "\nMeans of decibels; noise-free, gap, shot noise and all black are masked PSNR."
+    text + "\nMeans over views; noise-free, gap, shot noise and all black are masked PSNR in dB."
 }
 
 /// A look's scores in a mean, and the shot-noise floor where it belongs.
@@ -174,7 +172,7 @@ fn row(look: &str, orbit: &str, s: &LookScores, shot_noise: Option<f64>) -> Stri
         db(s.all_black.masked_psnr)
     );
     if let Some(n) = s.left_out.filter(|n| *n > 0) {
-        row += &format!("   ({n} views without a value left out)");
+        row += &format!("   (without the {n} views that have no value)");
     }
     row
 }

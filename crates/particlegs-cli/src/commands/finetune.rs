@@ -107,8 +107,12 @@ pub fn run(a: Arguments) -> Result<()> {
     let (bytes, place) = (info_model::read(path)?, path.display().to_string());
     let model = codec::decode(&bytes, &place)?;
     if model.metadata.law != Law::AlphaBlend {
-        let what = format!("{place}: of the law {}: only alpha-blend models are fine-tuned", model.metadata.law.name());
-        let hint = "optical-depth blocks add up as they are; `compress --train` trains them on the snapshot".into();
+        let what = format!(
+            "{place}: a model of the {} law; only alpha-blend models can be fine-tuned",
+            model.metadata.law.name()
+        );
+        let hint =
+            "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot".into();
         return Err(Error::Argument { what, hint });
     }
     let room = if a.memory.is_some() { Room::Disk(a.folder(out)) } else { Room::Memory };

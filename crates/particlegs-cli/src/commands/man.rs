@@ -35,6 +35,7 @@ pub fn run(a: &Arguments) -> Result<()> {
 /// One page, as troff.
 fn page(command: clap::Command, path: &Path) -> Result<()> {
     let mut text = Vec::new();
-    Man::new(command).render(&mut text).map_err(|e| Error::io(path, e))?;
+    let source = concat!("particlegs ", env!("CARGO_PKG_VERSION"));
+    Man::new(command).source(source).render(&mut text).map_err(|e| Error::io(path, e))?;
     output::write_bytes(path, &text)
 }

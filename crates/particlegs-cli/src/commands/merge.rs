@@ -70,7 +70,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if info.metadata.law == Law::AlphaBlend && parts > 1 {
         let network = match info.vizmapper {
             Some(_) => "the VizMapper is that of the part with the first block",
-            None => "the part with the first block has no VizMapper, and so the file has none",
+            None => "the part with the first block has no VizMapper, so the file has none",
         };
         context.message(&format!("note: {network}, as published; it was trained on that part alone"));
     }

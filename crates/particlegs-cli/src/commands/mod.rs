@@ -8,6 +8,7 @@ mod convert;
 mod eval;
 mod finetune;
 mod info;
+mod man;
 mod merge;
 mod plan;
 mod recover;
@@ -63,6 +64,8 @@ pub enum Command {
     Verify(verify::Arguments),
     /// Print the completion script of a shell.
     Completions(completions::Arguments),
+    /// Write manual pages.
+    Man(man::Arguments),
 }
 
 /// Runs one.
@@ -86,5 +89,6 @@ pub fn run(command: Command) -> Result<()> {
         Command::Info(a) => info::run(a),
         Command::Verify(a) => verify::run(a),
         Command::Completions(a) => completions::run(&a),
+        Command::Man(a) => man::run(&a),
     }
 }

@@ -71,7 +71,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let blocks = match a.blocks.as_str() {
         "auto" => None,
         number => {
-            let wrong = |_| Error::argument(format!("--blocks {number} is neither a number nor `auto`"));
+            let wrong = |_| Error::argument(format!("--blocks {number}: give a number, or `auto`"));
             Some(number.parse::<u32>().map_err(wrong)?)
         }
     };
@@ -88,14 +88,13 @@ pub fn run(a: Arguments) -> Result<()> {
         "{folder}: {} particles in {} blocks{}",
         plan.metadata.count,
         plan.blocks,
-        if planned.before { " (planned before; nothing changed)" } else { "" }
+        if planned.before { " (already planned; nothing changed)" } else { "" }
     );
     text += &match m.chunks {
-        0 => "\nno scatter is needed: blocks read the snapshot where it lies".to_string(),
+        0 => "\nscatter: not needed; blocks read the snapshot directly".to_string(),
         chunks => format!(
-            "\nscatter: {chunks} chunks, {} bytes in all: particlegs scatter {folder} [0 to {}]",
-            plan.column_bytes(),
-            chunks - 1
+            "\nscatter: particlegs scatter {folder}, or its {chunks} chunks one by one; {} bytes in total",
+            plan.column_bytes()
         ),
     };
     text += &format!("\nblocks: particlegs block {folder} 0 to {}", plan.blocks - 1);

@@ -100,7 +100,7 @@ pub fn run(a: Arguments) -> Result<()> {
         model = model.only(&a.layer)?;
         // What was measured on the whole says little about a part of it.
         if certificate.is_some() {
-            context.message("note: the scores in the file are of all layers together");
+            context.message("note: the scores in the model file are of all layers together, not of these");
         }
     }
     let options = Options {

@@ -151,7 +151,7 @@ fn densities(
 ) -> Result<()> {
     if model.metadata.law == Law::AlphaBlend {
         let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
-        let hint = "draw particles with `recover`, and their density with `reference --style density`".to_string();
+        let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
         return Err(Error::Argument { what, hint });
     }
     let quantities = Quantities::of_model(model);

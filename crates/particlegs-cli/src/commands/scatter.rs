@@ -43,6 +43,6 @@ pub fn run(a: Arguments) -> Result<()> {
         done += u64::from(scattered.map_err(|e| of_task(e, &a.job, &format!("chunk {chunk}")))?);
     }
     let all = chunks.end - chunks.start;
-    let text = format!("{}: {done} of {all} chunks bucketed, {} were there", a.job.display(), all - done);
+    let text = format!("{}: {done} of {all} chunks sorted, {} were already done", a.job.display(), all - done);
     context.finish(&text, &json!({ "job": a.job, "bucketed": done, "before": all - done }))
 }
