@@ -30,7 +30,7 @@ pub struct Common {
     /// Seed of the random numbers.
     ///
     /// The same input, options and seed give the same bytes.
-    #[arg(long, value_name = "N", default_value_t = 42)]
+    #[arg(long, value_name = "N", default_value_t = 42, hide_short_help = true)]
     pub seed: u64,
 }
 

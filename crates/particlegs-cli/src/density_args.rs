@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 #[command(next_help_heading = "Options of --style density")]
 pub struct DensityArgs {
     /// Colour map.
-    #[arg(long, value_name = "NAME", default_value = "inferno", value_parser = colormaps())]
+    #[arg(long, value_name = "NAME", default_value = "inferno", hide_short_help = true, value_parser = colormaps())]
     pub colormap: Colormap,
     /// Values of the first and the last colour [default: from the picture].
     #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]

@@ -14,8 +14,10 @@ use particlegs::{Error, Result};
 pub struct FitArgs {
     #[command(flatten)]
     target: TargetArgs,
-    /// How much time to spend on the fit.
-    #[arg(long, value_enum, value_name = "EFFORT", default_value_t = EffortArg::Default)]
+    /// Effort of the fit.
+    ///
+    /// docs/guide/choosing.md says when to use which.
+    #[arg(long, value_enum, value_name = "LEVEL", default_value_t = EffortArg::Default)]
     effort: EffortArg,
     /// Particle radius to store as the default, world units [default: 0.0406 of the mean spacing].
     #[arg(long, value_name = "R", hide_short_help = true)]

@@ -15,7 +15,7 @@ pub struct SnapshotArgs {
     /// Input format, where the content does not tell.
     #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = clap::builder::PossibleValuesParser::new(names()))]
     pub format: Option<String>,
-    /// Particle types to read, by number or name, such as 1 or dm [default: all].
+    /// Particle types, by number or name, such as 1 or dm [default: all].
     ///
     /// Several types become several layers of the model.
     #[arg(long, value_name = "TYPE,...", value_delimiter = ',')]
@@ -64,13 +64,13 @@ fn names() -> Vec<&'static str> {
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct SelectionArgs {
-    /// Keep the particles with x0 <= x < x1, and likewise y and z, in world units.
+    /// Keep x0 <= x < x1, y0 <= y < y1, z0 <= z < z1 (world units).
     ///
     /// The result has no periodic box.
     #[arg(
         long,
         hide_short_help = true,
-        visible_alias = "crop",
+        alias = "crop",
         value_name = "x0,x1,y0,y1,z0,z1",
         value_delimiter = ',',
         num_args = 1,

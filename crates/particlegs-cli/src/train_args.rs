@@ -12,8 +12,10 @@ use std::path::PathBuf;
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct TrainArgs {
-    /// Train the fitted Gaussians on pictures of the particles.
-    #[arg(long, value_enum, value_name = "PRESET", default_value_t = TrainArg::None)]
+    /// Train on pictures of the particles.
+    ///
+    /// docs/guide/training.md describes presets, laws and hyper-parameters.
+    #[arg(long, value_enum, value_name = "PRESET", help_heading = None, hide_default_value = true, default_value_t = TrainArg::None)]
     train: TrainArg,
     /// Image law to train for [default: optical-depth, or that of --config].
     #[arg(long, value_enum, value_name = "LAW", hide_short_help = true)]
@@ -45,7 +47,7 @@ pub struct TuneArgs {
 /// Presets on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum TrainArg {
-    /// No training.
+    /// No training; the default.
     None,
     /// At most 5 minutes on two cores for a few million particles.
     Fast,

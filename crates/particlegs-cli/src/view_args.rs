@@ -22,7 +22,9 @@ pub struct ViewArgs {
     /// Write the views that are drawn as a views file.
     #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = ValueHint::FilePath)]
     pub save_views: Option<PathBuf>,
-    /// Azimuth of the camera in degrees; 0 looks along -z, 90 along -x.
+    /// Azimuth of the camera in degrees.
+    ///
+    /// 0 looks along -z, 90 along -x.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, conflicts_with = "views")]
     pub azimuth: f64,
     /// Elevation of the camera above the horizon in degrees.

@@ -19,7 +19,6 @@ use std::time::Instant;
 #[command(
     after_help = "\
 Examples:
-  particlegs compress snapshot/ -o snapshot.pgs
   particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --pictures pictures/
   particlegs compress huge.hdf5 -o huge.pgs --memory 2GiB",
     after_long_help = "\
@@ -43,33 +42,33 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
-    #[command(flatten)]
-    fit: FitArgs,
+    /// Folder for pictures: snapshot, model and error side by side, surface density.
+    #[arg(long, display_order = LATER, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pictures: Option<PathBuf>,
     /// Memory limit, such as 2GiB: larger snapshots are fitted block by block.
-    #[arg(long, value_name = "SIZE", help_heading = "Options")]
+    #[arg(long, display_order = LATER, value_name = "SIZE")]
     memory: Option<String>,
     /// Number of blocks, fitted one by one [default: 1, or as many as --memory asks for].
     ///
     /// Blocks hold about equal numbers of particles.
-    #[arg(long, value_name = "K", help_heading = "Options", hide_short_help = true)]
+    #[arg(long, display_order = LATER, value_name = "K", hide_short_help = true)]
     blocks: Option<u32>,
     /// Folder for the scratch files of --memory [default: that of the model file].
     ///
     /// The files are removed when the run ends, however it ends.
     #[arg(
         long,
+        display_order = LATER,
         value_name = "DIR",
-        help_heading = "Options",
         hide_short_help = true,
         value_hint = ValueHint::DirPath,
         requires = "memory"
     )]
     scratch: Option<PathBuf>,
     #[command(flatten)]
+    fit: FitArgs,
+    #[command(flatten)]
     run: RunArgs,
-    /// Write pictures to a folder: snapshot, model and error side by side, and the surface density.
-    #[arg(long, value_name = "DIR", help_heading = "Options", value_hint = ValueHint::DirPath)]
-    pictures: Option<PathBuf>,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
@@ -79,6 +78,9 @@ pub struct Arguments {
     #[command(flatten)]
     common: Common,
 }
+
+/// Place in the help of options that come after those of the fit.
+const LATER: usize = 500;
 
 /// Compresses, writes the file and the pictures, reports.
 pub fn run(a: Arguments) -> Result<()> {

@@ -15,8 +15,6 @@ use std::path::{Path, PathBuf};
 #[command(
     mut_args = |a| if SELECTION.contains(&a.get_id().as_str()) { a.hide_short_help(false) } else { a },
     after_help = "\
-Steps are applied in the order tile, region, every, sample.
-
 Examples:
   particlegs convert snap_099.0.hdf5 --particle-type dm -o dm.vtp
   particlegs convert snapshot -o few.npy --sample 100000 --seed 7",

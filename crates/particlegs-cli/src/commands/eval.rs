@@ -30,7 +30,9 @@ pub struct Arguments {
     /// Snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "SNAPSHOT")]
     input: Vec<PathBuf>,
-    /// Number of views per orbit; the seed draws their radius and opacity.
+    /// Number of views per orbit.
+    ///
+    /// Their radii and opacities are drawn at random (--seed).
     #[arg(long, value_name = "N", default_value_t = 8)]
     frames: usize,
     /// Score in the views of a views file instead.

@@ -22,8 +22,8 @@ use std::time::Instant;
 #[derive(Args)]
 #[command(after_help = "\
 Follows the published recipe: 60 000 steps at 1080p on pictures of the whole snapshot, with wider
-ranges of the VizMapper and densification for the first half; --scale shortens it. The result has one
-block, and the size of the model where no target is given.
+ranges of the VizMapper and densification for the first half; --scale shortens it. The result has
+one block, and the size of the model where no target is given.
 
 Examples:
   particlegs merge job -o merged.pgs && particlegs finetune merged.pgs snapshot/ -o tuned.pgs
@@ -41,16 +41,16 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     target: TargetArgs,
+    /// Do not measure the decoded model: the file holds no scores.
+    #[arg(long)]
+    no_certificate: bool,
+    /// Memory limit, such as 1GiB: the particles are kept on disk.
+    #[arg(long, value_name = "SIZE")]
+    memory: Option<String>,
     #[command(flatten)]
     tune: TuneArgs,
     #[command(flatten)]
     run: RunArgs,
-    /// Do not measure the decoded model: the file holds no scores.
-    #[arg(long, help_heading = "Options")]
-    no_certificate: bool,
-    /// Memory limit, such as 1GiB: the particles are kept on disk.
-    #[arg(long, value_name = "SIZE", help_heading = "Options")]
-    memory: Option<String>,
     #[command(flatten)]
     opening: SnapshotArgs,
     #[command(flatten)]

@@ -39,13 +39,17 @@ pub struct Arguments {
     /// Folder of the job.
     #[arg(long, short, alias = "out", value_name = "JOB", value_hint = ValueHint::DirPath)]
     output: PathBuf,
-    /// Number of blocks with about equal numbers of particles, or `auto`: as --memory asks for.
+    /// Number of blocks, or `auto`: as many as --memory asks for.
+    ///
+    /// Blocks hold about equal numbers of particles.
     #[arg(long, value_name = "K|auto", default_value = "auto")]
     blocks: String,
     /// Memory limit of a task, such as 4GiB [default with `auto`: 4GiB].
     #[arg(long, value_name = "SIZE")]
     memory: Option<String>,
-    /// Print a script for a workflow engine; the summary goes to standard error.
+    /// Print a script for a workflow engine.
+    ///
+    /// The summary is then printed on standard error.
     #[arg(long, value_enum, value_name = "ENGINE")]
     emit: Option<Engine>,
     #[command(flatten)]

@@ -39,7 +39,7 @@ pub struct Arguments {
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     scale: f64,
     /// Layers to draw from, by the names that `info` lists [default: all].
-    #[arg(long, visible_alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
+    #[arg(long, alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layer: Vec<String>,
     /// Form of the particles.
     #[arg(long, value_enum, value_name = "FORM", default_value_t = FormArg::Raw)]

@@ -36,7 +36,7 @@ pub struct Arguments {
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
     /// Folder for the pictures, NAME.png for each view.
-    #[arg(long = "output", short, visible_alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
+    #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
     /// What to draw.
     #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]

@@ -40,19 +40,13 @@ pub struct Arguments {
     #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
     model: PathBuf,
     /// Folder for the pictures, NAME.png for each view.
-    #[arg(long = "output", short, visible_alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
+    #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
     /// What to draw.
     #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
     style: Style,
     /// Layers to draw, by the names that `info` lists, or `all`.
-    #[arg(
-        long = "layer",
-        visible_alias = "layers",
-        value_name = "NAME,...",
-        value_delimiter = ',',
-        default_value = "all"
-    )]
+    #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
     layers: Vec<String>,
     #[command(flatten)]
     view: ViewArgs,

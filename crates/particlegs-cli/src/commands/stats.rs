@@ -30,7 +30,7 @@ pub struct Arguments {
     #[arg(value_name = "OTHER")]
     other: PathBuf,
     /// Folder for the results.
-    #[arg(long = "output", short, visible_alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
+    #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
     /// Measure only these [default: all].
     #[arg(long, value_name = "NAME,...", value_enum, value_delimiter = ',')]
