@@ -142,6 +142,10 @@ fn a_manual_page_for_every_command() {
     }
     let page = std::fs::read_to_string(folder.join("particlegs-compress.1")).unwrap();
     assert!(page.contains("\\-\\-psnr") && page.contains("\\-\\-scratch") && page.contains("particlegs compress"));
+    for described in ["Number of blocks", "Folder for the scratch files", "Leave out particles", ".SH NOTES\nExamples:"]
+    {
+        assert!(page.contains(described), "{described}");
+    }
     let whole = std::fs::read_to_string(folder.join("particlegs.1")).unwrap();
     assert!(whole.contains("particlegs\\-compress(1)"), "{whole}");
 }

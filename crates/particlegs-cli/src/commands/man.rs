@@ -22,7 +22,9 @@ pub struct Arguments {
 /// Writes every page, each whole or not at all.
 pub fn run(a: &Arguments) -> Result<()> {
     std::fs::create_dir_all(&a.folder).map_err(|e| Error::io(&a.folder, e))?;
-    let mut program = crate::Cli::command();
+    // The pages describe what `-h` leaves to `--help`, too.
+    let shown = |command: clap::Command| command.mut_args(|a| a.hide_short_help(false));
+    let mut program = crate::Cli::command().mut_subcommands(shown);
     program.build();
     for command in program.get_subcommands().filter(|c| c.get_name() != "help") {
         let title = format!("{}-{}", program.get_name(), command.get_name());
@@ -34,8 +36,9 @@ pub fn run(a: &Arguments) -> Result<()> {
 
 /// One page, as troff.
 fn page(command: clap::Command, path: &Path) -> Result<()> {
-    let mut text = Vec::new();
+    let mut page = Vec::new();
     let source = concat!("particlegs ", env!("CARGO_PKG_VERSION"));
-    Man::new(command).source(source).render(&mut text).map_err(|e| Error::io(path, e))?;
-    output::write_bytes(path, &text)
+    Man::new(command).source(source).render(&mut page).map_err(|e| Error::io(path, e))?;
+    let page = String::from_utf8_lossy(&page).replace(".SH EXTRA", ".SH NOTES");
+    output::write_bytes(path, page.as_bytes())
 }

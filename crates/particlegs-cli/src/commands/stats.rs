@@ -13,7 +13,12 @@ use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "\
+#[command(
+    after_help = "\
+Examples:
+  particlegs stats snapshot recovered -o stats
+  particlegs stats snapshot model.pgs -o stats --only density,spectrum",
+    after_long_help = "\
 Writes stats.json, tables as CSV and plots as SVG and PNG. A model is measured from its Gaussians:
 density, P(k), r(k), xi(r) by transform and moments; pairs, groups and neighbours need particles.
 docs/guide/statistics.md defines every measure.
@@ -21,7 +26,8 @@ docs/guide/statistics.md defines every measure.
 Examples:
   particlegs stats snapshot recovered -o stats
   particlegs stats snapshot model.pgs -o stats --only density,spectrum
-  particlegs stats snapshot recovered -o stats --grid 50 --spectrum-grid 512")]
+  particlegs stats snapshot recovered -o stats --grid 50 --spectrum-grid 512"
+)]
 pub struct Arguments {
     /// Truth: a snapshot's file or folder, or a model file.
     #[arg(value_name = "TRUTH")]
