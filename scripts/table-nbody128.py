@@ -40,5 +40,5 @@ for name in ["300-fast", "300-default", "300-high"] + [f"{r}-default" for r in (
     with open(os.path.join(out, name + "-compress.json")) as f:
         c = json.load(f)
     nine = sum(s[v]["masked_psnr"] for v in NINE) / 9
-    row(name, c["gaussians"], c["model_bytes"], f'{c["compression_ratio"]:.1f}', f'{c["bytes_a_gaussian"]:.2f}',
+    row(name, c["gaussians"], c["model_bytes"], f'{c["compression_ratio"]:.1f}', f'{c["bytes_per_gaussian"]:.2f}',
         f'{c["seconds"]:.1f}', f"{nine:.2f}", *(db(s[v]["masked_psnr"]) for v in ("far_00", "mid_00", "near_00", *EXTRA)))

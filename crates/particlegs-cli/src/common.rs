@@ -1,12 +1,12 @@
 //! Options that every command has, and what they set up.
 
+use crate::allotted;
 use crate::printable::{one_line, printable};
-use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::progress::Meter;
+use clap::{Args, ValueHint};
 use particlegs::output::Outputs;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock};
@@ -16,17 +16,24 @@ use std::time::{Duration, Instant};
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
-    /// Write the result as JSON to a file, or `-` for stdout (then nothing else is printed there).
-    #[arg(long, value_name = "FILE|-")]
+    /// Write the result as JSON to a file, or to standard output for `-`.
+    ///
+    /// With `-` nothing else is printed on standard output.
+    #[arg(long, value_name = "FILE|-", value_hint = ValueHint::FilePath)]
     pub json: Option<PathBuf>,
-    /// No progress and no messages.
+    /// Print no progress and no messages; errors and the result remain.
     #[arg(long, short)]
     pub quiet: bool,
-    /// Threads (default: all cores). Results do not depend on it.
+    /// Number of threads [default: as many as allotted, else all cores].
+    ///
+    /// Allotted by the batch system, the control group or the affinity mask. The results do not depend
+    /// on the number of threads.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
-    /// Seed of everything drawn at random. Same input, same seed, same bytes.
-    #[arg(long, value_name = "N", default_value_t = 42)]
+    /// Seed of the random numbers.
+    ///
+    /// The same input, options and seed give the same bytes.
+    #[arg(long, value_name = "N", default_value_t = 42, hide_short_help = true)]
     pub seed: u64,
 }
 
@@ -42,22 +49,22 @@ static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 pub struct Context {
     /// The options.
     pub common: Common,
-    bar: Mutex<Option<ProgressBar>>,
+    /// What is shown of the work; nothing under --quiet.
+    meter: Option<Meter>,
     outputs: Mutex<Outputs>,
 }
 
 impl Common {
     /// Sets the threads and the stop signal up.
     pub fn start(self) -> Result<Context> {
-        if let Some(threads) = self.threads {
-            if threads == 0 || threads > 4096 {
-                return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
-            }
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build_global()
-                .map_err(|e| Error::argument(format!("--threads {threads}: {e}")))?;
+        let threads = self.threads.unwrap_or_else(allotted::threads);
+        if threads == 0 || threads > 4096 {
+            return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
         }
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global()
+            .map_err(|e| Error::argument(format!("--threads {threads}: {e}")))?;
         // The switch of the determinism tests: the plain path instead of vector instructions.
         if std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off") {
             particlegs::math::disable_simd();
@@ -65,7 +72,8 @@ impl Common {
         let _ = ctrlc::set_handler(stop);
         #[cfg(unix)]
         let _ = signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&SOON));
-        Ok(Context { common: self, bar: Mutex::new(None), outputs: Mutex::new(Outputs::new(false, "")) })
+        let meter = (!self.quiet).then(Meter::start);
+        Ok(Context { common: self, meter, outputs: Mutex::new(Outputs::new(false, "")) })
     }
 }
 
@@ -102,6 +110,18 @@ impl Context {
     /// Prints the result: JSON where asked for, and the text on stdout, or on stderr where an output is
     /// there.
     pub fn finish(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
+        self.aside(|| self.print(text, value))
+    }
+
+    /// Does something that prints, with no progress shown meanwhile.
+    fn aside<T>(&self, print: impl FnOnce() -> T) -> T {
+        match &self.meter {
+            Some(meter) => meter.aside(print),
+            None => print(),
+        }
+    }
+
+    fn print(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
         if let Some(target) = &self.common.json {
             crate::report::json(target, value)?;
             if target == std::path::Path::new("-") {
@@ -123,39 +143,19 @@ impl Context {
 
 impl Progress for Context {
     fn begin(&self, phase: &str, total: u64) {
-        if self.common.quiet || !std::io::stderr().is_terminal() {
-            return;
-        }
-        let bar = if total == 0 { ProgressBar::new_spinner() } else { ProgressBar::new(total) };
-        let form = if total == 0 { "{msg} {spinner} {elapsed}" } else { "{msg:<28} {wide_bar} {percent:>3}% {eta}" };
-        bar.set_style(ProgressStyle::with_template(form).unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.set_message(one_line(phase).into_owned());
-        if let Some(old) = self.bar.lock().unwrap_or_else(|e| e.into_inner()).replace(bar) {
-            old.finish_and_clear();
-        }
+        self.meter.iter().for_each(|m| m.begin(&one_line(phase), total));
     }
 
     fn advance(&self, steps: u64) {
-        if let Some(bar) = self.bar.lock().unwrap_or_else(|e| e.into_inner()).as_ref() {
-            bar.inc(steps);
-        }
+        self.meter.iter().for_each(|m| m.advance(steps));
     }
 
     fn end(&self) {
-        if let Some(bar) = self.bar.lock().unwrap_or_else(|e| e.into_inner()).take() {
-            bar.finish_and_clear();
-        }
+        self.meter.iter().for_each(Meter::end);
     }
 
     fn message(&self, text: &str) {
-        if self.common.quiet {
-            return;
-        }
-        let text = printable(text);
-        match self.bar.lock().unwrap_or_else(|e| e.into_inner()).as_ref() {
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
-        }
+        self.meter.iter().for_each(|m| m.message(&printable(text)));
     }
 
     fn cancelled(&self) -> bool {

@@ -4,6 +4,7 @@
 use crate::common::Context;
 use crate::outputs::{JSON, VALUES};
 use crate::view_args::{Subject, ViewArgs};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use particlegs::camera::{DensityView, Frame, Projection, spherical_camera};
 use particlegs::model::Model;
@@ -12,7 +13,6 @@ use particlegs::particles::{Cell, Particles};
 use particlegs::picture::{
     Colormap, DensityPicture, PNG, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
 };
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -21,39 +21,51 @@ use std::path::{Path, PathBuf};
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Options of --style density")]
 pub struct DensityArgs {
-    /// Colours: viridis, inferno, magma, cividis or grey.
-    #[arg(long, value_name = "NAME", default_value = "inferno")]
+    /// Colour map.
+    #[arg(long, value_name = "NAME", default_value = "inferno", hide_short_help = true, value_parser = colormaps())]
     pub colormap: Colormap,
-    /// Values of the first and the last colour (default: from the picture).
-    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1)]
+    /// Values of the first and the last colour [default: from the picture].
+    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     pub range: Option<Vec<f64>>,
-    /// Perspective, or an orthographic window that wraps around periodic boxes.
-    #[arg(long, value_enum, default_value_t = Lines::Perspective)]
+    /// Projection of the camera.
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = Lines::Perspective, hide_short_help = true)]
     pub projection: Lines,
-    /// Centre of the orthographic window (default: the middle of the bounds).
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    /// Centre of the orthographic window [default: the centre of the bounds].
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true,
+        hide_short_help = true
+    )]
     pub center: Option<Vec<f64>>,
-    /// Width of the orthographic window, world units (default: the box).
-    #[arg(long, value_name = "W")]
+    /// Width of the orthographic window in world units [default: the box].
+    #[arg(long, value_name = "W", hide_short_help = true)]
     pub width: Option<f64>,
-    /// Depth of the orthographic window about its centre (default: one periodic box, else all).
-    #[arg(long, value_name = "D")]
+    /// Depth of the orthographic window in world units [default: one periodic box, else everything].
+    #[arg(long, value_name = "D", hide_short_help = true)]
     pub depth: Option<f64>,
-    /// Write the values instead of a picture: DIR/NAME.f32 (rows from the top) and DIR/NAME.json.
-    #[arg(long)]
+    /// Write the values instead of a picture: NAME.f32 (rows from the top) and NAME.json.
+    #[arg(long, hide_short_help = true)]
     pub raw: bool,
-    /// No colour bar and no scale bar.
-    #[arg(long)]
+    /// Draw no colour bar and no scale bar.
+    #[arg(long, hide_short_help = true)]
     pub no_annotations: bool,
 }
 
 /// The lines of sight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Lines {
-    /// Through the eye.
+    /// Lines of sight through the eye.
     Perspective,
-    /// Parallel.
+    /// Parallel lines of sight; the window repeats a periodic box.
     Orthographic,
+}
+
+/// The colour maps by name, so that help and completion list them.
+fn colormaps() -> impl TypedValueParser<Value = Colormap> {
+    PossibleValuesParser::new(Colormap::ALL.map(Colormap::name)).try_map(|name| name.parse::<Colormap>())
 }
 
 /// What a snapshot or a model says about its masses and lengths.
@@ -123,7 +135,7 @@ impl DensityArgs {
         &self,
         (views, subject): (&ViewArgs, &Subject),
         q: &Quantities,
-        progress: &dyn Progress,
+        context: &Context,
     ) -> Result<(Size, Vec<DensityView>)> {
         if let Some(range) = &self.range
             && !(range.len() == 2 && range[0] > 0.0 && range[1] > range[0] && range[1].is_finite())
@@ -132,13 +144,20 @@ impl DensityArgs {
         }
         if self.projection == Lines::Perspective {
             if self.center.is_some() || self.width.is_some() || self.depth.is_some() {
-                return Err(Error::argument("--center, --width and --depth belong to --projection orthographic"));
+                return Err(Error::argument("--center, --width and --depth need --projection orthographic"));
             }
-            let set = views.resolve(subject, progress)?;
+            let set = views.resolve(subject, context)?;
             return Ok((set.size, set.views.iter().map(|v| DensityView::of_view(v, &subject.bounds)).collect()));
         }
         if views.views.is_some() {
-            return Err(Error::argument("--projection orthographic takes --azimuth and --elevation, no --views"));
+            return Err(Error::argument(
+                "--views cannot be used with --projection orthographic: give --azimuth and --elevation",
+            ));
+        }
+        if views.save_views.is_some() {
+            return Err(Error::argument(
+                "--save-views cannot be used with --projection orthographic: a views file holds perspective views only",
+            ));
         }
         let size = views.size.unwrap_or(Size { width: 1920, height: 1080 });
         let center = match self.center.as_deref() {

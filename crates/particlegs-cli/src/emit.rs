@@ -12,9 +12,9 @@ const SNAKEMAKE: &str = include_str!("emit/Snakefile");
 /// An engine that can drive a job folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Engine {
-    /// One bash script, to be run on a login node: three dependent submissions.
+    /// A bash script for a login node: three dependent submissions.
     Slurm,
-    /// A Snakefile of three rules.
+    /// A Snakefile with three rules.
     Snakemake,
 }
 
@@ -50,7 +50,7 @@ pub fn quoted(engine: Engine, path: &Path) -> Result<String> {
     match path.to_str() {
         Some(text) if !text.contains(refused) => Ok(quote(text)),
         _ => Err(Error::Argument {
-            what: format!("{}: this path cannot stand in the engine's script", path.display()),
+            what: format!("{}: this path cannot be written in the script of this engine", path.display()),
             hint: "use a path in UTF-8 without line breaks, braces, angle brackets and backslashes".into(),
         }),
     }

@@ -14,36 +14,42 @@ use particlegs::{Error, Result};
 pub struct FitArgs {
     #[command(flatten)]
     target: TargetArgs,
-    /// Time for quality.
-    #[arg(long, value_enum, default_value_t = EffortArg::Default)]
+    /// Effort of the fit.
+    ///
+    /// docs/guide/choosing.md says when to use which.
+    #[arg(long, value_enum, value_name = "LEVEL", default_value_t = EffortArg::Default)]
     effort: EffortArg,
-    /// Default particle radius to store (default: 0.0406 of the mean spacing).
-    #[arg(long, value_name = "WORLD")]
+    /// Particle radius to store as the default, world units [default: 0.0406 of the mean spacing].
+    #[arg(long, value_name = "R", hide_short_help = true)]
     radius: Option<f64>,
-    /// Default opacity to store (default: 0.05).
-    #[arg(long)]
+    /// Particle opacity to store as the default, in (0, 1] [default: 0.05].
+    #[arg(long, value_name = "A", hide_short_help = true)]
     opacity: Option<f64>,
+    /// Do not measure the decoded model: the file holds no scores.
+    #[arg(long, hide_short_help = true)]
+    no_certificate: bool,
     #[command(flatten)]
     pub train: TrainArgs,
-    /// Do not measure the decoded model: no scores in the file.
-    #[arg(long)]
-    no_certificate: bool,
 }
 
 /// One target at most.
 #[derive(Args, Clone, Debug)]
 #[group(multiple = false)]
 struct TargetArgs {
-    /// Compression ratio: 12 bytes a particle (16 with weights) over the file's bytes [default: 300].
-    #[arg(long)]
+    /// Compression ratio to reach [default: 300].
+    ///
+    /// The size of the particles as float32, 12 bytes each (16 with weights), divided by the file size.
+    #[arg(long, value_name = "R")]
     ratio: Option<f64>,
-    /// File size, e.g. 11MB, 900kB, 1.5GiB.
-    #[arg(long)]
+    /// File size to reach, such as 11MB, 900kB or 1.5GiB.
+    #[arg(long, value_name = "SIZE")]
     size: Option<String>,
-    /// Number of Gaussians, at the nominal precision.
+    /// Number of Gaussians, stored at the nominal precision.
     #[arg(long, value_name = "K")]
     gaussians: Option<u64>,
-    /// Masked PSNR in dB, `expected` look, mean over held-out views.
+    /// Masked PSNR to reach, in dB.
+    ///
+    /// Of the style `expected`, averaged over held-out views.
     #[arg(long, value_name = "DB")]
     psnr: Option<f64>,
 }
@@ -51,11 +57,11 @@ struct TargetArgs {
 /// Effort on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum EffortArg {
-    /// The partition alone: for pictures; small groups are lost.
+    /// Partition only: the quickest; at high ratios small groups are lost.
     Fast,
-    /// Refined.
+    /// Partition, then refinement by expectation maximisation.
     Default,
-    /// Refined longer.
+    /// Refinement for longer; the scores are rarely better than those of default.
     High,
 }
 
@@ -101,7 +107,7 @@ impl FitArgs {
             }
         }
         if self.opacity.is_some_and(|a| a > 1.0) {
-            return Err(Error::argument("--opacity is outside (0, 1]"));
+            return Err(Error::argument("--opacity must be above 0 and at most 1"));
         }
         let (effort, name) = match self.effort {
             EffortArg::Fast => (Effort::Fast, "fast"),

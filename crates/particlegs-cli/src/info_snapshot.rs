@@ -41,10 +41,10 @@ fn text(r: &Report<'_>) -> String {
     row("files", files(&d.files));
     if let Some(f) = &d.frames {
         let step = f.step.map_or(String::new(), |s| format!(", step {s}"));
-        row("frames", format!("{}; frame {}{step} is described and read (--frame chooses)", f.count, f.chosen));
+        row("frames", format!("{}; frame {}{step} is described and read (--frame chooses another)", f.count, f.chosen));
     }
     row("particles", format!("{}", r.particles));
-    row("cell", m.cell.as_ref().map_or("none stated: nothing wraps (--box states one)".into(), |c| cell(c, m)));
+    row("cell", m.cell.as_ref().map_or("not stated: nothing is periodic (--box states one)".into(), |c| cell(c, m)));
     row("unit of length", length_unit(m));
     row("unit of mass", said(m.mass_unit.as_deref()));
     row("scale factor", m.scale_factor.map_or("not stated".into(), |a| format!("{a} (z = {:.4})", 1.0 / a - 1.0)));

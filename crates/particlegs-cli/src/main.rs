@@ -1,9 +1,11 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
+mod allotted;
 mod commands;
 mod common;
 mod cut_short;
 mod density_args;
+mod drawn;
 mod emit;
 mod fit_args;
 mod info_model;
@@ -14,6 +16,7 @@ mod outputs;
 mod pictures;
 mod plots;
 mod printable;
+mod progress;
 mod report;
 mod run_args;
 mod snapshot_args;
@@ -27,9 +30,16 @@ mod view_args;
 use clap::Parser;
 use std::process::ExitCode;
 
-/// Particle snapshots as files a hundred times smaller that draw the picture ParaView would draw.
+/// Compress particle snapshots some hundred times, into models that draw the pictures of ParaView.
 #[derive(Parser)]
-#[command(name = "particlegs", version, propagate_version = true, max_term_width = 100)]
+#[command(
+    name = "particlegs",
+    version,
+    propagate_version = true,
+    max_term_width = 100,
+    // `particlegs COMMAND -V` says the program's name and version.
+    mut_subcommands = |c| c.display_name("particlegs")
+)]
 struct Cli {
     #[command(subcommand)]
     command: commands::Command,

@@ -1,7 +1,7 @@
 //! A figure of two curves and, below it, their ratio in bands of 5 % and 10 %: SVG, and PNG from it.
 
 use particlegs::output::write_bytes;
-use particlegs::picture::FONT;
+use particlegs::picture::{FONT, superscript};
 use particlegs::{Error, Result};
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::coord::types::RangedCoordf64;
@@ -133,7 +133,16 @@ fn plain(v: f64, length: f64) -> String {
         if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
     } else {
         let digits = (size.log10().floor() - length.log10().floor() + 1.0).clamp(0.0, 6.0) as usize;
-        format!("{v:.digits$e}")
+        powers(&format!("{v:.digits$e}"))
+    }
+}
+
+/// `1.20e5` as `1.20×10⁵`, and `1e-5` as `10⁻⁵`: as in the other pictures.
+fn powers(text: &str) -> String {
+    match text.split_once('e').map(|(front, exponent)| (front, exponent.parse())) {
+        Some(("1", Ok(n))) => format!("10{}", superscript(n)),
+        Some((front, Ok(n))) => format!("{front}×10{}", superscript(n)),
+        _ => text.to_string(),
     }
 }
 
@@ -300,9 +309,9 @@ mod tests {
     #[test]
     fn numbers_are_short() {
         let shown = [0.05, 1.0, 20.0, 12345.0, 0.0, -2.5, 1e-5, 1e7].map(|v| plain(v, f64::INFINITY));
-        assert_eq!(shown, ["0.05", "1", "20", "12345", "0", "-2.5", "1e-5", "1e7"]);
+        assert_eq!(shown, ["0.05", "1", "20", "12345", "0", "-2.5", "10⁻⁵", "10⁷"]);
         assert_eq!([32.0, 32.05, 32.1].map(|v| plain(v, 0.25)), ["32", "32.05", "32.1"]);
-        assert_eq!([1e5, 1.2e5].map(|v| plain(v, 5e4)), ["1.00e5", "1.20e5"]);
+        assert_eq!([1e5, 1.2e5].map(|v| plain(v, 5e4)), ["1.00×10⁵", "1.20×10⁵"]);
     }
 
     #[test]

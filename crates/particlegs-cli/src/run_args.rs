@@ -4,7 +4,7 @@
 use crate::common::Context;
 use crate::outputs::{LOG, SVG};
 use crate::train_log::{curves, logged};
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, Compressed, Found};
 use particlegs::fit::{NoPieces, Pieces};
 use particlegs::picture::PNG;
@@ -23,15 +23,17 @@ const MOST_AFTER: f64 = 60.0;
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct RunArgs {
-    /// Be done after about so many minutes, all in all: training ends when a tenth of them (a minute
-    /// at most) is left; its rates fall so that they are at their end by then.
-    #[arg(long, value_name = "M")]
+    /// Time limit for the whole run, in minutes.
+    ///
+    /// Training ends when a tenth of the time, at most one minute, is left for coding and measuring. The
+    /// learning rates decrease so that they reach their final values by then.
+    #[arg(long, value_name = "M", hide_short_help = true)]
     minutes: Option<f64>,
-    /// Go on from OUTPUT.checkpoint, which an interrupted run of the same command left.
-    #[arg(long)]
+    /// Continue an interrupted run of the same command from OUTPUT.checkpoint.
+    #[arg(long, hide_short_help = true)]
     resume: bool,
-    /// Log of the training, JSON lines, and its curves beside it as SVG and PNG (default: none).
-    #[arg(long, value_name = "FILE.jsonl")]
+    /// Write a training log as JSON lines, and its curves beside it as SVG and PNG.
+    #[arg(long, value_name = "FILE.jsonl", hide_short_help = true, value_hint = ValueHint::FilePath)]
     log: Option<PathBuf>,
 }
 
@@ -103,14 +105,18 @@ impl RunArgs {
             return Ok(Some(Checkpoint::fresh(path, whose)));
         }
         let checkpoint = Checkpoint::open(path, whose)?;
-        let hint = "without --resume, with --force the run begins anew";
+        let hint = "with --force and without --resume the run starts from the beginning";
         match checkpoint.found() {
             Found::Ours => Ok(Some(checkpoint)),
             Found::Nothing => {
-                Err(Error::Argument { what: format!("{place}: there is no checkpoint"), hint: hint.into() })
+                Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), hint: hint.into() })
             }
-            Found::Broken => Err(Error::input_hint(&place, "half-written or changed: no checkpoint", hint)),
-            Found::Other => Err(Error::input_hint(&place, "of another command, snapshot or configuration", hint)),
+            Found::Broken => {
+                Err(Error::input_hint(&place, "not a complete checkpoint: it is truncated or altered", hint))
+            }
+            Found::Other => {
+                Err(Error::input_hint(&place, "a checkpoint of another command, snapshot or configuration", hint))
+            }
         }
     }
 
@@ -142,7 +148,7 @@ impl RunArgs {
                 if let Err(e) = checkpoint.save() {
                     context.message(&format!("warning: the checkpoint was not saved: {e}"));
                 } else if matches!(error, Error::Cancelled) && !checkpoint.is_empty() {
-                    context.message("stopped: the same command with --resume goes on");
+                    context.message("stopped: the same command with --resume continues");
                 }
             }
         }
@@ -163,7 +169,8 @@ fn checkpoint_path(output: &Path) -> Result<Option<PathBuf>> {
 /// Says of a run that was stopped what there is.
 pub fn stopped(output: &Path, context: &Context) -> Error {
     let output = output.display();
-    context.message(&format!("stopped: {output} holds the best so far; the same command with --resume goes on"));
+    context
+        .message(&format!("stopped: {output} holds the best model so far; the same command with --resume continues"));
     Error::Cancelled
 }
 
@@ -174,7 +181,7 @@ pub fn trained(done: &Compressed) -> String {
         let run = if t.run.is_empty() { String::new() } else { format!(" {}", t.run) };
         let steps = match t.iterations == t.of {
             true => format!("{} steps", t.of),
-            false => format!("{} of {} steps, then the time was up", t.iterations, t.of),
+            false => format!("{} of {} steps, ended by the time limit", t.iterations, t.of),
         };
         text += &format!("\ntrained{run}: {steps}");
         if let [Some(before), Some(after)] = t.scores {

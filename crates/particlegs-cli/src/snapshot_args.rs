@@ -12,44 +12,46 @@ use std::path::PathBuf;
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Snapshot options")]
 pub struct SnapshotArgs {
-    /// Format of the file, where its content does not tell.
-    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(names()))]
+    /// Input format, where the content does not tell.
+    #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = clap::builder::PossibleValuesParser::new(names()))]
     pub format: Option<String>,
-    /// Species by number or name, such as 1 or dm; several become layers (default: all).
+    /// Particle types, by number or name, such as 1 or dm [default: all].
+    ///
+    /// Several types become several layers of the model.
     #[arg(long, value_name = "TYPE,...", value_delimiter = ',')]
     pub particle_type: Vec<String>,
-    /// Field that holds positions: one of three components, or three scalar ones `x,y,z`.
-    #[arg(long, value_name = "FIELD")]
+    /// Field of the positions: one with three components, or three scalar fields x,y,z.
+    #[arg(long, value_name = "FIELD", hide_short_help = true)]
     pub positions: Option<String>,
-    /// Field that holds weights (default: masses where a species has several, else none).
-    #[arg(long, value_name = "FIELD|none")]
+    /// Field of the weights [default: the masses of a type whose masses differ, else none].
+    #[arg(long, value_name = "FIELD|none", hide_short_help = true)]
     pub weights: Option<String>,
-    /// Frame of a trajectory, from 0 (default: the last).
-    #[arg(long, value_name = "N")]
+    /// Frame of a trajectory, counted from 0 [default: the last].
+    #[arg(long, value_name = "N", hide_short_help = true)]
     pub frame: Option<u64>,
-    /// What becomes a layer of the model: a species, or each of its masses (zoom simulations).
-    #[arg(long = "layers", value_name = "BY", value_enum, default_value_t = LayersBy::Species)]
+    /// What becomes a layer of the model.
+    #[arg(long, alias = "layers", value_name = "WHAT", hide_short_help = true, value_enum, default_value_t = LayersBy::Species)]
     pub layers_by: LayersBy,
-    /// Periodic box lengths, over what the file says.
+    /// Lengths of the periodic box; replaces those in the file.
     #[arg(long = "box", value_name = "Lx,Ly,Lz", value_delimiter = ',', num_args = 1)]
     pub box_lengths: Option<Vec<f64>>,
-    /// Unit of length, such as Mpc/h, over what the file says.
-    #[arg(long, value_name = "UNIT")]
+    /// Unit of length, such as Mpc/h; replaces that in the file.
+    #[arg(long, value_name = "UNIT", hide_short_help = true)]
     pub length_unit: Option<String>,
-    /// Unit of mass, such as Msun/h, over what the file says.
-    #[arg(long, value_name = "UNIT")]
+    /// Unit of mass, such as Msun/h; replaces that in the file.
+    #[arg(long, value_name = "UNIT", hide_short_help = true)]
     pub mass_unit: Option<String>,
-    /// Drop particles with NaN or infinite values instead of refusing them.
-    #[arg(long)]
+    /// Leave out particles with NaN or infinite values instead of refusing the file.
+    #[arg(long, hide_short_help = true)]
     pub skip_invalid: bool,
 }
 
 /// What becomes a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum LayersBy {
-    /// A species.
+    /// Each particle type.
     Species,
-    /// A species' particles of one mass.
+    /// Each particle mass of each type: for zoom simulations.
     Mass,
 }
 
@@ -60,12 +62,15 @@ fn names() -> Vec<&'static str> {
 
 /// Which particles to keep.
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
-#[command(next_help_heading = "Selection options (in the order region, every, sample)")]
+#[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct SelectionArgs {
-    /// Keep x0 <= x < x1 and likewise y and z (world units); the box is dropped.
+    /// Keep x0 <= x < x1, y0 <= y < y1, z0 <= z < z1 (world units).
+    ///
+    /// The result has no periodic box.
     #[arg(
         long,
-        visible_alias = "crop",
+        hide_short_help = true,
+        alias = "crop",
         value_name = "x0,x1,y0,y1,z0,z1",
         value_delimiter = ',',
         num_args = 1,
@@ -73,20 +78,21 @@ pub struct SelectionArgs {
     )]
     pub region: Option<Vec<f64>>,
     /// Keep the first of every K particles.
-    #[arg(long, value_name = "K", default_value_t = 1)]
+    #[arg(long, value_name = "K", default_value_t = 1, hide_short_help = true)]
     pub every: u64,
-    /// Keep exactly N particles, drawn at random (--seed), in their order.
-    #[arg(long, value_name = "N")]
+    /// Keep N particles drawn at random, in the order of the file.
+    #[arg(long, value_name = "N", hide_short_help = true)]
     pub sample: Option<u64>,
 }
 
 /// A window to keep, instead of a region.
 #[derive(Args, Clone, Debug, Default, Serialize, Deserialize)]
-#[command(next_help_heading = "Selection options (in the order region, every, sample)")]
+#[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct WindowArgs {
-    /// Keep a window about this point, taken across the periodic box.
+    /// Keep a window about this point, across the periodic boundary.
     #[arg(
         long,
+        hide_short_help = true,
         value_name = "X,Y,Z",
         value_delimiter = ',',
         num_args = 1,
@@ -95,8 +101,15 @@ pub struct WindowArgs {
         conflicts_with = "region"
     )]
     pub center: Option<Vec<f64>>,
-    /// The window's width, or its three widths.
-    #[arg(long, value_name = "W|Wx,Wy,Wz", value_delimiter = ',', num_args = 1, requires = "center")]
+    /// Width of the window about --center, or its three widths.
+    #[arg(
+        long,
+        hide_short_help = true,
+        value_name = "W|Wx,Wy,Wz",
+        value_delimiter = ',',
+        num_args = 1,
+        requires = "center"
+    )]
     pub width: Option<Vec<f64>>,
 }
 
@@ -146,7 +159,7 @@ impl SnapshotArgs {
         option("positions", self.positions.clone());
         option("weights", self.weights.clone());
         option("frame", self.frame.map(|f| f.to_string()));
-        option("layers", (self.layers_by == LayersBy::Mass).then(|| "mass".into()));
+        option("layers-by", (self.layers_by == LayersBy::Mass).then(|| "mass".into()));
         text
     }
 
@@ -156,7 +169,7 @@ impl SnapshotArgs {
             None => None,
             Some([l]) => Some([*l; 3]),
             Some([x, y, z]) => Some([*x, *y, *z]),
-            Some(_) => return Err(Error::argument("--box takes one length or three")),
+            Some(_) => return Err(Error::argument("--box takes one length or three lengths Lx,Ly,Lz")),
         };
         let weights = match self.weights.as_deref() {
             None => Weights::Auto,
@@ -189,7 +202,9 @@ impl SelectionArgs {
         if let Some(b) = crop
             && !(0..3).all(|k| b.min[k] < b.max[k] && b.max[k].is_finite() && b.min[k].is_finite())
         {
-            return Err(Error::argument("the region must have lower ends below its upper ends on each axis"));
+            return Err(Error::argument(
+                "the region must be finite, with its lower bound below its upper bound on each axis",
+            ));
         }
         Ok(Selection { crop, wrap: window.center.is_some(), every: self.every, sample: self.sample, seed })
     }

@@ -21,7 +21,7 @@ impl Units {
             Some(u) => Units {
                 length: format!(" [{u}]"),
                 wave: format!(" [{}]", per_length(u)),
-                volume: format!(" [({u})^3]"),
+                volume: if u.contains(['/', ' ']) { format!(" [({u})³]") } else { format!(" [{u}³]") },
             },
         }
     }
@@ -86,7 +86,7 @@ fn spectra(s: &Statistics, u: &Units) -> Vec<Figure<'static>> {
             log_x: true,
             log_y: false,
             curves: vec![
-                r("as they are", 1, |h| h.r),
+                r("with shot noise", 1, |h| h.r),
                 r("without shot noise", 2, |h| h.r_without_noise.filter(|r| *r < 1.5)),
             ],
             ratio: vec![],
@@ -142,7 +142,7 @@ fn groups(s: &Statistics) -> Option<Figure<'static>> {
         name: "groups",
         title: "Friends-of-friends groups by size".into(),
         x: "particles in a group".into(),
-        y: "groups a bin".into(),
+        y: "groups per bin".into(),
         log_x: true,
         log_y: true,
         curves: pair([of(0), of(1)]),
@@ -170,7 +170,7 @@ fn neighbours(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
         name: "neighbours",
         title: "Distance to the nearest neighbour".into(),
         x: format!("distance{}", u.length),
-        y: "share a bin (20 a decade)".into(),
+        y: "share per bin (20 per decade)".into(),
         log_x: true,
         log_y: false,
         curves: pair([a, b]),
@@ -192,7 +192,7 @@ fn pdf(d: &DensityReport) -> Figure<'static> {
         name: "density_pdf",
         title: "Distribution of density".into(),
         x: "density / mean".into(),
-        y: "share of cells a bin (10 a decade)".into(),
+        y: "share of cells per bin (10 per decade)".into(),
         log_x: true,
         log_y: true,
         curves: pair([of(0), of(1)]),
@@ -210,7 +210,7 @@ fn profile(s: &Statistics, d: &DensityReport, axis: usize, u: &Units) -> Figure<
         name: names.0,
         title: format!("Mass along {}", names.1),
         x: format!("{}{}", names.1, u.length),
-        y: "mass a plane / mean".into(),
+        y: "mass per layer of cells / mean".into(),
         log_x: false,
         log_y: false,
         curves: pair([of(0), of(1)]),

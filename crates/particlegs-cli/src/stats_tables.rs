@@ -144,36 +144,36 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
     let t = &s.summary;
     if let Some(d) = &s.density {
         let [x, y, z] = d.cells;
-        line("density grid", format!("{x}x{y}x{z}"));
-        line("correlation; MAE of delta", {
+        line("density: grid", format!("{x}x{y}x{z}"));
+        line("density: correlation; MAE of delta", {
             format!("{:.4}; {:.4}", d.agreement.correlation, d.agreement.mean_absolute_error)
         });
-        line("RMSE of delta", format!("{:.4}", d.agreement.root_mean_square_error));
+        line("density: RMSE of delta", format!("{:.4}", d.agreement.root_mean_square_error));
     }
     if let Some(p) = &s.spectra {
         let [x, y, z] = p.cells;
         let last = p.shells.last();
-        line("P(k) grid; to k", format!("{x}x{y}x{z}; {:.4}{wave}", last.map_or(0.0, |h| h.k)));
+        line("P(k): grid; up to k", format!("{x}x{y}x{z}; {:.4}{wave}", last.map_or(0.0, |h| h.k)));
         let deviation = t.largest_power_deviation.map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
-        line("largest deviation of P(k); r there", {
+        line("P(k): largest deviation; r at end", {
             format!("{deviation}; {}", t.r_at_k_max.map_or("-".into(), |r| format!("{r:.4}")))
         });
         let to = |v: Option<f64>| v.map_or("nowhere".into(), |k| format!("{k:.3}"));
-        line("P(k) within 1, 5, 10 % to k", {
+        line("P(k): within 1, 5, 10 % up to k", {
             let [a, b, c] =
                 [t.power_within_1_percent_to, t.power_within_5_percent_to, t.power_within_10_percent_to].map(to);
             format!("{a}, {b}, {c}{wave}")
         });
-        line("r(k) above 0.99, 0.9 to k", format!("{}, {}{wave}", to(t.r_above_0_99_to), to(t.r_above_0_9_to)));
+        line("r(k): at least 0.99, 0.9 up to k", format!("{}, {}{wave}", to(t.r_above_0_99_to), to(t.r_above_0_9_to)));
     }
     if s.xi_by_pairs.is_some() {
         let from = t.xi_within_10_percent_from.map_or("nowhere".into(), |r| format!("{r:.4}{length}"));
-        line("xi(r) within 10 % from r", from);
+        line("xi(r): within 10 % from r on", from);
     }
     if let Some(g) = &s.groups {
         for c in &g.classes {
             let ratio = c.ratio.map_or(String::new(), |r| format!(" ({:+.1} %)", 100.0 * (r - 1.0)));
-            line(&format!("groups of {}", size(c)), format!("{} against {}{ratio}", c.groups[1], c.groups[0]));
+            line(&format!("groups of {} particles", size(c)), format!("{}, truth {}{ratio}", c.groups[1], c.groups[0]));
         }
         for a in g.apertures.iter().filter(|a| a.groups > 0) {
             let sizes = if a.sizes[1] == u64::MAX {
@@ -182,14 +182,17 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
                 format!("{} to {}", a.sizes[0], a.sizes[1])
             };
             let median = a.median.map_or("-".into(), |m| format!("{m:.3}"));
-            line(&format!("mass in {:.4}{length}, {sizes}", a.radius), format!("{median} of the truth (median)"));
+            line(
+                &format!("core mass, groups of {sizes}"),
+                format!("{median} of the truth (median, radius {:.4}{length})", a.radius),
+            );
         }
     }
     if let Some(n) = &s.neighbours {
         let [a, b] = &n.distances;
-        line("nearest neighbour, mean", format!("{:.4} against {:.4}{length}: {:.3}", b.mean, a.mean, n.mean_ratio));
+        line("nearest neighbour, mean", format!("{:.4}{length}, truth {:.4}: {:.3}", b.mean, a.mean, n.mean_ratio));
         line("nearest neighbour, median", {
-            format!("{:.4} against {:.4}{length}: {:.3}", b.median, a.median, n.median_ratio)
+            format!("{:.4}{length}, truth {:.4}: {:.3}", b.median, a.median, n.median_ratio)
         });
     }
     lines.join("\n")

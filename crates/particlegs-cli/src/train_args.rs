@@ -2,7 +2,7 @@
 //! `plan`.
 
 use crate::inputs::Early;
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, ValueHint};
 use particlegs::input::{Begins, Form, read_whole};
 use particlegs::model::Law;
 use particlegs::train::{Config, Preset};
@@ -15,11 +15,13 @@ use std::path::{Path, PathBuf};
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct TrainArgs {
-    /// Train the fitted Gaussians on pictures of the particles.
-    #[arg(long, value_enum, default_value_t = TrainArg::None)]
+    /// Train on pictures of the particles.
+    ///
+    /// docs/guide/training.md describes presets, laws and hyper-parameters.
+    #[arg(long, value_enum, value_name = "PRESET", help_heading = None, hide_default_value = true, default_value_t = TrainArg::None)]
     train: TrainArg,
-    /// Image law to train by [default: optical-depth, or what --config says].
-    #[arg(long, value_enum)]
+    /// Image law to train for [default: optical-depth, or that of --config].
+    #[arg(long, value_enum, value_name = "LAW", hide_short_help = true)]
     law: Option<LawArg>,
     #[command(flatten)]
     tune: TuneArgs,
@@ -29,17 +31,19 @@ pub struct TrainArgs {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct TuneArgs {
-    /// Hyper-parameters in TOML; what it leaves out is the preset's (docs/guide/training.md).
-    #[arg(long, value_name = "FILE")]
+    /// Training hyper-parameters as TOML; missing keys keep the values of the preset.
+    ///
+    /// docs/guide/training.md describes them.
+    #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = ValueHint::FilePath)]
     config: Option<PathBuf>,
-    /// Print the hyper-parameters as TOML and stop: all of them, or those that differ from the preset.
-    #[arg(long, value_enum, value_name = "WHICH", num_args = 0..=1, default_missing_value = "all")]
+    /// Print the hyper-parameters as TOML and exit.
+    #[arg(long, value_enum, value_name = "WHICH", hide_short_help = true, num_args = 0..=1, default_missing_value = "all")]
     print_config: Option<Which>,
-    /// Shrink resolution, steps and counts in proportion, in (0, 1].
-    #[arg(long, value_name = "S")]
+    /// Factor on resolution, number of steps and counts, in (0, 1].
+    #[arg(long, value_name = "S", hide_short_help = true)]
     scale: Option<f64>,
-    /// Steps in all; stages keep their proportions.
-    #[arg(long, value_name = "N")]
+    /// Total number of training steps; the stages keep their proportions.
+    #[arg(long, value_name = "N", hide_short_help = true)]
     iterations: Option<u64>,
     /// The text of --config, once it is read.
     #[arg(skip)]
@@ -51,11 +55,11 @@ const FILE: Form = Form { title: "a configuration in TOML", begins: Begins::Text
 /// Presets on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum TrainArg {
-    /// No training: the fit as it is.
+    /// No training; the default.
     None,
-    /// At most five minutes on two cores for a few million particles.
+    /// At most 5 minutes on two cores for a few million particles.
     Fast,
-    /// At most thirty minutes.
+    /// At most 30 minutes on two cores.
     Best,
     /// The published recipe.
     Paper,
@@ -64,18 +68,18 @@ enum TrainArg {
 /// Laws on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum LawArg {
-    /// Depths add up; no order, no network.
+    /// Optical depths add up: no sorting, no network.
     OpticalDepth,
-    /// Sorted and blended as published, with the VizMapper.
+    /// Sorted and alpha-blended as published, with the VizMapper network.
     AlphaBlend,
 }
 
 /// What --print-config prints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Which {
-    /// Every hyper-parameter.
+    /// All hyper-parameters.
     All,
-    /// What differs from the preset.
+    /// Only those that differ from the preset.
     Changed,
 }
 

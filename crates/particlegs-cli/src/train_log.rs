@@ -41,7 +41,7 @@ impl Progress for Logged<'_> {
     fn log(&self, line: &str) {
         let mut file = self.file.lock().unwrap_or_else(|e| e.into_inner());
         if let Some(Err(error)) = file.as_mut().map(|f| writeln!(f, "{line}")) {
-            self.context.message(&format!("warning: {}: {error}; the log ends here", self.path.display()));
+            self.context.message(&format!("warning: {}: {error}; nothing more is logged", self.path.display()));
             *file = None;
         }
     }
@@ -67,7 +67,7 @@ pub fn logged<T>(
         && !output::is_stream(path)?
         && let Err(error) = draw(path)
     {
-        context.message(&format!("warning: the curves of {} were not drawn: {error}", path.display()));
+        context.message(&format!("warning: the curves of {} could not be drawn: {error}", path.display()));
     }
     done
 }
@@ -121,8 +121,8 @@ fn draw(path: &Path) -> Result<()> {
         };
         plots::write(set.path(), &figure)
     };
-    figure("loss", (CURVES[0], "training"), "Training loss", "loss, mean of 50 steps")?;
-    figure("held_out_masked_psnr", (CURVES[1], "held out"), "Held-out views", "masked PSNR, dB")?;
+    figure("loss", (CURVES[0], "training"), "Training loss", "loss (mean of 50 steps)")?;
+    figure("held_out_masked_psnr", (CURVES[1], "held out"), "Held-out views", "masked PSNR [dB]")?;
     set.finish().map(drop)
 }
 

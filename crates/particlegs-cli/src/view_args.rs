@@ -1,11 +1,13 @@
 //! Which views to draw: a views file, or one camera described in words. Shared by `reference` and
 //! `render`.
 
-use clap::Args;
-use particlegs::camera::{View, ViewSet, base_distance, read_views, spherical_camera};
+use crate::common::Context;
+use crate::outputs::JSON;
+use clap::{Args, ValueHint};
+use particlegs::camera::{View, ViewSet, base_distance, read_views, spherical_camera, views_text};
+use particlegs::output::write_bytes;
 use particlegs::particles::Bounds;
 use particlegs::picture::Size;
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
@@ -13,25 +15,39 @@ use std::path::PathBuf;
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "View options")]
 pub struct ViewArgs {
-    /// Views file (JSON); one picture a view, DIR/NAME.png. Without it: one view, DIR/view.png.
-    #[arg(long, value_name = "FILE")]
+    /// Views file (JSON): draw one picture per view.
+    ///
+    /// Without it a single view named `view` is drawn, from --azimuth, --elevation and --distance.
+    /// docs/guide/pictures.md describes the file.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub views: Option<PathBuf>,
-    /// Degrees around the vertical; 0 looks along -z, 90 along -x.
+    /// Write the views that are drawn as a views file.
+    #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = ValueHint::FilePath)]
+    pub save_views: Option<PathBuf>,
+    /// Azimuth of the camera in degrees.
+    ///
+    /// 0 looks along -z, 90 along -x.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, conflicts_with = "views")]
     pub azimuth: f64,
-    /// Degrees above the horizon.
+    /// Elevation of the camera above the horizon in degrees.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, conflicts_with = "views")]
     pub elevation: f64,
-    /// Distance from the centre, in base distances (the far orbit is 1).
+    /// Distance of the camera from the centre, in base distances.
+    ///
+    /// 1 is 0.65 of the distance of ParaView's Reset Camera (docs/guide/pictures.md).
     #[arg(long, value_name = "D", default_value_t = 1.0, conflicts_with = "views")]
     pub distance: f64,
-    /// Particle radius, world units (default: the view's, else 0.0406 mean spacings).
+    /// Particle radius in world units [default: the view's, else the default].
+    ///
+    /// The default is that of the model, or 0.0406 of the mean particle spacing.
     #[arg(long, value_name = "R")]
     pub radius: Option<f64>,
-    /// Particle opacity, 0 to 1 (default: the view's, else 0.05).
+    /// Particle opacity, in (0, 1] [default: the view's, else the default].
+    ///
+    /// The default is that of the model, or 0.05.
     #[arg(long, value_name = "A")]
     pub opacity: Option<f64>,
-    /// Picture size in pixels (default: the views file's, else 1920x1080).
+    /// Picture size in pixels [default: the views file's, else 1920x1080].
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<Size>,
 }
@@ -53,9 +69,9 @@ impl ViewArgs {
     /// # Errors
     /// [`Error::Input`] or [`Error::Io`] for a views file that cannot be used; [`Error::Argument`]
     /// for a number outside its range.
-    pub fn resolve(&self, subject: &Subject, progress: &dyn Progress) -> Result<ViewSet> {
+    pub fn resolve(&self, subject: &Subject, context: &Context) -> Result<ViewSet> {
         let mut set = match &self.views {
-            Some(path) => read_views(path, progress)?,
+            Some(path) => read_views(path, context)?,
             None => self.one_view(subject)?,
         };
         if let Some(size) = self.size {
@@ -66,6 +82,10 @@ impl ViewArgs {
             view.opacity = self.opacity.unwrap_or(view.opacity);
             view.check(set.size)?;
         }
+        if let Some(path) = &self.save_views {
+            context.writes(path, &JSON)?;
+            write_bytes(path, views_text(&set)?.as_bytes())?;
+        }
         Ok(set)
     }
 
@@ -75,7 +95,7 @@ impl ViewArgs {
         }
         for (name, degrees) in [("azimuth", self.azimuth), ("elevation", self.elevation)] {
             if !degrees.is_finite() {
-                return Err(Error::argument(format!("--{name} {degrees} is no number of degrees")));
+                return Err(Error::argument(format!("--{name} {degrees} is not a finite angle")));
             }
         }
         let size = self.size.unwrap_or(Size { width: 1920, height: 1080 });
@@ -88,7 +108,7 @@ impl ViewArgs {
 
 /// `1920x1080`.
 pub fn parse_size(text: &str) -> std::result::Result<Size, String> {
-    let fail = || format!("`{text}` is no size; write width x height, such as 1920x1080, each from 1 to 32768");
+    let fail = || format!("`{text}` is not a picture size: give WIDTHxHEIGHT, such as 1920x1080, each from 1 to 32768");
     let (w, h) = text.split_once(['x', 'X']).ok_or_else(fail)?;
     let side = |t: &str| t.trim().parse::<usize>().ok().filter(|n| (1..=32_768).contains(n));
     match (side(w), side(h)) {

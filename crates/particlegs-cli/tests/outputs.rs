@@ -296,7 +296,13 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
         assert!(link.is_symlink() && plain.exists(), "{}", case.words);
         let null = null_device(folder.path());
         if !case.is_file() {
-            w.demand(case, "a device is no folder", &null, &[], if case.writes == Writes::Job { 8 } else { refusal(case) });
+            w.demand(
+                case,
+                "a device is no folder",
+                &null,
+                &[],
+                if case.writes == Writes::Job { 8 } else { refusal(case) },
+            );
             continue;
         }
         let written = std::fs::read(&plain).unwrap();
@@ -355,7 +361,9 @@ fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
 #[test]
 fn a_failure_leaves_the_old_columns_whole() {
     let w = Workshop::new();
-    for words in ["convert other -o OUT --force", "recover n.pgs -o OUT --force", "recover n.pgs -o OUT --form npy --force"] {
+    for words in
+        ["convert other -o OUT --force", "recover n.pgs -o OUT --force", "recover n.pgs -o OUT --form npy --force"]
+    {
         let folder = w.folder();
         let out = folder.path().join("out");
         let first = w.run(&mut w.command("convert snap -o OUT", &out));
@@ -371,7 +379,11 @@ fn a_failure_leaves_the_old_columns_whole() {
         assert_eq!(listing(folder.path()), ["out"]);
         assert!(w.run(&mut w.command(words, &out)).status.success());
         assert_eq!(listing(folder.path()), ["out"]);
-        let form: &[&str] = if words.contains("npy") { &["meta.json", "positions.npy"] } else { &["meta.json", "xx.f32", "yy.f32", "zz.f32"] };
+        let form: &[&str] = if words.contains("npy") {
+            &["meta.json", "positions.npy"]
+        } else {
+            &["meta.json", "xx.f32", "yy.f32", "zz.f32"]
+        };
         assert_eq!(listing(&out), form);
     }
 }
@@ -439,7 +451,9 @@ fn the_same_again_says_that_it_is_done() {
     assert!(again.status.success() && text.contains("is there already"), "{text}");
     assert_eq!(listing(folder.path()), ["comparison.png", "density.png", "m.pgs"]);
     assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made);
-    for other in [&["--seed", "7"][..], &["--box", "20"], &["--length-unit", "Mpc"], &["--blocks", "2"], &["--ratio", "50"]] {
+    for other in
+        [&["--seed", "7"][..], &["--box", "20"], &["--length-unit", "Mpc"], &["--blocks", "2"], &["--ratio", "50"]]
+    {
         assert_eq!(run(other).status.code(), Some(8), "{other:?}");
     }
     let elsewhere = w.run(&mut w.command("compress other -o OUT --no-certificate --effort fast", &out));
@@ -484,7 +498,8 @@ fn a_second_signal_leaves_a_checkpoint_all_the_same() {
     let w = Workshop::new();
     let long: Vec<f32> = (0..60_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
     snapshot(&w.at("long"), &[long.clone(), long.iter().rev().copied().collect(), long]);
-    let made = w.run(&mut w.command("plan long -o OUT --blocks 1 --ratio 20 --effort high --no-certificate", &w.at("task")));
+    let made =
+        w.run(&mut w.command("plan long -o OUT --blocks 1 --ratio 20 --effort high --no-certificate", &w.at("task")));
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     assert!(w.run(&mut w.command("scatter task -q", Path::new(""))).status.success());
     let mut child = w.command("block task 0 -q", Path::new("")).spawn().unwrap();

@@ -2,7 +2,7 @@
 
 use crate::common::Common;
 use crate::job_args::{JobSnapshot, of_task, task_number};
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::job::{Done, Job};
 use particlegs::{Error, Result};
 use serde_json::json;
@@ -11,16 +11,17 @@ use std::path::PathBuf;
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-Fits one block and writes a model file of it. What is done is skipped; SIGTERM, SIGUSR1 and Ctrl-C
-stop it with exit code 75 after a checkpoint: run it again to go on.
+Fits one block and writes its model file; a block that is done is skipped. After SIGTERM, SIGUSR1 or
+Ctrl-C it writes a checkpoint, and the exit code is 75: run it again to continue.
 
 Examples:
   particlegs block job 0
   particlegs block job env:SLURM_ARRAY_TASK_ID")]
 pub struct Arguments {
-    /// The job's folder.
+    /// Folder of the job.
+    #[arg(value_name = "JOB", value_hint = ValueHint::DirPath)]
     job: PathBuf,
-    /// The block, from 0, or `env:NAME`.
+    /// Number of the block, counted from 0, or `env:NAME` for a variable that holds it.
     #[arg(value_name = "I")]
     block: String,
     #[command(flatten)]
@@ -33,7 +34,10 @@ pub fn run(a: Arguments) -> Result<()> {
     let job = Job::open(&a.job)?;
     let number = task_number(&a.block)?;
     let block = u32::try_from(number).map_err(|_| {
-        Error::argument(format!("block {number} is outside the {} of this job", job.manifest.plan.blocks))
+        Error::argument(format!(
+            "block {number} is outside the {} of this job, counted from 0",
+            job.manifest.plan.blocks
+        ))
     })?;
     let snapshot = JobSnapshot::of(&job)?;
     context.reads_job(&a.job, snapshot.paths(), false)?;
@@ -41,9 +45,11 @@ pub fn run(a: Arguments) -> Result<()> {
     let done = job.block(block, || snapshot.layered(&context), &context);
     let done = done.map_err(|e| of_task(e, &a.job, &format!("block {block}")))?;
     let (report, how) = match &done {
-        Done::Before(report) => (report, "was done before".to_string()),
+        Done::Before(report) => (report, "was already done".to_string()),
         Done::Now(report, 0) => (report, "done".to_string()),
-        Done::Now(report, pieces) => (report, format!("done, from a checkpoint of {pieces} pieces")),
+        Done::Now(report, pieces) => {
+            (report, format!("done, continued from a checkpoint with {pieces} finished parts"))
+        }
     };
     let seconds: f64 = report.seconds.iter().map(|s| s.1).sum();
     let text = format!(

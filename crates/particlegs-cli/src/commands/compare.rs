@@ -1,24 +1,24 @@
 //! `particlegs compare DIR_A DIR_B`.
 
 use crate::common::Common;
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::progress::Progress;
 use particlegs::score::{Comparison, compare_folders};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// Score the PNGs of one folder against those of the same names in another.
+/// Arguments.
 #[derive(Args)]
 #[command(after_help = "Example:
-  particlegs reference snapshot --views views.json --style paraview --out truth
-  particlegs render model.pgs --views views.json --style paraview --out drawn
+  particlegs reference snapshot --views views.json --style paraview -o truth
+  particlegs render model.pgs --views views.json --style paraview -o drawn
   particlegs compare drawn truth")]
 pub struct Arguments {
-    /// A folder of PNGs.
-    #[arg(value_name = "DIR_A")]
+    /// Folder of PNG files to score.
+    #[arg(value_name = "DIR_A", value_hint = ValueHint::DirPath)]
     a: PathBuf,
-    /// A folder of PNGs of the same names.
-    #[arg(value_name = "DIR_B")]
+    /// Folder of PNG files of the same names to compare with.
+    #[arg(value_name = "DIR_B", value_hint = ValueHint::DirPath)]
     b: PathBuf,
     #[command(flatten)]
     common: Common,

@@ -9,7 +9,7 @@ use particlegs::Result;
     after_help = "Example:\n  particlegs completions bash > ~/.local/share/bash-completion/completions/particlegs"
 )]
 pub struct Arguments {
-    /// The shell.
+    /// Shell.
     shell: clap_complete::Shell,
 }
 

@@ -5,7 +5,7 @@ use crate::fit_args::FitArgs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::compress::{Compressed, Load, Options, compress, is_asked_for, is_made_of, parse_bytes};
 use particlegs::fit::Pieces;
 use particlegs::model::Model;
@@ -19,9 +19,14 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "\
+#[command(
+    after_help = "\
 Examples:
-  particlegs compress snapshot/ -o snapshot.pgs                     ratio 300, default effort
+  particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --pictures pictures/
+  particlegs compress huge.hdf5 -o huge.pgs --memory 2GiB",
+    after_long_help = "\
+Examples:
+  particlegs compress snapshot/ -o snapshot.pgs
   particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --effort high
   particlegs compress x.f32 y.f32 z.f32 -o snapshot.pgs --size 11MB
   particlegs compress points.npy -o points.pgs --psnr 32 --box 100,100,100
@@ -29,32 +34,44 @@ Examples:
   particlegs compress snapshot/ -o snapshot.pgs --pictures pictures/
   particlegs compress snapshot/ -o snapshot.pgs --train best --log training.jsonl
   particlegs compress snapshot/ -o snapshot.pgs --train best --log training.jsonl --resume
-  particlegs compress --train paper --law alpha-blend --print-config > paper.toml")]
+  particlegs compress --train paper --law alpha-blend --print-config > paper.toml
+
+docs/guide/choosing.md says which ratio and effort to choose."
+)]
 pub struct Arguments {
-    /// A snapshot: its first file, its folder, or raw columns x y z (w).
+    /// Snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required_unless_present = "print_config", value_name = "IN")]
     input: Vec<PathBuf>,
-    /// The model file to write.
-    #[arg(long, short, value_name = "M.pgs", required_unless_present = "print_config")]
+    /// Model file to write.
+    #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
-    #[command(flatten)]
-    fit: FitArgs,
-    /// Divide the particles into K blocks of balanced counts, each fitted on its own (default: 1, or
-    /// as many as --memory asks for).
-    #[arg(long, value_name = "K")]
-    blocks: Option<u32>,
-    /// Memory to stay within, e.g. 1GiB: particles wait on disk, block by block.
-    #[arg(long, value_name = "M")]
+    /// Folder for pictures: snapshot, model and error side by side, surface density.
+    #[arg(long, display_order = LATER, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pictures: Option<PathBuf>,
+    /// Memory limit, such as 2GiB: larger snapshots are fitted block by block.
+    #[arg(long, display_order = LATER, value_name = "SIZE")]
     memory: Option<String>,
-    /// Folder of the scratch files that --memory needs (default: the output's); they have no names
-    /// and vanish by themselves.
-    #[arg(long, value_name = "DIR", requires = "memory")]
+    /// Number of blocks, fitted one by one [default: 1, or as many as --memory asks for].
+    ///
+    /// Blocks hold about equal numbers of particles.
+    #[arg(long, display_order = LATER, value_name = "K", hide_short_help = true)]
+    blocks: Option<u32>,
+    /// Folder for the scratch files of --memory [default: that of the model file].
+    ///
+    /// The files are removed when the run ends, however it ends.
+    #[arg(
+        long,
+        display_order = LATER,
+        value_name = "DIR",
+        hide_short_help = true,
+        value_hint = ValueHint::DirPath,
+        requires = "memory"
+    )]
     scratch: Option<PathBuf>,
     #[command(flatten)]
+    fit: FitArgs,
+    #[command(flatten)]
     run: RunArgs,
-    /// Write side-by-side pictures (truth | model | error) and the surface density to a folder.
-    #[arg(long, value_name = "DIR")]
-    pictures: Option<PathBuf>,
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
@@ -66,6 +83,9 @@ pub struct Arguments {
     #[command(flatten)]
     common: Common,
 }
+
+/// Place in the help of options that come after those of the fit.
+const LATER: usize = 500;
 
 /// Compresses, writes the file and the pictures, reports.
 pub fn run(a: Arguments) -> Result<()> {
@@ -92,7 +112,8 @@ pub fn run(a: Arguments) -> Result<()> {
         return there_already(&a, &options, &particles, &context);
     }
     if particles.meta.cell.is_none() {
-        context.message("note: no periodic box is known (--box Lx,Ly,Lz): nothing wraps around");
+        context
+            .message("note: the snapshot states no periodic box, so nothing is periodic (--box Lx,Ly,Lz states one)");
     }
     let mut checkpoint = match options.training {
         Some(_) => a.run.checkpoint(a.output(), &options.name_of_work(&particles))?,
@@ -223,7 +244,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
     let ratio = done.raw_bytes as f64 / bytes as f64;
     let mut text = format!(
-        "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, ratio {ratio:.1}, {:.2} bytes a Gaussian",
+        "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, ratio {ratio:.1}, {:.2} bytes per Gaussian",
         a.output().display(),
         done.model.metadata.count,
         bytes as f64 / gaussians as f64,
@@ -244,7 +265,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     let value = json!({
         "output": a.output().to_string_lossy(), "particles": done.model.metadata.count, "gaussians": gaussians,
         "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
-        "bytes_a_gaussian": bytes as f64 / gaussians as f64, "step_factor": done.step_factor, "trained": done.trained,
+        "bytes_per_gaussian": bytes as f64 / gaussians as f64, "step_factor": done.step_factor, "trained": done.trained,
         "seconds": seconds, "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
         "certificate": done.model.certificate,
     });

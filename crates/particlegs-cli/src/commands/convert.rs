@@ -4,7 +4,7 @@ use crate::common::{Common, Context};
 use crate::inputs::{self, Either, path_as_text};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::input::name_of;
 use particlegs::particles::{FOLDER_FILES, Kept, Room, Tiling};
 use particlegs::progress::Progress;
@@ -12,10 +12,16 @@ use particlegs::{Error, Result, codec};
 use particlegs_formats::{WRITERS, write_splats, writer_for};
 use std::path::{Path, PathBuf};
 
-/// Write a snapshot anew: in another format, tiled, cropped, thinned, as float32. Or an alpha-blend
-/// model as the PLY of splat viewers.
+/// Arguments.
 #[derive(Args)]
-#[command(after_help = "Steps run in the order tile, region, every, sample.
+#[command(
+    mut_args = |a| if SELECTION.contains(&a.get_id().as_str()) { a.hide_short_help(false) } else { a },
+    after_help = "\
+Examples:
+  particlegs convert snap_099.0.hdf5 --particle-type dm -o dm.vtp
+  particlegs convert snapshot -o few.npy --sample 100000 --seed 7",
+    after_long_help = "\
+Steps are applied in the order tile, region, every, sample.
 
 Examples:
   particlegs convert nbody128 -o tiled --tile 2,8,8      # 128 copies side by side
@@ -23,18 +29,24 @@ Examples:
   particlegs convert snap_099.0.hdf5 --particle-type dm -o dm.vtp
   particlegs convert snapshot -o cut --region 0,10,0,10,5,6
   particlegs convert snapshot -o few.npy --sample 100000 --seed 7
-  particlegs convert M.pgs -o splats.ply                 # an alpha-blend model, normalised as in training")]
+  particlegs convert M.pgs -o splats.ply                 # an alpha-blend model, normalised as in training"
+)]
 pub struct Arguments {
-    /// A snapshot: its first file, its folder, or raw columns x y z (w); or a model file.
+    /// Snapshot: its first file, its folder, or raw columns x y z (w); or an alpha-blend model.
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
-    /// What to write: a folder for raw columns and meta.json, or a name that ends in .npy, .hdf5, .vtp or .dump.
-    #[arg(long, short, value_name = "OUT")]
+    /// File to write, or a folder for raw columns and meta.json.
+    ///
+    /// The ending of the name chooses the format: .npy, .hdf5, .h5, .vtp, .dump, .lammpstrj; of an
+    /// alpha-blend model .ply, the splats of viewers.
+    #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::AnyPath)]
     output: PathBuf,
-    /// Format to write, where the name does not tell.
+    /// Output format, where the name does not tell.
     #[arg(long, value_name = "FORMAT", value_parser = clap::builder::PossibleValuesParser::new(writers()))]
     to: Option<String>,
-    /// Repeat the periodic box so often along x, y and z; tile by tile, z fastest.
+    /// Repeat the periodic box so often along x, y and z.
+    ///
+    /// Copies are written one after the other, z fastest.
     #[arg(long, value_name = "NX,NY,NZ", value_delimiter = ',', num_args = 1)]
     tile: Option<Vec<u32>>,
     #[command(flatten)]
@@ -48,6 +60,9 @@ pub struct Arguments {
     #[command(flatten)]
     common: Common,
 }
+
+/// What `convert -h` shows of the options that other commands leave to `--help`.
+const SELECTION: [&str; 5] = ["region", "every", "sample", "center", "width"];
 
 #[derive(serde::Serialize)]
 struct Report {
@@ -91,12 +106,15 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let selection = a.selection.selection(&a.window, context.common.seed)?;
     if particles.origin != [0.0; 3] {
-        context.message("note: positions lie far from 0; about 0, float32 keeps fewer of their digits");
+        context.message("note: the positions are far from 0, where float32 keeps fewer of their digits");
     }
     let start = std::time::Instant::now();
     let kept = Kept::new(&particles, tiling, selection, &context)?;
     if !writer.holds_box && kept.meta().cell.is_some() {
-        context.message(&format!("note: {} holds no box; give it again with --box", writer.title));
+        context.message(&format!(
+            "note: {} cannot store the periodic box; state it by --box when reading the file",
+            writer.title
+        ));
     }
     let bytes = (writer.write)(&kept, &a.output, &context)?;
     let seconds = start.elapsed().as_secs_f64();
@@ -120,15 +138,15 @@ fn splats(a: &Arguments, (model, bytes): (&Path, &[u8]), context: &Context) -> R
     let start = std::time::Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {
-        let what = "a model is written as splats alone, to a name that ends in .ply".to_string();
-        let hint = "draw particles with `recover`, then convert those".to_string();
+        let what = "a model can only be converted to splats, by an output name that ends in .ply".to_string();
+        let hint = "draw particles with `recover`, then convert them".to_string();
         return Err(Error::Argument { what, hint });
     }
     context.writes_new(&a.output, &PARTICLES)?;
     let decoded = codec::decode(bytes, &name_of(model))?;
     let bytes = write_splats(&decoded, &a.output, context)?;
     if decoded.vizmapper.is_some() {
-        context.message("note: the VizMapper is not in it: a PLY file holds splats alone");
+        context.message("note: the VizMapper is left out: a PLY file holds splats only");
     }
     let (gaussians, seconds) = (decoded.gaussians(), start.elapsed().as_secs_f64());
     let text = format!("{}: {gaussians} splats, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);

@@ -4,7 +4,7 @@ use crate::common::{Common, Context};
 use crate::inputs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::parse_size;
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::camera::read_views;
 use particlegs::input::name_of;
 use particlegs::model::Model;
@@ -15,31 +15,34 @@ use particlegs::score::{EvalView, Evaluation, LookScores, MeanViewScores, ViewSe
 use particlegs::{Error, Result, codec, score};
 use std::path::PathBuf;
 
-/// Score a model against its snapshot: pictures of the three orbits in three looks.
+/// Arguments.
 #[derive(Args)]
-#[command(
-    after_help = "Beside each score stand the noise-free one (the mean picture of all particles), the gap to it, and
-an empty picture's.
+#[command(after_help = "\
+Pictures of the far, mid and near orbits are compared in three styles. Beside each score stand the
+noise-free score, the gap to it, and the score of an all-black picture (docs/guide/glossary.md).
 
 Examples:
   particlegs eval model.pgs snapshot
   particlegs eval model.pgs snapshot --frames 80 --json scores.json
-  particlegs eval model.pgs snapshot --views views.json"
-)]
+  particlegs eval model.pgs snapshot --views views.json")]
 pub struct Arguments {
-    /// The model file.
-    #[arg(value_name = "MODEL")]
+    /// Model file.
+    #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// A snapshot: its first file, its folder, or raw columns x y z (w).
+    /// Snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "SNAPSHOT")]
     input: Vec<PathBuf>,
-    /// Frames an orbit, with radius and opacity drawn by the seed.
+    /// Number of views per orbit.
+    ///
+    /// Their radii and opacities are drawn at random (--seed).
     #[arg(long, value_name = "N", default_value_t = 8)]
     frames: usize,
-    /// Score in these views instead; the orbit is the name's part before `_`.
-    #[arg(long, value_name = "V.json", conflicts_with = "frames")]
+    /// Score in the views of a views file instead.
+    ///
+    /// Scores are averaged by orbit: the part of a view's name before the first `_`.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "frames")]
     views: Option<PathBuf>,
-    /// Picture size (with --views: the file's).
+    /// Picture size in pixels.
     #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, conflicts_with = "views")]
     size: Size,
     #[command(flatten)]
@@ -99,7 +102,7 @@ fn views(a: &Arguments, model: &Model, context: &Context) -> Result<(Vec<EvalVie
     }
     let (m, seed) = (&model.metadata, context.common.seed);
     let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: a.size, seed };
-    let words = format!("{} frames an orbit, seed {seed}", a.frames);
+    let words = format!("{} views per orbit, seed {seed}", a.frames);
     Ok((score::evaluation_views(&of, a.frames), a.size, words))
 }
 
@@ -129,7 +132,7 @@ fn report(
 
 fn table(r: &Report) -> String {
     let mut text = format!(
-        "{} Gaussians, {} bytes: ratio {:.1}, {:.2} bytes a Gaussian\n{} views of {}x{} ({})\n",
+        "{} Gaussians, {} bytes: ratio {:.1}, {:.2} bytes per Gaussian\n{} views of {}x{} ({})\n",
         r.gaussians,
         r.model_bytes,
         r.compression_ratio,
@@ -150,7 +153,7 @@ fn table(r: &Report) -> String {
             text += &row(name, orbit, scores, shot_noise);
         }
     }
-    text + "\nMeans of decibels; noise-free, gap, shot noise and all black are masked PSNR."
+    text + "\nMeans over views; noise-free, gap, shot noise and all black are masked PSNR in dB."
 }
 
 /// A look's scores in a mean, and the shot-noise floor where it belongs.
@@ -175,7 +178,7 @@ fn row(look: &str, orbit: &str, s: &LookScores, shot_noise: Option<f64>) -> Stri
         db(s.all_black.masked_psnr)
     );
     if let Some(n) = s.left_out.filter(|n| *n > 0) {
-        row += &format!("   ({n} views without a value left out)");
+        row += &format!("   (without the {n} views that have no value)");
     }
     row
 }

@@ -8,7 +8,7 @@ use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::source;
 use crate::train_args::TuneArgs;
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, Compressed, FineTuning, Target, finetune, parse_bytes};
 use particlegs::fit::Pieces;
 use particlegs::input::name_of;
@@ -24,36 +24,36 @@ use std::time::Instant;
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-The published recipe: 60 000 steps at 1080p on pictures of the whole snapshot, with wider ranges of
-the VizMapper and densification until half time; --scale makes it small. The file becomes one block
-of the size of the model, or of what is asked for.
+Follows the published recipe: 60 000 steps at 1080p on pictures of the whole snapshot, with wider
+ranges of the VizMapper and densification for the first half; --scale shortens it. The result has
+one block, and the size of the model where no target is given.
 
 Examples:
   particlegs merge job -o merged.pgs && particlegs finetune merged.pgs snapshot/ -o tuned.pgs
   particlegs finetune merged.pgs snapshot/ -o tuned.pgs --scale 0.1 --minutes 30 --log tuning.jsonl
   particlegs finetune --print-config > finetune.toml")]
 pub struct Arguments {
-    /// Model file of the alpha-blend law.
-    #[arg(required_unless_present = "print_config", value_name = "M.pgs")]
+    /// Model file with the alpha-blend law.
+    #[arg(required_unless_present = "print_config", value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     model: Option<PathBuf>,
-    /// The whole snapshot that it was made of.
+    /// Whole snapshot that the model was made from.
     #[arg(required_unless_present = "print_config", value_name = "SNAPSHOT")]
     snapshot: Vec<PathBuf>,
-    /// The model file to write.
-    #[arg(long, short, value_name = "M2.pgs", required_unless_present = "print_config")]
+    /// Model file to write.
+    #[arg(long, short, alias = "out", value_name = "M2.pgs", value_hint = ValueHint::FilePath, required_unless_present = "print_config")]
     output: Option<PathBuf>,
     #[command(flatten)]
     target: TargetArgs,
+    /// Do not measure the decoded model: the file holds no scores.
+    #[arg(long)]
+    no_certificate: bool,
+    /// Memory limit, such as 1GiB: the particles are kept on disk.
+    #[arg(long, value_name = "SIZE")]
+    memory: Option<String>,
     #[command(flatten)]
     tune: TuneArgs,
     #[command(flatten)]
     run: RunArgs,
-    /// Do not measure the decoded model: no scores in the file.
-    #[arg(long)]
-    no_certificate: bool,
-    /// Memory to stay within, e.g. 1GiB: particles wait on disk.
-    #[arg(long, value_name = "M")]
-    memory: Option<String>,
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
@@ -70,13 +70,15 @@ pub struct Arguments {
 #[derive(Args, Clone, Debug)]
 #[group(multiple = false)]
 struct TargetArgs {
-    /// Compression ratio: 12 bytes a particle over the file's bytes [default: the model's own size].
-    #[arg(long)]
+    /// Compression ratio to reach [default: that of the model].
+    ///
+    /// The size of the particles as float32, 12 bytes each, divided by the file size.
+    #[arg(long, value_name = "R")]
     ratio: Option<f64>,
-    /// File size, e.g. 11MB, 900kB, 1.5GiB.
-    #[arg(long)]
+    /// File size to reach, such as 11MB, 900kB or 1.5GiB.
+    #[arg(long, value_name = "SIZE")]
     size: Option<String>,
-    /// Most Gaussians, at the nominal precision.
+    /// Largest number of Gaussians, stored at the nominal precision.
     #[arg(long, value_name = "K")]
     gaussians: Option<u64>,
 }
@@ -116,8 +118,12 @@ pub fn run(a: Arguments) -> Result<()> {
     let (bytes, place) = (inputs::model(path, &context)?, name_of(path));
     let model = codec::decode(&bytes, &place)?;
     if model.metadata.law != Law::AlphaBlend {
-        let what = format!("{place}: of the law {}: only alpha-blend models are fine-tuned", model.metadata.law.name());
-        let hint = "optical-depth blocks add up as they are; `compress --train` trains them on the snapshot".into();
+        let what = format!(
+            "{place}: a model of the {} law; only alpha-blend models can be fine-tuned",
+            model.metadata.law.name()
+        );
+        let hint =
+            "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot".into();
         return Err(Error::Argument { what, hint });
     }
     let room = if a.memory.is_some() { Room::Disk(a.folder(out)) } else { Room::Memory };

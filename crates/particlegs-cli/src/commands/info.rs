@@ -16,10 +16,10 @@ use std::path::PathBuf;
   particlegs info dump.lammpstrj.gz --frame 0
   particlegs info M.pgs --json - | jq .metadata")]
 pub struct Arguments {
-    /// A model file, or a snapshot: its first file, its folder, or raw columns.
+    /// Model file, or a snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "FILE")]
     input: Vec<PathBuf>,
-    /// Do not read the particles: no bounds of a snapshot.
+    /// Do not read the particles of a snapshot: their bounds are left out.
     #[arg(long)]
     no_bounds: bool,
     #[command(flatten)]

@@ -4,7 +4,7 @@ use crate::common::{Common, Context};
 use crate::inputs::{self, path_as_text};
 use crate::job_args::JobSnapshot;
 use crate::outputs::ForceArgs;
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::codec::{self, Merge};
 use particlegs::input::name_of;
@@ -19,25 +19,25 @@ use std::time::Instant;
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-Blocks are copied as they are coded: nothing is lost, and the order of the parts does not matter.
-Particle radius, bounds and counts are those of the whole; the scores in the parts are dropped.
-Of alpha-blend models the VizMapper of the part with the first block (by layer, then by place) is
-taken, as published: fine-tune the merged model on the whole snapshot.
+Coded blocks are copied, so nothing is lost, and the order of the parts does not matter. The default
+particle radius, the bounds and the counts are those of the whole; scores in the parts are dropped.
+Alpha-blend models: as published, the VizMapper is that of the part with the first block (by layer,
+then by position); `finetune` trains the merged model on the whole snapshot.
 
-A job's folder gives the file that `compress` gives, measured on its snapshot.
+The folder of a job gives the same file as `compress`, measured against the snapshot.
 
 Examples:
   particlegs merge west.pgs east.pgs -o whole.pgs
   particlegs merge job -o whole.pgs
   particlegs merge blocks/*.pgs -o whole.pgs && particlegs verify whole.pgs snapshot/")]
 pub struct Arguments {
-    /// Model files, or one job's folder.
+    /// Model files, or the folder of one job.
     #[arg(required = true, value_name = "A.pgs|JOB")]
     parts: Vec<PathBuf>,
-    /// The model file to write.
-    #[arg(long, short, value_name = "M.pgs")]
+    /// Model file to write.
+    #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     output: PathBuf,
-    /// Do not measure a job's file on its snapshot: no scores in the file.
+    /// Do not measure the file of a job against its snapshot: it holds no scores.
     #[arg(long)]
     no_certificate: bool,
     #[command(flatten)]
@@ -78,7 +78,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if info.metadata.law == Law::AlphaBlend && parts > 1 {
         let network = match info.vizmapper {
             Some(_) => "the VizMapper is that of the part with the first block",
-            None => "the part with the first block has no VizMapper, and so the file has none",
+            None => "the part with the first block has no VizMapper, so the file has none",
         };
         context.message(&format!("note: {network}, as published; it was trained on that part alone"));
     }

@@ -8,6 +8,7 @@ mod convert;
 mod eval;
 mod finetune;
 mod info;
+mod man;
 mod merge;
 mod plan;
 mod recover;
@@ -27,42 +28,44 @@ use particlegs::Result;
 #[allow(clippy::large_enum_variant)]
 #[derive(Subcommand)]
 pub enum Command {
-    /// Turn a snapshot into a model file.
+    /// Compress a snapshot into a model file.
     Compress(compress::Arguments),
-    /// Score two folders of pictures against each other.
+    /// Score the pictures of one folder against those of another.
     Compare(compare::Arguments),
-    /// Score a model against its snapshot.
+    /// Score a model against its snapshot, by pictures.
     Eval(eval::Arguments),
-    /// Plan a compression as a folder whose parts run anywhere, in any order.
+    /// Plan a compression as a job of many tasks, for clusters.
     Plan(plan::Arguments),
-    /// Sort a chunk of a job's snapshot into its blocks.
+    /// Sort the particles of a job's snapshot by block.
     Scatter(scatter::Arguments),
-    /// Do one block of a job.
+    /// Fit one block of a job.
     Block(block::Arguments),
-    /// Tell how far a job is.
+    /// Show how far a job is.
     Status(status::Arguments),
-    /// Join model files, or a job's blocks, into one, exactly: blocks are copied.
+    /// Merge model files, or the blocks of a job, into one file, without loss.
     Merge(merge::Arguments),
-    /// Train a merged alpha-blend model on its whole snapshot, as published.
+    /// Train a merged alpha-blend model on its whole snapshot.
     Finetune(finetune::Arguments),
-    /// Make a model smaller, without the particles.
+    /// Make a model smaller, without its snapshot.
     Simplify(simplify::Arguments),
     /// Draw synthetic particles from a model.
     Recover(recover::Arguments),
-    /// Write a snapshot anew: tiled, cropped, thinned, as float32.
+    /// Convert a snapshot to another format; tile, crop or subsample it.
     Convert(convert::Arguments),
-    /// Draw pictures of all particles: ParaView's exactly, or noise-free.
+    /// Draw pictures of all particles of a snapshot.
     Reference(reference::Arguments),
     /// Draw pictures of a model.
     Render(render::Arguments),
-    /// Measure what recovered particles, or a model itself, are good for: density, P(k), xi(r), groups.
+    /// Compare statistics: density, P(k), xi(r), groups, neighbours.
     Stats(stats::Arguments),
-    /// Print what a model file or a snapshot says about itself.
+    /// Describe a model file or a snapshot.
     Info(info::Arguments),
-    /// Check a model file wholly, and against its snapshot where that is given; or a job.
+    /// Check that a model file or a job is intact, and measure its scores again.
     Verify(verify::Arguments),
-    /// Print a shell's completion script.
+    /// Print the completion script of a shell.
     Completions(completions::Arguments),
+    /// Write manual pages.
+    Man(man::Arguments),
 }
 
 /// Runs one.
@@ -86,5 +89,6 @@ pub fn run(command: Command) -> Result<()> {
         Command::Info(a) => info::run(a),
         Command::Verify(a) => verify::run(a),
         Command::Completions(a) => completions::run(&a),
+        Command::Man(a) => man::run(&a),
     }
 }

@@ -6,7 +6,7 @@ use crate::fit_args::FitArgs;
 use crate::job_args::JobSnapshot;
 use crate::outputs::ForceArgs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::compress::parse_bytes;
 use particlegs::job::{self, Job, Task};
 use particlegs::particles::Room;
@@ -17,30 +17,40 @@ use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "\
-The job is a folder; its parts run anywhere, in any order, as often as you like:
+#[command(
+    after_help = "\
+Example:
+  particlegs plan snapshot/ -o job --blocks 64 --emit slurm > job.slurm && bash job.slurm",
+    after_long_help = "\
+A job is a folder. Its tasks run on any machine that sees it, in any order, and may be repeated:
   particlegs plan snapshot/ -o job --blocks 64
   particlegs scatter job              (all chunks; or one: particlegs scatter job 3)
   particlegs block job 0              (one block; in a Slurm array: env:SLURM_ARRAY_TASK_ID)
   particlegs merge job -o snapshot.pgs
-`particlegs status job` tells how far it is. The file is that of `compress --blocks 64`.
-An engine does all that by a script, which is yours (docs/guide/cluster.md):
+`particlegs status job` shows how far it is. The file is that of `compress --blocks 64`.
+
+A script for Slurm or Snakemake does all of it (docs/guide/cluster.md):
   particlegs plan snapshot/ -o job --blocks 64 --emit slurm > job.slurm && bash job.slurm
-  particlegs plan snapshot/ -o job --blocks 64 --emit snakemake > Snakefile && snakemake --cores all")]
+  particlegs plan snapshot/ -o job --blocks 64 --emit snakemake > Snakefile && snakemake --cores all"
+)]
 pub struct Arguments {
-    /// A snapshot: its first file, its folder, or raw columns x y z (w).
+    /// Snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
-    /// The job's folder.
-    #[arg(long, short, value_name = "JOB")]
+    /// Folder of the job.
+    #[arg(long, short, alias = "out", value_name = "JOB", value_hint = ValueHint::DirPath)]
     output: PathBuf,
-    /// Number of blocks of balanced counts; `auto`: as many as --memory asks for.
+    /// Number of blocks, or `auto`: as many as --memory asks for.
+    ///
+    /// Blocks hold about equal numbers of particles.
     #[arg(long, value_name = "K|auto", default_value = "auto")]
     blocks: String,
-    /// Memory that a task may take, e.g. 4GiB [default for auto: 4GiB].
-    #[arg(long, value_name = "M")]
+    /// Memory limit of a task, such as 4GiB [default with `auto`: 4GiB].
+    #[arg(long, value_name = "SIZE")]
     memory: Option<String>,
-    /// Print the script by which an engine does the job; what is said of the plan goes to stderr.
+    /// Print a script for a workflow engine.
+    ///
+    /// The summary is then printed on standard error.
     #[arg(long, value_enum, value_name = "ENGINE")]
     emit: Option<Engine>,
     #[command(flatten)]
@@ -68,7 +78,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let blocks = match a.blocks.as_str() {
         "auto" => None,
         number => {
-            let wrong = |_| Error::argument(format!("--blocks {number} is neither a number nor `auto`"));
+            let wrong = |_| Error::argument(format!("--blocks {number}: give a number, or `auto`"));
             Some(number.parse::<u32>().map_err(wrong)?)
         }
     };
@@ -94,14 +104,13 @@ pub fn run(a: Arguments) -> Result<()> {
         "{folder}: {} particles in {} blocks{}",
         plan.metadata.count,
         plan.blocks,
-        if planned.before { " (planned before; nothing changed)" } else { "" }
+        if planned.before { " (already planned; nothing changed)" } else { "" }
     );
     text += &match m.chunks {
-        0 => "\nno scatter is needed: blocks read the snapshot where it lies".to_string(),
+        0 => "\nscatter: not needed; blocks read the snapshot directly".to_string(),
         chunks => format!(
-            "\nscatter: {chunks} chunks, {} bytes in all: particlegs scatter {folder} [0 to {}]",
-            plan.column_bytes(),
-            chunks - 1
+            "\nscatter: particlegs scatter {folder}, or its {chunks} chunks one by one; {} bytes in total",
+            plan.column_bytes()
         ),
     };
     text += &format!("\nblocks: particlegs block {folder} 0 to {}", plan.blocks - 1);

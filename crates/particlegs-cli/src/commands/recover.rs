@@ -3,7 +3,7 @@
 use crate::common::Common;
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
 use particlegs::codec;
 use particlegs::input::name_of;
@@ -17,34 +17,34 @@ use std::time::Instant;
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-The particles are SYNTHETIC: drawn from the model, never simulated; meta.json beside them says so,
-and which analyses the measurements in the model file support.
+The particles are SYNTHETIC: drawn from the model, not simulated. meta.json beside them says so, and
+which analyses the measurements in the model file support.
 
 Examples:
-  particlegs recover M.pgs -o particles                     as many as the model was made of
+  particlegs recover M.pgs -o particles
   particlegs recover M.pgs -o few --particles 1000000 --form npy
-  particlegs recover M.pgs -o spaced --method spaced        nearest neighbours mended")]
+  particlegs recover M.pgs -o spaced --method spaced")]
 pub struct Arguments {
     /// Model file.
-    #[arg(value_name = "M.pgs")]
+    #[arg(value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// Folder to write.
-    #[arg(long, short, value_name = "DIR")]
+    /// Folder for the particles and meta.json.
+    #[arg(long, short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     output: PathBuf,
-    /// Number of particles (default: as many as the model was made of).
+    /// Number of particles [default: as many as the model was made from].
     #[arg(long, value_name = "N")]
     particles: Option<u64>,
-    /// How particles are placed.
-    #[arg(long, value_enum, default_value_t = MethodArg::Count)]
+    /// How particles are drawn.
+    #[arg(long, value_enum, value_name = "METHOD", default_value_t = MethodArg::Count)]
     method: MethodArg,
-    /// Factor on the Gaussians' widths.
+    /// Factor on the widths of the Gaussians.
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     scale: f64,
-    /// Only these layers of the model.
-    #[arg(long, value_name = "NAME")]
+    /// Layers to draw from, by the names that `info` lists [default: all].
+    #[arg(long, alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layer: Vec<String>,
-    /// What to write into the folder beside meta.json.
-    #[arg(long, value_enum, default_value_t = FormArg::Raw)]
+    /// Form of the particles.
+    #[arg(long, value_enum, value_name = "FORM", default_value_t = FormArg::Raw)]
     form: FormArg,
     #[command(flatten)]
     force: ForceArgs,
@@ -55,18 +55,17 @@ pub struct Arguments {
 /// Methods on the command line.
 #[derive(Clone, Copy, ValueEnum)]
 enum MethodArg {
-    /// Normal draws, each Gaussian's own number (the published V0).
+    /// From each Gaussian as many as it stands for (published as V0).
     Count,
-    /// Normal draws in proportion to count (alpha-blend models: opacity) times volume (V1).
+    /// In proportion to count times volume; of alpha-blend models to opacity times volume (V1).
     Volume,
-    /// Uniform in ellipsoids of three standard deviations (V4).
+    /// Uniformly within ellipsoids of three standard deviations (V4).
     Ellipsoid,
-    /// Uniform in cells of a grid of 512^3 that hold the Gaussians' centres (V6; alpha-blend models: in
-    /// proportion to opacity times volume).
+    /// Uniformly within the cells of a grid of 512³ that hold centres of Gaussians (V6).
     Grid,
-    /// As count, evenly: less shot noise in cells, spacings too regular.
+    /// As count, but evenly spread: less shot noise in cells, too regular at small distances.
     Stratified,
-    /// As count, clumped within Gaussians: nearest neighbours come near the truth.
+    /// As count, but clumped within Gaussians: nearest-neighbour distances are close to the truth.
     Spaced,
 }
 
@@ -104,7 +103,7 @@ pub fn run(a: Arguments) -> Result<()> {
         model = model.only(&a.layer)?;
         // What was measured on the whole says little about a part of it.
         if certificate.is_some() {
-            context.message("note: the scores in the file are of all layers together");
+            context.message("note: the scores in the model file are of all layers together, not of these");
         }
     }
     let options = Options {

@@ -2,10 +2,10 @@
 
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
-use crate::inputs::path_as_text;
+use crate::drawn::Drawn;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
 use particlegs::particles::{Bounds, Particles};
 use particlegs::picture::{PNG, write_gray_png};
@@ -18,23 +18,29 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "Examples:
-  particlegs reference samples/nbody64 --style paraview --out pictures
-  particlegs reference snapshot --views views.json --style response-fxaa --out noise-free
-  particlegs reference xx.f32 yy.f32 zz.f32 --azimuth 30 --elevation 20 --distance 0.5 --style expected --out out
+#[command(
+    after_help = "\
+Examples:
+  particlegs reference samples/nbody64 -o pictures
+  particlegs reference snapshot --views views.json --style response-fxaa -o noise-free",
+    after_long_help = "\
+Examples:
+  particlegs reference samples/nbody64 -o pictures
+  particlegs reference snapshot --views views.json --style response-fxaa -o noise-free
+  particlegs reference x.f32 y.f32 z.f32 --azimuth 30 --distance 0.5 --style expected -o pictures
 
-Styles: `paraview` and `paraview-no-fxaa` are what ParaView 6 draws, shot noise and all; `response`
-and `response-fxaa` their noise-free means; `expected` is 255 (1 - exp(-tau)).")]
+docs/guide/pictures.md describes styles, cameras and views files."
+)]
 pub struct Arguments {
-    /// A snapshot: its first file, its folder, or raw columns x y z (w).
+    /// Snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
-    /// What to draw.
-    #[arg(long, value_enum, default_value_t = Style::Paraview)]
-    style: Style,
-    /// Folder for the pictures; made where it is missing.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the pictures, NAME.png for each view.
+    #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
+    /// What to draw.
+    #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
+    style: Style,
     #[command(flatten)]
     view: ViewArgs,
     #[command(flatten)]
@@ -47,33 +53,29 @@ pub struct Arguments {
     common: Common,
 }
 
-/// The styles of spec/metrics.md that all particles can be drawn in.
+/// The styles that all particles can be drawn in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Style {
-    /// ParaView's default: dual depth peeling, 8-bit blending, FXAA.
+    /// As ParaView 6 draws by default, with shot noise: dual depth peeling, 8-bit blending, FXAA.
     Paraview,
-    /// The same without FXAA.
+    /// The same without antialiasing (FXAA).
     ParaviewNoFxaa,
-    /// Noise-free, 255 (1 - exp(-tau)).
+    /// 255 (1 - exp(-tau)) for the optical depth tau: noise-free.
     Expected,
     /// Noise-free mean of paraview-no-fxaa.
     Response,
     /// Noise-free mean of paraview.
     ResponseFxaa,
-    /// Surface density, in logarithmic colours with bars.
+    /// Surface density in logarithmic colours, with a colour bar and a scale bar.
     Density,
 }
 
 #[derive(Serialize)]
-struct Drawn {
-    name: String,
-    radius: f64,
-    opacity: f64,
+struct DrawnParticles {
+    #[serde(flatten)]
+    drawn: Drawn,
     radius_px: f64,
-    seconds: f64,
     particles_per_second: f64,
-    #[serde(serialize_with = "path_as_text")]
-    path: PathBuf,
 }
 
 #[derive(Serialize)]
@@ -82,15 +84,8 @@ struct Report {
     particles: u64,
     width: usize,
     height: usize,
-    views: Vec<Drawn>,
-}
-
-#[derive(Serialize)]
-struct DrawnDensity {
-    name: String,
-    seconds: f64,
-    #[serde(serialize_with = "path_as_text")]
-    path: PathBuf,
+    fov_deg: Option<f64>,
+    views: Vec<DrawnParticles>,
 }
 
 #[derive(Serialize)]
@@ -99,7 +94,8 @@ struct DensityReport {
     particles: u64,
     width: usize,
     height: usize,
-    views: Vec<DrawnDensity>,
+    fov_deg: Option<f64>,
+    views: Vec<Drawn>,
 }
 
 /// Draws every view.
@@ -120,8 +116,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     let paths: Vec<PathBuf> = set.views.iter().map(|v| a.out.join(format!("{}.png", v.name))).collect();
     paths.iter().try_for_each(|path| context.writes(path, &PNG).map(drop))?;
     let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
-    let mut report =
-        Report { style, particles: count, width: set.size.width, height: set.size.height, views: Vec::new() };
+    let (width, height) = (set.size.width, set.size.height);
+    let mut report = Report { style, particles: count, width, height, fov_deg: None, views: Vec::new() };
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
     context.begin("drawing", set.views.len() as u64);
     for (view, path) in set.views.iter().zip(paths) {
@@ -139,15 +135,9 @@ pub fn run(a: &Arguments) -> Result<()> {
         context.says_what_is_there(&a.out, report.views.len(), set.views.len(), written)?;
         let (radius_px, rate) = (view.radius_pixels(set.size), count as f64 / seconds);
         text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {rate:>14.3e}", view.name);
-        report.views.push(Drawn {
-            name: view.name.clone(),
-            radius: view.radius,
-            opacity: view.opacity,
-            radius_px,
-            seconds,
-            particles_per_second: rate,
-            path,
-        });
+        let drawn = Drawn::of_view(view, seconds, path);
+        report.fov_deg = drawn.fov_deg();
+        report.views.push(DrawnParticles { drawn, radius_px, particles_per_second: rate });
         context.advance(1);
     }
     context.end();
@@ -162,8 +152,9 @@ fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Con
     let (size, views) = a.density.views((&a.view, &subject), &quantities, context)?;
     context.makes_folder(&a.out)?;
     a.density.plan(&a.out, &views, context)?;
+    let (width, height) = (size.width, size.height);
     let mut report =
-        DensityReport { style: "density", particles: count, width: size.width, height: size.height, views: Vec::new() };
+        DensityReport { style: "density", particles: count, width, height, fov_deg: None, views: Vec::new() };
     let mut text = format!("{:<16} {:>9}", "view", "seconds");
     for view in &views {
         let started = Instant::now();
@@ -172,7 +163,9 @@ fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Con
         let drawn = plane.and_then(|plane| a.density.write(&a.out, view, &plane, &quantities));
         let path = context.says_what_is_there(&a.out, report.views.len(), views.len(), drawn)?;
         text += &format!("\n{:<16} {seconds:>9.3}", view.name);
-        report.views.push(DrawnDensity { name: view.name.clone(), seconds, path });
+        let drawn = Drawn::of_density(view, seconds, path);
+        report.fov_deg = drawn.fov_deg();
+        report.views.push(drawn);
     }
     context.finish(&text, &report)
 }

@@ -2,9 +2,10 @@
 
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
-use crate::inputs::{self, path_as_text};
+use crate::drawn::Drawn;
+use crate::inputs;
 use crate::view_args::{Subject, ViewArgs};
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, ValueHint};
 use particlegs::input::name_of;
 use particlegs::model::{Law, Model};
 use particlegs::picture::{PNG, write_gray_png};
@@ -17,25 +18,36 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "Examples:
-  particlegs render model.pgs --out pictures
-  particlegs render model.pgs --views views.json --style expected --out pictures
-  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 --out near
-  particlegs render model.pgs --style density --colormap magma --out sigma
-  particlegs render model.pgs --layer PartType4 --out stars
-  particlegs render model.pgs --style density --projection orthographic --center 0,25,25 --width 30 --depth 5 --out slab")]
+#[command(
+    after_help = "\
+Examples:
+  particlegs render model.pgs -o pictures
+  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near
+  particlegs render model.pgs --style density --colormap magma -o sigma",
+    after_long_help = "\
+Examples:
+  particlegs render model.pgs -o pictures
+  particlegs render model.pgs --views views.json --style expected -o pictures
+  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near
+  particlegs render model.pgs --azimuth 30 --save-views view.json -o pictures
+  particlegs render model.pgs --style density --colormap magma -o sigma
+  particlegs render model.pgs --layer PartType4 -o stars
+  particlegs render model.pgs --style density --projection orthographic --width 30 --depth 5 -o slab
+
+docs/guide/pictures.md describes styles, cameras and views files."
+)]
 pub struct Arguments {
-    /// The model file.
-    #[arg(value_name = "MODEL")]
+    /// Model file.
+    #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// What to draw.
-    #[arg(long, value_enum, default_value_t = Style::Paraview)]
-    style: Style,
-    /// Folder for the pictures; made where it is missing.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the pictures, NAME.png for each view.
+    #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
-    /// Layers to draw: `all`, or names as `info` lists them.
-    #[arg(long, visible_alias = "layer", value_name = "all|NAME,...", value_delimiter = ',', default_value = "all")]
+    /// What to draw.
+    #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
+    style: Style,
+    /// Layers to draw, by the names that `info` lists, or `all`.
+    #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
     layers: Vec<String>,
     #[command(flatten)]
     view: ViewArgs,
@@ -48,22 +60,14 @@ pub struct Arguments {
 /// The styles that a model can be drawn in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Style {
-    /// What ParaView would draw of the particles, without its noise.
+    /// As ParaView draws the particles, without their shot noise.
     Paraview,
-    /// The same without FXAA.
+    /// The same without antialiasing (FXAA).
     ParaviewNoFxaa,
-    /// 255 (1 - exp(-tau)).
+    /// 255 (1 - exp(-tau)) for the optical depth tau.
     Expected,
-    /// Surface density, in logarithmic colours with bars.
+    /// Surface density in logarithmic colours, with a colour bar and a scale bar.
     Density,
-}
-
-#[derive(Serialize)]
-struct Drawn {
-    name: String,
-    seconds: f64,
-    #[serde(serialize_with = "path_as_text")]
-    path: PathBuf,
 }
 
 #[derive(Serialize)]
@@ -72,6 +76,7 @@ struct Report {
     gaussians: usize,
     width: usize,
     height: usize,
+    fov_deg: Option<f64>,
     views: Vec<Drawn>,
 }
 
@@ -89,6 +94,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         gaussians: model.gaussians(),
         width: 0,
         height: 0,
+        fov_deg: None,
         views: Vec::new(),
     };
     let look = match a.style {
@@ -101,9 +107,10 @@ pub fn run(a: &Arguments) -> Result<()> {
         Some(look) => pictures(a, &model, &subject, look, &context, &mut report)?,
         None => densities(a, &model, &subject, &context, &mut report)?,
     }
+    report.fov_deg = report.views.first().and_then(Drawn::fov_deg);
     let mut text = format!("{:<16} {:>9}", "view", "seconds");
     for v in &report.views {
-        text += &format!("\n{:<16} {:>9.3}", v.name, v.seconds);
+        text += &format!("\n{:<16} {:>9.3}", v.name(), v.seconds());
     }
     context.finish(&text, &report)
 }
@@ -130,7 +137,7 @@ fn pictures(
             write_gray_png(&path, &picture)
         });
         context.says_what_is_there(&a.out, report.views.len(), set.views.len(), drawn)?;
-        report.views.push(Drawn { name: view.name.clone(), seconds, path });
+        report.views.push(Drawn::of_view(view, seconds, path));
     }
     Ok(())
 }
@@ -138,7 +145,7 @@ fn pictures(
 fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context, report: &mut Report) -> Result<()> {
     if model.metadata.law == Law::AlphaBlend {
         let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
-        let hint = "draw particles with `recover`, and their density with `reference --style density`".to_string();
+        let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
         return Err(Error::Argument { what, hint });
     }
     let quantities = Quantities::of_model(model);
@@ -155,7 +162,7 @@ fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context,
             a.density.write(&a.out, view, &plane, &quantities)
         });
         let path = context.says_what_is_there(&a.out, report.views.len(), views.len(), drawn)?;
-        report.views.push(Drawn { name: view.name.clone(), seconds, path });
+        report.views.push(Drawn::of_density(view, seconds, path));
     }
     Ok(())
 }

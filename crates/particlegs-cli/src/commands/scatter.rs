@@ -2,7 +2,7 @@
 
 use crate::common::Common;
 use crate::job_args::{JobSnapshot, of_task, task_number};
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::job::Job;
 use particlegs::progress::Progress;
@@ -12,12 +12,13 @@ use std::path::PathBuf;
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-Copies the particles of a chunk of the snapshot into buckets, one for each block. What is done is
-skipped; SIGTERM, SIGUSR1 and Ctrl-C stop it with exit code 75: run it again to go on.")]
+Copies the particles of the snapshot, chunk by chunk, into one bucket for each block. Chunks that are
+done are skipped. After SIGTERM, SIGUSR1 or Ctrl-C the exit code is 75: run it again to continue.")]
 pub struct Arguments {
-    /// The job's folder.
+    /// Folder of the job.
+    #[arg(value_name = "JOB", value_hint = ValueHint::DirPath)]
     job: PathBuf,
-    /// The chunk, from 0, or `env:NAME` [default: all].
+    /// Number of a chunk, counted from 0, or `env:NAME` for a variable that holds it [default: all].
     #[arg(value_name = "I")]
     chunk: Option<String>,
     #[command(flatten)]
@@ -44,6 +45,6 @@ pub fn run(a: Arguments) -> Result<()> {
         done += u64::from(scattered.map_err(|e| of_task(e, &a.job, &format!("chunk {chunk}")))?);
     }
     let all = chunks.end - chunks.start;
-    let text = format!("{}: {done} of {all} chunks bucketed, {} were there", a.job.display(), all - done);
+    let text = format!("{}: {done} of {all} chunks sorted, {} were already done", a.job.display(), all - done);
     context.finish(&text, &json!({ "job": a.job.to_string_lossy(), "bucketed": done, "before": all - done }))
 }

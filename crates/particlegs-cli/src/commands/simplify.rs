@@ -4,7 +4,7 @@ use crate::common::Common;
 use crate::info_model;
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::compress::{Target, simplify};
 use particlegs::input::name_of;
 use particlegs::progress::Progress;
@@ -16,18 +16,18 @@ use std::time::Instant;
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-Gaussians are merged in pairs, those that show least first: counts, mass and moments are kept. A
-model compressed from the particles to the same size is better; this one needs no particles.
+Gaussians are merged in pairs, those first whose merging shows least; counts, mass and moments are
+kept. A model of the same size compressed from the particles is better; this needs no particles.
 
 Examples:
   particlegs simplify M.pgs -o small.pgs --ratio 1000
   particlegs simplify M.pgs -o preview.pgs --gaussians 2000")]
 pub struct Arguments {
     /// Model file.
-    #[arg(value_name = "M.pgs")]
+    #[arg(value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// The model file to write.
-    #[arg(long, short, value_name = "M2.pgs")]
+    /// Model file to write.
+    #[arg(long, short, alias = "out", value_name = "M2.pgs", value_hint = ValueHint::FilePath)]
     output: PathBuf,
     #[command(flatten)]
     target: TargetArgs,
@@ -41,13 +41,15 @@ pub struct Arguments {
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct TargetArgs {
-    /// Compression ratio: 12 bytes a particle (16 with weights) over the file's bytes.
-    #[arg(long)]
+    /// Compression ratio to reach.
+    ///
+    /// The size of the particles as float32, 12 bytes each (16 with weights), divided by the file size.
+    #[arg(long, value_name = "R")]
     ratio: Option<f64>,
-    /// File size, e.g. 11MB, 900kB, 1.5GiB.
-    #[arg(long)]
+    /// File size to reach, such as 11MB, 900kB or 1.5GiB.
+    #[arg(long, value_name = "SIZE")]
     size: Option<String>,
-    /// Number of Gaussians, at the nominal precision.
+    /// Number of Gaussians, stored at the nominal precision.
     #[arg(long, value_name = "K")]
     gaussians: Option<u64>,
 }

@@ -4,7 +4,7 @@ use crate::common::Common;
 use crate::inputs::{self, Either};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, ValueHint};
 use particlegs::input::name_of;
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Room};
@@ -13,11 +13,17 @@ use particlegs::stats::{Assignment, Convention, Measure, Statistics, StatsOption
 use particlegs::{Error, Result, codec, output};
 use std::path::{Path, PathBuf};
 
-/// Measure what recovered particles, or a model itself, are good for.
+/// Arguments.
 #[derive(Args)]
 #[command(
-    after_help = "Writes stats.json, tables as CSV and plots as SVG and PNG. A model is measured by its mixture itself:
+    after_help = "\
+Examples:
+  particlegs stats snapshot recovered -o stats
+  particlegs stats snapshot model.pgs -o stats --only density,spectrum",
+    after_long_help = "\
+Writes stats.json, tables as CSV and plots as SVG and PNG. A model is measured from its Gaussians:
 density, P(k), r(k), xi(r) by transform and moments; pairs, groups and neighbours need particles.
+docs/guide/statistics.md defines every measure.
 
 Examples:
   particlegs stats snapshot recovered -o stats
@@ -25,58 +31,60 @@ Examples:
   particlegs stats snapshot recovered -o stats --grid 50 --spectrum-grid 512"
 )]
 pub struct Arguments {
-    /// The truth: a snapshot's file or folder, or a model file.
+    /// Truth: a snapshot's file or folder, or a model file.
     #[arg(value_name = "TRUTH")]
     truth: PathBuf,
-    /// What is measured against it: likewise.
+    /// What is compared with it: recovered particles, a snapshot or a model file.
     #[arg(value_name = "OTHER")]
     other: PathBuf,
-    /// Folder for results; made where it is missing.
-    #[arg(long, short, value_name = "DIR")]
+    /// Folder for the results.
+    #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
-    /// Measure these alone (default: all).
+    /// Measure only these [default: all].
     #[arg(long, value_name = "NAME,...", value_enum, value_delimiter = ',')]
     only: Vec<MeasureName>,
-    /// Definitions: correct ones, or the published table's.
-    #[arg(long, value_enum, default_value_t = ConventionName::Correct)]
+    /// Definitions to measure by.
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = ConventionName::Correct, hide_short_help = true)]
     convention: ConventionName,
-    /// Cells along the longest edge for densities.
+    /// Density: cells along the longest edge.
     #[arg(long, value_name = "N", default_value_t = 256)]
     grid: usize,
-    /// Mass assignment for densities.
-    #[arg(long, value_enum, default_value_t = AssignmentName::Ngp)]
+    /// Density: mass assignment.
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = AssignmentName::Ngp, hide_short_help = true)]
     assignment: AssignmentName,
-    /// Cells along the longest edge for P(k).
+    /// P(k): cells along the longest edge.
     #[arg(long, value_name = "N", default_value_t = 256)]
     spectrum_grid: usize,
-    /// Mass assignment for P(k).
-    #[arg(long, value_enum, default_value_t = AssignmentName::Tsc)]
+    /// P(k): mass assignment.
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = AssignmentName::Tsc, hide_short_help = true)]
     spectrum_assignment: AssignmentName,
-    /// One grid for P(k) instead of two half a cell apart.
-    #[arg(long)]
+    /// P(k): use one grid instead of two interlaced ones.
+    #[arg(long, hide_short_help = true)]
     no_interlacing: bool,
-    /// Largest wave number (default: the particles' Nyquist frequency, pi / spacing).
-    #[arg(long, value_name = "K")]
+    /// P(k): largest wave number [default: the particles' Nyquist frequency, pi / mean spacing].
+    #[arg(long, value_name = "K", hide_short_help = true)]
     k_max: Option<f64>,
-    /// Smallest and largest separation for xi(r).
-    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1)]
+    /// xi(r): smallest and largest separation.
+    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     separations: Option<Vec<f64>>,
-    /// Distances to take for xi(r), about, a band of separations; above it primaries are sampled.
-    #[arg(long, value_name = "N", default_value_t = 300_000_000)]
+    /// xi(r): number of distances to compute in a band of separations, about.
+    ///
+    /// Where there are more, a sample of the particles is taken as primaries.
+    #[arg(long, value_name = "N", default_value_t = 300_000_000, hide_short_help = true)]
     pairs: u64,
-    /// Linking length of groups, in mean spacings.
+    /// Groups: linking length in mean spacings.
     #[arg(long, value_name = "B", default_value_t = 0.2)]
     linking: f64,
-    /// Radius of the apertures about group centres, in mean spacings.
-    #[arg(long, value_name = "F", default_value_t = 0.128)]
+    /// Groups: radius of the apertures about their centres, in mean spacings.
+    #[arg(long, value_name = "F", default_value_t = 0.128, hide_short_help = true)]
     aperture: f64,
-    /// Particles whose nearest neighbour is sought.
-    #[arg(long, value_name = "N", default_value_t = 500_000)]
+    /// Neighbours: number of particles whose nearest neighbour is searched.
+    #[arg(long, value_name = "N", default_value_t = 500_000, hide_short_help = true)]
     neighbours: usize,
-    /// Take no axis as periodic, whatever the files say.
+    /// Treat no axis as periodic, whatever the files say.
     #[arg(long)]
     open: bool,
-    /// Tables alone, no plots.
+    /// Write tables only, no plots.
     #[arg(long)]
     no_plots: bool,
     #[command(flatten)]
@@ -90,24 +98,24 @@ pub struct Arguments {
 enum MeasureName {
     /// Density on a grid.
     Density,
-    /// P(k), r(k), xi(r) by transform.
+    /// P(k), r(k), and xi(r) by Fourier transform.
     Spectrum,
     /// xi(r) by pair counts.
     Pairs,
-    /// Friends of friends and their cores.
+    /// Friends-of-friends groups and the mass in their cores.
     Groups,
-    /// Nearest neighbours.
+    /// Distances to the nearest neighbour.
     Neighbours,
-    /// Moments along the axes.
+    /// Moments of the positions along the axes.
     Moments,
 }
 
 /// Whose definitions.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ConventionName {
-    /// Cubic cells, windows and shot noise corrected.
+    /// Cubic cells; the mass assignment and the shot noise are corrected.
     Correct,
-    /// As the published table was made.
+    /// Those of the published table.
     Paper,
 }
 

@@ -1,7 +1,7 @@
 //! `particlegs status JOB`.
 
 use crate::common::Common;
-use clap::Args;
+use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::job::{Job, State};
 use std::path::PathBuf;
@@ -10,7 +10,8 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(after_help = "Example:\n  particlegs status job --json -")]
 pub struct Arguments {
-    /// The job's folder.
+    /// Folder of the job.
+    #[arg(value_name = "JOB", value_hint = ValueHint::DirPath)]
     job: PathBuf,
     #[command(flatten)]
     common: Common,
@@ -28,7 +29,7 @@ pub fn run(a: Arguments) -> Result<()> {
             found.collect::<Vec<_>>()
         };
         let mut text = format!("{} of {} done", of(State::Done).len(), states.len());
-        for (state, name) in [(State::Checkpointed, "with a checkpoint"), (State::Missing, "to do")] {
+        for (state, name) in [(State::Checkpointed, "interrupted, with a checkpoint"), (State::Missing, "to do")] {
             let found = of(state);
             if !found.is_empty() {
                 let more = if found.len() > 12 { ", ..." } else { "" };
@@ -39,11 +40,11 @@ pub fn run(a: Arguments) -> Result<()> {
         text
     };
     let chunks = match status.chunks.len() {
-        0 => "none needed".to_string(),
+        0 => "not needed".to_string(),
         _ => parts(&status.chunks),
     };
     let text = format!(
-        "{}\nchunks: {chunks}\nblocks: {}\nparticles: {} of {}; {} Gaussians, {} bytes, {:.1} s of work",
+        "{}\nchunks: {chunks}\nblocks: {}\nparticles: {} of {} fitted; {} Gaussians, {} bytes, {:.1} s of work",
         a.job.display(),
         parts(&status.blocks),
         status.particles[0],

@@ -18,12 +18,14 @@ use std::path::PathBuf;
 /// Arguments.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify JOB\n\nA corrupt file ends with exit code 4."
+    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify JOB\n\nThe exit code is 4 for a corrupt file (docs/guide/exit-codes.md)."
 )]
 pub struct Arguments {
-    /// Model file, or a job's folder.
+    /// Model file, or the folder of a job.
+    #[arg(value_name = "MODEL|JOB")]
     model: PathBuf,
-    /// The snapshot that it was made of: its hash is compared and the certificate measured again.
+    /// Snapshot that the model was made from: its hash is compared, its certificate measured again.
+    #[arg(value_name = "SNAPSHOT")]
     snapshot: Vec<PathBuf>,
     #[command(flatten)]
     opening: SnapshotArgs,

@@ -10,4 +10,4 @@ pub use density_view::DensityView;
 pub use normalisation::Normalisation;
 pub use orbit::{FOV_DEG, ORBITS, Orbit, base_distance, clipping_range, spherical_camera, spiral, view_up};
 pub use view::{Camera, Frame, Projection, View, ViewSet};
-pub use views_file::read_views;
+pub use views_file::{read_views, views_text};

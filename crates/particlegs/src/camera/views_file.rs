@@ -1,11 +1,11 @@
-//! Views files: JSON with `width`, `height`, `fov_deg` and `views`.
+//! Views files: JSON with `width`, `height`, `fov_deg` and `views` (docs/guide/pictures.md).
 
 use super::view::{Camera, Projection, View, ViewSet};
 use crate::input::{Begins, Form, read_whole};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::{Error, Result};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// A hundred thousand views.
@@ -13,7 +13,7 @@ const FORM: Form = Form { title: "a views file", begins: Begins::Object, most: 6
 /// Bytes of a view's name at most: pictures are named after it, with an ending.
 const LONGEST_NAME: usize = 200;
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct FileForm {
     width: usize,
     height: usize,
@@ -21,7 +21,7 @@ struct FileForm {
     views: Vec<ViewForm>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct ViewForm {
     name: String,
     position: [f64; 3],
@@ -29,7 +29,48 @@ struct ViewForm {
     view_up: [f64; 3],
     radius: f64,
     opacity: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
     clipping_range: Option<[f64; 2]>,
+}
+
+impl From<&View> for ViewForm {
+    fn from(v: &View) -> Self {
+        let Camera { position, focal_point, view_up, clipping_range, .. } = v.camera;
+        let (name, radius, opacity) = (v.name.clone(), v.radius, v.opacity);
+        ViewForm { name, position, focal_point, view_up, radius, opacity, clipping_range }
+    }
+}
+
+/// The views as the text of a views file, which [`read_views`] reads back without a difference.
+///
+/// # Errors
+/// [`Error::Argument`] for an orthographic view and for views of different angles: the file has one
+/// field of view.
+pub fn views_text(set: &ViewSet) -> Result<String> {
+    let form = FileForm {
+        width: set.size.width,
+        height: set.size.height,
+        fov_deg: fov_deg(&set.views)?,
+        views: set.views.iter().map(ViewForm::from).collect(),
+    };
+    serde_json::to_string_pretty(&form).map(|text| text + "\n").map_err(|e| Error::argument(e.to_string()))
+}
+
+/// The field of view that all have in common, degrees.
+fn fov_deg(views: &[View]) -> Result<f64> {
+    let mut angles = views.iter().map(|v| match v.camera.projection {
+        Projection::Perspective { fov_deg } => Ok(fov_deg),
+        Projection::Orthographic { .. } => {
+            Err(Error::argument(format!("view `{}`: a views file holds perspective views only", v.name)))
+        }
+    });
+    let first = angles.next().unwrap_or(Ok(super::FOV_DEG))?;
+    for angle in angles {
+        if angle? != first {
+            return Err(Error::argument("the views of one file have one field of view; these have several"));
+        }
+    }
+    Ok(first)
 }
 
 /// Reads and checks a views file; `-` is standard input.
@@ -93,6 +134,71 @@ fn view(v: ViewForm, fov_deg: f64) -> View {
 mod tests {
     use super::*;
     use crate::progress::Silent;
+    use proptest::prelude::*;
+
+    /// Numbers of every size, whose decimals do not end early.
+    fn number() -> impl Strategy<Value = f64> {
+        any::<f64>().prop_filter("finite", |v| v.is_finite())
+    }
+
+    prop_compose! {
+        fn views()(
+            size in (1usize..=32_768, 1usize..=32_768),
+            fov_deg in 1e-3..179.0f64,
+            eyes in prop::collection::vec((prop::array::uniform3(number()), prop::array::uniform3(number())), 1..5),
+            looks in prop::collection::vec((1e-300..1e300f64, 1e-12..=1.0f64, prop::option::of(1e-9..1e9f64)), 5),
+        ) -> ViewSet {
+            let view = |(i, (position, focal_point)): (usize, &([f64; 3], [f64; 3]))| {
+                let (radius, opacity, near) = looks[i];
+                let clipping_range = near.map(|n| [n, 3.0 * n]);
+                let projection = Projection::Perspective { fov_deg };
+                let camera = Camera {
+                    position: *position, focal_point: *focal_point, view_up: [0.1, 0.7, 0.3], projection, clipping_range,
+                };
+                View { name: format!("view \"{i}\" é"), camera, radius, opacity }
+            };
+            let views = eyes.iter().enumerate().map(view).collect();
+            ViewSet { size: Size { width: size.0, height: size.1 }, views }
+        }
+    }
+
+    proptest! {
+        /// To the last bit: a picture of the views that were written is the same picture.
+        #[test]
+        fn what_is_written_is_read_again(set in views()) {
+            prop_assume!(set.views.iter().all(|v| v.check(set.size).is_ok()));
+            let file = tempfile::NamedTempFile::new().unwrap();
+            std::fs::write(file.path(), views_text(&set).unwrap()).unwrap();
+            prop_assert_eq!(read_views(file.path(), &Silent).unwrap(), set);
+        }
+    }
+
+    #[test]
+    fn what_a_views_file_cannot_say_is_refused() {
+        let camera = super::super::spherical_camera([0.0; 3], 10.0, 20.0, 5.0);
+        let view = View { name: "a".into(), camera, radius: 1.0, opacity: 0.5 };
+        let with = |projection: Projection| View { camera: Camera { projection, ..camera }, ..view.clone() };
+        let size = Size { width: 4, height: 3 };
+        let set = |views: Vec<View>| views_text(&ViewSet { size, views });
+        assert!(set(vec![view.clone(), view.clone()]).is_ok());
+        assert!(set(vec![view.clone(), with(Projection::Perspective { fov_deg: 40.0 })]).is_err());
+        assert!(set(vec![with(Projection::Orthographic { height_world: 1.0 })]).is_err());
+    }
+
+    /// The guide's example is a views file, and its table names every key of one.
+    #[test]
+    fn the_guide_describes_the_file() {
+        let page = include_str!("../../../../docs/guide/pictures.md");
+        let example = page.split("```json").nth(1).unwrap().split("```").next().unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), example).unwrap();
+        let set = read_views(file.path(), &Silent).unwrap();
+        let written: serde_json::Value = serde_json::from_str(&views_text(&set).unwrap()).unwrap();
+        let inside = written["views"].as_array().unwrap().iter().find(|v| v.get("clipping_range").is_some()).unwrap();
+        let keys = written.as_object().unwrap().keys().chain(inside.as_object().unwrap().keys());
+        assert!(keys.clone().count() == 11);
+        keys.for_each(|key| assert!(page.contains(&format!("`{key}`")), "{key}"));
+    }
 
     fn refusal(name: &str) -> Option<String> {
         let folder = tempfile::tempdir().unwrap();

@@ -62,7 +62,7 @@ pub fn layers_by_mass(particles: &Particles, room: &Room) -> Result<Particles> {
         }
         let classes = classes(&weights[layer.range.clone()]).ok_or_else(|| {
             let what = format!("`{}` has more than {MOST_CLASSES} different masses: no classes", layer.name);
-            Error::input_hint(&particles.meta.name, what, "use `--layers species`")
+            Error::input_hint(&particles.meta.name, what, "use `--layers-by species`")
         })?;
         for class in &classes {
             let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };

@@ -18,4 +18,4 @@ pub use plane::{Gray8, Plane, Rgb8, Size};
 pub use png_io::{PNG, read_gray_png, write_gray_png, write_rgb_png};
 pub use score::{MASK_LEVEL, Scores, decibels, is_lit, masked_psnr, psnr};
 pub use score_ssim::ssim;
-pub use text::FONT;
+pub use text::{FONT, number, superscript};

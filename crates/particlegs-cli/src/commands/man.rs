@@ -1,0 +1,44 @@
+//! `particlegs man DIR`.
+
+use clap::{Args, CommandFactory, ValueHint};
+use clap_mangen::Man;
+use particlegs::{Error, Result, output};
+use std::path::{Path, PathBuf};
+
+/// Arguments.
+#[derive(Args)]
+#[command(after_help = "\
+Writes particlegs.1, and particlegs-COMMAND.1 for each command.
+
+Examples:
+  particlegs man ~/.local/share/man/man1 && man particlegs-compress
+  particlegs man pages && man pages/particlegs-render.1")]
+pub struct Arguments {
+    /// Folder for the pages.
+    #[arg(value_name = "DIR", value_hint = ValueHint::DirPath)]
+    folder: PathBuf,
+}
+
+/// Writes every page, each whole or not at all.
+pub fn run(a: &Arguments) -> Result<()> {
+    std::fs::create_dir_all(&a.folder).map_err(|e| Error::io(&a.folder, e))?;
+    // The pages describe what `-h` leaves to `--help`, too.
+    let shown = |command: clap::Command| command.mut_args(|a| a.hide_short_help(false));
+    let mut program = crate::Cli::command().mut_subcommands(shown);
+    program.build();
+    for command in program.get_subcommands().filter(|c| c.get_name() != "help") {
+        let title = format!("{}-{}", program.get_name(), command.get_name());
+        page(command.clone().display_name(title.clone()), &a.folder.join(format!("{title}.1")))?;
+    }
+    let path = a.folder.join(format!("{}.1", program.get_name()));
+    page(program, &path)
+}
+
+/// One page, as troff.
+fn page(command: clap::Command, path: &Path) -> Result<()> {
+    let mut page = Vec::new();
+    let source = concat!("particlegs ", env!("CARGO_PKG_VERSION"));
+    Man::new(command).source(source).render(&mut page).map_err(|e| Error::io(path, e))?;
+    let page = String::from_utf8_lossy(&page).replace(".SH EXTRA", ".SH NOTES");
+    output::write_bytes(path, page.as_bytes())
+}

@@ -1,0 +1,454 @@
+//! What a user sees while waiting: on a terminal a line that never stands still, elsewhere one plain
+//! line a minute.
+//!
+//! [`Meter`] is the clock and the thread; [`Display`] knows what is going on and is told the time, so that
+//! tests need no clock; a [`Sink`] shows it.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::{IsTerminal, Write};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Time between two looks at the work, on a terminal ...
+const TICK: Duration = Duration::from_millis(200);
+/// ... and elsewhere.
+const PLAIN_TICK: Duration = Duration::from_secs(1);
+/// Time between two plain lines; shorter runs print none.
+const PLAIN_EVERY: Duration = Duration::from_secs(60);
+/// What takes less than this draws nothing on a terminal.
+const UNSEEN: Duration = Duration::from_millis(400);
+/// A rate is an estimate once a phase has run so long.
+const SETTLED: Duration = Duration::from_secs(1);
+/// Characters of the phases' names that a line shows at most.
+const NAME_WIDTH: usize = 44;
+
+/// Where the state of the work goes.
+trait Sink: Send {
+    /// Shows how far the work is, `now` after its beginning.
+    fn show(&mut self, status: &Status, now: Duration);
+    /// Takes away what is shown.
+    fn clear(&mut self);
+    /// A line for the user, above what is shown.
+    fn message(&mut self, text: &str);
+}
+
+/// How far the work is.
+#[derive(Clone, Debug, PartialEq)]
+struct Status {
+    /// The phase, and those within it.
+    name: String,
+    /// Share that is done, of the outermost phase whose size is known.
+    share: Option<f64>,
+    /// Time that this phase has taken.
+    elapsed: Duration,
+    /// Time that it still takes, at the rate so far.
+    left: Option<Duration>,
+}
+
+impl Status {
+    /// `45 %, 1 min 20 s left`, or `12 s so far`.
+    fn figures(&self) -> String {
+        let share = self.share.map_or(String::new(), |s| format!("{:.0} %, ", (100.0 * s).floor()));
+        match self.left {
+            Some(left) => format!("{share}{} left", duration(left)),
+            None => format!("{share}{} so far", duration(self.elapsed)),
+        }
+    }
+}
+
+/// `12 s`, `1 min 20 s`, `2 h 5 min`.
+fn duration(d: Duration) -> String {
+    match d.as_secs() {
+        s @ 0..60 => format!("{s} s"),
+        s @ 60..3600 => format!("{} min {} s", s / 60, s % 60),
+        s => format!("{} h {} min", s / 3600, s % 3600 / 60),
+    }
+}
+
+/// A phase of the work that has begun and not ended.
+struct Phase {
+    name: String,
+    total: u64,
+    done: u64,
+    began: Duration,
+}
+
+impl Phase {
+    /// Share that is done; `None` where the total is not known. Some totals are estimates.
+    fn share(&self) -> Option<f64> {
+        (self.total > 0).then(|| (self.done as f64 / self.total as f64).min(1.0))
+    }
+
+    /// Time that is left at the rate so far.
+    fn left(&self, now: Duration) -> Option<Duration> {
+        let (share, elapsed) = (self.share()?, now.saturating_sub(self.began));
+        let known = share > 0.0 && elapsed >= SETTLED;
+        known.then(|| Duration::from_secs_f64((elapsed.as_secs_f64() * (1.0 - share) / share).clamp(1.0, 1e9)))
+    }
+}
+
+/// What is going on, and where it is shown. Times count from the beginning of the command.
+struct Display {
+    /// The outermost phase first.
+    phases: Vec<Phase>,
+    /// Since when no phase is under way.
+    idle_since: Duration,
+    sink: Box<dyn Sink>,
+}
+
+impl Display {
+    fn new(sink: Box<dyn Sink>) -> Self {
+        Display { phases: Vec::new(), idle_since: Duration::ZERO, sink }
+    }
+
+    fn begin(&mut self, name: &str, total: u64, now: Duration) {
+        self.phases.push(Phase { name: name.to_string(), total, done: 0, began: now });
+    }
+
+    fn advance(&mut self, steps: u64) {
+        if let Some(phase) = self.phases.last_mut() {
+            phase.done = phase.done.saturating_add(steps);
+        }
+    }
+
+    fn end(&mut self, now: Duration) {
+        self.phases.pop();
+        self.idle_since = now;
+    }
+
+    /// What a user should know now.
+    fn status(&self, now: Duration) -> Status {
+        let Some(outermost) = self.phases.first() else {
+            let elapsed = now.saturating_sub(self.idle_since);
+            return Status { name: "working".into(), share: None, elapsed, left: None };
+        };
+        // The size of the outer phase tells most, as soon as a step of it is done.
+        let known = self.phases.iter().find(|p| p.done > 0 && p.total > 0);
+        let told = known.or(self.phases.iter().find(|p| p.total > 0)).unwrap_or(outermost);
+        let names: Vec<&str> = self.phases.iter().map(|p| p.name.as_str()).collect();
+        let elapsed = now.saturating_sub(told.began);
+        Status { name: shortened(&names.join(": ")), share: told.share(), elapsed, left: told.left(now) }
+    }
+
+    fn tick(&mut self, now: Duration) {
+        let status = self.status(now);
+        self.sink.show(&status, now);
+    }
+}
+
+/// The name, with an ellipsis where it is longer than a line has room for.
+fn shortened(name: &str) -> String {
+    if name.chars().count() <= NAME_WIDTH {
+        return name.to_string();
+    }
+    let kept: String = name.chars().take(NAME_WIDTH - 1).collect();
+    format!("{kept}…")
+}
+
+/// A line on a terminal, drawn anew at every tick.
+struct Terminal {
+    bar: ProgressBar,
+    of_known_size: Option<bool>,
+}
+
+impl Terminal {
+    fn new() -> Self {
+        let bar = ProgressBar::with_draw_target(Some(1000), ProgressDrawTarget::stderr());
+        Terminal { bar, of_known_size: None }
+    }
+}
+
+impl Sink for Terminal {
+    fn show(&mut self, status: &Status, _: Duration) {
+        if status.elapsed < UNSEEN && self.of_known_size.is_none() {
+            return;
+        }
+        let known = status.share.is_some();
+        if self.of_known_size != Some(known) {
+            let form = if known { "{prefix} {wide_bar} {msg}" } else { "{prefix} {spinner} {msg}" };
+            self.bar.set_style(ProgressStyle::with_template(form).unwrap_or_else(|_| ProgressStyle::default_bar()));
+            self.of_known_size = Some(known);
+        }
+        self.bar.set_prefix(status.name.clone());
+        self.bar.set_message(status.figures());
+        self.bar.set_position((1000.0 * status.share.unwrap_or(0.0)) as u64);
+        self.bar.tick();
+    }
+
+    fn clear(&mut self) {
+        self.bar.finish_and_clear();
+        *self = Terminal::new();
+    }
+
+    fn message(&mut self, text: &str) {
+        self.bar.suspend(|| to_stderr(text));
+    }
+}
+
+/// Lines without control characters, for log files and batch systems.
+struct Plain<W> {
+    out: W,
+    next: Duration,
+}
+
+impl<W: Write + Send> Sink for Plain<W> {
+    fn show(&mut self, status: &Status, now: Duration) {
+        if now < self.next {
+            return;
+        }
+        self.next = now + PLAIN_EVERY;
+        // A log that cannot be written is no reason to stop.
+        let _ = writeln!(self.out, "progress after {}: {}, {}", duration(now), status.name, status.figures());
+    }
+
+    fn clear(&mut self) {}
+
+    fn message(&mut self, text: &str) {
+        let _ = writeln!(self.out, "{text}");
+    }
+}
+
+fn to_stderr(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Shows the work of one command as it goes on.
+pub struct Meter {
+    began: Instant,
+    shared: Arc<Shared>,
+    ticker: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    /// `None` once the command is over.
+    display: Mutex<Option<Display>>,
+    over: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Option<Display>> {
+        self.display.lock().unwrap_or_else(|e| e.into_inner())
+    }
+}
+
+impl Meter {
+    /// On a terminal a moving line, elsewhere a plain line a minute.
+    pub fn start() -> Meter {
+        let dumb = std::env::var_os("TERM").is_some_and(|t| t == "dumb");
+        match std::io::stderr().is_terminal() && !dumb {
+            true => Meter::with(Box::new(Terminal::new()), TICK),
+            false => Meter::with(Box::new(Plain { out: std::io::stderr(), next: PLAIN_EVERY }), PLAIN_TICK),
+        }
+    }
+
+    fn with(sink: Box<dyn Sink>, every: Duration) -> Meter {
+        let began = Instant::now();
+        let shared = Arc::new(Shared { display: Mutex::new(Some(Display::new(sink))), over: Condvar::new() });
+        let seen = Arc::clone(&shared);
+        let ticker = std::thread::Builder::new().name("progress".into()).spawn(move || {
+            let mut display = seen.lock();
+            while let Some(d) = display.as_mut() {
+                d.tick(began.elapsed());
+                display = seen.over.wait_timeout(display, every).unwrap_or_else(|e| e.into_inner()).0;
+            }
+        });
+        // Without a thread there is no progress, and the work goes on.
+        Meter { began, shared, ticker: ticker.ok() }
+    }
+
+    /// A phase of `total` steps begins (0 = unknown), within those that have not ended.
+    pub fn begin(&self, phase: &str, total: u64) {
+        let now = self.began.elapsed();
+        self.shared.lock().iter_mut().for_each(|d| d.begin(phase, total, now));
+    }
+
+    /// `steps` more steps of the innermost phase are done.
+    pub fn advance(&self, steps: u64) {
+        self.shared.lock().iter_mut().for_each(|d| d.advance(steps));
+    }
+
+    /// The innermost phase is over.
+    pub fn end(&self) {
+        let now = self.began.elapsed();
+        self.shared.lock().iter_mut().for_each(|d| d.end(now));
+    }
+
+    /// A line for the user.
+    pub fn message(&self, text: &str) {
+        self.shared.lock().iter_mut().for_each(|d| d.sink.message(text));
+    }
+
+    /// Does something that writes to the terminal, with nothing shown meanwhile.
+    pub fn aside<T>(&self, write: impl FnOnce() -> T) -> T {
+        let mut display = self.shared.lock();
+        display.iter_mut().for_each(|d| d.sink.clear());
+        write()
+    }
+}
+
+impl Drop for Meter {
+    fn drop(&mut self) {
+        if let Some(mut display) = self.shared.lock().take() {
+            display.sink.clear();
+        }
+        self.shared.over.notify_all();
+        if let Some(ticker) = self.ticker.take() {
+            let _ = ticker.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(seconds: u64) -> Duration {
+        Duration::from_secs(seconds)
+    }
+
+    /// What was shown, with its time.
+    #[derive(Clone, Default)]
+    struct Record(Arc<Mutex<Vec<String>>>);
+
+    impl Sink for Record {
+        fn show(&mut self, status: &Status, _: Duration) {
+            self.0.lock().unwrap().push(format!("{}, {}", status.name, status.figures()));
+        }
+        fn clear(&mut self) {}
+        fn message(&mut self, _: &str) {}
+    }
+
+    impl Write for Record {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            self.0.lock().unwrap().push(String::from_utf8(bytes.to_vec()).unwrap());
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Record {
+        fn all(&self) -> Vec<String> {
+            self.0.lock().unwrap().clone()
+        }
+    }
+
+    #[test]
+    fn durations_are_said_in_two_units_at_most() {
+        let said = [0, 59, 60, 3599, 3600, 90_061].map(|s| duration(at(s)));
+        assert_eq!(said, ["0 s", "59 s", "1 min 0 s", "59 min 59 s", "1 h 0 min", "25 h 1 min"]);
+    }
+
+    #[test]
+    fn a_phase_says_what_how_far_and_how_long() {
+        let record = Record::default();
+        let mut d = Display::new(Box::new(record.clone()));
+        d.begin("fitting", 200, at(10));
+        d.tick(at(12));
+        d.advance(50);
+        d.tick(at(40));
+        d.begin("surface density", 0, at(41));
+        d.tick(at(42));
+        d.end(at(43));
+        d.end(at(44));
+        d.begin("groups", 0, at(50));
+        d.tick(at(125));
+        assert_eq!(
+            record.all(),
+            [
+                "fitting, 0 %, 2 s so far",
+                "fitting, 25 %, 1 min 30 s left",
+                "fitting: surface density, 25 %, 1 min 36 s left",
+                "groups, 1 min 15 s so far"
+            ]
+        );
+    }
+
+    /// A step of the inner phase is worth telling until the first of the outer one is done.
+    #[test]
+    fn the_inner_phase_is_told_until_the_outer_one_moves() {
+        let mut d = Display::new(Box::new(Record::default()));
+        d.begin("views", 4, at(0));
+        d.begin("drawing", 10, at(0));
+        d.advance(5);
+        assert_eq!(d.status(at(20)).share, Some(0.5));
+        d.end(at(40));
+        d.advance(1);
+        d.begin("drawing", 10, at(40));
+        d.advance(5);
+        let status = d.status(at(60));
+        assert_eq!((status.share, status.left), (Some(0.25), Some(at(180))));
+    }
+
+    /// Whatever the work says or does not say, two seconds never pass with the same line.
+    #[test]
+    fn the_line_never_stands_still() {
+        let record = Record::default();
+        let mut d = Display::new(Box::new(record.clone()));
+        for second in 0..10 {
+            d.tick(at(second));
+        }
+        d.begin("reading", 0, at(10));
+        (10..20).for_each(|s| d.tick(at(s)));
+        d.begin("a phase of known size", 100, at(20));
+        (20..30).for_each(|s| d.tick(at(s)));
+        d.advance(1);
+        (30..40).for_each(|s| d.tick(at(s)));
+        let lines = record.all();
+        assert_eq!(lines.len(), 40);
+        assert!(lines.windows(2).all(|w| w[0] != w[1]), "{lines:?}");
+        assert!(TICK < at(1));
+    }
+
+    #[test]
+    fn totals_that_were_estimates_do_not_go_beyond_the_whole() {
+        let mut d = Display::new(Box::new(Record::default()));
+        d.begin("partition", 977, at(0));
+        d.advance(1037);
+        assert_eq!(d.status(at(5)).figures(), "100 %, 1 s left");
+        d.advance(u64::MAX);
+        assert_eq!(d.status(at(5)).share, Some(1.0));
+        // An end too many is no panic.
+        (0..3).for_each(|_| d.end(at(6)));
+        d.advance(1);
+    }
+
+    #[test]
+    fn elsewhere_one_plain_line_a_minute_and_none_before() {
+        let record = Record::default();
+        let mut d = Display::new(Box::new(Plain { out: record.clone(), next: PLAIN_EVERY }));
+        d.begin("refine", 300, at(0));
+        (0..60).for_each(|s| d.tick(at(s)));
+        assert!(record.all().is_empty());
+        d.advance(150);
+        (60..240).for_each(|s| d.tick(at(s)));
+        let text = record.all().concat();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 3, "{text}");
+        assert_eq!(lines[0], "progress after 1 min 0 s: refine, 50 %, 1 min 0 s left");
+        assert!(text.chars().all(|c| c == '\n' || !c.is_control()), "{text:?}");
+    }
+
+    #[test]
+    fn long_names_leave_room_for_figures() {
+        let name = shortened(&"ä".repeat(200));
+        assert_eq!((name.chars().count(), name.ends_with('…')), (NAME_WIDTH, true));
+    }
+
+    /// The thread asks by itself, and ends with the meter.
+    #[test]
+    fn a_meter_shows_without_being_asked() {
+        let record = Record::default();
+        let meter = Meter::with(Box::new(record.clone()), Duration::from_millis(1));
+        meter.begin("reading", 0);
+        while record.all().iter().filter(|l| l.starts_with("reading")).count() < 2 {
+            std::thread::yield_now();
+        }
+        drop(meter);
+        let shown = record.all().len();
+        std::thread::yield_now();
+        assert_eq!(record.all().len(), shown);
+    }
+}
