@@ -69,6 +69,16 @@ pub enum Error {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// What was measured is not what a file says.
+    #[error("{place}: {what}")]
+    Differs {
+        /// File.
+        place: String,
+        /// What is stored and what was measured.
+        what: String,
+        /// What to do, or empty.
+        hint: String,
+    },
     /// The caller asked to stop.
     #[error("stopped")]
     Cancelled,
@@ -109,7 +119,10 @@ impl Error {
     /// What to do about it; empty where there is nothing to add.
     pub fn hint(&self) -> &str {
         match self {
-            Error::Input { hint, .. } | Error::Argument { hint, .. } | Error::Unreachable { hint, .. } => hint,
+            Error::Input { hint, .. }
+            | Error::Argument { hint, .. }
+            | Error::Unreachable { hint, .. }
+            | Error::Differs { hint, .. } => hint,
             Error::Corrupt { .. } => "copy the file again from its source; `particlegs verify` checks it",
             Error::Compatibility { .. } => "use a newer particlegs",
             Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture",
@@ -127,6 +140,7 @@ impl Error {
             Error::Unreachable { .. } => 5,
             Error::Io { .. } => 6,
             Error::Memory { .. } => 7,
+            Error::Differs { .. } => 9,
             Error::Checkpointed { .. } => 75,
             Error::Cancelled => 130,
         }

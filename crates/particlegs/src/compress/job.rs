@@ -226,7 +226,8 @@ impl<'a> Job<'a> {
                 .clock
                 .time("certificate", || score::certificate(&model, self.particles, seed, pictures, progress))?;
             bytes = self.file(&coded, Some(&certificate))?;
-            model.certificate = Some(certificate);
+            // What is told is what the file holds, rounded as it is there.
+            model.certificate = codec::read_info(&bytes, "the file just coded")?.certificate;
         }
         let factors = coded.blocks.iter().map(|b| b.outcome.step_factor);
         let step_factor = factors.sum::<f64>() / coded.blocks.len().max(1) as f64;

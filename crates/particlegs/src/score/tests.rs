@@ -112,7 +112,7 @@ fn certificates_repeat_and_know_the_density() {
         c.orbits.iter().all(|o| o.expected.masked_psnr > Some(20.0) && o.expected.noise_free_masked_psnr.is_none())
     );
     let bounds = &fine.metadata.bounds;
-    let coarse = density_of(&coarse, &particles, bounds, 50, &Silent).unwrap();
+    let [coarse, uniform] = density_of(&coarse, &particles, bounds, 50, &Silent).unwrap();
     assert!(c.density_correlation > coarse.correlation && c.density_mae < coarse.mean_absolute_error);
     assert!(c.density_correlation > 0.8 && c.density_correlation < 1.0, "{}", c.density_correlation);
 }
