@@ -161,6 +161,7 @@ impl<'a> Job<'a> {
             weighted: l.weighted,
         };
         let plan = Plan::new(options, metadata, particles.layers().into_iter().map(layer).collect())?;
+        plan.announce(progress);
         let (memory, limits) = (options.memory, &options.limits);
         Ok(Job {
             particles,

@@ -94,10 +94,10 @@ impl DensityGrid {
         self.sum_parts(mixture.len(), |grid, range| {
             let mut splat = Splat::default();
             for i in range {
-                if i % 256 == 0 {
+                if i.is_multiple_of(256) {
                     progress.check()?;
+                    progress.advance(256);
                 }
-                progress.advance(1);
                 splat.add(&self.0, grid, mixture.mean_of(i), &mixture.cov_of(i), mixture.mass_of(i));
             }
             Ok(())
