@@ -6,9 +6,10 @@ use crate::printable::one_line;
 use particlegs::Result;
 use particlegs::codec::{self, FileInfo, LayerInfo};
 use particlegs::input::name_of;
-use particlegs::model::{Certificate, Law, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges};
+use particlegs::model::{Certificate, Law, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 use particlegs::particles::Cell;
 use particlegs::progress::Progress;
+use particlegs::score::{self, Verdict};
 use particlegs_formats::SPLAT_PLY_BYTES;
 use serde::Serialize;
 use std::fmt::Write;
@@ -28,6 +29,7 @@ struct Report<'a> {
     vizmapper: Option<NetworkReport>,
     published_bytes: u64,
     certificate: Option<&'a Certificate>,
+    verdict: Verdict,
 }
 
 /// The network of an alpha-blend model.
@@ -93,6 +95,7 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
         vizmapper: info.vizmapper.as_ref().map(network),
         published_bytes: gaussians * SPLAT_PLY_BYTES,
         certificate: info.certificate.as_ref(),
+        verdict: score::verdict(info.certificate.as_ref(), info.metadata.length_unit.as_deref()),
     };
     context.finish(&text(&report), &report)
 }
@@ -207,6 +210,7 @@ fn text(r: &Report<'_>) -> String {
         }
     }
     out.push_str(&certificate(r.certificate, m.length_unit));
+    out.push_str(&verdict(&r.verdict));
     out.trim_end().to_string()
 }
 
@@ -226,35 +230,97 @@ fn said(value: Option<impl ToString>) -> String {
 pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let Some(c) = c else { return "certificate        none\n".into() };
     let mut out = format!(
-        "certificate        measured at encoding: {} x {}, one frame an orbit, seed {}\n  {:<6} {:<17} {:>22} {:>20}\n",
-        c.width, c.height, c.seed, "orbit", "look", "masked PSNR (noise-free)", "SSIM (noise-free)"
+        "certificate        measured at encoding: {} x {}, one frame an orbit, seed {}\n",
+        c.width, c.height, c.seed
     );
-    for (name, orbit) in ["far", "mid", "near"].iter().zip(&c.orbits) {
-        let looks = [
-            ("paraview", &orbit.paraview),
-            ("paraview-no-fxaa", &orbit.paraview_no_fxaa),
-            ("expected", &orbit.expected),
-        ];
-        for (look, score) in looks {
-            let _ = writeln!(out, "  {name:<6} {look:<17} {}", scores(score));
-        }
-    }
-    let _ = writeln!(
-        out,
-        "  density on a grid of {} cells: correlation {:.5}, mean absolute error of the contrast {:.4}",
-        c.grid, c.density_correlation, c.density_mae
-    );
+    out += &pictures(c);
+    let mut line = |text: String| out += &hanging("  ", &text, 6);
+    line(format!("density on a grid of {} cells: correlation {:.5} (uniform 0)", c.grid, c.density_correlation));
+    let uniform = c.baselines.map_or_else(|| "not measured".into(), |b| format!("{:.4}", b.uniform_density_mae));
+    line(format!(
+        "density contrast on it: mean absolute error {:.4} (uniform {uniform}, empty 1)",
+        c.density_mae
+    ));
     match &c.science {
-        Some(science) => science.in_words(unit).iter().for_each(|words| {
-            let _ = writeln!(out, "  {words}");
-        }),
-        None => out.push_str("  power spectrum, cross-correlation, groups: not measured\n"),
+        Some(science) => science.in_words(unit).into_iter().for_each(line),
+        None => line("power spectrum, cross-correlation, groups: not measured".into()),
     }
     out
 }
 
-fn scores(s: &LookScore) -> String {
-    let decibels = |v: Option<f64>| v.map_or_else(|| "-".to_string(), |v| format!("{v:.2}"));
-    let psnr = format!("{} ({}) dB", decibels(s.masked_psnr), decibels(s.noise_free_masked_psnr));
-    format!("{psnr:>24} {:>20}", format!("{:.4} ({:.4})", s.ssim, s.noise_free_ssim))
+/// What the model is good for, a line a use.
+pub fn verdict(v: &Verdict) -> String {
+    let mut out = "verdict            what the stored certificate says the model is good for\n".to_string();
+    for f in &v.findings {
+        out += &hanging(&format!("  {:<16}{:<14}", f.of.name(), f.word.name()), &f.why, 32);
+    }
+    out
+}
+
+/// The certificate that a file was just given, and its verdict, as text and as data; tells unasked what
+/// a user must know of a poor model, and what helps.
+pub fn told(c: Option<&Certificate>, unit: Option<&str>, progress: &dyn Progress) -> (String, Verdict) {
+    let v = score::verdict(c, unit);
+    if let Some(what) = v.warning() {
+        progress.message(&format!("warning: {what}"));
+        progress.message("hint: ask for a larger file, such as half the ratio; see docs/guide/certificate.md");
+    }
+    let text = if c.is_some() { format!("\n{}{}", certificate(c, unit), verdict(&v)) } else { String::new() };
+    (text.trim_end().to_string(), v)
+}
+
+/// The scores of pictures, the model's beside the noise-free and the trivial ones.
+fn pictures(c: &Certificate) -> String {
+    let heads = ["model", "noise-free", "black", "uniform"];
+    let columns = |v: [String; 4]| format!("{:>7} {:>11} {:>7} {:>8}", v[0], v[1], v[2], v[3]);
+    let mut out = format!("{:26}{:>36} {:>36}\n", "", "masked PSNR in dB: ", "SSIM: ");
+    let names = columns(heads.map(String::from));
+    let _ = writeln!(out, "  {:<6} {:<17}{names}  {names}", "orbit", "look");
+    for (k, name) in ["far", "mid", "near"].iter().enumerate() {
+        for (look, score, baselines) in looks(c, k) {
+            let (black, even) = (baselines.map(|b| b.all_black), baselines.map(|b| b.uniform_box));
+            let decibels = |v: Option<f64>| v.map_or_else(|| "-".to_string(), |v| format!("{v:.2}"));
+            let psnr = [
+                score.masked_psnr,
+                score.noise_free_masked_psnr,
+                black.and_then(|s| s.masked_psnr),
+                even.and_then(|s| s.masked_psnr),
+            ];
+            let ssim = [Some(score.ssim), Some(score.noise_free_ssim), black.map(|s| s.ssim), even.map(|s| s.ssim)];
+            let ssim = ssim.map(|v| v.map_or_else(|| "-".to_string(), |v| format!("{v:.4}")));
+            let _ = writeln!(out, "  {name:<6} {look:<17}{}  {}", columns(psnr.map(decibels)), columns(ssim));
+        }
+    }
+    out
+}
+
+/// The looks of an orbit: name, scores, and those of the trivial pictures where they were measured.
+fn looks(c: &Certificate, orbit: usize) -> [(&'static str, LookScore, Option<LookBaselines>); 3] {
+    let (o, b) = (&c.orbits[orbit], c.baselines.map(|b| b.orbits[orbit]));
+    [
+        ("paraview", o.paraview, b.map(|b| b.paraview)),
+        ("paraview-no-fxaa", o.paraview_no_fxaa, b.map(|b| b.paraview_no_fxaa)),
+        ("expected", o.expected, b.map(|b| b.expected)),
+    ]
+}
+
+/// Columns of the terminal that tables and sentences keep to.
+const WIDTH: usize = 98;
+
+/// A sentence behind `lead`; what does not fit goes on in lines that begin with `indent` spaces.
+fn hanging(lead: &str, text: &str, indent: usize) -> String {
+    let (mut out, mut line, mut empty) = (String::new(), lead.to_string(), true);
+    for word in text.split_whitespace() {
+        if !empty && line.chars().count() + 1 + word.chars().count() > WIDTH {
+            out += &line;
+            out.push('\n');
+            (line, empty) = (" ".repeat(indent), true);
+        }
+        if !empty {
+            line.push(' ');
+        }
+        line += word;
+        empty = false;
+    }
+    out + &line + "\n"
 }

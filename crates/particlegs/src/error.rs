@@ -89,6 +89,16 @@ pub enum Error {
         /// What to do, or empty.
         hint: String,
     },
+    /// What was measured is not what a file says.
+    #[error("{place}: {what}")]
+    Differs {
+        /// File.
+        place: String,
+        /// What is stored and what was measured.
+        what: String,
+        /// What to do, or empty.
+        hint: String,
+    },
     /// The caller asked to stop.
     #[error("stopped")]
     Cancelled,
@@ -137,7 +147,8 @@ impl Error {
             Error::Input { hint, .. }
             | Error::Argument { hint, .. }
             | Error::Unreachable { hint, .. }
-            | Error::Output { hint, .. } => hint,
+            | Error::Output { hint, .. }
+            | Error::Differs { hint, .. } => hint,
             Error::Corrupt { .. } => "copy the file again from its source; `particlegs verify` checks it",
             Error::Compatibility { .. } => "use a newer particlegs",
             Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture",
@@ -157,6 +168,7 @@ impl Error {
             Error::Io { .. } => 6,
             Error::Memory { .. } | Error::Bound { .. } => 7,
             Error::Output { .. } => 8,
+            Error::Differs { .. } => 9,
             Error::Checkpointed { .. } => 75,
             Error::Cancelled => 130,
         }

@@ -19,7 +19,8 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(after_help = "\
 Pictures of the far, mid and near orbits are compared in three styles. Beside each score stand the
-noise-free score, the gap to it, and the score of an all-black picture (docs/guide/glossary.md).
+noise-free score, the gap to it, and what an all-black picture and a uniform box score, which a model
+must clearly beat (docs/guide/certificate.md).
 
 Examples:
   particlegs eval model.pgs snapshot
@@ -143,8 +144,8 @@ fn table(r: &Report) -> String {
         r.views_from
     );
     text += &format!(
-        "\n{:<17} {:<6} {:>9} {:>11} {:>7} {:>10} {:>6} {:>10} {:>10}",
-        "against", "orbit", "masked dB", "PSNR dB", "SSIM", "noise-free", "gap", "shot noise", "all black"
+        "\n{:<17} {:<6} {:>9} {:>8} {:>7} {:>10} {:>6} {:>10} {:>9} {:>8}",
+        "against", "orbit", "masked dB", "PSNR dB", "SSIM", "noise-free", "gap", "shot noise", "all black", "uniform"
     );
     let orbits = || r.evaluation.by_orbit.iter().chain([("mean", &r.evaluation.mean)]);
     for (name, pick) in LOOKS {
@@ -153,7 +154,7 @@ fn table(r: &Report) -> String {
             text += &row(name, orbit, scores, shot_noise);
         }
     }
-    text + "\nMeans over views; noise-free, gap, shot noise and all black are masked PSNR in dB."
+    text + "\nMeans over views; noise-free, gap, shot noise, all black and uniform (box) are\nmasked PSNR in dB."
 }
 
 /// A look's scores in a mean, and the shot-noise floor where it belongs.
@@ -170,12 +171,13 @@ fn row(look: &str, orbit: &str, s: &LookScores, shot_noise: Option<f64>) -> Stri
     let ssim = s.ssim.map_or("-".into(), |v| format!("{v:.4}"));
     let noise_free = if look == "expected" { "identical".into() } else { db(s.noise_free.masked_psnr) };
     let mut row = format!(
-        "\n{look:<17} {orbit:<6} {:>9} {:>11} {ssim:>7} {noise_free:>10} {:>6} {:>10} {:>10}",
+        "\n{look:<17} {orbit:<6} {:>9} {:>8} {ssim:>7} {noise_free:>10} {:>6} {:>10} {:>9} {:>8}",
         db(s.masked_psnr),
         db(s.psnr),
         db(s.gap.masked_psnr),
         db(shot_noise),
-        db(s.all_black.masked_psnr)
+        db(s.all_black.masked_psnr),
+        db(s.uniform_box.masked_psnr)
     );
     if let Some(n) = s.left_out.filter(|n| *n > 0) {
         row += &format!("   (without the {n} views that have no value)");

@@ -184,16 +184,15 @@ fn report(
     );
     text += &run_args::trained(done);
     let certificate = done.model.certificate.as_ref();
-    if certificate.is_some() {
-        let unit = done.model.metadata.length_unit.as_deref();
-        text += &format!("\n{}", info_model::certificate(certificate, unit).trim_end());
-    }
+    let unit = done.model.metadata.length_unit.as_deref();
+    let (told, verdict) = info_model::told(certificate, unit, context);
+    text += &told;
     let value = json!({
         "output": out.to_string_lossy(), "gaussians_in": gaussians_in, "gaussians": gaussians, "model_bytes_in": bytes_in,
         "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
         "step_factor": done.step_factor, "trained": done.trained, "seconds": seconds,
         "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
-        "certificate": certificate,
+        "certificate": certificate, "verdict": verdict,
     });
     context.finish(&text, &value)
 }

@@ -93,7 +93,7 @@ pub fn run(a: Arguments) -> Result<()> {
         output: a.output,
         seconds,
     };
-    let text = format!(
+    let mut text = format!(
         "{}: {} parts, {} blocks in {} layers, {} Gaussians for {} particles, {} bytes, in {:.2} s",
         report.output.display(),
         report.parts,
@@ -104,6 +104,10 @@ pub fn run(a: Arguments) -> Result<()> {
         report.model_bytes,
         report.seconds
     );
+    // A job's file is measured; one of files has no certificate, and nothing is said of it.
+    if info.certificate.is_some() {
+        text += &info_model::told(info.certificate.as_ref(), info.metadata.length_unit.as_deref(), &context).0;
+    }
     context.finish(&text, &report)
 }
 

@@ -11,6 +11,8 @@ use particlegs::input::name_of;
 use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, Model};
 use particlegs::particles::Particles;
+use particlegs::progress::Progress;
+use particlegs::score::{Figure, Verdict};
 use particlegs::{Error, Result, codec, score};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -18,7 +20,7 @@ use std::path::PathBuf;
 /// Arguments.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify JOB\n\nThe exit code is 4 for a corrupt file (docs/guide/exit-codes.md)."
+    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify JOB\n\nThe exit code is 4 for a corrupt file, and 9 for a certificate that is not what is measured or\ncontradicts itself (docs/guide/exit-codes.md)."
 )]
 pub struct Arguments {
     /// Model file, or the folder of a job.
@@ -48,10 +50,19 @@ struct Report {
     mass_error: f64,
     source_matches: Option<bool>,
     certificate: &'static str,
+    stored: Option<Certificate>,
     measured_again: Option<Certificate>,
+    /// Stored and measured side by side.
+    figures: Vec<Figure>,
+    /// What no certificate can say.
+    contradictions: Vec<String>,
+    /// What is hard to believe.
+    doubts: Vec<String>,
+    verdict: Verdict,
 }
 
-/// Reads the whole file, decodes every block and checks the sums.
+/// Reads the whole file, decodes every block and checks the sums; with a snapshot compares its hash, then
+/// measures the certificate again.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     if Job::is_job(&a.model) {
@@ -73,11 +84,8 @@ pub fn run(a: Arguments) -> Result<()> {
         true => None,
         false => Some(measure(&a, &model, of_several, &context)?),
     };
-    let certificate = match (&model.certificate, &measured_again) {
-        (_, Some(_)) => "measured again",
-        (Some(_), None) => "not measured again",
-        (None, None) => "none in the file",
-    };
+    let stored = model.certificate;
+    let both = stored.zip(measured_again);
     let report = Report {
         model_bytes: bytes.len() as u64,
         law: model.metadata.law.name(),
@@ -86,26 +94,85 @@ pub fn run(a: Arguments) -> Result<()> {
         counts_sum_to_particles: true,
         mass_error,
         source_matches: measured_again.filter(|_| !of_several).map(|_| true),
-        certificate,
+        certificate: match (&stored, &measured_again) {
+            (None, None) => "none in the file",
+            (None, Some(_)) => "none in the file; measured now",
+            (Some(_), None) => "not measured again",
+            (Some(_), Some(_)) => "measured again",
+        },
+        stored,
         measured_again,
+        figures: both.map_or_else(Vec::new, |(stored, measured)| score::side_by_side(&stored, &measured)),
+        contradictions: stored.as_ref().map_or_else(Vec::new, score::contradictions),
+        doubts: stored.as_ref().map_or_else(Vec::new, score::doubts),
+        verdict: score::verdict(stored.as_ref(), model.metadata.length_unit.as_deref()),
     };
+    context.finish(text(&report, &model, of_several, &place).trim_end(), &report)?;
+    report.judge(&place)
+}
+
+impl Report {
+    /// An error where what is stored is not what was measured, or cannot be at all.
+    fn judge(&self, place: &str) -> Result<()> {
+        let hint = "the certificate was altered, or another version of the program measured it: trust neither file nor scores before you know";
+        let differs = |what: String| Error::Differs { place: place.into(), what, hint: hint.into() };
+        if !self.contradictions.is_empty() {
+            return Err(differs(format!("its certificate contradicts itself: {}", self.contradictions.join("; "))));
+        }
+        let off: Vec<String> = self
+            .figures
+            .iter()
+            .filter(|f| f.differs)
+            .map(|f| format!("{} is stored as {} and measured as {}", f.name, f.stored, f.measured))
+            .collect();
+        match off.first() {
+            None => Ok(()),
+            Some(first) => {
+                Err(differs(format!("{} of {} figures of its certificate differ: {first}", off.len(), self.figures.len())))
+            }
+        }
+    }
+}
+
+/// What is sound, what is stored, and what was measured.
+fn text(r: &Report, model: &Model, of_several: bool, place: &str) -> String {
     let mut text = format!(
-        "{}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {mass_error:.1e}\n",
-        place, report.model_bytes, report.law, report.gaussians, report.particles
+        "{place}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
+        r.model_bytes, r.law, r.gaussians, r.particles, r.mass_error
     );
-    if measured_again.is_some() && of_several {
-        text.push_str("source: merged from several snapshots, whose hashes it does not have; the number of particles is that of this one\n");
-    } else if measured_again.is_some() {
-        text.push_str("source: the snapshot is the one that the file was made of\n");
+    if r.measured_again.is_some() && of_several {
+        text += "source: merged from several snapshots, whose hashes it does not have; the number of particles is that of this one\n";
+    } else if r.measured_again.is_some() {
+        text += "source: the snapshot is the one that the file was made of\n";
     }
-    text.push_str(&format!("certificate: {certificate}\n"));
+    text += &format!("certificate: {}\n", r.certificate);
     let unit = model.metadata.length_unit.as_deref();
-    text.push_str(&info_model::certificate(model.certificate.as_ref(), unit));
-    if let Some(again) = &measured_again {
-        text.push_str("\nmeasured again, now:\n");
-        text.push_str(&info_model::certificate(Some(again), unit));
+    match (&r.stored, &r.measured_again) {
+        (Some(_), Some(_)) => text += &beside(&r.figures),
+        (Some(stored), None) => {
+            text += "stored in the file, not measured now:\n";
+            text += &info_model::certificate(Some(stored), unit);
+        }
+        (None, Some(measured)) => {
+            text += "measured now, not stored in the file:\n";
+            text += &info_model::certificate(Some(measured), unit);
+        }
+        (None, None) => {}
     }
-    context.finish(text.trim_end(), &report)
+    for (what, lines) in [("impossible", &r.contradictions), ("hard to believe", &r.doubts)] {
+        lines.iter().for_each(|line| text += &format!("{what}: {line}\n"));
+    }
+    text + &info_model::verdict(&r.verdict)
+}
+
+/// Stored and measured, a line a figure.
+fn beside(figures: &[Figure]) -> String {
+    let mut text = format!("  {:<40} {:>14} {:>14} {:>10}\n", "figure", "stored", "measured", "tolerance");
+    for f in figures {
+        let differs = if f.differs { "  differs" } else { "" };
+        text += &format!("  {:<40} {:>14} {:>14} {:>10}{differs}\n", f.name, f.stored, f.measured, f.tolerance);
+    }
+    text
 }
 
 /// Reads every file of a job, and its snapshot, through.
@@ -150,6 +217,7 @@ fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) ->
     let particles: Particles =
         a.opening.open_selected(&a.snapshot, (&a.selection, &a.window), a.common.seed, context)?;
     source::check(model, of_several, &particles, (a.snapshot[0].as_path(), &a.model))?;
+    context.message("the snapshot is the one that the file was made of; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
     score::certificate(model, &particles, seed, None, context)
 }

@@ -1,5 +1,5 @@
-//! The certificate section: 94 bytes (docs/format.md, section 3); its statistics have a section of
-//! their own (`science`).
+//! The certificate section: 94 bytes (docs/format.md, section 3); its statistics and baselines have
+//! sections of their own (`science`, `baselines`).
 
 use super::wire::Reader;
 use crate::model::{Certificate, LookScore, OrbitScore};
@@ -47,7 +47,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Certificate, String> {
         return Err(format!("a certificate of {} bytes", bytes.len()));
     }
     let orbits = [orbits[0], orbits[1], orbits[2]];
-    Ok(Certificate { width, height, seed, orbits, grid, density_correlation, density_mae, science: None })
+    Ok(Certificate { width, height, seed, orbits, grid, density_correlation, density_mae, science: None, baselines: None })
 }
 
 fn look(r: &mut Reader<'_>) -> Result<LookScore, String> {
@@ -59,20 +59,20 @@ fn look(r: &mut Reader<'_>) -> Result<LookScore, String> {
     })
 }
 
-fn decibels(v: Option<f64>) -> u16 {
+pub(super) fn decibels(v: Option<f64>) -> u16 {
     // The largest that is not NONE stands for itself and all above.
     v.map_or(NONE, |v| (v * PER_DECIBEL).round().clamp(0.0, f64::from(NONE - 1)) as u16)
 }
 
-fn from_decibels(v: u16) -> Option<f64> {
+pub(super) fn from_decibels(v: u16) -> Option<f64> {
     (v != NONE).then(|| f64::from(v) / PER_DECIBEL)
 }
 
-fn similarity(v: f64) -> i16 {
+pub(super) fn similarity(v: f64) -> i16 {
     (v * PER_SSIM).round().clamp(-PER_SSIM, PER_SSIM) as i16
 }
 
-fn from_similarity(v: u16) -> Result<f64, String> {
+pub(super) fn from_similarity(v: u16) -> Result<f64, String> {
     match v as i16 {
         i16::MIN => Err("an SSIM below -1".into()),
         v => Ok(f64::from(v) / PER_SSIM),
@@ -101,6 +101,7 @@ mod tests {
             density_correlation: 0.999,
             density_mae: 0.2,
             science: None,
+            baselines: None,
         };
         let bytes = write(&c);
         assert_eq!(bytes.len(), CERTIFICATE_BYTES);

@@ -12,7 +12,7 @@ pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
 /// Version that is written. A reader takes any minor version of its major one.
 pub(crate) const MAJOR: u8 = 1;
 /// See [`MAJOR`].
-pub(crate) const MINOR: u8 = 3;
+pub(crate) const MINOR: u8 = 4;
 /// Magic, major, minor, reserved, length, checksum.
 pub(crate) const HEAD_BYTES: usize = 8 + 1 + 1 + 2 + 8 + 4;
 /// Tag, length, checksum.
@@ -26,6 +26,10 @@ pub(crate) const CERTIFICATE: [u8; 4] = *b"CERT";
 pub(crate) const SCIENCE: [u8; 4] = *b"stat";
 /// The first minor version whose readers know [`SCIENCE`].
 pub(crate) const SCIENCE_SINCE: u8 = 2;
+/// Baselines: what trivial pictures and densities score beside the certificate's, since version 1.4.
+pub(crate) const BASELINES: [u8; 4] = *b"base";
+/// The first minor version whose readers know [`BASELINES`].
+pub(crate) const BASELINES_SINCE: u8 = 4;
 /// The network of the alpha-blend law.
 pub(crate) const VIZMAPPER: [u8; 4] = *b"VIZM";
 /// The first minor version whose readers know the alpha-blend law and [`VIZMAPPER`].
@@ -121,6 +125,7 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Vec<Section<'a>>> 
             META | CERTIFICATE | LAYER | BLOCK => out.push(section),
             VIZMAPPER if minor >= ALPHA_BLEND_SINCE => out.push(section),
             SCIENCE if minor >= SCIENCE_SINCE => out.push(section),
+            BASELINES if minor >= BASELINES_SINCE => out.push(section),
             [b'a'..=b'z', ..] => {}
             tag => {
                 let what = format!("section `{}` is not known and may not be skipped", tag.escape_ascii());

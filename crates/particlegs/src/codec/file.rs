@@ -1,13 +1,13 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, ALPHA_BLEND_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SCIENCE, SCIENCE_SINCE, SECTION_BYTES,
+    self, ALPHA_BLEND_SINCE, BASELINES, BASELINES_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SCIENCE, SCIENCE_SINCE, SECTION_BYTES,
     Section, VIZMAPPER,
 };
 use super::header::BlockHeader;
 use super::metadata::{Fault, LayerMass};
 use super::wire::Reader;
-use super::{Encoder, Precision, certificate, decoder, metadata, science, vizmapper};
+use super::{Encoder, Precision, baselines, certificate, decoder, metadata, science, vizmapper};
 use crate::memory::require;
 use crate::model::{Block, Certificate, Law, Layer, Metadata, Model, VizMapper};
 use crate::{Error, Result};
@@ -111,15 +111,19 @@ pub(super) fn put_together(
     }
     let meta = metadata::write(metadata, &masses);
     let science = certificate.and_then(|c| c.science.as_ref()).map(science::write);
+    let baselines = certificate.and_then(|c| c.baselines.as_ref()).map(baselines::write);
     let certificate = certificate.map(certificate::write);
     let heads: Vec<Vec<u8>> = layers.iter().map(layer_bytes).collect();
     let body = layers.iter().zip(&heads).flat_map(|(layer, head)| {
         std::iter::once((LAYER, &head[..])).chain(layer.blocks.iter().map(|b| (BLOCK, &b[..])))
     });
-    let minor = metadata::minor_version(&meta, metadata.law).max(if science.is_some() { SCIENCE_SINCE } else { 0 });
+    let minor = metadata::minor_version(&meta, metadata.law)
+        .max(if science.is_some() { SCIENCE_SINCE } else { 0 })
+        .max(if baselines.is_some() { BASELINES_SINCE } else { 0 });
     let front = std::iter::once((META, &meta[..]))
         .chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])))
         .chain(science.iter().map(|s| (SCIENCE, &s[..])))
+        .chain(baselines.iter().map(|b| (BASELINES, &b[..])))
         .chain(network.iter().map(|&n| (VIZMAPPER, n)));
     let file = container::write(minor, front.chain(body));
     // Numbers that only a whole file has (sums, bounds, radius) may be none that the format holds.
@@ -155,7 +159,8 @@ pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_
 /// file's size is this plus the sizes of its blocks, and of its network where it has one
 /// ([`VIZMAPPER_SECTION_BYTES`]).
 pub fn size_without_blocks(metadata: &Metadata, certificate: bool, layers: &[LayerHead<'_>]) -> usize {
-    let measured = 2 * SECTION_BYTES + certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES;
+    let contents = certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES + baselines::BASELINES_BYTES;
+    let measured = 3 * SECTION_BYTES + contents;
     let certificate = if certificate { measured } else { 0 };
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.blocks).sum();
     let mass = |l: &LayerHead<'_>| LayerMass { weighted: l.weighted, particle_mass: l.particle_mass };
@@ -221,6 +226,11 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         && let Some(s) = rest.next_if(|s| s.tag == SCIENCE)
     {
         c.science = Some(science::read(s.bytes).map_err(corrupt)?);
+    }
+    if let Some(c) = &mut certificate
+        && let Some(s) = rest.next_if(|s| s.tag == BASELINES)
+    {
+        c.baselines = Some(baselines::read(s.bytes).map_err(corrupt)?);
     }
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
         Ok(_) if metadata.law != Law::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),

@@ -6,6 +6,7 @@
 //! files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
 //! and grey levels in the places of counts and masses; its network has a section (`vizmapper`).
 
+mod baselines;
 mod certificate;
 mod container;
 mod decoder;

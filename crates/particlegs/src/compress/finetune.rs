@@ -130,7 +130,7 @@ impl Job<'_> {
             let certificate = clock
                 .time("certificate", || score::certificate(&model, self.particles, seed, pictures, self.progress))?;
             bytes = self.file(&met, network, Some(&certificate))?;
-            model.certificate = Some(certificate);
+            model.certificate = codec::read_info(&bytes, "the file just coded")?.certificate;
         }
         Ok(Compressed {
             bytes,

@@ -165,6 +165,7 @@ impl<'a> Job<'a> {
             weighted: l.weighted,
         };
         let plan = Plan::new(options, metadata, particles.layers().into_iter().map(layer).collect())?;
+        plan.announce(progress);
         let (memory, limits) = (options.memory, &options.limits);
         Ok(Job {
             particles,
@@ -230,7 +231,8 @@ impl<'a> Job<'a> {
                 .clock
                 .time("certificate", || score::certificate(&model, self.particles, seed, pictures, progress))?;
             bytes = self.file(&coded, Some(&certificate))?;
-            model.certificate = Some(certificate);
+            // What is told is what the file holds, rounded as it is there.
+            model.certificate = codec::read_info(&bytes, "the file just coded")?.certificate;
         }
         let factors = coded.blocks.iter().map(|b| b.outcome.step_factor);
         let step_factor = factors.sum::<f64>() / coded.blocks.len().max(1) as f64;

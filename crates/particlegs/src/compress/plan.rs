@@ -113,6 +113,13 @@ impl Plan {
         self.layers.iter().map(|l| l.count * 4 * l.columns() as u64).sum()
     }
 
+    /// Says what the default target chose.
+    pub fn announce(&self, progress: &dyn Progress) {
+        if let Some(words) = self.target.choice_in_words(self.raw_bytes()) {
+            progress.message(&words);
+        }
+    }
+
     /// How blocks are fitted.
     pub fn fitting(&self) -> Fitting {
         Fitting {

@@ -74,6 +74,7 @@ pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progr
     };
     let survey = Survey::new(&mut source, task.place, progress)?;
     let mut manifest = manifest(&source, &survey, task)?;
+    manifest.plan.announce(progress);
     if at_once || reads(&manifest.tree, &survey) > READ_AGAIN {
         manifest.chunks = (survey.runs.len() as u64).div_ceil(manifest.chunk_runs);
     }

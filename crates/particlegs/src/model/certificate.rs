@@ -46,4 +46,46 @@ pub struct Certificate {
     pub density_mae: f64,
     /// What statistics said; `None` in files before version 1.2.
     pub science: Option<Science>,
+    /// What trivial pictures and densities score; `None` in files before version 1.4.
+    pub baselines: Option<Baselines>,
+}
+
+/// Scores of one picture.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PictureScore {
+    /// Masked PSNR, dB. `None`: identical or nothing lit.
+    pub masked_psnr: Option<f64>,
+    /// SSIM.
+    pub ssim: f64,
+}
+
+/// What two pictures score that show nothing of the structure, in one orbit and look.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct LookBaselines {
+    /// An empty picture.
+    pub all_black: PictureScore,
+    /// The noise-free picture of as many particles spread evenly over the box.
+    pub uniform_box: PictureScore,
+}
+
+/// Baselines of one frame of one orbit.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct OrbitBaselines {
+    /// Against `paraview`.
+    pub paraview: LookBaselines,
+    /// Against `paraview-no-fxaa`.
+    pub paraview_no_fxaa: LookBaselines,
+    /// Against `expected`.
+    pub expected: LookBaselines,
+}
+
+/// Trivial references of a certificate: a model that does not clearly beat them shows nothing. Fixed
+/// length in the file.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Baselines {
+    /// Far, mid, near.
+    pub orbits: [OrbitBaselines; 3],
+    /// Mean absolute error of the density contrast of a uniform density (whose correlation is 0): the
+    /// mean of |delta| on the grid. An empty one has an error of 1.
+    pub uniform_density_mae: f64,
 }

@@ -8,7 +8,7 @@ mod science;
 pub(crate) mod vizmapper;
 
 pub use alpha_blend::{Shade, VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
-pub use certificate::{Certificate, LookScore, OrbitScore};
+pub use certificate::{Baselines, Certificate, LookBaselines, LookScore, OrbitBaselines, OrbitScore, PictureScore};
 pub use metadata::{Law, Metadata};
 pub use mixture::{Block, Layer, Mixture, Model};
 pub use science::{Limit, Science, ScienceOf, per_length};

@@ -27,6 +27,7 @@ pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress
     let mut rules = Rules::new(Method::Count, 1.0, seed, &metadata, &plan);
     rules.weighted = weighted;
     let mut columns = [0, 1, 2, 3].map(|k| Vec::with_capacity(if k < 3 || weighted { plan.total as usize } else { 0 }));
+    progress.begin("drawing particles", plan.total);
     for first in (0..plan.runs()).step_by(BATCH as usize) {
         let runs = (first..plan.runs().min(first + BATCH))
             .into_par_iter()
@@ -37,6 +38,7 @@ pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress
                 rules.fill(layer, number, range, scratch, &mut run)?;
                 let mass = layer.particle_mass.unwrap_or(1.0) as f32;
                 run.columns[3].iter_mut().for_each(|w| *w *= mass);
+                progress.advance(run.columns[0].len() as u64);
                 Ok(run.columns)
             })
             .collect::<Result<Vec<_>>>()?;
@@ -44,6 +46,7 @@ pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress
             columns.iter_mut().zip(run).for_each(|(all, part)| all.extend_from_slice(part));
         }
     }
+    progress.end();
     let [x, y, z, w] = columns;
     Ok(Particles {
         positions: Positions::Columns([x, y, z].map(Column::owned)),

@@ -53,6 +53,8 @@ pub(super) fn optical_depth(
     let mut pyramid = Pyramid::new(size, job.deepest());
     let depositor = Depositor::new(opacity);
     let chunks = particles.len().div_ceil(CHUNK);
+    let steps = chunks + chunks.div_ceil(CHUNKS_AT_ONCE) * pyramid.bands();
+    progress.begin("noise-free picture", steps as u64);
     for first in (0..chunks).step_by(CHUNKS_AT_ONCE) {
         let sorted = job.sorted(first..chunks.min(first + CHUNKS_AT_ONCE), &pyramid)?;
         let parts: Vec<Result<()>> = pyramid
@@ -64,11 +66,13 @@ pub(super) fn optical_depth(
                     depositor.add_small(small.band(band), &mut rows);
                     depositor.add(chunk.band(band).iter().map(|s| level.place(s)), &mut rows, profiles);
                 }
+                progress.advance(1);
                 Ok(())
             })
             .collect();
         parts.into_iter().collect::<Result<()>>()?;
     }
+    progress.end();
     Ok(pyramid.collapse())
 }
 
@@ -140,6 +144,7 @@ impl<'a> Job<'a> {
                         others.push(*splat, first, end);
                     }
                 });
+                self.progress.advance(1);
                 Ok::<_, Error>((small.sort(pyramid.bands()), others.sort(pyramid.bands())))
             })
             .collect();

@@ -38,6 +38,11 @@ impl<'a> Reference<'a> {
         Reference { budget: self.budget.min(bytes).max(1 << 24), ..self }
     }
 
+    /// The particles.
+    pub fn particles(&self) -> &'a Particles {
+        self.particles
+    }
+
     /// The bounds.
     pub fn bounds(&self) -> &Bounds {
         &self.bounds

@@ -17,6 +17,7 @@ mod paraview;
 mod project;
 mod pyramid;
 mod quad;
+mod uniform;
 
 pub use density::surface_density;
 #[cfg(test)]
@@ -26,3 +27,4 @@ mod twin;
 
 pub use draw::Reference;
 pub use fxaa::fxaa;
+pub use uniform::uniform_box;

@@ -5,7 +5,7 @@ use super::bands::{Sorted, Sorter};
 use super::blend::blend;
 use super::project::{BLOCK, Block, DIAGONAL_LIMIT, Projector, Splat};
 use super::quad::{Quad, first_pixel, snap};
-use crate::particles::{Chunk, Particles};
+use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Gray8, Size};
 use crate::progress::Progress;
 use crate::splat::{CUT_SIGMA, PEELS};
@@ -69,7 +69,10 @@ impl Scene<'_> {
         let (width, height) = (self.size.width, self.size.height);
         let mut upward = vec![0u8; self.size.pixels()];
         let mut wrote = 0;
-        for group in self.groups() {
+        let groups = self.groups();
+        let chunks = self.particles.len().div_ceil(CHUNK);
+        self.progress.begin("ParaView's picture", (groups.len() * chunks + self.bands()) as u64);
+        for group in groups {
             let chunks = self.sorted(group.clone())?;
             let rows = group.start * BAND_ROWS..height.min(group.end * BAND_ROWS);
             let parts: Vec<Result<u8>> = upward[rows.start * width..rows.end * width]
@@ -77,13 +80,16 @@ impl Scene<'_> {
                 .enumerate()
                 .map_init(Scratch::default, |scratch, (k, out)| {
                     self.progress.check()?;
-                    Ok(self.draw_band(&chunks, k, (group.start + k) * BAND_ROWS, out, scratch, peels, rest))
+                    let wrote = self.draw_band(&chunks, k, (group.start + k) * BAND_ROWS, out, scratch, peels, rest);
+                    self.progress.advance(1);
+                    Ok(wrote)
                 })
                 .collect();
             for part in parts {
                 wrote |= part?;
             }
         }
+        self.progress.end();
         let mut data = Vec::with_capacity(upward.len());
         upward.chunks_exact(width).rev().for_each(|row| data.extend_from_slice(row));
         Ok((Gray8 { size: self.size, data }, wrote))
@@ -137,6 +143,7 @@ impl Scene<'_> {
             self.progress.check()?;
             let mut sorter = Sorter::default();
             self.cull(chunk, group.clone(), &mut sorter);
+            self.progress.advance(1);
             Ok::<_, Error>(sorter.sort(group.len()))
         });
         parts.into_iter().collect()

@@ -2,10 +2,10 @@
 
 use super::evaluate::evaluate_against;
 use super::science::science;
-use super::scores::LookScores;
+use super::scores::{Floor, LookScores};
 use super::{ViewSeed, certificate_views, density_of};
 use crate::Result;
-use crate::model::{Certificate, LookScore, Model, OrbitScore};
+use crate::model::{Baselines, Certificate, LookBaselines, LookScore, Model, OrbitBaselines, OrbitScore, PictureScore};
 use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::Progress;
@@ -18,7 +18,8 @@ const GRID: u16 = 50;
 
 /// Measures `model` against the snapshot that it was made from: one frame of each orbit at the
 /// model's default radius and opacity, and the density on a grid of 50 cells along the longest
-/// extent, over the periodic box where there is one; then P(k), r(k) and groups (`science`). `seed`
+/// extent, over the periodic box where there is one; what an empty picture, a uniform box and a uniform
+/// density score there; then P(k), r(k) and groups (`science`). `seed`
 /// turns the views and draws the particles; measuring again with the certificate's own repeats it.
 /// The model is best the decoded one. `memory` is what the pictures of all particles may take; what is
 /// measured does not depend on it.
@@ -45,12 +46,16 @@ pub fn certificate(
             expected: look_score(&v.expected),
         }
     });
-    progress.begin("density", 0);
-    let density = density_of(model, particles, &m.bounds, GRID, progress)?;
-    progress.end();
-    progress.begin("power spectra and groups", 0);
+    let baselines = std::array::from_fn(|k| {
+        let v = &evaluation.views[k];
+        OrbitBaselines {
+            paraview: look_baselines(&v.paraview),
+            paraview_no_fxaa: look_baselines(&v.paraview_no_fxaa.scores),
+            expected: look_baselines(&v.expected),
+        }
+    });
+    let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
     let science = science(model, particles, seed, progress)?;
-    progress.end();
     Ok(Certificate {
         width: SIZE.width as u16,
         height: SIZE.height as u16,
@@ -60,7 +65,13 @@ pub fn certificate(
         density_correlation: density.correlation,
         density_mae: density.mean_absolute_error,
         science,
+        baselines: Some(Baselines { orbits: baselines, uniform_density_mae: uniform.mean_absolute_error }),
     })
+}
+
+fn look_baselines(s: &LookScores) -> LookBaselines {
+    let score = |f: &Floor| PictureScore { masked_psnr: f.masked_psnr, ssim: f.ssim.unwrap_or(0.0) };
+    LookBaselines { all_black: score(&s.all_black), uniform_box: score(&s.uniform_box) }
 }
 
 fn look_score(s: &LookScores) -> LookScore {

@@ -68,6 +68,7 @@ impl DensityGrid {
                     let cell = [0, 1, 2].map(|k| self.cell(k, f64::from(chunk.position[k][i]) * scale[k] + offset[k]));
                     grid[self.0.index(cell)] += unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                 }
+                progress.advance(chunk.len() as u64);
             }
             Ok(())
         })
@@ -93,8 +94,9 @@ impl DensityGrid {
         self.sum_parts(mixture.len(), |grid, range| {
             let mut splat = Splat::default();
             for i in range {
-                if i % 256 == 0 {
+                if i.is_multiple_of(256) {
                     progress.check()?;
+                    progress.advance(256);
                 }
                 splat.add(&self.0, grid, mixture.mean_of(i), &mixture.cov_of(i), mixture.mass_of(i));
             }
@@ -152,8 +154,8 @@ pub fn density_agreement(truth: &[f64], model: &[f64]) -> DensityAgreement {
     DensityAgreement { correlation, mean_absolute_error: if mt > 0.0 { error / (n * mt) } else { 0.0 } }
 }
 
-/// The agreement of a model with its snapshot on a grid of `longest` cells along the longest
-/// extent, over the snapshot's periodic box where it has one.
+/// The agreement of a model with its snapshot, and that of a uniform density, on a grid of `longest`
+/// cells along the longest extent, over the snapshot's periodic box where it has one.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
@@ -163,10 +165,14 @@ pub fn density_of(
     bounds: &Bounds,
     longest: u16,
     progress: &dyn Progress,
-) -> Result<DensityAgreement> {
+) -> Result<[DensityAgreement; 2]> {
     let grid = DensityGrid::new(bounds, particles.meta.cell.as_ref(), longest);
+    progress.begin("density", (particles.len() + model.gaussians()) as u64);
     let truth = grid.of_particles(particles, progress)?;
-    Ok(density_agreement(&truth, &grid.of_model(model, progress)?))
+    let uniform = vec![truth.iter().sum::<f64>() / truth.len().max(1) as f64; truth.len()];
+    let model = grid.of_model(model, progress)?;
+    progress.end();
+    Ok([&model, &uniform].map(|other| density_agreement(&truth, other)))
 }
 
 #[cfg(test)]

@@ -7,9 +7,10 @@ use crate::model::Model;
 use crate::particles::{Bounds, Particles};
 use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit};
 use crate::progress::Progress;
-use crate::reference::Reference;
+use crate::reference::{Reference, uniform_box};
 use crate::render::{self, Scene};
-use crate::splat::Look;
+use crate::splat::{Look, tone};
+use crate::stats::Domain;
 use crate::{Error, Result};
 
 /// Scores `model` against `particles` in `views`, drawn at `size`. Views without a clipping range
@@ -41,11 +42,12 @@ pub(super) fn evaluate_against(
     }
     views.iter().try_for_each(|v| v.view.check(size))?;
     let scene = Scene::of(model);
+    let even = Even::of(truth);
     let mut scored = Vec::with_capacity(views.len());
     for (number, v) in views.iter().enumerate() {
         let progress = InView { name: format!("{} ({}/{})", v.view.name, number + 1, views.len()), inner: progress };
         let view = clipped(&v.view, truth.bounds());
-        scored.push(evaluate_view(&scene, truth, &view, &v.orbit, size, &progress)?);
+        scored.push(evaluate_view((&scene, truth, &even), &view, &v.orbit, size, &progress)?);
     }
     Ok(Evaluation::of(scored))
 }
@@ -86,34 +88,53 @@ pub(super) fn clipped(view: &View, bounds: &Bounds) -> View {
     view
 }
 
+/// The particles spread evenly over their box: the periodic one where they fill it, else their bounds.
+struct Even {
+    bounds: Bounds,
+    count: f64,
+}
+
+impl Even {
+    fn of(truth: &Reference) -> Self {
+        let particles = truth.particles();
+        let domain = Domain::new(truth.bounds(), particles.meta.cell.as_ref());
+        let max = std::array::from_fn(|k| domain.min[k] + domain.length[k]);
+        Even { bounds: Bounds { min: domain.min, max }, count: particles.len() as f64 }
+    }
+}
+
 fn evaluate_view(
-    scene: &Scene,
-    reference: &Reference,
+    (scene, reference, even): (&Scene, &Reference, &Even),
     view: &View,
     orbit: &str,
     size: Size,
     progress: &dyn Progress,
 ) -> Result<ViewScores> {
     let truth = Truth::draw(reference, view, size, progress)?;
+    progress.begin("model and scores", 0);
     let tau = render::optical_depth(scene, view, size, progress)?;
+    let even = uniform_box(&even.bounds, even.count, view, size)?;
     let drawn = |look| scene.tone(&tau, look, view, size);
+    let scored = |look, drawn: &Gray8| look_scores(&truth, look, view, drawn, &even);
     let no_fxaa = drawn(Look::ParaviewNoFxaa);
     let target = truth.picture(Look::ParaviewNoFxaa);
-    Ok(ViewScores {
+    let scores = ViewScores {
         name: view.name.clone(),
         orbit: orbit.to_string(),
         radius: view.radius,
         opacity: view.opacity,
-        paraview: look_scores(&truth, Look::Paraview, view, &drawn(Look::Paraview)),
+        paraview: scored(Look::Paraview, &drawn(Look::Paraview)),
         paraview_no_fxaa: NoFxaaScores {
-            scores: look_scores(&truth, Look::ParaviewNoFxaa, view, &no_fxaa),
+            scores: scored(Look::ParaviewNoFxaa, &no_fxaa),
             shot_noise: shot_noise(&tau, view.opacity, &no_fxaa, target),
         },
-        expected: look_scores(&truth, Look::Expected, view, &drawn(Look::Expected)),
-    })
+        expected: scored(Look::Expected, &drawn(Look::Expected)),
+    };
+    progress.end();
+    Ok(scores)
 }
 
-fn look_scores(truth: &Truth, look: Look, view: &View, drawn: &Gray8) -> LookScores {
+fn look_scores(truth: &Truth, look: Look, view: &View, drawn: &Gray8, even: &Plane) -> LookScores {
     let target = truth.picture(look);
     let scores = Scores::of(drawn, target);
     let noise_free = Floor::of(&truth.noise_free(look, view, target.size), target);
@@ -123,6 +144,7 @@ fn look_scores(truth: &Truth, look: Look, view: &View, drawn: &Gray8) -> LookSco
         ssim: scores.ssim,
         noise_free,
         all_black: Floor::of(&Gray8::black(target.size), target),
+        uniform_box: Floor::of(&tone(even, look, view.opacity, view.radius_pixels(target.size)), target),
         gap: Gap::between(&noise_free, &scores),
         left_out: None,
     }

@@ -2,9 +2,10 @@
 //!
 //! [`evaluate`] draws every view of all particles and of the model in every look and puts the
 //! noise-free score, the floors and the gap beside each score (spec: metrics.md). [`certificate`]
-//! does so for one frame an orbit and adds the density. [`HeldOut`] keeps the truth of a few views
+//! does so for one frame an orbit and adds the density; [`verdict`] says in plain words what it is good for. [`HeldOut`] keeps the truth of a few views
 //! for whoever compares many models.
 
+mod agree;
 mod certify;
 mod compare;
 mod density;
@@ -14,10 +15,14 @@ mod mean;
 mod science;
 mod scores;
 #[cfg(test)]
+mod testing;
+#[cfg(test)]
 mod tests;
 mod truth;
+mod verdict;
 mod views;
 
+pub use agree::{Figure, contradictions, doubts, side_by_side};
 pub use certify::certificate;
 pub use compare::{Compared, Comparison, MeanScores, compare_folders};
 pub use density::{DensityAgreement, DensityGrid, density_agreement, density_of};
@@ -26,6 +31,7 @@ pub use held_out::HeldOut;
 use mean::mean;
 pub use scores::{ByOrbit, Evaluation, Floor, Gap, LookScores, MeanViewScores, NoFxaaScores, ViewScores};
 use truth::Truth;
+pub use verdict::{Finding, Use, Verdict, Word, verdict};
 pub use views::{
     EvalView, ViewSeed, certificate_views, evaluation_views, held_out_views, training_views, views_of_file,
 };

@@ -62,6 +62,9 @@ pub struct LookScores {
     pub noise_free: Floor,
     /// An empty picture.
     pub all_black: Floor,
+    /// The noise-free picture of as many particles spread evenly over the box
+    /// ([`crate::reference::uniform_box`]).
+    pub uniform_box: Floor,
     /// Noise-free minus model.
     pub gap: Gap,
     /// In a mean: views without a masked PSNR, which it leaves out.
@@ -77,6 +80,7 @@ impl LookScores {
             ssim: mean(all.clone().map(|s| s.ssim)),
             noise_free: Floor::mean(all.clone().map(|s| &s.noise_free)),
             all_black: Floor::mean(all.clone().map(|s| &s.all_black)),
+            uniform_box: Floor::mean(all.clone().map(|s| &s.uniform_box)),
             gap: Gap {
                 psnr: mean(all.clone().map(|s| s.gap.psnr)),
                 masked_psnr: mean(all.clone().map(|s| s.gap.masked_psnr)),
@@ -205,6 +209,7 @@ mod tests {
             ssim: Some(0.5),
             noise_free: floor(Some(40.0)),
             all_black: floor(Some(10.0)),
+            uniform_box: floor(Some(12.0)),
             gap: Gap::between(&floor(Some(40.0)), &scores),
             left_out: None,
         }
@@ -241,6 +246,7 @@ mod tests {
                 let s = &place[style];
                 assert!(s["psnr"].is_number() && s["masked_psnr"].is_number() && s["ssim"].is_number());
                 assert!(s["noise_free"]["masked_psnr"].is_number() && s["all_black"]["psnr"].is_number());
+                assert!(s["uniform_box"]["masked_psnr"].is_number());
                 assert_eq!(s.get("shot_noise").is_some(), style == "paraview_no_fxaa");
             }
         }

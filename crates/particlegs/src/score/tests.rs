@@ -106,15 +106,54 @@ fn held_out_views_rank_models() {
 fn certificates_repeat_and_know_the_density() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
-    let c = certificate(&fine, &particles, 42, None, &Silent).unwrap();
+    let steps = Steps::default();
+    let c = certificate(&fine, &particles, 42, None, &steps).unwrap();
     assert_eq!((c.width, c.height, c.grid), (1920, 1080, 50));
     assert!(
         c.orbits.iter().all(|o| o.expected.masked_psnr > Some(20.0) && o.expected.noise_free_masked_psnr.is_none())
     );
     let bounds = &fine.metadata.bounds;
-    let coarse = density_of(&coarse, &particles, bounds, 50, &Silent).unwrap();
+    let [coarse, uniform] = density_of(&coarse, &particles, bounds, 50, &Silent).unwrap();
     assert!(c.density_correlation > coarse.correlation && c.density_mae < coarse.mean_absolute_error);
     assert!(c.density_correlation > 0.8 && c.density_correlation < 1.0, "{}", c.density_correlation);
+    // Trivial references: the model beats both pictures, a uniform density has the mean of |delta|.
+    let baselines = c.baselines.unwrap();
+    for (orbit, trivial) in c.orbits.iter().zip(&baselines.orbits) {
+        let (model, trivial) = (orbit.expected, trivial.expected);
+        assert!(model.masked_psnr > trivial.uniform_box.masked_psnr, "{trivial:?}");
+        assert!(trivial.uniform_box.masked_psnr > trivial.all_black.masked_psnr, "{trivial:?}");
+        assert!(model.ssim > trivial.all_black.ssim.max(trivial.uniform_box.ssim));
+    }
+    assert_eq!((uniform.correlation, uniform.mean_absolute_error), (0.0, baselines.uniform_density_mae));
+    assert!(baselines.uniform_density_mae > 1.0);
+    steps.check();
+}
+
+/// Phases with the steps that they were to have and had.
+#[derive(Default)]
+struct Steps(std::sync::Mutex<Vec<(String, u64, u64)>>);
+
+impl Progress for Steps {
+    fn begin(&self, phase: &str, total: u64) {
+        self.0.lock().unwrap().push((phase.into(), total, 0));
+    }
+
+    fn advance(&self, steps: u64) {
+        self.0.lock().unwrap().last_mut().unwrap().2 += steps;
+    }
+}
+
+impl Steps {
+    /// Every part of a measurement shows how far it is, and comes to its end.
+    fn check(&self) {
+        let phases = self.0.lock().unwrap();
+        for wanted in ["ParaView's picture", "noise-free picture", "density", "drawing particles", "power spectra", "friends of friends"] {
+            assert!(phases.iter().any(|p| p.0.ends_with(wanted)), "{wanted}: {phases:?}");
+        }
+        for (phase, total, done) in phases.iter().filter(|p| p.1 > 0) {
+            let share = *done as f64 / *total as f64;
+            assert!((0.95..=1.05).contains(&share), "{phase}: {done} of {total}");
+        }
 }
 
 #[test]

@@ -10,7 +10,7 @@ use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
     Convention, Domain, Field, Grid, Groups, Measure, SizeClass, StatsOptions, Subject, Summary, axis_moments,
-    central_slice, compare_density, density_pdf, deposit, deposit_bytes, find_groups, profile, size_histogram,
+    central_slice, compare_density, density_pdf, deposit, deposit_bytes, deposit_steps, find_groups, profile, size_histogram,
 };
 use crate::model::Law;
 use crate::particles::Particles;
@@ -188,7 +188,7 @@ impl Job<'_> {
             "two density grids",
             deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
         )?;
-        self.progress.begin("densities", self.pair.iter().map(|s| s.count()).sum());
+        self.progress.begin("densities", self.pair.iter().map(|s| deposit_steps(*s, &grid)).sum());
         let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.progress);
         let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
         self.progress.end();
@@ -228,7 +228,6 @@ impl Job<'_> {
             shot_noise_subtracted: !self.paper(),
             k_max: if self.paper() { grid_limit } else { wanted.min(grid_limit) },
         };
-        self.progress.begin("power spectra", 0);
         let grid =
             if self.paper() { Grid::stretched(&self.domain, [cells; 3]) } else { Grid::new(&self.domain, cells) };
         let pair: Pair = transform_pair(self.pair, &grid, &domain, &options, self.progress)?;
@@ -242,7 +241,6 @@ impl Job<'_> {
         } else {
             None
         };
-        self.progress.end();
         Ok((Some(spectra), xi))
     }
 
@@ -257,10 +255,8 @@ impl Job<'_> {
 
     fn pairs(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<XiByPairs> {
         let options = PairOptions { edges: self.edges(), budget: self.o.pair_budget, seed: self.o.seed };
-        self.progress.begin("pair counts", 0);
         let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.progress);
         let counts = [count(0)?, count(1)?];
-        self.progress.end();
         if counts.iter().any(|c| c.primaries.iter().any(|p| *p < c.particles)) {
             notes.push("pairs at large separations are of a random sample of primaries with all others".into());
         }
@@ -271,14 +267,12 @@ impl Job<'_> {
     }
 
     fn groups(&self, positions: [&[[f64; 3]]; 2]) -> Result<GroupReport> {
-        self.progress.begin("friends of friends", 0);
         let find = |side: usize| {
             let length = self.o.linking * self.spacing(side);
             find_groups(positions[side], &self.domain, length, self.o.smallest_group, self.progress)
         };
         let groups = [find(0)?, find(1)?];
         let apertures = self.apertures(positions, &groups[0])?;
-        self.progress.end();
         let sizes = groups.each_ref().map(Groups::sizes);
         let smallest = self.o.smallest_group as u64;
         let class = |from: u64, to: Option<u64>| SizeClass::of(sizes.each_ref().map(|s| &s[..]), from, to);
@@ -318,12 +312,10 @@ impl Job<'_> {
     }
 
     fn neighbours(&self, particles: [&Particles; 2]) -> Result<NeighbourReport> {
-        self.progress.begin("nearest neighbours", 0);
         let options =
             NeighbourOptions { sample: self.o.neighbour_sample, among_sample: self.paper(), seed: self.o.seed };
         let of = |side: usize| nearest_distances(particles[side], &self.domain, &options, self.progress);
         let distances = [of(0)?, of(1)?];
-        self.progress.end();
         Ok(NeighbourReport {
             mean_ratio: distances[1].mean / distances[0].mean,
             median_ratio: distances[1].median / distances[0].median,

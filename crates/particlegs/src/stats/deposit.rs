@@ -70,6 +70,17 @@ pub fn deposit(
     Ok(field)
 }
 
+/// Steps of progress that a deposit makes: particles, or Gaussians of a model once a slab.
+pub(super) fn deposit_steps(subject: Subject<'_>, grid: &Grid) -> u64 {
+    match subject {
+        Subject::Particles(p) => p.len() as u64,
+        Subject::Model(m) => {
+            let depth = grid.cells[0].div_ceil(MODEL_SLABS).max(1);
+            m.gaussians() as u64 * grid.cells[0].div_ceil(depth) as u64
+        }
+    }
+}
+
 /// A particle in units of cells.
 type Record = ([f64; 3], f64);
 
@@ -239,6 +250,7 @@ fn add_mixtures(
                     // A Gaussian as wide as the box takes milliseconds.
                     if i % 8 == 0 {
                         progress.check()?;
+                        progress.advance((m.len() - i).min(256) as u64);
                     }
                     let (mean, cov) = (m.mean_of(i), m.cov_of(i));
                     if Splat::may_touch(&moved, &planes, mean, &cov) {

@@ -92,11 +92,13 @@ pub fn find_groups(
     crate::memory::require("friends of friends", positions.len() as u64 * 80)?;
     let rows = Rows::new(positions, domain, linking_length);
     progress.check()?;
+    progress.begin("friends of friends", 2 * (rows.rows.len() - 1) as u64);
     let mut sets = Sets::new(rows.runs.len());
     for reach in [Reach::Touching, Reach::Apart] {
         let links = rows.links(linking_length, reach, &sets.roots(), progress)?;
         links.iter().flatten().for_each(|(a, b)| sets.join(*a, *b));
     }
+    progress.end();
     Ok(Groups { linking_length, members: rows.members(&mut sets, smallest) })
 }
 
@@ -161,6 +163,7 @@ impl<'a> Rows<'a> {
                         }
                     }
                 }
+                progress.advance(1);
                 Ok(links)
             })
             .collect()

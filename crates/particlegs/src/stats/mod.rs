@@ -37,6 +37,7 @@ mod xi_transform;
 pub use aperture::{ApertureMass, aperture_mass, counts_within, group_center};
 pub use compare::compare;
 pub use density::{DensityComparison, DensityPdf, Slice, central_slice, compare_density, density_pdf, profile};
+use deposit::deposit_steps;
 pub use deposit::{Field, deposit, deposit_bytes};
 pub use domain::Domain;
 pub(crate) use gaussian::Splat;

@@ -78,6 +78,7 @@ pub fn nearest_distances(
         return Err(Error::argument("nearest neighbours need from 2 to 4294967294 particles"));
     }
     crate::memory::require("a tree of neighbours", n as u64 * 14 + o.sample.min(n) as u64 * 28)?;
+    progress.begin("nearest neighbours", o.sample.min(n) as u64);
     let chosen = places_of(particles, domain, &sample(n, o.sample, o.seed));
     progress.check()?;
     let thinned = o.among_sample.then(|| {
@@ -90,10 +91,13 @@ pub fn nearest_distances(
         .par_chunks(1024)
         .map(|run| {
             progress.check()?;
-            Ok(run.iter().map(|x| tree.nearest(*x)).collect::<Vec<f64>>())
+            let distances = run.iter().map(|x| tree.nearest(*x)).collect::<Vec<f64>>();
+            progress.advance(run.len() as u64);
+            Ok(distances)
         })
         .collect::<Result<Vec<_>>>()?
         .concat();
+    progress.end();
     let mean = distances.iter().sum::<f64>() / distances.len() as f64;
     distances.par_sort_unstable_by(f64::total_cmp);
     Ok(summary(&distances, mean, among.len()))

@@ -127,7 +127,6 @@ pub fn count_pairs(
             counts.xi[b] =
                 if counts.expected[b] > 0.0 { pairs[b - first] as f64 / counts.expected[b] - 1.0 } else { 0.0 };
         }
-        progress.advance(1);
         first = last;
     }
     Ok(counts)
@@ -169,6 +168,7 @@ fn uniform(seed: u64, index: u32) -> f64 {
 fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn Progress) -> Result<Vec<u64>> {
     let squares: Vec<f64> = edges.iter().map(|e| e * e).collect();
     let reach = edges[edges.len() - 1];
+    progress.begin("pair counts", primaries.len() as u64);
     let parts: Vec<Vec<u64>> = primaries
         .par_chunks(STEP)
         .map(|run| {
@@ -190,9 +190,11 @@ fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn 
                 // The primary itself.
                 bins[squares.iter().take_while(|s| 0.0 >= **s).count()] -= 1;
             }
+            progress.advance(run.len() as u64);
             Ok(bins)
         })
         .collect::<Result<Vec<_>>>()?;
+    progress.end();
     let mut pairs = vec![0; edges.len() - 1];
     parts.iter().for_each(|p| pairs.iter_mut().zip(&p[1..]).for_each(|(s, v)| *s += v));
     Ok(pairs)

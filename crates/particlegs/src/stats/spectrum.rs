@@ -6,7 +6,7 @@
 //! V sum w^2 / (sum w)^2 subtracted.
 
 use super::transform::{Modes, transform, transform_bytes};
-use super::{Assignment, Domain, Grid, Subject, deposit, deposit_bytes};
+use super::{Assignment, Domain, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::Result;
 use crate::progress::Progress;
 use rayon::prelude::*;
@@ -169,8 +169,12 @@ pub(super) fn transform_pair(
             + transform_bytes(grid.cells, most)
             + 3 * Modes::bytes(most),
     )?;
+    let passes = if o.interlaced { 2 } else { 1 };
+    let steps = [a, b].iter().map(|s| deposit_steps(*s, grid) + grid.len() as u64).sum::<u64>();
+    progress.begin("power spectra", passes * steps);
     let first = modes_of(a, grid, most, o, progress)?;
     let second = modes_of(b, grid, most, o, progress)?;
+    progress.end();
     Ok(Pair { modes: [first, second], shot_noise: [a.shot_noise(domain), b.shot_noise(domain)], grid: *grid })
 }
 

@@ -81,6 +81,7 @@ pub fn transform(field: &Field, most: [usize; 3], progress: &dyn Progress) -> Re
         .map_init(Scratch::default, |scratch, (out, cells)| {
             progress.check()?;
             plan.plane(cells, out, scratch);
+            progress.advance(cells.len() as u64);
             Ok(())
         })
         .collect::<Result<()>>()?;

@@ -66,6 +66,7 @@ pub fn certificate() -> Certificate {
         density_correlation: 0.5,
         density_mae: 0.25,
         science: Some(science()),
+        baselines: None,
     }
 }
 

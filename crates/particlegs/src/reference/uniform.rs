@@ -1,0 +1,108 @@
+//! The picture of particles spread evenly over a box: what any model must beat.
+
+use crate::Result;
+use crate::camera::{Projection, View, clipping_range};
+use crate::particles::Bounds;
+use crate::picture::{Plane, Size};
+use crate::splat::opacity_integral;
+use rayon::prelude::*;
+
+/// The noise-free optical depth of `count` particles spread evenly over `bounds`, without fluctuations:
+/// in each pixel their number density times the opacity integral of one of them, times the depth along
+/// which the pixel's ray is inside. Splats widen towards the corners as everywhere; in perspective a
+/// particle's size on the picture falls with depth as the pixel's cone grows, so no power of depth is
+/// left. Views without a clipping range get that of the bounds.
+///
+/// # Errors
+/// [`crate::Error::Argument`] for a view with a number outside its range.
+pub fn uniform_box(bounds: &Bounds, count: f64, view: &View, size: Size) -> Result<Plane> {
+    view.check(size)?;
+    let frame = view.camera.frame()?;
+    let range = view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera));
+    let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
+    let scale = view.camera.focal_pixels(size).recip();
+    // Extents one after the other, so that neither tiny nor huge boxes leave the range of f64.
+    let spread = bounds.extent_nonzero().iter().fold(count * opacity_integral(view.opacity), |n, e| n / e);
+    let weight = spread * view.radius * view.radius;
+    let [right, up, back] = frame.axes;
+    let half = [0.5 * size.width as f64 - 0.5, 0.5 * size.height as f64 - 0.5];
+    let mut plane = Plane::zeros(size);
+    plane.data.par_chunks_mut(size.width).enumerate().for_each(|(row, out)| {
+        let down = scale * (row as f64 - half[1]);
+        for (column, out) in out.iter_mut().enumerate() {
+            let across = scale * (column as f64 - half[0]);
+            let aside: [f64; 3] = std::array::from_fn(|k| across * right[k] - down * up[k]);
+            let forward = back.map(|v| -v);
+            let (start, direction, growth) = if perspective {
+                let growth = ((1.0 + across * across) * (1.0 + down * down)).sqrt();
+                (frame.position, std::array::from_fn(|k| forward[k] + aside[k]), growth)
+            } else {
+                (std::array::from_fn(|k| frame.position[k] + aside[k]), forward, 1.0)
+            };
+            *out = (weight * growth * depth_inside(bounds, start, direction, range)) as f32;
+        }
+    });
+    Ok(plane)
+}
+
+/// How much of the depths in `range` a ray has inside a box.
+fn depth_inside(b: &Bounds, start: [f64; 3], direction: [f64; 3], range: [f64; 2]) -> f64 {
+    let [mut near, mut far] = range;
+    for k in 0..3 {
+        let (a, z) = ((b.min[k] - start[k]) / direction[k], (b.max[k] - start[k]) / direction[k]);
+        if direction[k] == 0.0 {
+            if start[k] < b.min[k] || start[k] > b.max[k] {
+                return 0.0;
+            }
+            continue;
+        }
+        (near, far) = (near.max(a.min(z)), far.min(a.max(z)));
+    }
+    (far - near).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{base_distance, spherical_camera};
+    use crate::math::Random;
+    use crate::particles::Particles;
+    use crate::progress::Silent;
+    use crate::reference::Reference;
+
+    /// Particles drawn evenly have this depth on average, in perspective and in parallel projection.
+    #[test]
+    fn is_the_mean_of_particles_drawn_evenly() {
+        let draw = |k: u32, edge: f64| -> Vec<f32> {
+            (0..200_000).map(|i| (edge * Random::new(5, k, i).uniform()) as f32).collect()
+        };
+        let particles = Particles::from_columns(draw(0, 4.0), draw(1, 2.0), draw(2, 3.0));
+        let bounds = Bounds { min: [0.0; 3], max: [4.0, 2.0, 3.0] };
+        let size = Size { width: 96, height: 64 };
+        let distance = 0.6 * base_distance(&bounds, size);
+        let mut camera = spherical_camera(bounds.center(), 30.0, 20.0, distance);
+        for parallel in [false, true] {
+            if parallel {
+                camera.projection = Projection::Orthographic { height_world: 4.0 };
+            }
+            let view = View { name: "v".into(), camera: camera.clone(), radius: 0.03, opacity: 0.05 };
+            let even = uniform_box(&bounds, 200_000.0, &view, size).unwrap();
+            let mut worst = 0.0f64;
+            if parallel {
+                // Every particle is in the picture: the sum over pixels is theirs.
+                let pixels = view.radius_pixels(size).powi(2);
+                let sum: f64 = even.data.iter().map(|&v| f64::from(v)).sum();
+                worst = (sum / (200_000.0 * opacity_integral(0.05) * pixels) - 1.0).abs();
+            } else {
+                let drawn = Reference::new(&particles).optical_depth(&view, size, &Silent).unwrap();
+                for (rows, from) in [(8, 12), (8, 28), (8, 44)] {
+                    let sum = |p: &Plane| -> f64 {
+                        (from..from + rows).flat_map(|r| (32..64).map(move |c| r * 96 + c)).map(|i| f64::from(p.data[i])).sum()
+                    };
+                    worst = worst.max((sum(&drawn) / sum(&even) - 1.0).abs());
+                }
+            }
+            assert!(worst < 0.03, "parallel {parallel}: off by {worst}");
+        }
+    }
+}

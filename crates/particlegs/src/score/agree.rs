@@ -1,0 +1,218 @@
+//! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
+
+use crate::model::{Certificate, Limit, LookBaselines, LookScore};
+use serde::Serialize;
+
+/// What is measured again agrees within these: the same program measures the same bits on every machine;
+/// another version may round otherwise.
+const DECIBELS: f64 = 0.05;
+const SIMILARITY: f64 = 0.002;
+const DENSITY: f64 = 0.001;
+/// Of a wave number or a size.
+const SHARE: f64 = 0.001;
+
+/// One figure of a certificate, stored and measured.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Figure {
+    /// Which.
+    pub name: String,
+    /// As the file says it.
+    pub stored: String,
+    /// As it was measured now.
+    pub measured: String,
+    /// How far apart they may be.
+    pub tolerance: &'static str,
+    /// Are they further apart?
+    pub differs: bool,
+}
+
+/// Every figure that `stored` has, beside the one measured again.
+pub fn side_by_side(stored: &Certificate, measured: &Certificate) -> Vec<Figure> {
+    let mut all = Figures::default();
+    let setting = |c: &Certificate| format!("{} x {}, grid {}", c.width, c.height, c.grid);
+    all.push("pictures and grid", [setting(stored), setting(measured)], "same", setting(stored) != setting(measured));
+    for (k, name) in ["far", "mid", "near"].iter().enumerate() {
+        let (a, b) = (&stored.orbits[k], &measured.orbits[k]);
+        all.look(&format!("{name} paraview"), &a.paraview, &b.paraview);
+        all.look(&format!("{name} paraview-no-fxaa"), &a.paraview_no_fxaa, &b.paraview_no_fxaa);
+        all.look(&format!("{name} expected"), &a.expected, &b.expected);
+    }
+    all.real("density correlation", [stored.density_correlation, measured.density_correlation], DENSITY, "0.001");
+    all.real("density mean error", [stored.density_mae, measured.density_mae], DENSITY, "0.001");
+    if let (Some(a), Some(b)) = (&stored.baselines, &measured.baselines) {
+        for (k, name) in ["far", "mid", "near"].iter().enumerate() {
+            let (a, b) = (&a.orbits[k], &b.orbits[k]);
+            all.baselines(&format!("{name} paraview"), &a.paraview, &b.paraview);
+            all.baselines(&format!("{name} paraview-no-fxaa"), &a.paraview_no_fxaa, &b.paraview_no_fxaa);
+            all.baselines(&format!("{name} expected"), &a.expected, &b.expected);
+        }
+        all.real("uniform density mean error", [a.uniform_density_mae, b.uniform_density_mae], DENSITY, "0.001");
+    }
+    if let (Some(a), Some(b)) = (&stored.science, &measured.science) {
+        all.real("largest wave number", [a.k_max, b.k_max], SHARE * b.k_max, "0.1 %");
+        all.limit("P(k) within 1 % to", a.power_within_1_percent_to, b.power_within_1_percent_to);
+        all.limit("P(k) within 5 % to", a.power_within_5_percent_to, b.power_within_5_percent_to);
+        all.limit("r(k) of 0.99 to", a.r_above_0_99_to, b.r_above_0_99_to);
+        all.limit("r(k) of 0.9 to", a.r_above_0_9_to, b.r_above_0_9_to);
+        all.limit("groups from", a.groups_within_10_percent_from, b.groups_within_10_percent_from);
+    }
+    all.0
+}
+
+#[derive(Default)]
+struct Figures(Vec<Figure>);
+
+impl Figures {
+    fn push(&mut self, name: &str, [stored, measured]: [String; 2], tolerance: &'static str, differs: bool) {
+        self.0.push(Figure { name: name.into(), stored, measured, tolerance, differs });
+    }
+
+    fn real(&mut self, name: &str, [stored, measured]: [f64; 2], tolerance: f64, words: &'static str) {
+        // Not a number is never within.
+        let within = (stored - measured).abs() <= tolerance;
+        self.push(name, [stored, measured].map(|v| format!("{v:.4}")), words, !within);
+    }
+
+    fn decibels(&mut self, name: &str, pair: [Option<f64>; 2]) {
+        let within = match pair {
+            [Some(a), Some(b)] => (a - b).abs() <= DECIBELS,
+            [a, b] => a == b,
+        };
+        let words = pair.map(|v| v.map_or_else(|| "identical".into(), |v| format!("{v:.2} dB")));
+        self.push(name, words, "0.05 dB", !within);
+    }
+
+    fn look(&mut self, name: &str, a: &LookScore, b: &LookScore) {
+        self.decibels(name, [a.masked_psnr, b.masked_psnr]);
+        self.real(&format!("{name} SSIM"), [a.ssim, b.ssim], SIMILARITY, "0.002");
+        self.decibels(&format!("{name} noise-free"), [a.noise_free_masked_psnr, b.noise_free_masked_psnr]);
+        self.real(&format!("{name} noise-free SSIM"), [a.noise_free_ssim, b.noise_free_ssim], SIMILARITY, "0.002");
+    }
+
+    fn baselines(&mut self, name: &str, a: &LookBaselines, b: &LookBaselines) {
+        for (what, a, b) in [("all black", a.all_black, b.all_black), ("uniform box", a.uniform_box, b.uniform_box)] {
+            self.decibels(&format!("{name} {what}"), [a.masked_psnr, b.masked_psnr]);
+            self.real(&format!("{name} {what} SSIM"), [a.ssim, b.ssim], SIMILARITY, "0.002");
+        }
+    }
+
+    fn limit(&mut self, name: &str, a: Limit, b: Limit) {
+        let within = match (a, b) {
+            (Limit::At(a), Limit::At(b)) => (a - b).abs() <= SHARE * b,
+            (a, b) => a == b,
+        };
+        let words = |l: Limit| match l {
+            Limit::At(v) => format!("{v:.4}"),
+            Limit::Never => "nowhere".into(),
+            Limit::NotMeasured => "not measured".into(),
+        };
+        self.push(name, [a, b].map(words), "0.1 %", !within);
+    }
+}
+
+/// What no model's certificate can say, a line each: such a file was altered, or written by something
+/// else. What is doubtful but possible is in [`doubts`].
+pub fn contradictions(c: &Certificate) -> Vec<String> {
+    let mut found = Vec::new();
+    if !(-1.0..=1.0).contains(&c.density_correlation) {
+        found.push(format!("a density correlation of {}", c.density_correlation));
+    }
+    if !(c.density_mae >= 0.0 && c.density_mae.is_finite()) {
+        found.push(format!("a mean error of the density of {}", c.density_mae));
+    }
+    // One level in one of all pixels is the smallest error there is.
+    let most = 20.0 * 255f64.log10() + 10.0 * (f64::from(c.width) * f64::from(c.height)).log10();
+    for (name, orbit) in ["far", "mid", "near"].iter().zip(&c.orbits) {
+        if orbit.expected.noise_free_masked_psnr.is_some() || orbit.expected.noise_free_ssim < 1.0 {
+            found.push(format!("{name}: a noise-free picture that is not itself"));
+        }
+        for s in [&orbit.paraview, &orbit.paraview_no_fxaa, &orbit.expected] {
+            if let Some(v) = [s.masked_psnr, s.noise_free_masked_psnr].into_iter().flatten().find(|v| *v > most + 0.01) {
+                found.push(format!("{name}: {v:.2} dB, where pictures of this size reach {most:.2} dB unless identical"));
+            }
+        }
+    }
+    if let Some(s) = &c.science {
+        // Whatever is within 1 % is within 5 %, and r of 0.99 is above 0.9.
+        let beyond = |strict: Limit, loose: Limit| match (strict, loose) {
+            (Limit::At(a), Limit::At(b)) => a > b,
+            (Limit::At(_), Limit::Never) => true,
+            _ => false,
+        };
+        if beyond(s.power_within_1_percent_to, s.power_within_5_percent_to) {
+            found.push("P(k) within 1 % further than within 5 %".into());
+        }
+        if beyond(s.r_above_0_99_to, s.r_above_0_9_to) {
+            found.push("r(k) of 0.99 further than of 0.9".into());
+        }
+    }
+    found
+}
+
+/// What is hard to believe, a line each: scores clearly above the noise-free picture's. It knows every
+/// particle; who is above it knows the noise of one shot.
+pub fn doubts(c: &Certificate) -> Vec<String> {
+    const ABOVE: f64 = 1.0;
+    let mut found = Vec::new();
+    for (name, orbit) in ["far", "mid", "near"].iter().zip(&c.orbits) {
+        for (look, s) in [("paraview", &orbit.paraview), ("paraview-no-fxaa", &orbit.paraview_no_fxaa)] {
+            if let (Some(model), Some(noise_free)) = (s.masked_psnr, s.noise_free_masked_psnr)
+                && model > noise_free + ABOVE
+            {
+                found.push(format!("{name} {look}: {model:.2} dB, above the noise-free picture's {noise_free:.2} dB"));
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::certificate;
+    use super::*;
+    use crate::model::Science;
+
+    fn differing(a: &Certificate, b: &Certificate) -> Vec<String> {
+        side_by_side(a, b).into_iter().filter(|f| f.differs).map(|f| f.name).collect()
+    }
+
+    #[test]
+    fn a_forged_score_differs_and_rounding_does_not() {
+        let true_one = certificate();
+        assert_eq!(differing(&true_one, &true_one), [""; 0]);
+        let mut rounded = true_one;
+        rounded.orbits[0].paraview.masked_psnr = Some(30.502);
+        rounded.density_correlation += 1e-7;
+        assert_eq!(differing(&rounded, &true_one), [""; 0]);
+        let mut forged = true_one;
+        forged.orbits[1].paraview.masked_psnr = Some(45.0);
+        assert_eq!(differing(&forged, &true_one), ["mid paraview"]);
+        let mut forged = true_one;
+        forged.orbits[2].expected.masked_psnr = None;
+        forged.science = Some(Science { groups_within_10_percent_from: Limit::At(20.0), ..true_one.science.unwrap() });
+        assert_eq!(differing(&forged, &true_one), ["near expected", "groups from"]);
+        // Early files are compared in what they say.
+        let early = Certificate { science: None, baselines: None, ..true_one };
+        assert_eq!(differing(&early, &true_one), [""; 0]);
+    }
+
+    #[test]
+    fn impossible_certificates_are_told_without_the_snapshot() {
+        let c = certificate();
+        assert!(contradictions(&c).is_empty() && doubts(&c).is_empty());
+        let changed = |change: &dyn Fn(&mut Certificate)| {
+            let mut c = c;
+            change(&mut c);
+            contradictions(&c).len()
+        };
+        assert_eq!(changed(&|c| c.density_correlation = 1.5), 1);
+        assert_eq!(changed(&|c| c.density_mae = f64::NAN), 1);
+        assert_eq!(changed(&|c| c.orbits[0].paraview.masked_psnr = Some(120.0)), 1);
+        assert_eq!(changed(&|c| c.orbits[0].expected.noise_free_masked_psnr = Some(40.0)), 1);
+        assert_eq!(changed(&|c| c.science.as_mut().unwrap().power_within_5_percent_to = Limit::Never), 1);
+        assert_eq!(changed(&|c| c.science.as_mut().unwrap().r_above_0_9_to = Limit::At(1.0)), 1);
+        let mut forged = c;
+        forged.orbits[0].paraview.masked_psnr = Some(45.0);
+        assert!(doubts(&forged)[0].contains("45.00 dB, above the noise-free picture's 42.00"));
+    }
+}
