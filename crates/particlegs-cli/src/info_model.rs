@@ -237,10 +237,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let mut line = |text: String| out += &hanging("  ", &text, 6);
     line(format!("density on a grid of {} cells: correlation {:.5} (uniform 0)", c.grid, c.density_correlation));
     let uniform = c.baselines.map_or_else(|| "not measured".into(), |b| format!("{:.4}", b.uniform_density_mae));
-    line(format!(
-        "density contrast on it: mean absolute error {:.4} (uniform {uniform}, empty 1)",
-        c.density_mae
-    ));
+    line(format!("density contrast on it: mean absolute error {:.4} (uniform {uniform}, empty 1)", c.density_mae));
     match &c.science {
         Some(science) => science.in_words(unit).into_iter().for_each(line),
         None => line("power spectrum, cross-correlation, groups: not measured".into()),

@@ -106,7 +106,7 @@ pub fn run(a: Arguments) -> Result<()> {
     );
     // A job's file is measured; one of files has no certificate, and nothing is said of it.
     if info.certificate.is_some() {
-        text += &info_model::told(info.certificate.as_ref(), info.metadata.length_unit.as_deref(), &context).0;
+        text += &crate::info_model::told(info.certificate.as_ref(), info.metadata.length_unit.as_deref(), &context).0;
     }
     context.finish(&text, &report)
 }
