@@ -76,8 +76,8 @@ fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
         assert!(refused(&mut o, name, &NOTE).contains("input"), "{name}");
     }
     assert!(refused(&mut o, "other", &TEXT).contains("not a text"));
-    assert!(refused(&mut o, "text", &NOTE).contains("not a note"));
     assert!(o.writes(&at("text"), &TEXT, &Silent).unwrap(), "it is there, and kept");
+    assert!(refused(&mut Outputs::new(true, ""), "text", &NOTE).contains("not a note"));
     assert!(!o.writes(&at("note"), &NOTE, &Silent).unwrap());
     assert!(!o.writes(&at("empty"), &TEXT, &Silent).unwrap());
     assert!(!o.writes(&at("new"), &TEXT, &Silent).unwrap());
