@@ -1,8 +1,10 @@
 //! What `compress --pictures` writes: truth beside model beside error, and the surface density.
 
 use crate::density_args::Quantities;
+use particlegs::Result;
 use particlegs::camera::{DensityView, View, base_distance, spherical_camera};
 use particlegs::model::Model;
+use particlegs::output::FileSet;
 use particlegs::particles::Particles;
 use particlegs::picture::{
     Colormap, DensityPicture, PanelImage, ScaleBar, Size, annotate_density, masked_psnr, panels, write_rgb_png,
@@ -11,8 +13,6 @@ use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::{self, Scene};
 use particlegs::splat::Look;
-use particlegs::Result;
-use particlegs::output::FileSet;
 use std::path::{Path, PathBuf};
 
 /// One panel.

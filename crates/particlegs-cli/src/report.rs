@@ -42,9 +42,5 @@ fn whole(write: impl FnOnce() -> std::io::Result<()>) -> particlegs::Result<()> 
 pub fn json(target: &Path, value: &impl Serialize) -> particlegs::Result<()> {
     let mut text = serde_json::to_vec_pretty(value).expect("results are plain data");
     text.push(b'\n');
-    if target == Path::new("-") {
-        self::text(&text)
-    } else {
-        particlegs::output::write_bytes(target, &text)
-    }
+    if target == Path::new("-") { self::text(&text) } else { particlegs::output::write_bytes(target, &text) }
 }

@@ -59,7 +59,10 @@ pub fn logged<T>(
     let done = work(&logged);
     let whole = logged.file.into_inner().unwrap_or_else(|e| e.into_inner()).is_some();
     // The run's outcome is worth more than its curves.
-    if whole && !output::is_stream(path)? && let Err(error) = draw(path) {
+    if whole
+        && !output::is_stream(path)?
+        && let Err(error) = draw(path)
+    {
         context.message(&format!("warning: the curves of {} were not drawn: {error}", path.display()));
     }
     done

@@ -81,7 +81,17 @@ fn odd_snapshots_work() {
         snapshot(&dir.path().join(name), &columns);
         for effort in ["fast", "default"] {
             let mut c = particlegs();
-            c.current_dir(&dir).args(["compress", name, "-o", "m.pgs", "--effort", effort, "--gaussians", "10", "--force"]);
+            c.current_dir(&dir).args([
+                "compress",
+                name,
+                "-o",
+                "m.pgs",
+                "--effort",
+                effort,
+                "--gaussians",
+                "10",
+                "--force",
+            ]);
             c.assert().success();
             let n = columns[0].len();
             let out = particlegs().current_dir(&dir).args(["info", "m.pgs", "--json", "-"]).output().unwrap();

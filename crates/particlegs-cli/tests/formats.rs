@@ -50,7 +50,17 @@ fn species_and_masses_become_layers() {
     let dir = tempfile::tempdir().unwrap();
     let model = at(&dir, "m.pgs");
     let compress = |more: &[&str]| {
-        let base = ["compress", &fixture("species.hdf5"), "-o", &model, "--gaussians", "12", "-q", "--no-certificate", "--force"];
+        let base = [
+            "compress",
+            &fixture("species.hdf5"),
+            "-o",
+            &model,
+            "--gaussians",
+            "12",
+            "-q",
+            "--no-certificate",
+            "--force",
+        ];
         particlegs(&[&base, more].concat()).success();
         let d = info(&[&model]);
         let layers: Vec<Value> = d["layers"].as_array().unwrap().clone();
@@ -102,7 +112,9 @@ fn a_window_wraps_around_the_box() {
     let window = ["--center", "0,0,0", "--width", "9"];
     let base = ["convert", &columns[0], &columns[1], &columns[2], "-o", &region, "-q", "--force"];
     particlegs(&[&base[..], &window].concat()).failure().code(3);
-    particlegs(&["convert", &sample(), "-o", &region, "--center", "0,0,0", "--width", "26", "--force"]).failure().code(2);
+    particlegs(&["convert", &sample(), "-o", &region, "--center", "0,0,0", "--width", "26", "--force"])
+        .failure()
+        .code(2);
 }
 
 #[test]

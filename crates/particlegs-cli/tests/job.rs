@@ -15,7 +15,15 @@ fn says(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> Value {
 
 /// The file that `compress` gives.
 fn compressed(input: &Path, out: &Path, options: &[&str]) -> Vec<u8> {
-    particlegs().arg("compress").arg(input).arg("-o").arg(out).args(options).args(["--quiet", "--force"]).assert().success();
+    particlegs()
+        .arg("compress")
+        .arg(input)
+        .arg("-o")
+        .arg(out)
+        .args(options)
+        .args(["--quiet", "--force"])
+        .assert()
+        .success();
     std::fs::read(out).unwrap()
 }
 

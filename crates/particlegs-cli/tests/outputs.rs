@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{listing, particlegs, snapshot};
+use common::{listing, snapshot};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::os::unix::fs::{FileTypeExt, symlink};
@@ -296,7 +296,13 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
         assert!(link.is_symlink() && plain.exists(), "{}", case.words);
         let null = null_device(folder.path());
         if !case.is_file() {
-            w.demand(case, "a device is no folder", &null, &[], if case.writes == Writes::Job { 8 } else { refusal(case) });
+            w.demand(
+                case,
+                "a device is no folder",
+                &null,
+                &[],
+                if case.writes == Writes::Job { 8 } else { refusal(case) },
+            );
             continue;
         }
         let written = std::fs::read(&plain).unwrap();
@@ -338,10 +344,7 @@ fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
     for case in CASES {
         let folder = w.folder();
         let out = case.out(folder.path());
-        let plain = w.command(case.words, &out);
-        let mut limited = Command::new("sh");
-        limited.args(["-c", "ulimit -f 0; exec \"$0\" \"$@\""]).arg(plain.get_program()).args(plain.get_args());
-        let said = w.run(limited.current_dir(w.dir.path()));
+        let said = limited(&w, &w.command(case.words, &out), 0);
         let err = String::from_utf8_lossy(&said.stderr);
         assert_eq!(said.status.code(), Some(6), "{}: {err}", case.words);
         assert!(listing(folder.path()).is_empty(), "{}: {:?}", case.words, listing(folder.path()));
@@ -351,27 +354,67 @@ fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
     }
 }
 
+/// Runs a command that may write files of so many blocks of 512 bytes.
+fn limited(w: &Workshop, command: &Command, blocks: u32) -> Output {
+    let mut sh = Command::new("sh");
+    sh.arg("-c").arg(format!("ulimit -f {blocks}; exec \"$0\" \"$@\""));
+    sh.arg(command.get_program()).args(command.get_args()).current_dir(w.dir.path()).output().unwrap()
+}
+
+/// Where room ends between the first file of a set and the last, none of them appears.
+#[test]
+fn files_that_belong_together_appear_together() {
+    let w = Workshop::new();
+    let mut failed = [0, 0];
+    for blocks in [1, 4, 16, 40, 80, 1000] {
+        let folder = w.folder();
+        let words = "stats snap m.pgs -o OUT --only density,moments --grid 8";
+        let said = limited(&w, &w.command(words, folder.path()), blocks);
+        let there = listing(folder.path()).len();
+        match said.status.code() {
+            Some(0) => assert!(there > 5),
+            code => assert_eq!((code, there), (Some(6), 0), "{blocks}: {:?}", listing(folder.path())),
+        }
+        failed[0] += usize::from(!said.status.success());
+    }
+    for blocks in [4, 60, 120, 240, 10_000] {
+        let folder = w.folder();
+        let mut c =
+            w.command("compress snap -o OUT --no-certificate --effort fast --pictures", &folder.path().join("m.pgs"));
+        let said = limited(&w, c.arg(folder.path()), blocks);
+        let there = listing(folder.path());
+        match said.status.code() {
+            Some(0) => assert_eq!(there, ["comparison.png", "density.png", "m.pgs"]),
+            code => assert_eq!((code, &there[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}"),
+        }
+        failed[1] += usize::from(!said.status.success());
+    }
+    assert!((2..6).contains(&failed[0]) && (2..5).contains(&failed[1]), "{failed:?}");
+}
+
 /// Another reader of a folder than `info` may be at work: it never sees new columns beside old ones.
 #[test]
 fn a_failure_leaves_the_old_columns_whole() {
     let w = Workshop::new();
-    for words in ["convert other -o OUT --force", "recover n.pgs -o OUT --force", "recover n.pgs -o OUT --form npy --force"] {
+    for words in
+        ["convert other -o OUT --force", "recover n.pgs -o OUT --force", "recover n.pgs -o OUT --form npy --force"]
+    {
         let folder = w.folder();
         let out = folder.path().join("out");
         let first = w.run(&mut w.command("convert snap -o OUT", &out));
         assert!(first.status.success());
         let before = contents(folder.path());
-        let plain = w.command(words, &out);
-        // Enough for a column of 2000 bytes, not for all that follows.
-        let mut limited = Command::new("sh");
-        limited.args(["-c", "ulimit -f 0; exec \"$0\" \"$@\""]).arg(plain.get_program()).args(plain.get_args());
-        let said = w.run(limited.current_dir(w.dir.path()));
+        let said = limited(&w, &w.command(words, &out), 0);
         assert_eq!(said.status.code(), Some(6), "{words}: {}", String::from_utf8_lossy(&said.stderr));
         assert_eq!(contents(folder.path()), before, "{words}");
         assert_eq!(listing(folder.path()), ["out"]);
         assert!(w.run(&mut w.command(words, &out)).status.success());
         assert_eq!(listing(folder.path()), ["out"]);
-        let form: &[&str] = if words.contains("npy") { &["meta.json", "positions.npy"] } else { &["meta.json", "xx.f32", "yy.f32", "zz.f32"] };
+        let form: &[&str] = if words.contains("npy") {
+            &["meta.json", "positions.npy"]
+        } else {
+            &["meta.json", "xx.f32", "yy.f32", "zz.f32"]
+        };
         assert_eq!(listing(&out), form);
     }
 }
@@ -393,6 +436,22 @@ fn two_outputs_are_never_one() {
         let both = w.run(&mut w.command(words, Path::new("-")));
         assert_eq!(both.status.code(), Some(8), "{words}: {}", String::from_utf8_lossy(&both.stderr));
         assert!(both.stdout.is_empty());
+    }
+    // What a run writes beside its model is looked at before the work as well.
+    let (log, here, settings) = (folder.path().join("log.jsonl"), folder.path(), w.folder());
+    let config = settings.path().join("config.toml");
+    std::fs::write(&config, "").unwrap();
+    for (option, path, name) in [
+        ("--log", log.as_path(), "log.jsonl"),
+        ("--log", &log, "log-psnr.png"),
+        ("--config", &config, "out.pgs.checkpoint"),
+        ("--pictures", here, "density.png"),
+    ] {
+        std::fs::write(folder.path().join(name), "my notes").unwrap();
+        let mut c = w.command("compress snap -o OUT --effort fast --train fast", &out);
+        let said = w.run(c.arg(option).arg(path));
+        assert_eq!(said.status.code(), Some(8), "{name}: {}", String::from_utf8_lossy(&said.stderr));
+        std::fs::remove_file(folder.path().join(name)).unwrap();
     }
     let within = folder.path().join("comparison.png");
     let mut c = w.command("compress snap -o OUT --no-certificate --effort fast --pictures", &within);
@@ -439,7 +498,9 @@ fn the_same_again_says_that_it_is_done() {
     assert!(again.status.success() && text.contains("is there already"), "{text}");
     assert_eq!(listing(folder.path()), ["comparison.png", "density.png", "m.pgs"]);
     assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made);
-    for other in [&["--seed", "7"][..], &["--box", "20"], &["--length-unit", "Mpc"], &["--blocks", "2"], &["--ratio", "50"]] {
+    for other in
+        [&["--seed", "7"][..], &["--box", "20"], &["--length-unit", "Mpc"], &["--blocks", "2"], &["--ratio", "50"]]
+    {
         assert_eq!(run(other).status.code(), Some(8), "{other:?}");
     }
     let elsewhere = w.run(&mut w.command("compress other -o OUT --no-certificate --effort fast", &out));
@@ -484,7 +545,8 @@ fn a_second_signal_leaves_a_checkpoint_all_the_same() {
     let w = Workshop::new();
     let long: Vec<f32> = (0..60_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
     snapshot(&w.at("long"), &[long.clone(), long.iter().rev().copied().collect(), long]);
-    let made = w.run(&mut w.command("plan long -o OUT --blocks 1 --ratio 20 --effort high --no-certificate", &w.at("task")));
+    let made =
+        w.run(&mut w.command("plan long -o OUT --blocks 1 --ratio 20 --effort high --no-certificate", &w.at("task")));
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     assert!(w.run(&mut w.command("scatter task -q", Path::new(""))).status.success());
     let mut child = w.command("block task 0 -q", Path::new("")).spawn().unwrap();

@@ -33,7 +33,8 @@ fn tool(dir: &Path, arguments: &[&str]) -> assert_cmd::Command {
 
 /// Arguments of a small training run.
 fn training<'a>(law: &'a str, out: &'a str) -> Vec<&'a str> {
-    let run = ["--train", "fast", "--law", law, "--config", "tiny.toml", "--effort", "fast", "--size", "20kB", "--force"];
+    let run =
+        ["--train", "fast", "--law", law, "--config", "tiny.toml", "--effort", "fast", "--size", "20kB", "--force"];
     [&["compress", SAMPLE, "-o", out, "--no-certificate", "--threads", "2"][..], &run].concat()
 }
 

@@ -42,7 +42,14 @@ fn planned(folder: &Path) -> Job {
         certificate: false,
         command: "a test".into(),
     };
-    let task = Task { options: &options, blocks: Some(2), memory: None, snapshot: "a sample".into(), place: "here", replace: false };
+    let task = Task {
+        options: &options,
+        blocks: Some(2),
+        memory: None,
+        snapshot: "a sample".into(),
+        place: "here",
+        replace: false,
+    };
     plan(Source::Now(sample()), &task, folder, &Silent).unwrap().job
 }
 

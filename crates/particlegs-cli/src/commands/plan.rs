@@ -83,7 +83,8 @@ pub fn run(a: Arguments) -> Result<()> {
     context.outputs().writes_job(&a.output)?;
     context.makes_folder(&a.output)?;
     let source = snapshot.source(&Room::Disk(a.output.clone()), &context)?;
-    let task = Task { options: &options, blocks, memory, snapshot: named, place: &snapshot.place(), replace: a.force.force };
+    let task =
+        Task { options: &options, blocks, memory, snapshot: named, place: &snapshot.place(), replace: a.force.force };
     let planned = job::plan(source, &task, &a.output, &context)?;
     let (m, plan) = (&planned.job.manifest, &planned.job.manifest.plan);
     let folder = a.output.display();

@@ -132,13 +132,7 @@ fn pictures(
     Ok(())
 }
 
-fn densities(
-    a: &Arguments,
-    model: &Model,
-    subject: &Subject,
-    context: &Context,
-    report: &mut Report,
-) -> Result<()> {
+fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context, report: &mut Report) -> Result<()> {
     if model.metadata.law == Law::AlphaBlend {
         let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
         let hint = "draw particles with `recover`, and their density with `reference --style density`".to_string();
