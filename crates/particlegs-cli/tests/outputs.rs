@@ -526,6 +526,29 @@ fn standard_output_that_is_full_or_closed() {
     }
 }
 
+/// Killed in the middle, a conversion leaves the old columns; what it has left beside them goes with the
+/// next run there.
+#[test]
+fn a_killed_conversion_leaves_the_old_columns() {
+    let w = Workshop::new();
+    let folder = w.folder();
+    let out = folder.path().join("out");
+    assert!(w.run(&mut w.command("convert snap -o OUT", &out)).status.success());
+    let before = contents(&out);
+    std::fs::write(w.at("snap/meta.json"), "{\"name\": \"snap\", \"box\": [11, 11, 11]}").unwrap();
+    let mut child = w.command("convert snap -o OUT --force --quiet --tile 16,32,32", &out).spawn().unwrap();
+    let begun = || listing(folder.path()).len() == 2;
+    while !begun() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    assert!(!child.wait().unwrap().success(), "it was still writing 8 million particles");
+    assert_eq!(contents(&out), before);
+    assert!(begun(), "a folder has a name even before it is whole");
+    assert!(w.run(&mut w.command("convert snap -o OUT --force", &out)).status.success());
+    assert_eq!(listing(folder.path()), ["out"]);
+}
+
 /// A pipe's reader that is late is waited for; the wait can be stopped.
 #[test]
 fn a_pipe_without_a_reader_is_said_and_can_be_left() {
