@@ -61,7 +61,20 @@ fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     ["data", "list"].map(|folder| fs::create_dir(at(folder)).unwrap());
-    for name in ["data/xx.f32", "data/meta.json", "snap.0.hdf5", "snap.1.hdf5", "list.pvtp", "list/0.vtp", "g", "g#1", "text", "note", "other", "empty"] {
+    for name in [
+        "data/xx.f32",
+        "data/meta.json",
+        "snap.0.hdf5",
+        "snap.1.hdf5",
+        "list.pvtp",
+        "list/0.vtp",
+        "g",
+        "g#1",
+        "text",
+        "note",
+        "other",
+        "empty",
+    ] {
         fs::write(at(name), if name == "empty" { "" } else { name }).unwrap();
     }
     fs::hard_link(at("data/xx.f32"), at("hard")).unwrap();
@@ -125,6 +138,14 @@ fn folders_are_exchanged_whole() {
     fs::create_dir(&out).unwrap();
     make(&["b"], "four").unwrap();
     assert_eq!(listing(&out), 1);
+    // What another process has put there meanwhile is not lost.
+    let (late, own) = (dir.path().join("late"), ["a"]);
+    let folder = WholeFolder::create(&late, &own).unwrap();
+    fs::create_dir(&late).unwrap();
+    fs::write(late.join("a"), "theirs").unwrap();
+    assert!(folder.finish().is_err());
+    assert_eq!(fs::read(late.join("a")).unwrap(), b"theirs");
+    assert_eq!(listing(dir.path()), 2);
 }
 
 #[test]
