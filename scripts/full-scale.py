@@ -29,7 +29,7 @@ def snapshot(size):
 
 def run(name, size, options):
     model = os.path.join(WORK, name + ".pgs")
-    command = ["compress", snapshot(size), "-o", model, *options, "--json", os.path.join(WORK, "said.json"), "--quiet"]
+    command = ["compress", snapshot(size), "-o", model, "--force", *options, "--json", os.path.join(WORK, "said.json"), "--quiet"]
     start = time.time()
     process = subprocess.Popen([PROGRAM, *command])
     peak = 0

@@ -78,7 +78,7 @@ def main():
             timed("block", job, i, "--quiet")
         result["status"] = timed("status", job, "--quiet")
         result["verify"] = timed("verify", job, "--quiet")
-        result["merge"] = timed("merge", job, "-o", work / "model.pgs", "--quiet")
+        result["merge"] = timed("merge", job, "-o", work / "model.pgs", "--force", "--quiet")
         result["model_bytes"] = (work / "model.pgs").stat().st_size
     files = lambda pattern: sum(p.stat().st_size for p in job.glob(pattern))
     result["bytes"] = {"plan.json": files("plan.json"), "runs.bin": files("runs.bin"), "scatter": files("scatter/*")}

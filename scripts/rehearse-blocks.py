@@ -118,8 +118,8 @@ def main():
     options = [a.data, "--blocks", a.blocks, *common]
     result = {"data": pathlib.Path(a.data).name, "blocks": a.blocks, "ratio": a.ratio, "cores": a.cores}
 
-    result["one_block"] = timed(PROGRAM, "compress", a.data, *common, "-o", work / "one.pgs")
-    result["one_process"] = timed(PROGRAM, "compress", *options, "-o", work / "direct.pgs")
+    result["one_block"] = timed(PROGRAM, "compress", a.data, *common, "-o", work / "one.pgs", "--force")
+    result["one_process"] = timed(PROGRAM, "compress", *options, "-o", work / "direct.pgs", "--force")
 
     # Blocks as processes, without an engine: what a process adds to what its own sidecar says.
     timed(PROGRAM, "plan", *options, "-o", other)
@@ -140,7 +140,7 @@ def main():
     result["engine"] = engine(snakefile, work, job, a.cores, a.blocks)
     result["status"] = timed(PROGRAM, "status", job)
     result["verify"] = timed(PROGRAM, "verify", job)
-    result["merge"] = timed(PROGRAM, "merge", job, "-o", work / "again.pgs", "--quiet")
+    result["merge"] = timed(PROGRAM, "merge", job, "-o", work / "again.pgs", "--force", "--quiet")
 
     result["bytes"] = {
         "one_block": (work / "one.pgs").stat().st_size,

@@ -63,7 +63,7 @@ def run(name, options, toml):
         options = [*options, "--config", path(name + ".toml")]
     cpu = resource.getrusage(resource.RUSAGE_CHILDREN)
     start = time.time()
-    particlegs("compress", DATA, "-o", model, "--no-certificate", *options, "--json", path(name + ".json"))
+    particlegs("compress", DATA, "-o", model, "--force", "--no-certificate", *options, "--json", path(name + ".json"))
     wall = time.time() - start
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     said = load(name + ".json")
@@ -80,7 +80,7 @@ def run(name, options, toml):
     particlegs("compare", path(name), os.path.join(REFERENCE, "paraview"), "--json", path(name + "-scores.json"))
     out["views"] = {v["name"]: v["masked_psnr"] for v in load(name + "-scores.json")["views"]}
     subprocess.run(["rm", "-rf", path("particles")], check=True)
-    particlegs("recover", model, "-o", path("particles"), "--method", "count")
+    particlegs("recover", model, "-o", path("particles"), "--force", "--method", "count")
     particlegs("stats", DATA, path("particles"), "-o", path(name + "-stats"), "--grid", "50", "--spectrum-grid", "512",
                "--only", "density,spectrum,groups", "--no-plots")
     out["science"] = science(load(os.path.join(name + "-stats", "stats.json")))

@@ -171,7 +171,7 @@ def last_of_log(path):
 def train(name, options, changes="", seed=None, which="in-range"):
     """Compresses with training and scores the file."""
     config, said, log = (os.path.join(WORK, f"{name}{end}") for end in (".toml", "-said.json", ".jsonl"))
-    command = ["compress", SNAPSHOT, "-o", path_of(name), *options, "--no-certificate", "--json", said]
+    command = ["compress", SNAPSHOT, "-o", path_of(name), "--force", *options, "--no-certificate", "--json", said]
     if "--train" in options:
         with open(config, "w") as f:
             f.write(SCORED_OFTEN + changes)
@@ -295,7 +295,7 @@ def fine_tune(k, changes="", densify=True):
         text = f"evaluate_views = 4\n{changes}{stages}"
         with open(config, "w") as f:
             f.write(text)
-        command = ["finetune", path_of(f"blocks-{k}"), SNAPSHOT, "-o", path_of(name), "--scale", str(SCALE),
+        command = ["finetune", path_of(f"blocks-{k}"), SNAPSHOT, "-o", path_of(name), "--force", "--scale", str(SCALE),
                    "--iterations", str(TUNE_STEPS), "--gaussians", str(2 * MOST * k),
                    "--config", config, "--no-certificate", "--json", said]
         result = {**timed(command), "command": shown(command), "changes": text, "particles": merged["particles"]}
@@ -312,7 +312,7 @@ def recover(of, method="count", scale=None):
         known(of)
         drawn, out = os.path.join(WORK, "recovered"), os.path.join(WORK, "stats")
         shutil.rmtree(drawn, ignore_errors=True)
-        command = ["recover", path_of(of), "-o", drawn, "--method", method] + (["--scale", str(scale)] if scale else [])
+        command = ["recover", path_of(of), "-o", drawn, "--force", "--method", method] + (["--scale", str(scale)] if scale else [])
         result = {**timed(command), "of": of, "method": method, "scale": scale or 1}
         # 16.8 particles a cell and, for neighbours, one particle of 562: as the published table has them.
         thinned = max(round(bounds()[1] / 562), 100)

@@ -8,7 +8,7 @@ use std::path::Path;
 
 fn compress(folder: &Path, name: &str, args: &[&str], simd: bool) -> Vec<u8> {
     let mut c = particlegs();
-    c.arg("compress").arg(sample()).arg("-o").arg(folder.join(name)).args(args).arg("--quiet");
+    c.arg("compress").arg(sample()).arg("-o").arg(folder.join(name)).args(args).args(["--quiet", "--force"]);
     if !simd {
         c.env("PARTICLEGS_SIMD", "off");
     }
@@ -81,7 +81,17 @@ fn odd_snapshots_work() {
         snapshot(&dir.path().join(name), &columns);
         for effort in ["fast", "default"] {
             let mut c = particlegs();
-            c.current_dir(&dir).args(["compress", name, "-o", "m.pgs", "--effort", effort, "--gaussians", "10"]);
+            c.current_dir(&dir).args([
+                "compress",
+                name,
+                "-o",
+                "m.pgs",
+                "--effort",
+                effort,
+                "--gaussians",
+                "10",
+                "--force",
+            ]);
             c.assert().success();
             let n = columns[0].len();
             let out = particlegs().current_dir(&dir).args(["info", "m.pgs", "--json", "-"]).output().unwrap();

@@ -50,7 +50,17 @@ fn species_and_masses_become_layers() {
     let dir = tempfile::tempdir().unwrap();
     let model = at(&dir, "m.pgs");
     let compress = |more: &[&str]| {
-        let base = ["compress", &fixture("species.hdf5"), "-o", &model, "--gaussians", "12", "-q", "--no-certificate"];
+        let base = [
+            "compress",
+            &fixture("species.hdf5"),
+            "-o",
+            &model,
+            "--gaussians",
+            "12",
+            "-q",
+            "--no-certificate",
+            "--force",
+        ];
         particlegs(&[&base, more].concat()).success();
         let d = info(&[&model]);
         let layers: Vec<Value> = d["layers"].as_array().unwrap().clone();
@@ -93,16 +103,18 @@ fn a_window_wraps_around_the_box() {
     assert!((-2.0..-1.9).contains(&lo) && (1.9..2.0).contains(&hi), "{lo} {hi}");
     particlegs(&["convert", &sample(), "-o", &region, "--region", "0,2,-1,26,-1,26", "-q"]).success();
     let right = info(&[&region])["particles"].as_u64().unwrap();
-    particlegs(&["convert", &sample(), "-o", &region, "--region", "23,25,-1,26,-1,26", "-q"]).success();
+    particlegs(&["convert", &sample(), "-o", &region, "--region", "23,25,-1,26,-1,26", "-q", "--force"]).success();
     let left = info(&[&region])["particles"].as_u64().unwrap();
     assert_eq!(d["particles"].as_u64(), Some(left + right));
     // Without a box nothing wraps, and a window wider than the box would repeat it.
     let columns = ["xx.f32", "yy.f32", "zz.f32"].map(|c| dir.path().join("window").join(c).display().to_string());
     std::fs::remove_file(dir.path().join("window/meta.json")).unwrap();
     let window = ["--center", "0,0,0", "--width", "9"];
-    let base = ["convert", &columns[0], &columns[1], &columns[2], "-o", &region, "-q"];
+    let base = ["convert", &columns[0], &columns[1], &columns[2], "-o", &region, "-q", "--force"];
     particlegs(&[&base[..], &window].concat()).failure().code(3);
-    particlegs(&["convert", &sample(), "-o", &region, "--center", "0,0,0", "--width", "26"]).failure().code(2);
+    particlegs(&["convert", &sample(), "-o", &region, "--center", "0,0,0", "--width", "26", "--force"])
+        .failure()
+        .code(2);
 }
 
 #[test]

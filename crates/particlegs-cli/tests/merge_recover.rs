@@ -134,6 +134,6 @@ fn recovered_particles_say_what_they_are() {
     fail(2, "no layer `gas`", &["--layer", "gas"]);
     fail(2, "scale", &["--scale", "0"]);
     fail(6, "", &["--particles", "900000000000000"]);
-    fails(particlegs().arg("recover").arg(&model).arg("-o").arg(&model), 6, "is a file");
+    fails(particlegs().arg("recover").arg(&model).arg("-o").arg(&model), 8, "is an input");
     fails(particlegs().arg("recover").arg(&model).arg("-o").arg(out("missing/deep")), 6, "missing");
 }

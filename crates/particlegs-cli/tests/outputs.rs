@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{listing, particlegs, snapshot};
+use common::{listing, snapshot};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::os::unix::fs::{FileTypeExt, symlink};
@@ -204,9 +204,12 @@ fn an_input_is_never_an_output() {
         }
     }
     for case in CASES.iter().filter(|c| matches!(c.writes, Writes::Columns | Writes::Job)) {
-        for input in ["snap", "snap/../snap", "."] {
-            w.demand(case, "the folder of an input", &w.at(input), &["--force"], 8);
+        let reads_it = !case.words.starts_with("recover");
+        for input in ["snap", "snap/../snap"] {
+            let force: &[&str] = if reads_it { &["--force"] } else { &[] };
+            w.demand(case, "a folder of real particles", &w.at(input), force, 8);
         }
+        w.demand(case, "the folder around an input", &w.at("."), &["--force"], 8);
     }
     // An argument that is refused before the model is looked at.
     let tuned = case("finetune m.pgs snap -o OUT --no-certificate --scale 0.01", Writes::Model, "pgs");
@@ -344,10 +347,7 @@ fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
     for case in CASES {
         let folder = w.folder();
         let out = case.out(folder.path());
-        let plain = w.command(case.words, &out);
-        let mut limited = Command::new("sh");
-        limited.args(["-c", "ulimit -f 0; exec \"$0\" \"$@\""]).arg(plain.get_program()).args(plain.get_args());
-        let said = w.run(limited.current_dir(w.dir.path()));
+        let said = limited(&w, &w.command(case.words, &out), 0);
         let err = String::from_utf8_lossy(&said.stderr);
         assert_eq!(said.status.code(), Some(6), "{}: {err}", case.words);
         assert!(listing(folder.path()).is_empty(), "{}: {:?}", case.words, listing(folder.path()));
@@ -355,6 +355,44 @@ fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
         w.demand(case, "a place that cannot be written", &case.out(Path::new("/proc")), &[], 6);
         w.unchanged(case.words);
     }
+}
+
+/// Runs a command that may write files of so many blocks of 512 bytes.
+fn limited(w: &Workshop, command: &Command, blocks: u32) -> Output {
+    let mut sh = Command::new("sh");
+    sh.arg("-c").arg(format!("ulimit -f {blocks}; exec \"$0\" \"$@\""));
+    sh.arg(command.get_program()).args(command.get_args()).current_dir(w.dir.path()).output().unwrap()
+}
+
+/// Where room ends between the first file of a set and the last, none of them appears.
+#[test]
+fn files_that_belong_together_appear_together() {
+    let w = Workshop::new();
+    let mut failed = [0, 0];
+    for blocks in [1, 4, 16, 40, 80, 1000] {
+        let folder = w.folder();
+        let words = "stats snap m.pgs -o OUT --only density,moments --grid 8";
+        let said = limited(&w, &w.command(words, folder.path()), blocks);
+        let there = listing(folder.path()).len();
+        match said.status.code() {
+            Some(0) => assert!(there > 5),
+            code => assert_eq!((code, there), (Some(6), 0), "{blocks}: {:?}", listing(folder.path())),
+        }
+        failed[0] += usize::from(!said.status.success());
+    }
+    for blocks in [4, 60, 120, 240, 10_000] {
+        let folder = w.folder();
+        let mut c =
+            w.command("compress snap -o OUT --no-certificate --effort fast --pictures", &folder.path().join("m.pgs"));
+        let said = limited(&w, c.arg(folder.path()), blocks);
+        let there = listing(folder.path());
+        match said.status.code() {
+            Some(0) => assert_eq!(there, ["comparison.png", "density.png", "m.pgs"]),
+            code => assert_eq!((code, &there[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}"),
+        }
+        failed[1] += usize::from(!said.status.success());
+    }
+    assert!((2..6).contains(&failed[0]) && (2..5).contains(&failed[1]), "{failed:?}");
 }
 
 /// Another reader of a folder than `info` may be at work: it never sees new columns beside old ones.
@@ -369,11 +407,7 @@ fn a_failure_leaves_the_old_columns_whole() {
         let first = w.run(&mut w.command("convert snap -o OUT", &out));
         assert!(first.status.success());
         let before = contents(folder.path());
-        let plain = w.command(words, &out);
-        // Enough for a column of 2000 bytes, not for all that follows.
-        let mut limited = Command::new("sh");
-        limited.args(["-c", "ulimit -f 0; exec \"$0\" \"$@\""]).arg(plain.get_program()).args(plain.get_args());
-        let said = w.run(limited.current_dir(w.dir.path()));
+        let said = limited(&w, &w.command(words, &out), 0);
         assert_eq!(said.status.code(), Some(6), "{words}: {}", String::from_utf8_lossy(&said.stderr));
         assert_eq!(contents(folder.path()), before, "{words}");
         assert_eq!(listing(folder.path()), ["out"]);
@@ -405,6 +439,22 @@ fn two_outputs_are_never_one() {
         let both = w.run(&mut w.command(words, Path::new("-")));
         assert_eq!(both.status.code(), Some(8), "{words}: {}", String::from_utf8_lossy(&both.stderr));
         assert!(both.stdout.is_empty());
+    }
+    // What a run writes beside its model is looked at before the work as well.
+    let (log, here, settings) = (folder.path().join("log.jsonl"), folder.path(), w.folder());
+    let config = settings.path().join("config.toml");
+    std::fs::write(&config, "").unwrap();
+    for (option, path, name) in [
+        ("--log", log.as_path(), "log.jsonl"),
+        ("--log", &log, "log-psnr.png"),
+        ("--config", &config, "out.pgs.checkpoint"),
+        ("--pictures", here, "density.png"),
+    ] {
+        std::fs::write(folder.path().join(name), "my notes").unwrap();
+        let mut c = w.command("compress snap -o OUT --effort fast --train fast", &out);
+        let said = w.run(c.arg(option).arg(path));
+        assert_eq!(said.status.code(), Some(8), "{name}: {}", String::from_utf8_lossy(&said.stderr));
+        std::fs::remove_file(folder.path().join(name)).unwrap();
     }
     let within = folder.path().join("comparison.png");
     let mut c = w.command("compress snap -o OUT --no-certificate --effort fast --pictures", &within);
@@ -474,6 +524,29 @@ fn standard_output_that_is_full_or_closed() {
         let said = w.command(words, Path::new("")).stdout(writer).output().unwrap();
         assert_eq!(said.status.code(), Some(0), "{words}: {}", String::from_utf8_lossy(&said.stderr));
     }
+}
+
+/// Killed in the middle, a conversion leaves the old columns; what it has left beside them goes with the
+/// next run there.
+#[test]
+fn a_killed_conversion_leaves_the_old_columns() {
+    let w = Workshop::new();
+    let folder = w.folder();
+    let out = folder.path().join("out");
+    assert!(w.run(&mut w.command("convert snap -o OUT", &out)).status.success());
+    let before = contents(&out);
+    std::fs::write(w.at("snap/meta.json"), "{\"name\": \"snap\", \"box\": [11, 11, 11]}").unwrap();
+    let mut child = w.command("convert snap -o OUT --force --quiet --tile 16,32,32", &out).spawn().unwrap();
+    let begun = || listing(folder.path()).len() == 2;
+    while !begun() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    assert!(!child.wait().unwrap().success(), "it was still writing 8 million particles");
+    assert_eq!(contents(&out), before);
+    assert!(begun(), "a folder has a name even before it is whole");
+    assert!(w.run(&mut w.command("convert snap -o OUT --force", &out)).status.success());
+    assert_eq!(listing(folder.path()), ["out"]);
 }
 
 /// A pipe's reader that is late is waited for; the wait can be stopped.

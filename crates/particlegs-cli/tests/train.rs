@@ -33,7 +33,8 @@ fn tool(dir: &Path, arguments: &[&str]) -> assert_cmd::Command {
 
 /// Arguments of a small training run.
 fn training<'a>(law: &'a str, out: &'a str) -> Vec<&'a str> {
-    let run = ["--train", "fast", "--law", law, "--config", "tiny.toml", "--effort", "fast", "--size", "20kB"];
+    let run =
+        ["--train", "fast", "--law", law, "--config", "tiny.toml", "--effort", "fast", "--size", "20kB", "--force"];
     [&["compress", SAMPLE, "-o", out, "--no-certificate", "--threads", "2"][..], &run].concat()
 }
 
@@ -116,6 +117,8 @@ fn stopped_runs_leave_the_best_and_go_on() {
     let (_dir, dir) = folder();
     for (law, name) in LAWS.into_iter().zip(["-INT", "-TERM"]) {
         let mut arguments = training(law, "m.pgs");
+        // Going on needs no --force.
+        arguments.retain(|a| *a != "--force");
         arguments.extend(["--iterations", "60"]);
         let mut child = spawn(&dir, &arguments);
         let checkpoint = dir.join("m.pgs.checkpoint");
@@ -125,6 +128,7 @@ fn stopped_runs_leave_the_best_and_go_on() {
         assert_eq!(child.wait().unwrap().code(), Some(130), "{law}");
         let told = tool(&dir, &["verify", "m.pgs"]).output().unwrap();
         assert!(told.status.success() && String::from_utf8_lossy(&told.stdout).contains(law));
+        fails(&mut tool(&dir, &arguments), 8, "an interrupted run has left it");
         let kept = std::fs::read(&checkpoint).unwrap();
         std::fs::write(&checkpoint, &kept[..kept.len() / 2]).unwrap();
         fails(tool(&dir, &arguments).arg("--resume"), 3, "half-written or changed");
@@ -136,6 +140,8 @@ fn stopped_runs_leave_the_best_and_go_on() {
         whole.extend(["--iterations", "60"]);
         assert!(unbroken(&dir, &whole, "whole.pgs") == std::fs::read(dir.join("m.pgs")).unwrap(), "{law}");
         fails(tool(&dir, &arguments).arg("--resume"), 2, "there is no checkpoint");
+        fails(&mut tool(&dir, &arguments), 8, "not replaced unasked");
+        std::fs::remove_file(dir.join("m.pgs")).unwrap();
     }
 }
 
@@ -190,7 +196,7 @@ fn blocks_and_fine_tuning() {
     assert_eq!(network("m.pgs"), network("job/blocks/00000.pgs"));
     assert_ne!(network("m.pgs"), network("job/blocks/00001.pgs"));
 
-    let tune = ["finetune", "m.pgs", SAMPLE, "-o", "tuned.pgs", "--config", "tiny.toml", "--no-certificate"];
+    let tune = ["finetune", "m.pgs", SAMPLE, "-o", "tuned.pgs", "--config", "tiny.toml", "--no-certificate", "--force"];
     let tuned = unbroken(&dir, &tune, "tuned.pgs");
     assert!(tuned.len() <= direct.len() && tuned.len() + 500 > direct.len(), "{} bytes", tuned.len());
     assert!(tuned == unbroken(&dir, &[&tune[..], &["--threads", "1"]].concat(), "tuned.pgs"));

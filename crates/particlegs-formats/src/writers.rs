@@ -1,6 +1,6 @@
 //! The formats that snapshots are written in.
 
-use particlegs::particles::{Kept, write_raw};
+use particlegs::particles::{Kept, RawForm, write_raw};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::Path;
@@ -29,7 +29,7 @@ pub static WRITERS: &[Writer] = &[
         endings: &[],
         holds_box: true,
         folder: true,
-        write: |kept, out, progress| Ok(write_raw(kept, out, progress)?.bytes),
+        write: |kept, out, progress| Ok(write_raw(kept, out, RawForm::Columns, progress)?.bytes),
     },
     Writer {
         name: "npy",
@@ -37,7 +37,7 @@ pub static WRITERS: &[Writer] = &[
         endings: &["npy"],
         holds_box: false,
         folder: false,
-        write: |kept, out, progress| Ok(write_raw(kept, out, progress)?.bytes),
+        write: |kept, out, progress| Ok(write_raw(kept, out, RawForm::Npy, progress)?.bytes),
     },
     Writer {
         name: "hdf5",

@@ -91,6 +91,9 @@ pub fn run(a: Arguments) -> Result<()> {
     let snapshot = JobSnapshot::new(&a.input, &a.snapshot, selection, a.common.seed)?;
     let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
     context.reads(a.input.iter().map(PathBuf::as_path).chain(a.fit.train.config_file()), a.force.force)?;
+    if a.emit.is_some() && context.outputs().on_standard_output() {
+        return Err(Error::argument("--emit prints its script on standard output: name a file for --json"));
+    }
     // What is in the folder is looked at by the plan itself; only an input it must not be.
     context.outputs().writes_job(&a.output)?;
     context.makes_folder(&a.output)?;

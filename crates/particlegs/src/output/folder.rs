@@ -11,8 +11,18 @@ pub struct WholeFolder {
     out: PathBuf,
     target: PathBuf,
     staged: TemporaryFolder,
-    /// Is it filled within its place, because nothing can be made beside it?
-    inside: bool,
+    way: Way,
+}
+
+/// How a folder comes to its place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Way {
+    /// By its name, where nothing but an empty folder is.
+    Rename,
+    /// In exchange for the folder that is there.
+    Exchange,
+    /// File by file, into the empty folder around it.
+    Inside,
 }
 
 impl WholeFolder {
@@ -47,25 +57,30 @@ impl WholeFolder {
     /// Begins a folder for `out`, which may replace files with the names `own`.
     ///
     /// # Errors
-    /// As [`WholeFolder::check`].
+    /// As [`WholeFolder::check`]; [`Error::Output`] for the working folder, where it is not empty: whoever
+    /// works in it would be left in one that is gone.
     pub fn create(out: &Path, own: &[&str]) -> Result<WholeFolder> {
         let filled = WholeFolder::check(out, own)?;
         let Place::File(target) = Place::of(out)? else { return Err(no_folder(out)) };
         let fail = |e| Error::io(out, e);
         // The name itself, also of `.` and `a/..`: what it lies in is where it is made.
         let target = std::fs::canonicalize(&target).unwrap_or(target);
-        let empty = target.is_dir() && !filled;
-        let beside = match TemporaryFolder::within(folder_of(&target)) {
-            Ok(staged) if !empty || same_disk(staged.path(), &target) => Ok(staged),
-            Ok(_) => Err(std::io::ErrorKind::CrossesDevices.into()),
-            Err(e) => Err(e),
+        let is_there = target.is_dir();
+        let here = is_there && Identity::of(&target) == Identity::of(Path::new("."));
+        if here && filled {
+            let what = "is the working folder, and would be replaced as a whole";
+            return Err(Error::output(out, what, "run the command in another folder"));
+        }
+        let beside = TemporaryFolder::within(folder_of(&target));
+        let (staged, way) = match beside {
+            Ok(staged) if !here && (!is_there || same_disk(staged.path(), &target)) => {
+                (staged, if filled { Way::Exchange } else { Way::Rename })
+            }
+            Err(e) if !is_there || filled => return Err(fail(e)),
+            _ if filled => return Err(fail(std::io::ErrorKind::CrossesDevices.into())),
+            _ => (TemporaryFolder::within(&target).map_err(fail)?, Way::Inside),
         };
-        let (staged, inside) = match beside {
-            Ok(staged) => (staged, false),
-            Err(_) if empty => (TemporaryFolder::within(&target).map_err(fail)?, true),
-            Err(e) => return Err(fail(e)),
-        };
-        Ok(WholeFolder { out: out.to_path_buf(), target, staged, inside })
+        Ok(WholeFolder { out: out.to_path_buf(), target, staged, way })
     }
 
     /// Where its files are written.
@@ -78,21 +93,21 @@ impl WholeFolder {
     /// # Errors
     /// [`Error::Io`]; what was there is untouched then.
     pub fn finish(mut self) -> Result<()> {
-        let done = match (self.inside, self.target.is_dir()) {
-            (true, _) => self.move_files(),
-            (false, true) => self.exchange(),
-            (false, false) => std::fs::rename(self.staged.path(), &self.target).map(|()| self.staged.moved()),
+        if let Ok(there) = self.target.metadata() {
+            // Who may use the folder stays as it is; where that cannot be, it is as any new folder.
+            let _ = std::fs::set_permissions(self.staged.path(), there.permissions());
+        }
+        let done = match self.way {
+            Way::Inside => self.move_files(),
+            Way::Exchange => self.exchange(),
+            // It fails where another process has filled the folder meanwhile.
+            Way::Rename => std::fs::rename(self.staged.path(), &self.target).map(|()| self.staged.moved()),
         };
         done.map_err(|e| Error::io(&self.out, e))
     }
 
     /// Takes the place of the folder that is there; what it held goes.
     fn exchange(&mut self) -> std::io::Result<()> {
-        // An empty folder is replaced in one step on every system.
-        if std::fs::rename(self.staged.path(), &self.target).is_ok() {
-            self.staged.moved();
-            return Ok(());
-        }
         match swap(self.staged.path(), &self.target) {
             // The files of the old one go with the temporary folder that they are in now.
             Ok(()) => Ok(()),

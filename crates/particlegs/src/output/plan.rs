@@ -198,19 +198,20 @@ impl Input {
             return true;
         }
         match path.is_dir() {
-            true => in_folder(path, whole, file),
+            true if whole => in_folder(path, 2, |_| true, file),
+            true => in_folder(path, 1, is_data, file),
             false => beside(path, file),
         }
     }
 }
 
-/// Is it one of a folder's files?
-fn in_folder(folder: &Path, whole: bool, file: &Identity) -> bool {
-    std::fs::read_dir(folder).into_iter().flatten().flatten().any(|entry| {
-        let path = entry.path();
-        let deeper = || whole && path.is_dir() && in_folder(&path, false, file);
-        (whole || is_data(&path)) && Identity::of(&path) == *file || deeper()
-    })
+/// Is it one of the files that are read of a folder and, so many levels deep, of those in it?
+fn in_folder(folder: &Path, levels: u32, is_read: fn(&Path) -> bool, file: &Identity) -> bool {
+    levels > 0
+        && std::fs::read_dir(folder).into_iter().flatten().flatten().any(|entry| {
+            let path = entry.path();
+            is_read(&path) && Identity::of(&path) == *file || in_folder(&path, levels - 1, is_read, file)
+        })
 }
 
 /// May this file of a folder that is read be data? Models, pictures and logs beside data are not.
@@ -234,7 +235,7 @@ fn beside(path: &Path, file: &Identity) -> bool {
     // Lists of pieces in XML name those of a folder of their own name.
     let is_list = path.extension().is_some_and(|e| ["pvtp", "pvtu", "pvd", "vtm"].iter().any(|l| e == *l));
     let stem = path.file_stem().filter(|_| is_list).map(|s| path.with_file_name(s));
-    let pieces = || stem.is_some_and(|s| s.is_dir() && in_folder(&s, false, file));
+    let pieces = || stem.is_some_and(|s| s.is_dir() && in_folder(&s, 1, is_data, file));
     entries.filter(|e| belongs(&e.file_name().to_string_lossy())).any(|e| Identity::of(&e.path()) == *file) || pieces()
 }
 

@@ -60,24 +60,37 @@ fn links_are_followed_and_stay() {
 fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
-    fs::create_dir(at("data")).unwrap();
-    for name in ["data/xx.f32", "data/meta.json", "snap.0.hdf5", "snap.1.hdf5", "text", "note", "other", "empty"] {
+    ["data", "list"].map(|folder| fs::create_dir(at(folder)).unwrap());
+    for name in [
+        "data/xx.f32",
+        "data/meta.json",
+        "snap.0.hdf5",
+        "snap.1.hdf5",
+        "list.pvtp",
+        "list/0.vtp",
+        "g",
+        "g#1",
+        "text",
+        "note",
+        "other",
+        "empty",
+    ] {
         fs::write(at(name), if name == "empty" { "" } else { name }).unwrap();
     }
     fs::hard_link(at("data/xx.f32"), at("hard")).unwrap();
     let mut o = Outputs::new(false, "use force");
     o.reads(Input::Data(at("data")));
-    o.reads(Input::Data(at("snap.0.hdf5")));
+    ["snap.0.hdf5", "list.pvtp", "g"].map(|name| o.reads(Input::Data(at(name))));
     let refused = |o: &mut Outputs, name: &str, kind: &Kind| match o.writes(&at(name), kind, &Silent) {
         Err(Error::Output { what, .. }) => what,
         other => panic!("{name}: {other:?}"),
     };
-    for name in ["data/xx.f32", "data/../data/meta.json", "hard", "snap.0.hdf5", "snap.1.hdf5"] {
+    for name in ["data/xx.f32", "data/../data/meta.json", "hard", "snap.0.hdf5", "snap.1.hdf5", "list/0.vtp", "g#1"] {
         assert!(refused(&mut o, name, &NOTE).contains("input"), "{name}");
     }
     assert!(refused(&mut o, "other", &TEXT).contains("not a text"));
-    assert!(refused(&mut o, "text", &NOTE).contains("not a note"));
     assert!(o.writes(&at("text"), &TEXT, &Silent).unwrap(), "it is there, and kept");
+    assert!(refused(&mut Outputs::new(true, ""), "text", &NOTE).contains("not a note"));
     assert!(!o.writes(&at("note"), &NOTE, &Silent).unwrap());
     assert!(!o.writes(&at("empty"), &TEXT, &Silent).unwrap());
     assert!(!o.writes(&at("new"), &TEXT, &Silent).unwrap());
@@ -125,6 +138,14 @@ fn folders_are_exchanged_whole() {
     fs::create_dir(&out).unwrap();
     make(&["b"], "four").unwrap();
     assert_eq!(listing(&out), 1);
+    // What another process has put there meanwhile is not lost.
+    let (late, own) = (dir.path().join("late"), ["a"]);
+    let folder = WholeFolder::create(&late, &own).unwrap();
+    fs::create_dir(&late).unwrap();
+    fs::write(late.join("a"), "theirs").unwrap();
+    assert!(folder.finish().is_err());
+    assert_eq!(fs::read(late.join("a")).unwrap(), b"theirs");
+    assert_eq!(listing(dir.path()), 2);
 }
 
 #[test]

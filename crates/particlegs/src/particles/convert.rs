@@ -35,19 +35,19 @@ pub fn convert(
     progress.begin("counting", 0);
     let kept = Kept::new(particles, tiling, selection, progress)?;
     progress.end();
-    write_raw(&kept, out, progress)
+    write_raw(&kept, out, RawForm::of_name(out), progress)
 }
 
-/// Writes to `out`: one .npy of shape (N, 3) where its name ends so, else a folder with xx.f32,
+/// Writes to `out` in the form that is asked for: one .npy of shape (N, 3), or a folder with xx.f32,
 /// yy.f32, zz.f32, ww.f32 where there are weights, and meta.json. Positions are float32 about 0.
 /// Nothing is left where it fails.
 ///
 /// # Errors
 /// [`Error::Input`] where positions overflow float32 or weights would be lost; [`Error::Io`];
 /// [`Error::Cancelled`].
-pub fn write_raw(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<Converted> {
+pub fn write_raw(kept: &Kept<'_>, out: &Path, form: RawForm, progress: &dyn Progress) -> Result<Converted> {
     let weighted = kept.weighted();
-    let writer = SnapshotWriter::create(out, RawForm::of_name(out), kept.total(), weighted)?;
+    let writer = SnapshotWriter::create(out, form, kept.total(), weighted)?;
     progress.begin("writing", kept.total());
     (0..kept.runs()).into_par_iter().try_for_each_init(
         || (Run::default(), Vec::new()),
