@@ -89,8 +89,8 @@ pub fn nearest_distances(
     let mut distances = chosen
         .par_chunks(1024)
         .map(|run| {
-            progress.check()?;
-            Ok(run.iter().map(|x| tree.nearest(*x)).collect::<Vec<f64>>())
+            let one = |x| progress.check().map(|()| tree.nearest(x));
+            run.iter().map(|x| one(*x)).collect::<Result<Vec<f64>>>()
         })
         .collect::<Result<Vec<_>>>()?
         .concat();
