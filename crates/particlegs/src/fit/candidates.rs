@@ -8,6 +8,8 @@ use crate::math::Sym3;
 
 /// Gaussians in a leaf of the tree.
 const LEAF: usize = 8;
+/// Leaves that a search from one of the Gaussians looks at, at most.
+const MOST_LEAVES: usize = 1024;
 
 /// An ellipsoid with all that its overlaps need.
 #[derive(Clone, Copy, Debug)]
@@ -143,6 +145,30 @@ impl<'a> OverlapTree<'a> {
     /// The at most `most` Gaussians whose overlap with `group` is within `reach` (a difference of
     /// separations) of the best, best first.
     pub(crate) fn nearest(&self, group: &Ellipsoid, most: usize, reach: f64, found: &mut Vec<(f64, u32)>) {
+        self.search(group, None, usize::MAX, (most, reach), found);
+    }
+
+    /// [`Self::nearest`] to one of the Gaussians themselves, the `at`-th in the tree's order, by a look
+    /// at no more than [`MOST_LEAVES`] leaves. Where so many overlap alike that no bound tells them
+    /// apart (thousands at one place), those are taken that lie beside it in the tree.
+    pub(crate) fn nearest_to(&self, at: usize, most: usize, reach: f64, found: &mut Vec<(f64, u32)>) {
+        let own = &self.items[self.order[at] as usize];
+        self.search(own, Some(at as u32), MOST_LEAVES, (most, reach), found);
+    }
+
+    /// The Gaussians in the tree's order.
+    pub(crate) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    fn search(
+        &self,
+        group: &Ellipsoid,
+        home: Option<u32>,
+        mut leaves: usize,
+        (most, reach): (usize, f64),
+        found: &mut Vec<(f64, u32)>,
+    ) {
         found.clear();
         if self.nodes.is_empty() {
             return;
@@ -154,9 +180,15 @@ impl<'a> OverlapTree<'a> {
             }
             let node = &self.nodes[id as usize];
             if node.right == 0 {
+                if leaves == 0 {
+                    break;
+                }
+                leaves -= 1;
                 for &i in &self.order[node.start as usize..node.end as usize] {
                     let s = group.separation(&self.items[i as usize]);
-                    if s <= limit(found, most, reach) {
+                    // From home on, those found first stay where others are as near.
+                    let tie = home.is_some() && found.len() == most && s == found[most - 1].0;
+                    if s <= limit(found, most, reach) && !tie {
                         let at = found.partition_point(|f| (f.0, f.1) < (s, i));
                         found.insert(at, (s, i));
                         found.truncate(most);
@@ -165,7 +197,11 @@ impl<'a> OverlapTree<'a> {
             } else {
                 let (l, r) = (id + 1, node.right);
                 let (bl, br) = (self.bound(l, group), self.bound(r, group));
-                if bl <= br {
+                let left_first = match home {
+                    Some(home) if bl == br => home < self.nodes[r as usize].start,
+                    _ => bl <= br,
+                };
+                if left_first {
                     stack.push((br, r));
                     stack.push((bl, l));
                 } else {

@@ -23,6 +23,8 @@ pub fn write_rgb_png(path: &Path, picture: &Rgb8) -> Result<()> {
 }
 
 fn write(path: &Path, size: Size, color: png::ColorType, bytes: &[u8]) -> Result<()> {
+    // The coder holds what it has coded until it is whole: no more than the picture, and a little.
+    memory::require("writing a picture", bytes.len() as u64 + bytes.len() as u64 / 64)?;
     output::write_atomic(path, |w: &mut dyn Write| {
         let mut encoder = png::Encoder::new(w, size.width as u32, size.height as u32);
         encoder.set_color(color);

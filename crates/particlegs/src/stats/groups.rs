@@ -6,6 +6,7 @@
 //! joined first: of those further apart most are then of one group already, and need no look.
 
 use super::Domain;
+use crate::particles::Bounds;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -25,6 +26,11 @@ impl Groups {
         self.members.iter().map(|m| m.len() as u64).collect()
     }
 }
+
+/// Pairs of particles above which two cells count as crowded.
+const MANY: usize = 1 << 12;
+/// Cells along an axis that repeats, at most: f64 tells no more places apart.
+const MOST_CELLS: i64 = 1 << 53;
 
 /// An occupied cell: its place along z and its particles in the sorted order.
 #[derive(Clone, Copy)]
@@ -51,6 +57,7 @@ struct Walk<'a> {
     apart: bool,
     /// Set of each cell so far.
     roots: &'a [u32],
+    progress: &'a dyn Progress,
 }
 
 struct Rows<'a> {
@@ -110,15 +117,12 @@ impl<'a> Rows<'a> {
             if domain.periodic[k] { 0.0 } else { positions.iter().map(|x| x[k]).fold(0.0, f64::min) }
         });
         // Axes that repeat need whole cells; open ones may have any number.
-        let cells: [i64; 3] =
-            std::array::from_fn(
-                |k| {
-                    if domain.periodic[k] { (domain.length[k] / wanted).ceil() as i64 } else { i64::MAX }
-                },
-            );
+        let cells: [i64; 3] = std::array::from_fn(|k| {
+            if domain.periodic[k] { ((domain.length[k] / wanted).ceil() as i64).min(MOST_CELLS) } else { i64::MAX }
+        });
         let side: [f64; 3] =
             std::array::from_fn(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { wanted });
-        let place = |x: &[f64; 3], k: usize| (((x[k] - low[k]) / side[k]) as i64).clamp(0, cells[k] - 1);
+        let place = |x: &[f64; 3], k: usize| cell_number((x[k] - low[k]) / side[k]).clamp(0, cells[k] - 1);
         let order = sorted(positions, &|x| [0, 1, 2].map(|k| place(x, k)), occupied(positions, &place, &cells));
         let (mut runs, mut rows): (Vec<CellRun>, Vec<([i64; 2], u32)>) = Default::default();
         for (at, i) in order.iter().enumerate() {
@@ -144,9 +148,7 @@ impl<'a> Rows<'a> {
         (0..self.rows.len() - 1)
             .into_par_iter()
             .map(|row| {
-                if row % 256 == 0 {
-                    progress.check()?;
-                }
+                progress.check()?;
                 let mut links = Vec::new();
                 for dx in 0..=most {
                     for dy in -most..=most {
@@ -158,11 +160,13 @@ impl<'a> Rows<'a> {
                                 + gap(dy) * self.side[1] * gap(dy) * self.side[1];
                             // Rows that touch have cells apart along z alone.
                             let apart = dx.abs() > 1 || dy.abs() > 1;
-                            let walk = Walk { length, gap, reach, apart, roots };
+                            let walk = Walk { length, gap, reach, apart, roots, progress };
                             self.link_rows(row, other, shift, &walk, &mut links);
                         }
                     }
                 }
+                // What a stop cut short is no list of links.
+                progress.check()?;
                 progress.advance(1);
                 Ok(links)
             })
@@ -219,7 +223,7 @@ impl<'a> Rows<'a> {
                         && (walk.apart || steps.abs() > 1) == (walk.reach == Reach::Apart)
                         && walk.gap + dz * dz <= walk.length * walk.length
                         && walk.roots[i] != walk.roots[j]
-                        && self.friends(cell, self.runs[j], shift, walk.length * walk.length)
+                        && self.friends(cell, self.runs[j], shift, walk)
                     {
                         links.push((i as u32, j as u32));
                     }
@@ -228,15 +232,26 @@ impl<'a> Rows<'a> {
         }
     }
 
-    fn friends(&self, a: CellRun, b: CellRun, shift: [f64; 3], square: f64) -> bool {
-        let others = &self.position[b.first as usize..b.end as usize];
-        self.position[a.first as usize..a.end as usize].iter().any(|x| {
-            let x = [x[0] - shift[0], x[1] - shift[1], x[2] - shift[2]];
-            others.iter().any(|y| {
-                let d = [y[0] - x[0], y[1] - x[1], y[2] - x[2]];
-                d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= square
-            })
-        })
+    /// Is a particle of one cell within the linking length of one of the other? (False after a stop.)
+    fn friends(&self, a: CellRun, b: CellRun, shift: [f64; 3], walk: &Walk<'_>) -> bool {
+        let square = walk.length * walk.length;
+        let [own, others] = [a, b].map(|c| &self.position[c.first as usize..c.end as usize]);
+        let moved = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|k| x[k] - shift[k]) };
+        let any = |x: [f64; 3], others: &[[f64; 3]]| others.iter().any(|y| square_between(&x, y) <= square);
+        if own.len() * others.len() <= MANY {
+            return own.iter().any(|x| any(moved(x), others));
+        }
+        // Of crowded cells only those that are near the other's crowd: clumps apart are told so at once.
+        let own: Vec<[f64; 3]> = own.iter().map(moved).collect();
+        let near = |points: &[[f64; 3]], crowd: &[[f64; 3]]| -> Vec<[f64; 3]> {
+            let mut bounds = Bounds::empty();
+            crowd.iter().for_each(|x| bounds.include(*x));
+            let nearest = |x: &[f64; 3]| std::array::from_fn(|k| x[k].clamp(bounds.min[k], bounds.max[k]));
+            points.iter().filter(|x| square_between(x, &nearest(x)) <= square).copied().collect()
+        };
+        let others = near(others, &own);
+        let own = near(&own, &others);
+        own.iter().any(|x| !walk.progress.cancelled() && any(*x, &others))
     }
 
     /// Particles of each large set, ascending; sets by size, then by their first particle.
@@ -289,6 +304,18 @@ fn sorted(positions: &[[f64; 3]], cell: &(impl Fn(&[f64; 3]) -> [i64; 3] + Sync)
         let [i, j, k] = cell(x);
         ((i * cells[1] + j) * cells[2] + k) as u64
     })
+}
+
+fn square_between(x: &[f64; 3], y: &[f64; 3]) -> f64 {
+    let d = [y[0] - x[0], y[1] - x[1], y[2] - x[2]];
+    d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+}
+
+/// The number of the cell at `q` cells from the first: whole numbers as far as f64 tells all of them
+/// apart, and beyond that the order of what it does tell apart.
+fn cell_number(q: f64) -> i64 {
+    const WHOLE: f64 = (1i64 << 55) as f64;
+    if q < WHOLE { q as i64 } else { (1 << 55) + 2 * (q.to_bits() - WHOLE.to_bits()) as i64 }
 }
 
 /// Cells between two that are `d` apart.
@@ -383,6 +410,19 @@ mod tests {
         assert_eq!(run(1).members, vec![(0..20).collect::<Vec<u32>>()]);
         assert_eq!(run(1), run(4));
         assert!(find_groups(&x, &domain, 0.09, 2, &Silent).unwrap().members.is_empty());
+    }
+
+    /// Clumps in neighbouring cells, further apart than a link, and outliers beyond what whole numbers of
+    /// cells reach.
+    #[test]
+    fn crowds_and_outliers_are_told_apart() {
+        let domain = Domain { min: [0.0; 3], length: [1e20, 1.0, 1.0], periodic: [false; 3] };
+        let mut x: Vec<[f64; 3]> = (0..4000).map(|i| [0.3 + 1e-6 * f64::from(i % 2), 0.5, 0.5]).collect();
+        x.extend((0..4000).map(|i| [0.3 + 1.4e-3, 0.5 + 1e-6 * f64::from(i % 3), 0.5]));
+        x.extend([[1e20; 3], [0.9e20; 3], [1e20; 3]]);
+        let members = find_groups(&x, &domain, 1e-3, 2, &Silent).unwrap().members;
+        assert_eq!(members.iter().map(Vec::len).collect::<Vec<_>>(), [4000, 4000, 2]);
+        assert_eq!(find_groups(&x, &domain, 1.5e-3, 2, &Silent).unwrap().members.len(), 2);
     }
 
     #[test]

@@ -90,8 +90,8 @@ pub fn nearest_distances(
     let mut distances = chosen
         .par_chunks(1024)
         .map(|run| {
-            progress.check()?;
-            let distances = run.iter().map(|x| tree.nearest(*x)).collect::<Vec<f64>>();
+            let one = |x| progress.check().map(|()| tree.nearest(x));
+            let distances = run.iter().map(|x| one(*x)).collect::<Result<Vec<f64>>>()?;
             progress.advance(run.len() as u64);
             Ok(distances)
         })

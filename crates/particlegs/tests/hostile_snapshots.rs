@@ -1,0 +1,206 @@
+//! Odd coordinates and boxes: a snapshot becomes a model that can be read, drawn and measured, or is
+//! refused in one line.
+
+use particlegs::camera::{View, base_distance, spherical_camera};
+use particlegs::codec;
+use particlegs::compress::{Options, Target, compress};
+use particlegs::fit::{Effort, NoPieces};
+use particlegs::math::Random;
+use particlegs::model::Model;
+use particlegs::particles::{Cell, ParticleLayer, Particles, Room};
+use particlegs::picture::Size;
+use particlegs::progress::{Progress, Silent};
+use particlegs::render::{Scene, draw};
+use particlegs::splat::Look;
+use particlegs::stats::{StatsOptions, Subject, compare};
+use particlegs::train::Limits;
+use particlegs::{Error, Result};
+use std::sync::Mutex;
+
+const SIZE: Size = Size { width: 40, height: 24 };
+
+/// Clustered points in the unit cube, scaled and moved.
+fn snapshot(n: u64, scale: [f32; 3], shift: f32) -> Particles {
+    let place = |k: usize| {
+        let of = |i: u64| {
+            let (mut r, mut c) = (Random::new(7, k as u32, i), Random::new(7, 10 + k as u32, i % 9));
+            let x = if i % 2 == 0 { r.uniform() } else { (c.uniform() + 0.01 * r.normal()).rem_euclid(1.0) };
+            (x as f32 * scale[k] + shift).clamp(f32::MIN, f32::MAX)
+        };
+        (0..n).map(of).collect::<Vec<f32>>()
+    };
+    Particles::from_columns(place(0), place(1), place(2))
+}
+
+fn options() -> Options {
+    Options {
+        target: Target::Gaussians(40),
+        effort: Effort::Fast,
+        radius: None,
+        opacity: None,
+        blocks: 1,
+        room: Room::Memory,
+        training: None,
+        limits: Limits::default(),
+        memory: None,
+        seed: 1,
+        certificate: false,
+        command: "compress".into(),
+    }
+}
+
+fn compressed(p: &Particles) -> Result<Model> {
+    let made = compress(p, &options(), &mut NoPieces, &Silent)?;
+    codec::check(&made.bytes, "made")?;
+    codec::decode(&made.bytes, "made")
+}
+
+/// Draws and measures a model of a snapshot.
+fn used(p: &Particles, model: &Model) {
+    let m = &model.metadata;
+    let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, SIZE));
+    let view = View { name: "v".into(), camera, radius: m.default_radius, opacity: 0.05 };
+    draw(&Scene::of(model), &view, SIZE, Look::Paraview, &Silent).unwrap();
+    let o = StatsOptions { cells: 8, spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
+    for other in [Subject::Model(model), Subject::Particles(p)] {
+        let s = compare(Subject::Particles(p), other, &o, &Silent).unwrap();
+        assert!(s.density.is_some() && s.spectra.is_some());
+    }
+}
+
+#[test]
+fn odd_coordinates_become_models() {
+    let n = 400;
+    let shapes = [
+        snapshot(n, [1e-42; 3], 0.0),
+        snapshot(n, [1e-38; 3], 0.0),
+        snapshot(n, [1e20; 3], 0.0),
+        snapshot(n, [3e38; 3], 0.0),
+        snapshot(n, [1e38, 1e-38, 1e-38], 0.0),
+        snapshot(n, [1.0, 0.0, 0.0], 0.0),
+        snapshot(n, [1.0, 1.0, 0.0], 5.0),
+        snapshot(n, [1.0; 3], 1e7),
+        snapshot(n, [0.0; 3], 0.7),
+        snapshot(1, [1.0; 3], 0.0),
+    ];
+    for (i, p) in shapes.iter().enumerate() {
+        let model = compressed(p).unwrap_or_else(|e| panic!("shape {i}: {e}"));
+        assert_eq!(model.metadata.count, p.len() as u64);
+        if p.len() > 1 {
+            used(p, &model);
+        }
+    }
+}
+
+#[test]
+fn outliers_and_boxes_about_the_data_do_too() {
+    let mut p = snapshot(400, [100.0; 3], 0.0);
+    for length in [100.0, 150.0, 1e30] {
+        p.meta.cell = Some(Cell::orthogonal([length; 3]));
+        used(&p, &compressed(&p).unwrap());
+    }
+    let column = |k: usize| (0..400).map(|i| p.position(i)[k] as f32).chain([1e20, -1e20]).collect();
+    let out = Particles::from_columns(column(0), column(1), column(2));
+    used(&out, &compressed(&out).unwrap());
+}
+
+/// Hears messages.
+#[derive(Default)]
+struct Heard(Mutex<Vec<String>>);
+
+impl Progress for Heard {
+    fn message(&self, text: &str) {
+        self.0.lock().unwrap().push(text.into());
+    }
+}
+
+#[test]
+fn boxes_that_do_not_hold_the_data_are_said_or_refused() {
+    let mut p = snapshot(400, [100.0; 3], 0.0);
+    p.meta.name = "snap".into();
+    for length in [5e-324, 1e-60, 1e-3, 30.0, 1e60] {
+        p.meta.cell = Some(Cell::orthogonal([length; 3]));
+        assert_eq!(compressed(&p).unwrap_err().exit_code(), 3, "{length}");
+        let stats = compare(Subject::Particles(&p), Subject::Particles(&p), &StatsOptions::default(), &Silent);
+        assert_eq!(stats.unwrap_err().exit_code(), 3, "{length}");
+    }
+    p.meta.cell = Some(Cell::orthogonal([80.0; 3]));
+    let heard = Heard::default();
+    compress(&p, &options(), &mut NoPieces, &heard).unwrap();
+    let heard = heard.0.into_inner().unwrap();
+    assert!(heard.iter().any(|m| m.contains("snap: ") && m.contains("of 400 particles lie out of")), "{heard:?}");
+}
+
+#[test]
+fn models_with_odd_boxes_are_measured_or_refused() {
+    let p = snapshot(400, [1.0; 3], 0.0);
+    let mut model = compressed(&p).unwrap();
+    for length in [5e-324, 1e-310, 1e-3, 1e300] {
+        model.metadata.cell = Some(Cell::orthogonal([length; 3]));
+        let subject = Subject::Model(&model);
+        assert_eq!(compare(subject, subject, &StatsOptions::default(), &Silent).unwrap_err().exit_code(), 3);
+    }
+}
+
+#[test]
+fn nothing_is_no_snapshot_and_empty_layers_are_none() {
+    let nothing = Particles::from_columns(vec![], vec![], vec![]);
+    assert!(matches!(compressed(&nothing), Err(Error::Input { .. })));
+    let mut p = snapshot(400, [1.0; 3], 0.0);
+    let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: false };
+    p.kinds = vec![kind("gas", 0..0), kind("dm", 0..400), kind("stars", 400..400)];
+    for target in [Target::Gaussians(40), Target::Ratio(4.0)] {
+        let made = compress(&p, &Options { target, ..options() }, &mut NoPieces, &Silent).unwrap();
+        let names: Vec<&str> = made.model.layers.iter().map(|l| &l.name[..]).collect();
+        assert_eq!(names, ["dm"]);
+    }
+    let two = compress(&p, &Options { blocks: 2, ..options() }, &mut NoPieces, &Silent).unwrap();
+    assert_eq!(two.model.metadata.count, 400);
+}
+
+#[test]
+fn tiny_opacities_are_stored_and_drawn() {
+    let p = snapshot(400, [1.0; 3], 0.0);
+    for opacity in [1e-9, 1e-300, f64::MIN_POSITIVE] {
+        let made = compress(&p, &Options { opacity: Some(opacity), ..options() }, &mut NoPieces, &Silent).unwrap();
+        let m = &made.model.metadata;
+        let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, SIZE));
+        for radius in [1e-300, m.default_radius, 1e100] {
+            let view = View { name: "v".into(), camera, radius, opacity };
+            let picture = draw(&Scene::of(&made.model), &view, SIZE, Look::ParaviewNoFxaa, &Silent).unwrap();
+            assert!(picture.data.iter().all(|v| *v == 0), "splats of opacity {opacity} change no 8-bit buffer");
+        }
+    }
+}
+
+/// Every number that sizes memory or a loop, at its extremes.
+#[test]
+fn odd_options_of_statistics_end() {
+    let p = snapshot(300, [1.0; 3], 0.0);
+    let tried = |change: &dyn Fn(&mut StatsOptions)| {
+        let mut o = StatsOptions { cells: 8, spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
+        change(&mut o);
+        match compare(Subject::Particles(&p), Subject::Particles(&p), &o, &Silent) {
+            Ok(_) => 0,
+            Err(e) => e.exit_code(),
+        }
+    };
+    for pair in [[1e-300, 1e300], [1e-300, 1e-299], [1e299, 1e300], [0.0, 1.0], [1.0, f64::INFINITY], [f64::NAN, 1.0]] {
+        assert!([0, 2].contains(&tried(&|o| o.separations = Some(pair))), "{pair:?}");
+    }
+    assert_eq!(tried(&|o| o.separations = Some([1e-300, 1e300])), 2);
+    for k in [5e-324, 1e-300, 1e300, f64::INFINITY, f64::NAN, -1.0] {
+        assert!([0, 2].contains(&tried(&|o| o.k_max = Some(k))), "{k}");
+    }
+    for v in [0.0, 1e-300, 1e-6, 2.0, 1e300, f64::NAN] {
+        assert!([0, 2].contains(&tried(&|o| o.linking = v)), "linking {v}");
+        assert!([0, 2].contains(&tried(&|o| o.aperture = v)), "aperture {v}");
+    }
+    for n in [0, 1, 2, 9000, usize::MAX] {
+        assert!([0, 2].contains(&tried(&|o| o.cells = n.min(9000))), "cells {n}");
+        assert!([0, 2].contains(&tried(&|o| o.bins_per_decade = n)), "bins {n}");
+        assert!([0, 2].contains(&tried(&|o| o.smallest_group = n)), "smallest group {n}");
+        assert!([0, 2].contains(&tried(&|o| o.neighbour_sample = n)), "sample {n}");
+    }
+    assert_eq!(tried(&|o| (o.cells, o.spectrum_cells) = (9000, 9000)), 2);
+}
