@@ -1,6 +1,6 @@
 //! Options that every command has, and what they set up.
 
-use crate::printable::{one_line, printable};
+use crate::printable::one_line;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use particlegs::progress::Progress;
@@ -110,7 +110,7 @@ impl Progress for Context {
         if self.common.quiet {
             return;
         }
-        let text = printable(text);
+        let text = one_line(text);
         match self.bar.lock().unwrap_or_else(|e| e.into_inner()).as_ref() {
             Some(bar) => bar.suspend(|| eprintln!("{text}")),
             None => eprintln!("{text}"),
