@@ -1,7 +1,7 @@
 //! Options that every command has, and what they set up.
 
 use crate::allotted;
-use crate::printable::{one_line, printable};
+use crate::printable::one_line;
 use crate::progress::Meter;
 use clap::{Args, ValueHint};
 use particlegs::output::Outputs;
@@ -155,7 +155,7 @@ impl Progress for Context {
     }
 
     fn message(&self, text: &str) {
-        self.meter.iter().for_each(|m| m.message(&printable(text)));
+        self.meter.iter().for_each(|m| m.message(&one_line(text)));
     }
 
     fn cancelled(&self) -> bool {

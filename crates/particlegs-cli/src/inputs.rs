@@ -2,10 +2,10 @@
 
 use crate::printable::one_line;
 use crate::snapshot_args::SnapshotArgs;
-use particlegs::input::{Source, Spooled, is_stream, name_of};
+use particlegs::input::{Source, is_stream, name_of};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
-use particlegs_formats::{Choice, Kind};
+use particlegs_formats::{Choice, Kind, spool};
 use serde::Serializer;
 use std::path::Path;
 use std::sync::Arc;
@@ -57,7 +57,7 @@ pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Pro
         return Ok(Either::Model(codec::read_source(source, &name_of(path))?));
     }
     if is_stream(path) {
-        choice.spooled = Some(Arc::new(Spooled::of(source)?));
+        choice.spooled = Some(Arc::new(spool(source, &choice.open)?));
     }
     Ok(Either::Snapshot(choice.into()))
 }

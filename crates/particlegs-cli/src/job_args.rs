@@ -2,6 +2,7 @@
 
 use crate::common::Context;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use particlegs::input::{is_stream, name_of};
 use particlegs::job::{Job, Source};
 use particlegs::particles::{Layered, Particles, Room};
 use particlegs::{Error, Result};
@@ -26,7 +27,23 @@ impl JobSnapshot {
         (selection, window): (&SelectionArgs, &WindowArgs),
         seed: u64,
     ) -> Result<Self> {
-        let absolute = |p: &PathBuf| std::fs::canonicalize(p).map_err(|e| Error::io(p, e));
+        let absolute = |p: &PathBuf| {
+            if is_stream(p) {
+                let hint = "write the data to a file first";
+                return Err(Error::input_hint(
+                    name_of(p),
+                    "a pipe or device: every task of a job reads it again",
+                    hint,
+                ));
+            }
+            let path = std::fs::canonicalize(p).map_err(|e| Error::io(p, e))?;
+            match path.to_str() {
+                Some(_) => Ok(path),
+                None => {
+                    Err(Error::argument(format!("{}: a job wants a path in UTF-8, as plan.json keeps it", p.display())))
+                }
+            }
+        };
         let paths = paths.iter().map(absolute).collect::<Result<_>>()?;
         let (opening, selection, window) = (opening.clone(), selection.clone(), window.clone());
         Ok(JobSnapshot { paths, opening, selection, window, seed })

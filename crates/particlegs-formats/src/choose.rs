@@ -1,7 +1,7 @@
 //! From the files that a user names to the particles that a user chose.
 
 use crate::folder::resolved;
-use crate::{Description, Fields, OpenOptions, Snapshot, Species, open};
+use crate::{Description, Fields, OpenOptions, Snapshot, Species, open, spool};
 use particlegs::input::{Source, Spooled, is_stream};
 use particlegs::particles::{
     Bounds, LayerSource, Layered, Particles, Room, Selection, SnapshotMeta, SnapshotReader, Stated, check_values,
@@ -40,7 +40,7 @@ struct AtHand {
 impl AtHand {
     fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<AtHand> {
         let spooled = match (paths, &choice.spooled) {
-            ([one], None) if is_stream(one) => Some(Arc::new(Spooled::of(Source::open(one, progress)?)?)),
+            ([one], None) if is_stream(one) => Some(Arc::new(spool(Source::open(one, progress)?, &choice.open)?)),
             (_, spooled) => spooled.clone(),
         };
         let paths = spooled.as_ref().map_or_else(|| paths.to_vec(), |s| vec![s.path()]);

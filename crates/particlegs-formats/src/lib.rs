@@ -43,7 +43,7 @@ mod xyz;
 
 pub use choose::{Choice, describe, read, read_later, read_selected};
 pub use kind::Kind;
-pub use registry::{FORMATS, Format, Head, detect, open};
+pub use registry::{FORMATS, Format, Head, detect, open, spool};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
 pub use splats::{SPLAT_PLY_BYTES, write_splats};
 pub use writers::{WRITERS, Writer, writer_for};

@@ -2,7 +2,7 @@
 
 use crate::compressed::Compression;
 use crate::{Kind, OpenOptions, Snapshot};
-use particlegs::input::open_file;
+use particlegs::input::{Source, Spooled, open_file};
 use particlegs::{Error, Result};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,9 @@ pub struct Head {
 }
 
 /// Bytes that detection looks at.
-const HEAD: u64 = 1 << 16;
+const HEAD: usize = 1 << 16;
+/// Bytes of a compressed file that detection reads: a block of bzip2 is whole in fewer.
+const LOOKED_AT: usize = 2 << 20;
 
 impl Head {
     /// Reads it.
@@ -61,32 +63,50 @@ impl Head {
     /// [`Error::Io`]; [`Error::Input`] for what is no file, and for an empty one.
     pub fn read(path: &Path) -> Result<Head> {
         let fail = |e| Error::io(path, e);
-        let (file, length) = open_file(path)?;
+        let (mut file, length) = open_file(path)?;
         let mut bytes = Vec::new();
-        file.take(HEAD).read_to_end(&mut bytes).map_err(fail)?;
+        (&mut file).take(HEAD as u64).read_to_end(&mut bytes).map_err(fail)?;
+        if Compression::of(&bytes).is_some() {
+            file.take((LOOKED_AT - HEAD) as u64).read_to_end(&mut bytes).map_err(fail)?;
+        }
+        Head::of(path, length, bytes)
+    }
+
+    /// Of a file's first bytes, at most [`LOOKED_AT`]; `path` is how messages name it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an empty file.
+    pub fn of(path: &Path, length: u64, mut bytes: Vec<u8>) -> Result<Head> {
         if bytes.is_empty() {
             return Err(Error::input(path, "the file is empty"));
         }
         let compression = Compression::of(&bytes);
-        let content = match compression {
-            None => bytes.clone(),
-            Some(c) => decompressed(path, c),
-        };
+        let content = compression.map(|c| decompressed(&bytes, c));
+        bytes.truncate(HEAD);
+        let content = content.unwrap_or_else(|| bytes.clone());
         Ok(Head { path: path.to_path_buf(), length, compression, bytes, content })
     }
 }
 
-/// Bytes of a compressed file that detection reads: a block of bzip2 is whole in fewer.
-const COMPRESSED_HEAD: u64 = 2 << 20;
-
 /// As much as the first bytes give; a broken stream is found when it is read.
-fn decompressed(path: &Path, compression: Compression) -> Vec<u8> {
+fn decompressed(bytes: &[u8], compression: Compression) -> Vec<u8> {
     let mut content = Vec::new();
-    let decoder = open_file(path).map(|(file, _)| compression.decoder(file.take(COMPRESSED_HEAD)));
-    if let Ok(Ok(decoder)) = decoder {
-        let _ = decoder.take(HEAD).read_to_end(&mut content);
+    if let Ok(decoder) = compression.decoder(std::io::Cursor::new(bytes.to_vec())) {
+        let _ = decoder.take(HEAD as u64).read_to_end(&mut content);
     }
     content
+}
+
+/// Keeps what a pipe or device gives, once its first bytes are those of a snapshot.
+///
+/// # Errors
+/// As [`detect`], unless `options` name a format; those of [`Spooled::of`].
+pub fn spool(mut source: Source<'_>, options: &OpenOptions) -> Result<Spooled> {
+    if options.format.is_none() {
+        let bytes = source.peek(LOOKED_AT)?.to_vec();
+        known(&Head::of(Path::new(source.place()), u64::MAX, bytes)?)?;
+    }
+    Spooled::of(source)
 }
 
 /// The format of a file, by its content.
@@ -94,8 +114,12 @@ fn decompressed(path: &Path, compression: Compression) -> Vec<u8> {
 /// # Errors
 /// [`Error::Input`] where none fits; [`Error::Io`].
 pub fn detect(path: &Path) -> Result<&'static Format> {
-    let head = Head::read(path)?;
-    match Kind::of_head(&head) {
+    known(&Head::read(path)?)
+}
+
+fn known(head: &Head) -> Result<&'static Format> {
+    let path = &head.path;
+    match Kind::of_head(head) {
         Kind::Snapshot(format) => Ok(format),
         Kind::Unknown => {
             let hint = format!("`--format` forces one of: {}", names());

@@ -88,8 +88,14 @@ impl<'a> Source<'a> {
         if metadata.is_dir() {
             return Err(Error::input(place, "a folder, where a file is expected"));
         }
-        let length = metadata.is_file().then_some(metadata.len());
+        // Standard input may be a file that others have read from.
+        let length = (metadata.is_file() && !is_standard(path)).then_some(metadata.len());
         Ok(Source { file, place, head: Vec::new(), ended: false, length, progress, said: false })
+    }
+
+    /// How messages name it.
+    pub fn place(&self) -> &str {
+        &self.place
     }
 
     /// Bytes, where that is known before: of a regular file.
@@ -143,6 +149,10 @@ impl<'a> Source<'a> {
             self.wait()?;
             let start = self.head.len();
             let piece = PIECE.min(bytes - start);
+            if start + piece > self.head.capacity() {
+                // What there is moves to a place of twice its size.
+                memory::require(&format!("reading {}", self.place), 2 * start as u64)?;
+            }
             self.head.try_reserve(piece).map_err(|_| self.no_memory(piece as u64))?;
             self.head.resize(start + piece, 0);
             let read = self.file.read(&mut self.head[start..]);
@@ -226,6 +236,9 @@ impl Form {
     }
 }
 
+/// Bytes of the disk that a copy of a stream leaves to others.
+const LEFT_FREE: u64 = 256 << 20;
+
 /// What a pipe or device gave, in a file without a name: it can be read again and from many places.
 #[derive(Debug)]
 pub struct Spooled {
@@ -244,9 +257,17 @@ impl Spooled {
         if !cfg!(target_os = "linux") {
             return Err(Error::input_hint(place, "a pipe or device", "write the data to a file first"));
         }
-        let mut file = tempfile::tempfile().map_err(|e| Error::io("the folder for temporary files", e))?;
+        let folder = std::env::temp_dir();
+        let mut file = tempfile::tempfile_in(&folder).map_err(|e| Error::io(&folder, e))?;
         source.progress.begin("reading the input", 0);
-        source.copy(|piece| file.write_all(piece).map_err(|e| Error::io("the copy of the input", e)))?;
+        source.copy(|piece| {
+            // The disk is not filled to its end by a stream that has none.
+            crate::output::check_space_in(&folder, LEFT_FREE).map_err(|_| {
+                let what = "no room for a copy of a stream: the folder for temporary files is nearly full";
+                Error::input_hint(&place, what, "set TMPDIR to a folder on a larger disk")
+            })?;
+            file.write_all(piece).map_err(|e| Error::io(&folder, e))
+        })?;
         source.progress.end();
         Ok(Spooled { file, place })
     }

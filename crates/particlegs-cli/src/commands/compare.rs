@@ -1,6 +1,7 @@
 //! `particlegs compare DIR_A DIR_B`.
 
 use crate::common::Common;
+use crate::printable::one_line;
 use clap::{Args, ValueHint};
 use particlegs::progress::Progress;
 use particlegs::score::{Comparison, compare_folders};
@@ -47,14 +48,15 @@ fn table(c: &Comparison) -> String {
     let mut text = format!("{:<width$} {:>10} {:>10} {:>8} {:>6}", "name", "PSNR", "masked", "SSIM", "max");
     let db = |v: Option<f64>, missing: &str| v.map_or(missing.to_string(), |v| format!("{v:.2} dB"));
     for v in &c.views {
+        let name = one_line(&v.name);
         text += &match (&v.scores, &v.error) {
             (Some(s), _) => {
                 let masked = if s.psnr.is_none() { "identical" } else { "unlit" };
                 let ssim = s.ssim.map_or("-".into(), |v| format!("{v:.4}"));
                 let (psnr, masked) = (db(s.psnr, "identical"), db(s.masked_psnr, masked));
-                format!("\n{:<width$} {psnr:>10} {masked:>10} {ssim:>8} {:>6}", v.name, v.largest_difference)
+                format!("\n{name:<width$} {psnr:>10} {masked:>10} {ssim:>8} {:>6}", v.largest_difference)
             }
-            (None, error) => format!("\n{:<width$} error: {}", v.name, error.as_deref().unwrap_or("not scored")),
+            (None, error) => format!("\n{name:<width$} error: {}", one_line(error.as_deref().unwrap_or("not scored"))),
         };
     }
     let m = &c.mean;

@@ -123,7 +123,7 @@ pub fn run(a: Arguments) -> Result<()> {
         "scatter_bytes": if m.chunks > 0 { plan.column_bytes() } else { 0 }, "memory": m.memory, "planned_before": planned.before,
     });
     let Some(engine) = a.emit else { return context.finish(&text, &value) };
-    context.message(&text);
+    text.lines().for_each(|line| context.message(line));
     let script = script(engine, &planned.job, a.common.threads.unwrap_or(THREADS))?;
     if let Some(target) = &a.common.json {
         crate::report::json(target, &value)?;

@@ -9,7 +9,7 @@ use crate::pieces::{Piece, PieceReader};
 use crate::{Field, Fields, Mass, Species};
 use particlegs::particles::{InPlace, RUN, RunSink, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
-use particlegs::{Error, Result};
+use particlegs::{Error, Result, memory};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -80,6 +80,8 @@ fn assemble(
     let (rows, bytes) = tables.iter().flat_map(|t| chunk_bytes(t)).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
     let threads = rayon::current_num_threads() as u64;
     let together = (BUDGET / bytes.max(1)).saturating_sub(1).clamp(1, threads.max(2));
+    // Those that are kept, and one in two stages of its decoding.
+    memory::require("decoding the chunks of this HDF5 file", (together + 3).saturating_mul(bytes))?;
     let cache = Arc::new(ChunkCache::new(((together + 1) * bytes) as usize));
     let step = used.len().div_ceil(SAMPLED).max(1);
     let mut pieces: Vec<Box<dyn Piece>> = Vec::with_capacity(used.len());

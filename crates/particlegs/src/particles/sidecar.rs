@@ -108,8 +108,11 @@ fn periodic(said: Option<Periodic>) -> [bool; 3] {
     }
 }
 
-/// Layers one after the other.
+/// Layers one after the other; those without particles are left out.
 fn kinds(forms: Vec<LayerForm>, file: &Path) -> Result<Vec<ParticleLayer>> {
+    if !forms.is_empty() && forms.iter().all(|f| f.particles == 0) {
+        return Err(Error::input(file, "its `layers` hold no particles"));
+    }
     let mut end = 0usize;
     let mut kinds = Vec::with_capacity(forms.len().min(1024));
     for form in forms {
@@ -117,7 +120,28 @@ fn kinds(forms: Vec<LayerForm>, file: &Path) -> Result<Vec<ParticleLayer>> {
         end =
             start.checked_add(form.particles).ok_or_else(|| Error::input(file, "`layers` hold too many particles"))?;
         let LayerForm { name, particle_mass, weighted, .. } = form;
-        kinds.push(ParticleLayer { name, range: start..end, particle_mass, weighted });
+        if start < end {
+            kinds.push(ParticleLayer { name, range: start..end, particle_mass, weighted });
+        }
     }
     Ok(kinds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_without_particles_are_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("meta.json");
+        let layers = |text: &str| {
+            std::fs::write(&file, format!("{{\"layers\": [{text}]}}")).unwrap();
+            read(folder.path(), &file).map(|s| s.kinds.iter().map(|k| k.range.clone()).collect::<Vec<_>>())
+        };
+        let layer = |name: &str, n: u32| format!("{{\"name\": \"{name}\", \"particles\": {n}}}");
+        assert_eq!(layers(&[layer("a", 0), layer("b", 3), layer("c", 2)].join(",")).unwrap(), [0..3, 3..5]);
+        assert!(layers(&layer("a", 0)).unwrap_err().to_string().contains("hold no particles"));
+        assert!(layers("").unwrap().is_empty());
+    }
 }
