@@ -115,7 +115,7 @@ impl DensityArgs {
     /// The views to draw.
     ///
     /// # Errors
-    /// [`Error::Argument`] for numbers outside their range and for window options in perspective.
+    /// [`Error::Argument`] for numbers outside their range.
     pub fn views(&self, views: &ViewArgs, subject: &Subject, q: &Quantities) -> Result<(Size, Vec<DensityView>)> {
         if let Some(range) = &self.range
             && !(range.len() == 2 && range[0] > 0.0 && range[1] > range[0] && range[1].is_finite())
@@ -123,14 +123,8 @@ impl DensityArgs {
             return Err(Error::argument("--range takes LO,HI with 0 < LO < HI"));
         }
         if self.projection == Lines::Perspective {
-            if self.center.is_some() || self.width.is_some() || self.depth.is_some() {
-                return Err(Error::argument("--center, --width and --depth belong to --projection orthographic"));
-            }
             let set = views.resolve(subject)?;
             return Ok((set.size, set.views.iter().map(|v| DensityView::of_view(v, &subject.bounds)).collect()));
-        }
-        if views.views.is_some() {
-            return Err(Error::argument("--projection orthographic takes --azimuth and --elevation, no --views"));
         }
         let size = views.size.unwrap_or(Size { width: 1920, height: 1080 });
         let center = match self.center.as_deref() {

@@ -8,6 +8,7 @@ mod fit_args;
 mod info_model;
 mod info_snapshot;
 mod job_args;
+mod options;
 mod pictures;
 mod plots;
 mod report;
@@ -20,7 +21,7 @@ mod train_args;
 mod train_log;
 mod view_args;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches, Parser};
 use std::process::ExitCode;
 
 /// Particle snapshots as files a hundred times smaller that draw the picture ParaView would draw.
@@ -31,9 +32,17 @@ struct Cli {
     command: commands::Command,
 }
 
+/// Parses, refuses options that would do nothing, and runs.
+fn run() -> particlegs::Result<()> {
+    let matches = Cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+    options::check(&matches)?;
+    commands::run(cli.command)
+}
+
 fn main() -> ExitCode {
     // A reader that closes its end of a pipe early is no error of ours.
-    let outcome = std::panic::catch_unwind(|| commands::run(Cli::parse().command));
+    let outcome = std::panic::catch_unwind(run);
     match outcome {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(error)) => report::failure(&error),

@@ -154,6 +154,7 @@ impl Steps {
             let share = *done as f64 / *total as f64;
             assert!((0.95..=1.05).contains(&share), "{phase}: {done} of {total}");
         }
+    }
 }
 
 #[test]
