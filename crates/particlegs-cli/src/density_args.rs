@@ -130,7 +130,7 @@ impl DensityArgs {
     /// The views to draw.
     ///
     /// # Errors
-    /// [`Error::Argument`] for numbers outside their range and for window options in perspective.
+    /// [`Error::Argument`] for numbers outside their range.
     pub fn views(
         &self,
         (views, subject): (&ViewArgs, &Subject),
@@ -143,16 +143,8 @@ impl DensityArgs {
             return Err(Error::argument("--range takes LO,HI with 0 < LO < HI"));
         }
         if self.projection == Lines::Perspective {
-            if self.center.is_some() || self.width.is_some() || self.depth.is_some() {
-                return Err(Error::argument("--center, --width and --depth need --projection orthographic"));
-            }
             let set = views.resolve(subject, context)?;
             return Ok((set.size, set.views.iter().map(|v| DensityView::of_view(v, &subject.bounds)).collect()));
-        }
-        if views.views.is_some() {
-            return Err(Error::argument(
-                "--views cannot be used with --projection orthographic: give --azimuth and --elevation",
-            ));
         }
         if views.save_views.is_some() {
             return Err(Error::argument(

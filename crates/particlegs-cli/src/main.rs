@@ -12,6 +12,7 @@ mod info_model;
 mod info_snapshot;
 mod inputs;
 mod job_args;
+mod options;
 mod outputs;
 mod pictures;
 mod plots;
@@ -27,7 +28,7 @@ mod train_args;
 mod train_log;
 mod view_args;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches, Parser};
 use std::process::ExitCode;
 
 /// Compress particle snapshots some hundred times, into models that draw the pictures of ParaView.
@@ -45,14 +46,22 @@ struct Cli {
     command: commands::Command,
 }
 
+/// Parses, refuses options that would do nothing, and runs.
+fn run() -> particlegs::Result<()> {
+    let matches = match Cli::command().try_get_matches() {
+        Ok(matches) => matches,
+        Err(asked) if !asked.use_stderr() => return report::help(&asked),
+        Err(wrong) => wrong.exit(),
+    };
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+    options::check(&matches)?;
+    commands::run(cli.command)
+}
+
 fn main() -> ExitCode {
     cut_short::say_so();
     common::meet_file_size_limits();
-    let outcome = std::panic::catch_unwind(|| match Cli::try_parse() {
-        Ok(cli) => commands::run(cli.command),
-        Err(asked) if !asked.use_stderr() => report::help(&asked),
-        Err(wrong) => wrong.exit(),
-    });
+    let outcome = std::panic::catch_unwind(run);
     match outcome {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(error)) => report::failure(&error),

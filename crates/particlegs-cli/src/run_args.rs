@@ -38,18 +38,6 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
-    /// Refuses options that mean nothing without training.
-    ///
-    /// # Errors
-    /// [`Error::Argument`].
-    pub fn check_stray(&self) -> Result<()> {
-        let stray = [("--resume", self.resume), ("--minutes", self.minutes.is_some()), ("--log", self.log.is_some())];
-        match stray.iter().find(|s| s.1) {
-            Some((option, _)) => Err(Error::argument(format!("{option} needs --train fast|best|paper"))),
-            None => Ok(()),
-        }
-    }
-
     /// How far training goes in a command that began at `began`; scratch files go to `scratch`.
     ///
     /// # Errors

@@ -98,9 +98,6 @@ pub fn run(a: Arguments) -> Result<()> {
     let memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     let context = a.common.clone().start()?;
     let start = Instant::now();
-    if options.training.is_none() {
-        a.run.check_stray()?;
-    }
     options.limits = a.run.limits(start, a.scratch_folder())?;
     let kept = a.plan(&options, &context)?;
     options.memory = memory;

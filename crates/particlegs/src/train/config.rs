@@ -209,7 +209,9 @@ impl Config {
         Ok(self)
     }
 
-    /// With `n` steps in all; stages keep their proportions.
+    /// With `n` steps in all; stages, and every schedule that counts steps (densification, opacity
+    /// resets, the decay of the position rate), keep their proportions. How often the run is evaluated
+    /// stays.
     ///
     /// # Errors
     /// [`Error::Argument`] for none.
@@ -218,14 +220,20 @@ impl Config {
             return Err(Error::argument("--iterations must be at least 1"));
         }
         let total = self.iterations().max(1) as f64;
+        // What is off stays off, what is on stays on.
+        let steps = |s: u64| ((s as f64 / total * n as f64).round() as u64).max(u64::from(s > 0));
         let (mut before, mut done) = (0, 0);
         for stage in &mut self.stages {
             before += stage.iterations;
             let end = (before as f64 / total * n as f64).round() as u64;
             stage.iterations = end - done;
             stage.densify.until = (stage.densify.until as f64 / total * n as f64).round() as u64;
+            stage.densify.every = steps(stage.densify.every);
             done = end;
         }
+        let a = &mut self.alpha_blend;
+        (a.position_rate_steps, a.densify_from, a.reset_every) =
+            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
         Ok(self)
     }
 
@@ -297,5 +305,27 @@ mod tests {
         }
         assert_eq!(Config::preset(Preset::Paper, Law::AlphaBlend).iterations(), 39_000);
         assert!(Config::preset(Preset::Fast, Law::OpticalDepth).scaled(0.0).is_err());
+    }
+
+    /// A tenth of the steps has a tenth of every schedule of the published recipe, and there and back is
+    /// the same.
+    #[test]
+    fn schedules_shrink_with_the_steps() {
+        let paper = Config::preset(Preset::Paper, Law::AlphaBlend);
+        let short = paper.clone().with_iterations(3900).unwrap();
+        let a = short.alpha_blend;
+        assert_eq!((a.reset_every, a.position_rate_steps, a.densify_from), (300, 5000, 50));
+        assert_eq!(short.stages.iter().map(|s| s.densify.every).collect::<Vec<_>>(), [10, 20, 20]);
+        assert_eq!(short.stages.iter().map(|s| s.densify.until).collect::<Vec<_>>(), [1200, 2400, 3600]);
+        assert_eq!(short.with_iterations(39_000).unwrap(), paper);
+        // The rate is as far down its slope at the same share of the run.
+        let rate = |c: &AlphaConfig, step| c.position_rate_at(step);
+        let full = AlphaConfig::default();
+        assert!((rate(&a, 1950) - rate(&full, 19_500)).abs() < 1e-15);
+        // What is off stays off; one step of a schedule is the least.
+        let mut off = paper;
+        off.alpha_blend.reset_every = 0;
+        let off = off.with_iterations(10).unwrap();
+        assert_eq!((off.alpha_blend.reset_every, off.stages[0].densify.every), (0, 1));
     }
 }

@@ -121,7 +121,7 @@ impl AlphaConfig {
     }
 
     /// Adam's rate for positions at the step of that number, counted from 1.
-    pub(super) fn position_rate_at(&self, step: u64) -> f64 {
+    pub(crate) fn position_rate_at(&self, step: u64) -> f64 {
         let t = (step as f64 / self.position_rate_steps.max(1) as f64).min(1.0);
         let [from, to] = [self.position_rate, self.position_rate_end].map(|r| r.max(f64::MIN_POSITIVE).ln());
         self.extent * (from + (to - from) * t).exp()
