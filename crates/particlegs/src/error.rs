@@ -113,7 +113,7 @@ impl Error {
             Error::Corrupt { .. } => "copy the file again from its source; `particlegs verify` checks it",
             Error::Compatibility { .. } => "use a newer particlegs",
             Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture",
-            Error::Checkpointed { .. } => "run the same command again to go on",
+            Error::Checkpointed { .. } => "run the same command again to continue",
             Error::Io { .. } | Error::Cancelled => "",
         }
     }

@@ -148,7 +148,7 @@ impl<'a> Buckets<'a> {
         let mut file = File::open(&path).map_err(|e| match e.kind() {
             std::io::ErrorKind::NotFound => {
                 let hint = format!("run `particlegs scatter {} {chunk}`", job.folder.display());
-                Error::input_hint(&path, "this chunk is not bucketed yet", hint)
+                Error::input_hint(&path, "this chunk has not been sorted yet", hint)
             }
             _ => Error::io(&path, e),
         })?;

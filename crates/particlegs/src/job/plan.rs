@@ -61,8 +61,8 @@ const READ_AGAIN: f64 = 2.0;
 /// values; [`Error::Memory`] where a task cannot be small enough; those of reading and writing.
 pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Planned> {
     if let Target::Psnr(_) = task.options.target {
-        let hint = "ask for a size, a ratio or a number of Gaussians; `compress` meets a quality".to_string();
-        return Err(Error::Argument { what: "a quality is met by all blocks together".into(), hint });
+        let hint = "ask for a size, a ratio or a number of Gaussians; `compress` takes a PSNR target".to_string();
+        return Err(Error::Argument { what: "a PSNR target cannot be divided among the blocks of a job".into(), hint });
     }
     check_folder(folder)?;
     let at_once = matches!(source, Source::Now(_));
@@ -138,7 +138,7 @@ fn is_there(folder: &Path, text: &str) -> Result<bool> {
     match std::fs::read(folder.join("plan.json")) {
         Ok(there) if there == text.as_bytes() => Ok(true),
         Ok(_) => {
-            let what = format!("{}: another plan is there", folder.display());
+            let what = format!("{}: it already holds another plan", folder.display());
             Err(Error::Argument { what, hint: "name another folder, or delete this one".into() })
         }
         Err(_) => Ok(false),
@@ -164,7 +164,7 @@ fn check_folder(folder: &Path) -> Result<()> {
         None => output::check_writable(&folder.join("plan.json")),
         Some(other) => {
             let what = format!("{}: holds `{}`", folder.display(), other.file_name().to_string_lossy());
-            Err(Error::Argument { what, hint: "a job wants a folder of its own".into() })
+            Err(Error::Argument { what, hint: "a job needs a folder of its own".into() })
         }
     }
 }

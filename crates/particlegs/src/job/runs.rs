@@ -27,7 +27,7 @@ pub(super) fn write(path: &Path, id: &[u8; 32], runs: &[RunSurvey]) -> Result<()
 /// Reads `count` runs of plan `id`.
 pub(super) fn read(path: &Path, id: &[u8; 32], count: u64) -> Result<Vec<RunSurvey>> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let broken = |what: &str| Error::input_hint(path, what, "plan anew, in another folder");
+    let broken = |what: &str| Error::input_hint(path, what, "plan again, in another folder");
     let body = bytes.len().checked_sub(4).filter(|n| *n >= 40).ok_or_else(|| broken("half-written"))?;
     let (body, crc) = bytes.split_at(body);
     if &body[..8] != MAGIC || crc32fast::hash(body).to_le_bytes() != crc {

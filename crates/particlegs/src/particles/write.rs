@@ -62,7 +62,11 @@ impl SnapshotWriter {
     /// where weights would be lost, or a stale file beside the new ones would be taken for theirs.
     pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool) -> Result<Self> {
         if form != RawForm::Columns && weighted {
-            return Err(Error::input_hint(out, "an .npy of positions would lose the weights", "name a folder instead"));
+            return Err(Error::input_hint(
+                out,
+                "an .npy file of positions cannot store the weights",
+                "name a folder instead",
+            ));
         }
         let names = match form {
             RawForm::Columns if weighted => &COLUMNS[..],
