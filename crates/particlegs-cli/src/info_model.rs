@@ -3,6 +3,7 @@
 use crate::common::Context;
 use particlegs::codec::{self, FileInfo, LayerInfo};
 use particlegs::model::{Certificate, Law, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges};
+use particlegs::picture::number;
 use particlegs::{Error, Result};
 use particlegs_formats::SPLAT_PLY_BYTES;
 use serde::Serialize;
@@ -154,7 +155,7 @@ fn text(r: &Report<'_>) -> String {
     row("weights", format!("{} in all (1 a particle where a layer has none)", m.mass));
     row("bounds", format!("{:?} to {:?}", m.bounds.min, m.bounds.max));
     row("cell", cell(m));
-    row("default radius", format!("{:.6e}", m.default_radius));
+    row("default radius", number(m.default_radius));
     row("default opacity", format!("{}", m.default_opacity));
     row("source", m.source.to_string());
     row("source BLAKE3", m.source_blake3.clone());
