@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What 10^9, 10^10 and 10^12 particles need, from measured costs: the table of docs/scale.md.
+"""What 10⁹, 10¹⁰ and 10¹² particles need, from measured costs: the table of docs/scale.md.
 
     scripts/scale-table.py docs/results/job-steps.json
 
@@ -32,6 +32,19 @@ a_gaussian = {"fast": fast["fits"][0]["bytes"] / fast["fits"][0]["gaussians"], "
 merge_cost = fast["merge"]["cpu_s"] / fast["model_bytes"]  # a byte; twice the bytes were in memory
 
 
+def power(exponent):
+    return "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def number(x, digits=3):
+    """`1,790`, `9.8×10⁷`."""
+    rounded = float(f"{x:.{digits}g}")
+    if rounded < 1e5:
+        return f"{rounded:,.10g}"
+    exponent = math.floor(math.log10(rounded))
+    return f"{rounded / 10**exponent:.{digits}g}×{power(exponent)}"
+
+
 def size(n):
     for unit, name in ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
         if n >= unit:
@@ -60,20 +73,20 @@ def of(n):
     yield "chunks; blocks of at most 8 GiB", f"{chunks:,}; {blocks:,}"
     yield "plan, core time (one process)", span(n * plan_cost)
     yield "... and at 2 GB/s from one node", span(FLOAT3 * n / 2e9)
-    yield "scatter, core hours", f"{n * scatter_cost / 3600:.3g}"
-    yield "blocks, core hours, default (fast)", f"{n * fit_cost['default'] / 3600:.3g} ({n * fit_cost['fast'] / 3600:.3g})"
+    yield "scatter, core hours", number(n * scatter_cost / 3600)
+    yield "blocks, core hours, default (fast)", f"{number(n * fit_cost['default'] / 3600)} ({number(n * fit_cost['fast'] / 3600)})"
     yield "a block on 4 cores, default (fast)", f"{span(block * fit_cost['default'] / 4)} ({span(block * fit_cost['fast'] / 4)})"
-    yield f"node hours ({NODE_CORES} cores), default (fast)", f"{core['default'] / 3600 / NODE_CORES:.3g} ({core['fast'] / 3600 / NODE_CORES:.3g})"
-    yield "bucket entries read (chunks x blocks); bytes in each", f"{chunks * blocks:.2g}; {size(FLOAT3 * n / (chunks * blocks))}"
+    yield f"node hours ({NODE_CORES} cores), default (fast)", f"{number(core['default'] / 3600 / NODE_CORES)} ({number(core['fast'] / 3600 / NODE_CORES)})"
+    yield "bucket entries read (chunks x blocks); bytes in each", f"{number(chunks * blocks, 2)}; {size(FLOAT3 * n / (chunks * blocks))}"
     yield "runs.bin, read by every task", size(89 * n / RUN)
     yield "the model file, ratio 300", size(model)
     yield "merge: depth; core time; memory", f"1; {span(model * merge_cost)}; {size(150e6 + 3 * model)}"
-    yield "Gaussians; memory to draw them (160 B)", f"{model / a_gaussian['default']:.2g}; {size(160 * model / a_gaussian['default'])}"
+    yield "Gaussians; memory to draw them (160 B)", f"{number(model / a_gaussian['default'], 2)}; {size(160 * model / a_gaussian['default'])}"
 
 
 sizes = (1e9, 1e10, 1e12)
 rows = [list(of(n)) for n in sizes]
-print("| | " + " | ".join(f"10^{round(math.log10(n))}" for n in sizes) + " |")
+print("| | " + " | ".join(power(round(math.log10(n))) for n in sizes) + " |")
 print("|---" * (len(sizes) + 1) + "|")
 for i, (name, _) in enumerate(rows[0]):
     print(f"| {name} | " + " | ".join(r[i][1] for r in rows) + " |")

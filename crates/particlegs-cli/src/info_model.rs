@@ -8,6 +8,7 @@ use particlegs::codec::{self, FileInfo, LayerInfo};
 use particlegs::input::name_of;
 use particlegs::model::{Certificate, Law, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 use particlegs::particles::Cell;
+use particlegs::picture::number;
 use particlegs::progress::Progress;
 use particlegs::score::{self, Verdict};
 use particlegs_formats::SPLAT_PLY_BYTES;
@@ -169,7 +170,7 @@ fn text(r: &Report<'_>) -> String {
     row("weights", format!("{} in all (1 a particle where a layer has none)", m.mass));
     row("bounds", format!("{} to {}", point(m.bounds.min), point(m.bounds.max)));
     row("cell", cell(m));
-    row("default radius", format!("{:.6e}", m.default_radius));
+    row("default radius", number(m.default_radius));
     row("default opacity", format!("{}", m.default_opacity));
     row("source", m.source.to_string());
     row("source BLAKE3", m.source_blake3.clone());

@@ -209,7 +209,7 @@ fn statistics_are_labelled_and_reduction_is_refused() {
     fails(
         particlegs().arg("simplify").arg(&path).arg("-o").arg(&small).args(["--gaussians", "10"]),
         2,
-        "a model of the law alpha-blend cannot be simplified",
+        "a model of the alpha-blend law cannot be simplified",
     );
     assert!(!small.exists());
 }

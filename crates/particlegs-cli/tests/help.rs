@@ -149,3 +149,65 @@ fn a_manual_page_for_every_command() {
     let whole = std::fs::read_to_string(folder.join("particlegs.1")).unwrap();
     assert!(whole.contains("particlegs\\-compress(1)"), "{whole}");
 }
+
+fn page(name: &str) -> String {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/guide").join(name);
+    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The long options that a command's `--help` lists before `Snapshot options` or `Common options`.
+fn own_options(command: &str) -> Vec<String> {
+    let help = printed(&[command, "--help"]);
+    let own = help.split("\nSnapshot options:").next().unwrap().split("\nCommon options:").next().unwrap();
+    let line = |l: &str| {
+        let l = l.trim_start();
+        let option = l.starts_with("--") || (l.starts_with('-') && l.contains(", --"));
+        option.then(|| l.split_whitespace().find(|w| w.starts_with("--")).unwrap().to_string())
+    };
+    let options: Vec<String> = own.lines().filter_map(line).collect();
+    assert!(options.len() >= 6, "{command}: {options:?}");
+    options.into_iter().filter(|o| !["--help", "--version", "--output", "--force"].contains(&o.as_str())).collect()
+}
+
+#[test]
+fn the_guides_describe_every_option() {
+    for (command, guide) in [("render", "pictures.md"), ("reference", "pictures.md"), ("stats", "statistics.md")] {
+        let page = page(guide);
+        for option in own_options(command) {
+            assert!(page.contains(&option), "{guide} does not name {option} of `{command}`");
+        }
+    }
+}
+
+/// The tables of `stats` have the columns that the guide says.
+#[test]
+fn the_guide_of_statistics_names_every_column() {
+    let (page, code) = (page("statistics.md"), include_str!("../src/stats_tables.rs"));
+    let heads: Vec<&str> = code.split("Csv::new(").skip(1).map(|c| c.split('"').nth(1).unwrap()).collect();
+    assert!(heads.len() >= 7, "{heads:?}");
+    heads.iter().filter(|h| !h.is_empty()).for_each(|head| assert!(page.contains(head), "{head}"));
+}
+
+#[test]
+fn the_glossary_has_the_programs_words() {
+    let page = page("glossary.md");
+    let words = [
+        "certificate",
+        "verdict",
+        "look, style",
+        "law",
+        "noise-free",
+        "base distance",
+        "masked PSNR",
+        "gap",
+        "shot noise",
+        "layer",
+        "block",
+        "effort",
+        "step factor",
+        "settled",
+    ];
+    words.iter().for_each(|word| assert!(page.contains(&format!("| **{word}** |")), "{word}"));
+    let entries: Vec<String> = page.lines().filter_map(|l| Some(l.strip_prefix("| **")?.to_lowercase())).collect();
+    assert!(entries.is_sorted(), "in the order of the alphabet: {entries:?}");
+}

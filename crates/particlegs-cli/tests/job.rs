@@ -131,14 +131,14 @@ fn what_is_missing_broken_or_changed_is_named() {
     };
     let merge = ["-o", at("m.pgs").to_str().unwrap()].map(str::to_string);
     let merge: Vec<&str> = merge.iter().map(String::as_str).collect();
-    fails(&mut run("block", &["0"]), 3, "00000.bin: this chunk is not bucketed yet");
+    fails(&mut run("block", &["0"]), 3, "00000.bin: this chunk has not been sorted yet");
     fails(&mut run("scatter", &["3"]), 2, "chunk 3 is outside the 3");
     run("scatter", &["--quiet"]).assert().success();
     fails(&mut run("block", &["3"]), 2, "block 3 is outside the 3");
     fails(&mut run("block", &["x"]), 2, "not a number");
     fails(&mut run("block", &["env:PARTICLEGS_NO_SUCH_VARIABLE"]), 2, "is not set");
     run("block", &["env:TASK", "--quiet"]).env("TASK", "1").assert().success();
-    fails(&mut run("merge", &merge), 3, "2 of 3 blocks are not done: 0, 2");
+    fails(&mut run("merge", &merge), 3, "blocks not fitted yet: 0, 2 (2 of 3)");
     assert!(!at("m.pgs").exists());
     for block in ["0", "2"] {
         run("block", &[block, "--quiet"]).assert().success();
@@ -146,7 +146,7 @@ fn what_is_missing_broken_or_changed_is_named() {
     // Another plan in the same folder, and a folder that is not a job's.
     let mut other = particlegs();
     other.arg("plan").arg(at("snapshot")).arg("-o").arg(&job).args(["--blocks", "4"]);
-    fails(&mut other, 8, "another plan is there");
+    fails(&mut other, 8, "it already holds another plan");
     let mut other = particlegs();
     other.arg("plan").arg(at("snapshot")).arg("-o").arg(dir.path()).args(["--blocks", "4"]);
     fails(&mut other, 8, "holds `");
@@ -154,8 +154,8 @@ fn what_is_missing_broken_or_changed_is_named() {
     let block = job.join("blocks/00002.pgs");
     let whole = std::fs::read(&block).unwrap();
     std::fs::write(&block, &whole[..whole.len() / 2]).unwrap();
-    fails(&mut run("merge", &merge), 3, "blocks/00002.pgs: half-written or changed");
-    fails(&mut run("verify", &[]), 3, "blocks/00002.pgs: half-written or changed");
+    fails(&mut run("merge", &merge), 3, "blocks/00002.pgs: incomplete or altered");
+    fails(&mut run("verify", &[]), 3, "blocks/00002.pgs: incomplete or altered");
     run("block", &["2", "--quiet"]).assert().success();
     assert_eq!(std::fs::read(&block).unwrap(), whole);
     let chunk = job.join("scatter/00001.bin");

@@ -131,7 +131,7 @@ fn stopped_runs_leave_the_best_and_go_on() {
         fails(&mut tool(&dir, &arguments), 8, "an interrupted run has left it");
         let kept = std::fs::read(&checkpoint).unwrap();
         std::fs::write(&checkpoint, &kept[..kept.len() / 2]).unwrap();
-        fails(tool(&dir, &arguments).arg("--resume"), 3, "half-written or changed");
+        fails(tool(&dir, &arguments).arg("--resume"), 3, "truncated or altered");
         std::fs::write(&checkpoint, &kept).unwrap();
         fails(tool(&dir, &arguments).args(["--resume", "--seed", "7"]), 3, "of another command");
         tool(&dir, &arguments).args(["--resume", "-q"]).assert().success();

@@ -77,7 +77,7 @@ impl Ascii {
                 let value = parse(text, kind);
                 out.push(value.ok_or_else(|| {
                     let text = shown(&String::from_utf8_lossy(&text[..text.len().min(400)]));
-                    format!("`{text}` at byte {} is no number", word.start)
+                    format!("`{text}` at byte {} is not a number", word.start)
                 })?);
             }
         }
@@ -117,6 +117,6 @@ mod tests {
     fn words_that_are_no_numbers_are_named() {
         let numbers = Ascii::find(b"1 2,5 3", 0, 3).unwrap();
         let error = numbers.append(b"1 2,5 3", 0..3, Kind::F32, &mut Vec::new()).unwrap_err();
-        assert_eq!(error, "`2,5` at byte 2 is no number");
+        assert_eq!(error, "`2,5` at byte 2 is not a number");
     }
 }

@@ -263,7 +263,7 @@ fn chosen_of_raw(mut particles: Particles, choice: &Choice) -> Result<Particles>
         return Err(no_frames(&particles.meta.name));
     }
     if let Some(name) = choice.fields.positions.as_deref().filter(|name| *name != "xx,yy,zz") {
-        return Err(Error::argument(format!("raw data have no field `{name}`: positions stand in xx, yy and zz")));
+        return Err(Error::argument(format!("raw data have no field `{name}`: positions are in xx, yy and zz")));
     }
     match &choice.fields.weights {
         crate::Weights::Auto => {}
@@ -273,7 +273,7 @@ fn chosen_of_raw(mut particles: Particles, choice: &Choice) -> Result<Particles>
         }
         crate::Weights::Field(name) if name == "ww" || name == "ww.f32" => {}
         crate::Weights::Field(name) => {
-            return Err(Error::argument(format!("raw data have no field `{name}`: weights stand in ww.f32")));
+            return Err(Error::argument(format!("raw data have no field `{name}`: weights are in ww.f32")));
         }
     }
     if choice.species.is_empty() {

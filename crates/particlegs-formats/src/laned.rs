@@ -44,7 +44,7 @@ impl LanedField {
         Field { name: self.name.clone(), kind: self.kind_name.clone(), components: self.components, unit: None }
     }
 
-    /// A component as a column; `None` where it is no number or would lie beyond any file.
+    /// A component as a column; `None` where it is not a number or would lie beyond any file.
     fn column(&self, component: u32) -> Option<StreamColumn> {
         let at = |start: u64, step: u64| step.checked_mul(component.into()).and_then(|s| s.checked_add(start));
         let lane = Lane {

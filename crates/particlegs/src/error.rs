@@ -153,7 +153,7 @@ impl Error {
             Error::Compatibility { .. } => "use a newer particlegs",
             Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture",
             Error::Bound { .. } => "allow that much with `--memory`, or ask for a smaller model",
-            Error::Checkpointed { .. } => "run the same command again to go on",
+            Error::Checkpointed { .. } => "run the same command again to continue",
             Error::Io { .. } | Error::Cancelled => "",
         }
     }

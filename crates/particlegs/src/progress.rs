@@ -4,7 +4,7 @@ use crate::{Error, Result};
 
 /// Receives what long work has to say and tells it when to stop.
 pub trait Progress: Sync {
-    /// A phase of `total` steps begins (0 = unknown).
+    /// A phase of `total` steps begins (0 = unknown), within those that have not ended.
     fn begin(&self, _phase: &str, _total: u64) {}
     /// `steps` more steps of the phase are done.
     fn advance(&self, _steps: u64) {}

@@ -44,7 +44,7 @@ pub struct Arguments {
     /// Output format, where the name does not tell.
     #[arg(long, value_name = "FORMAT", value_parser = clap::builder::PossibleValuesParser::new(writers()))]
     to: Option<String>,
-    /// Repeat the periodic box so often along x, y and z.
+    /// Number of copies of the periodic box along x, y and z.
     ///
     /// Copies are written one after the other, z fastest.
     #[arg(long, value_name = "NX,NY,NZ", value_delimiter = ',', num_args = 1)]

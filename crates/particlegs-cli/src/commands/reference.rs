@@ -8,7 +8,7 @@ use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
 use particlegs::particles::{Bounds, Particles};
-use particlegs::picture::{PNG, write_gray_png};
+use particlegs::picture::{PNG, number, write_gray_png};
 use particlegs::progress::Progress;
 use particlegs::reference::{Reference, surface_density};
 use particlegs::splat::{DEFAULT_OPACITY, Look};
@@ -134,7 +134,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         let written = picture.and_then(|picture| write_gray_png(&path, &picture));
         context.says_what_is_there(&a.out, report.views.len(), set.views.len(), written)?;
         let (radius_px, rate) = (view.radius_pixels(set.size), count as f64 / seconds);
-        text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {rate:>14.3e}", view.name);
+        text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {:>14}", view.name, number(rate));
         let drawn = Drawn::of_view(view, seconds, path);
         report.fov_deg = drawn.fov_deg();
         report.views.push(DrawnParticles { drawn, radius_px, particles_per_second: rate });

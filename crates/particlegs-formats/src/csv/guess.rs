@@ -76,7 +76,7 @@ fn check_text(head: &[u8]) -> Result<(), String> {
     let line = |at: usize| 1 + head[..at].iter().filter(|&&b| b == b'\n').count();
     let control = |b: &u8| b.is_ascii_control() && !matches!(b, b'\n' | b'\r' | b'\t' | 0x0c);
     if let Some(at) = head.iter().position(control) {
-        return Err(format!("line {} holds the byte {:#04x}: this is no text", line(at), head[at]));
+        return Err(format!("line {} holds the byte {:#04x}: this is not text", line(at), head[at]));
     }
     match std::str::from_utf8(head) {
         Ok(_) => Ok(()),

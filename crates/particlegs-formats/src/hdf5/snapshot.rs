@@ -54,7 +54,7 @@ impl Snapshot for Hdf5Snapshot {
 
     fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
         let (Some(kind), Some(found)) = (self.types.get(species), self.description.species.get(species)) else {
-            return Err(Error::argument(format!("there is no species {species}")));
+            return Err(Error::argument(format!("there is no particle type {species}")));
         };
         let source = Source { parts: &self.parts, kind: *kind, species: found, meta: &self.description.meta };
         reader::reader(&source, fields)

@@ -101,7 +101,7 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
     let (rows, components) = match set.shape[..] {
         [rows] => (rows, 1),
         [rows, components] if components > 0 => (rows, components),
-        _ => return Err(Error::input(&place, format!("its shape {} is no table", set.shape_text()))),
+        _ => return Err(Error::input(&place, format!("its shape {} is not a table", set.shape_text()))),
     };
     let numbers = rows.checked_mul(components).and_then(|n| n.checked_mul(kind.bytes()));
     let Some(bytes) = numbers.filter(|&n| n <= i64::MAX as u64) else {

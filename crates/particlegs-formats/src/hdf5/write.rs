@@ -22,7 +22,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
     let plan = encode::plan(&groups(kept.meta(), &layers, &types, out)?);
     let file = PlacedFile::create(out, plan.length)?;
     file.write_at(&plan.metadata, 0)?;
-    progress.begin("write", kept.total());
+    progress.begin("writing", kept.total());
     (0..kept.runs()).into_par_iter().try_for_each_init(<(Run, Vec<u8>)>::default, |(run, bytes), id| {
         progress.check()?;
         kept.load(id, run)?;

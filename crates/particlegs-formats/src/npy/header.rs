@@ -54,7 +54,7 @@ pub struct Member {
 /// A number, or something else of known size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scalar {
-    /// `None` where it is no number that can be read.
+    /// `None` where it is not a number that can be read.
     pub kind: Option<Kind>,
     /// Type as text.
     pub name: String,

@@ -198,7 +198,7 @@ fn cell(values: &[f64]) -> InWords<Option<Cell>> {
     let volume = cross[0] * w[0] + cross[1] * w[1] + cross[2] * w[2];
     let negative = values.len() < 9 && values.iter().any(|v| *v <= 0.0);
     if negative || volume == 0.0 || !volume.is_finite() {
-        return Err(format!("{values:?} is no cell: it has no volume"));
+        return Err(format!("{values:?} is not a cell: it has no volume"));
     }
     Ok(Some(cell))
 }

@@ -145,7 +145,7 @@ fn value(line: &[u8], at: &mut usize) -> InWords<f64> {
     let value = number_at(line, at).filter(|_| line.get(*at).is_none_or(u8::is_ascii_whitespace));
     value.ok_or_else(|| {
         *at = start;
-        word(line, at).map_or(FEW.into(), |w| format!("{} is no number", shown(w)))
+        word(line, at).map_or(FEW.into(), |w| format!("{} is not a number", shown(w)))
     })
 }
 

@@ -38,7 +38,7 @@ const FLATTEST: f64 = 1e-12;
 /// [`Error::Cancelled`].
 pub fn write_splats(model: &Model, out: &Path, progress: &dyn Progress) -> Result<u64> {
     if model.metadata.law != Law::AlphaBlend {
-        let what = format!("a model of the law {} has no opacities to write as splats", model.metadata.law.name());
+        let what = format!("a model of the {} law has no opacities to write as splats", model.metadata.law.name());
         return Err(Error::Argument { what, hint: "draw particles from it with `recover`".into() });
     }
     let frame = Normalisation::of(&model.metadata.bounds);

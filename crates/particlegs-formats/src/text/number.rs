@@ -23,7 +23,7 @@ fn any_number(bytes: &[u8], at: &mut usize) -> Option<f64> {
 }
 
 /// A number whose digits and power of ten are floats without rounding: one multiplication or
-/// division of them then rounds once. Nothing where that is not so, or where it is no number.
+/// division of them then rounds once. Nothing where that is not so, or where it is not a number.
 #[inline(always)]
 fn short_number(bytes: &[u8], place: &mut usize) -> Option<f64> {
     let mut at = *place;

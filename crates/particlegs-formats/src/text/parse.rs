@@ -311,7 +311,7 @@ impl Parser<'_> {
         let (have, expected) = (all.len(), self.layout.columns.len());
         let wrong = self.plan.wanted.iter().find(|&&c| c < have && number(all[c]).is_none());
         let what = match wrong {
-            Some(&c) => format!("column {} (`{}`): {} is no number", c + 1, self.layout.columns[c], shown(all[c])),
+            Some(&c) => format!("column {} (`{}`): {} is not a number", c + 1, self.layout.columns[c], shown(all[c])),
             None if have == 0 || all == [b""] => format!("is empty, where {expected} columns belong"),
             None => format!("has {have} column{}, not {expected}", if have == 1 { "" } else { "s" }),
         };

@@ -109,7 +109,7 @@ impl Snapshot for TextSnapshot {
     }
 
     fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
-        let no_species = || Error::argument(format!("there is no species {species}"));
+        let no_species = || Error::argument(format!("there is no particle type {species}"));
         let one = self.description.species.get(species).ok_or_else(no_species)?;
         let (positions, scaling) = self.positions(one, fields.positions.as_ref().unwrap_or(&one.positions))?;
         let weight = one.weight_field(&self.place(), &fields.weights)?;
@@ -134,6 +134,6 @@ pub fn header_number(token: &[u8]) -> std::result::Result<f64, String> {
     match super::split::number(token) {
         Some(value) if value.is_finite() => Ok(value),
         Some(_) => Err(format!("{} is not finite", shown(token))),
-        None => Err(format!("{} is no number", shown(token))),
+        None => Err(format!("{} is not a number", shown(token))),
     }
 }

@@ -67,7 +67,7 @@ fn tables_with_comments_are_read_by_runs_too() {
     let broken = text.replace("\n70000,", "\n7000O,");
     for content in [broken.clone().into_bytes(), gzip(broken.as_bytes())] {
         let message = open(&content, "csv").err().unwrap().to_string();
-        assert!(message.contains("line 70703 column 1 (`x`): `7000O` is no number"), "{message}");
+        assert!(message.contains("line 70703 column 1 (`x`): `7000O` is not a number"), "{message}");
     }
 }
 

@@ -47,7 +47,7 @@ pub struct Scanned {
     pub note: Option<String>,
 }
 
-/// Longest line that is no number.
+/// Longest line that is not a number.
 const MOST_LINE: usize = 4096;
 /// More arrays than a file has.
 const MOST_ARRAYS: usize = 1024;
@@ -184,7 +184,7 @@ impl Scan<'_> {
     }
 
     fn count(&self, word: &str) -> Result<u64> {
-        word.parse().map_err(|_| self.fault(format!("`{}` before byte {} is no count", shown(word), self.at)))
+        word.parse().map_err(|_| self.fault(format!("`{}` before byte {} is not a count", shown(word), self.at)))
     }
 
     /// Skips `rows` rows of numbers and tells where they are.

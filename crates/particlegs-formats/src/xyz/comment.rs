@@ -130,7 +130,7 @@ fn fields(value: &str) -> Result<Vec<Field>, String> {
         };
         let components = part[2].parse().ok().filter(|n| (1..=MOST_COLUMNS as u32).contains(n));
         let Some(components) = components else {
-            return Err(format!("`Properties`: {} is no number of columns", shown(part[2].as_bytes())));
+            return Err(format!("`Properties`: {} is not a number of columns", shown(part[2].as_bytes())));
         };
         all = all.saturating_add(components);
         fields.push(Field { name: part[0].into(), kind: kind.into(), components, unit: None });

@@ -109,7 +109,7 @@ fn frame<'c>(
     let Some(first) = first else { return Ok(None) };
     let at = lines.place().line - 1;
     let count =
-        count_of(&first).ok_or_else(|| error(format!(", line {at}: {} is no number of atoms", shown(&first))))?;
+        count_of(&first).ok_or_else(|| error(format!(", line {at}: {} is not a number of atoms", shown(&first))))?;
     let line =
         lines.line()?.map(<[u8]>::to_vec).ok_or_else(|| error(" is cut off behind the number of atoms".into()))?;
     let comment = Comment::parse(&line).map_err(|what| error(format!(", line {}: {what}", at + 1)))?;

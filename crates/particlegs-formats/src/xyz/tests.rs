@@ -54,19 +54,19 @@ fn extended_frames_state_cell_and_columns() {
 #[test]
 fn faults_are_named() {
     let cases = [
-        ("x\n\n", "frame 0, line 1: `x` is no number of atoms"),
-        ("-1\n\n", "`-1` is no number of atoms"),
+        ("x\n\n", "frame 0, line 1: `x` is not a number of atoms"),
+        ("-1\n\n", "`-1` is not a number of atoms"),
         ("2", "is cut off behind the number of atoms"),
         ("2\n\nH 1 2 3\n", "it states 2 atoms, and 1 lines follow"),
-        ("1\n\nH 1 2 x\n", "line 3 column 4 (`pos`): `x` is no number"),
+        ("1\n\nH 1 2 x\n", "line 3 column 4 (`pos`): `x` is not a number"),
         ("1\nLattice=\"1 2\"\nH 1 2 3\n", "`Lattice` has 2 numbers, not 9"),
         ("1\nLattice=\"1 0 0 0 inf 0 0 0 1\"\nH 1 2 3\n", "`Lattice`: `inf` is not finite"),
         ("1\nProperties=pos:R\nH 1 2 3\n", "not a list of name:kind:columns"),
-        ("1\nProperties=pos:R:4000000000\nH 1 2 3\n", "is no number of columns"),
+        ("1\nProperties=pos:R:4000000000\nH 1 2 3\n", "is not a number of columns"),
         ("1\nProperties=pos:Q:3\nH 1 2 3\n", "kind `Q` is none of"),
         ("1\npbc=\"T T\"\nH 1 2 3\n", "`pbc` has 2 values"),
         ("1\nProperties=species:S:1:velo:R:3\nH 1 2 3\n", "no columns have the names of positions"),
-        ("1\n\nH 1 2 3\nH 4 5 6\n", "frame 1, line 4: `H 4 5 6` is no number of atoms"),
+        ("1\n\nH 1 2 3\nH 4 5 6\n", "frame 1, line 4: `H 4 5 6` is not a number of atoms"),
     ];
     for (text, expected) in cases {
         let message = message(text);

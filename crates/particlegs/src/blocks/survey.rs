@@ -46,7 +46,7 @@ impl Survey {
     /// [`crate::Error::Cancelled`].
     pub fn new(source: &mut Layered, place: &str, progress: &dyn Progress) -> Result<Survey> {
         let every = Sample::every(source.count());
-        progress.begin("survey", source.count());
+        progress.begin("reading positions", source.count());
         let mut all = Survey { runs: Vec::new(), sample: Sample::default(), bounds: Bounds::empty() };
         let (mut start, mut bad) = (0, Invalid::default());
         for index in 0..source.layers.len() {

@@ -59,7 +59,7 @@ pub fn finetune(
 ) -> Result<Compressed> {
     let law = model.metadata.law;
     if law != Law::AlphaBlend {
-        let what = format!("a model of the law {} is not fine-tuned: its blocks add up as they are", law.name());
+        let what = format!("a model of the {} law cannot be fine-tuned: its blocks add up as they are", law.name());
         let hint = "`compress --train` trains such a model from its snapshot".into();
         return Err(Error::Argument { what, hint });
     }
@@ -68,7 +68,7 @@ pub fn finetune(
     };
     let count = particles.len() as u64;
     if count != model.metadata.count {
-        let what = format!("the model is of {} particles, the snapshot has {count}", model.metadata.count);
+        let what = format!("the model was made from {} particles, the snapshot has {count}", model.metadata.count);
         return Err(Error::argument(what));
     }
     let raw_bytes = 12 * count;
@@ -147,7 +147,7 @@ impl Job<'_> {
     fn room(&self) -> Result<Option<u64>> {
         let (Some(size), beside) = (self.size, self.beside()) else { return Ok(None) };
         let Some(room) = size.checked_sub(beside).filter(|r| *r > 0) else {
-            let what = format!("{size} bytes were asked for; the head and the network alone have {beside}");
+            let what = format!("{size} bytes were asked for; the head and the network alone take {beside}");
             return Err(Error::Unreachable { what, hint: "ask for a larger file".into() });
         };
         Ok(Some(room))

@@ -91,7 +91,7 @@ impl Plan {
         let (asked, beside) = (self.target.bytes(self.raw_bytes()), self.overhead());
         let Some(bytes) = asked.filter(|b| *b <= beside) else { return Ok(()) };
         let what = format!(
-            "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone have {beside}"
+            "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone take {beside}"
         );
         let hint = "ask for a larger file, or set `vizmapper = false` in [alpha_blend] of --config".into();
         Err(Error::Unreachable { what, hint })
@@ -161,7 +161,7 @@ impl Plan {
                 block.at_size((room as f64 * share) as u64, shop)
             }
             (Target::Gaussians(number), _) => self.block_at_number(block, number, shop),
-            _ => Err(Error::argument("a quality is met by all blocks together, not by one: ask for a size or ratio")),
+            _ => Err(Error::argument("a PSNR target cannot be divided among blocks: ask for a size or a ratio")),
         }
     }
 
@@ -192,7 +192,7 @@ impl Plan {
             progress.message(&format!("warning: {what}"));
         } else if outcomes.iter().all(|o| o.too_small) {
             progress.message(&format!(
-                "note: the file has {smallest} bytes, fewer than the {target} asked for: these particles need no more"
+                "note: the file has {smallest} bytes, less than the {target} asked for: these particles need no more"
             ));
         }
         Ok(())

@@ -42,7 +42,7 @@ pub fn simplify(
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;
     if metadata.law != Law::OpticalDepth {
-        let what = format!("a model of the law {} cannot be simplified: its splats do not add up", metadata.law.name());
+        let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
         return Err(Error::Argument { what, hint: "train one with fewer Gaussians on the snapshot".into() });
     }
     metadata.command = format!("{command} of: {}", metadata.command);

@@ -157,7 +157,7 @@ impl Grower<'_> {
     fn grow(&self, store: &mut Store, gaussians: usize) -> Result<Vec<usize>> {
         let n = store.len();
         let enough = (gaussians as f64 * SPARE).ceil() as usize;
-        self.progress.begin("partition", enough as u64);
+        self.progress.begin("partitioning", enough as u64);
         let whole = Moments::quick(&store.xyz);
         let root = Cell { start: 0, xyz: &mut store.xyz, weight: store.weight.as_deref_mut() };
         let mut all = Branch::default();

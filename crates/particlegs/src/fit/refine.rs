@@ -68,7 +68,7 @@ pub fn refine(
     let pixel = options.pixel * partition.store.scale;
     let refiner = Refiner { shade: &shade, partition, radius: scaled, pixel, options, progress };
     let blocks = refiner.blocks();
-    progress.begin("refine", (blocks.len() * (options.rounds + 2)) as u64);
+    progress.begin("refining", (blocks.len() * (options.rounds + 2)) as u64);
     let store = &partition.store;
     let mut mixture = Mixture { mass: store.weight.as_ref().map(|_| Vec::new()), ..Mixture::default() };
     for (i, block) in blocks.into_iter().enumerate() {

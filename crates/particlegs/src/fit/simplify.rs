@@ -213,7 +213,7 @@ struct Round {
 
 /// Merges pairs until `wanted` are left; for each old one says where it went.
 fn merged(old: &[Item], wanted: usize, measure: Measure, progress: &dyn Progress) -> Result<(Vec<Item>, Vec<u32>)> {
-    progress.begin("simplify", (old.len() - wanted) as u64);
+    progress.begin("simplifying", (old.len() - wanted) as u64);
     let mut items = old.to_vec();
     let mut homes: Vec<u32> = (0..old.len() as u32).collect();
     let (mut reach, mut searched) = (REACH, items.len());

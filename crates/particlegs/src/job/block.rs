@@ -70,7 +70,9 @@ impl Job {
         let mut checkpoint = Checkpoint::open(self.block_path(block, "checkpoint"), &self.id)?;
         if matches!(checkpoint.found(), Found::Broken | Found::Other) {
             let place = checkpoint.path().display();
-            progress.message(&format!("warning: {place}: broken, or of another plan; the block begins anew"));
+            progress.message(&format!(
+                "warning: {place}: damaged, or of another plan; the block starts from the beginning"
+            ));
         }
         let before = checkpoint.len();
         let plan = &self.manifest.plan;

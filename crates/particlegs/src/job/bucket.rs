@@ -150,7 +150,7 @@ impl<'a> Buckets<'a> {
         let (mut file, length) = open_file(&path).map_err(|e| match e {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
                 let hint = format!("run `particlegs scatter {} {chunk}`", job.folder.display());
-                Error::input_hint(&path, "this chunk is not bucketed yet", hint)
+                Error::input_hint(&path, "this chunk has not been sorted yet", hint)
             }
             other => other,
         })?;

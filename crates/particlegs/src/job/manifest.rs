@@ -127,17 +127,17 @@ impl Job {
         let text = read_own(&path, FORM)?.ok_or_else(|| {
             Error::input_hint(folder, "no plan.json: not a job's folder", "`particlegs plan` makes one")
         })?;
-        let no_plan = |e: serde_json::Error| Error::input(&path, format!("no plan: {e}"));
+        let no_plan = |e: serde_json::Error| Error::input(&path, format!("not a plan: {e}"));
         let version = serde_json::from_slice::<Versioned>(&text).map_err(no_plan)?.particlegs_job;
         if version > u64::from(VERSION) {
             return Err(Error::Compatibility {
                 place: path.display().to_string(),
-                what: "the plan of a newer program".into(),
+                what: "a plan of a newer version of the program".into(),
             });
         }
         let manifest: Manifest = serde_json::from_slice(&text).map_err(no_plan)?;
         if let Some(fault) = manifest.fault() {
-            return Err(Error::input(&path, format!("no sound plan: {fault}")));
+            return Err(Error::input(&path, format!("not a valid plan: {fault}")));
         }
         let id = *blake3::hash(&text).as_bytes();
         let starts = manifest.layer_runs();
@@ -183,7 +183,7 @@ impl Job {
 
     pub(super) fn changed(&self, how: &str) -> Error {
         let what = format!("the snapshot changed after `plan`: {how}");
-        Error::input_hint(&self.manifest.plan.metadata.source, what, "plan anew, in another folder")
+        Error::input_hint(&self.manifest.plan.metadata.source, what, "plan again, in another folder")
     }
 
     /// Layer by layer, the part of some of the snapshot's runs that lies in it.

@@ -62,7 +62,7 @@ impl Job {
         let missing = self.missing()?;
         let Some(first) = missing.first() else { return Ok(()) };
         let blocks = self.manifest.plan.blocks;
-        let what = format!("{} of {blocks} blocks are not done: {}", missing.len(), some(&missing));
+        let what = format!("blocks not fitted yet: {} ({} of {blocks})", some(&missing), missing.len());
         Err(Error::input_hint(&self.folder, what, format!("run `particlegs block {} {first}`", self.folder.display())))
     }
 
@@ -79,7 +79,7 @@ impl Job {
             read => read?,
         };
         if blake3::hash(&bytes).to_hex().as_str() != report.model {
-            return Err(broken("half-written or changed: it is not what its report says"));
+            return Err(broken("incomplete or altered: it does not match its report"));
         }
         let name = path.display().to_string();
         let vizmapper = codec::read_info(&bytes, &name)?.vizmapper;

@@ -63,8 +63,8 @@ const READ_AGAIN: f64 = 2.0;
 /// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
 pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Planned> {
     if let Target::Psnr(_) = task.options.target {
-        let hint = "ask for a size, a ratio or a number of Gaussians; `compress` meets a quality".to_string();
-        return Err(Error::Argument { what: "a quality is met by all blocks together".into(), hint });
+        let hint = "ask for a size, a ratio or a number of Gaussians; `compress` takes a PSNR target".to_string();
+        return Err(Error::Argument { what: "a PSNR target cannot be divided among the blocks of a job".into(), hint });
     }
     check_folder(folder)?;
     let at_once = matches!(source, Source::Now(_));
@@ -168,7 +168,11 @@ fn is_there(folder: &Path, text: &str, replace: bool) -> Result<bool> {
     match std::fs::read(folder.join("plan.json")) {
         Ok(there) if there == text.as_bytes() => Ok(true),
         Ok(_) if replace => clear(folder).map(|()| false),
-        Ok(_) => Err(Error::output(folder, "another plan is there", "name another folder, or replace this one's plan")),
+        Ok(_) => Err(Error::output(
+            folder,
+            "it already holds another plan",
+            "name another folder, or replace this one's plan",
+        )),
         Err(_) => Ok(false),
     }
 }
@@ -192,7 +196,7 @@ fn check_folder(folder: &Path) -> Result<()> {
         None => output::check_writable(&folder.join("plan.json")),
         Some(other) => {
             let what = format!("holds `{}`", other.file_name().to_string_lossy());
-            Err(Error::output(folder, what, "a job wants a folder of its own"))
+            Err(Error::output(folder, what, "a job needs a folder of its own"))
         }
     }
 }

@@ -64,7 +64,7 @@ impl Job {
         let name = &self.manifest.plan.layers[layer].name;
         let first = run * crate::particles::RUN as u64;
         let last = first + chunk.len() as u64 - 1;
-        Err(self.changed(&format!("its particles {first} to {last} of `{name}` are others")))
+        Err(self.changed(&format!("its particles {first} to {last} of `{name}` differ")))
     }
 
     /// A run's particles sorted by block; order is kept within.

@@ -32,7 +32,7 @@ pub fn convert(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Converted> {
-    progress.begin("counting", 0);
+    progress.begin("counting particles", 0);
     let kept = Kept::new(particles, tiling, selection, progress)?;
     progress.end();
     write_raw(&kept, out, RawForm::of_name(out), progress)

@@ -18,15 +18,15 @@ impl Images {
     /// [`Error::Input`] without a cell that has a volume; [`Error::Argument`] for a wider crop.
     pub fn about(crop: &Bounds, cell: Option<&Cell>, name: &str) -> Result<Self> {
         let Some(cell) = cell else {
-            let hint = "give it with `--box Lx,Ly,Lz`, or choose by --region, which does not wrap";
-            return Err(Error::input_hint(name, "a region that wraps needs the periodic box", hint));
+            let hint = "state it by `--box Lx,Ly,Lz`, or use --region, which does not wrap around";
+            return Err(Error::input_hint(name, "a region across the boundary needs a periodic box", hint));
         };
-        let fractions = cell.inverse().ok_or_else(|| Error::input(name, "the cell has no volume"))?;
+        let fractions = cell.inverse().ok_or_else(|| Error::input(name, "the periodic cell has no volume"))?;
         let extent = crop.extent();
         if let Some(lengths) = cell.lengths()
             && let Some(k) = (0..3).find(|&k| cell.periodic[k] && extent[k] > lengths[k])
         {
-            let what = format!("a region {} wide on axis {k} would repeat the box of {}", extent[k], lengths[k]);
+            let what = format!("a region {} wide on axis {k} is wider than the box of {}", extent[k], lengths[k]);
             return Err(Error::argument(what));
         }
         Ok(Images { centre: crop.center(), cell: *cell, fractions })

@@ -61,7 +61,7 @@ pub fn layers_by_mass(particles: &Particles, room: &Room) -> Result<Particles> {
             continue;
         }
         let classes = classes(&weights[layer.range.clone()]).ok_or_else(|| {
-            let what = format!("`{}` has more than {MOST_CLASSES} different masses: no classes", layer.name);
+            let what = format!("`{}` has more than {MOST_CLASSES} different masses: too many for layers", layer.name);
             Error::input_hint(&particles.meta.name, what, "use `--layers-by species`")
         })?;
         for class in &classes {

@@ -32,7 +32,7 @@ impl Room {
     /// Says what scratch space is about to be taken, if any.
     pub fn announce(&self, what: &str, bytes: u64, progress: &dyn Progress) {
         if let Room::Disk(folder) = self {
-            progress.message(&format!("scratch for {what}: {bytes} bytes in {}", folder.display()));
+            progress.message(&format!("scratch file for {what}: {bytes} bytes in {}", folder.display()));
         }
     }
 

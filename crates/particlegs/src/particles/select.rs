@@ -169,7 +169,7 @@ impl<'a> Kept<'a> {
             })?)
         };
         if self.total() == 0 {
-            return Err(Error::argument("no particle is left in what was chosen"));
+            return Err(Error::argument("the selection holds no particles"));
         }
         Ok(())
     }
@@ -388,7 +388,7 @@ impl<'a> Kept<'a> {
         let available: u64 = histogram.iter().sum();
         if wanted == 0 || wanted > available {
             return Err(Error::argument(format!(
-                "a sample of {wanted} is outside 1 to {available}, the particles there are"
+                "a sample of {wanted} is outside 1 to {available}, the number of particles"
             )));
         }
         let mut left = wanted;

@@ -29,7 +29,7 @@ impl Tiling {
         let name = &particles.meta.name;
         let cell =
             particles.meta.cell.as_ref().ok_or_else(|| {
-                Error::input_hint(name, "tiling needs the periodic box", "give it with `--box Lx,Ly,Lz`")
+                Error::input_hint(name, "tiling needs a periodic box", "state it by `--box Lx,Ly,Lz`")
             })?;
         if let Some(k) = (0..3).find(|&k| repeats[k] > 1 && !cell.periodic[k]) {
             return Err(Error::input(name, format!("axis {k} is not periodic and cannot be repeated")));

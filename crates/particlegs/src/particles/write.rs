@@ -72,7 +72,11 @@ impl SnapshotWriter {
     /// where weights would be lost; [`Error::Output`] where the folder holds anything but particles.
     pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool) -> Result<Self> {
         if form != RawForm::Columns && weighted {
-            return Err(Error::input_hint(out, "an .npy of positions would lose the weights", "name a folder instead"));
+            return Err(Error::input_hint(
+                out,
+                "an .npy file of positions cannot store the weights",
+                "name a folder instead",
+            ));
         }
         let header = if form == RawForm::Columns { Vec::new() } else { npy_header(count) };
         let bytes = count.saturating_mul(if weighted { 16 } else { 12 }).saturating_add(header.len() as u64);

@@ -56,10 +56,9 @@ impl FromStr for Colormap {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        Self::ALL
-            .into_iter()
-            .find(|c| c.name() == name || (name == "gray" && *c == Colormap::Grey))
-            .ok_or_else(|| format!("`{name}` is no colour map; there are {}", Self::ALL.map(Colormap::name).join(", ")))
+        Self::ALL.into_iter().find(|c| c.name() == name || (name == "gray" && *c == Colormap::Grey)).ok_or_else(|| {
+            format!("`{name}` is not a colour map; there are {}", Self::ALL.map(Colormap::name).join(", "))
+        })
     }
 }
 

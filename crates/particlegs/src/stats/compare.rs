@@ -64,7 +64,7 @@ pub fn compare(
             }
             neighbours = if wants(Measure::Neighbours) { Some(job.neighbours([a, b])?) } else { None };
         } else {
-            notes.push("pairs, groups and neighbours are of particles: recover them from the model first".into());
+            notes.push("pairs, groups and neighbours need particles: recover them from the model first".into());
         }
     }
     let summary = Summary::new(
@@ -102,7 +102,7 @@ fn check(o: &StatsOptions) -> Result<()> {
     };
     within("cells of the density grid", o.cells as f64, 2.0, 8192.0)?;
     within("cells of the spectrum's grid", o.spectrum_cells as f64, 4.0, 8192.0)?;
-    within("bins a decade", o.bins_per_decade as f64, 1.0, 1000.0)?;
+    within("bins per decade", o.bins_per_decade as f64, 1.0, 1000.0)?;
     within("the linking length in mean spacings", o.linking, 1e-6, 2.0)?;
     within("the aperture in mean spacings", o.aperture, 1e-6, 100.0)?;
     within("the smallest group", o.smallest_group as f64, 2.0, 1e9)?;
@@ -157,7 +157,7 @@ impl Job<'_> {
     fn notes(&self) -> Vec<String> {
         let mut notes = vec![];
         if !self.domain.periodic.iter().all(|p| *p) && !self.paper() {
-            notes.push("axes without a periodic box: P(k) takes them as if they repeated".into());
+            notes.push("axes that are not periodic: P(k) treats them as if they were".into());
         }
         if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights.is_some())) {
             notes.push("pairs, groups and neighbours count particles, whatever their weights".into());
@@ -168,8 +168,7 @@ impl Job<'_> {
         let alpha = |s: &Subject<'_>| matches!(s, Subject::Model(m) if m.metadata.law == Law::AlphaBlend);
         if self.pair.iter().any(alpha) {
             notes.push(
-                "an alpha-blend model's density is that of its counts: shares by opacity, which was fitted to pictures"
-                    .into(),
+                "the density of an alpha-blend model follows its opacities, which were fitted to pictures".into(),
             );
         }
         if self.paper() {
@@ -189,7 +188,7 @@ impl Job<'_> {
             "two density grids",
             deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
         )?;
-        self.progress.begin("densities", self.pair.iter().map(|s| deposit_steps(*s, &grid)).sum());
+        self.progress.begin("density grids", self.pair.iter().map(|s| deposit_steps(*s, &grid)).sum());
         let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.progress);
         let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
         self.progress.end();
@@ -259,7 +258,7 @@ impl Job<'_> {
         let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.progress);
         let counts = [count(0)?, count(1)?];
         if counts.iter().any(|c| c.primaries.iter().any(|p| *p < c.particles)) {
-            notes.push("pairs at large separations are of a random sample of primaries with all others".into());
+            notes.push("pairs at large separations are of a random sample of particles with all others".into());
         }
         let ratio = (0..options.edges.len() - 1)
             .map(|b| (counts[0].xi[b] > 0.0).then(|| counts[1].xi[b] / counts[0].xi[b]))

@@ -79,13 +79,13 @@ impl<'a> Journal<'a> {
 
     /// When the time is up before the steps are done.
     pub fn late(&self, at: &Standing) {
-        self.say(&format!("note: the time is up after {} of {} steps", at.iteration, at.iterations));
+        self.say(&format!("note: training ended by the time limit after {} of {} steps", at.iteration, at.iterations));
     }
 
     /// At the end.
     pub fn end(&self) {
         if self.faulty > NAMED {
-            self.say(&format!("warning: gradients were not finite in {} steps, and left out there", self.faulty));
+            self.say(&format!("warning: gradients were not finite in {} steps and were left out there", self.faulty));
         }
     }
 

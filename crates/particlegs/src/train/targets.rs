@@ -97,7 +97,10 @@ impl<'a> Targets<'a> {
     fn read(&mut self, place: u64, crop: &Crop) -> Result<Plane> {
         let fail = |e| Error::io(&self.folder, e);
         let Some(file) = &mut self.file else {
-            return Err(Error::input(&self.folder, "the scratch file of targets is gone".to_string()));
+            return Err(Error::input(
+                &self.folder,
+                "the scratch file of the training pictures has disappeared".to_string(),
+            ));
         };
         let first = place * self.size.pixels() as u64 + (crop.corner[1] * self.size.width) as u64;
         let mut bytes = vec![0u8; 2 * self.size.width * crop.size.height];

@@ -44,7 +44,7 @@ impl Eye {
         if !matches!(view.camera.projection, Projection::Perspective { .. }) {
             let name = &view.name;
             return Err(Error::argument(format!(
-                "view `{name}`: models of the alpha-blend law have pictures in perspective alone"
+                "view `{name}`: models of the alpha-blend law can only be drawn in perspective"
             )));
         }
         let axes = view.camera.frame()?;
