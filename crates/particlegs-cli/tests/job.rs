@@ -218,7 +218,7 @@ fn in_layers(folder: &Path) {
 fn a_signal_stops_a_block_and_it_goes_on_to_the_same_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
-    let options = ["--blocks", "1", "--ratio", "60", "--no-certificate"];
+    let options = ["--blocks", "1", "--ratio", "150", "--no-certificate"];
     let data = at("data");
     in_layers(&data);
     let direct = compressed(&data, &at("direct.pgs"), &options);
