@@ -62,10 +62,10 @@ def read(data):
             model["meta"] = metadata(content, minor)
         elif tag == b"CERT":
             check(before == b"META", "order")
-            model["cert"] = content
+            model["cert"] = certificate(content)
         elif tag == b"stat" and minor >= 2:
             check(before == b"CERT", "order")
-            model["stat"] = content
+            model["stat"] = statistics(content)
         elif tag == b"VIZM" and minor >= 3:
             check(before in (b"META", b"CERT", b"stat") and model["meta"]["law"] == 2, "order")
             model["vizm"] = network(content)
@@ -126,6 +126,30 @@ def metadata(content, minor):
         "hash": fields[10].hex(),
         "command": fields[18].decode(),
     }
+
+
+# ---------------------------------------------------------------- 3. CERT, stat
+
+def certificate(content):
+    check(len(content) == 94, "length of the certificate")
+    width, height, seed, cells, correlation, error = struct.unpack_from("<HHQHff", content)
+    scores = []
+    for psnr, ssim, best_psnr, best_ssim in struct.iter_unpack("<HhHh", content[22:]):
+        check(ssim != -32768 and best_ssim != -32768, "SSIM")
+        decibels = lambda v: None if v == 65535 else v / 200
+        scores.append((decibels(psnr), ssim / 32767, decibels(best_psnr), best_ssim / 32767))
+    return {"numbers": (width, height, seed, cells), "density": (correlation, error), "scores": scores}
+
+
+def statistics(content):
+    check(len(content) == 27, "length of the statistics")
+    of, cells, largest, *limits, groups = struct.unpack("<BHf4fI", content)
+    check(of in (0, 1) and largest >= 0 and math.isfinite(largest), "statistics")
+    for limit in limits:
+        check(limit in (-1, 0) or 0 < limit <= largest, "a wave number of the statistics")
+    limits = ["not measured" if v == -1 else "never" if v == 0 else v for v in limits]
+    groups = "not measured" if groups == 0xFFFFFFFF else "never" if groups == 0 else float(groups)
+    return {"of": of, "cells": cells, "largest": largest, "limits": [*limits, groups]}
 
 
 # ---------------------------------------------------------------- 4. BLOK
@@ -580,6 +604,14 @@ def dump(model, out):
     print("law", meta["law"], "particles", meta["particles"], "hash", meta["hash"], file=out)
     print("reals", hexadecimal([meta["mass"], *meta["bounds"], meta["radius"], meta["opacity"]]), file=out)
     print("source", meta["source"], file=out)
+    if model["cert"]:
+        print("certificate", *model["cert"]["numbers"], hexadecimal(model["cert"]["density"]), file=out)
+        for score in model["cert"]["scores"]:
+            print("score", *("none" if v is None else hexadecimal([v]) for v in score), file=out)
+    if model["stat"]:
+        stat = model["stat"]
+        limits = (v if isinstance(v, str) else hexadecimal([v]) for v in stat["limits"])
+        print("stat", stat["of"], stat["cells"], hexadecimal([stat["largest"]]), *limits, file=out)
     if model["vizm"]:
         parameters = np.concatenate([np.concatenate([w.ravel(), b]) for w, b in model["vizm"]["layers"]])
         print("ranges", hexadecimal(model["vizm"]["ranges"]), file=out)

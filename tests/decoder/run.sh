@@ -2,10 +2,8 @@
 # Model files read by tests/decoder/pgs.py, which knows docs/format.md alone, and by the program: the same bits.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
-. tests/venv.sh
-cargo build --quiet --locked -p particlegs --example decoded_bits
-cargo build --quiet --locked -p particlegs-cli
-particlegs=$target/debug/particlegs
+# shellcheck source=tests/common.sh
+. tests/common.sh
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
@@ -21,7 +19,7 @@ compress samples/nbody64 -o "$work/alpha.pgs" --train fast --law alpha-blend --c
 
 passed=0 failed=0
 for model in crates/particlegs/tests/fixtures/format-1.*.pgs "$work"/*.pgs; do
-    "$target/debug/examples/decoded_bits" "$model" >"$work/ours"
+    "$decoded_bits" "$model" >"$work/ours"
     "$python" tests/decoder/pgs.py "$model" >"$work/theirs"
     if cmp -s "$work/ours" "$work/theirs"; then
         echo "$(basename "$model"): the same bits, $(wc -l <"$work/ours") lines"

@@ -3,9 +3,8 @@
 # equations: at least 60 dB in every view.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
-. tests/venv.sh
-cargo build --quiet --locked -p particlegs-cli
-particlegs=$target/debug/particlegs
+# shellcheck source=tests/common.sh
+. tests/common.sh
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 

@@ -209,15 +209,29 @@ fn plans_that_cannot_be_are_refused() {
     fails(particlegs().arg("status").arg(at("job")), 3, "no plan");
 }
 
+/// The sample in eight layers: a block has eight fits, and a checkpoint after each.
+#[cfg(target_os = "linux")]
+fn in_layers(folder: &Path) {
+    std::fs::create_dir(folder).unwrap();
+    for name in ["xx.f32", "yy.f32", "zz.f32"] {
+        std::fs::copy(sample().join(name), folder.join(name)).unwrap();
+    }
+    let layers = (0..8).map(|i| serde_json::json!({ "name": format!("layer {i}"), "particles": 32_768 }));
+    let meta = serde_json::json!({ "box": 25.0, "periodic": true, "layers": layers.collect::<Vec<_>>() });
+    std::fs::write(folder.join("meta.json"), meta.to_string()).unwrap();
+}
+
 /// An engine's signal: what is finished is kept, the exit code asks to be run again.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_signal_stops_a_block_and_it_goes_on_to_the_same_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
-    let options = ["--blocks", "1", "--ratio", "60", "--no-certificate"];
-    let direct = compressed(&sample(), &at("direct.pgs"), &options);
-    particlegs().arg("plan").arg(sample()).arg("-o").arg(at("job")).args(options).arg("--quiet").assert().success();
+    let options = ["--blocks", "1", "--ratio", "150", "--no-certificate"];
+    let data = at("data");
+    in_layers(&data);
+    let direct = compressed(&data, &at("direct.pgs"), &options);
+    particlegs().arg("plan").arg(&data).arg("-o").arg(at("job")).args(options).arg("--quiet").assert().success();
     particlegs().arg("scatter").arg(at("job")).arg("--quiet").assert().success();
     let checkpoint = at("job/blocks/00000.checkpoint");
     let (mut stops, mut wait) = (0, 50);

@@ -54,6 +54,7 @@ fn a_model_is_measured_by_its_mixture() {
         "200",
         "--effort",
         "fast",
+        "--no-certificate",
         "--quiet",
     ]);
     compress.assert().success();

@@ -2,7 +2,7 @@
 //! of docs/format.md: `decoded_bits MODEL.pgs`.
 
 use particlegs::codec;
-use particlegs::model::{Block, Model};
+use particlegs::model::{Block, Certificate, Limit, Model, Science};
 use std::io::{BufWriter, Write};
 
 fn bits(values: impl IntoIterator<Item = f64>) -> String {
@@ -17,11 +17,35 @@ fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     let reals = [m.mass].into_iter().chain(bounds).chain([m.default_radius, m.default_opacity]);
     writeln!(out, "reals {}", bits(reals))?;
     writeln!(out, "source {}", m.source)?;
+    model.certificate.as_ref().map_or(Ok(()), |c| certificate(c, out))?;
     let Some(network) = &model.vizmapper else { return Ok(()) };
     let r = network.ranges;
     writeln!(out, "ranges {}", bits([r.scale, r.opacity, r.floor]))?;
     let parameters = network.parameters.iter().flat_map(|p| p.to_le_bytes());
     writeln!(out, "network {}", parameters.map(|b| format!("{b:02x}")).collect::<String>())
+}
+
+fn certificate(c: &Certificate, out: &mut dyn Write) -> std::io::Result<()> {
+    let density = bits([c.density_correlation, c.density_mae]);
+    writeln!(out, "certificate {} {} {} {} {density}", c.width, c.height, c.seed, c.grid)?;
+    let or_none = |v: Option<f64>| v.map_or("none".into(), |v| bits([v]));
+    for s in c.orbits.iter().flat_map(|o| [o.paraview, o.paraview_no_fxaa, o.expected]) {
+        let (own, best) = (or_none(s.masked_psnr), or_none(s.noise_free_masked_psnr));
+        writeln!(out, "score {own} {} {best} {}", bits([s.ssim]), bits([s.noise_free_ssim]))?;
+    }
+    c.science.as_ref().map_or(Ok(()), |s| statistics(s, out))
+}
+
+fn statistics(s: &Science, out: &mut dyn Write) -> std::io::Result<()> {
+    let power = [s.power_within_1_percent_to, s.power_within_5_percent_to];
+    let all = power.into_iter().chain([s.r_above_0_99_to, s.r_above_0_9_to, s.groups_within_10_percent_from]);
+    let word = |limit| match limit {
+        Limit::NotMeasured => "not measured".to_string(),
+        Limit::Never => "never".into(),
+        Limit::At(v) => bits([v]),
+    };
+    let limits: Vec<String> = all.map(word).collect();
+    writeln!(out, "stat {} {} {} {}", s.of as u8, s.spectrum_grid, bits([s.k_max]), limits.join(" "))
 }
 
 fn block(b: &Block, out: &mut dyn Write) -> std::io::Result<()> {
