@@ -4,6 +4,7 @@
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 use particlegs::{Error, Result};
+use particlegs_formats::Kind;
 use std::path::Path;
 
 /// Options of some commands that mean nothing where `why` gives a reason.
@@ -236,7 +237,7 @@ impl Given<'_> {
 
     /// Is the one file of a positional argument a model? Files that cannot be read are told of later.
     fn model(&self, id: &str) -> bool {
-        matches!(&self.paths(id)[..], [one] if crate::commands::is_model(one))
+        matches!(&self.paths(id)[..], [one] if matches!(Kind::of(one), Kind::Model))
     }
 
     /// Is the one part a folder?

@@ -74,7 +74,14 @@ fn planned(folder: &Path) -> Job {
         certificate: false,
         command: "a test".into(),
     };
-    let task = Task { options: &options, blocks: Some(2), memory: None, snapshot: "a cloud".into(), place: "here" };
+    let task = Task {
+        options: &options,
+        blocks: Some(2),
+        memory: None,
+        snapshot: "a cloud".into(),
+        place: "here",
+        replace: false,
+    };
     plan(Source::Now(particles()), &task, folder, &Silent).unwrap().job
 }
 

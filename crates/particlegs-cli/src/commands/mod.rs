@@ -68,11 +68,6 @@ pub enum Command {
     Man(man::Arguments),
 }
 
-/// Does a path name a file that begins as a model does?
-pub fn is_model(path: &std::path::Path) -> bool {
-    info::is_model(path).unwrap_or(false)
-}
-
 /// Runs one.
 pub fn run(command: Command) -> Result<()> {
     match command {
