@@ -226,6 +226,8 @@ fn add_mixtures(
     let grid = field.grid;
     let moved = Grid { min: std::array::from_fn(|k| grid.min[k] - shift * grid.side[k]), ..grid };
     let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(MODEL_SLABS).max(1));
+    let particles: f64 = parts.iter().flat_map(|m| &m.count).sum();
+    let in_slab = (particles / grid.cells[0].div_ceil(depth) as f64) as u64;
     field
         .mass
         .par_chunks_mut(depth * plane)
@@ -237,7 +239,7 @@ fn add_mixtures(
             for m in parts {
                 for i in 0..m.len() {
                     // A Gaussian as wide as the box takes milliseconds.
-                    if i % 8 == 0 {
+                    if i.is_multiple_of(8) {
                         progress.check()?;
                     }
                     let (mean, cov) = (m.mean_of(i), m.cov_of(i));
@@ -247,6 +249,7 @@ fn add_mixtures(
                 }
             }
             out.iter_mut().zip(sum).for_each(|(o, s)| *o += s as f32);
+            progress.advance(in_slab);
             Ok(())
         })
         .collect::<Result<()>>()?;
