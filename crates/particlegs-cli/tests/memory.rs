@@ -60,7 +60,11 @@ fn what_does_not_fit_says_so() {
         let ends = |mebibytes: u64| {
             let out = limited(dir.path(), mebibytes, command);
             let text = String::from_utf8_lossy(&out.stderr).into_owned();
-            assert!([Some(0), Some(7)].contains(&out.status.code()), "{command} in {mebibytes} MiB: {}: {text}", out.status);
+            assert!(
+                [Some(0), Some(7)].contains(&out.status.code()),
+                "{command} in {mebibytes} MiB: {}: {text}",
+                out.status
+            );
             let _ = std::fs::remove_file(dir.path().join("w.pgs"));
             let _ = std::fs::remove_dir_all(dir.path().join("p"));
             out.status.code()
@@ -78,6 +82,9 @@ fn pictures_that_do_not_fit_say_so() {
         let out = limited(dir.path(), 1024, &format!("render m.pgs --out p --size 32768x32768 --style {style}"));
         let text = String::from_utf8_lossy(&out.stderr);
         assert_eq!(out.status.code(), Some(7), "{style}: {text}");
-        assert!(text.contains("needs about") && text.lines().filter(|l| l.starts_with("error:")).count() == 1, "{text}");
+        assert!(
+            text.contains("needs about") && text.lines().filter(|l| l.starts_with("error:")).count() == 1,
+            "{text}"
+        );
     }
 }

@@ -89,12 +89,19 @@ fn places(file: &[u8]) -> Vec<(usize, usize)> {
 
 /// What a number of so many bytes may become.
 fn values(width: usize) -> Vec<Vec<u8>> {
-    const REALS: [f64; 14] = [
-        0.0, -1.0, 5e-324, 1e-300, 1e-160, 1e-45, 1e-6, 0.5, 1e6, 1e38, 1e160, 1e300, f64::MAX, f64::NAN,
-    ];
+    const REALS: [f64; 14] =
+        [0.0, -1.0, 5e-324, 1e-300, 1e-160, 1e-45, 1e-6, 0.5, 1e6, 1e38, 1e160, 1e300, f64::MAX, f64::NAN];
     let bytes = match width {
-        8 => REALS.iter().map(|v| v.to_le_bytes().to_vec()).chain([1u64, 1 << 53, u64::MAX].map(|v| v.to_le_bytes().to_vec())).collect(),
-        4 => REALS.iter().map(|v| (*v as f32).to_le_bytes().to_vec()).chain([1u32, 16, 1 << 20, u32::MAX].map(|v| v.to_le_bytes().to_vec())).collect(),
+        8 => REALS
+            .iter()
+            .map(|v| v.to_le_bytes().to_vec())
+            .chain([1u64, 1 << 53, u64::MAX].map(|v| v.to_le_bytes().to_vec()))
+            .collect(),
+        4 => REALS
+            .iter()
+            .map(|v| (*v as f32).to_le_bytes().to_vec())
+            .chain([1u32, 16, 1 << 20, u32::MAX].map(|v| v.to_le_bytes().to_vec()))
+            .collect(),
         _ => [0u8, 1, 2, 7, 15, 128, 255].map(|v| vec![v; width]).to_vec(),
     };
     bytes

@@ -33,8 +33,8 @@ mod wire;
 pub use container::is_model;
 pub use encoder::Encoder;
 pub use file::{
-    CodedLayer, LayerHead, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, check, coded_layers, decode,
-    decode_block, encode, file_hash, read_metadata, size_without_blocks,
+    CodedLayer, LayerHead, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, check, coded_layers, decode, decode_block,
+    encode, file_hash, read_metadata, size_without_blocks,
 };
 pub use info::{BlockInfo, FileInfo, LayerInfo, read_info};
 pub use merge::{Merge, blocks_hash, sums};

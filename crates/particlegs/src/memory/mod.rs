@@ -98,7 +98,11 @@ mod tests {
         write(root.path(), "proc/self/status", "Name:\tx\nVmSize:\t    1000 kB\n");
         write(root.path(), "proc/self/limits", "Max address space         unlimited   unlimited   bytes\n");
         assert_eq!((machine_bytes(root.path()), address_space_left(root.path())), (Some(2_048_000), None));
-        write(root.path(), "proc/self/limits", "Max stack size  1  2  bytes\nMax address space   1034000  4096000  bytes\n");
+        write(
+            root.path(),
+            "proc/self/limits",
+            "Max stack size  1  2  bytes\nMax address space   1034000  4096000  bytes\n",
+        );
         assert_eq!(address_space_left(root.path()), Some(10_000));
         write(root.path(), "proc/self/limits", "Max address space         10000   10000   bytes\n");
         assert_eq!(address_space_left(root.path()), Some(0));

@@ -77,9 +77,8 @@ pub(crate) fn check_particles(particles: &Particles, bounds: &Bounds, progress: 
         .par_chunks(|_, chunk| {
             let mut counts = [0u64; 2];
             for i in 0..chunk.len() {
-                let d: [f64; 3] = std::array::from_fn(|k| {
-                    f64::from(chunk.position[k][i]) + (particles.origin[k] - cell.origin[k])
-                });
+                let d: [f64; 3] =
+                    std::array::from_fn(|k| f64::from(chunk.position[k][i]) + (particles.origin[k] - cell.origin[k]));
                 let beyond = (0..3).filter(|&a| cell.periodic[a]).map(|a| {
                     let fraction: f64 = (0..3).map(|k| d[k] * inverse[k][a]).sum();
                     (-fraction).max(fraction - 1.0)
@@ -151,7 +150,8 @@ mod tests {
 
     #[test]
     fn tilted_boxes_count_by_their_own_axes() {
-        let tilted = Cell { vectors: [[10.0, 0.0, 0.0], [5.0, 10.0, 0.0], [0.0, 0.0, 10.0]], ..Cell::orthogonal([1.0; 3]) };
+        let tilted =
+            Cell { vectors: [[10.0, 0.0, 0.0], [5.0, 10.0, 0.0], [0.0, 0.0, 10.0]], ..Cell::orthogonal([1.0; 3]) };
         // At y = 1 the box reaches from 0.5 to 10.5.
         assert!(said(&points(&[0.6, 10.4], Some(tilted))).unwrap().is_empty());
         assert!(said(&points(&[0.4, 10.4], Some(tilted))).unwrap()[0].contains("1 of 2"));

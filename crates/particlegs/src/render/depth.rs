@@ -2,9 +2,9 @@
 
 use super::alpha;
 use super::bins::{Binner, Bins};
+use super::canvas::Canvas;
 use super::lens::Lens;
 use super::project::{DepthMoments, InCamera, inverse_moments};
-use super::canvas::Canvas;
 use super::pyramid::Level;
 use super::scene::Scene;
 use super::scratch;

@@ -115,12 +115,9 @@ impl<'a> Rows<'a> {
             if domain.periodic[k] { 0.0 } else { positions.iter().map(|x| x[k]).fold(0.0, f64::min) }
         });
         // Axes that repeat need whole cells; open ones may have any number.
-        let cells: [i64; 3] =
-            std::array::from_fn(
-                |k| {
-                    if domain.periodic[k] { ((domain.length[k] / wanted).ceil() as i64).min(MOST_CELLS) } else { i64::MAX }
-                },
-            );
+        let cells: [i64; 3] = std::array::from_fn(|k| {
+            if domain.periodic[k] { ((domain.length[k] / wanted).ceil() as i64).min(MOST_CELLS) } else { i64::MAX }
+        });
         let side: [f64; 3] =
             std::array::from_fn(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { wanted });
         let place = |x: &[f64; 3], k: usize| cell_number((x[k] - low[k]) / side[k]).clamp(0, cells[k] - 1);
