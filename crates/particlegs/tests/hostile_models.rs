@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 
 const SIZE: Size = Size { width: 40, height: 24 };
 /// A step may go on for so long before it is told to stop ...
-const PATIENCE: Duration = Duration::from_millis(400);
+const PATIENCE: Duration = Duration::from_millis(100);
 /// ... and has then stopped within this, on a machine that does much else.
 const HEARD: Duration = Duration::from_secs(20);
 
@@ -188,16 +188,16 @@ fn sweep(every: u64, seed: u64) {
             }
         }
     }
-    assert!(tried > 100, "{tried}");
+    assert!(tried > 30, "{tried}");
 }
 
 #[test]
 fn altered_fields_do_no_harm() {
-    sweep(16, 1);
+    sweep(64, 1);
 }
 
 #[test]
 #[ignore = "slow"]
-fn all_altered_fields_do_no_harm() {
-    sweep(1, 1);
+fn more_altered_fields_do_no_harm() {
+    sweep(4, 2);
 }

@@ -40,6 +40,8 @@ const SEARCH_AGAIN: f64 = 0.6;
 const CHECK: usize = 64;
 /// Largest share of the Gaussians that a round merges away.
 const SHARE: f64 = 0.1;
+/// A round that merges less than one in so many away is poor.
+const POOR: usize = 64;
 /// Rounds of regrouping.
 const REGROUPINGS: usize = 4;
 /// Blur of the measure and floor of sizes, in particle radii, as in refinement.
@@ -171,6 +173,18 @@ impl Neighbours {
         (0..items.len()).into_par_iter().with_min_len(64).map_init(Vec::new, own).collect::<Result<_>>().map(Self)
     }
 
+    /// Each with those before and after it in the order of a tree over places.
+    fn beside(items: &[Item], measure: Measure) -> Self {
+        let ellipsoids: Vec<Ellipsoid> = items.par_iter().map(|i| ellipsoid(&i.blob, measure.floor)).collect();
+        let tree = OverlapTree::new(&ellipsoids);
+        let mut lists = vec![Vec::new(); items.len()];
+        for pair in tree.order().windows(2) {
+            lists[pair[0] as usize].push(pair[1]);
+            lists[pair[1] as usize].push(pair[0]);
+        }
+        Neighbours(lists)
+    }
+
     /// Each with the next, the last with the one before.
     fn chain(count: usize) -> Self {
         Neighbours(
@@ -236,7 +250,12 @@ fn merged(old: &[Item], wanted: usize, measure: Measure, progress: &dyn Progress
             searched = items.len();
             continue;
         }
-        let round = Round::of(items.len(), &merges, wanted);
+        let mut round = Round::of(items.len(), &merges, wanted);
+        if round.is_poor(wanted) {
+            // Where thousands overlap, a few heavy ones are the nearest of all and merge one at a time.
+            let beside = Neighbours::beside(&items, measure);
+            round = Round::of(items.len(), &cheapest(&items, &beside, measure), wanted);
+        }
         progress.advance((items.len() - round.kept.len()) as u64);
         neighbours = neighbours.after(&round);
         homes.par_iter_mut().for_each(|home| *home = round.place[*home as usize]);
@@ -251,6 +270,12 @@ fn merged(old: &[Item], wanted: usize, measure: Measure, progress: &dyn Progress
 }
 
 impl Round {
+    /// Did it merge far fewer than it might, to reach `wanted`?
+    fn is_poor(&self, wanted: usize) -> bool {
+        let (before, after) = (self.partner.len(), self.kept.len());
+        after > wanted && (before - after) * POOR < before
+    }
+
     /// The cheapest disjoint pairs, until `wanted` are left or a round's share is used up.
     fn of(count: usize, merges: &[Merge], wanted: usize) -> Round {
         let most = (count - wanted).min((count as f64 * SHARE) as usize).max(1);
@@ -433,11 +458,12 @@ mod tests {
         }
         for sizes in [0.0, 1e-3] {
             let mut m = Mixture::default();
-            (0..6000).for_each(|i| m.push([0.5; 3], Sym3::scaled_identity(0.01 + sizes * f64::from(i % 7)), 2.0, 0.0));
+            (0..1500).for_each(|i| m.push([0.5; 3], Sym3::scaled_identity(0.01 + sizes * f64::from(i % 7)), 2.0, 0.0));
             let rounds = Counted(Default::default());
-            let small = simplify(&m, &SimplifyOptions { gaussians: 60, radius: 0.01, pixel: 0.0 }, &rounds).unwrap();
-            assert_eq!(small.count.iter().sum::<f64>(), 12_000.0);
-            assert!(small.len() <= 60 && rounds.0.into_inner() < 200);
+            let small = simplify(&m, &SimplifyOptions { gaussians: 15, radius: 0.01, pixel: 0.0 }, &rounds).unwrap();
+            assert_eq!(small.count.iter().sum::<f64>(), 3000.0);
+            let rounds = rounds.0.into_inner();
+            assert!(small.len() <= 15 && rounds < 120, "{} left after {rounds} rounds", small.len());
         }
     }
 

@@ -61,8 +61,8 @@ pub(super) fn optical_depth(
             .bands_mut()
             .into_par_iter()
             .map_init(Profiles::default, |profiles, (band, level, mut rows)| {
-                progress.check()?;
                 for (small, chunk) in &sorted {
+                    progress.check()?;
                     depositor.add_small(small.band(band), &mut rows);
                     depositor.add(chunk.band(band).iter().map(|s| level.place(s)), &mut rows, profiles);
                 }

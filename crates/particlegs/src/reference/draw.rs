@@ -6,6 +6,7 @@ use super::paraview;
 use super::project::Projector;
 use crate::Result;
 use crate::camera::{View, clipping_range};
+use crate::memory::require;
 use crate::particles::{Bounds, Particles};
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
@@ -89,11 +90,16 @@ impl<'a> Reference<'a> {
         direct: f64,
         progress: &dyn Progress,
     ) -> Result<Plane> {
-        depth::optical_depth(self.particles, &self.projector(view, size)?, size, view.opacity, direct, progress)
+        let projector = self.projector(view, size)?;
+        // Planes of halved resolution, and what a look takes beside the finest.
+        require("a picture", 10 * size.pixels() as u64)?;
+        depth::optical_depth(self.particles, &projector, size, view.opacity, direct, progress)
     }
 
     fn exact(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8> {
         let projector = self.projector(view, size)?;
+        // The picture upside down, turned, and smoothed.
+        require("a picture", 3 * size.pixels() as u64)?;
         paraview::draw(self.particles, &projector, size, view.opacity as f32, self.budget, progress)
     }
 

@@ -5,6 +5,7 @@ use super::bands::{Sorted, Sorter};
 use super::blend::blend;
 use super::project::{BLOCK, Block, DIAGONAL_LIMIT, Projector, Splat};
 use super::quad::{Quad, first_pixel, snap};
+use crate::memory::{require, reserved};
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Gray8, Size};
 use crate::progress::Progress;
@@ -19,6 +20,9 @@ const BAND_ROWS: usize = 16;
 
 /// Fragments that one task gathers at a time (8 bytes each), unless a single row has more.
 const FRAGMENTS_AT_ONCE: usize = 4 << 20;
+
+/// Splats gathered between two looks at whether to stop.
+const CHECK: usize = 512;
 
 /// Bytes of splats that may be held at a time for any snapshot.
 pub(super) const LEAST_BUDGET: u64 = 512 << 20;
@@ -57,8 +61,8 @@ struct Scene<'a> {
 
 #[derive(Default)]
 struct Scratch {
-    first: Vec<u32>,
-    next: Vec<u32>,
+    first: Vec<u64>,
+    next: Vec<usize>,
     depth: Vec<f32>,
     alpha: Vec<f32>,
 }
@@ -79,8 +83,7 @@ impl Scene<'_> {
                 .par_chunks_mut(BAND_ROWS * width)
                 .enumerate()
                 .map_init(Scratch::default, |scratch, (k, out)| {
-                    self.progress.check()?;
-                    let wrote = self.draw_band(&chunks, k, (group.start + k) * BAND_ROWS, out, scratch, peels, rest);
+                    let wrote = self.draw_band(&chunks, k, (group.start + k) * BAND_ROWS, out, scratch, peels, rest)?;
                     self.progress.advance(1);
                     Ok(wrote)
                 })
@@ -173,6 +176,7 @@ impl Scene<'_> {
         }
     }
 
+    /// The pixels of a band, and which peels wrote a back layer.
     fn draw_band(
         &self,
         chunks: &[Sorted<Splat>],
@@ -182,14 +186,17 @@ impl Scene<'_> {
         scratch: &mut Scratch,
         peels: usize,
         rest: bool,
-    ) -> u8 {
+    ) -> Result<u8> {
         let width = self.size.width;
         let rows = out.len() / width;
         let splats = || chunks.iter().flat_map(|c| c.band(band));
         // How many fragments before each pixel.
         scratch.first.clear();
         scratch.first.resize(out.len() + 1, 0);
-        for splat in splats() {
+        for (i, splat) in splats().enumerate() {
+            if i.is_multiple_of(CHECK) {
+                self.progress.check()?;
+            }
             let Some(quad) = Quad::new(splat, self.size) else { continue };
             for_rows(&quad, first_row, rows, |row, [from, to]| {
                 let at = (row - first_row) * width;
@@ -209,13 +216,19 @@ impl Scene<'_> {
             while end < rows && (scratch.first[(end + 1) * width] - base) as usize <= FRAGMENTS_AT_ONCE {
                 end += 1;
             }
+            // A row on which all splats of a large snapshot lie is gathered whole.
+            let held = size_of::<[f32; 2]>() as u64 * (scratch.first[end * width] - base);
+            require("splats that cover most of the picture", held)?;
             self.gather(
                 splats(),
                 first_row + row,
                 &scratch.first[row * width..=end * width],
                 GatherInto { next: &mut scratch.next, depth: &mut scratch.depth, alpha: &mut scratch.alpha },
-            );
+            )?;
             for pixel in row * width..end * width {
+                if pixel.is_multiple_of(width) {
+                    self.progress.check()?;
+                }
                 let (a, b) = ((scratch.first[pixel] - base) as usize, (scratch.first[pixel + 1] - base) as usize);
                 if a < b {
                     let blended = blend(&scratch.depth[a..b], &scratch.alpha[a..b], peels, rest);
@@ -225,7 +238,7 @@ impl Scene<'_> {
             }
             row = end;
         }
-        wrote
+        Ok(wrote)
     }
 
     /// Depths and alphas of some rows' fragments, pixel by pixel in particle order. `first` is how
@@ -234,18 +247,25 @@ impl Scene<'_> {
         &self,
         splats: impl Iterator<Item = &'s Splat>,
         first_row: usize,
-        first: &[u32],
+        first: &[u64],
         into: GatherInto<'_>,
-    ) {
+    ) -> Result<()> {
         let width = self.size.width;
         let rows = first.len() / width;
         let GatherInto { next, depth, alpha } = into;
         let total = (first[first.len() - 1] - first[0]) as usize;
         next.clear();
-        next.extend(first.iter().map(|f| f - first[0]));
-        depth.resize(total, 0.0);
-        alpha.resize(total, 0.0);
-        for splat in splats {
+        next.extend(first.iter().map(|f| (f - first[0]) as usize));
+        for column in [&mut *depth, &mut *alpha] {
+            if column.capacity() < total {
+                *column = reserved("splats that cover most of the picture", total)?;
+            }
+            column.resize(total, 0.0);
+        }
+        for (i, splat) in splats.enumerate() {
+            if i.is_multiple_of(CHECK) {
+                self.progress.check()?;
+            }
             let Some(quad) = Quad::new(splat, self.size) else { continue };
             if quad.rows[1] <= first_row as i32 || quad.rows[0] >= (first_row + rows) as i32 {
                 continue;
@@ -255,17 +275,18 @@ impl Scene<'_> {
                 for column in from..to {
                     let at = &mut next[(row - first_row) * width + column];
                     let triangle = quad.triangle(column as i32, row as i32);
-                    depth[*at as usize] = splat.depth;
-                    alpha[*at as usize] = self.opacity * planes[triangle].gaussian(column as i32, row as i32);
+                    depth[*at] = splat.depth;
+                    alpha[*at] = self.opacity * planes[triangle].gaussian(column as i32, row as i32);
                     *at += 1;
                 }
             });
         }
+        Ok(())
     }
 }
 
 struct GatherInto<'a> {
-    next: &'a mut Vec<u32>,
+    next: &'a mut Vec<usize>,
     depth: &'a mut Vec<f32>,
     alpha: &'a mut Vec<f32>,
 }

@@ -10,8 +10,8 @@ use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
     Convention, Domain, Field, Grid, Groups, Measure, SizeClass, StatsOptions, Subject, Summary, axis_moments,
-    central_slice, compare_density, density_pdf, deposit, deposit_bytes, deposit_steps, find_groups, profile,
-    size_histogram,
+    central_slice, compare_density, density_pdf, deposit, deposit_bytes, deposit_steps, find_groups, longest_link,
+    profile, size_histogram,
 };
 use crate::model::Law;
 use crate::particles::Particles;
@@ -60,7 +60,7 @@ pub fn compare(
                 let positions = [local_positions(a, &job.domain), local_positions(b, &job.domain)];
                 let positions = [&positions[0][..], &positions[1][..]];
                 xi_by_pairs = if wants(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
-                groups = if wants(Measure::Groups) { Some(job.groups(positions)?) } else { None };
+                groups = if wants(Measure::Groups) { job.groups(positions, &mut notes)? } else { None };
             }
             neighbours = if wants(Measure::Neighbours) { Some(job.neighbours([a, b])?) } else { None };
         } else {
@@ -266,13 +266,20 @@ impl Job<'_> {
         Ok(XiByPairs { counts, ratio })
     }
 
-    fn groups(&self, positions: [&[[f64; 3]]; 2]) -> Result<GroupReport> {
+    /// `None`, and a note, in a box too thin for links of that length.
+    fn groups(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<Option<GroupReport>> {
+        let lengths = [0, 1].map(|side| self.o.linking * self.spacing(side));
+        let longest = longest_link(&self.domain);
+        if lengths.iter().any(|l| *l > longest) {
+            let length = lengths[0].max(lengths[1]);
+            notes.push(format!("no groups: links of {length:.4e} are longer than a third of the box, {longest:.4e}"));
+            return Ok(None);
+        }
         let find = |side: usize| {
-            let length = self.o.linking * self.spacing(side);
-            find_groups(positions[side], &self.domain, length, self.o.smallest_group, self.progress)
+            find_groups(positions[side], &self.domain, lengths[side], self.o.smallest_group, self.progress)
         };
         let groups = [find(0)?, find(1)?];
-        let apertures = self.apertures(positions, &groups[0])?;
+        let apertures = self.apertures(positions, &groups[0], notes)?;
         let sizes = groups.each_ref().map(Groups::sizes);
         let smallest = self.o.smallest_group as u64;
         let class = |from: u64, to: Option<u64>| SizeClass::of(sizes.each_ref().map(|s| &s[..]), from, to);
@@ -283,23 +290,30 @@ impl Job<'_> {
             .collect();
         let largest = sizes.each_ref().map(|s| s.first().copied().unwrap_or(0));
         let histogram = size_histogram(sizes.each_ref().map(|s| &s[..]), smallest);
-        Ok(GroupReport {
+        Ok(Some(GroupReport {
             linking_length: groups.each_ref().map(|g| g.linking_length),
             classes,
             histogram,
             largest,
             grouped: [0, 1].map(|s| sizes[s].iter().sum::<u64>() as f64 / positions[s].len() as f64),
             apertures,
-        })
+        }))
     }
 
     /// Shares of all particles within the aperture, other over truth, by size of the truth's group.
-    fn apertures(&self, positions: [&[[f64; 3]]; 2], truth: &Groups) -> Result<Vec<super::ApertureMass>> {
+    /// None, and a note, where the aperture is wider than the box.
+    fn apertures(
+        &self,
+        positions: [&[[f64; 3]]; 2],
+        truth: &Groups,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<super::ApertureMass>> {
         use rayon::prelude::*;
         let radius = self.o.aperture * self.spacing(0);
         let longest = longest_separation(&self.domain);
         if radius > longest {
-            return Err(Error::argument(format!("an aperture of {radius:.6} is larger than the box's {longest:.6}")));
+            notes.push(format!("no masses of cores: the aperture, {radius:.4e}, is wider than the box, {longest:.4e}"));
+            return Ok(Vec::new());
         }
         let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();
         let chosen = Groups { linking_length: truth.linking_length, members: truth.members[..large].to_vec() };

@@ -237,6 +237,8 @@ fn add_mixtures(
     let grid = field.grid;
     let moved = Grid { min: std::array::from_fn(|k| grid.min[k] - shift * grid.side[k]), ..grid };
     let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(MODEL_SLABS).max(1));
+    let particles: f64 = parts.iter().flat_map(|m| &m.count).sum();
+    let in_slab = (particles / grid.cells[0].div_ceil(depth) as f64) as u64;
     field
         .mass
         .par_chunks_mut(depth * plane)
@@ -248,7 +250,7 @@ fn add_mixtures(
             for m in parts {
                 for i in 0..m.len() {
                     // A Gaussian as wide as the box takes milliseconds.
-                    if i % 8 == 0 {
+                    if i.is_multiple_of(8) {
                         progress.check()?;
                         progress.advance((m.len() - i).min(256) as u64);
                     }
@@ -259,6 +261,7 @@ fn add_mixtures(
                 }
             }
             out.iter_mut().zip(sum).for_each(|(o, s)| *o += s as f32);
+            progress.advance(in_slab);
             Ok(())
         })
         .collect::<Result<()>>()?;

@@ -187,7 +187,10 @@ fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn 
                         }
                     }
                 });
-                // The primary itself.
+                // The primary itself, unless its square of a distance was no less than the last edge's, 0.
+                if squares[squares.len() - 1] == 0.0 {
+                    continue;
+                }
                 bins[squares.iter().take_while(|s| 0.0 >= **s).count()] -= 1;
             }
             progress.advance(run.len() as u64);
