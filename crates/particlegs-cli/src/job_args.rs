@@ -30,12 +30,18 @@ impl JobSnapshot {
         let absolute = |p: &PathBuf| {
             if is_stream(p) {
                 let hint = "write the data to a file first";
-                return Err(Error::input_hint(name_of(p), "a pipe or device: every task of a job reads it again", hint));
+                return Err(Error::input_hint(
+                    name_of(p),
+                    "a pipe or device: every task of a job reads it again",
+                    hint,
+                ));
             }
             let path = std::fs::canonicalize(p).map_err(|e| Error::io(p, e))?;
             match path.to_str() {
                 Some(_) => Ok(path),
-                None => Err(Error::argument(format!("{}: a job wants a path in UTF-8, as plan.json keeps it", p.display()))),
+                None => {
+                    Err(Error::argument(format!("{}: a job wants a path in UTF-8, as plan.json keeps it", p.display())))
+                }
             }
         };
         let paths = paths.iter().map(absolute).collect::<Result<_>>()?;

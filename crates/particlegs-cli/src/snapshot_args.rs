@@ -4,7 +4,7 @@ use clap::{Args, ValueEnum};
 use particlegs::particles::{Bounds, Layered, Particles, Room, Selection, Stated};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_later, read_selected};
+use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read_later, read_selected};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
