@@ -78,23 +78,30 @@ fn endless_devices_are_left_after_their_first_bytes() {
 fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
     let dir = small();
     pipe(&dir.path().join("pipe"));
-    for reader in READERS {
+    let logs = tempfile::tempdir().unwrap();
+    let start = |(i, reader): (usize, &&[&str])| {
         let arguments = naming(reader, "pipe");
         let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-        let mut child = started(dir.path(), &words).spawn().unwrap();
-        std::thread::sleep(Duration::from_millis(2500));
-        assert!(child.try_wait().unwrap().is_none(), "{arguments:?} did not wait");
+        let log = logs.path().join(i.to_string());
+        let child = started(dir.path(), &words).stderr(std::fs::File::create(&log).unwrap()).spawn().unwrap();
+        (arguments, log, child)
+    };
+    // All wait beside each other; each says so before it is told to stop.
+    for (arguments, log, mut child) in READERS.iter().enumerate().map(start).collect::<Vec<_>>() {
+        let within = |done: &mut dyn FnMut() -> bool| {
+            (0..600).any(|_| {
+                std::thread::sleep(Duration::from_millis(100));
+                done()
+            })
+        };
+        let says = || std::fs::read_to_string(&log).unwrap().contains("waiting for data from pipe");
+        let said = within(&mut || says());
+        let alive = child.try_wait().unwrap().is_none();
         assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
-        let ended = (0..100).any(|_| {
-            std::thread::sleep(Duration::from_millis(50));
-            child.try_wait().unwrap().is_some()
-        });
-        if !ended {
-            child.kill().unwrap();
-            panic!("{arguments:?} goes on waiting after SIGTERM");
-        }
-        let text = String::from_utf8_lossy(&child.wait_with_output().unwrap().stderr).into_owned();
-        assert!(text.contains("waiting for data from pipe"), "{arguments:?}: {text}");
+        let ended = within(&mut || child.try_wait().unwrap().is_some());
+        let _ = child.kill();
+        assert!(said && alive, "{arguments:?} does not wait: {}", std::fs::read_to_string(&log).unwrap());
+        assert!(ended, "{arguments:?} goes on waiting after SIGTERM");
     }
 }
 
