@@ -1,6 +1,7 @@
 //! Surface density on the command line: the window, the colours, the files. Shared by `render` and
 //! `reference`.
 
+use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
 use particlegs::camera::{DensityView, Frame, Projection, spherical_camera};
@@ -12,7 +13,7 @@ use particlegs::picture::{
 };
 use particlegs::{Error, Result};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// How surface density is drawn.
 #[derive(Args, Clone, Debug)]
@@ -140,12 +141,12 @@ impl DensityArgs {
     }
 
     /// Writes a plane as a picture or as raw values; the path written.
-    pub fn write(&self, folder: &Path, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
+    pub fn write(&self, out: &PictureOut, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
         let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
         let focal = view.camera.focal_pixels(plane.size);
         let world_per_pixel = if perspective { view.camera.distance() / focal } else { 1.0 / focal };
         if self.raw {
-            let path = folder.join(format!("{}.f32", view.name));
+            let path = out.values(&view.name, "f32");
             write_atomic(&path, |w| {
                 plane
                     .data
@@ -165,7 +166,7 @@ impl DensityArgs {
             };
             let mut text = serde_json::to_vec_pretty(&form).expect("plain data");
             text.push(b'\n');
-            write_bytes(&folder.join(format!("{}.json", view.name)), &text)?;
+            write_bytes(&out.values(&view.name, "json"), &text)?;
             return Ok(path);
         }
         let options = DensityPicture {
@@ -180,7 +181,7 @@ impl DensityArgs {
             }),
             annotations: !self.no_annotations,
         };
-        let path = folder.join(format!("{}.png", view.name));
+        let path = out.picture(&view.name);
         write_rgb_png(&path, &annotate_density(plane, &options))?;
         Ok(path)
     }

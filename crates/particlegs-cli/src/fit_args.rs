@@ -51,11 +51,11 @@ struct TargetArgs {
 /// Effort on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum EffortArg {
-    /// The partition alone: for pictures; small groups are lost.
+    /// The partition alone: ten times as fast; at ratio 300 and above fewer small groups.
     Fast,
     /// Refined.
     Default,
-    /// Refined longer.
+    /// Refined longer: scores no better than default in any measured table.
     High,
 }
 

@@ -9,6 +9,7 @@ mod info_model;
 mod info_snapshot;
 mod job_args;
 mod options;
+mod picture_out;
 mod pictures;
 mod plots;
 mod report;

@@ -222,9 +222,10 @@ impl Given<'_> {
         self.has("only") && !measures.iter().any(|m| self.is("only", m))
     }
 
-    /// Is the one file of a positional argument a model? Files that cannot be read are told of later.
+    /// Is the one file of a positional argument a model? Files that cannot be
+    /// read are told of later, and what can be read once only is left alone.
     fn model(&self, id: &str) -> bool {
-        matches!(&self.paths(id)[..], [one] if crate::commands::is_model(one))
+        matches!(&self.paths(id)[..], [one] if one.is_file() && crate::commands::is_model(one))
     }
 
     /// Is the one part a folder?

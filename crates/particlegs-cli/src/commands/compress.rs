@@ -33,7 +33,7 @@ pub struct Arguments {
     #[arg(required_unless_present = "print_config", value_name = "IN")]
     input: Vec<PathBuf>,
     /// The model file to write.
-    #[arg(long, short, value_name = "M.pgs", required_unless_present = "print_config")]
+    #[arg(long, short, alias = "out", value_name = "M.pgs", required_unless_present = "print_config")]
     output: Option<PathBuf>,
     #[command(flatten)]
     fit: FitArgs,

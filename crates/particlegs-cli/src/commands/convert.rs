@@ -27,7 +27,7 @@ pub struct Arguments {
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
     /// What to write: a folder for raw columns and meta.json, or a name that ends in .npy, .hdf5, .vtp or .dump.
-    #[arg(long, short, value_name = "OUT")]
+    #[arg(long, short, alias = "out", value_name = "OUT")]
     output: PathBuf,
     /// Format to write, where the name does not tell.
     #[arg(long, value_name = "FORMAT", value_parser = clap::builder::PossibleValuesParser::new(writers()))]

@@ -37,7 +37,7 @@ pub struct Arguments {
     #[arg(required_unless_present = "print_config", value_name = "SNAPSHOT")]
     snapshot: Vec<PathBuf>,
     /// The model file to write.
-    #[arg(long, short, value_name = "M2.pgs", required_unless_present = "print_config")]
+    #[arg(long, short, alias = "out", value_name = "M2.pgs", required_unless_present = "print_config")]
     output: Option<PathBuf>,
     #[command(flatten)]
     target: TargetArgs,

@@ -33,7 +33,7 @@ pub struct Arguments {
     #[arg(required = true, value_name = "A.pgs|JOB")]
     parts: Vec<PathBuf>,
     /// The model file to write.
-    #[arg(long, short, value_name = "M.pgs")]
+    #[arg(long, short, alias = "out", value_name = "M.pgs")]
     output: PathBuf,
     /// Do not measure a job's file on its snapshot: no scores in the file.
     #[arg(long)]

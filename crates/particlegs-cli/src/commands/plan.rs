@@ -31,7 +31,7 @@ pub struct Arguments {
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
     /// The job's folder.
-    #[arg(long, short, value_name = "JOB")]
+    #[arg(long, short, alias = "out", value_name = "JOB")]
     output: PathBuf,
     /// Number of blocks of balanced counts; `auto`: as many as --memory asks for.
     #[arg(long, value_name = "K|auto", default_value = "auto")]

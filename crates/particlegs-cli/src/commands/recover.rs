@@ -27,7 +27,7 @@ pub struct Arguments {
     #[arg(value_name = "M.pgs")]
     model: PathBuf,
     /// Folder to write.
-    #[arg(long, short, value_name = "DIR")]
+    #[arg(long, short, alias = "out", value_name = "DIR")]
     output: PathBuf,
     /// Number of particles (default: as many as the model was made of).
     #[arg(long, value_name = "N")]

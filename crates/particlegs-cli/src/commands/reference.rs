@@ -3,14 +3,14 @@
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
 use particlegs::particles::{Bounds, Particles};
 use particlegs::picture::write_gray_png;
-use particlegs::progress::Progress;
 use particlegs::reference::{Reference, surface_density};
 use particlegs::splat::{DEFAULT_OPACITY, Look};
-use particlegs::{Error, Result};
+use particlegs::Result;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -31,8 +31,8 @@ pub struct Arguments {
     /// What to draw.
     #[arg(long, value_enum, default_value_t = Style::Paraview)]
     style: Style,
-    /// Folder for the pictures; made where it is missing.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the pictures, made where it is missing; or, of one view, the picture NAME.png.
+    #[arg(long, short, alias = "output", value_name = "DIR|NAME.png")]
     out: PathBuf,
     #[command(flatten)]
     view: ViewArgs,
@@ -111,12 +111,11 @@ pub fn run(a: &Arguments) -> Result<()> {
         return densities(a, &particles, bounds, &context);
     }
     let set = a.view.resolve(&Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY })?;
-    std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))?;
+    let out = PictureOut::new(&a.out, set.views.len(), false)?;
     let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
     let mut report =
         Report { style, particles: count, width: set.size.width, height: set.size.height, views: Vec::new() };
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
-    context.begin("drawing", set.views.len() as u64);
     for view in &set.views {
         let started = Instant::now();
         let picture = match a.style {
@@ -128,7 +127,7 @@ pub fn run(a: &Arguments) -> Result<()> {
             Style::ResponseFxaa | Style::Density => reference.response(view, set.size, Look::Paraview, &context)?,
         };
         let seconds = started.elapsed().as_secs_f64();
-        let path = a.out.join(format!("{}.png", view.name));
+        let path = out.picture(&view.name);
         write_gray_png(&path, &picture)?;
         let (radius_px, rate) = (view.radius_pixels(set.size), count as f64 / seconds);
         text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {rate:>14.3e}", view.name);
@@ -141,9 +140,7 @@ pub fn run(a: &Arguments) -> Result<()> {
             particles_per_second: rate,
             path,
         });
-        context.advance(1);
     }
-    context.end();
     context.finish(&text, &report)
 }
 
@@ -153,7 +150,7 @@ fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Con
     let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
     let quantities = Quantities::of_particles(particles);
     let (size, views) = a.density.views(&a.view, &subject, &quantities)?;
-    std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))?;
+    let out = PictureOut::new(&a.out, views.len(), a.density.raw)?;
     let mut report =
         DensityReport { style: "density", particles: count, width: size.width, height: size.height, views: Vec::new() };
     let mut text = format!("{:<16} {:>9}", "view", "seconds");
@@ -161,7 +158,7 @@ fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Con
         let started = Instant::now();
         let plane = surface_density(particles, view, size, context)?;
         let seconds = started.elapsed().as_secs_f64();
-        let path = a.density.write(&a.out, view, &plane, &quantities)?;
+        let path = a.density.write(&out, view, &plane, &quantities)?;
         text += &format!("\n{:<16} {seconds:>9.3}", view.name);
         report.views.push(DrawnDensity { name: view.name.clone(), seconds, path });
     }

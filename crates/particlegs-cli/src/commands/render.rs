@@ -2,6 +2,7 @@
 
 use crate::common::Common;
 use crate::density_args::{DensityArgs, Quantities};
+use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
 use particlegs::model::{Law, Model};
@@ -18,6 +19,7 @@ use std::time::Instant;
 #[derive(Args)]
 #[command(after_help = "Examples:
   particlegs render model.pgs --out pictures
+  particlegs render model.pgs -o figure.png
   particlegs render model.pgs --views views.json --style expected --out pictures
   particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 --out near
   particlegs render model.pgs --style density --colormap magma --out sigma
@@ -30,8 +32,8 @@ pub struct Arguments {
     /// What to draw.
     #[arg(long, value_enum, default_value_t = Style::Paraview)]
     style: Style,
-    /// Folder for the pictures; made where it is missing.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the pictures, made where it is missing; or, of one view, the picture NAME.png.
+    #[arg(long, short, alias = "output", value_name = "DIR|NAME.png")]
     out: PathBuf,
     /// Layers to draw: `all`, or names as `info` lists them.
     #[arg(long, visible_alias = "layer", value_name = "all|NAME,...", value_delimiter = ',', default_value = "all")]
@@ -114,14 +116,14 @@ fn pictures(
     report: &mut Report,
 ) -> Result<()> {
     let set = a.view.resolve(subject)?;
-    make_folder(a)?;
+    let out = PictureOut::new(&a.out, set.views.len(), false)?;
     (report.width, report.height) = (set.size.width, set.size.height);
     let scene = Scene::of(model);
     for view in &set.views {
         let started = Instant::now();
         let picture = draw(&scene, view, set.size, look, progress)?;
         let seconds = started.elapsed().as_secs_f64();
-        let path = a.out.join(format!("{}.png", view.name));
+        let path = out.picture(&view.name);
         write_gray_png(&path, &picture)?;
         report.views.push(Drawn { name: view.name.clone(), seconds, path });
     }
@@ -142,19 +144,15 @@ fn densities(
     }
     let quantities = Quantities::of_model(model);
     let (size, views) = a.density.views(&a.view, subject, &quantities)?;
-    make_folder(a)?;
+    let out = PictureOut::new(&a.out, views.len(), a.density.raw)?;
     (report.width, report.height) = (size.width, size.height);
     let scene = Scene::of(model);
     for view in &views {
         let started = Instant::now();
         let plane = surface_density(&scene, view, size, progress)?;
         let seconds = started.elapsed().as_secs_f64();
-        let path = a.density.write(&a.out, view, &plane, &quantities)?;
+        let path = a.density.write(&out, view, &plane, &quantities)?;
         report.views.push(Drawn { name: view.name.clone(), seconds, path });
     }
     Ok(())
-}
-
-fn make_folder(a: &Arguments) -> Result<()> {
-    std::fs::create_dir_all(&a.out).map_err(|e| Error::io(&a.out, e))
 }

@@ -24,7 +24,7 @@ pub struct Arguments {
     #[arg(value_name = "M.pgs")]
     model: PathBuf,
     /// The model file to write.
-    #[arg(long, short, value_name = "M2.pgs")]
+    #[arg(long, short, alias = "out", value_name = "M2.pgs")]
     output: PathBuf,
     #[command(flatten)]
     target: TargetArgs,

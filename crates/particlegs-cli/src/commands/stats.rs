@@ -30,7 +30,7 @@ pub struct Arguments {
     #[arg(value_name = "OTHER")]
     other: PathBuf,
     /// Folder for results; made where it is missing.
-    #[arg(long, short, value_name = "DIR")]
+    #[arg(long, short, alias = "output", value_name = "DIR")]
     out: PathBuf,
     /// Measure these alone (default: all).
     #[arg(long, value_name = "NAME,...", value_enum, value_delimiter = ',')]
