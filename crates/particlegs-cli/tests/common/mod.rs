@@ -23,7 +23,7 @@ pub fn snapshot(folder: &Path, columns: &[Vec<f32>]) {
     }
 }
 
-/// Runs and demands failure with `code` and one `error:` line that holds `text`.
+/// Runs and demands failure with `code`, one `error:` line that holds `text`, and nothing on stdout.
 pub fn fails(command: &mut Command, code: i32, text: &str) {
     let out = command.output().unwrap();
     let err = String::from_utf8_lossy(&out.stderr);
