@@ -3,6 +3,7 @@
 
 use crate::common::Context;
 use crate::outputs::{JSON, VALUES};
+use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -15,7 +16,7 @@ use particlegs::picture::{
 };
 use particlegs::{Error, Result};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// How surface density is drawn.
 #[derive(Args, Clone, Debug)]
@@ -168,24 +169,24 @@ impl DensityArgs {
     ///
     /// # Errors
     /// Those of [`Context::writes`].
-    pub fn plan(&self, folder: &Path, views: &[DensityView], context: &Context) -> Result<()> {
-        let path = |view: &DensityView, ending| folder.join(format!("{}.{ending}", view.name));
+    pub fn plan(&self, out: &PictureOut, views: &[DensityView], context: &Context) -> Result<()> {
+        if !self.raw {
+            return out.pictures(views.iter().map(|v| &v.name[..]), context).map(drop);
+        }
+        let path = |view: &DensityView, ending| out.folder().join(format!("{}.{ending}", view.name));
         views.iter().try_for_each(|view| {
-            if !self.raw {
-                return context.writes(&path(view, "png"), &PNG).map(drop);
-            }
             context.writes(&path(view, "f32"), &VALUES)?;
             context.writes(&path(view, "json"), &JSON).map(drop)
         })
     }
 
     /// Writes a plane as a picture or as raw values; the path written.
-    pub fn write(&self, folder: &Path, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
+    pub fn write(&self, out: &PictureOut, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
         let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
         let focal = view.camera.focal_pixels(plane.size);
         let world_per_pixel = if perspective { view.camera.distance() / focal } else { 1.0 / focal };
         if self.raw {
-            let set = FileSet::in_folder(folder)?;
+            let set = FileSet::in_folder(out.folder())?;
             let name = format!("{}.f32", view.name);
             write_atomic(&set.path().join(&name), |w| {
                 plane
@@ -208,7 +209,7 @@ impl DensityArgs {
             text.push(b'\n');
             write_bytes(&set.path().join(format!("{}.json", view.name)), &text)?;
             set.finish()?;
-            return Ok(folder.join(name));
+            return Ok(out.folder().join(name));
         }
         let options = DensityPicture {
             colormap: self.colormap,
@@ -222,7 +223,7 @@ impl DensityArgs {
             }),
             annotations: !self.no_annotations,
         };
-        let path = folder.join(format!("{}.png", view.name));
+        let path = out.picture(&view.name);
         write_rgb_png(&path, &annotate_density(plane, &options))?;
         Ok(path)
     }

@@ -14,6 +14,7 @@ mod inputs;
 mod job_args;
 mod options;
 mod outputs;
+mod picture_out;
 mod pictures;
 mod plots;
 mod printable;

@@ -197,7 +197,6 @@ pub fn check(matches: &ArgMatches) -> Result<()> {
 /// An option as it is typed.
 fn spelling(id: &str) -> String {
     match id {
-        "layers_by" => "--layers".into(),
         "box_lengths" => "--box".into(),
         id => format!("--{}", id.replace('_', "-")),
     }
@@ -235,7 +234,8 @@ impl Given<'_> {
         self.has("only") && !measures.iter().any(|m| self.is("only", m))
     }
 
-    /// Is the one file of a positional argument a model? Files that cannot be read are told of later.
+    /// Is the one file of a positional argument a model? Files that cannot be
+    /// read are told of later, and what can be read once only is left alone.
     fn model(&self, id: &str) -> bool {
         matches!(&self.paths(id)[..], [one] if matches!(Kind::of(one), Kind::Model))
     }

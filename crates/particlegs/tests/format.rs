@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{block, certificate, metadata, mixture, partner, reseal, science};
+use common::{baselines, block, certificate, metadata, mixture, partner, reseal, science};
 use particlegs::codec::{self, CodedLayer, Encoder, LayerHead, Precision};
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{Block, Certificate, Layer, Mixture, Model};
@@ -183,7 +183,7 @@ fn newer_files_are_told_apart() {
         codec::decode(&b, "m")
     };
     assert!(matches!(changed(8, 2), Err(Error::Compatibility { .. })));
-    assert!(changed(9, 4).is_ok(), "a newer minor version is read");
+    assert!(changed(9, 5).is_ok(), "a newer minor version is read");
     // The image law: the fourth byte of the first section's content.
     assert!(matches!(changed(24 + 16 + 3, 9), Err(Error::Compatibility { .. })));
     let add = |tag: &[u8; 4]| {
@@ -228,6 +228,23 @@ fn statistics_are_read_where_their_version_has_them() {
     let c = Certificate { science: None, ..certificate() };
     let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
     assert_eq!((bytes[9], of(&bytes).unwrap()), (0, None));
+}
+
+/// Baselines are a section of version 1.4, behind the certificate and its statistics, with or without the
+/// latter.
+#[test]
+fn baselines_are_read_where_their_version_has_them() {
+    for science in [Some(science()), None] {
+        let c = Certificate { science, baselines: Some(baselines()), ..certificate() };
+        let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
+        assert_eq!(bytes[8..10], [1, 4]);
+        let of = |bytes: &[u8]| codec::decode(bytes, "m").map(|m| m.certificate.and_then(|c| c.baselines));
+        assert_eq!(of(&bytes).unwrap(), Some(baselines()));
+        let mut older = bytes.clone();
+        older[9] = 3;
+        reseal(&mut older);
+        assert_eq!(of(&older).unwrap(), None);
+    }
 }
 
 #[test]
@@ -430,18 +447,20 @@ fn files_of_every_version_stay_readable() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
     let path = |name: &str| folder.join(name);
     if std::env::var_os("PARTICLEGS_WRITE_FIXTURES").is_some() {
-        let m = model(vec![block(mixture(30, 11, 4.0, 6.0, true))], true);
+        let mut m = model(vec![block(mixture(30, 11, 4.0, 6.0, true))], true);
+        m.certificate = Some(Certificate { baselines: Some(baselines()), ..certificate() });
         let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
-        std::fs::write(path("format-1.2.json"), table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
-        std::fs::write(path("format-1.2.pgs"), bytes).unwrap();
+        std::fs::write(path("format-1.4.json"), table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
+        std::fs::write(path("format-1.4.pgs"), bytes).unwrap();
     }
-    for (version, has_science) in [("1.0", false), ("1.2", true)] {
+    for (version, has_science, has_baselines) in [("1.0", false, false), ("1.2", true, false), ("1.4", true, true)] {
         let model = codec::decode(&std::fs::read(path(&format!("format-{version}.pgs"))).unwrap(), version).unwrap();
         let values = std::fs::read_to_string(path(&format!("format-{version}.json"))).unwrap();
         assert_eq!(table(&model), values.trim_end());
         assert_eq!(model.metadata.command, "particlegs compress nbody -o m.pgs");
         let certificate = model.certificate.unwrap();
         assert_eq!((certificate.seed, certificate.science), (42, has_science.then(science)));
+        assert_eq!(certificate.baselines, has_baselines.then(baselines));
     }
 }
 

@@ -3,12 +3,13 @@
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::drawn::Drawn;
+use crate::picture_out::PictureOut;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
 use particlegs::particles::{Bounds, Particles};
-use particlegs::picture::{PNG, number, write_gray_png};
+use particlegs::picture::{number, write_gray_png};
 use particlegs::progress::Progress;
 use particlegs::reference::{Reference, surface_density};
 use particlegs::splat::{DEFAULT_OPACITY, Look};
@@ -35,8 +36,8 @@ pub struct Arguments {
     /// Snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
-    /// Folder for the pictures, NAME.png for each view.
-    #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
+    /// Folder for the pictures, NAME.png for each view; or, of one view, the picture to write.
+    #[arg(long = "output", short, alias = "out", value_name = "DIR|NAME.png", value_hint = ValueHint::AnyPath)]
     out: PathBuf,
     /// What to draw.
     #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
@@ -112,14 +113,12 @@ pub fn run(a: &Arguments) -> Result<()> {
     }
     let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
     let set = a.view.resolve(&subject, &context)?;
-    context.makes_folder(&a.out)?;
-    let paths: Vec<PathBuf> = set.views.iter().map(|v| a.out.join(format!("{}.png", v.name))).collect();
-    paths.iter().try_for_each(|path| context.writes(path, &PNG).map(drop))?;
+    let out = PictureOut::new(&a.out, set.views.len(), false, &context)?;
+    let paths = out.pictures(set.views.iter().map(|v| &v.name[..]), &context)?;
     let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
     let (width, height) = (set.size.width, set.size.height);
     let mut report = Report { style, particles: count, width, height, fov_deg: None, views: Vec::new() };
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
-    context.begin("drawing", set.views.len() as u64);
     for (view, path) in set.views.iter().zip(paths) {
         let started = Instant::now();
         let picture = match a.style {
@@ -138,9 +137,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         let drawn = Drawn::of_view(view, seconds, path);
         report.fov_deg = drawn.fov_deg();
         report.views.push(DrawnParticles { drawn, radius_px, particles_per_second: rate });
-        context.advance(1);
     }
-    context.end();
     context.finish(&text, &report)
 }
 
@@ -150,8 +147,8 @@ fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Con
     let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
     let quantities = Quantities::of_particles(particles);
     let (size, views) = a.density.views((&a.view, &subject), &quantities, context)?;
-    context.makes_folder(&a.out)?;
-    a.density.plan(&a.out, &views, context)?;
+    let out = PictureOut::new(&a.out, views.len(), a.density.raw, context)?;
+    a.density.plan(&out, &views, context)?;
     let (width, height) = (size.width, size.height);
     let mut report =
         DensityReport { style: "density", particles: count, width, height, fov_deg: None, views: Vec::new() };
@@ -160,7 +157,7 @@ fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Con
         let started = Instant::now();
         let plane = surface_density(particles, view, size, context);
         let seconds = started.elapsed().as_secs_f64();
-        let drawn = plane.and_then(|plane| a.density.write(&a.out, view, &plane, &quantities));
+        let drawn = plane.and_then(|plane| a.density.write(&out, view, &plane, &quantities));
         let path = context.says_what_is_there(&a.out, report.views.len(), views.len(), drawn)?;
         text += &format!("\n{:<16} {seconds:>9.3}", view.name);
         let drawn = Drawn::of_density(view, seconds, path);

@@ -4,6 +4,7 @@ use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::drawn::Drawn;
 use crate::inputs;
+use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::input::name_of;
@@ -22,13 +23,14 @@ use std::time::Instant;
     after_help = "\
 Examples:
   particlegs render model.pgs -o pictures
-  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near
+  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near.png
   particlegs render model.pgs --style density --colormap magma -o sigma",
     after_long_help = "\
 Examples:
   particlegs render model.pgs -o pictures
+  particlegs render model.pgs -o figure.png
   particlegs render model.pgs --views views.json --style expected -o pictures
-  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near
+  particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near.png
   particlegs render model.pgs --azimuth 30 --save-views view.json -o pictures
   particlegs render model.pgs --style density --colormap magma -o sigma
   particlegs render model.pgs --layer PartType4 -o stars
@@ -40,8 +42,8 @@ pub struct Arguments {
     /// Model file.
     #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// Folder for the pictures, NAME.png for each view.
-    #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
+    /// Folder for the pictures, NAME.png for each view; or, of one view, the picture to write.
+    #[arg(long = "output", short, alias = "out", value_name = "DIR|NAME.png", value_hint = ValueHint::AnyPath)]
     out: PathBuf,
     /// What to draw.
     #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
@@ -124,9 +126,8 @@ fn pictures(
     report: &mut Report,
 ) -> Result<()> {
     let set = a.view.resolve(subject, context)?;
-    context.makes_folder(&a.out)?;
-    let paths: Vec<PathBuf> = set.views.iter().map(|v| a.out.join(format!("{}.png", v.name))).collect();
-    paths.iter().try_for_each(|path| context.writes(path, &PNG).map(drop))?;
+    let out = PictureOut::new(&a.out, set.views.len(), false, context)?;
+    let paths = out.pictures(set.views.iter().map(|v| &v.name[..]), context)?;
     (report.width, report.height) = (set.size.width, set.size.height);
     let scene = Scene::of(model);
     for (view, path) in set.views.iter().zip(paths) {
@@ -150,8 +151,8 @@ fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context,
     }
     let quantities = Quantities::of_model(model);
     let (size, views) = a.density.views((&a.view, subject), &quantities, context)?;
-    context.makes_folder(&a.out)?;
-    a.density.plan(&a.out, &views, context)?;
+    let out = PictureOut::new(&a.out, views.len(), a.density.raw, context)?;
+    a.density.plan(&out, &views, context)?;
     (report.width, report.height) = (size.width, size.height);
     let scene = Scene::of(model);
     for view in &views {
@@ -159,7 +160,7 @@ fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context,
         let mut seconds = 0.0;
         let drawn = surface_density(&scene, view, size, context).and_then(|plane| {
             seconds = started.elapsed().as_secs_f64();
-            a.density.write(&a.out, view, &plane, &quantities)
+            a.density.write(&out, view, &plane, &quantities)
         });
         let path = context.says_what_is_there(&a.out, report.views.len(), views.len(), drawn)?;
         report.views.push(Drawn::of_density(view, seconds, path));

@@ -124,7 +124,8 @@ fn certificates_repeat_and_know_the_density() {
         assert!(trivial.uniform_box.masked_psnr > trivial.all_black.masked_psnr, "{trivial:?}");
         assert!(model.ssim > trivial.all_black.ssim.max(trivial.uniform_box.ssim));
     }
-    assert_eq!((uniform.correlation, uniform.mean_absolute_error), (0.0, baselines.uniform_density_mae));
+    assert!(uniform.correlation.abs() < 1e-9);
+    assert_eq!(uniform.mean_absolute_error, baselines.uniform_density_mae);
     assert!(baselines.uniform_density_mae > 1.0);
     steps.check();
 }

@@ -2,7 +2,10 @@
 #![allow(dead_code)]
 
 use particlegs::math::{Random, Sym3};
-use particlegs::model::{Block, Certificate, Law, Limit, LookScore, Metadata, Mixture, OrbitScore, Science, ScienceOf};
+use particlegs::model::{
+    Baselines, Block, Certificate, Law, Limit, LookBaselines, LookScore, Metadata, Mixture, OrbitBaselines, OrbitScore,
+    PictureScore, Science, ScienceOf,
+};
 use particlegs::particles::{Bounds, Cell};
 
 /// A mixture of `n` Gaussians in a box of `scale` at `origin`.
@@ -68,6 +71,16 @@ pub fn certificate() -> Certificate {
         science: Some(science()),
         baselines: None,
     }
+}
+
+/// Values that the file holds.
+pub fn baselines() -> Baselines {
+    let look = LookBaselines {
+        all_black: PictureScore { masked_psnr: Some(12.5), ssim: 0.0 },
+        uniform_box: PictureScore { masked_psnr: Some(16.25), ssim: 1.0 },
+    };
+    let orbit = OrbitBaselines { paraview: look, paraview_no_fxaa: look, expected: look };
+    Baselines { orbits: [orbit; 3], uniform_density_mae: 1.25 }
 }
 
 /// Every limit in another state, values that f32 holds.

@@ -1,0 +1,70 @@
+//! Where pictures go: a folder with one file a view, or the one file that is named.
+
+use crate::common::Context;
+use particlegs::picture::PNG;
+use particlegs::{Error, Result, output};
+use std::path::{Path, PathBuf};
+
+/// Where pictures go.
+#[derive(Clone, Debug)]
+pub enum PictureOut {
+    /// NAME.png of each view.
+    Folder(PathBuf),
+    /// The picture of the only view.
+    File(PathBuf),
+}
+
+impl PictureOut {
+    /// What an output means for so many views; a name that ends in `.png` is the one picture's, and so is
+    /// a stream. Makes the folder. `raw` values need a folder.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for one name and several views, or a file that is no picture; [`Error::Io`].
+    pub fn new(out: &Path, views: usize, raw: bool, context: &Context) -> Result<Self> {
+        let ends_as_png = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+        let is_picture = ends_as_png && !out.is_dir() || output::is_stream(out)?;
+        if !is_picture && out.is_file() {
+            let what = format!("{} is a file, and its name does not end in .png", out.display());
+            return Err(Error::Argument { what, hint: "name a folder, or a picture NAME.png".into() });
+        }
+        if !is_picture {
+            context.makes_folder(out)?;
+            return Ok(PictureOut::Folder(out.to_path_buf()));
+        }
+        if raw {
+            let what = format!("{} names a picture, and --raw writes values", out.display());
+            return Err(Error::Argument { what, hint: "name a folder: it gets NAME.f32 and NAME.json".into() });
+        }
+        if views != 1 {
+            let what = format!("{} names one picture, and there are {views} views", out.display());
+            return Err(Error::Argument { what, hint: "name a folder: it gets a picture for each view".into() });
+        }
+        Ok(PictureOut::File(out.to_path_buf()))
+    }
+
+    /// The files of the views' pictures, which are about to be written.
+    ///
+    /// # Errors
+    /// Those of [`Context::writes`].
+    pub fn pictures<'a>(&self, names: impl Iterator<Item = &'a str>, context: &Context) -> Result<Vec<PathBuf>> {
+        let paths: Vec<PathBuf> = names.map(|name| self.picture(name)).collect();
+        paths.iter().try_for_each(|path| context.writes(path, &PNG).map(drop))?;
+        Ok(paths)
+    }
+
+    /// The file of a view's picture.
+    pub fn picture(&self, view: &str) -> PathBuf {
+        match self {
+            PictureOut::Folder(folder) => folder.join(format!("{view}.png")),
+            PictureOut::File(file) => file.clone(),
+        }
+    }
+
+    /// The folder that files go to.
+    pub fn folder(&self) -> &Path {
+        match self {
+            PictureOut::Folder(folder) => folder,
+            PictureOut::File(file) => file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")),
+        }
+    }
+}
