@@ -234,3 +234,14 @@ fn slices(a: &Slice, b: &Slice) -> Rgb8 {
     let (left, right) = (picture(a), picture(b));
     panels(&[("truth", PanelImage::Color(&left)), ("other", PanelImage::Color(&right))])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_volume_are_cubes() {
+        assert_eq!(["Mpc/h", "kpc"].map(|u| Units::new(Some(u)).volume), [" [(Mpc/h)³]", " [kpc³]"]);
+        assert_eq!(Units::new(None).volume, "");
+    }
+}

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # A particlegs job for Slurm, written by `particlegs plan --emit slurm`. It is yours: edit it.
 #   bash THIS_FILE          on a login node: submits scatter -> blocks -> merge and returns
-#   bash THIS_FILE          again, after failures: what is done is skipped, what is half done goes on
+#   bash THIS_FILE          again, after failures: what is done is skipped, what is interrupted continues
 # What came of it: particlegs status JOB. What tasks said: JOB/logs.
 set -euo pipefail
 
@@ -39,7 +39,7 @@ items() { # scatter|block COUNT BATCH
     child=$!
     while signalled='' code=0; wait "$child" || code=$?; [ -n "$signalled" ]; do :; done
     if [ "$code" = 75 ]; then again; fi
-    # Killed (out of memory, by hand): it goes on from its checkpoint, three times at most.
+    # Killed (out of memory, by hand): it continues from its checkpoint, three times at most.
     if [ "$code" -gt 128 ] && [ "${SLURM_RESTART_COUNT:-0}" -lt 3 ]; then again; fi
     if [ "$code" != 0 ]; then exit "$code"; fi
   done

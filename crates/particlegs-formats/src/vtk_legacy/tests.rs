@@ -71,7 +71,7 @@ fn binary_of_both_generations() {
 fn broken_files_are_refused() {
     let fault = |text: &str| rows(text.as_bytes(), &Fields::default()).unwrap_err().to_string();
     assert!(fault(&TEXT.replace("POINTS 2", "POINTS 4000000000")).contains("12000000000 numbers"));
-    assert!(fault(&TEXT.replace("POINTS 2", "POINTS -2")).contains("no count"));
+    assert!(fault(&TEXT.replace("POINTS 2", "POINTS -2")).contains("not a count"));
     assert!(fault(&TEXT.replace("1 2 3 4", "1 2 x 4")).contains("`x` at byte"));
     assert!(fault(&TEXT.replace("POLYDATA", "STRUCTURED_POINTS")).contains("no points of their own"));
     assert!(fault(TEXT.split("POINTS").next().unwrap()).contains("no POINTS"));
