@@ -2,7 +2,7 @@
 //! of docs/format.md: `decoded_bits MODEL.pgs`.
 
 use particlegs::codec;
-use particlegs::model::{Block, Certificate, Limit, Model, Science};
+use particlegs::model::{Block, Certificate, Law, Limit, Model, Science, ScienceOf};
 use std::io::{BufWriter, Write};
 
 fn bits(values: impl IntoIterator<Item = f64>) -> String {
@@ -12,7 +12,11 @@ fn bits(values: impl IntoIterator<Item = f64>) -> String {
 fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     let m = &model.metadata;
     let hash: String = m.source_hash.iter().map(|b| format!("{b:02x}")).collect();
-    writeln!(out, "law {} particles {} hash {hash}", m.law as u8, m.count)?;
+    let law = match m.law {
+        Law::OpticalDepth => 1,
+        Law::AlphaBlend => 2,
+    };
+    writeln!(out, "law {law} particles {} hash {hash}", m.count)?;
     let bounds = m.bounds.min.into_iter().chain(m.bounds.max);
     let reals = [m.mass].into_iter().chain(bounds).chain([m.default_radius, m.default_opacity]);
     writeln!(out, "reals {}", bits(reals))?;
@@ -45,7 +49,11 @@ fn statistics(s: &Science, out: &mut dyn Write) -> std::io::Result<()> {
         Limit::At(v) => bits([v]),
     };
     let limits: Vec<String> = all.map(word).collect();
-    writeln!(out, "stat {} {} {} {}", s.of as u8, s.spectrum_grid, bits([s.k_max]), limits.join(" "))
+    let of = match s.of {
+        ScienceOf::DrawnParticles => 0,
+        ScienceOf::Mixture => 1,
+    };
+    writeln!(out, "stat {of} {} {} {}", s.spectrum_grid, bits([s.k_max]), limits.join(" "))
 }
 
 fn block(b: &Block, out: &mut dyn Write) -> std::io::Result<()> {
