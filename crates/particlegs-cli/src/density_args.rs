@@ -12,7 +12,7 @@ use particlegs::model::Model;
 use particlegs::output::{FileSet, write_atomic, write_bytes};
 use particlegs::particles::{Cell, Particles};
 use particlegs::picture::{
-    Colormap, DensityPicture, PNG, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
+    Colormap, DensityPicture, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
 };
 use particlegs::{Error, Result};
 use serde::Serialize;

@@ -10,7 +10,6 @@ use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
 use particlegs::particles::{Bounds, Particles};
 use particlegs::picture::{number, write_gray_png};
-use particlegs::progress::Progress;
 use particlegs::reference::{Reference, surface_density};
 use particlegs::splat::{DEFAULT_OPACITY, Look};
 use serde::Serialize;

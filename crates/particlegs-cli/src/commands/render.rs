@@ -9,7 +9,7 @@ use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::input::name_of;
 use particlegs::model::{Law, Model};
-use particlegs::picture::{PNG, write_gray_png};
+use particlegs::picture::write_gray_png;
 use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::Look;
 use particlegs::{Error, Result, codec};
