@@ -60,7 +60,7 @@ fn links_are_followed_and_stay() {
 fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
-    ["data", "list"].map(|folder| fs::create_dir(at(folder)).unwrap());
+    ["data", "list"].iter().for_each(|folder| fs::create_dir(at(folder)).unwrap());
     for name in [
         "data/xx.f32",
         "data/meta.json",
@@ -80,7 +80,7 @@ fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
     fs::hard_link(at("data/xx.f32"), at("hard")).unwrap();
     let mut o = Outputs::new(false, "use force");
     o.reads(Input::Data(at("data")));
-    ["snap.0.hdf5", "list.pvtp", "g"].map(|name| o.reads(Input::Data(at(name))));
+    ["snap.0.hdf5", "list.pvtp", "g"].iter().for_each(|name| o.reads(Input::Data(at(name))));
     let refused = |o: &mut Outputs, name: &str, kind: &Kind| match o.writes(&at(name), kind, &Silent) {
         Err(Error::Output { what, .. }) => what,
         other => panic!("{name}: {other:?}"),
