@@ -169,6 +169,25 @@ fn measured(model: &Model, good: &[u8]) {
     step("stats", |p| compare(Subject::Model(&good), Subject::Model(model), &o, p));
 }
 
+/// Checksums and headers are right, a stream is not.
+#[test]
+fn a_block_that_cannot_be_decoded_is_not_merged() {
+    let good = fixtures().remove(0);
+    let mut tried = 0;
+    for (at, _) in places(&good).into_iter().filter(|p| p.1 == 1) {
+        let mut bad = good.clone();
+        bad[at] ^= 0x55;
+        reseal(&mut bad);
+        if codec::read_info(&bad, "m").is_ok() && codec::decode(&bad, "m").is_err() {
+            let error = Merge::default().add(&bad, "m").unwrap_err();
+            assert!(error.exit_code() == 4 && error.to_string().starts_with("m: corrupt model file"), "{error}");
+            assert_eq!(codec::check(&bad, "m").unwrap_err().exit_code(), 4);
+            tried += 1;
+        }
+    }
+    assert!(tried > 3, "{tried}");
+}
+
 /// One of `every` of the alterations, drawn by `seed`.
 fn sweep(every: u64, seed: u64) {
     let mut tried = 0;
