@@ -91,7 +91,7 @@ fn places(file: &[u8]) -> Vec<(usize, usize)> {
 fn values(width: usize) -> Vec<Vec<u8>> {
     const REALS: [f64; 14] =
         [0.0, -1.0, 5e-324, 1e-300, 1e-160, 1e-45, 1e-6, 0.5, 1e6, 1e38, 1e160, 1e300, f64::MAX, f64::NAN];
-    let bytes = match width {
+    match width {
         8 => REALS
             .iter()
             .map(|v| v.to_le_bytes().to_vec())
@@ -103,8 +103,7 @@ fn values(width: usize) -> Vec<Vec<u8>> {
             .chain([1u32, 16, 1 << 20, u32::MAX].map(|v| v.to_le_bytes().to_vec()))
             .collect(),
         _ => [0u8, 1, 2, 7, 15, 128, 255].map(|v| vec![v; width]).to_vec(),
-    };
-    bytes
+    }
 }
 
 /// All that is done with a model file.
@@ -169,6 +168,25 @@ fn measured(model: &Model, good: &[u8]) {
     step("stats", |p| compare(Subject::Model(&good), Subject::Model(model), &o, p));
 }
 
+/// Checksums and headers are right, a stream is not.
+#[test]
+fn a_block_that_cannot_be_decoded_is_not_merged() {
+    let good = fixtures().remove(0);
+    let mut tried = 0;
+    for (at, _) in places(&good).into_iter().filter(|p| p.1 == 1) {
+        let mut bad = good.clone();
+        bad[at] ^= 0x55;
+        reseal(&mut bad);
+        if codec::read_info(&bad, "m").is_ok() && codec::decode(&bad, "m").is_err() {
+            let error = Merge::default().add(&bad, "m").unwrap_err();
+            assert!(error.exit_code() == 4 && error.to_string().starts_with("m: corrupt model file"), "{error}");
+            assert_eq!(codec::check(&bad, "m").unwrap_err().exit_code(), 4);
+            tried += 1;
+        }
+    }
+    assert!(tried > 3, "{tried}");
+}
+
 /// One of `every` of the alterations, drawn by `seed`.
 fn sweep(every: u64, seed: u64) {
     let mut tried = 0;
@@ -177,7 +195,7 @@ fn sweep(every: u64, seed: u64) {
         for (p, (at, width)) in places(&good).into_iter().enumerate() {
             for (v, value) in values(width).into_iter().enumerate() {
                 let index = ((number * 4096 + p) * 64 + v) as u64;
-                if Random::new(seed, 1, index).bits() % every != 0 {
+                if !Random::new(seed, 1, index).bits().is_multiple_of(every) {
                     continue;
                 }
                 let mut bad = good.clone();

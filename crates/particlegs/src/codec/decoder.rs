@@ -226,3 +226,44 @@ fn covariances(header: &BlockHeader, forms: &[Form], cov: [&mut [f64]; 6]) -> bo
     }
     good
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+    use crate::particles::Bounds;
+
+    /// Shape numbers within their range, of Gaussians so far from round that rounding decides.
+    #[test]
+    fn variances_below_zero_are_refused() {
+        let header = BlockHeader {
+            bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
+            count: 1,
+            mass: 1.0,
+            gaussians: 1,
+            weighted: false,
+            shaded: false,
+            low: [0; 4],
+            steps: [0.5, 0.22, 0.22, 2.0, 0.22],
+            importance: 0.0,
+            centre: 0.0,
+            predict: Default::default(),
+        };
+        let mut negative = 0;
+        for i in 0..2000 {
+            let mut r = Random::new(1, 1, i);
+            let shape = [0; 5].map(|_| (r.uniform() * 41.0).floor() as i32 - 20);
+            let raw = exp_twice(shape.map(f64::from));
+            let below = [raw.0[0], raw.0[3], raw.0[5]].iter().any(|v| *v < 0.0);
+            let mut columns = [[0.0]; 6];
+            let good = covariances(
+                &header,
+                &[Form { radius: 1.0, factor: 1.0, shape }],
+                columns.each_mut().map(|c| &mut c[..]),
+            );
+            assert!(!(good && below), "{shape:?}");
+            negative += usize::from(below && raw.0.iter().all(|v| v.is_finite()));
+        }
+        assert!(negative > 0);
+    }
+}
