@@ -131,7 +131,6 @@ fn steps(folder: &Path, what: &str) -> Vec<String> {
         note(job.scatter(source, 0, &until).map(drop));
         (0..2).for_each(|b| note(job.block(b, source, &until).map(drop)));
         note(job.merge(None, &until).map(drop));
-        note(job.merge(Some(&particles()), &until).map(drop));
         errors
     };
     let done = std::panic::catch_unwind(run);
