@@ -2,8 +2,8 @@
 
 use crate::common::Context;
 use particlegs::codec::{self, FileInfo, LayerInfo};
-use particlegs::progress::Progress;
 use particlegs::model::{Certificate, Law, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges};
+use particlegs::progress::Progress;
 use particlegs::score::{self, Verdict};
 use particlegs::{Error, Result};
 use particlegs_formats::SPLAT_PLY_BYTES;
@@ -228,10 +228,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let mut line = |text: String| out += &hanging("  ", &text, 6);
     line(format!("density on a grid of {} cells: correlation {:.5} (uniform 0)", c.grid, c.density_correlation));
     let uniform = c.baselines.map_or_else(|| "not measured".into(), |b| format!("{:.4}", b.uniform_density_mae));
-    line(format!(
-        "density contrast on it: mean absolute error {:.4} (uniform {uniform}, empty 1)",
-        c.density_mae
-    ));
+    line(format!("density contrast on it: mean absolute error {:.4} (uniform {uniform}, empty 1)", c.density_mae));
     match &c.science {
         Some(science) => science.in_words(unit).into_iter().for_each(line),
         None => line("power spectrum, cross-correlation, groups: not measured".into()),

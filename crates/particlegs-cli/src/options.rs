@@ -36,8 +36,10 @@ const RULES: &[Rule] = &[
         commands: &["reference"],
         options: &["center", "width"],
         why: |g| {
-            let hint = "choose particles with --region x0,x1,y0,y1,z0,z1, or draw --style density --projection orthographic";
-            (!g.density()).then_some(("--style density: it is the window of its pictures and selects no particles", hint))
+            let hint =
+                "choose particles with --region x0,x1,y0,y1,z0,z1, or draw --style density --projection orthographic";
+            (!g.density())
+                .then_some(("--style density: it is the window of its pictures and selects no particles", hint))
         },
     },
     Rule {
@@ -83,7 +85,8 @@ const RULES: &[Rule] = &[
         options: &["effort"],
         why: |g| {
             let hint = "leave --effort away; --scale and --iterations shorten training";
-            g.is("train", "paper").then_some(("a fit: the published recipe starts from particles drawn at random", hint))
+            g.is("train", "paper")
+                .then_some(("a fit: the published recipe starts from particles drawn at random", hint))
         },
     },
     Rule {
@@ -99,12 +102,18 @@ const RULES: &[Rule] = &[
     Rule {
         commands: &["convert"],
         options: OPENING,
-        why: |g| g.model("input").then_some(("snapshots, and the file is a model", "draw particles with `recover`, then convert those")),
+        why: |g| {
+            g.model("input")
+                .then_some(("snapshots, and the file is a model", "draw particles with `recover`, then convert those"))
+        },
     },
     Rule {
         commands: &["convert"],
         options: SELECTION,
-        why: |g| g.model("input").then_some(("snapshots, and the file is a model", "draw particles with `recover`, then convert those")),
+        why: |g| {
+            g.model("input")
+                .then_some(("snapshots, and the file is a model", "draw particles with `recover`, then convert those"))
+        },
     },
     Rule {
         commands: &["verify"],
@@ -139,7 +148,10 @@ const RULES: &[Rule] = &[
     Rule {
         commands: &["stats"],
         options: &["separations"],
-        why: |g| g.without(&["pairs", "spectrum"]).then_some(("the measures `pairs` and `spectrum`, which --only leaves out", "")),
+        why: |g| {
+            g.without(&["pairs", "spectrum"])
+                .then_some(("the measures `pairs` and `spectrum`, which --only leaves out", ""))
+        },
     },
     Rule {
         commands: &["stats"],

@@ -40,7 +40,10 @@ fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
     let out = run(&["verify", "m.pgs", "in"]);
     let verified = text(&out.stdout);
     assert!(out.status.success(), "{verified}{}", text(&out.stderr));
-    assert!(verified.contains("stored") && verified.contains("tolerance") && !verified.contains("differs"), "{verified}");
+    assert!(
+        verified.contains("stored") && verified.contains("tolerance") && !verified.contains("differs"),
+        "{verified}"
+    );
     let forged = |name: &str, change: &dyn Fn(&mut particlegs::model::Certificate)| {
         let bytes = std::fs::read(dir.path().join("m.pgs")).unwrap();
         let model = codec::decode(&bytes, "m").unwrap();

@@ -2,15 +2,15 @@
 
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::picture_out::PictureOut;
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum};
+use particlegs::Result;
 use particlegs::particles::{Bounds, Particles};
 use particlegs::picture::write_gray_png;
 use particlegs::reference::{Reference, surface_density};
 use particlegs::splat::{DEFAULT_OPACITY, Look};
-use particlegs::Result;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;

@@ -122,9 +122,11 @@ impl Report {
             .collect();
         match off.first() {
             None => Ok(()),
-            Some(first) => {
-                Err(differs(format!("{} of {} figures of its certificate differ: {first}", off.len(), self.figures.len())))
-            }
+            Some(first) => Err(differs(format!(
+                "{} of {} figures of its certificate differ: {first}",
+                off.len(),
+                self.figures.len()
+            ))),
         }
     }
 }

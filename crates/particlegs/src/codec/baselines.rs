@@ -25,8 +25,9 @@ pub(crate) fn write(b: &Baselines) -> Vec<u8> {
 /// Reads the section.
 pub(crate) fn read(bytes: &[u8]) -> Result<Baselines, String> {
     let mut r = Reader::new(bytes);
-    let score =
-        |r: &mut Reader<'_>| Ok::<_, String>(PictureScore { masked_psnr: from_decibels(r.u16()?), ssim: from_similarity(r.u16()?)? });
+    let score = |r: &mut Reader<'_>| {
+        Ok::<_, String>(PictureScore { masked_psnr: from_decibels(r.u16()?), ssim: from_similarity(r.u16()?)? })
+    };
     let look = |r: &mut Reader<'_>| Ok::<_, String>(LookBaselines { all_black: score(r)?, uniform_box: score(r)? });
     let orbit = |r: &mut Reader<'_>| {
         Ok::<_, String>(OrbitBaselines { paraview: look(r)?, paraview_no_fxaa: look(r)?, expected: look(r)? })

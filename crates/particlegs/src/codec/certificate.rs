@@ -47,7 +47,17 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Certificate, String> {
         return Err(format!("a certificate of {} bytes", bytes.len()));
     }
     let orbits = [orbits[0], orbits[1], orbits[2]];
-    Ok(Certificate { width, height, seed, orbits, grid, density_correlation, density_mae, science: None, baselines: None })
+    Ok(Certificate {
+        width,
+        height,
+        seed,
+        orbits,
+        grid,
+        density_correlation,
+        density_mae,
+        science: None,
+        baselines: None,
+    })
 }
 
 fn look(r: &mut Reader<'_>) -> Result<LookScore, String> {

@@ -1,8 +1,8 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, ALPHA_BLEND_SINCE, BASELINES, BASELINES_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SCIENCE, SCIENCE_SINCE, SECTION_BYTES,
-    Section, VIZMAPPER,
+    self, ALPHA_BLEND_SINCE, BASELINES, BASELINES_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SCIENCE,
+    SCIENCE_SINCE, SECTION_BYTES, Section, VIZMAPPER,
 };
 use super::header::BlockHeader;
 use super::metadata::{Fault, LayerMass};

@@ -97,7 +97,10 @@ mod tests {
                 let drawn = Reference::new(&particles).optical_depth(&view, size, &Silent).unwrap();
                 for (rows, from) in [(8, 12), (8, 28), (8, 44)] {
                     let sum = |p: &Plane| -> f64 {
-                        (from..from + rows).flat_map(|r| (32..64).map(move |c| r * 96 + c)).map(|i| f64::from(p.data[i])).sum()
+                        (from..from + rows)
+                            .flat_map(|r| (32..64).map(move |c| r * 96 + c))
+                            .map(|i| f64::from(p.data[i]))
+                            .sum()
                     };
                     worst = worst.max((sum(&drawn) / sum(&even) - 1.0).abs());
                 }

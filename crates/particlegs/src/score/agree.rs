@@ -127,8 +127,11 @@ pub fn contradictions(c: &Certificate) -> Vec<String> {
             found.push(format!("{name}: a noise-free picture that is not itself"));
         }
         for s in [&orbit.paraview, &orbit.paraview_no_fxaa, &orbit.expected] {
-            if let Some(v) = [s.masked_psnr, s.noise_free_masked_psnr].into_iter().flatten().find(|v| *v > most + 0.01) {
-                found.push(format!("{name}: {v:.2} dB, where pictures of this size reach {most:.2} dB unless identical"));
+            if let Some(v) = [s.masked_psnr, s.noise_free_masked_psnr].into_iter().flatten().find(|v| *v > most + 0.01)
+            {
+                found.push(format!(
+                    "{name}: {v:.2} dB, where pictures of this size reach {most:.2} dB unless identical"
+                ));
             }
         }
     }

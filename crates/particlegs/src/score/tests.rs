@@ -148,7 +148,14 @@ impl Steps {
     /// Every part of a measurement shows how far it is, and comes to its end.
     fn check(&self) {
         let phases = self.0.lock().unwrap();
-        for wanted in ["ParaView's picture", "noise-free picture", "density", "drawing particles", "power spectra", "friends of friends"] {
+        for wanted in [
+            "ParaView's picture",
+            "noise-free picture",
+            "density",
+            "drawing particles",
+            "power spectra",
+            "friends of friends",
+        ] {
             assert!(phases.iter().any(|p| p.0.ends_with(wanted)), "{wanted}: {phases:?}");
         }
         for (phase, total, done) in phases.iter().filter(|p| p.1 > 0) {

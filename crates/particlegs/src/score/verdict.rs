@@ -128,7 +128,10 @@ pub fn verdict(certificate: Option<&Certificate>, unit: Option<&str>) -> Verdict
 fn pictures(c: &Certificate) -> Finding {
     let finding = |word, why| Finding { of: Use::Pictures, word, why };
     let Some(b) = &c.baselines else {
-        return finding(Word::NotMeasured, "the file does not say what an empty picture or a uniform box scores".into());
+        return finding(
+            Word::NotMeasured,
+            "the file does not say what an empty picture or a uniform box scores".into(),
+        );
     };
     let gains: Vec<Gain> =
         c.orbits.iter().zip(&b.orbits).filter_map(|(o, b)| Gain::of(&o.expected, &b.expected)).collect();
@@ -270,7 +273,10 @@ mod tests {
         let density = |correlation, mae| {
             word(&Certificate { density_correlation: correlation, density_mae: mae, ..c }, Use::Density)
         };
-        assert_eq!([density(0.997, 0.4), density(0.997, 0.7), density(0.95, 0.6)], [Word::Holds, Word::Roughly, Word::Roughly]);
+        assert_eq!(
+            [density(0.997, 0.4), density(0.997, 0.7), density(0.95, 0.6)],
+            [Word::Holds, Word::Roughly, Word::Roughly]
+        );
         assert_eq!([density(0.95, 1.1), density(-0.0006, 0.9)], [Word::DoesNot; 2]);
         // Against a uniform density that errs little, little error is needed.
         let even = Baselines { uniform_density_mae: 0.3, ..c.baselines.unwrap() };

@@ -9,7 +9,8 @@ use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
     Convention, Domain, Field, Grid, Groups, Measure, SizeClass, StatsOptions, Subject, Summary, axis_moments,
-    central_slice, compare_density, density_pdf, deposit, deposit_bytes, deposit_steps, find_groups, profile, size_histogram,
+    central_slice, compare_density, density_pdf, deposit, deposit_bytes, deposit_steps, find_groups, profile,
+    size_histogram,
 };
 use crate::model::Law;
 use crate::particles::Particles;
