@@ -58,6 +58,8 @@ GROWTH = [("2.1M", 1 << 21), ("16.8M", 1 << 24), ("67M", 1 << 26)]
 
 out.append("""# Full scale: nbody128 tiled 2x8x8 (268 435 456 particles, 3.2 GB)
 
+**Hand-typed in part**: the tables of runs come from the JSON; the sections "Earlier runs" and "Statistics and recovery" (`scripts/full-scale-notes.md`) are typed by hand.
+
 Two Xeon cores, 24 GiB. Every run: `scripts/full-scale.py PARTICLEGS nbody128 WORK docs/results/full-scale.json`; this page:
 `scripts/full-scale-page.py docs/results/full-scale.json`. The commands stand in the JSON. Other work shared the machine during
 some runs (`load_average` in the JSON): CPU seconds compare them, wall-clock seconds do not. Peak anonymous memory is RssAnon, mapped

@@ -122,6 +122,8 @@ def name_of(e):
 
 truth = results[0]["drawn"]["groups"]
 line("# What recovered particles are good for: nbody128")
+line("")
+line("**Hand-typed in part**: the tables come from `recovery.json`; figures in the sentences below them (`scripts/recovery-notes.md`) are typed by hand.")
 line()
 line("Made by `scripts/table-recovery.sh DATA OUT` from nbody128 (2 097 152 particles, periodic box of 50 Mpc/h, particles' Nyquist frequency 8.04 h/Mpc). Every figure is of the file as decoded, against the snapshot. The commands for one model:")
 line()

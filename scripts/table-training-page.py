@@ -46,6 +46,10 @@ Made by `scripts/table-training.py PARTICLEGS nbody128 REFERENCE WORK docs/resul
 ratio 300, default effort, and is scored as decoded, masked PSNR in dB against VTK's `paraview` pictures. "Nine views" is the mean of far, mid,
 near _00 to _02; other columns are gains over the untrained model.
 
+**Hand-typed**: the notes below the tables (`scripts/training-depth-notes.md`) hold figures typed by hand; the tables come from the JSON. The rows named
+alpha-blend are our preset (`--train fast --law alpha-blend`), not the published recipe, at its own number of steps: the schedules that `--iterations` once
+left unshrunk (docs/results/training.md) do not touch them.
+
 {table(["run", "bytes", "nine views", "gain", *OTHERS, "worst of the views but high_opacity"], scores)}
 ### Statistics of as many particles drawn from the model (`recover --method count`, `stats --grid 50 --spectrum-grid 512`)
 

@@ -248,7 +248,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
 
 /// What the model is good for, a line a use.
 pub fn verdict(v: &Verdict) -> String {
-    let mut out = "verdict            what the stored certificate says the model is good for\n".to_string();
+    let mut out = "verdict            what the model is good for (docs/guide/certificate.md)\n".to_string();
     for f in &v.findings {
         out += &hanging(&format!("  {:<16}{:<14}", f.of.name(), f.word.name()), &f.why, 32);
     }

@@ -105,7 +105,7 @@ pub fn run(a: Arguments) -> Result<()> {
         figures: both.map_or_else(Vec::new, |(stored, measured)| score::side_by_side(&stored, &measured)),
         contradictions: stored.as_ref().map_or_else(Vec::new, score::contradictions),
         doubts: stored.as_ref().map_or_else(Vec::new, score::doubts),
-        verdict: score::verdict(stored.as_ref(), model.metadata.length_unit.as_deref()),
+        verdict: score::verdict(stored.as_ref().or(measured_again.as_ref()), model.metadata.length_unit.as_deref()),
     };
     context.finish(text(&report, &model, of_several, &place).trim_end(), &report)?;
     report.judge(&place)
