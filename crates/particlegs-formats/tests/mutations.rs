@@ -202,7 +202,7 @@ fn damage_all(files: &[PathBuf]) {
 static ONE: Mutex<()> = Mutex::new(());
 
 #[test]
-#[ignore = "seven hundred thousand damaged files: a minute"]
+#[ignore = "six hundred thousand damaged files: a minute"]
 fn damaged_fixtures_do_no_harm() {
     let _one = ONE.lock().unwrap_or_else(|e| e.into_inner());
     let mut files = support::files(&support::fixtures());
