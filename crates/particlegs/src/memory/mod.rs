@@ -1,7 +1,7 @@
 //! How much memory there is, so that a job that cannot fit says so before it starts.
 //!
 //! Three things bound it: what the machine has left, what the control group of a container or a batch
-//! job still allows ([`cgroup`]), and the limit on address space that a shell sets (`ulimit -v`).
+//! job still allows (`cgroup`), and the limit on address space that a shell sets (`ulimit -v`).
 
 mod cgroup;
 
