@@ -251,8 +251,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     text += &format!("\n{:.2} s: {}", seconds, phases.join(", "));
     text += &run_args::trained(done);
     if a.fit.is_fast() {
-        text +=
-            "\n--effort fast: at ratio 300 and above it has fewer small groups than default (docs/results/recovery.md)";
+        text += "\n--effort fast: fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
     }
     let unit = done.model.metadata.length_unit.as_deref();
     let (told, verdict) = info_model::told(done.model.certificate.as_ref(), unit, context);

@@ -85,7 +85,7 @@ mod tests {
             if parallel {
                 camera.projection = Projection::Orthographic { height_world: 4.0 };
             }
-            let view = View { name: "v".into(), camera: camera.clone(), radius: 0.03, opacity: 0.05 };
+            let view = View { name: "v".into(), camera, radius: 0.03, opacity: 0.05 };
             let even = uniform_box(&bounds, 200_000.0, &view, size).unwrap();
             let mut worst = 0.0f64;
             if parallel {

@@ -29,8 +29,10 @@ pub struct Figure {
 /// Every figure that `stored` has, beside the one measured again.
 pub fn side_by_side(stored: &Certificate, measured: &Certificate) -> Vec<Figure> {
     let mut all = Figures::default();
-    let setting = |c: &Certificate| format!("{} x {}, grid {}", c.width, c.height, c.grid);
-    all.push("pictures and grid", [setting(stored), setting(measured)], "same", setting(stored) != setting(measured));
+    let size = |c: &Certificate| format!("{} x {}", c.width, c.height);
+    all.push("picture size", [size(stored), size(measured)], "same", size(stored) != size(measured));
+    let grid = [stored.grid, measured.grid];
+    all.push("density grid", grid.map(|g| g.to_string()), "same", grid[0] != grid[1]);
     for (k, name) in ["far", "mid", "near"].iter().enumerate() {
         let (a, b) = (&stored.orbits[k], &measured.orbits[k]);
         all.look(&format!("{name} paraview"), &a.paraview, &b.paraview);
