@@ -120,7 +120,7 @@ impl Job {
         if value["particlegs_job"].as_u64().is_some_and(|v| v > u64::from(VERSION)) {
             return Err(Error::Compatibility {
                 place: path.display().to_string(),
-                what: "a plan of a newer version of the program".into(),
+                what: "the plan of a newer program".into(),
             });
         }
         let manifest: Manifest = serde_json::from_value(value).map_err(no_plan)?;
