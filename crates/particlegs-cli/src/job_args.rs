@@ -96,7 +96,7 @@ pub fn task_number(text: &str) -> Result<u64> {
             std::env::var(name).map_err(|_| Error::argument(format!("{text}: the variable {name} is not set")))?
         }
     };
-    said.trim().parse().map_err(|_| Error::argument(format!("{text}: `{said}` is not a whole number from 0 on")))
+    said.trim().parse().map_err(|_| Error::argument(format!("{text}: `{said}` is not a number from 0 on")))
 }
 
 /// Errors of a task that an engine runs again: a stop is no failure.

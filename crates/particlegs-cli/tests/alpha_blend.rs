@@ -204,7 +204,7 @@ fn statistics_are_labelled_and_reduction_is_refused() {
     c.args(["--only", "density", "--grid", "16", "--no-plots"]).assert().success();
     let stats = json(&out.join("stats.json"));
     let notes: Vec<&str> = stats["notes"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
-    assert!(notes.iter().any(|n| n.contains("alpha-blend model's density is that of its counts")), "{notes:?}");
+    assert!(notes.iter().any(|n| n.contains("density of an alpha-blend model follows its opacities")), "{notes:?}");
     let small = dir.path().join("small.pgs");
     fails(
         particlegs().arg("simplify").arg(&path).arg("-o").arg(&small).args(["--gaussians", "10"]),
@@ -241,7 +241,7 @@ fn splats_are_written_as_published() {
     }
     let no = dir.path().join("no.ply");
     fails(&mut convert(&path, &dir.path().join("no"), &[]), 2, "ends in .ply");
-    fails(&mut convert(&path, &no, &["--tile", "2,1,1"]), 2, "splats alone");
+    fails(&mut convert(&path, &no, &["--tile", "2,1,1"]), 2, "converted to splats");
     let depth = write(dir.path(), "depth.pgs", 0..64, Law::OpticalDepth);
     fails(&mut convert(&depth, &no, &[]), 2, "has no opacities");
     assert!(!no.exists());

@@ -160,7 +160,8 @@ fn own_options(command: &str) -> Vec<String> {
     let help = printed(&[command, "--help"]);
     let own = help.split("\nSnapshot options:").next().unwrap().split("\nCommon options:").next().unwrap();
     let line = |l: &str| {
-        let l = l.trim_start();
+        // Descriptions are indented further than options.
+        let l = l.strip_prefix("      ").or(l.strip_prefix("  ")).filter(|l| !l.starts_with(' '))?;
         let option = l.starts_with("--") || (l.starts_with('-') && l.contains(", --"));
         option.then(|| l.split_whitespace().find(|w| w.starts_with("--")).unwrap().to_string())
     };

@@ -206,7 +206,7 @@ fn plans_that_cannot_be_are_refused() {
     std::fs::write(at("job/plan.json"), "{\"particlegs_job\": 2}").unwrap();
     fails(particlegs().arg("status").arg(at("job")), 4, "newer program");
     std::fs::write(at("job/plan.json"), "{}").unwrap();
-    fails(particlegs().arg("status").arg(at("job")), 3, "no plan");
+    fails(particlegs().arg("status").arg(at("job")), 3, "not a plan");
 }
 
 /// The sample in eight layers: a block has eight fits, and a checkpoint after each.

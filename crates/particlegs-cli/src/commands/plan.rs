@@ -78,7 +78,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let blocks = match a.blocks.as_str() {
         "auto" => None,
         number => {
-            let wrong = |_| Error::argument(format!("--blocks {number}: give a number, or `auto`"));
+            let wrong = |_| Error::argument(format!("--blocks {number}: neither a number nor `auto`"));
             Some(number.parse::<u32>().map_err(wrong)?)
         }
     };

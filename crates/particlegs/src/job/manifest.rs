@@ -132,7 +132,7 @@ impl Job {
         if version > u64::from(VERSION) {
             return Err(Error::Compatibility {
                 place: path.display().to_string(),
-                what: "a plan of a newer version of the program".into(),
+                what: "the plan of a newer program".into(),
             });
         }
         let manifest: Manifest = serde_json::from_slice(&text).map_err(no_plan)?;

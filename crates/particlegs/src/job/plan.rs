@@ -64,7 +64,10 @@ const READ_AGAIN: f64 = 2.0;
 pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Planned> {
     if let Target::Psnr(_) = task.options.target {
         let hint = "ask for a size, a ratio or a number of Gaussians; `compress` takes a PSNR target".to_string();
-        return Err(Error::Argument { what: "a PSNR target cannot be divided among the blocks of a job".into(), hint });
+        return Err(Error::Argument {
+            what: "a PSNR target is met by all blocks together, which a job cannot do".into(),
+            hint,
+        });
     }
     check_folder(folder)?;
     let at_once = matches!(source, Source::Now(_));

@@ -238,5 +238,5 @@ fn faults_are_named() {
     m.layers[0].blocks[0].gaussians.shade = None;
     assert!(fault(&m, &v).contains("no opacities"));
     v.camera.projection = Projection::Orthographic { height_world: 50.0 };
-    assert!(fault(&m, &v).contains("perspective alone"));
+    assert!(fault(&m, &v).contains("only be drawn in perspective"));
 }
