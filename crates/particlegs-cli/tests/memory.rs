@@ -40,7 +40,7 @@ fn equal_gaussians(n: usize, path: &Path) {
     let layers = vec![Layer { name: "particles".into(), particle_mass: None, blocks }];
     let model = Model { metadata, layers, vizmapper: None, certificate: None };
     let bytes = codec::encode(&model, &Precision::BALANCED).unwrap();
-    assert!(bytes.len() < n, "{} bytes", bytes.len());
+    assert!(bytes.len() < n.max(1000), "{} bytes", bytes.len());
     std::fs::write(path, bytes).unwrap();
 }
 
@@ -55,7 +55,7 @@ fn limited(folder: &Path, mebibytes: u64, arguments: &str) -> Output {
 #[ignore = "slow"]
 fn what_does_not_fit_says_so() {
     let dir = tempfile::tempdir().unwrap();
-    equal_gaussians(500_000, &dir.path().join("m.pgs"));
+    equal_gaussians(400_000, &dir.path().join("m.pgs"));
     for command in ["verify m.pgs", "render m.pgs --out p --size 64x48", "merge m.pgs -o w.pgs"] {
         let ends = |mebibytes: u64| {
             let out = limited(dir.path(), mebibytes, command);
