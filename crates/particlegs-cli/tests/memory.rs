@@ -1,4 +1,4 @@
-//! Small files that need much memory, under a shell's limit: an error that says so, never an abort.
+//! What needs much memory, under a shell's limit: an error that says so, never an abort.
 #![cfg(target_os = "linux")]
 
 mod common;
@@ -11,7 +11,7 @@ use particlegs::particles::Bounds;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A file of `n` equal Gaussians: a quarter of a byte each.
+/// A file of `n` equal Gaussians.
 fn equal_gaussians(n: usize, path: &Path) {
     let mut gaussians = Mixture::default();
     (0..n).for_each(|_| gaussians.push([1.0; 3], Sym3::scaled_identity(0.01), 1.0, 1.0));
@@ -40,7 +40,6 @@ fn equal_gaussians(n: usize, path: &Path) {
     let layers = vec![Layer { name: "particles".into(), particle_mass: None, blocks }];
     let model = Model { metadata, layers, vizmapper: None, certificate: None };
     let bytes = codec::encode(&model, &Precision::BALANCED).unwrap();
-    assert!(bytes.len() < n.max(1000), "{} bytes", bytes.len());
     std::fs::write(path, bytes).unwrap();
 }
 
@@ -49,29 +48,6 @@ fn limited(folder: &Path, mebibytes: u64, arguments: &str) -> Output {
     let binary = particlegs().get_program().to_owned();
     let script = format!("ulimit -v {}; exec \"$0\" {arguments} --threads 1 -q", mebibytes * 1024);
     Command::new("sh").current_dir(folder).args(["-c", &script]).arg(binary).output().unwrap()
-}
-
-#[test]
-#[ignore = "slow"]
-fn what_does_not_fit_says_so() {
-    let dir = tempfile::tempdir().unwrap();
-    equal_gaussians(400_000, &dir.path().join("m.pgs"));
-    for command in ["verify m.pgs", "render m.pgs --out p --size 64x48", "merge m.pgs -o w.pgs"] {
-        let ends = |mebibytes: u64| {
-            let out = limited(dir.path(), mebibytes, command);
-            let text = String::from_utf8_lossy(&out.stderr).into_owned();
-            assert!(
-                [Some(0), Some(7)].contains(&out.status.code()),
-                "{command} in {mebibytes} MiB: {}: {text}",
-                out.status
-            );
-            let _ = std::fs::remove_file(dir.path().join("w.pgs"));
-            let _ = std::fs::remove_dir_all(dir.path().join("p"));
-            out.status.code()
-        };
-        let codes: Vec<_> = [64, 80, 96, 112, 128, 2048].map(ends).to_vec();
-        assert!(codes.contains(&Some(7)) && codes.last() == Some(&Some(0)), "{command}: {codes:?}");
-    }
 }
 
 #[test]
