@@ -67,10 +67,10 @@ pub static WRITERS: &[Writer] = &[
 
 /// Endings of names that mean data or pictures of a kind that is not written here: a folder of raw
 /// columns is none of them.
-const OTHER_ENDINGS: [&str; 42] = [
+const OTHER_ENDINGS: [&str; 41] = [
     "csv", "tsv", "txt", "dat", "asc", "xyz", "extxyz", "fits", "fit", "npz", "ply", "splat", "spz", "glb", "gltf",
-    "vtk", "vtu", "vti", "pvtp", "pvtu", "pvd", "gio", "gadget", "gdr", "bp", "nc", "f32", "bin", "raw", "parquet",
-    "feather", "mat", "gz", "bz2", "zst", "zip", "tar", "pgs", "json", "png", "svg", "toml",
+    "vtk", "vtu", "vti", "pvtp", "pvtu", "pvd", "gio", "gadget", "gdr", "bp", "nc", "f32", "bin", "parquet", "feather",
+    "mat", "gz", "bz2", "zst", "zip", "tar", "pgs", "json", "png", "svg", "toml",
 ];
 
 /// The writer of that name, or else the one that the output's ending means: a name without a known
@@ -124,6 +124,7 @@ mod tests {
             ("x", None, "raw"),
             ("run.1", None, "raw"),
             ("snap_099.v2", None, "raw"),
+            ("a.npy.raw", None, "raw"),
             ("x.npy", None, "npy"),
             ("x.NPY", Some("npy"), "npy"),
             ("x.h5", None, "hdf5"),
