@@ -110,20 +110,8 @@ impl Context {
     /// Prints the result: JSON where asked for, and the text on stdout, or on stderr where an output is
     /// there.
     pub fn finish(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
-        self.aside(|| self.print(text, value))
-    }
-
-    /// Does something that prints, with no progress shown meanwhile.
-    fn aside<T>(&self, print: impl FnOnce() -> T) -> T {
-        match &self.meter {
-            Some(meter) => meter.aside(print),
-            None => print(),
-        }
-    }
-
-    fn print(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
         if let Some(target) = &self.common.json {
-            crate::report::json(target, value)?;
+            self.aside(|| crate::report::json(target, value))?;
             if target == std::path::Path::new("-") {
                 return Ok(());
             }
@@ -134,10 +122,18 @@ impl Context {
     /// Prints a line of the result: on stdout, or on stderr where an output is there.
     pub fn line(&self, text: &str) -> Result<()> {
         if self.outputs().on_standard_output() {
-            self.message(text);
+            text.lines().for_each(|line| self.message(line));
             return Ok(());
         }
-        crate::report::line(text)
+        self.aside(|| crate::report::line(text))
+    }
+
+    /// Does something that prints, with no progress shown meanwhile. Messages are not for inside it.
+    fn aside<T>(&self, print: impl FnOnce() -> T) -> T {
+        match &self.meter {
+            Some(meter) => meter.aside(print),
+            None => print(),
+        }
     }
 }
 

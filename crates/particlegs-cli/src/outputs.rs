@@ -6,6 +6,9 @@ use particlegs::output::{FileSet, Input, Kind, Outputs};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, output, picture};
 use serde_json::Value;
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -61,6 +64,42 @@ pub const PARTICLES: Kind = Kind { name: "a snapshot", kept: true, is: |_, _| tr
 /// A file that nothing but an empty one may be in the place of.
 const UNKNOWN: Kind = Kind { name: "made by this command", kept: false, is: |_, _| false };
 
+/// Do two files, or all files of two folders, hold the same?
+fn same_files(a: &Path, b: &Path) -> Result<bool> {
+    let names = |folder: &Path| -> std::io::Result<BTreeSet<OsString>> {
+        std::fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect()
+    };
+    let read = || -> std::io::Result<bool> {
+        if !a.is_dir() {
+            return same_bytes(a, b);
+        }
+        let of_a = names(a)?;
+        Ok(of_a == names(b)?
+            && of_a
+                .iter()
+                .map(|n| same_bytes(&a.join(n), &b.join(n)))
+                .collect::<std::io::Result<Vec<_>>>()?
+                .iter()
+                .all(|s| *s))
+    };
+    read().map_err(|e| Error::io(b, e))
+}
+
+fn same_bytes(a: &Path, b: &Path) -> std::io::Result<bool> {
+    let (mut a, mut b) = (File::open(a)?, File::open(b)?);
+    let (mut of_a, mut of_b) = (vec![0; 1 << 20], vec![0; 1 << 20]);
+    if a.metadata()?.len() != b.metadata()?.len() {
+        return Ok(false);
+    }
+    loop {
+        let n = a.read(&mut of_a)?;
+        b.read_exact(&mut of_b[..n])?;
+        if n == 0 || of_a[..n] != of_b[..n] {
+            return Ok(n == 0);
+        }
+    }
+}
+
 /// Is a file's beginning text? It may end within a letter.
 fn is_text(head: &[u8]) -> bool {
     match std::str::from_utf8(head) {
@@ -72,7 +111,7 @@ fn is_text(head: &[u8]) -> bool {
 /// The first few thousand bytes of a file, as text.
 fn beginning(path: &Path) -> Option<String> {
     let mut head = Vec::new();
-    std::fs::File::open(path).ok()?.take(4096).read_to_end(&mut head).ok()?;
+    File::open(path).ok()?.take(4096).read_to_end(&mut head).ok()?;
     Some(String::from_utf8_lossy(&head).into_owned())
 }
 
@@ -157,6 +196,26 @@ impl Context {
         }
         self.message(&format!("{}: is there already, and the same", path.display()));
         Ok(())
+    }
+
+    /// Writes a snapshot. Where one is `kept` it is written beside it, and only looked whether it is the same.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where another one is kept; those of `write`.
+    pub fn write_snapshot(&self, path: &Path, kept: bool, write: impl FnOnce(&Path) -> Result<u64>) -> Result<u64> {
+        if !kept {
+            return write(path);
+        }
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        // It goes with the set, which is never finished.
+        let set = FileSet::in_folder(folder)?;
+        let again = set.path().join(path.file_name().unwrap_or("snapshot".as_ref()));
+        let bytes = write(&again)?;
+        if !same_files(&again, path)? {
+            return Err(self.refused(path));
+        }
+        self.message(&format!("{}: is there already, and the same", path.display()));
+        Ok(bytes)
     }
 
     /// Writes several files into `folder`, all of them or none; gives their paths.

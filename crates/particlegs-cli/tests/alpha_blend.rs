@@ -95,7 +95,9 @@ fn info_and_verify_say_what_it_is() {
     let text = stdout(particlegs().arg("info").arg(&path));
     assert!(text.contains("1.3, image law alpha-blend"), "{text}");
     assert!(
-        text.contains("[4, 64, 64, 2], 4610 parameters in 4812 bytes; scale within 0.1, opacity within 0.3"),
+        text.contains(
+            "layers of 4, 64, 64, 2 values, 4610 parameters in 4812 bytes; scale within 0.1, opacity within 0.3"
+        ),
         "{text}"
     );
     assert!(text.contains("4352 bytes as PLY, 68 a Gaussian"), "{text}");

@@ -119,9 +119,9 @@ fn completions_offer_the_values() {
         assert!(script.contains(&format!("compgen -W \"{values}")), "{values}");
     }
     // Folders where a folder is wanted.
-    let render =
-        script.split("particlegs__subcmd__render)").nth(1).or(script.split("particlegs__render)").nth(1)).unwrap();
-    let output = render.split("--output)").nth(1).unwrap().split(";;").next().unwrap();
+    let stats =
+        script.split("particlegs__subcmd__stats)").nth(1).or(script.split("particlegs__stats)").nth(1)).unwrap();
+    let output = stats.split("--output)").nth(1).unwrap().split(";;").next().unwrap();
     assert!(output.contains("plusdirs") || output.contains("compgen -d"), "{output}");
     for shell in ["zsh", "fish"] {
         assert!(printed(&["completions", shell]).contains("inferno"), "{shell}");

@@ -130,7 +130,7 @@ fn what_a_pipe_or_standard_input_gives_is_read() {
         let rest = |t: &str| t.lines().filter(|l| !l.starts_with("files")).collect::<Vec<_>>().join("\n");
         assert_eq!(rest(&text), rest(&told), "{name}");
         assert!(text.contains("files              -"), "{text}");
-        fed(&["compress", "-", "-o", "piped.pgs", "--gaussians", "2", "--no-certificate"], &fixture(name));
+        fed(&["compress", "-", "-o", "piped.pgs", "--gaussians", "2", "--no-certificate", "--force"], &fixture(name));
     }
     // Broken data are told under the name that people know.
     let mut child = started(dir.path(), &["compress", "-", "-o", "x.pgs"]).stdin(Stdio::piped()).spawn().unwrap();

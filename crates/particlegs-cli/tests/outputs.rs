@@ -511,6 +511,25 @@ fn the_same_again_says_that_it_is_done() {
     assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made);
 }
 
+/// A conversion leaves no note of its options: what it would write is compared.
+#[test]
+fn the_same_conversion_again_says_that_it_is_done() {
+    let w = Workshop::new();
+    let folder = w.folder();
+    for name in ["columns", "a.npy", "a.hdf5", "a.vtp"] {
+        let out = folder.path().join(name);
+        let run = |more: &[&str]| w.run(w.command("convert snap -o OUT", &out).args(more));
+        assert!(run(&[]).status.success(), "{name}");
+        let made = std::fs::metadata(&out).unwrap().modified().unwrap();
+        let again = run(&[]);
+        let text = String::from_utf8_lossy(&again.stderr).into_owned();
+        assert!(again.status.success() && text.contains("is there already, and the same"), "{name}: {text}");
+        assert_eq!(run(&["--every", "2"]).status.code(), Some(8), "{name}");
+        assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made, "{name}");
+    }
+    assert_eq!(listing(folder.path()), ["a.hdf5", "a.npy", "a.vtp", "columns"]);
+}
+
 /// A full standard output is an error of every command, a reader that went away of none.
 #[test]
 fn standard_output_that_is_full_or_closed() {

@@ -98,8 +98,6 @@ pub fn writer_for(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
             let (out, title) = (out.display(), meant.title);
             refused(format!("{out}: its ending means {title}, and `--to {name}` another format"))
         }
-        // Whether an array or a folder is written stands in the name alone.
-        None if name == "npy" => refused(format!("{}: a NumPy array wants a name that ends in .npy", out.display())),
         _ => Ok(writer),
     }
 }
@@ -127,6 +125,7 @@ mod tests {
             ("a.npy.raw", None, "raw"),
             ("x.npy", None, "npy"),
             ("x.NPY", Some("npy"), "npy"),
+            ("x", Some("npy"), "npy"),
             ("x.h5", None, "hdf5"),
             ("x", Some("hdf5"), "hdf5"),
             ("x.1", Some("vtp"), "vtp"),
@@ -142,7 +141,6 @@ mod tests {
             ("x.npz", None),
             ("x.ply", None),
             ("x.csv", Some("hdf5")),
-            ("x", Some("npy")),
             ("b.npy", Some("raw")),
             ("b.npy", Some("hdf5")),
             ("x", Some("fits")),

@@ -290,7 +290,7 @@ fn trees_that_are_none() {
         adopt(folder);
     };
     let errors = each([("tree".to_string(), Box::new(alter) as Box<dyn Fn(&Path)>)]);
-    assert!(errors[0][0].contains("no sound plan"), "{errors:?}");
+    assert!(errors[0][0].contains("not a valid plan"), "{errors:?}");
 }
 
 #[test]

@@ -91,13 +91,10 @@ pub fn run(a: Arguments) -> Result<()> {
         _ => a.snapshot.choice()?,
     };
     let writer = writer_for(&a.output, a.to.as_deref())?;
-    if writer.folder {
-        if context.outputs().writes_folder(&a.output, &FOLDER_FILES)? {
-            return Err(context.refused(&a.output));
-        }
-    } else {
-        context.writes_new(&a.output, &PARTICLES)?;
-    }
+    let there = match writer.folder {
+        true => context.outputs().writes_folder(&a.output, &FOLDER_FILES)?,
+        false => context.writes(&a.output, &PARTICLES)?,
+    };
     let particles = particlegs_formats::read(&a.input, &choice, &Room::Memory, &context)?;
     let tiling = match a.tile.as_deref() {
         None => Tiling::single(),
@@ -116,7 +113,7 @@ pub fn run(a: Arguments) -> Result<()> {
             writer.title
         ));
     }
-    let bytes = (writer.write)(&kept, &a.output, &context)?;
+    let bytes = context.write_snapshot(&a.output, there, |out| (writer.write)(&kept, out, &context))?;
     let seconds = start.elapsed().as_secs_f64();
     let count = kept.total();
     let text = format!("{}: {count} particles, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
