@@ -154,8 +154,8 @@ fn what_is_missing_broken_or_changed_is_named() {
     let block = job.join("blocks/00002.pgs");
     let whole = std::fs::read(&block).unwrap();
     std::fs::write(&block, &whole[..whole.len() / 2]).unwrap();
-    fails(&mut run("merge", &merge), 3, "blocks/00002.pgs: incomplete or altered");
-    fails(&mut run("verify", &[]), 3, "blocks/00002.pgs: incomplete or altered");
+    fails(&mut run("merge", &merge), 3, "blocks/00002.pgs: it ends after");
+    fails(&mut run("verify", &[]), 3, "blocks/00002.pgs: it ends after");
     run("block", &["2", "--quiet"]).assert().success();
     assert_eq!(std::fs::read(&block).unwrap(), whole);
     let chunk = job.join("scatter/00001.bin");
@@ -249,7 +249,7 @@ fn a_signal_stops_a_block_and_it_goes_on_to_the_same_bytes() {
     }
     let out = particlegs().arg("block").arg(at("job")).arg("0").output().unwrap();
     let text = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(out.status.success() && text.contains("from a checkpoint of"), "{text}");
+    assert!(out.status.success() && text.contains("from a checkpoint with"), "{text}");
     particlegs().arg("merge").arg(at("job")).arg("-o").arg(at("m.pgs")).arg("--quiet").assert().success();
     assert_eq!(std::fs::read(at("m.pgs")).unwrap(), direct);
     assert!(!checkpoint.exists());

@@ -139,7 +139,7 @@ fn stopped_runs_leave_the_best_and_go_on() {
         let mut whole = training(law, "whole.pgs");
         whole.extend(["--iterations", "60"]);
         assert!(unbroken(&dir, &whole, "whole.pgs") == std::fs::read(dir.join("m.pgs")).unwrap(), "{law}");
-        fails(tool(&dir, &arguments).arg("--resume"), 2, "there is no checkpoint");
+        fails(tool(&dir, &arguments).arg("--resume"), 2, "no checkpoint to continue from");
         fails(&mut tool(&dir, &arguments), 8, "not replaced unasked");
         std::fs::remove_file(dir.join("m.pgs")).unwrap();
     }
@@ -154,7 +154,7 @@ fn minutes_bound_the_whole_run() {
     let start = Instant::now();
     let out = tool(&dir, &arguments).output().unwrap();
     assert!(out.status.success() && start.elapsed().as_secs_f64() < 30.0);
-    assert!(String::from_utf8_lossy(&out.stderr).contains("the time is up"));
+    assert!(String::from_utf8_lossy(&out.stderr).contains("ended by the time limit"));
     let report: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.join("r.json")).unwrap()).unwrap();
     let run = &report["trained"][0];
     assert!(run["iterations"].as_u64().unwrap() < run["of"].as_u64().unwrap(), "{run}");
@@ -220,7 +220,7 @@ fn blocks_and_fine_tuning() {
     tool(&dir, &["compress", SAMPLE, "-o", "plain.pgs", "--effort", "fast", "--no-certificate", "-q"])
         .assert()
         .success();
-    fails(&mut of("plain.pgs", SAMPLE), 2, "of the law optical-depth");
+    fails(&mut of("plain.pgs", SAMPLE), 2, "only alpha-blend models can be fine-tuned");
     fails(of("m.pgs", SAMPLE).args(["--size", "5kB"]), 5, "the head and the network alone");
 }
 

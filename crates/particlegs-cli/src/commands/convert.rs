@@ -90,7 +90,11 @@ pub fn run(a: Arguments) -> Result<()> {
         },
         _ => a.snapshot.choice()?,
     };
-    let writer = writer_for(&a.output, a.to.as_deref())?;
+    let writer = match writer_for(&a.output, a.to.as_deref()) {
+        Ok(writer) => writer,
+        // That it is an input or another output matters more.
+        Err(error) => return context.writes(&a.output, &PARTICLES).and(Err(error)),
+    };
     let there = match writer.folder {
         true => context.outputs().writes_folder(&a.output, &FOLDER_FILES)?,
         false => context.writes(&a.output, &PARTICLES)?,
