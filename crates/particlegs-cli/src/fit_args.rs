@@ -36,7 +36,7 @@ pub struct FitArgs {
 #[derive(Args, Clone, Debug)]
 #[group(multiple = false)]
 struct TargetArgs {
-    /// Compression ratio to reach [default: 300].
+    /// Compression ratio to reach [default: 300, less for small snapshots].
     ///
     /// The size of the particles as float32, 12 bytes each (16 with weights), divided by the file size.
     #[arg(long, value_name = "R")]
