@@ -261,7 +261,10 @@ pub fn told(c: Option<&Certificate>, unit: Option<&str>, progress: &dyn Progress
     let v = score::verdict(c, unit);
     if let Some(what) = v.warning() {
         progress.message(&format!("warning: {what}"));
-        progress.message("hint: ask for a larger file, such as half the ratio; see docs/guide/certificate.md");
+        progress.message(
+            "hint: where particles cluster a larger file helps, such as half the ratio; liquids and crystals are shown at \
+             no ratio (docs/guide/certificate.md)",
+        );
     }
     let text = if c.is_some() { format!("\n{}{}", certificate(c, unit), verdict(&v)) } else { String::new() };
     (text.trim_end().to_string(), v)

@@ -140,7 +140,7 @@ fn stopped_runs_leave_the_best_and_go_on() {
         whole.extend(["--iterations", "60"]);
         assert!(unbroken(&dir, &whole, "whole.pgs") == std::fs::read(dir.join("m.pgs")).unwrap(), "{law}");
         fails(tool(&dir, &arguments).arg("--resume"), 2, "no checkpoint to continue from");
-        fails(&mut tool(&dir, &arguments), 8, "not replaced unasked");
+        fails(&mut tool(&dir, &arguments), 8, "exists already and is not replaced");
         std::fs::remove_file(dir.join("m.pgs")).unwrap();
     }
 }

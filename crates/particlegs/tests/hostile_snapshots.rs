@@ -128,7 +128,7 @@ fn boxes_that_do_not_hold_the_data_are_said_or_refused() {
     let heard = Heard::default();
     compress(&p, &options(), &mut NoPieces, &heard).unwrap();
     let heard = heard.0.into_inner().unwrap();
-    assert!(heard.iter().any(|m| m.contains("snap: ") && m.contains("of 400 particles lie out of")), "{heard:?}");
+    assert!(heard.iter().any(|m| m.contains("snap: ") && m.contains("of 400 particles lie outside")), "{heard:?}");
 }
 
 #[test]

@@ -110,7 +110,7 @@ impl Outputs {
 
     /// The error for what is there and kept.
     pub fn refused(&self, path: &Path) -> Error {
-        Error::output(path, "exists, and is not replaced unasked", self.advice)
+        Error::output(path, "exists already and is not replaced", self.advice)
     }
 
     /// Makes a folder where it is missing; it goes again if nothing comes into it.

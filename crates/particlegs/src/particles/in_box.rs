@@ -37,7 +37,7 @@ pub(crate) fn check_box(bounds: &Bounds, cell: Option<&Cell>, name: &str) -> Res
         let (low, length) = (cell.origin[k], lengths[k].abs());
         if bounds.min[k] < low - (1.0 + SLACK) * length || bounds.max[k] > low + (2.0 + SLACK) * length {
             return refused(format!(
-                "particles reach from {} to {} along {}, more than a box length out of the box from {} to {}",
+                "particles reach from {} to {} along {}, more than a box length outside the box from {} to {}",
                 bounds.min[k],
                 bounds.max[k],
                 AXES[k],
@@ -93,13 +93,14 @@ pub(crate) fn check_particles(particles: &Particles, bounds: &Bounds, progress: 
         .reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
     progress.check()?;
     if far > 0 {
-        let what = format!("{far} of {} particles lie more than a box length out of the periodic box", particles.len());
+        let what =
+            format!("{far} of {} particles lie more than a box length outside the periodic box", particles.len());
         return Err(Error::input_hint(name, what, "check the unit of length and the box"));
     }
     if out > 0 {
         progress.message(&format!(
-            "note: {name}: {out} of {} particles lie out of the periodic box, by less than its length: where the box \
-             matters they count at their images in it",
+            "note: {name}: {out} of {} particles lie outside the periodic box, by less than its length: they are counted at \
+             their periodic images inside it",
             particles.len()
         ));
     }
