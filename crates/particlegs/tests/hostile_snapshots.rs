@@ -24,7 +24,7 @@ fn snapshot(n: u64, scale: [f32; 3], shift: f32) -> Particles {
     let place = |k: usize| {
         let of = |i: u64| {
             let (mut r, mut c) = (Random::new(7, k as u32, i), Random::new(7, 10 + k as u32, i % 9));
-            let x = if i % 2 == 0 { r.uniform() } else { (c.uniform() + 0.01 * r.normal()).rem_euclid(1.0) };
+            let x = if i.is_multiple_of(2) { r.uniform() } else { (c.uniform() + 0.01 * r.normal()).rem_euclid(1.0) };
             (x as f32 * scale[k] + shift).clamp(f32::MIN, f32::MAX)
         };
         (0..n).map(of).collect::<Vec<f32>>()
