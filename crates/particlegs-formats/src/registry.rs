@@ -72,7 +72,7 @@ impl Head {
         Head::of(path, length, bytes)
     }
 
-    /// Of a file's first bytes, at most [`LOOKED_AT`]; `path` is how messages name it.
+    /// Of a file's first bytes, at most 2 MiB; `path` is how messages name it.
     ///
     /// # Errors
     /// [`Error::Input`] for an empty file.
