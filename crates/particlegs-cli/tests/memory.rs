@@ -64,3 +64,25 @@ fn pictures_that_do_not_fit_say_so() {
         );
     }
 }
+
+/// A small file may stand for many Gaussians: what they take is asked for before they are decoded.
+#[test]
+#[ignore = "slow"]
+fn models_that_do_not_fit_say_so() {
+    let dir = tempfile::tempdir().unwrap();
+    equal_gaussians(1_000_000, &dir.path().join("m.pgs"));
+    let bytes = std::fs::metadata(dir.path().join("m.pgs")).unwrap().len();
+    assert!(bytes < 1_000_000, "{bytes} bytes");
+    for arguments in [
+        "verify m.pgs",
+        "render m.pgs -o p --size 64x64",
+        "simplify m.pgs -o s.pgs --gaussians 9",
+        "merge m.pgs -o n.pgs",
+    ] {
+        let out = limited(dir.path(), 128, arguments);
+        let text = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(7), "{arguments}: {text}");
+        assert!(text.contains("bytes of memory"), "{arguments}: {text}");
+    }
+    assert_eq!(limited(dir.path(), 2048, "verify m.pgs").status.code(), Some(0));
+}
