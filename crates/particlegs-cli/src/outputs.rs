@@ -19,7 +19,7 @@ const ADVICE: &str = "name another output, or replace it with --force";
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct ForceArgs {
     /// Replace the output where there is one. Inputs and files of other kinds are never replaced.
-    #[arg(long)]
+    #[arg(long, help_heading = None::<&'static str>, display_order = 900)]
     pub force: bool,
 }
 

@@ -55,7 +55,10 @@ fn every_option_is_described_and_grouped_in_the_long_help() {
     assert!(options(&long) > 2 * options(&short), "{} and {}", options(&long), options(&short));
     // Options that do not belong to training are not listed under its heading.
     let training = long.split("\nTraining:").nth(1).unwrap().split("\nSnapshot options:").next().unwrap();
-    assert!(training.contains("--law") && !training.contains("--pictures") && !training.contains("--no-certificate"));
+    assert!(training.contains("--law"));
+    for other in ["--pictures", "--no-certificate", "--force"] {
+        assert!(!training.contains(other), "{other}");
+    }
 }
 
 #[test]
