@@ -3,6 +3,7 @@
 use crate::common::Context;
 use crate::inputs;
 use crate::printable::one_line;
+use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, FileInfo, LayerInfo};
 use particlegs::input::name_of;
@@ -137,7 +138,7 @@ fn text(r: &Report<'_>) -> String {
     let m = &r.metadata;
     let mut out = String::new();
     let mut row = |name: &str, value: String| {
-        let _ = writeln!(out, "{name:<18} {}", one_line(&value));
+        let _ = writeln!(out, "{}", wrapped(&format!("{name:<18} "), &one_line(&value), 19));
     };
     row("format", format!("{}, image law {}", r.format_version, m.law));
     row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
@@ -235,7 +236,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
         c.width, c.height, c.seed
     );
     out += &pictures(c);
-    let mut line = |text: String| out += &hanging("  ", &text, 6);
+    let mut line = |text: String| out += &(wrapped("  ", &text, 6) + "\n");
     line(format!("density on a grid of {} cells: correlation {:.5} (uniform 0)", c.grid, c.density_correlation));
     let uniform = c.baselines.map_or_else(|| "not measured".into(), |b| format!("{:.4}", b.uniform_density_mae));
     line(format!("density contrast on it: mean absolute error {:.4} (uniform {uniform}, empty 1)", c.density_mae));
@@ -250,7 +251,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
 pub fn verdict(v: &Verdict) -> String {
     let mut out = "verdict            what the model is good for (docs/guide/certificate.md)\n".to_string();
     for f in &v.findings {
-        out += &hanging(&format!("  {:<16}{:<14}", f.of.name(), f.word.name()), &f.why, 32);
+        out += &(wrapped(&format!("  {:<16}{:<14}", f.of.name(), f.word.name()), &f.why, 32) + "\n");
     }
     out
 }
@@ -303,25 +304,4 @@ fn looks(c: &Certificate, orbit: usize) -> [(&'static str, LookScore, Option<Loo
         ("paraview-no-fxaa", o.paraview_no_fxaa, b.map(|b| b.paraview_no_fxaa)),
         ("expected", o.expected, b.map(|b| b.expected)),
     ]
-}
-
-/// Columns of the terminal that tables and sentences keep to.
-const WIDTH: usize = 98;
-
-/// A sentence behind `lead`; what does not fit goes on in lines that begin with `indent` spaces.
-fn hanging(lead: &str, text: &str, indent: usize) -> String {
-    let (mut out, mut line, mut empty) = (String::new(), lead.to_string(), true);
-    for word in text.split_whitespace() {
-        if !empty && line.chars().count() + 1 + word.chars().count() > WIDTH {
-            out += &line;
-            out.push('\n');
-            (line, empty) = (" ".repeat(indent), true);
-        }
-        if !empty {
-            line.push(' ');
-        }
-        line += word;
-        empty = false;
-    }
-    out + &line + "\n"
 }

@@ -2,15 +2,13 @@
 
 use crate::common::Context;
 use crate::printable::one_line;
+use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::particles::{Bounds, Cell, SnapshotMeta};
 use particlegs_formats::{Choice, Description, Field, Mass, describe};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
-
-/// Columns of a terminal that rows fit into.
-const COLUMNS: usize = 100;
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -38,7 +36,7 @@ fn text(r: &Report<'_>) -> String {
     let (d, m) = (r.description, &r.description.meta);
     let mut out = String::new();
     let mut row = |name: &str, value: String| {
-        let _ = writeln!(out, "{name:<18} {}", wrapped(&one_line(&value), 19));
+        let _ = writeln!(out, "{}", wrapped(&format!("{name:<18} "), &one_line(&value), 19));
     };
     row("format", d.format.clone());
     row("files", files(&d.files));
@@ -73,25 +71,6 @@ fn text(r: &Report<'_>) -> String {
         row("note", note.clone());
     }
     out.trim_end().to_string()
-}
-
-/// A value of a row in lines that end within [`COLUMNS`], broken at blanks; `indent` columns are before it.
-fn wrapped(value: &str, indent: usize) -> String {
-    let mut out = String::new();
-    let mut column = indent;
-    for word in value.split(' ') {
-        let width = word.chars().count();
-        if column > indent && column + 1 + width > COLUMNS {
-            out += &format!("\n{:indent$}", "");
-            column = indent;
-        } else if column > indent {
-            out.push(' ');
-            column += 1;
-        }
-        out += word;
-        column += width;
-    }
-    out
 }
 
 /// The first files, and how many there are.
@@ -132,21 +111,4 @@ fn point(p: [f64; 3]) -> String {
 
 fn said(value: Option<impl ToString>) -> String {
     value.map_or_else(|| "not stated".into(), |v| v.to_string())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn long_rows_are_broken_at_blanks() {
-        let fields = (0..60).map(|i| format!("Field{i} f32[3]")).collect::<Vec<_>>().join(", ");
-        let text = wrapped(&fields, 19);
-        let lines: Vec<&str> = text.lines().collect();
-        assert!(lines.len() > 5 && lines[0].chars().count() <= COLUMNS - 19);
-        assert!(lines[1..].iter().all(|l| l.chars().count() <= COLUMNS && l.starts_with(&" ".repeat(19))));
-        assert_eq!(text.split_whitespace().collect::<Vec<_>>(), fields.split_whitespace().collect::<Vec<_>>());
-        // What has no blank is left whole, and a short value as it is.
-        assert_eq!([wrapped(&"x".repeat(200), 19), wrapped("a b", 19)], ["x".repeat(200), "a b".to_string()]);
-    }
 }

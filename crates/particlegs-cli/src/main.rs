@@ -20,6 +20,7 @@ mod plots;
 mod printable;
 mod progress;
 mod report;
+mod rows;
 mod run_args;
 mod snapshot_args;
 mod source;
