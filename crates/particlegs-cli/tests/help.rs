@@ -149,6 +149,11 @@ fn a_manual_page_for_every_command() {
     {
         assert!(page.contains(described), "{described}");
     }
+    // Written again over its own kind, and over nothing else.
+    particlegs().arg("man").arg(&folder).assert().success();
+    std::fs::write(folder.join("particlegs-block.1"), "my notes").unwrap();
+    particlegs().arg("man").arg(&folder).assert().code(8);
+    assert_eq!(std::fs::read_to_string(folder.join("particlegs-block.1")).unwrap(), "my notes");
     let whole = std::fs::read_to_string(folder.join("particlegs.1")).unwrap();
     assert!(whole.contains("particlegs\\-compress(1)"), "{whole}");
 }

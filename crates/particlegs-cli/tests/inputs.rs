@@ -241,10 +241,13 @@ fn paths_need_not_be_utf8() {
     };
     let made = run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--no-certificate"]);
     assert!(made["output"].as_str().unwrap().contains('\u{fffd}'));
+    // The same again: there is another report of what is there.
+    run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--no-certificate"]);
     run(&[&"info", &snapshot]);
     run(&[&"info", &model]);
     run(&[&"render", &model, &"--size", &"16x16", &"--out", &folder]);
     run(&[&"simplify", &model, &"-o", &odd(b"s\xff.pgs"), &"--gaussians", &"2"]);
+    run(&[&"recover", &model, &"-o", &odd(b"drawn\xff")]);
     run(&[&"recover", &model, &"-o", &odd(b"drawn\xff")]);
     run(&[&"convert", &snapshot, &"-o", &odd(b"copy\xff.hdf5")]);
     run(&[&"merge", &model, &"-o", &odd(b"merged\xff.pgs")]);

@@ -205,7 +205,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
         text += &format!("\n{}", crate::info_model::certificate(certificate, unit).trim_end());
     }
     let value = json!({
-        "output": a.output, "there_already": true, "particles": model.metadata.count, "gaussians": gaussians,
+        "output": a.output().to_string_lossy(), "there_already": true, "particles": model.metadata.count, "gaussians": gaussians,
         "model_bytes": bytes.len(), "raw_bytes": raw_bytes, "compression_ratio": ratio, "certificate": certificate,
     });
     context.finish(&text, &value)?;

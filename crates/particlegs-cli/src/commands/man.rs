@@ -2,7 +2,9 @@
 
 use clap::{Args, CommandFactory, ValueHint};
 use clap_mangen::Man;
-use particlegs::{Error, Result, output};
+use particlegs::output::{self, Kind, Outputs};
+use particlegs::progress::Silent;
+use particlegs::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Arguments.
@@ -19,23 +21,28 @@ pub struct Arguments {
     folder: PathBuf,
 }
 
+/// A manual page as it is written here.
+const PAGE: Kind = Kind { name: "a manual page", kept: false, is: |_, head| head.windows(4).any(|w| w == b".TH ") };
+
 /// Writes every page, each whole or not at all.
 pub fn run(a: &Arguments) -> Result<()> {
-    std::fs::create_dir_all(&a.folder).map_err(|e| Error::io(&a.folder, e))?;
+    let mut outputs = Outputs::new(false, "");
+    outputs.make_folder(&a.folder)?;
     // The pages describe what `-h` leaves to `--help`, too.
     let shown = |command: clap::Command| command.mut_args(|a| a.hide_short_help(false));
     let mut program = crate::Cli::command().mut_subcommands(shown);
     program.build();
     for command in program.get_subcommands().filter(|c| c.get_name() != "help") {
         let title = format!("{}-{}", program.get_name(), command.get_name());
-        page(command.clone().display_name(title.clone()), &a.folder.join(format!("{title}.1")))?;
+        page(command.clone().display_name(title.clone()), &a.folder.join(format!("{title}.1")), &mut outputs)?;
     }
     let path = a.folder.join(format!("{}.1", program.get_name()));
-    page(program, &path)
+    page(program, &path, &mut outputs)
 }
 
 /// One page, as troff.
-fn page(command: clap::Command, path: &Path) -> Result<()> {
+fn page(command: clap::Command, path: &Path, outputs: &mut Outputs) -> Result<()> {
+    outputs.writes(path, &PAGE, &Silent)?;
     let mut page = Vec::new();
     let source = concat!("particlegs ", env!("CARGO_PKG_VERSION"));
     Man::new(command).source(source).render(&mut page).map_err(|e| Error::io(path, e))?;

@@ -124,7 +124,8 @@ pub fn run(a: Arguments) -> Result<()> {
             return Err(context.refused(&a.output));
         }
         let text = format!("{}: is there already, drawn from this model by the same options", a.output.display());
-        return context.finish(&text, &serde_json::json!({ "output": a.output, "there_already": true }));
+        return context
+            .finish(&text, &serde_json::json!({ "output": a.output.to_string_lossy(), "there_already": true }));
     }
     let done = recover(model, hash, &options, &a.output, &context)?;
     let seconds = start.elapsed().as_secs_f64();

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 const VERSION: u32 = 1;
 
 /// Four million blocks; numbers of JSON take more memory than text.
-const FORM: Form = Form { title: "a job's plan", begins: Begins::Object, most: 1 << 30, expansion: 24 };
+pub(super) const FORM: Form = Form { title: "a job's plan", begins: Begins::Object, most: 1 << 30, expansion: 24 };
 
 /// The version alone.
 #[derive(Deserialize)]

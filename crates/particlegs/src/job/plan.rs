@@ -1,11 +1,12 @@
 //! The one pass over the snapshot that a job begins with.
 
 use super::bucket::Buckets;
-use super::manifest::{Job, Manifest};
+use super::manifest::{FORM, Job, Manifest};
 use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, Survey};
 use crate::compress::{Load, Options, Plan, PlannedLayer, Target, describe};
+use crate::input::read_own;
 use crate::particles::{Layered, Particles, RUN, check_box};
 use crate::progress::Progress;
 use crate::{Error, Result, output};
@@ -168,15 +169,15 @@ fn blocks(source: &Layered, task: &Task<'_>) -> Result<u32> {
 
 /// Is this very plan in the folder? Another one goes if it may.
 fn is_there(folder: &Path, text: &str, replace: bool) -> Result<bool> {
-    match std::fs::read(folder.join("plan.json")) {
-        Ok(there) if there == text.as_bytes() => Ok(true),
-        Ok(_) if replace => clear(folder).map(|()| false),
-        Ok(_) => Err(Error::output(
+    match read_own(&folder.join("plan.json"), FORM) {
+        Ok(None) => Ok(false),
+        Ok(Some(there)) if there == text.as_bytes() => Ok(true),
+        _ if replace => clear(folder).map(|()| false),
+        _ => Err(Error::output(
             folder,
             "it already holds another plan",
             "name another folder, or replace this one's plan",
         )),
-        Err(_) => Ok(false),
     }
 }
 

@@ -4,6 +4,7 @@ use super::Method;
 use super::draw::{Rules, Scratch};
 use super::notes::notes;
 use super::plan::Plan;
+use crate::input::{Begins, Form, read_own};
 use crate::memory::require;
 use crate::model::{Layer, Model};
 use crate::particles::{Described, ONE_LAYER, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
@@ -112,11 +113,11 @@ pub fn is_there(out: &Path, model: &Model, model_hash: [u8; 32], options: &Optio
         RawForm::NpyFolder => length("positions.npy") == 12 * total + NPY_HEADER,
         RawForm::Npy => false,
     };
-    if !whole || length("meta.json") > LARGEST_META {
-        return Ok(false);
-    }
-    let path = out.join("meta.json");
-    let text = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
+    let text = match read_own(&out.join("meta.json"), META) {
+        Ok(Some(text)) if whole => text,
+        Err(e @ Error::Io { .. }) => return Err(e),
+        _ => return Ok(false),
+    };
     let there: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
     let asked = notes(&model.metadata, model.certificate.as_ref(), model_hash, options, total);
     Ok(asked.iter().all(|(key, value)| there.get(key) == Some(value)))
@@ -124,8 +125,9 @@ pub fn is_there(out: &Path, model: &Model, model_hash: [u8; 32], options: &Optio
 
 /// Bytes before the triples of a positions.npy.
 const NPY_HEADER: u64 = 128;
-/// Bytes of the largest meta.json that is looked at.
-const LARGEST_META: u64 = 16 << 20;
+/// What lies beside recovered particles.
+const META: Form =
+    Form { title: "the notes of recovered particles", begins: Begins::Object, most: 16 << 20, expansion: 24 };
 
 /// Bytes of a particle in a thread's scratch space: numbers and positions in f64, columns and
 /// triples in f32.
