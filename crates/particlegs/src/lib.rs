@@ -8,29 +8,23 @@
 //! `tau` a plain sum, so a mixture of Gaussians that carry counts follows any view, particle
 //! radius and opacity in closed form.
 
-pub mod error;
+pub use particlegs_core::{error, math, memory, model, pieces, progress, render, space, splat};
+
 pub mod input;
-pub mod math;
-pub mod memory;
 pub mod output;
-pub mod progress;
 
 pub mod camera;
 pub mod particles;
 pub mod picture;
-pub mod splat;
-
-pub mod model;
 
 pub mod codec;
 pub mod fit;
 pub mod reference;
-pub mod render;
 
 pub mod blocks;
 pub mod recover;
 pub mod stats;
-pub mod train;
+pub use particlegs_train as train;
 
 pub mod score;
 

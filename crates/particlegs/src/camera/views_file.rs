@@ -1,6 +1,6 @@
 //! Views files: JSON with `width`, `height`, `fov_deg` and `views` (docs/guide/pictures.md).
 
-use super::view::{Camera, Projection, View, ViewSet};
+use super::{Camera, Projection, View, ViewSet};
 use crate::input::{Begins, Form, read_whole};
 use crate::picture::Size;
 use crate::progress::Progress;

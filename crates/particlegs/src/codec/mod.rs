@@ -1,44 +1,6 @@
-//! Floor 3: mixture to bytes and back (docs/format.md).
-//!
-//! A block's means are sorted into a tree of boxes (`tree`); sizes, counts, shapes (`shape`) and
-//! places are put on lattices (`trellis`); one walk (`walk`) codes them against predictions with
-//! adaptive models (`symbols`) and rANS (`rans`). Sections with checksums hold it all together;
-//! files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
-//! and grey levels in the places of counts and masses; its network has a section (`vizmapper`).
+//! Floor 3: model files as files; their bytes are [`particlegs_core::codec`]'s.
 
-mod baselines;
-mod certificate;
-mod container;
-mod decoder;
-mod encoder;
-mod exact;
-mod file;
-mod header;
-mod info;
-mod merge;
-mod metadata;
-mod precision;
-mod predict;
-mod rans;
-mod science;
-mod shape;
-mod streams;
-mod sums;
-mod symbols;
-mod tree;
-mod trellis;
-mod vizmapper;
-mod walk;
-mod wire;
+mod read;
 
-pub use container::{MODEL, is_model, read_file, read_source};
-pub use encoder::Encoder;
-pub(crate) use file::MOST_LAYERS;
-pub use file::{
-    CodedLayer, LayerHead, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, check, coded_layers, decode, decode_block,
-    encode, file_hash, read_metadata, size_without_blocks,
-};
-pub use info::{BlockInfo, FileInfo, LayerInfo, read_info};
-pub use merge::{Merge, blocks_hash, sums};
-pub use precision::Precision;
-pub(crate) use sums::whole_counts;
+pub use particlegs_core::codec::*;
+pub use read::{MODEL, read_file, read_source};

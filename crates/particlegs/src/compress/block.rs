@@ -11,7 +11,8 @@ use crate::fit::{self, Effort, FitOptions, Pieces, Under};
 use crate::model::{Block, Law, Mixture, VizMapper};
 use crate::particles::{Bounds, ParticleLayer, Particles};
 use crate::progress::Progress;
-use crate::train::{self, Config, From, Limits, Start, Trained};
+use crate::reference::Reference;
+use crate::train::{self, Config, Initial, Limits, Start, Trained, Training};
 use crate::{Error, Result};
 
 /// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
@@ -275,19 +276,22 @@ impl LayerJob {
     }
 
     /// Trains Gaussians on pictures of the layer.
-    fn train(&self, config: &Config, from: From<'_>, bytes: Option<u64>, shop: &mut Workshop<'_>) -> Result<Trained> {
+    fn train(
+        &self,
+        config: &Config,
+        from: Initial<'_>,
+        bytes: Option<u64>,
+        shop: &mut Workshop<'_>,
+    ) -> Result<Trained> {
         let Fitting { radius, opacity, seed, .. } = shop.fitting;
         let defaults = train::Defaults { bounds: self.bounds, radius, opacity, seed, bytes };
         let limits = shop.next_limits(&self.name);
-        let start = match from {
-            From::Fit(m) => m.len(),
-            From::Particles(n) => n,
-            From::Model(m) => m.gaussians(),
-        };
         // A search for a quality trains more than one number.
-        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/trained/{start}", self.name) };
+        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/trained/{}", self.name, from.len()) };
         let trained = shop.clock.time("train", || {
-            train::train(&self.particles, from, (config, &limits, &defaults), &mut pieces, shop.progress)
+            let subject = Reference::with_bounds(&self.particles, self.bounds);
+            let training = Training { subject: &subject, config, limits: &limits, defaults: &defaults };
+            training.run(from, &mut pieces, shop.progress)
         })?;
         if trained.stopped && (shop.stop_means == StopMeans::GivingUp || shop.runs_left > 0) {
             return Err(Error::Cancelled);
@@ -308,10 +312,10 @@ impl LayerJob {
         }
         let trained = if config.start == Start::Random {
             let most = if config.start_gaussians == 0 { number } else { config.start_gaussians };
-            self.train(&config, From::Particles(most.min(number) as usize), bytes, shop)?
+            self.train(&config, Initial::Particles(most.min(number) as usize), bytes, shop)?
         } else {
             let gaussians = self.fit(number, shop)?;
-            self.train(&config, From::Fit(&gaussians), bytes, shop)?
+            self.train(&config, Initial::Fit(&gaussians), bytes, shop)?
         };
         Ok(Made { gaussians: trained.mixture, vizmapper: trained.vizmapper, factor: trained.factor })
     }
@@ -340,7 +344,7 @@ impl LayerJob {
             met = self.met_with(1, room, shop)?;
         }
         if let (Some(config), Some(gaussians)) = (shop.training, met.fitted.take()) {
-            let trained = self.train(config, From::Fit(&gaussians), Some(room), shop)?;
+            let trained = self.train(config, Initial::Fit(&gaussians), Some(room), shop)?;
             met = self.coded(trained.mixture, trained.factor, room, shop)?;
         }
         Ok((met.outcome, None))

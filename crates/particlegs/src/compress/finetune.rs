@@ -9,7 +9,8 @@ use crate::fit::{Pieces, Under};
 use crate::model::{Block, Certificate, Law, Metadata, Mixture, Model, VizMapper};
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::train::{self, Config, Defaults, From, Limits};
+use crate::reference::Reference;
+use crate::train::{Config, Defaults, Initial, Limits, Training};
 use crate::{Error, Result, score};
 
 /// What `finetune` is asked to do.
@@ -116,8 +117,9 @@ impl Job<'_> {
         let (config, limits) = (self.config(room)?, &self.options.limits);
         let mut pieces = Under { pieces, prefix: "finetune".into() };
         let trained = clock.time("train", || {
-            let from = From::Model(self.model);
-            train::train(self.particles, from, (&config, limits, &defaults), &mut pieces, self.progress)
+            let subject = Reference::with_bounds(self.particles, m.bounds);
+            let training = Training { subject: &subject, config: &config, limits, defaults: &defaults };
+            training.run(Initial::Model(self.model), &mut pieces, self.progress)
         })?;
         let stopped = trained.stopped;
         let run = TrainedRun::of(String::new(), &config, &trained);

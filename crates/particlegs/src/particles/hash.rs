@@ -12,11 +12,6 @@ pub struct RunHash {
     pub weights: Option<[u8; 32]>,
 }
 
-/// A hash as text: 64 hexadecimal digits.
-pub fn hex(hash: &[u8; 32]) -> String {
-    blake3::Hash::from_bytes(*hash).to_hex().to_string()
-}
-
 /// The hash of a run.
 pub fn hash_run(chunk: &Chunk<'_>) -> RunHash {
     let mut hasher = blake3::Hasher::new();

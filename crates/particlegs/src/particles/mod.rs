@@ -6,7 +6,6 @@
 //! precision; raw float32 files have the origin 0 and are never copied. [`convert`] writes a
 //! snapshot from a snapshot: tiled, cropped, thinned.
 
-mod bounds;
 mod convert;
 mod hash;
 mod images;
@@ -26,17 +25,18 @@ mod tile;
 mod units;
 mod write;
 
-pub use bounds::Bounds;
 pub use convert::{Converted, convert, write_raw};
-pub use hash::{RunHash, column_hash, hash_of_runs, hash_run, hex, source_hash};
+pub use hash::{RunHash, column_hash, hash_of_runs, hash_run, source_hash};
 pub(crate) use in_box::{check_box, check_particles};
 pub use layer::{ONE_LAYER, ParticleLayer};
 pub use layered::{LayerSource, Layered, ReadLayer};
 pub use load::{Stated, load};
 pub use masses::{layers_by_mass, settle_masses};
-pub use meta::{Cell, SnapshotMeta};
+pub use meta::SnapshotMeta;
 pub(crate) use open::{Invalid, invalid};
 pub use open::{check_values, map_file, open_raw};
+pub use particlegs_core::model::hex;
+pub use particlegs_core::space::{Bounds, Cell};
 pub use room::{Blank, Room};
 pub use select::{Kept, KeptLayer, Run, Selection, select};
 pub use source::{Chunk, ChunkBuffer, InPlace, RUN, RunSink, SnapshotReader};

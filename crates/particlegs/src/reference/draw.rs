@@ -108,3 +108,21 @@ impl<'a> Reference<'a> {
         Projector::new(view, size, self.particles.origin, range)
     }
 }
+
+impl crate::train::Subject for Reference<'_> {
+    fn len(&self) -> usize {
+        self.particles.len()
+    }
+
+    fn position(&self, i: usize) -> [f64; 3] {
+        self.particles.position(i)
+    }
+
+    fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+        Reference::draw(self, view, size, look, progress)
+    }
+
+    fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
+        Reference::optical_depth(self, view, size, progress)
+    }
+}

@@ -1,0 +1,140 @@
+//! Views of surface density: perspective, or an orthographic window into a box that may repeat.
+
+use super::view::{Camera, Frame, Projection, View, norm};
+use super::{clipping_range, spherical_camera};
+use crate::picture::Size;
+use crate::space::{Bounds, Cell};
+use crate::{Error, Result};
+
+/// More copies of a box than this are refused.
+const MOST_COPIES: f64 = 4096.0;
+
+/// A picture of surface density to draw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DensityView {
+    /// File name without ending.
+    pub name: String,
+    /// Perspective or orthographic. Its own clipping range is not looked at.
+    pub camera: Camera,
+    /// Nearest and farthest depth that count, world units from the eye.
+    pub range: [f64; 2],
+    /// The cell whose copies fill the window. Orthographic views only.
+    pub wrap: Option<Cell>,
+}
+
+impl DensityView {
+    /// A perspective (or orthographic) view as pictures have it.
+    pub fn of_view(view: &View, bounds: &Bounds) -> DensityView {
+        let range = view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera));
+        DensityView { name: view.name.clone(), camera: view.camera, range, wrap: None }
+    }
+
+    /// An orthographic window: `width` world units across, about `center`, `depth` deep along the
+    /// line of sight (`None`: one cell's extent along it where the cell repeats, else everything).
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where a length is not positive or a number not finite.
+    pub fn orthographic(
+        name: &str,
+        center: [f64; 3],
+        angles_deg: [f64; 2],
+        width: f64,
+        depth: Option<f64>,
+        size: Size,
+        bounds: &Bounds,
+        cell: Option<Cell>,
+    ) -> Result<DensityView> {
+        for (what, value) in [("--width", width), ("--depth", depth.unwrap_or(1.0))] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(Error::argument(format!("{what} {value} must be positive")));
+            }
+        }
+        if center.iter().chain(&angles_deg).any(|v| !v.is_finite()) {
+            return Err(Error::argument("the centre or an angle is not finite"));
+        }
+        let wrap = cell.filter(|c| c.periodic.contains(&true));
+        let unit = spherical_camera([0.0; 3], angles_deg[0], angles_deg[1], 1.0);
+        let along =
+            |c: Cell| c.vectors.iter().map(|v| (0..3).map(|k| v[k] * unit.position[k]).sum::<f64>().abs()).sum();
+        let everything =
+            4.0 * norm(bounds.extent_nonzero()) + norm(std::array::from_fn(|k| center[k] - bounds.center()[k]));
+        let half = 0.5 * depth.or(wrap.map(along)).unwrap_or(2.0 * everything);
+        let mut camera = spherical_camera(center, angles_deg[0], angles_deg[1], half);
+        camera.projection = Projection::Orthographic { height_world: width * size.height as f64 / size.width as f64 };
+        Ok(DensityView { name: name.to_string(), camera, range: [0.0, 2.0 * half], wrap })
+    }
+
+    /// Shifts of the particles (bounds `bounds`, reaching `margin` beyond their centres) that can
+    /// bring some of them into the window; only the zero shift without wrap.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the window holds thousands of copies of the cell or the cell is
+    /// flat.
+    pub fn copies(&self, size: Size, bounds: &Bounds, margin: f64) -> Result<Vec<[f64; 3]>> {
+        let (Some(cell), Projection::Orthographic { height_world }) = (self.wrap, self.camera.projection) else {
+            return Ok(vec![[0.0; 3]]);
+        };
+        let inverse = inverse(&cell.vectors).ok_or_else(|| Error::argument("the periodic cell has no volume"))?;
+        let frame = self.camera.frame()?;
+        let window = window_corners(&frame, height_world, size, self.range);
+        let data: [[f64; 3]; 8] = std::array::from_fn(|c| {
+            std::array::from_fn(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] })
+        });
+        let mut ranges = [(0i64, 0i64); 3];
+        let mut copies = 1.0;
+        for axis in 0..3 {
+            if !cell.periodic[axis] {
+                continue;
+            }
+            // Cells along this axis: a point's coordinate is p . row.
+            let row: [f64; 3] = std::array::from_fn(|k| inverse[k][axis]);
+            let ends = |points: &[[f64; 3]; 8]| {
+                let along = points.map(|p| p[0] * row[0] + p[1] * row[1] + p[2] * row[2]);
+                (
+                    along.iter().fold(f64::INFINITY, |a, &b| a.min(b)),
+                    along.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b)),
+                )
+            };
+            let (window, data) = (ends(&window), ends(&data));
+            let reach = margin * norm(row);
+            let (first, last) = ((window.0 - data.1 - reach).ceil(), (window.1 - data.0 + reach).floor());
+            copies *= (last - first + 1.0).max(0.0);
+            if copies.is_nan() || copies > MOST_COPIES {
+                return Err(Error::argument(format!("the window holds more than {MOST_COPIES} copies of the box")));
+            }
+            ranges[axis] = (first as i64, last as i64);
+        }
+        let mut shifts = Vec::new();
+        for i in ranges[0].0..=ranges[0].1 {
+            for j in ranges[1].0..=ranges[1].1 {
+                for k in ranges[2].0..=ranges[2].1 {
+                    let n = [i as f64, j as f64, k as f64];
+                    shifts.push(std::array::from_fn(|c| (0..3).map(|r| n[r] * cell.vectors[r][c]).sum()));
+                }
+            }
+        }
+        Ok(shifts)
+    }
+}
+
+fn window_corners(frame: &Frame, height: f64, size: Size, range: [f64; 2]) -> [[f64; 3]; 8] {
+    let half = [0.5 * height * size.width as f64 / size.height as f64, 0.5 * height];
+    std::array::from_fn(|c| {
+        let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };
+        let depth = if c >> 2 & 1 == 0 { range[0] } else { range[1] };
+        std::array::from_fn(|k| {
+            frame.position[k] + sign(0) * half[0] * frame.axes[0][k] + sign(1) * half[1] * frame.axes[1][k]
+                - depth * frame.axes[2][k]
+        })
+    })
+}
+
+/// The inverse of a matrix by rows; `None` where it has no volume.
+fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+    let cofactor = |r: usize, c: usize| {
+        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
+        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
+    };
+    let det: f64 = (0..3).map(|c| m[0][c] * cofactor(0, c)).sum();
+    (det.abs() > 0.0 && det.is_finite()).then(|| std::array::from_fn(|r| std::array::from_fn(|c| cofactor(c, r) / det)))
+}

@@ -1,0 +1,153 @@
+//! The published cameras: a spiral on spheres about the centre of the bounds (spec: paper.md).
+
+use super::view::{Camera, Projection, norm};
+use crate::math::Random;
+use crate::picture::Size;
+use crate::space::Bounds;
+
+/// Vertical field of view, degrees.
+pub const FOV_DEG: f64 = 30.0;
+
+/// The base distance as a share of the one that VTK's ResetCamera chooses.
+const BASE_SHARE: f64 = 0.65;
+
+/// One of the three published orbits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    /// `far`, `mid` or `near`.
+    pub name: &'static str,
+    /// Times the base distance.
+    pub factor: f64,
+}
+
+/// The published orbits.
+pub const ORBITS: [Orbit; 3] =
+    [Orbit { name: "far", factor: 1.0 }, Orbit { name: "mid", factor: 0.7 }, Orbit { name: "near", factor: 0.5 }];
+
+/// 0.65 of ResetCamera's distance: half the diagonal over sin(fov/2), the narrower angle's where
+/// the picture is taller than wide.
+pub fn base_distance(bounds: &Bounds, size: Size) -> f64 {
+    let half_diagonal = match 0.5 * norm(bounds.extent()) {
+        0.0 => 0.5,
+        r => r,
+    };
+    let aspect = size.width as f64 / size.height as f64;
+    let mut half_angle = 0.5 * FOV_DEG.to_radians();
+    if aspect < 1.0 {
+        half_angle = (half_angle.tan() * aspect).atan();
+    }
+    BASE_SHARE * half_diagonal / half_angle.sin()
+}
+
+/// Up is +y, or +z where the view direction is within 18 degrees of the y axis.
+pub fn view_up(position: [f64; 3], focal_point: [f64; 3]) -> [f64; 3] {
+    let d: [f64; 3] = std::array::from_fn(|k| focal_point[k] - position[k]);
+    if (d[1] / norm(d)).abs() > 0.95 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] }
+}
+
+/// `frames` positions on the spiral of radius `distance` about `center`: y from +0.99 to -0.99 in
+/// floor(sqrt(frames)) turns. `turn` = a seed for a random rotation of the whole spiral (`None` =
+/// the published, unturned one), so that training, held-out and evaluation views share no pose.
+pub fn spiral(center: [f64; 3], distance: f64, frames: usize, turn: Option<u64>) -> Vec<Camera> {
+    let loops = ((frames as f64).sqrt().floor()).max(1.0);
+    let rotation = turn.map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], random_rotation);
+    (0..frames)
+        .map(|i| {
+            let t = i as f64 / (frames.max(2) - 1) as f64;
+            let y = 0.99 * (1.0 - 2.0 * t);
+            let s = (1.0 - y * y).max(0.0).sqrt();
+            let angle = 2.0 * std::f64::consts::PI * loops * t;
+            let d = [angle.cos() * s, y, angle.sin() * s];
+            let d = rotation.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2]);
+            looking_at(center, std::array::from_fn(|k| center[k] + distance * d[k]))
+        })
+        .collect()
+}
+
+/// A camera at `azimuth` and `elevation` (degrees) and `distance` (world units) from `center`:
+/// azimuth 0, elevation 0 stands on +z and looks along -z; azimuth turns towards +x.
+pub fn spherical_camera(center: [f64; 3], azimuth_deg: f64, elevation_deg: f64, distance: f64) -> Camera {
+    let (a, e) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
+    let d = [a.sin() * e.cos(), e.sin(), a.cos() * e.cos()];
+    looking_at(center, std::array::from_fn(|k| center[k] + distance * d[k]))
+}
+
+fn looking_at(focal_point: [f64; 3], position: [f64; 3]) -> Camera {
+    Camera {
+        position,
+        focal_point,
+        view_up: view_up(position, focal_point),
+        projection: Projection::Perspective { fov_deg: FOV_DEG },
+        clipping_range: None,
+    }
+}
+
+/// A rotation drawn uniformly (a random unit quaternion).
+fn random_rotation(seed: u64) -> [[f64; 3]; 3] {
+    const PURPOSE: u32 = 0x7475_726e;
+    let mut random = Random::new(seed, PURPOSE, 0);
+    let q: [f64; 4] = std::array::from_fn(|_| random.normal());
+    let n = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let [w, x, y, z] = q.map(|v| v / n);
+    [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+}
+
+/// VTK's ResetCameraClippingRange of `bounds` (point-gaussian.md, section 2).
+pub fn clipping_range(bounds: &Bounds, camera: &Camera) -> [f64; 2] {
+    let fov = match camera.projection {
+        Projection::Perspective { fov_deg } => fov_deg,
+        Projection::Orthographic { .. } => FOV_DEG,
+    };
+    let n = norm(std::array::from_fn(|k| camera.focal_point[k] - camera.position[k]));
+    let depth = |corner: [f64; 3]| -> f64 {
+        (0..3).map(|k| (corner[k] - camera.position[k]) * (camera.focal_point[k] - camera.position[k]) / n).sum()
+    };
+    // VTK starts from 1e-18, which would clip a box of 1e-30 away.
+    let (mut lo, mut hi) = (f64::INFINITY, f64::MIN_POSITIVE);
+    for c in 0..8 {
+        let d = depth(std::array::from_fn(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] }));
+        lo = lo.min(d);
+        hi = hi.max(d);
+    }
+    let gap = 0.2 * (0.5 * fov.to_radians()).tan() * hi;
+    if hi - lo < gap {
+        let widen = 0.5 * (gap - hi + lo);
+        hi += widen;
+        lo -= widen;
+    }
+    lo = lo.max(0.0);
+    let mut near = 0.99 * lo - 0.5 * (hi - lo);
+    let far = 1.01 * hi + 0.5 * (hi - near);
+    if near >= far {
+        near = 0.01 * far;
+    }
+    [near.max(0.001 * far), far]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// HACC: half the diagonal of 64 x 256 x 256 over sin 15 degrees, times 0.65 (spec: paper.md).
+    #[test]
+    fn hacc_base_distance() {
+        let b = Bounds { min: [0.0; 3], max: [64.0, 256.0, 256.0] };
+        let d = base_distance(&b, Size { width: 1920, height: 1080 });
+        assert!((d - 461.66).abs() < 0.01, "{d}");
+        assert!((b.default_radius(280_953_867) - 0.01).abs() < 1e-5);
+    }
+
+    #[test]
+    fn the_spiral_stays_at_its_distance() {
+        for turn in [None, Some(5)] {
+            for c in spiral([1.0, 2.0, 3.0], 4.0, 7, turn) {
+                assert!((c.distance() - 4.0).abs() < 1e-12);
+                assert!(c.frame().is_ok());
+            }
+        }
+    }
+}

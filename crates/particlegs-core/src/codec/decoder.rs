@@ -1,0 +1,269 @@
+//! A block's bytes to Gaussians.
+
+use super::exact::{exp, exp_twice};
+use super::header::{BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES};
+use super::rans::Player;
+use super::streams;
+use super::sums::{opacity_of, rescale, whole_counts};
+use super::tree::{Node, gaussians, pieces};
+use super::walk::{Nothing, OutOfRange, trunk, walk};
+use crate::Error;
+use crate::memory::filled;
+use crate::model::{Block, Mixture, Shade};
+use rayon::prelude::*;
+
+/// Where a segment's Gaussians go: mean, count and covariance.
+struct Columns<'a> {
+    mean: [&'a mut [f64]; 3],
+    count: &'a mut [f64],
+    cov: [&'a mut [f64]; 6],
+    /// Mass a particle, relative, or grey level; empty without either.
+    weight: &'a mut [f64],
+}
+
+/// A Gaussian's shape as coded, until its covariance is made.
+#[derive(Clone, Copy)]
+struct Form {
+    radius: f64,
+    factor: f64,
+    shape: [i32; 5],
+}
+
+/// Shape numbers beyond this are no Gaussian's.
+const LARGEST_SHAPE: f64 = 32.0;
+
+/// Why a block cannot be decoded.
+pub(crate) enum Fault {
+    /// It contradicts the format.
+    Corrupt(String),
+    /// There is no memory for its Gaussians.
+    Memory(Error),
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Fault::Corrupt(what)
+    }
+}
+
+impl From<&str> for Fault {
+    fn from(what: &str) -> Self {
+        Fault::Corrupt(what.into())
+    }
+}
+
+impl From<Error> for Fault {
+    fn from(error: Error) -> Self {
+        Fault::Memory(error)
+    }
+}
+
+impl Fault {
+    /// As an error of the block that `corrupt` names.
+    pub(crate) fn at(self, corrupt: impl FnOnce(String) -> Error) -> Error {
+        match self {
+            Fault::Corrupt(what) => corrupt(what),
+            Fault::Memory(error) => error,
+        }
+    }
+}
+
+/// Bytes that the Gaussians of a block take: mean, covariance, count and, where they have them, mass or
+/// opacity and grey level.
+pub(crate) fn gaussian_bytes(header: &BlockHeader) -> u64 {
+    let each = 80 + if header.shaded { 16 } else { 8 * u64::from(header.weighted) };
+    u64::from(header.gaussians) * each
+}
+
+/// Bytes that decoding a block takes beside its Gaussians, at most: nodes and forms of the segments at
+/// work, and remainders of counts.
+pub(crate) fn working_bytes(header: &BlockHeader) -> u64 {
+    const A_GAUSSIAN: u64 = 32;
+    const A_SEGMENT: u64 = 65_536 * 80;
+    u64::from(header.gaussians) * A_GAUSSIAN + rayon::current_num_threads() as u64 * A_SEGMENT
+}
+
+/// What refuses memory for a block's columns is called.
+const COLUMNS: &str = "decoding the model";
+
+/// Decodes a block.
+pub(crate) fn block(bytes: &[u8]) -> Result<Block, Fault> {
+    let header = BlockHeader::read(bytes)?;
+    let streams = streams::read(header.gaussians, &bytes[HEADER_BYTES..])?;
+    let nodes = match streams.trunk {
+        None => vec![vec![Node::root(header.gaussians)]],
+        Some(stream) => {
+            let mut player = start(stream)?;
+            let nodes = trunk(&mut player, &header, &mut Nothing).map_err(out_of_range)?;
+            end(&player, true)?;
+            nodes
+        }
+    };
+    if nodes.len() != streams.segments.len() {
+        return Err(format!("{} streams for {} segments", streams.segments.len(), nodes.len()).into());
+    }
+    let n = header.gaussians as usize;
+    let column = |n: usize| filled(COLUMNS, 0.0f64, n);
+    let mut mean = [column(n)?, column(n)?, column(n)?];
+    let mut cov = [column(n)?, column(n)?, column(n)?, column(n)?, column(n)?, column(n)?];
+    let mut count = column(n)?;
+    let mut weight = column(if header.has_w() { n } else { 0 })?;
+    let work: Vec<_> =
+        nodes.iter().zip(&streams.segments).zip(split(&nodes, &mut mean, &mut count, &mut cov, &mut weight)).collect();
+    let whole = streams.trunk.is_some();
+    let rests: Vec<Result<&[u8], String>> = work
+        .into_par_iter()
+        .map(|((nodes, stream), columns)| segment(&header, nodes, stream, whole, columns))
+        .collect();
+    let mut padding = streams.padding;
+    for rest in rests {
+        let rest = rest?;
+        if !whole {
+            padding = rest;
+        }
+    }
+    let least = u64::from(header.gaussians).div_ceil(GAUSSIANS_A_BYTE) as usize;
+    if !padding.is_empty() && (bytes.len() != least || padding.iter().any(|&b| b != 0)) {
+        return Err("the block goes on after its last Gaussian".into());
+    }
+    // Opacities as coded; the counts in proportion to them are made whole.
+    let shade = header.shaded.then(|| {
+        count.iter_mut().for_each(|c| *c = opacity_of(*c));
+        Shade { opacity: count.clone(), grey: std::mem::take(&mut weight) }
+    });
+    whole_counts(&mut count, header.count);
+    let mass = header.weighted.then(|| {
+        let mut mass: Vec<f64> = count.iter().zip(&weight).map(|(c, w)| c * w).collect();
+        rescale(&mut mass, header.mass);
+        mass
+    });
+    let gaussians = Mixture { mean, cov, count, mass, shade };
+    Ok(Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians })
+}
+
+fn start(stream: &[u8]) -> Result<Player<'_>, String> {
+    Player::new(stream).ok_or_else(|| "a stream has no start".into())
+}
+
+/// Is a stream read to its end; `whole`: and nothing left of it?
+fn end(player: &Player<'_>, whole: bool) -> Result<(), String> {
+    if player.exhausted() {
+        return Err("a stream ends too soon".into());
+    }
+    if !player.finished() || (whole && !player.rest().is_empty()) {
+        return Err("a stream goes on after its last Gaussian".into());
+    }
+    Ok(())
+}
+
+fn out_of_range(_: OutOfRange) -> String {
+    "a number is out of range".into()
+}
+
+/// The columns of each segment.
+fn split<'a>(
+    nodes: &[Vec<Node>],
+    mean: &'a mut [Vec<f64>; 3],
+    count: &'a mut [f64],
+    cov: &'a mut [Vec<f64>; 6],
+    weight: &'a mut [f64],
+) -> Vec<Columns<'a>> {
+    let part = |column: &'a mut [f64]| pieces(column, nodes.iter().map(|n| gaussians(n))).into_iter();
+    let mut mean = mean.each_mut().map(|c| part(c));
+    let mut cov = cov.each_mut().map(|c| part(c));
+    let (mut count, mut weight) = (part(count), part(weight));
+    let columns = |_: &Vec<Node>| Columns {
+        mean: mean.each_mut().map(|c| c.next().unwrap_or_default()),
+        count: count.next().unwrap_or_default(),
+        cov: cov.each_mut().map(|c| c.next().unwrap_or_default()),
+        weight: weight.next().unwrap_or_default(),
+    };
+    nodes.iter().map(columns).collect()
+}
+
+/// Reads a segment's stream; returns what is left of it.
+fn segment<'a>(
+    header: &BlockHeader,
+    nodes: &[Node],
+    stream: &'a [u8],
+    whole: bool,
+    out: Columns<'_>,
+) -> Result<&'a [u8], String> {
+    let mut player = start(stream)?;
+    let extent = header.bounds.extent();
+    let Columns { mean, count, cov, weight } = out;
+    let [x, y, z] = mean;
+    let mut forms = Vec::with_capacity(count.len());
+    walk(&mut player, header, nodes, &mut Nothing, |i, leaf| {
+        count[i] = leaf.count;
+        for (k, mean) in [&mut *x, &mut *y, &mut *z].into_iter().enumerate() {
+            let f = leaf.place[k] as f64 * 0.25 / leaf.levels[k] as f64;
+            mean[i] = leaf.cell.point(&header.bounds, extent, k, f);
+        }
+        if header.has_w() {
+            weight[i] = exp(header.log_weight(leaf.w));
+        }
+        forms.push(Form { radius: leaf.radius, factor: leaf.factor, shape: leaf.shape });
+    })
+    .map_err(out_of_range)?;
+    end(&player, whole)?;
+    if covariances(header, &forms, cov) { Ok(player.rest()) } else { Err("a covariance is out of range".into()) }
+}
+
+/// radius^2 exp(2 S); are all finite, and no variance below 0?
+fn covariances(header: &BlockHeader, forms: &[Form], cov: [&mut [f64]; 6]) -> bool {
+    let mut good = true;
+    for (i, form) in forms.iter().enumerate() {
+        let step = 0.5 * f64::from(header.steps[3]) * form.factor;
+        let five = form.shape.map(|s| f64::from(s) * step);
+        let within = five.iter().all(|s| s.abs() <= LARGEST_SHAPE);
+        let shape = exp_twice(if within { five } else { [0.0; 5] });
+        let size = form.radius * form.radius;
+        let v = shape.0.map(|s| s * size);
+        // Far from round, rounding alone decides the least variance: what comes out negative is no Gaussian.
+        good &= within && v.iter().all(|s| s.is_finite()) && [v[0], v[3], v[5]].iter().all(|s| *s >= 0.0);
+        (0..6).for_each(|k| cov[k][i] = v[k]);
+    }
+    good
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+    use crate::space::Bounds;
+
+    /// Shape numbers within their range, of Gaussians so far from round that rounding decides.
+    #[test]
+    fn variances_below_zero_are_refused() {
+        let header = BlockHeader {
+            bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
+            count: 1,
+            mass: 1.0,
+            gaussians: 1,
+            weighted: false,
+            shaded: false,
+            low: [0; 4],
+            steps: [0.5, 0.22, 0.22, 2.0, 0.22],
+            importance: 0.0,
+            centre: 0.0,
+            predict: Default::default(),
+        };
+        let mut negative = 0;
+        for i in 0..2000 {
+            let mut r = Random::new(1, 1, i);
+            let shape = [0; 5].map(|_| (r.uniform() * 41.0).floor() as i32 - 20);
+            let raw = exp_twice(shape.map(f64::from));
+            let below = [raw.0[0], raw.0[3], raw.0[5]].iter().any(|v| *v < 0.0);
+            let mut columns = [[0.0]; 6];
+            let good = covariances(
+                &header,
+                &[Form { radius: 1.0, factor: 1.0, shape }],
+                columns.each_mut().map(|c| &mut c[..]),
+            );
+            assert!(!(good && below), "{shape:?}");
+            negative += usize::from(below && raw.0.iter().all(|v| v.is_finite()));
+        }
+        assert!(negative > 0);
+    }
+}

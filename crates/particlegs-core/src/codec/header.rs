@@ -1,0 +1,231 @@
+//! A block's header: what its stream is decoded with (docs/format.md, section 4).
+
+use super::exact::exp;
+use super::tree::Cell;
+use super::walk::Past;
+use super::wire::Reader;
+use crate::space::Bounds;
+
+/// A linear prediction in whole numbers: constant + sum of slopes / 256 times features.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Predictor {
+    pub constant: i32,
+    pub slopes: [i16; 6],
+}
+
+/// Slopes of the size's predictor; the count's has six.
+pub(crate) const SIZE_SLOPES: usize = 4;
+
+/// Everything before the stream.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct BlockHeader {
+    pub bounds: Bounds,
+    pub count: u64,
+    pub mass: f64,
+    pub gaussians: u32,
+    pub weighted: bool,
+    /// Is it of the alpha-blend law: opacities for counts, grey levels for masses?
+    pub shaded: bool,
+    /// Plain low bits of the residuals of size, count, mass and shape.
+    pub low: [u8; 4],
+    /// Steps of position, size, count, shape and mass.
+    pub steps: [f32; 5],
+    /// How strongly the step falls with count / size, and where it is 1.
+    pub importance: f32,
+    pub centre: f32,
+    pub predict: [Predictor; 2],
+}
+
+/// Bytes of a header.
+pub(crate) const HEADER_BYTES: usize = 48 + 8 + 8 + 4 + 1 + 4 + 20 + 8 + (4 + 8) + (4 + 12);
+/// Gaussians that a byte of a block may stand for.
+pub(crate) const GAUSSIANS_A_BYTE: u64 = 4;
+/// Bit of the flags: masses are coded.
+const WEIGHTED: u8 = 1;
+/// Bit of the flags: opacities and grey levels are coded.
+const SHADED: u8 = 2;
+/// Counts stay whole in f64.
+pub(crate) const MOST_PARTICLES: u64 = 1 << 53;
+/// The step factor lies in 1/8 to 8.
+const WIDEST: f64 = 8.0;
+
+impl BlockHeader {
+    /// The header's bytes.
+    pub(crate) fn write(&self, out: &mut Vec<u8>) {
+        for v in self.bounds.min.iter().chain(&self.bounds.max) {
+            out.extend(v.to_le_bytes());
+        }
+        out.extend(self.count.to_le_bytes());
+        out.extend(self.mass.to_le_bytes());
+        out.extend(self.gaussians.to_le_bytes());
+        out.push((u8::from(self.weighted) * WEIGHTED) | (u8::from(self.shaded) * SHADED));
+        out.extend(self.low);
+        for v in self.steps.iter().chain([&self.importance, &self.centre]) {
+            out.extend(v.to_le_bytes());
+        }
+        for (p, n) in self.predict.iter().zip([SIZE_SLOPES, 6]) {
+            out.extend(p.constant.to_le_bytes());
+            p.slopes[..n].iter().for_each(|s| out.extend(s.to_le_bytes()));
+        }
+    }
+
+    /// Reads and checks a header; the text says what is wrong.
+    pub(crate) fn read(block: &[u8]) -> Result<BlockHeader, String> {
+        let mut r = Reader::new(block);
+        let min = [r.f64()?, r.f64()?, r.f64()?];
+        let max = [r.f64()?, r.f64()?, r.f64()?];
+        let (count, mass, gaussians) = (r.u64()?, r.f64()?, r.u32()?);
+        let flags = r.u8()?;
+        let low = [r.u8()?, r.u8()?, r.u8()?, r.u8()?];
+        let steps = [r.f32()?, r.f32()?, r.f32()?, r.f32()?, r.f32()?];
+        let (importance, centre) = (r.f32()?, r.f32()?);
+        let mut predict = [Predictor::default(); 2];
+        for (p, n) in predict.iter_mut().zip([SIZE_SLOPES, 6]) {
+            p.constant = r.u32()? as i32;
+            for s in &mut p.slopes[..n] {
+                *s = r.u16()? as i16;
+            }
+        }
+        let header = BlockHeader {
+            bounds: Bounds { min, max },
+            count,
+            mass,
+            gaussians,
+            weighted: flags & WEIGHTED != 0,
+            shaded: flags & SHADED != 0,
+            low,
+            steps,
+            importance,
+            centre,
+            predict,
+        };
+        // Masses and shades at once are nobody's.
+        if flags > SHADED {
+            return Err(format!("block flags {flags:#04x} are reserved"));
+        }
+        header.check(block.len() as u64)?;
+        Ok(header)
+    }
+
+    fn check(&self, bytes: u64) -> Result<(), String> {
+        let b = &self.bounds;
+        let ordered = (0..3).all(|k| b.min[k].is_finite() && b.max[k].is_finite() && b.min[k] <= b.max[k]);
+        if !ordered || !b.extent().iter().all(|e| e.is_finite()) {
+            return Err("block bounds are not ordered and finite".into());
+        }
+        if self.count == 0 || self.count > MOST_PARTICLES {
+            return Err(format!("a block of {} particles", self.count));
+        }
+        if !(self.mass > 0.0 && self.mass.is_finite()) {
+            return Err(format!("a block of mass {}", self.mass));
+        }
+        if self.gaussians == 0 || u64::from(self.gaussians) > bytes * GAUSSIANS_A_BYTE {
+            return Err(format!("{} Gaussians in a block of {bytes} bytes", self.gaussians));
+        }
+        if self.low.iter().any(|&l| l > 15) {
+            return Err("more than 15 plain low bits".into());
+        }
+        if !self.steps.iter().all(|&s| (1e-6..=16.0).contains(&s)) {
+            return Err(format!("quantisation steps {:?} outside 1e-6 to 16", self.steps));
+        }
+        if !((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6) {
+            return Err("step factor out of range".into());
+        }
+        Ok(())
+    }
+
+    /// ln of the geometric mean radius.
+    #[inline]
+    pub(crate) fn log_size(&self, t: i32) -> f64 {
+        0.5 * f64::from(self.steps[1]) * f64::from(t)
+    }
+
+    /// The geometric mean radius.
+    #[inline]
+    pub(crate) fn radius(&self, t: i32) -> f64 {
+        exp(self.log_size(t))
+    }
+
+    /// ln of the count; of a shaded block ln of the depth at the peak, `-ln(1 - opacity)`.
+    #[inline]
+    pub(crate) fn log_count(&self, m: i32) -> f64 {
+        0.5 * f64::from(self.steps[2]) * f64::from(m)
+    }
+
+    /// Is a number coded for each Gaussian beside its count: its mass, or its grey level?
+    #[inline(always)]
+    pub(crate) fn has_w(&self) -> bool {
+        self.weighted || self.shaded
+    }
+
+    /// ln of the mass a particle, relative to the block's mean; of a shaded block ln of the grey
+    /// level.
+    #[inline]
+    pub(crate) fn log_weight(&self, w: i32) -> f64 {
+        0.5 * f64::from(self.steps[4]) * f64::from(w)
+    }
+
+    /// The factor on the steps of shape and position: finer where much mass is in little room, in
+    /// shaded blocks where much opacity is on much room.
+    #[inline]
+    pub(crate) fn step_factor(&self, t: i32, m: i32) -> f64 {
+        limited(self.size_power(t) * self.count_power(m))
+    }
+
+    /// The size's share of the step factor.
+    #[inline]
+    pub(crate) fn size_power(&self, t: i32) -> f64 {
+        let b = f64::from(self.importance);
+        exp(if self.shaded { -b } else { b } * self.log_size(t))
+    }
+
+    /// What [`Self::step_factor`] is 1 at, of one Gaussian: its mean is the centre.
+    pub(crate) fn log_importance(&self, t: i32, m: i32) -> f64 {
+        let size = self.log_size(t);
+        self.log_count(m) - if self.shaded { -size } else { size }
+    }
+
+    /// The count's share of the step factor.
+    #[inline]
+    pub(crate) fn count_power(&self, m: i32) -> f64 {
+        exp(f64::from(self.importance) * (f64::from(self.centre) - self.log_count(m)))
+    }
+
+    /// Levels of a cell's axes: its width in steps, rounded, at least 1.
+    #[inline(always)]
+    pub(crate) fn levels(&self, cell: &Cell, extent: [f64; 3], radius: f64, factor: f64) -> [u64; 3] {
+        let step = f64::from(self.steps[0]) * factor * radius;
+        // The cast rounds down and takes what is too large to 2^64 - 1, the limit to 2^40.
+        cell.widths(extent).map(|w| ((w / step + 0.5) as u64).clamp(1, 1 << 40))
+    }
+
+    /// Predicted size in half steps of a Gaussian at `level`.
+    #[inline(always)]
+    pub(crate) fn predict_t(&self, level: i32, before: &[Past; 2]) -> i32 {
+        self.predict[0].apply(&size_features(level, before))
+    }
+
+    /// Predicted count in half steps of a Gaussian of size `t`.
+    #[inline(always)]
+    pub(crate) fn predict_m(&self, level: i32, t: i32, before: &[Past; 2]) -> i32 {
+        self.predict[1].apply(&count_features(level, t, before))
+    }
+}
+
+/// The step factor within its bounds.
+#[inline(always)]
+pub(crate) fn limited(factor: f64) -> f64 {
+    factor.clamp(1.0 / WIDEST, WIDEST)
+}
+
+/// What a size is predicted from.
+#[inline(always)]
+pub(crate) fn size_features(level: i32, before: &[Past; 2]) -> [i32; SIZE_SLOPES] {
+    [level, before[0].level, before[0].t, before[1].t]
+}
+
+/// What a count is predicted from.
+#[inline(always)]
+pub(crate) fn count_features(level: i32, t: i32, before: &[Past; 2]) -> [i32; 6] {
+    [level, before[0].level, t, before[0].t, before[0].m, before[1].m]
+}

@@ -1,0 +1,85 @@
+//! What a file says of itself, its Gaussians apart.
+
+use super::Precision;
+use super::container::Section;
+use super::file::parts;
+use super::header::BlockHeader;
+use crate::Result;
+use crate::model::{Certificate, Metadata, VizMapper};
+
+/// What a file says without its Gaussians being decoded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileInfo {
+    /// Version of the format: major, minor.
+    pub version: [u8; 2],
+    /// Metadata.
+    pub metadata: Metadata,
+    /// Certificate.
+    pub certificate: Option<Certificate>,
+    /// Network of the alpha-blend law.
+    pub vizmapper: Option<VizMapper>,
+    /// Layers.
+    pub layers: Vec<LayerInfo>,
+    /// Bytes of the file.
+    pub bytes: u64,
+}
+
+/// A layer of a file.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct LayerInfo {
+    /// Name.
+    pub name: String,
+    /// Mass of a particle of weight 1, where known.
+    pub particle_mass: Option<f64>,
+    /// Do its particles have weights of their own?
+    pub weighted: bool,
+    /// Blocks.
+    pub blocks: Vec<BlockInfo>,
+}
+
+/// A block of a file.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct BlockInfo {
+    /// Bounds of its particles, world units.
+    pub bounds: crate::space::Bounds,
+    /// Particles.
+    pub count: u64,
+    /// Their mass.
+    pub mass: f64,
+    /// Gaussians.
+    pub gaussians: u32,
+    /// Coded size.
+    pub bytes: u64,
+    /// Quantisation steps.
+    pub precision: Precision,
+}
+
+/// Reads everything but the Gaussians; every checksum is checked.
+///
+/// # Errors
+/// As [`super::decode`], streams apart.
+pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
+    let parts = parts(bytes, place)?;
+    let block = |(section, h): &(Section<'_>, BlockHeader)| BlockInfo {
+        bounds: h.bounds,
+        count: h.count,
+        mass: h.mass,
+        gaussians: h.gaussians,
+        bytes: section.bytes.len() as u64,
+        precision: Precision::of_header(h.steps, h.importance),
+    };
+    let layers = parts.layers.iter().map(|part| LayerInfo {
+        name: part.name.clone(),
+        particle_mass: part.mass.particle_mass,
+        weighted: part.mass.weighted,
+        blocks: part.blocks.iter().map(block).collect(),
+    });
+    Ok(FileInfo {
+        version: [bytes[8], bytes[9]],
+        layers: layers.collect(),
+        metadata: parts.metadata,
+        certificate: parts.certificate,
+        vizmapper: parts.network.map(|n| n.1),
+        bytes: bytes.len() as u64,
+    })
+}

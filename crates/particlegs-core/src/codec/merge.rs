@@ -1,0 +1,378 @@
+//! Model files into one: coded blocks are copied (docs/format.md, section 12).
+//!
+//! The merged file is a function of the set of its blocks and of what the parts say alike, so that
+//! it does not matter in which order, or by which steps, parts were merged: every field of the
+//! metadata is either equal in all parts, or computed anew from the blocks, or combined by an
+//! operation that is associative, commutative and takes a value with itself to itself.
+
+use super::file::{CodedFile, CodedLayer, check, coded_file, order_key, put_together};
+use super::header::BlockHeader;
+use super::sums::compensated;
+use crate::memory::require;
+use crate::model::Metadata;
+use crate::space::Cell;
+use crate::splat::DEFAULT_OPACITY;
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+
+/// How the command of a merged file begins.
+const MERGED: &str = "merge of: ";
+/// Ends a text that stands for several: what all begin with.
+const SEVERAL: char = '*';
+/// Longest beginning of commands that is kept, so that the text fits its field.
+const LONGEST_COMMAND: usize = 16_000;
+
+/// Parts being merged: [`Merge::add`] one after the other, in any order, then [`Merge::finish`].
+#[derive(Default)]
+pub struct Merge {
+    /// What all parts so far say, combined; and the first part's place, for refusals.
+    known: Option<(Metadata, String)>,
+    layers: BTreeMap<String, MergedLayer>,
+    /// The first block so far and the network of the part that holds it.
+    network: Option<(First, Option<Vec<u8>>)>,
+    bytes: u64,
+}
+
+/// What decides which block is the first of a file: its layer's name, its bounds, its bytes.
+type First = (String, [u64; 6], Vec<u8>);
+
+/// A layer of the merged file.
+struct MergedLayer {
+    coded: CodedLayer,
+    weighted: bool,
+    /// The first part that has it.
+    place: String,
+}
+
+impl Merge {
+    /// Adds a model file's blocks. `place` names it in errors.
+    ///
+    /// # Errors
+    /// As [`super::decode`]; [`Error::Input`] where it differs from the parts before
+    /// it in law, units, cell or cosmology, or in the masses of a layer that both have;
+    /// [`Error::Memory`].
+    pub fn add(&mut self, bytes: &[u8], place: &str) -> Result<()> {
+        // A copy of the blocks now, and another when the file is put together.
+        self.bytes += bytes.len() as u64;
+        require("the merge", self.bytes + bytes.len() as u64)?;
+        // What is copied is read first: a block that cannot be decoded must not spread.
+        check(bytes, place)?;
+        let CodedFile { metadata, network, layers } = coded_file(bytes, place)?;
+        self.known = Some(match self.known.take() {
+            None => (alone(metadata), place.to_string()),
+            Some((known, first)) => {
+                refuse_unlike(&known, &metadata, &first, place)?;
+                (combined(known, &alone(metadata)), first)
+            }
+        });
+        if let Some(first) = first_block(&layers, place)?
+            && self.network.as_ref().is_none_or(|there| first < there.0)
+        {
+            self.network = Some((first, network));
+        }
+        layers.into_iter().try_for_each(|layer| self.add_layer(layer, place))
+    }
+
+    fn add_layer(&mut self, layer: CodedLayer, place: &str) -> Result<()> {
+        let first = layer.blocks.first().ok_or_else(|| Error::corrupt(place, "a layer without blocks"))?;
+        let weighted = BlockHeader::read(first).map_err(|what| Error::corrupt(place, what))?.weighted;
+        let Some(there) = self.layers.get_mut(&layer.name) else {
+            let name = layer.name.clone();
+            self.layers.insert(name, MergedLayer { coded: layer, weighted, place: place.to_string() });
+            return Ok(());
+        };
+        let mass = |m: Option<f64>| m.map_or_else(|| "not known".to_string(), |m| m.to_string());
+        let said = |weighted: bool| if weighted { "masses of their own" } else { "no masses of their own" };
+        let (a, b) = (there.coded.particle_mass, layer.particle_mass);
+        let what = if there.weighted != weighted {
+            format!("have {}, in {} {}", said(weighted), there.place, said(there.weighted))
+        } else if a.map(f64::to_bits) != b.map(f64::to_bits) {
+            format!("have a mass of {}, in {} {}", mass(b), there.place, mass(a))
+        } else {
+            there.coded.blocks.extend(layer.blocks);
+            return Ok(());
+        };
+        let what = format!("particles of its layer `{}` {what}: they cannot be one layer", layer.name);
+        Err(Error::input(place, what))
+    }
+
+    /// The merged file: no certificate, for nothing was measured on it.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where nothing was added, a block is there twice, or the sums overflow.
+    pub fn finish(self) -> Result<Vec<u8>> {
+        let Some((mut metadata, _)) = self.known else {
+            return Err(Error::argument("nothing to merge: name at least one model file"));
+        };
+        let layers: Vec<CodedLayer> = self.layers.into_values().map(|l| l.coded).collect();
+        let digests = digests(&layers);
+        if digests.windows(2).any(|w| w[0] == w[1]) {
+            let hint = "name each model file once".to_string();
+            return Err(Error::Argument { what: "the parts hold the same block twice".into(), hint });
+        }
+        (metadata.count, metadata.mass) = sums(&layers)?;
+        metadata.default_radius = metadata.bounds.default_radius(metadata.count);
+        metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
+        if metadata.source_hash == [0; 32] {
+            metadata.source_hash = combined_digest(&digests);
+        }
+        let network = self.network.and_then(|n| n.1);
+        put_together(&metadata, network.as_deref(), None, layers)
+    }
+}
+
+/// The first block of a file: they come in order.
+fn first_block(layers: &[CodedLayer], place: &str) -> Result<Option<First>> {
+    let Some((layer, block)) = layers.first().and_then(|l| Some((l, l.blocks.first()?))) else { return Ok(None) };
+    let header = BlockHeader::read(block).map_err(|what| Error::corrupt(place, what))?;
+    Ok(Some((layer.name.clone(), order_key(&header), block.clone())))
+}
+
+/// The hash that stands in for the source's where blocks come from several sources: of the blocks
+/// alone, whatever their order.
+pub fn blocks_hash(layers: &[CodedLayer]) -> [u8; 32] {
+    combined_digest(&digests(layers))
+}
+
+/// A digest of each block with its layer's name, sorted.
+fn digests(layers: &[CodedLayer]) -> Vec<[u8; 32]> {
+    let digest = |name: &str, block: &[u8]| {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&[name.len() as u8]).update(name.as_bytes()).update_rayon(block);
+        *hasher.finalize().as_bytes()
+    };
+    let mut all: Vec<_> = layers.iter().flat_map(|l| l.blocks.iter().map(|b| digest(&l.name, b))).collect();
+    all.sort_unstable();
+    all
+}
+
+fn combined_digest(sorted: &[[u8; 32]]) -> [u8; 32] {
+    *blake3::hash(sorted.as_flattened()).as_bytes()
+}
+
+/// Particles and mass of all blocks: the masses in rising order, so that no order of files shows.
+///
+/// # Errors
+/// [`Error::Argument`] for a block that is none, and where the sums overflow.
+pub fn sums(layers: &[CodedLayer]) -> Result<(u64, f64)> {
+    let (mut count, mut masses) = (Some(0u64), Vec::new());
+    for block in layers.iter().flat_map(|l| &l.blocks) {
+        let header = BlockHeader::read(block).map_err(Error::argument)?;
+        count = count.and_then(|sum| sum.checked_add(header.count));
+        masses.push(header.mass);
+    }
+    masses.sort_unstable_by(f64::total_cmp);
+    let mass = compensated(&masses);
+    match count {
+        Some(count) if mass.is_finite() => Ok((count, mass)),
+        _ => Err(Error::argument("the parts hold too many particles, or too much mass, for one file")),
+    }
+}
+
+/// A part's metadata as it enters: its command under the name of a merge.
+fn alone(mut m: Metadata) -> Metadata {
+    if !m.command.starts_with(MERGED) {
+        m.command = format!("{MERGED}{}", m.command);
+    }
+    m.command = common(&m.command, &m.command, LONGEST_COMMAND);
+    m
+}
+
+/// Two parts that may be merged, as one. Count, mass and radius are set at the end; a hash of zeros
+/// stands for several sources.
+fn combined(a: Metadata, b: &Metadata) -> Metadata {
+    let mut bounds = a.bounds.union(&b.bounds);
+    // -0 and 0 are one place: adding 0 leaves one of them.
+    [&mut bounds.min, &mut bounds.max].into_iter().flatten().for_each(|v| *v += 0.0);
+    Metadata {
+        bounds,
+        default_opacity: if a.default_opacity == b.default_opacity { a.default_opacity } else { DEFAULT_OPACITY },
+        source: common(&a.source, &b.source, usize::MAX),
+        source_hash: if a.source_hash == b.source_hash { a.source_hash } else { [0; 32] },
+        command: common(&a.command, &b.command, LONGEST_COMMAND),
+        ..a
+    }
+}
+
+/// What both texts begin with (and at most `longest` bytes of it), then `*`; the text itself where
+/// they are the same and short enough. A `*` at an end is one that this put there.
+fn common(a: &str, b: &str, longest: usize) -> String {
+    if a == b && a.len() <= longest {
+        return a.to_string();
+    }
+    let [p, q] = [a, b].map(|t| t.strip_suffix(SEVERAL).unwrap_or(t));
+    let same = p.chars().zip(q.chars()).take_while(|(x, y)| x == y).map(|(x, _)| x);
+    let mut length = 0;
+    let fits = |c: &char| {
+        length += c.len_utf8();
+        length < longest
+    };
+    same.take_while(fits).chain([SEVERAL]).collect()
+}
+
+/// Parts must speak of one space and one time.
+fn refuse_unlike(a: &Metadata, b: &Metadata, first: &str, place: &str) -> Result<()> {
+    let text = |v: &Option<String>| v.as_ref().map_or_else(|| "not stated".to_string(), |v| format!("`{v}`"));
+    let real = |v: Option<f64>| v.map_or_else(|| "not stated".to_string(), |v| v.to_string());
+    let flag = |v: Option<bool>| v.map_or_else(|| "not stated".to_string(), |v| v.to_string());
+    let cell = |m: &Metadata| m.cell.as_ref().map_or_else(|| "not stated".to_string(), Cell::in_words);
+    let told = |m: &Metadata| {
+        [
+            ("image law", m.law.name().to_string()),
+            ("unit of length", text(&m.length_unit)),
+            ("unit of mass", text(&m.mass_unit)),
+            ("cell", cell(m)),
+            ("`comoving`", flag(m.comoving)),
+            ("scale factor", real(m.scale_factor)),
+            ("h", real(m.hubble)),
+            ("time", real(m.time)),
+        ]
+    };
+    let mut pairs = told(a).into_iter().zip(told(b));
+    match pairs.find(|(x, y)| x.1 != y.1) {
+        None => Ok(()),
+        Some(((name, x), (_, y))) => Err(Error::input_hint(
+            place,
+            format!("its {name} is {y}, that of {first} is {x}: they cannot be one model"),
+            "merge models of one snapshot, or of snapshots in one box and unit at one time",
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::{Precision, decode, encode};
+    use crate::math::Sym3;
+    use crate::model::{Block, Law, Layer, Mixture, Model};
+    use crate::space::Bounds;
+    use proptest::prelude::*;
+
+    /// A model of one Gaussian at `x`, of `count` particles.
+    fn model(name: &str, x: f64, count: u64, mass: Option<f64>) -> Model {
+        let mut gaussians = Mixture { mass: mass.map(|_| Vec::new()), ..Mixture::default() };
+        gaussians.push([x; 3], Sym3::scaled_identity(0.01), count as f64, mass.unwrap_or(0.0));
+        let bounds = Bounds { min: [x - 1.0; 3], max: [x + 1.0; 3] };
+        let mass = mass.unwrap_or(count as f64);
+        let mut source_hash = [7; 32];
+        source_hash[0] = x as u8 + 1;
+        Model {
+            metadata: Metadata {
+                law: Law::OpticalDepth,
+                count,
+                mass,
+                bounds,
+                cell: Some(Cell::orthogonal([100.0; 3])),
+                default_radius: 0.1,
+                default_opacity: 0.05,
+                source: format!("snap.{}.hdf5", x as u8),
+                source_hash,
+                length_unit: Some("Mpc/h".into()),
+                mass_unit: None,
+                comoving: Some(true),
+                scale_factor: Some(1.0),
+                hubble: None,
+                time: None,
+                command: format!("compress --ratio {count}"),
+                tool_version: "0".into(),
+            },
+            layers: vec![Layer {
+                name: name.into(),
+                particle_mass: None,
+                blocks: vec![Block { bounds, count, mass, gaussians }],
+            }],
+            vizmapper: None,
+            certificate: None,
+        }
+    }
+
+    fn coded(model: &Model) -> Vec<u8> {
+        encode(model, &Precision::BALANCED).unwrap()
+    }
+
+    fn merge(parts: &[&[u8]]) -> Result<Vec<u8>> {
+        let mut merge = Merge::default();
+        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}")))?;
+        merge.finish()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
+        /// Any order and any bracketing give the same bytes.
+        #[test]
+        fn merging_is_associative_and_order_free(
+            parts in proptest::collection::btree_map(0u8..90, (1u64..1_000_000, 0.1f64..1e9, any::<bool>()), 3..8),
+            opacities in proptest::collection::vec(prop_oneof![Just(0.05), Just(0.1)], 8),
+            cut in 1usize..3,
+        ) {
+            let files: Vec<Vec<u8>> = parts.iter().zip(opacities).map(|((&x, &(n, mass, heavy)), opacity)| {
+                let mut m = model(if heavy { "gas" } else { "dm" }, f64::from(x), n, heavy.then_some(mass));
+                m.metadata.default_opacity = opacity;
+                coded(&m)
+            }).collect();
+            let all: Vec<&[u8]> = files.iter().map(|f| &f[..]).collect();
+            let whole = merge(&all).unwrap();
+            let (a, b) = all.split_at(cut);
+            let (a, b) = (merge(a).unwrap(), merge(b).unwrap());
+            prop_assert_eq!(&merge(&[&b, &a]).unwrap(), &whole);
+            prop_assert_eq!(&merge(&[&whole]).unwrap(), &whole);
+            let mut back = all.clone();
+            back.reverse();
+            prop_assert_eq!(merge(&back).unwrap(), whole);
+        }
+
+        #[test]
+        fn texts_combine_in_any_order(t in proptest::collection::vec("[a-c]{0,4}\\*?|é{0,3}", 3), longest in 2usize..6) {
+            let join = |a: &str, b: &str| common(a, b, longest);
+            let [a, b, c] = [0, 1, 2].map(|i| join(&t[i], &t[i]));
+            prop_assert_eq!(join(&join(&a, &b), &c), join(&a, &join(&c, &b)));
+            prop_assert!(join(&a, &b).len() <= longest);
+        }
+    }
+
+    #[test]
+    fn metadata_is_that_of_the_whole() {
+        let files = [model("dm", 3.0, 10, None), model("dm", 9.0, 20, None), model("gas", 5.0, 5, Some(2.5))]
+            .map(|m| coded(&m));
+        let merged = merge(&[&files[2], &files[0], &files[1]]).unwrap();
+        let back = decode(&merged, "merged").unwrap();
+        let m = &back.metadata;
+        assert_eq!((m.count, m.mass), (35, 32.5));
+        assert_eq!((m.bounds.min, m.bounds.max), ([2.0; 3], [10.0; 3]));
+        assert_eq!(m.default_radius, m.bounds.default_radius(35));
+        assert_eq!((&m.source[..], &m.command[..]), ("snap.*", "merge of: compress --ratio *"));
+        assert_eq!(
+            back.layers.iter().map(|l| (&l.name[..], l.blocks.len())).collect::<Vec<_>>(),
+            [("dm", 2), ("gas", 1)]
+        );
+        assert_eq!(m.source_hash, blocks_hash(&crate::codec::coded_layers(&merged, "merged").unwrap()));
+        // Blocks of one source keep its hash.
+        let mut one = [model("dm", 3.0, 10, None), model("dm", 9.0, 20, None)];
+        one[1].metadata.source_hash = one[0].metadata.source_hash;
+        let [a, b] = one.each_ref().map(coded);
+        let kept = decode(&merge(&[&a, &b]).unwrap(), "merged").unwrap().metadata.source_hash;
+        assert_eq!(kept, one[0].metadata.source_hash);
+    }
+
+    #[test]
+    fn unlike_models_are_refused_with_a_reason() {
+        let a = model("dm", 3.0, 10, None);
+        let says = |change: fn(&mut Model), text: &str| {
+            let mut b = model("dm", 9.0, 20, None);
+            change(&mut b);
+            let error = merge(&[&coded(&a), &coded(&b)]).unwrap_err();
+            assert!(matches!(error, Error::Input { .. }), "{error}");
+            assert!(error.to_string().contains(text) && error.to_string().starts_with("part 1: "), "{error}");
+        };
+        says(|m| m.metadata.length_unit = Some("kpc".into()), "unit of length is `kpc`");
+        says(|m| m.metadata.mass_unit = Some("Msun".into()), "unit of mass");
+        says(|m| m.metadata.cell = None, "cell is not stated");
+        says(|m| m.metadata.scale_factor = Some(0.5), "scale factor is 0.5");
+        says(|m| m.metadata.time = Some(0.5), "time");
+        says(|m| m.layers[0].particle_mass = Some(2.0), "mass of 2");
+        says(|m| *m = model("dm", 9.0, 20, Some(3.0)), "masses of their own");
+        assert!(merge(&[&coded(&a), &coded(&a)]).unwrap_err().to_string().contains("twice"));
+        assert!(merge(&[]).is_err());
+    }
+}

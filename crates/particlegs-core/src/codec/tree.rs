@@ -1,0 +1,246 @@
+//! The order of the Gaussians and the cells that their means lie in: boxes halved along their
+//! longest edge until each holds one mean (docs/format.md, section 5).
+
+use crate::space::Bounds;
+use rayon::prelude::*;
+
+/// Halvings of an axis at most.
+pub(crate) const DEEPEST: u8 = 40;
+
+/// A box of the tree: bounds halved `depth[k]` times along axis k, number `index[k]` of those.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Cell {
+    pub index: [u64; 3],
+    pub depth: [u8; 3],
+}
+
+impl Cell {
+    /// Edge lengths.
+    #[inline(always)]
+    pub(crate) fn widths(&self, extent: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| extent[k] * power_of_half(self.depth[k]))
+    }
+
+    /// The axis to halve: the longest edge, x before y before z; `None` where all are done.
+    #[inline(always)]
+    pub(crate) fn axis(&self, extent: [f64; 3]) -> Option<usize> {
+        let w: [f64; 3] =
+            std::array::from_fn(
+                |k| if self.depth[k] < DEEPEST { extent[k] * power_of_half(self.depth[k]) } else { 0.0 },
+            );
+        let (best, width) = if w[1] > w[0] { (1, w[1]) } else { (0, w[0]) };
+        let (best, width) = if w[2] > width { (2, w[2]) } else { (best, width) };
+        (width > 0.0).then_some(best)
+    }
+
+    /// The lower (0) or upper (1) half.
+    #[inline(always)]
+    pub(crate) fn half(&self, axis: usize, side: u64) -> Cell {
+        let mut c = *self;
+        c.index[axis] = 2 * c.index[axis] + side;
+        c.depth[axis] += 1;
+        c
+    }
+
+    /// Halvings in all.
+    #[inline(always)]
+    pub(crate) fn level(&self) -> i32 {
+        self.depth.iter().map(|&d| i32::from(d)).sum()
+    }
+
+    /// World coordinate of the point a fraction `f` along the cell's axis `k`.
+    #[inline(always)]
+    pub(crate) fn point(&self, bounds: &Bounds, extent: [f64; 3], k: usize, f: f64) -> f64 {
+        bounds.min[k] + extent[k] * ((self.index[k] as f64 + f) * power_of_half(self.depth[k]))
+    }
+}
+
+/// 2^-d, exactly.
+#[inline(always)]
+fn power_of_half(d: u8) -> f64 {
+    f64::from_bits((1023 - u64::from(d)) << 52)
+}
+
+/// A node that waits for its turn: its box, its Gaussians, and how its parent fell apart.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Node {
+    pub cell: Cell,
+    pub count: u32,
+    /// 0: all of the parent's are here (or this is the root); 1: fewer than half; 2: half or more.
+    pub share: u8,
+}
+
+impl Node {
+    /// All of a block's `count` Gaussians.
+    pub(crate) fn root(count: u32) -> Node {
+        Node { cell: Cell::default(), count, share: 0 }
+    }
+
+    /// The two halves after `low` of the Gaussians fell into the lower.
+    #[inline(always)]
+    pub(crate) fn halves(&self, axis: usize, low: u32) -> [Node; 2] {
+        let side = |side: u64, count: u32| Node {
+            cell: self.cell.half(axis, side),
+            count,
+            share: if count == self.count { 0 } else { 1 + u8::from(2 * u64::from(count) >= u64::from(self.count)) },
+        };
+        [side(0, low), side(1, self.count - low)]
+    }
+}
+
+/// Gaussians of a segment at most, unless they cannot be told apart: segments are coded on their
+/// own, so that several threads read a large block.
+pub(crate) const SEGMENT: u32 = 1 << 16;
+
+/// The nodes of each segment: nodes of more than [`SEGMENT`] Gaussians are split (`split` gets the
+/// node, its axis and its first Gaussian, and says how many fall into the lower half); what is left
+/// is joined, in order, as long as a segment has room.
+pub(crate) fn segments<E>(
+    count: u32,
+    extent: [f64; 3],
+    mut split: impl FnMut(&Node, usize, usize) -> Result<u32, E>,
+) -> Result<Vec<Vec<Node>>, E> {
+    let mut out: Vec<Vec<Node>> = Vec::new();
+    let (mut start, mut filled) = (0, 0u64);
+    let mut stack = vec![Node::root(count)];
+    while let Some(node) = stack.pop() {
+        if let Some(axis) = node.cell.axis(extent).filter(|_| node.count > SEGMENT) {
+            let [a, b] = node.halves(axis, split(&node, axis, start)?);
+            stack.extend([b, a].into_iter().filter(|n| n.count > 0));
+            continue;
+        }
+        start += node.count as usize;
+        filled += u64::from(node.count);
+        match out.last_mut().filter(|_| filled <= u64::from(SEGMENT)) {
+            Some(last) => last.push(node),
+            None => {
+                out.push(vec![node]);
+                filled = u64::from(node.count);
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// Gaussians of a segment's nodes.
+pub(crate) fn gaussians(nodes: &[Node]) -> usize {
+    nodes.iter().map(|n| n.count as usize).sum()
+}
+
+/// Takes a slice apart into pieces of these lengths, as far as it goes.
+pub(crate) fn pieces<T>(mut slice: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
+    lengths.map(|n| slice.split_off_mut(..n.min(slice.len())).unwrap_or_default()).collect()
+}
+
+/// The tree of a set of means: what the walk over it will ask for.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tree {
+    /// Gaussians in the order of the leaves.
+    pub order: Vec<u32>,
+    /// The leaf of each Gaussian, in `order`.
+    pub cells: Vec<Cell>,
+    /// How many of each node's fall into its lower half, of the nodes above the segments.
+    pub trunk: Vec<u32>,
+    pub segments: Vec<Segment>,
+}
+
+/// A part of the tree that is coded on its own.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Segment {
+    pub nodes: Vec<Node>,
+    /// How many of each node's fall into its lower half, nodes in the order of the walk.
+    pub splits: Vec<u32>,
+}
+
+impl Tree {
+    /// Builds it. Means outside the bounds count as on their faces.
+    pub(crate) fn build(mean: &[Vec<f64>; 3], bounds: &Bounds) -> Tree {
+        let extent = bounds.extent();
+        let n = mean[0].len();
+        let mut order: Vec<u32> = (0..n as u32).collect();
+        let mut cells = vec![Cell::default(); n];
+        // Whole coordinates of 2^-40 of the extent: comparing them is exact.
+        let fine: [Vec<u64>; 3] =
+            std::array::from_fn(|k| mean[k].par_iter().map(|&v| grid(v, bounds.min[k], extent[k])).collect());
+        let part = |order: &mut [u32], node: &Node, axis: usize| {
+            let bit = DEEPEST - 1 - node.cell.depth[axis];
+            partition(order, |i| (fine[axis][i as usize] >> bit) & 1 == 0) as u32
+        };
+        let mut trunk = Vec::new();
+        let nodes = segments(n as u32, extent, |node, axis, start| {
+            let low = part(&mut order[start..start + node.count as usize], node, axis);
+            trunk.push(low);
+            Ok::<u32, std::convert::Infallible>(low)
+        });
+        let nodes = match nodes {
+            Ok(nodes) => nodes,
+            Err(never) => match never {},
+        };
+        let lengths = || nodes.iter().map(|n| gaussians(n));
+        let work: Vec<_> = nodes.iter().zip(pieces(&mut order, lengths())).zip(pieces(&mut cells, lengths())).collect();
+        let segments = work.into_par_iter().map(|((nodes, order), cells)| Segment {
+            nodes: nodes.clone(),
+            splits: sort(nodes, order, cells, extent, part),
+        });
+        let segments = segments.collect();
+        Tree { order, cells, trunk, segments }
+    }
+
+    /// Gaussians of each segment.
+    pub(crate) fn lengths(&self) -> Vec<usize> {
+        self.segments.iter().map(|s| gaussians(&s.nodes)).collect()
+    }
+}
+
+/// Sorts the Gaussians of some nodes into their leaves; returns the splits.
+fn sort(
+    nodes: &[Node],
+    order: &mut [u32],
+    cells: &mut [Cell],
+    extent: [f64; 3],
+    part: impl Fn(&mut [u32], &Node, usize) -> u32,
+) -> Vec<u32> {
+    let mut splits = Vec::new();
+    let mut start = 0;
+    let mut stack: Vec<Node> = nodes.iter().rev().copied().collect();
+    while let Some(node) = stack.pop() {
+        let end = start + node.count as usize;
+        match node.cell.axis(extent).filter(|_| node.count > 1) {
+            None => {
+                cells[start..end].fill(node.cell);
+                start = end;
+            }
+            Some(axis) => {
+                let low = part(&mut order[start..end], &node, axis);
+                splits.push(low);
+                let [a, b] = node.halves(axis, low);
+                stack.extend([b, a].into_iter().filter(|n| n.count > 0));
+            }
+        }
+    }
+    splits
+}
+
+/// A coordinate in 2^-40 of the extent, within 0 .. 2^40.
+fn grid(v: f64, min: f64, extent: f64) -> u64 {
+    let cells = (1u64 << DEEPEST) as f64;
+    let x = if extent > 0.0 { (v - min) / extent * cells } else { 0.0 };
+    (x.max(0.0) as u64).min((1 << DEEPEST) - 1)
+}
+
+/// Stable partition; returns how many pass.
+fn partition(order: &mut [u32], passes: impl Fn(u32) -> bool) -> usize {
+    let mut rest = Vec::new();
+    let mut low = 0;
+    for i in 0..order.len() {
+        let v = order[i];
+        if passes(v) {
+            order[low] = v;
+            low += 1;
+        } else {
+            rest.push(v);
+        }
+    }
+    order[low..].copy_from_slice(&rest);
+    low
+}

@@ -1,0 +1,221 @@
+//! The section `VIZM`: the network of the alpha-blend law in 8 bits a weight (docs/format.md,
+//! section 13).
+
+use super::wire::Reader;
+use crate::model::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
+use crate::{Error, Result};
+
+/// Layers of the network.
+const LAYERS: usize = VIZMAPPER_SHAPE.len() - 1;
+/// Bytes of the section: shape, ranges; two steps a layer; weights of one byte, biases of two.
+pub const VIZMAPPER_BYTES: usize = 2 * VIZMAPPER_SHAPE.len() + 3 * 8 + 8 * LAYERS + WEIGHTS + 2 * BIASES;
+const BIASES: usize = VIZMAPPER_SHAPE[1] + VIZMAPPER_SHAPE[2] + VIZMAPPER_SHAPE[3];
+const WEIGHTS: usize = VIZMAPPER_PARAMETERS - BIASES;
+/// Largest weights and biases in steps: the numbers that have an opposite.
+const MOST_WEIGHT: f32 = 127.0;
+const MOST_BIAS: f32 = 32_767.0;
+/// Steps beyond this are no network's.
+const WIDEST_STEP: f32 = 1e6;
+
+/// Why a section cannot be read.
+pub enum Fault {
+    /// It contradicts the format.
+    Corrupt(String),
+    /// A network of another shape.
+    Unknown(String),
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Fault::Corrupt(what)
+    }
+}
+
+/// The section's bytes.
+///
+/// # Errors
+/// [`Error::Argument`] for another number of parameters, some that are not finite or too large, and
+/// ranges that [`check_ranges`] refuses.
+pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
+    let p = &network.parameters;
+    let most = WIDEST_STEP * MOST_WEIGHT;
+    if p.len() != VIZMAPPER_PARAMETERS || !p.iter().all(|v| v.abs() <= most) {
+        let what = format!("a VizMapper of {} parameters, or of some that are not finite, cannot be coded", p.len());
+        return Err(Error::argument(what));
+    }
+    check_ranges(&network.ranges).map_err(Error::argument)?;
+    let mut out = Vec::with_capacity(VIZMAPPER_BYTES);
+    VIZMAPPER_SHAPE.iter().for_each(|&n| out.extend((n as u16).to_le_bytes()));
+    let VizRanges { scale, opacity, floor } = network.ranges;
+    [scale, opacity, floor].iter().for_each(|v| out.extend(v.to_le_bytes()));
+    let mut rest = &p[..];
+    for pair in VIZMAPPER_SHAPE.windows(2) {
+        let (weights, others) = rest.split_at(pair[0] * pair[1]);
+        let (biases, others) = others.split_at(pair[1]);
+        rest = others;
+        let (step, bias_step) = (step(weights, MOST_WEIGHT), step(biases, MOST_BIAS));
+        out.extend(step.to_le_bytes());
+        out.extend(bias_step.to_le_bytes());
+        weights.iter().for_each(|&w| out.extend((in_steps(w, step, MOST_WEIGHT) as i8).to_le_bytes()));
+        biases.iter().for_each(|&b| out.extend((in_steps(b, bias_step, MOST_BIAS) as i16).to_le_bytes()));
+    }
+    Ok(out)
+}
+
+/// Reads the section.
+pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, Fault> {
+    let mut r = Reader::new(bytes);
+    let shape = [r.u16()?, r.u16()?, r.u16()?, r.u16()?];
+    if shape.map(usize::from) != VIZMAPPER_SHAPE {
+        return Err(Fault::Unknown(format!("a VizMapper of the shape {shape:?} is not known")));
+    }
+    let ranges = VizRanges { scale: r.f64()?, opacity: r.f64()?, floor: r.f64()? };
+    check_ranges(&ranges)?;
+    let mut parameters = Vec::with_capacity(VIZMAPPER_PARAMETERS);
+    for pair in VIZMAPPER_SHAPE.windows(2) {
+        let (step, bias_step) = (r.f32()?, r.f32()?);
+        if ![step, bias_step].iter().all(|s| (0.0..=WIDEST_STEP).contains(s)) {
+            return Err(Fault::Corrupt(format!("steps {step} and {bias_step} of a VizMapper")));
+        }
+        for _ in 0..pair[0] * pair[1] {
+            let w = r.u8()? as i8;
+            if w == i8::MIN {
+                return Err(Fault::Corrupt("a weight of a VizMapper is out of range".into()));
+            }
+            parameters.push(f32::from(w) * step);
+        }
+        for _ in 0..pair[1] {
+            let b = r.u16()? as i16;
+            if b == i16::MIN {
+                return Err(Fault::Corrupt("a bias of a VizMapper is out of range".into()));
+            }
+            parameters.push(f32::from(b) * bias_step);
+        }
+    }
+    if !r.is_done() {
+        return Err(Fault::Corrupt(format!("a VizMapper of {} bytes", bytes.len())));
+    }
+    Ok(VizMapper { parameters, ranges })
+}
+
+/// Scales stay positive, opacities keep a positive factor.
+fn check_ranges(r: &VizRanges) -> std::result::Result<(), String> {
+    let good = (0.0..1.0).contains(&r.scale) && (0.0..=16.0).contains(&r.opacity) && r.floor > 0.0 && r.floor <= 1.0;
+    if good {
+        Ok(())
+    } else {
+        let VizRanges { scale, opacity, floor } = r;
+        Err(format!(
+            "a VizMapper whose ranges are outside: scale {scale} of [0, 1), opacity {opacity} of [0, 16], floor {floor} of (0, 1]"
+        ))
+    }
+}
+
+/// The step in which the largest of the values is `most`.
+fn step(values: &[f32], most: f32) -> f32 {
+    values.iter().fold(0.0f32, |m, v| m.max(v.abs())) / most
+}
+
+/// A value in whole steps.
+fn in_steps(value: f32, step: f32, most: f32) -> f32 {
+    if step > 0.0 { (value / step).round().clamp(-most, most) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    /// Weights as a network's before and after training: uniform within 1 / sqrt(inputs), the last
+    /// layer's zero; then all moved, the first layer's most.
+    fn network(seed: u64, trained: bool) -> VizMapper {
+        let mut parameters = Vec::new();
+        for (layer, pair) in VIZMAPPER_SHAPE.windows(2).enumerate() {
+            for i in 0..pair[0] * pair[1] + pair[1] {
+                let mut r = Random::new(seed, layer as u32, i as u64);
+                let uniform = (2.0 * r.uniform() - 1.0) / (pair[0] as f64).sqrt();
+                let start = if layer == LAYERS - 1 { 0.0 } else { uniform };
+                let moved = if trained { [0.4, 0.15, 0.15][layer] * r.normal() } else { 0.0 };
+                parameters.push((start + moved) as f32);
+            }
+        }
+        VizMapper { parameters, ranges: VizRanges::TRAINING }
+    }
+
+    /// Outputs in -1 to 1, before the ranges (paper section III-B).
+    fn outputs(n: &VizMapper, input: [f64; 4]) -> Vec<f64> {
+        let mut values = input.to_vec();
+        let mut rest = &n.parameters[..];
+        for (layer, pair) in VIZMAPPER_SHAPE.windows(2).enumerate() {
+            let (weights, others) = rest.split_at(pair[0] * pair[1]);
+            let (biases, others) = others.split_at(pair[1]);
+            rest = others;
+            let unit = |j: usize| {
+                let row = &weights[j * pair[0]..(j + 1) * pair[0]];
+                let sum: f64 = row.iter().zip(&values).map(|(w, v)| f64::from(*w) * v).sum();
+                let a = sum + f64::from(biases[j]);
+                if layer == LAYERS - 1 { a.tanh() } else { a / (1.0 + (-a).exp()) }
+            };
+            values = (0..pair[1]).map(unit).collect();
+        }
+        values
+    }
+
+    #[test]
+    fn outputs_come_back_within_a_hundredth() {
+        for trained in [false, true] {
+            let (mut worst, mut squares, mut n) = (0.0f64, 0.0, 0.0);
+            for seed in 0..3 {
+                let a = network(seed, trained);
+                let bytes = write(&a).unwrap();
+                assert_eq!(bytes.len(), VIZMAPPER_BYTES);
+                let b = read(&bytes).ok().unwrap();
+                assert_eq!(a.ranges, b.ranges);
+                for i in 0..500 {
+                    let mut r = Random::new(seed, 9, i);
+                    let f =
+                        [1.5 * r.uniform() - 0.75, 1.5 * r.uniform() - 0.75, 0.5 + 0.8 * r.normal(), 0.6 * r.normal()];
+                    for (p, q) in outputs(&a, f).iter().zip(outputs(&b, f)) {
+                        worst = worst.max((p - q).abs());
+                        squares += (p - q) * (p - q);
+                        n += 1.0;
+                    }
+                }
+            }
+            let rms: f64 = (squares / n).sqrt();
+            println!("trained {trained}: {VIZMAPPER_BYTES} bytes, output error rms {rms:.5}, largest {worst:.5}, of 1");
+            assert!(rms < 0.01 && worst < 0.05, "{rms} {worst}");
+            assert!(trained || worst == 0.0, "a network that changes nothing still changes nothing");
+        }
+    }
+
+    #[test]
+    fn what_contradicts_is_refused() {
+        let bytes = write(&network(1, true)).unwrap();
+        let with = |at: usize, value: &[u8]| {
+            let mut b = bytes.clone();
+            b[at..at + value.len()].copy_from_slice(value);
+            read(&b)
+        };
+        assert!(matches!(with(0, &[5]), Err(Fault::Unknown(_))));
+        for range in [f64::NAN, -0.1, 17.0, f64::INFINITY] {
+            for k in 0..3 {
+                assert!(matches!(with(8 + 8 * k, &range.to_le_bytes()), Err(Fault::Corrupt(_))), "{range}");
+            }
+        }
+        for step in [f32::NAN, -1.0, f32::INFINITY, 2e6] {
+            assert!(with(32, &step.to_le_bytes()).is_err() && with(36, &step.to_le_bytes()).is_err(), "{step}");
+        }
+        assert!(with(40, &[0x80]).is_err() && with(40 + 256, &[0, 0x80]).is_err());
+        assert!(read(&bytes[..bytes.len() - 1]).is_err() && read(&[&bytes[..], &[0]].concat()).is_err());
+        let n = network(1, true);
+        let bad = |change: fn(&mut VizMapper)| {
+            let mut n = n.clone();
+            change(&mut n);
+            assert!(write(&n).is_err());
+        };
+        bad(|n| n.parameters.truncate(4609));
+        bad(|n| n.parameters[7] = f32::NAN);
+        bad(|n| n.ranges.floor = 0.0);
+    }
+}

@@ -1,0 +1,22 @@
+//! Mixtures of Gaussians as bytes and as pictures.
+//!
+//! A model file is decoded from bytes ([`codec`]), held as columns ([`model`]), and drawn into a
+//! picture ([`render`]) that [`splat`] turns into grey levels. No files, no clock.
+
+pub mod error;
+pub mod math;
+pub mod memory;
+pub mod pieces;
+pub mod progress;
+pub mod space;
+
+pub mod camera;
+pub mod picture;
+pub mod splat;
+
+pub mod model;
+
+pub mod codec;
+pub mod render;
+
+pub use error::{Error, Result};

@@ -1,0 +1,122 @@
+//! How much memory there is, so that a job that cannot fit says so before it starts.
+//!
+//! Three things bound it: what the machine has left, what the control group of a container or a batch
+//! job still allows (`cgroup`), and the limit on address space that a shell sets (`ulimit -v`).
+
+mod cgroup;
+
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Bytes that this process can take without swapping, and without being refused or killed; `None`
+/// where the system does not tell.
+pub fn available_bytes() -> Option<u64> {
+    let root = Path::new("/");
+    let bounds = [machine_bytes(root), cgroup::bytes_left(root), address_space_left(root)];
+    bounds.into_iter().flatten().min()
+}
+
+/// What the machine can give without swapping.
+fn machine_bytes(root: &Path) -> Option<u64> {
+    kib_of(&std::fs::read_to_string(root.join("proc/meminfo")).ok()?, "MemAvailable:")
+}
+
+/// What is left of the limit on this process's address space, mapped files included; `None` without
+/// a limit.
+fn address_space_left(root: &Path) -> Option<u64> {
+    let limits = std::fs::read_to_string(root.join("proc/self/limits")).ok()?;
+    let line = limits.lines().find_map(|l| l.strip_prefix("Max address space"))?;
+    let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
+    let taken = kib_of(&std::fs::read_to_string(root.join("proc/self/status")).ok()?, "VmSize:")?;
+    Some(limit.saturating_sub(taken))
+}
+
+/// A line `NAME  1234 kB` of a file of /proc, in bytes.
+fn kib_of(text: &str, name: &str) -> Option<u64> {
+    let line = text.lines().find_map(|l| l.strip_prefix(name))?;
+    let kib: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    kib.checked_mul(1024)
+}
+
+/// Smaller needs are not asked about: a look at the system takes longer than they do.
+const SMALL: u64 = 32 << 20;
+
+/// Asks for memory before it is taken.
+///
+/// # Errors
+/// [`Error::Memory`] where `need_bytes` are many, and more than there are.
+pub fn require(what: &str, need_bytes: u64) -> Result<()> {
+    if need_bytes < SMALL {
+        return Ok(());
+    }
+    match available_bytes() {
+        Some(have_bytes) if need_bytes > have_bytes => {
+            Err(Error::Memory { what: what.to_string(), need_bytes, have_bytes })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// `len` copies of a value, for the large buffers: what the system refuses is an error, not the end of
+/// the process.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub fn filled<T: Clone>(what: &str, value: T, len: usize) -> Result<Vec<T>> {
+    let mut out = reserved(what, len)?;
+    out.resize(len, value);
+    Ok(out)
+}
+
+/// Room for `len` values, likewise.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub fn reserved<T>(what: &str, len: usize) -> Result<Vec<T>> {
+    let mut out = Vec::new();
+    out.try_reserve_exact(len).map_err(|_| Error::Memory {
+        what: what.to_string(),
+        need_bytes: (len as u64).saturating_mul(size_of::<T>() as u64),
+        have_bytes: available_bytes().unwrap_or(0),
+    })?;
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write(root: &Path, name: &str, text: &str) {
+        let path = root.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+
+    #[test]
+    fn the_limit_of_a_shell_counts_what_is_taken() {
+        let root = tempfile::tempdir().unwrap();
+        assert_eq!((machine_bytes(root.path()), address_space_left(root.path())), (None, None));
+        write(root.path(), "proc/meminfo", "MemTotal:       32000 kB\nMemAvailable:    2000 kB\n");
+        write(root.path(), "proc/self/status", "Name:\tx\nVmSize:\t    1000 kB\n");
+        write(root.path(), "proc/self/limits", "Max address space         unlimited   unlimited   bytes\n");
+        assert_eq!((machine_bytes(root.path()), address_space_left(root.path())), (Some(2_048_000), None));
+        write(
+            root.path(),
+            "proc/self/limits",
+            "Max stack size  1  2  bytes\nMax address space   1034000  4096000  bytes\n",
+        );
+        assert_eq!(address_space_left(root.path()), Some(10_000));
+        write(root.path(), "proc/self/limits", "Max address space         10000   10000   bytes\n");
+        assert_eq!(address_space_left(root.path()), Some(0));
+    }
+
+    #[test]
+    fn what_cannot_be_had_is_an_error() {
+        let error = filled("a buffer", 0.0f64, usize::MAX / 16).unwrap_err();
+        assert_eq!(error.exit_code(), 7);
+        assert_eq!(filled("a buffer", 1u8, 3).unwrap(), [1; 3]);
+        if available_bytes().is_some() {
+            assert_eq!(require("a job", u64::MAX).unwrap_err().exit_code(), 7);
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! A mixture of Gaussians that carry counts and masses.
+
+use super::{Certificate, Metadata, Shade, VizMapper};
+use crate::math::Sym3;
+use crate::space::Bounds;
+
+/// Gaussians in columns; all columns have the same length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mixture {
+    /// Means: x, y and z, world units.
+    pub mean: [Vec<f64>; 3],
+    /// Covariances: xx, xy, xz, yy, yz, zz, world units squared.
+    pub cov: [Vec<f64>; 6],
+    /// Particles that each stands for. Whole numbers once decoded.
+    pub count: Vec<f64>,
+    /// Mass that each stands for where particles have weights of their own; else every particle
+    /// has the mass 1 and this is `None`.
+    pub mass: Option<Vec<f64>>,
+    /// Opacities and grey levels, of models of the alpha-blend law alone. Their counts stand in
+    /// proportion to opacity: a Gaussian's share of the particles that recovery draws.
+    pub shade: Option<Shade>,
+}
+
+impl Mixture {
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.count.len()
+    }
+
+    /// No Gaussians?
+    pub fn is_empty(&self) -> bool {
+        self.count.is_empty()
+    }
+
+    /// Mean of Gaussian `i`.
+    pub fn mean_of(&self, i: usize) -> [f64; 3] {
+        std::array::from_fn(|k| self.mean[k][i])
+    }
+
+    /// Covariance of Gaussian `i`.
+    pub fn cov_of(&self, i: usize) -> Sym3 {
+        Sym3(std::array::from_fn(|k| self.cov[k][i]))
+    }
+
+    /// Mass of Gaussian `i`: its own, or its count where particles are equal.
+    pub fn mass_of(&self, i: usize) -> f64 {
+        self.mass.as_ref().map_or(self.count[i], |m| m[i])
+    }
+
+    /// Adds a Gaussian to a mixture without shade. `mass` counts only where the mixture has masses.
+    pub fn push(&mut self, mean: [f64; 3], cov: Sym3, count: f64, mass: f64) {
+        for k in 0..3 {
+            self.mean[k].push(mean[k]);
+        }
+        for k in 0..6 {
+            self.cov[k].push(cov.0[k]);
+        }
+        self.count.push(count);
+        if let Some(m) = &mut self.mass {
+            m.push(mass);
+        }
+    }
+
+    /// Adds all of another's. Both have masses and shades, or neither.
+    pub fn append(&mut self, other: &Mixture) {
+        for k in 0..3 {
+            self.mean[k].extend_from_slice(&other.mean[k]);
+        }
+        for k in 0..6 {
+            self.cov[k].extend_from_slice(&other.cov[k]);
+        }
+        self.count.extend_from_slice(&other.count);
+        if let (Some(a), Some(b)) = (&mut self.mass, &other.mass) {
+            a.extend_from_slice(b);
+        }
+        if let (Some(a), Some(b)) = (&mut self.shade, &other.shade) {
+            a.opacity.extend_from_slice(&b.opacity);
+            a.grey.extend_from_slice(&b.grey);
+        }
+    }
+}
+
+/// Gaussians of one region, coded on their own: merging files copies blocks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// Bounds of the particles that the block was fitted to, world units.
+    pub bounds: Bounds,
+    /// Particles.
+    pub count: u64,
+    /// Their mass.
+    pub mass: f64,
+    /// The Gaussians.
+    pub gaussians: Mixture,
+}
+
+/// A species or mass class.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Name, e.g. `dm`.
+    pub name: String,
+    /// Mass of a particle of weight 1, in the unit of mass; `None` = not known.
+    pub particle_mass: Option<f64>,
+    /// Independently coded blocks, in canonical order.
+    pub blocks: Vec<Block>,
+}
+
+/// A model file's whole content.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// What is known about the snapshot and the fit.
+    pub metadata: Metadata,
+    /// Layers, at least one.
+    pub layers: Vec<Layer>,
+    /// The network of the alpha-blend law; `None` = another law, or trained without one.
+    pub vizmapper: Option<VizMapper>,
+    /// What was measured after decoding.
+    pub certificate: Option<Certificate>,
+}
+
+impl Layer {
+    /// Do its particles have weights of their own?
+    pub fn is_weighted(&self) -> bool {
+        self.blocks.iter().any(|b| b.gaussians.mass.is_some())
+    }
+
+    /// Particles.
+    pub fn count(&self) -> u64 {
+        self.blocks.iter().map(|b| b.count).sum()
+    }
+
+    /// Mass of a particle of weight 1, or 1 where it is not known.
+    pub fn unit_mass(&self) -> f64 {
+        self.particle_mass.unwrap_or(1.0)
+    }
+}
+
+impl Model {
+    /// Mass of all particles in the unit of mass, where it is known.
+    pub fn mass(&self) -> Option<f64> {
+        let mass = |l: &Layer| l.unit_mass() * l.blocks.iter().map(|b| b.mass).sum::<f64>();
+        self.has_masses().then(|| self.layers.iter().map(mass).sum())
+    }
+
+    /// Is the mass of particles known: do all layers have weights, or a particle mass?
+    pub fn has_masses(&self) -> bool {
+        self.layers.iter().all(|l| l.particle_mass.is_some() || l.is_weighted())
+    }
+
+    /// The model of some layers alone. Bounds, radius, opacity and all that is known stay those of
+    /// the whole snapshot, so that pictures of layers match; the certificate is of the whole, and
+    /// goes.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] for a name that no layer has; it lists those there are.
+    pub fn only(mut self, names: &[String]) -> crate::Result<Self> {
+        if let Some(name) = names.iter().find(|n| self.layers.iter().all(|l| l.name != **n)) {
+            let there: Vec<&str> = self.layers.iter().map(|l| &l.name[..]).collect();
+            return Err(crate::Error::argument(format!("no layer `{name}`: there are {}", there.join(", "))));
+        }
+        self.layers.retain(|l| names.contains(&l.name));
+        self.metadata.count = self.layers.iter().map(Layer::count).sum();
+        self.metadata.mass = self.blocks().map(|b| b.mass).sum();
+        self.certificate = None;
+        Ok(self)
+    }
+
+    /// All blocks of all layers.
+    pub fn blocks(&self) -> impl Iterator<Item = &Block> {
+        self.layers.iter().flat_map(|l| &l.blocks)
+    }
+
+    /// Number of Gaussians.
+    pub fn gaussians(&self) -> usize {
+        self.blocks().map(|b| b.gaussians.len()).sum()
+    }
+}

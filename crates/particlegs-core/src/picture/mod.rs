@@ -1,0 +1,11 @@
+//! Floor 1: planes of floats and of grey levels, colour maps, scores of one picture against another.
+
+mod colormap;
+mod plane;
+mod score;
+mod score_ssim;
+
+pub use colormap::{Colormap, diverging};
+pub use plane::{Gray8, Plane, Rgb8, Size};
+pub use score::{MASK_LEVEL, Scores, decibels, is_lit, masked_psnr, psnr};
+pub use score_ssim::ssim;

@@ -1,0 +1,30 @@
+//! The alpha-blend law: 3-D Gaussian splatting as published (Kerbl et al. 2023; paper section III),
+//! grey, on the CPU.
+//!
+//! Everything happens in the training frame ([`crate::camera::Normalisation`]). [`adapt`] takes a
+//! scene's Gaussians there and bends their scales and opacities for the view's radius and opacity.
+//! [`project`] puts one on the picture; a [`Plan`] holds all that are seen, sorted by depth, in bins
+//! of 16 x 16 pixels; [`raster`] blends each tile front to back. Training walks the same plan again
+//! for its gradients.
+
+mod adapt;
+mod bins;
+mod draw;
+mod eye;
+mod plan;
+pub mod project;
+pub mod raster;
+
+#[cfg(any(test, feature = "twins"))]
+pub mod plain;
+#[cfg(any(test, feature = "twins"))]
+pub mod testing;
+#[cfg(test)]
+mod tests;
+
+pub(super) use adapt::Blend;
+pub use bins::TILE;
+pub(super) use draw::optical_depth;
+pub use eye::Eye;
+pub use plan::{CutOffs, Plan};
+pub use project::Gaussian;

@@ -1,0 +1,242 @@
+//! The renderer against the plain law, and what must not change it.
+
+use super::plain;
+use super::raster::blend;
+use super::testing::empty_model;
+use super::*;
+use crate::camera::{Camera, Normalisation, Projection, View};
+use crate::math::{Random, Sym3};
+use crate::model::{Block, Layer, Mixture, Model, Shade, VizMapper, VizRanges};
+use crate::picture::{Plane, Size};
+use crate::progress::Silent;
+use crate::render::{self, Scene};
+use crate::space::Bounds;
+use crate::splat::Look;
+
+const SIZE: Size = Size { width: 83, height: 61 };
+const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
+
+pub fn view(position: [f64; 3]) -> View {
+    View {
+        name: "v".into(),
+        camera: Camera {
+            position,
+            focal_point: [0.0, 0.0, 0.0],
+            view_up: [0.0, 1.0, 0.0],
+            projection: Projection::Perspective { fov_deg: 30.0 },
+            clipping_range: None,
+        },
+        radius: 0.01,
+        opacity: 0.05,
+    }
+}
+
+fn eye(position: [f64; 3]) -> Eye {
+    Eye::new(&view(position), SIZE, &FRAME).unwrap()
+}
+
+/// Gaussians in the cube [-1, 1]^3: round, flat, long, without extent, faint, and nearly opaque.
+fn gaussians(seed: u64, n: u64, spread: f64) -> Vec<Gaussian> {
+    (0..n)
+        .map(|i| {
+            let mut r = Random::new(seed, 1, i);
+            let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
+            let mut cov = Sym3::default();
+            for k in 0..3 {
+                let v = [0; 3].map(|_| r.normal());
+                cov = cov.add(&Sym3::outer(v.map(|x| x * spread * 0.5f64.powi(k))));
+            }
+            if i % 7 == 0 {
+                cov = Sym3::default();
+            }
+            let opacity = if i % 5 == 0 { 0.999 } else { r.uniform() * r.uniform() };
+            Gaussian { mean, cov, opacity, grey: 0.2 + r.uniform() }
+        })
+        .collect()
+}
+
+fn draw(eye: &Eye, g: &[Gaussian], cut: CutOffs) -> Plane {
+    let plan = Plan::new(eye, g.len(), |i| Some(g[i]), cut, &Silent).unwrap();
+    blend(&plan, eye.size, &Silent).unwrap()
+}
+
+/// The largest difference from the plain law, but for a few pixels at which rounding decides a
+/// threshold.
+fn difference(eye: &Eye, g: &[Gaussian], cut: CutOffs) -> f64 {
+    let slow = plain::blend(eye, g, &cut);
+    let fast = draw(eye, g, cut);
+    let mut d: Vec<f64> = fast.data.iter().zip(&slow).map(|(f, s)| (f64::from(*f) - s).abs()).collect();
+    d.sort_by(f64::total_cmp);
+    assert!(d[d.len() - 1] < 6e-3, "{}", d[d.len() - 1]);
+    assert!(g.len() == 1 || slow.iter().any(|v| *v > 0.05));
+    d[d.len() - 6]
+}
+
+#[test]
+fn agrees_with_the_plain_law() {
+    for (seed, n, spread) in [(1, 1, 0.2), (2, 300, 0.05), (3, 100, 0.3), (4, 3000, 0.02)] {
+        for position in [[1.0, 2.0, 4.0], [0.1, 0.3, 0.2]] {
+            let g = gaussians(seed, n, spread);
+            let d = difference(&eye(position), &g, CutOffs::PUBLISHED);
+            assert!(d < 3e-5, "seed {seed} from {position:?}: {d:.1e}");
+            let all = CutOffs { least_alpha: 1e-6, most_alpha: 1.0, least_transmittance: 0.0 };
+            let d = difference(&eye(position), &g, all);
+            assert!(d < 3e-5, "seed {seed} from {position:?}, all: {d:.1e}");
+        }
+    }
+}
+
+fn bits(p: &Plane) -> Vec<u32> {
+    p.data.iter().map(|v| v.to_bits()).collect()
+}
+
+#[test]
+fn threads_and_vectors_do_not_change_a_bit() {
+    let g = gaussians(7, 9000, 0.03);
+    let e = eye([1.0, 2.0, 4.0]);
+    let many = draw(&e, &g, CutOffs::PUBLISHED);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let one = one.install(|| draw(&e, &g, CutOffs::PUBLISHED));
+    let plain = crate::math::without_simd(|| draw(&e, &g, CutOffs::PUBLISHED));
+    assert_eq!(bits(&many), bits(&one));
+    assert_eq!(bits(&many), bits(&plain));
+}
+
+#[test]
+fn order_and_what_is_not_seen_do_not_matter() {
+    let g = gaussians(8, 500, 0.05);
+    let e = eye([1.0, 2.0, 4.0]);
+    let here = bits(&draw(&e, &g, CutOffs::PUBLISHED));
+    let mut turned: Vec<Gaussian> = g.iter().rev().copied().collect();
+    assert_eq!(here, bits(&draw(&e, &turned, CutOffs::PUBLISHED)));
+    // Behind the camera, beside the picture, and too faint.
+    let small = Sym3::scaled_identity(1e-4);
+    turned.push(Gaussian { mean: [2.0, 4.0, 8.0], cov: small, opacity: 0.9, grey: 1.0 });
+    turned.push(Gaussian { mean: [40.0, 0.0, 0.0], cov: small, opacity: 0.9, grey: 1.0 });
+    turned.push(Gaussian { mean: [0.0; 3], cov: small, opacity: 0.003, grey: 1.0 });
+    assert_eq!(here, bits(&draw(&e, &turned, CutOffs::PUBLISHED)));
+    // Behind a wall that leaves less than 1e-4.
+    let wall: Vec<Gaussian> = (0..3)
+        .map(|k| {
+            let mean = [0.5, 1.0 + 1e-3 * f64::from(k), 2.0];
+            Gaussian { mean, cov: Sym3::scaled_identity(4.0), opacity: 1.0, grey: 0.7 }
+        })
+        .collect();
+    let alone = draw(&e, &wall, CutOffs::PUBLISHED);
+    let mut both = wall;
+    both.extend(&g[..100]);
+    both.iter_mut().skip(3).for_each(|g| g.mean = g.mean.map(|v| 0.2 * v));
+    assert_eq!(bits(&alone), bits(&draw(&e, &both, CutOffs::PUBLISHED)));
+}
+
+/// A part of a picture is that part of the picture, to the rounding of pixel coordinates.
+#[test]
+fn parts_are_cut_out() {
+    let g = gaussians(12, 400, 0.06);
+    let e = eye([1.0, 2.0, 4.0]);
+    let whole = draw(&e, &g, CutOffs::PUBLISHED);
+    let (corner, size) = ([21, 9], Size { width: 40, height: 33 });
+    let part = draw(&e.part(corner, size), &g, CutOffs::PUBLISHED);
+    let mut far = 0;
+    for (i, v) in part.data.iter().enumerate() {
+        let at = (i / size.width + corner[1]) * SIZE.width + i % size.width + corner[0];
+        far += usize::from((v - whole.data[at]).abs() > 1e-5);
+    }
+    assert!(far < 4, "{far}");
+}
+
+#[test]
+fn none_at_all_is_black() {
+    assert!(draw(&eye([0.0, 0.0, 4.0]), &[], CutOffs::PUBLISHED).data.iter().all(|v| *v == 0.0));
+}
+
+/// One round Gaussian straight ahead: its peak and its width are those of the formula.
+#[test]
+fn one_gaussian_by_hand() {
+    let size = Size { width: 65, height: 65 };
+    let e = Eye::new(&view([0.0, 0.0, 4.0]), size, &FRAME).unwrap();
+    let sigma = 0.1;
+    let g = [Gaussian { mean: [0.0; 3], cov: Sym3::scaled_identity(sigma * sigma), opacity: 0.6, grey: 0.5 }];
+    let drawn = draw(&e, &g, CutOffs::PUBLISHED);
+    let variance = (sigma * e.focal / 4.0).powi(2);
+    let peak = 0.5 * 0.6 * variance / (variance + 1.0);
+    for d in 0..6 {
+        let law = peak * (-0.5 * f64::from(d * d) / (variance + 1.0)).exp();
+        let found = f64::from(drawn.data[32 * 65 + 32 + d as usize]);
+        assert!((found - law).abs() < 1e-6, "{d}: {found} for {law}");
+    }
+}
+
+fn model(n: usize, vizmapper: Option<VizMapper>) -> Model {
+    let bounds = Bounds { min: [10.0; 3], max: [60.0; 3] };
+    let frame = Normalisation::of(&bounds);
+    let mut gaussians = Mixture { shade: Some(Shade::default()), ..Mixture::default() };
+    for g in self::gaussians(11, n as u64, 0.05) {
+        let mean = std::array::from_fn(|k| frame.center[k] + g.mean[k] / frame.scale);
+        gaussians.push(mean, g.cov.scale(frame.scale.powi(-2)), 1.0, 1.0);
+        let shade = gaussians.shade.as_mut().unwrap();
+        shade.opacity.push(g.opacity);
+        shade.grey.push(g.grey);
+    }
+    let block = Block { bounds, count: n as u64, mass: n as f64, gaussians };
+    let mut model = empty_model(bounds, n as u64);
+    model.layers = vec![Layer { name: "dm".into(), particle_mass: None, blocks: vec![block] }];
+    model.vizmapper = vizmapper;
+    model
+}
+
+fn world_view(of: &Model) -> View {
+    let frame = Normalisation::of(&of.metadata.bounds);
+    let mut v = view([1.0, 2.0, 4.0]);
+    v.camera.position = std::array::from_fn(|k| frame.center[k] + v.camera.position[k] / frame.scale);
+    v.camera.focal_point = frame.center;
+    v.radius = 0.03;
+    v.opacity = 0.04;
+    v
+}
+
+/// A model of a file, in world units, is what the law says of its Gaussians; every look is the same.
+#[test]
+fn models_are_drawn_by_their_law() {
+    use crate::model::vizmapper::twin::stirred;
+    for vizmapper in [None, Some(VizMapper::new(VizRanges::TRAINING, 1)), Some(stirred(2))] {
+        let m = model(200, vizmapper.clone());
+        let v = world_view(&m);
+        let drawn = render::draw(&Scene::of(&m), &v, SIZE, Look::Paraview, &Silent).unwrap();
+        assert_eq!(drawn, render::draw(&Scene::of(&m), &v, SIZE, Look::Expected, &Silent).unwrap());
+        let (fr, fa) = (1.5, 0.8);
+        let adapted: Vec<Gaussian> = gaussians(11, 200, 0.05)
+            .into_iter()
+            .map(|mut g| {
+                let Some(net) = &vizmapper else { return g };
+                let parameters: Vec<f64> = net.parameters.iter().map(|v| f64::from(*v)).collect();
+                let log_scale = g.cov.det().max(1e-72).ln() / 6.0;
+                let logit = (g.opacity / (1.0 - g.opacity)).ln();
+                let x = [fr - 1.0, fa - 1.0, (log_scale + 8.0) / 2.0, (logit + 3.0) / 4.0];
+                let out = crate::model::vizmapper::twin::plain(&parameters, x);
+                g.cov = g.cov.scale((fr * (1.0 + 0.1 * out[0])).powi(2));
+                g.opacity = 1.0 / (1.0 + (-logit - (fa * (1.0 + 0.3 * out[1])).max(0.4).ln()).exp());
+                g
+            })
+            .collect();
+        let law = plain::blend(&eye([1.0, 2.0, 4.0]), &adapted, &CutOffs::PUBLISHED);
+        let far = drawn.data.iter().zip(&law).filter(|(d, l)| (f64::from(**d) - 255.0 * l.min(1.0)).abs() > 0.55);
+        assert!(far.count() <= 4);
+    }
+}
+
+#[test]
+fn faults_are_named() {
+    let fault =
+        |m: &Model, v: &View| render::draw(&Scene::of(m), v, SIZE, Look::Expected, &Silent).unwrap_err().to_string();
+    let mut m = model(20, None);
+    let mut v = world_view(&m);
+    m.layers[0].blocks[0].gaussians.mean[1][17] = f64::NAN;
+    assert_eq!(fault(&m, &v), "Gaussian 17: its mean is not finite");
+    m.layers[0].blocks[0].gaussians.shade.as_mut().unwrap().opacity[3] = f64::INFINITY;
+    assert_eq!(fault(&m, &v), "Gaussian 3: its opacity is not finite");
+    m.layers[0].blocks[0].gaussians.shade = None;
+    assert!(fault(&m, &v).contains("no opacities"));
+    v.camera.projection = Projection::Orthographic { height_world: 50.0 };
+    assert!(fault(&m, &v).contains("only be drawn in perspective"));
+}

@@ -1,0 +1,185 @@
+//! The renderer against the plain law, and what must not change it.
+
+use super::*;
+use crate::camera::{Camera, Projection, View};
+use crate::math::{Random, Sym3};
+use crate::model::Mixture;
+use crate::picture::{Plane, Size};
+use crate::progress::Silent;
+use crate::space::Bounds;
+
+const SIZE: Size = Size { width: 96, height: 64 };
+
+fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
+    View {
+        name: "v".into(),
+        camera: Camera {
+            position,
+            focal_point: [0.0, 0.0, 0.0],
+            view_up: [0.0, 1.0, 0.0],
+            projection: Projection::Perspective { fov_deg: 30.0 },
+            clipping_range: None,
+        },
+        radius,
+        opacity,
+    }
+}
+
+fn bounds() -> Bounds {
+    Bounds { min: [-1.0; 3], max: [1.0; 3] }
+}
+
+/// Gaussians in the unit cube: round, flat, long, and without extent.
+fn random_mixture(seed: u64, n: u64, spread: f64) -> Mixture {
+    let mut m = Mixture::default();
+    for i in 0..n {
+        let mut r = Random::new(seed, 1, i);
+        let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
+        let base = spread * (0.1 + r.uniform());
+        let sizes = [base, base * r.uniform(), base * r.uniform() * r.uniform()];
+        let mut cov = Sym3::default();
+        for s in sizes {
+            let v = [0; 3].map(|_| r.normal());
+            cov = cov.add(&Sym3::outer(v.map(|x| x * s / 1.7)));
+        }
+        if i % 7 == 0 {
+            cov = Sym3::default();
+        }
+        m.push(mean, cov, (1.0 + 40.0 * r.uniform()).floor(), 0.0);
+    }
+    m
+}
+
+/// The largest and the mean difference of 1 - exp(-tau) from the plain law.
+fn difference(m: &Mixture, view: &View) -> (f64, f64) {
+    let scene = Scene::of_mixture(m, bounds());
+    let fast = optical_depth(&scene, view, SIZE, &Silent).unwrap();
+    let slow = plain::optical_depth(&scene, view, SIZE);
+    let d = fast.data.iter().zip(&slow).map(|(f, s)| ((-s).exp() - (-f64::from(*f)).exp()).abs());
+    d.fold((0.0, 0.0), |(w, sum), d| (d.max(w), sum + d / SIZE.pixels() as f64))
+}
+
+#[test]
+fn small_gaussians_from_afar() {
+    let m = random_mixture(1, 60, 0.05);
+    for radius in [0.002, 0.02, 0.2] {
+        let (worst, mean) = difference(&m, &view([1.0, 2.0, 6.0], radius, 0.05));
+        assert!(worst < 1.5e-3 && mean < 2e-4, "radius {radius}: worst {worst:.1e}, mean {mean:.1e}");
+    }
+}
+
+/// What is left is the skewness of single pieces, seen where one bright Gaussian stands alone.
+#[test]
+fn large_gaussians_and_a_camera_among_them() {
+    for (seed, spread, position) in
+        [(2, 0.4, [1.0, 2.0, 6.0]), (3, 0.4, [0.3, 0.2, 0.9]), (4, 0.1, [0.1, 0.2, 0.5]), (5, 1.5, [0.1, 0.2, 0.5])]
+    {
+        let (worst, mean) = difference(&random_mixture(seed, 25, spread), &view(position, 0.01, 0.1));
+        assert!(worst < 3e-2 && mean < 5e-4, "spread {spread} from {position:?}: worst {worst:.1e}, mean {mean:.1e}");
+    }
+}
+
+/// A cut is sharp in the law; pieces blur it by a fraction of the Gaussian's depth.
+#[test]
+fn the_clipping_range_cuts_gaussians() {
+    let m = random_mixture(6, 40, 0.3);
+    let mut v = view([1.0, 2.0, 6.0], 0.01, 0.3);
+    v.camera.clipping_range = Some([5.9, 6.6]);
+    for projection in [v.camera.projection, Projection::Orthographic { height_world: 2.5 }] {
+        v.camera.projection = projection;
+        let (worst, mean) = difference(&m, &v);
+        assert!(worst < 2e-2 && mean < 1e-3, "{projection:?}: worst {worst:.1e}, mean {mean:.1e}");
+    }
+}
+
+#[test]
+fn threads_and_vectors_do_not_change_a_bit() {
+    let m = random_mixture(7, 9000, 0.1);
+    let scene = Scene::of_mixture(&m, bounds());
+    let v = view([0.1, 0.2, 2.0], 0.01, 0.1);
+    let draw = || optical_depth(&scene, &v, SIZE, &Silent).unwrap();
+    let many = draw();
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(draw);
+    let plain = crate::math::without_simd(draw);
+    let bits = |p: &Plane| p.data.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&many), bits(&one));
+    assert_eq!(bits(&many), bits(&plain));
+}
+
+/// The sum over pixels is what the law says, whatever the footprint's size or place.
+#[test]
+fn depth_is_conserved() {
+    for (i, sigma) in [0.0, 0.003, 0.01, 0.03, 0.1].into_iter().enumerate() {
+        for k in 0..5 {
+            let mut m = Mixture::default();
+            let offset = 0.013 * k as f64;
+            m.push([offset, 0.5 * offset, 0.0], Sym3::scaled_identity(sigma * sigma), 10.0, 10.0);
+            let scene = Scene::of_mixture(&m, bounds());
+            let v = view([0.0, 0.0, 6.0], 0.002, 0.05);
+            let sum: f64 = optical_depth(&scene, &v, SIZE, &Silent).unwrap().data.iter().map(|v| f64::from(*v)).sum();
+            let r = v.radius_pixels(SIZE);
+            let law =
+                10.0 * 2.0 * std::f64::consts::PI * 0.05 * 0.994_607_9 * r * r * (1.0 + 3.0 * sigma * sigma / 36.0);
+            assert!((sum / law - 1.0).abs() < 2e-3, "{i} {k}: {sum} for {law}");
+        }
+    }
+}
+
+/// Tiny and huge units, and a box far from the origin.
+#[test]
+fn units_do_not_matter() {
+    let m = random_mixture(8, 60, 0.1);
+    let v = view([1.0, 2.0, 6.0], 0.01, 0.1);
+    let draw = |scale: f64, shift: f64| {
+        let mut n = m.clone();
+        for c in &mut n.mean {
+            c.iter_mut().for_each(|x| *x = *x * scale + shift);
+        }
+        for c in &mut n.cov {
+            c.iter_mut().for_each(|x| *x *= scale * scale);
+        }
+        let b = Bounds { min: [shift - scale; 3], max: [shift + scale; 3] };
+        let mut v = v.clone();
+        v.radius *= scale;
+        v.camera.position = v.camera.position.map(|x| x * scale + shift);
+        v.camera.focal_point = v.camera.focal_point.map(|x| x * scale + shift);
+        optical_depth(&Scene::of_mixture(&n, b), &v, SIZE, &Silent).unwrap().data
+    };
+    let base = draw(1.0, 0.0);
+    for (scale, shift, limit) in [(1e-30, 0.0, 1e-5), (1e30, 0.0, 1e-5), (1.0, 1e6, 1e-5)] {
+        let other = draw(scale, shift);
+        let w = base.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(w < limit, "{scale} {shift}: {w}");
+    }
+}
+
+/// A window of one box holds all mass wherever its centre is, and Gaussians near the box's edge
+/// appear on both sides.
+#[test]
+fn periodic_windows_wrap() {
+    use crate::camera::DensityView;
+    use crate::space::Cell;
+    let m = random_mixture(9, 50, 0.05);
+    let total: f64 = m.count.iter().sum();
+    let size = Size { width: 80, height: 80 };
+    let window = |center: [f64; 3]| {
+        let cell = Some(Cell::orthogonal([2.0; 3]));
+        let view = DensityView::orthographic("w", center, [0.0, 0.0], 2.0, None, size, &bounds(), cell).unwrap();
+        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Silent).unwrap().data
+    };
+    let here = window([0.0; 3]);
+    let there = window([1.0, -0.5, 3.7]);
+    for plane in [&here, &there] {
+        let mass = plane.iter().map(|v| f64::from(*v)).sum::<f64>() / 1600.0;
+        assert!((mass / total - 1.0).abs() < 3e-3, "{mass} of {total}");
+    }
+    // The second window is the first, turned around by 40 and 20 pixels (y points up).
+    // Gaussians that the slab cuts fall into other pieces there.
+    let highest = here.iter().fold(0.0f32, |a, b| a.max(*b));
+    for y in 0..80 {
+        for x in 0..80 {
+            let (a, b) = (here[y * 80 + x], there[(y + 60) % 80 * 80 + (x + 40) % 80]);
+            assert!((a - b).abs() < 3e-2 * highest, "{x} {y}: {a} {b}");
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Density control as published: clone, split, prune, reset (Kerbl et al. 2023, section 5.2; the
+//! numbers of its reference code and of spec/paper.md).
+
+use super::learner::AlphaLearner;
+use super::parameters::{Group, One, keep_rows, rotation_matrix};
+use crate::learner::Moment;
+use particlegs_core::math::Random;
+
+/// Pieces that a large Gaussian is split into.
+const PIECES: u64 = 2;
+
+/// Scales of the pieces are these of the Gaussian over this: 0.8 for each piece.
+const SHRINK: f64 = 0.8 * PIECES as f64;
+
+const SPLIT: u32 = 0x616c_7370;
+
+impl AlphaLearner {
+    /// What is due after the step at `at`.
+    pub(super) fn densify(&mut self, at: &Moment) {
+        let (done, d) = (at.iteration + 1, at.densify);
+        if d.every == 0 || done >= d.until {
+            return;
+        }
+        if done > self.config.densify_from && done % d.every == 0 {
+            self.grow(d.threshold, done);
+            self.prune();
+            self.screen = vec![[0.0; 2]; self.parameters.len()];
+        }
+        let reset = self.config.reset_every;
+        if reset > 0 && done % reset == 0 {
+            self.reset();
+        }
+    }
+
+    /// Clones small and splits large Gaussians that the pictures pull at.
+    fn grow(&mut self, threshold: f64, iteration: u64) {
+        let n = self.parameters.len();
+        let pull = |s: &[f32; 2]| if s[1] > 0.0 { f64::from(s[0] / s[1]) } else { 0.0 };
+        let mut chosen: Vec<usize> = (0..n).filter(|i| pull(&self.screen[*i]) >= threshold).collect();
+        if self.config.most_gaussians > 0 {
+            // Each adds one.
+            chosen.sort_by(|a, b| pull(&self.screen[*b]).total_cmp(&pull(&self.screen[*a])).then(a.cmp(b)));
+            chosen.truncate(self.config.most_gaussians.saturating_sub(n));
+            chosen.sort_unstable();
+        }
+        let largest = self.config.percent_dense * self.config.extent;
+        let mut keep = vec![true; n];
+        let mut added = Vec::new();
+        for i in chosen {
+            let one = self.parameters.get(i);
+            if one.log_scale.iter().fold(f64::MIN, |a, b| a.max(*b)).exp() <= largest {
+                added.push(one);
+            } else {
+                keep[i] = false;
+                let draw = (iteration << 32) + PIECES * i as u64;
+                added.extend((0..PIECES).map(|k| piece(&one, Random::new(self.ground.seed, SPLIT, draw + k))));
+            }
+        }
+        self.keep(&keep);
+        added.iter().for_each(|one| self.parameters.push(one));
+        let n = self.parameters.len();
+        for g in Group::ALL {
+            let averages = &mut self.averages[g as usize];
+            averages.first.resize(n * g.width(), 0.0);
+            averages.second.resize(n * g.width(), 0.0);
+        }
+        self.screen.resize(n, [0.0; 2]);
+    }
+
+    /// Drops Gaussians that are nearly transparent, unless all are.
+    fn prune(&mut self) {
+        let least = self.config.least_opacity;
+        // Not the negation: those that are not numbers go too.
+        let keep: Vec<bool> = (0..self.parameters.len()).map(|i| self.parameters.get(i).opacity() >= least).collect();
+        if keep.contains(&true) {
+            self.keep(&keep);
+        }
+    }
+
+    /// Makes all nearly transparent, so that those that are needed must show it.
+    fn reset(&mut self) {
+        let most = self.config.reset_opacity();
+        let most = (most / (1.0 - most)).ln() as f32;
+        self.parameters.0[Group::Opacity as usize].iter_mut().for_each(|v| *v = v.min(most));
+        let averages = &mut self.averages[Group::Opacity as usize];
+        averages.first.fill(0.0);
+        averages.second.fill(0.0);
+    }
+
+    fn keep(&mut self, keep: &[bool]) {
+        for g in Group::ALL {
+            let averages = &mut self.averages[g as usize];
+            for column in [&mut self.parameters.0[g as usize], &mut averages.first, &mut averages.second] {
+                keep_rows(column, g.width(), keep);
+            }
+        }
+        let mut kept = keep.iter();
+        self.screen.retain(|_| kept.next().copied().unwrap_or(false));
+    }
+}
+
+/// One of the pieces of a Gaussian: a draw from it, smaller.
+fn piece(of: &One, mut draw: Random) -> One {
+    let norm = of.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let r = rotation_matrix(of.rotation.map(|v| v / norm));
+    let offset: [f64; 3] = std::array::from_fn(|k| of.log_scale[k].exp() * draw.normal());
+    One {
+        position: std::array::from_fn(|i| of.position[i] + (0..3).map(|k| r[i][k] * offset[k]).sum::<f64>()),
+        log_scale: of.log_scale.map(|v| v - SHRINK.ln()),
+        ..*of
+    }
+}

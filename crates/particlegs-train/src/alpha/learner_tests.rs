@@ -1,0 +1,322 @@
+//! The learner as a whole, on the sample.
+
+use super::parameters::Group;
+use super::*;
+use crate::learner::{Crop, Densify, Learner, Moment, NotFinite, Shot};
+use crate::loss::Loss;
+use crate::state::State;
+use crate::targets_tests::Cloud;
+use particlegs::particles::{Particles, open_raw};
+use particlegs::reference::Reference;
+use particlegs_core::camera::{Normalisation, ORBITS, View, base_distance, spiral};
+use particlegs_core::math::Random;
+use particlegs_core::model::{Block, Law, Layer, Mixture, Model};
+use particlegs_core::picture::{Gray8, Plane, Size, masked_psnr};
+use particlegs_core::progress::Silent;
+use particlegs_core::render::{self, Scene};
+use particlegs_core::space::Bounds;
+use particlegs_core::splat::Look;
+
+fn ground(bounds: &Bounds, particles: u64) -> Ground {
+    Ground {
+        frame: Normalisation::of(bounds),
+        radius: bounds.default_radius(particles),
+        opacity: 0.05,
+        particles,
+        seed: 4,
+    }
+}
+
+/// Pictures of the sample to learn from.
+struct Lesson {
+    bounds: Bounds,
+    particles: Particles,
+    shots: Vec<(View, Gray8, Plane)>,
+}
+
+/// `frames` views an orbit, radius and opacity as published.
+fn views(bounds: &Bounds, radius: f64, size: Size, frames: usize, seed: u64) -> Vec<View> {
+    let base = base_distance(bounds, size);
+    let cameras = ORBITS.iter().flat_map(|o| spiral(bounds.center(), base * o.factor, frames, Some(seed)));
+    cameras
+        .enumerate()
+        .map(|(i, camera)| {
+            let mut r = Random::new(seed, 1, i as u64);
+            let (radius, opacity) = (radius * (0.25 + 1.5 * r.beta33()), 0.0125 + 0.075 * r.beta33());
+            View { name: format!("{i}"), camera, radius, opacity }
+        })
+        .collect()
+}
+
+fn lesson(size: Size, frames: usize) -> Lesson {
+    lesson_of(concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64"), size, frames)
+}
+
+fn lesson_of(folder: &str, size: Size, frames: usize) -> Lesson {
+    let particles = open_raw(&[folder.into()]).unwrap();
+    let bounds = particles.bounds();
+    let radius = bounds.default_radius(particles.len() as u64);
+    let reference = Reference::new(&particles);
+    let shots = views(&bounds, radius, size, frames, 3)
+        .into_iter()
+        .map(|view| {
+            let truth = reference.draw(&view, size, Look::Expected, &Silent).unwrap();
+            let target = Plane { size, data: truth.data.iter().map(|b| f32::from(*b) / 255.0).collect() };
+            (view, truth, target)
+        })
+        .collect();
+    Lesson { bounds, particles, shots }
+}
+
+fn shot<'a>(view: &'a View, target: &'a Plane) -> Shot<'a> {
+    Shot { view, target, crop: Crop::whole(target.size) }
+}
+
+fn moment(iteration: u64, iterations: u64, densify: Densify) -> Moment {
+    Moment { iteration, iterations, done: iteration as f64 / iterations as f64, densify }
+}
+
+const STILL: Densify = Densify { every: 0, until: 0, threshold: 2e-4 };
+
+fn train(learner: &mut AlphaLearner, lesson: &Lesson, from: u64, steps: u64, densify: Densify) -> f64 {
+    let mut sum = 0.0;
+    for iteration in from..from + steps {
+        let (view, _, target) = &lesson.shots[iteration as usize % lesson.shots.len()];
+        let at = moment(iteration, from + steps, densify);
+        let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
+        assert_eq!(stepped.not_finite, None);
+        sum += stepped.loss;
+        learner.control(&at);
+    }
+    sum / steps as f64
+}
+
+/// The learner's mixture in a model.
+fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
+    let (gaussians, vizmapper) = learner.mixture();
+    let n = learner.ground.particles;
+    let mut m = render::alpha::testing::empty_model(bounds, n);
+    m.metadata.law = Law::AlphaBlend;
+    m.metadata.default_radius = learner.ground.radius;
+    m.metadata.default_opacity = learner.ground.opacity;
+    m.vizmapper = vizmapper;
+    let block = Block { bounds, count: n, mass: n as f64, gaussians };
+    m.layers = vec![Layer { name: "dm".into(), particle_mass: None, blocks: vec![block] }];
+    m
+}
+
+/// Mean masked PSNR over a lesson's views, drawn as models are.
+fn score(learner: &AlphaLearner, lesson: &Lesson) -> f64 {
+    let m = model(learner, lesson.bounds);
+    let psnr = lesson.shots.iter().map(|(view, truth, _)| {
+        masked_psnr(&render::draw(&Scene::of(&m), view, truth.size, Look::Paraview, &Silent).unwrap(), truth).unwrap()
+    });
+    psnr.sum::<f64>() / lesson.shots.len() as f64
+}
+
+const SMALL: Size = Size { width: 240, height: 135 };
+
+#[test]
+fn training_on_the_sample_lowers_the_loss() {
+    let lesson = lesson(SMALL, 4);
+    let n = lesson.particles.len() as u64;
+    let subject = Cloud(Reference::with_bounds(&lesson.particles, lesson.bounds));
+    let mut learner =
+        AlphaLearner::from_particles(&subject, 2000, ground(&lesson.bounds, n), AlphaConfig::default()).unwrap();
+    let before = score(&learner, &lesson);
+    let first = train(&mut learner, &lesson, 0, 12, STILL);
+    train(&mut learner, &lesson, 12, 180, STILL);
+    let last = train(&mut learner, &lesson, 192, 12, STILL);
+    let after = score(&learner, &lesson);
+    println!("loss {first:.4} to {last:.4}, masked PSNR {before:.2} to {after:.2} dB");
+    assert!(last < 0.7 * first, "{first} to {last}");
+    assert!(after > before + 3.0, "{before} to {after}");
+}
+
+const BUSY: Densify = Densify { every: 4, until: 100, threshold: 1e-5 };
+
+fn small_learner(lesson: &Lesson, config: AlphaConfig) -> AlphaLearner {
+    let n = lesson.particles.len() as u64;
+    let subject = Cloud(Reference::with_bounds(&lesson.particles, lesson.bounds));
+    AlphaLearner::from_particles(&subject, 600, ground(&lesson.bounds, n), config).unwrap()
+}
+
+const QUICK: Size = Size { width: 112, height: 63 };
+
+/// Twelve steps, densification, pruning and a reset among them.
+fn eventful(lesson: &Lesson, from: Option<(&State, u64)>, to: u64) -> State {
+    let config = AlphaConfig { densify_from: 1, reset_every: 9, ..AlphaConfig::default() };
+    let mut learner = small_learner(lesson, config);
+    if let Some((state, _)) = from {
+        learner.restore(state).unwrap();
+    }
+    let start = from.map_or(0, |f| f.1);
+    train(&mut learner, lesson, start, to - start, BUSY);
+    assert!(learner.len() > 700, "{}", learner.len());
+    learner.state()
+}
+
+#[test]
+fn threads_vectors_and_interruptions_do_not_change_a_bit() {
+    let lesson = lesson(QUICK, 1);
+    let whole = eventful(&lesson, None, 12);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert!(whole == one.install(|| eventful(&lesson, None, 12)), "threads");
+    let plain = particlegs_core::math::without_simd(|| eventful(&lesson, None, 12));
+    assert!(whole == plain, "vectors");
+    let half = eventful(&lesson, None, 6);
+    assert!(whole == eventful(&lesson, Some((&half, 6)), 12), "interruption");
+}
+
+#[test]
+fn a_state_that_does_not_fit_is_refused() {
+    let lesson = lesson(QUICK, 1);
+    let mut learner = small_learner(&lesson, AlphaConfig::default());
+    let before = learner.state();
+    let mut broken = before.clone();
+    broken.columns.get_mut("rotation.first").unwrap().pop();
+    assert!(learner.restore(&broken).unwrap_err().contains("`rotation.first`"));
+    broken = before.clone();
+    broken.columns.remove("vizmapper");
+    assert!(learner.restore(&broken).unwrap_err().contains("`vizmapper`"));
+    assert!(learner.state() == before);
+}
+
+/// A spoilt gradient is named, its Gaussian stays, the others move.
+#[test]
+fn gradients_that_are_not_numbers_are_survived() {
+    let lesson = lesson(QUICK, 1);
+    for (group, value) in [(Group::Scale, f32::NAN), (Group::Position, f32::INFINITY)] {
+        let mut learner = small_learner(&lesson, AlphaConfig::default());
+        train(&mut learner, &lesson, 0, 3, STILL);
+        let before = learner.state();
+        learner.spoil = Some((group, 17, value));
+        let (view, _, target) = &lesson.shots[0];
+        let at = moment(3, 9, STILL);
+        let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
+        assert_eq!(stepped.not_finite, Some(NotFinite { group: group.name(), gaussian: 17, count: 1 }));
+        let after = learner.state();
+        for g in Group::ALL {
+            let w = g.width();
+            for name in [g.name().to_string(), format!("{}.first", g.name()), format!("{}.second", g.name())] {
+                let (a, b) = (&before.columns[&name], &after.columns[&name]);
+                assert_eq!(a[17 * w..18 * w], b[17 * w..18 * w], "{name}");
+                assert!(a != b && b.iter().all(|v| v.is_finite()), "{name}");
+            }
+        }
+        train(&mut learner, &lesson, 4, 3, STILL);
+    }
+}
+
+#[test]
+fn parameters_and_targets_that_are_not_numbers_are_named() {
+    let lesson = lesson(QUICK, 1);
+    let mut learner = small_learner(&lesson, AlphaConfig::default());
+    learner.parameters.0[Group::Rotation as usize][4 * 33 + 1] = f32::NAN;
+    let (view, _, target) = &lesson.shots[0];
+    let at = moment(0, 9, STILL);
+    let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
+    assert_eq!(stepped.not_finite, Some(NotFinite { group: "rotation", gaussian: 33, count: 1 }));
+    assert!(learner.mapper.as_ref().unwrap().parameters.iter().all(|v| v.is_finite()));
+    let mut target = target.clone();
+    target.data.fill(f32::NAN);
+    let mut learner = small_learner(&lesson, AlphaConfig::default());
+    let before = learner.parameters.clone();
+    let stepped = learner.step(&shot(view, &target), &Loss::PUBLISHED, &at).unwrap();
+    assert!(stepped.not_finite.unwrap().count > 100);
+    assert!(learner.parameters.0.iter().flatten().all(|v| v.is_finite()));
+    assert_eq!(learner.len(), before.len());
+    let mut mixture = Mixture::default();
+    mixture.push([0.0; 3], particlegs_core::math::Sym3::scaled_identity(1.0), 1.0, 1.0);
+    mixture.push([0.0, f64::NAN, 0.0], particlegs_core::math::Sym3::scaled_identity(1.0), 1.0, 1.0);
+    let fault = AlphaLearner::from_mixture(&mixture, learner.ground, learner.config).err().unwrap();
+    assert_eq!(fault.to_string(), "Gaussian 1: its position is not finite");
+}
+
+/// Each rule of the published density control on its own.
+#[test]
+fn density_control_by_hand() {
+    let lesson = lesson(QUICK, 1);
+    let config = AlphaConfig { densify_from: 1, ..AlphaConfig::default() };
+    let fresh = || {
+        let mut l = small_learner(&lesson, config);
+        // Gaussian 3 is small and pulled at, 5 large and pulled at, 7 nearly transparent.
+        l.parameters.0[Group::Scale as usize][9..12].fill(-6.0);
+        l.parameters.0[Group::Scale as usize][15..18].copy_from_slice(&[-6.0, -1.0, -6.0]);
+        l.parameters.0[Group::Opacity as usize][7] = -6.0;
+        l.screen[3] = [3e-3, 3.0];
+        l.screen[5] = [9e-3, 3.0];
+        l.averages[Group::Opacity as usize].first.fill(0.5);
+        l
+    };
+    let due = Densify { every: 10, until: 100, threshold: 5e-4 };
+    let at = |iteration, densify| moment(iteration, 1000, densify);
+    let mut l = fresh();
+    for quiet in [at(8, due), at(109, due), at(9, Densify { every: 0, ..due })] {
+        l.control(&quiet);
+        assert!(l.parameters == fresh().parameters);
+    }
+    l.control(&at(9, due));
+    let before = fresh().parameters;
+    // One more by the clone, one more by the split, one less by pruning.
+    assert_eq!(l.len(), 601);
+    let p = &l.parameters;
+    assert_eq!((p.get(3), p.get(4), p.get(5)), (before.get(3), before.get(4), before.get(6)));
+    assert_eq!(p.get(6), before.get(8));
+    assert_eq!(p.get(598), before.get(3));
+    for k in [599, 600] {
+        let (piece, whole) = (p.get(k), before.get(5));
+        assert!((0..3).all(|a| (whole.log_scale[a] - piece.log_scale[a] - 1.6f64.ln()).abs() < 1e-6));
+        assert!(piece.position != whole.position && piece.rotation == whole.rotation);
+    }
+    let first = &l.averages[Group::Opacity as usize].first;
+    assert!(first.len() == 601 && first[597] == 0.5 && first[598..] == [0.0; 3]);
+    assert!(l.screen.iter().all(|s| *s == [0.0; 2]));
+    // One place is left: the stronger pull gets it.
+    let mut l = fresh();
+    l.config.most_gaussians = 601;
+    l.control(&at(9, due));
+    assert_eq!(l.len(), 600);
+    assert_eq!(l.parameters.get(3), before.get(3));
+    // Opacities go down to 1.33 of what is pruned.
+    let mut l = fresh();
+    l.config.reset_every = 7;
+    l.control(&at(6, due));
+    let most = (0..600).map(|i| l.parameters.get(i).opacity()).fold(0.0, f64::max);
+    assert!((most - 0.0133).abs() < 1e-6 && l.averages[Group::Opacity as usize].first.iter().all(|v| *v == 0.0));
+}
+
+/// What is trained and what is drawn from the model are one picture, and a model goes on where it
+/// was.
+#[test]
+fn models_hold_what_was_trained() {
+    let lesson = lesson(QUICK, 2);
+    let mut learner = small_learner(&lesson, AlphaConfig::default());
+    train(&mut learner, &lesson, 0, 30, STILL);
+    let m = model(&learner, lesson.bounds);
+    let sum: f64 = m.layers[0].blocks[0].gaussians.count.iter().sum();
+    assert!((sum / lesson.particles.len() as f64 - 1.0).abs() < 1e-12);
+    let mut again = AlphaLearner::from_model(&m, learner.ground, learner.config).unwrap();
+    let (view, _, target) = &lesson.shots[1];
+    let at = moment(30, 31, STILL);
+    let shot = shot(view, target);
+    let losses = [&mut learner, &mut again].map(|l| l.step(&shot, &Loss::PUBLISHED, &at).unwrap().loss);
+    assert!((losses[0] - losses[1]).abs() < 1e-6, "{losses:?}");
+    let drawn = render::draw(&Scene::of(&m), view, QUICK, Look::Expected, &Silent).unwrap();
+    let levels = drawn.data.iter().map(|b| f32::from(*b) / 255.0).collect();
+    let loss = Loss::PUBLISHED.of(&Plane { size: QUICK, data: levels }, target).value;
+    assert!((loss - losses[0]).abs() < 2e-3, "{loss} {losses:?}");
+}
+
+/// A mixture of the optical-depth law is a far better start than particles at random.
+#[test]
+fn a_mixture_is_a_start() {
+    use particlegs::fit::{PartitionOptions, partition};
+    let lesson = lesson(QUICK, 2);
+    let ground = ground(&lesson.bounds, lesson.particles.len() as u64);
+    let cells = partition(&lesson.particles, 600, ground.radius, PartitionOptions::default(), &Silent).unwrap();
+    let from = AlphaLearner::from_mixture(&cells.mixture(), ground, AlphaConfig::default()).unwrap();
+    let (mixture, random) = (score(&from, &lesson), score(&small_learner(&lesson, AlphaConfig::default()), &lesson));
+    println!("masked PSNR of the start: mixture {mixture:.2}, particles {random:.2} dB");
+    assert!(mixture > random + 5.0, "{mixture} {random}");
+}

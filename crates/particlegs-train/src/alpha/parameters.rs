@@ -1,0 +1,204 @@
+//! Gaussians as what is trained: f32 columns in the training frame.
+
+use particlegs_core::math::Sym3;
+use particlegs_core::model::vizmapper::Adapted;
+use particlegs_core::render::alpha::Gaussian;
+
+/// A group of parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Group {
+    Position,
+    Scale,
+    Rotation,
+    Opacity,
+    Feature,
+}
+
+/// How many there are.
+pub(super) const GROUPS: usize = 5;
+
+impl Group {
+    pub const ALL: [Group; GROUPS] = [Group::Position, Group::Scale, Group::Rotation, Group::Opacity, Group::Feature];
+
+    /// Its name in states and messages.
+    pub fn name(self) -> &'static str {
+        ["position", "scale", "rotation", "opacity", "feature"][self as usize]
+    }
+
+    /// Numbers a Gaussian.
+    pub fn width(self) -> usize {
+        [3, 3, 4, 1, 1][self as usize]
+    }
+}
+
+/// `1 / (2 sqrt pi)`: the spherical harmonic of degree 0 (3DGS, `SH2RGB`).
+pub(super) const SH0: f64 = 0.282_094_791_773_878_14;
+
+/// One Gaussian's parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct One {
+    /// Training frame.
+    pub position: [f64; 3],
+    /// Logarithms of its standard deviations along its axes.
+    pub log_scale: [f64; 3],
+    /// Quaternion w, x, y, z of any length: column k of its matrix is axis k.
+    pub rotation: [f64; 4],
+    /// Logit of its opacity.
+    pub logit: f64,
+    /// `(grey - 0.5) / SH0`.
+    pub feature: f64,
+}
+
+/// The matrix of a quaternion of length 1.
+pub(super) fn rotation_matrix([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
+    [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+}
+
+/// The quaternion of length 1 of a rotation with these columns.
+pub(super) fn quaternion(columns: [[f64; 3]; 3]) -> [f64; 4] {
+    let m = |r: usize, c: usize| columns[c][r];
+    // The largest of the four squares is found first, so that nothing is divided by a small number.
+    let squares = [
+        1.0 + m(0, 0) + m(1, 1) + m(2, 2),
+        1.0 + m(0, 0) - m(1, 1) - m(2, 2),
+        1.0 - m(0, 0) + m(1, 1) - m(2, 2),
+        1.0 - m(0, 0) - m(1, 1) + m(2, 2),
+    ];
+    let largest = (0..4).fold(0, |a, b| if squares[b] > squares[a] { b } else { a });
+    let twice = 2.0 * squares[largest].max(0.0).sqrt();
+    let (x, y, z) = (m(2, 1) - m(1, 2), m(0, 2) - m(2, 0), m(1, 0) - m(0, 1));
+    let (xy, xz, yz) = (m(0, 1) + m(1, 0), m(0, 2) + m(2, 0), m(1, 2) + m(2, 1));
+    let own = 0.25 * twice;
+    match largest {
+        0 => [own, x / twice, y / twice, z / twice],
+        1 => [x / twice, own, xy / twice, xz / twice],
+        2 => [y / twice, xy / twice, own, yz / twice],
+        _ => [z / twice, xz / twice, yz / twice, own],
+    }
+}
+
+impl One {
+    /// Columns are the axes times their standard deviations: the covariance is M M^T.
+    pub fn root(&self) -> [[f64; 3]; 3] {
+        let norm = self.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let r = rotation_matrix(self.rotation.map(|v| v / norm));
+        let s = self.log_scale.map(f64::exp);
+        std::array::from_fn(|i| std::array::from_fn(|k| r[i][k] * s[k]))
+    }
+
+    /// Covariance, training frame.
+    pub fn cov(&self) -> Sym3 {
+        let m = self.root();
+        let dot = |i: usize, j: usize| (0..3).map(|k| m[i][k] * m[j][k]).sum();
+        Sym3([dot(0, 0), dot(0, 1), dot(0, 2), dot(1, 1), dot(1, 2), dot(2, 2)])
+    }
+
+    /// Grey level.
+    pub fn grey(&self) -> f64 {
+        (0.5 + SH0 * self.feature).max(0.0)
+    }
+
+    /// Opacity before any adaptation.
+    pub fn opacity(&self) -> f64 {
+        Adapted::STATIC.opacity(self.logit)
+    }
+
+    /// What the network sees of its size.
+    pub fn mean_log_scale(&self) -> f64 {
+        self.log_scale.iter().sum::<f64>() / 3.0
+    }
+
+    /// As it is drawn.
+    pub fn gaussian(&self, adapted: &Adapted) -> Gaussian {
+        Gaussian {
+            mean: self.position,
+            cov: self.cov().scale(adapted.scale * adapted.scale),
+            opacity: adapted.opacity(self.logit),
+            grey: self.grey(),
+        }
+    }
+
+    fn numbers(&self) -> [&[f64]; GROUPS] {
+        [
+            &self.position,
+            &self.log_scale,
+            &self.rotation,
+            std::slice::from_ref(&self.logit),
+            std::slice::from_ref(&self.feature),
+        ]
+    }
+}
+
+/// All Gaussians, a column a group.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Parameters(pub [Vec<f32>; GROUPS]);
+
+impl Parameters {
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.0[Group::Opacity as usize].len()
+    }
+
+    /// Gaussian `i`.
+    pub fn get(&self, i: usize) -> One {
+        let [position, scale, rotation, opacity, feature] = &self.0;
+        One {
+            position: std::array::from_fn(|k| position[3 * i + k].into()),
+            log_scale: std::array::from_fn(|k| scale[3 * i + k].into()),
+            rotation: std::array::from_fn(|k| rotation[4 * i + k].into()),
+            logit: opacity[i].into(),
+            feature: feature[i].into(),
+        }
+    }
+
+    /// Adds one.
+    pub fn push(&mut self, one: &One) {
+        for (column, numbers) in self.0.iter_mut().zip(one.numbers()) {
+            column.extend(numbers.iter().map(|v| *v as f32));
+        }
+    }
+
+    /// All zero.
+    pub fn zeros(n: usize) -> Self {
+        Parameters(Group::ALL.map(|g| vec![0.0; n * g.width()]))
+    }
+}
+
+/// Keeps the rows of a column that are wanted.
+pub(super) fn keep_rows(column: &mut Vec<f32>, width: usize, keep: &[bool]) {
+    let mut to = 0;
+    for (i, keep) in keep.iter().enumerate() {
+        if *keep {
+            column.copy_within(i * width..(i + 1) * width, to);
+            to += width;
+        }
+    }
+    column.truncate(to);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use particlegs_core::math::Random;
+
+    #[test]
+    fn quaternions_and_matrices() {
+        for i in 0..200 {
+            let mut r = Random::new(1, 0, i);
+            let mut q: [f64; 4] = [0; 4].map(|_| r.normal());
+            if i < 4 {
+                q = std::array::from_fn(|k| if k as u64 == i { 1.0 } else { 0.0 });
+            }
+            let n = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let q = q.map(|v| v / n);
+            let m = rotation_matrix(q);
+            let back = quaternion(std::array::from_fn(|c| std::array::from_fn(|r| m[r][c])));
+            let same = (0..4).map(|k| q[k] * back[k]).sum::<f64>().abs();
+            assert!((same - 1.0).abs() < 1e-12, "{q:?} {back:?}");
+        }
+    }
+}

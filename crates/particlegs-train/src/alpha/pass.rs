@@ -1,0 +1,163 @@
+//! One picture forward and back: what every parameter wants.
+
+use super::chain::{Slopes, chain};
+use super::network;
+use super::parameters::{Group, One, Parameters};
+use super::raster;
+use particlegs_core::Result;
+use particlegs_core::model::VizRanges;
+use particlegs_core::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
+use particlegs_core::picture::Plane;
+use particlegs_core::progress::Silent;
+use particlegs_core::render::alpha::raster::blend;
+use particlegs_core::render::alpha::{CutOffs, Eye, Plan};
+use rayon::prelude::*;
+
+/// Gaussians in one step of parallel work.
+const RUN: usize = 2048;
+
+/// The network, laid out, and its ranges.
+pub(super) struct Mapper {
+    pub network: Network,
+    pub ranges: VizRanges,
+    /// Weight of what holds it to the identity.
+    pub identity: f64,
+}
+
+/// A picture drawn, and all that its gradient needs.
+pub(super) struct Pass<'a> {
+    eye: &'a Eye,
+    parameters: &'a Parameters,
+    mapper: Option<&'a Mapper>,
+    setting: Setting,
+    inputs: Vec<[f32; 4]>,
+    adapted: Vec<Adapted>,
+    plan: Plan,
+    /// Brightness, not cut to [0, 1].
+    pub drawn: Plane,
+}
+
+/// Changes of the loss.
+pub(super) struct Gradient {
+    /// With the Gaussians' parameters.
+    pub parameters: Parameters,
+    /// With the network's.
+    pub network: Option<Vec<f32>>,
+    /// Gaussians that are seen, and the size of the change with their centres on the picture.
+    pub screen: Vec<(u32, f32)>,
+}
+
+/// Are all of a Gaussian's numbers numbers?
+fn fine(one: &One) -> bool {
+    let sum = one.position.iter().sum::<f64>() + one.rotation.iter().sum::<f64>() + one.mean_log_scale();
+    (sum + one.logit + one.feature).is_finite()
+}
+
+impl<'a> Pass<'a> {
+    /// Draws. Gaussians with numbers that are not finite are left out.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Memory`].
+    pub fn new(
+        eye: &'a Eye,
+        parameters: &'a Parameters,
+        mapper: Option<&'a Mapper>,
+        setting: Setting,
+        cut: CutOffs,
+    ) -> Result<Self> {
+        let n = parameters.len();
+        let mut own = vec![[0f32; 4]; if mapper.is_some() { n } else { 0 }];
+        let mut adapted = vec![Adapted::STATIC; n];
+        if let Some(mapper) = mapper {
+            own.par_chunks_mut(RUN).zip(adapted.par_chunks_mut(RUN)).enumerate().for_each(|(c, (own, adapted))| {
+                for (k, own) in own.iter_mut().enumerate() {
+                    let one = parameters.get(c * RUN + k);
+                    // Zero times what is not a number is none either: it must not enter the sums.
+                    *own = if fine(&one) { inputs(setting, one.mean_log_scale(), one.logit) } else { [0.0; 4] };
+                }
+                let mut out = vec![[0f32; 2]; own.len()];
+                outputs(&mapper.network, own, &mut out);
+                adapted.iter_mut().zip(out).for_each(|(a, out)| *a = mapper.ranges.adapt(setting, out));
+            });
+        }
+        let gaussian = |i: usize| {
+            let one = parameters.get(i);
+            fine(&one).then(|| one.gaussian(&adapted[i]))
+        };
+        let plan = Plan::new(eye, n, gaussian, cut, &Silent)?;
+        let drawn = blend(&plan, eye.size, &Silent)?;
+        Ok(Pass { eye, parameters, mapper, setting, inputs: own, adapted, plan, drawn })
+    }
+
+    /// Goes back, from the changes of the loss with each pixel's brightness.
+    pub fn back(&self, slope: &Plane) -> Gradient {
+        let sums = raster::sums(&self.plan, &self.drawn, slope);
+        let slopes: Vec<Slopes> = sums
+            .par_iter()
+            .zip(&self.plan.indices)
+            .with_min_len(256)
+            .map(|(sums, &i)| chain(self.eye, &self.parameters.get(i as usize), &self.adapted[i as usize], sums))
+            .collect();
+        let mut out = Parameters::zeros(self.parameters.len());
+        let screen = self.plan.indices.iter().zip(&slopes).map(|(i, s)| (*i, s.screen as f32)).collect();
+        for (&i, s) in self.plan.indices.iter().zip(&slopes) {
+            let i = i as usize;
+            let put = |column: &mut Vec<f32>, values: &[f64]| {
+                let at = i * values.len();
+                column[at..at + values.len()].iter_mut().zip(values).for_each(|(c, v)| *c = *v as f32);
+            };
+            let [position, scale, rotation, opacity, feature] = &mut out.0;
+            put(position, &s.position);
+            put(scale, &s.log_scale);
+            put(rotation, &s.rotation);
+            put(opacity, &[s.logit]);
+            put(feature, &[s.feature]);
+        }
+        let network = self.mapper.map(|mapper| self.back_through(mapper, &slopes, &mut out));
+        Gradient { parameters: out, network, screen }
+    }
+
+    /// Through the network: its parameters, and what its inputs add to scales and opacities.
+    fn back_through(&self, mapper: &Mapper, slopes: &[Slopes], out: &mut Parameters) -> Vec<f32> {
+        let Setting { radius, opacity } = self.setting;
+        let ranges = &mapper.ranges;
+        let hold = 2.0 * mapper.identity / self.parameters.len().max(1) as f64;
+        let wanted = |a: &Adapted, scale: f64, odds: f64| {
+            let scale = scale + hold * (a.scale - radius);
+            let odds = if a.floored { 0.0 } else { odds + hold * (a.odds - opacity) };
+            let wanted = [scale * radius * ranges.scale, odds * opacity * ranges.opacity];
+            // Gaussians whose gradient is not a number are named elsewhere.
+            if wanted.iter().all(|v| v.is_finite()) { wanted.map(|v| v as f32) } else { [0.0; 2] }
+        };
+        let mut all: Vec<[f32; 2]> = self.adapted.iter().map(|a| wanted(a, 0.0, 0.0)).collect();
+        for (&i, s) in self.plan.indices.iter().zip(slopes) {
+            all[i as usize] = wanted(&self.adapted[i as usize], s.scale, s.odds);
+        }
+        let (with_network, with_inputs) = network::slopes(&mapper.network, &self.inputs, &all);
+        let own = particlegs_core::model::vizmapper::OWN.map(|[_, half]| 1.0 / half as f32);
+        let [_, scale, _, logit, _] = &mut out.0;
+        for (i, with) in with_inputs.iter().enumerate() {
+            scale[3 * i..3 * i + 3].iter_mut().for_each(|s| *s += with[0] * own[0] / 3.0);
+            logit[i] += with[1] * own[1];
+        }
+        with_network
+    }
+}
+
+/// Groups and numbers of the Gaussians with parameters or gradients that are not finite: the first
+/// group at fault of each, in the order of the Gaussians.
+pub(super) fn faults(parameters: &Parameters, gradient: &Parameters) -> Vec<(usize, Group)> {
+    let mut found: Vec<(usize, Group)> = Vec::new();
+    for g in Group::ALL {
+        for column in [&parameters.0[g as usize], &gradient.0[g as usize]] {
+            // One sum tells whether there is anything to look for.
+            if !column.iter().map(|v| v * 0.0).sum::<f32>().is_finite() {
+                let rows = column.chunks(g.width()).enumerate();
+                found.extend(rows.filter(|(_, r)| r.iter().any(|v| !v.is_finite())).map(|(i, _)| (i, g)));
+            }
+        }
+    }
+    found.sort_by_key(|(i, g)| (*i, *g as usize));
+    found.dedup_by_key(|(i, _)| *i);
+    found
+}

@@ -1,0 +1,124 @@
+//! Walks the tiles front to back once more, and sums what the pixels want of every footprint.
+//!
+//! What lies behind a footprint is the picture less what came before it, so nothing has to be kept
+//! from drawing but the picture.
+
+use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
+use particlegs_core::math::{across, simd_level};
+use particlegs_core::picture::Plane;
+use particlegs_core::render::alpha::raster::{ASK, Lit, PIXELS, Tile, alphas, lanes, rows};
+use particlegs_core::render::alpha::{Plan, TILE};
+use rayon::prelude::*;
+
+/// With h the change of the loss with the logarithm of alpha at a pixel, and d its distance from the
+/// centre: sums of h, h dx, h dy, h dx^2, h dx dy, h dy^2; and the change with the grey level.
+pub(super) type Sums = [f32; 7];
+
+/// Sums of every footprint of a plan, in its order, for the change `slope` of the loss with each
+/// pixel's brightness. `drawn` is the picture as it was blended.
+pub(super) fn sums(plan: &Plan, drawn: &Plane, slope: &Plane) -> Vec<Sums> {
+    let width = drawn.size.width;
+    let band = width * TILE;
+    let bands: Vec<Vec<Sums>> = drawn
+        .data
+        .par_chunks(band)
+        .zip(slope.data.par_chunks(band))
+        .enumerate()
+        .with_max_len(1)
+        .map(|(row, (drawn, slope))| {
+            let mut tile = Tile::new();
+            let mut out = Vec::new();
+            for column in 0..plan.tiles.across {
+                let number = row * plan.tiles.across + column;
+                let lit = Lit::in_band(width, drawn.len() / width, column, row);
+                let (total, slope) = (lit.load(drawn, width), lit.load(slope, width));
+                // A pixel that wants nothing is done before it begins.
+                tile.start(&lit, |i| slope[i] != 0.0);
+                let start = out.len();
+                out.resize(start + plan.bins.iter().map(|b| b.of(number).len()).sum::<usize>(), Sums::default());
+                let out = &mut out[start..];
+                if !tile.done() {
+                    dispatch!(simd_level(), simd => tile_sums(simd, plan, number, &lit, &mut tile, [&total, &slope], out));
+                }
+            }
+            out
+        })
+        .collect();
+    gather(plan, &bands)
+}
+
+/// Adds up each footprint's sums over its tiles, in their order.
+fn gather(plan: &Plan, bands: &[Vec<Sums>]) -> Vec<Sums> {
+    let (across, number) = (plan.tiles.across, plan.bins.len());
+    // Where the entries of each tile and bin begin in the tile's band.
+    let mut starts = vec![0u32; plan.tiles.number() * number];
+    for row in 0..plan.tiles.down {
+        let mut at = 0;
+        for tile in row * across..(row + 1) * across {
+            for (b, bin) in plan.bins.iter().enumerate() {
+                starts[tile * number + b] = at;
+                at += bin.of(tile).len() as u32;
+            }
+        }
+    }
+    let mut out = vec![Sums::default(); plan.splats.len()];
+    out.par_chunks_mut(plan.run).zip(&plan.bins).enumerate().for_each(|(b, (out, bin))| {
+        for tile in 0..plan.tiles.number() {
+            let entries = bin.of(tile);
+            let from = starts[tile * number + b] as usize;
+            for (entry, add) in entries.iter().zip(&bands[tile / across][from..from + entries.len()]) {
+                let to = &mut out[*entry as usize - b * plan.run];
+                (0..7).for_each(|k| to[k] += add[k]);
+            }
+        }
+    });
+    out
+}
+
+#[inline(always)]
+fn tile_sums<S: Simd>(
+    simd: S,
+    plan: &Plan,
+    number: usize,
+    lit: &Lit,
+    tile: &mut Tile,
+    [total, slope]: [&[f32; PIXELS]; 2],
+    out: &mut [Sums],
+) {
+    let (lanes, zero) = (lanes(simd), f32x16::splat(simd, 0.0));
+    for (count, (entry, out)) in plan.in_tile(number).zip(out).enumerate() {
+        if count % ASK == ASK - 1 && tile.done() {
+            break;
+        }
+        let s = &plan.splats[entry as usize];
+        let dx = lanes + (lit.origin[0] as f32 - s.x);
+        let mut sums = [zero; 7];
+        rows(s, lit, |row, at| {
+            let here = row * TILE..(row + 1) * TILE;
+            let (raw, alpha) = alphas(simd, s, &at, lanes, &plan.cut);
+            let left = f32x16::from_slice(simd, &tile.left[here.clone()]);
+            let through = -alpha + 1.0;
+            let next = left * through;
+            let live = next.simd_ge(plan.cut.least_transmittance);
+            let weight = live.select(left * alpha, zero);
+            let sum = f32x16::from_slice(simd, &tile.sum[here.clone()]) + weight * s.grey;
+            sum.store_slice(&mut tile.sum[here.clone()]);
+            live.select(next, zero).store_slice(&mut tile.left[here.clone()]);
+            let want = f32x16::from_slice(simd, &slope[here.clone()]);
+            let behind = f32x16::from_slice(simd, &total[here]) - sum;
+            // An alpha that was cut moves no more.
+            let moving = raw.simd_le(plan.cut.most_alpha).select(alpha, zero);
+            let h = live.select(moving * want * (left * s.grey - behind / through), zero);
+            let hx = h * dx;
+            let hy = h * at.dy;
+            sums[0] += h;
+            sums[1] += hx;
+            sums[2] += hy;
+            sums[3] += hx * dx;
+            sums[4] += hx * at.dy;
+            sums[5] += hy * at.dy;
+            sums[6] += want * weight;
+        });
+        *out = sums.map(|v| across(&v.into()));
+    }
+}

@@ -1,0 +1,160 @@
+//! The pictures of a run: the published spirals on several orbits, cameras inside the bounds, and
+//! radius and opacity drawn for each (spec: paper.md).
+
+use super::config::Cameras;
+use particlegs_core::camera::{Camera, FOV_DEG, Projection, View, base_distance, spiral, view_up};
+use particlegs_core::math::Random;
+use particlegs_core::picture::Size;
+use particlegs_core::space::Bounds;
+
+const TURN: u64 = 0x7472_6169_6e00;
+const SHUFFLE: u32 = 0x7472_7368;
+const DRAWS: u32 = 0x7472_6472;
+const INTERNAL: u32 = 0x7472_696e;
+
+/// Internal cameras stand within this share of the bounds about their centre.
+const INSIDE: f64 = 0.98;
+
+/// What is drawn by default.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Defaults {
+    /// Bounds of the particles.
+    pub bounds: Bounds,
+    /// Radius, world units.
+    pub radius: f64,
+    /// Opacity.
+    pub opacity: f64,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Bytes that the coded Gaussians are to have, where known.
+    pub bytes: Option<u64>,
+}
+
+/// The views of a run.
+pub(crate) struct Views {
+    /// On the orbits, for training.
+    pub training: Vec<View>,
+    /// Inside the bounds, for training.
+    pub internal: Vec<View>,
+    /// On the orbits, held out.
+    pub held_out: Vec<View>,
+}
+
+impl Views {
+    /// As many as `cameras` says on the orbits, shuffled, the first of them held out; as many again
+    /// inside where `internal`.
+    pub fn new(cameras: &Cameras, of: &Defaults, internal: bool) -> Views {
+        let wide = Size { width: 16, height: 9 };
+        let base = base_distance(&of.bounds, wide);
+        let center = of.bounds.center();
+        let orbits = cameras.orbits.len() as u64;
+        let mut poses: Vec<Camera> = Vec::new();
+        for (k, factor) in (0u64..).zip(&cameras.orbits) {
+            let frames = (cameras.frames / orbits + u64::from(k < cameras.frames % orbits)) as usize;
+            poses.extend(spiral(center, factor * base, frames, Some(of.seed ^ TURN ^ k)));
+        }
+        let mut draw = Random::new(of.seed, SHUFFLE, 0);
+        for i in (1..poses.len()).rev() {
+            poses.swap(i, (draw.uniform() * (i + 1) as f64) as usize);
+        }
+        let view = |i: usize, camera: Camera| sampled(cameras, of, i as u64, camera);
+        let orbit: Vec<View> = poses.into_iter().enumerate().map(|(i, c)| view(i, c)).collect();
+        let held = ((orbit.len() as f64 * cameras.held_out).ceil() as usize).clamp(1, orbit.len() - 1);
+        let internal = if internal { cameras.frames as usize } else { 0 };
+        Views {
+            training: orbit[held..].to_vec(),
+            internal: (0..internal).map(|i| view(orbit.len() + i, inside(of, i as u64))).collect(),
+            held_out: orbit[..held].to_vec(),
+        }
+    }
+}
+
+/// A camera inside the bounds that looks at their centre.
+fn inside(of: &Defaults, index: u64) -> Camera {
+    let mut draw = Random::new(of.seed, INTERNAL, index);
+    let (center, extent) = (of.bounds.center(), of.bounds.extent());
+    let position = std::array::from_fn(|k| center[k] + INSIDE * (draw.uniform() - 0.5) * extent[k]);
+    Camera {
+        position,
+        focal_point: center,
+        view_up: view_up(position, center),
+        projection: Projection::Perspective { fov_deg: FOV_DEG },
+        clipping_range: None,
+    }
+}
+
+/// A view with radius and opacity drawn for it.
+fn sampled(cameras: &Cameras, of: &Defaults, index: u64, camera: Camera) -> View {
+    let mut draw = Random::new(of.seed, DRAWS, index);
+    let mut between = |[low, high]: [f64; 2]| low + (high - low) * draw.beta33();
+    let (radius, opacity) = (between(cameras.radius), between(cameras.opacity));
+    let radius = if draw.uniform() < cameras.wide {
+        cameras.radius[1] * (cameras.wide_radius / cameras.radius[1]).powf(draw.uniform())
+    } else {
+        radius
+    };
+    View {
+        name: format!("training {index}"),
+        camera,
+        radius: radius * of.radius,
+        opacity: (opacity * of.opacity).min(1.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Config, Preset};
+    use particlegs_core::model::Law;
+
+    #[test]
+    fn views_are_as_many_as_asked_for_and_share_no_pose() {
+        let bounds = Bounds { min: [0.0; 3], max: [1.0, 2.0, 3.0] };
+        let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None };
+        let cameras = Config::preset(Preset::Paper, Law::AlphaBlend).cameras;
+        let views = Views::new(&cameras, &of, true);
+        assert_eq!((views.training.len(), views.held_out.len(), views.internal.len()), (320, 80, 400));
+        for v in views.training.iter().chain(&views.internal).chain(&views.held_out) {
+            v.check(Size { width: 64, height: 36 }).unwrap();
+            assert!((0.0025..=0.0175).contains(&v.radius) && (0.0125..=0.0875).contains(&v.opacity));
+        }
+        let held = &views.held_out[0].camera.position;
+        assert!(views.training.iter().all(|v| v.camera.position != *held));
+    }
+
+    #[test]
+    fn draws_follow_the_seed_and_stay_where_they_are_to() {
+        let bounds = Bounds { min: [-1.0, 2.0, 3.0], max: [1.0, 4.0, 4.0] };
+        let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None };
+        let plain = Config::preset(Preset::Fast, Law::OpticalDepth).cameras;
+        let cameras = Cameras { frames: 2000, wide: 0.25, wide_radius: 7.0, ..plain };
+        let [a, b] = [0, 0].map(|_| Views::new(&cameras, &of, true));
+        assert_eq!(a.training, b.training);
+        let other = Views::new(&cameras, &Defaults { seed: 4, ..of }, true);
+        assert_ne!(a.training, other.training);
+        for v in &a.internal {
+            let inside = (0..3).all(|k| (bounds.min[k]..=bounds.max[k]).contains(&v.camera.position[k]));
+            assert!(inside && v.camera.focal_point == bounds.center(), "{v:?}");
+        }
+        let wide = a.training.iter().filter(|v| v.radius > 1.75 * of.radius).count() as f64;
+        assert!((wide / a.training.len() as f64 - 0.25).abs() < 0.04, "{wide}");
+        assert!(a.training.iter().all(|v| v.radius <= 7.0 * of.radius + 1e-12));
+        // Beta(3, 3) has the mean in the middle.
+        let mean = a.training.iter().map(|v| v.opacity).sum::<f64>() / a.training.len() as f64;
+        assert!((mean / of.opacity - 1.0).abs() < 0.05, "{mean}");
+        assert!(Views::new(&cameras, &of, false).internal.is_empty());
+    }
+
+    #[test]
+    fn two_pictures_are_one_to_train_and_one_to_test() {
+        let bounds = Bounds { min: [0.0; 3], max: [1.0; 3] };
+        let of = Defaults { bounds, radius: 0.01, opacity: 0.9, seed: 1, bytes: None };
+        let plain = Config::preset(Preset::Fast, Law::OpticalDepth).cameras;
+        for held_out in [0.0, 0.99] {
+            let views = Views::new(&Cameras { frames: 2, held_out, ..plain.clone() }, &of, false);
+            assert_eq!((views.training.len(), views.held_out.len()), (1, 1));
+            views.training[0].check(Size { width: 64, height: 36 }).unwrap();
+            views.held_out[0].check(Size { width: 64, height: 36 }).unwrap();
+        }
+    }
+}

@@ -1,0 +1,331 @@
+//! Every hyper-parameter of a training run, and the presets.
+
+use super::alpha::AlphaConfig;
+use super::depth::DepthConfig;
+use super::learner::Densify;
+use super::loss::{Loss, Norm};
+use particlegs_core::model::Law;
+use particlegs_core::splat::Look;
+use particlegs_core::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// What Gaussians a run starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Start {
+    /// What the effort's fit gives: the partition, refined by EM with split and merge.
+    Fit,
+    /// The partition alone.
+    Partition,
+    /// Particles drawn at random, round, as wide as their nearest neighbours are far (as published).
+    Random,
+}
+
+/// Cameras, radii and opacities of the pictures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cameras {
+    /// Distances of the orbits, in base distances.
+    pub orbits: Vec<f64>,
+    /// Pictures over all orbits, held-out ones included.
+    pub frames: u64,
+    /// Smallest and largest radius, in default radii; between them Beta(3, 3).
+    pub radius: [f64; 2],
+    /// Smallest and largest opacity, in default opacities; between them Beta(3, 3).
+    pub opacity: [f64; 2],
+    /// Share of the pictures whose radius goes from the largest above to `wide_radius`, evenly in its
+    /// logarithm.
+    pub wide: f64,
+    /// Largest radius of those, in default radii.
+    pub wide_radius: f64,
+    /// Share of the pictures that are held out.
+    pub held_out: f64,
+}
+
+/// A stretch of steps at one resolution.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stage {
+    /// Steps.
+    pub iterations: u64,
+    /// Pixels across and down.
+    pub size: [usize; 2],
+    /// Targets are drawn this many times larger along either side, then averaged.
+    pub oversample: usize,
+    /// A step sees a part of this many pixels, drawn at random; [0, 0] = all.
+    pub crop: [usize; 2],
+    /// Share of the steps whose camera stands inside the bounds.
+    pub internal: f64,
+    /// Density control.
+    pub densify: Densify,
+}
+
+/// A training run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// How Gaussians become a picture.
+    pub law: Law,
+    /// Look of the targets: `paraview`, `paraview-no-fxaa` or `expected`.
+    pub target: Look,
+    /// What the run starts from.
+    pub start: Start,
+    /// Steps from one evaluation on held-out pictures to the next.
+    pub evaluate_every: u64,
+    /// Held-out pictures that are looked at, at most.
+    pub evaluate_views: u64,
+    /// Seconds from one checkpoint to the next.
+    pub checkpoint_seconds: f64,
+    /// Bytes of targets kept on disk.
+    pub cache_bytes: u64,
+    /// The loss.
+    pub loss: Loss,
+    /// Pictures.
+    pub cameras: Cameras,
+    /// Stages, one after the other.
+    pub stages: Vec<Stage>,
+    /// Particles that a random start draws, at most as many as the file has room for; 0 = that many.
+    pub start_gaussians: u64,
+    /// Of the optical-depth law.
+    pub optical_depth: DepthConfig,
+    /// Of the alpha-blend law.
+    pub alpha_blend: AlphaConfig,
+}
+
+/// A named set of hyper-parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Preset {
+    /// At most five minutes on two cores for a few million particles.
+    Fast,
+    /// At most thirty.
+    Best,
+    /// The published single-block recipe (spec: paper.md).
+    Paper,
+}
+
+const NEVER: Densify = Densify { every: 0, until: 0, threshold: 0.0 };
+
+impl Config {
+    /// The hyper-parameters of a preset.
+    pub fn preset(preset: Preset, law: Law) -> Config {
+        let stage =
+            |iterations, size| Stage { iterations, size, oversample: 1, crop: [0, 0], internal: 0.05, densify: NEVER };
+        // Whole pictures, of less than full size: every Gaussian is seen at every step, and parts at
+        // full size teach half as much in the same time (docs/results/training-optical-depth.md).
+        let ours = |[half, larger]: [u64; 2], frames: u64| Config {
+            law,
+            target: Look::Expected,
+            start: Start::Fit,
+            evaluate_every: 500,
+            evaluate_views: 6,
+            checkpoint_seconds: 60.0,
+            cache_bytes: 4 << 30,
+            loss: Loss { norm: Norm::L2, smooth: 0.0, dssim: 0.0, logarithm: true },
+            cameras: Cameras {
+                orbits: vec![1.0, 0.7, 0.5],
+                frames,
+                radius: [0.25, 1.75],
+                opacity: [0.25, 1.75],
+                wide: 0.15,
+                wide_radius: 6.25,
+                held_out: 0.05,
+            },
+            stages: vec![stage(half, [960, 540]), stage(larger, [1440, 810])],
+            start_gaussians: 0,
+            optical_depth: DepthConfig::default(),
+            alpha_blend: AlphaConfig::default(),
+        };
+        match preset {
+            Preset::Fast => ours([3000, 600], 240),
+            Preset::Best => ours([12_000, 3000], 720),
+            Preset::Paper => Config::published(law),
+        }
+    }
+
+    /// The published single-block recipe: three stages, 39 000 iterations (spec: paper.md).
+    fn published(law: Law) -> Config {
+        let stage = |iterations, size, oversample, internal, densify| Stage {
+            iterations,
+            size,
+            oversample,
+            crop: [0, 0],
+            internal,
+            densify,
+        };
+        let (hd, three) = ([1920, 1080], [5760, 3240]);
+        Config {
+            law,
+            target: Look::Paraview,
+            start: Start::Random,
+            evaluate_every: 1000,
+            evaluate_views: 8,
+            checkpoint_seconds: 120.0,
+            cache_bytes: 32 << 30,
+            loss: Loss::PUBLISHED,
+            cameras: Cameras {
+                orbits: vec![1.0, 0.7, 0.5],
+                frames: 400,
+                radius: [0.25, 1.75],
+                opacity: [0.25, 1.75],
+                wide: 0.0,
+                wide_radius: 1.75,
+                held_out: 0.2,
+            },
+            stages: vec![
+                stage(12_000, hd, 2, 0.0, Densify { every: 100, until: 12_000, threshold: 2e-4 }),
+                stage(15_000, three, 1, 0.0, Densify { every: 200, until: 24_000, threshold: 3e-4 }),
+                stage(12_000, three, 1, 0.2, Densify { every: 200, until: 36_000, threshold: 3e-4 }),
+            ],
+            start_gaussians: 200_000,
+            optical_depth: DepthConfig::default(),
+            alpha_blend: AlphaConfig::default(),
+        }
+    }
+
+    /// Resolution, steps and counts in proportion to `scale` in (0, 1].
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a scale outside that.
+    pub fn scaled(mut self, scale: f64) -> Result<Config> {
+        if !(scale > 0.0 && scale <= 1.0) {
+            return Err(Error::argument(format!("--scale {scale} is outside (0, 1]")));
+        }
+        let steps = |n: u64| ((n as f64 * scale).round() as u64).max(u64::from(n > 0));
+        let pixels = |n: usize| ((n as f64 * scale).round() as usize).max(16.min(n));
+        for stage in &mut self.stages {
+            stage.iterations = steps(stage.iterations);
+            stage.size = stage.size.map(pixels);
+            stage.crop = stage.crop.map(pixels);
+            stage.densify.until = steps(stage.densify.until);
+            stage.densify.every = steps(stage.densify.every);
+        }
+        self.cameras.frames = steps(self.cameras.frames).max(8);
+        self.evaluate_every = steps(self.evaluate_every);
+        self.start_gaussians = steps(self.start_gaussians);
+        let a = &mut self.alpha_blend;
+        (a.position_rate_steps, a.densify_from, a.reset_every) =
+            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
+        Ok(self)
+    }
+
+    /// With `n` steps in all; stages, and every schedule that counts steps (densification, opacity
+    /// resets, the decay of the position rate), keep their proportions. How often the run is evaluated
+    /// stays.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for none.
+    pub fn with_iterations(mut self, n: u64) -> Result<Config> {
+        if n == 0 {
+            return Err(Error::argument("--iterations must be at least 1"));
+        }
+        let total = self.iterations().max(1) as f64;
+        // What is off stays off, what is on stays on.
+        let steps = |s: u64| ((s as f64 / total * n as f64).round() as u64).max(u64::from(s > 0));
+        let (mut before, mut done) = (0, 0);
+        for stage in &mut self.stages {
+            before += stage.iterations;
+            let end = (before as f64 / total * n as f64).round() as u64;
+            stage.iterations = end - done;
+            stage.densify.until = (stage.densify.until as f64 / total * n as f64).round() as u64;
+            stage.densify.every = steps(stage.densify.every);
+            done = end;
+        }
+        let a = &mut self.alpha_blend;
+        (a.position_rate_steps, a.densify_from, a.reset_every) =
+            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
+        Ok(self)
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the first one out of range.
+    pub fn check(&self) -> Result<()> {
+        let fail = |what: &str| Err(Error::argument(format!("training: {what}")));
+        let c = &self.cameras;
+        let ordered = |r: &[f64; 2]| r[0] > 0.0 && r[0] <= r[1] && r[1].is_finite();
+        let share = |s: f64| (0.0..=1.0).contains(&s);
+        if c.orbits.is_empty() || !c.orbits.iter().all(|o| *o > 0.0 && o.is_finite()) {
+            return fail("cameras.orbits must be positive distances, at least one");
+        }
+        if c.frames < 2 || c.frames > 1_000_000 {
+            return fail("cameras.frames must be 2 to 1000000");
+        }
+        let beyond = (c.radius[1]..1e6).contains(&c.wide_radius);
+        if !(ordered(&c.radius) && ordered(&c.opacity) && beyond) {
+            return fail(
+                "cameras.radius and cameras.opacity must rise from above 0, wide_radius must be beyond radius",
+            );
+        }
+        if !(share(c.wide) && (0.0..1.0).contains(&c.held_out)) {
+            return fail("cameras.wide must be within 0 to 1, cameras.held_out below 1");
+        }
+        if self.stages.is_empty() || self.stages.iter().all(|s| s.iterations == 0) {
+            return fail("no stage has iterations");
+        }
+        for s in &self.stages {
+            let side = |n: usize| (16..=16_384).contains(&n);
+            let whole = s.crop == [0, 0];
+            let inside = (0..2).all(|k| side(s.crop[k]) && s.crop[k] <= s.size[k]);
+            if !s.size.into_iter().all(side) || !(1..=8).contains(&s.oversample) || !(whole || inside) {
+                return fail("a stage's size must be 16 to 16384 pixels, its crop within that, oversample 1 to 8");
+            }
+            if !share(s.internal) {
+                return fail("a stage's internal must be within 0 to 1");
+            }
+        }
+        if self.evaluate_every == 0 || self.evaluate_views == 0 {
+            return fail("evaluate_every and evaluate_views must be at least 1");
+        }
+        if !(self.loss.smooth >= 0.0 && share(self.loss.dssim) && self.checkpoint_seconds >= 0.0) {
+            return fail("loss.smooth and checkpoint_seconds must not be negative, loss.dssim within 0 to 1");
+        }
+        self.optical_depth.check()?;
+        self.alpha_blend.check()
+    }
+
+    /// Steps of all stages.
+    pub fn iterations(&self) -> u64 {
+        self.stages.iter().map(|s| s.iterations).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_sound_at_every_scale() {
+        for preset in [Preset::Fast, Preset::Best, Preset::Paper] {
+            for scale in [1.0, 0.3, 0.01] {
+                let config = Config::preset(preset, Law::OpticalDepth).scaled(scale).unwrap();
+                config.check().unwrap();
+            }
+        }
+        assert_eq!(Config::preset(Preset::Paper, Law::AlphaBlend).iterations(), 39_000);
+        assert!(Config::preset(Preset::Fast, Law::OpticalDepth).scaled(0.0).is_err());
+    }
+
+    /// A tenth of the steps has a tenth of every schedule of the published recipe, and there and back is
+    /// the same.
+    #[test]
+    fn schedules_shrink_with_the_steps() {
+        let paper = Config::preset(Preset::Paper, Law::AlphaBlend);
+        let short = paper.clone().with_iterations(3900).unwrap();
+        let a = short.alpha_blend;
+        assert_eq!((a.reset_every, a.position_rate_steps, a.densify_from), (300, 5000, 50));
+        assert_eq!(short.stages.iter().map(|s| s.densify.every).collect::<Vec<_>>(), [10, 20, 20]);
+        assert_eq!(short.stages.iter().map(|s| s.densify.until).collect::<Vec<_>>(), [1200, 2400, 3600]);
+        assert_eq!(short.with_iterations(39_000).unwrap(), paper);
+        // The rate is as far down its slope at the same share of the run.
+        let rate = |c: &AlphaConfig, step| c.position_rate_at(step);
+        let full = AlphaConfig::default();
+        assert!((rate(&a, 1950) - rate(&full, 19_500)).abs() < 1e-15);
+        // What is off stays off; one step of a schedule is the least.
+        let mut off = paper;
+        off.alpha_blend.reset_every = 0;
+        let off = off.with_iterations(10).unwrap();
+        assert_eq!((off.alpha_blend.reset_every, off.stages[0].densify.every), (0, 1));
+    }
+}

@@ -1,0 +1,100 @@
+//! The projection backwards: from the gradient of a footprint to that of a Gaussian.
+
+use particlegs_core::render::lens::Lens;
+use particlegs_core::render::project::{DepthMoments, DepthSlopes, InCamera, Regression};
+
+/// Gradient with a footprint's mean, covariance (xx, xy, yy, each a number of its own) and sum.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OfFootprint {
+    pub mean: [f64; 2],
+    pub cov: [f64; 3],
+    pub sum: f64,
+}
+
+/// Gradient with a Gaussian's mean (3), covariance (xx, xy, xz, yy, yz, zz, each a number of its
+/// own) and count.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OfGaussian {
+    pub mean: [f64; 3],
+    pub cov: [f64; 6],
+    pub count: f64,
+}
+
+impl OfGaussian {
+    /// Is every number finite?
+    pub fn is_finite(&self) -> bool {
+        self.mean.iter().chain(&self.cov).all(|v| v.is_finite()) && self.count.is_finite()
+    }
+
+    /// Adds the part of one piece, in the camera's axes: the reverse of
+    /// [`InCamera::footprint`] in perspective.
+    pub fn add_piece(
+        &mut self,
+        lens: &Lens,
+        g: &InCamera,
+        r: &Regression,
+        (m, slopes): (&DepthMoments, &DepthSlopes),
+        by: &OfFootprint,
+    ) {
+        let [x, y, d] = g.mean;
+        let [_, _, xz, _, yz, zz] = g.cov;
+        let f2 = lens.focal * lens.focal;
+        let [cxx, cxy, cyy] = by.cov;
+        // position on the plane t = base + carried * (inverse depth)
+        let carried = [x - r.slope[0] * d, y - r.slope[1] * d];
+        let t = [r.slope[0] + carried[0] * m.mean, r.slope[1] + carried[1] * m.mean];
+        let round = f2 * lens.radius2;
+        let by_t = [
+            lens.focal * by.mean[0] + round * m.square * (2.0 * cxx * t[0] + cxy * t[1]),
+            lens.focal * by.mean[1] + round * m.square * (2.0 * cyy * t[1] + cxy * t[0]),
+        ];
+        let rest = [f2 * m.square * cxx, f2 * m.square * cxy, f2 * m.square * cyy];
+        let by_square = f2 * (cxx * r.rest[0] + cxy * r.rest[1] + cyy * r.rest[2])
+            + round * (cxx * (1.0 + t[0] * t[0]) + cxy * t[0] * t[1] + cyy * (1.0 + t[1] * t[1]));
+        let by_spread =
+            f2 * (cxx * carried[0] * carried[0] + cxy * carried[0] * carried[1] + cyy * carried[1] * carried[1]);
+        let by_carried = [
+            by_t[0] * m.mean + f2 * m.variance * (2.0 * cxx * carried[0] + cxy * carried[1]),
+            by_t[1] * m.mean + f2 * m.variance * (2.0 * cyy * carried[1] + cxy * carried[0]),
+        ];
+        let by_place = by_t[0] * carried[0] + by_t[1] * carried[1];
+        let by_weight = lens.unit * g.weight * by.sum;
+        let by_slope =
+            [by_t[0] - by_carried[0] * d - rest[0] * xz - rest[1] * yz, by_t[1] - by_carried[1] * d - rest[2] * yz];
+        let moments =
+            |s: &DepthMoments| by_weight * s.weight + by_place * s.mean + by_square * s.square + by_spread * s.variance;
+        self.mean[0] += by_carried[0];
+        self.mean[1] += by_carried[1];
+        self.mean[2] += moments(&slopes.by_depth) - by_carried[0] * r.slope[0] - by_carried[1] * r.slope[1];
+        self.count += lens.unit * m.weight * by.sum;
+        self.cov[0] += rest[0];
+        self.cov[1] += rest[1];
+        self.cov[3] += rest[2];
+        self.cov[5] += moments(&slopes.by_variance);
+        // Where the regression took a depth spread for none, its slopes are constants.
+        if zz > 1e-14 * (g.cov[0] + g.cov[3]) {
+            let inverse = 1.0 / zz;
+            self.cov[2] += by_slope[0] * inverse - rest[0] * r.slope[0];
+            self.cov[4] += by_slope[1] * inverse - rest[1] * r.slope[0] - rest[2] * r.slope[1];
+            self.cov[5] -= (by_slope[0] * r.slope[0] + by_slope[1] * r.slope[1]) * inverse;
+        }
+    }
+
+    /// From the camera's axes to the world's.
+    pub fn to_world(self, lens: &Lens) -> OfGaussian {
+        let a = &lens.axes;
+        let mean = std::array::from_fn(|k| (0..3).map(|r| a[r][k] * self.mean[r]).sum());
+        let g = full(&self.cov);
+        let world = |i: usize, j: usize| -> f64 {
+            (0..3).map(|r| a[r][i] * (0..3).map(|c| g[r][c] * a[c][j]).sum::<f64>()).sum()
+        };
+        let cov = [world(0, 0), 2.0 * world(0, 1), 2.0 * world(0, 2), world(1, 1), 2.0 * world(1, 2), world(2, 2)];
+        OfGaussian { mean, cov, count: self.count }
+    }
+}
+
+/// The symmetric matrix G with dL = tr(G dS) of a gradient with six numbers of S.
+pub fn full(c: &[f64; 6]) -> [[f64; 3]; 3] {
+    let [xx, xy, xz, yy, yz, zz] = *c;
+    [[xx, 0.5 * xy, 0.5 * xz], [0.5 * xy, yy, 0.5 * yz], [0.5 * xz, 0.5 * yz, zz]]
+}

@@ -1,0 +1,75 @@
+//! The Gaussians as the file will give them: training that knows the coder's quantisation.
+//!
+//! Every so many steps the Gaussians are coded and decoded. Steps are then taken from the decoded
+//! ones, and move both alike: a gradient that goes straight through the rounding (Bengio et al. 2013,
+//! straight-through estimator). So Gaussians learn to make up for each other's rounding.
+//!
+//! That lasts only as long as the rounding does. The coder's trellis rounds anew whatever lies after
+//! a number that changed, and another precision is another lattice. So towards the end the run
+//! settles: the precision stays, and what is coded is drawn to what was decoded before, which codes
+//! to the same bytes again. A number then changes where the pictures insist, and the file that comes
+//! out is the one that was trained.
+
+use super::columns::Columns;
+use particlegs_core::Result;
+use particlegs_core::codec::{Encoder, Precision, decode_block};
+use particlegs_core::model::{Block, Mixture};
+use particlegs_core::space::Bounds;
+
+/// Shares of the room that settled Gaussians may take, and what a new precision aims at.
+const FILLED: std::ops::RangeInclusive<f64> = 0.98..=1.0;
+const AIM: f64 = 0.999;
+
+/// What the file is to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Room {
+    /// Bounds of the particles.
+    pub bounds: Bounds,
+    /// Particles.
+    pub count: u64,
+    /// Bytes.
+    pub bytes: u64,
+}
+
+/// Decoded Gaussians and the precision that they were coded at.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Coded {
+    /// As decoded, moved since like the others.
+    pub moved: Columns,
+    /// As decoded.
+    pub exact: Columns,
+    /// Multiple of the nominal steps.
+    pub factor: f64,
+    /// Bytes over the room.
+    pub filled: f64,
+}
+
+impl Coded {
+    /// Codes and decodes `gaussians` at `factor` times the nominal steps.
+    pub fn of(gaussians: Mixture, room: &Room, factor: f64) -> Result<Coded> {
+        let m = gaussians.len();
+        let mass = gaussians.mass.as_ref().map_or(room.count as f64, |m| m.iter().sum());
+        let encoder = Encoder::new(&Block { bounds: room.bounds, count: room.count, mass, gaussians })?;
+        let bytes = encoder.encode(&Precision::BALANCED.scaled(factor));
+        let decoded = decode_block(&bytes, "the Gaussians in training")?.gaussians;
+        let mut place = vec![0u32; m];
+        for (k, &i) in encoder.order().iter().enumerate() {
+            place[i as usize] = k as u32;
+        }
+        let exact = Columns::of(&decoded, |i| place[i] as usize);
+        Ok(Coded { moved: exact.clone(), exact, factor, filled: bytes.len() as f64 / room.bytes as f64 })
+    }
+
+    /// Does the file fit, and nearly fill its room?
+    pub fn fits(&self) -> bool {
+        FILLED.contains(&self.filled)
+    }
+
+    /// The factor that leads to the room, for Gaussians like these.
+    pub fn better_factor(&self, room: &Room) -> f64 {
+        let over = (self.filled - AIM) * room.bytes as f64;
+        let doublings = Precision::doublings(over, self.exact.0.len()).clamp(-1.0, 1.0);
+        let [finest, coarsest] = Precision::FACTORS;
+        (self.factor * doublings.exp2()).clamp(finest, coarsest)
+    }
+}

@@ -1,0 +1,141 @@
+//! Optical depth of a mixture, and its gradient.
+
+use super::adjoint::OfGaussian;
+use super::gather::{gather, of_footprint};
+use crate::Crop;
+use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::model::Mixture;
+use particlegs_core::picture::{Plane, Size};
+use particlegs_core::progress::Silent;
+use particlegs_core::render::bins::{Binner, Bins, Placed, place};
+use particlegs_core::render::depth::{grow, in_camera, paint};
+use particlegs_core::render::lens::Lens;
+use particlegs_core::render::project::{
+    DepthMoments, DepthSlopes, Footprint, InCamera, inverse_moments, inverse_slopes,
+};
+use particlegs_core::render::pyramid::{self, Level, PAD};
+use particlegs_core::render::slices::{Fate, cut_with_slopes, fate};
+use particlegs_core::space::Bounds;
+use rayon::prelude::*;
+
+/// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
+const RUN: usize = 512;
+
+/// A footprint that was drawn.
+struct Piece {
+    gaussian: u32,
+    footprint: Footprint,
+    placed: Placed,
+    moments: DepthMoments,
+    slopes: DepthSlopes,
+}
+
+/// A picture's depth, and how it came to be.
+pub struct Tape {
+    /// Optical depth.
+    pub tau: Plane,
+    lens: Lens,
+    levels: Vec<Level>,
+    runs: Vec<Vec<Piece>>,
+}
+
+impl Tape {
+    /// Draws `mixture` as `render::optical_depth` does.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
+    pub fn draw(mixture: &Mixture, bounds: &Bounds, view: &View, crop: &Crop) -> Result<Tape> {
+        let mut lens = Lens::optical(view, crop.full, bounds)?;
+        for k in 0..2 {
+            lens.center[k] -= crop.corner[k] as f64;
+        }
+        let levels = pyramid::levels(crop.size);
+        let drawn: Vec<(Vec<Piece>, Bins)> = (0..mixture.len().div_ceil(RUN))
+            .into_par_iter()
+            .map(|run| project_run(mixture, run * RUN..mixture.len().min((run + 1) * RUN), &lens, &levels))
+            .collect();
+        let (runs, bins): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
+        let mut tau = paint(crop.size, &bins, &Silent)?;
+        grow(&mut tau, &lens);
+        Ok(Tape { tau, lens, levels, runs })
+    }
+
+    /// The gradient with every Gaussian, given that with every pixel's depth.
+    pub fn gradient(&self, mixture: &Mixture, mut by_tau: Plane) -> Vec<OfGaussian> {
+        // The drawn depth is never negative; where the planes' sum was, nothing changes it.
+        by_tau.data.par_iter_mut().zip(&self.tau.data).for_each(|(g, &t)| *g = if t > 0.0 { *g } else { 0.0 });
+        grow(&mut by_tau, &self.lens);
+        let planes = self.planes(&by_tau);
+        self.runs
+            .par_iter()
+            .enumerate()
+            .flat_map_iter(|(run, pieces)| {
+                let first = run * RUN;
+                let mut out = vec![OfGaussian::default(); mixture.len().min(first + RUN) - first];
+                for group in pieces.chunk_by(|a, b| a.gaussian == b.gaussian) {
+                    let i = group[0].gaussian as usize;
+                    let g = in_camera(mixture, i, &self.lens, mixture.count[i]);
+                    out[i - first] = self.of_pieces(&g, group, &planes);
+                }
+                out
+            })
+            .collect()
+    }
+
+    fn of_pieces(&self, g: &InCamera, pieces: &[Piece], planes: &[Vec<f32>]) -> OfGaussian {
+        let r = g.regression();
+        let mut sum = OfGaussian::default();
+        for piece in pieces {
+            let level = piece.placed.level;
+            let gathered = gather(&planes[level], &self.levels[level], &piece.placed.stroke);
+            let by = of_footprint(&piece.footprint, &piece.placed, &gathered);
+            sum.add_piece(&self.lens, g, &r, (&piece.moments, &piece.slopes), &by);
+        }
+        sum.to_world(&self.lens)
+    }
+
+    /// The gradient with every pixel of every plane, the coarse ones by the transpose of summing.
+    fn planes(&self, by_tau: &Plane) -> Vec<Vec<f32>> {
+        let level = &self.levels[0];
+        let Size { width, .. } = level.size;
+        let mut base = vec![0.0f32; level.stride * level.rows];
+        for (row, from) in by_tau.data.chunks_exact(width).enumerate() {
+            base[(row + PAD) * level.stride + PAD..][..width].copy_from_slice(from);
+        }
+        let used = self.runs.iter().flatten().map(|p| p.placed.level).max().unwrap_or(0);
+        let mut planes = vec![base];
+        for l in 1..=used {
+            let mut coarse = vec![0.0f32; self.levels[l].stride * self.levels[l].rows];
+            pyramid::gather_down(&planes[l - 1], &self.levels[l - 1], &mut coarse, &self.levels[l]);
+            planes.push(coarse);
+        }
+        planes
+    }
+}
+
+fn project_run(m: &Mixture, range: std::ops::Range<usize>, lens: &Lens, levels: &[Level]) -> (Vec<Piece>, Bins) {
+    let mut binner = Binner::new(levels, range.len() + range.len() / 4);
+    let mut pieces = Vec::with_capacity(range.len());
+    for i in range {
+        let g = in_camera(m, i, lens, m.count[i]);
+        let r = g.regression();
+        let mut add = |moments: DepthMoments, slopes: DepthSlopes| {
+            let footprint = g.footprint(lens, &r, &moments);
+            if let Some(placed) = place(levels, &footprint) {
+                binner.add_placed(&placed);
+                pieces.push(Piece { gaussian: i as u32, footprint, placed, moments, slopes });
+            }
+        };
+        let (depth, variance) = (g.mean[2], g.cov[5]);
+        match fate(lens, depth, variance) {
+            Fate::Outside => {}
+            Fate::Cut if lens.misses(&g) => {}
+            Fate::Whole => {
+                add(inverse_moments(depth, variance / (depth * depth)), inverse_slopes(depth, variance));
+            }
+            Fate::Cut => cut_with_slopes(lens, &g, add),
+        }
+    }
+    (pieces, binner.finish())
+}

@@ -1,0 +1,60 @@
+//! Held-out views: what says which Gaussians are the best.
+
+use super::cameras::Defaults;
+use super::config::Config;
+use super::subject::Subject;
+use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::model::{Law, Mixture, VizMapper};
+use particlegs_core::picture::{Gray8, Size, masked_psnr};
+use particlegs_core::progress::Progress;
+use particlegs_core::render::{self, Scene};
+
+/// Views and their targets.
+pub(crate) struct HeldOut<'a> {
+    config: &'a Config,
+    defaults: &'a Defaults,
+    progress: &'a dyn Progress,
+    size: Size,
+    views: Vec<View>,
+    truth: Vec<Gray8>,
+}
+
+impl<'a> HeldOut<'a> {
+    /// Draws the targets of the first `config.evaluate_views` views, at the largest stage's size.
+    ///
+    /// # Errors
+    /// Those of the reference renderer.
+    pub fn draw(
+        subject: &dyn Subject,
+        views: &[View],
+        config: &'a Config,
+        defaults: &'a Defaults,
+        progress: &'a dyn Progress,
+    ) -> Result<Self> {
+        let [width, height] = config.stages.iter().map(|s| s.size).max_by_key(|s| s[0] * s[1]).unwrap_or([16, 16]);
+        let size = Size { width, height };
+        let views: Vec<View> = views.iter().take(config.evaluate_views as usize).cloned().collect();
+        let truth =
+            views.iter().map(|view| subject.draw(view, size, config.target, progress)).collect::<Result<_>>()?;
+        Ok(HeldOut { config, defaults, progress, size, views, truth })
+    }
+
+    /// Mean masked PSNR of Gaussians, dB; `None` where no view has one.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Cancelled`].
+    pub fn masked_psnr(&self, mixture: &Mixture, vizmapper: Option<&VizMapper>) -> Result<Option<f64>> {
+        let Defaults { bounds, radius, opacity, .. } = *self.defaults;
+        let scene = match self.config.law {
+            Law::OpticalDepth => Scene::of_mixture(mixture, bounds),
+            Law::AlphaBlend => Scene::of_shaded(mixture, vizmapper, bounds, [radius, opacity]),
+        };
+        let mut scores = Vec::new();
+        for (view, truth) in self.views.iter().zip(&self.truth) {
+            let drawn = render::draw(&scene, view, self.size, self.config.target, self.progress)?;
+            scores.extend(masked_psnr(&drawn, truth));
+        }
+        Ok((!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64))
+    }
+}

@@ -1,0 +1,162 @@
+//! What a run says: messages for the user, JSON lines for its log.
+
+use super::learner::NotFinite;
+use particlegs_core::progress::Progress;
+use serde::Serialize;
+
+/// Steps over which the loss that is logged is averaged.
+const LOG_STEPS: u64 = 50;
+/// Steps with gradients that are not finite of which each is named; then every tenth, hundredth, ...
+const NAMED: u64 = 3;
+
+/// A line of the log.
+#[derive(Clone, Debug, Default, Serialize)]
+struct Line<'a> {
+    #[serde(skip_serializing_if = "str::is_empty")]
+    run: &'a str,
+    iteration: u64,
+    seconds: f64,
+    loss: Option<f64>,
+    held_out_masked_psnr: Option<f64>,
+    gaussians: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    not_finite: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    not_finite_steps: Option<u64>,
+}
+
+/// Where a run stands when it says something.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Standing {
+    /// Steps done.
+    pub iteration: u64,
+    /// Steps of the whole run.
+    pub iterations: u64,
+    /// Seconds of the command so far.
+    pub seconds: f64,
+    /// Gaussians.
+    pub gaussians: usize,
+}
+
+/// A run's messages and log.
+pub(crate) struct Journal<'a> {
+    progress: &'a dyn Progress,
+    /// Which of several runs of a command this is; empty = the only one.
+    run: &'a str,
+    /// Sum of the losses since the last line of the log.
+    pub loss_sum: f64,
+    /// Steps with gradients that were not finite.
+    pub faulty: u64,
+}
+
+impl<'a> Journal<'a> {
+    pub fn new(progress: &'a dyn Progress, run: &'a str) -> Self {
+        Journal { progress, run, loss_sum: 0.0, faulty: 0 }
+    }
+
+    /// After a step.
+    pub fn step(&mut self, loss: f64, not_finite: Option<NotFinite>, at: &Standing) {
+        self.loss_sum += loss;
+        if let Some(n) = not_finite {
+            self.fault(&n, at);
+        }
+        if at.iteration.is_multiple_of(LOG_STEPS) {
+            let loss = std::mem::take(&mut self.loss_sum) / LOG_STEPS as f64;
+            self.log(Line { loss: Some(loss), ..Line::default() }, at);
+        }
+    }
+
+    /// After an evaluation.
+    pub fn evaluation(&self, score: Option<f64>, at: &Standing) {
+        self.log(Line { held_out_masked_psnr: score, ..Line::default() }, at);
+        if let Some(s) = score {
+            let Standing { iteration, iterations, gaussians, .. } = at;
+            self.say(&format!(
+                "step {iteration} of {iterations}: {s:.3} dB masked PSNR on held-out views, {gaussians} Gaussians"
+            ));
+        }
+    }
+
+    /// When the time is up before the steps are done.
+    pub fn late(&self, at: &Standing) {
+        self.say(&format!("note: training ended by the time limit after {} of {} steps", at.iteration, at.iterations));
+    }
+
+    /// At the end.
+    pub fn end(&self) {
+        if self.faulty > NAMED {
+            self.say(&format!("warning: gradients were not finite in {} steps and were left out there", self.faulty));
+        }
+    }
+
+    /// Names the first gradients that are not finite; then says how many there are, ever more rarely.
+    fn fault(&mut self, n: &NotFinite, at: &Standing) {
+        self.faulty += 1;
+        if self.faulty > NAMED && !is_power_of_ten(self.faulty) {
+            return;
+        }
+        let more = if n.count > 1 { format!(" and {} more", n.count - 1) } else { String::new() };
+        let what = format!("{} of Gaussian {}{more}", n.group, n.gaussian);
+        let steps = if self.faulty > NAMED { format!(" (in {} steps so far)", self.faulty) } else { String::new() };
+        self.say(&format!("warning: step {}: gradient of {what} is not finite, left out{steps}", at.iteration));
+        let line = Line { not_finite: Some(what), not_finite_steps: Some(self.faulty), ..Line::default() };
+        self.log(line, at);
+    }
+
+    fn say(&self, text: &str) {
+        match self.run {
+            "" => self.progress.message(text),
+            run => self.progress.message(&format!("{run}: {text}")),
+        }
+    }
+
+    fn log(&self, line: Line<'_>, at: &Standing) {
+        let Standing { iteration, seconds, gaussians, .. } = *at;
+        if let Ok(text) = serde_json::to_string(&Line { run: self.run, iteration, seconds, gaussians, ..line }) {
+            self.progress.log(&text);
+        }
+    }
+}
+
+fn is_power_of_ten(n: u64) -> bool {
+    n == 10u64.saturating_pow(n.max(1).ilog10())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+
+    #[derive(Default)]
+    struct Heard(Mutex<[Vec<String>; 2]>);
+
+    impl Progress for Heard {
+        fn message(&self, text: &str) {
+            self.0.lock().unwrap()[0].push(text.into());
+        }
+        fn log(&self, line: &str) {
+            self.0.lock().unwrap()[1].push(line.into());
+        }
+    }
+
+    #[test]
+    fn ten_thousand_faulty_steps_are_a_few_lines() {
+        let heard = Heard::default();
+        let mut journal = Journal::new(&heard, "block 1");
+        let n = NotFinite { group: "position", gaussian: 7, count: 3 };
+        for iteration in 1..=10_000 {
+            let at = Standing { iteration, iterations: 10_000, seconds: 0.0, gaussians: 9 };
+            journal.step(f64::NAN, Some(n), &at);
+        }
+        journal.end();
+        let [messages, lines] = heard.0.into_inner().unwrap();
+        let expected =
+            "block 1: warning: step 1: gradient of position of Gaussian 7 and 2 more is not finite, left out";
+        assert_eq!(messages[0], expected);
+        assert_eq!(messages.len(), 3 + 4 + 1, "{messages:?}");
+        assert!(messages[7].contains("in 10000 steps"), "{messages:?}");
+        let faults: Vec<&String> = lines.iter().filter(|l| l.contains("not_finite\"")).collect();
+        assert_eq!((faults.len(), lines.len()), (7, 7 + 200));
+        assert!(faults[6].contains("\"not_finite_steps\":10000") && faults[6].contains("\"run\":\"block 1\""));
+    }
+}

@@ -1,0 +1,124 @@
+//! What a law must offer to be trained: steps, density control, a mixture, a state.
+
+use super::loss::Loss;
+use super::state::State;
+use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::model::{Mixture, VizMapper};
+use particlegs_core::picture::{Plane, Size};
+
+/// A picture to learn from.
+pub(crate) struct Shot<'a> {
+    /// Camera, radius and opacity.
+    pub view: &'a View,
+    /// Brightness wanted, in [0, 1]; its size is the crop's.
+    pub target: &'a Plane,
+    /// The part of the view's picture that the target shows.
+    pub crop: Crop,
+}
+
+/// A part of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Crop {
+    /// The whole picture.
+    pub full: Size,
+    /// Left column and top row of the part.
+    pub corner: [usize; 2],
+    /// The part.
+    pub size: Size,
+}
+
+impl Crop {
+    /// All of it.
+    pub fn whole(full: Size) -> Self {
+        Crop { full, corner: [0, 0], size: full }
+    }
+}
+
+/// Where in a run a step stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Moment {
+    /// Steps done before this one, over all stages.
+    pub iteration: u64,
+    /// Steps of the whole run.
+    pub iterations: u64,
+    /// Share of the run that is done, by steps or by time, whichever is more.
+    pub done: f64,
+    /// Density control of the stage.
+    pub densify: Densify,
+}
+
+/// When and where Gaussians are added.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Densify {
+    /// Iterations from one time to the next; 0 = never.
+    pub every: u64,
+    /// The iteration of the whole run after which none are added.
+    pub until: u64,
+    /// Mean gradient of the position on the picture (in units of half its size) above which a
+    /// Gaussian is cloned or split; alpha-blend alone.
+    pub threshold: f64,
+}
+
+/// What a step tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stepped {
+    /// Loss before the step.
+    pub loss: f64,
+    /// The first parameter whose gradient was not finite, if any: the Gaussian was left as it was.
+    pub not_finite: Option<NotFinite>,
+}
+
+/// A gradient that was not a number, and whose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct NotFinite {
+    /// Group of parameters, e.g. `position`.
+    pub group: &'static str,
+    /// The first Gaussian.
+    pub gaussian: usize,
+    /// How many.
+    pub count: usize,
+}
+
+/// The trainable Gaussians of one law.
+pub(crate) trait Learner {
+    /// Draws the shot, takes the loss, and moves all parameters a step down its gradient. Gaussians
+    /// with gradients that are not finite stay as they are, and are named.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
+    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &Moment) -> Result<Stepped>;
+
+    /// Density control due after the step at `at`.
+    fn control(&mut self, at: &Moment);
+
+    /// Number of Gaussians.
+    fn len(&self) -> usize;
+
+    /// The Gaussians in world units, and the network.
+    fn mixture(&self) -> (Mixture, Option<VizMapper>);
+
+    /// The Gaussians as the file will give them, where that is known.
+    ///
+    /// # Errors
+    /// Those of the coder, for numbers that are not finite.
+    fn shown(&self) -> Result<(Mixture, Option<VizMapper>)> {
+        Ok(self.mixture())
+    }
+
+    /// The precision, in nominal steps, at which these Gaussians were coded already: at no other are
+    /// they as good.
+    fn factor(&self) -> Option<f64> {
+        None
+    }
+
+    /// Everything that the next step depends on, exactly.
+    fn state(&self) -> State;
+
+    /// Goes on from a state.
+    ///
+    /// # Errors
+    /// A text, where columns are missing or of unequal length.
+    fn restore(&mut self, state: &State) -> std::result::Result<(), String>;
+}

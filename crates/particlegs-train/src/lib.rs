@@ -1,0 +1,36 @@
+//! Models trained on pictures.
+//!
+//! A learner (`learner`) holds the Gaussians of one law as parameters (`alpha`, `depth`), draws them,
+//! and moves them down the gradient of a [`Loss`]. [`Training::run`] gives it pictures (`cameras`, `targets`)
+//! stage by stage as a [`Config`] says, scores it on held-out views, and keeps its state (`state`) so
+//! that an interrupted run goes on to the same bits.
+
+mod adam;
+mod alpha;
+mod cameras;
+mod config;
+mod depth;
+mod dssim;
+mod fine_tune;
+mod held_out;
+mod journal;
+mod learner;
+mod loss;
+mod run;
+#[cfg(test)]
+mod run_tests;
+mod state;
+mod subject;
+mod targets;
+#[cfg(test)]
+mod targets_tests;
+
+pub use alpha::AlphaConfig;
+pub use cameras::Defaults;
+pub use config::{Cameras, Config, Preset, Stage, Start};
+pub use depth::{DepthConfig, Rates};
+pub(crate) use learner::Crop;
+pub use learner::Densify;
+pub use loss::{Loss, Norm};
+pub use run::{Initial, Limits, Trained, Training};
+pub use subject::Subject;

@@ -1,0 +1,417 @@
+//! A training run: stages of steps, evaluation on held-out views, checkpoints, a log.
+
+use super::alpha::{AlphaLearner, Ground};
+use super::cameras::{Defaults, Views};
+use super::config::{Config, Stage};
+use super::depth::{DepthGround, DepthLearner};
+use super::held_out::HeldOut;
+use super::journal::{Journal, Standing};
+use super::learner::{Crop, Learner, Moment, Shot};
+use super::state::State;
+use super::subject::Subject;
+use super::targets::Targets;
+use particlegs_core::camera::{Normalisation, View};
+use particlegs_core::math::Random;
+use particlegs_core::memory::require;
+use particlegs_core::model::{Law, Mixture, Model, VizMapper};
+use particlegs_core::picture::Size;
+use particlegs_core::pieces::Pieces;
+use particlegs_core::progress::Progress;
+use particlegs_core::{Error, Result};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// What a step's picture and its part are drawn with.
+const STEP: u32 = 0x7472_7374;
+/// The key of the run's state among the pieces.
+const KEY: &str = "train";
+/// How far a run goes, and where it may write.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// When the command began that the run is part of.
+    pub began: Instant,
+    /// Seconds of the command, the fit included, after which training ends; rates fall so that they
+    /// are at their end by then. `None` = no limit.
+    pub seconds: Option<f64>,
+    /// Folder of the scratch file of targets; `None` = the system's.
+    pub scratch: Option<PathBuf>,
+    /// Name of the run in messages and log, where a command has several; else empty.
+    pub run: String,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits { began: Instant::now(), seconds: None, scratch: None, run: String::new() }
+    }
+}
+
+impl Limits {
+    /// For the next of `runs` runs one after the other: an equal share of the time that is left.
+    pub fn share(&self, runs: usize) -> Limits {
+        let used = self.began.elapsed().as_secs_f64();
+        let seconds = self.seconds.map(|s| used + (s - used).max(0.0) / runs.max(1) as f64);
+        Limits { seconds, ..self.clone() }
+    }
+}
+
+/// A trained mixture.
+#[derive(Clone, Debug)]
+pub struct Trained {
+    /// The best by held-out score.
+    pub mixture: Mixture,
+    /// Its network, where the law has one.
+    pub vizmapper: Option<VizMapper>,
+    /// The precision that the mixture is to be coded at, in nominal steps, where it matters.
+    pub factor: Option<f64>,
+    /// Steps done.
+    pub iterations: u64,
+    /// Masked PSNR on held-out views before the first step and of the best, dB.
+    pub scores: [Option<f64>; 2],
+    /// Steps with gradients that were not finite, and left out.
+    pub not_finite: u64,
+    /// Did the caller stop it early? Its state is kept.
+    pub stopped: bool,
+}
+
+struct Run<'a> {
+    config: &'a Config,
+    limits: &'a Limits,
+    defaults: &'a Defaults,
+    progress: &'a dyn Progress,
+    learner: Box<dyn Learner + 'a>,
+    held_out: HeldOut<'a>,
+    views: Views,
+    journal: Journal<'a>,
+    /// Steps done.
+    iteration: u64,
+    /// The iteration after which the Gaussians were last scored.
+    evaluated: Option<u64>,
+    /// Seconds of the command in processes before this one, until the state was kept.
+    before: f64,
+    /// Seconds of the command at the first step.
+    first: f64,
+    best: Best,
+}
+
+#[derive(Clone, Default)]
+struct Best {
+    first: Option<f64>,
+    score: Option<f64>,
+    /// The learner's state then.
+    state: State,
+}
+
+/// The Gaussians that a run starts from.
+#[derive(Clone, Copy, Debug)]
+pub enum Initial<'a> {
+    /// Those of a fit.
+    Fit(&'a Mixture),
+    /// So many particles at random.
+    Particles(usize),
+    /// A model of the alpha-blend law.
+    Model(&'a Model),
+}
+
+impl Initial<'_> {
+    /// Their number.
+    pub fn len(&self) -> usize {
+        match self {
+            Initial::Fit(m) => m.len(),
+            Initial::Particles(n) => *n,
+            Initial::Model(m) => m.gaussians(),
+        }
+    }
+
+    /// None?
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What is to be learnt, and how: Gaussians that draw the pictures of `subject`.
+#[derive(Clone, Copy)]
+pub struct Training<'a> {
+    /// The particles and their pictures.
+    pub subject: &'a dyn Subject,
+    /// Hyper-parameters.
+    pub config: &'a Config,
+    /// How far the run goes, and where it may write.
+    pub limits: &'a Limits,
+    /// Bounds, and the radius and opacity of the default picture.
+    pub defaults: &'a Defaults,
+}
+
+impl<'a> Training<'a> {
+    /// Trains the Gaussians of `initial`.
+    ///
+    /// Pictures, steps and densities depend on the seed alone; a run that goes on from `pieces` ends with
+    /// the same bits as one that was never broken. When the caller stops it, the best so far is given and
+    /// the state kept.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a configuration out of range; [`Error::Memory`] where its pictures and
+    /// Gaussians do not fit; [`Error::Io`] of the scratch file; those of `pieces`.
+    pub fn run(&self, initial: Initial<'_>, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Trained> {
+        self.config.check()?;
+        require("training", bytes_wanted(self.config, initial.len()))?;
+        self.run_with(self.learner(initial)?, pieces, progress)
+    }
+
+    /// [`Training::run`] of any learner.
+    pub(super) fn run_with(
+        &self,
+        learner: Box<dyn Learner + 'a>,
+        pieces: &mut dyn Pieces,
+        progress: &'a dyn Progress,
+    ) -> Result<Trained> {
+        let Training { subject, config, limits, defaults } = *self;
+        let internal = config.stages.iter().any(|s| s.internal > 0.0);
+        let views = Views::new(&config.cameras, defaults, internal);
+        let held_out = HeldOut::draw(subject, &views.held_out, config, defaults, progress)?;
+        let mut run = Run {
+            config,
+            limits,
+            defaults,
+            progress,
+            learner,
+            held_out,
+            views,
+            journal: Journal::new(progress, &limits.run),
+            iteration: 0,
+            evaluated: None,
+            before: 0.0,
+            first: limits.began.elapsed().as_secs_f64(),
+            best: Best::default(),
+        };
+        match pieces.get(KEY).and_then(|b| State::of_bytes(&b)) {
+            Some(state) => run.restore(&state).map_err(|what| Error::argument(format!("the checkpoint: {what}")))?,
+            None => run.evaluate()?,
+        }
+        let stopped = match run.stages(subject, pieces) {
+            Err(Error::Cancelled) => true,
+            done => done.map(|()| false)?,
+        };
+        progress.end();
+        // Finished runs are kept as well: what comes after them may be interrupted too.
+        pieces.keep_now(KEY, run.state().to_bytes())?;
+        run.journal.end();
+        run.finish(stopped)
+    }
+
+    /// The learner of the law, at its start.
+    fn learner(&self, initial: Initial<'_>) -> Result<Box<dyn Learner>> {
+        let Training { subject, config, defaults, .. } = *self;
+        let (bounds, particles) = (defaults.bounds, subject.len() as u64);
+        let ground = Ground {
+            frame: Normalisation::of(&bounds),
+            radius: defaults.radius,
+            opacity: defaults.opacity,
+            particles,
+            seed: defaults.seed,
+        };
+        let random = |n| AlphaLearner::from_particles(subject, n, ground, config.alpha_blend);
+        let depth_ground = DepthGround { bounds, particles, look: config.target, bytes: defaults.bytes };
+        let depth = |m: &Mixture| DepthLearner::new(m, depth_ground, config.optical_depth);
+        Ok(match (config.law, initial) {
+            (Law::OpticalDepth, Initial::Fit(m)) => Box::new(depth(m)),
+            (Law::OpticalDepth, Initial::Particles(n)) => {
+                Box::new(depth(&Mixture { shade: None, ..random(n)?.mixture().0 }))
+            }
+            (Law::OpticalDepth, Initial::Model(_)) => {
+                return Err(Error::argument("models of the optical-depth law are trained by `compress --train`"));
+            }
+            (Law::AlphaBlend, Initial::Fit(m)) => Box::new(AlphaLearner::from_mixture(m, ground, config.alpha_blend)?),
+            (Law::AlphaBlend, Initial::Particles(n)) => Box::new(random(n)?),
+            (Law::AlphaBlend, Initial::Model(m)) => Box::new(AlphaLearner::from_model(m, ground, config.alpha_blend)?),
+        })
+    }
+}
+
+/// Memory that a run takes: of its largest pictures, of the pictures that the renderer of targets
+/// draws, and of the Gaussians that it begins with. As measured, and rounded up.
+pub(super) fn bytes_wanted(config: &Config, gaussians: usize) -> u64 {
+    const A_PIXEL: u64 = 32;
+    const A_TARGETS_PIXEL: u64 = 8;
+    const A_GAUSSIAN: u64 = 2000;
+    let of_stage = |s: &Stage| {
+        let pixels = (s.size[0] * s.size[1]) as u64;
+        pixels * (A_PIXEL + A_TARGETS_PIXEL * (s.oversample * s.oversample) as u64)
+    };
+    config.stages.iter().map(of_stage).max().unwrap_or(0) + A_GAUSSIAN * gaussians as u64
+}
+
+impl Run<'_> {
+    /// All stages, as far as the time goes.
+    fn stages(&mut self, subject: &dyn Subject, pieces: &mut dyn Pieces) -> Result<()> {
+        self.progress.begin("training", self.config.iterations());
+        self.progress.advance(self.iteration);
+        let folder = self.limits.scratch.clone().unwrap_or_else(std::env::temp_dir);
+        let mut saved = Instant::now();
+        let mut end = 0;
+        // A run may have been stopped between a step and what is due after it.
+        self.evaluate_if_due()?;
+        for stage in &self.config.stages {
+            end += stage.iterations;
+            if self.iteration >= end {
+                continue;
+            }
+            let mut targets = Targets::new(subject, self.config.target, stage, &folder, self.config.cache_bytes);
+            while self.iteration < end {
+                self.progress.check()?;
+                if self.is_late() {
+                    self.journal.late(&self.standing());
+                    return self.evaluate();
+                }
+                self.step(stage, &mut targets)?;
+                self.evaluate_if_due()?;
+                if saved.elapsed().as_secs_f64() >= self.config.checkpoint_seconds {
+                    pieces.keep_now(KEY, self.state().to_bytes())?;
+                    saved = Instant::now();
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Seconds of the command.
+    fn seconds(&self) -> f64 {
+        self.before + self.limits.began.elapsed().as_secs_f64()
+    }
+
+    fn is_late(&self) -> bool {
+        self.limits.seconds.is_some_and(|s| self.seconds() >= s)
+    }
+
+    /// Share of the time for training that is over.
+    fn share_of_time(&self) -> f64 {
+        let share = |s: f64| (self.seconds() - self.first) / (s - self.first).max(f64::MIN_POSITIVE);
+        self.limits.seconds.map_or(0.0, share)
+    }
+
+    fn standing(&self) -> Standing {
+        Standing {
+            iteration: self.iteration,
+            iterations: self.config.iterations(),
+            seconds: self.seconds(),
+            gaussians: self.learner.len(),
+        }
+    }
+
+    /// One step.
+    fn step(&mut self, stage: &Stage, targets: &mut Targets<'_>) -> Result<()> {
+        let (key, view, crop) = self.choose(stage);
+        let target = targets.get(key, &view, &crop, self.progress)?;
+        let total = self.config.iterations();
+        let at = Moment {
+            iteration: self.iteration,
+            iterations: total,
+            done: (self.iteration as f64 / total as f64).max(self.share_of_time()).min(1.0),
+            densify: stage.densify,
+        };
+        let shot = Shot { view: &view, target: &target, crop };
+        let stepped = self.learner.step(&shot, &self.config.loss, &at)?;
+        self.learner.control(&at);
+        self.iteration += 1;
+        self.progress.advance(1);
+        let standing = self.standing();
+        self.journal.step(stepped.loss, stepped.not_finite, &standing);
+        Ok(())
+    }
+
+    /// The view of the next step, its number among the targets, and the part that is seen.
+    fn choose(&self, stage: &Stage) -> (u64, View, Crop) {
+        let mut draw = Random::new(self.defaults.seed, STEP, self.iteration);
+        let mut below = |n: usize| ((draw.uniform() * n as f64) as usize).min(n.saturating_sub(1));
+        let inside = (below(1 << 20) as f64) < stage.internal * f64::from(1 << 20) && !self.views.internal.is_empty();
+        let views = if inside { &self.views.internal } else { &self.views.training };
+        let i = below(views.len());
+        let key = if inside { self.views.training.len() + i } else { i };
+        let full = Size { width: stage.size[0], height: stage.size[1] };
+        let crop = match stage.crop {
+            [0, 0] => Crop::whole(full),
+            [width, height] => Crop {
+                full,
+                corner: [below(full.width - width + 1), below(full.height - height + 1)],
+                size: Size { width, height },
+            },
+        };
+        (key as u64, views[i].clone(), crop)
+    }
+
+    /// Scores the Gaussians where that is due and not done.
+    fn evaluate_if_due(&mut self) -> Result<()> {
+        let due =
+            self.iteration.is_multiple_of(self.config.evaluate_every) || self.iteration == self.config.iterations();
+        if due { self.evaluate() } else { Ok(()) }
+    }
+
+    /// Scores the Gaussians on the held-out views, unless they are scored already, and keeps the best.
+    fn evaluate(&mut self) -> Result<()> {
+        if self.evaluated == Some(self.iteration) {
+            return Ok(());
+        }
+        let (mixture, vizmapper) = self.learner.shown()?;
+        let score = self.held_out.masked_psnr(&mixture, vizmapper.as_ref())?;
+        if self.iteration == 0 {
+            self.best.first = score;
+        }
+        if self.iteration == 0 || score > self.best.score {
+            self.best = Best { first: self.best.first, score, state: self.learner.state() };
+        }
+        self.evaluated = Some(self.iteration);
+        self.journal.evaluation(score, &self.standing());
+        Ok(())
+    }
+
+    /// The best Gaussians.
+    fn finish(mut self, stopped: bool) -> Result<Trained> {
+        let fail = |what| Error::argument(format!("the best state: {what}"));
+        self.learner.restore(&self.best.state).map_err(fail)?;
+        // As they are: those that were decoded on the way would be rounded twice.
+        let (mixture, vizmapper) = self.learner.mixture();
+        let scores = [self.best.first, self.best.score];
+        let not_finite = self.journal.faulty;
+        let factor = self.learner.factor();
+        Ok(Trained { mixture, vizmapper, factor, iterations: self.iteration, scores, not_finite, stopped })
+    }
+
+    /// The learner's state, the best one, and where the run stands.
+    fn state(&self) -> State {
+        let mut all = State::default();
+        for (prefix, state) in [("now", &self.learner.state()), ("best", &self.best.state)] {
+            all.columns.extend(state.columns.iter().map(|(n, c)| (format!("{prefix}/{n}"), c.clone())));
+            all.numbers.extend(state.numbers.iter().map(|(n, c)| (format!("{prefix}/{n}"), c.clone())));
+        }
+        let score = |s: Option<f64>| s.unwrap_or(f64::NAN);
+        let run = vec![
+            self.iteration as f64,
+            self.evaluated.map_or(f64::NAN, |i| i as f64),
+            self.seconds(),
+            self.first,
+            self.journal.loss_sum,
+            self.journal.faulty as f64,
+            score(self.best.first),
+            score(self.best.score),
+        ];
+        all.numbers.insert("run".into(), run);
+        all
+    }
+
+    fn restore(&mut self, state: &State) -> std::result::Result<(), String> {
+        let part = |prefix: &str| {
+            let own = |n: &String| n.strip_prefix(prefix).and_then(|n| n.strip_prefix('/')).map(String::from);
+            State {
+                columns: state.columns.iter().filter_map(|(n, c)| Some((own(n)?, c.clone()))).collect(),
+                numbers: state.numbers.iter().filter_map(|(n, c)| Some((own(n)?, c.clone()))).collect(),
+            }
+        };
+        let run = state.doubles("run", 8)?;
+        let some = |v: f64| (!v.is_nan()).then_some(v);
+        self.iteration = run[0] as u64;
+        self.evaluated = some(run[1]).map(|i| i as u64);
+        (self.before, self.first) = (run[2], run[3]);
+        (self.journal.loss_sum, self.journal.faulty) = (run[4], run[5] as u64);
+        self.best = Best { first: some(run[6]), score: some(run[7]), state: part("best") };
+        self.learner.restore(&part("now"))
+    }
+}

@@ -1,0 +1,168 @@
+//! Runs broken at any moment end as unbroken ones; faults and limits are survived.
+
+use super::learner::{Learner, Moment, NotFinite, Shot, Stepped};
+use super::loss::Loss;
+use super::run::bytes_wanted;
+use super::state::State;
+use super::targets_tests::{Cloud, cloud, defaults};
+use super::{Cameras, Config, Initial, Limits, Preset, Stage, Trained, Training};
+use particlegs::fit::{self, Effort, FitOptions};
+use particlegs::particles::Particles;
+use particlegs::reference::Reference;
+use particlegs_core::model::{Law, Mixture, VizMapper};
+use particlegs_core::pieces::{NoPieces, Pieces};
+use particlegs_core::progress::{Progress, Silent};
+use particlegs_core::{Error, Result};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+fn config(law: Law, iterations: u64) -> Config {
+    let plain = Config::preset(Preset::Fast, law);
+    let stage = Stage { iterations, size: [48, 32], crop: [32, 16], internal: 0.3, ..plain.stages[0] };
+    Config {
+        stages: vec![stage, Stage { iterations: 2, crop: [0, 0], oversample: 2, ..stage }],
+        cameras: Cameras { frames: 8, ..plain.cameras.clone() },
+        evaluate_every: 3,
+        evaluate_views: 2,
+        checkpoint_seconds: 0.0,
+        ..plain
+    }
+}
+
+fn fitted(particles: &Particles) -> Mixture {
+    let options = FitOptions { gaussians: 20, effort: Effort::Fast, radius: 0.1, pixel: 0.1, seed: 1, share: 1.0 };
+    fit::fit_in_pieces(particles, &options, &mut NoPieces, &Silent).unwrap()
+}
+
+/// Pieces in memory.
+#[derive(Default)]
+struct Kept(BTreeMap<String, Vec<u8>>);
+
+impl Pieces for Kept {
+    fn get(&self, key: &str) -> Option<Vec<u8>> {
+        self.0.get(key).cloned()
+    }
+    fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        self.0.insert(key.into(), bytes);
+        Ok(())
+    }
+}
+
+/// Asks to stop from the n-th question on.
+struct After(AtomicU64);
+
+impl Progress for After {
+    fn cancelled(&self) -> bool {
+        self.0.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |n| Some(n.saturating_sub(1))) == Ok(0)
+    }
+}
+
+#[test]
+fn memory_is_that_of_the_largest_pictures() {
+    let small = Config::preset(Preset::Fast, Law::OpticalDepth);
+    let stage = Stage { size: [16_384, 16_384], oversample: 8, ..small.stages[0] };
+    let large = Config { stages: [&small.stages[..], &[stage]].concat(), ..small.clone() };
+    let [small, large] = [small, large].map(|c| bytes_wanted(&c, 1000));
+    assert!(small < 100 << 20 && large > 128 << 30, "{small} and {large} bytes");
+}
+
+#[test]
+fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
+    let particles = cloud(2000);
+    let (of, start) = (defaults(&particles), fitted(&particles));
+    let subject = Cloud(Reference::with_bounds(&particles, of.bounds));
+    for law in [Law::OpticalDepth, Law::AlphaBlend] {
+        let config = config(law, 8);
+        let run = |pieces: &mut dyn Pieces, progress: &dyn Progress| -> Result<Trained> {
+            let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
+            training.run(Initial::Fit(&start), pieces, progress)
+        };
+        let whole = run(&mut NoPieces, &Silent).unwrap();
+        assert_eq!((whole.iterations, whole.stopped), (10, false));
+        // Every process is stopped a few questions after it has gone on.
+        for stride in [9, 14, 31] {
+            let mut kept = Kept::default();
+            let mut processes = 0;
+            let broken = loop {
+                processes += 1;
+                assert!(processes < 400, "no progress");
+                match run(&mut kept, &After(AtomicU64::new(stride + processes / 4))) {
+                    Err(Error::Cancelled) => {}
+                    Ok(t) if t.stopped => {}
+                    done => break done.unwrap(),
+                }
+            };
+            assert!(processes > 1, "never stopped");
+            assert_eq!((&broken.mixture, &broken.vizmapper), (&whole.mixture, &whole.vizmapper), "{law:?} {stride}");
+            assert_eq!((broken.scores, broken.iterations), (whole.scores, whole.iterations));
+            // A finished run is not done again.
+            assert_eq!(run(&mut kept, &Silent).unwrap().mixture, whole.mixture);
+        }
+    }
+}
+
+/// Never has a finite gradient.
+struct Faulty(Mixture, f64);
+
+impl Learner for Faulty {
+    fn step(&mut self, _: &Shot<'_>, _: &Loss, _: &Moment) -> Result<Stepped> {
+        self.1 += 1.0;
+        let not_finite = Some(NotFinite { group: "position", gaussian: 4, count: 1 });
+        Ok(Stepped { loss: f64::NAN, not_finite })
+    }
+    fn control(&mut self, _: &Moment) {}
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+    fn mixture(&self) -> (Mixture, Option<VizMapper>) {
+        (self.0.clone(), None)
+    }
+    fn state(&self) -> State {
+        let mut state = State::default();
+        state.numbers.insert("steps".into(), vec![self.1]);
+        state
+    }
+    fn restore(&mut self, state: &State) -> std::result::Result<(), String> {
+        self.1 = state.doubles("steps", 1)?[0];
+        Ok(())
+    }
+}
+
+#[test]
+fn faults_in_every_step_and_a_time_that_is_up_are_survived() {
+    let particles = cloud(500);
+    let of = defaults(&particles);
+    let subject = Cloud(Reference::with_bounds(&particles, of.bounds));
+    let config = config(Law::OpticalDepth, 30);
+    let run = |limits: &Limits| {
+        let learner = Box::new(Faulty(fitted(&particles), 0.0));
+        let training = Training { subject: &subject, config: &config, limits, defaults: &of };
+        training.run_with(learner, &mut NoPieces, &Silent).unwrap()
+    };
+    let done = run(&Limits::default());
+    assert_eq!((done.iterations, done.not_finite, done.mixture.len()), (32, 32, 20));
+    let late = run(&Limits { seconds: Some(0.0), ..Limits::default() });
+    assert_eq!((late.iterations, late.stopped), (0, false));
+    assert!(late.scores[1].is_some(), "the start is scored");
+}
+
+#[test]
+fn states_of_other_runs_are_refused() {
+    let particles = cloud(500);
+    let (of, start) = (defaults(&particles), fitted(&particles));
+    let subject = Cloud(Reference::with_bounds(&particles, of.bounds));
+    let mut kept = Kept::default();
+    kept.keep("train", State::default().to_bytes()).unwrap();
+    let config = config(Law::OpticalDepth, 4);
+    let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
+    let error = training.run(Initial::Fit(&start), &mut kept, &Silent).unwrap_err();
+    assert!(error.to_string().contains("the checkpoint: no column `run`"), "{error}");
+}
+
+#[test]
+fn runs_share_the_time_that_is_left() {
+    let limits = Limits { seconds: Some(300.0), ..Limits::default() };
+    let share = |runs| limits.share(runs).seconds.unwrap();
+    assert!((share(1) - 300.0).abs() < 1.0 && (share(3) - 100.0).abs() < 1.0);
+    assert_eq!(Limits::default().share(3).seconds, None);
+}

@@ -1,0 +1,138 @@
+//! The pictures to learn from: drawn from all particles when they are first asked for, kept on disk
+//! within a limit.
+
+use super::config::Stage;
+use super::learner::Crop;
+use super::subject::Subject;
+use particlegs_core::camera::View;
+use particlegs_core::picture::{Plane, Size};
+use particlegs_core::progress::Progress;
+use particlegs_core::splat::Look;
+use particlegs_core::{Error, Result};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Pixels in one step of parallel work.
+const RUN: usize = 1 << 14;
+/// Levels of a kept pixel.
+const LEVELS: f32 = 65_535.0;
+
+/// Targets of one stage.
+pub(crate) struct Targets<'a> {
+    subject: &'a dyn Subject,
+    look: Look,
+    size: Size,
+    oversample: usize,
+    folder: PathBuf,
+    /// A file without a name, gone with the process; `None` before the first target.
+    file: Option<File>,
+    /// Where in the file each target lies, in targets.
+    places: HashMap<u64, u64>,
+    /// Targets that the file may hold.
+    most: u64,
+}
+
+impl<'a> Targets<'a> {
+    /// For a stage; at most `bytes` are kept in a scratch file in `folder`.
+    pub fn new(subject: &'a dyn Subject, look: Look, stage: &Stage, folder: &Path, bytes: u64) -> Self {
+        let size = Size { width: stage.size[0], height: stage.size[1] };
+        Targets {
+            subject,
+            look,
+            size,
+            oversample: stage.oversample,
+            folder: folder.to_path_buf(),
+            file: None,
+            places: HashMap::new(),
+            most: bytes / (2 * size.pixels() as u64).max(1),
+        }
+    }
+
+    /// Brightness in [0, 1] of a part of the picture of `view`, whose number is `key`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] of the scratch file; those of the reference renderer.
+    pub fn get(&mut self, key: u64, view: &View, crop: &Crop, progress: &dyn Progress) -> Result<Plane> {
+        if let Some(&place) = self.places.get(&key) {
+            return self.read(place, crop);
+        }
+        let levels = self.draw(view, progress)?;
+        let place = self.places.len() as u64;
+        if place < self.most {
+            self.write(place, &levels)?;
+            self.places.insert(key, place);
+        }
+        let from = crop.corner[1] * self.size.width;
+        Ok(part(crop, self.size.width, &levels[from..]))
+    }
+
+    /// The whole picture, from `oversample` times as many pixels along either side.
+    fn draw(&self, view: &View, progress: &dyn Progress) -> Result<Vec<u16>> {
+        let k = self.oversample;
+        let large = Size { width: self.size.width * k, height: self.size.height * k };
+        if self.look != Look::Expected {
+            let picture = self.subject.draw(view, large, self.look, progress)?;
+            return Ok(averaged(self.size, k, |i| f32::from(picture.data[i]) / 255.0));
+        }
+        let tau = self.subject.optical_depth(view, large, progress)?;
+        Ok(averaged(self.size, k, |i| -(-tau.data[i]).exp_m1()))
+    }
+
+    fn write(&mut self, place: u64, levels: &[u16]) -> Result<()> {
+        let mut bytes = vec![0u8; 2 * levels.len()];
+        bytes.par_chunks_mut(2 * RUN).zip(levels.par_chunks(RUN)).for_each(|(bytes, levels)| {
+            bytes.chunks_exact_mut(2).zip(levels).for_each(|(b, l)| b.copy_from_slice(&l.to_le_bytes()));
+        });
+        let fail = |e| Error::io(&self.folder, e);
+        if self.file.is_none() {
+            self.file = Some(tempfile::tempfile_in(&self.folder).map_err(fail)?);
+        }
+        let Some(file) = &mut self.file else { return Ok(()) };
+        file.seek(SeekFrom::Start(place * bytes.len() as u64)).and_then(|_| file.write_all(&bytes)).map_err(fail)
+    }
+
+    fn read(&mut self, place: u64, crop: &Crop) -> Result<Plane> {
+        let fail = |e| Error::io(&self.folder, e);
+        let Some(file) = &mut self.file else {
+            return Err(Error::input(
+                &self.folder,
+                "the scratch file of the training pictures has disappeared".to_string(),
+            ));
+        };
+        let first = place * self.size.pixels() as u64 + (crop.corner[1] * self.size.width) as u64;
+        let mut bytes = vec![0u8; 2 * self.size.width * crop.size.height];
+        file.seek(SeekFrom::Start(2 * first)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
+        let mut levels = vec![0u16; bytes.len() / 2];
+        levels.par_chunks_mut(RUN).zip(bytes.par_chunks(2 * RUN)).for_each(|(levels, bytes)| {
+            levels.iter_mut().zip(bytes.chunks_exact(2)).for_each(|(l, b)| *l = u16::from_le_bytes([b[0], b[1]]));
+        });
+        Ok(part(crop, self.size.width, &levels))
+    }
+}
+
+/// Brightness of a part, from the rows of a picture of that width that begin where the part does.
+fn part(crop: &Crop, width: usize, levels: &[u16]) -> Plane {
+    let mut plane = Plane::zeros(crop.size);
+    plane.data.par_chunks_mut(crop.size.width).zip(levels.par_chunks(width)).for_each(|(out, row)| {
+        let row = &row[crop.corner[0]..];
+        out.iter_mut().zip(row).for_each(|(o, &l)| *o = f32::from(l) * (1.0 / LEVELS));
+    });
+    plane
+}
+
+/// Levels of means of squares of `k` times `k` pixels of a picture that is `k` times as large.
+fn averaged(size: Size, k: usize, at: impl Fn(usize) -> f32 + Sync) -> Vec<u16> {
+    let wide = size.width * k;
+    let mut out = vec![0u16; size.pixels()];
+    out.par_chunks_mut(size.width).enumerate().for_each(|(y, out)| {
+        for (x, o) in out.iter_mut().enumerate() {
+            let first = y * k * wide + x * k;
+            let sum: f32 = (0..k * k).map(|q| at(first + q / k * wide + q % k)).sum();
+            *o = (sum / (k * k) as f32 * LEVELS + 0.5) as u16;
+        }
+    });
+    out
+}
