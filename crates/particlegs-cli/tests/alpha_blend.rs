@@ -7,7 +7,7 @@ use common::{fails, listing, particlegs, sample};
 use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
 use particlegs::model::{
-    Block, Law, Layer, Metadata, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
+    Block, Law, Layer, Mass, Metadata, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
 };
 use particlegs::particles::{Bounds, Particles, open_raw, source_hash};
 use serde_json::Value;
@@ -61,7 +61,7 @@ fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: Law) -> Model 
     let block = Block { bounds, count, mass: count as f64, gaussians };
     Model {
         metadata,
-        layers: vec![Layer { name: "particles".into(), particle_mass: None, blocks: vec![block] }],
+        layers: vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: vec![block] }],
         vizmapper: (law == Law::AlphaBlend).then_some(network),
         certificate: None,
     }
@@ -237,7 +237,7 @@ fn splats_are_written_as_published() {
     convert(&out, &points, &["--quiet"]).assert().success();
     let (model, points) = (decode(&path), open_raw(&[points]).unwrap());
     let frame = particlegs::camera::Normalisation::of(&model.metadata.bounds);
-    let g = &model.layers[0].blocks[0].gaussians;
+    let g = &model.layers[0].content[0].gaussians;
     for i in 0..64 {
         let p = points.position(i);
         assert!((0..3).all(|k| (p[k] / frame.scale + frame.center[k] - g.mean[k][i]).abs() < 1e-4));

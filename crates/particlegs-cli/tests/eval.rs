@@ -3,7 +3,7 @@
 use assert_cmd::Command;
 use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
-use particlegs::model::{Block, Law, Layer, Metadata, Mixture, Model};
+use particlegs::model::{Block, Law, Layer, Mass, Metadata, Mixture, Model};
 use particlegs::particles::{Particles, open_raw};
 use std::path::{Path, PathBuf};
 
@@ -45,7 +45,7 @@ fn tiny(particles: &Particles) -> Model {
     let block = Block { bounds, count, mass: count as f64, gaussians };
     Model {
         metadata,
-        layers: vec![Layer { name: "all".into(), particle_mass: None, blocks: vec![block] }],
+        layers: vec![Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] }],
         vizmapper: None,
         certificate: None,
     }

@@ -6,7 +6,7 @@ mod common;
 use common::particlegs;
 use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
-use particlegs::model::{Block, Law, Layer, Metadata, Mixture, Model};
+use particlegs::model::{Block, Law, Layer, Mass, Metadata, Mixture, Model};
 use particlegs::particles::Bounds;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -37,7 +37,7 @@ fn equal_gaussians(n: usize, path: &Path) {
         tool_version: "0".into(),
     };
     let blocks = vec![Block { bounds, count, mass, gaussians }];
-    let layers = vec![Layer { name: "particles".into(), particle_mass: None, blocks }];
+    let layers = vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: blocks }];
     let model = Model { metadata, layers, vizmapper: None, certificate: None };
     let bytes = codec::encode(&model, &Precision::BALANCED).unwrap();
     std::fs::write(path, bytes).unwrap();

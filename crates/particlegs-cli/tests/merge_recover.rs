@@ -49,7 +49,7 @@ fn merging_is_exact_whatever_the_order() {
     let part = |path: &PathBuf| {
         let model = decode(path);
         // The same clipping range for all.
-        let scene = Scene::of_mixture(&model.layers[0].blocks[0].gaussians, m.bounds);
+        let scene = Scene::of_mixture(&model.layers[0].content[0].gaussians, m.bounds);
         optical_depth(&scene, &view, size, &Silent).unwrap()
     };
     let parts = [&a, &b, &c].map(part);

@@ -75,8 +75,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut out = BufWriter::new(std::io::stdout().lock());
     head(&model, &mut out)?;
     for layer in &model.layers {
-        writeln!(out, "layer {} {}", layer.name, layer.blocks.len())?;
-        layer.blocks.iter().try_for_each(|b| block(b, &mut out))?;
+        writeln!(out, "layer {} {}", layer.name, layer.content.len())?;
+        layer.content.iter().try_for_each(|b| block(b, &mut out))?;
     }
     Ok(out.flush()?)
 }

@@ -5,9 +5,9 @@ mod common;
 
 use common::{block, certificate, metadata, mixture, partner, reseal, science};
 use particlegs::Error;
-use particlegs::codec::{self, CodedLayer, Encoder, LayerHead, Merge, Precision, VIZMAPPER_SECTION_BYTES};
+use particlegs::codec::{self, CodedLayer, Encoder, Merge, Precision, VIZMAPPER_SECTION_BYTES};
 use particlegs::math::Random;
-use particlegs::model::{Block, Law, Layer, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges};
+use particlegs::model::{Block, Law, Layer, Mass, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges};
 use proptest::prelude::*;
 
 /// A mixture with opacities over two decades, some near 1, and grey levels about 1, some 0.
@@ -34,7 +34,7 @@ fn network(seed: u64) -> VizMapper {
 fn model(blocks: Vec<Block>, network: Option<VizMapper>, certified: bool) -> Model {
     let mut metadata = metadata(&blocks);
     metadata.law = Law::AlphaBlend;
-    let layers = vec![Layer { name: "dm".into(), particle_mass: Some(5.1e9), blocks }];
+    let layers = vec![Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: blocks }];
     Model { metadata, layers, vizmapper: network, certificate: certified.then(certificate) }
 }
 
@@ -78,9 +78,9 @@ fn a_file_comes_back() {
     let largest = a.parameters.iter().fold(0.0f32, |m, p| m.max(p.abs()));
     assert!(a.parameters.iter().zip(&b.parameters).all(|(x, y)| (x - y).abs() <= 0.51 * largest / 127.0));
     let info = codec::read_info(&bytes, "m.pgs").unwrap();
-    assert_eq!((info.vizmapper.as_ref(), info.layers[0].weighted), (Some(b), false));
-    let coded: usize = info.layers[0].blocks.iter().map(|b| b.bytes as usize).sum();
-    let head = LayerHead { name: "dm", particle_mass: Some(5.1e9), weighted: false, blocks: 2 };
+    assert_eq!((info.vizmapper.as_ref(), info.layers[0].mass.is_weighted()), (Some(b), false));
+    let coded: usize = info.layers[0].content.iter().map(|b| b.bytes as usize).sum();
+    let head = Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: 2 };
     let beside = codec::size_without_blocks(&m.metadata, true, &[head]) + VIZMAPPER_SECTION_BYTES;
     // This certificate has no trivial references: their section, head and content, is left out.
     assert_eq!(beside + coded, bytes.len() + 16 + 76);
@@ -300,7 +300,7 @@ fn law_blocks_version_and_network_agree() {
     let alpha = encoded(&small());
     let alone = encoded(&Model { vizmapper: None, ..small() });
     let mut m = small();
-    (m.metadata.law, m.vizmapper, m.layers[0].blocks[0].gaussians.shade) = (Law::OpticalDepth, None, None);
+    (m.metadata.law, m.vizmapper, m.layers[0].content[0].gaussians.shade) = (Law::OpticalDepth, None, None);
     let depth = encoded(&m);
     assert_eq!(depth[9], 2, "files of law 1 keep their version");
     // The law says one thing, the blocks another.
@@ -362,13 +362,13 @@ fn merged_files_take_the_network_of_the_first_block() {
     assert_eq!(model.vizmapper, of(a));
     // Shades are copied, not coded anew.
     let first = codec::decode(a, "a").unwrap();
-    assert_eq!(model.layers[0].blocks[0].gaussians, first.layers[0].blocks[0].gaussians);
+    assert_eq!(model.layers[0].content[0].gaussians, first.layers[0].content[0].gaussians);
     // A part without a network that holds the first block leaves none.
     let bare = encoded(&Model { vizmapper: None, ..part(0) });
     assert_eq!(of(&merge(&[b, &bare]).unwrap()), None);
     // Laws do not mix.
     let mut other = part(5);
-    (other.metadata.law, other.vizmapper, other.layers[0].blocks[0].gaussians.shade) = (Law::OpticalDepth, None, None);
+    (other.metadata.law, other.vizmapper, other.layers[0].content[0].gaussians.shade) = (Law::OpticalDepth, None, None);
     let error = merge(&[a, &encoded(&other)]).unwrap_err().to_string();
     assert!(error.contains("its image law is optical-depth, that of part 0 is alpha-blend"), "{error}");
 }
@@ -406,7 +406,7 @@ fn files_of_every_version_stay_readable() {
 
 /// Bit-exact: shortest decimals that come back.
 fn table(m: &Model) -> String {
-    let g = &m.layers[0].blocks[0].gaussians;
+    let g = &m.layers[0].content[0].gaussians;
     let shade = g.shade.as_ref().unwrap();
     let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count, &shade.opacity, &shade.grey]).collect();
     let network = &m.vizmapper.as_ref().unwrap().parameters;

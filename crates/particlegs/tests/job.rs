@@ -4,7 +4,8 @@ use particlegs::Error;
 use particlegs::compress::{Options, Target};
 use particlegs::fit::Effort;
 use particlegs::job::{Done, Job, Source, Task, plan};
-use particlegs::particles::{Layered, ParticleLayer, Particles, Room, open_raw};
+use particlegs::model::{Layer, Mass};
+use particlegs::particles::{Layered, Particles, Room, open_raw};
 use particlegs::progress::{Progress, Silent};
 use particlegs::train::Limits;
 use std::path::Path;
@@ -22,8 +23,9 @@ impl Progress for StopsAt {
 /// The sample as two layers: a fit each, so that one may be finished while the other is not.
 fn sample() -> Particles {
     let mut particles = open_raw(&[Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")]).unwrap();
-    let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: false };
-    particles.kinds = vec![kind("first", 0..130_000), kind("second", 130_000..particles.len())];
+    let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
+    let n = particles.len();
+    particles = particles.with_layers(vec![layer("first", 0..130_000), layer("second", 130_000..n)]);
     particles
 }
 

@@ -75,7 +75,7 @@ fn counts_and_masses_are_conserved() {
         assert!(m.mass.is_none() && m.len() <= 800);
         check(m.count.iter().sum(), n as f64);
     }
-    p.weights = Some(Column::owned((0..n).map(|i| 0.5 + (i % 7) as f32).collect()));
+    p = p.with_weights(Column::owned((0..n).map(|i| 0.5 + (i % 7) as f32).collect()));
     for rate in [1e9, 100.0] {
         let m = refined(&p, 800, 2, rate);
         check(m.count.iter().sum(), n as f64);

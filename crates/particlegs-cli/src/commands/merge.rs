@@ -82,7 +82,7 @@ pub fn run(a: Arguments) -> Result<()> {
         };
         context.message(&format!("note: {network}, as published; it was trained on that part alone"));
     }
-    let blocks = || info.layers.iter().flat_map(|l| &l.blocks);
+    let blocks = || info.layers.iter().flat_map(|l| &l.content);
     let report = Report {
         parts,
         layers: info.layers.len(),

@@ -1,6 +1,6 @@
 //! A mixture of Gaussians that carry counts and masses.
 
-use super::{Certificate, Metadata, Shade, VizMapper};
+use super::{Certificate, Layer, Mass, Metadata, Shade, VizMapper};
 use crate::math::Sym3;
 use crate::space::Bounds;
 
@@ -93,57 +93,36 @@ pub struct Block {
     pub gaussians: Mixture,
 }
 
-/// A species or mass class.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
-    /// Name, e.g. `dm`.
-    pub name: String,
-    /// Mass of a particle of weight 1, in the unit of mass; `None` = not known.
-    pub particle_mass: Option<f64>,
-    /// Independently coded blocks, in canonical order.
-    pub blocks: Vec<Block>,
-}
-
 /// A model file's whole content.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     /// What is known about the snapshot and the fit.
     pub metadata: Metadata,
     /// Layers, at least one.
-    pub layers: Vec<Layer>,
+    pub layers: Vec<Layer<Vec<Block>>>,
     /// The network of the alpha-blend law; `None` = another law, or trained without one.
     pub vizmapper: Option<VizMapper>,
     /// What was measured after decoding.
     pub certificate: Option<Certificate>,
 }
 
-impl Layer {
-    /// Do its particles have weights of their own?
-    pub fn is_weighted(&self) -> bool {
-        self.blocks.iter().any(|b| b.gaussians.mass.is_some())
-    }
-
+impl Layer<Vec<Block>> {
     /// Particles.
     pub fn count(&self) -> u64 {
-        self.blocks.iter().map(|b| b.count).sum()
-    }
-
-    /// Mass of a particle of weight 1, or 1 where it is not known.
-    pub fn unit_mass(&self) -> f64 {
-        self.particle_mass.unwrap_or(1.0)
+        self.content.iter().map(|b| b.count).sum()
     }
 }
 
 impl Model {
     /// Mass of all particles in the unit of mass, where it is known.
     pub fn mass(&self) -> Option<f64> {
-        let mass = |l: &Layer| l.unit_mass() * l.blocks.iter().map(|b| b.mass).sum::<f64>();
+        let mass = |l: &Layer<Vec<Block>>| l.mass.unit_or_one() * l.content.iter().map(|b| b.mass).sum::<f64>();
         self.has_masses().then(|| self.layers.iter().map(mass).sum())
     }
 
     /// Is the mass of particles known: do all layers have weights, or a particle mass?
     pub fn has_masses(&self) -> bool {
-        self.layers.iter().all(|l| l.particle_mass.is_some() || l.is_weighted())
+        self.layers.iter().all(|l| l.mass != Mass::Unknown)
     }
 
     /// The model of some layers alone. Bounds, radius, opacity and all that is known stay those of
@@ -166,7 +145,7 @@ impl Model {
 
     /// All blocks of all layers.
     pub fn blocks(&self) -> impl Iterator<Item = &Block> {
-        self.layers.iter().flat_map(|l| &l.blocks)
+        self.layers.iter().flat_map(|l| &l.content)
     }
 
     /// Number of Gaussians.

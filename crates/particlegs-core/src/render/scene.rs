@@ -21,7 +21,7 @@ pub struct Scene<'a> {
 impl<'a> Scene<'a> {
     /// All blocks of all layers of a model, to be drawn by its law.
     pub fn of(model: &'a Model) -> Self {
-        let parts = model.layers.iter().flat_map(|l| l.blocks.iter().map(|b| (&b.gaussians, l.unit_mass())));
+        let parts = model.layers.iter().flat_map(|l| l.content.iter().map(|b| (&b.gaussians, l.mass.unit_or_one())));
         Scene { parts: parts.collect(), bounds: model.metadata.bounds, blend: Blend::of(model) }
     }
 

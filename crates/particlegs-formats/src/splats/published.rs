@@ -129,7 +129,7 @@ fn quaternion([a, b, c]: [[f64; 3]; 3]) -> [f64; 4] {
 mod tests {
     use super::*;
     use particlegs::math::Random;
-    use particlegs::model::{Block, Layer, Metadata, Shade};
+    use particlegs::model::{Block, Layer, Mass, Metadata, Shade};
     use particlegs::particles::{Bounds, Room};
     use particlegs::progress::Silent;
 
@@ -166,7 +166,7 @@ mod tests {
             tool_version: "0".into(),
         };
         let block = Block { bounds, count: n as u64, mass: n as f64, gaussians: g };
-        let layers = vec![Layer { name: "particles".into(), particle_mass: None, blocks: vec![block] }];
+        let layers = vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: vec![block] }];
         Model { metadata, layers, vizmapper: None, certificate: None }
     }
 
@@ -182,7 +182,7 @@ mod tests {
         assert_eq!((file.len() as u64, SPLAT_PLY_BYTES), (bytes, 68));
         let body = &file[file.len() - 200 * 68..];
         let frame = Normalisation::of(&m.metadata.bounds);
-        let g = &m.layers[0].blocks[0].gaussians;
+        let g = &m.layers[0].content[0].gaussians;
         let shade = g.shade.as_ref().unwrap();
         for (i, record) in body.chunks_exact(68).enumerate() {
             let v: Vec<f64> =

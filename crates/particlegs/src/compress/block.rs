@@ -8,12 +8,13 @@ use super::plan::Plan;
 use super::rate::{Met, meet_size};
 use crate::codec::{CodedLayer, Encoder, Precision};
 use crate::fit::{self, Effort, FitOptions, Pieces, Under};
-use crate::model::{Block, Law, Mixture, VizMapper};
-use crate::particles::{Bounds, ParticleLayer, Particles};
+use crate::model::{Block, Law, Layer, Mass, Mixture, VizMapper};
+use crate::particles::{Bounds, Particles};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::train::{self, Config, Initial, Limits, Start, Trained, Training};
 use crate::{Error, Result};
+use std::ops::Range;
 
 /// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
 /// are rounder and take fewer.
@@ -54,12 +55,8 @@ pub struct BlockJob {
 
 /// One layer of a block: one coded block of the file.
 pub struct LayerJob {
-    /// Name.
-    pub name: String,
-    /// Mass of a particle of weight 1, where known.
-    pub particle_mass: Option<f64>,
     /// Its particles.
-    pub particles: Particles,
+    pub layer: Layer<Particles>,
     /// Their bounds.
     pub bounds: Bounds,
     /// Sum of the weights, or the count.
@@ -92,12 +89,11 @@ pub struct Outcome {
 impl CodedBlock {
     /// Bytes.
     pub fn size(&self) -> usize {
-        self.layers.iter().flat_map(|l| &l.blocks).map(Vec::len).sum()
+        self.layers.iter().flat_map(|l| &l.content).map(Vec::len).sum()
     }
 
     fn push(&mut self, layer: &LayerJob, bytes: Vec<u8>) {
-        let (name, particle_mass) = (layer.name.clone(), layer.particle_mass);
-        self.layers.push(CodedLayer { name, particle_mass, blocks: vec![bytes] });
+        self.layers.push(layer.layer.with(vec![bytes]));
     }
 }
 
@@ -197,10 +193,10 @@ impl<'a> Workshop<'a> {
 impl BlockJob {
     /// The layers of some particles. Weights are not kept by a law whose Gaussians have opacities.
     pub fn of(particles: &Particles, law: Law) -> Self {
-        let kept = |l: ParticleLayer| ParticleLayer { weighted: l.weighted && law == Law::OpticalDepth, ..l };
-        let mut layers: Vec<LayerJob> =
-            particles.layers().into_iter().map(|l| LayerJob::of(particles, &kept(l))).collect();
-        layers.sort_by(|a, b| (a.raw_bytes, &a.name).cmp(&(b.raw_bytes, &b.name)));
+        let kept = |mass: Mass| if law == Law::OpticalDepth { mass } else { mass.without_weights() };
+        let layer = |l: &Layer<Range<usize>>| LayerJob::of(particles, &Layer { mass: kept(l.mass), ..l.clone() });
+        let mut layers: Vec<LayerJob> = particles.layers().iter().map(layer).collect();
+        layers.sort_by(|a, b| (a.raw_bytes, &a.layer.name).cmp(&(b.raw_bytes, &b.layer.name)));
         let raw_bytes = layers.iter().map(|l| l.raw_bytes).sum();
         BlockJob { layers, count: particles.len() as u64, raw_bytes }
     }
@@ -212,7 +208,7 @@ impl BlockJob {
         let mut coded = CodedBlock::default();
         coded.outcome.step_factor = 1.0;
         for layer in &self.layers {
-            let count = layer.particles.len() as u64;
+            let count = layer.layer.content.len() as u64;
             let share = ((left as f64 * count as f64 / particles_left as f64).round() as u64).clamp(1, count);
             (left, particles_left) = (left.saturating_sub(share), particles_left - count);
             let made = layer.made(share, None, shop)?;
@@ -243,21 +239,19 @@ impl BlockJob {
 }
 
 impl LayerJob {
-    fn of(particles: &Particles, layer: &ParticleLayer) -> Self {
+    fn of(particles: &Particles, layer: &Layer<Range<usize>>) -> Self {
         let particles = particles.of_layer(layer);
         LayerJob {
-            name: layer.name.clone(),
-            particle_mass: layer.particle_mass,
             bounds: particles.bounds(),
             mass: particles.total_mass(),
             raw_bytes: particles.raw_bytes(),
-            particles,
+            layer: layer.with(particles),
         }
     }
 
     /// Fits `number` Gaussians (fewer where the particles do not carry so many), ready to be coded.
     fn fit(&self, number: u64, shop: &mut Workshop<'_>) -> Result<Mixture> {
-        let count = self.particles.len() as u64;
+        let count = self.layer.content.len() as u64;
         let Fitting { mut effort, particles, radius, pixel, seed, .. } = shop.fitting;
         if shop.training.is_some_and(|t| t.start == Start::Partition) {
             effort = Effort::Fast;
@@ -265,13 +259,13 @@ impl LayerJob {
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
         let share = count as f64 / particles.max(1) as f64;
         let options = FitOptions { gaussians, effort, radius, pixel, seed, share };
-        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/{gaussians}", self.name) };
-        shop.clock.time("fit", || fit::fit_in_pieces(&self.particles, &options, &mut pieces, shop.progress))
+        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/{gaussians}", self.layer.name) };
+        shop.clock.time("fit", || fit::fit_in_pieces(&self.layer.content, &options, &mut pieces, shop.progress))
     }
 
     /// Gaussians ready to be coded.
     fn encoder(&self, gaussians: Mixture) -> Result<Encoder> {
-        let count = self.particles.len() as u64;
+        let count = self.layer.content.len() as u64;
         Encoder::new(&Block { bounds: self.bounds, count, mass: self.mass, gaussians })
     }
 
@@ -285,11 +279,11 @@ impl LayerJob {
     ) -> Result<Trained> {
         let Fitting { radius, opacity, seed, .. } = shop.fitting;
         let defaults = train::Defaults { bounds: self.bounds, radius, opacity, seed, bytes };
-        let limits = shop.next_limits(&self.name);
+        let limits = shop.next_limits(&self.layer.name);
         // A search for a quality trains more than one number.
-        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/trained/{}", self.name, from.len()) };
+        let mut pieces = Under { pieces: shop.pieces, prefix: format!("{}/trained/{}", self.layer.name, from.len()) };
         let trained = shop.clock.time("train", || {
-            let subject = Reference::with_bounds(&self.particles, self.bounds);
+            let subject = Reference::with_bounds(&self.layer.content, self.bounds);
             let training = Training { subject: &subject, config, limits: &limits, defaults: &defaults };
             training.run(from, &mut pieces, shop.progress)
         })?;
@@ -322,7 +316,7 @@ impl LayerJob {
 
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `room`.
     fn at_size(&self, room: u64, shop: &mut Workshop<'_>) -> Result<(Met, Option<VizMapper>)> {
-        let count = self.particles.len() as u64;
+        let count = self.layer.content.len() as u64;
         let mut number = ((room as f64 / bytes_a_gaussian(shop.fitting.effort)) as u64).clamp(1, count);
         if shop.training.is_some_and(|t| t.start == Start::Random || t.law == Law::AlphaBlend) {
             // Nothing is known of what a trained Gaussian costs before it is trained.

@@ -4,9 +4,9 @@ use super::block::TrainedRun;
 use super::job::Compressed;
 use super::rate::{Met, meet_size};
 use super::{Clock, Target};
-use crate::codec::{self, CodedLayer, Encoder, LayerHead, Precision};
+use crate::codec::{self, Encoder, Precision};
 use crate::fit::{Pieces, Under};
-use crate::model::{Block, Certificate, Law, Metadata, Mixture, Model, VizMapper};
+use crate::model::{Block, Certificate, Law, Layer, Metadata, Mixture, Model, VizMapper};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::reference::Reference;
@@ -83,8 +83,8 @@ pub fn finetune(
     let mut metadata = model.metadata.clone();
     metadata.command = format!("{} of: {}", options.command, metadata.command);
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
-    let (name, particle_mass) = (layer.name.clone(), layer.particle_mass);
-    Job { model, particles, options, metadata, name, particle_mass, size, model_bytes, raw_bytes, progress }.run(pieces)
+    let layer = layer.with(());
+    Job { model, particles, options, metadata, layer, size, model_bytes, raw_bytes, progress }.run(pieces)
 }
 
 struct Job<'a> {
@@ -92,9 +92,8 @@ struct Job<'a> {
     particles: &'a Particles,
     options: &'a FineTuning,
     metadata: Metadata,
-    /// Of the layer.
-    name: String,
-    particle_mass: Option<f64>,
+    /// The one layer.
+    layer: Layer<()>,
     /// Bytes wanted; `None` = at the nominal precision, whatever they are.
     size: Option<u64>,
     model_bytes: u64,
@@ -157,7 +156,7 @@ impl Job<'_> {
 
     /// Bytes of the file beside its coded block.
     fn beside(&self) -> u64 {
-        let head = LayerHead { name: &self.name, particle_mass: self.particle_mass, weighted: false, blocks: 1 };
+        let head = Layer { mass: self.layer.mass.without_weights(), ..self.layer.with(1) };
         let network = if self.options.training.alpha_blend.vizmapper { codec::VIZMAPPER_SECTION_BYTES } else { 0 };
         (codec::size_without_blocks(&self.metadata, self.options.certificate, &[head]) + network) as u64
     }
@@ -205,8 +204,7 @@ impl Job<'_> {
     }
 
     fn file(&self, met: &Met, network: Option<&VizMapper>, certificate: Option<&Certificate>) -> Result<Vec<u8>> {
-        let (name, particle_mass) = (self.name.clone(), self.particle_mass);
-        let layers = vec![CodedLayer { name, particle_mass, blocks: vec![met.bytes.clone()] }];
+        let layers = vec![self.layer.with(vec![met.bytes.clone()])];
         let (count, mass) = codec::sums(&layers)?;
         codec::assemble_with(&Metadata { count, mass, ..self.metadata.clone() }, network, certificate, layers)
     }

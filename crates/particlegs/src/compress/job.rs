@@ -2,7 +2,7 @@
 
 use super::block::{BlockJob, CodedBlock, Outcome, StopMeans, TrainedRun, Workshop};
 use super::clock::Clock;
-use super::plan::{Plan, PlannedLayer};
+use super::plan::Plan;
 use super::target::Target;
 use super::{describe, search};
 use crate::blocks::divide;
@@ -10,7 +10,7 @@ use crate::codec;
 use crate::fit::{self, Effort, Pieces, Under};
 use crate::memory::require;
 use crate::model::{Certificate, Law, Model};
-use crate::particles::{Bounds, ParticleLayer, Particles, Room, check_particles, source_hash};
+use crate::particles::{Bounds, Particles, Room, check_particles, source_hash};
 use crate::progress::Progress;
 use crate::train::{Config, Limits};
 use crate::{Error, Result, output, score};
@@ -158,13 +158,8 @@ impl<'a> Job<'a> {
         progress.end();
         progress.check()?;
         let metadata = describe(&particles.meta, particles.len() as u64, bounds, hash, options);
-        let layer = |l: ParticleLayer| PlannedLayer {
-            name: l.name,
-            count: l.range.len() as u64,
-            particle_mass: l.particle_mass,
-            weighted: l.weighted,
-        };
-        let plan = Plan::new(options, metadata, particles.layers().into_iter().map(layer).collect())?;
+        let layers = particles.layers().iter().map(|l| l.with(l.content.len() as u64)).collect();
+        let plan = Plan::new(options, metadata, layers)?;
         plan.announce(progress);
         let (memory, limits) = (options.memory, &options.limits);
         Ok(Job {

@@ -24,6 +24,6 @@ pub use describe::{describe, is_asked_for, is_made_of};
 pub use finetune::{FineTuning, finetune};
 pub use job::{Compressed, Options, compress, name_of};
 pub use memory::Load;
-pub use plan::{Plan, PlannedLayer};
+pub use plan::Plan;
 pub use simplify::{Simplified, simplify};
 pub use target::{Target, parse_bytes};

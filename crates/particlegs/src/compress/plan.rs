@@ -4,28 +4,15 @@ use super::block::{BlockJob, CodedBlock, Fitting, Outcome, Workshop};
 use super::job::Options;
 use super::target::Target;
 use crate::camera::{ORBITS, base_distance, spherical_camera};
-use crate::codec::{self, CodedLayer, LayerHead};
+use crate::codec::{self, CodedLayer};
 use crate::fit::Effort;
-use crate::model::{Certificate, Law, Metadata, VizMapper};
+use crate::model::{Certificate, Law, Layer, Mass, Metadata, VizMapper};
 use crate::particles::Bounds;
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::train::Config;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
-
-/// A layer of the whole.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlannedLayer {
-    /// Name.
-    pub name: String,
-    /// Particles.
-    pub count: u64,
-    /// Mass of a particle of weight 1, where known.
-    pub particle_mass: Option<f64>,
-    /// Do its particles have weights of their own?
-    pub weighted: bool,
-}
 
 /// What is asked for, and what is known of the whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,17 +30,10 @@ pub struct Plan {
     pub certificate: bool,
     /// Number of blocks.
     pub blocks: u32,
-    /// Layers.
-    pub layers: Vec<PlannedLayer>,
+    /// Layers, and their numbers of particles.
+    pub layers: Vec<Layer<u64>>,
     /// What the file will say; its mass comes from the blocks.
     pub metadata: Metadata,
-}
-
-impl PlannedLayer {
-    /// Columns of its particles: positions, and weights where it has them.
-    pub fn columns(&self) -> usize {
-        if self.weighted { 4 } else { 3 }
-    }
 }
 
 impl Plan {
@@ -62,8 +42,8 @@ impl Plan {
     /// # Errors
     /// [`Error::Argument`] for a target that is none; [`Error::Input`] for a snapshot or a layer of no
     /// particles.
-    pub fn new(options: &Options, metadata: Metadata, layers: Vec<PlannedLayer>) -> Result<Plan> {
-        if metadata.count == 0 || layers.iter().any(|l| l.count == 0) {
+    pub fn new(options: &Options, metadata: Metadata, layers: Vec<Layer<u64>>) -> Result<Plan> {
+        if metadata.count == 0 || layers.iter().any(|l| l.content == 0) {
             return Err(Error::input(&metadata.source, "no particles, or a layer without any"));
         }
         let alpha = options.law() == Law::AlphaBlend;
@@ -97,20 +77,22 @@ impl Plan {
         Err(Error::Unreachable { what, hint })
     }
 
-    /// Does the file keep the weights of a layer? Gaussians of the alpha-blend law have opacities, not
-    /// masses.
-    fn keeps_weights(&self, layer: &PlannedLayer) -> bool {
-        layer.weighted && self.metadata.law == Law::OpticalDepth
+    /// The masses of a layer as the file has them: Gaussians of the alpha-blend law have no weights.
+    fn kept_mass(&self, layer: &Layer<u64>) -> Mass {
+        match self.metadata.law {
+            Law::OpticalDepth => layer.mass,
+            Law::AlphaBlend => layer.mass.without_weights(),
+        }
     }
 
     /// Bytes of what the file keeps of the particles, as float32.
     pub fn raw_bytes(&self) -> u64 {
-        self.layers.iter().map(|l| l.count * if self.keeps_weights(l) { 16 } else { 12 }).sum()
+        self.layers.iter().map(|l| l.content * self.kept_mass(l).particle_bytes()).sum()
     }
 
     /// Bytes of the particles with all their columns, as they wait in files and memory.
     pub fn column_bytes(&self) -> u64 {
-        self.layers.iter().map(|l| l.count * 4 * l.columns() as u64).sum()
+        self.layers.iter().map(|l| l.content * l.mass.particle_bytes()).sum()
     }
 
     /// Says what the default target chose.
@@ -124,7 +106,7 @@ impl Plan {
     pub fn fitting(&self) -> Fitting {
         Fitting {
             effort: self.effort,
-            particles: self.layers.iter().map(|l| l.count).sum(),
+            particles: self.layers.iter().map(|l| l.content).sum(),
             radius: self.metadata.default_radius,
             pixel: near_pixel(&self.metadata.bounds),
             opacity: self.metadata.default_opacity,
@@ -135,17 +117,12 @@ impl Plan {
     /// Bytes of the file beside its coded blocks, where every block has every layer: where some lack
     /// one, a few bytes more than there will be.
     pub fn overhead(&self) -> u64 {
-        let heads = self.layers.iter().map(|l| LayerHead {
-            name: &l.name,
-            particle_mass: l.particle_mass,
-            weighted: self.keeps_weights(l),
-            blocks: self.blocks as usize,
-        });
+        let head = |l: &Layer<u64>| Layer { mass: self.kept_mass(l), ..l.with(self.blocks as usize) };
+        let heads: Vec<Layer<usize>> = self.layers.iter().map(head).collect();
         let network = match &self.training {
             Some(t) if t.law == Law::AlphaBlend && t.alpha_blend.vizmapper => codec::VIZMAPPER_SECTION_BYTES,
             _ => 0,
         };
-        let heads: Vec<LayerHead> = heads.collect();
         (codec::size_without_blocks(&self.metadata, self.certificate, &heads) + network) as u64
     }
 
@@ -230,7 +207,7 @@ impl Plan {
         let mut layers: Vec<CodedLayer> = Vec::new();
         for layer in blocks {
             match layers.iter_mut().find(|l| l.name == layer.name) {
-                Some(l) => l.blocks.extend(layer.blocks.iter().cloned()),
+                Some(l) => l.content.extend(layer.content.iter().cloned()),
                 None => layers.push(layer.clone()),
             }
         }

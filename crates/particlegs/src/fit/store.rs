@@ -32,7 +32,7 @@ impl Store {
             let start = c * STEP;
             copy_scaled(particles.chunk(start..start + out.len(), buffer), scale, out);
         });
-        let weight = particles.weights.as_ref().map(|w| w.to_vec());
+        let weight = particles.weights().map(|w| w.to_vec());
         Store { xyz, weight, origin: particles.origin, scale }
     }
 

@@ -98,7 +98,7 @@ impl Job {
             model: blake3::hash(&bytes).to_hex().to_string(),
             bytes: bytes.len() as u64,
             particles: info.metadata.count,
-            gaussians: info.layers.iter().flat_map(|l| &l.blocks).map(|b| u64::from(b.gaussians)).sum(),
+            gaussians: info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum(),
             outcome: coded.outcome,
             seconds: clock.seconds().into_iter().map(|(phase, s)| (phase.into(), s)).collect(),
         };

@@ -35,7 +35,7 @@ impl Job {
             progress.advance(1);
         }
         progress.end();
-        let bytes = layers.iter().flat_map(|l| &l.blocks).map(|b| b.len() as u64).sum();
+        let bytes = layers.iter().flat_map(|l| &l.content).map(|b| b.len() as u64).sum();
         plan.judge(&outcomes, bytes, progress)?;
         let bytes = plan.file(layers.iter(), network.as_ref(), None)?;
         let (count, planned) = (codec::read_metadata(&bytes, "the merged file")?.count, plan.metadata.count);

@@ -5,7 +5,7 @@ use super::manifest::{FORM, Job, Manifest};
 use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, Survey};
-use crate::compress::{Load, Options, Plan, PlannedLayer, Target, describe};
+use crate::compress::{Load, Options, Plan, Target, describe};
 use crate::input::read_own;
 use crate::particles::{Layered, Particles, RUN, check_box};
 use crate::progress::Progress;
@@ -135,13 +135,8 @@ fn manifest(source: &Layered, survey: &Survey, task: &Task<'_>) -> Result<Manife
     let options = Options { blocks, ..task.options.clone() };
     let hash = survey.hash(source.origin);
     let metadata = describe(&source.meta, source.count(), survey.bounds, hash, &options);
-    let layers = source.layers.iter().map(|l| PlannedLayer {
-        name: l.name.clone(),
-        count: l.count,
-        particle_mass: l.particle_mass,
-        weighted: l.weighted,
-    });
-    let plan = Plan::new(&options, metadata, layers.collect())?;
+    let layers = source.layers.iter().map(|l| l.layer.clone()).collect();
+    let plan = Plan::new(&options, metadata, layers)?;
     let mut manifest = Manifest::new(task.snapshot.clone(), plan, source.origin, tree, task.memory);
     let within = task.memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
     manifest.chunk_runs = (survey.runs.len() as u64).div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));

@@ -159,7 +159,7 @@ impl Job<'_> {
         if !self.domain.periodic.iter().all(|p| *p) && !self.paper() {
             notes.push("axes that are not periodic: P(k) treats them as if they were".into());
         }
-        if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights.is_some())) {
+        if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights().is_some())) {
             notes.push("pairs, groups and neighbours count particles, whatever their weights".into());
         }
         if self.pair.iter().any(|s| s.particles().is_none()) {

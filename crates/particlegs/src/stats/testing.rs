@@ -1,7 +1,7 @@
 //! What the tests of this room share.
 
 use crate::math::Sym3;
-use crate::model::{Block, Law, Layer, Metadata, Mixture, Model};
+use crate::model::{Block, Law, Layer, Mass, Metadata, Mixture, Model};
 use crate::particles::{Bounds, Cell};
 
 /// A model of given Gaussians (mean, covariance, count) in a periodic box.
@@ -30,6 +30,6 @@ pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model 
         tool_version: String::new(),
     };
     let block = Block { bounds, count, mass: count as f64, gaussians: m };
-    let layer = Layer { name: "all".into(), particle_mass: None, blocks: vec![block] };
+    let layer = Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] };
     Model { metadata, layers: vec![layer], vizmapper: None, certificate: None }
 }

@@ -6,7 +6,7 @@ use super::testing::empty_model;
 use super::*;
 use crate::camera::{Camera, Normalisation, Projection, View};
 use crate::math::{Random, Sym3};
-use crate::model::{Block, Layer, Mixture, Model, Shade, VizMapper, VizRanges};
+use crate::model::{Block, Layer, Mass, Mixture, Model, Shade, VizMapper, VizRanges};
 use crate::picture::{Plane, Size};
 use crate::progress::Silent;
 use crate::render::{self, Scene};
@@ -180,7 +180,7 @@ fn model(n: usize, vizmapper: Option<VizMapper>) -> Model {
     }
     let block = Block { bounds, count: n as u64, mass: n as f64, gaussians };
     let mut model = empty_model(bounds, n as u64);
-    model.layers = vec![Layer { name: "dm".into(), particle_mass: None, blocks: vec![block] }];
+    model.layers = vec![Layer { name: "dm".into(), mass: Mass::Unknown, content: vec![block] }];
     model.vizmapper = vizmapper;
     model
 }
@@ -231,11 +231,11 @@ fn faults_are_named() {
         |m: &Model, v: &View| render::draw(&Scene::of(m), v, SIZE, Look::Expected, &Silent).unwrap_err().to_string();
     let mut m = model(20, None);
     let mut v = world_view(&m);
-    m.layers[0].blocks[0].gaussians.mean[1][17] = f64::NAN;
+    m.layers[0].content[0].gaussians.mean[1][17] = f64::NAN;
     assert_eq!(fault(&m, &v), "Gaussian 17: its mean is not finite");
-    m.layers[0].blocks[0].gaussians.shade.as_mut().unwrap().opacity[3] = f64::INFINITY;
+    m.layers[0].content[0].gaussians.shade.as_mut().unwrap().opacity[3] = f64::INFINITY;
     assert_eq!(fault(&m, &v), "Gaussian 3: its opacity is not finite");
-    m.layers[0].blocks[0].gaussians.shade = None;
+    m.layers[0].content[0].gaussians.shade = None;
     assert!(fault(&m, &v).contains("no opacities"));
     v.camera.projection = Projection::Orthographic { height_world: 50.0 };
     assert!(fault(&m, &v).contains("only be drawn in perspective"));
