@@ -8,7 +8,7 @@ use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::input::name_of;
 use particlegs::model::{
-    Certificate, Law, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
+    Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
 use particlegs::particles::Cell;
 use particlegs::picture::number;
@@ -179,7 +179,7 @@ fn text(r: &Report<'_>) -> String {
                 n.ranges.floor
             ),
         ),
-        None if m.law == Law::AlphaBlend.name() => row("VizMapper", "none: trained without".into()),
+        None if m.law == LawKind::AlphaBlend.name() => row("VizMapper", "none: trained without".into()),
         None => {}
     }
     row("particles", m.particles.to_string());

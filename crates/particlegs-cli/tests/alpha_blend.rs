@@ -7,7 +7,7 @@ use common::{fails, listing, particlegs, sample};
 use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
 use particlegs::model::{
-    Block, Law, Layer, Mass, Metadata, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
+    Block, LawKind, Layer, Mass, Metadata, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
 };
 use particlegs::particles::{Bounds, Particles, open_raw, source_hash};
 use serde_json::Value;
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 const RUN: usize = 4096;
 
 /// Moments of some of the sample's runs, with opacities that rise from one to the next.
-fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: Law) -> Model {
+fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: LawKind) -> Model {
     let mut gaussians = Mixture::default();
     let mut shade = Shade::default();
     let mut bounds = Bounds::empty();
@@ -32,7 +32,7 @@ fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: Law) -> Model 
         shade.grey.push(0.9);
     }
     let count = (RUN * gaussians.len()) as u64;
-    if law == Law::AlphaBlend {
+    if law == LawKind::AlphaBlend {
         gaussians.shade = Some(shade);
     }
     let metadata = Metadata {
@@ -62,13 +62,13 @@ fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: Law) -> Model 
     Model {
         metadata,
         layers: vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: vec![block] }],
-        vizmapper: (law == Law::AlphaBlend).then_some(network),
+        vizmapper: (law == LawKind::AlphaBlend).then_some(network),
         certificate: None,
     }
 }
 
 /// Writes the model of some runs; its path and bytes.
-fn write(dir: &Path, name: &str, runs: std::ops::Range<usize>, law: Law) -> PathBuf {
+fn write(dir: &Path, name: &str, runs: std::ops::Range<usize>, law: LawKind) -> PathBuf {
     let particles = open_raw(&[sample()]).unwrap();
     let path = dir.join(name);
     let bytes = codec::encode(&tiny(&particles, runs, law), &Precision::BALANCED).unwrap();
@@ -91,7 +91,7 @@ fn stdout(command: &mut assert_cmd::Command) -> String {
 #[test]
 fn info_and_verify_say_what_it_is() {
     let dir = tempfile::tempdir().unwrap();
-    let path = write(dir.path(), "m.pgs", 0..64, Law::AlphaBlend);
+    let path = write(dir.path(), "m.pgs", 0..64, LawKind::AlphaBlend);
     let text = stdout(particlegs().arg("info").arg(&path));
     assert!(text.contains("1.3, image law alpha-blend"), "{text}");
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -126,7 +126,7 @@ fn info_and_verify_say_what_it_is() {
 #[test]
 fn it_is_drawn_and_scored() {
     let dir = tempfile::tempdir().unwrap();
-    let path = write(dir.path(), "m.pgs", 0..64, Law::AlphaBlend);
+    let path = write(dir.path(), "m.pgs", 0..64, LawKind::AlphaBlend);
     let out = dir.path().join("pictures");
     let render = |more: &[&str]| {
         let mut c = particlegs();
@@ -152,7 +152,7 @@ fn it_is_drawn_and_scored() {
 fn merging_takes_the_network_of_the_first_block() {
     let dir = tempfile::tempdir().unwrap();
     let [a, b] =
-        [("a.pgs", 0..30), ("b.pgs", 30..64)].map(|(name, runs)| write(dir.path(), name, runs, Law::AlphaBlend));
+        [("a.pgs", 0..30), ("b.pgs", 30..64)].map(|(name, runs)| write(dir.path(), name, runs, LawKind::AlphaBlend));
     let merged = |parts: [&Path; 2], name: &str| {
         let out = dir.path().join(name);
         let done = particlegs().arg("merge").args(parts).arg("-o").arg(&out).assert().success();
@@ -164,7 +164,7 @@ fn merging_takes_the_network_of_the_first_block() {
     let whole = decode(&dir.path().join("ab.pgs"));
     assert_eq!((whole.gaussians(), whole.metadata.count, whole.vizmapper.is_some()), (64, 262_144, true));
     particlegs().arg("verify").arg(dir.path().join("ab.pgs")).assert().success();
-    let other = write(dir.path(), "c.pgs", 30..64, Law::OpticalDepth);
+    let other = write(dir.path(), "c.pgs", 30..64, LawKind::OpticalDepth);
     let out = dir.path().join("no.pgs");
     fails(particlegs().arg("merge").args([&a, &other]).arg("-o").arg(&out), 3, "its image law is optical-depth");
     assert!(!out.exists());
@@ -173,7 +173,7 @@ fn merging_takes_the_network_of_the_first_block() {
 #[test]
 fn particles_are_recovered_by_opacity() {
     let dir = tempfile::tempdir().unwrap();
-    let path = write(dir.path(), "m.pgs", 0..64, Law::AlphaBlend);
+    let path = write(dir.path(), "m.pgs", 0..64, LawKind::AlphaBlend);
     for method in ["count", "volume", "ellipsoid", "grid", "stratified", "spaced"] {
         let out = dir.path().join(method);
         let mut c = particlegs();
@@ -200,7 +200,7 @@ fn particles_are_recovered_by_opacity() {
 #[test]
 fn statistics_are_labelled_and_reduction_is_refused() {
     let dir = tempfile::tempdir().unwrap();
-    let path = write(dir.path(), "m.pgs", 0..64, Law::AlphaBlend);
+    let path = write(dir.path(), "m.pgs", 0..64, LawKind::AlphaBlend);
     let out = dir.path().join("stats");
     let mut c = particlegs();
     c.arg("stats").arg(sample()).arg(&path).arg("-o").arg(&out);
@@ -220,7 +220,7 @@ fn statistics_are_labelled_and_reduction_is_refused() {
 #[test]
 fn splats_are_written_as_published() {
     let dir = tempfile::tempdir().unwrap();
-    let path = write(dir.path(), "m.pgs", 0..64, Law::AlphaBlend);
+    let path = write(dir.path(), "m.pgs", 0..64, LawKind::AlphaBlend);
     let out = dir.path().join("m.ply");
     let convert = |model: &Path, out: &Path, more: &[&str]| {
         let mut c = particlegs();
@@ -245,7 +245,7 @@ fn splats_are_written_as_published() {
     let no = dir.path().join("no.ply");
     fails(&mut convert(&path, &dir.path().join("no"), &[]), 2, "ends in .ply");
     fails(&mut convert(&path, &no, &["--tile", "2,1,1"]), 2, "converted to splats");
-    let depth = write(dir.path(), "depth.pgs", 0..64, Law::OpticalDepth);
+    let depth = write(dir.path(), "depth.pgs", 0..64, LawKind::OpticalDepth);
     fails(&mut convert(&depth, &no, &[]), 2, "has no opacities");
     assert!(!no.exists());
 }

@@ -3,7 +3,7 @@
 use assert_cmd::Command;
 use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
-use particlegs::model::{Block, Law, Layer, Mass, Metadata, Mixture, Model};
+use particlegs::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
 use particlegs::particles::{Particles, open_raw};
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,7 @@ fn tiny(particles: &Particles) -> Model {
         gaussians.push(mean, sum.scale(1.0 / RUN as f64), RUN as f64, RUN as f64);
     }
     let metadata = Metadata {
-        law: Law::OpticalDepth,
+        law: LawKind::OpticalDepth,
         count,
         mass: count as f64,
         bounds,

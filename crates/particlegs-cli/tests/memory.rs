@@ -6,7 +6,7 @@ mod common;
 use common::particlegs;
 use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
-use particlegs::model::{Block, Law, Layer, Mass, Metadata, Mixture, Model};
+use particlegs::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
 use particlegs::particles::Bounds;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -18,7 +18,7 @@ fn equal_gaussians(n: usize, path: &Path) {
     let bounds = Bounds { min: [0.0; 3], max: [2.0; 3] };
     let (count, mass) = (n as u64, n as f64);
     let metadata = Metadata {
-        law: Law::OpticalDepth,
+        law: LawKind::OpticalDepth,
         count,
         mass,
         bounds,

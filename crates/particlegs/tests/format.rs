@@ -21,8 +21,8 @@ fn head(blocks: usize) -> Layer<usize> {
 fn model(blocks: Vec<Block>, certified: bool) -> Model {
     let metadata = metadata(&blocks);
     let certificate = certified.then(certificate);
-    let mass = Mass::new(blocks[0].gaussians.mass.is_some(), Some(5.1e9));
-    Model { metadata, layers: vec![Layer { name: "dm".into(), mass, content: blocks }], vizmapper: None, certificate }
+    let mass = Mass::new(blocks[0].gaussians.masses().is_some(), Some(5.1e9));
+    Model { metadata, layers: vec![Layer { name: "dm".into(), mass, content: blocks }], certificate }
 }
 
 fn small() -> Model {
@@ -43,7 +43,7 @@ fn a_file_comes_back() {
         for (a, b) in back.blocks().zip(m.blocks()) {
             assert_eq!((a.count, a.mass, a.bounds), (b.count, b.mass, b.bounds));
             assert_eq!(a.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
-            if let Some(mass) = &a.gaussians.mass {
+            if let Some(mass) = a.gaussians.masses() {
                 assert!((mass.iter().sum::<f64>() / b.mass - 1.0).abs() < 1e-12);
             }
         }
@@ -468,6 +468,6 @@ fn files_of_every_version_stay_readable() {
 /// Bit-exact: shortest decimals that come back.
 fn table(m: &Model) -> String {
     let g = &m.layers[0].content[0].gaussians;
-    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(&g.mass).collect();
+    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(g.masses()).collect();
     serde_json::to_string(&columns).unwrap().replace("],", "],\n")
 }

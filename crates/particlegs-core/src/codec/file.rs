@@ -9,8 +9,9 @@ use super::metadata::Fault;
 use super::wire::Reader;
 use super::{Encoder, Precision, baselines, certificate, decoder, metadata, science, vizmapper};
 use crate::memory::require;
-use crate::model::{Block, Certificate, Law, Layer, Mass, Metadata, Model, VizMapper};
+use crate::model::{Block, Certificate, LawKind, Layer, Mass, Metadata, Model, VizMapper};
 use crate::{Error, Result};
+use std::sync::Arc;
 
 /// Place of the minor version in a file.
 const MINOR_AT: usize = 9;
@@ -32,7 +33,8 @@ pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
         Ok(layer.with(blocks))
     });
     let layers = layers.collect::<Result<_>>()?;
-    assemble_with(&model.metadata, model.vizmapper.as_ref(), model.certificate.as_ref(), layers)
+    let network = model.vizmapper().map(|v| &**v);
+    assemble_with(&model.metadata, network, model.certificate.as_ref(), layers)
 }
 
 /// A file of coded blocks: copied, not coded anew. Layers are sorted by name and blocks by their
@@ -67,7 +69,7 @@ pub(super) fn put_together(
     certificate: Option<&Certificate>,
     mut layers: Vec<CodedLayer>,
 ) -> Result<Vec<u8>> {
-    let shaded = metadata.law == Law::AlphaBlend;
+    let shaded = metadata.law == LawKind::AlphaBlend;
     if network.is_some() && !shaded {
         return Err(Error::argument("a VizMapper belongs to models of the alpha-blend law alone"));
     }
@@ -127,7 +129,7 @@ pub(super) fn put_together(
 }
 
 /// Blocks that contradict the law of their file.
-fn other_law(layer: &str, law: Law) -> String {
+fn other_law(layer: &str, law: LawKind) -> String {
     format!("a block of layer `{layer}` is not of the law {}", law.name())
 }
 
@@ -189,7 +191,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         })?,
         _ => return Err(corrupt("it does not begin with metadata".into())),
     };
-    if metadata.law == Law::AlphaBlend && bytes[MINOR_AT] < ALPHA_BLEND_SINCE {
+    if metadata.law == LawKind::AlphaBlend && bytes[MINOR_AT] < ALPHA_BLEND_SINCE {
         return Err(unknown(format!("version 1.{} does not know the image law 2", bytes[MINOR_AT])));
     }
     let mut certificate = match rest.next_if(|s| s.tag == CERTIFICATE) {
@@ -207,7 +209,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         c.baselines = Some(baselines::read(s.bytes).map_err(corrupt)?);
     }
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
-        Ok(_) if metadata.law != Law::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
+        Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
         Ok(network) => Ok((s.bytes, network)),
         Err(vizmapper::Fault::Corrupt(what)) => Err(corrupt(what)),
         Err(vizmapper::Fault::Unknown(what)) => Err(unknown(what)),
@@ -266,7 +268,7 @@ fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
         let held = count.map_or_else(|| "too many".into(), |n| n.to_string());
         return Err(format!("blocks hold {held} particles, the metadata says {}", m.count));
     }
-    let shaded = m.law == Law::AlphaBlend;
+    let shaded = m.law == LawKind::AlphaBlend;
     if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.1.shaded != shaded)) {
         return Err(other_law(&l.name, m.law));
     }
@@ -289,15 +291,19 @@ pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
     let parts = parts(bytes, place)?;
     require("decoding the model", decoding_bytes(&parts))?;
     let mut layers = Vec::with_capacity(parts.layers.len());
+    let vizmapper = parts.network.map(|n| Arc::new(n.1));
     for Layer { name, mass, content } in parts.layers {
         let mut decoded = Vec::with_capacity(content.len());
         for (section, _) in content {
-            decoded.push(section_block(&section, place)?);
+            let mut block = section_block(&section, place)?;
+            if let Some(columns) = block.gaussians.law.alpha_blend_mut() {
+                columns.vizmapper = vizmapper.clone();
+            }
+            decoded.push(block);
         }
         layers.push(Layer { name, mass, content: decoded });
     }
-    let vizmapper = parts.network.map(|n| n.1);
-    Ok(Model { metadata: parts.metadata, layers, vizmapper, certificate: parts.certificate })
+    Ok(Model { metadata: parts.metadata, layers, certificate: parts.certificate })
 }
 
 /// Bytes that decoding takes beside the file: all Gaussians, and the work on the largest block.

@@ -241,13 +241,13 @@ mod tests {
     use super::*;
     use crate::codec::{Precision, decode, encode};
     use crate::math::Sym3;
-    use crate::model::{Block, Law, Layer, Mass, Mixture, Model};
+    use crate::model::{Block, LawKind, Layer, Mass, Mixture, Model};
     use crate::space::Bounds;
     use proptest::prelude::*;
 
     /// A model of one Gaussian at `x`, of `count` particles.
     fn model(name: &str, x: f64, count: u64, mass: Option<f64>) -> Model {
-        let mut gaussians = Mixture { mass: mass.map(|_| Vec::new()), ..Mixture::default() };
+        let mut gaussians = Mixture::new(mass.is_some());
         gaussians.push([x; 3], Sym3::scaled_identity(0.01), count as f64, mass.unwrap_or(0.0));
         let bounds = Bounds { min: [x - 1.0; 3], max: [x + 1.0; 3] };
         let mass = mass.unwrap_or(count as f64);
@@ -255,7 +255,7 @@ mod tests {
         source_hash[0] = x as u8 + 1;
         Model {
             metadata: Metadata {
-                law: Law::OpticalDepth,
+                law: LawKind::OpticalDepth,
                 count,
                 mass,
                 bounds,
@@ -275,10 +275,9 @@ mod tests {
             },
             layers: vec![Layer {
                 name: name.into(),
-                mass: Mass::new(gaussians.mass.is_some(), None),
+                mass: Mass::new(gaussians.masses().is_some(), None),
                 content: vec![Block { bounds, count, mass, gaussians }],
             }],
-            vizmapper: None,
             certificate: None,
         }
     }

@@ -5,7 +5,7 @@
 
 use super::container::ALPHA_BLEND_SINCE;
 use super::wire::Reader;
-use crate::model::{Law, Mass, Metadata};
+use crate::model::{LawKind, Mass, Metadata};
 use crate::space::{Bounds, Cell};
 
 /// Why metadata cannot be read.
@@ -79,8 +79,8 @@ impl LayerMasses {
 }
 
 /// The lowest minor version that has what the section says.
-pub(crate) fn minor_version(section: &[u8], law: Law) -> u8 {
-    if law == Law::AlphaBlend {
+pub(crate) fn minor_version(section: &[u8], law: LawKind) -> u8 {
+    if law == LawKind::AlphaBlend {
         return ALPHA_BLEND_SINCE;
     }
     let newer = fields(section).is_ok_and(|fields| fields.iter().any(|f| !FIRST_VERSION.contains(&f.0)));
@@ -99,8 +99,8 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     field(
         LAW,
         &[match m.law {
-            Law::OpticalDepth => 1,
-            Law::AlphaBlend => 2,
+            LawKind::OpticalDepth => 1,
+            LawKind::AlphaBlend => 2,
         }],
     );
     field(COUNT, &m.count.to_le_bytes());
@@ -146,8 +146,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
     let need = |tag: u8| get(tag).ok_or_else(|| format!("metadata field {tag} is missing"));
     let real = |tag: u8| get(tag).map(|v| float(tag, v)).transpose();
     let law = match need(LAW)? {
-        [1] => Law::OpticalDepth,
-        [2] => Law::AlphaBlend,
+        [1] => LawKind::OpticalDepth,
+        [2] => LawKind::AlphaBlend,
         [law] => return Err(Fault::Unknown(format!("image law {law} is not known"))),
         v => return Err(Fault::Corrupt(format!("an image law of {} bytes", v.len()))),
     };

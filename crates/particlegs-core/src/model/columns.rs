@@ -7,11 +7,6 @@ pub struct Columns<T>(Vec<(String, T)>);
 
 /// Weights of particles, masses of Gaussians.
 pub const MASS: &str = "mass";
-/// Opacities of Gaussians at their peaks at the default radius and opacity, in (0, 1): the alpha-blend law.
-pub const OPACITY: &str = "opacity";
-/// Grey levels of Gaussians, 1 = white, at least 0: the alpha-blend law.
-pub const GREY: &str = "grey";
-
 impl<T> Default for Columns<T> {
     fn default() -> Self {
         Columns(Vec::new())

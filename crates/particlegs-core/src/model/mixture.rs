@@ -1,8 +1,9 @@
 //! A mixture of Gaussians that carry counts and masses.
 
-use super::{Certificate, Layer, Mass, Metadata, Shade, VizMapper};
+use super::{Certificate, Columns, Law, Layer, MASS, Mass, Metadata, VizMapper};
 use crate::math::Sym3;
 use crate::space::Bounds;
+use std::sync::Arc;
 
 /// Gaussians in columns; all columns have the same length.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,15 +14,29 @@ pub struct Mixture {
     pub cov: [Vec<f64>; 6],
     /// Particles that each stands for. Whole numbers once decoded.
     pub count: Vec<f64>,
-    /// Mass that each stands for where particles have weights of their own; else every particle
-    /// has the mass 1 and this is `None`.
-    pub mass: Option<Vec<f64>>,
-    /// Opacities and grey levels, of models of the alpha-blend law alone. Their counts stand in
-    /// proportion to opacity: a Gaussian's share of the particles that recovery draws.
-    pub shade: Option<Shade>,
+    /// Columns of one value a Gaussian. [`MASS`] is the mass that each stands for where particles have
+    /// weights of their own; without it every particle has the mass 1.
+    pub columns: Columns<Vec<f64>>,
+    /// The law that they are drawn by. The counts of the alpha-blend law stand in proportion to opacity: a
+    /// Gaussian's share of the particles that recovery draws.
+    pub law: Law,
 }
 
 impl Mixture {
+    /// No Gaussians yet, of the optical-depth law; with masses where particles are `weighted`.
+    pub fn new(weighted: bool) -> Self {
+        let mut columns = Columns::default();
+        if weighted {
+            columns.set(MASS, Vec::new());
+        }
+        Mixture { columns, ..Mixture::default() }
+    }
+
+    /// Masses of the Gaussians, where particles have weights of their own.
+    pub fn masses(&self) -> Option<&Vec<f64>> {
+        self.columns.get(MASS)
+    }
+
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.count.len()
@@ -44,10 +59,10 @@ impl Mixture {
 
     /// Mass of Gaussian `i`: its own, or its count where particles are equal.
     pub fn mass_of(&self, i: usize) -> f64 {
-        self.mass.as_ref().map_or(self.count[i], |m| m[i])
+        self.masses().map_or(self.count[i], |m| m[i])
     }
 
-    /// Adds a Gaussian to a mixture without shade. `mass` counts only where the mixture has masses.
+    /// Adds a Gaussian to a mixture of the optical-depth law. `mass` counts only where the mixture has masses.
     pub fn push(&mut self, mean: [f64; 3], cov: Sym3, count: f64, mass: f64) {
         for k in 0..3 {
             self.mean[k].push(mean[k]);
@@ -56,12 +71,12 @@ impl Mixture {
             self.cov[k].push(cov.0[k]);
         }
         self.count.push(count);
-        if let Some(m) = &mut self.mass {
-            m.push(mass);
+        if let Some(masses) = self.columns.get_mut(MASS) {
+            masses.push(mass);
         }
     }
 
-    /// Adds all of another's. Both have masses and shades, or neither.
+    /// Adds all of another's, of the same law and with the same columns.
     pub fn append(&mut self, other: &Mixture) {
         for k in 0..3 {
             self.mean[k].extend_from_slice(&other.mean[k]);
@@ -70,12 +85,12 @@ impl Mixture {
             self.cov[k].extend_from_slice(&other.cov[k]);
         }
         self.count.extend_from_slice(&other.count);
-        if let (Some(a), Some(b)) = (&mut self.mass, &other.mass) {
-            a.extend_from_slice(b);
+        for (name, own) in self.columns.iter_mut() {
+            own.extend(other.columns.get(name).into_iter().flatten());
         }
-        if let (Some(a), Some(b)) = (&mut self.shade, &other.shade) {
-            a.opacity.extend_from_slice(&b.opacity);
-            a.grey.extend_from_slice(&b.grey);
+        if let (Some(own), Some(others)) = (self.law.alpha_blend_mut(), other.law.alpha_blend()) {
+            own.opacity.extend_from_slice(&others.opacity);
+            own.grey.extend_from_slice(&others.grey);
         }
     }
 }
@@ -100,8 +115,6 @@ pub struct Model {
     pub metadata: Metadata,
     /// Layers, at least one.
     pub layers: Vec<Layer<Vec<Block>>>,
-    /// The network of the alpha-blend law; `None` = another law, or trained without one.
-    pub vizmapper: Option<VizMapper>,
     /// What was measured after decoding.
     pub certificate: Option<Certificate>,
 }
@@ -146,6 +159,11 @@ impl Model {
     /// All blocks of all layers.
     pub fn blocks(&self) -> impl Iterator<Item = &Block> {
         self.layers.iter().flat_map(|l| &l.content)
+    }
+
+    /// The network of the alpha-blend law, where it has one.
+    pub fn vizmapper(&self) -> Option<&Arc<VizMapper>> {
+        self.blocks().find_map(|b| b.gaussians.law.alpha_blend()?.vizmapper.as_ref())
     }
 
     /// Number of Gaussians.

@@ -105,13 +105,13 @@ impl AlphaLearner {
         let mut parameters = Parameters::default();
         for b in model.blocks() {
             let m = &b.gaussians;
-            let shade = m.shade.as_ref().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
+            let own = m.law.alpha_blend().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
             for i in 0..m.len() {
-                let (opacity, grey) = (shade.opacity[i], shade.grey[i]);
+                let (opacity, grey) = (own.opacity[i], own.grey[i]);
                 parameters.push(&one(&ground.frame, m.mean_of(i), &m.cov_of(i), opacity, grey));
             }
         }
-        Self::new(parameters, model.vizmapper.clone(), ground, config)
+        Self::new(parameters, model.vizmapper().map(|v| VizMapper::clone(v)), ground, config)
     }
 
     fn new(parameters: Parameters, mapper: Option<VizMapper>, ground: Ground, config: AlphaConfig) -> Result<Self> {

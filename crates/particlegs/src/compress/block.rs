@@ -8,7 +8,7 @@ use super::plan::Plan;
 use super::rate::{Met, meet_size};
 use crate::codec::{CodedLayer, Encoder, Precision};
 use crate::fit::{self, Effort, FitOptions, Pieces, Under};
-use crate::model::{Block, Law, Layer, Mass, Mixture, VizMapper};
+use crate::model::{Block, LawKind, Layer, Mass, Mixture, VizMapper};
 use crate::particles::{Bounds, Particles};
 use crate::progress::Progress;
 use crate::reference::Reference;
@@ -192,8 +192,8 @@ impl<'a> Workshop<'a> {
 
 impl BlockJob {
     /// The layers of some particles. Weights are not kept by a law whose Gaussians have opacities.
-    pub fn of(particles: &Particles, law: Law) -> Self {
-        let kept = |mass: Mass| if law == Law::OpticalDepth { mass } else { mass.without_weights() };
+    pub fn of(particles: &Particles, law: LawKind) -> Self {
+        let kept = |mass: Mass| if law == LawKind::OpticalDepth { mass } else { mass.without_weights() };
         let layer = |l: &Layer<Range<usize>>| LayerJob::of(particles, &Layer { mass: kept(l.mass), ..l.clone() });
         let mut layers: Vec<LayerJob> = particles.layers().iter().map(layer).collect();
         layers.sort_by(|a, b| (a.raw_bytes, &a.layer.name).cmp(&(b.raw_bytes, &b.layer.name)));
@@ -212,8 +212,8 @@ impl BlockJob {
             let share = ((left as f64 * count as f64 / particles_left as f64).round() as u64).clamp(1, count);
             (left, particles_left) = (left.saturating_sub(share), particles_left - count);
             let made = layer.made(share, None, shop)?;
+            coded.vizmapper = network_of(&made.gaussians).or(coded.vizmapper);
             let encoder = layer.encoder(made.gaussians)?;
-            coded.vizmapper = made.vizmapper.or(coded.vizmapper);
             coded.push(layer, shop.clock.time("code", || encoder.encode(&Precision::BALANCED)));
         }
         Ok(coded)
@@ -298,7 +298,7 @@ impl LayerJob {
     /// At most `number` Gaussians, fitted and, where the job is to, trained.
     fn made(&self, number: u64, bytes: Option<u64>, shop: &mut Workshop<'_>) -> Result<Made> {
         let Some(config) = shop.training.filter(|_| !shop.stopped) else {
-            return Ok(Made { gaussians: self.fit(number, shop)?, vizmapper: None, factor: None });
+            return Ok(Made { gaussians: self.fit(number, shop)?, factor: None });
         };
         let mut config = config.clone();
         if config.alpha_blend.most_gaussians == 0 {
@@ -311,17 +311,18 @@ impl LayerJob {
             let gaussians = self.fit(number, shop)?;
             self.train(&config, Initial::Fit(&gaussians), bytes, shop)?
         };
-        Ok(Made { gaussians: trained.mixture, vizmapper: trained.vizmapper, factor: trained.factor })
+        Ok(Made { gaussians: trained.mixture, factor: trained.factor })
     }
 
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `room`.
     fn at_size(&self, room: u64, shop: &mut Workshop<'_>) -> Result<(Met, Option<VizMapper>)> {
         let count = self.layer.content.len() as u64;
         let mut number = ((room as f64 / bytes_a_gaussian(shop.fitting.effort)) as u64).clamp(1, count);
-        if shop.training.is_some_and(|t| t.start == Start::Random || t.law == Law::AlphaBlend) {
+        if shop.training.is_some_and(|t| t.start == Start::Random || t.law == LawKind::AlphaBlend) {
             // Nothing is known of what a trained Gaussian costs before it is trained.
             let made = self.made(number, Some(room), shop)?;
-            return Ok((self.coded(made.gaussians, made.factor, room, shop)?.outcome, made.vizmapper));
+            let network = network_of(&made.gaussians);
+            return Ok((self.coded(made.gaussians, made.factor, room, shop)?.outcome, network));
         }
         let mut met = self.met_with(number, room, shop)?;
         for _ in 1..FITS {
@@ -365,10 +366,14 @@ impl LayerJob {
     }
 }
 
-/// Gaussians and their network.
+/// The network that a mixture is drawn with.
+fn network_of(gaussians: &Mixture) -> Option<VizMapper> {
+    Some(VizMapper::clone(gaussians.law.alpha_blend()?.vizmapper.as_ref()?))
+}
+
+/// Gaussians, and the precision to code them at.
 struct Made {
     gaussians: Mixture,
-    vizmapper: Option<VizMapper>,
     /// The precision to code them at, where it matters.
     factor: Option<f64>,
 }

@@ -6,7 +6,7 @@ use super::rate::{Met, meet_size};
 use super::{Clock, Target};
 use crate::codec::{self, Encoder, Precision};
 use crate::fit::{Pieces, Under};
-use crate::model::{Block, Certificate, Law, Layer, Metadata, Mixture, Model, VizMapper};
+use crate::model::{Block, Certificate, LawKind, Layer, Metadata, Mixture, Model, VizMapper};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::reference::Reference;
@@ -59,7 +59,7 @@ pub fn finetune(
     progress: &dyn Progress,
 ) -> Result<Compressed> {
     let law = model.metadata.law;
-    if law != Law::AlphaBlend {
+    if law != LawKind::AlphaBlend {
         let what = format!("a model of the {} law cannot be fine-tuned: its blocks add up as they are", law.name());
         let hint = "`compress --train` trains such a model from its snapshot".into();
         return Err(Error::Argument { what, hint });
@@ -122,8 +122,9 @@ impl Job<'_> {
         })?;
         let stopped = trained.stopped;
         let run = TrainedRun::of(String::new(), &config, &trained);
+        let network = trained.mixture.law.alpha_blend().and_then(|l| l.vizmapper.clone());
+        let network = network.as_deref();
         let met = clock.time("code", || self.coded(trained.mixture, room, stopped))?;
-        let network = trained.vizmapper.as_ref();
         let mut bytes = self.file(&met, network, None)?;
         let mut model = clock.time("decode", || codec::decode(&bytes, "the file just coded"))?;
         if self.options.certificate && !stopped {

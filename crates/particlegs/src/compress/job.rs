@@ -9,7 +9,7 @@ use crate::blocks::divide;
 use crate::codec;
 use crate::fit::{self, Effort, Pieces, Under};
 use crate::memory::require;
-use crate::model::{Certificate, Law, Model};
+use crate::model::{Certificate, LawKind, Model};
 use crate::particles::{Bounds, Particles, Room, check_particles, source_hash};
 use crate::progress::Progress;
 use crate::train::{Config, Limits};
@@ -47,8 +47,8 @@ pub struct Options {
 
 impl Options {
     /// How Gaussians become pictures.
-    pub fn law(&self) -> Law {
-        self.training.as_ref().map_or(Law::OpticalDepth, |t| t.law)
+    pub fn law(&self) -> LawKind {
+        self.training.as_ref().map_or(LawKind::OpticalDepth, |t| t.law)
     }
 
     /// 32 bytes that name the work: what decides the model's bytes. A checkpoint of other work is of no use.

@@ -6,7 +6,7 @@ use super::target::Target;
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
 use crate::fit::Effort;
-use crate::model::{Certificate, Law, Layer, Mass, Metadata, VizMapper};
+use crate::model::{Certificate, LawKind, Layer, Mass, Metadata, VizMapper};
 use crate::particles::Bounds;
 use crate::picture::Size;
 use crate::progress::Progress;
@@ -46,7 +46,7 @@ impl Plan {
         if metadata.count == 0 || layers.iter().any(|l| l.content == 0) {
             return Err(Error::input(&metadata.source, "no particles, or a layer without any"));
         }
-        let alpha = options.law() == Law::AlphaBlend;
+        let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && layers.len() > 1 {
             return Err(Error::argument(
                 "the alpha-blend law has one layer: choose one with --particle-type, or use the optical-depth law",
@@ -80,8 +80,8 @@ impl Plan {
     /// The masses of a layer as the file has them: Gaussians of the alpha-blend law have no weights.
     fn kept_mass(&self, layer: &Layer<u64>) -> Mass {
         match self.metadata.law {
-            Law::OpticalDepth => layer.mass,
-            Law::AlphaBlend => layer.mass.without_weights(),
+            LawKind::OpticalDepth => layer.mass,
+            LawKind::AlphaBlend => layer.mass.without_weights(),
         }
     }
 
@@ -120,7 +120,7 @@ impl Plan {
         let head = |l: &Layer<u64>| Layer { mass: self.kept_mass(l), ..l.with(self.blocks as usize) };
         let heads: Vec<Layer<usize>> = self.layers.iter().map(head).collect();
         let network = match &self.training {
-            Some(t) if t.law == Law::AlphaBlend && t.alpha_blend.vizmapper => codec::VIZMAPPER_SECTION_BYTES,
+            Some(t) if t.law == LawKind::AlphaBlend && t.alpha_blend.vizmapper => codec::VIZMAPPER_SECTION_BYTES,
             _ => 0,
         };
         (codec::size_without_blocks(&self.metadata, self.certificate, &heads) + network) as u64

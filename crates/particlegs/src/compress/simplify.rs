@@ -6,7 +6,7 @@ use super::rate::{Met, meet_size};
 use super::target::Target;
 use crate::codec::{self, Encoder, Precision};
 use crate::fit::{self, Effort, SimplifyOptions};
-use crate::model::{Block, Law, Layer, Metadata, Mixture, Model};
+use crate::model::{Block, LawKind, Layer, Metadata, Mixture, Model};
 use crate::particles::Bounds;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -41,7 +41,7 @@ pub fn simplify(
 ) -> Result<Simplified> {
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;
-    if metadata.law != Law::OpticalDepth {
+    if metadata.law != LawKind::OpticalDepth {
         let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
         return Err(Error::Argument { what, hint: "train one with fewer Gaussians on the snapshot".into() });
     }
@@ -76,8 +76,7 @@ pub fn simplify(
 fn joined(blocks: Vec<Block>) -> Block {
     let bounds = blocks.iter().fold(Bounds::empty(), |all, b| all.union(&b.bounds));
     let (count, mass) = (blocks.iter().map(|b| b.count).sum(), blocks.iter().map(|b| b.mass).sum());
-    let weighted = blocks.iter().any(|b| b.gaussians.mass.is_some());
-    let mut gaussians = Mixture { mass: weighted.then(Vec::new), ..Mixture::default() };
+    let mut gaussians = Mixture::new(blocks.iter().any(|b| b.gaussians.masses().is_some()));
     blocks.iter().for_each(|b| gaussians.append(&b.gaussians));
     Block { bounds, count, mass, gaussians }
 }

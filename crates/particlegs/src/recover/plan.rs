@@ -136,7 +136,7 @@ impl LayerPlan {
             .collect();
         self.first = first;
         let g = &self.layer.content;
-        if let Some(masses) = &g.mass {
+        if let Some(masses) = g.masses() {
             let mean = |i: usize| if g.count[i] > 0.0 { masses[i] / g.count[i] } else { 0.0 };
             let there: f64 = masses.iter().sum();
             let drawn: f64 = counts.iter().enumerate().map(|(i, c)| c * mean(i)).sum();
@@ -157,9 +157,9 @@ impl LayerPlan {
 /// were made whole.
 fn numbers(block: &Block) -> Vec<f64> {
     let g = &block.gaussians;
-    let Some(shade) = &g.shade else { return g.count.clone() };
-    let sum: f64 = shade.opacity.iter().sum();
-    shade.opacity.iter().map(|o| o / sum * block.count as f64).collect()
+    let Some(own) = g.law.alpha_blend() else { return g.count.clone() };
+    let sum: f64 = own.opacity.iter().sum();
+    own.opacity.iter().map(|o| o / sum * block.count as f64).collect()
 }
 
 /// Volume of an ellipsoid of one standard deviation, but for 4 pi / 3.
@@ -170,7 +170,7 @@ fn volume(cov: &Sym3) -> f64 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::model::{Law, Metadata, Shade};
+    use crate::model::{AlphaBlend, Law, LawKind, Metadata};
     use crate::particles::Bounds;
     use proptest::prelude::*;
 
@@ -178,7 +178,7 @@ pub(super) mod tests {
     pub fn model(layers: &[(&str, &[(u64, Option<f64>)])]) -> Model {
         let layer = |(name, gaussians): &(&str, &[(u64, Option<f64>)])| {
             let weighted = gaussians.iter().any(|g| g.1.is_some());
-            let mut m = Mixture { mass: weighted.then(Vec::new), ..Mixture::default() };
+            let mut m = Mixture::new(weighted);
             for (i, &(count, mass)) in gaussians.iter().enumerate() {
                 let cov = Sym3([0.04, 0.01, 0.0, 0.02, -0.005, 0.01]);
                 m.push([i as f64 + 0.5, 5.0, 5.0], cov, count as f64, mass.unwrap_or(0.0));
@@ -191,7 +191,7 @@ pub(super) mod tests {
         };
         let layers: Vec<Layer<Vec<Block>>> = layers.iter().map(layer).collect();
         let metadata = Metadata {
-            law: Law::OpticalDepth,
+            law: LawKind::OpticalDepth,
             count: layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum(),
             mass: layers.iter().flat_map(|l| &l.content).map(|b| b.mass).sum(),
             bounds: Bounds { min: [0.0; 3], max: [10.0; 3] },
@@ -209,7 +209,7 @@ pub(super) mod tests {
             command: "test".into(),
             tool_version: "0".into(),
         };
-        Model { metadata, layers, vizmapper: None, certificate: None }
+        Model { metadata, layers, certificate: None }
     }
 
     proptest! {
@@ -247,7 +247,7 @@ pub(super) mod tests {
     /// Gaussians of opacities 0.1, 0.2 and 0.7, the second of eight times the volume.
     pub fn shaded(count: u64) -> Model {
         let mut m = model(&[("particles", &[(1, None), (1, None), (1, None)])]);
-        (m.metadata.law, m.metadata.count, m.metadata.mass) = (Law::AlphaBlend, count, count as f64);
+        (m.metadata.law, m.metadata.count, m.metadata.mass) = (LawKind::AlphaBlend, count, count as f64);
         let block = &mut m.layers[0].content[0];
         (block.count, block.mass) = (count, count as f64);
         let opacity = vec![0.1, 0.2, 0.7];
@@ -255,7 +255,7 @@ pub(super) mod tests {
         g.count = opacity.clone();
         whole_counts(&mut g.count, count);
         (0..6).for_each(|k| g.cov[k][1] *= 4.0);
-        g.shade = Some(Shade { opacity, grey: vec![1.0; 3] });
+        g.law = Law::AlphaBlend(AlphaBlend { opacity, grey: vec![1.0; 3], vizmapper: None });
         m
     }
 

@@ -1,14 +1,4 @@
-//! What the published law needs beside places and shapes: opacities and grey levels of Gaussians,
-//! and the network that follows radius and opacity (paper sections III-A and III-B).
-
-/// Opacities and grey levels of a mixture's Gaussians, in columns of its length.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Shade {
-    /// Opacity at a Gaussian's peak at the default radius and opacity, in (0, 1).
-    pub opacity: Vec<f64>,
-    /// Grey level, 1 = white; at least 0.
-    pub grey: Vec<f64>,
-}
+//! The network that follows radius and opacity in the published law (paper section III-B).
 
 /// Inputs, hidden units (twice) and outputs of [`VizMapper`].
 pub const VIZMAPPER_SHAPE: [usize; 4] = [4, 64, 64, 2];
