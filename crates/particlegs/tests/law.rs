@@ -253,7 +253,7 @@ fn depth_of_gaussians() {
     let even = uniform_box(&hacc, 280_953_867.0, &view(camera, 0.01, 0.05), SMALL).unwrap();
     let values = [
         (
-            "tau at the middle of 1000 particles, S = 10 pixels squared, r_px = 2, opacity 0.05, orthographic: \
+            "tau at the middle of 1000 particles, S = (10 pixels)^2, r_px = 2, opacity 0.05, orthographic: \
              n A1 r_px^2 / (2 pi (100 + 4 + 1/12))",
             f64::from(wide.data[50 * 101 + 50]),
         ),
