@@ -2,9 +2,7 @@
 //! stops, limits, blocks, fine-tuning, and what is refused.
 #![cfg(unix)]
 
-mod common;
-
-use common::{fails, particlegs, snapshot};
+use crate::common::{fails, particlegs, snapshot};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
