@@ -1,5 +1,5 @@
 //! The pictures of a run: the published spirals on several orbits, cameras inside the bounds, and
-//! radius and opacity drawn for each (spec: paper.md).
+//! radius and opacity drawn for each (docs/law/cameras.md).
 
 use super::config::Cameras;
 use particlegs_core::camera::{Camera, FOV_DEG, Projection, View, base_distance, spiral, view_up};

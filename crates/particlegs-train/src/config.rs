@@ -100,7 +100,7 @@ pub enum Preset {
     Fast,
     /// At most thirty.
     Best,
-    /// The published single-block recipe (spec: paper.md).
+    /// The published single-block recipe (docs/law/published.md, "Training").
     Paper,
 }
 
@@ -143,7 +143,7 @@ impl Config {
         }
     }
 
-    /// The published single-block recipe: three stages, 39 000 iterations (spec: paper.md).
+    /// The published single-block recipe: three stages, 39 000 iterations (docs/law/published.md).
     fn published(law: LawKind) -> Config {
         let stage = |iterations, size, oversample, internal, densify| Stage {
             iterations,

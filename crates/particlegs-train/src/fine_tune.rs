@@ -6,7 +6,7 @@ use super::learner::Densify;
 use particlegs_core::model::LawKind;
 
 impl Config {
-    /// The published fine-tuning of a merged alpha-blend model (paper section III-D, spec: paper.md):
+    /// The published fine-tuning of a merged alpha-blend model (paper section III-D, docs/law/published.md):
     /// 60 000 iterations at 1080p on the pictures of the whole snapshot's orbits, densification every
     /// 100 until 30 000, wider ranges of the network and nothing that holds it, no reset of opacities
     /// and no pruning by them. The run starts from a model, whatever `start` says.

@@ -4,7 +4,7 @@
 use particlegs::camera::{Camera, FOV_DEG, ORBITS, Projection, View};
 use particlegs::camera::{base_distance, clipping_range, spherical_camera, spiral};
 use particlegs::math::{Random, Sym3};
-use particlegs::model::{Law, Mixture, Shade, VizMapper, VizRanges};
+use particlegs::model::{AlphaBlend, Law, LawKind, Mixture, VizMapper, VizRanges};
 use particlegs::particles::{Bounds, Particles};
 use particlegs::picture::{Gray8, Plane, Size, masked_psnr, psnr, ssim};
 use particlegs::progress::Silent;
@@ -20,6 +20,7 @@ use particlegs::stats::StatsOptions;
 use particlegs::train::{Config, Preset};
 use serde_json::Value;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 const SPLAT: &str = include_str!("../../../docs/law/splat.md");
 const DEPTH: &str = include_str!("../../../docs/law/depth.md");
@@ -553,8 +554,9 @@ fn blended(network: Option<&VizMapper>, [radius, opacity]: [f64; 2], depth: f64)
     let camera = Camera { clipping_range: None, ..ahead(FOV_DEG, [1.0, 2.0]) };
     let pixel = depth / camera.focal_pixels(SMALL);
     let mut mixture = gaussian(depth, Sym3::scaled_identity(4.0 * pixel * pixel), 1.0);
-    mixture.shade = Some(Shade { opacity: vec![0.5], grey: vec![1.0] });
-    let scene = Scene::of_shaded(&mixture, network, cube(), [1.0, 0.05]);
+    let vizmapper = network.cloned().map(Arc::new);
+    mixture.law = Law::AlphaBlend(AlphaBlend { opacity: vec![0.5], grey: vec![1.0], vizmapper });
+    let scene = Scene::of_law(&mixture, cube(), [1.0, 0.05]);
     let view = view(camera, radius, 0.05 * opacity);
     f64::from(render::draw(&scene, &view, SMALL, Look::Expected, &Silent).unwrap().data[MIDDLE])
 }
@@ -608,7 +610,7 @@ fn the_published_recipe() {
         all.retain(|(name, _)| !own.iter().any(|o| name.starts_with(o)) && !name.ends_with(".crop"));
         all
     };
-    let (single, tuning) = (of(Config::preset(Preset::Paper, Law::AlphaBlend)), of(Config::fine_tuning()));
+    let (single, tuning) = (of(Config::preset(Preset::Paper, LawKind::AlphaBlend)), of(Config::fine_tuning()));
     let rows = table(PUBLISHED, "## Training");
     let find = |all: &[(String, String)], name: &str| {
         all.iter().find(|(n, _)| n == name).map_or("-".to_string(), |(_, value)| value.clone())

@@ -1,6 +1,6 @@
 //! Models of the alpha-blend law as the published system stores its own: the PLY of 3-D Gaussian
 //! splatting with spherical harmonics of degree 0, 17 float32 a Gaussian, three of them always 0
-//! (Kerbl et al. 2023, `gaussian_model.py`, `save_ply`; spec: paper.md, evaluation).
+//! (Kerbl et al. 2023, `gaussian_model.py`, `save_ply`; docs/law/published.md, "Evaluation").
 
 use particlegs::camera::Normalisation;
 use particlegs::math::Sym3;

@@ -42,7 +42,7 @@ pub(crate) struct Ground {
 
 impl AlphaLearner {
     /// `number` particles at random, each a round Gaussian as large as its three nearest neighbours
-    /// among them are far, white, of opacity 0.1 (spec: paper.md).
+    /// among them are far, white, of opacity 0.1 (docs/law/published.md, "Training").
     ///
     /// # Errors
     /// [`Error::Argument`] where there is no particle, or none is asked for.

@@ -1,4 +1,4 @@
-//! How particles are placed (spec: paper.md, recovery; the published names in brackets).
+//! How particles are placed (docs/law/published.md, "Recovery"; the published names in brackets).
 
 use crate::model::LawKind;
 

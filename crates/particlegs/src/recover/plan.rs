@@ -259,7 +259,7 @@ pub(super) mod tests {
         m
     }
 
-    /// What spec/paper.md says of V0, V1, V4 and V6.
+    /// What docs/law/published.md, "Recovery", says of V0, V1, V4 and V6.
     #[test]
     fn alpha_blend_models_are_shared_by_opacity() {
         let each = |count: u64, wanted: Option<u64>, method| {

@@ -1,10 +1,7 @@
 //! What a user reads before anything runs: help that fits a screen, options of one spelling, versions,
 //! completions and manual pages.
-#![allow(missing_docs)]
 
-mod common;
-
-use common::{listing, particlegs};
+use crate::common::{listing, particlegs};
 
 /// Lines and columns of a terminal that `-h` of every command fits on.
 const SCREEN: [usize; 2] = [40, 100];
@@ -191,7 +188,7 @@ fn the_guides_describe_every_option() {
 /// The tables of `stats` have the columns that the guide says.
 #[test]
 fn the_guide_of_statistics_names_every_column() {
-    let (page, code) = (page("statistics.md"), include_str!("../src/stats_tables.rs"));
+    let (page, code) = (page("statistics.md"), include_str!("../../src/stats_tables.rs"));
     let heads: Vec<&str> = code.split("Csv::new(").skip(1).map(|c| c.split('"').nth(1).unwrap()).collect();
     assert!(heads.len() >= 7, "{heads:?}");
     heads.iter().filter(|h| !h.is_empty()).for_each(|head| assert!(page.contains(head), "{head}"));

@@ -1,65 +1,20 @@
 //! `eval` as a user runs it: a tiny model of the sample.
 
-use assert_cmd::Command;
+use crate::common::{particlegs, sample};
+use crate::models::tiny;
 use particlegs::codec::{self, Precision};
-use particlegs::math::Sym3;
-use particlegs::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
-use particlegs::particles::{Particles, open_raw};
-use std::path::{Path, PathBuf};
-
-fn sample() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")
-}
-
-/// Moments of runs of particles: the sample is in lattice order, so runs are compact.
-fn tiny(particles: &Particles) -> Model {
-    const RUN: usize = 4096;
-    let (bounds, count) = (particles.bounds(), particles.len() as u64);
-    let mut gaussians = Mixture::default();
-    for start in (0..particles.len()).step_by(RUN) {
-        let all: Vec<[f64; 3]> = (start..start + RUN).map(|i| particles.position(i)).collect();
-        let mean: [f64; 3] = std::array::from_fn(|k| all.iter().map(|p| p[k]).sum::<f64>() / RUN as f64);
-        let outer = |p: &[f64; 3]| Sym3::outer(std::array::from_fn(|k| p[k] - mean[k]));
-        let sum = all.iter().fold(Sym3::default(), |s, p| s.add(&outer(p)));
-        gaussians.push(mean, sum.scale(1.0 / RUN as f64), RUN as f64, RUN as f64);
-    }
-    let metadata = Metadata {
-        law: LawKind::OpticalDepth,
-        count,
-        mass: count as f64,
-        bounds,
-        cell: particles.meta.cell,
-        default_radius: bounds.default_radius(count),
-        default_opacity: 0.05,
-        source: "nbody64".into(),
-        source_hash: [0; 32],
-        length_unit: None,
-        mass_unit: None,
-        comoving: None,
-        scale_factor: None,
-        hubble: None,
-        time: None,
-        command: String::new(),
-        tool_version: String::new(),
-    };
-    let block = Block { bounds, count, mass: count as f64, gaussians };
-    Model {
-        metadata,
-        layers: vec![Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] }],
-        vizmapper: None,
-        certificate: None,
-    }
-}
+use particlegs::model::LawKind;
+use particlegs::particles::open_raw;
 
 #[test]
 fn scores_by_orbit_in_text_and_json() {
     let dir = tempfile::tempdir().unwrap();
     let particles = open_raw(&[sample()]).unwrap();
-    let bytes = codec::encode(&tiny(&particles), &Precision::BALANCED).unwrap();
+    let bytes = codec::encode(&tiny(&particles, 0..64, LawKind::OpticalDepth), &Precision::BALANCED).unwrap();
     let (model, json) = (dir.path().join("m.pgs"), dir.path().join("e.json"));
     std::fs::write(&model, &bytes).unwrap();
     let run = |more: &[&str]| {
-        let mut command = Command::cargo_bin("particlegs").unwrap();
+        let mut command = particlegs();
         command.arg("eval").arg(&model).arg(sample()).arg("--json").arg(&json).arg("--quiet").args(more);
         let done = command.assert().success();
         let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();

@@ -1,5 +1,4 @@
 //! What the end-to-end tests share.
-#![allow(dead_code, missing_docs)]
 
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
@@ -7,6 +6,11 @@ use std::path::{Path, PathBuf};
 /// The binary under test.
 pub fn particlegs() -> Command {
     Command::cargo_bin("particlegs").expect("the binary is built")
+}
+
+/// Runs it with arguments.
+pub fn run(arguments: &[&str]) -> assert_cmd::assert::Assert {
+    particlegs().args(arguments).assert()
 }
 
 /// The bundled snapshot.

@@ -1,8 +1,6 @@
 //! Jobs in a folder as a user, or an engine, runs them.
 
-mod common;
-
-use common::{fails, listing, particlegs, sample, snapshot};
+use crate::common::{fails, listing, particlegs, sample, snapshot};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -240,9 +238,9 @@ fn a_signal_stops_a_block_and_it_goes_on_to_the_same_bytes() {
         let mut c = std::process::Command::new(assert_cmd::cargo::cargo_bin("particlegs"));
         let mut child = c.arg("block").arg(at("job")).args(["0", "--quiet"]).spawn().unwrap();
         let (number, name) = if stops % 2 == 0 { (10, "-USR1") } else { (15, "-TERM") };
-        common::wait_for_handler(&child, number);
+        crate::common::wait_for_handler(&child, number);
         std::thread::sleep(std::time::Duration::from_millis(wait));
-        common::signal(&child, name);
+        crate::common::signal(&child, name);
         assert_eq!(child.wait().unwrap().code(), Some(75), "{name} after {wait} ms");
         assert!(!at("job/blocks/00000.pgs").exists());
         (stops, wait) = (stops + 1, 2 * wait);

@@ -1,11 +1,8 @@
 //! Every command that writes, at every place that it can be told to write to: right or refused, and
 //! nothing of the user's is changed.
 #![cfg(target_os = "linux")]
-#![allow(missing_docs)]
 
-mod common;
-
-use common::{listing, snapshot};
+use crate::common::{listing, snapshot};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::os::unix::fs::{FileTypeExt, symlink};

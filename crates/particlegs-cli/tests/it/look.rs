@@ -1,9 +1,6 @@
 //! `render`, `reference`, `info` and `verify` as a user runs them.
-#![allow(missing_docs)]
 
-mod common;
-
-use common::{fails, listing, particlegs, sample};
+use crate::common::{fails, listing, particlegs, sample};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,6 @@
 //! A model that shows nothing is said to, and a forged certificate is refused.
 
-mod common;
-use common::{fails, particlegs, snapshot};
+use crate::common::{fails, particlegs, snapshot};
 use particlegs::codec;
 
 /// A cubic crystal of 16^3 atoms: what no mixture of fewer Gaussians shows.

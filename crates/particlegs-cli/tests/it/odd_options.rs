@@ -1,9 +1,7 @@
 //! Every option of every command that reads or draws, as its own help lists them, at odd values: the
 //! command ends with success or one line of error, or is at work and hears that it is to stop.
 
-mod common;
-
-use common::{particlegs, snapshot};
+use crate::common::{particlegs, snapshot};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};

@@ -1,15 +1,7 @@
 //! `convert` and `compare` as a user runs them.
 
-use assert_cmd::Command;
-use std::path::{Path, PathBuf};
-
-fn particlegs(arguments: &[&str]) -> assert_cmd::assert::Assert {
-    Command::cargo_bin("particlegs").unwrap().args(arguments).assert()
-}
-
-fn sample() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")
-}
+use crate::common::{run, sample};
+use std::path::Path;
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
@@ -19,7 +11,7 @@ fn text(path: &Path) -> &str {
 fn tiles_the_sample() {
     let dir = tempfile::tempdir().unwrap();
     let (out, json) = (dir.path().join("tiled"), dir.path().join("r.json"));
-    particlegs(&["convert", text(&sample()), "-o", text(&out), "--tile", "1,2,2", "--json", text(&json)]).success();
+    run(&["convert", text(&sample()), "-o", text(&out), "--tile", "1,2,2", "--json", text(&json)]).success();
     assert_eq!(std::fs::metadata(out.join("yy.f32")).unwrap().len(), 4 * 4 * 262_144);
     let meta: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("meta.json")).unwrap()).unwrap();
     assert_eq!(meta["box"], serde_json::json!([25.0, 50.0, 50.0]));
@@ -33,7 +25,7 @@ fn the_same_sample_for_any_number_of_threads() {
     let dir = tempfile::tempdir().unwrap();
     let draw = |threads: &str| {
         let out = dir.path().join(format!("{threads}.npy"));
-        particlegs(&["convert", text(&sample()), "-o", text(&out), "--sample", "1000", "--threads", threads]).success();
+        run(&["convert", text(&sample()), "-o", text(&out), "--sample", "1000", "--threads", threads]).success();
         std::fs::read(out).unwrap()
     };
     let one = draw("1");
@@ -60,12 +52,12 @@ fn bad_arguments_leave_nothing() {
         let input = sample();
         all.push(text(&input));
         all.extend(bad);
-        let failed = particlegs(&all).failure();
+        let failed = run(&all).failure();
         assert!(String::from_utf8_lossy(&failed.get_output().stderr).starts_with("error: "), "{bad:?}");
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "{bad:?}");
     }
     let place = dir.path().join("missing/out");
-    particlegs(&["convert", text(&sample()), "-o", text(&place)]).failure();
+    run(&["convert", text(&sample()), "-o", text(&place)]).failure();
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
 }
 
@@ -82,14 +74,14 @@ fn compare_names_what_it_cannot_score() {
     write(&a, "far_00.png", 16, 100);
     write(&b, "far_00.png", 16, 110);
     write(&a, "alone.png", 16, 0);
-    let done = particlegs(&["compare", text(&a), text(&b), "--json", "-"]).success();
+    let done = run(&["compare", text(&a), text(&b), "--json", "-"]).success();
     let c: serde_json::Value = serde_json::from_slice(&done.get_output().stdout).unwrap();
     assert!((c["views"][0]["psnr"].as_f64().unwrap() - 28.13).abs() < 0.01);
     assert_eq!((c["views"][0]["name"].as_str(), c["only_in_a"][0].as_str()), (Some("far_00"), Some("alone")));
     assert!(String::from_utf8_lossy(&done.get_output().stderr).contains("alone"));
     write(&b, "alone.png", 17, 0);
-    let failed = particlegs(&["compare", text(&a), text(&b)]).failure().code(3);
+    let failed = run(&["compare", text(&a), text(&b)]).failure().code(3);
     assert!(String::from_utf8_lossy(&failed.get_output().stdout).contains("28.13 dB"));
     assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("16x16 pixels against 17x17"));
-    particlegs(&["compare", text(&a), text(&dir.path().join("c"))]).failure().code(6);
+    run(&["compare", text(&a), text(&dir.path().join("c"))]).failure().code(6);
 }

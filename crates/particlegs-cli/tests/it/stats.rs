@@ -1,8 +1,6 @@
 //! `stats` as a user runs it, on a thinned sample.
 
-mod common;
-
-use common::{fails, listing, particlegs, sample};
+use crate::common::{fails, listing, particlegs, sample};
 use std::path::{Path, PathBuf};
 
 /// 16 384 particles of the sample as a snapshot with its box.

@@ -2,9 +2,7 @@
 //! stops, limits, blocks, fine-tuning, and what is refused.
 #![cfg(unix)]
 
-mod common;
-
-use common::{fails, particlegs, snapshot};
+use crate::common::{fails, particlegs, snapshot};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
@@ -191,7 +189,7 @@ fn blocks_and_fine_tuning() {
     assert!(direct == std::fs::read(dir.join("of-job.pgs")).unwrap());
     let network = |name: &str| {
         let bytes = std::fs::read(dir.join(name)).unwrap();
-        particlegs::codec::decode(&bytes, name).unwrap().vizmapper.unwrap()
+        particlegs::codec::decode(&bytes, name).unwrap().vizmapper().unwrap().clone()
     };
     assert_eq!(network("m.pgs"), network("job/blocks/00000.pgs"));
     assert_ne!(network("m.pgs"), network("job/blocks/00001.pgs"));
@@ -202,7 +200,7 @@ fn blocks_and_fine_tuning() {
     assert!(tuned == unbroken(&dir, &[&tune[..], &["--threads", "1"]].concat(), "tuned.pgs"));
     let model = particlegs::codec::decode(&tuned, "tuned.pgs").unwrap();
     assert!(model.metadata.command.starts_with("finetune --seed 42") && model.metadata.command.contains("compress"));
-    let ranges = model.vizmapper.unwrap().ranges;
+    let ranges = model.vizmapper().unwrap().ranges;
     assert!((ranges.scale - 0.3).abs() < 1e-6 && (ranges.floor - 0.1).abs() < 1e-6);
     tool(&dir, &["verify", "tuned.pgs", SAMPLE, "-q"]).assert().success();
 

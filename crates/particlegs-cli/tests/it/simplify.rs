@@ -1,8 +1,6 @@
 //! `simplify` as a user runs it.
 
-mod common;
-
-use common::{fails, particlegs, sample};
+use crate::common::{fails, particlegs, sample};
 use particlegs::model::Model;
 use std::path::Path;
 

@@ -1,7 +1,6 @@
 //! Options that would do nothing are refused by name, and outputs of pictures are what their names say.
 
-mod common;
-use common::{fails, listing, particlegs, snapshot};
+use crate::common::{fails, listing, particlegs, snapshot};
 use std::path::Path;
 
 /// A folder with a snapshot `in` of 512 particles and a model `m.pgs` of it.

@@ -1,9 +1,6 @@
 //! Cameras go out and come back: `--save-views`, and the JSON report, draw the same pictures again.
-#![allow(missing_docs)]
 
-mod common;
-
-use common::{fails, particlegs, snapshot};
+use crate::common::{fails, particlegs, snapshot};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

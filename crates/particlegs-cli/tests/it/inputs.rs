@@ -1,11 +1,8 @@
 //! Inputs that are pipes, devices, links to nowhere, of the wrong kind, or that carry names which mean
 //! harm: one clear line each, and nothing that hangs or takes memory.
 #![cfg(unix)]
-#![allow(missing_docs)]
 
-mod common;
-
-use common::{fails, listing, particlegs, snapshot};
+use crate::common::{fails, listing, particlegs, snapshot};
 use std::io::Write;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};

@@ -1,9 +1,6 @@
 //! `compress` end to end: sizes met, counts kept, same bytes whatever the threads.
-#![allow(missing_docs)]
 
-mod common;
-
-use common::{particlegs, sample, snapshot};
+use crate::common::{particlegs, sample, snapshot};
 use std::path::Path;
 
 fn compress(folder: &Path, name: &str, args: &[&str], simd: bool) -> Vec<u8> {
@@ -123,7 +120,7 @@ fn killing_is_safe() {
         killed(&["compress", "--effort", "high"], "m.pgs", &wait);
     }
     // While the output itself is written: 201 MB, of which 1 MB is.
-    killed(&["convert", "--tile", "4,4,4"], "tiled.npy", &|child| common::wait_for_bytes(child, 1 << 20));
+    killed(&["convert", "--tile", "4,4,4"], "tiled.npy", &|child| crate::common::wait_for_bytes(child, 1 << 20));
 }
 
 /// A first SIGINT stops cleanly with exit 130 and no output.
@@ -133,11 +130,11 @@ fn interrupting_is_clean() {
     let dir = tempfile::tempdir().unwrap();
     for milliseconds in [0, 300] {
         let child = spawned(dir.path(), &["compress", "--effort", "high", "-o", "m.pgs"]);
-        common::wait_for_handler(&child, 2);
+        crate::common::wait_for_handler(&child, 2);
         std::thread::sleep(std::time::Duration::from_millis(milliseconds));
-        common::signal(&child, "-INT");
+        crate::common::signal(&child, "-INT");
         let out = child.wait_with_output().unwrap();
         assert_eq!(out.status.code(), Some(130));
-        assert_eq!(common::listing(dir.path()), [""; 0]);
+        assert_eq!(crate::common::listing(dir.path()), [""; 0]);
     }
 }

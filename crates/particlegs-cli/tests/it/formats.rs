@@ -1,12 +1,8 @@
 //! Other people's files as a user brings them: info, choosing, layers, units, round trips.
 
-use assert_cmd::Command;
+use crate::common::{self, run};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-
-fn particlegs(arguments: &[&str]) -> assert_cmd::assert::Assert {
-    Command::cargo_bin("particlegs").unwrap().args(arguments).assert()
-}
 
 fn fixture(name: &str) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-formats/tests/fixtures");
@@ -14,7 +10,7 @@ fn fixture(name: &str) -> String {
 }
 
 fn sample() -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64").display().to_string()
+    common::sample().display().to_string()
 }
 
 fn at(dir: &tempfile::TempDir, name: &str) -> String {
@@ -23,8 +19,7 @@ fn at(dir: &tempfile::TempDir, name: &str) -> String {
 
 /// What `info --json -` says.
 fn info(arguments: &[&str]) -> Value {
-    let output =
-        particlegs(&[&["info", "--json", "-", "-q"], arguments].concat()).success().get_output().stdout.clone();
+    let output = run(&[&["info", "--json", "-", "-q"], arguments].concat()).success().get_output().stdout.clone();
     serde_json::from_slice(&output).unwrap()
 }
 
@@ -40,7 +35,7 @@ fn info_tells_species_fields_and_frames() {
     assert_eq!((d["frames"]["count"].as_u64(), d["frames"]["chosen"].as_u64()), (Some(2), Some(0)));
     assert_eq!((&d["meta"]["length_unit"], d["bounds"].as_array().unwrap().len()), (&"Angstrom".into(), 0));
     // In words, too, and raw data like any other.
-    let text = particlegs(&["info", &sample()]).success().get_output().stdout.clone();
+    let text = run(&["info", &sample()]).success().get_output().stdout.clone();
     let text = String::from_utf8(text).unwrap();
     assert!(text.contains("262144 particles") && text.contains("Mpc/h, comoving"), "{text}");
 }
@@ -61,7 +56,7 @@ fn species_and_masses_become_layers() {
             "--no-certificate",
             "--force",
         ];
-        particlegs(&[&base, more].concat()).success();
+        run(&[&base, more].concat()).success();
         let d = info(&[&model]);
         let layers: Vec<Value> = d["layers"].as_array().unwrap().clone();
         let names: Vec<String> = layers.iter().map(|l| l["name"].as_str().unwrap().to_string()).collect();
@@ -81,8 +76,7 @@ fn species_and_masses_become_layers() {
     assert!(layers.iter().all(|l| l["weighted"] == false && l["particle_mass"].is_null()));
     // One layer alone is drawn, and a name that is none is told.
     compress(&[]);
-    let render =
-        |layer: &str| particlegs(&["render", &model, "--layer", layer, "--size", "64x64", "--out", &at(&dir, layer)]);
+    let render = |layer: &str| run(&["render", &model, "--layer", layer, "--size", "64x64", "--out", &at(&dir, layer)]);
     render("PartType1").success();
     let error = render("stars").failure().code(2).get_output().stderr.clone();
     assert!(String::from_utf8(error).unwrap().contains("PartType0, PartType1"));
@@ -90,20 +84,20 @@ fn species_and_masses_become_layers() {
     render("all").success();
     assert_ne!(picture("all"), picture("PartType1"));
     // Scores and the certificate take all layers.
-    particlegs(&["verify", &model, &fixture("species.hdf5"), "-q"]).success();
+    run(&["verify", &model, &fixture("species.hdf5"), "-q"]).success();
 }
 
 #[test]
 fn a_window_wraps_around_the_box() {
     let dir = tempfile::tempdir().unwrap();
     let (window, region) = (at(&dir, "window"), at(&dir, "region"));
-    particlegs(&["convert", &sample(), "-o", &window, "--center", "0,12,12", "--width", "4,25,25", "-q"]).success();
+    run(&["convert", &sample(), "-o", &window, "--center", "0,12,12", "--width", "4,25,25", "-q"]).success();
     let d = info(&[&window]);
     let (lo, hi) = (d["bounds"][0]["min"][0].as_f64().unwrap(), d["bounds"][0]["max"][0].as_f64().unwrap());
     assert!((-2.0..-1.9).contains(&lo) && (1.9..2.0).contains(&hi), "{lo} {hi}");
-    particlegs(&["convert", &sample(), "-o", &region, "--region", "0,2,-1,26,-1,26", "-q"]).success();
+    run(&["convert", &sample(), "-o", &region, "--region", "0,2,-1,26,-1,26", "-q"]).success();
     let right = info(&[&region])["particles"].as_u64().unwrap();
-    particlegs(&["convert", &sample(), "-o", &region, "--region", "23,25,-1,26,-1,26", "-q", "--force"]).success();
+    run(&["convert", &sample(), "-o", &region, "--region", "23,25,-1,26,-1,26", "-q", "--force"]).success();
     let left = info(&[&region])["particles"].as_u64().unwrap();
     assert_eq!(d["particles"].as_u64(), Some(left + right));
     // Without a box nothing wraps, and a window wider than the box would repeat it.
@@ -111,28 +105,26 @@ fn a_window_wraps_around_the_box() {
     std::fs::remove_file(dir.path().join("window/meta.json")).unwrap();
     let window = ["--center", "0,0,0", "--width", "9"];
     let base = ["convert", &columns[0], &columns[1], &columns[2], "-o", &region, "-q", "--force"];
-    particlegs(&[&base[..], &window].concat()).failure().code(3);
-    particlegs(&["convert", &sample(), "-o", &region, "--center", "0,0,0", "--width", "26", "--force"])
-        .failure()
-        .code(2);
+    run(&[&base[..], &window].concat()).failure().code(3);
+    run(&["convert", &sample(), "-o", &region, "--center", "0,0,0", "--width", "26", "--force"]).failure().code(2);
 }
 
 #[test]
 fn what_is_written_is_read_again() {
     let dir = tempfile::tempdir().unwrap();
     let raw = at(&dir, "raw");
-    particlegs(&["convert", &sample(), "-o", &raw, "--sample", "70000", "-q"]).success();
+    run(&["convert", &sample(), "-o", &raw, "--sample", "70000", "-q"]).success();
     let column = |folder: &str| std::fs::read(PathBuf::from(folder).join("yy.f32")).unwrap();
     for name in ["a.npy", "a.hdf5", "a.vtp", "a.dump"] {
         let (out, back) = (at(&dir, name), at(&dir, &format!("{name}.raw")));
-        particlegs(&["convert", &raw, "-o", &out, "-q"]).success();
-        particlegs(&["convert", &out, "-o", &back, "-q"]).success();
+        run(&["convert", &raw, "-o", &out, "-q"]).success();
+        run(&["convert", &out, "-o", &back, "-q"]).success();
         assert!(column(&raw) == column(&back), "{name} changes bits");
     }
     // Species and masses survive where the format has them.
     for name in ["s.hdf5", "s"] {
         let out = at(&dir, name);
-        particlegs(&["convert", &fixture("species.hdf5"), "-o", &out, "-q"]).success();
+        run(&["convert", &fixture("species.hdf5"), "-o", &out, "-q"]).success();
         let d = info(&[&out]);
         let counts: Vec<u64> = d["species"].as_array().unwrap().iter().map(|s| s["count"].as_u64().unwrap()).collect();
         assert_eq!(counts, [20, 30], "{name}");
@@ -145,7 +137,7 @@ fn what_cannot_be_read_is_told_in_one_line() {
     let (nothing, out) = (at(&dir, "nothing.bin"), at(&dir, "out"));
     std::fs::write(&nothing, [7u8; 100]).unwrap();
     let refused = |arguments: &[&str], code: i32, word: &str| {
-        let error = particlegs(arguments).failure().code(code).get_output().stderr.clone();
+        let error = run(arguments).failure().code(code).get_output().stderr.clone();
         let error = String::from_utf8(error).unwrap();
         assert!(error.starts_with("error: ") && error.contains(word), "{error}");
         assert!(error.lines().count() <= 2, "{error}");

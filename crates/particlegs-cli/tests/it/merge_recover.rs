@@ -1,8 +1,6 @@
 //! `merge` and `recover` as a user runs them.
 
-mod common;
-
-use common::{fails, listing, particlegs, sample};
+use crate::common::{fails, listing, particlegs, sample};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

@@ -1,71 +1,13 @@
 //! Models of the alpha-blend law in every command that reads a model: a tiny one of the sample,
 //! untrained.
 
-mod common;
-
-use common::{fails, listing, particlegs, sample};
+use crate::common::{fails, listing, particlegs, sample};
+use crate::models::tiny;
 use particlegs::codec::{self, Precision};
-use particlegs::math::Sym3;
-use particlegs::model::{
-    Block, LawKind, Layer, Mass, Metadata, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
-};
-use particlegs::particles::{Bounds, Particles, open_raw, source_hash};
+use particlegs::model::{LawKind, Model};
+use particlegs::particles::open_raw;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-
-/// Runs of the sample's particles, which are compact.
-const RUN: usize = 4096;
-
-/// Moments of some of the sample's runs, with opacities that rise from one to the next.
-fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: LawKind) -> Model {
-    let mut gaussians = Mixture::default();
-    let mut shade = Shade::default();
-    let mut bounds = Bounds::empty();
-    for run in runs {
-        let all: Vec<[f64; 3]> = (RUN * run..RUN * (run + 1)).map(|i| particles.position(i)).collect();
-        let mean: [f64; 3] = std::array::from_fn(|k| all.iter().map(|p| p[k]).sum::<f64>() / RUN as f64);
-        let outer = |p: &[f64; 3]| Sym3::outer(std::array::from_fn(|k| p[k] - mean[k]));
-        let sum = all.iter().fold(Sym3::default(), |s, p| s.add(&outer(p)));
-        all.iter().for_each(|p| bounds.include(*p));
-        gaussians.push(mean, sum.scale(1.0 / RUN as f64), RUN as f64, RUN as f64);
-        shade.opacity.push(0.02 + 0.01 * run as f64);
-        shade.grey.push(0.9);
-    }
-    let count = (RUN * gaussians.len()) as u64;
-    if law == LawKind::AlphaBlend {
-        gaussians.shade = Some(shade);
-    }
-    let metadata = Metadata {
-        law,
-        count,
-        mass: count as f64,
-        bounds,
-        cell: particles.meta.cell,
-        default_radius: bounds.default_radius(count),
-        default_opacity: 0.05,
-        source: "nbody64".into(),
-        source_hash: source_hash(particles),
-        length_unit: particles.meta.length_unit.clone(),
-        mass_unit: None,
-        comoving: None,
-        scale_factor: None,
-        hubble: None,
-        time: None,
-        command: "test".into(),
-        tool_version: String::new(),
-    };
-    let network = VizMapper {
-        parameters: (0..VIZMAPPER_PARAMETERS).map(|i| 0.01 * (i % 13) as f32).collect(),
-        ranges: VizRanges::TRAINING,
-    };
-    let block = Block { bounds, count, mass: count as f64, gaussians };
-    Model {
-        metadata,
-        layers: vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: vec![block] }],
-        vizmapper: (law == LawKind::AlphaBlend).then_some(network),
-        certificate: None,
-    }
-}
 
 /// Writes the model of some runs; its path and bytes.
 fn write(dir: &Path, name: &str, runs: std::ops::Range<usize>, law: LawKind) -> PathBuf {
@@ -162,7 +104,7 @@ fn merging_takes_the_network_of_the_first_block() {
     };
     assert_eq!(merged([&a, &b], "ab.pgs"), merged([&b, &a], "ba.pgs"));
     let whole = decode(&dir.path().join("ab.pgs"));
-    assert_eq!((whole.gaussians(), whole.metadata.count, whole.vizmapper.is_some()), (64, 262_144, true));
+    assert_eq!((whole.gaussians(), whole.metadata.count, whole.vizmapper().is_some()), (64, 262_144, true));
     particlegs().arg("verify").arg(dir.path().join("ab.pgs")).assert().success();
     let other = write(dir.path(), "c.pgs", 30..64, LawKind::OpticalDepth);
     let out = dir.path().join("no.pgs");

@@ -1,9 +1,6 @@
 //! Bad input: one clear line, a non-zero exit, no output file left.
-#![allow(missing_docs)]
 
-mod common;
-
-use common::{fails, listing, particlegs, sample, snapshot};
+use crate::common::{fails, listing, particlegs, sample, snapshot};
 use std::path::Path;
 
 /// Runs `compress` on a folder of columns; demands the failure and that nothing was written.
