@@ -1,6 +1,7 @@
 //! What a model is to be: target, effort, what it stores. The same for `compress` and `plan`.
 
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TrainArgs;
 use clap::{Args, ValueEnum};
 use particlegs::compress::{Options, Target};
@@ -11,9 +12,15 @@ use particlegs::{Error, Result};
 
 /// What a model is to be.
 #[derive(Args, Clone, Debug)]
+#[command(mut_arg("ratio", |a| with_default(a, "300, less for small snapshots")))]
 pub struct FitArgs {
     #[command(flatten)]
     target: TargetArgs,
+    /// Masked PSNR to reach, in dB.
+    ///
+    /// Of the style `expected`, averaged over held-out views.
+    #[arg(long, value_name = "DB", group = "TargetArgs")]
+    psnr: Option<f64>,
     /// Effort of the fit.
     ///
     /// docs/guide/choosing.md says when to use which.
@@ -32,28 +39,6 @@ pub struct FitArgs {
     pub train: TrainArgs,
 }
 
-/// One target at most.
-#[derive(Args, Clone, Debug)]
-#[group(multiple = false)]
-struct TargetArgs {
-    /// Compression ratio to reach [default: 300, less for small snapshots].
-    ///
-    /// The size of the particles as float32, 12 bytes each (16 with weights), divided by the file size.
-    #[arg(long, value_name = "R")]
-    ratio: Option<f64>,
-    /// File size to reach, such as 11MB, 900kB or 1.5GiB.
-    #[arg(long, value_name = "SIZE")]
-    size: Option<String>,
-    /// Number of Gaussians, stored at the nominal precision.
-    #[arg(long, value_name = "K")]
-    gaussians: Option<u64>,
-    /// Masked PSNR to reach, in dB.
-    ///
-    /// Of the style `expected`, averaged over held-out views.
-    #[arg(long, value_name = "DB")]
-    psnr: Option<f64>,
-}
-
 /// Effort on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum EffortArg {
@@ -63,29 +48,6 @@ enum EffortArg {
     Default,
     /// Refinement for longer; the scores are no better than those of default in any measured table.
     High,
-}
-
-impl TargetArgs {
-    fn target(&self) -> Result<Target> {
-        match (self.ratio, &self.size, self.gaussians, self.psnr) {
-            (Some(r), ..) => Target::Ratio(r).check(),
-            (_, Some(s), ..) => Target::parse_size(s),
-            (_, _, Some(k), _) => Target::Gaussians(k).check(),
-            (.., Some(d)) => Target::Psnr(d).check(),
-            _ => Ok(Target::Default),
-        }
-    }
-
-    /// As stored in the file: what decides its bytes.
-    fn text(&self) -> String {
-        match (self.ratio, &self.size, self.gaussians, self.psnr) {
-            (Some(r), ..) => format!(" --ratio {r}"),
-            (_, Some(s), ..) => format!(" --size {s}"),
-            (_, _, Some(k), _) => format!(" --gaussians {k}"),
-            (.., Some(d)) => format!(" --psnr {d}"),
-            _ => String::new(),
-        }
-    }
 }
 
 impl FitArgs {
@@ -114,7 +76,11 @@ impl FitArgs {
             EffortArg::Default => (Effort::Default, "default"),
             EffortArg::High => (Effort::High, "high"),
         };
-        let mut command = format!("compress{} --effort {name} --seed {seed}", self.target.text());
+        let (target, asked) = match self.psnr {
+            Some(d) => (Target::Psnr(d).check()?, format!(" --psnr {d}")),
+            None => self.target.target()?,
+        };
+        let mut command = format!("compress{asked} --effort {name} --seed {seed}");
         command += &self.train.text()?;
         command += &snapshot.text();
         command += &selection.text(window);
@@ -124,7 +90,7 @@ impl FitArgs {
             }
         }
         Ok(Options {
-            target: self.target.target()?,
+            target,
             effort,
             radius: self.radius,
             opacity: self.opacity,

@@ -5,10 +5,9 @@ use crate::snapshot_args::SnapshotArgs;
 use particlegs::input::{Source, is_stream, name_of};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
-use particlegs_formats::{Choice, Kind, spool};
+use particlegs_formats::{Choice, Kind};
 use serde::Serializer;
 use std::path::Path;
-use std::sync::Arc;
 
 /// What a path holds that may be either.
 pub enum Either {
@@ -57,7 +56,7 @@ pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Pro
         return Ok(Either::Model(codec::read_source(source, &name_of(path))?));
     }
     if is_stream(path) {
-        choice.spooled = Some(Arc::new(spool(source, &choice.open)?));
+        choice.spool(source)?;
     }
     Ok(Either::Snapshot(choice.into()))
 }

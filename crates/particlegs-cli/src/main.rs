@@ -27,6 +27,7 @@ mod snapshot_args;
 mod source;
 mod stats_plots;
 mod stats_tables;
+mod target_args;
 mod train_args;
 mod train_log;
 mod view_args;

@@ -4,7 +4,7 @@ use clap::{Args, ValueEnum};
 use particlegs::particles::{Bounds, Layered, Particles, Room, Selection, Stated};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read_later, read_selected};
+use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_later};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -57,7 +57,7 @@ pub enum LayersBy {
 
 /// Names of the formats, for the help and its completion.
 fn names() -> Vec<&'static str> {
-    particlegs_formats::FORMATS.iter().map(|f| f.name).collect()
+    particlegs_formats::Format::all().iter().map(|f| f.name).collect()
 }
 
 /// Which particles to keep.
@@ -134,7 +134,7 @@ impl SnapshotArgs {
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Particles> {
-        read_selected(paths, &self.choice()?, selection.selection(window, seed)?, room, progress)
+        read(paths, &Choice { selection: Some(selection.selection(window, seed)?), ..self.choice()? }, room, progress)
     }
 
     /// What a selection keeps, to be read in parts where it lies, if that can be.
@@ -145,7 +145,7 @@ impl SnapshotArgs {
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Option<Layered>> {
-        read_later(paths, &self.choice()?, selection.selection(window, seed)?, progress)
+        read_later(paths, &Choice { selection: Some(selection.selection(window, seed)?), ..self.choice()? }, progress)
     }
 
     /// As stored in a model's command: what decides which particles are read.
@@ -183,7 +183,7 @@ impl SnapshotArgs {
             by_mass: self.layers_by == LayersBy::Mass,
             skip_invalid: self.skip_invalid,
             stated: Stated { box_lengths, length_unit: self.length_unit.clone(), mass_unit: self.mass_unit.clone() },
-            spooled: None,
+            ..Choice::default()
         })
     }
 }

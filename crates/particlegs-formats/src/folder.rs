@@ -1,6 +1,7 @@
 //! The snapshot that a folder holds.
 
-use crate::{Format, Head, Kind, OpenOptions, registry};
+use crate::registry::{self, Head};
+use crate::{Format, Kind, OpenOptions};
 use particlegs::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

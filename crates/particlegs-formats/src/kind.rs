@@ -1,7 +1,7 @@
 //! What a path names, in words, so that the wrong kind of input can name the right command.
 
-use crate::registry::format_of;
-use crate::{Format, Head};
+use crate::Format;
+use crate::registry::{Head, format_of};
 use particlegs::codec;
 use particlegs::input::is_stream;
 use particlegs::job::Job;
@@ -53,7 +53,7 @@ impl Kind {
     }
 
     /// By a file's beginning.
-    pub fn of_head(head: &Head) -> Kind {
+    pub(crate) fn of_head(head: &Head) -> Kind {
         if codec::is_model(&head.bytes) {
             return Kind::Model;
         }

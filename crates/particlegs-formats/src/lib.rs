@@ -1,29 +1,32 @@
 //! Other people's files: what they say about themselves, and their particles.
 //!
-//! [`open`] finds a file's format by its content and gives a [`Snapshot`]: a [`Description`] first
-//! (species, fields, units, box, frames), then a [`particlegs::particles::SnapshotReader`] for the
-//! species and fields that were chosen. One file a format; [`FORMATS`] lists them.
+//! [`read`] gives the particles of a [`Choice`], [`read_later`] the same to be read in parts, and
+//! [`describe`] what the files say. Below them, [`open`] finds a file's format by its content and gives
+//! a [`Snapshot`]: a [`Description`] first (species, fields, units, box, frames), then a
+//! [`particlegs::particles::SnapshotReader`] for the species and fields that were chosen. One file a
+//! format; [`Format::all`] lists them. A [`Writer`] writes particles in one of [`Writer::all`].
 //!
-//! Binary formats say where numbers lie ([`strided`]) or how a stretch of rows is decoded
-//! ([`pieces`]); one reader serves them all. Text formats bring their own reader. Limits are
-//! checked before memory is taken; nothing here panics on any input.
+//! Binary formats say where numbers lie (`strided`) or how a stretch of rows is decoded (`pieces`);
+//! one reader serves them all. Text formats bring their own reader. Limits are checked before memory is
+//! taken; nothing here panics on any input.
 
-pub mod affine;
+mod affine;
 mod ascii;
-pub mod axes;
-pub mod cache;
+mod axes;
+mod cache;
 mod codecs;
-pub mod compressed;
-pub mod laned;
-pub mod pieces;
-pub mod stored;
-pub mod streamed;
-pub mod strided;
-pub mod text;
+mod compressed;
+mod laned;
+mod pieces;
+mod stored;
+mod streamed;
+mod strided;
+mod text;
 
 mod choose;
 mod folder;
 mod kind;
+mod raw;
 mod registry;
 mod snapshot;
 mod writers;
@@ -41,9 +44,9 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
-pub use choose::{Choice, describe, read, read_later, read_selected};
+pub use choose::{Choice, describe, read, read_later};
 pub use kind::Kind;
-pub use registry::{FORMATS, Format, Head, detect, open, spool};
+pub use registry::{Format, open};
 pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
 pub use splats::{SPLAT_PLY_BYTES, write_splats};
-pub use writers::{WRITERS, Writer, writer_for};
+pub use writers::Writer;

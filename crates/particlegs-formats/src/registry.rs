@@ -7,20 +7,27 @@ use particlegs::{Error, Result};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// A format.
+/// A format that is read.
 pub struct Format {
     /// Name for `--format`.
     pub name: &'static str,
     /// What it is called among people.
     pub title: &'static str,
     /// Does a file that begins so have it? Formats are asked in the order of [`FORMATS`].
-    pub detect: fn(&Head) -> bool,
+    pub(crate) detect: fn(&Head) -> bool,
     /// Opens files, the first of which has it.
-    pub open: fn(&[PathBuf], &OpenOptions) -> Result<Box<dyn Snapshot>>,
+    pub(crate) open: fn(&[PathBuf], &OpenOptions) -> Result<Box<dyn Snapshot>>,
+}
+
+impl Format {
+    /// All formats, in the order in which a file's content is asked for them.
+    pub fn all() -> &'static [Format] {
+        FORMATS
+    }
 }
 
 /// All formats, the surest signatures first, tables of text last.
-pub static FORMATS: &[Format] = &[
+pub(crate) static FORMATS: &[Format] = &[
     crate::hdf5::FORMAT,
     crate::genericio::FORMAT,
     crate::npy::FORMAT,
@@ -38,7 +45,7 @@ pub static FORMATS: &[Format] = &[
 ];
 
 /// The beginning of a file.
-pub struct Head {
+pub(crate) struct Head {
     /// The file.
     pub path: PathBuf,
     /// Its length in bytes.
@@ -101,7 +108,7 @@ fn decompressed(bytes: &[u8], compression: Compression) -> Vec<u8> {
 ///
 /// # Errors
 /// As [`detect`], unless `options` name a format; those of [`Spooled::of`].
-pub fn spool(mut source: Source<'_>, options: &OpenOptions) -> Result<Spooled> {
+pub(crate) fn spool(mut source: Source<'_>, options: &OpenOptions) -> Result<Spooled> {
     if options.format.is_none() {
         let bytes = source.peek(LOOKED_AT)?.to_vec();
         known(&Head::of(Path::new(source.place()), u64::MAX, bytes)?)?;
@@ -113,7 +120,7 @@ pub fn spool(mut source: Source<'_>, options: &OpenOptions) -> Result<Spooled> {
 ///
 /// # Errors
 /// [`Error::Input`] where none fits; [`Error::Io`].
-pub fn detect(path: &Path) -> Result<&'static Format> {
+pub(crate) fn detect(path: &Path) -> Result<&'static Format> {
     known(&Head::read(path)?)
 }
 

@@ -1,13 +1,13 @@
 //! A snapshot's files, opened: what they say before any particle is read.
 
 use particlegs::Result;
-use particlegs::particles::{SnapshotMeta, SnapshotReader};
+use particlegs::particles::{Particles, SnapshotMeta, SnapshotReader};
 use std::path::PathBuf;
 
 /// How to open files.
 #[derive(Clone, Debug, Default)]
 pub struct OpenOptions {
-    /// Name of the format ([`crate::Format::name`]) instead of what the content says.
+    /// Name of the format ([`Format::name`](crate::Format::name)) instead of what the content says.
     pub format: Option<String>,
     /// Frame of a file that holds several, from 0; the last by default.
     pub frame: Option<u64>,
@@ -24,6 +24,15 @@ pub trait Snapshot: Send + Sync {
     /// # Errors
     /// [`particlegs::Error::Input`] where a chosen field is missing or has the wrong shape.
     fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>>;
+
+    /// Some species, at least one, where they lie in the files as they would in memory, one after the
+    /// other: mapped, not copied. `None` where they do not; their readers serve always.
+    ///
+    /// # Errors
+    /// As [`Snapshot::reader`].
+    fn in_place(&self, _species: &[usize], _fields: &Fields) -> Result<Option<Particles>> {
+        Ok(None)
+    }
 }
 
 /// What files say about themselves. `None` = they do not say; nothing is guessed.
@@ -130,7 +139,7 @@ impl Species {
     ///
     /// # Errors
     /// [`particlegs::Error::Input`] naming the scalar fields there are, where a chosen one is missing.
-    pub fn weight_field(&self, place: &str, weights: &Weights) -> Result<Option<String>> {
+    pub(crate) fn weight_field(&self, place: &str, weights: &Weights) -> Result<Option<String>> {
         match weights {
             Weights::None => Ok(None),
             Weights::Auto => Ok(match &self.mass {
@@ -148,7 +157,12 @@ impl Species {
     }
 
     /// The error for a field that `name` asks for and the species has not.
-    pub fn missing<'a>(&self, place: &str, name: &str, there: impl Iterator<Item = &'a str>) -> particlegs::Error {
+    pub(crate) fn missing<'a>(
+        &self,
+        place: &str,
+        name: &str,
+        there: impl Iterator<Item = &'a str>,
+    ) -> particlegs::Error {
         let there: Vec<&str> = there.collect();
         let hint = if there.is_empty() { "there are none".into() } else { format!("there are: {}", there.join(", ")) };
         particlegs::Error::input_hint(place, format!("{} has no such field `{name}`", self.name), hint)

@@ -187,12 +187,6 @@ impl Strided {
             Err(Error::input_hint(place, what, "the file is cut short, or its header is wrong: copy it again"))
         }
     }
-
-    /// Three lanes of interleaved x, y, z: `x y z x y z ...` from byte `offset`.
-    pub fn triples(offset: u64, kind: Kind, big_endian: bool) -> [Lane; 3] {
-        let lane = |k: u64| Lane { offset: offset + k * kind.bytes(), stride: 3 * kind.bytes(), kind, big_endian };
-        [lane(0), lane(1), lane(2)]
-    }
 }
 
 impl Piece for Strided {
@@ -244,6 +238,12 @@ impl Piece for Strided {
 mod tests {
     use super::*;
 
+    /// Three lanes of interleaved x, y, z.
+    fn triples(offset: u64, kind: Kind, big_endian: bool) -> [Lane; 3] {
+        let lane = |k: u64| Lane { offset: offset + k * kind.bytes(), stride: 3 * kind.bytes(), kind, big_endian };
+        [lane(0), lane(1), lane(2)]
+    }
+
     #[test]
     fn lanes_read_every_kind_and_order() {
         let bytes = [0x3f, 0x80, 0, 0, 0xff, 0xfe];
@@ -259,11 +259,11 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused() {
         let bytes = Bytes::Owned(Arc::new(vec![0; 24]));
-        let axes = Strided::triples(0, Kind::F32, false);
+        let axes = triples(0, Kind::F32, false);
         assert!(Strided::new("a", bytes.clone(), 2, axes, None).is_ok());
         assert!(Strided::new("a", bytes.clone(), 3, axes, None).is_err());
         assert!(Strided::new("a", bytes.clone(), u64::MAX, axes, None).is_err());
-        let far = Strided::triples(u64::MAX - 8, Kind::F32, false);
+        let far = triples(u64::MAX - 8, Kind::F32, false);
         assert!(Strided::new("a", bytes, 1, far, None).is_err());
     }
 }

@@ -5,7 +5,7 @@ use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::Path;
 
-/// A format to write.
+/// A format that is written.
 pub struct Writer {
     /// Name for `--to`.
     pub name: &'static str,
@@ -17,12 +17,11 @@ pub struct Writer {
     pub holds_box: bool,
     /// Does it write a folder, not a file?
     pub folder: bool,
-    /// Writes what is kept, whole or not at all; the bytes written.
-    pub write: fn(&Kept<'_>, &Path, &dyn Progress) -> Result<u64>,
+    pub(crate) write: fn(&Kept<'_>, &Path, &dyn Progress) -> Result<u64>,
 }
 
-/// All of them; the first is for names without a known ending.
-pub static WRITERS: &[Writer] = &[
+/// The first is for names without a known ending.
+static WRITERS: &[Writer] = &[
     Writer {
         name: "raw",
         title: "a folder with float32 columns and meta.json",
@@ -73,36 +72,49 @@ const OTHER_ENDINGS: [&str; 41] = [
     "mat", "gz", "bz2", "zst", "zip", "tar", "pgs", "json", "png", "svg", "toml",
 ];
 
-/// The writer of that name, or else the one that the output's ending means: a name without a known
-/// ending means raw columns.
-///
-/// # Errors
-/// [`Error::Argument`] for an unknown name, an ending that means another format than the one that is
-/// named, and one that means a format that is not written.
-pub fn writer_for(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
-    let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
-    let refused = |what: String| {
-        let writers: Vec<String> = WRITERS.iter().map(Writer::in_words).collect();
-        Err(Error::Argument { what, hint: format!("what can be written: {}", writers.join("; ")) })
-    };
-    if meant.is_none() && OTHER_ENDINGS.contains(&&ending[..]) && !out.is_dir() {
-        return refused(format!("{}: .{ending} is not written", out.display()));
-    }
-    let Some(name) = name else { return Ok(meant.unwrap_or(&WRITERS[0])) };
-    let Some(writer) = WRITERS.iter().find(|w| w.name == name) else {
-        return refused(format!("output format `{name}` is not known"));
-    };
-    match meant {
-        Some(meant) if meant.name != name => {
-            let (out, title) = (out.display(), meant.title);
-            refused(format!("{out}: its ending means {title}, and `--to {name}` another format"))
-        }
-        _ => Ok(writer),
-    }
-}
-
 impl Writer {
+    /// All of them; the first is for names without a known ending.
+    pub fn all() -> &'static [Writer] {
+        WRITERS
+    }
+
+    /// The writer of that name, or else the one that the output's ending means: a name without a known
+    /// ending means raw columns.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for an unknown name, an ending that means another format than the one that is
+    /// named, and one that means a format that is not written.
+    pub fn of(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
+        let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
+        let refused = |what: String| {
+            let writers: Vec<String> = WRITERS.iter().map(Writer::in_words).collect();
+            Err(Error::Argument { what, hint: format!("what can be written: {}", writers.join("; ")) })
+        };
+        if meant.is_none() && OTHER_ENDINGS.contains(&&ending[..]) && !out.is_dir() {
+            return refused(format!("{}: .{ending} is not written", out.display()));
+        }
+        let Some(name) = name else { return Ok(meant.unwrap_or(&WRITERS[0])) };
+        let Some(writer) = WRITERS.iter().find(|w| w.name == name) else {
+            return refused(format!("output format `{name}` is not known"));
+        };
+        match meant {
+            Some(meant) if meant.name != name => {
+                let (out, title) = (out.display(), meant.title);
+                refused(format!("{out}: its ending means {title}, and `--to {name}` another format"))
+            }
+            _ => Ok(writer),
+        }
+    }
+
+    /// Writes what is kept to `out`, whole or not at all; the bytes written.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Argument`] for what the format cannot hold; [`Error::Cancelled`].
+    pub fn write(&self, kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+        (self.write)(kept, out, progress)
+    }
+
     /// For lists: `hdf5 (.hdf5, .h5)`.
     fn in_words(&self) -> String {
         let endings: Vec<String> = self.endings.iter().map(|e| format!(".{e}")).collect();
@@ -117,7 +129,7 @@ mod tests {
 
     #[test]
     fn a_name_means_what_it_says_or_is_refused() {
-        let to = |out: &str, name: Option<&str>| writer_for(Path::new(out), name).map(|w| w.name);
+        let to = |out: &str, name: Option<&str>| Writer::of(Path::new(out), name).map(|w| w.name);
         let chosen = [
             ("x", None, "raw"),
             ("run.1", None, "raw"),

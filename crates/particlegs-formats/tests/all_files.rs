@@ -2,7 +2,7 @@
 
 mod support;
 
-use particlegs_formats::{FORMATS, Fields, Snapshot, Weights};
+use particlegs_formats::{Fields, Format, Snapshot, Weights};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -36,8 +36,8 @@ fn every_fixture_holds_the_first_fifty_particles() {
         files.iter().filter_map(|p| Some(format!("{}: {}", p.display(), check_fixture(p).err()?))).collect();
     assert!(wrong.is_empty(), "{} of {} files:\n{}", wrong.len(), files.len(), wrong.join("\n"));
     // None of the formats is left out.
-    let seen: BTreeSet<&str> = files.iter().map(|p| particlegs_formats::detect(p).unwrap().name).collect();
-    let all: BTreeSet<&str> = FORMATS.iter().map(|f| f.name).collect();
+    let seen: BTreeSet<&str> = files.iter().map(|p| support::format_of(p).unwrap()).collect();
+    let all: BTreeSet<&str> = Format::all().iter().map(|f| f.name).collect();
     assert_eq!(seen, all);
 }
 

@@ -1,55 +1,21 @@
 //! HDF5 snapshots: the files of others, and files broken in every byte and bit.
 
+mod support;
+
 use particlegs::Result;
 use particlegs::model::{Layer, Mass as LayerMass};
 use particlegs::particles::{Cell, Column, Kept, Particles, RUN, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
-use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, Weights, open, writer_for};
-use std::alloc::{GlobalAlloc, Layout, System};
+use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, Weights, Writer, open};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// Remembers the largest single allocation and the most memory in use.
-struct Counting;
-
-static LARGEST: AtomicUsize = AtomicUsize::new(0);
-static USED: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
+#[global_allocator]
+static COUNTING: support::Counting = support::Counting;
 
 /// Allocations are counted for the whole process: tests that count take turns.
 static TURN: Mutex<()> = Mutex::new(());
-
-fn count(size: usize) {
-    LARGEST.fetch_max(size, Ordering::Relaxed);
-    let used = USED.fetch_add(size, Ordering::Relaxed) + size;
-    PEAK.fetch_max(used, Ordering::Relaxed);
-}
-
-// SAFETY: every call goes to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: the caller's promise.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: the caller's promise.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        USED.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// Snapshots as simulation codes lay them out, fifty particles of the bundled sample each.
 fn snapshots() -> PathBuf {
@@ -61,7 +27,7 @@ fn opened(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
 }
 
 fn write(kept: &Kept<'_>, path: &Path, progress: &Silent) -> Result<u64> {
-    (writer_for(path, Some("hdf5"))?.write)(kept, path, progress)
+    Writer::of(path, Some("hdf5"))?.write(kept, path, progress)
 }
 
 /// All positions of a reader, and its weights, in order.
@@ -150,12 +116,11 @@ fn all_files_of_a_snapshot_may_be_named() {
 /// Reads broken bytes: an error or not, but soon, in little memory and without a panic.
 fn survives(bytes: &[u8], path: &Path, what: &dyn Fn() -> String) {
     std::fs::write(path, bytes).unwrap();
-    LARGEST.store(0, Ordering::Relaxed);
-    PEAK.store(USED.load(Ordering::Relaxed), Ordering::Relaxed);
-    let before = USED.load(Ordering::Relaxed);
+    let before = support::start_counting();
     let start = Instant::now();
     let result = std::panic::catch_unwind(|| read_whole(&[path.to_path_buf()]).map_err(|e| e.to_string()));
-    let (largest, peak) = (LARGEST.load(Ordering::Relaxed), PEAK.load(Ordering::Relaxed).saturating_sub(before));
+    let (peak, largest) = support::counted();
+    let peak = peak.saturating_sub(before);
     assert!(result.is_ok(), "panic: {}", what());
     assert!(start.elapsed() < Duration::from_secs(1), "slow: {}", what());
     assert!(largest < 64 << 20 && peak < 100 << 20, "{largest} bytes at once, {peak} in all: {}", what());

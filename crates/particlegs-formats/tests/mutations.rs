@@ -50,10 +50,8 @@ fn damages(length: u64, step: usize) -> Vec<Damage> {
 /// The formats that a damaged copy is read in: its own, and the one that its content now says.
 fn read(path: &Path, format: &str) -> usize {
     let mut refused = usize::from(support::read_everything(path, Some(format)).is_err());
-    if let Ok(other) = particlegs_formats::detect(path)
-        && other.name != format
-    {
-        refused += usize::from(support::read_everything(path, Some(other.name)).is_err());
+    if let Some(other) = support::format_of(path).filter(|other| *other != format) {
+        refused += usize::from(support::read_everything(path, Some(other)).is_err());
     }
     refused
 }
@@ -70,7 +68,7 @@ struct Run {
 
 impl Run {
     fn new(path: &Path) -> Result<Run, String> {
-        let format = particlegs_formats::detect(path).map_err(|e| e.to_string())?.name;
+        let format = support::format_of(path).ok_or("no known format")?;
         support::read_everything(path, None).map_err(|e| format!("as it is: {e}"))?;
         let name = path.file_name().expect("a file").to_string_lossy().into_owned();
         let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
@@ -194,7 +192,7 @@ fn damage_all(files: &[PathBuf]) {
     }
     drop(std::panic::take_hook());
     let formats: BTreeSet<&str> = seen.into_iter().collect();
-    assert_eq!(formats.len(), particlegs_formats::FORMATS.len(), "{formats:?}");
+    assert_eq!(formats.len(), particlegs_formats::Format::all().len(), "{formats:?}");
     assert!(faults.is_empty(), "{} faults (8 a file at most):\n{}", faults.len(), faults.join("\n"));
 }
 

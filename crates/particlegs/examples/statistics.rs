@@ -21,7 +21,8 @@ fn cloud(seed: u64, width: f64) -> Particles {
 
 fn main() -> particlegs::Result<()> {
     let (truth, other) = (cloud(1, 0.1), cloud(2, 0.12));
-    let options = StatsOptions { measures: vec![Measure::Density, Measure::Spectrum], cells: 32, ..StatsOptions::default() };
+    let options =
+        StatsOptions { measures: vec![Measure::Density, Measure::Spectrum], cells: 32, ..StatsOptions::default() };
     let found = compare(Subject::Particles(&truth), Subject::Particles(&other), &options, &Silent)?;
     if let Some(density) = &found.density {
         println!("density in {:?} cells: correlation {:.4}", density.cells, density.agreement.correlation);

@@ -9,7 +9,7 @@ use particlegs::input::name_of;
 use particlegs::particles::{FOLDER_FILES, Kept, Room, Tiling};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
-use particlegs_formats::{WRITERS, write_splats, writer_for};
+use particlegs_formats::{Writer, write_splats};
 use std::path::{Path, PathBuf};
 
 /// Arguments.
@@ -76,7 +76,7 @@ struct Report {
 
 /// Names of the formats that can be written.
 fn writers() -> Vec<&'static str> {
-    WRITERS.iter().map(|w| w.name).collect()
+    Writer::all().iter().map(|w| w.name).collect()
 }
 
 /// Converts.
@@ -90,7 +90,7 @@ pub fn run(a: Arguments) -> Result<()> {
         },
         _ => a.snapshot.choice()?,
     };
-    let writer = match writer_for(&a.output, a.to.as_deref()) {
+    let writer = match Writer::of(&a.output, a.to.as_deref()) {
         Ok(writer) => writer,
         // That it is an input or another output matters more.
         Err(error) => return context.writes(&a.output, &PARTICLES).and(Err(error)),
@@ -117,7 +117,7 @@ pub fn run(a: Arguments) -> Result<()> {
             writer.title
         ));
     }
-    let bytes = context.write_snapshot(&a.output, there, |out| (writer.write)(&kept, out, &context))?;
+    let bytes = context.write_snapshot(&a.output, there, |out| writer.write(&kept, out, &context))?;
     let seconds = start.elapsed().as_secs_f64();
     let count = kept.total();
     let text = format!("{}: {count} particles, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);

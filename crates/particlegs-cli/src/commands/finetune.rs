@@ -7,9 +7,10 @@ use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use crate::source;
+use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TuneArgs;
 use clap::{Args, ValueHint};
-use particlegs::compress::{Checkpoint, Compressed, FineTuning, Target, finetune, parse_bytes};
+use particlegs::compress::{Checkpoint, Compressed, FineTuning, finetune, parse_bytes};
 use particlegs::fit::Pieces;
 use particlegs::input::name_of;
 use particlegs::model::LawKind;
@@ -23,7 +24,10 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "\
+#[command(
+    mut_arg("ratio", |a| with_default(a, "that of the model")),
+    mut_arg("gaussians", |a| a.help("Largest number of Gaussians, stored at the nominal precision")),
+    after_help = "\
 Follows the published recipe: 60 000 steps at 1080p on pictures of the whole snapshot, with wider
 ranges of the VizMapper and densification for the first half; --scale shortens it. The result has
 one block, and the size of the model where no target is given.
@@ -31,7 +35,8 @@ one block, and the size of the model where no target is given.
 Examples:
   particlegs merge job -o merged.pgs && particlegs finetune merged.pgs snapshot/ -o tuned.pgs
   particlegs finetune merged.pgs snapshot/ -o tuned.pgs --scale 0.1 --minutes 30 --log tuning.jsonl
-  particlegs finetune --print-config > finetune.toml")]
+  particlegs finetune --print-config > finetune.toml"
+)]
 pub struct Arguments {
     /// Model file with the alpha-blend law.
     #[arg(required_unless_present = "print_config", value_name = "M.pgs", value_hint = ValueHint::FilePath)]
@@ -64,35 +69,6 @@ pub struct Arguments {
     window: WindowArgs,
     #[command(flatten)]
     common: Common,
-}
-
-/// One target at most.
-#[derive(Args, Clone, Debug)]
-#[group(multiple = false)]
-struct TargetArgs {
-    /// Compression ratio to reach [default: that of the model].
-    ///
-    /// The size of the particles as float32, 12 bytes each, divided by the file size.
-    #[arg(long, value_name = "R")]
-    ratio: Option<f64>,
-    /// File size to reach, such as 11MB, 900kB or 1.5GiB.
-    #[arg(long, value_name = "SIZE")]
-    size: Option<String>,
-    /// Largest number of Gaussians, stored at the nominal precision.
-    #[arg(long, value_name = "K")]
-    gaussians: Option<u64>,
-}
-
-impl TargetArgs {
-    /// The target, and how the file's command says it.
-    fn target(&self) -> Result<(Target, String)> {
-        Ok(match (self.ratio, &self.size, self.gaussians) {
-            (Some(r), ..) => (Target::Ratio(r).check()?, format!(" --ratio {r}")),
-            (_, Some(s), _) => (Target::parse_size(s)?, format!(" --size {s}")),
-            (.., Some(k)) => (Target::Gaussians(k).check()?, format!(" --gaussians {k}")),
-            _ => (Target::Default, String::new()),
-        })
-    }
 }
 
 /// The law of the models that are fine-tuned.

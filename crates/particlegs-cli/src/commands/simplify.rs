@@ -4,8 +4,9 @@ use crate::common::Common;
 use crate::info_model;
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
+use crate::target_args::TargetArgs;
 use clap::{Args, ValueHint};
-use particlegs::compress::{Target, simplify};
+use particlegs::compress::simplify;
 use particlegs::input::name_of;
 use particlegs::progress::Progress;
 use particlegs::{Result, codec};
@@ -15,7 +16,7 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "\
+#[command(mut_group("TargetArgs", |g| g.required(true)), after_help = "\
 Gaussians are merged in pairs, those first whose merging shows least; counts, mass and moments are
 kept. A model of the same size compressed from the particles is better; this needs no particles.
 
@@ -37,37 +38,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// One target.
-#[derive(Args)]
-#[group(required = true, multiple = false)]
-struct TargetArgs {
-    /// Compression ratio to reach.
-    ///
-    /// The size of the particles as float32, 12 bytes each (16 with weights), divided by the file size.
-    #[arg(long, value_name = "R")]
-    ratio: Option<f64>,
-    /// File size to reach, such as 11MB, 900kB or 1.5GiB.
-    #[arg(long, value_name = "SIZE")]
-    size: Option<String>,
-    /// Number of Gaussians, stored at the nominal precision.
-    #[arg(long, value_name = "K")]
-    gaussians: Option<u64>,
-}
-
-impl TargetArgs {
-    /// The target, and how the file's command says it.
-    fn target(&self) -> Result<(Target, String)> {
-        match (self.ratio, &self.size, self.gaussians) {
-            (Some(r), ..) => Ok((Target::Ratio(r).check()?, format!("simplify --ratio {r}"))),
-            (_, Some(s), _) => Ok((Target::parse_size(s)?, format!("simplify --size {s}"))),
-            (.., k) => {
-                let k = k.unwrap_or(0);
-                Ok((Target::Gaussians(k).check()?, format!("simplify --gaussians {k}")))
-            }
-        }
-    }
-}
-
 #[derive(Serialize)]
 struct Report {
     #[serde(serialize_with = "path_as_text")]
@@ -81,7 +51,8 @@ struct Report {
 
 /// Simplifies.
 pub fn run(a: Arguments) -> Result<()> {
-    let (target, command) = a.target.target()?;
+    let (target, asked) = a.target.target()?;
+    let command = format!("simplify{asked}");
     let context = a.common.start()?;
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;

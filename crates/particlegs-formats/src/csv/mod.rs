@@ -4,10 +4,11 @@
 mod guess;
 mod names;
 
+use crate::registry::Head;
 use crate::text::content::{Content, Place};
 use crate::text::snapshot::{Columns, TextSnapshot, kinds};
 use crate::text::table::Builder;
-use crate::{Description, Field, Format, Head, OpenOptions, Snapshot};
+use crate::{Description, Field, Format, OpenOptions, Snapshot};
 use guess::Guess;
 use names::Name;
 use particlegs::particles::SnapshotMeta;

@@ -1,6 +1,7 @@
 use super::FORMAT;
+use crate::registry::Head;
 use crate::text::testing::{Got, read, scratch};
-use crate::{Description, Fields, Head, Mass, OpenOptions};
+use crate::{Description, Fields, Mass, OpenOptions};
 
 fn open(text: &[u8]) -> particlegs::Result<(Description, Got)> {
     let file = scratch(text);

@@ -20,7 +20,8 @@ mod write;
 
 pub use write::write;
 
-use crate::{Format, Head};
+use crate::Format;
+use crate::registry::Head;
 
 /// HDF5 snapshot.
 pub const FORMAT: Format =

@@ -4,11 +4,12 @@ mod cell;
 mod frame;
 pub mod write;
 
+use crate::registry::Head;
 use crate::text::content::Content;
 use crate::text::frames::scan;
 use crate::text::parse::Scaling;
 use crate::text::snapshot::{self, TextSnapshot, kinds};
-use crate::{Description, Field, Format, Head, OpenOptions, Snapshot};
+use crate::{Description, Field, Format, OpenOptions, Snapshot};
 use frame::FrameHead;
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};

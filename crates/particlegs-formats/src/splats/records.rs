@@ -4,9 +4,10 @@ use super::{NOTE, field};
 use crate::affine::Affine;
 use crate::laned::Laned;
 use crate::npy::{mapped, named, only, species};
+use crate::registry::Head;
 use crate::stored::{Coding, Stored};
 use crate::strided::Kind;
-use crate::{Description, Head, OpenOptions, Snapshot};
+use crate::{Description, OpenOptions, Snapshot};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 

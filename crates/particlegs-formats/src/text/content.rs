@@ -50,11 +50,6 @@ impl Content {
         &self.path
     }
 
-    /// How it is compressed.
-    pub fn compression(&self) -> Option<Compression> {
-        self.compression
-    }
-
     /// Can it be read from any place?
     pub fn is_seekable(&self) -> bool {
         self.compression.is_none()

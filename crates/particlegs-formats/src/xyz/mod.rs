@@ -4,6 +4,7 @@
 
 mod comment;
 
+use crate::registry::Head;
 use crate::text::content::Content;
 use crate::text::frames::{Frame, scan};
 use crate::text::lines::{Lines, without_end};
@@ -11,7 +12,7 @@ use crate::text::parse::Layout;
 use crate::text::snapshot::{Columns, TextSnapshot, kinds};
 use crate::text::split::{Separator, number, shown, tokens};
 use crate::text::table::{Builder, Table};
-use crate::{Description, Field, Format, Head, OpenOptions, Snapshot};
+use crate::{Description, Field, Format, OpenOptions, Snapshot};
 use comment::Comment;
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};

@@ -4,7 +4,7 @@
 
 use particlegs::particles::RUN;
 use particlegs::progress::Silent;
-use particlegs_formats::{Fields, OpenOptions, Snapshot};
+use particlegs_formats::{Fields, Kind, OpenOptions, Snapshot};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -91,6 +91,14 @@ pub fn start_counting() -> usize {
 /// The largest sum of memory in use, and the largest single allocation, since the last start.
 pub fn counted() -> (usize, usize) {
     (PEAK.load(Relaxed), LARGEST.load(Relaxed))
+}
+
+/// The name of the format that a file's content has.
+pub fn format_of(path: &Path) -> Option<&'static str> {
+    match Kind::of(path) {
+        Kind::Snapshot(format) => Some(format.name),
+        _ => None,
+    }
 }
 
 /// Opens a file, optionally with a format and a frame.

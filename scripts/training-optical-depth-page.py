@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Writes docs/results/training-optical-depth.md from RESULTS.json of table-training.py (standard library only):
-    scripts/table-training-page.py RESULTS.json"""
+"""Writes docs/results/training-optical-depth.md from RESULTS.json of training-optical-depth.py (standard library only):
+    scripts/training-optical-depth-page.py RESULTS.json"""
 import json, os, sys
 
 with open(sys.argv[1]) as f:
@@ -37,16 +37,16 @@ for name, r in results.items():
     how.append([name, f"`{r['command']}`", config, f"{r['wall_seconds']:.0f}", f"{seconds.get('train', 0):.0f}", f"{r['cpu_seconds']:.0f}",
                 f"{r['load_average']:.1f}", trained])
 
-with open(os.path.join(here, "training-depth-notes.md")) as f:
+with open(os.path.join(here, "training-optical-depth-notes.md")) as f:
     notes = f.read()
 page = f"""# Training by the optical-depth law: nbody128 at ratio 300
 
-Made by `scripts/table-training.py PARTICLEGS nbody128 REFERENCE WORK docs/results/training-optical-depth.json`, then
-`scripts/table-training-page.py` (2 097 152 particles, two Xeon cores, other work beside: see the load). Every model has the bytes of
+Made by `scripts/training-optical-depth.py PARTICLEGS nbody128 REFERENCE WORK docs/results/training-optical-depth.json`, then
+`scripts/training-optical-depth-page.py` (2 097 152 particles, two Xeon cores, other work beside: see the load). Every model has the bytes of
 ratio 300, default effort, and is scored as decoded, masked PSNR in dB against VTK's `paraview` pictures. "Nine views" is the mean of far, mid,
 near _00 to _02; other columns are gains over the untrained model.
 
-**Hand-typed**: the notes below the tables (`scripts/training-depth-notes.md`) hold figures typed by hand; the tables come from the JSON. The rows named
+**Hand-typed**: the notes below the tables (`scripts/training-optical-depth-notes.md`) hold figures typed by hand; the tables come from the JSON. The rows named
 alpha-blend are our preset (`--train fast --law alpha-blend`), not the published recipe, at its own number of steps: the schedules that `--iterations` once
 left unshrunk (docs/results/training.md) do not touch them.
 

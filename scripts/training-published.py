@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Trains models as the paper's tables have them, at a reduced scale, and keeps what each run says.
 
-    scripts/training-tables.py PARTICLEGS SNAPSHOT WORK RESULTS.json [--quick] [--again] [NAME ...]
+    scripts/training-published.py PARTICLEGS SNAPSHOT WORK RESULTS.json [--quick] [--again] [NAME ...]
 
 SNAPSHOT is a folder of raw columns (nbody128, or samples/nbody64). Models and reference pictures are made
 in WORK. Every run is added to RESULTS.json by its name; what stands there is not done again (--again does).
@@ -10,7 +10,7 @@ Named runs alone are done where names are given; a name that ends in `*` stands 
 
 A run: its command and the hyper-parameters that differ from the preset's, wall-clock and CPU seconds, load
 average, what `compress` said, and scores: PSNR, masked PSNR and SSIM of `render` against `reference`, by
-group of views. `scripts/training-page.py RESULTS.json` writes the page from it.
+group of views. `scripts/training-published-page.py RESULTS.json` writes the page from it.
 """
 import array, json, math, os, random, shutil, subprocess, sys, time
 

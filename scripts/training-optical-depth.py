@@ -2,10 +2,10 @@
 """Trains the optical-depth law on nbody128 at ratio 300, scores each model against VTK's twelve pictures and its
 particles' statistics against the snapshot's, and keeps all of it.
 
-    scripts/table-training.py PARTICLEGS DATA REFERENCE WORK RESULTS.json [NAME ...]
+    scripts/training-optical-depth.py PARTICLEGS DATA REFERENCE WORK RESULTS.json [NAME ...]
 
 DATA holds xx.f32 yy.f32 zz.f32; REFERENCE views.json and paraview/. What RESULTS.json holds is kept unless named.
-`scripts/table-training-page.py RESULTS.json` writes the page from it.
+`scripts/training-optical-depth-page.py RESULTS.json` writes the page from it.
 """
 import json, os, resource, subprocess, sys, time
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Writes docs/results/training.md from the results of training-tables.py and training-notes.md (standard library
+"""Writes docs/results/training.md from the results of training-published.py and training-published-notes.md (standard library
 only). Tables whose runs are missing are left out, rows likewise.
 
-    scripts/training-page.py docs/results/training.json [PAGE]
+    scripts/training-published-page.py docs/results/training.json [PAGE]
 """
 import json, os, statistics, sys
 
@@ -80,13 +80,13 @@ big = f'{BASE["size"][0]} x {BASE["size"][1]}'
 small = f'{BASE["small_size"][0]} x {BASE["small_size"][1]}'
 line(f"""# Training: the published tables at a reduced scale, and the two laws side by side
 
-**Hand-typed in part**: the tables come from the JSON; figures in the notes (`scripts/training-notes.md`: "What it says", "What is missing") are typed by hand.
+**Hand-typed in part**: the tables come from the JSON; figures in the notes (`scripts/training-published-notes.md`: "What it says", "What is missing") are typed by hand.
 
 {BASE["snapshot"]} ({BASE["particles"]:,} particles); two shared cores. Made by
 
 ```
-scripts/training-tables.py PARTICLEGS {BASE["snapshot"]} WORK docs/results/training.json
-scripts/training-page.py docs/results/training.json
+scripts/training-published.py PARTICLEGS {BASE["snapshot"]} WORK docs/results/training.json
+scripts/training-published-page.py docs/results/training.json
 ```
 
 Every figure below is in the JSON with its command, the hyper-parameters that it changes, wall-clock and CPU seconds and
@@ -431,7 +431,7 @@ if "full" in R:
     for c in CLAIMS:
         row(*c)
     line()
-NOTES = os.path.join(HERE, "training-notes.md")
+NOTES = os.path.join(HERE, "training-published-notes.md")
 if os.path.exists(NOTES):
     with open(NOTES) as f:
         line(f.read().strip())

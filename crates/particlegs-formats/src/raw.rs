@@ -1,0 +1,107 @@
+//! Raw float32 columns: a folder with xx.f32, yy.f32, zz.f32, or those files. Their layers are species.
+
+use crate::{Description, Field, Fields, Mass, Snapshot, Species, Weights};
+use particlegs::Result;
+use particlegs::model::{self, Layer};
+use particlegs::particles::{ONE_LAYER, Particles, SnapshotReader, open_raw};
+use std::ops::Range;
+use std::path::PathBuf;
+
+const POSITIONS: &str = "xx,yy,zz";
+const WEIGHTS: &str = "ww";
+
+/// Mapped columns.
+struct Raw {
+    description: Description,
+    particles: Particles,
+}
+
+/// Raw data have no head: a folder with columns, or columns that no format claims.
+pub fn is_raw(paths: &[PathBuf]) -> bool {
+    match paths {
+        [folder] => folder.join("xx.f32").exists(),
+        [x, ..] => (3..=4).contains(&paths.len()) && crate::registry::detect(x).is_err(),
+        [] => false,
+    }
+}
+
+/// Opens them.
+///
+/// # Errors
+/// Those of [`open_raw`].
+pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
+    let particles = open_raw(paths)?;
+    let description = Description {
+        format: "raw float32 columns, little-endian".into(),
+        files: paths.to_vec(),
+        meta: particles.meta.clone(),
+        species: particles.layers().iter().map(|l| species(l, particles.weights().is_some())).collect(),
+        ..Description::default()
+    };
+    Ok(Box::new(Raw { description, particles }))
+}
+
+fn species(layer: &Layer<Range<usize>>, weights: bool) -> Species {
+    let scalar = |name: &str| Field { name: name.into(), kind: "f32".into(), components: 1, unit: None };
+    Species {
+        name: layer.name.clone(),
+        aliases: Vec::new(),
+        count: layer.content.len() as u64,
+        mass: match layer.mass {
+            model::Mass::Weights(_) => Mass::Field(WEIGHTS.into()),
+            model::Mass::Each(m) => Mass::Each(m),
+            model::Mass::Unknown => Mass::Unknown,
+        },
+        positions: POSITIONS.into(),
+        fields: POSITIONS.split(',').chain(weights.then_some(WEIGHTS)).map(scalar).collect(),
+    }
+}
+
+/// Without weights and the masses of layers: all particles count alike.
+fn counted(particles: Particles) -> Particles {
+    let unknown = |l: &Layer<_>| Layer { mass: model::Mass::Unknown, ..l.clone() };
+    let layers: Vec<_> = particles.layers().iter().map(unknown).collect();
+    let one_kind = layers.len() == 1 && layers[0].name == ONE_LAYER;
+    particles.without_weights().with_layers(if one_kind { Vec::new() } else { layers })
+}
+
+impl Raw {
+    /// The columns with the weights chosen, or none: there are no other fields to choose.
+    fn with(&self, species: &Species, fields: &Fields) -> Result<Particles> {
+        let place = &self.description.meta.name;
+        if let Some(name) = fields.positions.as_deref().filter(|name| *name != POSITIONS) {
+            return Err(species.missing(place, name, [POSITIONS].into_iter()));
+        }
+        let particles = self.particles.clone();
+        match &fields.weights {
+            Weights::Auto => Ok(particles),
+            Weights::None => Ok(counted(particles)),
+            Weights::Field(name) if name.strip_suffix(".f32").unwrap_or(name) == WEIGHTS => Ok(particles),
+            Weights::Field(name) => {
+                let there = particles.weights().map(|_| WEIGHTS);
+                Err(species.missing(place, name, there.into_iter()))
+            }
+        }
+    }
+}
+
+impl Snapshot for Raw {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+        let particles = self.with(&self.description.species[species], fields)?;
+        Ok(Box::new(particles.of_layer(&particles.layers()[species])))
+    }
+
+    fn in_place(&self, species: &[usize], fields: &Fields) -> Result<Option<Particles>> {
+        let all = &self.description.species;
+        let particles = self.with(&all[species[0]], fields)?;
+        Ok(match species {
+            _ if species.len() == all.len() => Some(particles),
+            [one] => Some(particles.of_layer(&particles.layers()[*one])),
+            _ => None,
+        })
+    }
+}
