@@ -5,8 +5,6 @@ use crate::train_args::TrainArgs;
 use clap::{Args, ValueEnum};
 use particlegs::compress::{Options, Target};
 use particlegs::fit::Effort;
-use particlegs::particles::Room;
-use particlegs::train::Limits;
 use particlegs::{Error, Result};
 
 /// What a model is to be.
@@ -76,7 +74,7 @@ impl TargetArgs {
         }
     }
 
-    /// As stored in the file: what decides its bytes.
+    /// As stored in the file.
     fn text(&self) -> String {
         match (self.ratio, &self.size, self.gaussians, self.psnr) {
             (Some(r), ..) => format!(" --ratio {r}"),
@@ -128,14 +126,11 @@ impl FitArgs {
             effort,
             radius: self.radius,
             opacity: self.opacity,
-            blocks: 1,
             training: self.train.config()?,
-            limits: Limits::default(),
-            room: Room::Memory,
-            memory: None,
             seed,
             certificate: !self.no_certificate,
             command,
+            ..Options::default()
         })
     }
 }

@@ -2,11 +2,9 @@
 
 use particlegs::Error;
 use particlegs::compress::{Options, Target};
-use particlegs::fit::Effort;
 use particlegs::job::{Done, Job, Source, Task, plan};
-use particlegs::particles::{Layered, ParticleLayer, Particles, Room, open_raw};
+use particlegs::particles::{Layered, ParticleLayer, Particles, open_raw};
 use particlegs::progress::{Progress, Silent};
-use particlegs::train::Limits;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -28,28 +26,9 @@ fn sample() -> Particles {
 }
 
 fn planned(folder: &Path) -> Job {
-    let options = Options {
-        target: Target::Ratio(200.0),
-        effort: Effort::Default,
-        radius: None,
-        opacity: None,
-        blocks: 1,
-        training: None,
-        limits: Limits::default(),
-        room: Room::Memory,
-        memory: None,
-        seed: 3,
-        certificate: false,
-        command: "a test".into(),
-    };
-    let task = Task {
-        options: &options,
-        blocks: Some(2),
-        memory: None,
-        snapshot: "a sample".into(),
-        place: "here",
-        replace: false,
-    };
+    let options =
+        Options { target: Target::Ratio(200.0), seed: 3, certificate: false, blocks: Some(2), ..Options::default() };
+    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false };
     plan(Source::Now(sample()), &task, folder, &Silent).unwrap().job
 }
 

@@ -24,7 +24,8 @@ mod simplify;
 mod split_merge;
 mod store;
 
-pub use effort::{Effort, FitOptions, fit, fit_in_pieces};
+pub(crate) use effort::Fitter;
+pub use effort::{Effort, FitOptions, fit};
 pub use gain::Blur;
 pub use memory::memory_needed;
 pub use moments::Moments;

@@ -72,7 +72,18 @@ pub fn partition(
     options: PartitionOptions,
     progress: &dyn Progress,
 ) -> Result<Partition> {
-    if particles.is_empty() || gaussians == 0 {
+    partition_store(Store::new(particles), gaussians, radius, options, progress)
+}
+
+/// [`partition`] of particles that are copied already.
+pub(super) fn partition_store(
+    mut store: Store,
+    gaussians: usize,
+    radius: f64,
+    options: PartitionOptions,
+    progress: &dyn Progress,
+) -> Result<Partition> {
+    if store.is_empty() || gaussians == 0 {
         return Err(Error::argument("a partition needs at least one particle and one Gaussian"));
     }
     if !(radius > 0.0
@@ -84,7 +95,6 @@ pub fn partition(
         return Err(Error::argument(format!("radius {radius} and blur {} must be positive", options.blur_radii)));
     }
     progress.check()?;
-    let mut store = Store::new(particles);
     let s = (Blur::of_picture(options.blur_radii * radius, options.pixel) * store.scale).clamp(1e-9, 1e9);
     let grower = Grower { blur: Blur(s * s), progress };
     let bounds = grower.grow(&mut store, gaussians)?;
