@@ -12,7 +12,7 @@ use crate::model::{Block, Certificate, Law, Layer, Metadata, Mixture, Model, Viz
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::reference::Reference;
-use crate::train::{Config, Defaults, Initial, Limits, Trained, Training};
+use crate::train::{AlphaConfig, Config, Defaults, Initial, Limits, Trained, Training};
 use crate::{Error, Result};
 
 /// What `finetune` is asked to do.
@@ -88,7 +88,7 @@ pub fn finetune(
     let trained = clock.time("train", || {
         let m = &file.metadata;
         let (radius, opacity) = (m.default_radius, m.default_opacity);
-        let defaults = Defaults { bounds: m.bounds, radius, opacity, seed, bytes: None };
+        let defaults = Defaults { bounds: m.bounds, radius, opacity, seed, bytes: None, gaussians: None };
         let subject = Reference::with_bounds(particles, m.bounds);
         let training = Training { subject: &subject, config: &config, limits: &options.limits, defaults: &defaults };
         training.run(Initial::Model(model), &mut Under { pieces, prefix: "finetune".into() }, progress)
@@ -164,21 +164,21 @@ impl<'a> NewFile<'a> {
     /// The hyper-parameters with the most Gaussians: as many as are asked for; else as they say; else as
     /// many as the block holds at the model's own bytes a Gaussian, and no fewer than it has.
     fn config(&self, model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Config> {
-        let mut config = options.training.clone();
-        let (own, most) = (model.gaussians(), &mut config.alpha_blend.most_gaussians);
-        match (options.target, self.block_bytes) {
-            (Target::Gaussians(k), _) if k < own as u64 => {
+        let (own, said) = (model.gaussians() as u64, options.training.alpha_blend.most_gaussians);
+        let most_gaussians = match (options.target, self.block_bytes) {
+            (Target::Gaussians(k), _) if k < own => {
                 let what = format!("{k} Gaussians were asked for; the model has {own}");
                 return Err(Error::Unreachable { what, hint: format!("ask for `--gaussians {own}` or more") });
             }
-            (Target::Gaussians(k), _) => *most = usize::try_from(k).unwrap_or(usize::MAX),
-            (_, Some(bytes)) if *most == 0 => {
+            (Target::Gaussians(k), _) => Some(k),
+            (_, Some(bytes)) => said.or_else(|| {
                 let grown = own as f64 * (bytes as f64 / model_bytes.saturating_sub(self.beside).max(1) as f64);
-                *most = own.max(grown as usize);
-            }
-            _ => {}
-        }
-        Ok(config)
+                Some(own.max(grown as u64))
+            }),
+            _ => said,
+        };
+        let alpha_blend = AlphaConfig { most_gaussians, ..options.training.alpha_blend };
+        Ok(Config { alpha_blend, ..options.training.clone() })
     }
 
     /// All Gaussians as one block.

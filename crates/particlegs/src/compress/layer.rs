@@ -83,6 +83,15 @@ struct Fitted {
     clock: Clock,
 }
 
+/// What Gaussians are to be once they are made.
+#[derive(Clone, Copy)]
+struct Goal {
+    /// Their number at most.
+    gaussians: u64,
+    /// Their bytes once they are coded, where known.
+    bytes: Option<u64>,
+}
+
 /// A layer to be made.
 pub(super) struct LayerTask<'a> {
     /// Its particles.
@@ -100,7 +109,9 @@ impl LayerTask<'_> {
     /// Those of the fit, of training and of the coder.
     pub fn make(&self, share: Share, pieces: &mut dyn Pieces) -> Result<MadeLayer> {
         match share {
-            Share::Gaussians(number) => self.code(self.gaussians(number, None, pieces)?, None),
+            Share::Gaussians(gaussians) => {
+                self.code(self.gaussians(Goal { gaussians, bytes: None }, pieces)?, None)
+            }
             Share::Bytes(bytes) => self.to_size(bytes, pieces),
         }
     }
@@ -113,7 +124,7 @@ impl LayerTask<'_> {
         let training = plan.training.as_ref();
         if training.is_some_and(|t| t.start == Start::Random || t.law == Law::AlphaBlend) {
             // Nothing is known of what a trained Gaussian costs before it is trained.
-            let fitted = self.gaussians(target.number(each), Some(bytes), pieces)?;
+            let fitted = self.gaussians(Goal { gaussians: target.number(each), bytes: Some(bytes) }, pieces)?;
             return self.code(fitted, Some(bytes));
         }
         let (mut clock, mut fitter) = (Clock::default(), Fitter::new(&self.layer.particles));
@@ -128,32 +139,28 @@ impl LayerTask<'_> {
         let (Some(config), Some(mixture)) = (training, mixture) else {
             return Ok(MadeLayer { coded, vizmapper: None, trained: None, stopped: false, clock });
         };
-        let trained = self.train(config, Initial::Fit(&mixture), Some(bytes), pieces)?;
+        let goal = Goal { gaussians: mixture.len() as u64, bytes: Some(bytes) };
+        let trained = self.train(config, Initial::Fit(&mixture), goal, pieces)?;
         clock.append(trained.clock);
         self.code(Fitted { clock, ..trained }, Some(bytes))
     }
 
-    /// At most `number` Gaussians, fitted and, where the job is to, trained; `bytes` is what they are to
-    /// have, where that is known.
-    fn gaussians(&self, number: u64, bytes: Option<u64>, pieces: &mut dyn Pieces) -> Result<Fitted> {
+    /// Gaussians that are fitted and, where the job is to, trained.
+    fn gaussians(&self, goal: Goal, pieces: &mut dyn Pieces) -> Result<Fitted> {
         let mut clock = Clock::default();
         let mut fit = |pieces: &mut dyn Pieces| {
-            clock.time("fit", || self.fit(number, &mut Fitter::new(&self.layer.particles), pieces))
+            clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(&self.layer.particles), pieces))
         };
         let Some(config) = &self.context.plan.training else {
             let mixture = fit(pieces)?;
             return Ok(Fitted { mixture, clock, ..Fitted::default() });
         };
-        let mut config = config.clone();
-        if config.alpha_blend.most_gaussians == 0 {
-            config.alpha_blend.most_gaussians = number as usize;
-        }
         let trained = if config.start == Start::Random {
-            let most = if config.start_gaussians == 0 { number } else { config.start_gaussians };
-            self.train(&config, Initial::Particles(most.min(number) as usize), bytes, pieces)?
+            let first = config.start_gaussians.unwrap_or(goal.gaussians).min(goal.gaussians);
+            self.train(config, Initial::Particles(first as usize), goal, pieces)?
         } else {
             let mixture = fit(pieces)?;
-            self.train(&config, Initial::Fit(&mixture), bytes, pieces)?
+            self.train(config, Initial::Fit(&mixture), goal, pieces)?
         };
         clock.append(trained.clock);
         Ok(Fitted { clock, ..trained })
@@ -177,7 +184,7 @@ impl LayerTask<'_> {
     }
 
     /// Trains Gaussians on pictures of the layer.
-    fn train(&self, config: &Config, from: Initial<'_>, bytes: Option<u64>, pieces: &mut dyn Pieces) -> Result<Fitted> {
+    fn train(&self, config: &Config, from: Initial<'_>, goal: Goal, pieces: &mut dyn Pieces) -> Result<Fitted> {
         let (layer, plan) = (self.layer, self.context.plan);
         let m = &plan.metadata;
         let defaults = Defaults {
@@ -185,7 +192,8 @@ impl LayerTask<'_> {
             radius: m.default_radius,
             opacity: m.default_opacity,
             seed: plan.seed,
-            bytes,
+            bytes: goal.bytes,
+            gaussians: Some(goal.gaussians),
         };
         let limits = self.limits();
         // A search for a quality trains more than one number.

@@ -11,6 +11,7 @@ use super::em::{Candidates, Cloud, Gaussians, Groups, Reach, Shape, expect, maxi
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
 use super::{Moments, Partition, Pieces, Store, pieces as kept};
+use crate::math::{Purpose, Random};
 use crate::model::Mixture;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -209,7 +210,7 @@ fn start(moments: &[Moments]) -> Gaussians {
 /// Every 1/rate-th particle of the store's order, in which neighbours stand together: each cell
 /// keeps its share. The seed shifts which.
 fn sample(cloud: Cloud<'_>, groups: &Groups, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
-    let shift = crate::math::Random::new(seed, 0x5A4D_504C, 0).uniform();
+    let shift = Random::of(Purpose::RefinementSample, seed, 0).uniform();
     let keep = |i: usize| ((i + 1) as f64 * rate + shift).floor() > (i as f64 * rate + shift).floor();
     let mut xyz = Vec::with_capacity((cloud.xyz.len() as f64 * rate) as usize + 1);
     let mut weight = cloud.weight.map(|_| Vec::with_capacity(xyz.capacity()));
