@@ -51,7 +51,9 @@ impl AlphaLearner {
             } else {
                 keep[i] = false;
                 let draw = (iteration << 32) + PIECES * i as u64;
-                added.extend((0..PIECES).map(|k| piece(&one, Random::of(Purpose::AlphaSplit, self.ground.seed, draw + k))));
+                added.extend(
+                    (0..PIECES).map(|k| piece(&one, Random::of(Purpose::AlphaSplit, self.ground.seed, draw + k))),
+                );
             }
         }
         self.keep(&keep);

@@ -109,9 +109,7 @@ impl LayerTask<'_> {
     /// Those of the fit, of training and of the coder.
     pub fn make(&self, share: Share, pieces: &mut dyn Pieces) -> Result<MadeLayer> {
         match share {
-            Share::Gaussians(gaussians) => {
-                self.code(self.gaussians(Goal { gaussians, bytes: None }, pieces)?, None)
-            }
+            Share::Gaussians(gaussians) => self.code(self.gaussians(Goal { gaussians, bytes: None }, pieces)?, None),
             Share::Bytes(bytes) => self.to_size(bytes, pieces),
         }
     }

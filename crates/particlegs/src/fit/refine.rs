@@ -6,8 +6,8 @@
 //! of each cell's particles where there are more than the Gaussians need; the last iterations see
 //! every particle.
 
-use super::Blur;
 use super::em::{Candidates, Cloud, Gaussians, Groups, Reach, Shape, expect, maximise, regroup};
+use super::gain::{Blur, picture_sigma};
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
 use super::{Moments, Partition, Pieces, Store, pieces as kept};
@@ -118,8 +118,8 @@ impl Refiner<'_> {
     }
 
     fn shape(&self) -> Shape {
-        let blur = Blur::of_picture(FOCUS_BLUR_RADII * self.radius, self.pixel);
-        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur * blur }
+        let blur = Blur::of_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
+        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance }
     }
 
     fn block(&self, cells: Range<usize>) -> Result<Gaussians> {
@@ -177,8 +177,11 @@ impl Refiner<'_> {
 
     fn rounds(&self, cloud: Cloud<'_>, groups: Groups, gaussians: &mut Gaussians) -> Result<()> {
         let options = self.options;
-        let moves =
-            MoveOptions { blur: Blur::of_picture(MOVE_BLUR_RADII * self.radius, self.pixel), ratio: 1.2, share: 0.1 };
+        let moves = MoveOptions {
+            blur: Blur::of_sigma(picture_sigma(MOVE_BLUR_RADII * self.radius, self.pixel)),
+            ratio: 1.2,
+            share: 0.1,
+        };
         let candidates = self.candidates(&groups, gaussians);
         let mut owner = self.iterate(cloud, &groups, &candidates, gaussians, options.first_iterations.max(1))?;
         self.progress.advance(1);
