@@ -6,8 +6,6 @@ use crate::train_args::TrainArgs;
 use clap::{Args, ValueEnum};
 use particlegs::compress::{Options, Target};
 use particlegs::fit::Effort;
-use particlegs::particles::Room;
-use particlegs::train::Limits;
 use particlegs::{Error, Result};
 
 /// What a model is to be.
@@ -94,14 +92,11 @@ impl FitArgs {
             effort,
             radius: self.radius,
             opacity: self.opacity,
-            blocks: 1,
             training: self.train.config()?,
-            limits: Limits::default(),
-            room: Room::Memory,
-            memory: None,
             seed,
             certificate: !self.no_certificate,
             command,
+            ..Options::default()
         })
     }
 }

@@ -148,7 +148,8 @@ impl SnapshotArgs {
         read_later(paths, &Choice { selection: Some(selection.selection(window, seed)?), ..self.choice()? }, progress)
     }
 
-    /// As stored in a model's command: what decides which particles are read.
+    /// As stored in a model's command: which particles are read, and as what. The box, units and particles
+    /// left out stand in its metadata.
     pub fn text(&self) -> String {
         let mut text = String::new();
         let mut option = |name: &str, value: Option<String>| {
@@ -209,7 +210,7 @@ impl SelectionArgs {
         Ok(Selection { crop, wrap: window.center.is_some(), every: self.every, sample: self.sample, seed })
     }
 
-    /// As stored in a model's command: what decides its bytes.
+    /// As stored in a model's command.
     pub fn text(&self, window: &WindowArgs) -> String {
         let join = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let mut text = String::new();

@@ -3,14 +3,12 @@
 
 use super::config::Cameras;
 use particlegs_core::camera::{Camera, FOV_DEG, Projection, View, base_distance, spiral, view_up};
-use particlegs_core::math::Random;
+use particlegs_core::math::{Purpose, Random};
 use particlegs_core::picture::Size;
 use particlegs_core::space::Bounds;
 
+/// With the seed and the orbit's number, the seed of its turn.
 const TURN: u64 = 0x7472_6169_6e00;
-const SHUFFLE: u32 = 0x7472_7368;
-const DRAWS: u32 = 0x7472_6472;
-const INTERNAL: u32 = 0x7472_696e;
 
 /// Internal cameras stand within this share of the bounds about their centre.
 const INSIDE: f64 = 0.98;
@@ -28,6 +26,8 @@ pub struct Defaults {
     pub seed: u64,
     /// Bytes that the coded Gaussians are to have, where known.
     pub bytes: Option<u64>,
+    /// Gaussians at most where the configuration does not say; `None` = any number.
+    pub gaussians: Option<u64>,
 }
 
 /// The views of a run.
@@ -53,7 +53,7 @@ impl Views {
             let frames = (cameras.frames / orbits + u64::from(k < cameras.frames % orbits)) as usize;
             poses.extend(spiral(center, factor * base, frames, Some(of.seed ^ TURN ^ k)));
         }
-        let mut draw = Random::new(of.seed, SHUFFLE, 0);
+        let mut draw = Random::of(Purpose::TrainingShuffle, of.seed, 0);
         for i in (1..poses.len()).rev() {
             poses.swap(i, (draw.uniform() * (i + 1) as f64) as usize);
         }
@@ -71,7 +71,7 @@ impl Views {
 
 /// A camera inside the bounds that looks at their centre.
 fn inside(of: &Defaults, index: u64) -> Camera {
-    let mut draw = Random::new(of.seed, INTERNAL, index);
+    let mut draw = Random::of(Purpose::TrainingInside, of.seed, index);
     let (center, extent) = (of.bounds.center(), of.bounds.extent());
     let position = std::array::from_fn(|k| center[k] + INSIDE * (draw.uniform() - 0.5) * extent[k]);
     Camera {
@@ -85,7 +85,7 @@ fn inside(of: &Defaults, index: u64) -> Camera {
 
 /// A view with radius and opacity drawn for it.
 fn sampled(cameras: &Cameras, of: &Defaults, index: u64, camera: Camera) -> View {
-    let mut draw = Random::new(of.seed, DRAWS, index);
+    let mut draw = Random::of(Purpose::TrainingDraw, of.seed, index);
     let mut between = |[low, high]: [f64; 2]| low + (high - low) * draw.beta33();
     let (radius, opacity) = (between(cameras.radius), between(cameras.opacity));
     let radius = if draw.uniform() < cameras.wide {
@@ -110,7 +110,7 @@ mod tests {
     #[test]
     fn views_are_as_many_as_asked_for_and_share_no_pose() {
         let bounds = Bounds { min: [0.0; 3], max: [1.0, 2.0, 3.0] };
-        let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None };
+        let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None, gaussians: None };
         let cameras = Config::preset(Preset::Paper, LawKind::AlphaBlend).cameras;
         let views = Views::new(&cameras, &of, true);
         assert_eq!((views.training.len(), views.held_out.len(), views.internal.len()), (320, 80, 400));
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn draws_follow_the_seed_and_stay_where_they_are_to() {
         let bounds = Bounds { min: [-1.0, 2.0, 3.0], max: [1.0, 4.0, 4.0] };
-        let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None };
+        let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None, gaussians: None };
         let plain = Config::preset(Preset::Fast, LawKind::OpticalDepth).cameras;
         let cameras = Cameras { frames: 2000, wide: 0.25, wide_radius: 7.0, ..plain };
         let [a, b] = [0, 0].map(|_| Views::new(&cameras, &of, true));
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn two_pictures_are_one_to_train_and_one_to_test() {
         let bounds = Bounds { min: [0.0; 3], max: [1.0; 3] };
-        let of = Defaults { bounds, radius: 0.01, opacity: 0.9, seed: 1, bytes: None };
+        let of = Defaults { bounds, radius: 0.01, opacity: 0.9, seed: 1, bytes: None, gaussians: None };
         let plain = Config::preset(Preset::Fast, LawKind::OpticalDepth).cameras;
         for held_out in [0.0, 0.99] {
             let views = Views::new(&Cameras { frames: 2, held_out, ..plain.clone() }, &of, false);

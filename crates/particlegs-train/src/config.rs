@@ -84,12 +84,27 @@ pub struct Config {
     pub cameras: Cameras,
     /// Stages, one after the other.
     pub stages: Vec<Stage>,
-    /// Particles that a random start draws, at most as many as the file has room for; 0 = that many.
-    pub start_gaussians: u64,
+    /// Particles that a random start draws, at most as many as the file has room for; `None` (0 in a file) =
+    /// that many.
+    #[serde(with = "zero_is_none")]
+    pub start_gaussians: Option<u64>,
     /// Of the optical-depth law.
     pub optical_depth: DepthConfig,
     /// Of the alpha-blend law.
     pub alpha_blend: AlphaConfig,
+}
+
+/// A number that may be missing, which files write as 0.
+pub(crate) mod zero_is_none {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(number: &Option<u64>, to: S) -> Result<S::Ok, S::Error> {
+        number.unwrap_or(0).serialize(to)
+    }
+
+    pub fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u64>, D::Error> {
+        Ok(Some(u64::deserialize(from)?).filter(|n| *n > 0))
+    }
 }
 
 /// A named set of hyper-parameters.
@@ -132,7 +147,7 @@ impl Config {
                 held_out: 0.05,
             },
             stages: vec![stage(half, [960, 540]), stage(larger, [1440, 810])],
-            start_gaussians: 0,
+            start_gaussians: None,
             optical_depth: DepthConfig::default(),
             alpha_blend: AlphaConfig::default(),
         };
@@ -177,7 +192,7 @@ impl Config {
                 stage(15_000, three, 1, 0.0, Densify { every: 200, until: 24_000, threshold: 3e-4 }),
                 stage(12_000, three, 1, 0.2, Densify { every: 200, until: 36_000, threshold: 3e-4 }),
             ],
-            start_gaussians: 200_000,
+            start_gaussians: Some(200_000),
             optical_depth: DepthConfig::default(),
             alpha_blend: AlphaConfig::default(),
         }
@@ -202,7 +217,7 @@ impl Config {
         }
         self.cameras.frames = steps(self.cameras.frames).max(8);
         self.evaluate_every = steps(self.evaluate_every);
-        self.start_gaussians = steps(self.start_gaussians);
+        self.start_gaussians = self.start_gaussians.map(steps);
         let a = &mut self.alpha_blend;
         (a.position_rate_steps, a.densify_from, a.reset_every) =
             (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
@@ -305,6 +320,18 @@ mod tests {
         }
         assert_eq!(Config::preset(Preset::Paper, LawKind::AlphaBlend).iterations(), 39_000);
         assert!(Config::preset(Preset::Fast, LawKind::OpticalDepth).scaled(0.0).is_err());
+    }
+
+    /// Files write a number that is missing as 0, and both numbers come back.
+    #[test]
+    fn missing_numbers_are_zero_in_files() {
+        let mut config = Config::preset(Preset::Fast, LawKind::AlphaBlend);
+        let text = serde_json::to_string(&config).unwrap();
+        assert!(text.contains("\"start_gaussians\":0") && text.contains("\"most_gaussians\":0"), "{text}");
+        assert_eq!(serde_json::from_str::<Config>(&text).unwrap(), config);
+        (config.start_gaussians, config.alpha_blend.most_gaussians) = (Some(7), Some(9));
+        let text = serde_json::to_string(&config).unwrap();
+        assert_eq!(serde_json::from_str::<Config>(&text).unwrap(), config);
     }
 
     /// A tenth of the steps has a tenth of every schedule of the published recipe, and there and back is

@@ -24,7 +24,7 @@ impl Config {
             start: Start::Fit,
             cameras: Cameras { frames: 400, ..published.cameras },
             stages: vec![stage],
-            start_gaussians: 0,
+            start_gaussians: None,
             alpha_blend: AlphaConfig::fine_tuning(),
             ..published
         }

@@ -1,6 +1,6 @@
 //! A training run: stages of steps, evaluation on held-out views, checkpoints, a log.
 
-use super::alpha::{AlphaLearner, Ground};
+use super::alpha::{AlphaConfig, AlphaLearner, Ground};
 use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
 use super::depth::{DepthGround, DepthLearner};
@@ -11,7 +11,7 @@ use super::state::State;
 use super::subject::Subject;
 use super::targets::Targets;
 use particlegs_core::camera::{Normalisation, View};
-use particlegs_core::math::Random;
+use particlegs_core::math::{Purpose, Random};
 use particlegs_core::memory::require;
 use particlegs_core::model::{Law, LawKind, Mixture, Model};
 use particlegs_core::picture::Size;
@@ -21,8 +21,6 @@ use particlegs_core::{Error, Result};
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// What a step's picture and its part are drawn with.
-const STEP: u32 = 0x7472_7374;
 /// The key of the run's state among the pieces.
 const KEY: &str = "train";
 /// How far a run goes, and where it may write.
@@ -207,7 +205,9 @@ impl<'a> Training<'a> {
             particles,
             seed: defaults.seed,
         };
-        let random = |n| AlphaLearner::from_particles(subject, n, ground, config.alpha_blend);
+        let most_gaussians = config.alpha_blend.most_gaussians.or(defaults.gaussians);
+        let alpha = AlphaConfig { most_gaussians, ..config.alpha_blend };
+        let random = |n| AlphaLearner::from_particles(subject, n, ground, alpha);
         let depth_ground = DepthGround { bounds, particles, look: config.target, bytes: defaults.bytes };
         let depth = |m: &Mixture| DepthLearner::new(m, depth_ground, config.optical_depth);
         Ok(match (config.law, initial) {
@@ -218,13 +218,9 @@ impl<'a> Training<'a> {
             (LawKind::OpticalDepth, Initial::Model(_)) => {
                 return Err(Error::argument("models of the optical-depth law are trained by `compress --train`"));
             }
-            (LawKind::AlphaBlend, Initial::Fit(m)) => {
-                Box::new(AlphaLearner::from_mixture(m, ground, config.alpha_blend)?)
-            }
+            (LawKind::AlphaBlend, Initial::Fit(m)) => Box::new(AlphaLearner::from_mixture(m, ground, alpha)?),
             (LawKind::AlphaBlend, Initial::Particles(n)) => Box::new(random(n)?),
-            (LawKind::AlphaBlend, Initial::Model(m)) => {
-                Box::new(AlphaLearner::from_model(m, ground, config.alpha_blend)?)
-            }
+            (LawKind::AlphaBlend, Initial::Model(m)) => Box::new(AlphaLearner::from_model(m, ground, alpha)?),
         })
     }
 }
@@ -322,7 +318,7 @@ impl Run<'_> {
 
     /// The view of the next step, its number among the targets, and the part that is seen.
     fn choose(&self, stage: &Stage) -> (u64, View, Crop) {
-        let mut draw = Random::new(self.defaults.seed, STEP, self.iteration);
+        let mut draw = Random::of(Purpose::TrainingStep, self.defaults.seed, self.iteration);
         let mut below = |n: usize| ((draw.uniform() * n as f64) as usize).min(n.saturating_sub(1));
         let inside = (below(1 << 20) as f64) < stage.internal * f64::from(1 << 20) && !self.views.internal.is_empty();
         let views = if inside { &self.views.internal } else { &self.views.training };

@@ -31,7 +31,7 @@ fn config(law: LawKind, iterations: u64) -> Config {
 
 fn fitted(particles: &Particles) -> Mixture {
     let options = FitOptions { gaussians: 20, effort: Effort::Fast, radius: 0.1, pixel: 0.1, seed: 1, share: 1.0 };
-    fit::fit_in_pieces(particles, &options, &mut NoPieces, &Silent).unwrap()
+    fit::fit(particles, &options, &Silent).unwrap()
 }
 
 /// Pieces in memory.

@@ -46,7 +46,7 @@ pub(super) fn cloud(n: u64) -> Particles {
 }
 
 pub(super) fn defaults(particles: &Particles) -> Defaults {
-    Defaults { bounds: particles.bounds(), radius: 0.1, opacity: 0.3, seed: 2, bytes: None }
+    Defaults { bounds: particles.bounds(), radius: 0.1, opacity: 0.3, seed: 2, bytes: None, gaussians: None }
 }
 
 fn view(of: &Defaults) -> View {

@@ -21,7 +21,7 @@ pub mod codec;
 pub mod fit;
 pub mod reference;
 
-pub mod blocks;
+mod blocks;
 pub mod recover;
 pub mod stats;
 pub use particlegs_train as train;

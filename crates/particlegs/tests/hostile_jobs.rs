@@ -7,9 +7,8 @@ use particlegs::fit::Effort;
 use particlegs::job::{Job, Source, Task, plan};
 use particlegs::math::Random;
 use particlegs::model::{Layer, Mass};
-use particlegs::particles::{Layered, Particles, Room};
+use particlegs::particles::{Layered, Particles};
 use particlegs::progress::{Progress, Silent};
-use particlegs::train::Limits;
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
@@ -64,25 +63,12 @@ fn planned(folder: &Path) -> Job {
     let options = Options {
         target: Target::Gaussians(8),
         effort: Effort::Fast,
-        radius: None,
-        opacity: None,
-        blocks: 1,
-        training: None,
-        limits: Limits::default(),
-        room: Room::Memory,
-        memory: None,
         seed: 3,
         certificate: false,
-        command: "a test".into(),
-    };
-    let task = Task {
-        options: &options,
         blocks: Some(2),
-        memory: None,
-        snapshot: "a cloud".into(),
-        place: "here",
-        replace: false,
+        ..Options::default()
     };
+    let task = Task { options: &options, snapshot: "a cloud".into(), place: "here", replace: false };
     plan(Source::Now(particles()), &task, folder, &Silent).unwrap().job
 }
 

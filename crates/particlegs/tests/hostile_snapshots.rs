@@ -8,13 +8,12 @@ use particlegs::fit::{Effort, NoPieces};
 use particlegs::math::Random;
 use particlegs::model::Model;
 use particlegs::model::{Layer, Mass};
-use particlegs::particles::{Cell, Particles, Room};
+use particlegs::particles::{Cell, Particles};
 use particlegs::picture::Size;
 use particlegs::progress::{Progress, Silent};
 use particlegs::render::{Scene, draw};
 use particlegs::splat::Look;
 use particlegs::stats::{StatsOptions, Subject, compare};
-use particlegs::train::Limits;
 use particlegs::{Error, Result};
 use std::sync::Mutex;
 
@@ -34,20 +33,7 @@ fn snapshot(n: u64, scale: [f32; 3], shift: f32) -> Particles {
 }
 
 fn options() -> Options {
-    Options {
-        target: Target::Gaussians(40),
-        effort: Effort::Fast,
-        radius: None,
-        opacity: None,
-        blocks: 1,
-        room: Room::Memory,
-        training: None,
-        limits: Limits::default(),
-        memory: None,
-        seed: 1,
-        certificate: false,
-        command: "compress".into(),
-    }
+    Options { target: Target::Gaussians(40), effort: Effort::Fast, seed: 1, certificate: false, ..Options::default() }
 }
 
 fn compressed(p: &Particles) -> Result<Model> {
@@ -155,7 +141,7 @@ fn nothing_is_no_snapshot_and_empty_layers_are_none() {
         let names: Vec<&str> = made.model.layers.iter().map(|l| &l.name[..]).collect();
         assert_eq!(names, ["dm"]);
     }
-    let two = compress(&p, &Options { blocks: 2, ..options() }, &mut NoPieces, &Silent).unwrap();
+    let two = compress(&p, &Options { blocks: Some(2), ..options() }, &mut NoPieces, &Silent).unwrap();
     assert_eq!(two.model.metadata.count, 400);
 }
 

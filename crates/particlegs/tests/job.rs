@@ -1,13 +1,14 @@
-//! A block that is stopped anywhere goes on to the same bytes.
+//! A block that is stopped anywhere goes on to the same bytes; what was kept of other work is not gone on
+//! from.
 
 use particlegs::Error;
-use particlegs::compress::{Options, Target};
+use particlegs::compress::{Checkpoint, Compression, FineTuning, Found, Options, Target};
 use particlegs::fit::Effort;
 use particlegs::job::{Done, Job, Source, Task, plan};
-use particlegs::model::{Layer, Mass};
-use particlegs::particles::{Layered, Particles, Room, open_raw};
+use particlegs::model::{LawKind, Layer, Mass};
+use particlegs::particles::{Cell, Layered, Particles, Room, open_raw};
 use particlegs::progress::{Progress, Silent};
-use particlegs::train::Limits;
+use particlegs::train::{Config, Limits, Preset};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -30,28 +31,9 @@ fn sample() -> Particles {
 }
 
 fn planned(folder: &Path) -> Job {
-    let options = Options {
-        target: Target::Ratio(200.0),
-        effort: Effort::Default,
-        radius: None,
-        opacity: None,
-        blocks: 1,
-        training: None,
-        limits: Limits::default(),
-        room: Room::Memory,
-        memory: None,
-        seed: 3,
-        certificate: false,
-        command: "a test".into(),
-    };
-    let task = Task {
-        options: &options,
-        blocks: Some(2),
-        memory: None,
-        snapshot: "a sample".into(),
-        place: "here",
-        replace: false,
-    };
+    let options =
+        Options { target: Target::Ratio(200.0), seed: 3, certificate: false, blocks: Some(2), ..Options::default() };
+    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false };
     plan(Source::Now(sample()), &task, folder, &Silent).unwrap().job
 }
 
@@ -100,4 +82,88 @@ fn a_block_goes_on_where_it_stopped() {
     assert_eq!(std::fs::read(job.folder.join("blocks/00000.pgs")).unwrap(), whole);
     assert!(!checkpoint.exists());
     assert!(matches!(job.block(0, source, &Silent), Ok(Done::Before(_))));
+}
+
+/// A few particles in a box.
+fn cloud(scale: f32) -> Particles {
+    let column = |k: usize| (0..64).map(|i| scale * ((i * (7 + k)) % 64) as f32).collect::<Vec<f32>>();
+    let mut particles = Particles::from_columns(column(0), column(1), column(2));
+    particles.meta.cell = Some(Cell::orthogonal([100.0; 3]));
+    particles
+}
+
+/// Every option that can change a byte, and everything that is known of the snapshot, is in the name of the
+/// work; where it is done, and how far training goes, is not.
+#[test]
+fn other_options_are_other_work() {
+    let id = |p: &Particles, o: &Options| Compression::plan(p, o, &Silent).unwrap().id();
+    let base = Options { target: Target::Gaussians(8), ..Options::default() };
+    let training = |law| Some(Config::preset(Preset::Fast, law));
+    let options = [
+        Options { target: Target::Gaussians(9), ..base.clone() },
+        Options { effort: Effort::Fast, ..base.clone() },
+        Options { radius: Some(0.1), ..base.clone() },
+        Options { opacity: Some(0.1), ..base.clone() },
+        Options { blocks: Some(2), ..base.clone() },
+        Options { training: training(LawKind::OpticalDepth), ..base.clone() },
+        Options { training: training(LawKind::AlphaBlend), ..base.clone() },
+        Options { training: training(LawKind::OpticalDepth).map(|c| c.scaled(0.5).unwrap()), ..base.clone() },
+        Options { seed: 1, ..base.clone() },
+        Options { certificate: false, ..base.clone() },
+        Options { command: "another".into(), ..base.clone() },
+    ];
+    let particles = cloud(1.0);
+    let mut ids: Vec<[u8; 32]> = options.iter().map(|o| id(&particles, o)).collect();
+    let snapshots: [fn(&mut Particles); 7] = [
+        |p| p.meta.cell = Some(Cell::orthogonal([200.0; 3])),
+        |p| p.meta.cell = None,
+        |p| p.meta.length_unit = Some("kpc".into()),
+        |p| p.meta.mass_unit = Some("Msun".into()),
+        |p| p.meta.name = "another".into(),
+        |p| p.origin = [1.0, 0.0, 0.0],
+        |p| *p = cloud(1.5),
+    ];
+    ids.extend(snapshots.iter().map(|change| {
+        let mut other = cloud(1.0);
+        change(&mut other);
+        id(&other, &base)
+    }));
+    ids.push(id(&particles, &base));
+    let mut different = ids.clone();
+    different.sort_unstable();
+    different.dedup();
+    assert_eq!(different.len(), ids.len());
+
+    let folder = tempfile::tempdir().unwrap();
+    let limits = Limits { seconds: Some(60.0), ..Limits::default() };
+    let same = Options { room: Room::Disk(folder.path().into()), limits, memory: Some(1 << 40), ..base.clone() };
+    assert_eq!(id(&particles, &same), id(&particles, &base));
+
+    // What was kept of one is not gone on from by another.
+    let path = folder.path().join("m.checkpoint");
+    let mut kept = Checkpoint::fresh(path.clone(), &ids[0]);
+    particlegs::pieces::Pieces::keep_now(&mut kept, "train", vec![1]).unwrap();
+    assert_eq!(Checkpoint::open(path.clone(), &ids[0]).unwrap().len(), 1);
+    for other in &ids[1..] {
+        let opened = Checkpoint::open(path.clone(), other).unwrap();
+        assert!(opened.is_empty() && opened.found() == Found::Other);
+    }
+}
+
+#[test]
+fn other_fine_tuning_is_other_work() {
+    let base = FineTuning::default();
+    let other = [
+        FineTuning { target: Target::Ratio(7.0), ..base.clone() },
+        FineTuning { training: Config::fine_tuning().scaled(0.5).unwrap(), ..base.clone() },
+        FineTuning { seed: 1, ..base.clone() },
+        FineTuning { certificate: false, ..base.clone() },
+        FineTuning { command: "another".into(), ..base.clone() },
+    ];
+    let mut ids: Vec<[u8; 32]> = other.iter().map(|o| o.id(b"model")).collect();
+    ids.extend([base.id(b"model"), base.id(b"another")]);
+    ids.sort_unstable();
+    ids.dedup();
+    assert_eq!(ids.len(), other.len() + 2);
+    assert_eq!(FineTuning { memory: Some(1), ..base.clone() }.id(b"model"), base.id(b"model"));
 }

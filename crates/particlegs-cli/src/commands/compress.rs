@@ -7,13 +7,13 @@ use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueHint};
-use particlegs::compress::{Compressed, Load, Options, compress, is_asked_for, is_made_of, parse_bytes};
+use particlegs::compress::{Compressed, Compression, Options, is_asked_for, is_made_of, parse_bytes};
 use particlegs::fit::Pieces;
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Room};
 use particlegs::picture::PNG;
 use particlegs::progress::Progress;
-use particlegs::{Error, Result, codec, output};
+use particlegs::{Result, codec, output};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -95,17 +95,20 @@ pub fn run(a: Arguments) -> Result<()> {
         return crate::report::line(text.trim_end());
     }
     let mut options = a.fit.options(&a.snapshot, selection, a.common.seed)?;
-    let memory = a.memory.as_deref().map(parse_bytes).transpose()?;
+    options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
+    options.blocks = a.blocks;
     let context = a.common.clone().start()?;
     let start = Instant::now();
     options.limits = a.run.limits(start, a.scratch_folder())?;
     let kept = a.plan(&options, &context)?;
-    options.memory = memory;
-    if memory.is_some() {
+    if options.memory.is_some() {
         options.room = Room::Disk(a.scratch_folder());
     }
     let particles = a.snapshot.open_selected_in(&options.room, &a.input, selection, a.common.seed, &context)?;
-    options.blocks = blocks(&a, &options, memory, &particles, &context)?;
+    let blocks = options.blocks_of(&particles)?;
+    if options.memory.is_some() && blocks > 1 {
+        options.room.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);
+    }
     if kept {
         return there_already(&a, &options, &particles, &context);
     }
@@ -113,11 +116,12 @@ pub fn run(a: Arguments) -> Result<()> {
         context
             .message("note: the snapshot states no periodic box, so nothing is periodic (--box Lx,Ly,Lz states one)");
     }
+    let planned = Compression::plan(&particles, &options, &context)?;
     let mut checkpoint = match options.training {
-        Some(_) => a.run.checkpoint(a.output(), &options.name_of_work(&particles))?,
+        Some(_) => a.run.checkpoint(a.output(), &planned.id())?,
         None => None,
     };
-    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| compress(&particles, &options, pieces, progress);
+    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| planned.run(pieces, progress);
     let done = a.run.run(&context, checkpoint.as_mut(), work)?;
     if !done.stopped {
         context.check()?;
@@ -189,7 +193,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     let (bytes, place) = (crate::inputs::model(a.output(), context)?, a.output().display().to_string());
     let model = codec::decode(&bytes, &place)?;
     let certificate = model.certificate.as_ref();
-    if !is_made_of(&model.metadata, certificate.is_some(), particles, options) {
+    if !is_made_of(&model.metadata, certificate.is_some(), particles, options)? {
         return Err(context.refused(a.output()));
     }
     let (raw_bytes, gaussians) = (particles.raw_bytes(), model.gaussians());
@@ -210,32 +214,6 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     });
     context.finish(&text, &value)?;
     a.write_pictures(&model, particles, context)
-}
-
-/// The number of blocks: as asked for, or as the memory asks for; says what scratch space that takes.
-fn blocks(
-    a: &Arguments,
-    options: &Options,
-    memory: Option<u64>,
-    particles: &Particles,
-    context: &Context,
-) -> Result<u32> {
-    let Some(bound) = memory else { return Ok(a.blocks.unwrap_or(1)) };
-    let raw_bytes = particles.raw_bytes();
-    let (target, effort) = (options.target, options.effort);
-    let load = Load { count: particles.len() as u64, raw_bytes, target, effort, copies: 1 };
-    let blocks = match a.blocks {
-        None => load.blocks_within(bound)?,
-        Some(blocks) if load.block_bytes(u64::from(blocks)) <= bound => blocks,
-        Some(blocks) => {
-            let (what, need_bytes) = (format!("a fit in {blocks} blocks"), load.block_bytes(u64::from(blocks)));
-            return Err(Error::Bound { what, need_bytes, bound_bytes: bound });
-        }
-    };
-    if blocks > 1 {
-        options.room.announce(&format!("{blocks} blocks"), raw_bytes, context);
-    }
-    Ok(blocks)
 }
 
 fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> Result<()> {

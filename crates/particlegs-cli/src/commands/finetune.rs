@@ -107,10 +107,10 @@ pub fn run(a: Arguments) -> Result<()> {
     let particles = a.opening.open_selected_in(&room, &a.snapshot, selection, a.common.seed, &context)?;
     let of_several = source::is_of_several(&bytes, &model, &place)?;
     source::check(&model, of_several, &particles, (a.snapshot.first().map_or(none, |p| p), path))?;
-    let mut checkpoint = a.run.checkpoint(out, &options.name_of_work(&bytes))?;
+    let mut checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
     let size = bytes.len() as u64;
     let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| {
-        finetune(&model, size, (&particles, &options), pieces, progress)
+        finetune(&model, size, &particles, &options, pieces, progress)
     };
     let done = a.run.run(&context, checkpoint.as_mut(), work)?;
     if !done.stopped {

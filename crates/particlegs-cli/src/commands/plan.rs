@@ -73,9 +73,9 @@ pub fn run(a: Arguments) -> Result<()> {
         return crate::report::line(text.trim_end());
     }
     let selection = (&a.selection, &a.window);
-    let options = a.fit.options(&a.snapshot, selection, a.common.seed)?;
-    let memory = a.memory.as_deref().map(parse_bytes).transpose()?;
-    let blocks = match a.blocks.as_str() {
+    let mut options = a.fit.options(&a.snapshot, selection, a.common.seed)?;
+    options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
+    options.blocks = match a.blocks.as_str() {
         "auto" => None,
         number => {
             let wrong = |_| Error::argument(format!("--blocks {number}: neither a number nor `auto`"));
@@ -98,8 +98,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.outputs().writes_job(&a.output)?;
     context.makes_folder(&a.output)?;
     let source = snapshot.source(&Room::Disk(a.output.clone()), &context)?;
-    let task =
-        Task { options: &options, blocks, memory, snapshot: named, place: &snapshot.place(), replace: a.force.force };
+    let task = Task { options: &options, snapshot: named, place: &snapshot.place(), replace: a.force.force };
     let planned = job::plan(source, &task, &a.output, &context)?;
     let (m, plan) = (&planned.job.manifest, &planned.job.manifest.plan);
     let folder = a.output.display();

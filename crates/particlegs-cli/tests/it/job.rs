@@ -201,8 +201,10 @@ fn plans_that_cannot_be_are_refused() {
     c.arg("compress").arg(sample()).arg("-o").arg(at("m.pgs")).args(["--memory", "1GB", "--blocks", "2", "--scratch"]);
     fails(c.arg(at("nowhere")), 6, "nowhere");
     std::fs::create_dir(at("job")).unwrap();
-    std::fs::write(at("job/plan.json"), "{\"particlegs_job\": 2}").unwrap();
+    std::fs::write(at("job/plan.json"), "{\"particlegs_job\": 99}").unwrap();
     fails(particlegs().arg("status").arg(at("job")), 4, "newer program");
+    std::fs::write(at("job/plan.json"), "{\"particlegs_job\": 1}").unwrap();
+    fails(particlegs().arg("status").arg(at("job")), 4, "older program: plan again");
     std::fs::write(at("job/plan.json"), "{}").unwrap();
     fails(particlegs().arg("status").arg(at("job")), 3, "not a plan");
 }

@@ -1,7 +1,7 @@
 //! The published cameras: a spiral on spheres about the centre of the bounds (docs/law/cameras.md).
 
 use super::view::{Camera, Projection, norm};
-use crate::math::Random;
+use crate::math::{Purpose, Random};
 use crate::picture::Size;
 use crate::space::Bounds;
 
@@ -84,8 +84,7 @@ fn looking_at(focal_point: [f64; 3], position: [f64; 3]) -> Camera {
 
 /// A rotation drawn uniformly (a random unit quaternion).
 fn random_rotation(seed: u64) -> [[f64; 3]; 3] {
-    const PURPOSE: u32 = 0x7475_726e;
-    let mut random = Random::new(seed, PURPOSE, 0);
+    let mut random = Random::of(Purpose::OrbitTurn, seed, 0);
     let q: [f64; 4] = std::array::from_fn(|_| random.normal());
     let n = q.iter().map(|v| v * v).sum::<f64>().sqrt();
     let [w, x, y, z] = q.map(|v| v / n);

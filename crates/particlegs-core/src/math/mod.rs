@@ -6,7 +6,7 @@ mod simd;
 mod symmetric;
 mod vector;
 
-pub use random::Random;
+pub use random::{Purpose, Random};
 pub use simd::{disable_simd, simd_level, without_simd};
 pub use symmetric::{Eigen, Sym3};
 pub use vector::{across, add_product, exp2};

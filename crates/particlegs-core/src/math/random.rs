@@ -3,11 +3,63 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
+/// What a stream of draws is for: streams of different purposes have nothing in common, whatever their
+/// seed. Numbers are four letters, and never change: pictures and files follow from them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Purpose {
+    /// The rotation of an orbit's spiral.
+    OrbitTurn = u32::from_be_bytes(*b"turn"),
+    /// The first weights of a VizMapper.
+    VizMapperStart = u32::from_be_bytes(*b"vizm"),
+    /// Particles drawn from a snapshot.
+    ParticleSample = u32::from_be_bytes(*b"samp"),
+    /// Which particles of each cell a refinement looks at.
+    RefinementSample = u32::from_be_bytes(*b"ZMPL"),
+    /// Particles drawn from a model.
+    Recovery = u32::from_be_bytes(*b"reco"),
+    /// Particles whose nearest neighbours are looked for.
+    NeighbourSample = u32::from_be_bytes(*b"near"),
+    /// Particles whose pairs are counted.
+    PairSample = u32::from_be_bytes(*b"pair"),
+    /// Turns of the orbits of evaluation views.
+    EvaluationTurn = u32::from_be_bytes(*b"evtu"),
+    /// Radii and opacities of evaluation views.
+    EvaluationLook = u32::from_be_bytes(*b"evra"),
+    /// Turns of the orbits of views held out.
+    HeldOutTurn = u32::from_be_bytes(*b"hotu"),
+    /// Radii and opacities of views held out.
+    HeldOutLook = u32::from_be_bytes(*b"hora"),
+    /// Turns of the orbits of views for training.
+    TrainingTurn = u32::from_be_bytes(*b"trtu"),
+    /// Radii and opacities of views for training.
+    TrainingLook = u32::from_be_bytes(*b"trra"),
+    /// Turns of the orbits of a certificate's views.
+    CertificateTurn = u32::from_be_bytes(*b"cetu"),
+    /// The order of a training run's cameras.
+    TrainingShuffle = u32::from_be_bytes(*b"trsh"),
+    /// Radii and opacities of a training run's pictures.
+    TrainingDraw = u32::from_be_bytes(*b"trdr"),
+    /// A training run's cameras inside the bounds.
+    TrainingInside = u32::from_be_bytes(*b"trin"),
+    /// The picture of a training step, and the part of it that is seen.
+    TrainingStep = u32::from_be_bytes(*b"trst"),
+    /// Particles at which Gaussians of the alpha-blend law begin.
+    AlphaStart = u32::from_be_bytes(*b"alsa"),
+    /// Where the pieces of a Gaussian that is split lie.
+    AlphaSplit = u32::from_be_bytes(*b"alsp"),
+}
+
 /// A stream of draws that belongs to (seed, purpose, index). ChaCha with 8 rounds.
 pub struct Random(ChaCha8Rng);
 
 impl Random {
-    /// The stream of draw `index` of `purpose` (a constant of the caller's) under `seed`.
+    /// The stream of draw `index` of a purpose under `seed`.
+    pub fn of(purpose: Purpose, seed: u64, index: u64) -> Self {
+        Random::new(seed, purpose as u32, index)
+    }
+
+    /// The stream of draw `index` of a purpose by its number: for data of tests, which have no purpose.
     pub fn new(seed: u64, purpose: u32, index: u64) -> Self {
         let mut key = [0u8; 32];
         key[..8].copy_from_slice(&seed.to_le_bytes());
@@ -63,6 +115,14 @@ mod tests {
         assert_ne!(a, Random::new(1, 2, 4).bits());
         assert_ne!(a, Random::new(1, 3, 3).bits());
         assert_ne!(a, Random::new(2, 2, 3).bits());
+    }
+
+    /// A purpose is its four letters: what was drawn once is drawn again.
+    #[test]
+    fn purposes_are_their_letters() {
+        for (purpose, number) in [(Purpose::OrbitTurn, 0x7475_726e), (Purpose::TrainingStep, 0x7472_7374)] {
+            assert_eq!(Random::of(purpose, 5, 7).bits(), Random::new(5, number, 7).bits());
+        }
     }
 
     #[test]

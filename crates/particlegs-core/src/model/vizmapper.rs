@@ -1,7 +1,7 @@
 //! The network that follows radius and opacity, at work (paper section III-B).
 
 use super::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
-use crate::math::{Random, add_product, exp2, simd_level};
+use crate::math::{Purpose, Random, add_product, exp2, simd_level};
 use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
 use std::ops::Range;
 
@@ -13,8 +13,6 @@ pub const RUN: usize = 128;
 
 /// Centre and half width of a Gaussian's own inputs, mean log-scale and logit opacity.
 pub const OWN: [[f64; 2]; 2] = [[-8.0, 2.0], [-3.0, 4.0]];
-
-const PURPOSE: u32 = 0x7669_7a6d;
 
 /// Where each layer's weights and biases lie in [`VizMapper::parameters`].
 pub struct Places {
@@ -88,7 +86,7 @@ impl VizMapper {
     pub fn new(ranges: VizRanges, seed: u64) -> Self {
         let mut parameters = vec![0f32; VIZMAPPER_PARAMETERS];
         let places = Places::new();
-        let mut draw = Random::new(seed, PURPOSE, 0);
+        let mut draw = Random::of(Purpose::VizMapperStart, seed, 0);
         for l in 0..2 {
             let bound = 1.0 / (VIZMAPPER_SHAPE[l] as f64).sqrt();
             for i in places.weight[l].clone().chain(places.bias[l].clone()) {

@@ -42,8 +42,10 @@ pub struct AlphaConfig {
     pub least_opacity: f64,
     /// Iterations from one reset of opacities, to max(0.01, 1.33 `least_opacity`), to the next; 0 = never.
     pub reset_every: u64,
-    /// Gaussians at most: beyond, only those with the largest gradients are added; 0 = any number.
-    pub most_gaussians: usize,
+    /// Gaussians at most: beyond, only those with the largest gradients are added; `None` (0 in a file) = as
+    /// many as [`crate::Defaults::gaussians`] says.
+    #[serde(with = "crate::config::zero_is_none")]
+    pub most_gaussians: Option<u64>,
 }
 
 impl Default for AlphaConfig {
@@ -66,7 +68,7 @@ impl Default for AlphaConfig {
             percent_dense: 0.01,
             least_opacity: 0.01,
             reset_every: 3000,
-            most_gaussians: 0,
+            most_gaussians: None,
         }
     }
 }

@@ -4,15 +4,13 @@
 use super::learner::AlphaLearner;
 use super::parameters::{Group, One, keep_rows, rotation_matrix};
 use crate::learner::Moment;
-use particlegs_core::math::Random;
+use particlegs_core::math::{Purpose, Random};
 
 /// Pieces that a large Gaussian is split into.
 const PIECES: u64 = 2;
 
 /// Scales of the pieces are these of the Gaussian over this: 0.8 for each piece.
 const SHRINK: f64 = 0.8 * PIECES as f64;
-
-const SPLIT: u32 = 0x616c_7370;
 
 impl AlphaLearner {
     /// What is due after the step at `at`.
@@ -37,10 +35,10 @@ impl AlphaLearner {
         let n = self.parameters.len();
         let pull = |s: &[f32; 2]| if s[1] > 0.0 { f64::from(s[0] / s[1]) } else { 0.0 };
         let mut chosen: Vec<usize> = (0..n).filter(|i| pull(&self.screen[*i]) >= threshold).collect();
-        if self.config.most_gaussians > 0 {
+        if let Some(most) = self.config.most_gaussians {
             // Each adds one.
             chosen.sort_by(|a, b| pull(&self.screen[*b]).total_cmp(&pull(&self.screen[*a])).then(a.cmp(b)));
-            chosen.truncate(self.config.most_gaussians.saturating_sub(n));
+            chosen.truncate(usize::try_from(most).unwrap_or(usize::MAX).saturating_sub(n));
             chosen.sort_unstable();
         }
         let largest = self.config.percent_dense * self.config.extent;
@@ -53,7 +51,9 @@ impl AlphaLearner {
             } else {
                 keep[i] = false;
                 let draw = (iteration << 32) + PIECES * i as u64;
-                added.extend((0..PIECES).map(|k| piece(&one, Random::new(self.ground.seed, SPLIT, draw + k))));
+                added.extend(
+                    (0..PIECES).map(|k| piece(&one, Random::of(Purpose::AlphaSplit, self.ground.seed, draw + k))),
+                );
             }
         }
         self.keep(&keep);

@@ -273,7 +273,7 @@ fn density_control_by_hand() {
     assert!(l.screen.iter().all(|s| *s == [0.0; 2]));
     // One place is left: the stronger pull gets it.
     let mut l = fresh();
-    l.config.most_gaussians = 601;
+    l.config.most_gaussians = Some(601);
     l.control(&at(9, due));
     assert_eq!(l.len(), 600);
     assert_eq!(l.parameters.get(3), before.get(3));

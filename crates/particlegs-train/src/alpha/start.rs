@@ -7,13 +7,11 @@ use super::nearest::mean_square_of_three;
 use super::parameters::{One, Parameters, SH0, quaternion};
 use crate::subject::Subject;
 use particlegs_core::camera::Normalisation;
-use particlegs_core::math::{Random, Sym3};
+use particlegs_core::math::{Purpose, Random, Sym3};
 use particlegs_core::model::{Mixture, Model, VizMapper};
 use particlegs_core::splat::opacity_integral;
 use particlegs_core::{Error, Result};
 use std::collections::BTreeSet;
-
-const SAMPLE: u32 = 0x616c_7361;
 
 /// Opacity at first (3DGS, `create_from_pcd`).
 const FIRST_OPACITY: f64 = 0.1;
@@ -162,7 +160,7 @@ fn sample(n: usize, number: usize, seed: u64) -> Vec<usize> {
     let number = number.min(n);
     let mut chosen = BTreeSet::new();
     for (draw, last) in (n - number..n).enumerate() {
-        let at = (Random::new(seed, SAMPLE, draw as u64).uniform() * (last + 1) as f64) as usize;
+        let at = (Random::of(Purpose::AlphaStart, seed, draw as u64).uniform() * (last + 1) as f64) as usize;
         if !chosen.insert(at.min(last)) {
             chosen.insert(last);
         }

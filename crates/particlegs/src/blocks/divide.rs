@@ -1,6 +1,6 @@
 //! A snapshot in memory divided into its blocks.
 
-use super::{KdTree, sample};
+use super::KdTree;
 use crate::Result;
 use crate::model::Layer;
 use crate::particles::{Blank, ChunkBuffer, Particles, RUN, Room};
@@ -12,12 +12,9 @@ use std::ops::Range;
 /// lack a layer.
 ///
 /// # Errors
-/// Those of [`KdTree::new`] and [`Room::columns`]; [`crate::Error::Cancelled`].
-pub fn divide(particles: &Particles, blocks: u32, room: &Room, progress: &dyn Progress) -> Result<Vec<Particles>> {
-    if blocks == 1 {
-        return Ok(vec![particles.clone()]);
-    }
-    let tree = KdTree::new(&sample(particles, progress)?, blocks)?;
+/// Those of [`Room::columns`]; [`crate::Error::Cancelled`].
+pub fn divide(particles: &Particles, tree: &KdTree, room: &Room, progress: &dyn Progress) -> Result<Vec<Particles>> {
+    let blocks = tree.blocks();
     let layers = particles.layers();
     let runs: Vec<(usize, Range<usize>)> =
         layers.iter().enumerate().flat_map(|(i, l)| runs_of(i, &l.content)).collect();
@@ -96,9 +93,10 @@ pub(super) fn kinds(
 
 #[cfg(test)]
 mod tests {
+    use super::super::Survey;
     use super::*;
     use crate::model::Mass;
-    use crate::particles::Column;
+    use crate::particles::{Column, Layered};
     use crate::progress::Silent;
 
     #[test]
@@ -111,7 +109,8 @@ mod tests {
             .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n as usize)]);
         let folder = tempfile::tempdir().unwrap();
         for room in [Room::Memory, Room::Disk(folder.path().into())] {
-            let blocks = divide(&p, 3, &room, &Silent).unwrap();
+            let survey = Survey::new(&Layered::of(&p), "here", true, &Silent).unwrap();
+            let blocks = divide(&p, &KdTree::new(&survey.sample, 3).unwrap(), &room, &Silent).unwrap();
             assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
             let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights().cloned().unwrap().to_vec()).collect();
             seen.sort_by(f32::total_cmp);

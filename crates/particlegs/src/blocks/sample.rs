@@ -1,9 +1,6 @@
 //! Every so-manieth position of a snapshot, in order.
 
-use crate::Result;
-use crate::particles::{Chunk, RUN, SnapshotReader};
-use crate::progress::Progress;
-use std::sync::Mutex;
+use crate::particles::Chunk;
 
 /// Positions sampled at most. Cuts through fewer particles are exact; the share of a block among
 /// 8 is off by about 0.1 % then.
@@ -22,8 +19,11 @@ impl Sample {
         count.div_ceil(MOST).max(1)
     }
 
-    /// What is taken of a run whose first particle is number `first`.
+    /// What is taken of a run whose first particle is number `first`: one of `every` particles, none for 0.
     pub(super) fn of_run(chunk: &Chunk<'_>, first: u64, every: u64) -> [Vec<f32>; 3] {
+        if every == 0 {
+            return Default::default();
+        }
         let skip = (every - first % every) % every;
         chunk.position.map(|c| c.iter().skip(skip as usize).step_by(every as usize).copied().collect())
     }
@@ -31,23 +31,4 @@ impl Sample {
     pub(super) fn append(&mut self, run: [Vec<f32>; 3]) {
         (0..3).for_each(|k| self.position[k].extend_from_slice(&run[k]));
     }
-}
-
-/// Takes the sample.
-///
-/// # Errors
-/// Those of the reader; [`crate::Error::Cancelled`].
-pub fn sample(reader: &dyn SnapshotReader, progress: &dyn Progress) -> Result<Sample> {
-    let every = Sample::every(reader.count());
-    let runs = reader.count().div_ceil(RUN as u64);
-    let parts: Vec<Mutex<[Vec<f32>; 3]>> = (0..runs).map(|_| Mutex::default()).collect();
-    reader.read(0..runs, progress, &|run, chunk| {
-        if let Some(part) = parts.get(run as usize) {
-            *part.lock().unwrap_or_else(|e| e.into_inner()) = Sample::of_run(&chunk, run * RUN as u64, every);
-        }
-        Ok(())
-    })?;
-    let mut sample = Sample::default();
-    parts.into_iter().for_each(|part| sample.append(part.into_inner().unwrap_or_else(|e| e.into_inner())));
-    Ok(sample)
 }

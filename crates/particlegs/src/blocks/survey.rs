@@ -10,8 +10,10 @@ use std::sync::Mutex;
 pub struct Survey {
     /// Its runs, layer after layer, each layer beginning one.
     pub runs: Vec<RunSurvey>,
-    /// Positions spread evenly over it.
+    /// Positions spread evenly over it, where they were asked for.
     pub sample: Sample,
+    /// The weight that all particles of a layer have, of each layer whose weights are all the same.
+    same_weight: Vec<Option<f32>>,
     /// Bounds of all particles, world units.
     pub bounds: Bounds,
 }
@@ -38,19 +40,19 @@ struct Seen {
 }
 
 impl Survey {
-    /// Reads all particles once. A layer whose weights turn out to be all the same has them dropped
-    /// in `source`, as [`crate::particles::settle_masses`] does.
+    /// Reads all particles once: bounds, hash, validity and, where it is `sampled`, positions to cut
+    /// blocks by.
     ///
     /// # Errors
     /// Those of the readers; [`crate::Error::Input`] at `place` for invalid values;
     /// [`crate::Error::Cancelled`].
-    pub fn new(source: &mut Layered, place: &str, progress: &dyn Progress) -> Result<Survey> {
-        let every = Sample::every(source.count());
+    pub fn new(source: &Layered, place: &str, sampled: bool, progress: &dyn Progress) -> Result<Survey> {
+        let every = if sampled { Sample::every(source.count()) } else { 0 };
         progress.begin("reading positions", source.count());
-        let mut all = Survey { runs: Vec::new(), sample: Sample::default(), bounds: Bounds::empty() };
+        let mut all =
+            Survey { runs: Vec::new(), sample: Sample::default(), same_weight: Vec::new(), bounds: Bounds::empty() };
         let (mut start, mut bad) = (0, Invalid::default());
-        for index in 0..source.layers.len() {
-            let layer = &source.layers[index];
+        for layer in &source.layers {
             let seen: Vec<Mutex<Seen>> = (0..layer.runs()).map(|_| Mutex::default()).collect();
             layer.read(source.origin, 0..layer.runs(), progress, &|run, chunk| {
                 let first = start + run * RUN as u64;
@@ -58,7 +60,6 @@ impl Survey {
                 Ok(())
             })?;
             let mut weights = Vec::with_capacity(seen.len());
-            let from = all.runs.len();
             for (run, seen) in seen.into_iter().enumerate() {
                 let seen = seen.into_inner().unwrap_or_else(|e| e.into_inner());
                 bad = bad.and(start + (run * RUN) as u64, seen.invalid);
@@ -69,13 +70,8 @@ impl Survey {
                 all.runs.push(seen.survey.ok_or_else(missing)?);
             }
             start += layer.layer.content;
-            if let Some(&Some(weight)) = weights.first()
-                && layer.layer.mass.is_weighted()
-                && weights.iter().all(|w| *w == Some(weight))
-            {
-                source.settle(index, weight);
-                all.runs[from..].iter_mut().for_each(|r| r.hash.weights = None);
-            }
+            let first = weights.first().copied().flatten().filter(|_| layer.layer.mass.is_weighted());
+            all.same_weight.push(first.filter(|w| weights.iter().all(|other| *other == Some(*w))));
         }
         progress.end();
         if bad.count > 0 {
@@ -83,6 +79,28 @@ impl Survey {
         }
         all.bounds = all.runs.iter().fold(Bounds::empty(), |all, r| all.union(&r.bounds(source.origin)));
         Ok(all)
+    }
+
+    /// Drops the weights of layers in which they turned out to be all the same, here and in `source`, as
+    /// [`crate::particles::settle_masses`] does of particles in memory.
+    pub fn settle(&mut self, source: &mut Layered) {
+        let mut from = 0;
+        for (index, weight) in self.same_weight.iter_mut().enumerate() {
+            let end = from + source.layers[index].runs() as usize;
+            if let Some(weight) = weight.take() {
+                source.settle(index, weight);
+                self.runs[from..end].iter_mut().for_each(|r| r.hash.weights = None);
+            }
+            from = end;
+        }
+    }
+
+    /// Bounds of each layer, world units.
+    pub fn layer_bounds(&self, source: &Layered) -> Vec<Bounds> {
+        let mut runs = self.runs.iter();
+        let of =
+            |n: u64| runs.by_ref().take(n as usize).fold(Bounds::empty(), |all, r| all.union(&r.bounds(source.origin)));
+        source.layers.iter().map(|l| l.runs()).map(of).collect()
     }
 
     /// The snapshot's hash.
@@ -115,7 +133,6 @@ impl Seen {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sample;
     use super::*;
     use crate::model::{Layer, Mass};
     use crate::particles::{Column, Particles, settle_masses, source_hash};
@@ -139,11 +156,14 @@ mod tests {
         for same in [false, true] {
             let p = snapshot(|i| if same && i >= 70_000 { 2.0 } else { 1.0 + i as f32 });
             let mut source = Layered::of(&p);
-            let survey = Survey::new(&mut source, "here", &Silent).unwrap();
+            let mut survey = Survey::new(&source, "here", true, &Silent).unwrap();
+            assert_eq!(survey.hash(source.origin), source_hash(&p));
+            survey.settle(&mut source);
             let p = settle_masses(p);
             assert_eq!(survey.bounds, p.bounds());
             assert_eq!(survey.hash(source.origin), source_hash(&p));
-            assert_eq!(survey.sample.position, sample(&p, &Silent).unwrap().position);
+            let column = |k: usize| (0..p.len()).map(|i| (p.position(i)[k] - p.origin[k]) as f32).collect::<Vec<_>>();
+            assert_eq!(survey.sample.position, [0, 1, 2].map(column), "every particle of so few");
             assert_eq!(source.raw_bytes(), p.raw_bytes());
             let heads = |l: &Layer<Range<usize>>| (l.name.clone(), l.mass);
             let read: Vec<_> = source.layers.iter().map(|l| (l.layer.name.clone(), l.layer.mass)).collect();
@@ -155,7 +175,7 @@ mod tests {
     #[test]
     fn invalid_values_are_named() {
         let p = snapshot(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 });
-        let error = Survey::new(&mut Layered::of(&p), "here", &Silent).err().unwrap();
+        let error = Survey::new(&Layered::of(&p), "here", false, &Silent).err().unwrap();
         assert!(error.to_string().contains("the first at index 140000"), "{error}");
     }
 }

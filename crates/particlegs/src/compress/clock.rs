@@ -4,7 +4,7 @@ use std::time::Instant;
 
 /// Wall-clock seconds by phase, in the order in which phases first came.
 #[derive(Clone, Debug, Default)]
-pub struct Clock {
+pub(crate) struct Clock {
     seconds: Vec<(&'static str, f64)>,
 }
 
@@ -17,8 +17,12 @@ impl Clock {
         done
     }
 
-    /// Adds seconds to a phase.
-    pub fn add(&mut self, phase: &'static str, seconds: f64) {
+    /// Adds the phases of work that had a clock of its own.
+    pub fn append(&mut self, other: Clock) {
+        other.seconds.into_iter().for_each(|(phase, seconds)| self.add(phase, seconds));
+    }
+
+    fn add(&mut self, phase: &'static str, seconds: f64) {
         match self.seconds.iter_mut().find(|s| s.0 == phase) {
             Some(s) => s.1 += seconds,
             None => self.seconds.push((phase, seconds)),

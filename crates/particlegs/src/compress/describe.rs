@@ -1,12 +1,24 @@
 //! What the model file says about its snapshot.
 
-use super::Options;
+use super::options::Options;
+use crate::Result;
 use crate::model::Metadata;
 use crate::particles::{Bounds, Particles, SnapshotMeta, source_hash};
 
-/// Metadata of a model of `count` particles within `bounds`; its mass is known when its blocks are.
-pub fn describe(meta: &SnapshotMeta, count: u64, bounds: Bounds, source_hash: [u8; 32], options: &Options) -> Metadata {
-    let blocks = if options.blocks > 1 { format!(" --blocks {}", options.blocks) } else { String::new() };
+/// What a pass over a snapshot tells.
+pub(super) struct Known {
+    /// Particles.
+    pub count: u64,
+    /// Their bounds, world units.
+    pub bounds: Bounds,
+    /// Their hash.
+    pub source_hash: [u8; 32],
+}
+
+/// Metadata of a model in `blocks` blocks; its mass is known when its blocks are.
+pub(super) fn describe(meta: &SnapshotMeta, known: &Known, options: &Options, blocks: u32) -> Metadata {
+    let Known { count, bounds, source_hash } = *known;
+    let blocks = if blocks > 1 { format!(" --blocks {blocks}") } else { String::new() };
     Metadata {
         law: options.law(),
         count,
@@ -30,14 +42,18 @@ pub fn describe(meta: &SnapshotMeta, count: u64, bounds: Bounds, source_hash: [u
 
 /// Is a model file of `told`, with or without a certificate, what `options` make of `particles`? Never
 /// said of training, which time may have ended.
-pub fn is_made_of(told: &Metadata, has_certificate: bool, particles: &Particles, options: &Options) -> bool {
+///
+/// # Errors
+/// As [`Options::blocks_of`].
+pub fn is_made_of(told: &Metadata, has_certificate: bool, particles: &Particles, options: &Options) -> Result<bool> {
     if options.training.is_some() || has_certificate != options.certificate || !is_asked_for(told, options) {
-        return false;
+        return Ok(false);
     }
-    let (count, hash) = (particles.len() as u64, source_hash(particles));
-    let asked = describe(&particles.meta, count, told.bounds, hash, options);
+    let (count, source_hash) = (particles.len() as u64, source_hash(particles));
+    let known = Known { count, bounds: told.bounds, source_hash };
+    let asked = describe(&particles.meta, &known, options, options.blocks_of(particles)?);
     // What the hash decides, and how files are called, is not compared.
-    *told == Metadata { mass: told.mass, source: told.source.clone(), ..asked }
+    Ok(*told == Metadata { mass: told.mass, source: told.source.clone(), ..asked })
 }
 
 /// Can a model file of `told` be what `options` make, whatever the number of blocks that memory asks for?

@@ -1,6 +1,6 @@
 //! How many blocks a bound on memory asks for.
 
-use super::block::bytes_a_gaussian;
+use super::size::bytes_a_gaussian;
 use super::target::Target;
 use crate::fit::Effort;
 use crate::{Error, Result};
@@ -18,7 +18,7 @@ const COPIED: u64 = 16;
 
 /// What decides the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Load {
+pub(crate) struct Load {
     /// Particles.
     pub count: u64,
     /// Their bytes as float32.

@@ -5,25 +5,34 @@
 //! makes a file smaller without the particles, [`finetune()`] trains a merged file on the whole snapshot.
 
 mod block;
+mod certify;
 mod checkpoint;
 mod clock;
 mod describe;
+mod divided;
+mod executor;
 mod finetune;
-mod job;
+mod layer;
 mod memory;
+mod options;
 mod plan;
-mod rate;
+mod run;
 mod search;
 mod simplify;
+mod size;
 mod target;
 
-pub use block::{BlockJob, CodedBlock, Outcome, StopMeans, TrainedRun, Workshop};
+pub use block::TrainedRun;
+pub(crate) use block::{BlockContext, BlockParticles, CodedBlock, OnStop};
+pub(crate) use certify::{Decoded, Measure};
 pub use checkpoint::{Checkpoint, Found};
-pub use clock::Clock;
-pub use describe::{describe, is_asked_for, is_made_of};
+pub use describe::{is_asked_for, is_made_of};
+pub(crate) use executor::{Store, do_block};
 pub use finetune::{FineTuning, finetune};
-pub use job::{Compressed, Options, compress, name_of};
-pub use memory::Load;
+pub(crate) use memory::Load;
+pub use options::{Options, name_of};
 pub use plan::Plan;
+pub use run::{Compressed, Compression, compress};
 pub use simplify::{Simplified, simplify};
+pub(crate) use size::SizeMet;
 pub use target::{Target, parse_bytes};

@@ -1,13 +1,17 @@
 //! What every block must know of the whole: the same for all of a job, wherever blocks are done.
 
-use super::block::{BlockJob, CodedBlock, Fitting, Outcome, Workshop};
-use super::job::Options;
+use super::block::{BlockParticles, CodedBlock};
+use super::describe::{Known, describe};
+use super::layer::Share;
+use super::options::Options;
+use super::size::SizeMet;
 use super::target::Target;
+use crate::blocks::Survey;
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
 use crate::fit::Effort;
-use crate::model::{Certificate, LawKind, Layer, Mass, Metadata, VizMapper};
-use crate::particles::Bounds;
+use crate::model::{Certificate, LawKind, Layer, Mass, Metadata};
+use crate::particles::{Bounds, Layered};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::train::Config;
@@ -37,33 +41,40 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// A plan for a snapshot that `metadata` describes.
+    /// A plan for a snapshot that was surveyed, in `blocks` blocks.
     ///
     /// # Errors
     /// [`Error::Argument`] for a target that is none; [`Error::Input`] for a snapshot or a layer of no
     /// particles.
-    pub fn new(options: &Options, metadata: Metadata, layers: Vec<Layer<u64>>) -> Result<Plan> {
-        if metadata.count == 0 || layers.iter().any(|l| l.content == 0) {
-            return Err(Error::input(&metadata.source, "no particles, or a layer without any"));
+    pub(crate) fn new(options: &Options, source: &Layered, survey: &Survey, blocks: u32) -> Result<Plan> {
+        if source.layers.is_empty() || source.layers.iter().any(|l| l.layer.content == 0) {
+            return Err(Error::input(&source.meta.name, "no particles, or a layer without any"));
         }
         let alpha = options.law() == LawKind::AlphaBlend;
-        if alpha && layers.len() > 1 {
+        if alpha && source.layers.len() > 1 {
             return Err(Error::argument(
                 "the alpha-blend law has one layer: choose one with --particle-type, or use the optical-depth law",
             ));
         }
+        let known = Known { count: source.count(), bounds: survey.bounds, source_hash: survey.hash(source.origin) };
         let plan = Plan {
             target: options.target.check()?,
             effort: options.effort,
             seed: options.seed,
             training: options.training.clone(),
             certificate: options.certificate,
-            blocks: options.blocks,
-            layers,
-            metadata,
+            blocks,
+            layers: source.layers.iter().map(|l| l.layer.clone()).collect(),
+            metadata: describe(&source.meta, &known, options, blocks),
         };
         if alpha { plan.has_room() } else { Ok(()) }?;
         Ok(plan)
+    }
+
+    /// 32 bytes that name the work: BLAKE3 of all that is asked for and all that is known of the snapshot,
+    /// its own hash with it. Whatever decides the model's bytes is in it, but for how far training goes.
+    pub(crate) fn id(&self) -> [u8; 32] {
+        *blake3::hash(&serde_json::to_vec(self).expect("plain data")).as_bytes()
     }
 
     /// Does the target hold more than the network? Better said before hours of training than after.
@@ -102,16 +113,14 @@ impl Plan {
         }
     }
 
-    /// How blocks are fitted.
-    pub fn fitting(&self) -> Fitting {
-        Fitting {
-            effort: self.effort,
-            particles: self.layers.iter().map(|l| l.content).sum(),
-            radius: self.metadata.default_radius,
-            pixel: near_pixel(&self.metadata.bounds),
-            opacity: self.metadata.default_opacity,
-            seed: self.seed,
-        }
+    /// Particles of all blocks and layers: they share the effort's bound on time.
+    pub(super) fn particles(&self) -> u64 {
+        self.layers.iter().map(|l| l.content).sum()
+    }
+
+    /// Pixels whose blur decides splits, world units.
+    pub(super) fn pixel(&self) -> f64 {
+        near_pixel(&self.metadata.bounds)
     }
 
     /// Bytes of the file beside its coded blocks, where every block has every layer: where some lack
@@ -126,39 +135,33 @@ impl Plan {
         (codec::size_without_blocks(&self.metadata, self.certificate, &heads) + network) as u64
     }
 
-    /// A block as the target wants it: its share of the room or of the number.
+    /// The share of a block of what `target` asks of the whole.
     ///
     /// # Errors
-    /// [`Error::Argument`] where the target can only be met by all blocks together; those of the fit.
-    pub fn block(&self, block: &BlockJob, shop: &mut Workshop<'_>) -> Result<CodedBlock> {
-        match (self.target, self.target.bytes(self.raw_bytes())) {
+    /// [`Error::Argument`] where the target can only be met by all blocks together.
+    pub(super) fn share(&self, target: Target, block: &BlockParticles) -> Result<Share> {
+        match (target, target.bytes(self.raw_bytes())) {
             (_, Some(bytes)) => {
-                let room = bytes.saturating_sub(self.overhead());
+                let left = bytes.saturating_sub(self.overhead());
                 let share = block.raw_bytes as f64 / self.raw_bytes() as f64;
-                block.at_size((room as f64 * share) as u64, shop)
+                Ok(Share::Bytes((left as f64 * share) as u64))
             }
-            (Target::Gaussians(number), _) => self.block_at_number(block, number, shop),
+            (Target::Gaussians(number), _) => {
+                let share = block.count as f64 / self.metadata.count as f64;
+                Ok(Share::Gaussians(((number as f64 * share).round() as u64).max(1)))
+            }
             _ => Err(Error::argument("a PSNR target cannot be divided among blocks: ask for a size or a ratio")),
         }
     }
 
-    /// A block with its share of `number` Gaussians.
-    ///
-    /// # Errors
-    /// Those of the fit.
-    pub fn block_at_number(&self, block: &BlockJob, number: u64, shop: &mut Workshop<'_>) -> Result<CodedBlock> {
-        let share = (number as f64 * (block.count as f64 / self.metadata.count as f64)).round() as u64;
-        block.at_number(share.max(1), shop)
-    }
-
-    /// Says what a user must know of how blocks of `bytes` in all meet their target.
+    /// Says what a user must know of how all blocks together meet their target.
     ///
     /// # Errors
     /// [`Error::Unreachable`] where header and one Gaussian do not fit an explicit size.
-    pub fn judge(&self, outcomes: &[Outcome], bytes: u64, progress: &dyn Progress) -> Result<()> {
+    pub(crate) fn judge(&self, blocks: &[CodedBlock], progress: &dyn Progress) -> Result<()> {
         let Some(target) = self.target.bytes(self.raw_bytes()) else { return Ok(()) };
-        let smallest = bytes + self.overhead();
-        if outcomes.iter().any(|o| o.too_large) {
+        let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
+        if blocks.iter().any(|b| b.size_met == SizeMet::TooLarge) {
             let what =
                 format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
             if self.target != Target::Default {
@@ -167,7 +170,7 @@ impl Plan {
                 return Err(Error::Unreachable { what, hint });
             }
             progress.message(&format!("warning: {what}"));
-        } else if outcomes.iter().all(|o| o.too_small) {
+        } else if blocks.iter().all(|b| b.size_met == SizeMet::TooSmall) {
             progress.message(&format!(
                 "note: the file has {smallest} bytes, less than the {target} asked for: these particles need no more"
             ));
@@ -179,40 +182,30 @@ impl Plan {
     ///
     /// # Errors
     /// Those of [`codec::assemble`].
-    pub fn file<'a>(
-        &self,
-        blocks: impl Iterator<Item = &'a CodedLayer>,
-        vizmapper: Option<&VizMapper>,
-        certificate: Option<&Certificate>,
-    ) -> Result<Vec<u8>> {
-        self.file_of(self.metadata.clone(), blocks, vizmapper, certificate)
+    pub(crate) fn file(&self, blocks: &[CodedBlock], certificate: Option<&Certificate>) -> Result<Vec<u8>> {
+        self.file_within(self.metadata.bounds, blocks, certificate)
     }
 
     /// The file of one block on its own: a model of its particles, drawn as the whole is.
     ///
     /// # Errors
     /// Those of [`codec::assemble`].
-    pub fn block_file(&self, job: &BlockJob, coded: &CodedBlock) -> Result<Vec<u8>> {
-        let bounds = job.layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds));
-        self.file_of(Metadata { bounds, ..self.metadata.clone() }, coded.layers.iter(), coded.vizmapper.as_ref(), None)
+    pub(crate) fn block_file(&self, block: &CodedBlock) -> Result<Vec<u8>> {
+        self.file_within(block.bounds, std::slice::from_ref(block), None)
     }
 
-    fn file_of<'a>(
-        &self,
-        metadata: Metadata,
-        blocks: impl Iterator<Item = &'a CodedLayer>,
-        vizmapper: Option<&VizMapper>,
-        certificate: Option<&Certificate>,
-    ) -> Result<Vec<u8>> {
+    fn file_within(&self, bounds: Bounds, blocks: &[CodedBlock], certificate: Option<&Certificate>) -> Result<Vec<u8>> {
         let mut layers: Vec<CodedLayer> = Vec::new();
-        for layer in blocks {
+        for layer in blocks.iter().flat_map(|b| &b.layers) {
             match layers.iter_mut().find(|l| l.name == layer.name) {
                 Some(l) => l.content.extend(layer.content.iter().cloned()),
                 None => layers.push(layer.clone()),
             }
         }
         let (count, mass) = codec::sums(&layers)?;
-        codec::assemble_with(&Metadata { count, mass, ..metadata }, vizmapper, certificate, layers)
+        let metadata = Metadata { count, mass, bounds, ..self.metadata.clone() };
+        let network = blocks.first().and_then(|b| b.vizmapper.as_deref());
+        codec::assemble_with(&metadata, network, certificate, layers)
     }
 }
 

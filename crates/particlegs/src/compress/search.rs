@@ -1,10 +1,13 @@
 //! The smallest file of a wanted quality: masked PSNR, `expected` look, mean over held-out views.
 
-use super::block::bytes_a_gaussian;
-use super::job::{Coded, Job};
-use super::target::DEFAULT_RATIO;
+use super::block::CodedBlock;
+use super::plan::Plan;
+use super::size::bytes_a_gaussian;
+use super::target::{DEFAULT_RATIO, Target};
 use crate::codec;
+use crate::particles::Particles;
 use crate::picture::Size;
+use crate::progress::Progress;
 use crate::render::Scene;
 use crate::score::{HeldOut, ViewSeed, held_out_views};
 use crate::{Error, Result};
@@ -24,29 +27,36 @@ const FITS: usize = 8;
 struct Tried {
     number: f64,
     decibels: f64,
-    coded: Coded,
+    blocks: Vec<CodedBlock>,
 }
 
 /// Finds the number of Gaussians, at the nominal precision, whose decoded file just reaches
-/// `decibels`.
+/// `decibels`; `code` gives all blocks at a number.
 ///
 /// # Errors
-/// [`Error::Unreachable`] where as many Gaussians as particles, or eight fits, do not reach it.
-pub(super) fn reach_quality(job: &mut Job, decibels: f64) -> Result<Coded> {
-    let m = &job.plan.metadata;
-    let seed = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: job.plan.seed };
-    let held_out = HeldOut::draw(job.particles, &held_out_views(&seed, FRAMES), SIZE, job.progress)?;
+/// [`Error::Unreachable`] where as many Gaussians as particles, or eight fits, do not reach it; those of
+/// `code`.
+pub(super) fn reach_quality(
+    decibels: f64,
+    particles: &Particles,
+    plan: &Plan,
+    code: &mut dyn FnMut(Target) -> Result<Vec<CodedBlock>>,
+    progress: &dyn Progress,
+) -> Result<Vec<CodedBlock>> {
+    let m = &plan.metadata;
+    let seed = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: plan.seed };
+    let held_out = HeldOut::draw(particles, &held_out_views(&seed, FRAMES), SIZE, progress)?;
     let most = m.count as f64;
-    let mut number =
-        (job.plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(job.plan.effort)).clamp(1.0, most).floor();
+    let mut number = (plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.effort)).clamp(1.0, most).floor();
     let (mut above, mut below): (Option<Tried>, Option<Tried>) = (None, None);
     for _ in 0..FITS {
-        let coded = job.at_number(number as u64)?;
-        let model = codec::decode(&job.file(&coded, None)?, "the file just coded")?;
+        let blocks = code(Target::Gaussians(number as u64))?;
+        let model = codec::decode(&plan.file(&blocks, None)?, "the file just coded")?;
         // Pictures that are identical in every view have no finite score.
-        let reached = held_out.expected_masked_psnr(&Scene::of(&model), job.progress)?.unwrap_or(f64::INFINITY);
-        job.progress.message(&format!("{number} Gaussians, {} bytes: {reached:.2} dB", coded.len()));
-        let tried = Tried { number, decibels: reached, coded };
+        let reached = held_out.expected_masked_psnr(&Scene::of(&model), progress)?.unwrap_or(f64::INFINITY);
+        let bytes: usize = blocks.iter().map(CodedBlock::size).sum();
+        progress.message(&format!("{number} Gaussians, {bytes} bytes: {reached:.2} dB"));
+        let tried = Tried { number, decibels: reached, blocks };
         let done = reached >= decibels && (reached - decibels <= CLOSE_DECIBELS || number <= 1.0)
             || reached < decibels && number >= most;
         *(if reached >= decibels { &mut above } else { &mut below }) = Some(tried);
@@ -59,7 +69,7 @@ pub(super) fn reach_quality(job: &mut Job, decibels: f64) -> Result<Coded> {
         }
     }
     match (above, below) {
-        (Some(t), _) => Ok(t.coded),
+        (Some(t), _) => Ok(t.blocks),
         (None, below) => Err(Error::Unreachable {
             what: format!(
                 "{decibels} dB was asked for; {:.2} dB was reached with {} Gaussians",

@@ -1,10 +1,9 @@
 //! A smaller file from a file, without the particles.
 
-use super::block::{NEAR_NOMINAL, bytes_a_gaussian};
 use super::plan::near_pixel;
-use super::rate::{Met, meet_size};
+use super::size::{Coded, SizeMet, SizeTarget, bytes_a_gaussian};
 use super::target::Target;
-use crate::codec::{self, Encoder, Precision};
+use crate::codec::{self, Encoder};
 use crate::fit::{self, Effort, SimplifyOptions};
 use crate::model::{Block, LawKind, Layer, Metadata, Mixture, Model};
 use crate::particles::Bounds;
@@ -20,9 +19,6 @@ pub struct Simplified {
     /// Bytes of the particles that it stands for, as float32.
     pub raw_bytes: u64,
 }
-
-/// Reductions tried at most to find a number of Gaussians whose steps are near nominal.
-const TRIES: usize = 3;
 
 /// Reduces `model` (of `model_bytes` bytes) to a number of Gaussians or a ratio; every layer becomes
 /// one block. What is known about the source stays, its hash with it; the certificate goes.
@@ -66,7 +62,7 @@ pub fn simplify(
             return Err(Error::argument("a model is simplified to a ratio, a size or a number of Gaussians"));
         }
     };
-    let gaussians = coded.iter().map(|c| c.gaussians).sum();
+    let gaussians = coded.iter().map(|c| c.gaussians as usize).sum();
     let bytes = job.file(coded)?;
     codec::check(&bytes, "the simplified model")?;
     Ok(Simplified { bytes, gaussians, raw_bytes })
@@ -79,12 +75,6 @@ fn joined(blocks: Vec<Block>) -> Block {
     let mut gaussians = Mixture::new(blocks.iter().any(|b| b.gaussians.masses().is_some()));
     blocks.iter().for_each(|b| gaussians.append(&b.gaussians));
     Block { bounds, count, mass, gaussians }
-}
-
-/// A layer's coded block.
-struct Coded {
-    bytes: Vec<u8>,
-    gaussians: usize,
 }
 
 struct Reduction<'a> {
@@ -120,8 +110,7 @@ impl Reduction<'_> {
             let share = (left as f64 * own as f64 / there_left as f64).round() as usize;
             // One at least for this layer and for each that is still to come.
             let share = share.clamp(1, left - (fewest - 1 - i)).min(own);
-            let encoder = self.reduced(layer, share)?;
-            coded.push(Coded { bytes: encoder.encode(&Precision::BALANCED), gaussians: encoder.len() });
+            coded.push(Coded::at_nominal_steps(&self.reduced(layer, share)?));
             (left, there_left) = (left - share, there_left - own);
         }
         Ok(coded)
@@ -131,19 +120,17 @@ impl Reduction<'_> {
     fn to_size(&self, target: u64, raw_bytes: u64) -> Result<Vec<Coded>> {
         let heads: Vec<Layer<usize>> = self.layers.iter().map(|l| l.with(1)).collect();
         let overhead = codec::size_without_blocks(&self.metadata, false, &heads) as u64;
-        let mut room = target.saturating_sub(overhead);
+        let mut left = target.saturating_sub(overhead);
         let mut there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let mut coded = Vec::with_capacity(self.layers.len());
-        let mut too_large = false;
         for layer in &self.layers {
             let own = layer.content.gaussians.len();
-            let (met, gaussians) = self.layer_to_size(layer, (room as f64 * own as f64 / there as f64) as u64)?;
-            too_large = met.too_large;
-            room = room.saturating_sub(met.bytes.len() as u64);
+            let done = self.layer_to_size(layer, (left as f64 * own as f64 / there as f64) as u64)?;
+            left = left.saturating_sub(done.bytes.len() as u64);
             there -= own;
-            coded.push(Coded { bytes: met.bytes, gaussians });
+            coded.push(done);
         }
-        if too_large {
+        if coded.last().is_some_and(|c| c.size_met == SizeMet::TooLarge) {
             let smallest = overhead + coded.iter().map(|c| c.bytes.len() as u64).sum::<u64>();
             let what = format!("{target} bytes were asked for; the smallest file of this model has {smallest} bytes");
             let hint = format!("ask for a ratio of {:.4} or less", raw_bytes as f64 / smallest as f64);
@@ -152,35 +139,15 @@ impl Reduction<'_> {
         Ok(coded)
     }
 
-    /// A layer's block of at most `room` bytes, its steps near nominal where that can be.
-    fn layer_to_size(&self, layer: &Layer<Block>, room: u64) -> Result<(Met, usize)> {
-        let most = layer.content.gaussians.len();
-        let number = |each: f64| ((room as f64 / each) as usize).clamp(1, most);
-        let mut wanted = number(bytes_a_gaussian(Effort::Default));
-        let (mut met, mut gaussians, mut nominal) = self.met_with(layer, wanted, room)?;
-        for _ in 1..TRIES {
-            let better = number(nominal / gaussians as f64);
-            if !met.too_large && NEAR_NOMINAL.contains(&met.factor) || better == wanted {
-                break;
-            }
-            wanted = better;
-            (met, gaussians, nominal) = self.met_with(layer, wanted, room)?;
-        }
-        if met.too_large && wanted > 1 {
-            (met, gaussians, _) = self.met_with(layer, 1, room)?;
-        }
-        Ok((met, gaussians))
-    }
-
-    /// The block, its Gaussians, and its bytes at the nominal steps.
-    fn met_with(&self, layer: &Layer<Block>, number: usize, room: u64) -> Result<(Met, usize, f64)> {
-        let encoder = self.reduced(layer, number)?;
-        let encode = |q| {
-            self.progress.check()?;
-            Ok(encoder.encode(&Precision::BALANCED.scaled(q)))
-        };
-        let (met, nominal) = meet_size(room, encoder.len(), None, encode)?;
-        Ok((met, encoder.len(), nominal as f64))
+    /// A layer's block of at most `bytes`, its steps near nominal where that can be.
+    fn layer_to_size(&self, layer: &Layer<Block>, bytes: u64) -> Result<Coded> {
+        let most = layer.content.gaussians.len() as u64;
+        let target = SizeTarget { bytes, bytes_a_gaussian: bytes_a_gaussian(Effort::Default), most };
+        let (coded, ()) = target.find(|number| {
+            let encoder = self.reduced(layer, number as usize)?;
+            Ok((Coded::to_size(&encoder, bytes, None, || self.progress.check())?, ()))
+        })?;
+        Ok(coded)
     }
 
     fn file(self, coded: Vec<Coded>) -> Result<Vec<u8>> {

@@ -4,6 +4,7 @@
 //! overlap of the group's ellipsoid with the Gaussian. Ranking by the group's mean alone, or by a
 //! distance, loses quality. Found by branch and bound in a tree over the means.
 
+use super::eigen::largest_eigenvalue;
 use crate::math::Sym3;
 
 /// Gaussians in a leaf of the tree.
@@ -30,7 +31,7 @@ impl Ellipsoid {
         Ellipsoid {
             mean,
             cov,
-            widest: largest_eigenvalue(&cov),
+            widest: largest_eigenvalue(&cov, cov.trace() / 3.0).0,
             det_cbrt: cov.det().max(0.0).cbrt(),
             log_count2: 2.0 * count.ln(),
         }
@@ -51,22 +52,6 @@ impl Ellipsoid {
             + 2.0 * (xy * v[0] * v[1] + xz * v[0] * v[2] + yz * v[1] * v[2]);
         q / det + det.ln() - other.log_count2
     }
-}
-
-/// Largest eigenvalue of a positive definite matrix (trigonometric form), never too small by more
-/// than rounding.
-fn largest_eigenvalue(m: &Sym3) -> f64 {
-    let mean = m.trace() / 3.0;
-    let [a, b, c, d, e, f] = m.0;
-    let off = b * b + c * c + e * e;
-    let p2 = (a - mean).powi(2) + (d - mean).powi(2) + (f - mean).powi(2) + 2.0 * off;
-    if p2 <= 0.0 {
-        return mean;
-    }
-    let p = (p2 / 6.0).sqrt();
-    let shifted = Sym3([(a - mean) / p, b / p, c / p, (d - mean) / p, e / p, (f - mean) / p]);
-    let r = (0.5 * shifted.det()).clamp(-1.0, 1.0);
-    mean + 2.0 * p * (r.acos() / 3.0).cos()
 }
 
 struct Node {

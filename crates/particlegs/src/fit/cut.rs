@@ -5,7 +5,9 @@
 //! from the whole in a picture that shows the axis and a direction across it. On nbody128 that is
 //! worth 0.4 dB over the best 2-means cut (Otsu): it frees small dense clumps from what surrounds them.
 
-use super::{Blur, Moments};
+use super::Moments;
+use super::eigen::largest_eigenvalue;
+use super::gain::Blur;
 use crate::math::{Sym3, simd_level};
 
 /// Slices along the axis; they span the mean +- [`SPAN`] standard deviations, the outermost take the rest.
@@ -71,7 +73,7 @@ impl Cut {
         let level = simd_level();
         let slices = fearless_simd::dispatch!(level, _simd => profile(&axis, xyz, stride));
         let unit = f64::from(axis.per_unit);
-        let two_s = 2.0 * blur.0 * unit * unit;
+        let two_s = 2.0 * blur.variance * unit * unit;
         let first = fearless_simd::dispatch!(level, _simd => best_slice(&slices, two_s))?;
         Some(Cut { axis, below: first as f32 })
     }
@@ -302,14 +304,10 @@ fn closed_principal_axis(cov: &Sym3) -> Option<(f64, [f64; 3])> {
     let c = cov.scale(1.0 / t);
     let q = 1.0 / 3.0;
     let [a, b, d, e, f, g] = c.0;
-    let p2 = (a - q) * (a - q) + (e - q) * (e - q) + (g - q) * (g - q) + 2.0 * (b * b + d * d + f * f);
-    let p = (p2 / 6.0).sqrt();
-    if p < 1e-6 {
+    let (largest, spread) = largest_eigenvalue(&c, q);
+    if spread < 1e-6 {
         return None;
     }
-    let shifted = Sym3([a - q, b, d, e - q, f, g - q]).scale(1.0 / p);
-    let phi = (0.5 * shifted.det()).clamp(-1.0, 1.0).acos() / 3.0;
-    let largest = q + 2.0 * p * phi.cos();
     let rows = Sym3([a - largest, b, d, e - largest, f, g - largest]).rows();
     let cross =
         |u: [f64; 3], v: [f64; 3]| [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
@@ -354,7 +352,7 @@ mod tests {
         // 1000 particles spread evenly over [0, 1], 200 in a clump at 0.9.
         let mut xyz: Vec<[f32; 3]> = (0..1000).map(|i| [i as f32 * 1e-3, (i % 10) as f32 * 1e-3, 0.0]).collect();
         xyz.extend((0..200).map(|i| [0.9 + i as f32 * 1e-5, 0.005, 0.0]));
-        let cut = Cut::best(&xyz, &Moments::of(&xyz, None), Blur(1e-4)).unwrap();
+        let cut = Cut::best(&xyz, &Moments::of(&xyz, None), Blur { variance: 1e-4 }).unwrap();
         let first = cut.apply(&mut xyz, None);
         assert!(xyz[..first].iter().all(|p| p[0] < 0.9) && xyz[first..].iter().all(|p| p[0] > 0.7), "{first}");
     }

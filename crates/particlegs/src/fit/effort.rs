@@ -1,6 +1,7 @@
 //! The fit of a snapshot: partition, then as much refinement as the effort asks for.
 
-use super::{NoPieces, PartitionOptions, Pieces, RefineOptions, partition, refine};
+use super::partition::partition_store;
+use super::{NoPieces, PartitionOptions, Pieces, RefineOptions, Store, refine};
 use crate::Result;
 use crate::model::Mixture;
 use crate::particles::Particles;
@@ -41,24 +42,43 @@ pub struct FitOptions {
 /// # Errors
 /// As [`partition`] and [`refine`].
 pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress) -> Result<Mixture> {
-    fit_in_pieces(particles, options, &mut NoPieces, progress)
+    Fitter::new(particles).fit(options, &mut NoPieces, progress)
 }
 
-/// [`fit`] that keeps its pieces, and takes those that are there.
-///
-/// # Errors
-/// As [`fit`], and those of [`Pieces::keep`].
-pub fn fit_in_pieces(
-    particles: &Particles,
-    options: &FitOptions,
-    pieces: &mut dyn Pieces,
-    progress: &dyn Progress,
-) -> Result<Mixture> {
-    let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
-    let cells = partition(particles, options.gaussians, options.radius, how, progress)?;
-    match options.effort.refinement(cells.store.len(), cells.cells.len(), options) {
-        None => Ok(cells.mixture()),
-        Some(how) => refine(&cells, options.radius, &how, pieces, progress),
+/// Fits the same particles again and again, for one number of Gaussians after the other: the copy of
+/// them that a fit reorders is made in the same memory each time.
+pub(crate) struct Fitter<'a> {
+    particles: &'a Particles,
+    store: Option<Store>,
+}
+
+impl<'a> Fitter<'a> {
+    /// Of `particles`.
+    pub fn new(particles: &'a Particles) -> Self {
+        Fitter { particles, store: None }
+    }
+
+    /// [`fit`] that keeps its pieces, and takes those that are there.
+    ///
+    /// # Errors
+    /// As [`fit`], and those of [`Pieces::keep`].
+    pub fn fit(&mut self, options: &FitOptions, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Mixture> {
+        progress.check()?;
+        let store = match self.store.take() {
+            Some(mut store) => {
+                store.copy_again(self.particles);
+                store
+            }
+            None => Store::new(self.particles),
+        };
+        let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
+        let cells = partition_store(store, options.gaussians, options.radius, how, progress)?;
+        let mixture = match options.effort.refinement(cells.store.len(), cells.cells.len(), options) {
+            None => cells.mixture(),
+            Some(how) => refine(&cells, options.radius, &how, pieces, progress)?,
+        };
+        self.store = Some(cells.store);
+        Ok(mixture)
     }
 }
 

@@ -1,15 +1,16 @@
 //! Floor 3: particles to mixture, without gradients.
 //!
-//! A [`Store`] is the snapshot copied once, free to be reordered. [`partition`] cuts it into cells
-//! whose particles lie side by side, best cut first, and sums each cell's [`Moments`]: one
+//! A `Store` is the snapshot copied once, free to be reordered. [`partition`] cuts it into cells
+//! whose particles lie side by side, best cut first, and sums each cell's `Moments`: one
 //! Gaussian a cell. The geometry counts particles, as ParaView draws them; masses are carried
 //! along. [`refine`] softens the cells by truncated EM and moves Gaussians from where they are not
-//! needed to where they are; [`fit`] does both as an [`Effort`] allows. [`simplify()`] makes a mixture
+//! needed to where they are; [`fit`] does both as an [`Effort`] allows. `simplify` makes a mixture
 //! smaller without the particles.
 
 mod candidates;
 mod cut;
 mod effort;
+mod eigen;
 mod em;
 mod em_kernel;
 mod gain;
@@ -24,12 +25,13 @@ mod simplify;
 mod split_merge;
 mod store;
 
-pub use effort::{Effort, FitOptions, fit, fit_in_pieces};
-pub use gain::Blur;
-pub use memory::memory_needed;
-pub use moments::Moments;
-pub use particlegs_core::pieces::{NoPieces, Pieces, Under};
+pub(crate) use effort::Fitter;
+pub use effort::{Effort, FitOptions, fit};
+pub(crate) use memory::memory_needed;
+pub(crate) use moments::Moments;
+pub(crate) use particlegs_core::pieces::Under;
+pub use particlegs_core::pieces::{NoPieces, Pieces};
 pub use partition::{Partition, PartitionOptions, partition};
 pub use refine::{RefineOptions, refine};
-pub use simplify::{SimplifyOptions, simplify};
-pub use store::Store;
+pub(crate) use simplify::{SimplifyOptions, simplify};
+pub(crate) use store::Store;

@@ -1,13 +1,14 @@
 //! Cuts a snapshot into cells, the cut that helps the picture most first.
 //!
-//! Every cell is cut on its creation and knows what the cut gains ([`Blur::split_gain`]). Branches
+//! Every cell is cut on its creation and knows what the cut gains ([`Blur::difference`]). Branches
 //! are cut on, in parallel and while they are in cache, as long as gains reach a threshold; the
 //! threshold falls from round to round until there are somewhat more cells than wanted. Then the
 //! best cuts are chosen: one that is not chosen has only reordered its cell.
 
 use super::cut::Cut;
+use super::gain::{Blob, Blur, picture_sigma};
 use super::select::{Made, best_cuts};
-use super::{Blur, Moments, Store};
+use super::{Moments, Store};
 use crate::model::{Columns, Law, MASS, Mixture};
 use crate::particles::Particles;
 use crate::progress::Progress;
@@ -72,7 +73,18 @@ pub fn partition(
     options: PartitionOptions,
     progress: &dyn Progress,
 ) -> Result<Partition> {
-    if particles.is_empty() || gaussians == 0 {
+    partition_store(Store::new(particles), gaussians, radius, options, progress)
+}
+
+/// [`partition`] of particles that are copied already.
+pub(super) fn partition_store(
+    mut store: Store,
+    gaussians: usize,
+    radius: f64,
+    options: PartitionOptions,
+    progress: &dyn Progress,
+) -> Result<Partition> {
+    if store.is_empty() || gaussians == 0 {
         return Err(Error::argument("a partition needs at least one particle and one Gaussian"));
     }
     if !(radius > 0.0
@@ -84,9 +96,8 @@ pub fn partition(
         return Err(Error::argument(format!("radius {radius} and blur {} must be positive", options.blur_radii)));
     }
     progress.check()?;
-    let mut store = Store::new(particles);
-    let s = (Blur::of_picture(options.blur_radii * radius, options.pixel) * store.scale).clamp(1e-9, 1e9);
-    let grower = Grower { blur: Blur(s * s), progress };
+    let s = (picture_sigma(options.blur_radii * radius, options.pixel) * store.scale).clamp(1e-9, 1e9);
+    let grower = Grower { blur: Blur::of_sigma(s), progress };
     let bounds = grower.grow(&mut store, gaussians)?;
     let cells: Vec<Range<usize>> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
     let moments = cells
@@ -224,7 +235,8 @@ impl Grower<'_> {
         let len = cut.apply(cell.xyz, cell.weight.as_deref_mut());
         let a = Moments::quick(&cell.xyz[..len]);
         let b = Moments::quick(&cell.xyz[len..]);
-        let gain = self.blur.split_gain(&moments, &a, &b).max(f64::MIN_POSITIVE);
+        let [whole, first, second] = [&moments, &a, &b].map(Blob::from);
+        let gain = self.blur.difference(&whole, &first, &second).max(f64::MIN_POSITIVE);
         let (start, mid, end) = (cell.start, cell.start + len, cell.start + cell.xyz.len());
         if gain < threshold {
             out.pending.push(Pending { start, mid, end, gain });

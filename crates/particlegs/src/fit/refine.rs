@@ -6,11 +6,12 @@
 //! of each cell's particles where there are more than the Gaussians need; the last iterations see
 //! every particle.
 
-use super::Blur;
 use super::em::{Candidates, Cloud, Gaussians, Groups, Reach, Shape, expect, maximise, regroup};
+use super::gain::{Blur, picture_sigma};
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
 use super::{Moments, Partition, Pieces, Store, pieces as kept};
+use crate::math::{Purpose, Random};
 use crate::model::Mixture;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -117,8 +118,8 @@ impl Refiner<'_> {
     }
 
     fn shape(&self) -> Shape {
-        let blur = Blur::of_picture(FOCUS_BLUR_RADII * self.radius, self.pixel);
-        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur * blur }
+        let blur = Blur::of_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
+        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance }
     }
 
     fn block(&self, cells: Range<usize>) -> Result<Gaussians> {
@@ -176,8 +177,11 @@ impl Refiner<'_> {
 
     fn rounds(&self, cloud: Cloud<'_>, groups: Groups, gaussians: &mut Gaussians) -> Result<()> {
         let options = self.options;
-        let moves =
-            MoveOptions { blur: Blur::of_picture(MOVE_BLUR_RADII * self.radius, self.pixel), ratio: 1.2, share: 0.1 };
+        let moves = MoveOptions {
+            blur: Blur::of_sigma(picture_sigma(MOVE_BLUR_RADII * self.radius, self.pixel)),
+            ratio: 1.2,
+            share: 0.1,
+        };
         let candidates = self.candidates(&groups, gaussians);
         let mut owner = self.iterate(cloud, &groups, &candidates, gaussians, options.first_iterations.max(1))?;
         self.progress.advance(1);
@@ -209,7 +213,7 @@ fn start(moments: &[Moments]) -> Gaussians {
 /// Every 1/rate-th particle of the store's order, in which neighbours stand together: each cell
 /// keeps its share. The seed shifts which.
 fn sample(cloud: Cloud<'_>, groups: &Groups, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
-    let shift = crate::math::Random::new(seed, 0x5A4D_504C, 0).uniform();
+    let shift = Random::of(Purpose::RefinementSample, seed, 0).uniform();
     let keep = |i: usize| ((i + 1) as f64 * rate + shift).floor() > (i as f64 * rate + shift).floor();
     let mut xyz = Vec::with_capacity((cloud.xyz.len() as f64 * rate) as usize + 1);
     let mut weight = cloud.weight.map(|_| Vec::with_capacity(xyz.capacity()));

@@ -8,9 +8,8 @@
 //! explains it best (Goldberger and Roweis 2004), and the new ones get the moments of their own.
 //! Count, mass, mean and covariance of the whole are kept throughout.
 
-use super::Blur;
 use super::candidates::{Ellipsoid, OverlapTree};
-use super::split_merge::{Blob, difference, union};
+use super::gain::{Blob, Blur, picture_sigma};
 use crate::math::Sym3;
 use crate::memory::require;
 use crate::model::Mixture;
@@ -70,8 +69,8 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
         return Ok(frame.mixture(&old, mixture.masses().is_some()));
     }
     let radius = options.radius / frame.unit;
-    let blur = Blur::of_picture(BLUR_RADII * radius, options.pixel / frame.unit);
-    let measure = Measure { blur2: 2.0 * blur * blur, floor: (FLOOR_RADII * radius).powi(2) };
+    let blur = Blur::of_sigma(picture_sigma(BLUR_RADII * radius, options.pixel / frame.unit));
+    let measure = Measure { blur, floor: (FLOOR_RADII * radius).powi(2) };
     let (mut new, mut homes) = merged(&old, options.gaussians, measure, progress)?;
     let neighbours = Neighbours::find(&new, measure, REACH, progress)?;
     for _ in 0..REGROUPINGS {
@@ -91,7 +90,7 @@ struct Item {
 
 impl Item {
     fn joined(&self, other: &Item) -> Item {
-        Item { blob: union(&self.blob, &other.blob), mass: self.mass + other.mass }
+        Item { blob: self.blob.union(&other.blob), mass: self.mass + other.mass }
     }
 
     /// The same place without particles.
@@ -102,8 +101,8 @@ impl Item {
 
 #[derive(Clone, Copy)]
 struct Measure {
-    /// Twice the variance of the blur.
-    blur2: f64,
+    /// Of the pictures.
+    blur: Blur,
     /// Least variance in the search for neighbours.
     floor: f64,
 }
@@ -318,7 +317,7 @@ fn cheapest(items: &[Item], neighbours: &Neighbours, measure: Measure) -> Vec<Me
         let me = &items[j].blob;
         let merge = |&n: &u32| {
             let other = &items[n as usize].blob;
-            let cost = difference(&union(me, other), me, other, measure.blur2);
+            let cost = measure.blur.difference(&me.union(other), me, other);
             Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
         };
         neighbours.0[j].iter().map(merge).min_by(by_cost)
@@ -400,7 +399,7 @@ mod tests {
     /// Count, mass, mean and covariance of the whole.
     fn moments(m: &Mixture) -> (f64, Blob) {
         let item = |i| Blob { count: m.count[i], mean: m.mean_of(i), cov: m.cov_of(i) };
-        let whole = (1..m.len()).fold(item(0), |all, i| union(&all, &item(i)));
+        let whole = (1..m.len()).fold(item(0), |all, i| all.union(&item(i)));
         ((0..m.len()).map(|i| m.mass_of(i)).sum(), whole)
     }
 

@@ -1,54 +1,12 @@
 //! Moves Gaussians from where they are not needed to where they are, at a fixed number.
 //!
-//! A split's gain and a merge's cost are the same measure: the squared difference of the projected
-//! densities before and after, blurred, summed over the three axis planes, in closed form:
-//! `<A, B> = m_A m_B N2(d; S_A + S_B + 2 s^2 I)`.
+//! A split's gain and a merge's cost are the same measure ([`Blur::difference`]).
 
 use super::em::{Candidates, Gaussians, Groups, Move};
+use super::gain::{Blob, Blur};
 use super::shade::Shade;
 use crate::math::Sym3;
 use rayon::prelude::*;
-use std::f64::consts::TAU;
-
-/// A Gaussian as projections see it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Blob {
-    pub(crate) count: f64,
-    pub(crate) mean: [f64; 3],
-    pub(crate) cov: Sym3,
-}
-
-/// The planes' axes and the elements of the covariance that they keep.
-const PLANES: [([usize; 2], [usize; 3]); 3] = [([0, 1], [0, 1, 3]), ([0, 2], [0, 2, 5]), ([1, 2], [3, 4, 5])];
-
-/// Sum over planes of the inner product of two blurred projections. `blur2` is 2 s^2.
-fn inner(a: &Blob, b: &Blob, blur2: f64) -> f64 {
-    let mut sum = 0.0;
-    for ([u, v], [uu, uv, vv]) in PLANES {
-        let s = [a.cov.0[uu] + b.cov.0[uu] + blur2, a.cov.0[uv] + b.cov.0[uv], a.cov.0[vv] + b.cov.0[vv] + blur2];
-        let d = [a.mean[u] - b.mean[u], a.mean[v] - b.mean[v]];
-        let det = s[0] * s[2] - s[1] * s[1];
-        let q = (s[2] * d[0] * d[0] - 2.0 * s[1] * d[0] * d[1] + s[0] * d[1] * d[1]) / det;
-        sum += (-0.5 * q).exp() / (TAU * det.sqrt());
-    }
-    a.count * b.count * sum
-}
-
-/// ||P(whole) - P(a) - P(b)||^2 summed over planes.
-pub(crate) fn difference(whole: &Blob, a: &Blob, b: &Blob, blur2: f64) -> f64 {
-    let same = inner(whole, whole, blur2) + inner(a, a, blur2) + inner(b, b, blur2);
-    same + 2.0 * (inner(a, b, blur2) - inner(whole, a, blur2) - inner(whole, b, blur2))
-}
-
-/// One blob with the moments of both.
-pub(crate) fn union(a: &Blob, b: &Blob) -> Blob {
-    let count = a.count + b.count;
-    let (p, q) = (a.count / count, b.count / count);
-    let mean = std::array::from_fn(|k| p * a.mean[k] + q * b.mean[k]);
-    let d: [f64; 3] = std::array::from_fn(|k| a.mean[k] - b.mean[k]);
-    let cov = a.cov.scale(p).add(&b.cov.scale(q)).add(&Sym3::outer(d).scale(p * q));
-    Blob { count, mean, cov }
-}
 
 /// Bins of the cut along an axis.
 const BINS: usize = 32;
@@ -107,8 +65,8 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
 /// How much a round may change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MoveOptions {
-    /// Blur of the measure, scaled units.
-    pub(crate) blur: f64,
+    /// Blur of the measure.
+    pub(crate) blur: Blur,
     /// A split must gain this many times what its merge costs.
     pub(crate) ratio: f64,
     /// Largest share of the Gaussians that may be split in a round.
@@ -138,9 +96,8 @@ pub(crate) fn exchange(
     shade: &Shade,
     options: MoveOptions,
 ) -> Vec<Move> {
-    let blur2 = 2.0 * options.blur * options.blur;
-    let mut splits = best_splits(groups, xyz, shade, blur2);
-    let mut merges = cheapest_merges(gaussians, candidates, shade, blur2);
+    let mut splits = best_splits(groups, xyz, shade, options.blur);
+    let mut merges = cheapest_merges(gaussians, candidates, shade, options.blur);
     splits.sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.at.cmp(&b.at)));
     merges.sort_unstable_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))));
     let most = ((options.share * gaussians.len() as f64) as usize).max(1);
@@ -180,7 +137,7 @@ fn place(g: &mut Gaussians, j: usize, b: &Blob, mass: f64) {
 /// `a` becomes the union of a and b, `at` the split's first part and `b` its second.
 fn apply(g: &mut Gaussians, at: usize, parts: &(Blob, Blob), a: usize, b: usize) {
     if a != b {
-        let whole = union(&blob(g, a), &blob(g, b));
+        let whole = blob(g, a).union(&blob(g, b));
         place(g, a, &whole, g.mass[a] + g.mass[b]);
     }
     let share = parts.0.count / (parts.0.count + parts.1.count);
@@ -190,7 +147,7 @@ fn apply(g: &mut Gaussians, at: usize, parts: &(Blob, Blob), a: usize, b: usize)
     place(g, b, &part(&parts.1, 1.0 - share), mass * (1.0 - share));
 }
 
-fn best_splits(groups: &Groups, xyz: &[[f32; 3]], shade: &Shade, blur2: f64) -> Vec<Split> {
+fn best_splits(groups: &Groups, xyz: &[[f32; 3]], shade: &Shade, blur: Blur) -> Vec<Split> {
     (0..groups.range.len())
         .into_par_iter()
         .with_min_len(64)
@@ -199,13 +156,13 @@ fn best_splits(groups: &Groups, xyz: &[[f32; 3]], shade: &Shade, blur2: f64) -> 
             let whole = Blob { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
             let axis = whole.cov.eigen().vectors[0];
             let parts = cut(points, whole.mean, axis)?;
-            let gain = difference(&whole, &parts.0, &parts.1, blur2) * shade.at(whole.mean);
+            let gain = blur.difference(&whole, &parts.0, &parts.1) * shade.at(whole.mean);
             Some(Split { gain, at: j as u32, parts })
         })
         .collect()
 }
 
-fn cheapest_merges(g: &Gaussians, candidates: &Candidates, shade: &Shade, blur2: f64) -> Vec<Merge> {
+fn cheapest_merges(g: &Gaussians, candidates: &Candidates, shade: &Shade, blur: Blur) -> Vec<Merge> {
     (0..g.len())
         .into_par_iter()
         .with_min_len(64)
@@ -216,8 +173,8 @@ fn cheapest_merges(g: &Gaussians, candidates: &Candidates, shade: &Shade, blur2:
             }
             let merge = |n: u32| {
                 let other = blob(g, n as usize);
-                let whole = union(&me, &other);
-                let cost = difference(&whole, &me, &other, blur2) * shade.at(whole.mean);
+                let whole = me.union(&other);
+                let cost = blur.difference(&whole, &me, &other) * shade.at(whole.mean);
                 Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
             };
             let others = candidates.of(j).iter().filter(|&&n| n as usize != j);

@@ -26,14 +26,22 @@ impl Store {
     /// Copies a snapshot: 12 bytes a particle (16 with weights).
     pub fn new(particles: &Particles) -> Self {
         let scale = power_of_two_scale(particles);
-        let n = particles.len();
-        let mut xyz = vec![[0f32; 3]; n];
-        xyz.par_chunks_mut(STEP).enumerate().for_each_init(ChunkBuffer::default, |buffer, (c, out)| {
+        let weight = particles.weights().map(|w| vec![0.0; w.len()]);
+        let mut store = Store { xyz: vec![[0.0; 3]; particles.len()], weight, origin: particles.origin, scale };
+        store.copy_again(particles);
+        store
+    }
+
+    /// Copies the same snapshot again, in its own order.
+    pub(super) fn copy_again(&mut self, particles: &Particles) {
+        let scale = self.scale;
+        self.xyz.par_chunks_mut(STEP).enumerate().for_each_init(ChunkBuffer::default, |buffer, (c, out)| {
             let start = c * STEP;
             copy_scaled(particles.chunk(start..start + out.len(), buffer), scale, out);
         });
-        let weight = particles.weights().map(|w| w.to_vec());
-        Store { xyz, weight, origin: particles.origin, scale }
+        if let (Some(own), Some(weights)) = (&mut self.weight, particles.weights()) {
+            own.copy_from_slice(weights);
+        }
     }
 
     /// Number of particles.

@@ -1,7 +1,7 @@
 //! One block of a job: read, fitted, coded, written.
 
 use super::manifest::Job;
-use crate::compress::{BlockJob, Checkpoint, Clock, Found, Outcome, StopMeans, Workshop};
+use crate::compress::{BlockContext, BlockParticles, Checkpoint, CodedBlock, Found, OnStop, SizeMet, Store, do_block};
 use crate::input::{Begins, Form, read_own};
 use crate::particles::{Layered, hex};
 use crate::progress::Progress;
@@ -24,8 +24,10 @@ pub struct BlockReport {
     pub particles: u64,
     /// Gaussians.
     pub gaussians: u64,
-    /// How it meets its room.
-    pub outcome: Outcome,
+    /// Multiple of the nominal steps, of the largest layer.
+    pub step_factor: f64,
+    /// How the largest layer meets its size.
+    pub size_met: SizeMet,
     /// Wall-clock seconds by phase.
     pub seconds: Vec<(String, f64)>,
 }
@@ -61,12 +63,6 @@ impl Job {
         {
             return Ok(Done::Before(report));
         }
-        let mut clock = Clock::default();
-        let particles = clock.time("read", || self.gather(block, source, progress))?;
-        if particles.is_empty() {
-            return Err(Error::input(&self.folder, format!("block {block} holds no particles")));
-        }
-        let job = clock.time("read", || BlockJob::of(&particles, self.manifest.plan.metadata.law));
         let mut checkpoint = Checkpoint::open(self.block_path(block, "checkpoint"), &self.id)?;
         if matches!(checkpoint.found(), Found::Broken | Found::Other) {
             let place = checkpoint.path().display();
@@ -77,35 +73,17 @@ impl Job {
         let before = checkpoint.len();
         let plan = &self.manifest.plan;
         let limits = Limits { scratch: Some(self.folder.clone()), ..Limits::default() };
-        let mut shop = Workshop::new(plan, &limits, StopMeans::GivingUp, (progress, &mut clock, &mut checkpoint));
-        let coded = match plan.block(&job, &mut shop) {
-            Ok(coded) => coded,
-            Err(error) => {
-                // What stopped the block is told; that its pieces could not be kept as well, only beside it.
-                if let Err(e) = checkpoint.save() {
-                    progress.message(&format!("warning: the checkpoint was not saved: {e}"));
-                }
-                return Err(error);
+        let context = BlockContext { plan, limits: &limits, on_stop: OnStop::GiveUp, progress };
+        let mut folder = Folder { job: self, source: Some(source), report: None };
+        if let Err(error) = do_block(&mut folder, block, plan.target, context, &mut checkpoint) {
+            // What stopped the block is told; that its pieces could not be kept as well, only beside it.
+            if let Err(e) = checkpoint.save() {
+                progress.message(&format!("warning: the checkpoint was not saved: {e}"));
             }
-        };
-        let bytes = plan.block_file(&job, &coded)?;
-        codec::check(&bytes, "the block just coded")?;
-        output::write_bytes(&self.block_path(block, "pgs"), &bytes)?;
-        let info = codec::read_info(&bytes, "the block just coded")?;
-        let report = BlockReport {
-            plan: hex(&self.id),
-            block,
-            model: blake3::hash(&bytes).to_hex().to_string(),
-            bytes: bytes.len() as u64,
-            particles: info.metadata.count,
-            gaussians: info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum(),
-            outcome: coded.outcome,
-            seconds: clock.seconds().into_iter().map(|(phase, s)| (phase.into(), s)).collect(),
-        };
-        let text = serde_json::to_string_pretty(&report).expect("plain data") + "\n";
-        output::write_bytes(&self.block_path(block, "json"), text.as_bytes())?;
+            return Err(error);
+        }
         checkpoint.remove()?;
-        Ok(Done::Now(report, before))
+        Ok(Done::Now(folder.report.expect("a block that is kept"), before))
     }
 
     /// What is said of a block; `None` where it is not done, or for another plan.
@@ -118,5 +96,49 @@ impl Job {
         };
         let report: Option<BlockReport> = serde_json::from_slice(&text).ok();
         Ok(report.filter(|r| r.plan == hex(&self.id) && r.block == block))
+    }
+}
+
+/// The folder while a block is done.
+struct Folder<'a, F> {
+    job: &'a Job,
+    /// Opens the snapshot.
+    source: Option<F>,
+    /// What is said of the block that was kept.
+    report: Option<BlockReport>,
+}
+
+impl<F: FnOnce() -> Result<Layered>> Store for Folder<'_, F> {
+    fn particles(&mut self, block: u32, progress: &dyn Progress) -> Result<BlockParticles> {
+        let source = self.source.take().ok_or_else(|| Error::argument("a snapshot is opened once"))?;
+        let particles = self.job.gather(block, source, progress)?;
+        if particles.is_empty() {
+            return Err(Error::input(&self.job.folder, format!("block {block} holds no particles")));
+        }
+        Ok(BlockParticles::of(&particles, self.job.manifest.plan.metadata.law))
+    }
+
+    /// Writes the model file of the block, then its report.
+    fn keep(&mut self, block: u32, coded: CodedBlock) -> Result<()> {
+        let job = self.job;
+        let bytes = job.manifest.plan.block_file(&coded)?;
+        codec::check(&bytes, "the block just coded")?;
+        output::write_bytes(&job.block_path(block, "pgs"), &bytes)?;
+        let info = codec::read_info(&bytes, "the block just coded")?;
+        let report = BlockReport {
+            plan: hex(&job.id),
+            block,
+            model: blake3::hash(&bytes).to_hex().to_string(),
+            bytes: bytes.len() as u64,
+            particles: info.metadata.count,
+            gaussians: info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum(),
+            step_factor: coded.step_factor,
+            size_met: coded.size_met,
+            seconds: coded.clock.seconds().into_iter().map(|(phase, s)| (phase.into(), s)).collect(),
+        };
+        let text = serde_json::to_string_pretty(&report).expect("plain data") + "\n";
+        output::write_bytes(&job.block_path(block, "json"), text.as_bytes())?;
+        self.report = Some(report);
+        Ok(())
     }
 }

@@ -8,11 +8,12 @@ use crate::input::{Begins, Form, read_own};
 use crate::particles::{Layered, RUN};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Version of the folder's layout.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Four million blocks; numbers of JSON take more memory than text.
 pub(super) const FORM: Form = Form { title: "a job's plan", begins: Begins::Object, most: 1 << 30, expansion: 24 };
@@ -121,7 +122,8 @@ impl Job {
     /// Opens a folder that [`super::plan`] made.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] where it holds no plan, or one that is broken or too new.
+    /// [`Error::Io`]; [`Error::Input`] where it holds no plan, or one that is broken; [`Error::Compatibility`]
+    /// for the plan of another version.
     pub fn open(folder: &Path) -> Result<Job> {
         let path = folder.join("plan.json");
         let text = read_own(&path, FORM)?.ok_or_else(|| {
@@ -129,11 +131,13 @@ impl Job {
         })?;
         let no_plan = |e: serde_json::Error| Error::input(&path, format!("not a plan: {e}"));
         let version = serde_json::from_slice::<Versioned>(&text).map_err(no_plan)?.particlegs_job;
-        if version > u64::from(VERSION) {
-            return Err(Error::Compatibility {
-                place: path.display().to_string(),
-                what: "the plan of a newer program".into(),
-            });
+        let what = match version.cmp(&u64::from(VERSION)) {
+            Ordering::Equal => None,
+            Ordering::Greater => Some("the plan of a newer program"),
+            Ordering::Less => Some("the plan of an older program: plan again, in another folder"),
+        };
+        if let Some(what) = what {
+            return Err(Error::Compatibility { place: path.display().to_string(), what: what.into() });
         }
         let manifest: Manifest = serde_json::from_slice(&text).map_err(no_plan)?;
         if let Some(fault) = manifest.fault() {

@@ -1,12 +1,12 @@
 //! The job's file from its blocks' files.
 
 use super::manifest::Job;
-use crate::codec::{self, CodedLayer};
-use crate::compress::Outcome;
-use crate::model::VizMapper;
+use crate::codec;
+use crate::compress::{CodedBlock, Decoded, Measure};
+use crate::model::Certificate;
 use crate::particles::{Particles, source_hash};
 use crate::progress::{Progress, Silent};
-use crate::{Error, Result, score};
+use crate::{Error, Result};
 
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. With `particles`
@@ -22,36 +22,31 @@ impl Job {
         }
         self.check_done()?;
         progress.begin("merging", u64::from(plan.blocks));
-        let (mut layers, mut outcomes): (Vec<CodedLayer>, Vec<Outcome>) = Default::default();
-        let mut network = None;
+        let mut blocks = Vec::new();
         for block in 0..plan.blocks {
             progress.check()?;
-            let (coded, vizmapper, outcome) = self.done_block(block)?;
-            layers.extend(coded);
-            if block == 0 {
-                network = vizmapper;
-            }
-            outcomes.push(outcome);
+            blocks.push(self.done_block(block)?);
             progress.advance(1);
         }
         progress.end();
-        let bytes = layers.iter().flat_map(|l| &l.content).map(|b| b.len() as u64).sum();
-        plan.judge(&outcomes, bytes, progress)?;
-        let bytes = plan.file(layers.iter(), network.as_ref(), None)?;
-        let (count, planned) = (codec::read_metadata(&bytes, "the merged file")?.count, plan.metadata.count);
+        plan.judge(&blocks, progress)?;
+        let add = |n: u64, b: &CodedBlock| Ok::<_, Error>(n.saturating_add(codec::sums(&b.layers)?.0));
+        let (count, planned) = (blocks.iter().try_fold(0, add)?, plan.metadata.count);
         if count != planned {
             return Err(Error::input(
                 &self.folder,
                 format!("its blocks hold {count} particles, {planned} were planned"),
             ));
         }
+        let file = |certificate: Option<&Certificate>| plan.file(&blocks, certificate);
         let Some(particles) = particles else {
+            // Looked at block by block, in less memory than the whole model takes.
+            let bytes = file(None)?;
             codec::check(&bytes, "the merged file")?;
             return Ok(bytes);
         };
-        let model = codec::decode(&bytes, "the merged file")?;
-        let certificate = score::certificate(&model, particles, plan.seed, None, progress)?;
-        plan.file(layers.iter(), network.as_ref(), Some(&certificate))
+        let measure = Measure { particles, seed: plan.seed, memory: None };
+        Ok(Decoded::of(file, Some(measure), progress)?.bytes)
     }
 
     /// Are all blocks done?
@@ -66,8 +61,8 @@ impl Job {
         Err(Error::input_hint(&self.folder, what, format!("run `particlegs block {} {first}`", self.folder.display())))
     }
 
-    /// A done block's coded layers and network.
-    pub(super) fn done_block(&self, block: u32) -> Result<(Vec<CodedLayer>, Option<VizMapper>, Outcome)> {
+    /// A block that is done.
+    pub(super) fn done_block(&self, block: u32) -> Result<CodedBlock> {
         let path = self.block_path(block, "pgs");
         let broken = |what: &str| {
             let hint = format!("delete it and run `particlegs block {} {block}`", self.folder.display());
@@ -82,8 +77,14 @@ impl Job {
             return Err(broken("incomplete or altered: it does not match its report"));
         }
         let name = path.display().to_string();
-        let vizmapper = codec::read_info(&bytes, &name)?.vizmapper;
-        Ok((codec::coded_layers(&bytes, &name)?, vizmapper, report.outcome))
+        let info = codec::read_info(&bytes, &name)?;
+        Ok(CodedBlock {
+            layers: codec::coded_layers(&bytes, &name)?,
+            vizmapper: info.vizmapper.map(Into::into),
+            step_factor: report.step_factor,
+            size_met: report.size_met,
+            ..CodedBlock::empty(info.metadata.bounds)
+        })
     }
 
     /// Blocks that are not done.

@@ -5,7 +5,7 @@ use super::manifest::{FORM, Job, Manifest};
 use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, Survey};
-use crate::compress::{Load, Options, Plan, Target, describe};
+use crate::compress::{Options, Plan, Target};
 use crate::input::read_own;
 use crate::particles::{Layered, Particles, RUN, check_box};
 use crate::progress::Progress;
@@ -22,12 +22,8 @@ pub enum Source {
 
 /// What is asked for.
 pub struct Task<'a> {
-    /// As for [`crate::compress::compress`]; its number of blocks is not looked at.
+    /// As for [`crate::compress::compress`]; the memory is that of a task.
     pub options: &'a Options,
-    /// Number of blocks; as many as the memory asks for by default.
-    pub blocks: Option<u32>,
-    /// Memory that a task may take, bytes.
-    pub memory: Option<u64>,
     /// How the snapshot is opened again: the caller's own.
     pub snapshot: serde_json::Value,
     /// How errors name it.
@@ -76,8 +72,10 @@ pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progr
         Source::Later(layered) => layered,
         Source::Now(particles) => Layered::of(&particles),
     };
-    let survey = Survey::new(&mut source, task.place, progress)?;
-    let mut manifest = manifest(&source, &survey, task)?;
+    let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;
+    let mut survey = Survey::new(&source, task.place, blocks != 1, progress)?;
+    survey.settle(&mut source);
+    let mut manifest = manifest(&source, &survey, blocks, task)?;
     manifest.plan.announce(progress);
     if at_once || reads(&manifest.tree, &survey) > READ_AGAIN {
         manifest.chunks = (survey.runs.len() as u64).div_ceil(manifest.chunk_runs);
@@ -128,38 +126,15 @@ fn clear(folder: &Path) -> Result<()> {
 }
 
 /// The manifest of a surveyed snapshot; blocks read it where it lies.
-fn manifest(source: &Layered, survey: &Survey, task: &Task<'_>) -> Result<Manifest> {
+fn manifest(source: &Layered, survey: &Survey, blocks: u32, task: &Task<'_>) -> Result<Manifest> {
     check_box(&survey.bounds, source.meta.cell.as_ref(), task.place)?;
-    let blocks = blocks(source, task)?;
     let tree = KdTree::new(&survey.sample, blocks)?;
-    let options = Options { blocks, ..task.options.clone() };
-    let hash = survey.hash(source.origin);
-    let metadata = describe(&source.meta, source.count(), survey.bounds, hash, &options);
-    let layers = source.layers.iter().map(|l| l.layer.clone()).collect();
-    let plan = Plan::new(&options, metadata, layers)?;
-    let mut manifest = Manifest::new(task.snapshot.clone(), plan, source.origin, tree, task.memory);
-    let within = task.memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
+    let plan = Plan::new(task.options, source, survey, blocks)?;
+    let memory = task.options.memory;
+    let mut manifest = Manifest::new(task.snapshot.clone(), plan, source.origin, tree, memory);
+    let within = memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
     manifest.chunk_runs = (survey.runs.len() as u64).div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));
     Ok(manifest)
-}
-
-/// The number of blocks: as asked for, or as the memory of a task asks for.
-fn blocks(source: &Layered, task: &Task<'_>) -> Result<u32> {
-    let load = Load {
-        count: source.count(),
-        raw_bytes: source.raw_bytes(),
-        target: task.options.target,
-        effort: task.options.effort,
-        copies: COPIES,
-    };
-    let Some(blocks) = task.blocks else { return load.tasks_within(task.memory.unwrap_or(MEMORY)) };
-    let need_bytes = load.task_bytes(u64::from(blocks));
-    match task.memory {
-        Some(bound_bytes) if need_bytes > bound_bytes => {
-            Err(Error::Bound { what: format!("a fit in {blocks} blocks"), need_bytes, bound_bytes })
-        }
-        _ => Ok(blocks),
-    }
 }
 
 /// Is this very plan in the folder? Another one goes if it may.

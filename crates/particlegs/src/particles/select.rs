@@ -8,7 +8,7 @@ use super::images::Images;
 use super::room::Blank;
 use super::storage::CHUNK;
 use super::{Bounds, ChunkBuffer, Particles, Room, SnapshotMeta, Tiling};
-use crate::math::Random;
+use crate::math::{Purpose, Random};
 use crate::model::Layer;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -335,8 +335,7 @@ impl<'a> Kept<'a> {
 
     /// The random keys of run `id`'s particles.
     fn keys(&self, id: u64) -> Vec<u64> {
-        const PURPOSE: u32 = 0x7361_6d70;
-        let mut random = Random::new(self.selection.seed, PURPOSE, id);
+        let mut random = Random::of(Purpose::ParticleSample, self.selection.seed, id);
         self.range(id).map(|_| random.bits()).collect()
     }
 

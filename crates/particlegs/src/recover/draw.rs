@@ -6,14 +6,12 @@ use super::plan::{LayerPlan, Plan};
 use super::spaced::Cascade;
 use super::stratified::stratify;
 use super::wrap::Wrap;
-use crate::math::{Random, Sym3};
+use crate::math::{Purpose, Random, Sym3};
 use crate::model::Metadata;
 use crate::particles::{Bounds, Run};
 use crate::{Error, Result};
 use std::ops::Range;
 
-/// Random streams of recovery.
-pub(super) const PURPOSE: u32 = 0x7265_636f;
 /// Cells of [`Method::Grid`] along each axis.
 const GRID: f64 = 512.0;
 /// Radius of [`Method::Ellipsoid`], in standard deviations.
@@ -79,7 +77,7 @@ impl Rules {
     ) -> Result<()> {
         let n = (range.end - range.start) as usize;
         let stream = self.stream(&layer.layer.name);
-        let mut random = Random::new(stream, PURPOSE, number);
+        let mut random = Random::of(Purpose::Recovery, stream, number);
         scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
         self.raw(n, &mut random, scratch);
         let mut gaussian = layer.ends.partition_point(|&end| end <= range.start);

@@ -2,7 +2,7 @@
 //! held-out, evaluation and certificate views share no pose (docs/law/cameras.md, docs/law/scores.md).
 
 use crate::camera::{ORBITS, View, ViewSet, base_distance, clipping_range, spiral};
-use crate::math::Random;
+use crate::math::{Purpose, Random};
 use crate::particles::Bounds;
 use crate::picture::Size;
 
@@ -11,10 +11,9 @@ const RADIUS_RANGE: [f64; 2] = [0.25, 1.75];
 const OPACITY_RANGE: [f64; 2] = [0.0125, 0.0875];
 
 /// Seeds of the turns and of the sampled radii and opacities, one pair a role.
-const EVALUATION: [u32; 2] = [0x6576_7475, 0x6576_7261];
-const HELD_OUT: [u32; 2] = [0x686f_7475, 0x686f_7261];
-const TRAINING: [u32; 2] = [0x7472_7475, 0x7472_7261];
-const CERTIFICATE: [u32; 2] = [0x6365_7475, 0x6365_7261];
+const EVALUATION: [Purpose; 2] = [Purpose::EvaluationTurn, Purpose::EvaluationLook];
+const HELD_OUT: [Purpose; 2] = [Purpose::HeldOutTurn, Purpose::HeldOutLook];
+const TRAINING: [Purpose; 2] = [Purpose::TrainingTurn, Purpose::TrainingLook];
 
 /// What seeded views are made for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,7 +55,7 @@ pub fn training_views(of: &ViewSeed, frames: usize) -> Vec<EvalView> {
 
 /// The certificate's: one an orbit, at the default radius and `opacity`.
 pub fn certificate_views(of: &ViewSeed, opacity: f64) -> Vec<EvalView> {
-    orbits(of, 1, CERTIFICATE[0], |_| (of.default_radius, opacity))
+    orbits(of, 1, Purpose::CertificateTurn, |_| (of.default_radius, opacity))
 }
 
 /// The views of a file; the orbit is the name's part before `_` where it is one of the three.
@@ -71,21 +70,21 @@ pub fn views_of_file(set: &ViewSet) -> Vec<EvalView> {
         .collect()
 }
 
-fn sampled(of: &ViewSeed, frames: usize, purpose: [u32; 2]) -> Vec<EvalView> {
+fn sampled(of: &ViewSeed, frames: usize, purpose: [Purpose; 2]) -> Vec<EvalView> {
     let within = |range: [f64; 2], share: f64| range[0] + (range[1] - range[0]) * share;
     orbits(of, frames, purpose[0], |number| {
-        let mut random = Random::new(of.seed, purpose[1], number);
+        let mut random = Random::of(purpose[1], of.seed, number);
         let radius = of.default_radius * within(RADIUS_RANGE, random.beta33());
         (radius, within(OPACITY_RANGE, random.beta33()))
     })
 }
 
 /// `frames` views of each orbit; `look` gives radius and opacity of the view of that number.
-fn orbits(of: &ViewSeed, frames: usize, purpose: u32, look: impl Fn(u64) -> (f64, f64)) -> Vec<EvalView> {
+fn orbits(of: &ViewSeed, frames: usize, purpose: Purpose, look: impl Fn(u64) -> (f64, f64)) -> Vec<EvalView> {
     let base = base_distance(of.bounds, of.size);
     let mut views = Vec::with_capacity(ORBITS.len() * frames);
     for (k, orbit) in ORBITS.iter().enumerate() {
-        let turn = Random::new(of.seed, purpose, k as u64).bits();
+        let turn = Random::of(purpose, of.seed, k as u64).bits();
         for (i, mut camera) in
             spiral(of.bounds.center(), base * orbit.factor, frames, Some(turn)).into_iter().enumerate()
         {

@@ -2,14 +2,12 @@
 
 use super::Domain;
 use super::tree::{Neighbours, places_of};
-use crate::math::Random;
+use crate::math::{Purpose, Random};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
 
-/// Draws of the sample.
-const PURPOSE: u32 = 0x6e65_6172;
 /// Bins of the histogram, a decade.
 const PER_DECADE: f64 = 20.0;
 
@@ -51,7 +49,7 @@ fn sample(n: usize, wanted: usize, seed: u64) -> Vec<u32> {
     if wanted >= n {
         return (0..n as u32).collect();
     }
-    let mut random = Random::new(seed, PURPOSE, 0);
+    let mut random = Random::of(Purpose::NeighbourSample, seed, 0);
     let (mut out, mut left) = (Vec::with_capacity(wanted), wanted);
     for i in 0..n {
         if random.uniform() * ((n - i) as f64) < left as f64 {

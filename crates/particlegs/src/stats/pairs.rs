@@ -7,14 +7,12 @@
 
 use super::Domain;
 use super::points::Points;
-use crate::math::Random;
+use crate::math::{Purpose, Random};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Draws of primaries.
-const PURPOSE: u32 = 0x7061_6972;
 /// Primaries in one step of parallel work.
 const STEP: usize = 256;
 
@@ -153,7 +151,7 @@ fn choose(points: &Points, reach: f64, o: &PairOptions, band: u64) -> Vec<u32> {
     }
     // Each particle on its own: by its index in the snapshot, so that the sample is of particles.
     let share = most / n as f64;
-    let seed = Random::new(o.seed, PURPOSE, band).bits();
+    let seed = Random::of(Purpose::PairSample, o.seed, band).bits();
     (0..n as u32).into_par_iter().filter(|i| uniform(seed, points.index[*i as usize]) < share).collect()
 }
 

@@ -1,0 +1,54 @@
+//! Particles in this process divided into blocks, in memory or scratch files, and the blocks made of them.
+
+use super::block::{BlockParticles, CodedBlock};
+use super::executor::Store;
+use super::options::Options;
+use crate::Result;
+use crate::blocks::{KdTree, divide};
+use crate::particles::{Bounds, Particles};
+use crate::progress::Progress;
+
+/// The blocks of particles in this process.
+pub(super) struct Divided {
+    blocks: Vec<BlockParticles>,
+    coded: Vec<Option<CodedBlock>>,
+}
+
+impl Divided {
+    /// Divides particles as the tree says; what is copied goes where the options say. `layer_bounds` are the
+    /// bounds of their layers.
+    ///
+    /// # Errors
+    /// Those of [`divide`].
+    pub fn new(
+        particles: &Particles,
+        tree: &KdTree,
+        layer_bounds: &[Bounds],
+        options: &Options,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let law = options.law();
+        let blocks: Vec<BlockParticles> = match tree.blocks() {
+            1 => vec![BlockParticles::of_bounds(particles, law, layer_bounds)],
+            _ => divide(particles, tree, &options.room, progress)?.iter().map(|p| BlockParticles::of(p, law)).collect(),
+        };
+        let coded = blocks.iter().map(|_| None).collect();
+        Ok(Divided { blocks, coded })
+    }
+
+    /// Takes the coded blocks away; all of them are done.
+    pub fn take_coded(&mut self) -> Vec<CodedBlock> {
+        self.coded.iter_mut().filter_map(Option::take).collect()
+    }
+}
+
+impl Store for Divided {
+    fn particles(&mut self, block: u32, _: &dyn Progress) -> Result<BlockParticles> {
+        Ok(self.blocks[block as usize].clone())
+    }
+
+    fn keep(&mut self, block: u32, coded: CodedBlock) -> Result<()> {
+        self.coded[block as usize] = Some(coded);
+        Ok(())
+    }
+}

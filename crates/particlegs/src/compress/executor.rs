@@ -1,0 +1,68 @@
+//! The one way in which blocks are done: read, fitted, coded, kept. Where their particles wait and where
+//! coded blocks are kept is a [`Store`]'s: memory and scratch files ([`super::divided`]) or the folder of
+//! a job ([`crate::job`]).
+
+use super::block::{BlockContext, BlockParticles, CodedBlock, OnStop};
+use super::clock::Clock;
+use super::target::Target;
+use crate::Result;
+use crate::fit::{Pieces, Under};
+use crate::progress::Progress;
+
+/// Where the particles of a job's blocks wait, and its coded blocks are kept.
+pub(crate) trait Store {
+    /// The particles of a block.
+    ///
+    /// # Errors
+    /// Those of where they wait.
+    fn particles(&mut self, block: u32, progress: &dyn Progress) -> Result<BlockParticles>;
+
+    /// Keeps a coded block.
+    ///
+    /// # Errors
+    /// Those of where it is kept.
+    fn keep(&mut self, block: u32, coded: CodedBlock) -> Result<()>;
+}
+
+/// Does one block: its share of what `target` asks of the whole.
+///
+/// # Errors
+/// Those of the store, of the fit, of training and of the coder.
+pub(crate) fn do_block(
+    store: &mut dyn Store,
+    block: u32,
+    target: Target,
+    context: BlockContext<'_>,
+    pieces: &mut dyn Pieces,
+) -> Result<()> {
+    let mut clock = Clock::default();
+    let particles = clock.time("read", || store.particles(block, context.progress))?;
+    let coded = particles.code(context.plan.share(target, &particles)?, context, pieces)?;
+    clock.append(coded.clock);
+    store.keep(block, CodedBlock { clock, ..coded })
+}
+
+/// Does all blocks, one after the other: a fit itself uses all threads. Limits are those of all together;
+/// what becomes of training that is stopped holds for the last block, as a file wants every block.
+///
+/// # Errors
+/// As [`do_block`].
+pub(crate) fn do_blocks(
+    store: &mut dyn Store,
+    target: Target,
+    context: BlockContext<'_>,
+    pieces: &mut dyn Pieces,
+) -> Result<()> {
+    let blocks = context.plan.blocks;
+    for block in 0..blocks {
+        let left = blocks - block;
+        let mut limits = context.limits.share(left as usize);
+        if blocks > 1 {
+            limits.run = format!("block {block}");
+        }
+        let on_stop = if left > 1 { OnStop::GiveUp } else { context.on_stop };
+        let context = BlockContext { limits: &limits, on_stop, ..context };
+        do_block(store, block, target, context, &mut Under { pieces: &mut *pieces, prefix: block.to_string() })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,232 @@
+//! One layer of a block: fitted, trained where the job is to, and coded.
+
+use super::block::{BlockContext, OnStop, TrainedRun};
+use super::clock::Clock;
+use super::size::{Coded, SizeTarget, bytes_a_gaussian};
+use crate::codec::Encoder;
+use crate::fit::{Effort, FitOptions, Fitter, Pieces, Under};
+use crate::model::{Block, LawKind, Layer, Mixture, VizMapper};
+use crate::particles::{Bounds, Particles};
+use crate::reference::Reference;
+use crate::train::{Config, Defaults, Initial, Limits, Start, Trained, Training};
+use crate::{Error, Result};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// The particles of one layer of a block.
+#[derive(Clone)]
+pub(crate) struct LayerParticles {
+    /// The layer.
+    pub layer: Layer<Particles>,
+    /// Their bounds.
+    pub bounds: Bounds,
+    /// Sum of the weights, or the count.
+    pub mass: f64,
+    /// Their bytes as float32.
+    pub raw_bytes: u64,
+}
+
+impl LayerParticles {
+    /// A layer of some particles, and its bounds.
+    pub fn of(particles: &Particles, layer: &Layer<Range<usize>>, bounds: Bounds) -> Self {
+        let own = particles.of_layer(layer);
+        LayerParticles { bounds, mass: own.total_mass(), raw_bytes: own.raw_bytes(), layer: layer.with(own) }
+    }
+
+    /// Number of particles.
+    pub fn count(&self) -> u64 {
+        self.layer.content.len() as u64
+    }
+}
+
+/// What a layer is coded to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Share {
+    /// At most so many bytes.
+    Bytes(u64),
+    /// So many Gaussians, at the nominal steps.
+    Gaussians(u64),
+}
+
+/// A layer that is coded, and how that went.
+pub(super) struct MadeLayer {
+    /// Its Gaussians.
+    pub coded: Coded,
+    /// The network of the alpha-blend law.
+    pub vizmapper: Option<Arc<VizMapper>>,
+    /// Its training run.
+    pub trained: Option<TrainedRun>,
+    /// Was training stopped, and the best so far taken?
+    pub stopped: bool,
+    /// Seconds by phase.
+    pub clock: Clock,
+}
+
+/// Gaussians before they are coded.
+#[derive(Default)]
+struct Fitted {
+    mixture: Mixture,
+    /// The precision to code them at, where it matters.
+    step_factor: Option<f64>,
+    trained: Option<TrainedRun>,
+    stopped: bool,
+    clock: Clock,
+}
+
+/// What Gaussians are to be once they are made.
+#[derive(Clone, Copy)]
+struct Goal {
+    /// Their number at most.
+    gaussians: u64,
+    /// Their bytes once they are coded, where known.
+    bytes: Option<u64>,
+}
+
+/// A layer to be made.
+pub(super) struct LayerTask<'a> {
+    /// Its particles.
+    pub layer: &'a LayerParticles,
+    /// What all blocks are made by.
+    pub context: BlockContext<'a>,
+    /// Training runs of the block from this layer's on.
+    pub runs_left: usize,
+}
+
+impl LayerTask<'_> {
+    /// Makes it.
+    ///
+    /// # Errors
+    /// Those of the fit, of training and of the coder.
+    pub fn make(&self, share: Share, pieces: &mut dyn Pieces) -> Result<MadeLayer> {
+        match share {
+            Share::Gaussians(gaussians) => self.code(self.gaussians(Goal { gaussians, bytes: None }, pieces)?, None),
+            Share::Bytes(bytes) => self.to_size(bytes, pieces),
+        }
+    }
+
+    /// A number of Gaussians whose steps are near nominal, and the steps that just fit `bytes`.
+    fn to_size(&self, bytes: u64, pieces: &mut dyn Pieces) -> Result<MadeLayer> {
+        let plan = self.context.plan;
+        let each = bytes_a_gaussian(plan.effort);
+        let target = SizeTarget { bytes, bytes_a_gaussian: each, most: self.layer.count() };
+        let training = plan.training.as_ref();
+        if training.is_some_and(|t| t.start == Start::Random || t.law == LawKind::AlphaBlend) {
+            // Nothing is known of what a trained Gaussian costs before it is trained.
+            let fitted = self.gaussians(Goal { gaussians: target.number(each), bytes: Some(bytes) }, pieces)?;
+            return self.code(fitted, Some(bytes));
+        }
+        let (mut clock, mut fitter) = (Clock::default(), Fitter::new(&self.layer.layer.content));
+        let (coded, mixture) = target.find(|number| {
+            let mixture = clock.time("fit", || self.fit(number, &mut fitter, pieces))?;
+            let kept = training.is_some().then(|| mixture.clone());
+            let encoder = self.encoder(mixture)?;
+            let check = || self.context.progress.check();
+            Ok((clock.time("code", || Coded::to_size(&encoder, bytes, None, check))?, kept))
+        })?;
+        drop(fitter);
+        let (Some(config), Some(mixture)) = (training, mixture) else {
+            return Ok(MadeLayer { coded, vizmapper: None, trained: None, stopped: false, clock });
+        };
+        let goal = Goal { gaussians: mixture.len() as u64, bytes: Some(bytes) };
+        let trained = self.train(config, Initial::Fit(&mixture), goal, pieces)?;
+        clock.append(trained.clock);
+        self.code(Fitted { clock, ..trained }, Some(bytes))
+    }
+
+    /// Gaussians that are fitted and, where the job is to, trained.
+    fn gaussians(&self, goal: Goal, pieces: &mut dyn Pieces) -> Result<Fitted> {
+        let mut clock = Clock::default();
+        let mut fit = |pieces: &mut dyn Pieces| {
+            clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(&self.layer.layer.content), pieces))
+        };
+        let Some(config) = &self.context.plan.training else {
+            let mixture = fit(pieces)?;
+            return Ok(Fitted { mixture, clock, ..Fitted::default() });
+        };
+        let trained = if config.start == Start::Random {
+            let first = config.start_gaussians.unwrap_or(goal.gaussians).min(goal.gaussians);
+            self.train(config, Initial::Particles(first as usize), goal, pieces)?
+        } else {
+            let mixture = fit(pieces)?;
+            self.train(config, Initial::Fit(&mixture), goal, pieces)?
+        };
+        clock.append(trained.clock);
+        Ok(Fitted { clock, ..trained })
+    }
+
+    /// Fits `number` Gaussians, fewer where the particles do not carry so many.
+    fn fit(&self, number: u64, fitter: &mut Fitter<'_>, pieces: &mut dyn Pieces) -> Result<Mixture> {
+        let (plan, count) = (self.context.plan, self.layer.count());
+        let partition = plan.training.as_ref().is_some_and(|t| t.start == Start::Partition);
+        let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
+        let options = FitOptions {
+            gaussians,
+            effort: if partition { Effort::Fast } else { plan.effort },
+            radius: plan.metadata.default_radius,
+            pixel: plan.pixel(),
+            seed: plan.seed,
+            share: count as f64 / plan.particles().max(1) as f64,
+        };
+        let mut pieces = Under { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
+        fitter.fit(&options, &mut pieces, self.context.progress)
+    }
+
+    /// Trains Gaussians on pictures of the layer.
+    fn train(&self, config: &Config, from: Initial<'_>, goal: Goal, pieces: &mut dyn Pieces) -> Result<Fitted> {
+        let (layer, plan) = (self.layer, self.context.plan);
+        let m = &plan.metadata;
+        let defaults = Defaults {
+            bounds: layer.bounds,
+            radius: m.default_radius,
+            opacity: m.default_opacity,
+            seed: plan.seed,
+            bytes: goal.bytes,
+            gaussians: Some(goal.gaussians),
+        };
+        let limits = self.limits();
+        // A search for a quality trains more than one number.
+        let mut pieces = Under { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
+        let mut clock = Clock::default();
+        let trained = clock.time("train", || {
+            let subject = Reference::with_bounds(&layer.layer.content, layer.bounds);
+            let training = Training { subject: &subject, config, limits: &limits, defaults: &defaults };
+            training.run(from, &mut pieces, self.context.progress)
+        })?;
+        if trained.stopped && (self.context.on_stop == OnStop::GiveUp || self.runs_left > 1) {
+            return Err(Error::Cancelled);
+        }
+        let run = TrainedRun::of(limits.run, config, &trained);
+        let Trained { mixture, factor: step_factor, stopped, .. } = trained;
+        Ok(Fitted { mixture, step_factor, trained: Some(run), stopped, clock })
+    }
+
+    /// The limits of the layer's training run: its share of the time that is left.
+    fn limits(&self) -> Limits {
+        let mut limits = self.context.limits.share(self.runs_left);
+        if self.context.plan.layers.len() > 1 {
+            let between = if limits.run.is_empty() { "" } else { ", " };
+            limits.run = format!("{}{between}{}", limits.run, self.layer.layer.name);
+        }
+        limits
+    }
+
+    /// Gaussians ready to be coded.
+    fn encoder(&self, gaussians: Mixture) -> Result<Encoder> {
+        let (bounds, mass) = (self.layer.bounds, self.layer.mass);
+        Encoder::new(&Block { bounds, count: self.layer.count(), mass, gaussians })
+    }
+
+    /// Codes Gaussians to a size, or at the nominal steps.
+    fn code(&self, fitted: Fitted, bytes: Option<u64>) -> Result<MadeLayer> {
+        let Fitted { mixture, step_factor, trained, stopped, mut clock } = fitted;
+        let vizmapper = mixture.law.alpha_blend().and_then(|l| l.vizmapper.clone());
+        let encoder = self.encoder(mixture)?;
+        // What was stopped is coded all the same.
+        let check = || if stopped { Ok(()) } else { self.context.progress.check() };
+        let coded = clock.time("code", || match bytes {
+            Some(bytes) => Coded::to_size(&encoder, bytes, step_factor, check),
+            None => Ok(Coded::at_nominal_steps(&encoder)),
+        })?;
+        Ok(MadeLayer { coded, vizmapper, trained, stopped, clock })
+    }
+}

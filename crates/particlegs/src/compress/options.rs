@@ -1,0 +1,105 @@
+//! What a model is to be.
+
+use super::memory::Load;
+use super::target::Target;
+use crate::fit::Effort;
+use crate::model::LawKind;
+use crate::particles::{Particles, Room};
+use crate::train::{Config, Limits};
+use crate::{Error, Result};
+
+/// What is asked for. The default is the default of the command: ratio 300, a refined fit, no training,
+/// measured.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Size, ratio, number or quality.
+    pub target: Target,
+    /// Time for quality.
+    pub effort: Effort,
+    /// Default particle radius to store, world units (`None` = 0.0406 of the mean spacing).
+    pub radius: Option<f64>,
+    /// Default opacity to store (`None` = 0.05).
+    pub opacity: Option<f64>,
+    /// Blocks that are fitted on their own, 1 or more; `None` = as many as the memory asks for.
+    pub blocks: Option<u32>,
+    /// Memory to stay within, bytes; `None` = what the work takes in one block.
+    pub memory: Option<u64>,
+    /// Where the particles of blocks are put while they wait.
+    pub room: Room,
+    /// How the fit is trained further; `None` = not.
+    pub training: Option<Config>,
+    /// How far training goes.
+    pub limits: Limits,
+    /// Seed of the fit and the views.
+    pub seed: u64,
+    /// Measure the decoded model and store what was found?
+    pub certificate: bool,
+    /// The command as stored in the file, without paths, threads and the number of blocks, which is added.
+    pub command: String,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            target: Target::Default,
+            effort: Effort::Default,
+            radius: None,
+            opacity: None,
+            blocks: None,
+            memory: None,
+            room: Room::Memory,
+            training: None,
+            limits: Limits::default(),
+            seed: 0,
+            certificate: true,
+            command: String::new(),
+        }
+    }
+}
+
+impl Options {
+    /// How Gaussians become pictures.
+    pub fn law(&self) -> LawKind {
+        self.training.as_ref().map_or(LawKind::OpticalDepth, |t| t.law)
+    }
+
+    /// The number of blocks in which `particles` are fitted in this process.
+    ///
+    /// # Errors
+    /// [`Error::Bound`] where the number that is asked for, or any, takes more than the memory.
+    pub fn blocks_of(&self, particles: &Particles) -> Result<u32> {
+        let Some(bound_bytes) = self.memory else { return Ok(self.blocks.unwrap_or(1)) };
+        let load = self.load(particles.len() as u64, particles.raw_bytes(), 1);
+        let Some(blocks) = self.blocks else { return load.blocks_within(bound_bytes) };
+        within(bound_bytes, load.block_bytes(u64::from(blocks)), blocks)
+    }
+
+    /// The number of blocks in which particles are fitted by tasks of their own, each within the memory, or
+    /// within `default` bytes.
+    ///
+    /// # Errors
+    /// As [`Options::blocks_of`].
+    pub(crate) fn tasks_of(&self, load: &Load, default: u64) -> Result<u32> {
+        let Some(blocks) = self.blocks else { return load.tasks_within(self.memory.unwrap_or(default)) };
+        within(self.memory.unwrap_or(u64::MAX), load.task_bytes(u64::from(blocks)), blocks)
+    }
+
+    /// What decides the memory of `count` particles of `raw_bytes`; a process holds so many `copies` of a
+    /// block's.
+    pub(crate) fn load(&self, count: u64, raw_bytes: u64, copies: u64) -> Load {
+        Load { count, raw_bytes, target: self.target, effort: self.effort, copies }
+    }
+}
+
+/// `blocks`, if each takes no more than the bound.
+fn within(bound_bytes: u64, need_bytes: u64, blocks: u32) -> Result<u32> {
+    if need_bytes <= bound_bytes {
+        return Ok(blocks);
+    }
+    Err(Error::Bound { what: format!("a fit in {blocks} blocks"), need_bytes, bound_bytes })
+}
+
+/// The first half of a text's BLAKE3, as digits: names a configuration in a command.
+pub fn name_of(text: &str) -> String {
+    blake3::hash(text.as_bytes()).to_hex()[..16].to_string()
+}

@@ -1,0 +1,136 @@
+//! From particles to a measured file, in one process.
+
+use super::block::{BlockContext, CodedBlock, OnStop, TrainedRun};
+use super::certify::{Decoded, Measure};
+use super::clock::Clock;
+use super::divided::Divided;
+use super::executor::do_blocks;
+use super::options::Options;
+use super::plan::Plan;
+use super::search;
+use super::target::Target;
+use crate::blocks::{KdTree, Survey};
+use crate::fit::{self, Pieces};
+use crate::memory::require;
+use crate::model::Model;
+use crate::particles::{Bounds, Layered, Particles, Room, check_particles};
+use crate::progress::Progress;
+use crate::{Error, Result, output};
+
+/// A file and how it came to be.
+pub struct Compressed {
+    /// The file, whole.
+    pub bytes: Vec<u8>,
+    /// The file decoded again.
+    pub model: Model,
+    /// Bytes of the particles as float32.
+    pub raw_bytes: u64,
+    /// Multiple of the nominal quantisation steps.
+    pub step_factor: f64,
+    /// How each training run went: one for a layer of a block.
+    pub trained: Vec<TrainedRun>,
+    /// Was training stopped, and this is the best so far?
+    pub stopped: bool,
+    /// Wall-clock seconds by phase, in order.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Compresses a snapshot; `pieces` keeps what an interrupted run can go on from.
+///
+/// # Errors
+/// [`Error::Unreachable`] where an explicit ratio or size is below the smallest file (which it
+/// names), or a quality above what all particles as Gaussians reach; [`Error::Memory`] before the
+/// fit where it would not fit, [`Error::Bound`] for a bound on memory that cannot be met;
+/// [`Error::Input`] for no particles, values that are not finite, weights that are not positive, and a
+/// box that does not hold the particles; [`Error::Argument`] for options that cannot be;
+/// [`Error::Cancelled`].
+pub fn compress(
+    particles: &Particles,
+    options: &Options,
+    pieces: &mut dyn Pieces,
+    progress: &dyn Progress,
+) -> Result<Compressed> {
+    Compression::plan(particles, options, progress)?.run(pieces, progress)
+}
+
+/// A compression that is planned: the snapshot was read once, and no block is fitted yet.
+pub struct Compression<'a> {
+    particles: &'a Particles,
+    options: &'a Options,
+    plan: Plan,
+    tree: KdTree,
+    /// Bounds of each layer.
+    layer_bounds: Vec<Bounds>,
+    clock: Clock,
+}
+
+impl<'a> Compression<'a> {
+    /// Reads the particles once: bounds, hash, and where they are to be cut.
+    ///
+    /// # Errors
+    /// As [`compress`].
+    pub fn plan(particles: &'a Particles, options: &'a Options, progress: &dyn Progress) -> Result<Self> {
+        let place = &particles.meta.name;
+        if particles.is_empty() {
+            return Err(Error::input(place, "no particles"));
+        }
+        let blocks = options.blocks_of(particles)?;
+        require("the fit", fit::memory_needed(particles) / u64::from(blocks.max(1)))?;
+        if let (Room::Disk(folder), true) = (&options.room, blocks > 1) {
+            output::check_space_in(folder, particles.raw_bytes())?;
+        }
+        let mut clock = Clock::default();
+        let source = Layered::of(particles);
+        let survey = clock.time("read", || Survey::new(&source, place, blocks != 1, progress))?;
+        let tree = clock.time("divide", || KdTree::new(&survey.sample, blocks))?;
+        check_particles(particles, &survey.bounds, progress)?;
+        progress.check()?;
+        let plan = Plan::new(options, &source, &survey, blocks)?;
+        plan.announce(progress);
+        let layer_bounds = survey.layer_bounds(&source);
+        Ok(Compression { particles, options, plan, tree, layer_bounds, clock })
+    }
+
+    /// 32 bytes that name the work: a hash of all that decides the model's bytes. What was kept of other
+    /// work is of no use.
+    pub fn id(&self) -> [u8; 32] {
+        self.plan.id()
+    }
+
+    /// Fits and codes the blocks, puts the file together and measures it.
+    ///
+    /// # Errors
+    /// As [`compress`].
+    pub fn run(self, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Compressed> {
+        let Compression { particles, options, plan, tree, layer_bounds, mut clock } = self;
+        let mut trained = Vec::new();
+        let blocks = {
+            let divide = || Divided::new(particles, &tree, &layer_bounds, options, progress);
+            let mut store = clock.time("divide", divide)?;
+            let context = BlockContext { plan: &plan, limits: &options.limits, on_stop: OnStop::KeepBest, progress };
+            let mut code = |target| -> Result<Vec<CodedBlock>> {
+                do_blocks(&mut store, target, context, pieces)?;
+                let mut coded = store.take_coded();
+                for block in &mut coded {
+                    clock.append(std::mem::take(&mut block.clock));
+                    trained.append(&mut block.trained);
+                }
+                Ok(coded)
+            };
+            match plan.target {
+                Target::Psnr(decibels) => search::reach_quality(decibels, particles, &plan, &mut code, progress)?,
+                target => code(target)?,
+            }
+            // The store goes: the particles of blocks may be half of all that is in memory.
+        };
+        plan.judge(&blocks, progress)?;
+        let stopped = blocks.iter().any(|b| b.stopped);
+        let measured = plan.certificate && !stopped;
+        let measure = measured.then_some(Measure { particles, seed: plan.seed, memory: options.memory });
+        let done = Decoded::of(|certificate| plan.file(&blocks, certificate), measure, progress)?;
+        clock.append(done.clock);
+        let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
+        let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());
+        Ok(Compressed { bytes: done.bytes, model: done.model, raw_bytes, step_factor, trained, stopped, seconds })
+    }
+}
