@@ -210,7 +210,8 @@ impl Encoder {
             let step = f64::from(header.steps[0]) * factors[i] * radius;
             for k in (0..3).filter(|&k| levels[k] > 1) {
                 let n = levels[k] as f64;
-                let weight = (widths[k] / (n * step)).powi(2);
+                let coarse = widths[k] / (n * step);
+                let weight = coarse * coarse;
                 samples.push(Sample {
                     value: self.within[k][range.start + i] * n,
                     range: [0, levels[k] as i64 - 1],

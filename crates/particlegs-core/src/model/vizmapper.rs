@@ -65,7 +65,7 @@ impl Adapted {
 
     /// The opacity of a Gaussian with this logit: `sigmoid(logit + ln odds)`.
     pub fn opacity(&self, logit: f64) -> f64 {
-        1.0 / (1.0 + (-logit).exp() / self.odds)
+        1.0 / (1.0 + libm::exp(-logit) / self.odds)
     }
 }
 
@@ -150,7 +150,7 @@ impl Network {
         for (row, out) in hidden.value[1].chunks_exact(HIDDEN).zip(out) {
             *out = std::array::from_fn(|o| {
                 let w = &self.last[o * HIDDEN..(o + 1) * HIDDEN];
-                (self.bias[2][o] + dot(row, w)).tanh()
+                libm::tanhf(self.bias[2][o] + dot(row, w))
             });
         }
     }

@@ -48,7 +48,7 @@ pub fn is_lit(a: u8, b: u8) -> bool {
 
 /// The decibels of a mean squared error of values in [0, 1]; `None` for zero.
 pub fn decibels(mean_squared_error: f64) -> Option<f64> {
-    (mean_squared_error > 0.0).then(|| -10.0 * mean_squared_error.log10())
+    (mean_squared_error > 0.0).then(|| -10.0 * libm::log10(mean_squared_error))
 }
 
 /// Squared differences in levels, and pixels, whole and lit.

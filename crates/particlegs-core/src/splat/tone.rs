@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// Results do not depend on the number of threads.
 pub fn tone(tau: &Plane, look: Look, opacity: f64, radius_px: f64) -> Gray8 {
     match look {
-        Look::Expected => per_pixel(tau, |t| 255.0 * -(-t).exp_m1()),
+        Look::Expected => per_pixel(tau, |t| 255.0 * -libm::expm1f(-t)),
         Look::ParaviewNoFxaa => {
             let response = Response::new(opacity);
             per_pixel(tau, |t| response.level(t))

@@ -15,8 +15,9 @@ const RUN: usize = 4096;
 /// Opacities are kept this far from 0 and 1, where logits are infinite.
 const EDGE: f64 = 1e-9;
 
-/// Scales (training frame) are taken as no smaller than this where their logarithm is wanted.
-const LEAST_SCALE: f64 = 1e-12;
+/// Determinants (training frame) are taken as no smaller than this, scales of 1e-12, where their
+/// logarithm is wanted.
+const LEAST_DET: f64 = 1e-72;
 
 /// What an alpha-blend scene has beside its Gaussians.
 #[derive(Clone, Copy, Debug)]
@@ -111,12 +112,12 @@ impl<'a> Blend<'a> {
             }
         }
         let opacity = opacity.clamp(EDGE, 1.0 - EDGE);
-        let log_scale = cov.det().max(LEAST_SCALE.powi(6)).ln() / 6.0;
+        let log_scale = libm::log(cov.det().max(LEAST_DET)) / 6.0;
         Ok((Gaussian { mean, cov, opacity, grey }, inputs(setting, log_scale, logit(opacity))))
     }
 }
 
 /// ln(o / (1 - o)).
 fn logit(opacity: f64) -> f64 {
-    (opacity / (1.0 - opacity)).ln()
+    libm::log(opacity / (1.0 - opacity))
 }

@@ -27,6 +27,6 @@ pub(in crate::render) fn optical_depth(
     let gaussians = of.gaussians(parts, view)?;
     let plan = Plan::new(&eye, n, |i| Some(gaussians[i]), CutOffs::PUBLISHED, progress)?;
     let mut plane = blend(&plan, size, progress)?;
-    plane.data.iter_mut().for_each(|b| *b = -(-b.clamp(0.0, BRIGHTEST)).ln_1p());
+    plane.data.iter_mut().for_each(|b| *b = -libm::log1pf(-b.clamp(0.0, BRIGHTEST)));
     Ok(plane)
 }
