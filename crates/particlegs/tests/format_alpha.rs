@@ -8,6 +8,7 @@ use particlegs::Error;
 use particlegs::codec::{self, CodedLayer, Encoder, LayerHead, Merge, Precision, VIZMAPPER_SECTION_BYTES};
 use particlegs::math::Random;
 use particlegs::model::{Block, Law, Layer, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges};
+use particlegs::progress::Silent;
 use proptest::prelude::*;
 
 /// A mixture with opacities over two decades, some near 1, and grey levels about 1, some 0.
@@ -345,7 +346,7 @@ fn merged_files_take_the_network_of_the_first_block() {
     let files: Vec<Vec<u8>> = (1..4).map(|i| encoded(&part(i))).collect();
     let merge = |parts: &[&[u8]]| {
         let mut merge = Merge::default();
-        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}")))?;
+        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}"), &Silent))?;
         merge.finish()
     };
     let [a, b, c] = [0, 1, 2].map(|i| &files[i][..]);

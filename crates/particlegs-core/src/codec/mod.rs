@@ -36,7 +36,7 @@ pub use encoder::Encoder;
 pub use file::MOST_LAYERS;
 pub use file::{
     CodedLayer, LayerHead, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, check, coded_layers, decode, decode_block,
-    encode, file_hash, read_metadata, size_without_blocks,
+    decode_with, encode, file_hash, read_metadata, size_without_blocks,
 };
 pub use info::{BlockInfo, FileInfo, LayerInfo, read_info};
 pub use merge::{Merge, blocks_hash, sums};

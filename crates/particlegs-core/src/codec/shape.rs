@@ -4,7 +4,7 @@ use super::exact::to_five;
 use super::sums::depth_of;
 use crate::math::{Eigen, Sym3};
 use crate::model::Block;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Smallest ratio of two variances of a Gaussian: flatter ones are thickened to it.
 const FLATTEST: f64 = 1.0 / (1u64 << 20) as f64;
@@ -32,7 +32,7 @@ impl Logs {
         let g = &block.gaussians;
         let floors = Floors::of(block);
         let shapes: Vec<(f64, [f64; 5])> =
-            order.par_iter().map(|&i| logarithm(&g.cov_of(i as usize), &floors)).collect();
+            parallel::map_range(order.len(), |at| logarithm(&g.cov_of(order[at] as usize), &floors));
         let size = shapes.iter().map(|s| s.0).collect();
         let shape = shapes.iter().flat_map(|s| s.1).collect();
         let column = |value: &dyn Fn(usize) -> f64| order.iter().map(|&i| libm::log(value(i as usize))).collect();

@@ -57,7 +57,7 @@ impl<'a> Binner<'a> {
     }
 
     /// Strokes so far, once for every band.
-    pub fn len(&self) -> usize {
+    pub fn strokes(&self) -> usize {
         self.found.len()
     }
 

@@ -89,7 +89,7 @@ impl Job {
             }
         };
         let bytes = plan.block_file(&job, &coded)?;
-        codec::check(&bytes, "the block just coded")?;
+        codec::check(&bytes, "the block just coded", progress)?;
         output::write_bytes(&self.block_path(block, "pgs"), &bytes)?;
         let info = codec::read_info(&bytes, "the block just coded")?;
         let report = BlockReport {

@@ -46,10 +46,10 @@ impl Job {
             ));
         }
         let Some(particles) = particles else {
-            codec::check(&bytes, "the merged file")?;
+            codec::check(&bytes, "the merged file", progress)?;
             return Ok(bytes);
         };
-        let model = codec::decode(&bytes, "the merged file")?;
+        let model = codec::decode_with(&bytes, "the merged file", progress)?;
         let certificate = score::certificate(&model, particles, plan.seed, None, progress)?;
         plan.file(layers.iter(), network.as_ref(), Some(&certificate))
     }

@@ -6,8 +6,8 @@ use crate::camera::{Normalisation, View};
 use crate::math::Sym3;
 use crate::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
 use crate::model::{Law, Mixture, Model, VizMapper};
-use crate::{Error, Result};
-use rayon::prelude::*;
+use crate::progress::{Level, Progress};
+use crate::{Error, Result, parallel};
 
 /// Gaussians in one step of parallel work.
 const RUN: usize = 4096;
@@ -49,7 +49,7 @@ impl<'a> Blend<'a> {
     /// # Errors
     /// [`Error::Argument`] that names the first Gaussian that is not a number, and for a mixture
     /// without opacities.
-    pub fn gaussians(&self, parts: &[(&Mixture, f64)], view: &View) -> Result<Vec<Gaussian>> {
+    pub fn gaussians(&self, parts: &[(&Mixture, f64)], view: &View, progress: &dyn Progress) -> Result<Vec<Gaussian>> {
         let setting = Setting { radius: view.radius / self.radius, opacity: view.opacity / self.opacity };
         let network = self.vizmapper.map(|v| (Network::new(v), v.ranges));
         let runs: Vec<(&Mixture, usize, usize)> = parts
@@ -60,18 +60,16 @@ impl<'a> Blend<'a> {
             })
             .flat_map(|(m, first)| (0..m.len()).step_by(RUN).map(move |start| (m, first, start)))
             .collect();
-        let gaussians = runs
-            .into_par_iter()
-            .map(|(m, first, start)| {
-                self.run(m, start..m.len().min(start + RUN), setting, network.as_ref())
-                    .map_err(|(i, what)| Error::argument(format!("Gaussian {}: {what}", first + i)))
-            })
-            .collect::<Result<Vec<_>>>()?;
-        Ok(gaussians.into_iter().flatten().collect())
+        let gaussians = parallel::map(runs, |(m, first, start)| {
+            self.run(progress.simd(), m, start..m.len().min(start + RUN), setting, network.as_ref())
+                .map_err(|(i, what)| Error::argument(format!("Gaussian {}: {what}", first + i)))
+        });
+        Ok(gaussians.into_iter().collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     }
 
     fn run(
         &self,
+        simd: Level,
         m: &Mixture,
         range: std::ops::Range<usize>,
         setting: Setting,
@@ -87,7 +85,7 @@ impl<'a> Blend<'a> {
             .collect::<std::result::Result<Vec<_>, _>>()?;
         let mut out = vec![[0f32; 2]; own.len()];
         if let Some((network, _)) = network {
-            outputs(network, &own, &mut out);
+            outputs(simd, network, &own, &mut out);
         }
         for (g, out) in gaussians.iter_mut().zip(out) {
             let a = network.map_or(Adapted::STATIC, |(_, ranges)| ranges.adapt(setting, out));
