@@ -5,8 +5,8 @@ use crate::printable::one_line;
 use crate::progress::Meter;
 use clap::{Args, ValueHint};
 use particlegs::output::Outputs;
-use particlegs::progress::Progress;
-use particlegs::{Error, Result};
+use particlegs::progress::{Level, Progress};
+use particlegs::{Error, Result, memory};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock};
@@ -49,6 +49,8 @@ static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 pub struct Context {
     /// The options.
     pub common: Common,
+    /// The instruction set to work with.
+    simd: Level,
     /// What is shown of the work; nothing under --quiet.
     meter: Option<Meter>,
     outputs: Mutex<Outputs>,
@@ -66,14 +68,13 @@ impl Common {
             .build_global()
             .map_err(|e| Error::argument(format!("--threads {threads}: {e}")))?;
         // The switch of the determinism tests: the plain path instead of vector instructions.
-        if std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off") {
-            particlegs::math::disable_simd();
-        }
+        let plain = std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off");
+        let simd = if plain { Level::baseline() } else { Level::new() };
         let _ = ctrlc::set_handler(stop);
         #[cfg(unix)]
         let _ = signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&SOON));
         let meter = (!self.quiet).then(Meter::start);
-        Ok(Context { common: self, meter, outputs: Mutex::new(Outputs::new(false, "")) })
+        Ok(Context { common: self, simd, meter, outputs: Mutex::new(Outputs::new(false, "")) })
     }
 }
 
@@ -152,6 +153,14 @@ impl Progress for Context {
 
     fn message(&self, text: &str) {
         self.meter.iter().for_each(|m| m.message(&one_line(text)));
+    }
+
+    fn simd(&self) -> Level {
+        self.simd
+    }
+
+    fn available_memory(&self) -> Option<u64> {
+        memory::available_bytes()
     }
 
     fn cancelled(&self) -> bool {

@@ -4,7 +4,7 @@ use crate::common::Context;
 use crate::plots::{self, Curve, Figure};
 use particlegs::input::{Begins, Form, read_own};
 use particlegs::output::FileSet;
-use particlegs::progress::Progress;
+use particlegs::progress::{Level, Progress};
 use particlegs::{Result, output};
 use serde_json::Value;
 use std::io::Write;
@@ -44,6 +44,14 @@ impl Progress for Logged<'_> {
             self.context.message(&format!("warning: {}: {error}; nothing more is logged", self.path.display()));
             *file = None;
         }
+    }
+
+    fn simd(&self) -> Level {
+        self.context.simd()
+    }
+
+    fn available_memory(&self) -> Option<u64> {
+        self.context.available_memory()
     }
 
     fn cancelled(&self) -> bool {

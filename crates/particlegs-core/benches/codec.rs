@@ -1,5 +1,7 @@
 //! Coding and decoding of a synthetic block: `cargo bench -p particlegs --bench codec`.
 
+#![allow(clippy::disallowed_methods)]
+
 use particlegs_core::codec::{Encoder, Precision, decode_block};
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::{Block, Mixture};

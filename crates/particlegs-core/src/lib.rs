@@ -1,11 +1,17 @@
 //! Mixtures of Gaussians as bytes and as pictures.
 //!
 //! A model file is decoded from bytes ([`codec`]), held as columns ([`model`]), and drawn into a
-//! picture ([`render`]) that [`splat`] turns into grey levels. No files, no clock.
+//! picture ([`render`]) that [`splat`] turns into grey levels. No files, no clock, no state of its own: the
+//! caller's [`progress::Progress`] says which instruction set to use and how much memory there is. Without the
+//! feature `threads` no threads either.
+
+// clippy.toml: functions whose bits are the platform's. Tests compare with them.
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 pub mod error;
 pub mod math;
 pub mod memory;
+mod parallel;
 pub mod pieces;
 pub mod progress;
 pub mod space;

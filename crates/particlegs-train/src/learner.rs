@@ -6,6 +6,7 @@ use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::{Plane, Size};
+use particlegs_core::progress::Progress;
 
 /// A picture to learn from.
 pub(crate) struct Shot<'a> {
@@ -15,6 +16,8 @@ pub(crate) struct Shot<'a> {
     pub target: &'a Plane,
     /// The part of the view's picture that the target shows.
     pub crop: Crop,
+    /// The machine, asked for its instruction set and memory.
+    pub progress: &'a dyn Progress,
 }
 
 /// A part of a picture.

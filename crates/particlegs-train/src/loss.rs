@@ -5,8 +5,7 @@
 //! splatting (Kerbl et al. 2023, equation 7) are the ablations.
 
 use super::dssim::dssim;
-use fearless_simd::dispatch;
-use particlegs_core::math::simd_level;
+use fearless_simd::{Level, dispatch};
 use particlegs_core::picture::{MASK_LEVEL, Plane};
 use rayon::prelude::*;
 
@@ -50,14 +49,14 @@ impl Loss {
     pub const PUBLISHED: Loss = Loss { norm: Norm::L1, smooth: 0.0, dssim: 0.0, logarithm: false };
 
     /// Compares brightnesses in [0, 1] of two pictures of one size. No lit pixel: the loss is 0.
-    pub(crate) fn of(&self, drawn: &Plane, target: &Plane) -> Valued {
+    pub(crate) fn of(&self, drawn: &Plane, target: &Plane, simd: Level) -> Valued {
         assert_eq!(drawn.size, target.size, "pictures of one size");
         let mut gradient = Plane::zeros(drawn.size);
         let runs: Vec<(f64, u64)> = gradient
             .data
             .par_chunks_mut(RUN)
             .zip(drawn.data.par_chunks(RUN).zip(target.data.par_chunks(RUN)))
-            .map(|(g, (a, b))| self.run(a, b, g))
+            .map(|(g, (a, b))| self.run(a, b, g, simd))
             .collect();
         let (sum, lit) = runs.into_iter().fold((0.0, 0), |(s, n), r| (s + r.0, n + r.1));
         let pixels = (lit as f64).max(1.0);
@@ -79,8 +78,8 @@ impl Loss {
     }
 
     /// Sum of differences over lit pixels, their number, and the change with each pixel.
-    fn run(&self, drawn: &[f32], target: &[f32], gradient: &mut [f32]) -> (f64, u64) {
-        dispatch!(simd_level(), _simd => match self.norm {
+    fn run(&self, drawn: &[f32], target: &[f32], gradient: &mut [f32], simd: Level) -> (f64, u64) {
+        dispatch!(simd, _simd => match self.norm {
             Norm::L2 => differences(drawn, target, gradient, |d| (d * d, 2.0 * d)),
             Norm::L1 if self.smooth > 0.0 => {
                 let smooth = self.smooth as f32;
@@ -142,13 +141,13 @@ mod tests {
     /// The gradient along random directions against differences of the value.
     fn check(loss: Loss) {
         let (a, b) = planes(3);
-        let found = loss.of(&a, &b);
+        let found = loss.of(&a, &b, Level::new());
         for k in 0..4 {
             let mut draw = Random::new(9, 0, k);
             let along: Vec<f32> = a.data.iter().map(|_| draw.normal() as f32).collect();
             let at = |step: f32| {
                 let data = a.data.iter().zip(&along).map(|(v, d)| v + step * d).collect();
-                loss.of(&Plane { size: a.size, data }, &b).value
+                loss.of(&Plane { size: a.size, data }, &b, Level::new()).value
             };
             let h = 2e-4;
             let numeric = (at(h) - at(-h)) / f64::from(2.0 * h);
@@ -168,13 +167,13 @@ mod tests {
     #[test]
     fn darkness_does_not_count() {
         let (mut a, mut b) = planes(4);
-        let half = Loss::PUBLISHED.of(&a, &b).value;
+        let half = Loss::PUBLISHED.of(&a, &b, Level::new()).value;
         let size = Size { width: a.size.width, height: 2 * a.size.height };
         a.size = size;
         b.size = size;
         a.data.resize(size.pixels(), 0.009);
         b.data.resize(size.pixels(), 0.001);
-        assert!((Loss::PUBLISHED.of(&a, &b).value - half).abs() < 1e-9);
-        assert_eq!(Loss::PUBLISHED.of(&Plane::zeros(size), &Plane::zeros(size)).value, 0.0);
+        assert!((Loss::PUBLISHED.of(&a, &b, Level::new()).value - half).abs() < 1e-9);
+        assert_eq!(Loss::PUBLISHED.of(&Plane::zeros(size), &Plane::zeros(size), Level::new()).value, 0.0);
     }
 }

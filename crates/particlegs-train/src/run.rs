@@ -12,11 +12,10 @@ use super::subject::Subject;
 use super::targets::Targets;
 use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::math::{Purpose, Random};
-use particlegs_core::memory::require;
 use particlegs_core::model::{Law, LawKind, Mixture, Model};
 use particlegs_core::picture::Size;
 use particlegs_core::pieces::Pieces;
-use particlegs_core::progress::Progress;
+use particlegs_core::progress::{Level, Progress};
 use particlegs_core::{Error, Result};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -149,7 +148,7 @@ impl<'a> Training<'a> {
     /// Gaussians do not fit; [`Error::Io`] of the scratch file; those of `pieces`.
     pub fn run(&self, initial: Initial<'_>, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Trained> {
         self.config.check()?;
-        require("training", bytes_wanted(self.config, initial.len()))?;
+        progress.require_memory("training", bytes_wanted(self.config, initial.len()))?;
         self.run_with(self.learner(initial)?, pieces, progress)
     }
 
@@ -238,6 +237,19 @@ pub(super) fn bytes_wanted(config: &Config, gaussians: usize) -> u64 {
     config.stages.iter().map(of_stage).max().unwrap_or(0) + A_GAUSSIAN * gaussians as u64
 }
 
+/// A step is done whole: what it asks is the machine alone.
+struct Whole<'a>(&'a dyn Progress);
+
+impl Progress for Whole<'_> {
+    fn simd(&self) -> Level {
+        self.0.simd()
+    }
+
+    fn available_memory(&self) -> Option<u64> {
+        self.0.available_memory()
+    }
+}
+
 impl Run<'_> {
     /// All stages, as far as the time goes.
     fn stages(&mut self, subject: &dyn Subject, pieces: &mut dyn Pieces) -> Result<()> {
@@ -306,7 +318,7 @@ impl Run<'_> {
             done: (self.iteration as f64 / total as f64).max(self.share_of_time()).min(1.0),
             densify: stage.densify,
         };
-        let shot = Shot { view: &view, target: &target, crop };
+        let shot = Shot { view: &view, target: &target, crop, progress: &Whole(self.progress) };
         let stepped = self.learner.step(&shot, &self.config.loss, &at)?;
         self.learner.control(&at);
         self.iteration += 1;

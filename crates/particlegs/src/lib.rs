@@ -8,9 +8,10 @@
 //! `tau` a plain sum, so a mixture of Gaussians that carry counts follows any view, particle
 //! radius and opacity in closed form.
 
-pub use particlegs_core::{error, math, memory, model, pieces, progress, render, space, splat};
+pub use particlegs_core::{error, math, model, pieces, progress, render, space, splat};
 
 pub mod input;
+pub mod memory;
 pub mod output;
 
 pub mod camera;

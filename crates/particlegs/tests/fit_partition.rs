@@ -3,13 +3,17 @@
 use particlegs::fit::{Partition, PartitionOptions, partition};
 use particlegs::math::Random;
 use particlegs::particles::{Column, Particles, open_raw};
-use particlegs::progress::Silent;
+use particlegs::progress::{Progress, Scalar, Silent};
 use proptest::prelude::*;
 use std::path::Path;
 
 fn cut(p: &Particles, gaussians: usize) -> Partition {
+    cut_with(p, gaussians, &Silent)
+}
+
+fn cut_with(p: &Particles, gaussians: usize, progress: &dyn Progress) -> Partition {
     let radius = p.bounds().default_radius(p.len() as u64);
-    partition(p, gaussians, radius, PartitionOptions::default(), &Silent).unwrap()
+    partition(p, gaussians, radius, PartitionOptions::default(), progress).unwrap()
 }
 
 /// Cells tile the store, the store is a permutation of the particles, sums are kept.
@@ -118,7 +122,7 @@ fn threads_do_not_matter() {
     check(&p, &one);
     assert_eq!(one.cells.len(), 2000);
     assert!(one.store == three.store && one.cells == three.cells && one.moments == three.moments);
-    let plain = particlegs::math::without_simd(|| cut(&p, 2000));
+    let plain = cut_with(&p, 2000, &Scalar);
     assert!(one.store == plain.store && one.cells == plain.cells && one.moments == plain.moments);
 }
 

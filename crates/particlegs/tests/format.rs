@@ -4,11 +4,11 @@
 mod common;
 
 use common::{baselines, block, certificate, metadata, mixture, partner, reseal, science};
+use particlegs::Error;
 use particlegs::codec::{self, Encoder, Precision};
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{Block, Certificate, Layer, Mass, Mixture, Model};
 use particlegs::particles::Cell;
-use particlegs::{Error, math};
 use proptest::prelude::*;
 
 /// Bytes of the section of trivial references, with its head.
@@ -438,7 +438,6 @@ fn threads_and_simd_give_the_same_bytes() {
         assert_eq!(pool.install(code), bytes);
         assert_eq!(pool.install(|| codec::decode(&bytes, "m")).unwrap(), codec::decode(&bytes, "m").unwrap());
     }
-    assert_eq!(math::without_simd(code), bytes);
 }
 
 /// Files of every version and what they hold. To write those of the newest anew after a deliberate

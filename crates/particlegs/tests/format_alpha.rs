@@ -11,6 +11,7 @@ use particlegs::model::{
     AlphaBlend, Block, Law, LawKind, Layer, MASS, Mass, Metadata, Mixture, Model, VIZMAPPER_PARAMETERS, VizMapper,
     VizRanges,
 };
+use particlegs::progress::Silent;
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -363,7 +364,7 @@ fn merged_files_take_the_network_of_the_first_block() {
     let files: Vec<Vec<u8>> = (1..4).map(|i| encoded(&part(i))).collect();
     let merge = |parts: &[&[u8]]| {
         let mut merge = Merge::default();
-        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}")))?;
+        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}"), &Silent))?;
         merge.finish()
     };
     let [a, b, c] = [0, 1, 2].map(|i| &files[i][..]);

@@ -11,7 +11,7 @@ use particlegs::math::Random;
 use particlegs::model::Model;
 use particlegs::particles::RawForm;
 use particlegs::picture::Size;
-use particlegs::progress::Progress;
+use particlegs::progress::{Progress, Silent};
 use particlegs::recover::{Method, Options, recover};
 use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::Look;
@@ -112,7 +112,7 @@ fn use_all(bytes: &[u8], good: &[u8]) {
     let decoded = step("decode", |_| codec::decode(bytes, "m"));
     if let Some(merged) = step("merge", |_| {
         let mut merge = Merge::default();
-        merge.add(bytes, "m")?;
+        merge.add(bytes, "m", &Silent)?;
         merge.finish()
     }) {
         assert!(decoded.is_some(), "a model that cannot be read was merged");
@@ -178,9 +178,9 @@ fn a_block_that_cannot_be_decoded_is_not_merged() {
         bad[at] ^= 0x55;
         reseal(&mut bad);
         if codec::read_info(&bad, "m").is_ok() && codec::decode(&bad, "m").is_err() {
-            let error = Merge::default().add(&bad, "m").unwrap_err();
+            let error = Merge::default().add(&bad, "m", &Silent).unwrap_err();
             assert!(error.exit_code() == 4 && error.to_string().starts_with("m: corrupt model file"), "{error}");
-            assert_eq!(codec::check(&bad, "m").unwrap_err().exit_code(), 4);
+            assert_eq!(codec::check(&bad, "m", &Silent).unwrap_err().exit_code(), 4);
             tried += 1;
         }
     }

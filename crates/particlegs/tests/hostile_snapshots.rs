@@ -38,7 +38,7 @@ fn options() -> Options {
 
 fn compressed(p: &Particles) -> Result<Model> {
     let made = compress(p, &options(), &mut NoPieces, &Silent)?;
-    codec::check(&made.bytes, "made")?;
+    codec::check(&made.bytes, "made", &Silent)?;
     codec::decode(&made.bytes, "made")
 }
 

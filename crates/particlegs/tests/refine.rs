@@ -1,10 +1,10 @@
 //! Refinement on the sample and on degenerate input, through the public interface.
 
 use particlegs::fit::{Effort, FitOptions, NoPieces, PartitionOptions, RefineOptions, fit, partition, refine};
-use particlegs::math::{Sym3, without_simd};
+use particlegs::math::Sym3;
 use particlegs::model::Mixture;
 use particlegs::particles::{Column, Particles, open_raw};
-use particlegs::progress::Silent;
+use particlegs::progress::{Progress, Scalar, Silent};
 use std::path::Path;
 
 fn sample() -> Particles {
@@ -17,9 +17,13 @@ fn radius(p: &Particles) -> f64 {
 }
 
 fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixture {
-    let cells = partition(p, gaussians, radius(p), PartitionOptions::default(), &Silent).unwrap();
+    refined_with(p, gaussians, rounds, sample, &Silent)
+}
+
+fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, progress: &dyn Progress) -> Mixture {
+    let cells = partition(p, gaussians, radius(p), PartitionOptions::default(), progress).unwrap();
     let options = RefineOptions { first_iterations: 3, rounds, iterations: 2, sample, pixel: 0.0, seed: 1 };
-    refine(&cells, radius(p), &options, &mut NoPieces, &Silent).unwrap()
+    refine(&cells, radius(p), &options, &mut NoPieces, progress).unwrap()
 }
 
 /// ||P(mixture) - P(particles)||^2 over ||P(particles)||^2 in the axis planes at `blur`, with one of `STEP`
@@ -92,7 +96,7 @@ fn threads_and_simd_do_not_change_a_bit() {
     };
     let one = run(1);
     assert_eq!(one, run(3));
-    assert_eq!(one, without_simd(|| refined(&p, 900, 2, 200.0)));
+    assert_eq!(one, refined_with(&p, 900, 2, 200.0, &Scalar));
 }
 
 #[test]

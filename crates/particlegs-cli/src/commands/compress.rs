@@ -191,7 +191,7 @@ impl Arguments {
 /// pictures are drawn all the same.
 fn there_already(a: &Arguments, options: &Options, particles: &Particles, context: &Context) -> Result<()> {
     let (bytes, place) = (crate::inputs::model(a.output(), context)?, a.output().display().to_string());
-    let model = codec::decode(&bytes, &place)?;
+    let model = codec::decode_with(&bytes, &place, context)?;
     let certificate = model.certificate.as_ref();
     if !is_made_of(&model.metadata, certificate.is_some(), particles, options)? {
         return Err(context.refused(a.output()));

@@ -144,7 +144,7 @@ fn splats(a: &Arguments, (model, bytes): (&Path, &[u8]), context: &Context) -> R
         return Err(Error::Argument { what, hint });
     }
     context.writes_new(&a.output, &PARTICLES)?;
-    let decoded = codec::decode(bytes, &name_of(model))?;
+    let decoded = codec::decode_with(bytes, &name_of(model), context)?;
     let bytes = write_splats(&decoded, &a.output, context)?;
     if decoded.vizmapper().is_some() {
         context.message("note: the VizMapper is left out: a PLY file holds splats only");

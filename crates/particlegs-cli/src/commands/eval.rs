@@ -77,7 +77,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let inputs = a.input.iter().map(PathBuf::as_path).chain([a.model.as_path()]).chain(a.views.as_deref());
     context.reads(inputs, false)?;
     let bytes = inputs::model(&a.model, &context)?;
-    let model = codec::decode(&bytes, &name_of(&a.model))?;
+    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     let particles = a.snapshot.open_selected(&a.input, (&a.selection, &a.window), context.common.seed, &context)?;
     if model.metadata.count != particles.len() as u64 {
         context.message(&format!(

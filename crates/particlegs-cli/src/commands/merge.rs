@@ -117,7 +117,7 @@ fn of_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
     context.begin("merging", parts.len() as u64);
     for part in parts {
         context.check()?;
-        merge.add(&inputs::model(part, context)?, &name_of(part))?;
+        merge.add(&inputs::model(part, context)?, &name_of(part), context)?;
         context.advance(1);
     }
     context.end();

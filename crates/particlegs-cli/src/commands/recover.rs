@@ -97,7 +97,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let kept = context.outputs().writes_folder(&a.output, &FOLDER_FILES)?;
     let start = Instant::now();
     let bytes = inputs::model(&a.model, &context)?;
-    let mut model = codec::decode(&bytes, &name_of(&a.model))?;
+    let mut model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     if !a.layer.is_empty() {
         let certificate = model.certificate.take();
         model = model.only(&a.layer)?;

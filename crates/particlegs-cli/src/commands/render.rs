@@ -87,7 +87,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([a.model.as_path()].into_iter().chain(a.view.views.as_deref()), false)?;
     let bytes = inputs::model(&a.model, &context)?;
-    let model = codec::decode(&bytes, &name_of(&a.model))?;
+    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     let model = if a.layers == ["all"] { model } else { model.only(&a.layers)? };
     let m = &model.metadata;
     let subject = Subject { bounds: m.bounds, radius: m.default_radius, opacity: m.default_opacity };

@@ -58,7 +58,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads([a.model.as_path()], a.force.force)?;
     let kept = context.writes(&a.output, &codec::MODEL)?;
     let bytes = inputs::model(&a.model, &context)?;
-    let model = codec::decode(&bytes, &name_of(&a.model))?;
+    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     // The same work gives the same bytes; other work is not begun.
     if kept && !info_model::is_of_command(&a.output, &format!("{command} of: {}", model.metadata.command), &context)? {
         return Err(context.refused(&a.output));

@@ -162,7 +162,7 @@ enum Source {
 impl Source {
     fn open(path: &Path, args: &SnapshotArgs, progress: &dyn Progress) -> Result<Self> {
         match inputs::model_or_snapshot(path, args, progress)? {
-            Either::Model(bytes) => Ok(Source::Model(Box::new(codec::decode(&bytes, &name_of(path))?))),
+            Either::Model(bytes) => Ok(Source::Model(Box::new(codec::decode_with(&bytes, &name_of(path), progress)?))),
             Either::Snapshot(choice) => {
                 let particles = particlegs_formats::read(&[path.to_path_buf()], &choice, &Room::Memory, progress)?;
                 Ok(Source::Particles(Box::new(particles)))

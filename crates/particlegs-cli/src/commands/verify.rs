@@ -71,7 +71,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.snapshot.iter().map(PathBuf::as_path).chain([a.model.as_path()]), false)?;
     let bytes = inputs::model(&a.model, &context)?;
     let place = name_of(&a.model);
-    let model = codec::decode(&bytes, &place)?;
+    let model = codec::decode_with(&bytes, &place, &context)?;
     let (counts, mass_error) = sums(&model);
     if counts != model.metadata.count || mass_error > 1e-9 {
         return Err(Error::corrupt(

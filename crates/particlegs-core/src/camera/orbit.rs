@@ -34,9 +34,9 @@ pub fn base_distance(bounds: &Bounds, size: Size) -> f64 {
     let aspect = size.width as f64 / size.height as f64;
     let mut half_angle = 0.5 * FOV_DEG.to_radians();
     if aspect < 1.0 {
-        half_angle = (half_angle.tan() * aspect).atan();
+        half_angle = libm::atan(libm::tan(half_angle) * aspect);
     }
-    BASE_SHARE * half_diagonal / half_angle.sin()
+    BASE_SHARE * half_diagonal / libm::sin(half_angle)
 }
 
 /// Up is +y, or +z where the view direction is within 18 degrees of the y axis.
@@ -57,7 +57,7 @@ pub fn spiral(center: [f64; 3], distance: f64, frames: usize, turn: Option<u64>)
             let y = 0.99 * (1.0 - 2.0 * t);
             let s = (1.0 - y * y).max(0.0).sqrt();
             let angle = 2.0 * std::f64::consts::PI * loops * t;
-            let d = [angle.cos() * s, y, angle.sin() * s];
+            let d = [libm::cos(angle) * s, y, libm::sin(angle) * s];
             let d = rotation.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2]);
             looking_at(center, std::array::from_fn(|k| center[k] + distance * d[k]))
         })
@@ -67,8 +67,8 @@ pub fn spiral(center: [f64; 3], distance: f64, frames: usize, turn: Option<u64>)
 /// A camera at `azimuth` and `elevation` (degrees) and `distance` (world units) from `center`:
 /// azimuth 0, elevation 0 stands on +z and looks along -z; azimuth turns towards +x.
 pub fn spherical_camera(center: [f64; 3], azimuth_deg: f64, elevation_deg: f64, distance: f64) -> Camera {
-    let (a, e) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
-    let d = [a.sin() * e.cos(), e.sin(), a.cos() * e.cos()];
+    let [(sin_a, cos_a), (sin_e, cos_e)] = [azimuth_deg, elevation_deg].map(|d| libm::sincos(d.to_radians()));
+    let d = [sin_a * cos_e, sin_e, cos_a * cos_e];
     looking_at(center, std::array::from_fn(|k| center[k] + distance * d[k]))
 }
 
@@ -112,7 +112,7 @@ pub fn clipping_range(bounds: &Bounds, camera: &Camera) -> [f64; 2] {
         lo = lo.min(d);
         hi = hi.max(d);
     }
-    let gap = 0.2 * (0.5 * fov.to_radians()).tan() * hi;
+    let gap = 0.2 * libm::tan(0.5 * fov.to_radians()) * hi;
     if hi - lo < gap {
         let widen = 0.5 * (gap - hi + lo);
         hi += widen;

@@ -65,7 +65,7 @@ impl Camera {
     /// Pixels for a unit of x/z (perspective) or for a world unit (orthographic).
     pub fn focal_pixels(&self, size: Size) -> f64 {
         match self.projection {
-            Projection::Perspective { fov_deg } => 0.5 * size.height as f64 / (0.5 * fov_deg.to_radians()).tan(),
+            Projection::Perspective { fov_deg } => 0.5 * size.height as f64 / libm::tan(0.5 * fov_deg.to_radians()),
             Projection::Orthographic { height_world } => size.height as f64 / height_world,
         }
     }

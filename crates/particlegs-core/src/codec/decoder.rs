@@ -7,10 +7,10 @@ use super::streams;
 use super::sums::{opacity_of, rescale, whole_counts};
 use super::tree::{Node, gaussians, pieces};
 use super::walk::{Nothing, OutOfRange, trunk, walk};
-use crate::Error;
 use crate::memory::filled;
 use crate::model::{AlphaBlend, Block, Law, MASS, Mixture};
-use rayon::prelude::*;
+use crate::progress::Progress;
+use crate::{Error, parallel};
 
 /// Where a segment's Gaussians go: mean, count and covariance.
 struct Columns<'a> {
@@ -80,14 +80,14 @@ pub(crate) fn gaussian_bytes(header: &BlockHeader) -> u64 {
 pub(crate) fn working_bytes(header: &BlockHeader) -> u64 {
     const A_GAUSSIAN: u64 = 32;
     const A_SEGMENT: u64 = 65_536 * 80;
-    u64::from(header.gaussians) * A_GAUSSIAN + rayon::current_num_threads() as u64 * A_SEGMENT
+    u64::from(header.gaussians) * A_GAUSSIAN + parallel::threads() as u64 * A_SEGMENT
 }
 
 /// What refuses memory for a block's columns is called.
 const COLUMNS: &str = "decoding the model";
 
 /// Decodes a block.
-pub(crate) fn block(bytes: &[u8]) -> Result<Block, Fault> {
+pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, Fault> {
     let header = BlockHeader::read(bytes)?;
     let streams = streams::read(header.gaussians, &bytes[HEADER_BYTES..])?;
     let nodes = match streams.trunk {
@@ -103,7 +103,7 @@ pub(crate) fn block(bytes: &[u8]) -> Result<Block, Fault> {
         return Err(format!("{} streams for {} segments", streams.segments.len(), nodes.len()).into());
     }
     let n = header.gaussians as usize;
-    let column = |n: usize| filled(COLUMNS, 0.0f64, n);
+    let column = |n: usize| filled(COLUMNS, 0.0f64, n, progress);
     let mut mean = [column(n)?, column(n)?, column(n)?];
     let mut cov = [column(n)?, column(n)?, column(n)?, column(n)?, column(n)?, column(n)?];
     let mut count = column(n)?;
@@ -111,10 +111,8 @@ pub(crate) fn block(bytes: &[u8]) -> Result<Block, Fault> {
     let work: Vec<_> =
         nodes.iter().zip(&streams.segments).zip(split(&nodes, &mut mean, &mut count, &mut cov, &mut weight)).collect();
     let whole = streams.trunk.is_some();
-    let rests: Vec<Result<&[u8], String>> = work
-        .into_par_iter()
-        .map(|((nodes, stream), columns)| segment(&header, nodes, stream, whole, columns))
-        .collect();
+    let rests: Vec<Result<&[u8], String>> =
+        parallel::map(work, |((nodes, stream), columns)| segment(&header, nodes, stream, whole, columns));
     let mut padding = streams.padding;
     for rest in rests {
         let rest = rest?;

@@ -13,8 +13,7 @@ use super::trellis::{Sample, State, quantise};
 use super::walk::{Leaf, Past, Script, trunk, walk};
 use crate::model::{AlphaBlend, Block};
 use crate::space::Bounds;
-use crate::{Error, Result};
-use rayon::prelude::*;
+use crate::{Error, Result, parallel};
 use std::ops::Range;
 
 /// What a step of a shape number away from 0 costs in squared steps: 1 % of the bits for 0.004 dB.
@@ -50,14 +49,14 @@ impl Encoder {
         let logs = Logs::new(block, &tree.order);
         let extent = bounds.extent();
         let within = std::array::from_fn(|k| {
-            let place = |(&i, cell): (&u32, &super::tree::Cell)| {
+            parallel::map_range(tree.order.len(), |at| {
+                let (i, cell) = (tree.order[at], &tree.cells[at]);
                 if extent[k] == 0.0 {
                     return 0.5;
                 }
                 let u = (g.mean[k][i as usize] - bounds.min[k]) / extent[k];
                 (u * (1u64 << cell.depth[k]) as f64 - cell.index[k] as f64).clamp(0.0, 1.0)
-            };
-            tree.order.par_iter().zip(&tree.cells).map(place).collect()
+            })
         });
         let Block { count, mass, .. } = *block;
         Ok(Encoder { bounds, count, mass, shaded: g.law.alpha_blend().is_some(), tree, logs, within })
@@ -123,7 +122,7 @@ impl Encoder {
             debug_assert!(walked.is_ok(), "quantised numbers are within range");
             done(recorder)
         };
-        let segments = self.tree.segments.par_iter().zip(self.ranges()).map(segment).collect();
+        let segments = parallel::map(self.tree.segments.iter().zip(self.ranges()).collect(), segment);
         (done(above), segments)
     }
 
@@ -169,7 +168,7 @@ impl Encoder {
     /// Works on the segments' Gaussians, in parallel.
     fn each(&self, leaves: &mut [Leaf], work: impl Fn(Range<usize>, &mut [Leaf]) + Sync) {
         let parts = pieces(leaves, self.tree.lengths().into_iter());
-        parts.into_par_iter().zip(self.ranges()).for_each(|(leaves, range)| work(range, leaves));
+        parallel::map(parts.into_iter().zip(self.ranges()).collect(), |(leaves, range)| work(range, leaves));
     }
 
     /// Sizes, counts and masses.
@@ -179,7 +178,7 @@ impl Encoder {
             halves(values.len(), 0.0, |i| values[i] / f64::from(step))
         };
         let (t, m) =
-            rayon::join(|| column(&self.logs.size, header.steps[1]), || column(&self.logs.count, header.steps[2]));
+            parallel::join(|| column(&self.logs.size, header.steps[1]), || column(&self.logs.count, header.steps[2]));
         let w = self.logs.weight.as_ref().map(|w| column(w, header.steps[4]));
         for (i, leaf) in leaves.iter_mut().enumerate() {
             (leaf.t, leaf.m) = (t[i], m[i]);
@@ -210,7 +209,8 @@ impl Encoder {
             let step = f64::from(header.steps[0]) * factors[i] * radius;
             for k in (0..3).filter(|&k| levels[k] > 1) {
                 let n = levels[k] as f64;
-                let weight = (widths[k] / (n * step)).powi(2);
+                let coarse = widths[k] / (n * step);
+                let weight = coarse * coarse;
                 samples.push(Sample {
                     value: self.within[k][range.start + i] * n,
                     range: [0, levels[k] as i64 - 1],
@@ -259,13 +259,13 @@ fn predictors(header: &mut BlockHeader, histories: &[[Past; 3]]) {
     let n = histories.len();
     let size = |&[own, a, b]: &[Past; 3]| size_features(own.level, &[a, b]);
     let count = |&[own, a, b]: &[Past; 3]| count_features(own.level, own.t, &[a, b]);
-    let (t, m) = rayon::join(
+    let (t, m) = parallel::join(
         || fit::<SIZE_SLOPES>(n, |i| size(&histories[i]).map(f64::from), |i| f64::from(histories[i][0].t)),
         || fit::<6>(n, |i| count(&histories[i]).map(f64::from), |i| f64::from(histories[i][0].m)),
     );
     header.predict = [t, m];
     let h = &*header;
-    let (t, m) = rayon::join(
+    let (t, m) = parallel::join(
         || low_bits(histories.iter().map(|p| (p[0].t - h.predict[0].apply(&size(p))) >> 1), 6),
         || low_bits(histories.iter().map(|p| (p[0].m - h.predict[1].apply(&count(p))) >> 1), 6),
     );

@@ -8,9 +8,9 @@ use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
 use super::{Encoder, Precision, baselines, certificate, decoder, metadata, science, vizmapper};
-use crate::memory::require;
 use crate::model::{Block, Certificate, LawKind, Layer, Mass, Metadata, Model, VizMapper};
-use crate::{Error, Result};
+use crate::progress::{Progress, Silent};
+use crate::{Error, Result, parallel};
 use std::sync::Arc;
 
 /// Place of the minor version in a file.
@@ -282,20 +282,29 @@ fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Reads a whole file. `place` names it in errors.
+/// [`decode_with`], silently.
+///
+/// # Errors
+/// As [`decode_with`].
+pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
+    decode_with(bytes, place, &Silent)
+}
+
+/// Reads a whole file. `place` names it in errors. A small file may stand for many Gaussians: memory is
+/// asked for before they are decoded.
 ///
 /// # Errors
 /// [`Error::Corrupt`] where the bytes contradict docs/format.md; [`Error::Compatibility`] for a
 /// newer version or a feature that this program does not know; [`Error::Memory`].
-pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
+pub fn decode_with(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<Model> {
     let parts = parts(bytes, place)?;
-    require("decoding the model", decoding_bytes(&parts))?;
+    progress.require_memory("decoding the model", decoding_bytes(&parts))?;
     let mut layers = Vec::with_capacity(parts.layers.len());
     let vizmapper = parts.network.map(|n| Arc::new(n.1));
     for Layer { name, mass, content } in parts.layers {
         let mut decoded = Vec::with_capacity(content.len());
         for (section, _) in content {
-            let mut block = section_block(&section, place)?;
+            let mut block = section_block(&section, place, progress)?;
             if let Some(columns) = block.gaussians.law.alpha_blend_mut() {
                 columns.vizmapper = vizmapper.clone();
             }
@@ -313,9 +322,9 @@ fn decoding_bytes(parts: &Parts<'_>) -> u64 {
     headers().map(decoder::gaussian_bytes).sum::<u64>() + work
 }
 
-fn section_block(section: &Section<'_>, place: &str) -> Result<Block> {
+fn section_block(section: &Section<'_>, place: &str, progress: &dyn Progress) -> Result<Block> {
     let at = |what: String| Error::corrupt(place, format!("block at byte {}: {what}", section.offset));
-    decoder::block(section.bytes).map_err(|fault| fault.at(at))
+    decoder::block(section.bytes, progress).map_err(|fault| fault.at(at))
 }
 
 /// Decodes one coded block.
@@ -323,19 +332,20 @@ fn section_block(section: &Section<'_>, place: &str) -> Result<Block> {
 /// # Errors
 /// [`Error::Corrupt`]; [`Error::Memory`].
 pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
-    decoder::block(bytes).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
+    decoder::block(bytes, &Silent).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
 }
 
 /// Can a file be read again, to its last Gaussian? Its blocks are decoded one after the other, and
 /// nothing is kept. What is written has passed this, or [`decode`].
 ///
 /// # Errors
-/// As [`decode`].
-pub fn check(bytes: &[u8], place: &str) -> Result<()> {
+/// As [`decode_with`].
+pub fn check(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<()> {
     let parts = parts(bytes, place)?;
     parts.layers.iter().flat_map(|l| &l.content).try_for_each(|(section, header)| {
-        require("decoding the model", decoder::gaussian_bytes(header) + decoder::working_bytes(header))?;
-        section_block(section, place).map(drop)
+        progress
+            .require_memory("decoding the model", decoder::gaussian_bytes(header) + decoder::working_bytes(header))?;
+        section_block(section, place, progress).map(drop)
     })
 }
 
@@ -368,7 +378,9 @@ pub(super) fn coded_file(bytes: &[u8], place: &str) -> Result<CodedFile> {
 
 /// BLAKE3 of a model file's bytes: what is made from a model names it by this.
 pub fn file_hash(bytes: &[u8]) -> [u8; 32] {
-    *blake3::Hasher::new().update_rayon(bytes).finalize().as_bytes()
+    let mut hasher = blake3::Hasher::new();
+    parallel::hash(&mut hasher, bytes);
+    *hasher.finalize().as_bytes()
 }
 
 /// Metadata alone.

@@ -8,8 +8,9 @@
 use super::file::{CodedFile, CodedLayer, check, coded_file, order_key, put_together};
 use super::header::BlockHeader;
 use super::sums::compensated;
-use crate::memory::require;
 use crate::model::Metadata;
+use crate::parallel;
+use crate::progress::Progress;
 use crate::space::Cell;
 use crate::splat::DEFAULT_OPACITY;
 use crate::{Error, Result};
@@ -47,15 +48,15 @@ impl Merge {
     /// Adds a model file's blocks. `place` names it in errors.
     ///
     /// # Errors
-    /// As [`super::decode`]; [`Error::Input`] where it differs from the parts before
+    /// As [`super::decode_with`]; [`Error::Input`] where it differs from the parts before
     /// it in law, units, cell or cosmology, or in the masses of a layer that both have;
     /// [`Error::Memory`].
-    pub fn add(&mut self, bytes: &[u8], place: &str) -> Result<()> {
+    pub fn add(&mut self, bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<()> {
         // A copy of the blocks now, and another when the file is put together.
         self.bytes += bytes.len() as u64;
-        require("the merge", self.bytes + bytes.len() as u64)?;
+        progress.require_memory("the merge", self.bytes + bytes.len() as u64)?;
         // What is copied is read first: a block that cannot be decoded must not spread.
-        check(bytes, place)?;
+        check(bytes, place, progress)?;
         let CodedFile { metadata, network, layers } = coded_file(bytes, place)?;
         self.known = Some(match self.known.take() {
             None => (alone(metadata), place.to_string()),
@@ -135,7 +136,8 @@ pub fn blocks_hash(layers: &[CodedLayer]) -> [u8; 32] {
 fn digests(layers: &[CodedLayer]) -> Vec<[u8; 32]> {
     let digest = |name: &str, block: &[u8]| {
         let mut hasher = blake3::Hasher::new();
-        hasher.update(&[name.len() as u8]).update(name.as_bytes()).update_rayon(block);
+        hasher.update(&[name.len() as u8]).update(name.as_bytes());
+        parallel::hash(&mut hasher, block);
         *hasher.finalize().as_bytes()
     };
     let mut all: Vec<_> = layers.iter().flat_map(|l| l.content.iter().map(|b| digest(&l.name, b))).collect();
@@ -288,7 +290,7 @@ mod tests {
 
     fn merge(parts: &[&[u8]]) -> Result<Vec<u8>> {
         let mut merge = Merge::default();
-        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}")))?;
+        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}"), &crate::progress::Silent))?;
         merge.finish()
     }
 

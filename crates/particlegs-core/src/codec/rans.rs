@@ -167,7 +167,7 @@ impl Recorder {
 
 /// The information of an interval.
 fn bits(interval: &(u16, u16)) -> f64 {
-    f64::from(PROBABILITY_BITS) - f64::from(interval.1).log2()
+    f64::from(PROBABILITY_BITS) - libm::log2(f64::from(interval.1))
 }
 
 /// Reads a stream. After the end it goes on with zeros; [`Player::finished`] tells.

@@ -4,7 +4,7 @@ use super::exact::to_five;
 use super::sums::depth_of;
 use crate::math::{Eigen, Sym3};
 use crate::model::Block;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Smallest ratio of two variances of a Gaussian: flatter ones are thickened to it.
 const FLATTEST: f64 = 1.0 / (1u64 << 20) as f64;
@@ -32,10 +32,10 @@ impl Logs {
         let g = &block.gaussians;
         let floors = Floors::of(block);
         let shapes: Vec<(f64, [f64; 5])> =
-            order.par_iter().map(|&i| logarithm(&g.cov_of(i as usize), &floors)).collect();
+            parallel::map_range(order.len(), |at| logarithm(&g.cov_of(order[at] as usize), &floors));
         let size = shapes.iter().map(|s| s.0).collect();
         let shape = shapes.iter().flat_map(|s| s.1).collect();
-        let column = |value: &dyn Fn(usize) -> f64| order.iter().map(|&i| value(i as usize).ln()).collect();
+        let column = |value: &dyn Fn(usize) -> f64| order.iter().map(|&i| libm::log(value(i as usize))).collect();
         if let Some(s) = g.law.alpha_blend() {
             let count = column(&|i| depth_of(s.opacity[i]));
             return Logs { size, count, weight: Some(column(&|i| s.grey[i].clamp(DARKEST, 1e30))), shape };
@@ -81,12 +81,12 @@ fn logarithm(cov: &Sym3, floors: &Floors) -> (f64, [f64; 5]) {
     let scale = cov.0[0].abs().max(cov.0[3].abs()).max(cov.0[5].abs());
     let least = floors.least * floors.least;
     if scale.is_nan() || scale <= least {
-        return (floors.point.ln(), [0.0; 5]);
+        return (libm::log(floors.point), [0.0; 5]);
     }
     let e = cov.scale(1.0 / scale).eigen();
     let least = (e.values[0] * FLATTEST).max(least / scale);
-    let half = e.values.map(|v| 0.5 * v.max(least).ln());
+    let half = e.values.map(|v| 0.5 * libm::log(v.max(least)));
     let mean = (half[0] + half[1] + half[2]) / 3.0;
     let s = Sym3::from_eigen(&Eigen { values: half.map(|h| h - mean), vectors: e.vectors });
-    (mean + 0.5 * scale.ln(), to_five(&s))
+    (mean + 0.5 * libm::log(scale), to_five(&s))
 }

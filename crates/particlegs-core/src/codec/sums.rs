@@ -71,7 +71,7 @@ pub fn opacity_of(depth: f64) -> f64 {
 
 /// The depth of an opacity in [0, 1].
 pub fn depth_of(opacity: f64) -> f64 {
-    (-(-opacity).ln_1p()).clamp(DEPTHS.0, DEPTHS.1)
+    (-libm::log1p(-opacity)).clamp(DEPTHS.0, DEPTHS.1)
 }
 
 /// Scales masses so that they sum to `total`.

@@ -1,8 +1,8 @@
 //! The order of the Gaussians and the cells that their means lie in: boxes halved along their
 //! longest edge until each holds one mean (docs/format.md, section 5).
 
+use crate::parallel;
 use crate::space::Bounds;
-use rayon::prelude::*;
 
 /// Halvings of an axis at most.
 pub(crate) const DEEPEST: u8 = 40;
@@ -161,7 +161,7 @@ impl Tree {
         let mut cells = vec![Cell::default(); n];
         // Whole coordinates of 2^-40 of the extent: comparing them is exact.
         let fine: [Vec<u64>; 3] =
-            std::array::from_fn(|k| mean[k].par_iter().map(|&v| grid(v, bounds.min[k], extent[k])).collect());
+            std::array::from_fn(|k| parallel::map_range(n, |i| grid(mean[k][i], bounds.min[k], extent[k])));
         let part = |order: &mut [u32], node: &Node, axis: usize| {
             let bit = DEEPEST - 1 - node.cell.depth[axis];
             partition(order, |i| (fine[axis][i as usize] >> bit) & 1 == 0) as u32
@@ -178,11 +178,10 @@ impl Tree {
         };
         let lengths = || nodes.iter().map(|n| gaussians(n));
         let work: Vec<_> = nodes.iter().zip(pieces(&mut order, lengths())).zip(pieces(&mut cells, lengths())).collect();
-        let segments = work.into_par_iter().map(|((nodes, order), cells)| Segment {
+        let segments = parallel::map(work, |((nodes, order), cells)| Segment {
             nodes: nodes.clone(),
             splits: sort(nodes, order, cells, extent, part),
         });
-        let segments = segments.collect();
         Tree { order, cells, trunk, segments }
     }
 

@@ -7,7 +7,6 @@ use super::rans::{Coder, Part};
 use super::symbols::{Model, Residual};
 use super::tree::{Cell, Node, segments};
 use super::trellis::State;
-use crate::math::simd_level;
 
 /// Whole numbers of one Gaussian. `t`, `m` and `shape` are on half steps (2 k + lattice).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -161,7 +160,7 @@ pub(crate) fn walk(
     script: &mut impl Script,
     sink: impl FnMut(usize, &Leaf),
 ) -> Result<(), OutOfRange> {
-    fearless_simd::dispatch!(simd_level(), _simd => kernel(c, header, nodes, script, sink))
+    kernel(c, header, nodes, script, sink)
 }
 
 #[inline(always)]

@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn powers_and_products() {
-        let level = crate::math::simd_level();
+        let level = fearless_simd::Level::new();
         fearless_simd::dispatch!(level, simd => {
             let x: [f32; 16] = std::array::from_fn(|i| 3.7 * i as f32 - 30.1);
             let found: [f32; 16] = exp2(simd, f32x16::from_slice(simd, &x)).into();

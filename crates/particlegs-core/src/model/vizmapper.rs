@@ -1,8 +1,8 @@
 //! The network that follows radius and opacity, at work (paper section III-B).
 
 use super::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
-use crate::math::{Purpose, Random, add_product, exp2, simd_level};
-use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
+use crate::math::{Purpose, Random, add_product, exp2};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use std::ops::Range;
 
 const INPUTS: usize = VIZMAPPER_SHAPE[0];
@@ -22,9 +22,9 @@ pub struct Places {
     pub bias: [Range<usize>; 3],
 }
 
-impl Places {
-    /// Those of the one shape that there is.
-    pub fn new() -> Self {
+/// Those of the one shape that there is.
+impl Default for Places {
+    fn default() -> Self {
         let mut at = 0;
         let mut take = |n: usize| {
             at += n;
@@ -63,7 +63,7 @@ impl Adapted {
 
     /// The opacity of a Gaussian with this logit: `sigmoid(logit + ln odds)`.
     pub fn opacity(&self, logit: f64) -> f64 {
-        1.0 / (1.0 + (-logit).exp() / self.odds)
+        1.0 / (1.0 + libm::exp(-logit) / self.odds)
     }
 }
 
@@ -85,7 +85,7 @@ impl VizMapper {
     /// uniform within one over the root of their inputs, as PyTorch starts linear layers.
     pub fn new(ranges: VizRanges, seed: u64) -> Self {
         let mut parameters = vec![0f32; VIZMAPPER_PARAMETERS];
-        let places = Places::new();
+        let places = Places::default();
         let mut draw = Random::of(Purpose::VizMapperStart, seed, 0);
         for l in 0..2 {
             let bound = 1.0 / (VIZMAPPER_SHAPE[l] as f64).sqrt();
@@ -130,7 +130,7 @@ impl Network {
     /// Lays the parameters out.
     pub fn new(of: &VizMapper) -> Self {
         assert_eq!(of.parameters.len(), VIZMAPPER_PARAMETERS, "the network's shape is fixed");
-        let places = Places::new();
+        let places = Places::default();
         let part = |r: &Range<usize>| of.parameters[r.clone()].to_vec();
         let weights = places.weight.each_ref().map(part);
         Network {
@@ -143,12 +143,12 @@ impl Network {
     }
 
     /// The two outputs of up to [`RUN`] Gaussians, in [-1, 1].
-    pub fn run(&self, inputs: &[[f32; INPUTS]], hidden: &mut Hidden, out: &mut [[f32; 2]]) {
-        dispatch!(simd_level(), simd => self.hidden(simd, inputs, hidden));
+    pub fn run(&self, level: Level, inputs: &[[f32; INPUTS]], hidden: &mut Hidden, out: &mut [[f32; 2]]) {
+        dispatch!(level, simd => self.hidden(simd, inputs, hidden));
         for (row, out) in hidden.value[1].chunks_exact(HIDDEN).zip(out) {
             *out = std::array::from_fn(|o| {
                 let w = &self.last[o * HIDDEN..(o + 1) * HIDDEN];
-                (self.bias[2][o] + dot(row, w)).tanh()
+                libm::tanhf(self.bias[2][o] + dot(row, w))
             });
         }
     }
@@ -199,14 +199,15 @@ fn silu<S: Simd>(simd: S, x: &mut [f32], slope: &mut Vec<f32>) {
 }
 
 /// Whole columns through the network, a run at a time.
-pub fn outputs(network: &Network, inputs: &[[f32; INPUTS]], out: &mut [[f32; 2]]) {
+pub fn outputs(level: Level, network: &Network, inputs: &[[f32; INPUTS]], out: &mut [[f32; 2]]) {
     let mut hidden = Hidden::default();
     for (inputs, out) in inputs.chunks(RUN).zip(out.chunks_mut(RUN)) {
-        network.run(inputs, &mut hidden, out);
+        network.run(level, inputs, &mut hidden, out);
     }
 }
 
 #[cfg(any(test, feature = "twins"))]
+#[allow(clippy::disallowed_methods)]
 pub mod twin {
     //! The network as a reader would write it, and one to try it with.
 
@@ -214,7 +215,7 @@ pub mod twin {
 
     /// The network as a reader would write it.
     pub fn plain(parameters: &[f64], x: [f64; 4]) -> [f64; 2] {
-        let places = Places::new();
+        let places = Places::default();
         let mut v = x.to_vec();
         for l in 0..3 {
             let (w, b) = (&parameters[places.weight[l].clone()], &parameters[places.bias[l].clone()]);
@@ -249,13 +250,12 @@ mod tests {
         let m = stirred(5);
         let mut draw = Random::new(1, 2, 3);
         let x: Vec<[f32; 4]> = (0..301).map(|_| [0; 4].map(|_| draw.normal() as f32)).collect();
-        let run = || {
+        let run = |level| {
             let mut out = vec![[0f32; 2]; x.len()];
-            outputs(&Network::new(&m), &x, &mut out);
+            outputs(level, &Network::new(&m), &x, &mut out);
             out
         };
-        let fast = run();
-        let slow = crate::math::without_simd(run);
+        let (fast, slow) = (run(Level::new()), run(Level::baseline()));
         assert_eq!(fast, slow);
         let parameters: Vec<f64> = m.parameters.iter().map(|v| f64::from(*v)).collect();
         for (x, y) in x.iter().zip(&fast) {
@@ -270,7 +270,7 @@ mod tests {
         assert_eq!(m, VizMapper::new(VizRanges::TRAINING, 7));
         let mut out = [[1f32; 2]];
         let of = Setting { radius: 1.5, opacity: 0.25 };
-        outputs(&Network::new(&m), &[inputs(of, -5.0, 2.0)], &mut out);
+        outputs(Level::new(), &Network::new(&m), &[inputs(of, -5.0, 2.0)], &mut out);
         let a = m.ranges.adapt(of, out[0]);
         assert_eq!((a.scale, a.odds, a.floored), (1.5, 0.4, true));
         let logit = (0.3f64 / 0.7).ln();

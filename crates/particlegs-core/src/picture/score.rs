@@ -2,7 +2,7 @@
 //! whole numbers, so scores do not depend on the order of summation.
 
 use super::{Gray8, ssim};
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Levels above this (of 255) are lit; a pixel counts in the masked PSNR where either picture is.
 pub const MASK_LEVEL: f64 = 2.5;
@@ -48,7 +48,7 @@ pub fn is_lit(a: u8, b: u8) -> bool {
 
 /// The decibels of a mean squared error of values in [0, 1]; `None` for zero.
 pub fn decibels(mean_squared_error: f64) -> Option<f64> {
-    (mean_squared_error > 0.0).then(|| -10.0 * mean_squared_error.log10())
+    (mean_squared_error > 0.0).then(|| -10.0 * libm::log10(mean_squared_error))
 }
 
 /// Squared differences in levels, and pixels, whole and lit.
@@ -63,11 +63,8 @@ struct Sums {
 impl Sums {
     fn of(a: &Gray8, b: &Gray8) -> Sums {
         assert_eq!(a.size, b.size, "pictures of one size");
-        a.data
-            .par_chunks(STEP)
-            .zip(b.data.par_chunks(STEP))
-            .map(|(a, b)| Self::of_run(a, b))
-            .reduce(Sums::default, Sums::plus)
+        let runs = a.data.chunks(STEP).zip(b.data.chunks(STEP)).collect();
+        parallel::map(runs, |(a, b)| Self::of_run(a, b)).into_iter().fold(Sums::default(), Sums::plus)
     }
 
     /// 2^16 squares of at most 255^2 stay below 2^32.

@@ -4,7 +4,7 @@
 //! Window sums of 8-bit levels are whole numbers, so the formula is evaluated on exact sums.
 
 use super::Gray8;
-use rayon::prelude::*;
+use crate::parallel;
 
 const WINDOW: usize = 7;
 /// Pixels of a window.
@@ -27,7 +27,7 @@ pub fn ssim(a: &Gray8, b: &Gray8) -> Option<f64> {
     }
     let (columns, rows) = (width + 1 - WINDOW, height + 1 - WINDOW);
     let bands: Vec<Vec<f64>> =
-        (0..rows.div_ceil(BAND)).into_par_iter().map(|k| band(a, b, k * BAND..rows.min((k + 1) * BAND))).collect();
+        parallel::map_range(rows.div_ceil(BAND), |k| band(a, b, k * BAND..rows.min((k + 1) * BAND)));
     Some(bands.iter().flatten().sum::<f64>() / (columns * rows) as f64)
 }
 

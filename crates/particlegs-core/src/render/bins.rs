@@ -57,7 +57,7 @@ impl<'a> Binner<'a> {
     }
 
     /// Strokes so far, once for every band.
-    pub fn len(&self) -> usize {
+    pub fn strokes(&self) -> usize {
         self.found.len()
     }
 
@@ -152,7 +152,7 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<Placed> {
         return None;
     }
     // What the cut takes away is put back; nearest cuts are the most frequent.
-    let outside = if cut2 == NEAREST_CUT { NEAREST_SHARE } else { (-0.5 * cut2).exp() };
+    let outside = if cut2 == NEAREST_CUT { NEAREST_SHARE } else { libm::exp(-0.5 * cut2) };
     let mut peak = peak / (1.0 - outside);
     let small = smaller < SMALL;
     if small {
@@ -202,7 +202,7 @@ fn cut(peak: f64, smaller: f64) -> f64 {
         // exp(9 / 2) = 90: most footprints spare themselves the logarithm.
         NEAREST_CUT
     } else {
-        (2.0 * (peak / FAINTEST).ln()).clamp(NEAREST_CUT, FARTHEST_CUT)
+        (2.0 * libm::log(peak / FAINTEST)).clamp(NEAREST_CUT, FARTHEST_CUT)
     }
 }
 
@@ -215,7 +215,7 @@ pub fn lattice_sum(f: &Footprint) -> f64 {
     for (i, j) in FREQUENCIES {
         let power = -0.5 * TWO_PI * TWO_PI * (i * i * xx + 2.0 * i * j * xy + j * j * yy);
         if power > -14.0 {
-            sum += 2.0 * power.exp() * (TWO_PI * (i * f.mean[0] + j * f.mean[1])).cos();
+            sum += 2.0 * libm::exp(power) * libm::cos(TWO_PI * (i * f.mean[0] + j * f.mean[1]));
         }
     }
     sum
@@ -229,8 +229,8 @@ pub fn lattice_slope(f: &Footprint) -> ([f64; 2], [f64; 3]) {
     for (i, j) in FREQUENCIES {
         let power = -0.5 * TWO_PI * TWO_PI * (i * i * xx + 2.0 * i * j * xy + j * j * yy);
         if power > -14.0 {
-            let (sin, cos) = (TWO_PI * (i * f.mean[0] + j * f.mean[1])).sin_cos();
-            let size = 2.0 * power.exp();
+            let (sin, cos) = libm::sincos(TWO_PI * (i * f.mean[0] + j * f.mean[1]));
+            let size = 2.0 * libm::exp(power);
             sum += size * cos;
             let by_power = -0.5 * TWO_PI * TWO_PI * size * cos;
             for (c, k) in cov.iter_mut().zip([i * i, 2.0 * i * j, j * j]) {

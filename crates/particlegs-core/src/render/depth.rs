@@ -7,15 +7,15 @@ use super::lens::Lens;
 use super::project::{DepthMoments, InCamera, inverse_moments};
 use super::pyramid::Level;
 use super::scene::Scene;
-use super::scratch;
+use super::scratch::Scratch;
 use super::slices::{Fate, cut, fate};
-use crate::Result;
 use crate::camera::{Projection, View};
+use crate::memory::filled;
 use crate::model::Mixture;
-use crate::picture::{Gray8, Plane, Size};
+use crate::picture::{Gray8, Pixels, Plane, Rows, Size};
 use crate::progress::Progress;
-use crate::splat::Look;
-use rayon::prelude::*;
+use crate::splat::{Look, tone_rows};
+use crate::{Result, parallel};
 
 /// Gaussians projected in one step; fixed, so that sums do not depend on threads.
 const RUN: usize = 4096;
@@ -35,15 +35,22 @@ const MOST_STROKES: usize = 1 << 18;
 /// view of the alpha-blend law, and where one of its Gaussians is not a number;
 /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
-    if let Some(blend) = &scene.blend {
-        return alpha::optical_depth(blend, &scene.parts, view, size, progress);
-    }
-    let lens = Lens::optical(view, size, &scene.bounds)?;
-    let mut plane = sum(scene, &[lens], size, |m, _, i| m.count[i], progress)?;
-    if matches!(view.camera.projection, Projection::Perspective { .. }) {
-        grow(&mut plane, &lens);
-    }
-    Ok(plane)
+    depth(scene, view, size, &mut Scratch::default(), progress)?.to_plane(progress)
+}
+
+/// [`optical_depth`] into a buffer of the caller's.
+///
+/// # Errors
+/// As [`optical_depth`].
+pub fn optical_depth_into(
+    scene: &Scene,
+    view: &View,
+    out: Pixels<'_, f32>,
+    scratch: &mut Scratch,
+    progress: &dyn Progress,
+) -> Result<()> {
+    depth(scene, view, out.size(), scratch, progress)?.copy_to(out.into_data());
+    Ok(())
 }
 
 /// The picture of a scene in a look; a scene of the alpha-blend law has one look ([`Scene::tone`]).
@@ -51,21 +58,64 @@ pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Prog
 /// # Errors
 /// As [`optical_depth`].
 pub fn draw(scene: &Scene, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
-    let tau = optical_depth(scene, view, size, progress)?;
-    let picture = scene.tone(&tau, look, view, size);
-    scratch::give(tau.data);
-    Ok(picture)
+    let mut scratch = Scratch::default();
+    let tau = depth(scene, view, size, &mut scratch, progress)?;
+    let mut out = Gray8 { size, data: filled("a picture", 0, size.pixels(), progress)? };
+    tone_rows(tau, scene.look(look), view.opacity, view.radius_pixels(size), &mut out.data);
+    Ok(out)
+}
+
+/// [`draw`] into a buffer of the caller's: `out` becomes 8-bit levels. With the same `scratch` from picture to
+/// picture no large memory is taken anew.
+///
+/// # Errors
+/// As [`optical_depth`].
+pub fn draw_into(
+    scene: &Scene,
+    view: &View,
+    look: Look,
+    out: Pixels<'_, u8>,
+    scratch: &mut Scratch,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let size = out.size();
+    let tau = depth(scene, view, size, scratch, progress)?;
+    tone_rows(tau, scene.look(look), view.opacity, view.radius_pixels(size), out.into_data());
+    Ok(())
+}
+
+/// The depth of every pixel, where it was summed.
+fn depth<'a>(
+    scene: &Scene,
+    view: &View,
+    size: Size,
+    scratch: &'a mut Scratch,
+    progress: &dyn Progress,
+) -> Result<Rows<'a>> {
+    if let Some(blend) = &scene.blend {
+        return alpha::optical_depth(blend, &scene.parts, view, size, scratch, progress);
+    }
+    let lens = Lens::optical(view, size, &scene.bounds)?;
+    let mut rows = sum(scene, &[lens], size, |m, _, i| m.count[i], scratch, progress)?;
+    if matches!(view.camera.projection, Projection::Perspective { .. }) {
+        grow_rows(&mut rows, &lens);
+    }
+    Ok(rows)
 }
 
 /// VTK's splats widen towards the edges by sqrt(1 + x^2/z^2) and sqrt(1 + y^2/z^2): constant for a
 /// pixel, so applied to the sum.
 pub fn grow(plane: &mut Plane, lens: &Lens) {
+    grow_rows(&mut plane.rows(), lens);
+}
+
+fn grow_rows(rows: &mut Rows<'_>, lens: &Lens) {
     let factor = |i: usize, center: f64| {
         let t = (i as f64 - center) / lens.focal;
         (1.0 + t * t).sqrt() as f32
     };
-    let across: Vec<f32> = (0..plane.size.width).map(|i| factor(i, lens.center[0])).collect();
-    plane.data.par_chunks_mut(plane.size.width).enumerate().for_each(|(j, row)| {
+    let across: Vec<f32> = (0..rows.size.width).map(|i| factor(i, lens.center[0])).collect();
+    rows.each(|j, row| {
         let down = factor(j, lens.center[1]);
         for (v, a) in row.iter_mut().zip(&across) {
             *v *= a * down;
@@ -75,14 +125,15 @@ pub fn grow(plane: &mut Plane, lens: &Lens) {
 
 /// Sum over all Gaussians and lenses of weight times the footprint. `weight` gets the mixture, the
 /// mass of a particle of weight 1 in it, and the Gaussian.
-pub(super) fn sum(
+pub(super) fn sum<'a>(
     scene: &Scene,
     lenses: &[Lens],
     size: Size,
     weight: impl Fn(&Mixture, f64, usize) -> f64 + Sync,
+    scratch: &'a mut Scratch,
     progress: &dyn Progress,
-) -> Result<Plane> {
-    let mut canvas = Canvas::new(size)?;
+) -> Result<Rows<'a>> {
+    let mut canvas = Canvas::new(size, scratch, progress)?;
     let mut runs: Vec<Run<'_>> = scene
         .parts
         .iter()
@@ -92,20 +143,18 @@ pub(super) fn sum(
     let mut group = MOST_RUNS;
     while !runs.is_empty() {
         let from = runs.len().saturating_sub(group);
-        let projected = runs[from..]
-            .par_iter()
-            .rev()
-            .map(|run| {
-                progress.check()?;
-                let end = run.m.len().min((run.start / RUN + 1) * RUN);
-                let weight = |m: &Mixture, i| weight(m, run.unit_mass, i);
-                Ok(project_run(run.m, run.start..end, lenses, &canvas.levels, &weight))
-            })
-            .collect::<Result<Vec<(Bins, usize)>>>()?;
+        let projected = parallel::map_range(runs.len() - from, |k| {
+            progress.check()?;
+            let run = &runs[runs.len() - 1 - k];
+            let end = run.m.len().min((run.start / RUN + 1) * RUN);
+            let weight = |m: &Mixture, i| weight(m, run.unit_mass, i);
+            Ok(project_run(run.m, run.start..end, lenses, &canvas.levels, &weight))
+        });
         // Strokes are drawn in the order of their Gaussians: what comes after a run that was too much at
         // once waits, and is projected again.
         let (mut drawn, mut bins) = (0, Vec::with_capacity(projected.len()));
-        for (own, left) in projected {
+        for run in projected {
+            let (own, left): (Bins, usize) = run?;
             bins.push(own);
             match left {
                 0 => drawn += 1,
@@ -122,7 +171,7 @@ pub(super) fn sum(
         runs.truncate(runs.len() - drawn);
         canvas.draw(&bins, progress)?;
     }
-    canvas.finish()
+    Ok(canvas.finish(progress))
 }
 
 /// Gaussians to be projected in one step: from `start` to the next multiple of [`RUN`].
@@ -133,10 +182,13 @@ struct Run<'a> {
 }
 
 /// Draws all strokes and sums the planes.
-pub fn paint(size: Size, bins: &[Bins], progress: &dyn Progress) -> Result<Plane> {
-    let mut canvas = Canvas::new(size)?;
+///
+/// # Errors
+/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
+pub fn paint(size: Size, bins: &[Bins], scratch: &mut Scratch, progress: &dyn Progress) -> Result<Plane> {
+    let mut canvas = Canvas::new(size, scratch, progress)?;
     canvas.draw(bins, progress)?;
-    canvas.finish()
+    canvas.finish(progress).to_plane(progress)
 }
 
 /// Projects a run of Gaussians to strokes; stops where they are too many to be kept. Says how many
@@ -150,7 +202,7 @@ fn project_run(
 ) -> (Bins, usize) {
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     for i in range.clone() {
-        if binner.len() > MOST_STROKES {
+        if binner.strokes() > MOST_STROKES {
             return (binner.finish(), range.end - i);
         }
         let weight = weight(m, i);

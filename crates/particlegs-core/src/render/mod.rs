@@ -29,6 +29,7 @@ mod plain;
 #[cfg(test)]
 mod tests;
 
-pub use depth::{draw, optical_depth};
+pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
 pub use scene::Scene;
+pub use scratch::Scratch;
 pub use surface::surface_density;

@@ -2,8 +2,9 @@
 //! is wide is drawn on a coarser plane, where it covers fewer pixels; the planes are summed from
 //! coarse to fine.
 
+use crate::parallel;
 use crate::picture::Size;
-use rayon::prelude::*;
+use fearless_simd::Level as SimdLevel;
 
 /// Pixels drawn beyond each edge of a plane, for the interpolation to the next finer one.
 pub const PAD: usize = 8;
@@ -52,15 +53,12 @@ pub fn levels(size: Size) -> Vec<Level> {
     }
 }
 
-/// Adds `coarse` to `fine`, interpolated between its pixels.
-pub fn add_up(coarse: &[f32], coarse_level: &Level, fine: &mut [f32], fine_level: &Level) {
-    fine.par_chunks_mut(fine_level.stride).enumerate().for_each_init(
-        || vec![0.0f32; coarse_level.stride],
-        |line, (row, fine)| {
-            let level = crate::math::simd_level();
-            fearless_simd::dispatch!(level, _simd => add_row(coarse, coarse_level, row, line, fine, fine_level));
-        },
-    );
+/// Adds a coarse plane to the next finer one, interpolated between its pixels.
+pub fn add_up(simd: SimdLevel, (coarse, coarse_level): (&[f32], &Level), (fine, fine_level): (&mut [f32], &Level)) {
+    let line = || vec![0.0f32; coarse_level.stride];
+    parallel::for_each_chunk_with(fine, fine_level.stride, line, |line, row, fine| {
+        fearless_simd::dispatch!(simd, _simd => add_row(coarse, coarse_level, row, line, fine, fine_level));
+    });
 }
 
 /// One row: down first, into `line`, then across.
@@ -98,14 +96,16 @@ fn add_row(coarse: &[f32], level: &Level, row: usize, line: &mut [f32], fine: &m
 
 /// The transpose of [`add_up`] (its edges' repetition apart): what the gradient of the fine plane
 /// means for the coarse one.
-pub fn gather_down(fine: &[f32], fine_level: &Level, coarse: &mut [f32], coarse_level: &Level) {
-    coarse.par_chunks_mut(coarse_level.stride).take(coarse_level.rows).enumerate().for_each_init(
-        || (vec![0.0f32; fine_level.stride], [vec![], vec![]]),
-        |(line, halves), (row, coarse)| {
-            let level = crate::math::simd_level();
-            fearless_simd::dispatch!(level, _simd => gather_row(fine, fine_level, row, line, halves, coarse));
-        },
-    );
+pub fn gather_down(
+    simd: SimdLevel,
+    (fine, fine_level): (&[f32], &Level),
+    (coarse, coarse_level): (&mut [f32], &Level),
+) {
+    let coarse = &mut coarse[..coarse_level.stride * coarse_level.rows];
+    let lines = || (vec![0.0f32; fine_level.stride], [vec![], vec![]]);
+    parallel::for_each_chunk_with(coarse, coarse_level.stride, lines, |(line, halves), row, coarse| {
+        fearless_simd::dispatch!(simd, _simd => gather_row(fine, fine_level, row, line, halves, coarse));
+    });
 }
 
 /// One coarse row: down first, into `line`, then across.
@@ -181,8 +181,9 @@ mod tests {
         };
         let (coarse, fine) = (plane(&levels[1]), plane(&levels[0]));
         let (mut up, mut down) = (vec![0.0; fine.len()], vec![0.0; coarse.len()]);
-        add_up(&coarse, &levels[1], &mut up, &levels[0]);
-        gather_down(&fine, &levels[0], &mut down, &levels[1]);
+        let simd = SimdLevel::new();
+        add_up(simd, (&coarse, &levels[1]), (&mut up, &levels[0]));
+        gather_down(simd, (&fine, &levels[0]), (&mut down, &levels[1]));
         let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| f64::from(x * y)).sum::<f64>();
         let (a, b) = (dot(&up, &fine), dot(&coarse, &down));
         assert!((a - b).abs() < 1e-3 * (1.0 + a.abs()), "{a} {b}");

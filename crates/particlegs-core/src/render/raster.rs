@@ -2,7 +2,7 @@
 
 use super::bins::Stroke;
 use fearless_simd::prelude::*;
-use fearless_simd::{Simd, f32x8};
+use fearless_simd::{Level, Simd, f32x8};
 
 /// A band of a plane: whole rows, pad included.
 pub struct Band<'a> {
@@ -17,8 +17,7 @@ pub struct Band<'a> {
 }
 
 /// Adds strokes to a band, in their order.
-pub fn draw(band: &mut Band, strokes: &[Stroke]) {
-    let level = crate::math::simd_level();
+pub fn draw(level: Level, band: &mut Band, strokes: &[Stroke]) {
     fearless_simd::dispatch!(level, simd => draw_all(simd, band, strokes));
 }
 

@@ -50,7 +50,11 @@ impl<'a> Scene<'a> {
     /// Grey levels of its optical depth ([`super::optical_depth`]) in a look. A scene of the
     /// alpha-blend law has the one look that it was trained on, whichever is asked for.
     pub fn tone(&self, tau: &Plane, look: Look, view: &View, size: Size) -> Gray8 {
-        let look = if self.blend.is_some() { Look::Expected } else { look };
-        tone(tau, look, view.opacity, view.radius_pixels(size))
+        tone(tau, self.look(look), view.opacity, view.radius_pixels(size))
+    }
+
+    /// The look that it is drawn in where this one is asked for.
+    pub(super) fn look(&self, asked: Look) -> Look {
+        if self.blend.is_some() { Look::Expected } else { asked }
     }
 }

@@ -1,37 +1,39 @@
-//! Planes kept from one picture to the next: fresh memory costs more than drawing a small scene.
+//! Buffers kept from one picture to the next: fresh memory costs more than drawing a small scene.
 
 use crate::Result;
-use crate::memory::filled;
-use std::sync::Mutex;
+use crate::memory::reserved;
+use crate::progress::Progress;
 
-/// Floats kept at most: enough for a few pictures of 4K.
-const MOST: usize = 1 << 26;
-
-static KEPT: Mutex<Vec<Vec<f32>>> = Mutex::new(Vec::new());
-
-/// Are planes of `len` floats kept at all?
-pub(super) fn keeps(len: usize) -> bool {
-    len <= MOST
+/// Working memory of the renderer, some 5.4 bytes a pixel of the largest picture drawn with it. What is in
+/// it does not matter: any picture may follow any other.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    /// The planes of a picture, finest first.
+    planes: Vec<Vec<f32>>,
 }
 
-/// `len` floats of any value.
-///
-/// # Errors
-/// [`crate::Error::Memory`].
-pub(super) fn take(len: usize) -> Result<Vec<f32>> {
-    let mut kept = KEPT.lock().unwrap_or_else(|e| e.into_inner());
-    match kept.iter().position(|v| v.len() == len) {
-        Some(at) => Ok(kept.swap_remove(at)),
-        None => filled("a picture", 0.0, len),
-    }
-}
-
-/// Hands floats back; the oldest go where too many are kept.
-pub(super) fn give(values: Vec<f32>) {
-    let mut kept = KEPT.lock().unwrap_or_else(|e| e.into_inner());
-    kept.push(values);
-    let mut sum: usize = kept.iter().map(Vec::len).sum();
-    while sum > MOST {
-        sum -= kept.remove(0).len();
+impl Scratch {
+    /// One plane of each length, of any values.
+    ///
+    /// # Errors
+    /// [`crate::Error::Memory`].
+    pub(super) fn planes(
+        &mut self,
+        lengths: impl ExactSizeIterator<Item = usize>,
+        progress: &dyn Progress,
+    ) -> Result<&mut [Vec<f32>]> {
+        let number = lengths.len();
+        if self.planes.len() < number {
+            self.planes.resize_with(number, Vec::new);
+        }
+        for (plane, length) in self.planes.iter_mut().zip(lengths) {
+            if plane.capacity() < length {
+                // The old one goes before the new one comes.
+                *plane = Vec::new();
+                *plane = reserved("a picture", length, progress)?;
+            }
+            plane.resize(length, 0.0);
+        }
+        Ok(&mut self.planes[..number])
     }
 }

@@ -87,7 +87,7 @@ fn slice<const N: usize>(lens: &Lens, g: &InCamera, mut emit: impl FnMut(&[f64; 
         }
         return;
     }
-    let (from, to) = if lens.perspective { (lo.ln(), hi.ln()) } else { (lo, hi) };
+    let (from, to) = if lens.perspective { (libm::log(lo), libm::log(hi)) } else { (lo, hi) };
     let length = to - from;
     // In the axis' unit: no coarser than the Gaussian itself, nor than perspective allows.
     let own = 0.35 * sigma / if lens.perspective { hi.min(g.mean[2].max(lo)) } else { 1.0 };
@@ -99,11 +99,11 @@ fn slice<const N: usize>(lens: &Lens, g: &InCamera, mut emit: impl FnMut(&[f64; 
     for i in 0..points {
         let u = (i as f64 + 0.5) / POINTS as f64;
         let axis = from + step * u;
-        let depth = if lens.perspective { axis.exp() } else { axis };
+        let depth = if lens.perspective { libm::exp(axis) } else { axis };
         let z = (depth - g.mean[2]) / sigma;
         let stretch = if lens.perspective { depth } else { 1.0 };
         let density =
-            (-0.5 * z * z).exp() * stretch * step / (POINTS as f64 * sigma * (2.0 * std::f64::consts::PI).sqrt());
+            libm::exp(-0.5 * z * z) * stretch * step / (POINTS as f64 * sigma * (2.0 * std::f64::consts::PI).sqrt());
         let (q, density) = if lens.perspective { (1.0 / depth, density / (depth * depth)) } else { (depth, density) };
         let first = u as usize;
         // The density's relative changes with the mean and with the variance.

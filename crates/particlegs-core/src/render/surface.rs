@@ -3,6 +3,7 @@
 use super::depth::sum;
 use super::lens::Lens;
 use super::scene::Scene;
+use super::scratch::Scratch;
 use crate::Result;
 use crate::camera::DensityView;
 use crate::model::Mixture;
@@ -21,7 +22,9 @@ pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, progress: 
         .into_iter()
         .map(|shift| Lens::density(view, size, shift))
         .collect::<Result<Vec<_>>>()?;
-    sum(scene, &lenses, size, |m: &Mixture, unit_mass, i| unit_mass * m.mass_of(i), progress)
+    let mut scratch = Scratch::default();
+    let weight = |m: &Mixture, unit_mass, i| unit_mass * m.mass_of(i);
+    sum(scene, &lenses, size, weight, &mut scratch, progress)?.to_plane(progress)
 }
 
 /// Five of the largest standard deviation: how far Gaussians reach beyond their means.

@@ -5,7 +5,7 @@ use crate::camera::{Camera, Projection, View};
 use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::picture::{Plane, Size};
-use crate::progress::Silent;
+use crate::progress::{Progress, Scalar, Silent};
 use crate::space::Bounds;
 
 const SIZE: Size = Size { width: 96, height: 64 };
@@ -97,10 +97,10 @@ fn threads_and_vectors_do_not_change_a_bit() {
     let m = random_mixture(7, 9000, 0.1);
     let scene = Scene::of_mixture(&m, bounds());
     let v = view([0.1, 0.2, 2.0], 0.01, 0.1);
-    let draw = || optical_depth(&scene, &v, SIZE, &Silent).unwrap();
-    let many = draw();
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(draw);
-    let plain = crate::math::without_simd(draw);
+    let draw = |how: &dyn Progress| optical_depth(&scene, &v, SIZE, how).unwrap();
+    let many = draw(&Silent);
+    let plain = draw(&Scalar);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Silent));
     let bits = |p: &Plane| p.data.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&many), bits(&one));
     assert_eq!(bits(&many), bits(&plain));

@@ -54,6 +54,6 @@ impl Bounds {
         let e = self.extent_nonzero();
         // Cube roots first: 1e30 cubed overflows nothing in f64, 1e-30 cubed underflows nothing,
         // but products of mixed magnitudes stay safest apart.
-        0.0406 * e[0].cbrt() * e[1].cbrt() * e[2].cbrt() / (particles.max(1) as f64).cbrt()
+        0.0406 * libm::cbrt(e[0]) * libm::cbrt(e[1]) * libm::cbrt(e[2]) / libm::cbrt(particles.max(1) as f64)
     }
 }

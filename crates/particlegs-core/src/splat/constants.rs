@@ -38,7 +38,7 @@ pub fn dilogarithm(a: f64) -> f64 {
     use std::f64::consts::PI;
     if a > 0.5 {
         // Li2(a) = pi^2/6 - ln(a) ln(1-a) - Li2(1-a): the series then converges fast.
-        let logs = if a < 1.0 { a.ln() * (-a).ln_1p() } else { 0.0 };
+        let logs = if a < 1.0 { libm::log(a) * libm::log1p(-a) } else { 0.0 };
         return PI * PI / 6.0 - logs - dilogarithm(1.0 - a);
     }
     let (mut sum, mut power) = (0.0, 1.0);
@@ -58,7 +58,7 @@ pub fn erf(x: f64) -> f64 {
     if z > 3.0 {
         // erfc z = exp(-z^2)/sqrt(pi) / (z + (1/2)/(z + 1/(z + (3/2)/(z + ...)))), from its far end.
         let tail = (1..=60).rev().fold(z, |t, k| z + 0.5 * f64::from(k) / t);
-        let erfc = (-z * z).exp() / (tail * std::f64::consts::PI.sqrt());
+        let erfc = libm::exp(-z * z) / (tail * std::f64::consts::PI.sqrt());
         return (1.0 - erfc).copysign(x);
     }
     let (mut sum, mut term, mut k) = (z, z, 0.0);
@@ -67,7 +67,7 @@ pub fn erf(x: f64) -> f64 {
         term *= 2.0 * z * z / (2.0 * k + 1.0);
         sum += term;
     }
-    (std::f64::consts::FRAC_2_SQRT_PI * (-z * z).exp() * sum).copysign(x)
+    (std::f64::consts::FRAC_2_SQRT_PI * libm::exp(-z * z) * sum).copysign(x)
 }
 
 #[cfg(test)]

@@ -71,16 +71,16 @@ impl FxaaMean {
             let fade = (opacity / OPACITY[0]).min(1.0);
             let loss = 1.0 - (at(o, t) + w * (at(o + 1, t) - at(o, t)));
             // Beyond the largest radius neighbours are nearly equal and FXAA rests.
-            let rest = (RADIUS[RADIUS.len() - 1] / radius_px).min(1.0).powi(2);
-            (1.0 - loss * fade * rest) as f32
+            let rest = (RADIUS[RADIUS.len() - 1] / radius_px).min(1.0);
+            (1.0 - loss * fade * (rest * rest)) as f32
         });
-        FxaaMean { ratio, log2_tau: TAU.map(|t| t.log2() as f32) }
+        FxaaMean { ratio, log2_tau: TAU.map(|t| libm::log2(t) as f32) }
     }
 
     /// The factor on the mean level at optical depth `tau`; the ends of the table hold beyond it.
     #[inline]
     pub fn ratio(&self, tau: f32) -> f32 {
-        let x = tau.log2();
+        let x = libm::log2f(tau);
         let last = self.ratio.len() - 1;
         if x.is_nan() || x <= self.log2_tau[0] {
             return self.ratio[0];
@@ -98,7 +98,7 @@ impl FxaaMean {
 /// Interval and position within it, in logarithms, of `x` in a rising grid; clamped to its ends.
 fn locate(grid: &[f64], x: f64) -> (usize, f64) {
     let i = grid[1..grid.len() - 1].iter().take_while(|&&g| x >= g).count();
-    let t = (x / grid[i]).ln() / (grid[i + 1] / grid[i]).ln();
+    let t = libm::log(x / grid[i]) / libm::log(grid[i + 1] / grid[i]);
     (i, if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) })
 }
 
@@ -108,7 +108,7 @@ fn locate(grid: &[f64], x: f64) -> (usize, f64) {
 /// single fragments below the threshold.
 pub fn fxaa_blur(opacity: f64, radius_px: f64) -> f32 {
     const TAP: f64 = 0.0404;
-    let small = ((2.0 / radius_px).log2() / 2.0).clamp(0.0, 1.0);
+    let small = (libm::log2(2.0 / radius_px) / 2.0).clamp(0.0, 1.0);
     let loud = (opacity / HARD_THRESHOLD).min(1.0);
     (TAP * small * loud) as f32
 }

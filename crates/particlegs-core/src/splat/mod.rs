@@ -16,3 +16,4 @@ pub use look::Look;
 pub use response::Response;
 pub use response::mul8;
 pub use tone::tone;
+pub(crate) use tone::tone_rows;

@@ -66,7 +66,7 @@ fn table_length() -> usize {
 
 fn table_tau(i: usize) -> f64 {
     let per_octave = 1usize << STEP_BITS;
-    let octave = 2.0f64.powi(FIRST_EXPONENT + (i / per_octave) as i32);
+    let octave = libm::ldexp(1.0, FIRST_EXPONENT + (i / per_octave) as i32);
     octave * (1.0 + (i % per_octave) as f64 / per_octave as f64)
 }
 
@@ -76,7 +76,7 @@ fn share_above(alpha: f64, opacity: f64) -> f64 {
         return 0.0;
     }
     let (c, square) = (CUT_SIGMA, 4.0 * CUT_SIGMA * CUT_SIGMA);
-    let rho2 = if alpha > 0.0 { -2.0 * (alpha / opacity).ln() } else { f64::INFINITY };
+    let rho2 = if alpha > 0.0 { -2.0 * libm::log(alpha / opacity) } else { f64::INFINITY };
     if rho2 >= 2.0 * c * c {
         return 1.0;
     }
@@ -85,7 +85,7 @@ fn share_above(alpha: f64, opacity: f64) -> f64 {
         return circle / square;
     }
     let rho = rho2.sqrt();
-    let outside = 4.0 * (rho2 * (c / rho).acos() - c * (rho2 - c * c).sqrt());
+    let outside = 4.0 * (rho2 * libm::acos(c / rho) - c * (rho2 - c * c).sqrt());
     (circle - outside) / square
 }
 

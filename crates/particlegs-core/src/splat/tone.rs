@@ -1,8 +1,8 @@
 //! From optical depth to grey levels: the tone curve of each look.
 
 use super::{FxaaMean, Look, Response, fxaa_blur};
-use crate::picture::{Gray8, Plane, Size};
-use rayon::prelude::*;
+use crate::parallel;
+use crate::picture::{Gray8, Plane, Rows};
 
 /// Grey levels of a noise-free plane of optical depth (the opacity integral, A1 of
 /// docs/law/depth.md), of all particles or of a model.
@@ -11,37 +11,40 @@ use rayon::prelude::*;
 /// noisy ParaView's picture would be and so what its rounding and FXAA do to the mean.
 /// Results do not depend on the number of threads.
 pub fn tone(tau: &Plane, look: Look, opacity: f64, radius_px: f64) -> Gray8 {
+    let mut out = Gray8::black(tau.size);
+    tone_rows(tau.clone().rows(), look, opacity, radius_px, &mut out.data);
+    out
+}
+
+/// [`tone`] of rows, which are overwritten, into `out`.
+pub(crate) fn tone_rows(mut tau: Rows<'_>, look: Look, opacity: f64, radius_px: f64, out: &mut [u8]) {
     match look {
-        Look::Expected => per_pixel(tau, |t| 255.0 * -(-t).exp_m1()),
+        Look::Expected => per_pixel(&tau, out, |t| 255.0 * -libm::expm1f(-t)),
         Look::ParaviewNoFxaa => {
             let response = Response::new(opacity);
-            per_pixel(tau, |t| response.level(t))
+            per_pixel(&tau, out, |t| response.level(t));
         }
         Look::Paraview => {
             let (response, mean) = (Response::new(opacity), FxaaMean::new(opacity, radius_px));
-            let levels = map(&tau.data, |t| response.level(t) * mean.ratio(t));
-            blurred(tau.size, &levels, fxaa_blur(opacity, radius_px))
+            tau.each(|_, row| row.iter_mut().for_each(|t| *t = response.level(*t) * mean.ratio(*t)));
+            blurred(&tau, fxaa_blur(opacity, radius_px), out);
         }
     }
 }
 
-fn map<T: Send>(tau: &[f32], curve: impl Fn(f32) -> T + Sync) -> Vec<T> {
-    tau.par_iter().with_min_len(4096).map(|&t| curve(t)).collect()
-}
-
-fn per_pixel(tau: &Plane, curve: impl Fn(f32) -> f32 + Sync) -> Gray8 {
+fn per_pixel(tau: &Rows<'_>, out: &mut [u8], curve: impl Fn(f32) -> f32 + Send + Sync) {
     // The cast saturates and takes NaN to black.
-    Gray8 { size: tau.size, data: map(&tau.data, |t| curve(t).round_ties_even() as u8) }
+    parallel::for_each_chunk(out, tau.size.width.max(1), |j, out| {
+        out.iter_mut().zip(tau.row(j)).for_each(|(o, &t)| *o = curve(t).round_ties_even() as u8);
+    });
 }
 
 /// Levels with `tap` of either neighbour mixed in along both axes (edges repeated), rounded.
-fn blurred(size: Size, levels: &[f32], tap: f32) -> Gray8 {
-    let (w, h) = (size.width, size.height);
-    let mut data = vec![0u8; levels.len()];
+fn blurred(levels: &Rows<'_>, tap: f32, out: &mut [u8]) {
+    let (w, h) = (levels.size.width, levels.size.height);
     let center = 1.0 - 2.0 * tap;
-    data.par_chunks_mut(w.max(1)).enumerate().for_each_init(Vec::new, |column, (y, out)| {
-        let row = |y: usize| &levels[y * w..(y + 1) * w];
-        let (above, here, below) = (row(y.saturating_sub(1)), row(y), row((y + 1).min(h - 1)));
+    parallel::for_each_chunk_with(out, w.max(1), Vec::new, |column, y, out| {
+        let (above, here, below) = (levels.row(y.saturating_sub(1)), levels.row(y), levels.row((y + 1).min(h - 1)));
         column.clear();
         column.extend((0..w).map(|x| center * here[x] + tap * (above[x] + below[x])));
         for x in 0..w {
@@ -49,12 +52,12 @@ fn blurred(size: Size, levels: &[f32], tap: f32) -> Gray8 {
             out[x] = (center * column[x] + tap * sides).round_ties_even() as u8;
         }
     });
-    Gray8 { size, data }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Size;
 
     fn sheet(tau: f32) -> Plane {
         let size = Size { width: 7, height: 5 };

@@ -114,8 +114,8 @@ impl Learner for AlphaLearner {
             ranges: m.ranges,
             identity: self.config.identity,
         });
-        let pass = Pass::new(&eye, &self.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED)?;
-        let mut valued = loss.of(&shown(&pass.drawn), shot.target);
+        let pass = Pass::new(&eye, &self.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED, shot.progress)?;
+        let mut valued = loss.of(&shown(&pass.drawn), shot.target, shot.progress.simd());
         // Brightness beyond white is cut: nothing there moves it.
         let beyond = valued.gradient.data.iter_mut().zip(&pass.drawn.data);
         beyond.filter(|(_, b)| **b > 1.0).for_each(|(g, _)| *g = 0.0);

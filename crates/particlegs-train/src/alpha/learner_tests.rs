@@ -12,7 +12,7 @@ use particlegs_core::camera::{Normalisation, ORBITS, View, base_distance, spiral
 use particlegs_core::math::Random;
 use particlegs_core::model::{Block, LawKind, Layer, Mass, Mixture, Model};
 use particlegs_core::picture::{Gray8, Plane, Size, masked_psnr};
-use particlegs_core::progress::Silent;
+use particlegs_core::progress::{Level, Progress, Scalar, Silent};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
@@ -69,7 +69,11 @@ fn lesson_of(folder: &str, size: Size, frames: usize) -> Lesson {
 }
 
 fn shot<'a>(view: &'a View, target: &'a Plane) -> Shot<'a> {
-    Shot { view, target, crop: Crop::whole(target.size) }
+    shot_with(view, target, &Silent)
+}
+
+fn shot_with<'a>(view: &'a View, target: &'a Plane, progress: &'a dyn Progress) -> Shot<'a> {
+    Shot { view, target, crop: Crop::whole(target.size), progress }
 }
 
 fn moment(iteration: u64, iterations: u64, densify: Densify) -> Moment {
@@ -79,11 +83,21 @@ fn moment(iteration: u64, iterations: u64, densify: Densify) -> Moment {
 const STILL: Densify = Densify { every: 0, until: 0, threshold: 2e-4 };
 
 fn train(learner: &mut AlphaLearner, lesson: &Lesson, from: u64, steps: u64, densify: Densify) -> f64 {
-    let mut sum = 0.0;
-    for iteration in from..from + steps {
+    train_with(learner, lesson, from..from + steps, densify, &Silent)
+}
+
+fn train_with(
+    learner: &mut AlphaLearner,
+    lesson: &Lesson,
+    iterations: std::ops::Range<u64>,
+    densify: Densify,
+    progress: &dyn Progress,
+) -> f64 {
+    let (mut sum, last, steps) = (0.0, iterations.end, iterations.end - iterations.start);
+    for iteration in iterations {
         let (view, _, target) = &lesson.shots[iteration as usize % lesson.shots.len()];
-        let at = moment(iteration, from + steps, densify);
-        let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
+        let at = moment(iteration, last, densify);
+        let stepped = learner.step(&shot_with(view, target, progress), &Loss::PUBLISHED, &at).unwrap();
         assert_eq!(stepped.not_finite, None);
         sum += stepped.loss;
         learner.control(&at);
@@ -143,14 +157,14 @@ fn small_learner(lesson: &Lesson, config: AlphaConfig) -> AlphaLearner {
 const QUICK: Size = Size { width: 112, height: 63 };
 
 /// Twelve steps, densification, pruning and a reset among them.
-fn eventful(lesson: &Lesson, from: Option<(&State, u64)>, to: u64) -> State {
+fn eventful(lesson: &Lesson, from: Option<(&State, u64)>, to: u64, progress: &dyn Progress) -> State {
     let config = AlphaConfig { densify_from: 1, reset_every: 9, ..AlphaConfig::default() };
     let mut learner = small_learner(lesson, config);
     if let Some((state, _)) = from {
         learner.restore(state).unwrap();
     }
     let start = from.map_or(0, |f| f.1);
-    train(&mut learner, lesson, start, to - start, BUSY);
+    train_with(&mut learner, lesson, start..to, BUSY, progress);
     assert!(learner.len() > 700, "{}", learner.len());
     learner.state()
 }
@@ -158,13 +172,13 @@ fn eventful(lesson: &Lesson, from: Option<(&State, u64)>, to: u64) -> State {
 #[test]
 fn threads_vectors_and_interruptions_do_not_change_a_bit() {
     let lesson = lesson(QUICK, 1);
-    let whole = eventful(&lesson, None, 12);
+    let whole = eventful(&lesson, None, 12, &Silent);
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert!(whole == one.install(|| eventful(&lesson, None, 12)), "threads");
-    let plain = particlegs_core::math::without_simd(|| eventful(&lesson, None, 12));
+    assert!(whole == one.install(|| eventful(&lesson, None, 12, &Silent)), "threads");
+    let plain = eventful(&lesson, None, 12, &Scalar);
     assert!(whole == plain, "vectors");
-    let half = eventful(&lesson, None, 6);
-    assert!(whole == eventful(&lesson, Some((&half, 6)), 12), "interruption");
+    let half = eventful(&lesson, None, 6, &Silent);
+    assert!(whole == eventful(&lesson, Some((&half, 6)), 12, &Silent), "interruption");
 }
 
 #[test]
@@ -303,7 +317,7 @@ fn models_hold_what_was_trained() {
     assert!((losses[0] - losses[1]).abs() < 1e-6, "{losses:?}");
     let drawn = render::draw(&Scene::of(&m), view, QUICK, Look::Expected, &Silent).unwrap();
     let levels = drawn.data.iter().map(|b| f32::from(*b) / 255.0).collect();
-    let loss = Loss::PUBLISHED.of(&Plane { size: QUICK, data: levels }, target).value;
+    let loss = Loss::PUBLISHED.of(&Plane { size: QUICK, data: levels }, target, Level::new()).value;
     assert!((loss - losses[0]).abs() < 2e-3, "{loss} {losses:?}");
 }
 

@@ -1,7 +1,7 @@
 //! The network's gradient.
 
-use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
-use particlegs_core::math::{add_product, simd_level};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
+use particlegs_core::math::add_product;
 use particlegs_core::model::VIZMAPPER_PARAMETERS;
 use particlegs_core::model::vizmapper::{Hidden, Network, Places, RUN, dot};
 use rayon::prelude::*;
@@ -31,7 +31,12 @@ struct Scratch {
 
 /// From the changes `wanted` with the network's outputs: those with its parameters, and with the
 /// last two of each Gaussian's inputs.
-pub(super) fn slopes(network: &Network, inputs: &[[f32; 4]], wanted: &[[f32; 2]]) -> (Vec<f32>, Vec<[f32; 2]>) {
+pub(super) fn slopes(
+    level: Level,
+    network: &Network,
+    inputs: &[[f32; 4]],
+    wanted: &[[f32; 2]],
+) -> (Vec<f32>, Vec<[f32; 2]>) {
     let mut with_inputs = vec![[0f32; 2]; inputs.len()];
     let steps: Vec<Sums> = inputs
         .par_chunks(STEP)
@@ -44,7 +49,7 @@ pub(super) fn slopes(network: &Network, inputs: &[[f32; 4]], wanted: &[[f32; 2]]
                 last_bias: [0.0; 2],
             };
             for ((x, d), with) in inputs.chunks(RUN).zip(wanted.chunks(RUN)).zip(with_inputs.chunks_mut(RUN)) {
-                dispatch!(simd_level(), simd => back(simd, network, x, d, with, scratch, &mut sums));
+                dispatch!(level, simd => back(simd, network, x, d, with, scratch, &mut sums));
             }
             sums
         })
@@ -65,7 +70,7 @@ fn back<S: Simd>(
     let n = inputs.len();
     let Scratch { hidden, out, last, second, first } = scratch;
     out.resize(n, [0.0; 2]);
-    network.run(inputs, hidden, out);
+    network.run(simd.level(), inputs, hidden, out);
     last.clear();
     last.extend(out.iter().zip(wanted).map(|(o, w)| [0, 1].map(|k| w[k] * (1.0 - o[k] * o[k]))));
     last.iter().for_each(|d| (0..2).for_each(|k| sums.last_bias[k] += d[k]));
@@ -97,7 +102,7 @@ fn times<S: Simd>(simd: S, a: &mut [f32], b: &[f32]) {
 
 /// Adds up steps, in the order of [`particlegs_core::model::VizMapper::parameters`].
 fn total(steps: &[Sums]) -> Vec<f32> {
-    let places = Places::new();
+    let places = Places::default();
     let mut sums = vec![0f64; VIZMAPPER_PARAMETERS];
     let mut add = |at: usize, v: f32| sums[at] += f64::from(v);
     for s in steps {
@@ -131,7 +136,7 @@ mod tests {
         let mut wanted = vec![[0f32; 2]; n];
         let few = [0, 77, RUN, STEP + 5, n - 1];
         few.iter().for_each(|i| wanted[*i] = [draw.normal() as f32, draw.normal() as f32]);
-        let (found, with_inputs) = slopes(&Network::new(&mapper), &x, &wanted);
+        let (found, with_inputs) = slopes(Level::new(), &Network::new(&mapper), &x, &wanted);
         let value = |p: &[f64], shift: Option<(usize, usize, f64)>| -> f64 {
             few.iter()
                 .map(|&i| {

@@ -8,7 +8,7 @@ use particlegs_core::Result;
 use particlegs_core::model::VizRanges;
 use particlegs_core::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
 use particlegs_core::picture::Plane;
-use particlegs_core::progress::Silent;
+use particlegs_core::progress::{Level, Progress};
 use particlegs_core::render::alpha::raster::blend;
 use particlegs_core::render::alpha::{CutOffs, Eye, Plan};
 use rayon::prelude::*;
@@ -35,6 +35,7 @@ pub(super) struct Pass<'a> {
     plan: Plan,
     /// Brightness, not cut to [0, 1].
     pub drawn: Plane,
+    simd: Level,
 }
 
 /// Changes of the loss.
@@ -57,14 +58,16 @@ impl<'a> Pass<'a> {
     /// Draws. Gaussians with numbers that are not finite are left out.
     ///
     /// # Errors
-    /// [`particlegs_core::Error::Memory`].
+    /// [`particlegs_core::Error::Memory`], [`particlegs_core::Error::Cancelled`].
     pub fn new(
         eye: &'a Eye,
         parameters: &'a Parameters,
         mapper: Option<&'a Mapper>,
         setting: Setting,
         cut: CutOffs,
+        progress: &dyn Progress,
     ) -> Result<Self> {
+        let simd = progress.simd();
         let n = parameters.len();
         let mut own = vec![[0f32; 4]; if mapper.is_some() { n } else { 0 }];
         let mut adapted = vec![Adapted::STATIC; n];
@@ -76,7 +79,7 @@ impl<'a> Pass<'a> {
                     *own = if fine(&one) { inputs(setting, one.mean_log_scale(), one.logit) } else { [0.0; 4] };
                 }
                 let mut out = vec![[0f32; 2]; own.len()];
-                outputs(&mapper.network, own, &mut out);
+                outputs(simd, &mapper.network, own, &mut out);
                 adapted.iter_mut().zip(out).for_each(|(a, out)| *a = mapper.ranges.adapt(setting, out));
             });
         }
@@ -84,14 +87,14 @@ impl<'a> Pass<'a> {
             let one = parameters.get(i);
             fine(&one).then(|| one.gaussian(&adapted[i]))
         };
-        let plan = Plan::new(eye, n, gaussian, cut, &Silent)?;
-        let drawn = blend(&plan, eye.size, &Silent)?;
-        Ok(Pass { eye, parameters, mapper, setting, inputs: own, adapted, plan, drawn })
+        let plan = Plan::new(eye, n, gaussian, cut, progress)?;
+        let drawn = blend(&plan, eye.size, progress)?;
+        Ok(Pass { eye, parameters, mapper, setting, inputs: own, adapted, plan, drawn, simd })
     }
 
     /// Goes back, from the changes of the loss with each pixel's brightness.
     pub fn back(&self, slope: &Plane) -> Gradient {
-        let sums = raster::sums(&self.plan, &self.drawn, slope);
+        let sums = raster::sums(self.simd, &self.plan, &self.drawn, slope);
         let slopes: Vec<Slopes> = sums
             .par_iter()
             .zip(&self.plan.indices)
@@ -133,7 +136,7 @@ impl<'a> Pass<'a> {
         for (&i, s) in self.plan.indices.iter().zip(slopes) {
             all[i as usize] = wanted(&self.adapted[i as usize], s.scale, s.odds);
         }
-        let (with_network, with_inputs) = network::slopes(&mapper.network, &self.inputs, &all);
+        let (with_network, with_inputs) = network::slopes(self.simd, &mapper.network, &self.inputs, &all);
         let own = particlegs_core::model::vizmapper::OWN.map(|[_, half]| 1.0 / half as f32);
         let [_, scale, _, logit, _] = &mut out.0;
         for (i, with) in with_inputs.iter().enumerate() {

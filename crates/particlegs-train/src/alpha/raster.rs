@@ -3,8 +3,8 @@
 //! What lies behind a footprint is the picture less what came before it, so nothing has to be kept
 //! from drawing but the picture.
 
-use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
-use particlegs_core::math::{across, simd_level};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
+use particlegs_core::math::across;
 use particlegs_core::picture::Plane;
 use particlegs_core::render::alpha::raster::{ASK, Lit, PIXELS, Tile, alphas, lanes, rows};
 use particlegs_core::render::alpha::{Plan, TILE};
@@ -16,7 +16,7 @@ pub(super) type Sums = [f32; 7];
 
 /// Sums of every footprint of a plan, in its order, for the change `slope` of the loss with each
 /// pixel's brightness. `drawn` is the picture as it was blended.
-pub(super) fn sums(plan: &Plan, drawn: &Plane, slope: &Plane) -> Vec<Sums> {
+pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> Vec<Sums> {
     let width = drawn.size.width;
     let band = width * TILE;
     let bands: Vec<Vec<Sums>> = drawn
@@ -26,7 +26,7 @@ pub(super) fn sums(plan: &Plan, drawn: &Plane, slope: &Plane) -> Vec<Sums> {
         .enumerate()
         .with_max_len(1)
         .map(|(row, (drawn, slope))| {
-            let mut tile = Tile::new();
+            let mut tile = Tile::default();
             let mut out = Vec::new();
             for column in 0..plan.tiles.across {
                 let number = row * plan.tiles.across + column;
@@ -38,7 +38,7 @@ pub(super) fn sums(plan: &Plan, drawn: &Plane, slope: &Plane) -> Vec<Sums> {
                 out.resize(start + plan.bins.iter().map(|b| b.of(number).len()).sum::<usize>(), Sums::default());
                 let out = &mut out[start..];
                 if !tile.done() {
-                    dispatch!(simd_level(), simd => tile_sums(simd, plan, number, &lit, &mut tile, [&total, &slope], out));
+                    dispatch!(level, simd => tile_sums(simd, plan, number, &lit, &mut tile, [&total, &slope], out));
                 }
             }
             out

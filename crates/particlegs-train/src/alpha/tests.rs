@@ -8,6 +8,7 @@ use particlegs_core::math::Random;
 use particlegs_core::model::vizmapper::{Network, Setting, twin::stirred};
 use particlegs_core::model::{VizMapper, VizRanges};
 use particlegs_core::picture::{Plane, Size};
+use particlegs_core::progress::Silent;
 use particlegs_core::render::alpha::{CutOffs, Eye};
 
 const SIZE: Size = Size { width: 37, height: 21 };
@@ -47,7 +48,7 @@ fn check(position: [f64; 3], of: Setting, mapper: Option<VizMapper>) {
     let want: Vec<f32> = (0..SIZE.pixels()).map(|_| draw.normal() as f32).collect();
     let identity = 0.01;
     let used = mapper.as_ref().map(|m| Mapper { network: Network::new(m), ranges: m.ranges, identity });
-    let pass = Pass::new(&eye, &p, used.as_ref(), of, SMOOTH).unwrap();
+    let pass = Pass::new(&eye, &p, used.as_ref(), of, SMOOTH, &Silent).unwrap();
     let found = pass.back(&Plane { size: SIZE, data: want.clone() });
     let parameters = mapper.as_ref().map(|m| &m.parameters[..]);
     let mut twin = Twin::of(&p, parameters, VizRanges::TRAINING, identity);
@@ -103,7 +104,7 @@ fn what_is_not_seen_wants_nothing_and_order_does_not_matter() {
     let eye = Eye::new(&view([0.3, 0.5, 3.0]), SIZE, &FRAME).unwrap();
     let want = Plane { size: SIZE, data: vec![1.0; SIZE.pixels()] };
     let of = Setting { radius: 1.0, opacity: 1.0 };
-    let back = |p: &Parameters| Pass::new(&eye, p, None, of, CutOffs::PUBLISHED).unwrap().back(&want);
+    let back = |p: &Parameters| Pass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Silent).unwrap().back(&want);
     let ones: Vec<One> = (0..40).map(|i| drawn(6, i)).collect();
     let mut forth = Parameters::default();
     ones.iter().for_each(|o| forth.push(o));
@@ -120,7 +121,9 @@ fn what_is_not_seen_wants_nothing_and_order_does_not_matter() {
         assert_eq!(a.parameters.get(i), Parameters::zeros(1).get(0));
     }
     let none = Parameters::default();
-    assert!(Pass::new(&eye, &none, None, of, CutOffs::PUBLISHED).unwrap().drawn.data.iter().all(|v| *v == 0.0));
+    assert!(
+        Pass::new(&eye, &none, None, of, CutOffs::PUBLISHED, &Silent).unwrap().drawn.data.iter().all(|v| *v == 0.0)
+    );
 }
 
 /// Three Gaussians that leave less than 1e-4: what is behind them wants nothing, and they want the
@@ -131,7 +134,7 @@ fn what_is_hidden_wants_nothing() {
     let mut draw = Random::new(8, 1, 3);
     let want = Plane { size: SIZE, data: (0..SIZE.pixels()).map(|_| draw.normal() as f32).collect() };
     let of = Setting { radius: 1.0, opacity: 1.0 };
-    let back = |p: &Parameters| Pass::new(&eye, p, None, of, CutOffs::PUBLISHED).unwrap().back(&want);
+    let back = |p: &Parameters| Pass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Silent).unwrap().back(&want);
     let mut wall = Parameters::default();
     for k in 0..3 {
         let rotation = [1.0, 0.0, 0.0, 0.0];

@@ -1,7 +1,7 @@
 //! The tone curve with its slope: from optical depth to brightness.
 
-use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
-use particlegs_core::math::{exp2, simd_level};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
+use particlegs_core::math::exp2;
 use particlegs_core::splat::{FxaaMean, Look, Response};
 
 /// Brightness in [0, 1] against optical depth.
@@ -25,9 +25,9 @@ impl Curve {
     }
 
     /// Brightness of each depth and its change with depth, in slices of one length.
-    pub fn apply(&self, tau: &[f32], drawn: &mut [f32], slope: &mut [f32]) {
+    pub fn apply(&self, simd: Level, tau: &[f32], drawn: &mut [f32], slope: &mut [f32]) {
         match self {
-            Curve::Expected => dispatch!(simd_level(), simd => expected(simd, tau, drawn, slope)),
+            Curve::Expected => dispatch!(simd, simd => expected(simd, tau, drawn, slope)),
             Curve::Response(response, mean) => {
                 let level = |t: f32| response.level(t) * mean.as_ref().map_or(1.0, |m| m.ratio(t)) / 255.0;
                 for ((&t, d), s) in tau.iter().zip(drawn).zip(slope) {

@@ -2,7 +2,7 @@
 
 use super::adjoint::OfFootprint;
 use fearless_simd::prelude::*;
-use fearless_simd::{Simd, f32x8};
+use fearless_simd::{Level as SimdLevel, Simd, f32x8};
 use particlegs_core::render::bins::{Placed, Stroke, lattice_slope};
 use particlegs_core::render::project::Footprint;
 use particlegs_core::render::pyramid::{Level, PAD};
@@ -20,8 +20,7 @@ pub struct Gathered {
 }
 
 /// Gathers `gradient`, a plane of `level`, over a stroke.
-pub fn gather(gradient: &[f32], level: &Level, stroke: &Stroke) -> Gathered {
-    let simd = particlegs_core::math::simd_level();
+pub fn gather(simd: SimdLevel, gradient: &[f32], level: &Level, stroke: &Stroke) -> Gathered {
     fearless_simd::dispatch!(simd, simd => gather_all(simd, gradient, level, stroke))
 }
 

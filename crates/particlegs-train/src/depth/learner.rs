@@ -19,6 +19,7 @@ use crate::state::State;
 use particlegs_core::Result;
 use particlegs_core::model::{MASS, Mixture};
 use particlegs_core::picture::Plane;
+use particlegs_core::render::Scratch;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
 use rayon::prelude::*;
@@ -55,6 +56,8 @@ pub(crate) struct DepthLearner {
     weight: Option<Vec<f64>>,
     /// Of place (3 a Gaussian), shape (6) and count (1).
     averages: [Averages; 3],
+    /// Of its pictures.
+    scratch: Scratch,
     #[cfg(test)]
     pub poison: Option<usize>,
 }
@@ -81,22 +84,25 @@ impl DepthLearner {
             settled: false,
             weight: mixture.masses().map(|m| m.iter().zip(&mixture.count).map(|(m, c)| m / c.max(1e-3)).collect()),
             averages: WIDTHS.map(|k| Averages::zeros(k * m)),
+            scratch: Scratch::default(),
             #[cfg(test)]
             poison: None,
         }
     }
 
     /// Loss of a shot, and its gradient with every Gaussian.
-    fn backward(&self, mixture: &Mixture, shot: &Shot<'_>, loss: &Loss) -> Result<(f64, Vec<OfGaussian>)> {
-        let tape = Tape::draw(mixture, &self.ground.bounds, shot.view, &shot.crop)?;
+    fn backward(&mut self, mixture: &Mixture, shot: &Shot<'_>, loss: &Loss) -> Result<(f64, Vec<OfGaussian>)> {
+        let simd = shot.progress.simd();
+        let bounds = &self.ground.bounds;
+        let tape = Tape::draw(mixture, bounds, shot.view, &shot.crop, &mut self.scratch, shot.progress)?;
         let curve = Curve::new(self.ground.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));
         let size = tape.tau.size;
         let (mut drawn, mut slope) = (Plane::zeros(size), Plane::zeros(size));
         let pixels = drawn.data.par_chunks_mut(PIXELS).zip(slope.data.par_chunks_mut(PIXELS));
         pixels.zip(tape.tau.data.par_chunks(PIXELS)).for_each(|((drawn, slope), tau)| {
-            curve.apply(tau, drawn, slope);
+            curve.apply(simd, tau, drawn, slope);
         });
-        let mut valued = loss.of(&drawn, shot.target);
+        let mut valued = loss.of(&drawn, shot.target, simd);
         valued.gradient.data.par_iter_mut().zip(&slope.data).for_each(|(g, s)| *g *= s);
         Ok((valued.value, tape.gradient(mixture, valued.gradient)))
     }

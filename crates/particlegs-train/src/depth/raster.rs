@@ -7,7 +7,8 @@ use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::{Plane, Size};
-use particlegs_core::progress::Silent;
+use particlegs_core::progress::{Level as SimdLevel, Progress};
+use particlegs_core::render::Scratch;
 use particlegs_core::render::bins::{Binner, Bins, Placed, place};
 use particlegs_core::render::depth::{grow, in_camera, paint};
 use particlegs_core::render::lens::Lens;
@@ -38,14 +39,23 @@ pub struct Tape {
     lens: Lens,
     levels: Vec<Level>,
     runs: Vec<Vec<Piece>>,
+    simd: SimdLevel,
 }
 
 impl Tape {
     /// Draws `mixture` as `render::optical_depth` does.
     ///
     /// # Errors
-    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
-    pub fn draw(mixture: &Mixture, bounds: &Bounds, view: &View, crop: &Crop) -> Result<Tape> {
+    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range;
+    /// [`particlegs_core::Error::Memory`], [`particlegs_core::Error::Cancelled`].
+    pub fn draw(
+        mixture: &Mixture,
+        bounds: &Bounds,
+        view: &View,
+        crop: &Crop,
+        scratch: &mut Scratch,
+        progress: &dyn Progress,
+    ) -> Result<Tape> {
         let mut lens = Lens::optical(view, crop.full, bounds)?;
         for k in 0..2 {
             lens.center[k] -= crop.corner[k] as f64;
@@ -56,9 +66,9 @@ impl Tape {
             .map(|run| project_run(mixture, run * RUN..mixture.len().min((run + 1) * RUN), &lens, &levels))
             .collect();
         let (runs, bins): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
-        let mut tau = paint(crop.size, &bins, &Silent)?;
+        let mut tau = paint(crop.size, &bins, scratch, progress)?;
         grow(&mut tau, &lens);
-        Ok(Tape { tau, lens, levels, runs })
+        Ok(Tape { tau, lens, levels, runs, simd: progress.simd() })
     }
 
     /// The gradient with every Gaussian, given that with every pixel's depth.
@@ -88,7 +98,7 @@ impl Tape {
         let mut sum = OfGaussian::default();
         for piece in pieces {
             let level = piece.placed.level;
-            let gathered = gather(&planes[level], &self.levels[level], &piece.placed.stroke);
+            let gathered = gather(self.simd, &planes[level], &self.levels[level], &piece.placed.stroke);
             let by = of_footprint(&piece.footprint, &piece.placed, &gathered);
             sum.add_piece(&self.lens, g, &r, (&piece.moments, &piece.slopes), &by);
         }
@@ -107,7 +117,8 @@ impl Tape {
         let mut planes = vec![base];
         for l in 1..=used {
             let mut coarse = vec![0.0f32; self.levels[l].stride * self.levels[l].rows];
-            pyramid::gather_down(&planes[l - 1], &self.levels[l - 1], &mut coarse, &self.levels[l]);
+            let [fine, coarser] = [&self.levels[l - 1], &self.levels[l]];
+            pyramid::gather_down(self.simd, (&planes[l - 1], fine), (&mut coarse, coarser));
             planes.push(coarse);
         }
         planes

@@ -11,6 +11,8 @@ use particlegs_core::codec::{Encoder, Precision, decode_block};
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::{Block, Mixture};
 use particlegs_core::picture::{Plane, Size};
+use particlegs_core::progress::Silent;
+use particlegs_core::render::Scratch;
 use particlegs_core::render::bins::lattice_sum;
 use particlegs_core::render::depth::in_camera;
 use particlegs_core::render::lens::Lens;
@@ -23,6 +25,10 @@ const SIZE: Size = Size { width: 48, height: 32 };
 
 fn bounds() -> Bounds {
     Bounds { min: [-3.0; 3], max: [3.0; 3] }
+}
+
+fn drawn(m: &Mixture, view: &View, crop: &Crop) -> Tape {
+    Tape::draw(m, &bounds(), view, crop, &mut Scratch::default(), &Silent).unwrap()
 }
 
 fn ground(m: &Mixture, look: Look) -> DepthGround {
@@ -138,7 +144,7 @@ fn plain(m: &Mixture, view: &View) -> f64 {
 /// number of its group (mean, covariance, count) that the picture depends on most.
 fn against_plain(distance: f64, seed: u64, (share, jumps): (f64, usize), tolerance: f64) {
     let (m, view) = (mixture(seed, 14), view(distance));
-    let found = Tape::draw(&m, &bounds(), &view, &Crop::whole(SIZE)).unwrap().gradient(&m, weights());
+    let found = drawn(&m, &view, &Crop::whole(SIZE)).gradient(&m, weights());
     let off: Vec<[f64; 2]> = (0..10)
         .map(|number| {
             let mut squares: Vec<(f64, f64)> = found
@@ -211,7 +217,7 @@ fn neighbours_share_their_particles() {
 fn a_settled_run_is_what_is_coded() {
     let (m, view) = (mixture(8, 400), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE) };
+    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let ground = DepthGround { bytes: Some(1800), ..ground(&m, Look::Expected) };
     let config = DepthConfig { code_every: 2, ..DepthConfig::default() };
     let mut learner = DepthLearner::new(&m, ground, config);
@@ -232,9 +238,9 @@ fn a_settled_run_is_what_is_coded() {
 #[test]
 fn steps_go_down_the_loss() {
     let (m, view) = (mixture(8, 30), view(12.0));
-    let target = Tape::draw(&mixture(9, 30), &bounds(), &view, &Crop::whole(SIZE)).unwrap().tau;
+    let target = drawn(&mixture(9, 30), &view, &Crop::whole(SIZE)).tau;
     let target = Plane { size: SIZE, data: target.data.iter().map(|t| 1.0 - (-t).exp()).collect() };
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE) };
+    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let loss = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
     let mut learner = DepthLearner::new(&m, ground(&m, Look::Expected), DepthConfig::default());
     let at = |iteration| moment(iteration, 150);
@@ -247,9 +253,9 @@ fn steps_go_down_the_loss() {
 #[test]
 fn a_crop_is_a_part_of_the_whole() {
     let (m, view) = (mixture(3, 20), view(9.0));
-    let whole = Tape::draw(&m, &bounds(), &view, &Crop::whole(SIZE)).unwrap().tau;
+    let whole = drawn(&m, &view, &Crop::whole(SIZE)).tau;
     let crop = Crop { full: SIZE, corner: [13, 7], size: Size { width: 32, height: 24 } };
-    let part = Tape::draw(&m, &bounds(), &view, &crop).unwrap().tau;
+    let part = drawn(&m, &view, &crop).tau;
     let largest = whole.data.iter().fold(0.0f32, |a, b| a.max(*b));
     for j in 0..24 {
         for i in 0..32 {
@@ -263,7 +269,7 @@ fn a_crop_is_a_part_of_the_whole() {
 fn what_is_not_seen_has_no_gradient_and_changes_none() {
     let (mut m, view) = (mixture(4, 8), view(14.0));
     let draw = |m: &Mixture| {
-        let tape = Tape::draw(m, &bounds(), &view, &Crop::whole(SIZE)).unwrap();
+        let tape = drawn(m, &view, &Crop::whole(SIZE));
         (tape.gradient(m, weights()), tape.tau)
     };
     let (before, tau) = draw(&m);
@@ -284,7 +290,7 @@ fn order_changes_next_to_nothing_and_none_is_black() {
     for i in (0..8).rev() {
         reversed.push(m.mean_of(i), m.cov_of(i), m.count[i], 0.0);
     }
-    let draw = |m: &Mixture| Tape::draw(m, &bounds(), &view, &Crop::whole(SIZE)).unwrap();
+    let draw = |m: &Mixture| drawn(m, &view, &Crop::whole(SIZE));
     let (a, b) = (draw(&m), draw(&reversed));
     for (x, y) in a.tau.data.iter().zip(&b.tau.data) {
         assert!((x - y).abs() <= 1e-5 * x.max(1e-3));
@@ -303,7 +309,7 @@ fn order_changes_next_to_nothing_and_none_is_black() {
 fn a_gradient_that_is_not_a_number_is_named_and_survived() {
     let (m, view) = (mixture(4, 8), view(14.0));
     let target = Plane::zeros(SIZE);
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE) };
+    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let mut learner = DepthLearner::new(&m, ground(&m, Look::Expected), DepthConfig::default());
     learner.poison = Some(3);
     let at = moment(0, 10);
@@ -325,7 +331,7 @@ fn masses_are_kept_by_density_control_and_by_states() {
     let config = DepthConfig { relocate: 0.25, ..DepthConfig::default() };
     let new = || DepthLearner::new(&m, ground(&m, Look::Expected), config);
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE) };
+    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let mut learner = new();
     learner.step(&shot, &Loss::PUBLISHED, &moment(0, 10)).unwrap();
     let at = Moment { densify: Densify { every: 1, until: 10, threshold: 0.0 }, ..moment(0, 10) };
@@ -343,7 +349,7 @@ fn masses_are_kept_by_density_control_and_by_states() {
 fn a_state_goes_on_to_the_same_bits() {
     let (m, view) = (mixture(8, 30), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE) };
+    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let new = || DepthLearner::new(&m, ground(&m, Look::Paraview), DepthConfig::default());
     let at = |iteration| moment(iteration, 20);
     let run = |learner: &mut DepthLearner, range: std::ops::Range<u64>| {

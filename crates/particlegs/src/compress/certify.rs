@@ -41,7 +41,7 @@ impl Decoded {
     /// Decodes what `file` gives for a certificate, at first none; measures it, and puts it together again.
     ///
     /// # Errors
-    /// Those of `file`, [`codec::decode`] and [`score::certificate`].
+    /// Those of `file`, [`codec::decode_with`] and [`score::certificate`].
     pub fn of(
         file: impl Fn(Option<&Certificate>) -> Result<Vec<u8>>,
         measure: Option<Measure<'_>>,
@@ -49,7 +49,7 @@ impl Decoded {
     ) -> Result<Decoded> {
         let mut clock = Clock::default();
         let mut bytes = file(None)?;
-        let mut model = clock.time("decode", || codec::decode(&bytes, PLACE))?;
+        let mut model = clock.time("decode", || codec::decode_with(&bytes, PLACE, progress))?;
         if let Some(measure) = measure {
             let certificate = clock.time("certificate", || measure.certificate(&model, progress))?;
             bytes = file(Some(&certificate))?;

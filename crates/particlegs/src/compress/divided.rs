@@ -47,7 +47,7 @@ impl Store for Divided {
         Ok(self.blocks[block as usize].clone())
     }
 
-    fn keep(&mut self, block: u32, coded: CodedBlock) -> Result<()> {
+    fn keep(&mut self, block: u32, coded: CodedBlock, _: &dyn Progress) -> Result<()> {
         self.coded[block as usize] = Some(coded);
         Ok(())
     }

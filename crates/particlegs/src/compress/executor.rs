@@ -21,7 +21,7 @@ pub(crate) trait Store {
     ///
     /// # Errors
     /// Those of where it is kept.
-    fn keep(&mut self, block: u32, coded: CodedBlock) -> Result<()>;
+    fn keep(&mut self, block: u32, coded: CodedBlock, progress: &dyn Progress) -> Result<()>;
 }
 
 /// Does one block: its share of what `target` asks of the whole.
@@ -39,7 +39,7 @@ pub(crate) fn do_block(
     let particles = clock.time("read", || store.particles(block, context.progress))?;
     let coded = particles.code(context.plan.share(target, &particles)?, context, pieces)?;
     clock.append(coded.clock);
-    store.keep(block, CodedBlock { clock, ..coded })
+    store.keep(block, CodedBlock { clock, ..coded }, context.progress)
 }
 
 /// Does all blocks, one after the other: a fit itself uses all threads. Limits are those of all together;

@@ -64,7 +64,7 @@ pub fn simplify(
     };
     let gaussians = coded.iter().map(|c| c.gaussians as usize).sum();
     let bytes = job.file(coded)?;
-    codec::check(&bytes, "the simplified model")?;
+    codec::check(&bytes, "the simplified model", progress)?;
     Ok(Simplified { bytes, gaussians, raw_bytes })
 }
 

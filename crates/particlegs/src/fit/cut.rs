@@ -8,7 +8,8 @@
 use super::Moments;
 use super::eigen::largest_eigenvalue;
 use super::gain::Blur;
-use crate::math::{Sym3, simd_level};
+use crate::math::Sym3;
+use crate::progress::Level;
 
 /// Slices along the axis; they span the mean +- [`SPAN`] standard deviations, the outermost take the rest.
 const SLICES: usize = 32;
@@ -67,10 +68,9 @@ impl Axis {
 
 impl Cut {
     /// The best cut of `xyz`, or `None` where its particles are all in one place.
-    pub fn best(xyz: &[[f32; 3]], moments: &Moments, blur: Blur) -> Option<Cut> {
+    pub fn best(level: Level, xyz: &[[f32; 3]], moments: &Moments, blur: Blur) -> Option<Cut> {
         let axis = Axis::principal(moments)?;
         let stride = if xyz.len() > 2 * SAMPLE { xyz.len() / SAMPLE } else { 1 };
-        let level = simd_level();
         let slices = fearless_simd::dispatch!(level, _simd => profile(&axis, xyz, stride));
         let unit = f64::from(axis.per_unit);
         let two_s = 2.0 * blur.variance * unit * unit;
@@ -79,9 +79,9 @@ impl Cut {
     }
 
     /// Brings the first half to the front; returns its length.
-    pub fn apply(&self, xyz: &mut [[f32; 3]], weight: Option<&mut [f32]>) -> usize {
+    pub fn apply(&self, level: Level, xyz: &mut [[f32; 3]], weight: Option<&mut [f32]>) -> usize {
         let weight = weight.unwrap_or(&mut []);
-        fearless_simd::dispatch!(simd_level(), _simd => self.apply_kernel(xyz, weight))
+        fearless_simd::dispatch!(level, _simd => self.apply_kernel(xyz, weight))
     }
 
     /// Blocks from either end give lists of the particles that are in the wrong half; pairs of them
@@ -352,8 +352,9 @@ mod tests {
         // 1000 particles spread evenly over [0, 1], 200 in a clump at 0.9.
         let mut xyz: Vec<[f32; 3]> = (0..1000).map(|i| [i as f32 * 1e-3, (i % 10) as f32 * 1e-3, 0.0]).collect();
         xyz.extend((0..200).map(|i| [0.9 + i as f32 * 1e-5, 0.005, 0.0]));
-        let cut = Cut::best(&xyz, &Moments::of(&xyz, None), Blur { variance: 1e-4 }).unwrap();
-        let first = cut.apply(&mut xyz, None);
+        let blur = Blur { variance: 1e-4 };
+        let cut = Cut::best(Level::new(), &xyz, &Moments::of(&xyz, None), blur).unwrap();
+        let first = cut.apply(Level::new(), &mut xyz, None);
         assert!(xyz[..first].iter().all(|p| p[0] < 0.9) && xyz[first..].iter().all(|p| p[0] > 0.7), "{first}");
     }
 }

@@ -219,6 +219,7 @@ pub(crate) fn expect(
     let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
     let mut owner = vec![0u32; if owners { cloud.xyz.len() } else { 0 }];
     let work = split_by_groups(&mut sums, &mut owner, groups, candidates);
+    let simd = progress.simd();
     let parts: Result<Vec<f64>> = work
         .into_par_iter()
         .map_init(
@@ -239,8 +240,8 @@ pub(crate) fn expect(
                     local.extend(list.iter().map(|&j| whitened[j as usize].about(centre)));
                     let weight = cloud.weight.map(|w| &w[range.clone()]);
                     let asked = owners.then_some(&mut named[..]);
-                    total +=
-                        em_kernel::expect(&cloud.xyz[range], weight, centre, local, scratch, mine, asked, likelihood);
+                    let points = &cloud.xyz[range];
+                    total += em_kernel::expect(simd, points, weight, centre, local, scratch, mine, asked, likelihood);
                     named.iter_mut().for_each(|n| *n = list[*n as usize]);
                 }
                 Ok(total)

@@ -3,8 +3,8 @@
 //! Sixteen particles stand in one vector; every level does the same operations in the same order
 //! (no fused multiply-add), so the sums are the same bits with and without vector instructions.
 
-use crate::math::{exp2, simd_level};
-use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
+use crate::math::exp2;
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 
 /// Particles in one vector.
 const LANES: usize = 16;
@@ -54,6 +54,7 @@ pub(crate) struct Scratch {
 /// (overwritten) and names each particle's likeliest candidate in `owner` where that is asked for.
 /// Returns the sum of log2 likelihoods where `likelihood` is set, else 0.
 pub(crate) fn expect(
+    level: Level,
     points: &[[f32; 3]],
     weight: Option<&[f32]>,
     centre: [f32; 3],
@@ -64,7 +65,7 @@ pub(crate) fn expect(
     likelihood: bool,
 ) -> f64 {
     let owner = owner.unwrap_or(&mut []);
-    dispatch!(simd_level(), simd => kernel(simd, points, weight, centre, candidates, scratch, sums, owner, likelihood))
+    dispatch!(level, simd => kernel(simd, points, weight, centre, candidates, scratch, sums, owner, likelihood))
 }
 
 #[inline(always)]
@@ -261,7 +262,7 @@ fn name_owners(logs: &[[Lanes; BATCH]], v: usize, best: &[f32; LANES], owner: &m
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Random, without_simd};
+    use crate::math::Random;
 
     /// The E step as a reader would write it, f64.
     fn plain(points: &[[f32; 3]], weight: &[f32], centre: [f32; 3], candidates: &[Whitened]) -> Vec<[f64; SUMS]> {
@@ -310,16 +311,16 @@ mod tests {
         for (n, k) in [(1, 1), (15, 3), (16, 2), (100, 7), (1500, 24)] {
             let (points, weight, candidates) = case(n, k);
             let centre = [0.1, -0.2, 0.3];
-            let run = || {
+            let run = |level| {
                 let mut sums = vec![[0f32; SUMS]; k];
                 let mut owner = vec![0; n];
                 let mut scratch = Scratch::default();
                 let w = Some(&weight[..]);
-                let l = expect(&points, w, centre, &candidates, &mut scratch, &mut sums, Some(&mut owner), true);
+                let l = expect(level, &points, w, centre, &candidates, &mut scratch, &mut sums, Some(&mut owner), true);
                 (sums, owner, l)
             };
-            let fast = run();
-            let scalar = without_simd(run);
+            let fast = run(Level::new());
+            let scalar = run(Level::baseline());
             assert_eq!(fast, scalar);
             for (a, b) in fast.0.iter().zip(plain(&points, &weight, centre, &candidates)) {
                 for q in 0..SUMS {

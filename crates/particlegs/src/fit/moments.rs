@@ -1,7 +1,7 @@
 //! Count, mass, mean and covariance of a run of particles.
 
-use crate::math::{Sym3, simd_level};
-use fearless_simd::{Simd, SimdBase, f32x8};
+use crate::math::Sym3;
+use fearless_simd::{Level, Simd, SimdBase, f32x8};
 use rayon::prelude::*;
 
 /// Moments of a set of particles, store units. The geometry counts particles; mass is a sum.
@@ -43,12 +43,12 @@ impl Moments {
 
     /// The fast twin of [`Moments::of`], for choosing cuts: f32 differences from the first particle,
     /// f32 sums over short blocks, f64 sums of those. Covariances to about 1e-6 of their trace.
-    pub(super) fn quick(xyz: &[[f32; 3]]) -> Self {
+    pub(super) fn quick(level: Level, xyz: &[[f32; 3]]) -> Self {
         let Some(&reference) = xyz.first() else { return Moments::default() };
         let sums = if xyz.len() <= STEP {
-            sums(xyz, reference)
+            sums(level, xyz, reference)
         } else {
-            let parts: Vec<_> = xyz.par_chunks(STEP).map(|c| sums(c, reference)).collect();
+            let parts: Vec<_> = xyz.par_chunks(STEP).map(|c| sums(level, c, reference)).collect();
             parts.iter().fold([0.0; 9], |a, b| std::array::from_fn(|k| a[k] + b[k]))
         };
         Moments::from_sums(xyz.len(), None, reference.map(f64::from), sums)
@@ -89,8 +89,8 @@ impl Moments {
     }
 }
 
-fn sums(xyz: &[[f32; 3]], reference: [f32; 3]) -> [f64; 9] {
-    fearless_simd::dispatch!(simd_level(), simd => sums_kernel(simd, xyz, reference))
+fn sums(level: Level, xyz: &[[f32; 3]], reference: [f32; 3]) -> [f64; 9] {
+    fearless_simd::dispatch!(level, simd => sums_kernel(simd, xyz, reference))
 }
 
 /// Works on the flat run x, y, z, x, ...: a difference times itself, the next and the one after
@@ -158,7 +158,7 @@ mod tests {
                     [1e-2, 3e-3, 1e-4].map(|s| centre + s * r.normal() as f32)
                 })
                 .collect();
-            let (fast, plain) = (Moments::quick(&xyz), Moments::of(&xyz, None));
+            let (fast, plain) = (Moments::quick(Level::new(), &xyz), Moments::of(&xyz, None));
             for k in 0..3 {
                 assert!((fast.mean[k] - plain.mean[k]).abs() < 1e-6 * 1e-2);
             }

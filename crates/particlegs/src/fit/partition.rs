@@ -173,7 +173,7 @@ impl Grower<'_> {
         let n = store.len();
         let enough = (gaussians as f64 * SPARE).ceil() as usize;
         self.progress.begin("partitioning", enough as u64);
-        let whole = Moments::quick(&store.xyz);
+        let whole = Moments::quick(self.progress.simd(), &store.xyz);
         let root = Cell { start: 0, xyz: &mut store.xyz, weight: store.weight.as_deref_mut() };
         let mut all = Branch::default();
         self.examine(root, whole, f64::INFINITY, &mut all)?;
@@ -220,7 +220,7 @@ impl Grower<'_> {
                 self.progress.check()?;
                 out.made.push(Made { start: p.start, mid: p.mid, end: p.end, gain: p.gain });
                 for half in cell.halves(p.mid) {
-                    let moments = Moments::quick(half.xyz);
+                    let moments = Moments::quick(self.progress.simd(), half.xyz);
                     self.examine(half, moments, threshold, &mut out)?;
                 }
                 Ok(out)
@@ -231,10 +231,11 @@ impl Grower<'_> {
     /// Cuts a cell, and its halves in turn while cuts gain at least `threshold`.
     fn examine(&self, cell: Cell<'_>, moments: Moments, threshold: f64, out: &mut Branch) -> Result<()> {
         let mut cell = cell;
-        let Some(cut) = Cut::best(cell.xyz, &moments, self.blur) else { return Ok(()) };
-        let len = cut.apply(cell.xyz, cell.weight.as_deref_mut());
-        let a = Moments::quick(&cell.xyz[..len]);
-        let b = Moments::quick(&cell.xyz[len..]);
+        let simd = self.progress.simd();
+        let Some(cut) = Cut::best(simd, cell.xyz, &moments, self.blur) else { return Ok(()) };
+        let len = cut.apply(simd, cell.xyz, cell.weight.as_deref_mut());
+        let a = Moments::quick(simd, &cell.xyz[..len]);
+        let b = Moments::quick(simd, &cell.xyz[len..]);
         let [whole, first, second] = [&moments, &a, &b].map(Blob::from);
         let gain = self.blur.difference(&whole, &first, &second).max(f64::MIN_POSITIVE);
         let (start, mid, end) = (cell.start, cell.start + len, cell.start + cell.xyz.len());

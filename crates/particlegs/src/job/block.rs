@@ -119,10 +119,10 @@ impl<F: FnOnce() -> Result<Layered>> Store for Folder<'_, F> {
     }
 
     /// Writes the model file of the block, then its report.
-    fn keep(&mut self, block: u32, coded: CodedBlock) -> Result<()> {
+    fn keep(&mut self, block: u32, coded: CodedBlock, progress: &dyn Progress) -> Result<()> {
         let job = self.job;
         let bytes = job.manifest.plan.block_file(&coded)?;
-        codec::check(&bytes, "the block just coded")?;
+        codec::check(&bytes, "the block just coded", progress)?;
         output::write_bytes(&job.block_path(block, "pgs"), &bytes)?;
         let info = codec::read_info(&bytes, "the block just coded")?;
         let report = BlockReport {

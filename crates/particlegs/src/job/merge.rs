@@ -42,7 +42,7 @@ impl Job {
         let Some(particles) = particles else {
             // Looked at block by block, in less memory than the whole model takes.
             let bytes = file(None)?;
-            codec::check(&bytes, "the merged file")?;
+            codec::check(&bytes, "the merged file", progress)?;
             return Ok(bytes);
         };
         let measure = Measure { particles, seed: plan.seed, memory: None };

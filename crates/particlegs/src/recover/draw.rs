@@ -9,6 +9,7 @@ use super::wrap::Wrap;
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Metadata;
 use crate::particles::{Bounds, Run};
+use crate::progress::Level;
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -30,6 +31,8 @@ pub(super) struct Rules {
     pub wrap: Option<Wrap>,
     /// Does the output have a column of weights?
     pub weighted: bool,
+    /// The instruction set to draw with.
+    pub simd: Level,
 }
 
 /// Scratch space of a thread.
@@ -50,7 +53,7 @@ struct Placed {
 
 impl Rules {
     /// For the particles of a plan, those of the snapshot that `metadata` describes.
-    pub(super) fn new(method: Method, scale: f64, seed: u64, metadata: &Metadata, plan: &Plan) -> Rules {
+    pub(super) fn new(method: Method, scale: f64, seed: u64, metadata: &Metadata, plan: &Plan, simd: Level) -> Rules {
         let volume: f64 = metadata.bounds.extent_nonzero().iter().product();
         Rules {
             method,
@@ -60,6 +63,7 @@ impl Rules {
             mean_density: plan.total as f64 / volume,
             wrap: Wrap::new(metadata.cell.as_ref(), &metadata.bounds),
             weighted: plan.weighted(),
+            simd,
         }
     }
 
@@ -107,13 +111,13 @@ impl Rules {
     fn raw(&self, n: usize, random: &mut Random, scratch: &mut Scratch) {
         scratch.flat.resize(3 * n, 0.0);
         match self.method {
-            Method::Count | Method::Volume => scratch.draws.normals(random, &mut scratch.flat),
+            Method::Count | Method::Volume => scratch.draws.normals(self.simd, random, &mut scratch.flat),
             Method::Ellipsoid => {
-                scratch.draws.normals(random, &mut scratch.flat);
+                scratch.draws.normals(self.simd, random, &mut scratch.flat);
                 scratch.radii.resize(n, 0.0);
-                scratch.draws.uniforms(random, &mut scratch.radii);
+                scratch.draws.uniforms(self.simd, random, &mut scratch.radii);
             }
-            Method::Grid | Method::Spaced => scratch.draws.uniforms(random, &mut scratch.flat),
+            Method::Grid | Method::Spaced => scratch.draws.uniforms(self.simd, random, &mut scratch.flat),
             Method::Stratified => {}
         }
     }

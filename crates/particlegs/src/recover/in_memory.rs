@@ -24,7 +24,7 @@ pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress
     require("drawn particles", model.metadata.count.saturating_mul(16))?;
     let moved = moved(model, origin);
     let (metadata, plan) = (moved.metadata.clone(), Plan::new(moved, None, Method::Count)?);
-    let mut rules = Rules::new(Method::Count, 1.0, seed, &metadata, &plan);
+    let mut rules = Rules::new(Method::Count, 1.0, seed, &metadata, &plan, progress.simd());
     rules.weighted = weighted;
     let mut columns = [0, 1, 2, 3].map(|k| Vec::with_capacity(if k < 3 || weighted { plan.total as usize } else { 0 }));
     progress.begin("drawing particles", plan.total);

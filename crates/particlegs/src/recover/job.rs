@@ -62,7 +62,7 @@ pub fn recover(
     let (metadata, certificate) = (model.metadata.clone(), model.certificate);
     let plan = Plan::new(model, options.particles, options.method)?;
     let weighted = plan.weighted();
-    let rules = Rules::new(options.method, options.scale, options.seed, &metadata, &plan);
+    let rules = Rules::new(options.method, options.scale, options.seed, &metadata, &plan, progress.simd());
     let writer = SnapshotWriter::create(out, options.form, plan.total, weighted)?;
     progress.begin("drawing particles", plan.total);
     (0..plan.runs()).into_par_iter().try_for_each_init(

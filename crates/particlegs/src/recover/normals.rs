@@ -3,7 +3,8 @@
 //! machine and instruction set gets the same bits; no table, no branch, so that compilers make
 //! vectors of it.
 
-use crate::math::{Random, simd_level};
+use crate::math::Random;
+use crate::progress::Level;
 
 /// Draws with their scratch space.
 #[derive(Default)]
@@ -13,7 +14,7 @@ pub(super) struct Draws {
 
 impl Draws {
     /// Fills `out` with standard normals (to 6.8 standard deviations: words have 32 bits).
-    pub(super) fn normals(&mut self, random: &mut Random, out: &mut [f64]) {
+    pub(super) fn normals(&mut self, level: Level, random: &mut Random, out: &mut [f64]) {
         // Pairs come from blocks that stay in the cache.
         for block in out.chunks_mut(2 * BLOCK) {
             let pairs = block.len().div_ceil(2);
@@ -21,16 +22,16 @@ impl Draws {
             random.fill(&mut self.words);
             let (radii, angles) = self.words.split_at(pairs);
             let (first, second) = block.split_at_mut(pairs);
-            fearless_simd::dispatch!(simd_level(), _simd => pairs_kernel(radii, angles, first, second));
+            fearless_simd::dispatch!(level, _simd => pairs_kernel(radii, angles, first, second));
         }
     }
 
     /// Fills `out` with uniform numbers in (0, 1): the middles of 2^32 steps.
-    pub(super) fn uniforms(&mut self, random: &mut Random, out: &mut [f64]) {
+    pub(super) fn uniforms(&mut self, level: Level, random: &mut Random, out: &mut [f64]) {
         for block in out.chunks_mut(2 * BLOCK) {
             self.words.resize(block.len(), 0);
             random.fill(&mut self.words);
-            fearless_simd::dispatch!(simd_level(), _simd => uniform_kernel(&self.words, block));
+            fearless_simd::dispatch!(level, _simd => uniform_kernel(&self.words, block));
         }
     }
 }
@@ -102,7 +103,6 @@ fn sin_cos(h: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::without_simd;
 
     #[test]
     fn functions_agree_with_the_library() {
@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn moments_are_those_of_a_normal() {
         let mut z = vec![0.0; 400_001];
-        Draws::default().normals(&mut Random::new(1, 2, 3), &mut z);
+        Draws::default().normals(Level::new(), &mut Random::new(1, 2, 3), &mut z);
         let moment = |k: i32| z.iter().map(|v| v.powi(k)).sum::<f64>() / z.len() as f64;
         assert!(moment(1).abs() < 0.006 && (moment(2) - 1.0).abs() < 0.01);
         assert!(moment(3).abs() < 0.03 && (moment(4) - 3.0).abs() < 0.08);
@@ -134,13 +134,11 @@ mod tests {
 
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
-        let draw = || {
+        let draw = |level| {
             let mut z = vec![0.0; 5001];
-            Draws::default().normals(&mut Random::new(7, 0, 0), &mut z);
+            Draws::default().normals(level, &mut Random::new(7, 0, 0), &mut z);
             z
         };
-        let fast = draw();
-        let plain = without_simd(draw);
-        assert_eq!(fast, plain);
+        assert_eq!(draw(Level::new()), draw(Level::baseline()));
     }
 }

@@ -2,7 +2,7 @@
 //! over each pixel, cut at three standard deviations (docs/law/depth.md).
 
 use crate::splat::{CUT_SIGMA, LARGEST_MEAN_ALPHA, erf};
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::{Level, Simd, dispatch};
 
 /// A splat in pixels, rows upward: centre and how far one deviation of u and of v moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -134,8 +134,14 @@ impl Depositor {
     }
 
     /// Adds a run of splats (already in the rows' pixels) to rows.
-    pub fn add(&self, splats: impl Iterator<Item = PixelSplat>, rows: &mut Rows<'_>, profiles: &mut Profiles) {
-        dispatch!(crate::math::simd_level(), simd => self.add_kernel(simd, splats, rows, profiles));
+    pub fn add(
+        &self,
+        level: Level,
+        splats: impl Iterator<Item = PixelSplat>,
+        rows: &mut Rows<'_>,
+        profiles: &mut Profiles,
+    ) {
+        dispatch!(level, simd => self.add_kernel(simd, splats, rows, profiles));
     }
 
     #[inline(always)]

@@ -51,7 +51,7 @@ pub(super) fn optical_depth(
 ) -> Result<Plane> {
     let job = Job::new(particles, projector, size, direct, progress);
     let mut pyramid = Pyramid::new(size, job.deepest());
-    let depositor = Depositor::new(opacity);
+    let (depositor, simd) = (Depositor::new(opacity), progress.simd());
     let chunks = particles.len().div_ceil(CHUNK);
     let steps = chunks + chunks.div_ceil(CHUNKS_AT_ONCE) * pyramid.bands();
     progress.begin("noise-free picture", steps as u64);
@@ -64,7 +64,7 @@ pub(super) fn optical_depth(
                 for (small, chunk) in &sorted {
                     progress.check()?;
                     depositor.add_small(small.band(band), &mut rows);
-                    depositor.add(chunk.band(band).iter().map(|s| level.place(s)), &mut rows, profiles);
+                    depositor.add(simd, chunk.band(band).iter().map(|s| level.place(s)), &mut rows, profiles);
                 }
                 progress.advance(1);
                 Ok(())
@@ -155,11 +155,12 @@ impl<'a> Job<'a> {
     /// whether it is a small aligned one.
     fn for_splats(&self, chunk: Chunk<'_>, mut work: impl FnMut(&PixelSplat, bool)) {
         let (w, h) = (self.size.width as f32, self.size.height as f32);
+        let simd = self.progress.simd();
         let (mut block, mut screen) = (Box::new(Block::default()), Box::new(Screen::default()));
         for start in (0..chunk.len()).step_by(BLOCK) {
             let end = chunk.len().min(start + BLOCK);
-            self.projector.project(chunk.position.map(|c| &c[start..end]), &mut block);
-            dispatch!(crate::math::simd_level(), simd => screen_kernel(simd, &block, [w, h], &mut screen));
+            self.projector.project(simd, chunk.position.map(|c| &c[start..end]), &mut block);
+            dispatch!(simd, simd => screen_kernel(simd, &block, [w, h], &mut screen));
             for i in 0..end - start {
                 match screen.kind[i] {
                     OUTSIDE => {}

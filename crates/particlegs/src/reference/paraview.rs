@@ -156,11 +156,12 @@ impl Scene<'_> {
     fn cull(&self, chunk: Chunk<'_>, group: Range<usize>, sorter: &mut Sorter<Splat>) {
         let mut block = Box::new(Block::default());
         let mut keep = [0u8; BLOCK];
+        let simd = self.progress.simd();
         for start in (0..chunk.len()).step_by(BLOCK) {
             let end = chunk.len().min(start + BLOCK);
             let n = end - start;
-            self.projector.project(chunk.position.map(|c| &c[start..end]), &mut block);
-            dispatch!(crate::math::simd_level(), simd => touch_kernel(simd, &block, self.size, &mut keep));
+            self.projector.project(simd, chunk.position.map(|c| &c[start..end]), &mut block);
+            dispatch!(simd, simd => touch_kernel(simd, &block, self.size, &mut keep));
             for i in 0..n {
                 if keep[i] == 0 {
                     continue;
@@ -258,7 +259,7 @@ impl Scene<'_> {
         next.extend(first.iter().map(|f| (f - first[0]) as usize));
         for column in [&mut *depth, &mut *alpha] {
             if column.capacity() < total {
-                *column = reserved("splats that cover most of the picture", total)?;
+                *column = reserved("splats that cover most of the picture", total, self.progress)?;
             }
             column.resize(total, 0.0);
         }

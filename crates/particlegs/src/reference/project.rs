@@ -4,7 +4,7 @@
 use crate::camera::{Projection, View};
 use crate::picture::Size;
 use crate::{Error, Result};
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::{Level, Simd, dispatch};
 
 /// Particles that one call of the vector kernel takes.
 pub(super) const BLOCK: usize = 256;
@@ -132,8 +132,8 @@ impl Projector {
     }
 
     /// Projects up to [`BLOCK`] particles.
-    pub fn project(&self, position: [&[f32]; 3], out: &mut Block) {
-        dispatch!(crate::math::simd_level(), simd => project_kernel(simd, self, position, out));
+    pub fn project(&self, level: Level, position: [&[f32]; 3], out: &mut Block) {
+        dispatch!(level, simd => project_kernel(simd, self, position, out));
     }
 }
 

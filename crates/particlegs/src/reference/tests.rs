@@ -5,7 +5,7 @@ use crate::camera::{View, base_distance, clipping_range, spherical_camera};
 use crate::math::Random;
 use crate::particles::Particles;
 use crate::picture::{Plane, Size};
-use crate::progress::Silent;
+use crate::progress::{Progress, Scalar, Silent};
 use crate::splat::Look;
 
 const SIZE: Size = Size { width: 240, height: 136 };
@@ -98,15 +98,15 @@ fn threads_and_vectors_change_no_bit() {
     let reference = Reference::new(&particles);
     for (radius_px, distance) in [(0.2, 1.0), (3.0, 0.4)] {
         let view = view(&particles, distance, radius_px, 0.05);
-        let draw = || {
-            let tau = reference.optical_depth(&view, SIZE, &Silent).unwrap();
-            let exact = reference.draw(&view, SIZE, Look::Paraview, &Silent).unwrap();
+        let draw = |how: &dyn Progress| {
+            let tau = reference.optical_depth(&view, SIZE, how).unwrap();
+            let exact = reference.draw(&view, SIZE, Look::Paraview, how).unwrap();
             (tau.data.iter().map(|t| t.to_bits()).collect::<Vec<_>>(), exact)
         };
-        let many = draw();
-        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(draw);
+        let many = draw(&Silent);
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Silent));
         assert!(many == one, "threads change the picture");
-        let plain = crate::math::without_simd(draw);
+        let plain = draw(&Scalar);
         assert!(many == plain, "vector instructions change the picture");
     }
 }

@@ -6,7 +6,7 @@ use crate::camera::{View, clipping_range};
 use crate::model::Model;
 use crate::particles::{Bounds, Particles};
 use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit};
-use crate::progress::Progress;
+use crate::progress::{Level, Progress};
 use crate::reference::{Reference, uniform_box};
 use crate::render::{self, Scene};
 use crate::splat::{Look, tone};
@@ -73,6 +73,18 @@ impl Progress for InView<'_> {
 
     fn message(&self, text: &str) {
         self.inner.message(text);
+    }
+
+    fn log(&self, line: &str) {
+        self.inner.log(line);
+    }
+
+    fn simd(&self) -> Level {
+        self.inner.simd()
+    }
+
+    fn available_memory(&self) -> Option<u64> {
+        self.inner.available_memory()
     }
 
     fn cancelled(&self) -> bool {

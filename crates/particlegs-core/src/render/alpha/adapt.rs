@@ -6,8 +6,8 @@ use crate::camera::{Normalisation, View};
 use crate::math::Sym3;
 use crate::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
 use crate::model::{LawKind, Mixture, Model, VizMapper};
-use crate::{Error, Result};
-use rayon::prelude::*;
+use crate::progress::{Level, Progress};
+use crate::{Error, Result, parallel};
 
 /// Gaussians in one step of parallel work.
 const RUN: usize = 4096;
@@ -15,8 +15,9 @@ const RUN: usize = 4096;
 /// Opacities are kept this far from 0 and 1, where logits are infinite.
 const EDGE: f64 = 1e-9;
 
-/// Scales (training frame) are taken as no smaller than this where their logarithm is wanted.
-const LEAST_SCALE: f64 = 1e-12;
+/// Determinants (training frame) are taken as no smaller than this, scales of 1e-12, where their
+/// logarithm is wanted.
+const LEAST_DET: f64 = 1e-72;
 
 /// What an alpha-blend scene has beside its Gaussians.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +49,7 @@ impl<'a> Blend<'a> {
     /// # Errors
     /// [`Error::Argument`] that names the first Gaussian that is not a number, and for a mixture
     /// without opacities.
-    pub fn gaussians(&self, parts: &[(&Mixture, f64)], view: &View) -> Result<Vec<Gaussian>> {
+    pub fn gaussians(&self, parts: &[(&Mixture, f64)], view: &View, progress: &dyn Progress) -> Result<Vec<Gaussian>> {
         let setting = Setting { radius: view.radius / self.radius, opacity: view.opacity / self.opacity };
         let network = self.vizmapper.map(|v| (Network::new(v), v.ranges));
         let runs: Vec<(&Mixture, usize, usize)> = parts
@@ -59,18 +60,16 @@ impl<'a> Blend<'a> {
             })
             .flat_map(|(m, first)| (0..m.len()).step_by(RUN).map(move |start| (m, first, start)))
             .collect();
-        let gaussians = runs
-            .into_par_iter()
-            .map(|(m, first, start)| {
-                self.run(m, start..m.len().min(start + RUN), setting, network.as_ref())
-                    .map_err(|(i, what)| Error::argument(format!("Gaussian {}: {what}", first + i)))
-            })
-            .collect::<Result<Vec<_>>>()?;
-        Ok(gaussians.into_iter().flatten().collect())
+        let gaussians = parallel::map(runs, |(m, first, start)| {
+            self.run(progress.simd(), m, start..m.len().min(start + RUN), setting, network.as_ref())
+                .map_err(|(i, what)| Error::argument(format!("Gaussian {}: {what}", first + i)))
+        });
+        Ok(gaussians.into_iter().collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     }
 
     fn run(
         &self,
+        simd: Level,
         m: &Mixture,
         range: std::ops::Range<usize>,
         setting: Setting,
@@ -86,7 +85,7 @@ impl<'a> Blend<'a> {
             .collect::<std::result::Result<Vec<_>, _>>()?;
         let mut out = vec![[0f32; 2]; own.len()];
         if let Some((network, _)) = network {
-            outputs(network, &own, &mut out);
+            outputs(simd, network, &own, &mut out);
         }
         for (g, out) in gaussians.iter_mut().zip(out) {
             let a = network.map_or(Adapted::STATIC, |(_, ranges)| ranges.adapt(setting, out));
@@ -111,12 +110,12 @@ impl<'a> Blend<'a> {
             }
         }
         let opacity = opacity.clamp(EDGE, 1.0 - EDGE);
-        let log_scale = cov.det().max(LEAST_SCALE.powi(6)).ln() / 6.0;
+        let log_scale = libm::log(cov.det().max(LEAST_DET)) / 6.0;
         Ok((Gaussian { mean, cov, opacity, grey }, inputs(setting, log_scale, logit(opacity))))
     }
 }
 
 /// ln(o / (1 - o)).
 fn logit(opacity: f64) -> f64 {
-    (opacity / (1.0 - opacity)).ln()
+    libm::log(opacity / (1.0 - opacity))
 }

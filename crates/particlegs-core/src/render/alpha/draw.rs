@@ -3,30 +3,34 @@
 use super::adapt::Blend;
 use super::eye::Eye;
 use super::plan::{CutOffs, Plan};
-use super::raster::blend;
+use super::raster::blend_into;
+use crate::Result;
 use crate::camera::View;
 use crate::model::Mixture;
-use crate::picture::{Plane, Size};
+use crate::picture::{Rows, Size};
 use crate::progress::Progress;
-use crate::{Result, memory};
+use crate::render::Scratch;
 
 /// Largest brightness that a depth is given for.
 const BRIGHTEST: f32 = 0.999_999;
 
 /// The optical depth that a picture's brightness b, cut to [0, 1], stands for: -ln(1 - b).
-pub(in crate::render) fn optical_depth(
+pub(in crate::render) fn optical_depth<'a>(
     of: &Blend,
     parts: &[(&Mixture, f64)],
     view: &View,
     size: Size,
+    scratch: &'a mut Scratch,
     progress: &dyn Progress,
-) -> Result<Plane> {
+) -> Result<Rows<'a>> {
     let eye = Eye::new(view, size, &of.frame)?;
     let n: usize = parts.iter().map(|(m, _)| m.len()).sum();
-    memory::require("a picture", 4 * size.pixels() as u64 + 256 * n as u64)?;
-    let gaussians = of.gaussians(parts, view)?;
+    progress.require_memory("a picture", 4 * size.pixels() as u64 + 256 * n as u64)?;
+    let gaussians = of.gaussians(parts, view, progress)?;
     let plan = Plan::new(&eye, n, |i| Some(gaussians[i]), CutOffs::PUBLISHED, progress)?;
-    let mut plane = blend(&plan, size, progress)?;
-    plane.data.iter_mut().for_each(|b| *b = -(-b.clamp(0.0, BRIGHTEST)).ln_1p());
-    Ok(plane)
+    let data = &mut scratch.planes([size.pixels()].into_iter(), progress)?[0];
+    blend_into(&plan, size, data, progress)?;
+    let mut rows = Rows { size, stride: size.width, data };
+    rows.each(|_, row| row.iter_mut().for_each(|b| *b = -libm::log1pf(-b.clamp(0.0, BRIGHTEST))));
+    Ok(rows)
 }

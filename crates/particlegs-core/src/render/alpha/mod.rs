@@ -16,6 +16,7 @@ pub mod project;
 pub mod raster;
 
 #[cfg(any(test, feature = "twins"))]
+#[allow(clippy::disallowed_methods)]
 pub mod plain;
 #[cfg(any(test, feature = "twins"))]
 pub mod testing;

@@ -4,8 +4,7 @@ use super::bins::{Bin, Tiles, Touched};
 use super::eye::Eye;
 use super::project::{Gaussian, Splat, project};
 use crate::progress::Progress;
-use crate::{Error, Result, memory};
-use rayon::prelude::*;
+use crate::{Error, Result, parallel};
 
 /// Gaussians in one step of parallel work, at least.
 const RUN: usize = 4096;
@@ -73,17 +72,15 @@ impl Plan {
             let key = u64::from((p.seen[2] as f32).to_bits()) << 32 | i as u64;
             Some((key, Seen { splat, touched }))
         };
-        let runs: Vec<Vec<(u64, Seen)>> = (0..n.div_ceil(RUN))
-            .into_par_iter()
-            .map(|c| {
-                progress.check()?;
-                Ok((c * RUN..n.min((c + 1) * RUN)).filter_map(see).collect())
-            })
-            .collect::<Result<_>>()?;
+        let runs = parallel::map_range(n.div_ceil(RUN), |c| {
+            progress.check()?;
+            Ok((c * RUN..n.min((c + 1) * RUN)).filter_map(see).collect::<Vec<_>>())
+        });
+        let runs: Vec<Vec<(u64, Seen)>> = runs.into_iter().collect::<Result<_>>()?;
         let seen: Vec<(u64, Seen)> = runs.into_iter().flatten().collect();
         let mut order: Vec<(u64, u32)> =
             seen.iter().enumerate().map(|(place, (key, _))| (*key, place as u32)).collect();
-        order.par_sort_unstable();
+        parallel::sort_unstable(&mut order);
         let run = RUN.max(seen.len().div_ceil(MOST_BINS));
         let entries: u64 = seen.iter().map(|(_, s)| s.touched.number()).sum();
         let places = (seen.len().div_ceil(run) * (tiles.number() + 1)) as u64;
@@ -92,9 +89,10 @@ impl Plan {
         if entries > most {
             return Err(Error::Memory { what: "a picture".into(), need_bytes: 4 * entries, have_bytes: 4 * most });
         }
-        memory::require("a picture", 4 * (entries + 2 * places))?;
+        progress.require_memory("a picture", 4 * (entries + 2 * places))?;
         let touched: Vec<Touched> = order.iter().map(|(_, place)| seen[*place as usize].1.touched).collect();
-        let bins = touched.par_chunks(run).enumerate().map(|(c, t)| Bin::new(&tiles, c * run, t)).collect();
+        let chunks = touched.chunks(run).enumerate().collect();
+        let bins = parallel::map(chunks, |(c, t)| Bin::new(&tiles, c * run, t));
         Ok(Plan {
             splats: order.iter().map(|(_, place)| seen[*place as usize].1.splat).collect(),
             indices: order.iter().map(|(key, _)| *key as u32).collect(),

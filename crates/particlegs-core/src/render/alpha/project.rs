@@ -114,7 +114,7 @@ impl Splat {
         }
         let [xx, xy, yy] = p.wide;
         let half_log2 = 0.5 * std::f64::consts::LOG2_E;
-        let end = (least_alpha / peak).log2();
+        let end = libm::log2(least_alpha / peak);
         let reach = [xx, yy].map(|v| (v * -end / half_log2).sqrt());
         let splat = Splat {
             x: p.at[0] as f32,

@@ -3,12 +3,11 @@
 use super::bins::TILE;
 use super::plan::{CutOffs, Plan};
 use super::project::Splat;
-use crate::Result;
-use crate::math::{exp2, simd_level};
+use crate::math::exp2;
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
+use crate::{Result, parallel};
 use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
-use rayon::prelude::*;
 
 /// Pixels of a tile.
 pub const PIXELS: usize = TILE * TILE;
@@ -22,18 +21,27 @@ pub const ASK: usize = 32;
 /// [`crate::Error::Cancelled`].
 pub fn blend(plan: &Plan, size: Size, progress: &dyn Progress) -> Result<Plane> {
     let mut out = Plane::zeros(size);
-    out.data.par_chunks_mut(size.width * TILE).enumerate().with_max_len(1).try_for_each(|(row, pixels)| {
+    blend_into(plan, size, &mut out.data, progress)?;
+    Ok(out)
+}
+
+/// [`blend`] into a buffer of the picture's pixels.
+///
+/// # Errors
+/// As [`blend`].
+pub fn blend_into(plan: &Plan, size: Size, out: &mut [f32], progress: &dyn Progress) -> Result<()> {
+    let simd = progress.simd();
+    parallel::try_for_each(out.chunks_mut(size.width * TILE).enumerate().collect(), |(row, pixels)| {
         progress.check()?;
-        let mut tile = Tile::new();
+        let mut tile = Tile::default();
         for column in 0..plan.tiles.across {
             let lit = Lit::in_band(size.width, pixels.len() / size.width, column, row);
             tile.start(&lit, |_| true);
-            dispatch!(simd_level(), simd => blend_tile(simd, plan, row * plan.tiles.across + column, &lit, &mut tile));
+            dispatch!(simd, simd => blend_tile(simd, plan, row * plan.tiles.across + column, &lit, &mut tile));
             lit.store(&tile.sum, pixels, size.width);
         }
         Ok(())
-    })?;
-    Ok(out)
+    })
 }
 
 /// The pixels of a tile that lie in the picture.
@@ -76,12 +84,14 @@ pub struct Tile {
     pub sum: Box<[f32; PIXELS]>,
 }
 
-impl Tile {
-    /// Nothing drawn.
-    pub fn new() -> Self {
+/// Nothing drawn.
+impl Default for Tile {
+    fn default() -> Self {
         Tile { left: Box::new([0.0; PIXELS]), sum: Box::new([0.0; PIXELS]) }
     }
+}
 
+impl Tile {
     /// Begins a tile: pixels outside the picture, and those that are not `wanted`, are done.
     pub fn start(&mut self, lit: &Lit, wanted: impl Fn(usize) -> bool) {
         self.sum.fill(0.0);

@@ -8,7 +8,7 @@ use crate::camera::{Camera, Normalisation, Projection, View};
 use crate::math::{Random, Sym3};
 use crate::model::{AlphaBlend, Block, Law, Layer, Mass, Mixture, Model, VizMapper, VizRanges};
 use crate::picture::{Plane, Size};
-use crate::progress::Silent;
+use crate::progress::{Progress, Scalar, Silent};
 use crate::render::{self, Scene};
 use crate::space::Bounds;
 use crate::splat::Look;
@@ -57,8 +57,12 @@ fn gaussians(seed: u64, n: u64, spread: f64) -> Vec<Gaussian> {
 }
 
 fn draw(eye: &Eye, g: &[Gaussian], cut: CutOffs) -> Plane {
-    let plan = Plan::new(eye, g.len(), |i| Some(g[i]), cut, &Silent).unwrap();
-    blend(&plan, eye.size, &Silent).unwrap()
+    draw_with(eye, g, cut, &Silent)
+}
+
+fn draw_with(eye: &Eye, g: &[Gaussian], cut: CutOffs, progress: &dyn Progress) -> Plane {
+    let plan = Plan::new(eye, g.len(), |i| Some(g[i]), cut, progress).unwrap();
+    blend(&plan, eye.size, progress).unwrap()
 }
 
 /// The largest difference from the plain law, but for a few pixels at which rounding decides a
@@ -98,7 +102,7 @@ fn threads_and_vectors_do_not_change_a_bit() {
     let many = draw(&e, &g, CutOffs::PUBLISHED);
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let one = one.install(|| draw(&e, &g, CutOffs::PUBLISHED));
-    let plain = crate::math::without_simd(|| draw(&e, &g, CutOffs::PUBLISHED));
+    let plain = draw_with(&e, &g, CutOffs::PUBLISHED, &Scalar);
     assert_eq!(bits(&many), bits(&one));
     assert_eq!(bits(&many), bits(&plain));
 }

@@ -5,8 +5,11 @@
 
 mod cgroup;
 
-use crate::{Error, Result};
+use crate::Result;
+use crate::progress::Progress;
 use std::path::Path;
+
+pub use particlegs_core::memory::{filled, reserved};
 
 /// Bytes that this process can take without swapping, and without being refused or killed; `None`
 /// where the system does not tell.
@@ -38,48 +41,21 @@ fn kib_of(text: &str, name: &str) -> Option<u64> {
     kib.checked_mul(1024)
 }
 
-/// Smaller needs are not asked about: a look at the system takes longer than they do.
-const SMALL: u64 = 32 << 20;
+/// A caller that says nothing, never stops the work and knows how much memory there is.
+pub struct Quiet;
 
-/// Asks for memory before it is taken.
+impl Progress for Quiet {
+    fn available_memory(&self) -> Option<u64> {
+        available_bytes()
+    }
+}
+
+/// Asks for memory before it is taken, where there is no one else to ask.
 ///
 /// # Errors
-/// [`Error::Memory`] where `need_bytes` are many, and more than there are.
+/// [`crate::Error::Memory`] where `need_bytes` are many, and more than there are.
 pub fn require(what: &str, need_bytes: u64) -> Result<()> {
-    if need_bytes < SMALL {
-        return Ok(());
-    }
-    match available_bytes() {
-        Some(have_bytes) if need_bytes > have_bytes => {
-            Err(Error::Memory { what: what.to_string(), need_bytes, have_bytes })
-        }
-        _ => Ok(()),
-    }
-}
-
-/// `len` copies of a value, for the large buffers: what the system refuses is an error, not the end of
-/// the process.
-///
-/// # Errors
-/// [`Error::Memory`].
-pub fn filled<T: Clone>(what: &str, value: T, len: usize) -> Result<Vec<T>> {
-    let mut out = reserved(what, len)?;
-    out.resize(len, value);
-    Ok(out)
-}
-
-/// Room for `len` values, likewise.
-///
-/// # Errors
-/// [`Error::Memory`].
-pub fn reserved<T>(what: &str, len: usize) -> Result<Vec<T>> {
-    let mut out = Vec::new();
-    out.try_reserve_exact(len).map_err(|_| Error::Memory {
-        what: what.to_string(),
-        need_bytes: (len as u64).saturating_mul(size_of::<T>() as u64),
-        have_bytes: available_bytes().unwrap_or(0),
-    })?;
-    Ok(out)
+    Quiet.require_memory(what, need_bytes)
 }
 
 #[cfg(test)]
@@ -111,10 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_had_is_an_error() {
-        let error = filled("a buffer", 0.0f64, usize::MAX / 16).unwrap_err();
-        assert_eq!(error.exit_code(), 7);
-        assert_eq!(filled("a buffer", 1u8, 3).unwrap(), [1; 3]);
+    fn what_there_is_not_is_an_error() {
         if available_bytes().is_some() {
             assert_eq!(require("a job", u64::MAX).unwrap_err().exit_code(), 7);
         }

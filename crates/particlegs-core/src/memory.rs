@@ -1,0 +1,41 @@
+//! Large buffers: what the system refuses is an error, not the end of the process.
+
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// `len` copies of a value.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub fn filled<T: Clone>(what: &str, value: T, len: usize, progress: &dyn Progress) -> Result<Vec<T>> {
+    let mut out = reserved(what, len, progress)?;
+    out.resize(len, value);
+    Ok(out)
+}
+
+/// Room for `len` values.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub fn reserved<T>(what: &str, len: usize, progress: &dyn Progress) -> Result<Vec<T>> {
+    let mut out = Vec::new();
+    out.try_reserve_exact(len).map_err(|_| Error::Memory {
+        what: what.to_string(),
+        need_bytes: (len as u64).saturating_mul(size_of::<T>() as u64),
+        have_bytes: progress.available_memory().unwrap_or(0),
+    })?;
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    #[test]
+    fn what_cannot_be_had_is_an_error() {
+        let error = filled("a buffer", 0.0f64, usize::MAX / 16, &Silent).unwrap_err();
+        assert_eq!(error.exit_code(), 7);
+        assert_eq!(filled("a buffer", 1u8, 3, &Silent).unwrap(), [1; 3]);
+    }
+}
