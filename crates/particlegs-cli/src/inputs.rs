@@ -39,7 +39,7 @@ pub fn model(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
 fn no_model(path: &Path) -> Error {
     let kind = Kind::of(path);
     let what = format!("{}, not a model file", kind.in_words().unwrap_or_default());
-    Error::input_hint(path, what, kind.to_a_model())
+    Error::input_with(path, what, kind.to_a_model())
 }
 
 /// A model or a snapshot. What a pipe gives is looked at once.

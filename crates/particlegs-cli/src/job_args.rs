@@ -30,7 +30,7 @@ impl JobSnapshot {
         let absolute = |p: &PathBuf| {
             if is_stream(p) {
                 let hint = "write the data to a file first";
-                return Err(Error::input_hint(
+                return Err(Error::input_with(
                     name_of(p),
                     "a pipe or device: every task of a job reads it again",
                     hint,

@@ -20,6 +20,7 @@ mod pictures;
 mod plots;
 mod printable;
 mod progress;
+mod remedies;
 mod report;
 mod rows;
 mod run_args;

@@ -187,7 +187,7 @@ pub fn check(matches: &ArgMatches) -> Result<()> {
         for option in rule.options.iter().filter(|o| given.has(o)) {
             if let Some((belongs, hint)) = (rule.why)(&given) {
                 let what = format!("{} does nothing here: it belongs to {belongs}", spelling(option));
-                return Err(Error::Argument { what, hint: hint.into() });
+                return Err(Error::Argument { what, remedy: hint.into() });
             }
         }
     }

@@ -1,6 +1,7 @@
 //! What people and programs read: results on stdout, everything else on stderr.
 
 use crate::printable::{one_line, printable, printable_json};
+use crate::remedies;
 use particlegs::Error;
 use serde::Serialize;
 use std::io::Write;
@@ -13,10 +14,11 @@ pub fn failure(error: &Error) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     eprintln!("error: {}", one_line(&error.to_string().replace('\n', " ")));
-    if !error.hint().is_empty() {
-        eprintln!("hint: {}", one_line(error.hint()));
+    let remedy = error.remedy();
+    if !remedy.is_none() {
+        eprintln!("hint: {}", one_line(&remedies::in_words(&remedy)));
     }
-    ExitCode::from(error.exit_code())
+    ExitCode::from(remedies::exit_code(error))
 }
 
 /// A line of the result, on stdout.

@@ -97,13 +97,13 @@ impl RunArgs {
         match checkpoint.found() {
             Found::Ours => Ok(Some(checkpoint)),
             Found::Nothing => {
-                Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), hint: hint.into() })
+                Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), remedy: hint.into() })
             }
             Found::Broken => {
-                Err(Error::input_hint(&place, "not a complete checkpoint: it is truncated or altered", hint))
+                Err(Error::input_with(&place, "not a complete checkpoint: it is truncated or altered", hint))
             }
             Found::Other => {
-                Err(Error::input_hint(&place, "a checkpoint of another command, snapshot or configuration", hint))
+                Err(Error::input_with(&place, "a checkpoint of another command, snapshot or configuration", hint))
             }
         }
     }

@@ -177,7 +177,7 @@ impl TuneArgs {
                 Error::input(path, format!("line {line}: {}", one_line(e.message())))
             })?;
             config = changed(&config, changes).map_err(|e| {
-                Error::input_hint(
+                Error::input_with(
                     path,
                     one_line(&e.to_string()),
                     "--print-config prints what there is, with its values",

@@ -1,5 +1,6 @@
-//! One error type for the library: what went wrong, where, and what to do about it.
+//! One error type for the library: what went wrong, where, and what would help.
 
+use crate::Remedy;
 use std::path::Path;
 
 /// The library's result.
@@ -16,8 +17,8 @@ pub enum Error {
         place: String,
         /// The fault.
         what: String,
-        /// What to do, or empty.
-        hint: String,
+        /// What would help.
+        remedy: Remedy,
     },
     /// A model file whose bytes contradict docs/format.md.
     #[error("{place}: corrupt model file: {what}")]
@@ -40,16 +41,16 @@ pub enum Error {
     Argument {
         /// Which argument, its value and its range.
         what: String,
-        /// What to do, or empty.
-        hint: String,
+        /// What would help.
+        remedy: Remedy,
     },
     /// A size or quality that cannot be reached with this input.
     #[error("{what}")]
     Unreachable {
         /// What was asked for and what is possible.
         what: String,
-        /// What to do, or empty.
-        hint: String,
+        /// What would help.
+        remedy: Remedy,
     },
     /// More memory than the machine has.
     #[error("{what} needs about {need_bytes} bytes of memory, {have_bytes} are available")]
@@ -86,8 +87,8 @@ pub enum Error {
         place: String,
         /// Why it is not.
         what: String,
-        /// What to do, or empty.
-        hint: String,
+        /// What would help.
+        remedy: Remedy,
     },
     /// What was measured is not what a file says.
     #[error("{place}: {what}")]
@@ -96,8 +97,8 @@ pub enum Error {
         place: String,
         /// What is stored and what was measured.
         what: String,
-        /// What to do, or empty.
-        hint: String,
+        /// What would help.
+        remedy: Remedy,
     },
     /// The caller asked to stop.
     #[error("stopped")]
@@ -113,12 +114,12 @@ pub enum Error {
 impl Error {
     /// An unusable input without advice.
     pub fn input(place: impl AsPlace, what: impl Into<String>) -> Self {
-        Self::input_hint(place, what, "")
+        Self::input_with(place, what, Remedy::None)
     }
 
-    /// An unusable input and what to do about it.
-    pub fn input_hint(place: impl AsPlace, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Error::Input { place: place.as_place(), what: what.into(), hint: hint.into() }
+    /// An unusable input and what would help.
+    pub fn input_with(place: impl AsPlace, what: impl Into<String>, remedy: impl Into<Remedy>) -> Self {
+        Error::Input { place: place.as_place(), what: what.into(), remedy: remedy.into() }
     }
 
     /// A corrupt model file.
@@ -128,12 +129,12 @@ impl Error {
 
     /// An argument outside its range.
     pub fn argument(what: impl Into<String>) -> Self {
-        Error::Argument { what: what.into(), hint: String::new() }
+        Error::Argument { what: what.into(), remedy: Remedy::None }
     }
 
     /// An output that is not written over what is there, and what to do about it.
-    pub fn output(place: impl AsPlace, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Error::Output { place: place.as_place(), what: what.into(), hint: hint.into() }
+    pub fn output(place: impl AsPlace, what: impl Into<String>, remedy: impl Into<Remedy>) -> Self {
+        Error::Output { place: place.as_place(), what: what.into(), remedy: remedy.into() }
     }
 
     /// A failed read or write.
@@ -141,36 +142,20 @@ impl Error {
         Error::Io { place: place.as_place(), source }
     }
 
-    /// What to do about it; empty where there is nothing to add.
-    pub fn hint(&self) -> &str {
+    /// What would help.
+    pub fn remedy(&self) -> Remedy {
         match self {
-            Error::Input { hint, .. }
-            | Error::Argument { hint, .. }
-            | Error::Unreachable { hint, .. }
-            | Error::Output { hint, .. }
-            | Error::Differs { hint, .. } => hint,
-            Error::Corrupt { .. } => "copy the file again from its source; `particlegs verify` checks it",
-            Error::Compatibility { .. } => "use a newer particlegs",
-            Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture",
-            Error::Bound { .. } => "allow that much with `--memory`, or ask for a smaller model",
-            Error::Checkpointed { .. } => "run the same command again to continue",
-            Error::Io { .. } | Error::Cancelled => "",
-        }
-    }
-
-    /// The process exit code (docs/guide/exit-codes.md).
-    pub fn exit_code(&self) -> u8 {
-        match self {
-            Error::Argument { .. } => 2,
-            Error::Input { .. } => 3,
-            Error::Corrupt { .. } | Error::Compatibility { .. } => 4,
-            Error::Unreachable { .. } => 5,
-            Error::Io { .. } => 6,
-            Error::Memory { .. } | Error::Bound { .. } => 7,
-            Error::Output { .. } => 8,
-            Error::Differs { .. } => 9,
-            Error::Checkpointed { .. } => 75,
-            Error::Cancelled => 130,
+            Error::Input { remedy, .. }
+            | Error::Argument { remedy, .. }
+            | Error::Unreachable { remedy, .. }
+            | Error::Output { remedy, .. }
+            | Error::Differs { remedy, .. } => remedy.clone(),
+            Error::Corrupt { .. } => Remedy::CopyAgain,
+            Error::Compatibility { .. } => Remedy::UseNewer,
+            Error::Memory { .. } => Remedy::MoreMemory,
+            Error::Bound { .. } => Remedy::AllowMemory,
+            Error::Checkpointed { .. } => Remedy::GoOn,
+            Error::Io { .. } | Error::Cancelled => Remedy::None,
         }
     }
 }

@@ -14,6 +14,7 @@ pub mod memory;
 mod parallel;
 pub mod pieces;
 pub mod progress;
+mod remedy;
 pub mod space;
 
 pub mod camera;
@@ -26,3 +27,4 @@ pub mod codec;
 pub mod render;
 
 pub use error::{Error, Result};
+pub use remedy::Remedy;

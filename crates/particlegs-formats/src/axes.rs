@@ -49,7 +49,7 @@ mod tests {
         assert_eq!(axes("f", &species, &Fields::default()).unwrap()[2], Axis { field: "z".into(), component: 0 });
         let by = |name: &str| axes("f", &species, &Fields { positions: Some(name.into()), ..Fields::default() });
         assert_eq!(by("v").unwrap()[1], Axis { field: "v".into(), component: 1 });
-        assert!(by("w").unwrap_err().hint().contains("x, y, z, v"));
+        assert!(by("w").unwrap_err().remedy().to_string().contains("x, y, z, v"));
         assert!(by("x,y").is_err());
     }
 }

@@ -246,7 +246,7 @@ fn chosen(species: &[Species], names: &[String], place: &str) -> Result<Vec<usiz
         let fits = |s: &Species| s.name.to_lowercase() == lower || s.aliases.contains(&lower);
         let index = species.iter().position(fits).ok_or_else(|| {
             let there: Vec<String> = species.iter().map(called).collect();
-            Error::input_hint(
+            Error::input_with(
                 place,
                 format!("no particles of type `{name}`"),
                 format!("there are: {}", there.join(", ")),

@@ -54,7 +54,7 @@ impl Compression {
             ErrorKind::UnexpectedEof => format!("its {} stream is cut off after {bytes} bytes of content", self.name()),
             _ => format!("its {} stream is broken after {bytes} bytes of content: {cause}", self.name()),
         };
-        Error::input_hint(path, what, "copy the file again from its source")
+        Error::input_with(path, what, "copy the file again from its source")
     }
 }
 

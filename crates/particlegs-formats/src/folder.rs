@@ -2,7 +2,7 @@
 
 use crate::registry::{self, Head};
 use crate::{Format, Kind, OpenOptions};
-use particlegs::{Error, Result};
+use particlegs::{Error, Remedy, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -30,15 +30,15 @@ pub fn resolved(paths: &[PathBuf], options: &OpenOptions) -> Result<Vec<PathBuf>
             let names = several.iter().take(NAMED).map(Set::name).collect::<Vec<_>>().join(", ");
             let more = if several.len() > NAMED { ", ..." } else { "" };
             let what = format!("a folder with several snapshots: {names}{more}");
-            Err(Error::input_hint(folder, what, "name one of them; `--format` leaves files of other formats out"))
+            Err(Error::input_with(folder, what, Remedy::NameFormatOfFolder))
         }
     }
 }
 
 fn none_there(folder: &Path) -> Error {
     match Kind::of(folder) {
-        Kind::Job => Error::input_hint(folder, "a job's folder, not a snapshot", Kind::Job.to_a_snapshot()),
-        _ => Error::input_hint(
+        Kind::Job => Error::input_with(folder, "a job's folder, not a snapshot", Remedy::IsJob),
+        _ => Error::input_with(
             folder,
             "a folder without xx.f32, yy.f32, zz.f32 and without a snapshot's file",
             "name the snapshot's first file",

@@ -2,6 +2,7 @@
 
 use crate::Format;
 use crate::registry::{Head, format_of};
+use particlegs::Remedy;
 use particlegs::codec;
 use particlegs::input::is_stream;
 use particlegs::job::Job;
@@ -82,22 +83,22 @@ impl Kind {
     }
 
     /// What to do with it where a model file is wanted.
-    pub fn to_a_model(self) -> &'static str {
+    pub fn to_a_model(self) -> Remedy {
         match self {
-            Kind::Snapshot(_) | Kind::RawFolder => "`particlegs compress` makes a model of it",
-            Kind::Job => "`particlegs merge` makes the model of it",
-            Kind::JobFile => "`particlegs merge` makes a model of the job's folder",
-            _ => "name a model file, as `particlegs compress` writes it",
+            Kind::Snapshot(_) | Kind::RawFolder => Remedy::IsSnapshot,
+            Kind::Job => Remedy::IsJob,
+            Kind::JobFile => Remedy::IsFileOfJob,
+            _ => Remedy::NameModel,
         }
     }
 
     /// What to do with it where a snapshot is wanted.
-    pub fn to_a_snapshot(self) -> &'static str {
+    pub fn to_a_snapshot(self) -> Remedy {
         match self {
-            Kind::Model => "`particlegs recover` draws particles from it; `particlegs render` draws pictures of it",
-            Kind::Job => "`particlegs merge` makes the model of it; `particlegs status` tells how far it is",
-            Kind::JobFile => "name the snapshot that the job was planned for",
-            _ => "name a snapshot; docs/guide/formats.md lists what is read",
+            Kind::Model => Remedy::IsModel,
+            Kind::Job => Remedy::IsJob,
+            Kind::JobFile => "name the snapshot that the job was planned for".into(),
+            _ => "name a snapshot; docs/guide/formats.md lists what is read".into(),
         }
     }
 }

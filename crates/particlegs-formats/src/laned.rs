@@ -9,7 +9,7 @@ use crate::streamed::{StreamColumn, StreamReader};
 use crate::strided::{Kind, Lane, Strided};
 use crate::{Description, Field, Fields, Mass, Snapshot};
 use particlegs::particles::SnapshotReader;
-use particlegs::{Error, Result};
+use particlegs::{Error, Remedy, Result};
 
 /// Where a field lies.
 #[derive(Clone, Debug, PartialEq)]
@@ -111,8 +111,8 @@ impl Snapshot for Laned {
         if species.positions.is_empty() && fields.positions.is_none() {
             let vectors = species.fields.iter().filter(|f| f.components == 3);
             let names: Vec<&str> = vectors.map(|f| &f.name[..]).collect();
-            let hint = format!("choose with `--positions`: {}", names.join(", "));
-            return Err(Error::input_hint(&self.place, "it does not say which field holds positions", hint));
+            let remedy = Remedy::ChoosePositions(names.iter().map(|n| n.to_string()).collect());
+            return Err(Error::input_with(&self.place, "it does not say which field holds positions", remedy));
         }
         let mut columns = Vec::new();
         for axis in axes(&self.place, species, fields)? {

@@ -3,7 +3,7 @@
 use crate::compressed::Compression;
 use crate::{Kind, OpenOptions, Snapshot};
 use particlegs::input::{Source, Spooled, open_file};
-use particlegs::{Error, Result};
+use particlegs::{Error, Remedy, Result};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -129,12 +129,11 @@ fn known(head: &Head) -> Result<&'static Format> {
     match Kind::of_head(head) {
         Kind::Snapshot(format) => Ok(format),
         Kind::Unknown => {
-            let hint = format!("`--format` forces one of: {}", names());
-            Err(Error::input_hint(path, "not in a format that this program knows", hint))
+            Err(Error::input_with(path, "not in a format that this program knows", Remedy::NameFormat(names())))
         }
         other => {
             let what = format!("{}, not a snapshot", other.in_words().unwrap_or_default());
-            Err(Error::input_hint(path, what, other.to_a_snapshot()))
+            Err(Error::input_with(path, what, other.to_a_snapshot()))
         }
     }
 }

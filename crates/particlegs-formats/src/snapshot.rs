@@ -165,6 +165,6 @@ impl Species {
     ) -> particlegs::Error {
         let there: Vec<&str> = there.collect();
         let hint = if there.is_empty() { "there are none".into() } else { format!("there are: {}", there.join(", ")) };
-        particlegs::Error::input_hint(place, format!("{} has no such field `{name}`", self.name), hint)
+        particlegs::Error::input_with(place, format!("{} has no such field `{name}`", self.name), hint)
     }
 }

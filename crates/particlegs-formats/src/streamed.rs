@@ -96,7 +96,7 @@ impl StreamReader {
 
     fn broken(&self, error: std::io::Error) -> Error {
         let hint = "the file is damaged or cut short: copy it again";
-        Error::input_hint(&self.place, format!("its compressed data cannot be read: {error}"), hint)
+        Error::input_with(&self.place, format!("its compressed data cannot be read: {error}"), hint)
     }
 
     /// One cursor a group, at row `row`.

@@ -184,7 +184,7 @@ impl Strided {
         } else {
             let what =
                 format!("it is said to hold {rows} particles, and ends at {} bytes before the last", bytes.len());
-            Err(Error::input_hint(place, what, "the file is cut short, or its header is wrong: copy it again"))
+            Err(Error::input_with(place, what, "the file is cut short, or its header is wrong: copy it again"))
         }
     }
 }

@@ -89,7 +89,7 @@ impl Writer {
         let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
         let refused = |what: String| {
             let writers: Vec<String> = WRITERS.iter().map(Writer::in_words).collect();
-            Err(Error::Argument { what, hint: format!("what can be written: {}", writers.join("; ")) })
+            Err(Error::Argument { what, remedy: format!("what can be written: {}", writers.join("; ")).into() })
         };
         if meant.is_none() && OTHER_ENDINGS.contains(&&ending[..]) && !out.is_dir() {
             return refused(format!("{}: .{ending} is not written", out.display()));
@@ -158,7 +158,11 @@ mod tests {
             ("x", Some("fits")),
         ] {
             let error = to(out, name).unwrap_err();
-            assert!(error.hint().contains("raw (a folder); npy (.npy); hdf5 (.hdf5, .h5)"), "{out}: {}", error.hint());
+            assert!(
+                error.remedy().to_string().contains("raw (a folder); npy (.npy); hdf5 (.hdf5, .h5)"),
+                "{out}: {}",
+                error.remedy().to_string()
+            );
         }
     }
 }

@@ -204,7 +204,7 @@ impl Config {
     /// [`Error::Argument`] for a scale outside that.
     pub fn scaled(mut self, scale: f64) -> Result<Config> {
         if !(scale > 0.0 && scale <= 1.0) {
-            return Err(Error::argument(format!("--scale {scale} is outside (0, 1]")));
+            return Err(Error::argument(format!("a scale of {scale} is outside (0, 1]")));
         }
         let steps = |n: u64| ((n as f64 * scale).round() as u64).max(u64::from(n > 0));
         let pixels = |n: usize| ((n as f64 * scale).round() as usize).max(16.min(n));
@@ -232,7 +232,7 @@ impl Config {
     /// [`Error::Argument`] for none.
     pub fn with_iterations(mut self, n: u64) -> Result<Config> {
         if n == 0 {
-            return Err(Error::argument("--iterations must be at least 1"));
+            return Err(Error::argument("iterations must be at least 1"));
         }
         let total = self.iterations().max(1) as f64;
         // What is off stays off, what is on stays on.

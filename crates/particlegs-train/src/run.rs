@@ -16,7 +16,7 @@ use particlegs_core::model::{Law, LawKind, Mixture, Model};
 use particlegs_core::picture::Size;
 use particlegs_core::pieces::Pieces;
 use particlegs_core::progress::{Level, Progress};
-use particlegs_core::{Error, Result};
+use particlegs_core::{Error, Remedy, Result};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -215,7 +215,8 @@ impl<'a> Training<'a> {
                 Box::new(depth(&Mixture { law: Law::OpticalDepth, ..random(n)?.mixture() }))
             }
             (LawKind::OpticalDepth, Initial::Model(_)) => {
-                return Err(Error::argument("models of the optical-depth law are trained by `compress --train`"));
+                let what = "a model of the optical-depth law is not trained further".into();
+                return Err(Error::Argument { what, remedy: Remedy::TrainFromSnapshot });
             }
             (LawKind::AlphaBlend, Initial::Fit(m)) => Box::new(AlphaLearner::from_mixture(m, ground, alpha)?),
             (LawKind::AlphaBlend, Initial::Particles(n)) => Box::new(random(n)?),

@@ -255,7 +255,7 @@ impl Spooled {
     pub fn of(mut source: Source<'_>) -> Result<Self> {
         let place = source.place.clone();
         if !cfg!(target_os = "linux") {
-            return Err(Error::input_hint(place, "a pipe or device", "write the data to a file first"));
+            return Err(Error::input_with(place, "a pipe or device", "write the data to a file first"));
         }
         let folder = std::env::temp_dir();
         let mut file = tempfile::tempfile_in(&folder).map_err(|e| Error::io(&folder, e))?;
@@ -264,7 +264,7 @@ impl Spooled {
             // The disk is not filled to its end by a stream that has none.
             crate::output::check_space_in(&folder, LEFT_FREE).map_err(|_| {
                 let what = "no room for a copy of a stream: the folder for temporary files is nearly full";
-                Error::input_hint(&place, what, "set TMPDIR to a folder on a larger disk")
+                Error::input_with(&place, what, "set TMPDIR to a folder on a larger disk")
             })?;
             file.write_all(piece).map_err(|e| Error::io(&folder, e))
         })?;
@@ -295,7 +295,7 @@ impl Spooled {
         let path = self.path().display().to_string();
         let name = |text: String| text.replace(&path, &self.place);
         match error {
-            Error::Input { place, what, hint } => Error::Input { place: name(place), what: name(what), hint },
+            Error::Input { place, what, remedy } => Error::Input { place: name(place), what: name(what), remedy },
             Error::Io { place, source } => Error::Io { place: name(place), source },
             other => other,
         }
@@ -313,7 +313,7 @@ pub fn open_file(path: &Path) -> Result<(File, u64)> {
         return Ok((file, metadata.len()));
     }
     let what = format!("{}, where a regular file is expected", kind_in_words(&metadata));
-    Err(Error::input_hint(path, what, if metadata.is_dir() { "" } else { "write the data to a file first" }))
+    Err(Error::input_with(path, what, if metadata.is_dir() { "" } else { "write the data to a file first" }))
 }
 
 /// Is it the name of standard input?

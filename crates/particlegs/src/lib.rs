@@ -33,4 +33,4 @@ pub mod compress;
 
 pub mod job;
 
-pub use error::{Error, Result};
+pub use particlegs_core::{Error, Remedy, Result};

@@ -141,7 +141,7 @@ fn splats(a: &Arguments, (model, bytes): (&Path, &[u8]), context: &Context) -> R
     if !is_ply || a.to.is_some() || a.tile.is_some() {
         let what = "a model can only be converted to splats, by an output name that ends in .ply".to_string();
         let hint = "draw particles with `recover`, then convert them".to_string();
-        return Err(Error::Argument { what, hint });
+        return Err(Error::Argument { what, remedy: hint.into() });
     }
     context.writes_new(&a.output, &PARTICLES)?;
     let decoded = codec::decode_with(bytes, &name_of(model), context)?;

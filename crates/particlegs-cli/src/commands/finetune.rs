@@ -98,9 +98,9 @@ pub fn run(a: Arguments) -> Result<()> {
             "{place}: a model of the {} law; only alpha-blend models can be fine-tuned",
             model.metadata.law.name()
         );
-        let hint =
-            "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot".into();
-        return Err(Error::Argument { what, hint });
+        let remedy =
+            "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
+        return Err(Error::Argument { what, remedy: remedy.into() });
     }
     let room = if a.memory.is_some() { Room::Disk(a.folder(out)) } else { Room::Memory };
     let selection = (&a.selection, &a.window);

@@ -147,7 +147,7 @@ fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context,
     if model.metadata.law == LawKind::AlphaBlend {
         let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
         let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
-        return Err(Error::Argument { what, hint });
+        return Err(Error::Argument { what, remedy: hint.into() });
     }
     let quantities = Quantities::of_model(model);
     let (size, views) = a.density.views((&a.view, subject), &quantities, context)?;

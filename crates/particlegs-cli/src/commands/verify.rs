@@ -115,7 +115,7 @@ impl Report {
     /// An error where what is stored is not what was measured, or cannot be at all.
     fn judge(&self, place: &str) -> Result<()> {
         let hint = "the certificate was altered, or another version of the program measured it: trust neither file nor scores before you know";
-        let differs = |what: String| Error::Differs { place: place.into(), what, hint: hint.into() };
+        let differs = |what: String| Error::Differs { place: place.into(), what, remedy: hint.into() };
         if !self.contradictions.is_empty() {
             return Err(differs(format!("its certificate contradicts itself: {}", self.contradictions.join("; "))));
         }

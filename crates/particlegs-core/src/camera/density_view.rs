@@ -44,9 +44,9 @@ impl DensityView {
         bounds: &Bounds,
         cell: Option<Cell>,
     ) -> Result<DensityView> {
-        for (what, value) in [("--width", width), ("--depth", depth.unwrap_or(1.0))] {
+        for (what, value) in [("width", width), ("depth", depth.unwrap_or(1.0))] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::argument(format!("{what} {value} must be positive")));
+                return Err(Error::argument(format!("a {what} of {value} must be positive")));
             }
         }
         if center.iter().chain(&angles_deg).any(|v| !v.is_finite()) {

@@ -106,7 +106,7 @@ impl Merge {
         let digests = digests(&layers);
         if digests.windows(2).any(|w| w[0] == w[1]) {
             let hint = "name each model file once".to_string();
-            return Err(Error::Argument { what: "the parts hold the same block twice".into(), hint });
+            return Err(Error::Argument { what: "the parts hold the same block twice".into(), remedy: hint.into() });
         }
         (metadata.count, metadata.mass) = sums(&layers)?;
         metadata.default_radius = metadata.bounds.default_radius(metadata.count);
@@ -230,7 +230,7 @@ fn refuse_unlike(a: &Metadata, b: &Metadata, first: &str, place: &str) -> Result
     let mut pairs = told(a).into_iter().zip(told(b));
     match pairs.find(|(x, y)| x.1 != y.1) {
         None => Ok(()),
-        Some(((name, x), (_, y))) => Err(Error::input_hint(
+        Some(((name, x), (_, y))) => Err(Error::input_with(
             place,
             format!("its {name} is {y}, that of {first} is {x}: they cannot be one model"),
             "merge models of one snapshot, or of snapshots in one box and unit at one time",

@@ -71,7 +71,7 @@ impl Part {
         let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
         let (big_endian, named) = signature(&bytes).ok_or_else(|| {
             let hint = "a Gadget file begins with the record length 256 (format 1) or 8 (format 2)";
-            Error::input_hint(path, "not a Gadget binary snapshot", hint)
+            Error::input_with(path, "not a Gadget binary snapshot", hint)
         })?;
         let records = Records { bytes: &bytes, big_endian };
         let mut found = if named { named_records(path, &records)? } else { plain_records(path, &records)? }.into_iter();
@@ -105,7 +105,7 @@ impl Part {
     }
 
     fn cut(&self, what: impl Into<String>) -> Error {
-        Error::input_hint(&self.path, what, CUT)
+        Error::input_with(&self.path, what, CUT)
     }
 
     fn place_named(&mut self, records: impl Iterator<Item = (String, Record)>) -> Result<()> {
@@ -188,7 +188,7 @@ fn named_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, Reco
     let mut out = Vec::new();
     let mut at = 0;
     while at < records.bytes.len() as u64 {
-        let fault = |e: String| Error::input_hint(path, e, CUT);
+        let fault = |e: String| Error::input_with(path, e, CUT);
         let label = records.at(at).map_err(fault)?;
         if label.length != 8 || out.len() == MOST_BLOCKS {
             let what = format!("the record at byte {at} should hold a block's name, and has {} bytes", label.length);
@@ -208,7 +208,7 @@ fn plain_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, Reco
     let mut out = Vec::new();
     let mut at = 0;
     while at < records.bytes.len() as u64 {
-        let record = records.at(at).map_err(|e| Error::input_hint(path, e, CUT))?;
+        let record = records.at(at).map_err(|e| Error::input_with(path, e, CUT))?;
         if out.len() == MOST_BLOCKS {
             return Err(Error::input(path, format!("more than {MOST_BLOCKS} blocks")));
         }

@@ -21,13 +21,13 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<Part>> {
     let names = if files == 1 { vec![paths[0].clone()] } else { names(&paths[0], files)? };
     if let Some(alien) = paths.iter().find(|p| !names.contains(p)) {
         let what = format!("not one of the {files} file(s) of the snapshot {}", names[0].display());
-        return Err(Error::input_hint(alien, what, "one snapshot at a time"));
+        return Err(Error::input_with(alien, what, "one snapshot at a time"));
     }
     let mut parts: Vec<Part> = Vec::with_capacity(names.len());
     for name in &names {
         if !name.exists() {
             let what = format!("missing: {} says that the snapshot has {files} files", paths[0].display());
-            return Err(Error::input_hint(name, what, "put all files of the snapshot into one folder"));
+            return Err(Error::input_with(name, what, "put all files of the snapshot into one folder"));
         }
         let part = Part::open(name)?;
         check_alike(&given, &part)?;
@@ -44,7 +44,7 @@ fn names(path: &Path, files: u32) -> Result<Vec<PathBuf>> {
         Some((stem, number)) if number.parse().is_ok_and(|n: u32| n < files) => {
             Ok((0..files).map(|i| PathBuf::from(format!("{stem}.{i}"))).collect())
         }
-        _ => Err(Error::input_hint(
+        _ => Err(Error::input_with(
             path,
             format!("one of {files} files of a snapshot, but its name has no number"),
             format!("name them NAME.0 to NAME.{}", files - 1),
@@ -60,7 +60,7 @@ fn check_alike(first: &Part, part: &Part) -> Result<()> {
         return Ok(());
     }
     let what = format!("its header differs from that of {}", first.path.display());
-    Err(Error::input_hint(&part.path, what, "the files are of different snapshots"))
+    Err(Error::input_with(&part.path, what, "the files are of different snapshots"))
 }
 
 /// The files together must hold what the headers say. Codes that leave the totals 0 are believed,
@@ -74,7 +74,7 @@ fn check_totals(parts: &[Part]) -> Result<()> {
         let sum: u64 = parts.iter().map(|p| u64::from(p.header.count[t])).sum();
         if sum as u32 != total[t] {
             let what = format!("its header says {} particles of type {t} in all, and there are {sum}", total[t]);
-            return Err(Error::input_hint(&parts[0].path, what, "a file of the snapshot is missing or damaged"));
+            return Err(Error::input_with(&parts[0].path, what, "a file of the snapshot is missing or damaged"));
         }
     }
     Ok(())

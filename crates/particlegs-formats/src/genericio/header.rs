@@ -89,7 +89,7 @@ impl File {
         let (map, _) = map_file(path)?;
         let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
         let big_endian = signature(&bytes).ok_or_else(|| {
-            Error::input_hint(path, "not a GenericIO file", "such files begin with HACC01L or HACC01B")
+            Error::input_with(path, "not a GenericIO file", "such files begin with HACC01L or HACC01B")
         })?;
         let header = checked_header(path, &bytes, big_endian)?;
         let field = |at: u64| header.int(at);
@@ -152,7 +152,7 @@ impl File {
         column.filter(|c| end(c).is_some_and(|e| e <= self.bytes.len() as u64) && whole(c)).ok_or_else(|| {
             let name = &self.variables[variable].name;
             let what = format!("variable {name} of rank {rank} ends beyond the file's {} bytes", self.bytes.len());
-            Error::input_hint(&self.path, what, HINT)
+            Error::input_with(&self.path, what, HINT)
         })
     }
 
@@ -179,7 +179,7 @@ impl File {
             other => {
                 let name = &self.variables[variable].name;
                 let what = format!("variable {name} of rank {rank} passed a filter `{other}` that is not known");
-                return Err(Error::input_hint(&self.path, what, "write the file without it"));
+                return Err(Error::input_with(&self.path, what, "write the file without it"));
             }
         };
         Ok(Column { start: header.int(at + 32)?, size: header.int(at + 40)?, blosc })
@@ -200,19 +200,19 @@ fn checked_header<'a>(path: &'a Path, bytes: &'a [u8], big_endian: bool) -> Resu
     let end = size.checked_add(CRC).filter(|&e| size >= 104 && e <= bytes.len() as u64);
     if end.is_none() {
         let what = format!("the header is said to have {size} bytes, and the file has {}", bytes.len());
-        return Err(Error::input_hint(path, what, HINT));
+        return Err(Error::input_with(path, what, HINT));
     }
     let (header, rest) = bytes.split_at(size as usize);
     // The sum is stored inverted, little-endian in either byte order.
     if (!crc64(header)).to_le_bytes() != rest[..CRC as usize] {
-        return Err(Error::input_hint(path, "the checksum (CRC64) of its header is wrong", HINT));
+        return Err(Error::input_with(path, "the checksum (CRC64) of its header is wrong", HINT));
     }
     Ok(Header { path, bytes: header, big_endian })
 }
 
 impl Header<'_> {
     fn fault(&self, what: &str) -> Error {
-        Error::input_hint(self.path, format!("broken GenericIO header: {what}"), HINT)
+        Error::input_with(self.path, format!("broken GenericIO header: {what}"), HINT)
     }
 
     fn slice(&self, at: u64, n: usize) -> Result<&[u8]> {

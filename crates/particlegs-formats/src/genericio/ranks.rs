@@ -57,7 +57,7 @@ impl Ranks {
 
     fn fault(&self, rank: usize, variable: usize, what: &str) -> Error {
         let what = format!("variable {} of rank {rank}: {what}", self.file.variables[variable].name);
-        Error::input_hint(&self.place, what, "the data are damaged: copy the file again from its source")
+        Error::input_with(&self.place, what, "the data are damaged: copy the file again from its source")
     }
 
     /// The checksums of a rank's columns, verified once.

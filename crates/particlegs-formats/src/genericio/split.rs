@@ -18,7 +18,7 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<File>> {
     let first = File::open(&whole)?;
     let Some(partition) = first.variable(PARTITION) else {
         return match paths.iter().find(|p| **p != whole) {
-            Some(other) => Err(Error::input_hint(
+            Some(other) => Err(Error::input_with(
                 other,
                 format!("a second file, but {} is whole", whole.display()),
                 "one snapshot at a time",
@@ -29,14 +29,14 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<File>> {
     let parts: Vec<PathBuf> = partitions(&first, partition)?.iter().map(|p| part(&whole, *p)).collect();
     if let Some(alien) = paths.iter().find(|p| **p != whole && !parts.contains(p)) {
         let what = format!("not one of the files that {} names", whole.display());
-        return Err(Error::input_hint(alien, what, "one snapshot at a time"));
+        return Err(Error::input_with(alien, what, "one snapshot at a time"));
     }
     let open = |path: &PathBuf| {
         if path.exists() {
             return File::open(path);
         }
         let what = format!("missing: {} says that it holds a part of the snapshot", whole.display());
-        Err(Error::input_hint(path, what, "put all files of the snapshot into one folder"))
+        Err(Error::input_with(path, what, "put all files of the snapshot into one folder"))
     };
     let files: Vec<File> = parts.iter().map(open).collect::<Result<_>>()?;
     if files.is_empty() {

@@ -215,7 +215,7 @@ impl Columns {
         let broken = |why: String| {
             let place =
                 format!("{}, chunk from row {}, byte {}", part.place, index / chunks.across * chunks.rows, at.offset);
-            Error::input_hint(place, format!("it cannot be decoded: {why}"), "the file is damaged: copy it again")
+            Error::input_with(place, format!("it cannot be decoded: {why}"), "the file is damaged: copy it again")
         };
         let decode = || chunks.pipeline.undo(stored, at.mask, chunks.bytes).map_err(broken);
         if whole {

@@ -28,7 +28,7 @@ pub fn all(given: &[PathBuf], count: u64) -> Result<Vec<PathBuf>> {
             [_] => Ok(given.to_vec()),
             [_, second, ..] => {
                 let what = "its header says that it is the whole snapshot, and more files are named";
-                Err(Error::input_hint(
+                Err(Error::input_with(
                     first,
                     what,
                     format!("name one snapshot at a time, without {}", second.display()),
@@ -42,12 +42,12 @@ pub fn all(given: &[PathBuf], count: u64) -> Result<Vec<PathBuf>> {
     }
     let Some((before, _, after)) = numbered(first) else {
         let what = format!("the snapshot has {count} files, and this one's name has no number");
-        return Err(Error::input_hint(first, what, "names like snap.0.hdf5, snap.1.hdf5 are found"));
+        return Err(Error::input_with(first, what, "names like snap.0.hdf5, snap.1.hdf5 are found"));
     };
     let paths: Vec<PathBuf> = (0..count).map(|i| first.with_file_name(format!("{before}{i}{after}"))).collect();
     if let Some(missing) = paths.iter().find(|p| !p.is_file()) {
         let what = format!("missing: the snapshot has {count} files");
-        return Err(Error::input_hint(missing, what, format!("put it beside {}", first.display())));
+        return Err(Error::input_with(missing, what, format!("put it beside {}", first.display())));
     }
     if let Some(other) = given.iter().find(|g| !paths.contains(g)) {
         return Err(Error::input(other, format!("it does not belong to the {count} files of {}", first.display())));

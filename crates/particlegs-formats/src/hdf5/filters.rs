@@ -59,7 +59,7 @@ impl Pipeline {
                 let name = UNREAD.iter().find(|u| u.0 == id).map_or(String::new(), |u| format!(" ({})", u.1));
                 let what = format!("it is compressed by HDF5 filter {id}{name}, which is not read");
                 let hint = "rewrite the file with the program that wrote it, or `h5repack -f GZIP=4 in.hdf5 out.hdf5`";
-                Err(Error::input_hint(place, what, hint))
+                Err(Error::input_with(place, what, hint))
             }
         };
         Ok(Pipeline { stages: filters.iter().map(stage).collect::<Result<_>>()?, element })

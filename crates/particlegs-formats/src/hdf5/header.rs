@@ -81,7 +81,7 @@ impl Header {
         if lengths.iter().any(|l| !l.is_finite() || *l < 0.0) {
             let text = if size.len() == 1 { lengths[0].to_string() } else { format!("{lengths:?}") };
             let hint = "the header is damaged: copy the file again";
-            return Err(Error::input_hint(&self.place, format!("BoxSize is {text}"), hint));
+            return Err(Error::input_with(&self.place, format!("BoxSize is {text}"), hint));
         }
         if lengths.contains(&0.0) {
             notes.push("BoxSize is 0: not periodic".into());
@@ -175,7 +175,7 @@ fn count(number: f64, name: &str, place: &str) -> Result<u64> {
     if number >= 0.0 && number.fract() == 0.0 && number <= 9e15 {
         Ok(number as u64)
     } else {
-        Err(Error::input_hint(place, format!("{name} has {number}, which is not a count"), "the header is damaged"))
+        Err(Error::input_with(place, format!("{name} has {number}, which is not a count"), "the header is damaged"))
     }
 }
 

@@ -103,7 +103,7 @@ fn rows_of(positions: &DataSet, stated: Option<u64>, place: &str) -> Result<u64>
     };
     if let Some(stated) = stated.filter(|&s| s != rows) {
         let what = format!("{} has {rows} rows, and NumPart_ThisFile in the header says {stated}", positions.name);
-        return Err(Error::input_hint(place, what, "the file was not written to its end, or its header is wrong"));
+        return Err(Error::input_with(place, what, "the file was not written to its end, or its header is wrong"));
     }
     Ok(rows)
 }
@@ -137,7 +137,7 @@ impl Builder {
         if header.files != self.header.files || header.total != self.header.total || header.time() != self.header.time()
         {
             let what = "its header is not that of the first file: it belongs to another snapshot";
-            return Err(Error::input_hint(path, what, "name one snapshot at a time"));
+            return Err(Error::input_with(path, what, "name one snapshot at a time"));
         }
         let groups = container.groups()?;
         let mut rows = [0; TYPES];
@@ -215,7 +215,7 @@ impl Builder {
                 [] => "links in a circle are not followed; `h5ls` shows what is in the file".to_string(),
                 names => format!("links to other files ({}) and links in a circle are not followed", names.join(", ")),
             };
-            return Err(Error::input_hint(&container.place, what, hint));
+            return Err(Error::input_with(&container.place, what, hint));
         }
         Ok(())
     }
@@ -283,7 +283,7 @@ impl Builder {
                 _ if stated != there => {
                     let what =
                         format!("NumPart_Total says {stated} particles of type {kind}, and the files have {there}");
-                    return Err(Error::input_hint(
+                    return Err(Error::input_with(
                         place,
                         what,
                         "files of the snapshot are missing or not written to their end",

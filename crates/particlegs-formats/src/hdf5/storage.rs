@@ -96,7 +96,7 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
     let (set, data) = container.set(group, name)?;
     let Some((kind, big_endian)) = set.number else {
         let what = format!("numbers of another type than f32, f64 and whole ones: {}", set.kind);
-        return Err(Error::input_hint(&place, what, "write it as f32 or f64, with h5py: `data[:].astype('f4')`"));
+        return Err(Error::input_with(&place, what, "write it as f32 or f64, with h5py: `data[:].astype('f4')`"));
     };
     let (rows, components) = match set.shape[..] {
         [rows] => (rows, 1),
@@ -116,7 +116,7 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
             HdfMessage::FilterPipeline(p) => filters = &p.filters,
             HdfMessage::ExternalFiles(_) => {
                 let hint = "put it into one file with `h5repack -l CONTI in.hdf5 out.hdf5`";
-                return Err(Error::input_hint(&place, "its numbers lie in other files, which are not read", hint));
+                return Err(Error::input_with(&place, "its numbers lie in other files, which are not read", hint));
             }
             _ => {}
         }
@@ -147,11 +147,11 @@ struct Finder<'a> {
 impl Finder<'_> {
     fn never_written(&self) -> Error {
         let hint = "the program that made the file stopped early, or wrote the numbers elsewhere";
-        Error::input_hint(self.place, "the data set was never written: it has a shape and no numbers", hint)
+        Error::input_with(self.place, "the data set was never written: it has a shape and no numbers", hint)
     }
 
     fn short(&self, wanted: u64, there: u64) -> Error {
-        Error::input_hint(self.place, format!("it needs {wanted} bytes and has {there}"), "copy the file again")
+        Error::input_with(self.place, format!("it needs {wanted} bytes and has {there}"), "copy the file again")
     }
 
     fn undefined(&self, address: u64) -> bool {
@@ -199,7 +199,7 @@ impl Finder<'_> {
         let Some(bytes) = bytes else {
             let what = format!("chunks of {rows} x {columns} numbers, more than {} MiB each", MAX_CHUNK >> 20);
             let hint = "write smaller ones: `h5repack -l CHUNK=65536x3 in.hdf5 out.hdf5`";
-            return Err(Error::input_hint(self.place, what, hint));
+            return Err(Error::input_with(self.place, what, hint));
         };
         let across = components.div_ceil(columns);
         let count = self.shape[0].div_ceil(rows).checked_mul(across);
@@ -299,7 +299,7 @@ impl Finder<'_> {
             }
             let Some(offset) = self.within(entry.address, size) else {
                 let what = format!("its chunk at row {} ends beyond the end of the file", at(0));
-                return Err(Error::input_hint(self.place, what, "the file is cut short: copy it again"));
+                return Err(Error::input_with(self.place, what, "the file is cut short: copy it again"));
             };
             let index = at(0) / chunk[0] * across + at(1) / chunk[1];
             places.push((index, Place { offset, size, mask: entry.filter_mask }));
@@ -319,6 +319,6 @@ impl Finder<'_> {
 
     fn hole(&self, row: u64) -> Error {
         let what = format!("its rows from {row} were never written, of {}", self.shape[0]);
-        Error::input_hint(self.place, what, "the program that made the file stopped early")
+        Error::input_with(self.place, what, "the program that made the file stopped early")
     }
 }

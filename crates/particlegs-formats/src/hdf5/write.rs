@@ -6,7 +6,7 @@ use particlegs::model::{Layer, Mass};
 use particlegs::output::PlacedFile;
 use particlegs::particles::{Kept, Run, SnapshotMeta};
 use particlegs::progress::Progress;
-use particlegs::{Error, Result};
+use particlegs::{Error, Remedy, Result};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::Path;
@@ -79,7 +79,7 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
     types.into_iter().collect::<Option<_>>().ok_or_else(|| {
         let what =
             format!("{} layers, and a Gadget snapshot has at most {} types of particles", layers.len(), ORDER.len());
-        Error::input_hint(out, what, "choose fewer with --particle-type")
+        Error::input_with(out, what, Remedy::ChooseSpecies)
     })
 }
 
@@ -131,7 +131,7 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
         None => [0.0; 3],
         Some(cell) => cell.lengths().ok_or_else(|| {
             let what = "the cell is not orthogonal, and a Gadget snapshot has no other";
-            Error::input_hint(out, what, "write it as a folder of columns")
+            Error::input_with(out, what, "write it as a folder of columns")
         })?,
     };
     header.push(box_size(lengths));

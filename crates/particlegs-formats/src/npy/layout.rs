@@ -42,7 +42,7 @@ pub fn check_numbers(place: &str, header: &Header) -> Result<()> {
     match &header.element {
         Element::Plain(scalar) if scalar.kind.is_none() => {
             let what = format!("its numbers are {}, and positions are real numbers", scalar.name);
-            Err(Error::input_hint(place, what, "save x, y and z as float32 or float64"))
+            Err(Error::input_with(place, what, "save x, y and z as float32 or float64"))
         }
         _ => Ok(()),
     }

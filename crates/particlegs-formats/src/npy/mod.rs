@@ -35,7 +35,7 @@ fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
             header.shape_text(),
             header.kind_text()
         );
-        return Err(Error::input_hint(path, what, "the file is cut short or damaged: save it again"));
+        return Err(Error::input_with(path, what, "the file is cut short or damaged: save it again"));
     }
     layout::check_numbers(&place, &header)?;
     let mut notes = Vec::new();
@@ -80,7 +80,7 @@ fn particles(place: &str, header: &Header, notes: &mut Vec<String>) -> Result<(u
         return Ok((rows, fields, "0,1,2".into()));
     }
     let what = format!("its shape {} of {} is not that of positions", header.shape_text(), header.kind_text());
-    Err(Error::input_hint(place, what, "save an array of shape (N, 3) or (3, N), or records with x, y and z"))
+    Err(Error::input_with(place, what, "save an array of shape (N, 3) or (3, N), or records with x, y and z"))
 }
 
 /// The one file of a format in single files.

@@ -135,7 +135,7 @@ fn rows(place: &str, arrays: &[Array]) -> Result<u64> {
         let listed: Vec<String> =
             arrays.iter().take(20).map(|a| format!("{} {}", a.name.escape_debug(), a.header.shape_text())).collect();
         let hint = "save positions as `pos` of shape (N, 3), or as `x`, `y` and `z`";
-        Error::input_hint(place, format!("no array holds positions; there are: {}", listed.join(", ")), hint)
+        Error::input_with(place, format!("no array holds positions; there are: {}", listed.join(", ")), hint)
     })
 }
 
@@ -146,7 +146,7 @@ fn positions(place: &str, fields: &[LanedField]) -> Result<String> {
         return match fields.iter().find(|f| f.name == name) {
             Some(field) if field.kind.is_none() => {
                 let what = format!("`{name}` holds {}, and positions are real numbers", field.kind_name);
-                Err(Error::input_hint(place, what, "save x, y and z as float32 or float64"))
+                Err(Error::input_with(place, what, "save x, y and z as float32 or float64"))
             }
             _ => Ok(name),
         };

@@ -29,7 +29,7 @@ fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
     let bytes = mapped(path)?;
     if let Some(compression) = crate::compressed::Compression::of(&bytes) {
         let what = format!("a PLY file in {}, which is not read", compression.name());
-        return Err(Error::input_hint(path, what, "unpack it first"));
+        return Err(Error::input_with(path, what, "unpack it first"));
     }
     let header = header::parse(&bytes).map_err(|what| Error::input(path, what))?;
     let number = vertices(&place, &header)?;
@@ -37,7 +37,7 @@ fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
     let fields = fields(element);
     let mut description = describe(path, &header, element, &fields)?;
     let broken =
-        |what: String| Error::input_hint(path, what, "the file is cut short, or its header is wrong: copy it again");
+        |what: String| Error::input_with(path, what, "the file is cut short, or its header is wrong: copy it again");
     let start = start(&bytes, &header, number).map_err(broken)?;
     let format = RowFormat::new(header.encoding, element);
     let least = element.count.checked_mul(format.least_bytes()).and_then(|b| b.checked_add(start.0));
@@ -117,7 +117,7 @@ fn describe(path: &PathBuf, header: &Header, element: &Element, fields: &[LanedF
         };
         let names: Vec<&str> = described.iter().take(20).map(|f| &f.name[..]).collect();
         let what = format!("its vertices have no x, y and z; there are: {}", names.join(", "));
-        Error::input_hint(path, what.escape_debug().to_string(), hint)
+        Error::input_with(path, what.escape_debug().to_string(), hint)
     })?;
     let encoding = match header.encoding {
         Encoding::Ascii => "ascii",

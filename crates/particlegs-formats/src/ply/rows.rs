@@ -180,7 +180,7 @@ impl WalkedRows {
 
     fn wrong(&self, row: u64, what: &str) -> Error {
         let hint = "the file is cut short or damaged: copy it again";
-        Error::input_hint(&self.place, format!("vertex {row}: {what}"), hint)
+        Error::input_with(&self.place, format!("vertex {row}: {what}"), hint)
     }
 
     /// Where rows 0, STEP, 2 STEP, ... begin.
@@ -200,7 +200,7 @@ impl WalkedRows {
             Ok(index)
         };
         let hint = "the file is cut short or damaged: copy it again";
-        self.index.get_or_init(find).as_deref().map_err(|what| Error::input_hint(&self.place, what, hint))
+        self.index.get_or_init(find).as_deref().map_err(|what| Error::input_with(&self.place, what, hint))
     }
 }
 

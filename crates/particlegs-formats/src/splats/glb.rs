@@ -46,7 +46,7 @@ struct Glb {
 /// Opens it.
 pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
-    let refuse = |what: String| Error::input_hint(path, what, "the file is damaged, or holds no points");
+    let refuse = |what: String| Error::input_with(path, what, "the file is damaged, or holds no points");
     let bytes = mapped(path)?;
     let (json, binary) = chunks(&bytes).map_err(refuse)?;
     let json = &bytes[json.start as usize..json.end as usize];

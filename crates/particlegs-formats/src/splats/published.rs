@@ -7,7 +7,7 @@ use particlegs::math::Sym3;
 use particlegs::model::{LawKind, Mixture, Model};
 use particlegs::output::{check_space_in, write_atomic};
 use particlegs::progress::Progress;
-use particlegs::{Error, Result};
+use particlegs::{Error, Remedy, Result};
 use std::io::Write;
 use std::path::Path;
 
@@ -39,7 +39,7 @@ const FLATTEST: f64 = 1e-12;
 pub fn write_splats(model: &Model, out: &Path, progress: &dyn Progress) -> Result<u64> {
     if model.metadata.law != LawKind::AlphaBlend {
         let what = format!("a model of the {} law has no opacities to write as splats", model.metadata.law.name());
-        return Err(Error::Argument { what, hint: "draw particles from it with `recover`".into() });
+        return Err(Error::Argument { what, remedy: Remedy::DrawParticles });
     }
     let frame = Normalisation::of(&model.metadata.bounds);
     let head = head(model.gaussians(), &frame);

@@ -35,7 +35,7 @@ pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
     let length = bytes.len() as u64;
     if !length.is_multiple_of(RECORD as u64) {
         let what = format!("{length} bytes are no whole number of records of {RECORD} bytes");
-        return Err(Error::input_hint(path, what, "the file is cut short, or no .splat file"));
+        return Err(Error::input_with(path, what, "the file is cut short, or no .splat file"));
     }
     let stored = Stored::new(bytes, 0, length, length, Coding::Plain).map_err(|what| Error::input(path, what))?;
     let stride = RECORD as u64;

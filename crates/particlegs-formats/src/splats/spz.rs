@@ -85,7 +85,7 @@ impl Header {
 pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let hint = "the file is damaged or cut short: copy it again";
-    let refuse = |what: String| Error::input_hint(path, what, hint);
+    let refuse = |what: String| Error::input_with(path, what, hint);
     let (header, base, stored) = parts(mapped(path)?).map_err(refuse)?;
     let stride = header.position();
     let (kind, world) = match header.version {

@@ -4,7 +4,7 @@ use super::content::Content;
 use super::lines::Lines;
 use super::table::{Builder, Table};
 use crate::Frames;
-use particlegs::{Error, Result};
+use particlegs::{Error, Remedy, Result};
 
 /// A frame that was found.
 pub struct Frame<'c, H> {
@@ -57,7 +57,7 @@ pub fn scan<'c, H>(
                 notes.push(format!("frame {count} cannot be read ({e}); those after it are not counted"));
                 break;
             }
-            Err(e) => return Err(with_hint(e, count)),
+            Err(e) => return Err(with_last_frame(e, count)),
         }
     }
     if lines.ends_open() {
@@ -69,12 +69,10 @@ pub fn scan<'c, H>(
 }
 
 /// The frame before a broken one can be read.
-fn with_hint(error: Error, whole: u64) -> Error {
+fn with_last_frame(error: Error, whole: u64) -> Error {
     match error {
-        Error::Input { place, what, hint } if whole > 0 => {
-            let last = format!("`--frame {}` reads the last whole frame", whole - 1);
-            let hint = if hint.is_empty() { last } else { format!("{hint}; {last}") };
-            Error::Input { place, what, hint }
+        Error::Input { place, what, remedy } if whole > 0 => {
+            Error::Input { place, what, remedy: remedy.and(Remedy::ReadFrame(whole - 1)) }
         }
         other => other,
     }

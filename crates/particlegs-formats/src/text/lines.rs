@@ -97,7 +97,7 @@ impl<'a> Lines<'a> {
     }
 
     fn error(&self, what: String) -> Error {
-        Error::input_hint(self.content.path(), what, "this is not a table of particles, or its line ends are missing")
+        Error::input_with(self.content.path(), what, "this is not a table of particles, or its line ends are missing")
     }
 
     fn take(&mut self, bytes: usize, lines: u64) -> &[u8] {

@@ -65,7 +65,7 @@ impl RowReader {
     }
 
     fn changed(&self) -> Error {
-        Error::input_hint(self.table.content.path(), "the file changed while it was read", "read it again")
+        Error::input_with(self.table.content.path(), "the file changed while it was read", "read it again")
     }
 
     /// Particles of a run.

@@ -7,7 +7,7 @@ use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, Table};
 use crate::{Description, Field, Fields, Mass, Snapshot, Species};
 use particlegs::particles::SnapshotReader;
-use particlegs::{Error, Result};
+use particlegs::{Error, Remedy, Result};
 use std::sync::Arc;
 
 /// A table of text and what is said about it.
@@ -72,8 +72,12 @@ impl TextSnapshot {
         if name.is_empty() {
             let scalars = species.fields.iter().filter(|f| f.components == 1 && f.kind != "text");
             let names: Vec<&str> = scalars.map(|f| &f.name[..]).collect();
-            let hint = format!("`--positions A,B,C` names them; there are: {}", names.join(", "));
-            return Err(Error::input_hint(self.place(), "no columns have the names of positions", hint));
+            let names = names.iter().map(|n| n.to_string()).collect();
+            return Err(Error::input_with(
+                self.place(),
+                "no columns have the names of positions",
+                Remedy::NamePositions(names),
+            ));
         }
         if let Some(first) = column_of(&species.fields, name, 3) {
             return Ok(([first, first + 1, first + 2], None));

@@ -34,7 +34,7 @@ impl Legacy {
     fn open(paths: &[PathBuf]) -> Result<Legacy> {
         let path = &paths[0];
         if let Some(second) = paths.get(1) {
-            return Err(Error::input_hint(second, "a second VTK file", "one at a time"));
+            return Err(Error::input_with(second, "a second VTK file", "one at a time"));
         }
         let (map, _) = map_file(path)?;
         let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);

@@ -99,7 +99,7 @@ pub fn scan(path: &Path, bytes: &[u8]) -> Result<Scanned> {
 
 impl Scan<'_> {
     fn fault(&self, what: impl Into<String>) -> Error {
-        Error::input_hint(self.path, what, HINT)
+        Error::input_with(self.path, what, HINT)
     }
 
     /// The next line as it is; `None` at the end.
@@ -156,7 +156,7 @@ impl Scan<'_> {
                 self.out.dataset = kind.to_ascii_uppercase();
                 if !["POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID"].contains(&&self.out.dataset[..]) {
                     let what = format!("data of type `{}` hold no points of their own", shown(kind));
-                    return Err(Error::input_hint(self.path, what, "save them as POLYDATA"));
+                    return Err(Error::input_with(self.path, what, "save them as POLYDATA"));
                 }
             }
             ("DIMENSIONS", [_, _, _]) => {}

@@ -104,7 +104,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
     let mut walk = Walk::default();
     loop {
         let at = reader.buffer_position();
-        let fault = |what: String| Error::input_hint(path, format!("byte {at}: {what}"), HINT);
+        let fault = |what: String| Error::input_with(path, format!("byte {at}: {what}"), HINT);
         let event = reader.read_event().map_err(|e| fault(format!("broken XML: {}", shown(&e.to_string()))))?;
         match event {
             Event::Start(tag) if tag.name().as_ref() == "AppendedData" => {
@@ -139,7 +139,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
             Event::Text(_) => walk.text(bytes, at..reader.buffer_position()),
             Event::DocType(_) | Event::GeneralRef(_) => {
                 let what = format!("byte {at}: its XML defines or uses entities, which VTK files never do: refused");
-                return Err(Error::input_hint(path, what, "save it again with VTK or ParaView"));
+                return Err(Error::input_with(path, what, "save it again with VTK or ParaView"));
             }
             Event::Eof => break,
             _ => {}
@@ -148,7 +148,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
     if walk.closed {
         Ok(document)
     } else {
-        Err(Error::input_hint(path, format!("it ends at byte {} within its XML", bytes.len()), HINT))
+        Err(Error::input_with(path, format!("it ends at byte {} within its XML", bytes.len()), HINT))
     }
 }
 

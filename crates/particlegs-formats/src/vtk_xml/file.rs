@@ -129,7 +129,7 @@ impl File {
 
     fn fault(&self, declared: &Declared, what: &str) -> Error {
         let what = format!("array `{}`: {what}", declared.name);
-        Error::input_hint(&self.path, what, "the file is cut short or damaged: copy it again from its source")
+        Error::input_with(&self.path, what, "the file is cut short or damaged: copy it again from its source")
     }
 
     /// The time, where the file says it as ParaView does.

@@ -50,7 +50,7 @@ impl VtkXml {
     fn open(paths: &[PathBuf]) -> Result<VtkXml> {
         if let Some(second) = paths.get(1) {
             let hint = "several files of one snapshot are listed in a .pvtp or .pvtu: name that";
-            return Err(Error::input_hint(second, "a second VTK file", hint));
+            return Err(Error::input_with(second, "a second VTK file", hint));
         }
         let first = File::open(&paths[0])?;
         let files = match &first.document.kind[..] {
@@ -58,7 +58,7 @@ impl VtkXml {
             "PPolyData" | "PUnstructuredGrid" => parts(&first)?,
             other => {
                 let what = format!("VTK data of type `{}` hold no points of their own", shown(other));
-                return Err(Error::input_hint(&paths[0], what, "save them as VTP or VTU"));
+                return Err(Error::input_with(&paths[0], what, "save them as VTP or VTU"));
             }
         };
         let description = describe(&paths[0], &files)?;
@@ -75,7 +75,7 @@ fn parts(list: &File) -> Result<Vec<File>> {
             let relative = Path::new(name);
             if !relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
                 let what = format!("it names a piece outside of its folder: `{}`", shown(name));
-                return Err(Error::input_hint(&list.path, what, "put the pieces beside it"));
+                return Err(Error::input_with(&list.path, what, "put the pieces beside it"));
             }
             let path = folder.join(relative);
             if !path.is_file() {

@@ -13,7 +13,7 @@ use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::train::{AlphaConfig, Config, Defaults, Initial, Limits, Trained, Training};
-use crate::{Error, Result};
+use crate::{Error, Remedy, Result};
 
 /// What `finetune` is asked to do.
 #[derive(Clone, Debug)]
@@ -134,8 +134,7 @@ impl<'a> NewFile<'a> {
         let law = model.metadata.law;
         if law != LawKind::AlphaBlend {
             let what = format!("a model of the {} law cannot be fine-tuned: its blocks add up as they are", law.name());
-            let hint = "`compress --train` trains such a model from its snapshot".into();
-            return Err(Error::Argument { what, hint });
+            return Err(Error::Argument { what, remedy: Remedy::TrainFromSnapshot });
         }
         let [layer] = &model.layers[..] else {
             return Err(Error::argument("an alpha-blend model has one layer"));
@@ -156,7 +155,7 @@ impl<'a> NewFile<'a> {
         let block_bytes = size.map(|size| {
             size.checked_sub(beside).filter(|left| *left > 0).ok_or_else(|| {
                 let what = format!("{size} bytes were asked for; the head and the network alone take {beside}");
-                Error::Unreachable { what, hint: "ask for a larger file".into() }
+                Error::Unreachable { what, remedy: "ask for a larger file".into() }
             })
         });
         Ok(NewFile { metadata, layer, beside, block_bytes: block_bytes.transpose()? })
@@ -169,7 +168,7 @@ impl<'a> NewFile<'a> {
         let most_gaussians = match (options.target, self.block_bytes) {
             (Target::Gaussians(k), _) if k < own => {
                 let what = format!("{k} Gaussians were asked for; the model has {own}");
-                return Err(Error::Unreachable { what, hint: format!("ask for `--gaussians {own}` or more") });
+                return Err(Error::Unreachable { what, remedy: Remedy::MoreGaussians(own) });
             }
             (Target::Gaussians(k), _) => Some(k),
             (_, Some(bytes)) => said.or_else(|| {
@@ -191,7 +190,7 @@ impl<'a> NewFile<'a> {
         if coded.size_met == SizeMet::TooLarge {
             let (asked, smallest) = (bytes + self.beside, coded.bytes.len() as u64 + self.beside);
             let what = format!("{asked} bytes were asked for; the smallest file has {smallest} bytes");
-            return Err(Error::Unreachable { what, hint: format!("ask for `--size {smallest}B` or more") });
+            return Err(Error::Unreachable { what, remedy: Remedy::LargerFile { bytes: smallest, ratio: None } });
         }
         Ok(coded)
     }

@@ -15,7 +15,7 @@ use crate::particles::{Bounds, Layered};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::train::Config;
-use crate::{Error, Result};
+use crate::{Error, Remedy, Result};
 use serde::{Deserialize, Serialize};
 
 /// What is asked for, and what is known of the whole.
@@ -52,9 +52,8 @@ impl Plan {
         }
         let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && source.layers.len() > 1 {
-            return Err(Error::argument(
-                "the alpha-blend law has one layer: choose one with --particle-type, or use the optical-depth law",
-            ));
+            let what = "the alpha-blend law has one layer, and the snapshot several".into();
+            return Err(Error::Argument { what, remedy: Remedy::ChooseSpecies });
         }
         let known = Known { count: source.count(), bounds: survey.bounds, source_hash: survey.hash(source.origin) };
         let plan = Plan {
@@ -84,8 +83,7 @@ impl Plan {
         let what = format!(
             "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone take {beside}"
         );
-        let hint = "ask for a larger file, or set `vizmapper = false` in [alpha_blend] of --config".into();
-        Err(Error::Unreachable { what, hint })
+        Err(Error::Unreachable { what, remedy: Remedy::LargerFileOrNoNetwork })
     }
 
     /// The masses of a layer as the file has them: Gaussians of the alpha-blend law have no weights.
@@ -166,8 +164,8 @@ impl Plan {
                 format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
             if self.target != Target::Default {
                 let ratio = self.raw_bytes() as f64 / smallest as f64;
-                let hint = format!("ask for `--size {smallest}B` or more, or for a ratio of {ratio:.4} or less");
-                return Err(Error::Unreachable { what, hint });
+                let remedy = Remedy::LargerFile { bytes: smallest, ratio: Some(ratio) };
+                return Err(Error::Unreachable { what, remedy });
             }
             progress.message(&format!("warning: {what}"));
         } else if blocks.iter().all(|b| b.size_met == SizeMet::TooSmall) {

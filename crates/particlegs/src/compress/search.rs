@@ -76,7 +76,7 @@ pub(super) fn reach_quality(
                 below.as_ref().map_or(0.0, |t| t.decibels),
                 below.as_ref().map_or(0.0, |t| t.number)
             ),
-            hint: "ask for less, or for a size".into(),
+            remedy: "ask for less, or for a size".into(),
         }),
     }
 }

@@ -39,7 +39,7 @@ pub fn simplify(
     let Model { mut metadata, layers, .. } = model;
     if metadata.law != LawKind::OpticalDepth {
         let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
-        return Err(Error::Argument { what, hint: "train one with fewer Gaussians on the snapshot".into() });
+        return Err(Error::Argument { what, remedy: "train one with fewer Gaussians on the snapshot".into() });
     }
     metadata.command = format!("{command} of: {}", metadata.command);
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
@@ -54,7 +54,7 @@ pub fn simplify(
             let bytes = target.bytes(raw_bytes).unwrap_or(0);
             if bytes >= model_bytes {
                 let what = format!("{bytes} bytes were asked for; the model has {model_bytes} already");
-                return Err(Error::Unreachable { what, hint: "ask for a larger ratio than the model's own".into() });
+                return Err(Error::Unreachable { what, remedy: "ask for a larger ratio than the model's own".into() });
             }
             job.to_size(bytes, raw_bytes)?
         }
@@ -134,7 +134,7 @@ impl Reduction<'_> {
             let smallest = overhead + coded.iter().map(|c| c.bytes.len() as u64).sum::<u64>();
             let what = format!("{target} bytes were asked for; the smallest file of this model has {smallest} bytes");
             let hint = format!("ask for a ratio of {:.4} or less", raw_bytes as f64 / smallest as f64);
-            return Err(Error::Unreachable { what, hint });
+            return Err(Error::Unreachable { what, remedy: hint.into() });
         }
         Ok(coded)
     }

@@ -7,7 +7,7 @@
 
 use super::manifest::Job;
 use crate::input::open_file;
-use crate::{Error, Result};
+use crate::{Error, Remedy, Result};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
@@ -149,8 +149,8 @@ impl<'a> Buckets<'a> {
         let path = job.chunk_path(chunk);
         let (mut file, length) = open_file(&path).map_err(|e| match e {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
-                let hint = format!("run `particlegs scatter {} {chunk}`", job.folder.display());
-                Error::input_hint(&path, "this chunk has not been sorted yet", hint)
+                let remedy = Remedy::SortChunk { folder: job.folder.clone(), chunk, broken: false };
+                Error::input_with(&path, "this chunk has not been sorted yet", remedy)
             }
             other => other,
         })?;
@@ -169,8 +169,8 @@ impl<'a> Buckets<'a> {
     }
 
     fn broken(&self, what: &str) -> Error {
-        let (folder, chunk) = (self.job.folder.display(), self.chunk);
-        Error::input_hint(&self.path, what, format!("delete it and run `particlegs scatter {folder} {chunk}`"))
+        let (folder, chunk) = (self.job.folder.clone(), self.chunk);
+        Error::input_with(&self.path, what, Remedy::SortChunk { folder, chunk, broken: true })
     }
 
     /// What there is of a block.

@@ -33,7 +33,7 @@ impl Job {
         entries.iter().for_each(|e| counts.iter_mut().zip(&e.counts).for_each(add));
         if counts.iter().zip(&self.manifest.plan.layers).any(|(n, l)| *n > l.content) {
             let what = format!("its buckets hold more particles of block {block} than were planned in all");
-            return Err(Error::input_hint(&self.folder, what, "plan anew, in another folder"));
+            return Err(Error::input_with(&self.folder, what, "plan anew, in another folder"));
         }
         let mut particles = Gathered::new(self, &counts)?;
         for (chunk, entry) in (0..chunks).zip(&entries) {

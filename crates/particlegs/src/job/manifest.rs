@@ -6,7 +6,7 @@ use crate::codec::MOST_LAYERS;
 use crate::compress::Plan;
 use crate::input::{Begins, Form, read_own};
 use crate::particles::{Layered, RUN};
-use crate::{Error, Result};
+use crate::{Error, Remedy, Result};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::ops::Range;
@@ -126,9 +126,8 @@ impl Job {
     /// for the plan of another version.
     pub fn open(folder: &Path) -> Result<Job> {
         let path = folder.join("plan.json");
-        let text = read_own(&path, FORM)?.ok_or_else(|| {
-            Error::input_hint(folder, "no plan.json: not a job's folder", "`particlegs plan` makes one")
-        })?;
+        let text = read_own(&path, FORM)?
+            .ok_or_else(|| Error::input_with(folder, "no plan.json: not a job's folder", Remedy::PlanJob))?;
         let no_plan = |e: serde_json::Error| Error::input(&path, format!("not a plan: {e}"));
         let version = serde_json::from_slice::<Versioned>(&text).map_err(no_plan)?.particlegs_job;
         let what = match version.cmp(&u64::from(VERSION)) {
@@ -187,7 +186,7 @@ impl Job {
 
     pub(super) fn changed(&self, how: &str) -> Error {
         let what = format!("the snapshot changed after `plan`: {how}");
-        Error::input_hint(&self.manifest.plan.metadata.source, what, "plan again, in another folder")
+        Error::input_with(&self.manifest.plan.metadata.source, what, "plan again, in another folder")
     }
 
     /// Layer by layer, the part of some of the snapshot's runs that lies in it.

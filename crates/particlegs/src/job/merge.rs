@@ -6,7 +6,7 @@ use crate::compress::{CodedBlock, Decoded, Measure};
 use crate::model::Certificate;
 use crate::particles::{Particles, source_hash};
 use crate::progress::{Progress, Silent};
-use crate::{Error, Result};
+use crate::{Error, Remedy, Result};
 
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. With `particles`
@@ -58,16 +58,18 @@ impl Job {
         let Some(first) = missing.first() else { return Ok(()) };
         let blocks = self.manifest.plan.blocks;
         let what = format!("blocks not fitted yet: {} ({} of {blocks})", some(&missing), missing.len());
-        Err(Error::input_hint(&self.folder, what, format!("run `particlegs block {} {first}`", self.folder.display())))
+        Err(Error::input_with(&self.folder, what, self.fit_again(*first, false)))
+    }
+
+    /// A block is to be fitted, again where what is there is broken.
+    pub(super) fn fit_again(&self, block: u32, broken: bool) -> Remedy {
+        Remedy::FitBlock { folder: self.folder.clone(), block, broken }
     }
 
     /// A block that is done.
     pub(super) fn done_block(&self, block: u32) -> Result<CodedBlock> {
         let path = self.block_path(block, "pgs");
-        let broken = |what: &str| {
-            let hint = format!("delete it and run `particlegs block {} {block}`", self.folder.display());
-            Error::input_hint(&path, what, hint)
-        };
+        let broken = |what: &str| Error::input_with(&path, what, self.fit_again(block, true));
         let report = self.report(block)?.ok_or_else(|| broken("its report is missing"))?;
         let bytes = match codec::read_file(&path, &Silent) {
             Err(Error::Corrupt { what, .. } | Error::Compatibility { what, .. }) => return Err(broken(&what)),

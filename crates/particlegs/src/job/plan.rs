@@ -9,7 +9,7 @@ use crate::compress::{Options, Plan, Target};
 use crate::input::read_own;
 use crate::particles::{Layered, Particles, RUN, check_box};
 use crate::progress::Progress;
-use crate::{Error, Result, output};
+use crate::{Error, Remedy, Result, output};
 use std::path::Path;
 
 /// A snapshot to be planned.
@@ -60,10 +60,9 @@ const READ_AGAIN: f64 = 2.0;
 /// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
 pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Planned> {
     if let Target::Psnr(_) = task.options.target {
-        let hint = "ask for a size, a ratio or a number of Gaussians; `compress` takes a PSNR target".to_string();
         return Err(Error::Argument {
             what: "a PSNR target is met by all blocks together, which a job cannot do".into(),
-            hint,
+            remedy: Remedy::NoQuality,
         });
     }
     check_folder(folder)?;

@@ -116,8 +116,8 @@ impl Job {
             let corner = |c: [f64; 3]| std::array::from_fn(|k| (c[k] - self.manifest.origin[k]) as f32);
             let reached = self.manifest.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {
-                let hint = format!("delete it and run `particlegs block {} {block}`", self.folder.display());
-                return Err(Error::input_hint(&path, format!("its particles are not those of block {block}"), hint));
+                let what = format!("its particles are not those of block {block}");
+                return Err(Error::input_with(&path, what, self.fit_again(block, true)));
             }
             particles = particles.saturating_add(decoded.count);
         }

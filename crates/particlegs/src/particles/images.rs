@@ -1,7 +1,7 @@
 //! Periodic images: positions taken near a point.
 
 use super::{Bounds, Cell, Chunk};
-use crate::{Error, Result};
+use crate::{Error, Remedy, Result};
 
 /// Takes positions at their periodic images nearest to a point.
 pub(super) struct Images {
@@ -18,8 +18,11 @@ impl Images {
     /// [`Error::Input`] without a cell that has a volume; [`Error::Argument`] for a wider crop.
     pub fn about(crop: &Bounds, cell: Option<&Cell>, name: &str) -> Result<Self> {
         let Some(cell) = cell else {
-            let hint = "state it by `--box Lx,Ly,Lz`, or use --region, which does not wrap around";
-            return Err(Error::input_hint(name, "a region across the boundary needs a periodic box", hint));
+            return Err(Error::input_with(
+                name,
+                "a region across the boundary needs a periodic box",
+                Remedy::StateBoxOrRegion,
+            ));
         };
         let fractions = cell.inverse().ok_or_else(|| Error::input(name, "the periodic cell has no volume"))?;
         let extent = crop.extent();

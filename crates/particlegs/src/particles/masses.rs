@@ -3,7 +3,7 @@
 use super::room::Blank;
 use super::{Particles, Positions, Room};
 use crate::model::Layer;
-use crate::{Error, Result};
+use crate::{Error, Remedy, Result};
 
 /// Classes of mass at most; more are no classes.
 const MOST_CLASSES: usize = 64;
@@ -57,7 +57,7 @@ pub fn layers_by_mass(particles: &Particles, room: &Room) -> Result<Particles> {
         }
         let classes = classes(&weights[layer.content.clone()]).ok_or_else(|| {
             let what = format!("`{}` has more than {MOST_CLASSES} different masses: too many for layers", layer.name);
-            Error::input_hint(&particles.meta.name, what, "use `--layers-by species`")
+            Error::input_with(&particles.meta.name, what, Remedy::LayersBySpecies)
         })?;
         for class in &classes {
             let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };

@@ -4,7 +4,7 @@ use super::room::Blank;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Column, Particles, Positions, Room, SnapshotMeta, sidecar, sidecar::Sidecar};
 use crate::input::open_file;
-use crate::{Error, Result};
+use crate::{Error, Remedy, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -36,7 +36,7 @@ pub fn open_raw(paths: &[PathBuf]) -> Result<Particles> {
 fn open_folder(folder: &Path) -> Result<Particles> {
     let files: Vec<PathBuf> = ["xx.f32", "yy.f32", "zz.f32"].iter().map(|f| folder.join(f)).collect();
     if let Some(missing) = files.iter().find(|f| !f.exists()) {
-        return Err(Error::input_hint(
+        return Err(Error::input_with(
             missing,
             "missing",
             "a snapshot folder holds xx.f32, yy.f32, zz.f32 and, with weights, ww.f32",
@@ -146,12 +146,12 @@ impl Invalid {
     /// The error that refuses them.
     pub(crate) fn refusal(self, place: &str) -> Error {
         let Invalid { count, first } = self;
-        Error::input_hint(
+        Error::input_with(
             place,
             format!(
                 "{count} particles are invalid (NaN, infinite, or weight not positive), the first at index {first}"
             ),
-            "`--skip-invalid` drops them; `--weights none` ignores masses",
+            Remedy::LeaveOutInvalid,
         )
     }
 }

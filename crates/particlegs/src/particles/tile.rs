@@ -1,7 +1,7 @@
 //! Periodic tiling: the snapshot repeated along its cell vectors.
 
 use super::{Cell, Particles};
-use crate::{Error, Result};
+use crate::{Error, Remedy, Result};
 
 /// How often the snapshot stands beside itself along each cell vector. Tiles are numbered with the
 /// last axis fastest.
@@ -27,10 +27,11 @@ impl Tiling {
             return Err(Error::argument(format!("tiles {repeats:?} must be 1 or more along each axis")));
         }
         let name = &particles.meta.name;
-        let cell =
-            particles.meta.cell.as_ref().ok_or_else(|| {
-                Error::input_hint(name, "tiling needs a periodic box", "state it by `--box Lx,Ly,Lz`")
-            })?;
+        let cell = particles
+            .meta
+            .cell
+            .as_ref()
+            .ok_or_else(|| Error::input_with(name, "tiling needs a periodic box", Remedy::StateBox))?;
         if let Some(k) = (0..3).find(|&k| repeats[k] > 1 && !cell.periodic[k]) {
             return Err(Error::input(name, format!("axis {k} is not periodic and cannot be repeated")));
         }

@@ -74,7 +74,7 @@ impl SnapshotWriter {
     /// where weights would be lost; [`Error::Output`] where the folder holds anything but particles.
     pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool) -> Result<Self> {
         if form != RawForm::Columns && weighted {
-            return Err(Error::input_hint(
+            return Err(Error::input_with(
                 out,
                 "an .npy file of positions cannot store the weights",
                 "name a folder instead",
