@@ -68,7 +68,6 @@ fn a_job_gives_the_bytes_that_compress_gives() {
     let status = says(&[&"status", &at("job")]);
     assert_eq!(status["particles"], serde_json::json!([262_144, 262_144]));
     particlegs().arg("verify").arg(at("job")).assert().success();
-    particlegs().arg("verify").arg(at("direct.pgs")).arg(sample()).assert().success();
     // A block is a model of its own, and nothing but the job's files is in its folder.
     particlegs().args(["info", "--quiet"]).arg(at("job/blocks/00003.pgs")).assert().success();
     assert_eq!(listing(&at("job")), ["blocks", "plan.json", "runs.bin", "scatter"]);

@@ -1,6 +1,7 @@
-//! What was done to a chunk before it was written, undone: gzip, shuffle, fletcher32 and LZF here,
-//! because they are the common ones and must be fast; szip, N-bit, scale-offset and LZ4 by the library.
+//! What was done to a chunk before it was written, undone: gzip, shuffle, fletcher32, LZF and LZ4 here,
+//! because they are the common ones and must be fast; szip, N-bit and scale-offset by the library.
 
+use crate::codecs;
 use flate2::{Decompress, FlushDecompress, Status};
 use hdf5_reader::checksum::fletcher32;
 use hdf5_reader::filters::{FILTER_DEFLATE, FILTER_FLETCHER32, FILTER_SHUFFLE, apply_pipeline_with_limit};
@@ -16,6 +17,7 @@ enum Stage {
     Shuffle,
     Fletcher32,
     Lzf,
+    Lz4,
     Library(FilterDescription),
 }
 
@@ -25,8 +27,8 @@ pub struct Pipeline {
     element: usize,
 }
 
-/// Filters that the library decodes: szip, N-bit, scale-offset, LZ4.
-const BY_LIBRARY: [u16; 4] = [4, 5, 6, 32004];
+/// Filters that the library decodes: szip, N-bit, scale-offset.
+const BY_LIBRARY: [u16; 3] = [4, 5, 6];
 
 /// Names of registered filters that are not read.
 const UNREAD: [(u16, &str); 10] = [
@@ -54,6 +56,7 @@ impl Pipeline {
             FILTER_SHUFFLE => Err(Error::input(place, "broken HDF5 file: shuffled as numbers of another size")),
             FILTER_FLETCHER32 => Ok(Stage::Fletcher32),
             32000 => Ok(Stage::Lzf),
+            32004 => Ok(Stage::Lz4),
             id if BY_LIBRARY.contains(&id) => Ok(Stage::Library(f.clone())),
             id => {
                 let name = UNREAD.iter().find(|u| u.0 == id).map_or(String::new(), |u| format!(" ({})", u.1));
@@ -89,6 +92,7 @@ impl Pipeline {
                 Stage::Shuffle => Cow::Owned(unshuffle(&bytes, self.element)),
                 Stage::Fletcher32 => checked(bytes)?,
                 Stage::Lzf => Cow::Owned(unlzf(&bytes, limit)?),
+                Stage::Lz4 => Cow::Owned(unlz4(&bytes, limit)?),
                 Stage::Library(filter) => {
                     let filter = std::slice::from_ref(filter);
                     let done = apply_pipeline_with_limit(&bytes, filter, 0, self.element, None, Some(limit));
@@ -214,6 +218,37 @@ fn unlzf(stored: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> {
     Ok(out)
 }
 
+/// LZ4 as HDF5's filter has it, big-endian: the length of all (8 bytes) and of a block (4), then of each block
+/// its compressed length (4) and its bytes, which are as they were where that is the block's own.
+fn unlz4(stored: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> {
+    let cut = || "its LZ4 blocks are cut short".to_string();
+    let take = |rest: &mut &[u8], n: usize| {
+        let (first, left) = rest.split_at_checked(n).ok_or_else(cut)?;
+        *rest = left;
+        Ok::<_, String>(first.iter().fold(0u64, |v, b| v << 8 | u64::from(*b)))
+    };
+    let mut rest = stored;
+    let (length, block) = (take(&mut rest, 8)?, take(&mut rest, 4)?);
+    let length = usize::try_from(length).ok().filter(|l| *l <= limit).ok_or("its LZ4 blocks are too long")?;
+    if block == 0 && length > 0 {
+        return Err("its LZ4 blocks are empty".into());
+    }
+    let mut out = Vec::new();
+    while out.len() < length {
+        let size = (length - out.len()).min(block as usize);
+        let packed = take(&mut rest, 4)? as usize;
+        let (bytes, left) = rest.split_at_checked(packed).ok_or_else(cut)?;
+        rest = left;
+        match packed == size {
+            true => out.extend_from_slice(bytes),
+            // No block expands more than 255-fold.
+            false if size / 255 > packed => return Err("a block of LZ4 is shorter than what it stands for".into()),
+            false => out.extend(codecs::lz4(bytes, size)?),
+        }
+    }
+    Ok(out)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,6 +279,21 @@ mod tests {
             assert!(unlzf(&stored[..cut], 100).is_err(), "{cut}");
         }
         assert!(unlzf(&[0b0010_0000, 9], 100).is_err());
+    }
+
+    #[test]
+    fn lz4_blocks_packed_and_as_they_were() {
+        // Two blocks of four bytes and one of two: literals, as they were, literals.
+        let head = [0, 0, 0, 0, 0, 0, 0, 10, 0, 0, 0, 4];
+        let blocks = [&[0, 0, 0, 5, 0x40, b'a', b'b', b'c', b'd'][..], &[0, 0, 0, 4], b"efgh", &[0, 0, 0, 2], b"ij"];
+        let stored = [&head[..], &blocks.concat()].concat();
+        assert_eq!(unlz4(&stored, 100).unwrap(), b"abcdefghij");
+        assert!(unlz4(&stored, 9).is_err() && unlz4(&[0xff; 40], 1 << 40).is_err());
+        for cut in 0..stored.len() {
+            assert!(unlz4(&stored[..cut], 100).is_err(), "{cut}");
+        }
+        let empty = [&[0; 7][..], &[9, 0, 0, 0, 0], &[0; 9]].concat();
+        assert!(unlz4(&empty, 100).is_err());
     }
 
     #[test]

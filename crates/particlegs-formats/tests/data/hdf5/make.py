@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Writes the small HDF5 snapshots beside it, with h5py: every layout, filter and index of chunks that
+"""Writes the small HDF5 snapshots beside it, with h5py and hdf5plugin: every layout, filter and index of chunks that
 the reader meets. Positions are x = i/8, y = i/4 + 1, z = i/2 + 2 for particle i of 100, box 64."""
 import os
 import h5py
+import hdf5plugin
 import numpy as np
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -36,6 +37,8 @@ write("contiguous_be_f8", pos=POS.astype(">f8"))
 write("gzip_shuffle_fletcher", chunks=(33, 3), compression="gzip", shuffle=True, fletcher32=True)
 write("chunks_split_columns", chunks=(30, 2), compression="gzip")
 write("lzf", chunks=(40, 3), compression="lzf", shuffle=True)
+# Several blocks a chunk, the last one short.
+write("lz4", chunks=(40, 3), **hdf5plugin.LZ4(nbytes=128))
 write("plain_chunks", chunks=(7, 1))
 write("latest_fixed_array", "latest", chunks=(33, 3), compression="gzip")
 write("latest_extensible_array", "latest", chunks=(9, 3), maxshape=(None, 3), compression="gzip")
