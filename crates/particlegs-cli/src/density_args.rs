@@ -7,7 +7,7 @@ use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use particlegs::camera::{DensityView, Frame, Projection, spherical_camera};
+use particlegs::camera::{DensityView, Frame, Projection, Window, spherical_camera};
 use particlegs::model::Model;
 use particlegs::output::{FileSet, write_atomic, write_bytes};
 use particlegs::particles::{Cell, Particles};
@@ -161,7 +161,8 @@ impl DensityArgs {
         let angles = [views.azimuth, views.elevation];
         let frame = spherical_camera([0.0; 3], angles[0], angles[1], 1.0).frame()?;
         let width = self.width.unwrap_or_else(|| default_width(&frame, subject, size, q.cell.is_some()));
-        let view = DensityView::orthographic("view", center, angles, width, self.depth, size, &subject.bounds, q.cell)?;
+        let window = Window { center, angles_deg: angles, width, depth: self.depth };
+        let view = DensityView::orthographic("view", &window, size, &subject.bounds, q.cell)?;
         Ok((size, vec![view]))
     }
 

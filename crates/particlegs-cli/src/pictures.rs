@@ -2,7 +2,7 @@
 
 use crate::density_args::Quantities;
 use particlegs::Result;
-use particlegs::camera::{DensityView, View, base_distance, spherical_camera};
+use particlegs::camera::{DensityView, View, Window, base_distance, spherical_camera};
 use particlegs::model::Model;
 use particlegs::output::FileSet;
 use particlegs::particles::Particles;
@@ -68,7 +68,8 @@ fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();
     let size = Size { width: DENSITY_WIDTH, height: height as usize };
     let width = extent[0].max(extent[1] * DENSITY_WIDTH as f64 / height);
-    let view = DensityView::orthographic("density", m.bounds.center(), [0.0; 2], width, None, size, &m.bounds, m.cell)?;
+    let window = Window { center: m.bounds.center(), angles_deg: [0.0; 2], width, depth: None };
+    let view = DensityView::orthographic("density", &window, size, &m.bounds, m.cell)?;
     let plane = render::surface_density(&Scene::of(model), &view, size, progress)?;
     let picture = annotate_density(
         &plane,

@@ -136,9 +136,9 @@ fn pictures(model: &Model) {
         step("render", |p| draw(&scene, &view, SIZE, Look::Paraview, p));
     }
     step("density", |p| {
-        let height = m.bounds.extent_nonzero().into_iter().fold(0.0, f64::max);
-        let view =
-            camera::DensityView::orthographic("d", m.bounds.center(), [0.0; 2], height, None, SIZE, &m.bounds, m.cell)?;
+        let width = m.bounds.extent_nonzero().into_iter().fold(0.0, f64::max);
+        let window = camera::Window { center: m.bounds.center(), angles_deg: [0.0; 2], width, depth: None };
+        let view = camera::DensityView::orthographic("d", &window, SIZE, &m.bounds, m.cell)?;
         surface_density(&scene, &view, SIZE, p)
     });
 }

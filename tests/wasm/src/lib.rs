@@ -1,6 +1,6 @@
 //! Pictures of a model file, by `particlegs-core` alone: [`pictures`] here and, exported from WebAssembly, there.
 
-use particlegs_core::camera::{DensityView, View, base_distance, spherical_camera};
+use particlegs_core::camera::{DensityView, View, Window, base_distance, spherical_camera};
 use particlegs_core::codec;
 use particlegs_core::picture::{Pixels, Size};
 use particlegs_core::progress::Progress;
@@ -35,9 +35,9 @@ pub fn pictures(model: &[u8], progress: &dyn Progress) -> Result<Vec<u8>> {
         }
     }
     let e = m.bounds.extent();
-    let height = e[0].max(e[1]).max(e[2]);
-    let window =
-        DensityView::orthographic("a test", m.bounds.center(), [30.0, 20.0], height, None, SIZE, &m.bounds, None)?;
+    let width = e[0].max(e[1]).max(e[2]);
+    let window = Window { center: m.bounds.center(), angles_deg: [30.0, 20.0], width, depth: None };
+    let window = DensityView::orthographic("a test", &window, SIZE, &m.bounds, None)?;
     let density = surface_density(&scene, &window, SIZE, progress)?;
     out.extend(density.data.iter().flat_map(|v| v.to_le_bytes()));
     if depth.iter().all(|v| *v == 0.0) || density.data.iter().all(|v| *v == 0.0) {

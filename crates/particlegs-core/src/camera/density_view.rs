@@ -22,6 +22,20 @@ pub struct DensityView {
     pub wrap: Option<Cell>,
 }
 
+/// What an orthographic picture shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// Its middle, world units.
+    pub center: [f64; 3],
+    /// Azimuth and elevation of the line of sight, degrees.
+    pub angles_deg: [f64; 2],
+    /// World units across.
+    pub width: f64,
+    /// World units along the line of sight; `None` = one cell's extent along it where the cell repeats, else
+    /// everything.
+    pub depth: Option<f64>,
+}
+
 impl DensityView {
     /// A perspective (or orthographic) view as pictures have it.
     pub fn of_view(view: &View, bounds: &Bounds) -> DensityView {
@@ -29,21 +43,18 @@ impl DensityView {
         DensityView { name: view.name.clone(), camera: view.camera, range, wrap: None }
     }
 
-    /// An orthographic window: `width` world units across, about `center`, `depth` deep along the
-    /// line of sight (`None`: one cell's extent along it where the cell repeats, else everything).
+    /// An orthographic window, onto copies of the cell where it repeats.
     ///
     /// # Errors
     /// [`Error::Argument`] where a length is not positive or a number not finite.
     pub fn orthographic(
         name: &str,
-        center: [f64; 3],
-        angles_deg: [f64; 2],
-        width: f64,
-        depth: Option<f64>,
+        window: &Window,
         size: Size,
         bounds: &Bounds,
         cell: Option<Cell>,
     ) -> Result<DensityView> {
+        let Window { center, angles_deg, width, depth } = *window;
         for (what, value) in [("width", width), ("depth", depth.unwrap_or(1.0))] {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(Error::argument(format!("a {what} of {value} must be positive")));

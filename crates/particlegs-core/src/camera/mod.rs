@@ -5,7 +5,7 @@ mod normalisation;
 mod orbit;
 mod view;
 
-pub use density_view::DensityView;
+pub use density_view::{DensityView, Window};
 pub use normalisation::Normalisation;
 pub use orbit::{FOV_DEG, ORBITS, Orbit, base_distance, clipping_range, spherical_camera, spiral, view_up};
 pub use view::{Camera, Frame, Projection, View, ViewSet};

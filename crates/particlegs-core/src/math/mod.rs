@@ -7,4 +7,4 @@ mod vector;
 
 pub use random::{Purpose, Random};
 pub use symmetric::{Eigen, Sym3};
-pub use vector::{across, add_product, exp2};
+pub use vector::{Matrix, across, add_product, exp2};

@@ -21,41 +21,46 @@ pub fn exp2<S: Simd>(simd: S, t: f32x16<S>) -> f32x16<S> {
     f32x16::from_bits(bits)
 }
 
-/// `c += a b` of row-major matrices: `a` is m x k with strides `a_step` (from row to row, from
-/// column to column), `b` is k x n, `c` is m x n, their rows without gaps; n a multiple of 16.
+/// A matrix in memory.
+#[derive(Clone, Copy)]
+pub struct Matrix<'a> {
+    /// Its values, the first one first.
+    pub data: &'a [f32],
+    /// Values from row to row and from column to column.
+    pub step: [usize; 2],
+}
+
+impl Matrix<'_> {
+    /// The rows from `row` on.
+    #[inline(always)]
+    fn rows_from(self, row: usize) -> Self {
+        Matrix { data: &self.data[row * self.step[0]..], ..self }
+    }
+}
+
+/// `c += a b`: `a` is m x k, `b` is k x n, `c` is m x n, the last two row by row without gaps; n a
+/// multiple of 16.
 #[inline(always)]
-pub fn add_product<S: Simd>(
-    simd: S,
-    [m, n, k]: [usize; 3],
-    (a, a_step): (&[f32], [usize; 2]),
-    b: &[f32],
-    c: &mut [f32],
-) {
+pub fn add_product<S: Simd>(simd: S, [m, n, k]: [usize; 3], a: Matrix<'_>, b: &[f32], c: &mut [f32]) {
     let full = m - m % 4;
     for column in (0..n).step_by(16) {
         for row in (0..full).step_by(4) {
-            block::<S, 4>(simd, [n, k], (&a[row * a_step[0]..], a_step), &b[column..], &mut c[row * n + column..]);
+            block::<S, 4>(simd, [n, k], a.rows_from(row), &b[column..], &mut c[row * n + column..]);
         }
         for row in full..m {
-            block::<S, 1>(simd, [n, k], (&a[row * a_step[0]..], a_step), &b[column..], &mut c[row * n + column..]);
+            block::<S, 1>(simd, [n, k], a.rows_from(row), &b[column..], &mut c[row * n + column..]);
         }
     }
 }
 
 /// R rows of 16 columns.
 #[inline(always)]
-fn block<S: Simd, const R: usize>(
-    simd: S,
-    [n, k]: [usize; 2],
-    (a, a_step): (&[f32], [usize; 2]),
-    b: &[f32],
-    c: &mut [f32],
-) {
+fn block<S: Simd, const R: usize>(simd: S, [n, k]: [usize; 2], a: Matrix<'_>, b: &[f32], c: &mut [f32]) {
     let mut sum: [f32x16<S>; R] = std::array::from_fn(|r| f32x16::from_slice(simd, &c[r * n..r * n + 16]));
     for i in 0..k {
         let row = f32x16::from_slice(simd, &b[i * n..i * n + 16]);
         for (r, sum) in sum.iter_mut().enumerate() {
-            *sum += row * a[r * a_step[0] + i * a_step[1]];
+            *sum += row * a.data[r * a.step[0] + i * a.step[1]];
         }
     }
     for (r, sum) in sum.into_iter().enumerate() {
@@ -87,7 +92,7 @@ mod tests {
             let a: Vec<f32> = (0..15).map(|i| i as f32).collect();
             let b: Vec<f32> = (0..48).map(|i| (i % 7) as f32).collect();
             let mut c = vec![1.0f32; 80];
-            add_product(simd, [5, 16, 3], (&a, [3, 1]), &b, &mut c);
+            add_product(simd, [5, 16, 3], Matrix { data: &a, step: [3, 1] }, &b, &mut c);
             for (r, q) in (0..5).flat_map(|r| (0..16).map(move |q| (r, q))) {
                 let law = 1.0 + (0..3).map(|i| a[r * 3 + i] * b[i * 16 + q]).sum::<f32>();
                 assert_eq!(c[r * 16 + q], law);

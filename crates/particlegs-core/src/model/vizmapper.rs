@@ -1,7 +1,7 @@
 //! The network that follows radius and opacity, at work (paper section III-B).
 
 use super::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
-use crate::math::{Purpose, Random, add_product, exp2};
+use crate::math::{Matrix, Purpose, Random, add_product, exp2};
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use std::ops::Range;
 
@@ -161,9 +161,15 @@ impl Network {
             h.clear();
             (0..n).for_each(|_| h.extend_from_slice(bias));
         }
-        add_product(simd, [n, HIDDEN, INPUTS], (inputs.as_flattened(), [INPUTS, 1]), &self.first, h1);
+        add_product(
+            simd,
+            [n, HIDDEN, INPUTS],
+            Matrix { data: inputs.as_flattened(), step: [INPUTS, 1] },
+            &self.first,
+            h1,
+        );
         silu(simd, h1, d1);
-        add_product(simd, [n, HIDDEN, HIDDEN], (h1, [HIDDEN, 1]), &self.second, h2);
+        add_product(simd, [n, HIDDEN, HIDDEN], Matrix { data: h1, step: [HIDDEN, 1] }, &self.second, h2);
         silu(simd, h2, d2);
     }
 }

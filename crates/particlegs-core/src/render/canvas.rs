@@ -65,8 +65,8 @@ impl<'a> Canvas<'a> {
     pub fn finish(self, progress: &dyn Progress) -> Rows<'a> {
         for l in (1..self.levels.len()).rev() {
             let (finer, coarser) = self.planes.split_at_mut(l);
-            let [coarse, fine] = [&self.levels[l], &self.levels[l - 1]];
-            pyramid::add_up(progress.simd(), (&coarser[0], coarse), (&mut finer[l - 1], fine));
+            let levels = [&self.levels[l], &self.levels[l - 1]];
+            pyramid::add_up(progress.simd(), levels, &coarser[0], &mut finer[l - 1]);
         }
         let Level { size, stride, .. } = self.levels[0];
         let mut rows = Rows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] };

@@ -53,12 +53,15 @@ pub fn levels(size: Size) -> Vec<Level> {
     }
 }
 
-/// Adds a coarse plane to the next finer one, interpolated between its pixels.
-pub fn add_up(simd: SimdLevel, (coarse, coarse_level): (&[f32], &Level), (fine, fine_level): (&mut [f32], &Level)) {
-    let line = || vec![0.0f32; coarse_level.stride];
-    parallel::for_each_chunk_with(fine, fine_level.stride, line, |line, row, fine| {
-        fearless_simd::dispatch!(simd, _simd => add_row(coarse, coarse_level, row, line, fine, fine_level));
-    });
+/// Adds a coarse plane to the next finer one, interpolated between its pixels; `levels` are theirs.
+pub fn add_up(simd: SimdLevel, levels: [&Level; 2], coarse: &[f32], fine: &mut [f32]) {
+    let [from, to] = levels;
+    parallel::for_each_chunk_with(
+        fine,
+        to.stride,
+        || vec![0.0f32; from.stride],
+        |line, row, fine| fearless_simd::dispatch!(simd, _simd => add_row(coarse, from, row, line, fine, to)),
+    );
 }
 
 /// One row: down first, into `line`, then across.
@@ -95,17 +98,17 @@ fn add_row(coarse: &[f32], level: &Level, row: usize, line: &mut [f32], fine: &m
 }
 
 /// The transpose of [`add_up`] (its edges' repetition apart): what the gradient of the fine plane
-/// means for the coarse one.
-pub fn gather_down(
-    simd: SimdLevel,
-    (fine, fine_level): (&[f32], &Level),
-    (coarse, coarse_level): (&mut [f32], &Level),
-) {
-    let coarse = &mut coarse[..coarse_level.stride * coarse_level.rows];
-    let lines = || (vec![0.0f32; fine_level.stride], [vec![], vec![]]);
-    parallel::for_each_chunk_with(coarse, coarse_level.stride, lines, |(line, halves), row, coarse| {
-        fearless_simd::dispatch!(simd, _simd => gather_row(fine, fine_level, row, line, halves, coarse));
-    });
+/// means for the coarse one. `levels` are the fine plane's and the coarse one's.
+pub fn gather_down(simd: SimdLevel, levels: [&Level; 2], fine: &[f32], coarse: &mut [f32]) {
+    let [from, to] = levels;
+    parallel::for_each_chunk_with(
+        &mut coarse[..to.stride * to.rows],
+        to.stride,
+        || (vec![0.0f32; from.stride], [vec![], vec![]]),
+        |(line, halves), row, coarse| {
+            fearless_simd::dispatch!(simd, _simd => gather_row(fine, from, row, line, halves, coarse));
+        },
+    );
 }
 
 /// One coarse row: down first, into `line`, then across.
@@ -182,8 +185,8 @@ mod tests {
         let (coarse, fine) = (plane(&levels[1]), plane(&levels[0]));
         let (mut up, mut down) = (vec![0.0; fine.len()], vec![0.0; coarse.len()]);
         let simd = SimdLevel::new();
-        add_up(simd, (&coarse, &levels[1]), (&mut up, &levels[0]));
-        gather_down(simd, (&fine, &levels[0]), (&mut down, &levels[1]));
+        add_up(simd, [&levels[1], &levels[0]], &coarse, &mut up);
+        gather_down(simd, [&levels[0], &levels[1]], &fine, &mut down);
         let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| f64::from(x * y)).sum::<f64>();
         let (a, b) = (dot(&up, &fine), dot(&coarse, &down));
         assert!((a - b).abs() < 1e-3 * (1.0 + a.abs()), "{a} {b}");

@@ -157,14 +157,15 @@ fn units_do_not_matter() {
 /// appear on both sides.
 #[test]
 fn periodic_windows_wrap() {
-    use crate::camera::DensityView;
+    use crate::camera::{DensityView, Window};
     use crate::space::Cell;
     let m = random_mixture(9, 50, 0.05);
     let total: f64 = m.count.iter().sum();
     let size = Size { width: 80, height: 80 };
     let window = |center: [f64; 3]| {
         let cell = Some(Cell::orthogonal([2.0; 3]));
-        let view = DensityView::orthographic("w", center, [0.0, 0.0], 2.0, None, size, &bounds(), cell).unwrap();
+        let window = Window { center, angles_deg: [0.0; 2], width: 2.0, depth: None };
+        let view = DensityView::orthographic("w", &window, size, &bounds(), cell).unwrap();
         surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Silent).unwrap().data
     };
     let here = window([0.0; 3]);

@@ -1,7 +1,7 @@
 //! The network's gradient.
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
-use particlegs_core::math::add_product;
+use particlegs_core::math::{Matrix, add_product};
 use particlegs_core::model::VIZMAPPER_PARAMETERS;
 use particlegs_core::model::vizmapper::{Hidden, Network, Places, RUN, dot};
 use rayon::prelude::*;
@@ -75,19 +75,25 @@ fn back<S: Simd>(
     last.extend(out.iter().zip(wanted).map(|(o, w)| [0, 1].map(|k| w[k] * (1.0 - o[k] * o[k]))));
     last.iter().for_each(|d| (0..2).for_each(|k| sums.last_bias[k] += d[k]));
     let last = last.as_flattened();
-    add_product(simd, [2, HIDDEN, n], (last, [1, 2]), &hidden.value[1], &mut sums.weight[2]);
+    add_product(simd, [2, HIDDEN, n], Matrix { data: last, step: [1, 2] }, &hidden.value[1], &mut sums.weight[2]);
     second.clear();
     second.resize(n * HIDDEN, 0.0);
-    add_product(simd, [n, HIDDEN, 2], (last, [2, 1]), &network.last, second);
+    add_product(simd, [n, HIDDEN, 2], Matrix { data: last, step: [2, 1] }, &network.last, second);
     times(simd, second, &hidden.slope[1]);
-    add_product(simd, [1, HIDDEN, n], (&[1.0], [0, 0]), second, &mut sums.bias[1]);
-    add_product(simd, [HIDDEN, HIDDEN, n], (second, [1, HIDDEN]), &hidden.value[0], &mut sums.weight[1]);
+    add_product(simd, [1, HIDDEN, n], Matrix { data: &[1.0], step: [0, 0] }, second, &mut sums.bias[1]);
+    add_product(
+        simd,
+        [HIDDEN, HIDDEN, n],
+        Matrix { data: second, step: [1, HIDDEN] },
+        &hidden.value[0],
+        &mut sums.weight[1],
+    );
     first.clear();
     first.resize(n * HIDDEN, 0.0);
-    add_product(simd, [n, HIDDEN, HIDDEN], (second, [HIDDEN, 1]), &network.second_rows, first);
+    add_product(simd, [n, HIDDEN, HIDDEN], Matrix { data: second, step: [HIDDEN, 1] }, &network.second_rows, first);
     times(simd, first, &hidden.slope[0]);
-    add_product(simd, [1, HIDDEN, n], (&[1.0], [0, 0]), first, &mut sums.bias[0]);
-    add_product(simd, [4, HIDDEN, n], (inputs.as_flattened(), [1, 4]), first, &mut sums.weight[0]);
+    add_product(simd, [1, HIDDEN, n], Matrix { data: &[1.0], step: [0, 0] }, first, &mut sums.bias[0]);
+    add_product(simd, [4, HIDDEN, n], Matrix { data: inputs.as_flattened(), step: [1, 4] }, first, &mut sums.weight[0]);
     for (row, with) in first.chunks_exact(HIDDEN).zip(with_inputs) {
         *with = [2, 3].map(|k| dot(row, &network.first[k * HIDDEN..(k + 1) * HIDDEN]));
     }

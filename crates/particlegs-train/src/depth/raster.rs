@@ -117,8 +117,8 @@ impl Tape {
         let mut planes = vec![base];
         for l in 1..=used {
             let mut coarse = vec![0.0f32; self.levels[l].stride * self.levels[l].rows];
-            let [fine, coarser] = [&self.levels[l - 1], &self.levels[l]];
-            pyramid::gather_down(self.simd, (&planes[l - 1], fine), (&mut coarse, coarser));
+            let levels = [&self.levels[l - 1], &self.levels[l]];
+            pyramid::gather_down(self.simd, levels, &planes[l - 1], &mut coarse);
             planes.push(coarse);
         }
         planes

@@ -108,6 +108,7 @@ impl Target {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Window;
     use crate::math::Random;
     use crate::particles::{Bounds, Cell};
     use crate::progress::Silent;
@@ -122,7 +123,8 @@ mod tests {
         for center in [[1.0, 1.0, 1.0], [0.2, 1.9, -3.7]] {
             let view = |depth| {
                 let cell = Some(Cell::orthogonal([2.0; 3]));
-                DensityView::orthographic("v", center, [0.0, 0.0], 2.0, depth, size, &bounds, cell).unwrap()
+                let window = Window { center, angles_deg: [0.0; 2], width: 2.0, depth };
+                DensityView::orthographic("v", &window, size, &bounds, cell).unwrap()
             };
             let mass = |depth| {
                 let plane = surface_density(&particles, &view(depth), size, &Silent).unwrap();
