@@ -71,7 +71,7 @@ run_table(FULL + FAST)
 out.append("""
 ## Scores
 Masked PSNR, dB, 1920 x 1080, one frame an orbit, default radius, opacity 0.05 (the files' certificates); in brackets the noise-free picture of
-all particles against the same target, which no model can expect to pass (spec of the metrics: `paraview` holds the shot noise of single
+all particles against the same target, which no model can expect to pass ([scores](../law/scores.md): `paraview` holds the shot noise of single
 particles). `expected` is the noise-free picture itself.
 """)
 score_table(FULL + FAST)

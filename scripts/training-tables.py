@@ -246,7 +246,7 @@ oversample = {o}
 internal = {i}
 densify = {{ every = 0, until = 0, threshold = 0.0 }}
 """ for n, w, h, o, i in ((12000, 1920, 1080, 2, 0.0), (15000, 5760, 3240, 1, 0.0), (12000, 5760, 3240, 1, 0.2)))
-# Per-block rates of the published artifact (spec: paper.md).
+# Per-block rates of the published artifact (docs/law/published.md, "Blocks, merge, fine-tuning").
 BLOCK_RATES = "[alpha_blend]\nleast_opacity = 0.03\nscale_rate = 0.0005\nposition_rate = 0.00008\nposition_rate_end = 0.0000008\n"
 
 ABLATIONS = {

@@ -82,7 +82,7 @@ impl Quantities {
     /// Of a snapshot.
     pub fn of_particles(p: &Particles) -> Self {
         let m = &p.meta;
-        let known = p.weights.is_some() || m.particle_mass.is_some();
+        let known = p.weights().is_some() || m.particle_mass.is_some();
         Quantities {
             cell: m.cell,
             length_unit: m.length_unit.clone(),

@@ -5,9 +5,11 @@ use crate::inputs;
 use crate::printable::one_line;
 use crate::rows::wrapped;
 use particlegs::Result;
-use particlegs::codec::{self, FileInfo, LayerInfo};
+use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::input::name_of;
-use particlegs::model::{Certificate, Law, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges};
+use particlegs::model::{
+    Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
+};
 use particlegs::particles::Cell;
 use particlegs::picture::number;
 use particlegs::progress::Progress;
@@ -27,11 +29,19 @@ struct Report<'a> {
     gaussians: u64,
     bytes_per_gaussian: f64,
     metadata: MetadataReport<'a>,
-    layers: &'a [LayerInfo],
+    layers: Vec<LayerReport<'a>>,
     vizmapper: Option<NetworkReport>,
     published_bytes: u64,
     certificate: Option<&'a Certificate>,
     verdict: Verdict,
+}
+
+#[derive(Serialize)]
+struct LayerReport<'a> {
+    name: &'a str,
+    particle_mass: Option<f64>,
+    weighted: bool,
+    blocks: &'a [BlockInfo],
 }
 
 /// The network of an alpha-blend model.
@@ -78,11 +88,16 @@ pub fn is_of_command(path: &Path, command: &str, progress: &dyn Progress) -> Res
     Ok(codec::read_metadata(&inputs::model(path, progress)?, &name_of(path))?.command == command)
 }
 
+fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> LayerReport<'_> {
+    let Layer { name, mass, content } = layer;
+    LayerReport { name, particle_mass: mass.unit(), weighted: mass.is_weighted(), blocks: content }
+}
+
 fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
-    let gaussians: u64 = info.layers.iter().flat_map(|l| &l.blocks).map(|b| u64::from(b.gaussians)).sum();
-    let layer_bytes = |l: &LayerInfo| {
-        let count = l.blocks.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));
-        count.saturating_mul(if l.weighted { 16 } else { 12 })
+    let gaussians: u64 = info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum();
+    let layer_bytes = |l: &Layer<Vec<BlockInfo>>| {
+        let count = l.content.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));
+        count.saturating_mul(l.mass.particle_bytes())
     };
     let raw_bytes = info.layers.iter().map(layer_bytes).fold(0, u64::saturating_add);
     let report = Report {
@@ -93,7 +108,7 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
         gaussians,
         bytes_per_gaussian: info.bytes as f64 / gaussians as f64,
         metadata: metadata(&info.metadata),
-        layers: &info.layers,
+        layers: info.layers.iter().map(layer_report).collect(),
         vizmapper: info.vizmapper.as_ref().map(network),
         published_bytes: gaussians * SPLAT_PLY_BYTES,
         certificate: info.certificate.as_ref(),
@@ -164,7 +179,7 @@ fn text(r: &Report<'_>) -> String {
                 n.ranges.floor
             ),
         ),
-        None if m.law == Law::AlphaBlend.name() => row("VizMapper", "none: trained without".into()),
+        None if m.law == LawKind::AlphaBlend.name() => row("VizMapper", "none: trained without".into()),
         None => {}
     }
     row("particles", m.particles.to_string());
@@ -184,7 +199,7 @@ fn text(r: &Report<'_>) -> String {
     row("time", said(m.time));
     row("command", m.command.to_string());
     row("made by", format!("particlegs {}", m.tool_version));
-    for layer in r.layers {
+    for layer in &r.layers {
         let count: u64 = layer.blocks.iter().map(|b| b.count).sum();
         let mass = match (layer.weighted, layer.particle_mass) {
             (true, _) => "each with a mass of its own".to_string(),
@@ -193,7 +208,7 @@ fn text(r: &Report<'_>) -> String {
         };
         let blocks = layer.blocks.len();
         row("layer", format!("`{}`: {count} particles, {mass}, {blocks} block(s)", layer.name));
-        for b in &layer.blocks {
+        for b in layer.blocks {
             let each = b.bytes as f64 / f64::from(b.gaussians);
             let place = format!("{} to {}", point(b.bounds.min), point(b.bounds.max));
             row(

@@ -1,14 +1,13 @@
-//! A figure of two curves and, below it, their ratio in bands of 5 % and 10 %: SVG, and PNG from it.
+//! A figure of two curves and, below it, their ratio in bands of 5 % and 10 %: as SVG and as PNG.
 
+use crate::canvas::Canvas;
+use particlegs::Result;
 use particlegs::output::write_bytes;
-use particlegs::picture::{FONT, superscript};
-use particlegs::{Error, Result};
+use particlegs::picture::{Rgb8, Size, superscript, write_rgb_png};
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
-use resvg::{tiny_skia, usvg};
 use std::path::Path;
-use std::sync::Arc;
 
 /// Pixels across and down, of the PNG too.
 const SIZE: (u32, u32) = (900, 720);
@@ -54,26 +53,17 @@ pub struct Figure<'a> {
 /// Writes NAME.svg and NAME.png; a figure without a point to show is left out.
 ///
 /// # Errors
-/// [`Error::Io`].
+/// [`particlegs::Error::Io`].
 pub fn write(folder: &Path, figure: &Figure<'_>) -> Result<()> {
-    let Some(svg) = draw(figure) else { return Ok(()) };
+    let mut svg = String::new();
+    if draw(SVGBackend::with_string(&mut svg, SIZE), figure).is_none() {
+        return Ok(());
+    }
+    let size = Size { width: SIZE.0 as usize, height: SIZE.1 as usize };
+    let mut png = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };
+    draw(Canvas::new(&mut png), figure);
     write_bytes(&folder.join(format!("{}.svg", figure.name)), svg.as_bytes())?;
-    let png = rasterise(&svg).ok_or_else(|| {
-        Error::io(&folder.join(figure.name), std::io::Error::other("the plot could not be drawn as PNG"))
-    })?;
-    write_bytes(&folder.join(format!("{}.png", figure.name)), &png)
-}
-
-fn rasterise(svg: &str) -> Option<Vec<u8>> {
-    let mut fonts = usvg::fontdb::Database::new();
-    fonts.load_font_data(FONT.to_vec());
-    let family = fonts.faces().next()?.families.first()?.0.clone();
-    fonts.set_sans_serif_family(family);
-    let options = usvg::Options { fontdb: Arc::new(fonts), ..usvg::Options::default() };
-    let tree = usvg::Tree::from_str(svg, &options).ok()?;
-    let mut pixels = tiny_skia::Pixmap::new(SIZE.0, SIZE.1)?;
-    resvg::render(&tree, tiny_skia::Transform::identity(), &mut pixels.as_mut());
-    pixels.encode_png().ok()
+    write_rgb_png(&folder.join(format!("{}.png", figure.name)), &png)
 }
 
 /// An axis as plotters sees it: logarithms are taken here, so that one kind of chart serves all.
@@ -185,33 +175,29 @@ impl ValueFormatter<f64> for Ticks {
     }
 }
 
-/// The figure as SVG; `None` where nothing can be shown.
-fn draw(f: &Figure<'_>) -> Option<String> {
+/// Draws the figure; `None` where nothing can be shown.
+fn draw<B: DrawingBackend>(backend: B, f: &Figure<'_>) -> Option<()> {
     let points = || f.curves.iter().flat_map(|c| c.points.iter());
     let x = Axis::around(points().filter(|p| p.1.is_finite() && (!f.log_y || p.1 > 0.0)).map(|p| p.0), f.log_x)?;
     let y = Axis::around(points().map(|p| p.1).chain(f.levels.iter().copied()), f.log_y)?;
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        root.fill(&WHITE).ok()?;
-        let split = if f.ratio.is_empty() { SIZE.1 } else { SIZE.1 * 66 / 100 };
-        let (upper, lower) = root.split_vertically(split);
-        curves(&upper, f, x, y)?;
-        if !f.ratio.is_empty() {
-            ratio(&lower, f, x)?;
-        }
-        root.present().ok()?;
+    let root = backend.into_drawing_area();
+    root.fill(&WHITE).ok()?;
+    let split = if f.ratio.is_empty() { SIZE.1 } else { SIZE.1 * 66 / 100 };
+    let (upper, lower) = root.split_vertically(split);
+    curves(&upper, f, x, y)?;
+    if !f.ratio.is_empty() {
+        ratio(&lower, f, x)?;
     }
-    Some(svg)
+    root.present().ok()
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type Area<B> = DrawingArea<B, plotters::coord::Shift>;
 
 fn color(side: usize) -> RGBColor {
     [TRUTH, OTHER, THIRD][side.min(2)]
 }
 
-fn curves(area: &Area<'_>, f: &Figure<'_>, x: Axis, y: Axis) -> Option<()> {
+fn curves<B: DrawingBackend>(area: &Area<B>, f: &Figure<'_>, x: Axis, y: Axis) -> Option<()> {
     let below = if f.ratio.is_empty() { 56 } else { 30 };
     let mut chart = ChartBuilder::on(area)
         .margin(12)
@@ -261,7 +247,7 @@ fn curves(area: &Area<'_>, f: &Figure<'_>, x: Axis, y: Axis) -> Option<()> {
 }
 
 /// The lower panel: other / truth, from 0.7 to 1.3 or as far as it goes within 0 to 2.
-fn ratio(area: &Area<'_>, f: &Figure<'_>, x: Axis) -> Option<()> {
+fn ratio<B: DrawingBackend>(area: &Area<B>, f: &Figure<'_>, x: Axis) -> Option<()> {
     let far = f.ratio.iter().map(|p| (p.1 - 1.0).abs()).filter(|d| d.is_finite()).fold(0.0, f64::max);
     let reach = (1.15 * far).clamp(0.15, 1.0);
     let y = Axis { log: false, low: 1.0 - reach, high: 1.0 + reach };

@@ -4,7 +4,7 @@
 use crate::inputs::Early;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::input::{Begins, Form, read_whole};
-use particlegs::model::Law;
+use particlegs::model::LawKind;
 use particlegs::train::{Config, Preset};
 use particlegs::{Error, Result};
 use serde::Deserialize;
@@ -85,10 +85,10 @@ enum Which {
 
 impl TrainArgs {
     /// The law that is asked for.
-    fn law(&self) -> Option<Law> {
+    fn law(&self) -> Option<LawKind> {
         self.law.map(|law| match law {
-            LawArg::OpticalDepth => Law::OpticalDepth,
-            LawArg::AlphaBlend => Law::AlphaBlend,
+            LawArg::OpticalDepth => LawKind::OpticalDepth,
+            LawArg::AlphaBlend => LawKind::AlphaBlend,
         })
     }
 
@@ -101,7 +101,7 @@ impl TrainArgs {
             TrainArg::Best => Preset::Best,
             TrainArg::Paper => Preset::Paper,
         };
-        Some(Config::preset(preset, self.law().unwrap_or(Law::OpticalDepth)))
+        Some(Config::preset(preset, self.law().unwrap_or(LawKind::OpticalDepth)))
     }
 
     /// The file of hyper-parameters.
@@ -137,7 +137,7 @@ impl TrainArgs {
         let name = self.train.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
         let mut text = format!(" --train {name}");
         let law = self.law();
-        if self.tune.config(preset.clone(), law)?.law == Law::AlphaBlend {
+        if self.tune.config(preset.clone(), law)?.law == LawKind::AlphaBlend {
             text += " --law alpha-blend";
         }
         Ok(text + &self.tune.text(preset, law)?)
@@ -168,7 +168,7 @@ impl TuneArgs {
     ///
     /// # Errors
     /// [`Error::Input`] where the file does not parse; [`Error::Argument`] for a number out of range.
-    pub fn config(&self, preset: Config, law: Option<Law>) -> Result<Config> {
+    pub fn config(&self, preset: Config, law: Option<LawKind>) -> Result<Config> {
         let mut config = preset;
         if let Some(path) = &self.config {
             let text = self.text_of(path)?;
@@ -202,7 +202,7 @@ impl TuneArgs {
     ///
     /// # Errors
     /// As [`TuneArgs::config`].
-    pub fn printed(&self, preset: Config, law: Option<Law>) -> Result<Option<String>> {
+    pub fn printed(&self, preset: Config, law: Option<LawKind>) -> Result<Option<String>> {
         let Some(which) = self.print_config else { return Ok(None) };
         let mut all = table(&self.config(preset.clone(), law)?)?;
         if which == Which::Changed {
@@ -215,7 +215,7 @@ impl TuneArgs {
     ///
     /// # Errors
     /// As [`TuneArgs::config`].
-    pub fn text(&self, preset: Config, law: Option<Law>) -> Result<String> {
+    pub fn text(&self, preset: Config, law: Option<LawKind>) -> Result<String> {
         let mut text = String::new();
         if self.config.is_some() {
             let all = toml::to_string(&self.config(preset, law)?).map_err(|e| Error::argument(e.to_string()))?;
@@ -281,7 +281,7 @@ mod tests {
 
     #[test]
     fn changes_lie_over_the_preset_and_come_out_again() {
-        let config = Config::preset(Preset::Fast, Law::OpticalDepth);
+        let config = Config::preset(Preset::Fast, LawKind::OpticalDepth);
         let changes: toml::Table = toml::from_str("[loss]\nsmooth = 0.5\n[optical_depth.rates]\ncount = 0.0").unwrap();
         let changed = changed(&config, changes.clone()).unwrap();
         let all = table(&changed).unwrap();

@@ -3,12 +3,14 @@
 use crate::folder::resolved;
 use crate::{Description, Fields, OpenOptions, Snapshot, Species, open, spool};
 use particlegs::input::{Source, Spooled, is_stream};
+use particlegs::model::{Layer, Mass};
 use particlegs::particles::{
-    Bounds, LayerSource, Layered, Particles, Room, Selection, SnapshotMeta, SnapshotReader, Stated, check_values,
-    layers_by_mass, load, open_raw, select, settle_masses,
+    Bounds, LayerSource, Layered, ONE_LAYER, Particles, Room, Selection, SnapshotMeta, SnapshotReader, Stated,
+    check_values, layers_by_mass, load, open_raw, select, settle_masses,
 };
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -268,8 +270,10 @@ fn chosen_of_raw(mut particles: Particles, choice: &Choice) -> Result<Particles>
     match &choice.fields.weights {
         crate::Weights::Auto => {}
         crate::Weights::None => {
-            particles.weights = None;
-            particles.kinds.iter_mut().for_each(|k| (k.weighted, k.particle_mass) = (false, None));
+            let counted = |l: &Layer<_>| Layer { mass: Mass::Unknown, ..l.clone() };
+            let layers: Vec<_> = particles.layers().iter().map(counted).collect();
+            let one_kind = layers.len() == 1 && layers[0].name == ONE_LAYER;
+            particles = particles.without_weights().with_layers(if one_kind { Vec::new() } else { layers });
         }
         crate::Weights::Field(name) if name == "ww" || name == "ww.f32" => {}
         crate::Weights::Field(name) => {
@@ -297,17 +301,17 @@ fn describe_raw(paths: &[PathBuf], choice: &Choice) -> Result<(Description, Vec<
     let notes = choice.stated.apply(&mut particles.meta)?;
     let scalar = |name: &str| crate::Field { name: name.into(), kind: "f32".into(), components: 1, unit: None };
     let mut fields = vec![scalar("xx"), scalar("yy"), scalar("zz")];
-    if particles.weights.is_some() {
+    if particles.weights().is_some() {
         fields.push(scalar("ww"));
     }
-    let species = |l: &particlegs::particles::ParticleLayer| Species {
+    let species = |l: &Layer<Range<usize>>| Species {
         name: l.name.clone(),
         aliases: Vec::new(),
-        count: l.range.len() as u64,
-        mass: match (l.weighted, l.particle_mass) {
-            (true, _) => crate::Mass::Field("ww".into()),
-            (false, Some(m)) => crate::Mass::Each(m),
-            (false, None) => crate::Mass::Unknown,
+        count: l.content.len() as u64,
+        mass: match l.mass {
+            Mass::Weights(_) => crate::Mass::Field("ww".into()),
+            Mass::Each(m) => crate::Mass::Each(m),
+            Mass::Unknown => crate::Mass::Unknown,
         },
         positions: "xx,yy,zz".into(),
         fields: fields.clone(),

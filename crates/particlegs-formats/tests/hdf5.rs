@@ -1,7 +1,8 @@
 //! HDF5 snapshots: the files of others, and files broken in every byte and bit.
 
 use particlegs::Result;
-use particlegs::particles::{Cell, Column, Kept, ParticleLayer, Particles, RUN, Selection, SnapshotReader, Tiling};
+use particlegs::model::{Layer, Mass as LayerMass};
+use particlegs::particles::{Cell, Column, Kept, Particles, RUN, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
 use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, Weights, open, writer_for};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -311,16 +312,16 @@ fn broken_snapshots_do_no_harm() {
 fn made(counts: &[(&str, usize)]) -> Particles {
     let n: usize = counts.iter().map(|c| c.1).sum();
     let column = |a: f32| (0..n).map(|i| a * (i as f32).sqrt()).collect::<Vec<f32>>();
-    let mut particles = Particles::from_columns(column(0.5), column(-0.25), column(1.75));
-    particles.weights = Some(Column::owned((0..n).map(|i| 1.0 + (i % 7) as f32 / 3.0).collect()));
-    let mut start = 0;
+    let (mut start, mut layers) = (0, Vec::new());
     for (i, &(name, count)) in counts.iter().enumerate() {
-        let weighted = i + 1 == counts.len();
-        let range = start..start + count;
-        let particle_mass = (!weighted).then_some(0.75);
-        particles.kinds.push(ParticleLayer { name: name.into(), range, particle_mass, weighted });
+        let mass = if i + 1 == counts.len() { LayerMass::Weights(None) } else { LayerMass::Each(0.75) };
+        layers.push(Layer { name: name.into(), mass, content: start..start + count });
         start += count;
     }
+    let weights = (0..n).map(|i| 1.0 + (i % 7) as f32 / 3.0).collect();
+    let mut particles = Particles::from_columns(column(0.5), column(-0.25), column(1.75))
+        .with_weights(Column::owned(weights))
+        .with_layers(layers);
     particles.meta.cell = Some(Cell::orthogonal([64.0; 3]));
     particles.meta.length_unit = Some("kpc/h".into());
     particles.meta.mass_unit = Some("1e10 Msun/h".into());
@@ -354,7 +355,7 @@ fn what_is_written_is_read_back_bit_for_bit() {
         let part = particles.of_layer(&layers[layer]);
         let (all, masses) = positions(&*reader).unwrap();
         assert!(all.iter().enumerate().all(|(i, p)| *p == part.position(i)) && all.len() == part.len());
-        assert_eq!(masses, part.weights.as_deref().unwrap_or(&[]));
+        assert_eq!(masses, part.weights().map(|w| &w[..]).unwrap_or(&[]));
     }
 }
 
@@ -384,7 +385,7 @@ fn what_the_layout_does_not_hold_is_refused() {
         write(&kept, &path, &Silent).unwrap_err().to_string()
     };
     assert!(refused(&particles).contains("7 layers"));
-    particles.kinds.clear();
+    particles = particles.with_layers(Vec::new());
     particles.meta.cell.as_mut().unwrap().vectors[1][0] = 3.0;
     assert!(refused(&particles).contains("orthogonal"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

@@ -1,5 +1,5 @@
 //! The pictures of a run: the published spirals on several orbits, cameras inside the bounds, and
-//! radius and opacity drawn for each (spec: paper.md).
+//! radius and opacity drawn for each (docs/law/cameras.md).
 
 use super::config::Cameras;
 use particlegs_core::camera::{Camera, FOV_DEG, Projection, View, base_distance, spiral, view_up};
@@ -105,13 +105,13 @@ fn sampled(cameras: &Cameras, of: &Defaults, index: u64, camera: Camera) -> View
 mod tests {
     use super::*;
     use crate::config::{Config, Preset};
-    use particlegs_core::model::Law;
+    use particlegs_core::model::LawKind;
 
     #[test]
     fn views_are_as_many_as_asked_for_and_share_no_pose() {
         let bounds = Bounds { min: [0.0; 3], max: [1.0, 2.0, 3.0] };
         let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None, gaussians: None };
-        let cameras = Config::preset(Preset::Paper, Law::AlphaBlend).cameras;
+        let cameras = Config::preset(Preset::Paper, LawKind::AlphaBlend).cameras;
         let views = Views::new(&cameras, &of, true);
         assert_eq!((views.training.len(), views.held_out.len(), views.internal.len()), (320, 80, 400));
         for v in views.training.iter().chain(&views.internal).chain(&views.held_out) {
@@ -126,7 +126,7 @@ mod tests {
     fn draws_follow_the_seed_and_stay_where_they_are_to() {
         let bounds = Bounds { min: [-1.0, 2.0, 3.0], max: [1.0, 4.0, 4.0] };
         let of = Defaults { bounds, radius: 0.01, opacity: 0.05, seed: 3, bytes: None, gaussians: None };
-        let plain = Config::preset(Preset::Fast, Law::OpticalDepth).cameras;
+        let plain = Config::preset(Preset::Fast, LawKind::OpticalDepth).cameras;
         let cameras = Cameras { frames: 2000, wide: 0.25, wide_radius: 7.0, ..plain };
         let [a, b] = [0, 0].map(|_| Views::new(&cameras, &of, true));
         assert_eq!(a.training, b.training);
@@ -149,7 +149,7 @@ mod tests {
     fn two_pictures_are_one_to_train_and_one_to_test() {
         let bounds = Bounds { min: [0.0; 3], max: [1.0; 3] };
         let of = Defaults { bounds, radius: 0.01, opacity: 0.9, seed: 1, bytes: None, gaussians: None };
-        let plain = Config::preset(Preset::Fast, Law::OpticalDepth).cameras;
+        let plain = Config::preset(Preset::Fast, LawKind::OpticalDepth).cameras;
         for held_out in [0.0, 0.99] {
             let views = Views::new(&Cameras { frames: 2, held_out, ..plain.clone() }, &of, false);
             assert_eq!((views.training.len(), views.held_out.len()), (1, 1));

@@ -4,7 +4,7 @@ use super::alpha::AlphaConfig;
 use super::depth::DepthConfig;
 use super::learner::Densify;
 use super::loss::{Loss, Norm};
-use particlegs_core::model::Law;
+use particlegs_core::model::LawKind;
 use particlegs_core::splat::Look;
 use particlegs_core::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -65,7 +65,7 @@ pub struct Stage {
 #[serde(deny_unknown_fields)]
 pub struct Config {
     /// How Gaussians become a picture.
-    pub law: Law,
+    pub law: LawKind,
     /// Look of the targets: `paraview`, `paraview-no-fxaa` or `expected`.
     pub target: Look,
     /// What the run starts from.
@@ -115,7 +115,7 @@ pub enum Preset {
     Fast,
     /// At most thirty.
     Best,
-    /// The published single-block recipe (spec: paper.md).
+    /// The published single-block recipe (docs/law/published.md, "Training").
     Paper,
 }
 
@@ -123,7 +123,7 @@ const NEVER: Densify = Densify { every: 0, until: 0, threshold: 0.0 };
 
 impl Config {
     /// The hyper-parameters of a preset.
-    pub fn preset(preset: Preset, law: Law) -> Config {
+    pub fn preset(preset: Preset, law: LawKind) -> Config {
         let stage =
             |iterations, size| Stage { iterations, size, oversample: 1, crop: [0, 0], internal: 0.05, densify: NEVER };
         // Whole pictures, of less than full size: every Gaussian is seen at every step, and parts at
@@ -158,8 +158,8 @@ impl Config {
         }
     }
 
-    /// The published single-block recipe: three stages, 39 000 iterations (spec: paper.md).
-    fn published(law: Law) -> Config {
+    /// The published single-block recipe: three stages, 39 000 iterations (docs/law/published.md).
+    fn published(law: LawKind) -> Config {
         let stage = |iterations, size, oversample, internal, densify| Stage {
             iterations,
             size,
@@ -314,12 +314,12 @@ mod tests {
     fn presets_are_sound_at_every_scale() {
         for preset in [Preset::Fast, Preset::Best, Preset::Paper] {
             for scale in [1.0, 0.3, 0.01] {
-                let config = Config::preset(preset, Law::OpticalDepth).scaled(scale).unwrap();
+                let config = Config::preset(preset, LawKind::OpticalDepth).scaled(scale).unwrap();
                 config.check().unwrap();
             }
         }
-        assert_eq!(Config::preset(Preset::Paper, Law::AlphaBlend).iterations(), 39_000);
-        assert!(Config::preset(Preset::Fast, Law::OpticalDepth).scaled(0.0).is_err());
+        assert_eq!(Config::preset(Preset::Paper, LawKind::AlphaBlend).iterations(), 39_000);
+        assert!(Config::preset(Preset::Fast, LawKind::OpticalDepth).scaled(0.0).is_err());
     }
 
     /// Files write a number that is missing as 0, and both numbers come back.
@@ -338,7 +338,7 @@ mod tests {
     /// the same.
     #[test]
     fn schedules_shrink_with_the_steps() {
-        let paper = Config::preset(Preset::Paper, Law::AlphaBlend);
+        let paper = Config::preset(Preset::Paper, LawKind::AlphaBlend);
         let short = paper.clone().with_iterations(3900).unwrap();
         let a = short.alpha_blend;
         assert_eq!((a.reset_every, a.position_rate_steps, a.densify_from), (300, 5000, 50));

@@ -3,15 +3,15 @@
 use super::alpha::AlphaConfig;
 use super::config::{Cameras, Config, Preset, Stage, Start};
 use super::learner::Densify;
-use particlegs_core::model::Law;
+use particlegs_core::model::LawKind;
 
 impl Config {
-    /// The published fine-tuning of a merged alpha-blend model (paper section III-D, spec: paper.md):
+    /// The published fine-tuning of a merged alpha-blend model (paper section III-D, docs/law/published.md):
     /// 60 000 iterations at 1080p on the pictures of the whole snapshot's orbits, densification every
     /// 100 until 30 000, wider ranges of the network and nothing that holds it, no reset of opacities
     /// and no pruning by them. The run starts from a model, whatever `start` says.
     pub fn fine_tuning() -> Config {
-        let published = Config::preset(Preset::Paper, Law::AlphaBlend);
+        let published = Config::preset(Preset::Paper, LawKind::AlphaBlend);
         let first = published.stages[0];
         let stage = Stage {
             iterations: 60_000,

@@ -5,7 +5,7 @@ use super::config::Config;
 use super::subject::Subject;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
-use particlegs_core::model::{Law, Mixture, VizMapper};
+use particlegs_core::model::Mixture;
 use particlegs_core::picture::{Gray8, Size, masked_psnr};
 use particlegs_core::progress::Progress;
 use particlegs_core::render::{self, Scene};
@@ -44,12 +44,9 @@ impl<'a> HeldOut<'a> {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Cancelled`].
-    pub fn masked_psnr(&self, mixture: &Mixture, vizmapper: Option<&VizMapper>) -> Result<Option<f64>> {
+    pub fn masked_psnr(&self, mixture: &Mixture) -> Result<Option<f64>> {
         let Defaults { bounds, radius, opacity, .. } = *self.defaults;
-        let scene = match self.config.law {
-            Law::OpticalDepth => Scene::of_mixture(mixture, bounds),
-            Law::AlphaBlend => Scene::of_shaded(mixture, vizmapper, bounds, [radius, opacity]),
-        };
+        let scene = Scene::of_law(mixture, bounds, [radius, opacity]);
         let mut scores = Vec::new();
         for (view, truth) in self.views.iter().zip(&self.truth) {
             let drawn = render::draw(&scene, view, self.size, self.config.target, self.progress)?;

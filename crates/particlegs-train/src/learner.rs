@@ -4,7 +4,7 @@ use super::loss::Loss;
 use super::state::State;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
-use particlegs_core::model::{Mixture, VizMapper};
+use particlegs_core::model::Mixture;
 use particlegs_core::picture::{Plane, Size};
 
 /// A picture to learn from.
@@ -96,14 +96,14 @@ pub(crate) trait Learner {
     /// Number of Gaussians.
     fn len(&self) -> usize;
 
-    /// The Gaussians in world units, and the network.
-    fn mixture(&self) -> (Mixture, Option<VizMapper>);
+    /// The Gaussians in world units.
+    fn mixture(&self) -> Mixture;
 
     /// The Gaussians as the file will give them, where that is known.
     ///
     /// # Errors
     /// Those of the coder, for numbers that are not finite.
-    fn shown(&self) -> Result<(Mixture, Option<VizMapper>)> {
+    fn shown(&self) -> Result<Mixture> {
         Ok(self.mixture())
     }
 

@@ -13,7 +13,7 @@ use super::targets::Targets;
 use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::math::{Purpose, Random};
 use particlegs_core::memory::require;
-use particlegs_core::model::{Law, Mixture, Model, VizMapper};
+use particlegs_core::model::{Law, LawKind, Mixture, Model};
 use particlegs_core::picture::Size;
 use particlegs_core::pieces::Pieces;
 use particlegs_core::progress::Progress;
@@ -57,8 +57,6 @@ impl Limits {
 pub struct Trained {
     /// The best by held-out score.
     pub mixture: Mixture,
-    /// Its network, where the law has one.
-    pub vizmapper: Option<VizMapper>,
     /// The precision that the mixture is to be coded at, in nominal steps, where it matters.
     pub factor: Option<f64>,
     /// Steps done.
@@ -213,16 +211,16 @@ impl<'a> Training<'a> {
         let depth_ground = DepthGround { bounds, particles, look: config.target, bytes: defaults.bytes };
         let depth = |m: &Mixture| DepthLearner::new(m, depth_ground, config.optical_depth);
         Ok(match (config.law, initial) {
-            (Law::OpticalDepth, Initial::Fit(m)) => Box::new(depth(m)),
-            (Law::OpticalDepth, Initial::Particles(n)) => {
-                Box::new(depth(&Mixture { shade: None, ..random(n)?.mixture().0 }))
+            (LawKind::OpticalDepth, Initial::Fit(m)) => Box::new(depth(m)),
+            (LawKind::OpticalDepth, Initial::Particles(n)) => {
+                Box::new(depth(&Mixture { law: Law::OpticalDepth, ..random(n)?.mixture() }))
             }
-            (Law::OpticalDepth, Initial::Model(_)) => {
+            (LawKind::OpticalDepth, Initial::Model(_)) => {
                 return Err(Error::argument("models of the optical-depth law are trained by `compress --train`"));
             }
-            (Law::AlphaBlend, Initial::Fit(m)) => Box::new(AlphaLearner::from_mixture(m, ground, alpha)?),
-            (Law::AlphaBlend, Initial::Particles(n)) => Box::new(random(n)?),
-            (Law::AlphaBlend, Initial::Model(m)) => Box::new(AlphaLearner::from_model(m, ground, alpha)?),
+            (LawKind::AlphaBlend, Initial::Fit(m)) => Box::new(AlphaLearner::from_mixture(m, ground, alpha)?),
+            (LawKind::AlphaBlend, Initial::Particles(n)) => Box::new(random(n)?),
+            (LawKind::AlphaBlend, Initial::Model(m)) => Box::new(AlphaLearner::from_model(m, ground, alpha)?),
         })
     }
 }
@@ -350,8 +348,8 @@ impl Run<'_> {
         if self.evaluated == Some(self.iteration) {
             return Ok(());
         }
-        let (mixture, vizmapper) = self.learner.shown()?;
-        let score = self.held_out.masked_psnr(&mixture, vizmapper.as_ref())?;
+        let mixture = self.learner.shown()?;
+        let score = self.held_out.masked_psnr(&mixture)?;
         if self.iteration == 0 {
             self.best.first = score;
         }
@@ -368,11 +366,11 @@ impl Run<'_> {
         let fail = |what| Error::argument(format!("the best state: {what}"));
         self.learner.restore(&self.best.state).map_err(fail)?;
         // As they are: those that were decoded on the way would be rounded twice.
-        let (mixture, vizmapper) = self.learner.mixture();
+        let mixture = self.learner.mixture();
         let scores = [self.best.first, self.best.score];
         let not_finite = self.journal.faulty;
         let factor = self.learner.factor();
-        Ok(Trained { mixture, vizmapper, factor, iterations: self.iteration, scores, not_finite, stopped })
+        Ok(Trained { mixture, factor, iterations: self.iteration, scores, not_finite, stopped })
     }
 
     /// The learner's state, the best one, and where the run stands.

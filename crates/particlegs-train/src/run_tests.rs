@@ -9,14 +9,14 @@ use super::{Cameras, Config, Initial, Limits, Preset, Stage, Trained, Training};
 use particlegs::fit::{self, Effort, FitOptions};
 use particlegs::particles::Particles;
 use particlegs::reference::Reference;
-use particlegs_core::model::{Law, Mixture, VizMapper};
+use particlegs_core::model::{LawKind, Mixture};
 use particlegs_core::pieces::{NoPieces, Pieces};
 use particlegs_core::progress::{Progress, Silent};
 use particlegs_core::{Error, Result};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-fn config(law: Law, iterations: u64) -> Config {
+fn config(law: LawKind, iterations: u64) -> Config {
     let plain = Config::preset(Preset::Fast, law);
     let stage = Stage { iterations, size: [48, 32], crop: [32, 16], internal: 0.3, ..plain.stages[0] };
     Config {
@@ -59,7 +59,7 @@ impl Progress for After {
 
 #[test]
 fn memory_is_that_of_the_largest_pictures() {
-    let small = Config::preset(Preset::Fast, Law::OpticalDepth);
+    let small = Config::preset(Preset::Fast, LawKind::OpticalDepth);
     let stage = Stage { size: [16_384, 16_384], oversample: 8, ..small.stages[0] };
     let large = Config { stages: [&small.stages[..], &[stage]].concat(), ..small.clone() };
     let [small, large] = [small, large].map(|c| bytes_wanted(&c, 1000));
@@ -71,7 +71,7 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
     let particles = cloud(2000);
     let (of, start) = (defaults(&particles), fitted(&particles));
     let subject = Cloud(Reference::with_bounds(&particles, of.bounds));
-    for law in [Law::OpticalDepth, Law::AlphaBlend] {
+    for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
         let config = config(law, 8);
         let run = |pieces: &mut dyn Pieces, progress: &dyn Progress| -> Result<Trained> {
             let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
@@ -93,7 +93,7 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
                 }
             };
             assert!(processes > 1, "never stopped");
-            assert_eq!((&broken.mixture, &broken.vizmapper), (&whole.mixture, &whole.vizmapper), "{law:?} {stride}");
+            assert_eq!(&broken.mixture, &whole.mixture, "{law:?} {stride}");
             assert_eq!((broken.scores, broken.iterations), (whole.scores, whole.iterations));
             // A finished run is not done again.
             assert_eq!(run(&mut kept, &Silent).unwrap().mixture, whole.mixture);
@@ -114,8 +114,8 @@ impl Learner for Faulty {
     fn len(&self) -> usize {
         self.0.len()
     }
-    fn mixture(&self) -> (Mixture, Option<VizMapper>) {
-        (self.0.clone(), None)
+    fn mixture(&self) -> Mixture {
+        self.0.clone()
     }
     fn state(&self) -> State {
         let mut state = State::default();
@@ -133,7 +133,7 @@ fn faults_in_every_step_and_a_time_that_is_up_are_survived() {
     let particles = cloud(500);
     let of = defaults(&particles);
     let subject = Cloud(Reference::with_bounds(&particles, of.bounds));
-    let config = config(Law::OpticalDepth, 30);
+    let config = config(LawKind::OpticalDepth, 30);
     let run = |limits: &Limits| {
         let learner = Box::new(Faulty(fitted(&particles), 0.0));
         let training = Training { subject: &subject, config: &config, limits, defaults: &of };
@@ -153,7 +153,7 @@ fn states_of_other_runs_are_refused() {
     let subject = Cloud(Reference::with_bounds(&particles, of.bounds));
     let mut kept = Kept::default();
     kept.keep("train", State::default().to_bytes()).unwrap();
-    let config = config(Law::OpticalDepth, 4);
+    let config = config(LawKind::OpticalDepth, 4);
     let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
     let error = training.run(Initial::Fit(&start), &mut kept, &Silent).unwrap_err();
     assert!(error.to_string().contains("the checkpoint: no column `run`"), "{error}");

@@ -10,7 +10,7 @@ use particlegs::particles::Particles;
 use particlegs::reference::Reference;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
-use particlegs_core::model::Law;
+use particlegs_core::model::LawKind;
 use particlegs_core::picture::Size;
 use particlegs_core::picture::{Gray8, Plane};
 use particlegs_core::progress::Progress;
@@ -50,7 +50,7 @@ pub(super) fn defaults(particles: &Particles) -> Defaults {
 }
 
 fn view(of: &Defaults) -> View {
-    let cameras = Config::preset(Preset::Paper, Law::OpticalDepth).cameras;
+    let cameras = Config::preset(Preset::Paper, LawKind::OpticalDepth).cameras;
     Views::new(&cameras, of, false).training[0].clone()
 }
 
@@ -64,7 +64,7 @@ fn kept_drawn_and_cut_targets_agree() {
     let size = Size { width: 48, height: 32 };
     let part = Crop { full: size, corner: [7, 11], size: Size { width: 20, height: 16 } };
     for (look, oversample) in [(Look::Expected, 1), (Look::Expected, 2), (Look::Paraview, 2)] {
-        let plain = Config::preset(Preset::Paper, Law::OpticalDepth).stages[0];
+        let plain = Config::preset(Preset::Paper, LawKind::OpticalDepth).stages[0];
         let stage = Stage { size: [48, 32], oversample, ..plain };
         let mut kept = Targets::new(&reference, look, &stage, folder.path(), 1 << 20);
         let mut none = Targets::new(&reference, look, &stage, folder.path(), 0);
@@ -86,7 +86,7 @@ fn a_scratch_folder_that_is_not_there_is_named() {
     let particles = cloud(100);
     let of = defaults(&particles);
     let reference = Cloud(Reference::with_bounds(&particles, of.bounds));
-    let stage = Stage { size: [16, 16], ..Config::preset(Preset::Paper, Law::OpticalDepth).stages[0] };
+    let stage = Stage { size: [16, 16], ..Config::preset(Preset::Paper, LawKind::OpticalDepth).stages[0] };
     let nowhere = std::path::Path::new("/nowhere/at/all");
     let mut targets = Targets::new(&reference, Look::Expected, &stage, nowhere, 1 << 20);
     let whole = Crop::whole(Size { width: 16, height: 16 });

@@ -2,7 +2,7 @@
 
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::fit::{PartitionOptions, partition};
-use particlegs::model::{Mixture, Shade, VizMapper, VizRanges};
+use particlegs::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
 use particlegs::particles::{Bounds, open_raw};
 use particlegs::picture::Size;
 use particlegs::progress::Silent;
@@ -25,9 +25,10 @@ fn far_1080p(bencher: divan::Bencher, gaussians: usize) {
 fn alpha_blend_far_1080p(bencher: divan::Bencher, gaussians: usize) {
     let (mut mixture, bounds, size, view) = far(gaussians);
     let n = mixture.len();
-    mixture.shade = Some(Shade { opacity: vec![0.3; n], grey: vec![1.0; n] });
     let network = VizMapper::new(VizRanges::TRAINING, 1);
-    let scene = Scene::of_shaded(&mixture, Some(&network), bounds, [view.radius, view.opacity]);
+    let vizmapper = Some(std::sync::Arc::new(network));
+    mixture.law = Law::AlphaBlend(AlphaBlend { opacity: vec![0.3; n], grey: vec![1.0; n], vizmapper });
+    let scene = Scene::of_law(&mixture, bounds, [view.radius, view.opacity]);
     bencher.bench(|| optical_depth(&scene, &view, size, &Silent).expect("a picture"));
 }
 

@@ -2,7 +2,7 @@
 //! of docs/format.md: `decoded_bits MODEL.pgs`.
 
 use particlegs::codec;
-use particlegs::model::{Block, Certificate, Law, Limit, Model, Science, ScienceOf};
+use particlegs::model::{Block, Certificate, LawKind, Limit, Model, Science, ScienceOf};
 use std::io::{BufWriter, Write};
 
 fn bits(values: impl IntoIterator<Item = f64>) -> String {
@@ -13,8 +13,8 @@ fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     let m = &model.metadata;
     let hash: String = m.source_hash.iter().map(|b| format!("{b:02x}")).collect();
     let law = match m.law {
-        Law::OpticalDepth => 1,
-        Law::AlphaBlend => 2,
+        LawKind::OpticalDepth => 1,
+        LawKind::AlphaBlend => 2,
     };
     writeln!(out, "law {law} particles {} hash {hash}", m.count)?;
     let bounds = m.bounds.min.into_iter().chain(m.bounds.max);
@@ -22,7 +22,7 @@ fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out, "reals {}", bits(reals))?;
     writeln!(out, "source {}", m.source)?;
     model.certificate.as_ref().map_or(Ok(()), |c| certificate(c, out))?;
-    let Some(network) = &model.vizmapper else { return Ok(()) };
+    let Some(network) = model.vizmapper() else { return Ok(()) };
     let r = network.ranges;
     writeln!(out, "ranges {}", bits([r.scale, r.opacity, r.floor]))?;
     let parameters = network.parameters.iter().flat_map(|p| p.to_le_bytes());
@@ -60,8 +60,8 @@ fn block(b: &Block, out: &mut dyn Write) -> std::io::Result<()> {
     let corners = b.bounds.min.into_iter().chain(b.bounds.max);
     let g = &b.gaussians;
     writeln!(out, "block {} {} {}", b.count, bits([b.mass].into_iter().chain(corners)), g.len())?;
-    let shade = g.shade.as_ref();
-    let extra = [g.mass.as_ref(), shade.map(|s| &s.opacity), shade.map(|s| &s.grey)];
+    let own = g.law.alpha_blend();
+    let extra = [g.masses(), own.map(|l| &l.opacity), own.map(|l| &l.grey)];
     for i in 0..g.len() {
         let own = g.mean_of(i).into_iter().chain(g.cov_of(i).0).chain([g.count[i]]);
         writeln!(out, "{}", bits(own.chain(extra.iter().flatten().map(|c| c[i]))))?;
@@ -75,8 +75,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut out = BufWriter::new(std::io::stdout().lock());
     head(&model, &mut out)?;
     for layer in &model.layers {
-        writeln!(out, "layer {} {}", layer.name, layer.blocks.len())?;
-        layer.blocks.iter().try_for_each(|b| block(b, &mut out))?;
+        writeln!(out, "layer {} {}", layer.name, layer.content.len())?;
+        layer.content.iter().try_for_each(|b| block(b, &mut out))?;
     }
     Ok(out.flush()?)
 }

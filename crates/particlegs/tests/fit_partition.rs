@@ -23,8 +23,7 @@ fn check(p: &Particles, part: &Partition) {
     assert!(part.cells.iter().all(|c| !c.is_empty()));
     let key = |q: [f64; 3], w: f32| (q.map(f64::to_bits), w.to_bits());
     let weight = |w: &Option<Vec<f32>>, i: usize| w.as_ref().map_or(1.0, |w| w[i]);
-    let mut before: Vec<_> =
-        (0..p.len()).map(|i| key(p.position(i), p.weights.as_ref().map_or(1.0, |w| w[i]))).collect();
+    let mut before: Vec<_> = (0..p.len()).map(|i| key(p.position(i), p.weights().map_or(1.0, |w| w[i]))).collect();
     let store = &part.store;
     let mut after: Vec<_> =
         (0..store.len()).map(|i| key(store.to_world(store.xyz[i].map(f64::from)), weight(&store.weight, i))).collect();
@@ -88,10 +87,10 @@ fn repeated_places_give_one_cell_each() {
 #[test]
 fn weights_are_carried() {
     let mut p = cloud(3, 5000, 2.0, [false; 3]);
-    p.weights = Some(Column::owned((0..5000).map(|i| 0.5 + (i % 13) as f32).collect()));
+    p = p.with_weights(Column::owned((0..5000).map(|i| 0.5 + (i % 13) as f32).collect()));
     let part = cut(&p, 300);
     check(&p, &part);
-    let plain = Particles { weights: None, ..p.clone() };
+    let plain = p.clone().without_weights();
     assert_eq!(cut(&plain, 300).store.xyz, part.store.xyz, "the geometry counts particles");
 }
 
@@ -100,7 +99,8 @@ fn far_from_the_origin() {
     let mut p = cloud(4, 3000, 1.0, [false; 3]);
     p.origin = [1e9, -1e9, 3.0];
     let part = cut(&p, 100);
-    let near = Particles { origin: [0.0; 3], ..p.clone() };
+    let mut near = p.clone();
+    near.origin = [0.0; 3];
     let there = cut(&near, 100);
     check(&near, &there);
     assert!(part.store.xyz == there.store.xyz && part.cells == there.cells);

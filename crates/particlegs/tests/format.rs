@@ -4,9 +4,9 @@
 mod common;
 
 use common::{baselines, block, certificate, metadata, mixture, partner, reseal, science};
-use particlegs::codec::{self, CodedLayer, Encoder, LayerHead, Precision};
+use particlegs::codec::{self, Encoder, Precision};
 use particlegs::math::{Random, Sym3};
-use particlegs::model::{Block, Certificate, Layer, Mixture, Model};
+use particlegs::model::{Block, Certificate, Layer, Mass, Mixture, Model};
 use particlegs::particles::Cell;
 use particlegs::{Error, math};
 use proptest::prelude::*;
@@ -14,19 +14,15 @@ use proptest::prelude::*;
 /// Bytes of the section of trivial references, with its head.
 const BASELINES: usize = 16 + 76;
 
-fn head(blocks: usize) -> LayerHead<'static> {
-    LayerHead { name: "dm", particle_mass: Some(5.1e9), weighted: false, blocks }
+fn head(blocks: usize) -> Layer<usize> {
+    Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: blocks }
 }
 
 fn model(blocks: Vec<Block>, certified: bool) -> Model {
     let metadata = metadata(&blocks);
     let certificate = certified.then(certificate);
-    Model {
-        metadata,
-        layers: vec![Layer { name: "dm".into(), particle_mass: Some(5.1e9), blocks }],
-        vizmapper: None,
-        certificate,
-    }
+    let mass = Mass::new(blocks[0].gaussians.masses().is_some(), Some(5.1e9));
+    Model { metadata, layers: vec![Layer { name: "dm".into(), mass, content: blocks }], certificate }
 }
 
 fn small() -> Model {
@@ -47,14 +43,14 @@ fn a_file_comes_back() {
         for (a, b) in back.blocks().zip(m.blocks()) {
             assert_eq!((a.count, a.mass, a.bounds), (b.count, b.mass, b.bounds));
             assert_eq!(a.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
-            if let Some(mass) = &a.gaussians.mass {
+            if let Some(mass) = a.gaussians.masses() {
                 assert!((mass.iter().sum::<f64>() / b.mass - 1.0).abs() < 1e-12);
             }
         }
         let info = codec::read_info(&bytes, "m.pgs").unwrap();
-        assert_eq!(info.layers[0].blocks.len(), 2);
+        assert_eq!(info.layers[0].content.len(), 2);
         assert_eq!(codec::read_metadata(&bytes, "m.pgs").unwrap(), m.metadata);
-        let coded: usize = info.layers[0].blocks.iter().map(|b| b.bytes as usize).sum();
+        let coded: usize = info.layers[0].content.iter().map(|b| b.bytes as usize).sum();
         // This certificate has no trivial references: their section is left out.
         assert_eq!(codec::size_without_blocks(&m.metadata, true, &[head(2)]) + coded, bytes.len() + BASELINES);
     }
@@ -73,28 +69,29 @@ fn what_is_not_gaussians_is_small() {
 
 #[test]
 fn layers_that_differ_come_back() {
-    let layer = |name: &str, seed, particle_mass, weighted| Layer {
+    let layer = |name: &str, seed, mass: Mass| Layer {
         name: name.into(),
-        particle_mass,
-        blocks: vec![block(mixture(60, seed, 0.0, 5.0, weighted))],
+        mass,
+        content: vec![block(mixture(60, seed, 0.0, 5.0, mass.is_weighted()))],
     };
-    let layers = vec![layer("dm", 1, Some(2.5), false), layer("gas", 2, None, true), layer("stars", 3, None, false)];
-    let mut m = model(layers.iter().flat_map(|l| l.blocks.clone()).collect(), false);
+    let layers =
+        vec![layer("dm", 1, Mass::Each(2.5)), layer("gas", 2, Mass::Weights(None)), layer("stars", 3, Mass::Unknown)];
+    let mut m = model(layers.iter().flat_map(|l| l.content.clone()).collect(), false);
     m.layers = layers;
     m.metadata.cell = Some(Cell { origin: [-1.0, 2.0, 0.5], ..Cell::orthogonal([50.0; 3]) });
     let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
     assert_eq!(bytes[8..10], [1, 1]);
     let back = codec::decode(&bytes, "m.pgs").unwrap();
     assert_eq!(back.metadata, m.metadata);
-    let said = |m: &Model| m.layers.iter().map(|l| (l.particle_mass, l.is_weighted())).collect::<Vec<_>>();
+    let said = |m: &Model| m.layers.iter().map(|l| l.mass).collect::<Vec<_>>();
     assert_eq!(said(&back), said(&m));
     assert_eq!(back.mass(), None);
     let info = codec::read_info(&bytes, "m.pgs").unwrap();
-    assert!(info.layers[1].weighted && info.layers[0].particle_mass == Some(2.5));
+    assert!(info.layers[1].mass.is_weighted() && info.layers[0].mass == Mass::Each(2.5));
     let only = back.only(&["gas".into(), "dm".into()]).unwrap();
-    assert_eq!(only.metadata.count, only.layers.iter().map(Layer::count).sum::<u64>());
+    assert_eq!(only.metadata.count, only.layers.iter().map(|l| l.count()).sum::<u64>());
     assert!(
-        (only.mass().unwrap() - (2.5 * only.layers[0].blocks[0].mass + only.layers[1].blocks[0].mass)).abs() < 1e-6
+        (only.mass().unwrap() - (2.5 * only.layers[0].content[0].mass + only.layers[1].content[0].mass)).abs() < 1e-6
     );
     assert!(only.only(&["stars".into()]).is_err());
 }
@@ -104,13 +101,13 @@ fn the_order_of_merging_does_not_show() {
     let m = model([1, 2, 3].map(|s| block(mixture(50, s, s as f64, 1.0, false))).to_vec(), false);
     let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
     let coded = codec::coded_layers(&bytes, "m.pgs").unwrap();
-    let mut blocks = coded[0].blocks.clone();
+    let mut blocks = coded[0].content.clone();
     blocks.rotate_left(1);
-    let again = CodedLayer { name: "dm".into(), particle_mass: Some(5.1e9), blocks };
+    let again = Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: blocks };
     assert_eq!(codec::assemble(&m.metadata, None, vec![again]).unwrap(), bytes);
     // A block's bytes are its own: alone it codes to the same.
-    let alone = Encoder::new(&m.layers[0].blocks[1]).unwrap().encode(&Precision::BALANCED);
-    assert!(coded[0].blocks.contains(&alone));
+    let alone = Encoder::new(&m.layers[0].content[1]).unwrap().encode(&Precision::BALANCED);
+    assert!(coded[0].content.contains(&alone));
 }
 
 #[test]
@@ -356,11 +353,11 @@ fn degenerate_gaussians_are_coded() {
         means.iter().for_each(|&m| g.push(m, cov, 1.0, 1.0));
         let m = model(vec![block(g)], false);
         let back = codec::decode(&codec::encode(&m, &Precision::BALANCED).unwrap(), name).unwrap();
-        let g = &back.layers[0].blocks[0].gaussians;
+        let g = &back.layers[0].content[0].gaussians;
         assert_eq!(g.count, vec![1.0; means.len()], "{name}");
-        let extent = m.layers[0].blocks[0].bounds.extent();
+        let extent = m.layers[0].content[0].bounds.extent();
         for i in 0..g.len() {
-            let original = &m.layers[0].blocks[0].gaussians;
+            let original = &m.layers[0].content[0].gaussians;
             let near = original.mean_of(partner(original, g.mean_of(i)));
             for k in 0..3 {
                 assert!((g.mean[k][i] - near[k]).abs() <= 0.1 * extent[k], "{name}");
@@ -379,7 +376,7 @@ fn a_small_feature_in_a_large_box_stands_still() {
     }
     let m = model(vec![block(g)], false);
     let back = codec::decode(&codec::encode(&m, &Precision::BALANCED).unwrap(), "m").unwrap();
-    let means = &back.layers[0].blocks[0].gaussians.mean[0];
+    let means = &back.layers[0].content[0].gaussians.mean[0];
     for x in [0.0, 123_456_789.0, 123_456_793.0, 1e9] {
         let error = means.iter().map(|v| (v - x).abs()).fold(f64::INFINITY, f64::min);
         assert!(error < 0.6, "{error} radii at {x}");
@@ -470,7 +467,7 @@ fn files_of_every_version_stay_readable() {
 
 /// Bit-exact: shortest decimals that come back.
 fn table(m: &Model) -> String {
-    let g = &m.layers[0].blocks[0].gaussians;
-    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(&g.mass).collect();
+    let g = &m.layers[0].content[0].gaussians;
+    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(g.masses()).collect();
     serde_json::to_string(&columns).unwrap().replace("],", "],\n")
 }

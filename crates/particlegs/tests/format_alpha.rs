@@ -5,10 +5,14 @@ mod common;
 
 use common::{block, certificate, metadata, mixture, partner, reseal, science};
 use particlegs::Error;
-use particlegs::codec::{self, CodedLayer, Encoder, LayerHead, Merge, Precision, VIZMAPPER_SECTION_BYTES};
+use particlegs::codec::{self, CodedLayer, Encoder, Merge, Precision, VIZMAPPER_SECTION_BYTES};
 use particlegs::math::Random;
-use particlegs::model::{Block, Law, Layer, Mixture, Model, Shade, VIZMAPPER_PARAMETERS, VizMapper, VizRanges};
+use particlegs::model::{
+    AlphaBlend, Block, Law, LawKind, Layer, MASS, Mass, Metadata, Mixture, Model, VIZMAPPER_PARAMETERS, VizMapper,
+    VizRanges,
+};
 use proptest::prelude::*;
+use std::sync::Arc;
 
 /// A mixture with opacities over two decades, some near 1, and grey levels about 1, some 0.
 fn shaded(n: usize, seed: u64, origin: f64, scale: f64) -> Mixture {
@@ -22,7 +26,7 @@ fn shaded(n: usize, seed: u64, origin: f64, scale: f64) -> Mixture {
     let grey = (0..n).map(|i| (1.0 + 0.4 * Random::new(seed, 6, i as u64).normal()).max(0.0)).collect();
     let sum: f64 = opacity.iter().sum();
     m.count = opacity.iter().map(|o| 100.0 * n as f64 * o / sum).collect();
-    m.shade = Some(Shade { opacity, grey });
+    m.law = Law::AlphaBlend(AlphaBlend { opacity, grey, vizmapper: None });
     m
 }
 
@@ -31,11 +35,25 @@ fn network(seed: u64) -> VizMapper {
     VizMapper { parameters: (0..VIZMAPPER_PARAMETERS).map(parameter).collect(), ranges: VizRanges::TRAINING }
 }
 
-fn model(blocks: Vec<Block>, network: Option<VizMapper>, certified: bool) -> Model {
+fn model(mut blocks: Vec<Block>, network: Option<VizMapper>, certified: bool) -> Model {
     let mut metadata = metadata(&blocks);
-    metadata.law = Law::AlphaBlend;
-    let layers = vec![Layer { name: "dm".into(), particle_mass: Some(5.1e9), blocks }];
-    Model { metadata, layers, vizmapper: network, certificate: certified.then(certificate) }
+    metadata.law = LawKind::AlphaBlend;
+    let network = network.map(Arc::new);
+    for columns in blocks.iter_mut().filter_map(|b| b.gaussians.law.alpha_blend_mut()) {
+        columns.vizmapper.clone_from(&network);
+    }
+    let layers = vec![Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: blocks }];
+    Model { metadata, layers, certificate: certified.then(certificate) }
+}
+
+/// The same without its network.
+fn without_network(m: &Model) -> Model {
+    model(m.layers[0].content.clone(), None, m.certificate.is_some())
+}
+
+/// The first block's opacities and grey levels.
+fn columns(b: &Mixture) -> &AlphaBlend {
+    b.law.alpha_blend().unwrap()
 }
 
 fn small() -> Model {
@@ -48,18 +66,18 @@ fn encoded(m: &Model) -> Vec<u8> {
 
 /// Keeps the promises of an alpha-blend model.
 fn check_sums(m: &Model) {
-    assert_eq!(m.metadata.law, Law::AlphaBlend);
+    assert_eq!(m.metadata.law, LawKind::AlphaBlend);
     for b in m.blocks() {
         let g = &b.gaussians;
-        let shade = g.shade.as_ref().unwrap();
-        assert_eq!((shade.opacity.len(), shade.grey.len(), g.mass.is_none()), (g.len(), g.len(), true));
-        assert!(shade.opacity.iter().all(|&o| o > 0.0 && o < 1.0));
-        assert!(shade.grey.iter().all(|&v| v >= 0.0 && v.is_finite()));
+        let own = columns(g);
+        assert_eq!((own.opacity.len(), own.grey.len(), g.masses().is_none()), (g.len(), g.len(), true));
+        assert!(own.opacity.iter().all(|&o| o > 0.0 && o < 1.0));
+        assert!(own.grey.iter().all(|&v| v >= 0.0 && v.is_finite()));
         assert_eq!(g.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
         // Counts are opacities' shares, rounded to one of the two whole numbers beside them.
-        let sum: f64 = shade.opacity.iter().sum();
+        let sum: f64 = own.opacity.iter().sum();
         let share = |o: f64| o / sum * b.count as f64;
-        assert!(g.count.iter().zip(&shade.opacity).all(|(c, &o)| (c - share(o)).abs() <= 1.0 + 1e-9 * share(o)));
+        assert!(g.count.iter().zip(&own.opacity).all(|(c, &o)| (c - share(o)).abs() <= 1.0 + 1e-9 * share(o)));
     }
 }
 
@@ -73,24 +91,24 @@ fn a_file_comes_back() {
     assert_eq!(back.metadata, m.metadata);
     assert_eq!(back.certificate.as_ref().unwrap().science, Some(science()));
     check_sums(&back);
-    let (a, b) = (m.vizmapper.as_ref().unwrap(), back.vizmapper.as_ref().unwrap());
+    let (a, b) = (m.vizmapper().unwrap(), back.vizmapper().unwrap());
     assert_eq!(a.ranges, b.ranges);
     let largest = a.parameters.iter().fold(0.0f32, |m, p| m.max(p.abs()));
     assert!(a.parameters.iter().zip(&b.parameters).all(|(x, y)| (x - y).abs() <= 0.51 * largest / 127.0));
     let info = codec::read_info(&bytes, "m.pgs").unwrap();
-    assert_eq!((info.vizmapper.as_ref(), info.layers[0].weighted), (Some(b), false));
-    let coded: usize = info.layers[0].blocks.iter().map(|b| b.bytes as usize).sum();
-    let head = LayerHead { name: "dm", particle_mass: Some(5.1e9), weighted: false, blocks: 2 };
+    assert_eq!((info.vizmapper.as_ref(), info.layers[0].mass.is_weighted()), (Some(&**b), false));
+    let coded: usize = info.layers[0].content.iter().map(|b| b.bytes as usize).sum();
+    let head = Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: 2 };
     let beside = codec::size_without_blocks(&m.metadata, true, &[head]) + VIZMAPPER_SECTION_BYTES;
     // This certificate has no trivial references: their section, head and content, is left out.
     assert_eq!(beside + coded, bytes.len() + 16 + 76);
     // Decoded and coded again it is as large, and without its network smaller by just that.
     let again = encoded(&back);
     assert!(again.len().abs_diff(bytes.len()) < bytes.len() / 50);
-    assert_eq!(codec::decode(&again, "m").unwrap().vizmapper, back.vizmapper);
-    let without = encoded(&Model { vizmapper: None, ..m });
+    assert_eq!(codec::decode(&again, "m").unwrap().vizmapper(), back.vizmapper());
+    let without = encoded(&without_network(&m));
     assert_eq!(bytes.len() - without.len(), VIZMAPPER_SECTION_BYTES);
-    assert_eq!(codec::decode(&without, "m").unwrap().vizmapper, None);
+    assert_eq!(codec::decode(&without, "m").unwrap().vizmapper(), None);
 }
 
 /// Two particles for three hundred Gaussians: counts say nothing, opacities everything.
@@ -103,13 +121,13 @@ fn opacities_do_not_depend_on_the_number_of_particles() {
         codec::decode_block(&bytes, "b").unwrap().gaussians
     };
     let (a, b) = (decoded(&many), decoded(&few));
-    assert_eq!(a.shade, b.shade);
+    assert_eq!(a.law, b.law);
     assert_eq!((a.mean, a.cov), (b.mean, b.cov));
     assert_eq!(b.count.iter().sum::<f64>(), 2.0);
     // Nor do they on the counts that came with them.
     let mut other = many.clone();
     other.gaussians.count.fill(1.0);
-    assert_eq!(decoded(&other).shade, a.shade);
+    assert_eq!(decoded(&other).law, a.law);
 }
 
 proptest! {
@@ -122,7 +140,7 @@ proptest! {
         let p = Precision { importance: 0.0, ..Precision::BALANCED }.scaled(q);
         let back = codec::decode_block(&Encoder::new(&b).unwrap().encode(&p), "b").unwrap();
         prop_assert_eq!((back.count, back.mass, back.bounds), (b.count, b.mass, b.bounds));
-        let (a, c) = (b.gaussians.shade.as_ref().unwrap(), back.gaussians.shade.as_ref().unwrap());
+        let (a, c) = (columns(&b.gaussians), columns(&back.gaussians));
         for i in 0..n {
             let mean = back.gaussians.mean_of(i);
             let j = partner(&b.gaussians, mean);
@@ -144,7 +162,8 @@ proptest! {
 fn extreme_opacities_and_greys_are_coded() {
     let mut m = shaded(7, 1, 0.0, 5.0);
     let opacity = vec![0.0, f64::MIN_POSITIVE, 1e-9, 0.5, 1.0 - 1e-9, 1.0, 0.01];
-    m.shade = Some(Shade { opacity, grey: vec![0.0, 1e-300, 1.0, 50.0, 0.0, 1e200, 0.5] });
+    let grey = vec![0.0, 1e-300, 1.0, 50.0, 0.0, 1e200, 0.5];
+    m.law = Law::AlphaBlend(AlphaBlend { opacity, grey, vizmapper: None });
     let b = Block { count: 7, mass: 7.0, ..block(m) };
     let back = model(vec![b], None, false);
     check_sums(&codec::decode(&encoded(&back), "m").unwrap());
@@ -193,7 +212,7 @@ fn large_blocks_come_in_segments() {
     let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
     let back = codec::decode_block(&bytes, "b").unwrap();
     check_sums(&model(vec![back.clone()], None, false));
-    let mean = |g: &Mixture| g.shade.as_ref().unwrap().opacity.iter().sum::<f64>() / 70_000.0;
+    let mean = |g: &Mixture| columns(g).opacity.iter().sum::<f64>() / 70_000.0;
     assert!((mean(&back.gaussians) / mean(&b.gaussians) - 1.0).abs() < 0.01);
 }
 
@@ -205,13 +224,13 @@ fn what_cannot_be_coded_is_refused() {
         assert!(matches!(Encoder::new(&b), Err(Error::Argument { .. })));
     };
     for o in [-1e-9, 1.0f64.next_up(), -0.5, f64::NAN] {
-        refused(&|g| g.shade.as_mut().unwrap().opacity[2] = o);
+        refused(&|g| g.law.alpha_blend_mut().unwrap().opacity[2] = o);
     }
     for v in [-1e-9, f64::NAN, f64::INFINITY] {
-        refused(&|g| g.shade.as_mut().unwrap().grey[2] = v);
+        refused(&|g| g.law.alpha_blend_mut().unwrap().grey[2] = v);
     }
-    refused(&|g| g.shade.as_mut().unwrap().grey.truncate(4));
-    refused(&|g| g.mass = Some(g.count.clone()));
+    refused(&|g| g.law.alpha_blend_mut().unwrap().grey.truncate(4));
+    refused(&|g| g.columns.set(MASS, g.count.clone()));
     // Blocks of one law in a file of the other, and a network where there is none.
     let m = small();
     let plain = model(vec![block(mixture(12, 3, 0.0, 50.0, false))], None, false);
@@ -219,15 +238,14 @@ fn what_cannot_be_coded_is_refused() {
         let error = codec::encode(&m, &Precision::BALANCED).unwrap_err();
         assert!(matches!(&error, Error::Argument { .. }) && error.to_string().contains(text), "{error}");
     };
-    says(plain.clone(), "alpha-blend");
+    says(plain, "alpha-blend");
     let mut depth = m.clone();
-    depth.metadata.law = Law::OpticalDepth;
-    depth.vizmapper = None;
+    depth.metadata.law = LawKind::OpticalDepth;
     says(depth, "optical-depth");
-    let mut lone = plain;
-    lone.metadata.law = Law::OpticalDepth;
-    lone.vizmapper = Some(network(1));
-    says(lone, "VizMapper");
+    let coded = codec::coded_layers(&encoded(&without_network(&m)), "m").unwrap();
+    let depth = LawKind::OpticalDepth;
+    let lone = codec::assemble_with(&Metadata { law: depth, ..m.metadata }, Some(&network(1)), None, coded);
+    assert!(lone.unwrap_err().to_string().contains("VizMapper"));
 }
 
 #[test]
@@ -257,7 +275,7 @@ fn damage_behind_the_checksums_does_not_panic() {
             if let Ok(m) = codec::decode(bad, "m") {
                 check_sums(&m);
                 assert!(m.blocks().flat_map(|b| b.gaussians.cov.iter().flatten()).all(|v| v.is_finite()));
-                assert!(m.vizmapper.iter().flat_map(|n| &n.parameters).all(|p| p.is_finite()));
+                assert!(m.vizmapper().iter().flat_map(|n| &n.parameters).all(|p| p.is_finite()));
                 decoded += 1;
             }
         };
@@ -298,9 +316,9 @@ fn law_blocks_version_and_network_agree() {
     let corrupt = |r: Result<Model, Error>| assert!(matches!(r, Err(Error::Corrupt { .. })), "{r:?}");
     let newer = |r: Result<Model, Error>| assert!(matches!(r, Err(Error::Compatibility { .. })), "{r:?}");
     let alpha = encoded(&small());
-    let alone = encoded(&Model { vizmapper: None, ..small() });
+    let alone = encoded(&without_network(&small()));
     let mut m = small();
-    (m.metadata.law, m.vizmapper, m.layers[0].blocks[0].gaussians.shade) = (Law::OpticalDepth, None, None);
+    (m.metadata.law, m.layers[0].content[0].gaussians.law) = (LawKind::OpticalDepth, Law::OpticalDepth);
     let depth = encoded(&m);
     assert_eq!(depth[9], 2, "files of law 1 keep their version");
     // The law says one thing, the blocks another.
@@ -358,17 +376,17 @@ fn merged_files_take_the_network_of_the_first_block() {
     let model = codec::decode(&whole, "merged").unwrap();
     check_sums(&model);
     assert_eq!((model.gaussians(), whole[9], &model.certificate), (60, 3, &None));
-    let of = |bytes: &[u8]| codec::decode(bytes, "part").unwrap().vizmapper;
-    assert_eq!(model.vizmapper, of(a));
+    let of = |bytes: &[u8]| codec::decode(bytes, "part").unwrap().vizmapper().cloned();
+    assert_eq!(model.vizmapper().cloned(), of(a));
     // Shades are copied, not coded anew.
     let first = codec::decode(a, "a").unwrap();
-    assert_eq!(model.layers[0].blocks[0].gaussians, first.layers[0].blocks[0].gaussians);
+    assert_eq!(model.layers[0].content[0].gaussians, first.layers[0].content[0].gaussians);
     // A part without a network that holds the first block leaves none.
-    let bare = encoded(&Model { vizmapper: None, ..part(0) });
+    let bare = encoded(&without_network(&part(0)));
     assert_eq!(of(&merge(&[b, &bare]).unwrap()), None);
     // Laws do not mix.
     let mut other = part(5);
-    (other.metadata.law, other.vizmapper, other.layers[0].blocks[0].gaussians.shade) = (Law::OpticalDepth, None, None);
+    (other.metadata.law, other.layers[0].content[0].gaussians.law) = (LawKind::OpticalDepth, Law::OpticalDepth);
     let error = merge(&[a, &encoded(&other)]).unwrap_err().to_string();
     assert!(error.contains("its image law is optical-depth, that of part 0 is alpha-blend"), "{error}");
 }
@@ -379,11 +397,11 @@ fn coded_blocks_are_put_together_by_their_law() {
     let bytes = encoded(&m);
     let coded = || codec::coded_layers(&bytes, "m").unwrap();
     let whole = |layers: Vec<CodedLayer>| {
-        codec::assemble_with(&m.metadata, m.vizmapper.as_ref(), m.certificate.as_ref(), layers)
+        codec::assemble_with(&m.metadata, m.vizmapper().map(|v| &**v), m.certificate.as_ref(), layers)
     };
     assert_eq!(whole(coded()).unwrap(), bytes);
     let mut depth = m.metadata.clone();
-    depth.law = Law::OpticalDepth;
+    depth.law = LawKind::OpticalDepth;
     assert!(codec::assemble(&depth, None, coded()).is_err());
 }
 
@@ -406,10 +424,10 @@ fn files_of_every_version_stay_readable() {
 
 /// Bit-exact: shortest decimals that come back.
 fn table(m: &Model) -> String {
-    let g = &m.layers[0].blocks[0].gaussians;
-    let shade = g.shade.as_ref().unwrap();
-    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count, &shade.opacity, &shade.grey]).collect();
-    let network = &m.vizmapper.as_ref().unwrap().parameters;
+    let g = &m.layers[0].content[0].gaussians;
+    let own = columns(g);
+    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count, &own.opacity, &own.grey]).collect();
+    let network = &m.vizmapper().unwrap().parameters;
     let (columns, network) = (serde_json::to_string(&columns).unwrap(), serde_json::to_string(network).unwrap());
     columns.replace("],", "],\n") + "\n" + &network
 }

@@ -6,7 +6,8 @@ use particlegs::compress::{Options, Target};
 use particlegs::fit::Effort;
 use particlegs::job::{Job, Source, Task, plan};
 use particlegs::math::Random;
-use particlegs::particles::{Layered, ParticleLayer, Particles};
+use particlegs::model::{Layer, Mass};
+use particlegs::particles::{Layered, Particles};
 use particlegs::progress::{Progress, Silent};
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -53,8 +54,8 @@ fn particles() -> Particles {
     let mut random = Random::new(5, 1, 0);
     let mut column = || (0..900).map(|_| (100.0 * random.uniform()) as f32).collect::<Vec<f32>>();
     let mut particles = Particles::from_columns(column(), column(), column());
-    let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: false };
-    particles.kinds = vec![kind("gas", 0..500), kind("stars", 500..900)];
+    let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
+    particles = particles.with_layers(vec![layer("gas", 0..500), layer("stars", 500..900)]);
     particles
 }
 

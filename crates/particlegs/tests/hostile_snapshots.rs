@@ -7,7 +7,8 @@ use particlegs::compress::{Options, Target, compress};
 use particlegs::fit::{Effort, NoPieces};
 use particlegs::math::Random;
 use particlegs::model::Model;
-use particlegs::particles::{Cell, ParticleLayer, Particles};
+use particlegs::model::{Layer, Mass};
+use particlegs::particles::{Cell, Particles};
 use particlegs::picture::Size;
 use particlegs::progress::{Progress, Silent};
 use particlegs::render::{Scene, draw};
@@ -133,8 +134,8 @@ fn nothing_is_no_snapshot_and_empty_layers_are_none() {
     let nothing = Particles::from_columns(vec![], vec![], vec![]);
     assert!(matches!(compressed(&nothing), Err(Error::Input { .. })));
     let mut p = snapshot(400, [1.0; 3], 0.0);
-    let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: false };
-    p.kinds = vec![kind("gas", 0..0), kind("dm", 0..400), kind("stars", 400..400)];
+    let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
+    p = p.with_layers(vec![layer("gas", 0..0), layer("dm", 0..400), layer("stars", 400..400)]);
     for target in [Target::Gaussians(40), Target::Ratio(4.0)] {
         let made = compress(&p, &Options { target, ..options() }, &mut NoPieces, &Silent).unwrap();
         let names: Vec<&str> = made.model.layers.iter().map(|l| &l.name[..]).collect();

@@ -5,8 +5,8 @@ use particlegs::Error;
 use particlegs::compress::{Checkpoint, Compression, FineTuning, Found, Options, Target};
 use particlegs::fit::Effort;
 use particlegs::job::{Done, Job, Source, Task, plan};
-use particlegs::model::Law;
-use particlegs::particles::{Cell, Layered, ParticleLayer, Particles, Room, open_raw};
+use particlegs::model::{LawKind, Layer, Mass};
+use particlegs::particles::{Cell, Layered, Particles, Room, open_raw};
 use particlegs::progress::{Progress, Silent};
 use particlegs::train::{Config, Limits, Preset};
 use std::path::Path;
@@ -24,8 +24,9 @@ impl Progress for StopsAt {
 /// The sample as two layers: a fit each, so that one may be finished while the other is not.
 fn sample() -> Particles {
     let mut particles = open_raw(&[Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")]).unwrap();
-    let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: false };
-    particles.kinds = vec![kind("first", 0..130_000), kind("second", 130_000..particles.len())];
+    let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
+    let n = particles.len();
+    particles = particles.with_layers(vec![layer("first", 0..130_000), layer("second", 130_000..n)]);
     particles
 }
 
@@ -104,9 +105,9 @@ fn other_options_are_other_work() {
         Options { radius: Some(0.1), ..base.clone() },
         Options { opacity: Some(0.1), ..base.clone() },
         Options { blocks: Some(2), ..base.clone() },
-        Options { training: training(Law::OpticalDepth), ..base.clone() },
-        Options { training: training(Law::AlphaBlend), ..base.clone() },
-        Options { training: training(Law::OpticalDepth).map(|c| c.scaled(0.5).unwrap()), ..base.clone() },
+        Options { training: training(LawKind::OpticalDepth), ..base.clone() },
+        Options { training: training(LawKind::AlphaBlend), ..base.clone() },
+        Options { training: training(LawKind::OpticalDepth).map(|c| c.scaled(0.5).unwrap()), ..base.clone() },
         Options { seed: 1, ..base.clone() },
         Options { certificate: false, ..base.clone() },
         Options { command: "another".into(), ..base.clone() },

@@ -72,14 +72,14 @@ fn counts_and_masses_are_conserved() {
     let check = |sum: f64, of: f64| assert!((sum / of - 1.0).abs() < 1e-12, "{sum} {of}");
     for rate in [1e9, 100.0] {
         let m = refined(&p, 800, 2, rate);
-        assert!(m.mass.is_none() && m.len() <= 800);
+        assert!(m.masses().is_none() && m.len() <= 800);
         check(m.count.iter().sum(), n as f64);
     }
-    p.weights = Some(Column::owned((0..n).map(|i| 0.5 + (i % 7) as f32).collect()));
+    p = p.with_weights(Column::owned((0..n).map(|i| 0.5 + (i % 7) as f32).collect()));
     for rate in [1e9, 100.0] {
         let m = refined(&p, 800, 2, rate);
         check(m.count.iter().sum(), n as f64);
-        check(m.mass.as_ref().unwrap().iter().sum(), p.total_mass());
+        check(m.masses().unwrap().iter().sum(), p.total_mass());
     }
 }
 

@@ -1,6 +1,6 @@
 //! docs/guide/training.md names every hyper-parameter, and none that there is not.
 
-use particlegs::model::Law;
+use particlegs::model::LawKind;
 use particlegs::train::{Config, Preset};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -26,7 +26,7 @@ fn the_guide_names_every_hyper_parameter() {
     let guide = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guide/training.md");
     let guide = std::fs::read_to_string(guide).unwrap();
     let mut there = BTreeSet::new();
-    for config in [Config::preset(Preset::Paper, Law::AlphaBlend), Config::fine_tuning()] {
+    for config in [Config::preset(Preset::Paper, LawKind::AlphaBlend), Config::fine_tuning()] {
         names(&serde_json::to_value(config).unwrap(), "", &mut there);
     }
     let table = guide.split("## Hyper-parameters").nth(1).unwrap();

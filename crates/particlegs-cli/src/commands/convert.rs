@@ -146,7 +146,7 @@ fn splats(a: &Arguments, (model, bytes): (&Path, &[u8]), context: &Context) -> R
     context.writes_new(&a.output, &PARTICLES)?;
     let decoded = codec::decode(bytes, &name_of(model))?;
     let bytes = write_splats(&decoded, &a.output, context)?;
-    if decoded.vizmapper.is_some() {
+    if decoded.vizmapper().is_some() {
         context.message("note: the VizMapper is left out: a PLY file holds splats only");
     }
     let (gaussians, seconds) = (decoded.gaussians(), start.elapsed().as_secs_f64());

@@ -12,7 +12,7 @@ use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, Compressed, FineTuning, Target, finetune, parse_bytes};
 use particlegs::fit::Pieces;
 use particlegs::input::name_of;
-use particlegs::model::Law;
+use particlegs::model::LawKind;
 use particlegs::particles::Room;
 use particlegs::progress::Progress;
 use particlegs::train::Config;
@@ -96,7 +96,7 @@ impl TargetArgs {
 }
 
 /// The law of the models that are fine-tuned.
-const LAW: Option<Law> = Some(Law::AlphaBlend);
+const LAW: Option<LawKind> = Some(LawKind::AlphaBlend);
 
 /// Fine-tunes, writes the file, reports.
 pub fn run(a: Arguments) -> Result<()> {
@@ -117,7 +117,7 @@ pub fn run(a: Arguments) -> Result<()> {
     a.run.plan(out, a.force.force, &context)?;
     let (bytes, place) = (inputs::model(path, &context)?, name_of(path));
     let model = codec::decode(&bytes, &place)?;
-    if model.metadata.law != Law::AlphaBlend {
+    if model.metadata.law != LawKind::AlphaBlend {
         let what = format!(
             "{place}: a model of the {} law; only alpha-blend models can be fine-tuned",
             model.metadata.law.name()

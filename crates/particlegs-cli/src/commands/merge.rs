@@ -9,7 +9,7 @@ use particlegs::Result;
 use particlegs::codec::{self, Merge};
 use particlegs::input::name_of;
 use particlegs::job::Job;
-use particlegs::model::Law;
+use particlegs::model::LawKind;
 use particlegs::particles::Room;
 use particlegs::progress::Progress;
 use serde::Serialize;
@@ -75,14 +75,14 @@ pub fn run(a: Arguments) -> Result<()> {
     context.write_model(&a.output, &bytes, kept)?;
     let seconds = start.elapsed().as_secs_f64();
     let info = codec::read_info(&bytes, &a.output.display().to_string())?;
-    if info.metadata.law == Law::AlphaBlend && parts > 1 {
+    if info.metadata.law == LawKind::AlphaBlend && parts > 1 {
         let network = match info.vizmapper {
             Some(_) => "the VizMapper is that of the part with the first block",
             None => "the part with the first block has no VizMapper, so the file has none",
         };
         context.message(&format!("note: {network}, as published; it was trained on that part alone"));
     }
-    let blocks = || info.layers.iter().flat_map(|l| &l.blocks);
+    let blocks = || info.layers.iter().flat_map(|l| &l.content);
     let report = Report {
         parts,
         layers: info.layers.len(),

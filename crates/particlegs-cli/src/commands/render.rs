@@ -8,7 +8,7 @@ use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::input::name_of;
-use particlegs::model::{Law, Model};
+use particlegs::model::{LawKind, Model};
 use particlegs::picture::write_gray_png;
 use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::Look;
@@ -144,7 +144,7 @@ fn pictures(
 }
 
 fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context, report: &mut Report) -> Result<()> {
-    if model.metadata.law == Law::AlphaBlend {
+    if model.metadata.law == LawKind::AlphaBlend {
         let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
         let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
         return Err(Error::Argument { what, hint });

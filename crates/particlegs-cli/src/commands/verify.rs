@@ -206,7 +206,7 @@ fn sums(model: &Model) -> (u64, f64) {
     for block in model.blocks() {
         let g = &block.gaussians;
         counts += g.count.iter().map(|&c| c as u64).sum::<u64>();
-        mass += match &g.mass {
+        mass += match g.masses() {
             Some(m) => m.iter().sum::<f64>(),
             None => block.mass,
         };

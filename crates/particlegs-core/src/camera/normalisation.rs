@@ -1,4 +1,4 @@
-//! The frame that the published system trains in (spec: paper.md).
+//! The frame that the published system trains in (docs/law/cameras.md, "The training frame").
 
 use super::base_distance;
 use crate::picture::Size;

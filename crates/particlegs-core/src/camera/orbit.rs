@@ -1,4 +1,4 @@
-//! The published cameras: a spiral on spheres about the centre of the bounds (spec: paper.md).
+//! The published cameras: a spiral on spheres about the centre of the bounds (docs/law/cameras.md).
 
 use super::view::{Camera, Projection, norm};
 use crate::math::{Purpose, Random};
@@ -95,7 +95,7 @@ fn random_rotation(seed: u64) -> [[f64; 3]; 3] {
     ]
 }
 
-/// VTK's ResetCameraClippingRange of `bounds` (point-gaussian.md, section 2).
+/// VTK's ResetCameraClippingRange of `bounds` (docs/law/cameras.md, "Clipping range").
 pub fn clipping_range(bounds: &Bounds, camera: &Camera) -> [f64; 2] {
     let fov = match camera.projection {
         Projection::Perspective { fov_deg } => fov_deg,
@@ -131,7 +131,7 @@ pub fn clipping_range(bounds: &Bounds, camera: &Camera) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// HACC: half the diagonal of 64 x 256 x 256 over sin 15 degrees, times 0.65 (spec: paper.md).
+    /// HACC: half the diagonal of 64 x 256 x 256 over sin 15 degrees, times 0.65 (docs/law/cameras.md).
     #[test]
     fn hacc_base_distance() {
         let b = Bounds { min: [0.0; 3], max: [64.0, 256.0, 256.0] };

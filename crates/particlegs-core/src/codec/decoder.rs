@@ -9,7 +9,7 @@ use super::tree::{Node, gaussians, pieces};
 use super::walk::{Nothing, OutOfRange, trunk, walk};
 use crate::Error;
 use crate::memory::filled;
-use crate::model::{Block, Mixture, Shade};
+use crate::model::{AlphaBlend, Block, Law, MASS, Mixture};
 use rayon::prelude::*;
 
 /// Where a segment's Gaussians go: mean, count and covariance.
@@ -127,17 +127,21 @@ pub(crate) fn block(bytes: &[u8]) -> Result<Block, Fault> {
         return Err("the block goes on after its last Gaussian".into());
     }
     // Opacities as coded; the counts in proportion to them are made whole.
-    let shade = header.shaded.then(|| {
+    let law = if header.shaded {
         count.iter_mut().for_each(|c| *c = opacity_of(*c));
-        Shade { opacity: count.clone(), grey: std::mem::take(&mut weight) }
-    });
+        let (opacity, grey) = (count.clone(), std::mem::take(&mut weight));
+        Law::AlphaBlend(AlphaBlend { opacity, grey, vizmapper: None })
+    } else {
+        Law::OpticalDepth
+    };
     whole_counts(&mut count, header.count);
-    let mass = header.weighted.then(|| {
+    let mut named = crate::model::Columns::default();
+    if header.weighted {
         let mut mass: Vec<f64> = count.iter().zip(&weight).map(|(c, w)| c * w).collect();
         rescale(&mut mass, header.mass);
-        mass
-    });
-    let gaussians = Mixture { mean, cov, count, mass, shade };
+        named.set(MASS, mass);
+    }
+    let gaussians = Mixture { mean, cov, count, columns: named, law };
     Ok(Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians })
 }
 

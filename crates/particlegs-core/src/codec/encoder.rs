@@ -11,7 +11,7 @@ use super::streams;
 use super::tree::{Segment, Tree, pieces};
 use super::trellis::{Sample, State, quantise};
 use super::walk::{Leaf, Past, Script, trunk, walk};
-use crate::model::Block;
+use crate::model::{AlphaBlend, Block};
 use crate::space::Bounds;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -36,12 +36,12 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// Sorts the Gaussians and takes their logarithms. Of Gaussians with a shade the opacity is coded
+    /// Sorts the Gaussians and takes their logarithms. Of Gaussians of the alpha-blend law the opacity is coded
     /// and not the count, which follows from it.
     ///
     /// # Errors
     /// [`Error::Argument`] for a block without Gaussians or particles, for numbers that are not
-    /// finite, opacities outside [0, 1], grey levels below 0, and masses beside a shade.
+    /// finite, opacities outside [0, 1], grey levels below 0, and masses beside opacities.
     pub fn new(block: &Block) -> Result<Encoder> {
         check(block)?;
         let g = &block.gaussians;
@@ -60,7 +60,7 @@ impl Encoder {
             tree.order.par_iter().zip(&tree.cells).map(place).collect()
         });
         let Block { count, mass, .. } = *block;
-        Ok(Encoder { bounds, count, mass, shaded: g.shade.is_some(), tree, logs, within })
+        Ok(Encoder { bounds, count, mass, shaded: g.law.alpha_blend().is_some(), tree, logs, within })
     }
 
     /// The Gaussians' numbers in the order of the file.
@@ -293,7 +293,7 @@ impl Script for Given<'_> {
 fn box_of(block: &Block) -> Result<Bounds> {
     let g = &block.gaussians;
     let mut bounds = block.bounds;
-    if g.shade.is_some() {
+    if g.law.alpha_blend().is_some() {
         (0..g.len()).for_each(|i| bounds.include(g.mean_of(i)));
     }
     match bounds.extent().iter().all(|e| e.is_finite()) {
@@ -305,7 +305,7 @@ fn box_of(block: &Block) -> Result<Bounds> {
 fn check(block: &Block) -> Result<()> {
     let g = &block.gaussians;
     let n = g.len();
-    let whole = g.mean.iter().chain(&g.cov).chain(&g.mass).all(|c| c.len() == n);
+    let whole = g.mean.iter().chain(&g.cov).chain(g.masses()).all(|c| c.len() == n);
     if n == 0 || n > u32::MAX as usize || !whole {
         return Err(Error::argument(format!(
             "a block of {n} Gaussians, or of columns of several lengths, cannot be coded"
@@ -317,16 +317,17 @@ fn check(block: &Block) -> Result<()> {
             block.count, block.mass
         )));
     }
-    let finite = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(&g.mass).all(|c| c.iter().all(|v| v.is_finite()));
+    let finite =
+        g.mean.iter().chain(&g.cov).chain([&g.count]).chain(g.masses()).all(|c| c.iter().all(|v| v.is_finite()));
     let b = &block.bounds;
     if !finite || !(0..3).all(|k| b.min[k] <= b.max[k] && (b.max[k] - b.min[k]).is_finite()) {
         return Err(Error::argument("a block with NaN or infinite numbers cannot be coded"));
     }
-    if let Some(shade) = &g.shade {
+    if let Some(AlphaBlend { opacity, grey, .. }) = g.law.alpha_blend() {
         // 0 and 1 come of rounding, and are coded as the nearest opacity that can be.
-        let inside = shade.opacity.iter().all(|o| (0.0..=1.0).contains(o));
-        let grey = shade.grey.iter().all(|&v| v >= 0.0 && v.is_finite());
-        if shade.opacity.len() != n || shade.grey.len() != n || !inside || !grey || g.mass.is_some() {
+        let inside = opacity.iter().all(|o| (0.0..=1.0).contains(o));
+        let bright = grey.iter().all(|&v| v >= 0.0 && v.is_finite());
+        if opacity.len() != n || grey.len() != n || !inside || !bright || g.masses().is_some() {
             let what = "opacities outside [0, 1], grey levels below 0, or masses beside them cannot be coded";
             return Err(Error::argument(what));
         }

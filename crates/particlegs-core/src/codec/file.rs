@@ -5,12 +5,13 @@ use super::container::{
     SCIENCE_SINCE, SECTION_BYTES, Section, VIZMAPPER,
 };
 use super::header::BlockHeader;
-use super::metadata::{Fault, LayerMass};
+use super::metadata::Fault;
 use super::wire::Reader;
 use super::{Encoder, Precision, baselines, certificate, decoder, metadata, science, vizmapper};
 use crate::memory::require;
-use crate::model::{Block, Certificate, Law, Layer, Metadata, Model, VizMapper};
+use crate::model::{Block, Certificate, LawKind, Layer, Mass, Metadata, Model, VizMapper};
 use crate::{Error, Result};
+use std::sync::Arc;
 
 /// Place of the minor version in a file.
 const MINOR_AT: usize = 9;
@@ -18,16 +19,8 @@ const MINOR_AT: usize = 9;
 pub const MOST_LAYERS: usize = 1024;
 const LONGEST_NAME: usize = 255;
 
-/// A layer whose blocks are coded.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CodedLayer {
-    /// Name, at most 255 bytes, unique in a file.
-    pub name: String,
-    /// Mass of a particle of weight 1, where known.
-    pub particle_mass: Option<f64>,
-    /// Blocks as [`Encoder::encode`] gives them or [`coded_layers`] takes them from a file.
-    pub blocks: Vec<Vec<u8>>,
-}
+/// Coded blocks of a layer, as [`Encoder::encode`] gives them or [`coded_layers`] takes them from a file.
+pub type CodedLayer = Layer<Vec<Vec<u8>>>;
 
 /// A file of a model with every block at `precision`.
 ///
@@ -36,11 +29,12 @@ pub struct CodedLayer {
 /// cannot be coded.
 pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
     let layers = model.layers.iter().map(|layer| {
-        let blocks = layer.blocks.iter().map(|b| Ok(Encoder::new(b)?.encode(precision))).collect::<Result<_>>()?;
-        Ok(CodedLayer { name: layer.name.clone(), particle_mass: layer.particle_mass, blocks })
+        let blocks = layer.content.iter().map(|b| Ok(Encoder::new(b)?.encode(precision))).collect::<Result<_>>()?;
+        Ok(layer.with(blocks))
     });
     let layers = layers.collect::<Result<_>>()?;
-    assemble_with(&model.metadata, model.vizmapper.as_ref(), model.certificate.as_ref(), layers)
+    let network = model.vizmapper().map(|v| &**v);
+    assemble_with(&model.metadata, network, model.certificate.as_ref(), layers)
 }
 
 /// A file of coded blocks: copied, not coded anew. Layers are sorted by name and blocks by their
@@ -75,14 +69,14 @@ pub(super) fn put_together(
     certificate: Option<&Certificate>,
     mut layers: Vec<CodedLayer>,
 ) -> Result<Vec<u8>> {
-    let shaded = metadata.law == Law::AlphaBlend;
+    let shaded = metadata.law == LawKind::AlphaBlend;
     if network.is_some() && !shaded {
         return Err(Error::argument("a VizMapper belongs to models of the alpha-blend law alone"));
     }
     layers.sort_by(|a, b| a.name.cmp(&b.name));
     let names_differ = layers.windows(2).all(|w| w[0].name != w[1].name);
     let sound =
-        |l: &CodedLayer| !l.blocks.is_empty() && l.blocks.len() <= u32::MAX as usize && l.name.len() <= LONGEST_NAME;
+        |l: &CodedLayer| !l.content.is_empty() && l.content.len() <= u32::MAX as usize && l.name.len() <= LONGEST_NAME;
     if layers.is_empty() || layers.len() > MOST_LAYERS || !names_differ || !layers.iter().all(sound) {
         return Err(Error::argument(
             "a model file needs layers of different names of at most 255 bytes, each with blocks",
@@ -90,8 +84,8 @@ pub(super) fn put_together(
     }
     let mut masses = Vec::with_capacity(layers.len());
     for layer in &mut layers {
-        let mut keyed = Vec::with_capacity(layer.blocks.len());
-        for block in layer.blocks.drain(..) {
+        let mut keyed = Vec::with_capacity(layer.content.len());
+        for block in layer.content.drain(..) {
             let header = BlockHeader::read(&block).map_err(Error::argument)?;
             if header.shaded != shaded {
                 return Err(Error::argument(other_law(&layer.name, metadata.law)));
@@ -106,8 +100,8 @@ pub(super) fn put_together(
                 layer.name
             )));
         }
-        masses.push(LayerMass { weighted, particle_mass: layer.particle_mass });
-        layer.blocks = keyed.into_iter().map(|k| k.2).collect();
+        masses.push(Mass::new(weighted, layer.mass.unit()));
+        layer.content = keyed.into_iter().map(|k| k.2).collect();
     }
     let meta = metadata::write(metadata, &masses);
     let science = certificate.and_then(|c| c.science.as_ref()).map(science::write);
@@ -115,7 +109,7 @@ pub(super) fn put_together(
     let certificate = certificate.map(certificate::write);
     let heads: Vec<Vec<u8>> = layers.iter().map(layer_bytes).collect();
     let body = layers.iter().zip(&heads).flat_map(|(layer, head)| {
-        std::iter::once((LAYER, &head[..])).chain(layer.blocks.iter().map(|b| (BLOCK, &b[..])))
+        std::iter::once((LAYER, &head[..])).chain(layer.content.iter().map(|b| (BLOCK, &b[..])))
     });
     let minor = metadata::minor_version(&meta, metadata.law)
         .max(if science.is_some() { SCIENCE_SINCE } else { 0 })
@@ -135,21 +129,8 @@ pub(super) fn put_together(
 }
 
 /// Blocks that contradict the law of their file.
-fn other_law(layer: &str, law: Law) -> String {
+fn other_law(layer: &str, law: LawKind) -> String {
     format!("a block of layer `{layer}` is not of the law {}", law.name())
-}
-
-/// A layer without its blocks.
-#[derive(Clone, Copy, Debug)]
-pub struct LayerHead<'a> {
-    /// Name.
-    pub name: &'a str,
-    /// Mass of a particle of weight 1, where known.
-    pub particle_mass: Option<f64>,
-    /// Do its particles have weights of their own?
-    pub weighted: bool,
-    /// Number of blocks.
-    pub blocks: usize,
 }
 
 /// What a network of the alpha-blend law adds to a file.
@@ -157,14 +138,13 @@ pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_
 
 /// Bytes of a file beside its coded blocks, with or without a certificate and its statistics. The
 /// file's size is this plus the sizes of its blocks, and of its network where it has one
-/// ([`VIZMAPPER_SECTION_BYTES`]).
-pub fn size_without_blocks(metadata: &Metadata, certificate: bool, layers: &[LayerHead<'_>]) -> usize {
+/// ([`VIZMAPPER_SECTION_BYTES`]). Of each layer the number of its blocks.
+pub fn size_without_blocks(metadata: &Metadata, certificate: bool, layers: &[Layer<usize>]) -> usize {
     let contents = certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES + baselines::BASELINES_BYTES;
     let measured = 3 * SECTION_BYTES + contents;
     let certificate = if certificate { measured } else { 0 };
-    let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.blocks).sum();
-    let mass = |l: &LayerHead<'_>| LayerMass { weighted: l.weighted, particle_mass: l.particle_mass };
-    let masses: Vec<LayerMass> = layers.iter().map(mass).collect();
+    let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.content).sum();
+    let masses: Vec<Mass> = layers.iter().map(|l| l.mass).collect();
     HEAD_BYTES + SECTION_BYTES + metadata::write(metadata, &masses).len() + certificate + heads
 }
 
@@ -182,7 +162,7 @@ pub(super) fn order_key(h: &BlockHeader) -> [u64; 6] {
 fn layer_bytes(layer: &CodedLayer) -> Vec<u8> {
     let mut out = vec![layer.name.len() as u8];
     out.extend(layer.name.as_bytes());
-    out.extend((layer.blocks.len() as u32).to_le_bytes());
+    out.extend((layer.content.len() as u32).to_le_bytes());
     out
 }
 
@@ -195,12 +175,8 @@ pub(super) struct Parts<'a> {
     pub layers: Vec<Part<'a>>,
 }
 
-/// A layer taken apart.
-pub(super) struct Part<'a> {
-    pub name: String,
-    pub mass: LayerMass,
-    pub blocks: Vec<(Section<'a>, BlockHeader)>,
-}
+/// Coded blocks where they lie in a file, and their headers.
+type Part<'a> = Layer<Vec<(Section<'a>, BlockHeader)>>;
 
 /// Reads all but the streams, and checks what the parts say of each other.
 pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
@@ -215,7 +191,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         })?,
         _ => return Err(corrupt("it does not begin with metadata".into())),
     };
-    if metadata.law == Law::AlphaBlend && bytes[MINOR_AT] < ALPHA_BLEND_SINCE {
+    if metadata.law == LawKind::AlphaBlend && bytes[MINOR_AT] < ALPHA_BLEND_SINCE {
         return Err(unknown(format!("version 1.{} does not know the image law 2", bytes[MINOR_AT])));
     }
     let mut certificate = match rest.next_if(|s| s.tag == CERTIFICATE) {
@@ -233,7 +209,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         c.baselines = Some(baselines::read(s.bytes).map_err(corrupt)?);
     }
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
-        Ok(_) if metadata.law != Law::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
+        Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
         Ok(network) => Ok((s.bytes, network)),
         Err(vizmapper::Fault::Corrupt(what)) => Err(corrupt(what)),
         Err(vizmapper::Fault::Unknown(what)) => Err(unknown(what)),
@@ -262,7 +238,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         layers.push((name, blocks));
     }
     let masses = masses.expand(layers.len()).ok_or_else(|| corrupt("masses of another number of layers".into()))?;
-    let part = |((name, blocks), mass)| Part { name, mass, blocks };
+    let part = |((name, content), mass)| Layer { name, mass, content };
     let layers: Vec<Part<'a>> = layers.into_iter().zip(masses).map(part).collect();
     agree(&metadata, &layers).map_err(corrupt)?;
     Ok(Parts { metadata, certificate, network, layers })
@@ -286,18 +262,18 @@ fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), Strin
 
 /// Blocks hold together what the metadata says.
 fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
-    let blocks = || layers.iter().flat_map(|l| l.blocks.iter().map(|b| &b.1));
+    let blocks = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.1));
     let count = blocks().try_fold(0u64, |sum, b| sum.checked_add(b.count));
     if count != Some(m.count) {
         let held = count.map_or_else(|| "too many".into(), |n| n.to_string());
         return Err(format!("blocks hold {held} particles, the metadata says {}", m.count));
     }
-    let shaded = m.law == Law::AlphaBlend;
-    if let Some(l) = layers.iter().find(|l| l.blocks.iter().any(|b| b.1.shaded != shaded)) {
+    let shaded = m.law == LawKind::AlphaBlend;
+    if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.1.shaded != shaded)) {
         return Err(other_law(&l.name, m.law));
     }
     let mass: f64 = blocks().map(|b| b.mass).sum();
-    if let Some(l) = layers.iter().find(|l| l.blocks.iter().any(|b| b.1.weighted != l.mass.weighted)) {
+    if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.1.weighted != l.mass.is_weighted())) {
         return Err(format!("the blocks of layer `{}` and the metadata disagree about weights", l.name));
     }
     if (mass - m.mass).abs() > 1e-9 * m.mass {
@@ -315,20 +291,24 @@ pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
     let parts = parts(bytes, place)?;
     require("decoding the model", decoding_bytes(&parts))?;
     let mut layers = Vec::with_capacity(parts.layers.len());
-    for Part { name, mass, blocks } in parts.layers {
-        let mut decoded = Vec::with_capacity(blocks.len());
-        for (section, _) in blocks {
-            decoded.push(section_block(&section, place)?);
+    let vizmapper = parts.network.map(|n| Arc::new(n.1));
+    for Layer { name, mass, content } in parts.layers {
+        let mut decoded = Vec::with_capacity(content.len());
+        for (section, _) in content {
+            let mut block = section_block(&section, place)?;
+            if let Some(columns) = block.gaussians.law.alpha_blend_mut() {
+                columns.vizmapper = vizmapper.clone();
+            }
+            decoded.push(block);
         }
-        layers.push(Layer { name, particle_mass: mass.particle_mass, blocks: decoded });
+        layers.push(Layer { name, mass, content: decoded });
     }
-    let vizmapper = parts.network.map(|n| n.1);
-    Ok(Model { metadata: parts.metadata, layers, vizmapper, certificate: parts.certificate })
+    Ok(Model { metadata: parts.metadata, layers, certificate: parts.certificate })
 }
 
 /// Bytes that decoding takes beside the file: all Gaussians, and the work on the largest block.
 fn decoding_bytes(parts: &Parts<'_>) -> u64 {
-    let headers = || parts.layers.iter().flat_map(|l| l.blocks.iter().map(|b| &b.1));
+    let headers = || parts.layers.iter().flat_map(|l| l.content.iter().map(|b| &b.1));
     let work = headers().map(decoder::working_bytes).max().unwrap_or(0);
     headers().map(decoder::gaussian_bytes).sum::<u64>() + work
 }
@@ -353,7 +333,7 @@ pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
 /// As [`decode`].
 pub fn check(bytes: &[u8], place: &str) -> Result<()> {
     let parts = parts(bytes, place)?;
-    parts.layers.iter().flat_map(|l| &l.blocks).try_for_each(|(section, header)| {
+    parts.layers.iter().flat_map(|l| &l.content).try_for_each(|(section, header)| {
         require("decoding the model", decoder::gaussian_bytes(header) + decoder::working_bytes(header))?;
         section_block(section, place).map(drop)
     })
@@ -377,11 +357,7 @@ pub(super) struct CodedFile {
 
 /// Metadata, network and coded blocks of a file.
 pub(super) fn coded_file(bytes: &[u8], place: &str) -> Result<CodedFile> {
-    let copy = |part: Part<'_>| CodedLayer {
-        name: part.name,
-        particle_mass: part.mass.particle_mass,
-        blocks: part.blocks.iter().map(|b| b.0.bytes.to_vec()).collect(),
-    };
+    let copy = |part: Part<'_>| part.map(|blocks| blocks.iter().map(|b| b.0.bytes.to_vec()).collect());
     let parts = parts(bytes, place)?;
     Ok(CodedFile {
         metadata: parts.metadata,

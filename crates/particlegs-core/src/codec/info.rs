@@ -5,7 +5,7 @@ use super::container::Section;
 use super::file::parts;
 use super::header::BlockHeader;
 use crate::Result;
-use crate::model::{Certificate, Metadata, VizMapper};
+use crate::model::{Certificate, Layer, Metadata, VizMapper};
 
 /// What a file says without its Gaussians being decoded.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,22 +19,9 @@ pub struct FileInfo {
     /// Network of the alpha-blend law.
     pub vizmapper: Option<VizMapper>,
     /// Layers.
-    pub layers: Vec<LayerInfo>,
+    pub layers: Vec<Layer<Vec<BlockInfo>>>,
     /// Bytes of the file.
     pub bytes: u64,
-}
-
-/// A layer of a file.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct LayerInfo {
-    /// Name.
-    pub name: String,
-    /// Mass of a particle of weight 1, where known.
-    pub particle_mass: Option<f64>,
-    /// Do its particles have weights of their own?
-    pub weighted: bool,
-    /// Blocks.
-    pub blocks: Vec<BlockInfo>,
 }
 
 /// A block of a file.
@@ -68,12 +55,7 @@ pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
         bytes: section.bytes.len() as u64,
         precision: Precision::of_header(h.steps, h.importance),
     };
-    let layers = parts.layers.iter().map(|part| LayerInfo {
-        name: part.name.clone(),
-        particle_mass: part.mass.particle_mass,
-        weighted: part.mass.weighted,
-        blocks: part.blocks.iter().map(block).collect(),
-    });
+    let layers = parts.layers.iter().map(|part| part.with(part.content.iter().map(block).collect()));
     Ok(FileInfo {
         version: [bytes[8], bytes[9]],
         layers: layers.collect(),

@@ -39,7 +39,6 @@ type First = (String, [u64; 6], Vec<u8>);
 /// A layer of the merged file.
 struct MergedLayer {
     coded: CodedLayer,
-    weighted: bool,
     /// The first part that has it.
     place: String,
 }
@@ -74,22 +73,20 @@ impl Merge {
     }
 
     fn add_layer(&mut self, layer: CodedLayer, place: &str) -> Result<()> {
-        let first = layer.blocks.first().ok_or_else(|| Error::corrupt(place, "a layer without blocks"))?;
-        let weighted = BlockHeader::read(first).map_err(|what| Error::corrupt(place, what))?.weighted;
         let Some(there) = self.layers.get_mut(&layer.name) else {
             let name = layer.name.clone();
-            self.layers.insert(name, MergedLayer { coded: layer, weighted, place: place.to_string() });
+            self.layers.insert(name, MergedLayer { coded: layer, place: place.to_string() });
             return Ok(());
         };
         let mass = |m: Option<f64>| m.map_or_else(|| "not known".to_string(), |m| m.to_string());
         let said = |weighted: bool| if weighted { "masses of their own" } else { "no masses of their own" };
-        let (a, b) = (there.coded.particle_mass, layer.particle_mass);
-        let what = if there.weighted != weighted {
-            format!("have {}, in {} {}", said(weighted), there.place, said(there.weighted))
-        } else if a.map(f64::to_bits) != b.map(f64::to_bits) {
-            format!("have a mass of {}, in {} {}", mass(b), there.place, mass(a))
+        let (a, b) = (there.coded.mass, layer.mass);
+        let what = if a.is_weighted() != b.is_weighted() {
+            format!("have {}, in {} {}", said(b.is_weighted()), there.place, said(a.is_weighted()))
+        } else if a.unit().map(f64::to_bits) != b.unit().map(f64::to_bits) {
+            format!("have a mass of {}, in {} {}", mass(b.unit()), there.place, mass(a.unit()))
         } else {
-            there.coded.blocks.extend(layer.blocks);
+            there.coded.content.extend(layer.content);
             return Ok(());
         };
         let what = format!("particles of its layer `{}` {what}: they cannot be one layer", layer.name);
@@ -123,7 +120,7 @@ impl Merge {
 
 /// The first block of a file: they come in order.
 fn first_block(layers: &[CodedLayer], place: &str) -> Result<Option<First>> {
-    let Some((layer, block)) = layers.first().and_then(|l| Some((l, l.blocks.first()?))) else { return Ok(None) };
+    let Some((layer, block)) = layers.first().and_then(|l| Some((l, l.content.first()?))) else { return Ok(None) };
     let header = BlockHeader::read(block).map_err(|what| Error::corrupt(place, what))?;
     Ok(Some((layer.name.clone(), order_key(&header), block.clone())))
 }
@@ -141,7 +138,7 @@ fn digests(layers: &[CodedLayer]) -> Vec<[u8; 32]> {
         hasher.update(&[name.len() as u8]).update(name.as_bytes()).update_rayon(block);
         *hasher.finalize().as_bytes()
     };
-    let mut all: Vec<_> = layers.iter().flat_map(|l| l.blocks.iter().map(|b| digest(&l.name, b))).collect();
+    let mut all: Vec<_> = layers.iter().flat_map(|l| l.content.iter().map(|b| digest(&l.name, b))).collect();
     all.sort_unstable();
     all
 }
@@ -156,7 +153,7 @@ fn combined_digest(sorted: &[[u8; 32]]) -> [u8; 32] {
 /// [`Error::Argument`] for a block that is none, and where the sums overflow.
 pub fn sums(layers: &[CodedLayer]) -> Result<(u64, f64)> {
     let (mut count, mut masses) = (Some(0u64), Vec::new());
-    for block in layers.iter().flat_map(|l| &l.blocks) {
+    for block in layers.iter().flat_map(|l| &l.content) {
         let header = BlockHeader::read(block).map_err(Error::argument)?;
         count = count.and_then(|sum| sum.checked_add(header.count));
         masses.push(header.mass);
@@ -244,13 +241,13 @@ mod tests {
     use super::*;
     use crate::codec::{Precision, decode, encode};
     use crate::math::Sym3;
-    use crate::model::{Block, Law, Layer, Mixture, Model};
+    use crate::model::{Block, LawKind, Layer, Mass, Mixture, Model};
     use crate::space::Bounds;
     use proptest::prelude::*;
 
     /// A model of one Gaussian at `x`, of `count` particles.
     fn model(name: &str, x: f64, count: u64, mass: Option<f64>) -> Model {
-        let mut gaussians = Mixture { mass: mass.map(|_| Vec::new()), ..Mixture::default() };
+        let mut gaussians = Mixture::new(mass.is_some());
         gaussians.push([x; 3], Sym3::scaled_identity(0.01), count as f64, mass.unwrap_or(0.0));
         let bounds = Bounds { min: [x - 1.0; 3], max: [x + 1.0; 3] };
         let mass = mass.unwrap_or(count as f64);
@@ -258,7 +255,7 @@ mod tests {
         source_hash[0] = x as u8 + 1;
         Model {
             metadata: Metadata {
-                law: Law::OpticalDepth,
+                law: LawKind::OpticalDepth,
                 count,
                 mass,
                 bounds,
@@ -278,10 +275,9 @@ mod tests {
             },
             layers: vec![Layer {
                 name: name.into(),
-                particle_mass: None,
-                blocks: vec![Block { bounds, count, mass, gaussians }],
+                mass: Mass::new(gaussians.masses().is_some(), None),
+                content: vec![Block { bounds, count, mass, gaussians }],
             }],
-            vizmapper: None,
             certificate: None,
         }
     }
@@ -343,7 +339,7 @@ mod tests {
         assert_eq!(m.default_radius, m.bounds.default_radius(35));
         assert_eq!((&m.source[..], &m.command[..]), ("snap.*", "merge of: compress --ratio *"));
         assert_eq!(
-            back.layers.iter().map(|l| (&l.name[..], l.blocks.len())).collect::<Vec<_>>(),
+            back.layers.iter().map(|l| (&l.name[..], l.content.len())).collect::<Vec<_>>(),
             [("dm", 2), ("gas", 1)]
         );
         assert_eq!(m.source_hash, blocks_hash(&crate::codec::coded_layers(&merged, "merged").unwrap()));
@@ -370,7 +366,7 @@ mod tests {
         says(|m| m.metadata.cell = None, "cell is not stated");
         says(|m| m.metadata.scale_factor = Some(0.5), "scale factor is 0.5");
         says(|m| m.metadata.time = Some(0.5), "time");
-        says(|m| m.layers[0].particle_mass = Some(2.0), "mass of 2");
+        says(|m| m.layers[0].mass = Mass::Each(2.0), "mass of 2");
         says(|m| *m = model("dm", 9.0, 20, Some(3.0)), "masses of their own");
         assert!(merge(&[&coded(&a), &coded(&a)]).unwrap_err().to_string().contains("twice"));
         assert!(merge(&[]).is_err());

@@ -5,7 +5,7 @@
 
 use super::container::ALPHA_BLEND_SINCE;
 use super::wire::Reader;
-use crate::model::{Law, Metadata};
+use crate::model::{LawKind, Mass, Metadata};
 use crate::space::{Bounds, Cell};
 
 /// Why metadata cannot be read.
@@ -53,25 +53,16 @@ const LAYER_MASSES: u8 = 128;
 /// Fields of version 1.0.
 const FIRST_VERSION: std::ops::RangeInclusive<u8> = LAW..=TOOL;
 
-/// What is known about the masses of a layer's particles.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LayerMass {
-    /// Do they have weights of their own?
-    pub weighted: bool,
-    /// Mass of a particle of weight 1.
-    pub particle_mass: Option<f64>,
-}
-
 /// The masses of the layers, in their order.
 pub(crate) enum LayerMasses {
     /// All layers alike.
-    Alike(LayerMass),
+    Alike(Mass),
     /// Each its own.
-    Each(Vec<LayerMass>),
+    Each(Vec<Mass>),
 }
 
 impl LayerMasses {
-    fn of(layers: &[LayerMass]) -> Self {
+    fn of(layers: &[Mass]) -> Self {
         match layers {
             [first, rest @ ..] if rest.iter().all(|l| l == first) => LayerMasses::Alike(*first),
             _ => LayerMasses::Each(layers.to_vec()),
@@ -79,7 +70,7 @@ impl LayerMasses {
     }
 
     /// The masses of `count` layers; `None` where the section tells another number.
-    pub fn expand(&self, count: usize) -> Option<Vec<LayerMass>> {
+    pub fn expand(&self, count: usize) -> Option<Vec<Mass>> {
         match self {
             LayerMasses::Alike(mass) => Some(vec![*mass; count]),
             LayerMasses::Each(masses) => Some(masses.clone()).filter(|m| m.len() == count),
@@ -88,8 +79,8 @@ impl LayerMasses {
 }
 
 /// The lowest minor version that has what the section says.
-pub(crate) fn minor_version(section: &[u8], law: Law) -> u8 {
-    if law == Law::AlphaBlend {
+pub(crate) fn minor_version(section: &[u8], law: LawKind) -> u8 {
+    if law == LawKind::AlphaBlend {
         return ALPHA_BLEND_SINCE;
     }
     let newer = fields(section).is_ok_and(|fields| fields.iter().any(|f| !FIRST_VERSION.contains(&f.0)));
@@ -97,7 +88,7 @@ pub(crate) fn minor_version(section: &[u8], law: Law) -> u8 {
 }
 
 /// The section's bytes: fields in the order of their tags. `layers` in the order of the file.
-pub(crate) fn write(m: &Metadata, layers: &[LayerMass]) -> Vec<u8> {
+pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     let masses = LayerMasses::of(layers);
     let mut out = Vec::with_capacity(512);
     let mut field = |tag: u8, value: &[u8]| {
@@ -108,13 +99,13 @@ pub(crate) fn write(m: &Metadata, layers: &[LayerMass]) -> Vec<u8> {
     field(
         LAW,
         &[match m.law {
-            Law::OpticalDepth => 1,
-            Law::AlphaBlend => 2,
+            LawKind::OpticalDepth => 1,
+            LawKind::AlphaBlend => 2,
         }],
     );
     field(COUNT, &m.count.to_le_bytes());
     field(MASS, &m.mass.to_le_bytes());
-    field(WEIGHTED, &[u8::from(layers.iter().any(|l| l.weighted))]);
+    field(WEIGHTED, &[u8::from(layers.iter().any(|m| m.is_weighted()))]);
     field(BOUNDS, &floats(m.bounds.min.iter().chain(&m.bounds.max)));
     if let Some(cell) = &m.cell {
         field(CELL, &cell_bytes(cell));
@@ -126,8 +117,8 @@ pub(crate) fn write(m: &Metadata, layers: &[LayerMass]) -> Vec<u8> {
     for (tag, v) in [(LENGTH_UNIT, &m.length_unit), (MASS_UNIT, &m.mass_unit)] {
         v.iter().for_each(|v| field(tag, text(v, TEXT)));
     }
-    if let LayerMasses::Alike(LayerMass { particle_mass: Some(mass), .. }) = masses {
-        field(PARTICLE_MASS, &mass.to_le_bytes());
+    if let LayerMasses::Alike(mass) = masses {
+        mass.unit().iter().for_each(|unit| field(PARTICLE_MASS, &unit.to_le_bytes()));
     }
     m.comoving.iter().for_each(|&v| field(COMOVING, &[u8::from(v)]));
     for (tag, v) in [(SCALE_FACTOR, m.scale_factor), (HUBBLE, m.hubble), (TIME, m.time)] {
@@ -139,9 +130,9 @@ pub(crate) fn write(m: &Metadata, layers: &[LayerMass]) -> Vec<u8> {
         field(CORNER, &floats(cell.origin.iter()));
     }
     if let LayerMasses::Each(masses) = masses {
-        let layer = |l: &LayerMass| {
-            let flags = u8::from(l.weighted) | u8::from(l.particle_mass.is_some()) << 1;
-            std::iter::once(flags).chain(l.particle_mass.unwrap_or(0.0).to_le_bytes()).collect::<Vec<u8>>()
+        let layer = |m: &Mass| {
+            let flags = u8::from(m.is_weighted()) | u8::from(m.unit().is_some()) << 1;
+            std::iter::once(flags).chain(m.unit().unwrap_or(0.0).to_le_bytes()).collect::<Vec<u8>>()
         };
         field(LAYER_MASSES, &masses.iter().flat_map(layer).collect::<Vec<u8>>());
     }
@@ -155,8 +146,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
     let need = |tag: u8| get(tag).ok_or_else(|| format!("metadata field {tag} is missing"));
     let real = |tag: u8| get(tag).map(|v| float(tag, v)).transpose();
     let law = match need(LAW)? {
-        [1] => Law::OpticalDepth,
-        [2] => Law::AlphaBlend,
+        [1] => LawKind::OpticalDepth,
+        [2] => LawKind::AlphaBlend,
         [law] => return Err(Fault::Unknown(format!("image law {law} is not known"))),
         v => return Err(Fault::Corrupt(format!("an image law of {} bytes", v.len()))),
     };
@@ -184,23 +175,20 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
         return Err(Fault::Corrupt("count, mass, radius or opacity out of range".into()));
     }
     let masses = match get(LAYER_MASSES) {
-        None => LayerMasses::Alike(LayerMass {
-            weighted: flag(WEIGHTED, need(WEIGHTED)?)?,
-            particle_mass: real(PARTICLE_MASS)?,
-        }),
+        None => LayerMasses::Alike(Mass::new(flag(WEIGHTED, need(WEIGHTED)?)?, real(PARTICLE_MASS)?)),
         Some(v) => LayerMasses::Each(layer_masses(v)?),
     };
     Ok((m, masses))
 }
 
 /// Nine bytes a layer: flags and a mass.
-fn layer_masses(v: &[u8]) -> Result<Vec<LayerMass>, String> {
+fn layer_masses(v: &[u8]) -> Result<Vec<Mass>, String> {
     let layer = |v: &[u8]| {
         let mass = float(LAYER_MASSES, &v[1..])?;
         if v[0] > 3 || (v[0] & 2 == 0) != (mass == 0.0) || mass < 0.0 {
             return Err(format!("a layer's mass {mass} with flags {:#04x}", v[0]));
         }
-        Ok(LayerMass { weighted: v[0] & 1 == 1, particle_mass: (v[0] & 2 == 2).then_some(mass) })
+        Ok(Mass::new(v[0] & 1 == 1, (v[0] & 2 == 2).then_some(mass)))
     };
     if v.is_empty() || !v.len().is_multiple_of(9) {
         return Err(format!("layers' masses of {} bytes", v.len()));

@@ -35,10 +35,10 @@ pub use container::{HEAD_BYTES, is_model, other_length, promised_length};
 pub use encoder::Encoder;
 pub use file::MOST_LAYERS;
 pub use file::{
-    CodedLayer, LayerHead, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, check, coded_layers, decode, decode_block,
-    encode, file_hash, read_metadata, size_without_blocks,
+    CodedLayer, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, check, coded_layers, decode, decode_block, encode,
+    file_hash, read_metadata, size_without_blocks,
 };
-pub use info::{BlockInfo, FileInfo, LayerInfo, read_info};
+pub use info::{BlockInfo, FileInfo, read_info};
 pub use merge::{Merge, blocks_hash, sums};
 pub use precision::Precision;
 pub use sums::whole_counts;

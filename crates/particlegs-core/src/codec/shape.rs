@@ -19,9 +19,9 @@ const DARKEST: f64 = 1.0 / 1024.0;
 pub(crate) struct Logs {
     /// ln of the geometric mean radius, ln det / 6.
     pub size: Vec<f64>,
-    /// ln of the count; with a shade ln of the depth `-ln(1 - opacity)`.
+    /// ln of the count; of the alpha-blend law ln of the depth `-ln(1 - opacity)`.
     pub count: Vec<f64>,
-    /// ln of mass / count over the block's; with a shade ln of the grey level.
+    /// ln of mass / count over the block's; of the alpha-blend law ln of the grey level.
     pub weight: Option<Vec<f64>>,
     /// Five a Gaussian.
     pub shape: Vec<f64>,
@@ -36,7 +36,7 @@ impl Logs {
         let size = shapes.iter().map(|s| s.0).collect();
         let shape = shapes.iter().flat_map(|s| s.1).collect();
         let column = |value: &dyn Fn(usize) -> f64| order.iter().map(|&i| value(i as usize).ln()).collect();
-        if let Some(s) = &g.shade {
+        if let Some(s) = g.law.alpha_blend() {
             let count = column(&|i| depth_of(s.opacity[i]));
             return Logs { size, count, weight: Some(column(&|i| s.grey[i].clamp(DARKEST, 1e30))), shape };
         }
@@ -45,7 +45,7 @@ impl Logs {
             let mean = block.mass / block.count as f64;
             column(&|i| (m[i] / count(i) / mean).clamp(1e-30, 1e30))
         };
-        Logs { size, count: column(&count), weight: g.mass.as_ref().map(relative), shape }
+        Logs { size, count: column(&count), weight: g.masses().map(relative), shape }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::Science;
 
 /// Scores of one orbit in one look: the model's, and those of the noise-free picture of all
-/// particles (spec: metrics.md).
+/// particles (docs/law/scores.md).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct LookScore {
     /// Masked PSNR of the model, dB. `None`: identical or nothing lit.

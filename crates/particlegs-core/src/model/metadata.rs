@@ -1,33 +1,13 @@
 //! What a model file says about its snapshot and its making.
 
+use super::LawKind;
 use crate::space::{Bounds, Cell};
-
-/// How Gaussians become a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Law {
-    /// Depths add up: `1 - exp(-sum tau)`. No order, no network.
-    OpticalDepth,
-    /// Splatting as published: sorted by depth and blended front to back, scale and opacity
-    /// corrected by a network.
-    AlphaBlend,
-}
-
-impl Law {
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Law::OpticalDepth => "optical-depth",
-            Law::AlphaBlend => "alpha-blend",
-        }
-    }
-}
 
 /// Everything a file carries beside its Gaussians. `None` = the source does not say.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Metadata {
     /// Image law.
-    pub law: Law,
+    pub law: LawKind,
     /// Particles of the whole snapshot.
     pub count: u64,
     /// The sum of their weights, each 1 where a layer has none; see [`super::Model::mass`] for the

@@ -1,8 +1,9 @@
 //! A mixture of Gaussians that carry counts and masses.
 
-use super::{Certificate, Metadata, Shade, VizMapper};
+use super::{Certificate, Columns, Law, Layer, MASS, Mass, Metadata, VizMapper};
 use crate::math::Sym3;
 use crate::space::Bounds;
+use std::sync::Arc;
 
 /// Gaussians in columns; all columns have the same length.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,15 +14,29 @@ pub struct Mixture {
     pub cov: [Vec<f64>; 6],
     /// Particles that each stands for. Whole numbers once decoded.
     pub count: Vec<f64>,
-    /// Mass that each stands for where particles have weights of their own; else every particle
-    /// has the mass 1 and this is `None`.
-    pub mass: Option<Vec<f64>>,
-    /// Opacities and grey levels, of models of the alpha-blend law alone. Their counts stand in
-    /// proportion to opacity: a Gaussian's share of the particles that recovery draws.
-    pub shade: Option<Shade>,
+    /// Columns of one value a Gaussian. [`MASS`] is the mass that each stands for where particles have
+    /// weights of their own; without it every particle has the mass 1.
+    pub columns: Columns<Vec<f64>>,
+    /// The law that they are drawn by. The counts of the alpha-blend law stand in proportion to opacity: a
+    /// Gaussian's share of the particles that recovery draws.
+    pub law: Law,
 }
 
 impl Mixture {
+    /// No Gaussians yet, of the optical-depth law; with masses where particles are `weighted`.
+    pub fn new(weighted: bool) -> Self {
+        let mut columns = Columns::default();
+        if weighted {
+            columns.set(MASS, Vec::new());
+        }
+        Mixture { columns, ..Mixture::default() }
+    }
+
+    /// Masses of the Gaussians, where particles have weights of their own.
+    pub fn masses(&self) -> Option<&Vec<f64>> {
+        self.columns.get(MASS)
+    }
+
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.count.len()
@@ -44,10 +59,10 @@ impl Mixture {
 
     /// Mass of Gaussian `i`: its own, or its count where particles are equal.
     pub fn mass_of(&self, i: usize) -> f64 {
-        self.mass.as_ref().map_or(self.count[i], |m| m[i])
+        self.masses().map_or(self.count[i], |m| m[i])
     }
 
-    /// Adds a Gaussian to a mixture without shade. `mass` counts only where the mixture has masses.
+    /// Adds a Gaussian to a mixture of the optical-depth law. `mass` counts only where the mixture has masses.
     pub fn push(&mut self, mean: [f64; 3], cov: Sym3, count: f64, mass: f64) {
         for k in 0..3 {
             self.mean[k].push(mean[k]);
@@ -56,12 +71,12 @@ impl Mixture {
             self.cov[k].push(cov.0[k]);
         }
         self.count.push(count);
-        if let Some(m) = &mut self.mass {
-            m.push(mass);
+        if let Some(masses) = self.columns.get_mut(MASS) {
+            masses.push(mass);
         }
     }
 
-    /// Adds all of another's. Both have masses and shades, or neither.
+    /// Adds all of another's, of the same law and with the same columns.
     pub fn append(&mut self, other: &Mixture) {
         for k in 0..3 {
             self.mean[k].extend_from_slice(&other.mean[k]);
@@ -70,12 +85,12 @@ impl Mixture {
             self.cov[k].extend_from_slice(&other.cov[k]);
         }
         self.count.extend_from_slice(&other.count);
-        if let (Some(a), Some(b)) = (&mut self.mass, &other.mass) {
-            a.extend_from_slice(b);
+        for (name, own) in self.columns.iter_mut() {
+            own.extend(other.columns.get(name).into_iter().flatten());
         }
-        if let (Some(a), Some(b)) = (&mut self.shade, &other.shade) {
-            a.opacity.extend_from_slice(&b.opacity);
-            a.grey.extend_from_slice(&b.grey);
+        if let (Some(own), Some(others)) = (self.law.alpha_blend_mut(), other.law.alpha_blend()) {
+            own.opacity.extend_from_slice(&others.opacity);
+            own.grey.extend_from_slice(&others.grey);
         }
     }
 }
@@ -93,57 +108,34 @@ pub struct Block {
     pub gaussians: Mixture,
 }
 
-/// A species or mass class.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
-    /// Name, e.g. `dm`.
-    pub name: String,
-    /// Mass of a particle of weight 1, in the unit of mass; `None` = not known.
-    pub particle_mass: Option<f64>,
-    /// Independently coded blocks, in canonical order.
-    pub blocks: Vec<Block>,
-}
-
 /// A model file's whole content.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     /// What is known about the snapshot and the fit.
     pub metadata: Metadata,
     /// Layers, at least one.
-    pub layers: Vec<Layer>,
-    /// The network of the alpha-blend law; `None` = another law, or trained without one.
-    pub vizmapper: Option<VizMapper>,
+    pub layers: Vec<Layer<Vec<Block>>>,
     /// What was measured after decoding.
     pub certificate: Option<Certificate>,
 }
 
-impl Layer {
-    /// Do its particles have weights of their own?
-    pub fn is_weighted(&self) -> bool {
-        self.blocks.iter().any(|b| b.gaussians.mass.is_some())
-    }
-
+impl Layer<Vec<Block>> {
     /// Particles.
     pub fn count(&self) -> u64 {
-        self.blocks.iter().map(|b| b.count).sum()
-    }
-
-    /// Mass of a particle of weight 1, or 1 where it is not known.
-    pub fn unit_mass(&self) -> f64 {
-        self.particle_mass.unwrap_or(1.0)
+        self.content.iter().map(|b| b.count).sum()
     }
 }
 
 impl Model {
     /// Mass of all particles in the unit of mass, where it is known.
     pub fn mass(&self) -> Option<f64> {
-        let mass = |l: &Layer| l.unit_mass() * l.blocks.iter().map(|b| b.mass).sum::<f64>();
+        let mass = |l: &Layer<Vec<Block>>| l.mass.unit_or_one() * l.content.iter().map(|b| b.mass).sum::<f64>();
         self.has_masses().then(|| self.layers.iter().map(mass).sum())
     }
 
     /// Is the mass of particles known: do all layers have weights, or a particle mass?
     pub fn has_masses(&self) -> bool {
-        self.layers.iter().all(|l| l.particle_mass.is_some() || l.is_weighted())
+        self.layers.iter().all(|l| l.mass != Mass::Unknown)
     }
 
     /// The model of some layers alone. Bounds, radius, opacity and all that is known stay those of
@@ -166,7 +158,12 @@ impl Model {
 
     /// All blocks of all layers.
     pub fn blocks(&self) -> impl Iterator<Item = &Block> {
-        self.layers.iter().flat_map(|l| &l.blocks)
+        self.layers.iter().flat_map(|l| &l.content)
+    }
+
+    /// The network of the alpha-blend law, where it has one.
+    pub fn vizmapper(&self) -> Option<&Arc<VizMapper>> {
+        self.blocks().find_map(|b| b.gaussians.law.alpha_blend()?.vizmapper.as_ref())
     }
 
     /// Number of Gaussians.

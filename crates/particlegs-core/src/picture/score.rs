@@ -1,4 +1,4 @@
-//! PSNR of one 8-bit picture against another (spec: metrics.md). Sums of squared differences are
+//! PSNR of one 8-bit picture against another (docs/law/scores.md). Sums of squared differences are
 //! whole numbers, so scores do not depend on the order of summation.
 
 use super::{Gray8, ssim};

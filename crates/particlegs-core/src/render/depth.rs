@@ -24,7 +24,7 @@ const MOST_RUNS: usize = 64;
 /// ... and strokes of a run, about: they bound the memory where Gaussians fall into very many pieces.
 const MOST_STROKES: usize = 1 << 18;
 
-/// Optical depth a pixel: `tau = sum n W N2` (spec: optical-depth.md), every Gaussian integrated
+/// Optical depth a pixel: `tau = sum n W N2` (docs/law/depth.md), every Gaussian integrated
 /// along depth. The growth of splats towards the corners is taken where they land.
 ///
 /// Of a scene of the alpha-blend law, whose pictures are brightnesses b in [0, 1], it is the depth

@@ -32,7 +32,7 @@ pub struct Lens {
 
 impl Lens {
     /// The lens of a view for optical depth: a particle of radius r and opacity a adds
-    /// 2 pi a e^2 r_px^2 (spec: optical-depth.md).
+    /// 2 pi a e^2 r_px^2 (docs/law/depth.md, "A mixture").
     ///
     /// # Errors
     /// [`Error::Argument`] where the view has a number outside its range.

@@ -1,5 +1,5 @@
-//! Floor 3: a mixture becomes a picture, by default under the optical-depth law (spec:
-//! optical-depth.md).
+//! Floor 3: a mixture becomes a picture, by default under the optical-depth law
+//! (docs/law/depth.md).
 //!
 //! A [`Scene`] borrows the Gaussians. A `lens` puts each on the picture plane: position, the
 //! moments of its inverse depth, and a 2-D covariance; Gaussians that the camera stands in, that

@@ -2,7 +2,7 @@
 
 use super::alpha::Blend;
 use crate::camera::{Normalisation, View};
-use crate::model::{Law, Mixture, Model, VizMapper};
+use crate::model::{AlphaBlend, LawKind, Mixture, Model};
 use crate::picture::{Gray8, Plane, Size};
 use crate::space::Bounds;
 use crate::splat::{Look, tone};
@@ -21,7 +21,7 @@ pub struct Scene<'a> {
 impl<'a> Scene<'a> {
     /// All blocks of all layers of a model, to be drawn by its law.
     pub fn of(model: &'a Model) -> Self {
-        let parts = model.layers.iter().flat_map(|l| l.blocks.iter().map(|b| (&b.gaussians, l.unit_mass())));
+        let parts = model.layers.iter().flat_map(|l| l.content.iter().map(|b| (&b.gaussians, l.mass.unit_or_one())));
         Scene { parts: parts.collect(), bounds: model.metadata.bounds, blend: Blend::of(model) }
     }
 
@@ -30,21 +30,21 @@ impl<'a> Scene<'a> {
         Scene { parts: vec![(mixture, 1.0)], bounds, blend: None }
     }
 
-    /// One mixture of the alpha-blend law, which has opacities, with its network, if any; fitted to
-    /// particles with these bounds, with default `radius` and `opacity`.
-    pub fn of_shaded(
-        mixture: &'a Mixture,
-        vizmapper: Option<&'a VizMapper>,
-        bounds: Bounds,
-        [radius, opacity]: [f64; 2],
-    ) -> Self {
-        let blend = Blend { vizmapper, frame: Normalisation::of(&bounds), radius, opacity };
-        Scene { parts: vec![(mixture, 1.0)], bounds, blend: Some(blend) }
+    /// One mixture, to be drawn by its law, fitted to particles with these bounds, with default `radius`
+    /// and `opacity`.
+    pub fn of_law(mixture: &'a Mixture, bounds: Bounds, [radius, opacity]: [f64; 2]) -> Self {
+        let blend = |own: &'a AlphaBlend| Blend {
+            vizmapper: own.vizmapper.as_deref(),
+            frame: Normalisation::of(&bounds),
+            radius,
+            opacity,
+        };
+        Scene { parts: vec![(mixture, 1.0)], bounds, blend: mixture.law.alpha_blend().map(blend) }
     }
 
     /// How its Gaussians become a picture.
-    pub fn law(&self) -> Law {
-        if self.blend.is_some() { Law::AlphaBlend } else { Law::OpticalDepth }
+    pub fn law(&self) -> LawKind {
+        if self.blend.is_some() { LawKind::AlphaBlend } else { LawKind::OpticalDepth }
     }
 
     /// Grey levels of its optical depth ([`super::optical_depth`]) in a look. A scene of the

@@ -49,7 +49,7 @@ impl Bounds {
         e.map(|v| if v > 0.0 { v } else { stand_in })
     }
 
-    /// The default particle radius, 0.0406 of the mean spacing (0.01 on HACC; spec: paper.md).
+    /// The default particle radius, 0.0406 of the mean spacing (0.01 on HACC; docs/law/cameras.md).
     pub fn default_radius(&self, particles: u64) -> f64 {
         let e = self.extent_nonzero();
         // Cube roots first: 1e30 cubed overflows nothing in f64, 1e-30 cubed underflows nothing,

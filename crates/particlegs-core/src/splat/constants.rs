@@ -1,4 +1,4 @@
-//! The constants of the picture law (spec: point-gaussian.md sections 3 to 6, optical-depth.md).
+//! The constants of the picture law (docs/law/splat.md, docs/law/depth.md).
 
 /// A splat is the square |u|, |v| <= 3 in units of its standard deviations; its corners are drawn.
 pub const CUT_SIGMA: f64 = 3.0;
@@ -28,7 +28,7 @@ pub const LARGEST_MEAN_ALPHA: f64 = 0.999_999;
 pub const DEFAULT_OPACITY: f64 = 0.05;
 
 /// Integral of a splat's opacity over the picture, per square pixel of `sigma_x sigma_y`:
-/// `2 pi a e^2`. The unbiased weight of a particle in a mean picture (optical-depth.md, A1).
+/// `2 pi a e^2`. The unbiased weight of a particle in a mean picture (A1 of docs/law/depth.md).
 pub fn opacity_integral(opacity: f64) -> f64 {
     2.0 * std::f64::consts::PI * CUT_SHARE_2D * opacity
 }

@@ -1,5 +1,5 @@
 //! What FXAA does to the mean of a noisy picture: on shot noise it is a noise filter that darkens
-//! faint pictures (spec: response.md, section 4).
+//! faint pictures (docs/law/fxaa.md).
 
 /// Opacities, splat radii (pixels) and optical depths of [`RATIO`].
 const OPACITY: [f64; 4] = [0.0125, 0.05, 0.2, 0.5];
@@ -104,7 +104,7 @@ fn locate(grid: &[f64], x: f64) -> (usize, f64) {
 
 /// Share that either neighbour takes of a pixel's mean level along one axis: FXAA blends noisy
 /// pixels with their 3x3 mean, so it blurs. A Gaussian of 0.4 pixels while splats are smaller than
-/// a pixel (response.md, section 5), none for splats of two pixels, whose noise is smooth, nor for
+/// a pixel (docs/law/fxaa.md, "The blur"), none for splats of two pixels, whose noise is smooth, nor for
 /// single fragments below the threshold.
 pub fn fxaa_blur(opacity: f64, radius_px: f64) -> f32 {
     const TAP: f64 = 0.0404;

@@ -1,6 +1,6 @@
 //! The looks a picture can have.
 
-/// How optical depth, or a snapshot, becomes grey levels (spec: metrics.md).
+/// How optical depth, or a snapshot, becomes grey levels (docs/law/response.md, "Looks").
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Look {

@@ -1,5 +1,5 @@
 //! The level curve R(tau; a): the mean grey level of ParaView's picture where splats of opacity
-//! `a` are scattered at random with optical depth tau (spec: response.md, section 2).
+//! `a` are scattered at random with optical depth tau (docs/law/response.md).
 //!
 //! The number of fragments on a pixel is Poisson, their alphas are `a g(u) g(v)` with (u, v)
 //! uniform on the splat's square, and the 8-bit blending is a Markov chain on 256 levels. All laws
@@ -226,7 +226,7 @@ fn poisson_mean(values: &[f64], mean: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// (opacity, [(tau, level)]) of the exact chain, computed apart in Python (response.md).
+    /// (opacity, [(tau, level)]) of the exact chain, computed apart in Python (docs/law/response.md, "R").
     const FIXTURES: &str = include_str!("response_fixture.txt");
 
     #[test]

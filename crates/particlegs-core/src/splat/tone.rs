@@ -5,7 +5,7 @@ use crate::picture::{Gray8, Plane, Size};
 use rayon::prelude::*;
 
 /// Grey levels of a noise-free plane of optical depth (the opacity integral, A1 of
-/// optical-depth.md), of all particles or of a model.
+/// docs/law/depth.md), of all particles or of a model.
 ///
 /// `opacity` in (0, 1] and `radius_px`, the splat radius in pixels at the focal point, say how
 /// noisy ParaView's picture would be and so what its rounding and FXAA do to the mean.
@@ -63,7 +63,7 @@ mod tests {
 
     #[test]
     fn uniform_sheets_have_the_published_levels() {
-        // response.md, section 2, at opacity 0.05.
+        // docs/law/response.md, "Examples".
         assert!(tone(&sheet(1.0), Look::Expected, 0.05, 0.3).data.iter().all(|&v| v == 161));
         assert!(tone(&sheet(1.0), Look::ParaviewNoFxaa, 0.05, 0.3).data.iter().all(|&v| v == 159));
         assert!(tone(&sheet(0.03), Look::Paraview, 0.05, 0.3).data.iter().all(|&v| v == 7));

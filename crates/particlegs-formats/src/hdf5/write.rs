@@ -2,11 +2,13 @@
 
 use super::encode::{self, Attribute, Group, Set, Value};
 use super::units::{self, Quantity};
+use particlegs::model::{Layer, Mass};
 use particlegs::output::PlacedFile;
-use particlegs::particles::{Kept, KeptLayer, Run, SnapshotMeta};
+use particlegs::particles::{Kept, Run, SnapshotMeta};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::path::Path;
 
 /// Types in the order in which layers without a number get them: dark matter first, gas last.
@@ -30,7 +32,8 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
         let count = run.columns[0].len() as u64;
         // A run that keeps nothing may belong to a layer that keeps nothing, which has no group.
         if let Some(layer) = layers.get(index).filter(|_| count > 0) {
-            write_run(&file, layer, kept.first(id) - layer.range.start, &plan.data[FIRST + index], run, bytes)?;
+            let row = kept.first(id) - layer.content.start;
+            write_run(&file, layer.mass, row, &plan.data[FIRST + index], run, bytes)?;
         }
         progress.advance(count);
         Ok::<_, Error>(())
@@ -44,14 +47,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
 const FIRST: usize = 2;
 
 /// Writes a run's positions and masses at row `row` of its layer's data sets, which begin at `data`.
-fn write_run(
-    file: &PlacedFile,
-    layer: &KeptLayer,
-    row: u64,
-    data: &[u64],
-    run: &Run,
-    bytes: &mut Vec<u8>,
-) -> Result<()> {
+fn write_run(file: &PlacedFile, mass: Mass, row: u64, data: &[u64], run: &Run, bytes: &mut Vec<u8>) -> Result<()> {
     let [x, y, z, w] = &run.columns;
     bytes.resize(12 * x.len(), 0);
     for (i, triple) in bytes.chunks_exact_mut(12).enumerate() {
@@ -60,8 +56,8 @@ fn write_run(
         triple[8..].copy_from_slice(&z[i].to_le_bytes());
     }
     file.write_at(bytes, data[0] + 12 * row)?;
-    if let Some(&masses) = data.get(1).filter(|_| layer.weighted) {
-        let unit = layer.particle_mass.unwrap_or(1.0);
+    if let Some(&masses) = data.get(1).filter(|_| mass.is_weighted()) {
+        let unit = mass.unit_or_one();
         bytes.clear();
         bytes.extend(w.iter().flat_map(|&w| ((f64::from(w) * unit) as f32).to_le_bytes()));
         file.write_at(bytes, masses + 4 * row)?;
@@ -70,9 +66,10 @@ fn write_run(
 }
 
 /// The type of each layer: `PartTypeN` keeps its number, the rest get free ones in order.
-fn types(layers: &[KeptLayer], out: &Path) -> Result<Vec<usize>> {
-    let own =
-        |l: &KeptLayer| l.name.strip_prefix("PartType").and_then(|n| ORDER.into_iter().find(|t| t.to_string() == n));
+fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
+    let own = |l: &Layer<Range<u64>>| {
+        l.name.strip_prefix("PartType").and_then(|n| ORDER.into_iter().find(|t| t.to_string() == n))
+    };
     let mut types: Vec<Option<usize>> = layers.iter().map(own).collect();
     for i in 0..types.len() {
         if types[i].is_none() || types[..i].contains(&types[i]) {
@@ -86,7 +83,7 @@ fn types(layers: &[KeptLayer], out: &Path) -> Result<Vec<usize>> {
     })
 }
 
-fn groups(meta: &SnapshotMeta, layers: &[KeptLayer], types: &[usize], out: &Path) -> Result<Vec<Group>> {
+fn groups(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], out: &Path) -> Result<Vec<Group>> {
     let length = meta.length_unit.as_deref().map(|u| (u, units::parse(u, Quantity::Length)));
     let mass = meta.mass_unit.as_deref().map(|u| (u, units::parse(u, Quantity::Mass)));
     let group = |name: &str, attributes| Group { name: name.into(), attributes, sets: Vec::new() };
@@ -96,11 +93,11 @@ fn groups(meta: &SnapshotMeta, layers: &[KeptLayer], types: &[usize], out: &Path
         group("Parameters", parameters(meta, cgs(&length), cgs(&mass))),
     ];
     for (layer, kind) in layers.iter().zip(types) {
-        let rows = layer.range.end - layer.range.start;
+        let rows = layer.content.end - layer.content.start;
         let comoving = meta.comoving.map(|c| if c { 1.0 } else { 0.0 });
         let set = |name, columns, attributes| Set { name, rows, columns, attributes, hollow: false };
         let mut sets = vec![set("Coordinates", 3, scaling(&length, comoving, Quantity::Length))];
-        if layer.weighted {
+        if layer.mass.is_weighted() {
             sets.push(set("Masses", 1, scaling(&mass, Some(0.0), Quantity::Mass)));
         }
         // pynbody counts particles by their IDs. There are none here, and none are made up.
@@ -112,12 +109,15 @@ fn groups(meta: &SnapshotMeta, layers: &[KeptLayer], types: &[usize], out: &Path
     Ok(groups)
 }
 
-fn header(meta: &SnapshotMeta, layers: &[KeptLayer], types: &[usize], out: &Path) -> Result<Vec<Attribute>> {
+fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], out: &Path) -> Result<Vec<Attribute>> {
     let mut counts = vec![0; ORDER.len()];
     let mut masses = vec![0.0; ORDER.len()];
     for (layer, &kind) in layers.iter().zip(types) {
-        counts[kind] = layer.range.end - layer.range.start;
-        masses[kind] = layer.particle_mass.filter(|_| !layer.weighted).unwrap_or(0.0);
+        counts[kind] = layer.content.end - layer.content.start;
+        masses[kind] = match layer.mass {
+            Mass::Each(mass) => mass,
+            _ => 0.0,
+        };
     }
     let mut header = vec![
         ("NumPart_ThisFile", Value::Counts(counts.clone())),

@@ -61,8 +61,8 @@ struct FrameOut<'a> {
 impl<'a> FrameOut<'a> {
     fn new(kept: &'a Kept<'a>, progress: &dyn Progress) -> Result<Self> {
         let layers = kept.layers();
-        let known = kept.weighted() || layers.iter().all(|l| l.particle_mass.is_some());
-        let masses = known.then(|| layers.iter().map(|l| l.particle_mass.unwrap_or(1.0)).collect());
+        let known = kept.weighted() || layers.iter().all(|l| l.mass.unit().is_some());
+        let masses = known.then(|| layers.iter().map(|l| l.mass.unit_or_one()).collect());
         let cell = match kept.meta().cell {
             Some(cell) => cell,
             None => bounds(kept, progress)?,

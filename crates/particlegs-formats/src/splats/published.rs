@@ -1,10 +1,10 @@
 //! Models of the alpha-blend law as the published system stores its own: the PLY of 3-D Gaussian
 //! splatting with spherical harmonics of degree 0, 17 float32 a Gaussian, three of them always 0
-//! (Kerbl et al. 2023, `gaussian_model.py`, `save_ply`; spec: paper.md, evaluation).
+//! (Kerbl et al. 2023, `gaussian_model.py`, `save_ply`; docs/law/published.md, "Evaluation").
 
 use particlegs::camera::Normalisation;
 use particlegs::math::Sym3;
-use particlegs::model::{Law, Mixture, Model};
+use particlegs::model::{LawKind, Mixture, Model};
 use particlegs::output::{check_space_in, write_atomic};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -37,7 +37,7 @@ const FLATTEST: f64 = 1e-12;
 /// [`Error::Argument`] for a model of another law, whose Gaussians have no opacity; [`Error::Io`];
 /// [`Error::Cancelled`].
 pub fn write_splats(model: &Model, out: &Path, progress: &dyn Progress) -> Result<u64> {
-    if model.metadata.law != Law::AlphaBlend {
+    if model.metadata.law != LawKind::AlphaBlend {
         let what = format!("a model of the {} law has no opacities to write as splats", model.metadata.law.name());
         return Err(Error::Argument { what, hint: "draw particles from it with `recover`".into() });
     }
@@ -81,7 +81,7 @@ fn head(gaussians: usize, frame: &Normalisation) -> String {
 }
 
 fn write_one(w: &mut dyn Write, g: &Mixture, i: usize, frame: &Normalisation) -> std::io::Result<()> {
-    let (opacity, grey) = g.shade.as_ref().map_or((0.5, 0.5), |s| (s.opacity[i], s.grey[i]));
+    let (opacity, grey) = g.law.alpha_blend().map_or((0.5, 0.5), |s| (s.opacity[i], s.grey[i]));
     let mean = g.mean_of(i);
     let place: [f64; 3] = std::array::from_fn(|k| (mean[k] - frame.center[k]) * frame.scale);
     let color = (grey - 0.5) / HARMONIC;
@@ -129,25 +129,25 @@ fn quaternion([a, b, c]: [[f64; 3]; 3]) -> [f64; 4] {
 mod tests {
     use super::*;
     use particlegs::math::Random;
-    use particlegs::model::{Block, Layer, Metadata, Shade};
+    use particlegs::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
     use particlegs::particles::{Bounds, Room};
     use particlegs::progress::Silent;
 
     fn model(n: usize) -> Model {
         let mut g = Mixture::default();
-        let mut shade = Shade::default();
+        let mut law = AlphaBlend::default();
         for i in 0..n {
             let mut r = Random::new(3, 1, i as u64);
             let v: [[f64; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| 0.1 * r.normal()));
             let cov = Sym3::outer(v[0]).add(&Sym3::outer(v[1])).add(&Sym3::outer(v[2]));
             g.push(std::array::from_fn(|_| 10.0 * r.uniform()), cov, 1.0, 1.0);
-            shade.opacity.push(0.01 + 0.98 * r.uniform());
-            shade.grey.push(2.0 * r.uniform());
+            law.opacity.push(0.01 + 0.98 * r.uniform());
+            law.grey.push(2.0 * r.uniform());
         }
-        g.shade = Some(shade);
+        g.law = Law::AlphaBlend(law);
         let bounds = Bounds { min: [0.0; 3], max: [10.0, 10.0, 8.0] };
         let metadata = Metadata {
-            law: Law::AlphaBlend,
+            law: LawKind::AlphaBlend,
             count: n as u64,
             mass: n as f64,
             bounds,
@@ -166,8 +166,8 @@ mod tests {
             tool_version: "0".into(),
         };
         let block = Block { bounds, count: n as u64, mass: n as f64, gaussians: g };
-        let layers = vec![Layer { name: "particles".into(), particle_mass: None, blocks: vec![block] }];
-        Model { metadata, layers, vizmapper: None, certificate: None }
+        let layers = vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: vec![block] }];
+        Model { metadata, layers, certificate: None }
     }
 
     /// Written as published, everything comes back by the published formulas; our reader of PLY finds
@@ -182,17 +182,17 @@ mod tests {
         assert_eq!((file.len() as u64, SPLAT_PLY_BYTES), (bytes, 68));
         let body = &file[file.len() - 200 * 68..];
         let frame = Normalisation::of(&m.metadata.bounds);
-        let g = &m.layers[0].blocks[0].gaussians;
-        let shade = g.shade.as_ref().unwrap();
+        let g = &m.layers[0].content[0].gaussians;
+        let own = g.law.alpha_blend().unwrap();
         for (i, record) in body.chunks_exact(68).enumerate() {
             let v: Vec<f64> =
                 record.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();
             for k in 0..3 {
                 let world = v[k] / frame.scale + frame.center[k];
                 assert!((world - g.mean[k][i]).abs() < 1e-5 && v[3 + k] == 0.0);
-                assert!((0.5 + HARMONIC * v[6 + k] - shade.grey[i]).abs() < 1e-6);
+                assert!((0.5 + HARMONIC * v[6 + k] - own.grey[i]).abs() < 1e-6);
             }
-            assert!((1.0 / (1.0 + (-v[9]).exp()) - shade.opacity[i]).abs() < 1e-6);
+            assert!((1.0 / (1.0 + (-v[9]).exp()) - own.opacity[i]).abs() < 1e-6);
             let back = covariance([v[10], v[11], v[12]], [v[13], v[14], v[15], v[16]]);
             let want = g.cov_of(i).scale(frame.scale * frame.scale);
             for k in 0..6 {
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn other_laws_have_no_splats() {
         let mut m = model(3);
-        m.metadata.law = Law::OpticalDepth;
+        m.metadata.law = LawKind::OpticalDepth;
         let dir = tempfile::tempdir().unwrap();
         assert!(matches!(write_splats(&m, &dir.path().join("m.ply"), &Silent), Err(Error::Argument { .. })));
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::{OpenOptions, Weights};
-use particlegs::particles::{Column, Kept, ParticleLayer, Particles, Selection, Tiling};
+use particlegs::model::{Layer, Mass as LayerMass};
+use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
 use particlegs::progress::Silent;
 use std::sync::Mutex;
 
@@ -121,15 +122,13 @@ fn out_and_in_gives_equal_bits() {
     let snapshot = crate::open(std::slice::from_ref(&path), &OpenOptions::default()).unwrap();
     assert!(snapshot.reader(0, &Fields::default()).unwrap().in_place().is_some());
 
-    let layer = |name: &str, range, particle_mass, weighted| ParticleLayer {
-        name: name.into(),
-        range,
-        particle_mass,
-        weighted,
-    };
-    let mut q = p.clone();
-    q.weights = Some(Column::owned((0..n).map(|i| if i < 66_000 { 0.5 } else { i as f32 }).collect()));
-    q.kinds = vec![layer("dm--x", 0..66_000, Some(0.5), false), layer("gas", 66_000..n as usize, None, true)];
+    let layer = |name: &str, content, mass| Layer { name: name.into(), mass, content };
+    let weights = (0..n).map(|i| if i < 66_000 { 0.5 } else { i as f32 }).collect();
+    let (dm, gas) = (LayerMass::Each(0.5), LayerMass::Weights(None));
+    let q = p
+        .clone()
+        .with_weights(Column::owned(weights))
+        .with_layers(vec![layer("dm--x", 0..66_000, dm), layer("gas", 66_000..n as usize, gas)]);
     written(&q, &path);
     let (d, got) = rows(&path, &Fields::default()).unwrap();
     assert_eq!(d.species[0].mass, Mass::Field("mass".into()));
@@ -150,14 +149,10 @@ fn the_bytes_written_are_those_that_vtk_reads() {
     let mut p = Particles::from_columns(column(0.5), column(1.5), column(2.5));
     p.meta.time = Some(0.125);
     p.meta.length_unit = Some("kpc/h".into());
-    p.weights = Some(Column::owned(vec![0.5, 0.5, 3.0, 4.0, 5.0, 6.0]));
-    let layer = |name: &str, range, particle_mass, weighted| ParticleLayer {
-        name: name.into(),
-        range,
-        particle_mass,
-        weighted,
-    };
-    p.kinds = vec![layer("dm", 0..2, Some(0.5), false), layer("gas", 2..6, None, true)];
+    let layer = |name: &str, content, mass| Layer { name: name.into(), mass, content };
+    let p = p
+        .with_weights(Column::owned(vec![0.5, 0.5, 3.0, 4.0, 5.0, 6.0]))
+        .with_layers(vec![layer("dm", 0..2, LayerMass::Each(0.5)), layer("gas", 2..6, LayerMass::Weights(None))]);
     written(&p, &path);
     if std::env::var_os("WRITE_FIXTURES").is_some() {
         std::fs::copy(&path, &kept).unwrap();

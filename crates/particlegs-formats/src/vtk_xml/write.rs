@@ -4,12 +4,14 @@
 //! needs no cell, but what it shows at first, surfaces, does. Masses are an array where particles
 //! have weights or layers different masses, layers are numbered by an array where there are several.
 
+use particlegs::model::{Layer, Mass};
 use particlegs::output::PlacedFile;
-use particlegs::particles::{Kept, KeptLayer, Run};
+use particlegs::particles::{Kept, Run};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use rayon::prelude::*;
 use std::fmt::Write;
+use std::ops::Range;
 use std::path::Path;
 
 /// Bytes before each array: its length.
@@ -61,7 +63,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
         )));
     }
     let count = kept.total();
-    let unlike = layers.iter().any(|l| l.particle_mass != layers[0].particle_mass);
+    let unlike = layers.iter().any(|l| l.mass.unit() != layers[0].mass.unit());
     let layout = Layout::new(count, kept.weighted() || unlike, layers.len() > 1);
     let head = head(kept, &layers, &layout)?;
     let tail = "\n  </AppendedData>\n</VTKFile>\n";
@@ -88,7 +90,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
             progress.check()?;
             kept.load(id, run)?;
             let layer = kept.layer_of(id);
-            write_run(&file, start, &layout, kept.first(id), run, layer, layers.get(layer), bytes)?;
+            write_run(&file, start, &layout, kept.first(id), run, layer, layers.get(layer).map(|l| l.mass), bytes)?;
             progress.advance(run.columns[0].len() as u64);
             Ok::<_, Error>(())
         },
@@ -106,7 +108,7 @@ fn write_run(
     first: u64,
     run: &Run,
     index: usize,
-    layer: Option<&KeptLayer>,
+    of_layer: Option<Mass>,
     bytes: &mut Vec<u8>,
 ) -> Result<()> {
     let [x, y, z, w] = &run.columns;
@@ -115,10 +117,10 @@ fn write_run(
     file.write_at(bytes, start + layout.points + 12 * first)?;
     if let Some(place) = layout.mass {
         let own = |i: usize| w.get(i).copied().unwrap_or(1.0);
-        let mass = |i: usize| match layer {
+        let mass = |i: usize| match of_layer {
             // Weights count in units of the layer's mass, where it has one.
-            Some(KeptLayer { weighted: true, particle_mass: Some(unit), .. }) => (f64::from(own(i)) * unit) as f32,
-            Some(KeptLayer { weighted: false, particle_mass: Some(each), .. }) => *each as f32,
+            Some(Mass::Weights(Some(unit))) => (f64::from(own(i)) * unit) as f32,
+            Some(Mass::Each(each)) => each as f32,
             _ => own(i),
         };
         bytes.clear();
@@ -141,7 +143,7 @@ fn write_run(
 }
 
 /// The XML up to the first array, as long as alignment needs.
-fn head(kept: &Kept<'_>, layers: &[KeptLayer], layout: &Layout) -> Result<String> {
+fn head(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout) -> Result<String> {
     let mut xml = String::from("<?xml version=\"1.0\"?>\n");
     text(kept, layers, layout, &mut xml).map_err(|_| Error::argument("the header of a VTP cannot be written"))?;
     let opening = "  <AppendedData encoding=\"raw\">";
@@ -153,7 +155,7 @@ fn head(kept: &Kept<'_>, layers: &[KeptLayer], layout: &Layout) -> Result<String
     Ok(xml)
 }
 
-fn text(kept: &Kept<'_>, layers: &[KeptLayer], layout: &Layout, xml: &mut String) -> std::fmt::Result {
+fn text(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout, xml: &mut String) -> std::fmt::Result {
     let count = kept.total();
     // Two dashes would end a comment.
     let shown = |text: &str| text.replace('-', "_").replace(char::is_control, "?");

@@ -3,7 +3,7 @@
 use particlegs_core::model::VizRanges;
 use particlegs_core::{Error, Result};
 
-/// Hyper-parameters; the default is the published single-block recipe (spec: paper.md). When to
+/// Hyper-parameters; the default is the published single-block recipe (docs/law/published.md). When to
 /// densify stands in [`crate::Densify`].
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -1,5 +1,5 @@
 //! Density control as published: clone, split, prune, reset (Kerbl et al. 2023, section 5.2; the
-//! numbers of its reference code and of spec/paper.md).
+//! numbers of its reference code and of docs/law/published.md, "Training").
 
 use super::learner::AlphaLearner;
 use super::parameters::{Group, One, keep_rows, rotation_matrix};

@@ -11,9 +11,10 @@ use crate::state::State;
 use particlegs_core::Result;
 use particlegs_core::math::Sym3;
 use particlegs_core::model::vizmapper::{Network, Setting};
-use particlegs_core::model::{Mixture, Shade, VIZMAPPER_PARAMETERS, VizMapper};
+use particlegs_core::model::{AlphaBlend, Law, Mixture, VIZMAPPER_PARAMETERS, VizMapper};
 use particlegs_core::picture::Plane;
 use particlegs_core::render::alpha::{CutOffs, Eye};
+use std::sync::Arc;
 
 /// 3DGS's Adam.
 const ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-15 };
@@ -151,9 +152,9 @@ impl Learner for AlphaLearner {
         self.parameters.len()
     }
 
-    fn mixture(&self) -> (Mixture, Option<VizMapper>) {
+    fn mixture(&self) -> Mixture {
         let mut mixture = Mixture::default();
-        let mut shade = Shade::default();
+        let mut law = AlphaBlend { vizmapper: self.mapper.clone().map(Arc::new), ..AlphaBlend::default() };
         let Ground { frame, particles, .. } = self.ground;
         let sum: f64 = (0..self.len()).map(|i| self.parameters.get(i).opacity()).sum();
         for i in 0..self.len() {
@@ -162,11 +163,11 @@ impl Learner for AlphaLearner {
             let cov = Sym3(one.cov().0.map(|v| v / (frame.scale * frame.scale)));
             let count = particles as f64 * one.opacity() / sum;
             mixture.push(mean, cov, count, count);
-            shade.opacity.push(one.opacity());
-            shade.grey.push(one.grey());
+            law.opacity.push(one.opacity());
+            law.grey.push(one.grey());
         }
-        mixture.shade = Some(shade);
-        (mixture, self.mapper.clone())
+        mixture.law = Law::AlphaBlend(law);
+        mixture
     }
 
     fn state(&self) -> State {

@@ -10,7 +10,7 @@ use particlegs::particles::{Particles, open_raw};
 use particlegs::reference::Reference;
 use particlegs_core::camera::{Normalisation, ORBITS, View, base_distance, spiral};
 use particlegs_core::math::Random;
-use particlegs_core::model::{Block, Law, Layer, Mixture, Model};
+use particlegs_core::model::{Block, LawKind, Layer, Mass, Mixture, Model};
 use particlegs_core::picture::{Gray8, Plane, Size, masked_psnr};
 use particlegs_core::progress::Silent;
 use particlegs_core::render::{self, Scene};
@@ -93,15 +93,14 @@ fn train(learner: &mut AlphaLearner, lesson: &Lesson, from: u64, steps: u64, den
 
 /// The learner's mixture in a model.
 fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
-    let (gaussians, vizmapper) = learner.mixture();
+    let gaussians = learner.mixture();
     let n = learner.ground.particles;
     let mut m = render::alpha::testing::empty_model(bounds, n);
-    m.metadata.law = Law::AlphaBlend;
+    m.metadata.law = LawKind::AlphaBlend;
     m.metadata.default_radius = learner.ground.radius;
     m.metadata.default_opacity = learner.ground.opacity;
-    m.vizmapper = vizmapper;
     let block = Block { bounds, count: n, mass: n as f64, gaussians };
-    m.layers = vec![Layer { name: "dm".into(), particle_mass: None, blocks: vec![block] }];
+    m.layers = vec![Layer { name: "dm".into(), mass: Mass::Unknown, content: vec![block] }];
     m
 }
 
@@ -294,7 +293,7 @@ fn models_hold_what_was_trained() {
     let mut learner = small_learner(&lesson, AlphaConfig::default());
     train(&mut learner, &lesson, 0, 30, STILL);
     let m = model(&learner, lesson.bounds);
-    let sum: f64 = m.layers[0].blocks[0].gaussians.count.iter().sum();
+    let sum: f64 = m.layers[0].content[0].gaussians.count.iter().sum();
     assert!((sum / lesson.particles.len() as f64 - 1.0).abs() < 1e-12);
     let mut again = AlphaLearner::from_model(&m, learner.ground, learner.config).unwrap();
     let (view, _, target) = &lesson.shots[1];

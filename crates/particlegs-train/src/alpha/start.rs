@@ -40,7 +40,7 @@ pub(crate) struct Ground {
 
 impl AlphaLearner {
     /// `number` particles at random, each a round Gaussian as large as its three nearest neighbours
-    /// among them are far, white, of opacity 0.1 (spec: paper.md).
+    /// among them are far, white, of opacity 0.1 (docs/law/published.md, "Training").
     ///
     /// # Errors
     /// [`Error::Argument`] where there is no particle, or none is asked for.
@@ -103,13 +103,13 @@ impl AlphaLearner {
         let mut parameters = Parameters::default();
         for b in model.blocks() {
             let m = &b.gaussians;
-            let shade = m.shade.as_ref().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
+            let own = m.law.alpha_blend().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
             for i in 0..m.len() {
-                let (opacity, grey) = (shade.opacity[i], shade.grey[i]);
+                let (opacity, grey) = (own.opacity[i], own.grey[i]);
                 parameters.push(&one(&ground.frame, m.mean_of(i), &m.cov_of(i), opacity, grey));
             }
         }
-        Self::new(parameters, model.vizmapper.clone(), ground, config)
+        Self::new(parameters, model.vizmapper().map(|v| VizMapper::clone(v)), ground, config)
     }
 
     fn new(parameters: Parameters, mapper: Option<VizMapper>, ground: Ground, config: AlphaConfig) -> Result<Self> {

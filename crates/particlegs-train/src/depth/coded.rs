@@ -48,7 +48,7 @@ impl Coded {
     /// Codes and decodes `gaussians` at `factor` times the nominal steps.
     pub fn of(gaussians: Mixture, room: &Room, factor: f64) -> Result<Coded> {
         let m = gaussians.len();
-        let mass = gaussians.mass.as_ref().map_or(room.count as f64, |m| m.iter().sum());
+        let mass = gaussians.masses().map_or(room.count as f64, |m| m.iter().sum());
         let encoder = Encoder::new(&Block { bounds: room.bounds, count: room.count, mass, gaussians })?;
         let bytes = encoder.encode(&Precision::BALANCED.scaled(factor));
         let decoded = decode_block(&bytes, "the Gaussians in training")?.gaussians;

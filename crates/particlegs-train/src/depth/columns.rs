@@ -41,7 +41,7 @@ impl Columns {
         let mut columns = [const { Vec::new() }; 10];
         columns.par_iter_mut().enumerate().for_each(|(k, column)| *column = rows.iter().map(|r| r[k]).collect());
         let [x, y, z, xx, xy, xz, yy, yz, zz, count] = columns;
-        Mixture { mean: [x, y, z], cov: [xx, xy, xz, yy, yz, zz], count, mass: None, shade: None }
+        Mixture { mean: [x, y, z], cov: [xx, xy, xz, yy, yz, zz], count, ..Mixture::default() }
     }
 
     /// Moves every number a share of the way to `other`'s.

@@ -17,7 +17,7 @@ use crate::learner::{Densify, Learner, Moment, NotFinite, Shot, Stepped};
 use crate::loss::Loss;
 use crate::state::State;
 use particlegs_core::Result;
-use particlegs_core::model::{Mixture, VizMapper};
+use particlegs_core::model::{MASS, Mixture};
 use particlegs_core::picture::Plane;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
@@ -79,7 +79,7 @@ impl DepthLearner {
             columns,
             coded: None,
             settled: false,
-            weight: mixture.mass.as_ref().map(|m| m.iter().zip(&mixture.count).map(|(m, c)| m / c.max(1e-3)).collect()),
+            weight: mixture.masses().map(|m| m.iter().zip(&mixture.count).map(|(m, c)| m / c.max(1e-3)).collect()),
             averages: WIDTHS.map(|k| Averages::zeros(k * m)),
             #[cfg(test)]
             poison: None,
@@ -201,7 +201,10 @@ impl DepthLearner {
         let scale = self.ground.particles as f64 / mixture.count.iter().sum::<f64>();
         mixture.count.iter_mut().for_each(|c| *c *= scale);
         let heavy = |w: &Vec<f64>| w.iter().zip(&mixture.count).map(|(w, c)| w * c).collect();
-        Mixture { mass: self.weight.as_ref().map(heavy), ..mixture }
+        if let Some(masses) = self.weight.as_ref().map(heavy) {
+            mixture.columns.set(MASS, masses);
+        }
+        mixture
     }
 
     /// The Gaussians as they lie in a file that fits.
@@ -268,16 +271,16 @@ impl Learner for DepthLearner {
         self.columns.0.len()
     }
 
-    fn mixture(&self) -> (Mixture, Option<VizMapper>) {
-        (self.weighed(self.ready().map_or(&self.averaged, |c| &c.exact)), None)
+    fn mixture(&self) -> Mixture {
+        self.weighed(self.ready().map_or(&self.averaged, |c| &c.exact))
     }
 
-    fn shown(&self) -> Result<(Mixture, Option<VizMapper>)> {
+    fn shown(&self) -> Result<Mixture> {
         let Some(room) = self.room().filter(|_| self.ready().is_none()) else { return Ok(self.mixture()) };
         // Twice: the first says at which precision the bytes are met.
         let factor = self.coded.as_ref().map_or(1.0, |c| c.factor);
         let factor = Coded::of(self.weighed(&self.averaged), &room, factor)?.better_factor(&room);
-        Ok((Coded::of(self.weighed(&self.averaged), &room, factor)?.exact.mixture(), None))
+        Ok(Coded::of(self.weighed(&self.averaged), &room, factor)?.exact.mixture())
     }
 
     fn factor(&self) -> Option<f64> {

@@ -1,5 +1,5 @@
 //! Training by the optical-depth law: a sum over Gaussians passed through one curve, so gradients
-//! need no order and no recursion (spec: optical-depth.md).
+//! need no order and no recursion (docs/law/depth.md).
 //!
 //! [`forward`](raster::Tape) projects and draws as `render` does and keeps what it placed; the
 //! backward pass takes the gradient of the depth down the pyramid of planes, each piece gathers it

@@ -219,7 +219,7 @@ fn a_settled_run_is_what_is_coded() {
         learner.step(&shot, &Loss { norm: Norm::L2, ..Loss::PUBLISHED }, &moment(i, 100)).unwrap();
     }
     let factor = learner.factor().expect("settled");
-    let (gaussians, _) = learner.mixture();
+    let gaussians = learner.mixture();
     let (count, precision) = (ground.particles, Precision::BALANCED.scaled(factor));
     let block = Block { bounds: ground.bounds, count, mass: count as f64, gaussians };
     let bytes = Encoder::new(&block).unwrap().encode(&precision);
@@ -240,7 +240,7 @@ fn steps_go_down_the_loss() {
     let at = |iteration| moment(iteration, 150);
     let losses: Vec<f64> = (0..150).map(|i| learner.step(&shot, &loss, &at(i)).unwrap().loss).collect();
     assert!(losses[149] < 0.5 * losses[0], "{} to {}", losses[0], losses[149]);
-    let sum: f64 = learner.mixture().0.count.iter().sum();
+    let sum: f64 = learner.mixture().count.iter().sum();
     assert!((sum / ground(&m, Look::Expected).particles as f64 - 1.0).abs() < 1e-6, "particles are kept");
 }
 
@@ -309,7 +309,7 @@ fn a_gradient_that_is_not_a_number_is_named_and_survived() {
     let at = moment(0, 10);
     let told = learner.step(&shot, &Loss::PUBLISHED, &at).unwrap().not_finite.unwrap();
     assert_eq!((told.group, told.gaussian, told.count), ("covariance", 3, 1));
-    let after = learner.mixture().0;
+    let after = learner.mixture();
     assert!((0..3).all(|k| (after.mean_of(3)[k] - m.mean_of(3)[k]).abs() < 1e-12));
     assert!(after.mean_of(2) != m.mean_of(2));
     assert!(after.mean.iter().chain(&after.cov).flatten().chain(&after.count).all(|v| v.is_finite()));
@@ -319,8 +319,9 @@ fn a_gradient_that_is_not_a_number_is_named_and_survived() {
 #[test]
 fn masses_are_kept_by_density_control_and_by_states() {
     let (mut m, view) = (mixture(8, 40), view(12.0));
-    m.mass = Some(m.count.iter().enumerate().map(|(i, c)| c * (1.0 + i as f64)).collect());
-    let mass = |l: &DepthLearner| l.mixture().0.mass.unwrap().iter().sum::<f64>();
+    let masses = m.count.iter().enumerate().map(|(i, c)| c * (1.0 + i as f64)).collect();
+    m.columns.set(particlegs_core::model::MASS, masses);
+    let mass = |l: &DepthLearner| l.mixture().masses().unwrap().iter().sum::<f64>();
     let config = DepthConfig { relocate: 0.25, ..DepthConfig::default() };
     let new = || DepthLearner::new(&m, ground(&m, Look::Expected), config);
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };

@@ -2,7 +2,8 @@
 
 use super::KdTree;
 use crate::Result;
-use crate::particles::{Blank, ChunkBuffer, ParticleLayer, Particles, RUN, Room};
+use crate::model::Layer;
+use crate::particles::{Blank, ChunkBuffer, Particles, RUN, Room};
 use crate::progress::Progress;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -15,7 +16,8 @@ use std::ops::Range;
 pub fn divide(particles: &Particles, tree: &KdTree, room: &Room, progress: &dyn Progress) -> Result<Vec<Particles>> {
     let blocks = tree.blocks();
     let layers = particles.layers();
-    let runs: Vec<(usize, Range<usize>)> = layers.iter().enumerate().flat_map(|(i, l)| runs_of(i, &l.range)).collect();
+    let runs: Vec<(usize, Range<usize>)> =
+        layers.iter().enumerate().flat_map(|(i, l)| runs_of(i, &l.content)).collect();
     let counts: Vec<Vec<u32>> = runs
         .par_iter()
         .map_init(ChunkBuffer::default, |buffer, (_, run)| {
@@ -27,7 +29,7 @@ pub fn divide(particles: &Particles, tree: &KdTree, room: &Room, progress: &dyn 
         })
         .collect::<Result<_>>()?;
     let of_block = |b: usize| counts.iter().map(|c| c[b] as usize).sum::<usize>();
-    let width = if particles.weights.is_some() { 4 } else { 3 };
+    let width = if particles.weights().is_some() { 4 } else { 3 };
     let mut columns: Vec<Vec<Blank>> =
         (0..blocks as usize).map(|b| room.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
     let places = places(&mut columns, &counts);
@@ -75,21 +77,25 @@ fn places<'a>(columns: &'a mut [Vec<Blank>], counts: &[Vec<u32>]) -> Vec<Vec<Vec
 }
 
 /// The layers of a block from the layer and number of each of its runs' particles.
-pub(super) fn kinds(layers: &[ParticleLayer], runs: impl Iterator<Item = (usize, usize)>) -> Vec<ParticleLayer> {
+pub(super) fn kinds(
+    layers: &[Layer<Range<usize>>],
+    runs: impl Iterator<Item = (usize, usize)>,
+) -> Vec<Layer<Range<usize>>> {
     let mut counts = vec![0; layers.len()];
     runs.for_each(|(layer, n)| counts[layer] += n);
     let mut end = 0;
-    let kind = |(l, n): (&ParticleLayer, usize)| {
+    let part = |(l, n): (&Layer<Range<usize>>, usize)| {
         end += n;
-        ParticleLayer { range: end - n..end, ..l.clone() }
+        l.with(end - n..end)
     };
-    layers.iter().zip(counts).map(kind).filter(|k| !k.range.is_empty()).collect()
+    layers.iter().zip(counts).map(part).filter(|l| !l.content.is_empty()).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::Survey;
     use super::*;
+    use crate::model::Mass;
     use crate::particles::{Column, Layered};
     use crate::progress::Silent;
 
@@ -97,25 +103,25 @@ mod tests {
     fn every_particle_is_in_one_block() {
         let n = 150_000;
         let column = |k: u64| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
-        let mut p = Particles::from_columns(column(0), column(1), column(2));
-        p.weights = Some(Column::owned((0..n).map(|i| i as f32 + 1.0).collect()));
-        let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: true };
-        p.kinds = vec![kind("a", 0..70_000), kind("b", 70_000..n as usize)];
+        let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Weights(None), content };
+        let p = Particles::from_columns(column(0), column(1), column(2))
+            .with_weights(Column::owned((0..n).map(|i| i as f32 + 1.0).collect()))
+            .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n as usize)]);
         let folder = tempfile::tempdir().unwrap();
         for room in [Room::Memory, Room::Disk(folder.path().into())] {
             let survey = Survey::new(&Layered::of(&p), "here", true, &Silent).unwrap();
             let blocks = divide(&p, &KdTree::new(&survey.sample, 3).unwrap(), &room, &Silent).unwrap();
             assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
-            let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights.clone().unwrap().to_vec()).collect();
+            let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights().cloned().unwrap().to_vec()).collect();
             seen.sort_by(f32::total_cmp);
             assert!(seen.iter().enumerate().all(|(i, w)| *w == i as f32 + 1.0));
             for b in &blocks {
                 assert!(b.len().abs_diff(50_000) < 100, "{}", b.len());
                 let names: Vec<String> = b.layers().iter().map(|l| l.name.clone()).collect();
                 assert_eq!(names, ["a", "b"]);
-                let weights = b.weights.clone().unwrap();
+                let weights = b.weights().cloned().unwrap();
                 assert!(weights.windows(2).all(|w| w[0] < w[1]), "order is kept");
-                assert!(b.layers()[0].range.clone().all(|i| weights[i] <= 70_000.0));
+                assert!(b.layers()[0].content.clone().all(|i| weights[i] <= 70_000.0));
             }
         }
     }

@@ -65,11 +65,12 @@ impl Survey {
                 bad = bad.and(start + (run * RUN) as u64, seen.invalid);
                 weights.push(seen.weight);
                 all.sample.append(seen.sample);
-                let missing = || crate::Error::input(place, format!("run {run} of layer `{}` is missing", layer.name));
+                let missing =
+                    || crate::Error::input(place, format!("run {run} of layer `{}` is missing", layer.layer.name));
                 all.runs.push(seen.survey.ok_or_else(missing)?);
             }
-            start += layer.count;
-            let first = weights.first().copied().flatten().filter(|_| layer.weighted);
+            start += layer.layer.content;
+            let first = weights.first().copied().flatten().filter(|_| layer.layer.mass.is_weighted());
             all.same_weight.push(first.filter(|w| weights.iter().all(|other| *other == Some(*w))));
         }
         progress.end();
@@ -133,17 +134,19 @@ impl Seen {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::{Column, ParticleLayer, Particles, settle_masses, source_hash};
+    use crate::model::{Layer, Mass};
+    use crate::particles::{Column, Particles, settle_masses, source_hash};
     use crate::progress::Silent;
+    use std::ops::Range;
 
     fn snapshot(weights: impl Fn(usize) -> f32) -> Particles {
         let n = 3 * RUN;
         let column =
             |k: usize| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
-        let mut p = Particles::from_columns(column(0), column(1), column(2));
-        p.weights = Some(Column::owned((0..n).map(weights).collect()));
-        let kind = |name: &str, range| ParticleLayer { name: name.into(), range, particle_mass: None, weighted: true };
-        p.kinds = vec![kind("a", 0..70_000), kind("b", 70_000..n)];
+        let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Weights(None), content };
+        let mut p = Particles::from_columns(column(0), column(1), column(2))
+            .with_weights(Column::owned((0..n).map(weights).collect()))
+            .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n)]);
         p.origin = [1e6, 0.0, -3.5];
         p
     }
@@ -162,18 +165,16 @@ mod tests {
             let column = |k: usize| (0..p.len()).map(|i| (p.position(i)[k] - p.origin[k]) as f32).collect::<Vec<_>>();
             assert_eq!(survey.sample.position, [0, 1, 2].map(column), "every particle of so few");
             assert_eq!(source.raw_bytes(), p.raw_bytes());
-            let heads = |l: &ParticleLayer| (l.name.clone(), l.weighted, l.particle_mass);
-            let read: Vec<_> = source.layers.iter().map(|l| (l.name.clone(), l.weighted, l.particle_mass)).collect();
+            let heads = |l: &Layer<Range<usize>>| (l.name.clone(), l.mass);
+            let read: Vec<_> = source.layers.iter().map(|l| (l.layer.name.clone(), l.layer.mass)).collect();
             assert_eq!(read, p.layers().iter().map(heads).collect::<Vec<_>>());
-            assert_eq!(read[1].1, !same);
+            assert_eq!(read[1].1.is_weighted(), !same);
         }
     }
 
     #[test]
     fn invalid_values_are_named() {
-        let mut p = snapshot(|i| i as f32 + 1.0);
-        p.weights =
-            Some(Column::owned((0..p.len()).map(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 }).collect()));
+        let p = snapshot(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 });
         let error = Survey::new(&Layered::of(&p), "here", false, &Silent).err().unwrap();
         assert!(error.to_string().contains("the first at index 140000"), "{error}");
     }

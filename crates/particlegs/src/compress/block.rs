@@ -10,8 +10,8 @@ use super::size::SizeMet;
 use crate::Result;
 use crate::codec::CodedLayer;
 use crate::fit::Pieces;
-use crate::model::{Law, VizMapper};
-use crate::particles::{Bounds, ParticleLayer, Particles};
+use crate::model::{LawKind, Layer, Mass, VizMapper};
+use crate::particles::{Bounds, Particles};
 use crate::progress::Progress;
 use crate::train::{Config, Limits, Trained};
 
@@ -93,18 +93,19 @@ impl TrainedRun {
 
 impl BlockParticles {
     /// The layers of some particles. Weights are not kept by a law whose Gaussians have opacities.
-    pub fn of(particles: &Particles, law: Law) -> Self {
+    pub fn of(particles: &Particles, law: LawKind) -> Self {
         let bounds: Vec<Bounds> = particles.layers().iter().map(|l| particles.of_layer(l).bounds()).collect();
         BlockParticles::of_bounds(particles, law, &bounds)
     }
 
     /// [`BlockParticles::of`] where the bounds of the layers are known.
-    pub fn of_bounds(particles: &Particles, law: Law, bounds: &[Bounds]) -> Self {
-        let kept = |l: ParticleLayer| ParticleLayer { weighted: l.weighted && law == Law::OpticalDepth, ..l };
-        let layers = particles.layers().into_iter().zip(bounds);
-        let mut layers: Vec<LayerParticles> =
-            layers.map(|(l, bounds)| LayerParticles::of(particles, &kept(l), *bounds)).collect();
-        layers.sort_by(|a, b| (a.raw_bytes, &a.name).cmp(&(b.raw_bytes, &b.name)));
+    pub fn of_bounds(particles: &Particles, law: LawKind, bounds: &[Bounds]) -> Self {
+        let kept = |mass: Mass| if law == LawKind::OpticalDepth { mass } else { mass.without_weights() };
+        let layer = |(l, bounds): (&Layer<_>, &Bounds)| {
+            LayerParticles::of(particles, &Layer { mass: kept(l.mass), ..l.clone() }, *bounds)
+        };
+        let mut layers: Vec<LayerParticles> = particles.layers().iter().zip(bounds).map(layer).collect();
+        layers.sort_by(|a, b| (a.raw_bytes, &a.layer.name).cmp(&(b.raw_bytes, &b.layer.name)));
         let raw_bytes = layers.iter().map(|l| l.raw_bytes).sum();
         BlockParticles { layers, count: particles.len() as u64, raw_bytes }
     }
@@ -177,12 +178,11 @@ impl CodedBlock {
 
     /// Bytes.
     pub fn size(&self) -> usize {
-        self.layers.iter().flat_map(|l| &l.blocks).map(Vec::len).sum()
+        self.layers.iter().flat_map(|l| &l.content).map(Vec::len).sum()
     }
 
     fn push(&mut self, layer: &LayerParticles, made: MadeLayer) {
-        let (name, particle_mass) = (layer.name.clone(), layer.particle_mass);
-        self.layers.push(CodedLayer { name, particle_mass, blocks: vec![made.coded.bytes] });
+        self.layers.push(layer.layer.with(vec![made.coded.bytes]));
         self.vizmapper = made.vizmapper.or(self.vizmapper.take());
         (self.step_factor, self.size_met) = (made.coded.step_factor, made.coded.size_met);
         self.trained.extend(made.trained);

@@ -6,9 +6,9 @@ use super::clock::Clock;
 use super::run::Compressed;
 use super::size::{Coded, SizeMet};
 use super::target::Target;
-use crate::codec::{self, CodedLayer, Encoder, LayerHead};
+use crate::codec::{self, Encoder};
 use crate::fit::{Pieces, Under};
-use crate::model::{Block, Certificate, Law, Layer, Metadata, Mixture, Model, VizMapper};
+use crate::model::{Block, Certificate, LawKind, Layer, Metadata, Mixture, Model, VizMapper};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::reference::Reference;
@@ -94,12 +94,13 @@ pub fn finetune(
         training.run(Initial::Model(model), &mut Under { pieces, prefix: "finetune".into() }, progress)
     })?;
     let run = TrainedRun::of(String::new(), &config, &trained);
-    let Trained { mixture, vizmapper, stopped, .. } = trained;
+    let Trained { mixture, stopped, .. } = trained;
+    let network = mixture.law.alpha_blend().and_then(|l| l.vizmapper.clone());
     // What was stopped is coded all the same.
     let check = || if stopped { Ok(()) } else { progress.check() };
     let coded = clock.time("code", || file.code(mixture, check))?;
     let measure = (options.certificate && !stopped).then_some(Measure { particles, seed, memory });
-    let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, vizmapper.as_ref(), certificate);
+    let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, network.as_deref(), certificate);
     let done = Decoded::of(assembled, measure, progress)?;
     clock.append(done.clock);
     Ok(Compressed {
@@ -119,19 +120,20 @@ fn raw_bytes(model: &Model) -> u64 {
 }
 
 /// The file that a model becomes.
-struct NewFile<'a> {
+struct NewFile {
     metadata: Metadata,
-    layer: &'a Layer,
+    /// Its one layer.
+    layer: Layer<()>,
     /// Bytes beside its coded block.
     beside: u64,
     /// Bytes for the coded block; `None` = as many as the Gaussians have at the nominal precision.
     block_bytes: Option<u64>,
 }
 
-impl<'a> NewFile<'a> {
-    fn of(model: &'a Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
+impl NewFile {
+    fn of(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
         let law = model.metadata.law;
-        if law != Law::AlphaBlend {
+        if law != LawKind::AlphaBlend {
             let what = format!("a model of the {} law cannot be fine-tuned: its blocks add up as they are", law.name());
             let hint = "`compress --train` trains such a model from its snapshot".into();
             return Err(Error::Argument { what, hint });
@@ -149,7 +151,8 @@ impl<'a> NewFile<'a> {
         let mut metadata = model.metadata.clone();
         metadata.command = format!("{} of: {}", options.command, metadata.command);
         metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
-        let head = LayerHead { name: &layer.name, particle_mass: layer.particle_mass, weighted: false, blocks: 1 };
+        let layer = layer.with(());
+        let head = Layer { mass: layer.mass.without_weights(), ..layer.with(1) };
         let network = if options.training.alpha_blend.vizmapper { codec::VIZMAPPER_SECTION_BYTES } else { 0 };
         let beside = (codec::size_without_blocks(&metadata, options.certificate, &[head]) + network) as u64;
         let block_bytes = size.map(|size| {
@@ -201,8 +204,7 @@ impl<'a> NewFile<'a> {
         network: Option<&VizMapper>,
         certificate: Option<&Certificate>,
     ) -> Result<Vec<u8>> {
-        let (name, particle_mass) = (self.layer.name.clone(), self.layer.particle_mass);
-        let layers = vec![CodedLayer { name, particle_mass, blocks: vec![coded.bytes.clone()] }];
+        let layers = vec![self.layer.with(vec![coded.bytes.clone()])];
         let (count, mass) = codec::sums(&layers)?;
         codec::assemble_with(&Metadata { count, mass, ..self.metadata.clone() }, network, certificate, layers)
     }

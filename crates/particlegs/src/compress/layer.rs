@@ -5,21 +5,18 @@ use super::clock::Clock;
 use super::size::{Coded, SizeTarget, bytes_a_gaussian};
 use crate::codec::Encoder;
 use crate::fit::{Effort, FitOptions, Fitter, Pieces, Under};
-use crate::model::{Block, Law, Mixture, VizMapper};
-use crate::particles::{Bounds, ParticleLayer, Particles};
+use crate::model::{Block, LawKind, Layer, Mixture, VizMapper};
+use crate::particles::{Bounds, Particles};
 use crate::reference::Reference;
 use crate::train::{Config, Defaults, Initial, Limits, Start, Trained, Training};
 use crate::{Error, Result};
+use std::ops::Range;
 
 /// The particles of one layer of a block.
 #[derive(Clone)]
 pub(crate) struct LayerParticles {
-    /// Name.
-    pub name: String,
-    /// Mass of a particle of weight 1, where known.
-    pub particle_mass: Option<f64>,
     /// Its particles.
-    pub particles: Particles,
+    pub layer: Layer<Particles>,
     /// Their bounds.
     pub bounds: Bounds,
     /// Sum of the weights, or the count.
@@ -30,21 +27,19 @@ pub(crate) struct LayerParticles {
 
 impl LayerParticles {
     /// A layer of some particles, and its bounds.
-    pub fn of(particles: &Particles, layer: &ParticleLayer, bounds: Bounds) -> Self {
+    pub fn of(particles: &Particles, layer: &Layer<Range<usize>>, bounds: Bounds) -> Self {
         let own = particles.of_layer(layer);
-        LayerParticles {
-            name: layer.name.clone(),
-            particle_mass: layer.particle_mass,
-            bounds,
-            mass: own.total_mass(),
-            raw_bytes: own.raw_bytes(),
-            particles: own,
-        }
+        LayerParticles { bounds, mass: own.total_mass(), raw_bytes: own.raw_bytes(), layer: layer.with(own) }
+    }
+
+    /// Its particles.
+    pub fn particles(&self) -> &Particles {
+        &self.layer.content
     }
 
     /// Number of particles.
     pub fn count(&self) -> u64 {
-        self.particles.len() as u64
+        self.particles().len() as u64
     }
 }
 
@@ -75,7 +70,6 @@ pub(super) struct MadeLayer {
 #[derive(Default)]
 struct Fitted {
     mixture: Mixture,
-    vizmapper: Option<VizMapper>,
     /// The precision to code them at, where it matters.
     step_factor: Option<f64>,
     trained: Option<TrainedRun>,
@@ -120,12 +114,12 @@ impl LayerTask<'_> {
         let each = bytes_a_gaussian(plan.effort);
         let target = SizeTarget { bytes, bytes_a_gaussian: each, most: self.layer.count() };
         let training = plan.training.as_ref();
-        if training.is_some_and(|t| t.start == Start::Random || t.law == Law::AlphaBlend) {
+        if training.is_some_and(|t| t.start == Start::Random || t.law == LawKind::AlphaBlend) {
             // Nothing is known of what a trained Gaussian costs before it is trained.
             let fitted = self.gaussians(Goal { gaussians: target.number(each), bytes: Some(bytes) }, pieces)?;
             return self.code(fitted, Some(bytes));
         }
-        let (mut clock, mut fitter) = (Clock::default(), Fitter::new(&self.layer.particles));
+        let (mut clock, mut fitter) = (Clock::default(), Fitter::new(self.layer.particles()));
         let (coded, mixture) = target.find(|number| {
             let mixture = clock.time("fit", || self.fit(number, &mut fitter, pieces))?;
             let kept = training.is_some().then(|| mixture.clone());
@@ -147,7 +141,7 @@ impl LayerTask<'_> {
     fn gaussians(&self, goal: Goal, pieces: &mut dyn Pieces) -> Result<Fitted> {
         let mut clock = Clock::default();
         let mut fit = |pieces: &mut dyn Pieces| {
-            clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(&self.layer.particles), pieces))
+            clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(self.layer.particles()), pieces))
         };
         let Some(config) = &self.context.plan.training else {
             let mixture = fit(pieces)?;
@@ -177,7 +171,7 @@ impl LayerTask<'_> {
             seed: plan.seed,
             share: count as f64 / plan.particles().max(1) as f64,
         };
-        let mut pieces = Under { pieces, prefix: format!("{}/{gaussians}", self.layer.name) };
+        let mut pieces = Under { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
         fitter.fit(&options, &mut pieces, self.context.progress)
     }
 
@@ -195,10 +189,10 @@ impl LayerTask<'_> {
         };
         let limits = self.limits();
         // A search for a quality trains more than one number.
-        let mut pieces = Under { pieces, prefix: format!("{}/trained/{}", layer.name, from.len()) };
+        let mut pieces = Under { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
         let mut clock = Clock::default();
         let trained = clock.time("train", || {
-            let subject = Reference::with_bounds(&layer.particles, layer.bounds);
+            let subject = Reference::with_bounds(layer.particles(), layer.bounds);
             let training = Training { subject: &subject, config, limits: &limits, defaults: &defaults };
             training.run(from, &mut pieces, self.context.progress)
         })?;
@@ -206,8 +200,8 @@ impl LayerTask<'_> {
             return Err(Error::Cancelled);
         }
         let run = TrainedRun::of(limits.run, config, &trained);
-        let Trained { mixture, vizmapper, factor: step_factor, stopped, .. } = trained;
-        Ok(Fitted { mixture, vizmapper, step_factor, trained: Some(run), stopped, clock })
+        let Trained { mixture, factor: step_factor, stopped, .. } = trained;
+        Ok(Fitted { mixture, step_factor, trained: Some(run), stopped, clock })
     }
 
     /// The limits of the layer's training run: its share of the time that is left.
@@ -215,7 +209,7 @@ impl LayerTask<'_> {
         let mut limits = self.context.limits.share(self.runs_left);
         if self.context.plan.layers.len() > 1 {
             let between = if limits.run.is_empty() { "" } else { ", " };
-            limits.run = format!("{}{between}{}", limits.run, self.layer.name);
+            limits.run = format!("{}{between}{}", limits.run, self.layer.layer.name);
         }
         limits
     }
@@ -228,7 +222,8 @@ impl LayerTask<'_> {
 
     /// Codes Gaussians to a size, or at the nominal steps.
     fn code(&self, fitted: Fitted, bytes: Option<u64>) -> Result<MadeLayer> {
-        let Fitted { mixture, vizmapper, step_factor, trained, stopped, mut clock } = fitted;
+        let Fitted { mixture, step_factor, trained, stopped, mut clock } = fitted;
+        let vizmapper = network_of(&mixture);
         let encoder = self.encoder(mixture)?;
         // What was stopped is coded all the same.
         let check = || if stopped { Ok(()) } else { self.context.progress.check() };
@@ -238,4 +233,9 @@ impl LayerTask<'_> {
         })?;
         Ok(MadeLayer { coded, vizmapper, trained, stopped, clock })
     }
+}
+
+/// The network that a mixture is drawn with.
+fn network_of(gaussians: &Mixture) -> Option<VizMapper> {
+    Some(VizMapper::clone(gaussians.law.alpha_blend()?.vizmapper.as_ref()?))
 }

@@ -31,7 +31,7 @@ pub(crate) use executor::{Store, do_block};
 pub use finetune::{FineTuning, finetune};
 pub(crate) use memory::Load;
 pub use options::{Options, name_of};
-pub use plan::{Plan, PlannedLayer};
+pub use plan::Plan;
 pub use run::{Compressed, Compression, compress};
 pub use simplify::{Simplified, simplify};
 pub(crate) use size::SizeMet;

@@ -3,7 +3,7 @@
 use super::memory::Load;
 use super::target::Target;
 use crate::fit::Effort;
-use crate::model::Law;
+use crate::model::LawKind;
 use crate::particles::{Particles, Room};
 use crate::train::{Config, Limits};
 use crate::{Error, Result};
@@ -59,8 +59,8 @@ impl Default for Options {
 
 impl Options {
     /// How Gaussians become pictures.
-    pub fn law(&self) -> Law {
-        self.training.as_ref().map_or(Law::OpticalDepth, |t| t.law)
+    pub fn law(&self) -> LawKind {
+        self.training.as_ref().map_or(LawKind::OpticalDepth, |t| t.law)
     }
 
     /// The number of blocks in which `particles` are fitted in this process.

@@ -8,28 +8,15 @@ use super::size::SizeMet;
 use super::target::Target;
 use crate::blocks::Survey;
 use crate::camera::{ORBITS, base_distance, spherical_camera};
-use crate::codec::{self, CodedLayer, LayerHead};
+use crate::codec::{self, CodedLayer};
 use crate::fit::Effort;
-use crate::model::{Certificate, Law, Metadata};
+use crate::model::{Certificate, LawKind, Layer, Mass, Metadata};
 use crate::particles::{Bounds, Layered};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::train::Config;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
-
-/// A layer of the whole.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlannedLayer {
-    /// Name.
-    pub name: String,
-    /// Particles.
-    pub count: u64,
-    /// Mass of a particle of weight 1, where known.
-    pub particle_mass: Option<f64>,
-    /// Do its particles have weights of their own?
-    pub weighted: bool,
-}
 
 /// What is asked for, and what is known of the whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,17 +34,10 @@ pub struct Plan {
     pub certificate: bool,
     /// Number of blocks.
     pub blocks: u32,
-    /// Layers.
-    pub layers: Vec<PlannedLayer>,
+    /// Layers, and their numbers of particles.
+    pub layers: Vec<Layer<u64>>,
     /// What the file will say; its mass comes from the blocks.
     pub metadata: Metadata,
-}
-
-impl PlannedLayer {
-    /// Columns of its particles: positions, and weights where it has them.
-    pub fn columns(&self) -> usize {
-        if self.weighted { 4 } else { 3 }
-    }
 }
 
 impl Plan {
@@ -67,21 +47,15 @@ impl Plan {
     /// [`Error::Argument`] for a target that is none; [`Error::Input`] for a snapshot or a layer of no
     /// particles.
     pub(crate) fn new(options: &Options, source: &Layered, survey: &Survey, blocks: u32) -> Result<Plan> {
-        if source.layers.is_empty() || source.layers.iter().any(|l| l.count == 0) {
+        if source.layers.is_empty() || source.layers.iter().any(|l| l.layer.content == 0) {
             return Err(Error::input(&source.meta.name, "no particles, or a layer without any"));
         }
-        let alpha = options.law() == Law::AlphaBlend;
+        let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && source.layers.len() > 1 {
             return Err(Error::argument(
                 "the alpha-blend law has one layer: choose one with --particle-type, or use the optical-depth law",
             ));
         }
-        let layers = source.layers.iter().map(|l| PlannedLayer {
-            name: l.name.clone(),
-            count: l.count,
-            particle_mass: l.particle_mass,
-            weighted: l.weighted,
-        });
         let known = Known { count: source.count(), bounds: survey.bounds, source_hash: survey.hash(source.origin) };
         let plan = Plan {
             target: options.target.check()?,
@@ -90,7 +64,7 @@ impl Plan {
             training: options.training.clone(),
             certificate: options.certificate,
             blocks,
-            layers: layers.collect(),
+            layers: source.layers.iter().map(|l| l.layer.clone()).collect(),
             metadata: describe(&source.meta, &known, options, blocks),
         };
         if alpha { plan.has_room() } else { Ok(()) }?;
@@ -114,20 +88,22 @@ impl Plan {
         Err(Error::Unreachable { what, hint })
     }
 
-    /// Does the file keep the weights of a layer? Gaussians of the alpha-blend law have opacities, not
-    /// masses.
-    fn keeps_weights(&self, layer: &PlannedLayer) -> bool {
-        layer.weighted && self.metadata.law == Law::OpticalDepth
+    /// The masses of a layer as the file has them: Gaussians of the alpha-blend law have no weights.
+    fn kept_mass(&self, layer: &Layer<u64>) -> Mass {
+        match self.metadata.law {
+            LawKind::OpticalDepth => layer.mass,
+            LawKind::AlphaBlend => layer.mass.without_weights(),
+        }
     }
 
     /// Bytes of what the file keeps of the particles, as float32.
     pub fn raw_bytes(&self) -> u64 {
-        self.layers.iter().map(|l| l.count * if self.keeps_weights(l) { 16 } else { 12 }).sum()
+        self.layers.iter().map(|l| l.content * self.kept_mass(l).particle_bytes()).sum()
     }
 
     /// Bytes of the particles with all their columns, as they wait in files and memory.
     pub fn column_bytes(&self) -> u64 {
-        self.layers.iter().map(|l| l.count * 4 * l.columns() as u64).sum()
+        self.layers.iter().map(|l| l.content * l.mass.particle_bytes()).sum()
     }
 
     /// Says what the default target chose.
@@ -139,7 +115,7 @@ impl Plan {
 
     /// Particles of all blocks and layers: they share the effort's bound on time.
     pub(super) fn particles(&self) -> u64 {
-        self.layers.iter().map(|l| l.count).sum()
+        self.layers.iter().map(|l| l.content).sum()
     }
 
     /// Pixels whose blur decides splits, world units.
@@ -150,17 +126,12 @@ impl Plan {
     /// Bytes of the file beside its coded blocks, where every block has every layer: where some lack
     /// one, a few bytes more than there will be.
     pub fn overhead(&self) -> u64 {
-        let heads = self.layers.iter().map(|l| LayerHead {
-            name: &l.name,
-            particle_mass: l.particle_mass,
-            weighted: self.keeps_weights(l),
-            blocks: self.blocks as usize,
-        });
+        let head = |l: &Layer<u64>| Layer { mass: self.kept_mass(l), ..l.with(self.blocks as usize) };
+        let heads: Vec<Layer<usize>> = self.layers.iter().map(head).collect();
         let network = match &self.training {
-            Some(t) if t.law == Law::AlphaBlend && t.alpha_blend.vizmapper => codec::VIZMAPPER_SECTION_BYTES,
+            Some(t) if t.law == LawKind::AlphaBlend && t.alpha_blend.vizmapper => codec::VIZMAPPER_SECTION_BYTES,
             _ => 0,
         };
-        let heads: Vec<LayerHead> = heads.collect();
         (codec::size_without_blocks(&self.metadata, self.certificate, &heads) + network) as u64
     }
 
@@ -227,7 +198,7 @@ impl Plan {
         let mut layers: Vec<CodedLayer> = Vec::new();
         for layer in blocks.iter().flat_map(|b| &b.layers) {
             match layers.iter_mut().find(|l| l.name == layer.name) {
-                Some(l) => l.blocks.extend(layer.blocks.iter().cloned()),
+                Some(l) => l.content.extend(layer.content.iter().cloned()),
                 None => layers.push(layer.clone()),
             }
         }

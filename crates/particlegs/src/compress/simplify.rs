@@ -3,9 +3,9 @@
 use super::plan::near_pixel;
 use super::size::{Coded, SizeMet, SizeTarget, bytes_a_gaussian};
 use super::target::Target;
-use crate::codec::{self, CodedLayer, Encoder, LayerHead};
+use crate::codec::{self, Encoder};
 use crate::fit::{self, Effort, SimplifyOptions};
-use crate::model::{Block, Law, Layer, Metadata, Mixture, Model};
+use crate::model::{Block, LawKind, Layer, Metadata, Mixture, Model};
 use crate::particles::Bounds;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -37,16 +37,16 @@ pub fn simplify(
 ) -> Result<Simplified> {
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;
-    if metadata.law != Law::OpticalDepth {
+    if metadata.law != LawKind::OpticalDepth {
         let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
         return Err(Error::Argument { what, hint: "train one with fewer Gaussians on the snapshot".into() });
     }
     metadata.command = format!("{command} of: {}", metadata.command);
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
-    let raw_bytes = layers.iter().map(|l| l.count() * if l.is_weighted() { 16 } else { 12 }).sum();
-    let mut layers: Vec<Whole> = layers.into_iter().map(Whole::of).collect();
+    let raw_bytes = layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
+    let mut layers: Vec<Layer<Block>> = layers.into_iter().map(|l| l.map(joined)).collect();
     // The smallest first: what they leave of their room goes to the larger.
-    layers.sort_by(|a, b| (a.block.gaussians.len(), &a.name).cmp(&(b.block.gaussians.len(), &b.name)));
+    layers.sort_by(|a, b| (a.content.gaussians.len(), &a.name).cmp(&(b.content.gaussians.len(), &b.name)));
     let job = Reduction { metadata, layers, progress };
     let coded = match target {
         Target::Gaussians(k) => job.to_number(k)?,
@@ -68,49 +68,35 @@ pub fn simplify(
     Ok(Simplified { bytes, gaussians, raw_bytes })
 }
 
-/// A layer as one block.
-struct Whole {
-    name: String,
-    particle_mass: Option<f64>,
-    block: Block,
-}
-
-impl Whole {
-    fn of(layer: Layer) -> Whole {
-        let (count, weighted) = (layer.count(), layer.is_weighted());
-        let mass = layer.blocks.iter().map(|b| b.mass).sum();
-        let bounds = layer.blocks.iter().fold(Bounds::empty(), |all, b| all.union(&b.bounds));
-        let mut gaussians = Mixture { mass: weighted.then(Vec::new), ..Mixture::default() };
-        layer.blocks.iter().for_each(|b| gaussians.append(&b.gaussians));
-        Whole { name: layer.name, particle_mass: layer.particle_mass, block: Block { bounds, count, mass, gaussians } }
-    }
-
-    fn head(&self) -> LayerHead<'_> {
-        let weighted = self.block.gaussians.mass.is_some();
-        LayerHead { name: &self.name, particle_mass: self.particle_mass, weighted, blocks: 1 }
-    }
+/// All blocks of a layer as one.
+fn joined(blocks: Vec<Block>) -> Block {
+    let bounds = blocks.iter().fold(Bounds::empty(), |all, b| all.union(&b.bounds));
+    let (count, mass) = (blocks.iter().map(|b| b.count).sum(), blocks.iter().map(|b| b.mass).sum());
+    let mut gaussians = Mixture::new(blocks.iter().any(|b| b.gaussians.masses().is_some()));
+    blocks.iter().for_each(|b| gaussians.append(&b.gaussians));
+    Block { bounds, count, mass, gaussians }
 }
 
 struct Reduction<'a> {
     metadata: Metadata,
-    layers: Vec<Whole>,
+    layers: Vec<Layer<Block>>,
     progress: &'a dyn Progress,
 }
 
 impl Reduction<'_> {
-    fn reduced(&self, layer: &Whole, number: usize) -> Result<Encoder> {
+    fn reduced(&self, layer: &Layer<Block>, number: usize) -> Result<Encoder> {
         let options = SimplifyOptions {
             gaussians: number,
             radius: self.metadata.default_radius,
             pixel: near_pixel(&self.metadata.bounds),
         };
-        let gaussians = fit::simplify(&layer.block.gaussians, &options, self.progress)?;
-        Encoder::new(&Block { gaussians, ..layer.block })
+        let gaussians = fit::simplify(&layer.content.gaussians, &options, self.progress)?;
+        Encoder::new(&Block { gaussians, ..layer.content })
     }
 
     /// `number` Gaussians at the nominal precision, every layer by the same factor.
     fn to_number(&self, number: u64) -> Result<Vec<Coded>> {
-        let there: usize = self.layers.iter().map(|l| l.block.gaussians.len()).sum();
+        let there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let fewest = self.layers.len();
         if number > there as u64 || number < fewest as u64 {
             let what =
@@ -120,7 +106,7 @@ impl Reduction<'_> {
         let (mut left, mut there_left) = (number as usize, there);
         let mut coded = Vec::with_capacity(fewest);
         for (i, layer) in self.layers.iter().enumerate() {
-            let own = layer.block.gaussians.len();
+            let own = layer.content.gaussians.len();
             let share = (left as f64 * own as f64 / there_left as f64).round() as usize;
             // One at least for this layer and for each that is still to come.
             let share = share.clamp(1, left - (fewest - 1 - i)).min(own);
@@ -132,13 +118,13 @@ impl Reduction<'_> {
 
     /// The best file of at most `target` bytes.
     fn to_size(&self, target: u64, raw_bytes: u64) -> Result<Vec<Coded>> {
-        let heads: Vec<LayerHead<'_>> = self.layers.iter().map(Whole::head).collect();
+        let heads: Vec<Layer<usize>> = self.layers.iter().map(|l| l.with(1)).collect();
         let overhead = codec::size_without_blocks(&self.metadata, false, &heads) as u64;
         let mut left = target.saturating_sub(overhead);
-        let mut there: usize = self.layers.iter().map(|l| l.block.gaussians.len()).sum();
+        let mut there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let mut coded = Vec::with_capacity(self.layers.len());
         for layer in &self.layers {
-            let own = layer.block.gaussians.len();
+            let own = layer.content.gaussians.len();
             let done = self.layer_to_size(layer, (left as f64 * own as f64 / there as f64) as u64)?;
             left = left.saturating_sub(done.bytes.len() as u64);
             there -= own;
@@ -154,8 +140,8 @@ impl Reduction<'_> {
     }
 
     /// A layer's block of at most `bytes`, its steps near nominal where that can be.
-    fn layer_to_size(&self, layer: &Whole, bytes: u64) -> Result<Coded> {
-        let most = layer.block.gaussians.len() as u64;
+    fn layer_to_size(&self, layer: &Layer<Block>, bytes: u64) -> Result<Coded> {
+        let most = layer.content.gaussians.len() as u64;
         let target = SizeTarget { bytes, bytes_a_gaussian: bytes_a_gaussian(Effort::Default), most };
         let (coded, ()) = target.find(|number| {
             let encoder = self.reduced(layer, number as usize)?;
@@ -165,8 +151,7 @@ impl Reduction<'_> {
     }
 
     fn file(self, coded: Vec<Coded>) -> Result<Vec<u8>> {
-        let layer =
-            |(l, c): (Whole, Coded)| CodedLayer { name: l.name, particle_mass: l.particle_mass, blocks: vec![c.bytes] };
+        let layer = |(l, c): (Layer<Block>, Coded)| l.with(vec![c.bytes]);
         codec::assemble(&self.metadata, None, self.layers.into_iter().zip(coded).map(layer).collect())
     }
 }

@@ -192,7 +192,7 @@ fn better(new: &[u8], old: &[u8], target: u64) -> bool {
 mod tests {
     use super::*;
     use crate::math::Sym3;
-    use crate::model::{Block, Mixture, Shade};
+    use crate::model::{AlphaBlend, Block, Law, Mixture};
     use crate::particles::Bounds;
     use proptest::prelude::*;
 
@@ -253,15 +253,15 @@ mod tests {
     #[test]
     fn shaded_blocks_meet_their_size() {
         let mut g = Mixture::default();
-        let mut shade = Shade::default();
+        let mut law = AlphaBlend::default();
         for i in 0..2000 {
             let mut r = crate::math::Random::new(1, 1, i);
             let mean = std::array::from_fn(|_| 10.0 * r.uniform());
             g.push(mean, Sym3([0.01, 0.002 * r.normal(), 0.0, 0.02, 0.0, 0.01 + 0.01 * r.uniform()]), 50.0, 50.0);
-            shade.opacity.push(0.01 + 0.5 * r.uniform());
-            shade.grey.push(1.0);
+            law.opacity.push(0.01 + 0.5 * r.uniform());
+            law.grey.push(1.0);
         }
-        g.shade = Some(shade);
+        g.law = Law::AlphaBlend(law);
         let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
         let encoder = Encoder::new(&Block { bounds, count: 100_000, mass: 1e5, gaussians: g }).unwrap();
         for target in [5000u64, 6500, 9000] {

@@ -9,7 +9,7 @@ use super::cut::Cut;
 use super::gain::{Blob, Blur, picture_sigma};
 use super::select::{Made, best_cuts};
 use super::{Moments, Store};
-use crate::model::Mixture;
+use crate::model::{Columns, Law, MASS, Mixture};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -112,12 +112,16 @@ impl Partition {
     pub fn mixture(&self) -> Mixture {
         let unit = 1.0 / self.store.scale;
         let column = |f: &dyn Fn(&Moments) -> f64| self.moments.iter().map(f).collect::<Vec<f64>>();
+        let mut columns = Columns::default();
+        if self.store.weight.is_some() {
+            columns.set(MASS, column(&|m| m.mass));
+        }
         Mixture {
             mean: std::array::from_fn(|k| column(&|m| self.store.origin[k] + m.mean[k] * unit)),
             cov: std::array::from_fn(|k| column(&|m| m.cov.0[k] * unit * unit)),
             count: column(&|m| m.count as f64),
-            mass: self.store.weight.as_ref().map(|_| column(&|m| m.mass)),
-            shade: None,
+            columns,
+            law: Law::OpticalDepth,
         }
     }
 }

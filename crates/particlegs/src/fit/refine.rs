@@ -71,7 +71,7 @@ pub fn refine(
     let blocks = refiner.blocks();
     progress.begin("refining", (blocks.len() * (options.rounds + 2)) as u64);
     let store = &partition.store;
-    let mut mixture = Mixture { mass: store.weight.as_ref().map(|_| Vec::new()), ..Mixture::default() };
+    let mut mixture = Mixture::new(store.weight.is_some());
     for (i, block) in blocks.into_iter().enumerate() {
         let key = format!("refined {i}");
         let gaussians = match pieces.get(&key).and_then(|bytes| kept::of_bytes(&bytes)) {

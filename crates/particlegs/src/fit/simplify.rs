@@ -66,7 +66,7 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
     let frame = Frame::of(mixture);
     let old = frame.items(mixture);
     if old.len() <= options.gaussians {
-        return Ok(frame.mixture(&old, mixture.mass.is_some()));
+        return Ok(frame.mixture(&old, mixture.masses().is_some()));
     }
     let radius = options.radius / frame.unit;
     let blur = Blur::of_sigma(picture_sigma(BLUR_RADII * radius, options.pixel / frame.unit));
@@ -78,7 +78,7 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
         new = regrouped(&old, &new, &mut homes, &neighbours, measure);
     }
     new.retain(|item| item.blob.count > 0.0);
-    Ok(frame.mixture(&new, mixture.mass.is_some()))
+    Ok(frame.mixture(&new, mixture.masses().is_some()))
 }
 
 /// A Gaussian and its mass.
@@ -136,7 +136,7 @@ impl Frame {
     }
 
     fn mixture(&self, items: &[Item], masses: bool) -> Mixture {
-        let mut out = Mixture { mass: masses.then(Vec::new), ..Mixture::default() };
+        let mut out = Mixture::new(masses);
         for Item { blob, mass } in items {
             let mean = std::array::from_fn(|k| self.origin[k] + blob.mean[k] * self.unit);
             out.push(mean, blob.cov.scale(self.unit).scale(self.unit), blob.count, *mass);
@@ -384,7 +384,7 @@ mod tests {
     use crate::progress::Silent;
 
     fn mixture(n: u64, unit: f64) -> Mixture {
-        let mut m = Mixture { mass: Some(Vec::new()), ..Mixture::default() };
+        let mut m = Mixture::new(true);
         for i in 0..n {
             let mut r = Random::new(9, 0, i);
             let mut v = || [r.normal(), r.normal(), r.normal()];

@@ -26,7 +26,7 @@ impl Store {
     /// Copies a snapshot: 12 bytes a particle (16 with weights).
     pub fn new(particles: &Particles) -> Self {
         let scale = power_of_two_scale(particles);
-        let weight = particles.weights.as_ref().map(|w| vec![0.0; w.len()]);
+        let weight = particles.weights().map(|w| vec![0.0; w.len()]);
         let mut store = Store { xyz: vec![[0.0; 3]; particles.len()], weight, origin: particles.origin, scale };
         store.copy_again(particles);
         store
@@ -39,7 +39,7 @@ impl Store {
             let start = c * STEP;
             copy_scaled(particles.chunk(start..start + out.len(), buffer), scale, out);
         });
-        if let (Some(own), Some(weights)) = (&mut self.weight, &particles.weights) {
+        if let (Some(own), Some(weights)) = (&mut self.weight, particles.weights()) {
             own.copy_from_slice(weights);
         }
     }

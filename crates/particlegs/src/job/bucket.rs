@@ -23,7 +23,7 @@ fn entry_bytes(job: &Job) -> usize {
 /// Bytes of particles, by layer.
 fn particle_bytes(job: &Job, counts: &[u64]) -> Option<u64> {
     let mut layers = counts.iter().zip(&job.manifest.plan.layers);
-    layers.try_fold(0u64, |n, (c, l)| c.checked_mul(4 * l.columns() as u64)?.checked_add(n))
+    layers.try_fold(0u64, |n, (c, l)| c.checked_mul(4 * l.mass.columns() as u64)?.checked_add(n))
 }
 
 /// A run's particles sorted by block.
@@ -180,7 +180,7 @@ impl<'a> Buckets<'a> {
         let (body, crc) = bytes.split_at(bytes.len() - 4);
         let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|b| body[at + b]));
         let counts: Vec<u64> = (0..self.job.manifest.plan.layers.len()).map(|l| u64_at(8 + 8 * l)).collect();
-        let planned = counts.iter().zip(&self.job.manifest.plan.layers).all(|(n, l)| *n <= l.count);
+        let planned = counts.iter().zip(&self.job.manifest.plan.layers).all(|(n, l)| *n <= l.content);
         // Within the file, before memory is taken for them.
         let inside = |b: &u64| u64_at(0).checked_add(*b).is_some_and(|end| end <= self.length);
         let length = particle_bytes(self.job, &counts).filter(|b| planned && inside(b));

@@ -2,8 +2,8 @@
 
 use super::bucket::Buckets;
 use super::manifest::Job;
-use crate::compress::PlannedLayer;
-use crate::particles::{Blank, Chunk, Layered, ParticleLayer, Particles, Room, SnapshotMeta, check_values};
+use crate::model::Layer;
+use crate::particles::{Blank, Chunk, Layered, Particles, Room, SnapshotMeta, check_values};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
@@ -31,7 +31,7 @@ impl Job {
         let mut counts = vec![0u64; layers];
         let add = |(n, c): (&mut u64, &u64)| *n = n.saturating_add(*c);
         entries.iter().for_each(|e| counts.iter_mut().zip(&e.counts).for_each(add));
-        if counts.iter().zip(&self.manifest.plan.layers).any(|(n, l)| *n > l.count) {
+        if counts.iter().zip(&self.manifest.plan.layers).any(|(n, l)| *n > l.content) {
             let what = format!("its buckets hold more particles of block {block} than were planned in all");
             return Err(Error::input_hint(&self.folder, what, "plan anew, in another folder"));
         }
@@ -44,7 +44,7 @@ impl Job {
             let values = Buckets::open(self, chunk)?.read(entry)?;
             let mut rest = &values[..];
             for (layer, &n) in entry.counts.iter().enumerate() {
-                let (own, after) = rest.split_at(self.manifest.plan.layers[layer].columns() * n as usize);
+                let (own, after) = rest.split_at(self.manifest.plan.layers[layer].mass.columns() * n as usize);
                 particles.push(layer, own);
                 rest = after;
             }
@@ -75,7 +75,7 @@ impl Job {
             layers
                 .push(found.into_iter().map(|f| f.into_inner().unwrap_or_else(|e| e.into_inner())).collect::<Vec<_>>());
         }
-        let width = |l: usize| self.manifest.plan.layers[l].columns();
+        let width = |l: usize| self.manifest.plan.layers[l].mass.columns();
         let count = |(l, runs): (usize, &Vec<Vec<f32>>)| runs.iter().map(|r| (r.len() / width(l)) as u64).sum();
         let counts: Vec<u64> = layers.iter().enumerate().map(count).collect();
         let mut particles = Gathered::new(self, &counts)?;
@@ -110,8 +110,8 @@ fn stretches(runs: &[u64]) -> Vec<Range<u64>> {
 struct Gathered<'a> {
     job: &'a Job,
     columns: Vec<Blank>,
-    /// The layers that it has, and how much of each is filled.
-    kinds: Vec<Option<ParticleLayer>>,
+    /// Where each layer lies, and how much of it is filled.
+    layers: Vec<Layer<Range<usize>>>,
     filled: Vec<usize>,
 }
 
@@ -120,31 +120,21 @@ impl<'a> Gathered<'a> {
         let layers = &job.manifest.plan.layers;
         let total: u64 = counts.iter().fold(0, |n, c| n.saturating_add(*c));
         let total = usize::try_from(total).unwrap_or(usize::MAX);
-        let width = layers.iter().map(PlannedLayer::columns).max().unwrap_or(3);
+        let width = layers.iter().map(|l| l.mass.columns()).max().unwrap_or(3);
         let columns = Room::Memory.columns("the block's particles", width, total)?;
         let mut end = 0;
-        let kinds: Vec<Option<ParticleLayer>> = layers
-            .iter()
-            .zip(counts)
-            .map(|(l, &n)| {
-                end += n as usize;
-                let range = end - n as usize..end;
-                (n > 0).then(|| ParticleLayer {
-                    name: l.name.clone(),
-                    range,
-                    particle_mass: l.particle_mass,
-                    weighted: l.weighted,
-                })
-            })
-            .collect();
-        Ok(Gathered { job, columns, filled: vec![0; kinds.len()], kinds })
+        let place = |(l, &n): (&Layer<u64>, &u64)| {
+            end += n as usize;
+            l.with(end - n as usize..end)
+        };
+        let layers: Vec<_> = layers.iter().zip(counts).map(place).collect();
+        Ok(Gathered { job, columns, filled: vec![0; layers.len()], layers })
     }
 
     /// Appends particles of a layer, column after column.
     fn push(&mut self, layer: usize, values: &[f32]) {
-        let Some(kind) = &self.kinds[layer] else { return };
-        let start = kind.range.start + self.filled[layer];
-        let n = values.len() / self.job.manifest.plan.layers[layer].columns();
+        let start = self.layers[layer].content.start + self.filled[layer];
+        let n = values.len() / self.job.manifest.plan.layers[layer].mass.columns();
         for (column, values) in self.columns.iter_mut().zip(values.chunks_exact(n.max(1))) {
             column[start..start + n].copy_from_slice(values);
         }
@@ -153,9 +143,8 @@ impl<'a> Gathered<'a> {
 
     fn finish(self) -> Result<Particles> {
         let columns = self.columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
-        let kinds = self.kinds.into_iter().flatten().collect();
         let meta = SnapshotMeta { name: self.job.manifest.plan.metadata.source.clone(), ..SnapshotMeta::default() };
-        let particles = Particles::of_columns(columns, self.job.manifest.origin, meta, kinds);
+        let particles = Particles::of_columns(columns, self.job.manifest.origin, meta, self.layers);
         check_values(particles, &self.job.folder.display().to_string(), None)
     }
 }

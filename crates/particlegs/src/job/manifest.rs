@@ -65,7 +65,7 @@ impl Manifest {
     pub(super) fn layer_runs(&self) -> Vec<u64> {
         let mut sums = vec![0];
         for layer in &self.plan.layers {
-            sums.push(layer.count.div_ceil(RUN as u64).saturating_add(sums[sums.len() - 1]));
+            sums.push(layer.content.div_ceil(RUN as u64).saturating_add(sums[sums.len() - 1]));
         }
         sums
     }
@@ -73,7 +73,7 @@ impl Manifest {
     /// What cannot be so in a manifest that this program wrote.
     fn fault(&self) -> Option<&'static str> {
         let plan = &self.plan;
-        let counts = plan.layers.iter().try_fold(0u64, |n, l| n.checked_add(l.count));
+        let counts = plan.layers.iter().try_fold(0u64, |n, l| n.checked_add(l.content));
         let runs = self.layer_runs().last().copied().unwrap_or(0);
         let finite = |v: &[f64]| v.iter().all(|v| v.is_finite());
         let positive = |v: f64| v > 0.0 && v.is_finite();
@@ -85,10 +85,10 @@ impl Manifest {
         let named = names.len() == plan.layers.len() && names.iter().all(|n| n.len() <= 255);
         let checks = [
             (self.tree.is_sound() && self.tree.blocks() == plan.blocks, "its tree and its blocks differ"),
-            (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.count > 0), "a layer without particles"),
+            (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.content > 0), "a layer without particles"),
             (counts == Some(m.count) && m.count <= 1 << 53, "its layers do not sum to its particles"),
             (named && plan.layers.len() <= MOST_LAYERS, "its layers are too many, or their names"),
-            (plan.layers.iter().all(|l| l.particle_mass.is_none_or(positive)), "a mass that is not positive"),
+            (plan.layers.iter().all(|l| l.mass.unit().is_none_or(positive)), "a mass that is not positive"),
             ((1..=runs.max(1)).contains(&self.chunk_runs), "its chunks"),
             ([0, runs.div_ceil(self.chunk_runs.max(1))].contains(&self.chunks), "its chunks"),
             ((0..3).all(|k| b.min[k] <= b.max[k]) && cell, "its bounds or its box"),
@@ -172,15 +172,15 @@ impl Job {
         let planned = &self.manifest.plan.layers;
         let same = source.layers.len() == planned.len()
             && source.origin == self.manifest.origin
-            && source.layers.iter().zip(planned).all(|(a, b)| a.name == b.name && a.count == b.count);
+            && source.layers.iter().zip(planned).all(|(a, b)| a.layer.name == b.name && a.layer.content == b.content);
         if !same {
             return Err(self.changed("its layers are others"));
         }
         for (layer, planned) in source.layers.iter_mut().zip(planned) {
-            if planned.weighted && !layer.weighted {
+            if planned.mass.is_weighted() && !layer.layer.mass.is_weighted() {
                 return Err(self.changed("its masses are others"));
             }
-            (layer.weighted, layer.particle_mass) = (planned.weighted, planned.particle_mass);
+            layer.layer.mass = planned.mass;
         }
         Ok(source)
     }

@@ -163,10 +163,11 @@ mod tests {
 
     #[test]
     fn weights_go_along_or_are_an_error() {
-        let mut p = ramp();
-        p.weights = Some(Column::owned((1..=p.len()).map(|i| i as f32).collect()));
+        let p = ramp();
+        let weights = (1..=p.len()).map(|i| i as f32).collect();
+        let p = p.with_weights(Column::owned(weights));
         let back = run(&p, Tiling::single(), Selection { every: 1000, ..Selection::all() }, "w").unwrap();
-        assert_eq!(&back.weights.unwrap()[..3], [1.0, 1001.0, 2001.0]);
+        assert_eq!(&back.weights().unwrap()[..3], [1.0, 1001.0, 2001.0]);
         assert!(run(&p, Tiling::single(), Selection::all(), "w.npy").is_err());
     }
 

@@ -45,7 +45,7 @@ pub fn hash_of_runs<'a>(origin: [f64; 3], runs: impl Iterator<Item = &'a RunHash
 pub fn source_hash(particles: &Particles) -> [u8; 32] {
     let mut hashes = Vec::new();
     for layer in particles.layers() {
-        let own = particles.of_layer(&layer);
+        let own = particles.of_layer(layer);
         hashes.extend(own.par_chunks(|_, chunk| hash_run(&chunk)));
     }
     hash_of_runs(particles.origin, hashes.iter())
@@ -66,7 +66,7 @@ pub fn column_hash(particles: &Particles) -> [u8; 32] {
             hasher.update(bytemuck::cast_slice(chunk.position[axis]));
         }
     }
-    if let Some(weights) = &particles.weights {
+    if let Some(weights) = particles.weights() {
         hasher.update_rayon(bytemuck::cast_slice(weights));
     }
     *hasher.finalize().as_bytes()
@@ -74,8 +74,9 @@ pub fn column_hash(particles: &Particles) -> [u8; 32] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Column, ParticleLayer, Positions};
+    use super::super::{Column, Positions};
     use super::*;
+    use crate::model::{Layer, Mass};
 
     #[test]
     fn columns_and_triples_hash_alike() {
@@ -92,10 +93,10 @@ mod tests {
     #[test]
     fn runs_are_of_layers() {
         let n = RUN + 10;
-        let mut p = Particles::from_columns(vec![1.0; n], vec![2.0; n], vec![3.0; n]);
+        let p = Particles::from_columns(vec![1.0; n], vec![2.0; n], vec![3.0; n]);
         let whole = source_hash(&p);
-        let kind = |range| ParticleLayer { name: "a".into(), range, particle_mass: None, weighted: false };
-        p.kinds = vec![kind(0..10), kind(10..n)];
+        let layer = |content| Layer { name: "a".into(), mass: Mass::Unknown, content };
+        let p = p.with_layers(vec![layer(0..10), layer(10..n)]);
         assert_ne!(source_hash(&p), whole);
         let small = Particles::from_columns(vec![1.0; 10], vec![2.0; 10], vec![3.0; 10]);
         let large = Particles::from_columns(vec![1.0; RUN], vec![2.0; RUN], vec![3.0; RUN]);

@@ -1,6 +1,7 @@
 //! The layers of a snapshot, read run by run as if they were in memory.
 
 use super::{Chunk, ChunkBuffer, Particles, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use crate::model::{Layer, Mass};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
@@ -25,16 +26,10 @@ pub struct Layered {
     pub layers: Vec<ReadLayer>,
 }
 
-/// One layer.
+/// A layer that is read run by run.
 pub struct ReadLayer {
-    /// Its name.
-    pub name: String,
-    /// Number of particles.
-    pub count: u64,
-    /// Mass of a particle of weight 1, where known.
-    pub particle_mass: Option<f64>,
-    /// Do its particles have weights of their own?
-    pub weighted: bool,
+    /// Name, masses, and number of particles.
+    pub layer: Layer<u64>,
     reader: Arc<dyn SnapshotReader>,
 }
 
@@ -57,38 +52,36 @@ impl Layered {
             let weighted = known && s.reader.has_weights();
             // A weight of its own is the mass; the layer's is in the weights too, for who reads all.
             let particle_mass = s.reader.meta().particle_mass.filter(|_| known && !weighted);
-            ReadLayer { name: s.name, count: s.reader.count(), particle_mass, weighted, reader: s.reader }
+            let layer = Layer { name: s.name, mass: Mass::new(weighted, particle_mass), content: s.reader.count() };
+            ReadLayer { layer, reader: s.reader }
         });
         Ok(Layered { meta, origin, layers: layers.collect() })
     }
 
     /// Particles in memory or mapped.
     pub fn of(particles: &Particles) -> Self {
-        let layer = |l: super::ParticleLayer| ReadLayer {
-            count: l.range.len() as u64,
-            particle_mass: l.particle_mass,
-            weighted: l.weighted,
-            reader: Arc::new(particles.of_layer(&l)),
-            name: l.name,
+        let layer = |l: &Layer<Range<usize>>| ReadLayer {
+            layer: l.with(l.content.len() as u64),
+            reader: Arc::new(particles.of_layer(l)),
         };
-        let layers = particles.layers().into_iter().map(layer).filter(|l| l.count > 0).collect();
+        let layers = particles.layers().iter().map(layer).filter(|l| l.layer.content > 0).collect();
         Layered { meta: particles.meta.clone(), origin: particles.origin, layers }
     }
 
     /// Number of particles.
     pub fn count(&self) -> u64 {
-        self.layers.iter().fold(0, |n, l| n.saturating_add(l.count))
+        self.layers.iter().fold(0, |n, l| n.saturating_add(l.layer.content))
     }
 
     /// Bytes of the particles as float32 columns: 12 each, 16 where their layer is weighted.
     pub fn raw_bytes(&self) -> u64 {
-        self.layers.iter().map(|l| l.count * if l.weighted { 16 } else { 12 }).sum()
+        self.layers.iter().map(|l| l.layer.content * l.layer.mass.particle_bytes()).sum()
     }
 
     /// Are there weights in the columns of all?
     pub(super) fn has_weights(&self) -> bool {
-        self.layers.iter().any(|l| l.weighted)
-            || self.layers.iter().any(|l| l.particle_mass != self.layers[0].particle_mass)
+        let mass = |l: &ReadLayer| l.layer.mass;
+        self.layers.iter().any(|l| mass(l).is_weighted() || mass(l).unit() != mass(&self.layers[0]).unit())
     }
 
     /// Can runs be read in any order at no more than their own cost?
@@ -106,16 +99,15 @@ impl Layered {
 
     /// Drops the weights of layer `index`: all its particles weigh `weight`.
     pub(crate) fn settle(&mut self, index: usize, weight: f32) {
-        let layer = &mut self.layers[index];
-        layer.weighted = false;
-        layer.particle_mass = Some(layer.particle_mass.unwrap_or(1.0) * f64::from(weight));
+        let mass = &mut self.layers[index].layer.mass;
+        *mass = mass.all_of_weight(weight);
     }
 }
 
 impl ReadLayer {
     /// Number of runs.
     pub fn runs(&self) -> u64 {
-        self.count.div_ceil(RUN as u64)
+        self.layer.content.div_ceil(RUN as u64)
     }
 
     /// Hands over the runs of `runs` in any order, about `origin`, with weights where the layer has
@@ -126,16 +118,16 @@ impl ReadLayer {
     pub fn read(&self, origin: [f64; 3], runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
         let reader = &*self.reader;
         let shift: [f64; 3] = std::array::from_fn(|k| reader.origin()[k] - origin[k]);
-        let wrong = |what: String| Error::input(&self.name, what);
+        let wrong = |what: String| Error::input(&self.layer.name, what);
         reader.read(runs.clone(), progress, &|run, chunk| {
             if !runs.contains(&run) {
                 return Err(wrong(format!("run {run} came, which was not asked for")));
             }
-            let told = (self.count - run * RUN as u64).min(RUN as u64);
-            if chunk.len() as u64 != told || self.weighted && chunk.weight.is_none() {
+            let told = (self.layer.content - run * RUN as u64).min(RUN as u64);
+            if chunk.len() as u64 != told || self.layer.mass.is_weighted() && chunk.weight.is_none() {
                 return Err(wrong(format!("{} particles in run {run}, {told} were told", chunk.len())));
             }
-            let weight = chunk.weight.filter(|_| self.weighted);
+            let weight = chunk.weight.filter(|_| self.layer.mass.is_weighted());
             if shift == [0.0; 3] {
                 return sink(run, Chunk { position: chunk.position, weight });
             }

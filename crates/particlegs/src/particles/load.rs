@@ -2,9 +2,11 @@
 
 use super::room::Blank;
 use super::units::{is_known_length, is_known_mass};
-use super::{Cell, InPlace, Layered, ParticleLayer, Particles, RUN, ReadLayer, Room, SnapshotMeta};
+use super::{Cell, InPlace, Layered, Particles, RUN, ReadLayer, Room, SnapshotMeta};
+use crate::model::Layer;
 use crate::progress::Progress;
 use crate::{Error, Result};
+use std::ops::Range;
 use std::sync::Mutex;
 
 /// Reads layers into columns of `room`, one layer after the other; a single layer is mapped where its
@@ -15,44 +17,47 @@ use std::sync::Mutex;
 pub fn load(source: &Layered, room: &Room, progress: &dyn Progress) -> Result<Particles> {
     let (origin, meta) = (source.origin, source.meta.clone());
     let weighted = source.has_weights();
-    let kinds = kinds(source)?;
+    let layers = layers(source)?;
     if let Some(InPlace { positions, weights }) = source.in_place() {
-        let weights = weights.filter(|_| weighted);
-        return Ok(Particles { positions, weights, origin: [0.0; 3], meta, kinds });
+        let particles = Particles::new(positions, [0.0; 3], meta);
+        return Ok(match weights.filter(|_| weighted) {
+            Some(weights) => particles.with_weights(weights),
+            None => particles,
+        }
+        .with_layers(layers));
     }
-    let total = kinds.last().map_or(0, |k| k.range.end);
+    let total = layers.last().map_or(0, |l| l.content.end);
     let width = if weighted { 4 } else { 3 };
     room.announce("the particles as read", 4 * width as u64 * total as u64, progress);
     let mut columns = room.columns("the particles", width, total)?;
     progress.begin("reading", total as u64);
-    for (layer, kind) in source.layers.iter().zip(&kinds) {
-        let parts: Vec<&mut [f32]> = columns.iter_mut().map(|c| &mut c[kind.range.clone()]).collect();
+    for (layer, place) in source.layers.iter().zip(&layers) {
+        let parts: Vec<&mut [f32]> = columns.iter_mut().map(|c| &mut c[place.content.clone()]).collect();
         fill(layer, parts, origin, progress)?;
     }
     progress.end();
     let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
-    Ok(Particles::of_columns(columns, origin, meta, kinds))
+    Ok(Particles::of_columns(columns, origin, meta, layers))
 }
 
 /// The layers and where they lie.
-fn kinds(source: &Layered) -> Result<Vec<ParticleLayer>> {
+fn layers(source: &Layered) -> Result<Vec<Layer<Range<usize>>>> {
     let mut end = 0usize;
-    let kind = |l: &ReadLayer| {
+    let place = |l: &ReadLayer| {
         let start = end;
-        end = usize::try_from(l.count)
+        end = usize::try_from(l.layer.content)
             .ok()
             .and_then(|n| start.checked_add(n))
             .ok_or_else(|| Error::input(&source.meta.name, "more particles than memory counts"))?;
-        let (particle_mass, weighted) = (l.particle_mass, l.weighted);
-        Ok(ParticleLayer { name: l.name.clone(), range: start..end, particle_mass, weighted })
+        Ok(l.layer.with(start..end))
     };
-    source.layers.iter().map(kind).collect()
+    source.layers.iter().map(place).collect()
 }
 
 /// Reads one layer into its part of the columns (x, y, z and perhaps weights).
 fn fill(layer: &ReadLayer, parts: Vec<&mut [f32]>, origin: [f64; 3], progress: &dyn Progress) -> Result<()> {
     let runs = layer.runs();
-    let mass = layer.particle_mass.unwrap_or(1.0) as f32;
+    let mass = layer.layer.mass.unit_or_one() as f32;
     // Runs arrive in any order from several threads: each has its place and its lock.
     let mut places: Vec<Mutex<Option<Vec<&mut [f32]>>>> = (0..runs).map(|_| Mutex::new(Some(Vec::new()))).collect();
     for part in parts {
@@ -60,7 +65,7 @@ fn fill(layer: &ReadLayer, parts: Vec<&mut [f32]>, origin: [f64; 3], progress: &
             place.get_mut().unwrap_or_else(|e| e.into_inner()).get_or_insert_default().push(run);
         }
     }
-    let wrong = |what: String| Error::input(&layer.name, what);
+    let wrong = |what: String| Error::input(&layer.layer.name, what);
     layer.read(origin, 0..runs, progress, &|run, chunk| {
         let Some(mut columns) = places[run as usize].lock().unwrap_or_else(|e| e.into_inner()).take() else {
             return Err(wrong(format!("run {run} came twice")));

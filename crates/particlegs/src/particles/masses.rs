@@ -1,7 +1,8 @@
 //! Masses of layers: one for all where all are the same, classes where they are few.
 
 use super::room::Blank;
-use super::{ParticleLayer, Particles, Positions, Room};
+use super::{Particles, Positions, Room};
+use crate::model::Layer;
 use crate::{Error, Result};
 
 /// Classes of mass at most; more are no classes.
@@ -10,24 +11,18 @@ const MOST_CLASSES: usize = 64;
 /// A layer whose particles all have the same weight needs none: the weight becomes its particle mass.
 /// Where all layers then have one and the same, no weights are left.
 pub fn settle_masses(mut particles: Particles) -> Particles {
-    let Some(weights) = particles.weights.clone() else { return particles };
-    let mut kinds = particles.layers();
-    for kind in kinds.iter_mut().filter(|k| k.weighted) {
-        let own = &weights[kind.range.clone()];
+    let Some(weights) = particles.weights().cloned() else { return particles };
+    for layer in particles.layers.iter_mut().filter(|l| l.mass.is_weighted()) {
+        let own = &weights[layer.content.clone()];
         if own.iter().all(|w| *w == own[0]) {
-            kind.weighted = false;
-            kind.particle_mass = Some(kind.particle_mass.unwrap_or(1.0) * f64::from(own[0]));
+            layer.mass = layer.mass.all_of_weight(own[0]);
         }
     }
-    let one = kinds[0].particle_mass;
-    if kinds.iter().all(|k| !k.weighted && k.particle_mass == one) {
-        particles.weights = None;
-        particles.meta.particle_mass = one;
+    let one = particles.layers[0].mass;
+    if !one.is_weighted() && particles.layers.iter().all(|l| l.mass == one) {
+        particles.meta.particle_mass = one.unit();
+        return particles.without_weights();
     }
-    if particles.kinds.is_empty() && kinds[0].weighted {
-        return particles;
-    }
-    particles.kinds = kinds;
     particles
 }
 
@@ -38,9 +33,9 @@ pub fn settle_masses(mut particles: Particles) -> Particles {
 /// # Errors
 /// [`Error::Input`] where there are more than 64 masses; those of [`Room::columns`].
 pub fn layers_by_mass(particles: &Particles, room: &Room) -> Result<Particles> {
-    let Some(weights) = &particles.weights else { return Ok(particles.clone()) };
+    let Some(weights) = particles.weights() else { return Ok(particles.clone()) };
     let mut columns = room.columns("the particles by mass", 4, particles.len())?;
-    let mut kinds: Vec<ParticleLayer> = Vec::new();
+    let mut layers = Vec::new();
     let mut end = 0;
     // Takes the particles of `range` whose weight is `class`, or all.
     let mut take = |range: &std::ops::Range<usize>, class: Option<f32>| {
@@ -56,23 +51,22 @@ pub fn layers_by_mass(particles: &Particles, room: &Room) -> Result<Particles> {
         start..end
     };
     for layer in particles.layers() {
-        if !layer.weighted {
-            kinds.push(ParticleLayer { range: take(&layer.range, None), ..layer });
+        if !layer.mass.is_weighted() {
+            layers.push(layer.with(take(&layer.content, None)));
             continue;
         }
-        let classes = classes(&weights[layer.range.clone()]).ok_or_else(|| {
+        let classes = classes(&weights[layer.content.clone()]).ok_or_else(|| {
             let what = format!("`{}` has more than {MOST_CLASSES} different masses: too many for layers", layer.name);
             Error::input_hint(&particles.meta.name, what, "use `--layers-by species`")
         })?;
         for class in &classes {
             let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };
-            let particle_mass = Some(layer.particle_mass.unwrap_or(1.0) * f64::from(*class));
-            let range = take(&layer.range, Some(*class));
-            kinds.push(ParticleLayer { name, range, particle_mass, weighted: false });
+            let content = take(&layer.content, Some(*class));
+            layers.push(Layer { name, mass: layer.mass.all_of_weight(*class), content });
         }
     }
     let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
-    Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), kinds))
+    Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), layers))
 }
 
 /// The different weights, rising; `None` where there are too many.
@@ -93,31 +87,30 @@ fn classes(weights: &[f32]) -> Option<Vec<f32>> {
 mod tests {
     use super::super::Column;
     use super::*;
+    use crate::model::Mass;
 
     fn weighted(weights: Vec<f32>) -> Particles {
         let x: Vec<f32> = (0..weights.len()).map(|i| i as f32).collect();
-        let mut p = Particles::from_columns(x.clone(), x.clone(), x);
-        p.weights = Some(Column::owned(weights));
-        p
+        Particles::from_columns(x.clone(), x.clone(), x).with_weights(Column::owned(weights))
     }
 
     #[test]
     fn equal_weights_become_a_particle_mass() {
         let p = settle_masses(weighted(vec![2.5; 4]));
-        assert!(p.weights.is_none());
+        assert!(p.weights().is_none());
         assert_eq!(p.meta.particle_mass, Some(2.5));
-        assert!(settle_masses(weighted(vec![2.5, 1.0])).weights.is_some());
+        assert!(settle_masses(weighted(vec![2.5, 1.0])).weights().is_some());
     }
 
     #[test]
     fn classes_are_layers_and_keep_order() {
         let p = layers_by_mass(&weighted(vec![4.0, 0.5, 4.0, 0.5, 0.5]), &Room::Memory).unwrap();
         let layers = p.layers();
-        assert_eq!(layers.iter().map(|l| l.range.clone()).collect::<Vec<_>>(), [0..3, 3..5]);
-        assert_eq!((&layers[0].name[..], layers[0].particle_mass), ("particles m=0.5", Some(0.5)));
+        assert_eq!(layers.iter().map(|l| l.content.clone()).collect::<Vec<_>>(), [0..3, 3..5]);
+        assert_eq!((&layers[0].name[..], layers[0].mass), ("particles m=0.5", Mass::Each(0.5)));
         assert_eq!((0..5).map(|i| p.position(i)[0]).collect::<Vec<_>>(), [1.0, 3.0, 4.0, 0.0, 2.0]);
         let total = p.total_mass();
-        assert_eq!(total, layers.iter().map(|l| l.particle_mass.unwrap() * l.range.len() as f64).sum::<f64>());
+        assert_eq!(total, layers.iter().map(|l| l.mass.unit().unwrap() * l.content.len() as f64).sum::<f64>());
         assert!(layers_by_mass(&weighted((0..100).map(|i| i as f32 + 1.0).collect()), &Room::Memory).is_err());
     }
 }

@@ -2,7 +2,7 @@
 
 use super::room::Blank;
 use super::storage::CHUNK;
-use super::{ChunkBuffer, Column, ParticleLayer, Particles, Positions, Room, SnapshotMeta, sidecar, sidecar::Sidecar};
+use super::{ChunkBuffer, Column, Particles, Positions, Room, SnapshotMeta, sidecar, sidecar::Sidecar};
 use crate::input::open_file;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -69,13 +69,18 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
     let weights = columns.next();
     let folder = paths[0].parent().unwrap_or(Path::new("."));
     let sidecar = folder.join("meta.json");
-    let Sidecar { mut meta, kinds } = sidecar::read(folder, &sidecar)?;
+    let Sidecar { mut meta, layers } = sidecar::read(folder, &sidecar)?;
     meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    if kinds.last().is_some_and(|k| k.range.end != columns_len) {
+    if layers.last().is_some_and(|l| l.content.end != columns_len) {
         let what = format!("its `layers` do not hold the {columns_len} particles beside it");
         return Err(Error::input(&sidecar, what));
     }
-    Ok(Particles { positions, weights, origin: [0.0; 3], meta, kinds })
+    let particles = Particles::new(positions, [0.0; 3], meta);
+    Ok(match weights {
+        Some(weights) => particles.with_weights(weights),
+        None => particles,
+    }
+    .with_layers(layers))
 }
 
 /// Maps a raw little-endian float32 file.
@@ -177,27 +182,23 @@ fn valid(chunk: &super::Chunk<'_>, i: usize) -> bool {
 }
 
 fn keep_valid(particles: &Particles, count: usize, room: &Room) -> Result<Particles> {
-    let weighted = particles.weights.is_some();
+    let weighted = particles.weights().is_some();
     let mut columns = room.columns("the valid particles", if weighted { 4 } else { 3 }, count)?;
-    let (mut kinds, mut end, mut buffer) = (Vec::new(), 0, ChunkBuffer::default());
-    for kind in particles.layers() {
+    let (mut layers, mut end, mut buffer) = (Vec::new(), 0, ChunkBuffer::default());
+    for layer in particles.layers() {
         let first = end;
-        for start in kind.range.clone().step_by(CHUNK) {
-            let chunk = particles.chunk(start..kind.range.end.min(start + CHUNK), &mut buffer);
+        for start in layer.content.clone().step_by(CHUNK) {
+            let chunk = particles.chunk(start..layer.content.end.min(start + CHUNK), &mut buffer);
             for i in (0..chunk.len()).filter(|&i| valid(&chunk, i)) {
                 (0..3).for_each(|k| columns[k][end] = chunk.position[k][i]);
                 chunk.weight.iter().for_each(|w| columns[3][end] = w[i]);
                 end += 1;
             }
         }
-        kinds.push(ParticleLayer { range: first..end, ..kind });
-    }
-    kinds.retain(|k| !k.range.is_empty());
-    if particles.kinds.is_empty() {
-        kinds.clear();
+        layers.push(layer.with(first..end));
     }
     let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
-    Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), kinds))
+    Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), layers))
 }
 
 /// Metadata of a file that says nothing but its name.

@@ -7,8 +7,9 @@
 use super::images::Images;
 use super::room::Blank;
 use super::storage::CHUNK;
-use super::{Bounds, ChunkBuffer, ParticleLayer, Particles, Room, SnapshotMeta, Tiling};
+use super::{Bounds, ChunkBuffer, Particles, Room, SnapshotMeta, Tiling};
 use crate::math::{Purpose, Random};
+use crate::model::Layer;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -61,19 +62,6 @@ pub fn select(particles: &Particles, selection: Selection, room: &Room, progress
     Kept::about(particles.origin, particles, Tiling::single(), selection, progress)?.collect(room, progress)
 }
 
-/// A layer of what is kept.
-#[derive(Clone, Debug, PartialEq)]
-pub struct KeptLayer {
-    /// Name.
-    pub name: String,
-    /// Its particles in the output.
-    pub range: Range<u64>,
-    /// Mass of a particle of weight 1.
-    pub particle_mass: Option<f64>,
-    /// Do its particles have weights of their own?
-    pub weighted: bool,
-}
-
 /// Runs of a tiled snapshot and what each keeps: what writers are given.
 pub struct Kept<'a> {
     particles: &'a Particles,
@@ -82,7 +70,7 @@ pub struct Kept<'a> {
     tiling: Tiling,
     selection: Selection,
     meta: SnapshotMeta,
-    layers: Vec<ParticleLayer>,
+    layers: &'a [Layer<Range<usize>>],
     /// Runs before each layer, and in all.
     layer_runs: Vec<u64>,
     images: Option<Images>,
@@ -130,7 +118,7 @@ impl<'a> Kept<'a> {
             meta.cell = cell;
         }
         let layers = particles.layers();
-        let runs = layers.iter().map(|l| l.range.len().div_ceil(CHUNK) as u64 * tiling.tiles());
+        let runs = layers.iter().map(|l| l.content.len().div_ceil(CHUNK) as u64 * tiling.tiles());
         let layer_runs = running_sums(runs.collect());
         let (cropped_before, last_key, first) = Default::default();
         let mut kept = Kept {
@@ -196,19 +184,14 @@ impl<'a> Kept<'a> {
 
     /// Are there weights?
     pub fn weighted(&self) -> bool {
-        self.particles.weights.is_some()
+        self.particles.weights().is_some()
     }
 
-    /// The layers that keep particles, each a contiguous part of the output.
-    pub fn layers(&self) -> Vec<KeptLayer> {
+    /// The layers that keep particles, and their particles in the output: each a contiguous part of it.
+    pub fn layers(&self) -> Vec<Layer<Range<u64>>> {
         let range = |i: usize| self.first(self.layer_runs[i])..self.first(self.layer_runs[i + 1]);
-        let layer = |(i, l): (usize, &ParticleLayer)| KeptLayer {
-            name: l.name.clone(),
-            range: range(i),
-            particle_mass: l.particle_mass,
-            weighted: l.weighted,
-        };
-        self.layers.iter().enumerate().map(layer).filter(|l| !l.range.is_empty()).collect()
+        let layers = self.layers.iter().enumerate().map(|(i, l)| l.with(range(i)));
+        layers.filter(|l| !l.content.is_empty()).collect()
     }
 
     /// The layer (an index into [`Kept::layers`]) that run `id` lies in; a run may keep nothing.
@@ -252,16 +235,9 @@ impl<'a> Kept<'a> {
             place.into_iter().zip(&run.columns).for_each(|(to, from)| to.copy_from_slice(from));
             Ok::<_, Error>(())
         })?;
-        let kind = |l: KeptLayer| ParticleLayer {
-            name: l.name,
-            range: l.range.start as usize..l.range.end as usize,
-            particle_mass: l.particle_mass,
-            weighted: l.weighted,
-        };
-        let kinds =
-            if self.particles.kinds.is_empty() { Vec::new() } else { self.layers().into_iter().map(kind).collect() };
+        let layers = self.layers().into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
         let columns = values.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
-        Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), kinds))
+        Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), layers))
     }
 
     /// Fills `run` with what run `id` keeps.
@@ -282,10 +258,10 @@ impl<'a> Kept<'a> {
     }
 
     /// Layer, tile and chunk of run `id`.
-    fn place(&self, id: u64) -> (&ParticleLayer, u64, usize) {
+    fn place(&self, id: u64) -> (&Layer<Range<usize>>, u64, usize) {
         let index = self.layer_runs.partition_point(|&r| r <= id) - 1;
         let layer = &self.layers[index];
-        let chunks = layer.range.len().div_ceil(CHUNK) as u64;
+        let chunks = layer.content.len().div_ceil(CHUNK) as u64;
         let own = id - self.layer_runs[index];
         (layer, own / chunks, (own % chunks) as usize)
     }
@@ -293,8 +269,8 @@ impl<'a> Kept<'a> {
     /// The particles of run `id`.
     fn range(&self, id: u64) -> Range<usize> {
         let (layer, _, chunk) = self.place(id);
-        let start = layer.range.start + chunk * CHUNK;
-        start..layer.range.end.min(start + CHUNK)
+        let start = layer.content.start + chunk * CHUNK;
+        start..layer.content.end.min(start + CHUNK)
     }
 
     /// All particles of run `id`, shifted to their tile and rounded to f32.
@@ -336,8 +312,8 @@ impl<'a> Kept<'a> {
         // Without a crop the particle's own number counts.
         let before = before.unwrap_or_else(|| {
             let (layer, tile, _) = self.place(id);
-            let layers_before = self.tiling.tiles() * layer.range.start as u64;
-            layers_before + tile * layer.range.len() as u64 + (self.range(id).start - layer.range.start) as u64
+            let layers_before = self.tiling.tiles() * layer.content.start as u64;
+            layers_before + tile * layer.content.len() as u64 + (self.range(id).start - layer.content.start) as u64
         });
         let mut kept = std::mem::take(&mut run.kept);
         kept.clear();

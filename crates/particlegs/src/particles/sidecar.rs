@@ -1,9 +1,11 @@
 //! meta.json beside raw data: box, units, cosmology, layers.
 
-use super::{Cell, ParticleLayer, SnapshotMeta, open::named};
+use super::{Cell, SnapshotMeta, open::named};
 use crate::input::{self, Begins, read_own};
+use crate::model::{Layer, Mass};
 use crate::{Error, Result};
 use serde::Deserialize;
+use std::ops::Range;
 use std::path::Path;
 
 /// A page or two, in truth.
@@ -54,8 +56,8 @@ struct LayerForm {
 pub struct Sidecar {
     /// Box, units, cosmology.
     pub meta: SnapshotMeta,
-    /// Kinds of particles; empty where it tells none apart.
-    pub kinds: Vec<ParticleLayer>,
+    /// Layers; empty where it tells no kinds apart.
+    pub layers: Vec<Layer<Range<usize>>>,
 }
 
 /// Reads `file` where it exists; the snapshot is named after `place`.
@@ -64,7 +66,7 @@ pub struct Sidecar {
 /// [`Error::Input`] where it is no JSON object or a known key holds an impossible value.
 pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     let mut meta = named(&std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf()));
-    let Some(text) = read_own(file, FILE)? else { return Ok(Sidecar { meta, kinds: Vec::new() }) };
+    let Some(text) = read_own(file, FILE)? else { return Ok(Sidecar { meta, layers: Vec::new() }) };
     let form: Form =
         serde_json::from_slice(&text).map_err(|e| Error::input(file, format!("not a snapshot's metadata: {e}")))?;
     let positive = |v: &f64| *v > 0.0 && v.is_finite();
@@ -92,7 +94,7 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     meta.scale_factor = form.scale_factor.or(form.redshift.map(|z| 1.0 / (1.0 + z))).filter(positive);
     meta.hubble = form.h.filter(positive);
     meta.time = form.time;
-    Ok(Sidecar { meta, kinds: kinds(form.layers.unwrap_or_default(), file)? })
+    Ok(Sidecar { meta, layers: layers(form.layers.unwrap_or_default(), file)? })
 }
 
 /// Numbers as people write them: `1, 2, 3`.
@@ -109,22 +111,22 @@ fn periodic(said: Option<Periodic>) -> [bool; 3] {
 }
 
 /// Layers one after the other; those without particles are left out.
-fn kinds(forms: Vec<LayerForm>, file: &Path) -> Result<Vec<ParticleLayer>> {
+fn layers(forms: Vec<LayerForm>, file: &Path) -> Result<Vec<Layer<Range<usize>>>> {
     if !forms.is_empty() && forms.iter().all(|f| f.particles == 0) {
         return Err(Error::input(file, "its `layers` hold no particles"));
     }
     let mut end = 0usize;
-    let mut kinds = Vec::with_capacity(forms.len().min(1024));
+    let mut layers = Vec::with_capacity(forms.len().min(1024));
     for form in forms {
         let start = end;
         end =
             start.checked_add(form.particles).ok_or_else(|| Error::input(file, "`layers` hold too many particles"))?;
         let LayerForm { name, particle_mass, weighted, .. } = form;
         if start < end {
-            kinds.push(ParticleLayer { name, range: start..end, particle_mass, weighted });
+            layers.push(Layer { name, mass: Mass::new(weighted, particle_mass), content: start..end });
         }
     }
-    Ok(kinds)
+    Ok(layers)
 }
 
 #[cfg(test)]
@@ -137,7 +139,7 @@ mod tests {
         let file = folder.path().join("meta.json");
         let layers = |text: &str| {
             std::fs::write(&file, format!("{{\"layers\": [{text}]}}")).unwrap();
-            read(folder.path(), &file).map(|s| s.kinds.iter().map(|k| k.range.clone()).collect::<Vec<_>>())
+            read(folder.path(), &file).map(|s| s.layers.iter().map(|l| l.content.clone()).collect::<Vec<_>>())
         };
         let layer = |name: &str, n: u32| format!("{{\"name\": \"{name}\", \"particles\": {n}}}");
         assert_eq!(layers(&[layer("a", 0), layer("b", 3), layer("c", 2)].join(",")).unwrap(), [0..3, 3..5]);

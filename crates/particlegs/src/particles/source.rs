@@ -89,7 +89,7 @@ impl SnapshotReader for Particles {
     }
 
     fn has_weights(&self) -> bool {
-        self.weights.is_some()
+        self.weights().is_some()
     }
 
     fn origin(&self) -> [f64; 3] {

@@ -1,6 +1,7 @@
 //! A snapshot opened whole: columns or triples, owned or mapped.
 
-use super::{Bounds, Chunk, ChunkBuffer, ParticleLayer, SnapshotMeta};
+use super::{Bounds, Chunk, ChunkBuffer, SnapshotMeta};
+use crate::model::{Columns, Layer, MASS};
 use rayon::prelude::*;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
@@ -67,36 +68,67 @@ pub enum Positions {
     Triples(Column),
 }
 
-/// A snapshot: positions `origin + local`, optional weights, metadata.
+/// A snapshot: positions `origin + local`, columns, layers, metadata.
 #[derive(Clone)]
 pub struct Particles {
     /// Local positions.
     pub positions: Positions,
-    /// Weights (> 0), one a particle.
-    pub weights: Option<Column>,
+    /// Columns of one value a particle; [`MASS`] are weights, > 0.
+    columns: Columns<Column>,
     /// What f32 positions are relative to, world units.
     pub origin: [f64; 3],
     /// What the source says.
     pub meta: SnapshotMeta,
-    /// Kinds of particles, in order and without gaps; empty where the source tells none apart
-    /// ([`Particles::layers`]).
-    pub kinds: Vec<ParticleLayer>,
+    /// The layers, in order and without gaps; none of them empty where there are particles.
+    pub(super) layers: Vec<Layer<Range<usize>>>,
 }
 
 /// Particles in one step of parallel work; fixed, so that sums do not depend on threads.
 pub(crate) const CHUNK: usize = super::RUN;
 
 impl Particles {
-    /// Particles in memory, columns, origin 0: for tests and for callers that made their own.
+    /// Particles of one layer without weights.
+    pub fn new(positions: Positions, origin: [f64; 3], meta: SnapshotMeta) -> Self {
+        let particles = Particles { positions, columns: Columns::default(), origin, meta, layers: Vec::new() };
+        particles.with_layers(Vec::new())
+    }
+
+    /// Particles in memory, columns, origin 0.
+    ///
+    /// # Panics
+    /// Where the columns are not of one length.
     pub fn from_columns(x: Vec<f32>, y: Vec<f32>, z: Vec<f32>) -> Self {
         assert!(x.len() == y.len() && y.len() == z.len(), "columns of one length");
-        Particles {
-            positions: Positions::Columns([Column::owned(x), Column::owned(y), Column::owned(z)]),
-            weights: None,
-            origin: [0.0; 3],
-            meta: SnapshotMeta::default(),
-            kinds: Vec::new(),
+        let positions = Positions::Columns([Column::owned(x), Column::owned(y), Column::owned(z)]);
+        Particles::new(positions, [0.0; 3], SnapshotMeta::default())
+    }
+
+    /// With weights (> 0), one a particle: masses, relative to the mass of weight 1 where a layer knows one.
+    ///
+    /// # Panics
+    /// Where they are not as many as the particles.
+    pub fn with_weights(mut self, weights: Column) -> Self {
+        assert!(weights.len() == self.len(), "a weight for every particle");
+        self.columns.set(MASS, weights);
+        if self.is_one_kind() {
+            self.layers = vec![self.one_layer()];
         }
+        self
+    }
+
+    /// Without weights: all particles count alike.
+    pub fn without_weights(mut self) -> Self {
+        self.columns.remove(MASS);
+        self.layers.iter_mut().filter(|l| l.mass.is_weighted()).for_each(|l| l.mass = l.mass.without_weights());
+        self
+    }
+
+    /// In layers, given in order and without gaps; those of no particles are left out. None at all: one
+    /// layer of all particles.
+    pub fn with_layers(mut self, mut layers: Vec<Layer<Range<usize>>>) -> Self {
+        layers.retain(|l| !l.content.is_empty());
+        self.layers = if layers.is_empty() { vec![self.one_layer()] } else { layers };
+        self
     }
 
     /// Particles of columns x, y, z and perhaps weights.
@@ -104,12 +136,22 @@ impl Particles {
         columns: Vec<Column>,
         origin: [f64; 3],
         meta: SnapshotMeta,
-        kinds: Vec<ParticleLayer>,
+        layers: Vec<Layer<Range<usize>>>,
     ) -> Self {
         let mut columns = columns.into_iter();
         let mut next = || columns.next().expect("three columns at least");
         let positions = Positions::Columns([next(), next(), next()]);
-        Particles { positions, weights: columns.next(), origin, meta, kinds }
+        let particles = Particles::new(positions, origin, meta);
+        match columns.next() {
+            Some(weights) => particles.with_weights(weights),
+            None => particles,
+        }
+        .with_layers(layers)
+    }
+
+    /// Weights, one a particle, where there are any.
+    pub fn weights(&self) -> Option<&Column> {
+        self.columns.get(MASS)
     }
 
     /// Number of particles.
@@ -127,7 +169,7 @@ impl Particles {
 
     /// The particles of `range` as columns: borrowed where they lie so, else copied to `buffer`.
     pub fn chunk<'a>(&'a self, range: Range<usize>, buffer: &'a mut ChunkBuffer) -> Chunk<'a> {
-        let weight = self.weights.as_ref().map(|w| &w[range.clone()]);
+        let weight = self.weights().map(|w| &w[range.clone()]);
         match &self.positions {
             Positions::Columns([x, y, z]) => {
                 Chunk { position: [&x[range.clone()], &y[range.clone()], &z[range]], weight }
@@ -183,7 +225,7 @@ impl Particles {
 
     /// Sum of the weights (ordered f64 sums), or the number of particles where there are none.
     pub fn total_mass(&self) -> f64 {
-        match &self.weights {
+        match self.weights() {
             None => self.len() as f64,
             Some(_) => {
                 self.par_chunks(|_, c| c.weight.unwrap_or(&[]).iter().map(|&w| f64::from(w)).sum::<f64>()).iter().sum()

@@ -1,11 +1,13 @@
 //! Snapshots out: raw float32 columns with meta.json, or one .npy; whole or not at all.
 
-use super::select::{KeptLayer, Run};
+use super::select::Run;
 use super::{ONE_LAYER, SnapshotMeta};
+use crate::model::Layer;
 use crate::output::{PlacedFile, WholeFolder, check_space, write_at};
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Column files in the order of a run's columns.
@@ -36,7 +38,7 @@ pub struct Described<'a> {
     /// Box, units, cosmology; unknown things are left out.
     pub meta: &'a SnapshotMeta,
     /// Layers, one after the other.
-    pub layers: Vec<KeptLayer>,
+    pub layers: Vec<Layer<Range<u64>>>,
     /// The particles' order, in words.
     pub order: &'static str,
     /// Further keys, for people and programs that know them.
@@ -174,12 +176,12 @@ fn write_sidecar(path: &Path, described: &Described<'_>) -> std::io::Result<()> 
     }
     let layers = &described.layers;
     if layers.len() > 1 || layers.iter().any(|l| l.name != ONE_LAYER) {
-        let layer = |l: &KeptLayer| {
+        let layer = |l: &Layer<Range<u64>>| {
             serde_json::json!({
                 "name": l.name,
-                "particles": l.range.end - l.range.start,
-                "particle_mass": l.particle_mass,
-                "weighted": l.weighted,
+                "particles": l.content.end - l.content.start,
+                "particle_mass": l.mass.unit(),
+                "weighted": l.mass.is_weighted(),
             })
         };
         form["layers"] = layers.iter().map(layer).collect();

@@ -76,7 +76,7 @@ impl Rules {
         run: &mut Run,
     ) -> Result<()> {
         let n = (range.end - range.start) as usize;
-        let stream = self.stream(&layer.name);
+        let stream = self.stream(&layer.layer.name);
         let mut random = Random::of(Purpose::Recovery, stream, number);
         scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
         self.raw(n, &mut random, scratch);
@@ -135,7 +135,7 @@ impl Rules {
         let mut raw = [&mut x[range.clone()], &mut y[range.clone()], &mut z[range.clone()]];
         let [x, y, z] = &mut scratch.position;
         let out = [&mut x[range.clone()], &mut y[range.clone()], &mut z[range.clone()]];
-        let g = &layer.gaussians;
+        let g = &layer.layer.content;
         // The Gaussian's name among all, and its first particle in the layer.
         let key = [stream, gaussian as u64];
         let begin = if gaussian == 0 { 0 } else { layer.ends[gaussian - 1] };
@@ -167,7 +167,7 @@ impl Rules {
                 None => run.columns[k].extend(column.map(|&v| v as f32)),
             }
             if run.columns[k].iter().any(|v| !v.is_finite()) {
-                return Err(Error::input(&layer.name, "particles of this layer do not fit into float32"));
+                return Err(Error::input(&layer.layer.name, "particles of this layer do not fit into float32"));
             }
         }
         Ok(())

@@ -36,7 +36,7 @@ pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress
                 let (layer, number, range) = plan.run(id);
                 let mut run = Run::default();
                 rules.fill(layer, number, range, scratch, &mut run)?;
-                let mass = layer.particle_mass.unwrap_or(1.0) as f32;
+                let mass = layer.layer.mass.unit_or_one() as f32;
                 run.columns[3].iter_mut().for_each(|w| *w *= mass);
                 progress.advance(run.columns[0].len() as u64);
                 Ok(run.columns)
@@ -48,20 +48,16 @@ pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress
     }
     progress.end();
     let [x, y, z, w] = columns;
-    Ok(Particles {
-        positions: Positions::Columns([x, y, z].map(Column::owned)),
-        weights: weighted.then(|| Column::owned(w)),
-        origin,
-        meta: SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() },
-        kinds: Vec::new(),
-    })
+    let meta = SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() };
+    let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
+    Ok(if weighted { drawn.with_weights(Column::owned(w)) } else { drawn })
 }
 
 /// The model about another origin, without what drawing does not need.
 fn moved(model: &Model, origin: [f64; 3]) -> Model {
     let mut moved = model.clone();
     for k in 0..3 {
-        for block in moved.layers.iter_mut().flat_map(|l| &mut l.blocks) {
+        for block in moved.layers.iter_mut().flat_map(|l| &mut l.content) {
             block.gaussians.mean[k].iter_mut().for_each(|x| *x -= origin[k]);
         }
         let m = &mut moved.metadata;
@@ -98,7 +94,7 @@ mod tests {
         recover(m.clone(), [0; 32], &options, &out, &Silent).unwrap();
         let written = open_raw(&["xx.f32", "yy.f32", "zz.f32"].map(|n| out.join(n))).unwrap();
         assert_eq!(drawn.len(), 100_307);
-        assert!((0..drawn.len()).all(|i| drawn.position(i) == written.position(i)) && drawn.weights.is_none());
+        assert!((0..drawn.len()).all(|i| drawn.position(i) == written.position(i)) && drawn.weights().is_none());
         // About an origin far away they are the same, but for rounding.
         let far = draw(&m, 5, [-1000.0, 0.0, 500.0], false, &Silent).unwrap();
         let off = |i: usize| (0..3).map(|k| (far.position(i)[k] - drawn.position(i)[k]).abs()).fold(0.0, f64::max);
@@ -110,7 +106,7 @@ mod tests {
     fn weights_are_masses() {
         let m = model(&[("dm", &[(100, None)]), ("gas", &[(50, Some(25.0))])]);
         let drawn = draw(&m, 5, [0.0; 3], true, &Silent).unwrap();
-        let w = drawn.weights.unwrap();
+        let w = drawn.weights().unwrap();
         assert_eq!((w.len(), w[0], w[149]), (150, 2.0, 0.5));
     }
 }

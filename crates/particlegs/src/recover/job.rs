@@ -6,7 +6,7 @@ use super::notes::notes;
 use super::plan::Plan;
 use crate::input::{Begins, Form, read_own};
 use crate::memory::require;
-use crate::model::{Layer, Model};
+use crate::model::Model;
 use crate::particles::{Described, ONE_LAYER, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -84,7 +84,7 @@ pub fn recover(
         cell: metadata.cell,
         length_unit: metadata.length_unit.clone(),
         mass_unit: metadata.mass_unit.clone(),
-        particle_mass: layers[0].particle_mass.filter(|_| one),
+        particle_mass: layers[0].mass.unit().filter(|_| one),
         comoving: metadata.comoving,
         scale_factor: metadata.scale_factor,
         hubble: metadata.hubble,
@@ -106,7 +106,7 @@ pub fn recover(
 /// # Errors
 /// [`Error::Io`] where meta.json is there and cannot be read.
 pub fn is_there(out: &Path, model: &Model, model_hash: [u8; 32], options: &Options) -> Result<bool> {
-    let total = options.particles.unwrap_or_else(|| model.layers.iter().map(Layer::count).sum());
+    let total = options.particles.unwrap_or_else(|| model.layers.iter().map(|l| l.count()).sum());
     let length = |name: &str| out.join(name).metadata().map_or(0, |m| m.len());
     let whole = match options.form {
         RawForm::Columns => ["xx.f32", "yy.f32", "zz.f32"].iter().all(|name| length(name) == 4 * total),
@@ -137,6 +137,7 @@ const BYTES_A_DRAW: usize = 8 * 7 + 4 * 7;
 mod tests {
     use super::super::plan::tests::model;
     use super::*;
+    use crate::model::Mass;
     use crate::particles::{Particles, open_raw};
     use crate::progress::Silent;
 
@@ -204,11 +205,14 @@ mod tests {
         let p = drawn(two(), &options(Method::Count)).unwrap();
         let layers = p.layers();
         assert_eq!(
-            (&layers[0].name[..], layers[0].range.clone(), layers[0].particle_mass),
-            ("dm", 0..100_007, Some(2.0))
+            (&layers[0].name[..], layers[0].content.clone(), layers[0].mass),
+            ("dm", 0..100_007, Mass::Each(2.0))
         );
-        assert_eq!((&layers[1].name[..], layers[1].range.clone(), layers[1].weighted), ("gas", 100_007..100_357, true));
-        let weights = p.weights.as_ref().unwrap();
+        assert_eq!(
+            (&layers[1].name[..], layers[1].content.clone(), layers[1].mass.is_weighted()),
+            ("gas", 100_007..100_357, true)
+        );
+        let weights = p.weights().unwrap();
         assert!(weights[100_007..100_307].iter().all(|&w| w == 0.1) && weights[100_307..].iter().all(|&w| w == 0.02));
         assert_eq!(weights[0], 1.0);
         // A layer alone has the same particles.
@@ -222,7 +226,7 @@ mod tests {
     fn particles_beyond_float32_are_refused() {
         let mut far = model(&[("particles", &[(10, None)])]);
         far.metadata.cell = None;
-        far.layers[0].blocks[0].gaussians.mean[0][0] = 1e39;
+        far.layers[0].content[0].gaussians.mean[0][0] = 1e39;
         assert!(drawn(far, &options(Method::Count)).is_err());
     }
 }

@@ -1,6 +1,6 @@
-//! How particles are placed (spec: paper.md, recovery; the published names in brackets).
+//! How particles are placed (docs/law/published.md, "Recovery"; the published names in brackets).
 
-use crate::model::Law;
+use crate::model::LawKind;
 
 /// How many particles a Gaussian gets, and where they go.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -29,8 +29,8 @@ pub enum Method {
 
 impl Method {
     /// Are particles shared out by volume too, rather than by the Gaussians' own numbers alone?
-    pub(super) fn by_volume(self, law: Law) -> bool {
-        self == Method::Volume || self == Method::Grid && law == Law::AlphaBlend
+    pub(super) fn by_volume(self, law: LawKind) -> bool {
+        self == Method::Volume || self == Method::Grid && law == LawKind::AlphaBlend
     }
 
     /// Its name on the command line and in meta.json.

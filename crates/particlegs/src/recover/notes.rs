@@ -1,7 +1,7 @@
 //! What meta.json says about recovered particles.
 
 use super::Options;
-use crate::model::{Certificate, Law, Metadata};
+use crate::model::{Certificate, LawKind, Metadata};
 use crate::particles::hex;
 use serde_json::{Map, Value, json};
 
@@ -48,7 +48,7 @@ pub(super) fn notes(
         }),
     );
     let mut supports = supports(certificate, metadata.length_unit.as_deref(), options, own);
-    if metadata.law == Law::AlphaBlend {
+    if metadata.law == LawKind::AlphaBlend {
         supports.push(BY_OPACITY.into());
     }
     notes.insert("supports".into(), supports.into());

@@ -3,8 +3,8 @@
 use super::Method;
 use crate::codec::whole_counts;
 use crate::math::Sym3;
-use crate::model::{Block, Layer, Mixture, Model};
-use crate::particles::{KeptLayer, RUN};
+use crate::model::{Block, Layer, Mass, Mixture, Model};
+use crate::particles::RUN;
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -13,16 +13,11 @@ const MOST: u64 = 1 << 53;
 
 /// A layer's Gaussians and the particles that each gets.
 pub(super) struct LayerPlan {
-    pub name: String,
-    /// Mass of a particle of weight 1, so that the layer keeps its mass.
-    pub particle_mass: Option<f64>,
-    /// Do its particles have weights of their own?
-    pub weighted: bool,
-    /// The Gaussians of all its blocks.
-    pub gaussians: Mixture,
+    /// The layer, which keeps its mass, and the Gaussians of all its blocks.
+    pub layer: Layer<Mixture>,
     /// Particles up to and with each Gaussian.
     pub ends: Vec<u64>,
-    /// Weight of each Gaussian's particles; empty where `weighted` is not set.
+    /// Weight of each Gaussian's particles; empty where the layer has none.
     pub weights: Vec<f32>,
     /// Particles of the layers before.
     pub first: u64,
@@ -55,7 +50,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Argument`] for 0 particles, or more than 2^53.
     pub fn new(model: Model, wanted: Option<u64>, method: Method) -> Result<Plan> {
-        let own: u64 = model.layers.iter().map(Layer::count).sum();
+        let own: u64 = model.layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum();
         let total = wanted.unwrap_or(own);
         if total == 0 || total > MOST {
             return Err(Error::argument(format!("{total} particles were asked for: 1 to 2^53 can be drawn")));
@@ -80,7 +75,7 @@ impl Plan {
         let mut layers: Vec<LayerPlan> = model.layers.into_iter().map(LayerPlan::of).collect();
         let (mut rest, mut first) = (&counts[..], 0);
         for layer in &mut layers {
-            let (mine, others) = rest.split_at(layer.gaussians.len());
+            let (mine, others) = rest.split_at(layer.layer.content.len());
             layer.share(mine, first);
             first += layer.count();
             rest = others;
@@ -91,18 +86,12 @@ impl Plan {
 
     /// Do any particles have weights of their own?
     pub fn weighted(&self) -> bool {
-        self.layers.iter().any(|l| l.weighted)
+        self.layers.iter().any(|l| l.layer.mass.is_weighted())
     }
 
-    /// The layers that get particles.
-    pub fn described(&self) -> Vec<KeptLayer> {
-        let layer = |l: &LayerPlan| KeptLayer {
-            name: l.name.clone(),
-            range: l.first..l.first + l.count(),
-            particle_mass: l.particle_mass,
-            weighted: l.weighted,
-        };
-        self.layers.iter().map(layer).collect()
+    /// The layers that get particles, and which.
+    pub fn described(&self) -> Vec<Layer<Range<u64>>> {
+        self.layers.iter().map(|l| l.layer.with(l.first..l.first + l.count())).collect()
     }
 
     /// Number of runs.
@@ -124,20 +113,14 @@ impl Plan {
 }
 
 impl LayerPlan {
-    fn of(layer: Layer) -> LayerPlan {
-        let weighted = layer.is_weighted();
-        let mut blocks = layer.blocks.into_iter().map(|b| b.gaussians);
-        let mut gaussians = blocks.next().unwrap_or_default();
-        blocks.for_each(|b| gaussians.append(&b));
-        LayerPlan {
-            name: layer.name,
-            particle_mass: layer.particle_mass,
-            weighted,
-            gaussians,
-            ends: Vec::new(),
-            weights: Vec::new(),
-            first: 0,
-        }
+    fn of(layer: Layer<Vec<Block>>) -> LayerPlan {
+        let layer = layer.map(|blocks| {
+            let mut blocks = blocks.into_iter().map(|b| b.gaussians);
+            let mut gaussians = blocks.next().unwrap_or_default();
+            blocks.for_each(|b| gaussians.append(&b));
+            gaussians
+        });
+        LayerPlan { layer, ends: Vec::new(), weights: Vec::new(), first: 0 }
     }
 
     /// Takes the Gaussians' counts. The layer keeps its mass: by its particles' weights where they
@@ -152,8 +135,8 @@ impl LayerPlan {
             })
             .collect();
         self.first = first;
-        let g = &self.gaussians;
-        if let Some(masses) = &g.mass {
+        let g = &self.layer.content;
+        if let Some(masses) = g.masses() {
             let mean = |i: usize| if g.count[i] > 0.0 { masses[i] / g.count[i] } else { 0.0 };
             let there: f64 = masses.iter().sum();
             let drawn: f64 = counts.iter().enumerate().map(|(i, c)| c * mean(i)).sum();
@@ -161,7 +144,7 @@ impl LayerPlan {
             // A weight is positive, though it be too small for f32.
             let weight = |i: usize| ((mean(i) * factor) as f32).clamp(f32::MIN_POSITIVE, f32::MAX);
             self.weights = (0..g.len()).map(weight).collect();
-        } else if let Some(mass) = &mut self.particle_mass {
+        } else if let Mass::Each(mass) = &mut self.layer.mass {
             let own: f64 = g.count.iter().sum();
             if end > 0 && own != end as f64 {
                 *mass *= own / end as f64;
@@ -174,9 +157,9 @@ impl LayerPlan {
 /// were made whole.
 fn numbers(block: &Block) -> Vec<f64> {
     let g = &block.gaussians;
-    let Some(shade) = &g.shade else { return g.count.clone() };
-    let sum: f64 = shade.opacity.iter().sum();
-    shade.opacity.iter().map(|o| o / sum * block.count as f64).collect()
+    let Some(own) = g.law.alpha_blend() else { return g.count.clone() };
+    let sum: f64 = own.opacity.iter().sum();
+    own.opacity.iter().map(|o| o / sum * block.count as f64).collect()
 }
 
 /// Volume of an ellipsoid of one standard deviation, but for 4 pi / 3.
@@ -187,7 +170,7 @@ fn volume(cov: &Sym3) -> f64 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::model::{Law, Metadata, Shade};
+    use crate::model::{AlphaBlend, Law, LawKind, Metadata};
     use crate::particles::Bounds;
     use proptest::prelude::*;
 
@@ -195,7 +178,7 @@ pub(super) mod tests {
     pub fn model(layers: &[(&str, &[(u64, Option<f64>)])]) -> Model {
         let layer = |(name, gaussians): &(&str, &[(u64, Option<f64>)])| {
             let weighted = gaussians.iter().any(|g| g.1.is_some());
-            let mut m = Mixture { mass: weighted.then(Vec::new), ..Mixture::default() };
+            let mut m = Mixture::new(weighted);
             for (i, &(count, mass)) in gaussians.iter().enumerate() {
                 let cov = Sym3([0.04, 0.01, 0.0, 0.02, -0.005, 0.01]);
                 m.push([i as f64 + 0.5, 5.0, 5.0], cov, count as f64, mass.unwrap_or(0.0));
@@ -203,14 +186,14 @@ pub(super) mod tests {
             let count = gaussians.iter().map(|g| g.0).sum();
             let mass = if weighted { gaussians.iter().filter_map(|g| g.1).sum() } else { count as f64 };
             let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
-            let particle_mass = (!weighted).then_some(2.0);
-            Layer { name: name.to_string(), particle_mass, blocks: vec![Block { bounds, count, mass, gaussians: m }] }
+            let content = vec![Block { bounds, count, mass, gaussians: m }];
+            Layer { name: name.to_string(), mass: Mass::new(weighted, (!weighted).then_some(2.0)), content }
         };
-        let layers: Vec<Layer> = layers.iter().map(layer).collect();
+        let layers: Vec<Layer<Vec<Block>>> = layers.iter().map(layer).collect();
         let metadata = Metadata {
-            law: Law::OpticalDepth,
-            count: layers.iter().map(Layer::count).sum(),
-            mass: layers.iter().flat_map(|l| &l.blocks).map(|b| b.mass).sum(),
+            law: LawKind::OpticalDepth,
+            count: layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum(),
+            mass: layers.iter().flat_map(|l| &l.content).map(|b| b.mass).sum(),
             bounds: Bounds { min: [0.0; 3], max: [10.0; 3] },
             cell: Some(crate::particles::Cell::orthogonal([10.0; 3])),
             default_radius: 0.1,
@@ -226,7 +209,7 @@ pub(super) mod tests {
             command: "test".into(),
             tool_version: "0".into(),
         };
-        Model { metadata, layers, vizmapper: None, certificate: None }
+        Model { metadata, layers, certificate: None }
     }
 
     proptest! {
@@ -239,7 +222,7 @@ pub(super) mod tests {
             let dm: Vec<_> = counts.iter().map(|c| (c.0, None)).collect();
             let gas: Vec<_> = counts.iter().map(|c| (c.0, Some(c.1))).collect();
             let model = model(&[("dm", &dm), ("gas", &gas)]);
-            let masses: Vec<f64> = model.layers.iter().map(|l| l.unit_mass() * l.blocks[0].mass).collect();
+            let masses: Vec<f64> = model.layers.iter().map(|l| l.mass.unit_or_one() * l.content[0].mass).collect();
             let own = Plan::new(model.clone(), None, Method::Count).unwrap();
             for (layer, g) in own.layers.iter().zip([&dm, &gas]) {
                 let each: Vec<u64> = std::iter::once(0).chain(layer.ends.iter().copied()).collect();
@@ -249,8 +232,8 @@ pub(super) mod tests {
                 let plan = Plan::new(model.clone(), Some(wanted), method).unwrap();
                 prop_assert_eq!(plan.layers.iter().map(LayerPlan::count).sum::<u64>(), wanted);
                 for (layer, mass) in plan.layers.iter().zip(&masses) {
-                    let drawn: f64 = match layer.weighted {
-                        false => layer.particle_mass.unwrap() * layer.count() as f64,
+                    let drawn: f64 = match layer.layer.mass.is_weighted() {
+                        false => layer.layer.mass.unit().unwrap() * layer.count() as f64,
                         true => (0..layer.ends.len())
                             .map(|i| (layer.ends[i] - if i == 0 { 0 } else { layer.ends[i - 1] }) as f64 * f64::from(layer.weights[i]))
                             .sum(),
@@ -264,19 +247,19 @@ pub(super) mod tests {
     /// Gaussians of opacities 0.1, 0.2 and 0.7, the second of eight times the volume.
     pub fn shaded(count: u64) -> Model {
         let mut m = model(&[("particles", &[(1, None), (1, None), (1, None)])]);
-        (m.metadata.law, m.metadata.count, m.metadata.mass) = (Law::AlphaBlend, count, count as f64);
-        let block = &mut m.layers[0].blocks[0];
+        (m.metadata.law, m.metadata.count, m.metadata.mass) = (LawKind::AlphaBlend, count, count as f64);
+        let block = &mut m.layers[0].content[0];
         (block.count, block.mass) = (count, count as f64);
         let opacity = vec![0.1, 0.2, 0.7];
         let g = &mut block.gaussians;
         g.count = opacity.clone();
         whole_counts(&mut g.count, count);
         (0..6).for_each(|k| g.cov[k][1] *= 4.0);
-        g.shade = Some(Shade { opacity, grey: vec![1.0; 3] });
+        g.law = Law::AlphaBlend(AlphaBlend { opacity, grey: vec![1.0; 3], vizmapper: None });
         m
     }
 
-    /// What spec/paper.md says of V0, V1, V4 and V6.
+    /// What docs/law/published.md, "Recovery", says of V0, V1, V4 and V6.
     #[test]
     fn alpha_blend_models_are_shared_by_opacity() {
         let each = |count: u64, wanted: Option<u64>, method| {
@@ -312,7 +295,7 @@ pub(super) mod tests {
         let plan =
             Plan::new(model(&[("a", &[(70_000, None), (3, None)]), ("b", &[(1, None)])]), None, Method::Count).unwrap();
         assert_eq!(plan.runs(), 3);
-        let runs: Vec<_> = (0..3).map(|id| plan.run(id)).map(|(l, n, r)| (l.name.clone(), n, r)).collect();
+        let runs: Vec<_> = (0..3).map(|id| plan.run(id)).map(|(l, n, r)| (l.layer.name.clone(), n, r)).collect();
         assert_eq!(runs[1], ("a".into(), 1, 65_536..70_003));
         assert_eq!(runs[2], ("b".into(), 0, 0..1));
     }

@@ -1,5 +1,5 @@
 //! One pixel's fragments blended: dual depth peeling, then 8-bit alpha blending of what the peels
-//! left (spec: point-gaussian.md, section 5).
+//! left (docs/law/splat.md, "Blending").
 
 use crate::splat::{DEPTH_TOLERANCE, PEELS, mul8};
 

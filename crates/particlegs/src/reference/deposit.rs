@@ -1,5 +1,5 @@
 //! What one splat adds to the optical depth of a plane: `-ln(1 - m)` with m its opacity averaged
-//! over each pixel, cut at three standard deviations (spec: response.md, section 1).
+//! over each pixel, cut at three standard deviations (docs/law/depth.md).
 
 use crate::splat::{CUT_SIGMA, LARGEST_MEAN_ALPHA, erf};
 use fearless_simd::{Simd, dispatch};

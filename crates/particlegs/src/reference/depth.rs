@@ -1,4 +1,4 @@
-//! The noise-free optical depth of all particles, tau* (spec: response.md, section 1).
+//! The noise-free optical depth of all particles, tau* (docs/law/depth.md).
 //!
 //! Splats are sorted into bands of rows and added in particle order, so that the sum does not
 //! depend on threads. Where many splats are large they go to coarser planes, which are then

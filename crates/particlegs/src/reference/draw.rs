@@ -50,7 +50,7 @@ impl<'a> Reference<'a> {
     }
 
     /// A picture of all particles: for ParaView's looks its own, exactly, shot noise and all
-    /// (point-gaussian.md); for [`Look::Expected`] `round(255 (1 - exp(-tau*)))`.
+    /// (docs/law/splat.md); for [`Look::Expected`] `round(255 (1 - exp(-tau*)))`.
     ///
     /// # Errors
     /// [`crate::Error::Argument`] for a view out of range or not in perspective;
@@ -64,7 +64,7 @@ impl<'a> Reference<'a> {
     }
 
     /// The noise-free picture of all particles in a look: tau* through the look's tone curve
-    /// (response.md). What a model that knows every particle but not the shot noise would draw.
+    /// (docs/law/response.md). What a model that knows every particle but not the shot noise would draw.
     ///
     /// # Errors
     /// As [`Reference::draw`].
@@ -74,7 +74,7 @@ impl<'a> Reference<'a> {
     }
 
     /// The noise-free optical depth tau*: every splat's opacity averaged over each pixel, then
-    /// `sum -ln(1 - m)` (response.md, section 1). Results do not depend on threads.
+    /// `sum -ln(1 - m)` (docs/law/depth.md). Results do not depend on threads.
     ///
     /// # Errors
     /// As [`Reference::draw`].

@@ -1,5 +1,5 @@
-//! FXAA as VTK runs it with ParaView's settings, on the 8-bit picture (spec: point-gaussian.md,
-//! section 6). Luminosities are float32 table entries: their roundings decide ties.
+//! FXAA as VTK runs it with ParaView's settings, on the 8-bit picture (docs/law/fxaa.md,
+//! "The filter"). Luminosities are float32 table entries: their roundings decide ties.
 
 use crate::picture::Gray8;
 use rayon::prelude::*;

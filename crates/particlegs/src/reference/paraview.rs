@@ -1,5 +1,5 @@
 //! ParaView's picture before FXAA, exactly: project, sort into bands of rows, gather every pixel's
-//! fragments in particle order, blend (spec: point-gaussian.md, sections 2 to 5).
+//! fragments in particle order, blend (docs/law/splat.md).
 
 use super::bands::{Sorted, Sorter};
 use super::blend::blend;

@@ -1,5 +1,5 @@
 //! The vertex stage: particles to splats in normalised device coordinates, in float32 as VTK's
-//! shaders compute them (spec: point-gaussian.md, sections 2 and 3).
+//! shaders compute them (docs/law/splat.md, "From the world to the picture", "Shape").
 
 use crate::camera::{Projection, View};
 use crate::picture::Size;

@@ -1,5 +1,5 @@
 //! A splat's quad on the screen: which pixel centres it covers and what its alpha is there, as
-//! llvmpipe rasterises and interpolates (spec: point-gaussian.md, section 4).
+//! llvmpipe rasterises and interpolates (docs/law/splat.md, "Coverage").
 
 use super::project::Splat;
 use crate::picture::Size;

@@ -5,8 +5,8 @@ use crate::particles::Particles;
 use crate::picture::{Plane, Size};
 use crate::splat::{CUT_SIGMA, LARGEST_MEAN_ALPHA, erf};
 
-/// tau* by the formula of response.md, section 1, from f64 cameras. Rotated splats (point-gaussian.md,
-/// section 3) are averaged over points of a grid in each pixel.
+/// tau* by the formula of docs/law/depth.md, from f64 cameras. Rotated splats (docs/law/splat.md,
+/// "Shape") are averaged over points of a grid in each pixel.
 pub(super) fn optical_depth(particles: &Particles, view: &View, size: Size, range: [f64; 2]) -> Plane {
     let frame = view.camera.frame().unwrap();
     let Projection::Perspective { fov_deg } = view.camera.projection else { panic!("perspective") };

@@ -82,9 +82,9 @@ impl DensityGrid {
     pub fn of_model(&self, model: &Model, progress: &dyn Progress) -> Result<Vec<f64>> {
         let mut sum = vec![0.0; self.0.cells.iter().product()];
         for layer in &model.layers {
-            for block in &layer.blocks {
+            for block in &layer.content {
                 let part = self.of_mixture(&block.gaussians, progress)?;
-                sum.iter_mut().zip(part).for_each(|(s, v)| *s += layer.unit_mass() * v);
+                sum.iter_mut().zip(part).for_each(|(s, v)| *s += layer.mass.unit_or_one() * v);
             }
         }
         Ok(sum)

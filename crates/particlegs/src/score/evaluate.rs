@@ -152,7 +152,7 @@ fn look_scores(truth: &Truth, look: Look, view: &View, drawn: &Gray8, even: &Pla
 
 /// What a perfect smooth model would score against one shot, dB over the lit pixels: particles at
 /// random with the model's density give a pixel the variance exp(-2 tau) (exp(a tau / 2) - 1)
-/// where splats are smaller than a pixel (spec: metrics.md). An estimate: a model that codes
+/// where splats are smaller than a pixel (docs/law/scores.md). An estimate: a model that codes
 /// clumps passes it.
 pub fn shot_noise(tau: &Plane, opacity: f64, drawn: &Gray8, target: &Gray8) -> Option<f64> {
     let (mut sum, mut pixels) = (0.0, 0u64);
@@ -170,7 +170,7 @@ pub fn shot_noise(tau: &Plane, opacity: f64, drawn: &Gray8, target: &Gray8) -> O
 mod tests {
     use super::*;
 
-    /// Findings, section 1: at opacity 0.05, 29.5 dB at tau 0.05, 24.7 at 0.2 and 1, 23.4 at 0.5.
+    /// docs/law/scores.md, "Shot noise".
     #[test]
     fn shot_noise_has_the_published_values() {
         let size = Size { width: 9, height: 7 };

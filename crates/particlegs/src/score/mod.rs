@@ -1,7 +1,7 @@
 //! Floor 5: how good a model is: pictures over views, the density on a grid, the certificate.
 //!
 //! [`evaluate`] draws every view of all particles and of the model in every look and puts the
-//! noise-free score, the floors and the gap beside each score (spec: metrics.md). [`certificate`]
+//! noise-free score, the floors and the gap beside each score (docs/law/scores.md). [`certificate`]
 //! does so for one frame an orbit and adds the density; [`verdict`] says in plain words what it is good for. [`HeldOut`] keeps the truth of a few views
 //! for whoever compares many models.
 

@@ -61,7 +61,7 @@ fn science_over(
     if particles.len() as u64 > MOST_DRAWN || particles.len() < 2 {
         return of_mixture();
     }
-    let drawn = match draw(model, seed, particles.origin, particles.weights.is_some(), progress) {
+    let drawn = match draw(model, seed, particles.origin, particles.weights().is_some(), progress) {
         // Tails of Gaussians at the end of float32.
         Err(Error::Input { .. }) => return of_mixture(),
         drawn => drawn?,

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::math::Sym3;
-use crate::model::{Block, Law, Layer, Metadata, Mixture, Model};
+use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
 use crate::particles::{Particles, open_raw};
 use crate::picture::Size;
 use crate::progress::{Progress, Silent};
@@ -37,8 +37,7 @@ fn tiny(particles: &Particles, n: usize) -> Model {
     let block = Block { bounds, count, mass: count as f64, gaussians };
     Model {
         metadata: metadata(particles),
-        layers: vec![Layer { name: "all".into(), particle_mass: None, blocks: vec![block] }],
-        vizmapper: None,
+        layers: vec![Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] }],
         certificate: None,
     }
 }
@@ -46,7 +45,7 @@ fn tiny(particles: &Particles, n: usize) -> Model {
 fn metadata(particles: &Particles) -> Metadata {
     let (bounds, count) = (particles.bounds(), particles.len() as u64);
     Metadata {
-        law: Law::OpticalDepth,
+        law: LawKind::OpticalDepth,
         count,
         mass: count as f64,
         bounds,

@@ -1,5 +1,5 @@
 //! Seeded views: the three orbits, each spiral turned by a rotation of its own, so that training,
-//! held-out, evaluation and certificate views share no pose (spec: metrics.md, paper.md).
+//! held-out, evaluation and certificate views share no pose (docs/law/cameras.md, docs/law/scores.md).
 
 use crate::camera::{ORBITS, View, ViewSet, base_distance, clipping_range, spiral};
 use crate::math::{Purpose, Random};

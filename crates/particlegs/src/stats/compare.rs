@@ -13,7 +13,7 @@ use super::{
     central_slice, compare_density, density_pdf, deposit, deposit_bytes, deposit_steps, find_groups, longest_link,
     profile, size_histogram,
 };
-use crate::model::Law;
+use crate::model::LawKind;
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -159,13 +159,13 @@ impl Job<'_> {
         if !self.domain.periodic.iter().all(|p| *p) && !self.paper() {
             notes.push("axes that are not periodic: P(k) treats them as if they were".into());
         }
-        if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights.is_some())) {
+        if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights().is_some())) {
             notes.push("pairs, groups and neighbours count particles, whatever their weights".into());
         }
         if self.pair.iter().any(|s| s.particles().is_none()) {
             notes.push("a model's density is its mixture integrated over the cells (NGP window, no shot noise)".into());
         }
-        let alpha = |s: &Subject<'_>| matches!(s, Subject::Model(m) if m.metadata.law == Law::AlphaBlend);
+        let alpha = |s: &Subject<'_>| matches!(s, Subject::Model(m) if m.metadata.law == LawKind::AlphaBlend);
         if self.pair.iter().any(alpha) {
             notes.push(
                 "the density of an alpha-blend model follows its opacities, which were fitted to pictures".into(),

@@ -62,8 +62,8 @@ pub fn deposit(
         Subject::Particles(p) => add_particles(&mut field, p, scheme, shift, progress)?,
         Subject::Model(m) => {
             for layer in &m.layers {
-                let parts: Vec<&Mixture> = layer.blocks.iter().map(|b| &b.gaussians).collect();
-                add_mixtures(&mut field, &parts, layer.unit_mass(), shift, progress)?;
+                let parts: Vec<&Mixture> = layer.content.iter().map(|b| &b.gaussians).collect();
+                add_mixtures(&mut field, &parts, layer.mass.unit_or_one(), shift, progress)?;
             }
         }
     }

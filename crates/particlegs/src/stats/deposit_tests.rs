@@ -26,7 +26,7 @@ fn plain(p: &Particles, grid: &Grid, scheme: Assignment, shift: f64) -> Vec<f64>
             let o = [a / 9, a / 3 % 3, a % 3];
             let w: f64 = (0..3).map(|k| axes[k].1[o[k]]).product();
             let at = std::array::from_fn(|k| grid.wrap(k, axes[k].0 + o[k] as i64));
-            out[grid.index(at)] += w * p.weights.as_ref().map_or(1.0, |c| f64::from(c[i]));
+            out[grid.index(at)] += w * p.weights().map_or(1.0, |c| f64::from(c[i]));
         }
     }
     out
@@ -35,8 +35,7 @@ fn plain(p: &Particles, grid: &Grid, scheme: Assignment, shift: f64) -> Vec<f64>
 #[test]
 fn every_scheme_agrees_with_its_plain_twin() {
     let length = [3.0, 10.0, 7.0];
-    let mut p = random(5000, length);
-    p.weights = Some(Column::owned((0..5000).map(|i| 0.5 + (i % 7) as f32).collect()));
+    let p = random(5000, length).with_weights(Column::owned((0..5000).map(|i| 0.5 + (i % 7) as f32).collect()));
     for periodic in [true, false] {
         for longest in [1, 2, 5, 40] {
             let grid = Grid::new(&domain(length, periodic), longest);

@@ -30,9 +30,9 @@ pub fn axis_moments(subject: Subject<'_>) -> [AxisMoments; 3] {
         Subject::Model(m) => {
             let mut sums = [Sums::default(); 3];
             for layer in &m.layers {
-                for g in layer.blocks.iter().map(|b| &b.gaussians) {
+                for g in layer.content.iter().map(|b| &b.gaussians) {
                     for i in 0..g.len() {
-                        let (mass, cov) = (layer.unit_mass() * g.mass_of(i), g.cov_of(i).0);
+                        let (mass, cov) = (layer.mass.unit_or_one() * g.mass_of(i), g.cov_of(i).0);
                         for k in 0..3 {
                             // Raw moments of a Gaussian of mean d and variance v.
                             let (d, v) = (g.mean[k][i] - pivot[k], cov[[0, 3, 5][k]]);

@@ -81,7 +81,9 @@ pub fn nearest_distances(
     progress.check()?;
     let thinned = o.among_sample.then(|| {
         let column = |k: usize| chosen.iter().map(|x| x[k]).collect();
-        Particles { origin: particles.origin, ..Particles::from_columns(column(0), column(1), column(2)) }
+        let mut thinned = Particles::from_columns(column(0), column(1), column(2));
+        thinned.origin = particles.origin;
+        thinned
     });
     let among = thinned.as_ref().unwrap_or(particles);
     let tree = Neighbours::new(among, domain);

@@ -42,7 +42,7 @@ impl<'a> Subject<'a> {
     /// the shot noise of P(k); a mixture has none.
     pub fn shot_noise(&self, domain: &Domain) -> f64 {
         let Subject::Particles(p) = self else { return 0.0 };
-        let squares: f64 = match &p.weights {
+        let squares: f64 = match p.weights() {
             None => p.len() as f64,
             Some(_) => p
                 .par_chunks(|_, c| c.weight.unwrap_or(&[]).iter().map(|&w| f64::from(w) * f64::from(w)).sum::<f64>())

@@ -1,7 +1,7 @@
 //! What the tests of this room share.
 
 use crate::math::Sym3;
-use crate::model::{Block, Law, Layer, Metadata, Mixture, Model};
+use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
 use crate::particles::{Bounds, Cell};
 
 /// A model of given Gaussians (mean, covariance, count) in a periodic box.
@@ -11,7 +11,7 @@ pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model 
     let count = m.count.iter().sum::<f64>() as u64;
     let bounds = Bounds { min: [0.0; 3], max: length };
     let metadata = Metadata {
-        law: Law::OpticalDepth,
+        law: LawKind::OpticalDepth,
         count,
         mass: count as f64,
         bounds,
@@ -30,6 +30,6 @@ pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model 
         tool_version: String::new(),
     };
     let block = Block { bounds, count, mass: count as f64, gaussians: m };
-    let layer = Layer { name: "all".into(), particle_mass: None, blocks: vec![block] };
-    Model { metadata, layers: vec![layer], vizmapper: None, certificate: None }
+    let layer = Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] };
+    Model { metadata, layers: vec![layer], certificate: None }
 }

@@ -3,14 +3,14 @@
 
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
-    Baselines, Block, Certificate, Law, Limit, LookBaselines, LookScore, Metadata, Mixture, OrbitBaselines, OrbitScore,
-    PictureScore, Science, ScienceOf,
+    Baselines, Block, Certificate, LawKind, Limit, LookBaselines, LookScore, Metadata, Mixture, OrbitBaselines,
+    OrbitScore, PictureScore, Science, ScienceOf,
 };
 use particlegs::particles::{Bounds, Cell};
 
 /// A mixture of `n` Gaussians in a box of `scale` at `origin`.
 pub fn mixture(n: usize, seed: u64, origin: f64, scale: f64, weighted: bool) -> Mixture {
-    let mut m = Mixture { mass: weighted.then(Vec::new), ..Mixture::default() };
+    let mut m = Mixture::new(weighted);
     for i in 0..n {
         let mut r = Random::new(seed, 1, i as u64);
         // Clustered places, sizes over three decades, all shapes.
@@ -29,7 +29,7 @@ pub fn block(gaussians: Mixture) -> Block {
     let mut bounds = Bounds::empty();
     (0..gaussians.len()).for_each(|i| bounds.include(gaussians.mean_of(i)));
     let count = gaussians.count.iter().sum::<f64>().round().max(1.0);
-    let mass = gaussians.mass.as_ref().map_or(count, |m| m.iter().sum());
+    let mass = gaussians.masses().map_or(count, |m| m.iter().sum());
     Block { bounds, count: count as u64, mass, gaussians }
 }
 
@@ -37,7 +37,7 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
     let bounds = blocks.iter().fold(Bounds::empty(), |b, x| b.union(&x.bounds));
     let count = blocks.iter().map(|b| b.count).sum();
     Metadata {
-        law: Law::OpticalDepth,
+        law: LawKind::OpticalDepth,
         count,
         mass: blocks.iter().map(|b| b.mass).sum(),
         bounds,

@@ -5,7 +5,7 @@ use super::project::Gaussian;
 use crate::camera::{Normalisation, View};
 use crate::math::Sym3;
 use crate::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
-use crate::model::{Law, Mixture, Model, VizMapper};
+use crate::model::{LawKind, Mixture, Model, VizMapper};
 use crate::{Error, Result};
 use rayon::prelude::*;
 
@@ -35,8 +35,8 @@ impl<'a> Blend<'a> {
     /// That of a model, where its law is this one.
     pub fn of(model: &'a Model) -> Option<Self> {
         let m = &model.metadata;
-        (m.law == Law::AlphaBlend).then(|| Blend {
-            vizmapper: model.vizmapper.as_ref(),
+        (m.law == LawKind::AlphaBlend).then(|| Blend {
+            vizmapper: model.vizmapper().map(|v| &**v),
             frame: Normalisation::of(&m.bounds),
             radius: m.default_radius,
             opacity: m.default_opacity,
@@ -98,11 +98,11 @@ impl<'a> Blend<'a> {
 
     /// A Gaussian in the training frame, not yet bent, and the network's inputs.
     fn normal(&self, m: &Mixture, i: usize, setting: Setting) -> std::result::Result<(Gaussian, [f32; 4]), String> {
-        let shade = m.shade.as_ref().ok_or("the mixture has no opacities, which the alpha-blend law needs")?;
+        let own = m.law.alpha_blend().ok_or("the mixture has no opacities, which the alpha-blend law needs")?;
         let scale = self.frame.scale;
         let mean: [f64; 3] = std::array::from_fn(|k| (m.mean[k][i] - self.frame.center[k]) * scale);
         let cov = Sym3(m.cov_of(i).0.map(|v| v * scale * scale));
-        let (opacity, grey) = (shade.opacity[i], shade.grey[i]);
+        let (opacity, grey) = (own.opacity[i], own.grey[i]);
         for (what, values) in
             [("mean", &mean[..]), ("covariance", &cov.0[..]), ("opacity", &[opacity]), ("grey level", &[grey])]
         {

@@ -4,7 +4,7 @@
 use super::eye::Eye;
 use crate::math::Sym3;
 
-/// Variance added to every footprint along either axis: one pixel, in quadrature (spec: paper.md).
+/// Variance added to every footprint along either axis: one pixel, in quadrature (docs/law/published.md).
 pub const LOW_PASS: f64 = 1.0;
 
 /// Least ratio of determinants that is compensated for (3DGS, antialiasing).

@@ -1,12 +1,12 @@
 //! Models for tests.
 
-use crate::model::{Law, Metadata, Model};
+use crate::model::{LawKind, Metadata, Model};
 use crate::space::Bounds;
 
 /// A model of the alpha-blend law without layers.
 pub fn empty_model(bounds: Bounds, count: u64) -> Model {
     let metadata = Metadata {
-        law: Law::AlphaBlend,
+        law: LawKind::AlphaBlend,
         count,
         mass: count as f64,
         bounds,
@@ -24,5 +24,5 @@ pub fn empty_model(bounds: Bounds, count: u64) -> Model {
         command: String::new(),
         tool_version: String::new(),
     };
-    Model { metadata, layers: Vec::new(), vizmapper: None, certificate: None }
+    Model { metadata, layers: Vec::new(), certificate: None }
 }

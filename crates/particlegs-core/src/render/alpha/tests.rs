@@ -6,12 +6,13 @@ use super::testing::empty_model;
 use super::*;
 use crate::camera::{Camera, Normalisation, Projection, View};
 use crate::math::{Random, Sym3};
-use crate::model::{Block, Layer, Mixture, Model, Shade, VizMapper, VizRanges};
+use crate::model::{AlphaBlend, Block, Law, Layer, Mass, Mixture, Model, VizMapper, VizRanges};
 use crate::picture::{Plane, Size};
 use crate::progress::Silent;
 use crate::render::{self, Scene};
 use crate::space::Bounds;
 use crate::splat::Look;
+use std::sync::Arc;
 
 const SIZE: Size = Size { width: 83, height: 61 };
 const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
@@ -170,18 +171,18 @@ fn one_gaussian_by_hand() {
 fn model(n: usize, vizmapper: Option<VizMapper>) -> Model {
     let bounds = Bounds { min: [10.0; 3], max: [60.0; 3] };
     let frame = Normalisation::of(&bounds);
-    let mut gaussians = Mixture { shade: Some(Shade::default()), ..Mixture::default() };
+    let mut gaussians = Mixture::default();
+    let mut law = AlphaBlend { vizmapper: vizmapper.map(Arc::new), ..AlphaBlend::default() };
     for g in self::gaussians(11, n as u64, 0.05) {
         let mean = std::array::from_fn(|k| frame.center[k] + g.mean[k] / frame.scale);
         gaussians.push(mean, g.cov.scale(frame.scale.powi(-2)), 1.0, 1.0);
-        let shade = gaussians.shade.as_mut().unwrap();
-        shade.opacity.push(g.opacity);
-        shade.grey.push(g.grey);
+        law.opacity.push(g.opacity);
+        law.grey.push(g.grey);
     }
+    gaussians.law = Law::AlphaBlend(law);
     let block = Block { bounds, count: n as u64, mass: n as f64, gaussians };
     let mut model = empty_model(bounds, n as u64);
-    model.layers = vec![Layer { name: "dm".into(), particle_mass: None, blocks: vec![block] }];
-    model.vizmapper = vizmapper;
+    model.layers = vec![Layer { name: "dm".into(), mass: Mass::Unknown, content: vec![block] }];
     model
 }
 
@@ -231,11 +232,11 @@ fn faults_are_named() {
         |m: &Model, v: &View| render::draw(&Scene::of(m), v, SIZE, Look::Expected, &Silent).unwrap_err().to_string();
     let mut m = model(20, None);
     let mut v = world_view(&m);
-    m.layers[0].blocks[0].gaussians.mean[1][17] = f64::NAN;
+    m.layers[0].content[0].gaussians.mean[1][17] = f64::NAN;
     assert_eq!(fault(&m, &v), "Gaussian 17: its mean is not finite");
-    m.layers[0].blocks[0].gaussians.shade.as_mut().unwrap().opacity[3] = f64::INFINITY;
+    m.layers[0].content[0].gaussians.law.alpha_blend_mut().unwrap().opacity[3] = f64::INFINITY;
     assert_eq!(fault(&m, &v), "Gaussian 3: its opacity is not finite");
-    m.layers[0].blocks[0].gaussians.shade = None;
+    m.layers[0].content[0].gaussians.law = Law::OpticalDepth;
     assert!(fault(&m, &v).contains("no opacities"));
     v.camera.projection = Projection::Orthographic { height_world: 50.0 };
     assert!(fault(&m, &v).contains("only be drawn in perspective"));

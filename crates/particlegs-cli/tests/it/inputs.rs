@@ -1,0 +1,309 @@
+//! Inputs that are pipes, devices, links to nowhere, of the wrong kind, or that carry names which mean
+//! harm: one clear line each, and nothing that hangs or takes memory.
+#![cfg(unix)]
+
+use crate::common::{fails, listing, particlegs, snapshot};
+use std::io::Write;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+/// The binary, for what is started and left running.
+fn started(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_particlegs"));
+    command.current_dir(folder).args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-formats/tests/fixtures").join(name)
+}
+
+/// A few particles and a model of them, in a new folder.
+fn small() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let column = |k: u32| (0..64u32).map(|i| (i * (k + 7) % 61) as f32).collect::<Vec<f32>>();
+    snapshot(&dir.path().join("in"), &[column(0), column(3), column(5)]);
+    let mut c = particlegs();
+    c.current_dir(&dir).args(["compress", "in", "-o", "m.pgs", "--gaussians", "4", "--no-certificate", "-q"]);
+    c.assert().success();
+    dir
+}
+
+fn pipe(path: &Path) {
+    assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
+}
+
+/// The commands that read a model, a views file, a configuration or a snapshot at `NAME`.
+const READERS: [&[&str]; 10] = [
+    &["info", "NAME"],
+    &["render", "NAME", "--out", "pictures"],
+    &["simplify", "NAME", "-o", "s.pgs", "--gaussians", "2"],
+    &["verify", "NAME"],
+    &["recover", "NAME", "-o", "drawn"],
+    &["convert", "NAME", "-o", "copy"],
+    &["merge", "NAME", "m.pgs", "-o", "both.pgs"],
+    &["eval", "NAME", "in"],
+    &["render", "m.pgs", "--views", "NAME", "--out", "pictures"],
+    &["compress", "in", "-o", "n.pgs", "--train", "fast", "--config", "NAME"],
+];
+
+fn naming(arguments: &[&str], name: &str) -> Vec<String> {
+    arguments.iter().map(|a| a.replace("NAME", name)).collect()
+}
+
+#[test]
+fn endless_devices_are_left_after_their_first_bytes() {
+    let dir = small();
+    for reader in READERS {
+        let arguments = naming(reader, "/dev/zero");
+        // A few gigabytes of address space: what is read without a bound ends by a signal.
+        let mut c = Command::new("timeout");
+        c.current_dir(&dir).args(["20", "bash", "-c", "ulimit -v 4000000; exec \"$0\" \"$@\""]);
+        let out = c.arg(env!("CARGO_BIN_EXE_particlegs")).args(&arguments).output().unwrap();
+        let text = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(matches!(out.status.code(), Some(3 | 4)), "{arguments:?}: {:?} {text}", out.status);
+        assert_eq!(text.lines().filter(|l| l.starts_with("error: ")).count(), 1, "{arguments:?}: {text}");
+    }
+    for name in ["n.pgs", "s.pgs", "both.pgs", "drawn", "copy"] {
+        assert!(!dir.path().join(name).exists(), "{name}");
+    }
+}
+
+#[test]
+fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
+    let dir = small();
+    pipe(&dir.path().join("pipe"));
+    let logs = tempfile::tempdir().unwrap();
+    let start = |(i, reader): (usize, &&[&str])| {
+        let arguments = naming(reader, "pipe");
+        let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        let log = logs.path().join(i.to_string());
+        let child = started(dir.path(), &words).stderr(std::fs::File::create(&log).unwrap()).spawn().unwrap();
+        (arguments, log, child)
+    };
+    // All wait beside each other; each says so before it is told to stop.
+    for (arguments, log, mut child) in READERS.iter().enumerate().map(start).collect::<Vec<_>>() {
+        let within = |done: &mut dyn FnMut() -> bool| {
+            (0..600).any(|_| {
+                std::thread::sleep(Duration::from_millis(100));
+                done()
+            })
+        };
+        let says = || std::fs::read_to_string(&log).unwrap().contains("waiting for data from pipe");
+        let said = within(&mut || says());
+        let alive = child.try_wait().unwrap().is_none();
+        assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+        let ended = within(&mut || child.try_wait().unwrap().is_some());
+        let _ = child.kill();
+        assert!(said && alive, "{arguments:?} does not wait: {}", std::fs::read_to_string(&log).unwrap());
+        assert!(ended, "{arguments:?} goes on waiting after SIGTERM");
+    }
+}
+
+#[test]
+fn what_a_pipe_or_standard_input_gives_is_read() {
+    let dir = small();
+    let fed = |arguments: &[&str], file: &Path| {
+        let bytes = std::fs::read(file).unwrap();
+        let mut child = started(dir.path(), arguments).stdin(Stdio::piped()).spawn().unwrap();
+        let mut to = child.stdin.take().unwrap();
+        let writer = std::thread::spawn(move || to.write_all(&bytes));
+        let out = child.wait_with_output().unwrap();
+        writer.join().unwrap().unwrap();
+        let text = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(out.status.success(), "{arguments:?}: {text}");
+        String::from_utf8(out.stdout).unwrap()
+    };
+    let model = dir.path().join("m.pgs");
+    for name in ["-", "/dev/stdin"] {
+        assert_eq!(fed(&["verify", name], &model).matches("64 particles").count(), 1);
+        assert!(fed(&["info", name], &model).contains("image law optical-depth"));
+    }
+    for name in ["species.hdf5", "header.csv.gz", "plain.xyz", "two_frames.dump.gz"] {
+        let text = fed(&["info", "-"], &fixture(name));
+        let told = String::from_utf8(particlegs().arg("info").arg(fixture(name)).output().unwrap().stdout).unwrap();
+        let rest = |t: &str| t.lines().filter(|l| !l.starts_with("files")).collect::<Vec<_>>().join("\n");
+        assert_eq!(rest(&text), rest(&told), "{name}");
+        assert!(text.contains("files              -"), "{text}");
+        fed(&["compress", "-", "-o", "piped.pgs", "--gaussians", "2", "--no-certificate", "--force"], &fixture(name));
+    }
+    // Broken data are told under the name that people know.
+    let mut child = started(dir.path(), &["compress", "-", "-o", "x.pgs"]).stdin(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(b"\x01\x02\x03").unwrap();
+    let text = String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap();
+    assert!(text.starts_with("error: standard input: not in a format"), "{text}");
+}
+
+#[test]
+fn the_wrong_kind_of_input_names_the_right_command() {
+    let dir = small();
+    let at = |name: &str| dir.path().join(name);
+    std::fs::copy(fixture("species.hdf5"), at("snap.hdf5")).unwrap();
+    std::fs::write(at("picture.png"), b"\x89PNG\r\n\x1a\n").unwrap();
+    std::fs::create_dir(at("empty")).unwrap();
+    let mut plan = particlegs();
+    plan.current_dir(&dir).args(["plan", "in", "-o", "job", "--blocks", "2", "--gaussians", "4", "-q"]);
+    plan.assert().success();
+    let said = |arguments: &[&str]| {
+        let mut c = particlegs();
+        let out = c.current_dir(&dir).args(arguments).output().unwrap();
+        let text = String::from_utf8(out.stderr).unwrap();
+        assert_eq!(out.status.code(), Some(3), "{arguments:?}: {text}");
+        text
+    };
+    for (name, what, command) in [
+        ("snap.hdf5", "a snapshot (HDF5", "`particlegs compress`"),
+        ("in", "a snapshot (raw", "`particlegs compress`"),
+        ("job", "a job's folder", "`particlegs merge`"),
+        ("job/runs.bin", "a file of a job", "`particlegs merge`"),
+        ("picture.png", "a picture (PNG)", "name a model file"),
+        ("empty", "a folder", "name a model file"),
+    ] {
+        let text = said(&["render", name, "--out", "pictures"]);
+        assert!(text.contains(&format!("{name}: {what}")) && text.contains("not a model file"), "{text}");
+        assert!(text.contains(command), "{text}");
+    }
+    for (name, what, command) in [
+        ("m.pgs", "a model file, not a snapshot", "`particlegs recover`"),
+        ("job", "a job's folder, not a snapshot", "`particlegs merge`"),
+        ("picture.png", "a picture (PNG), not a snapshot", "name a snapshot"),
+    ] {
+        let text = said(&["compress", name, "-o", "n.pgs"]);
+        assert!(text.contains(&format!("{name}: {what}")) && text.contains(command), "{text}");
+    }
+    assert!(!at("n.pgs").exists() && !at("pictures").exists());
+}
+
+#[test]
+fn a_bound_on_memory_is_not_the_machine() {
+    let dir = small();
+    let mut c = particlegs();
+    c.current_dir(&dir).args(["compress", "in", "-o", "n.pgs", "--memory", "100MiB"]);
+    let out = c.output().unwrap();
+    let text = String::from_utf8(out.stderr).unwrap();
+    assert_eq!(out.status.code(), Some(7), "{text}");
+    assert!(text.contains("are allowed") && text.contains("`--memory`") && !text.contains("machine"), "{text}");
+}
+
+#[test]
+fn foreign_text_does_not_reach_the_terminal_raw() {
+    let dir = small();
+    let name = "Evil\u{1b}]0;title\u{7}\u{9b}2J\u{202e}\nrow";
+    let meta = serde_json::json!({ "length_unit": name, "layers": [{ "name": name, "particles": 64 }] });
+    std::fs::write(dir.path().join("in/meta.json"), meta.to_string()).unwrap();
+    std::fs::write(
+        dir.path().join("views.json"),
+        serde_json::json!({ "width": 8, "height": 8, "fov_deg": 30.0, "views": [{ "name": name }] }).to_string(),
+    )
+    .unwrap();
+    let escaped = "Evil\\u{1b}]0;title\\u{7}\\u{9b}2J\\u{202e}";
+    for (arguments, shown) in [
+        (&["info", "in"][..], true),
+        (&["compress", "in", "-o", "e.pgs", "--gaussians", "2", "--no-certificate"], false),
+        (&["info", "e.pgs"], true),
+        (&["render", "e.pgs", "--layer", name, "--size", "16x16", "--out", "x"], false),
+        (&["render", "e.pgs", "--layer", "none", "--out", "x"], true),
+        (&["info", name], false),
+        (&["block", "in", &format!("env:{name}")], false),
+        (&["info", "in", "--json", "-"], false),
+        (&["render", "e.pgs", "--views", "views.json", "--out", "x"], false),
+    ] {
+        let mut c = particlegs();
+        let out = c.current_dir(&dir).args(arguments).output().unwrap();
+        let text = String::from_utf8([out.stdout, out.stderr].concat()).unwrap();
+        assert!(!text.contains(|c: char| c != '\n' && (c.is_control() || c == '\u{202e}')), "{arguments:?}: {text:?}");
+        assert!(!shown || text.contains(escaped), "{arguments:?}: {text}");
+        // No row of a table is broken in two.
+        assert!(!text.lines().any(|l| l.starts_with("row")), "{arguments:?}: {text}");
+    }
+}
+
+#[test]
+fn paths_need_not_be_utf8() {
+    let dir = small();
+    let odd = |name: &[u8]| dir.path().join(std::ffi::OsStr::from_bytes(name));
+    let (snapshot, model, folder) = (odd(b"in\xff"), odd(b"m\xfe.pgs"), odd(b"out\xfd"));
+    std::fs::rename(dir.path().join("in"), &snapshot).unwrap();
+    let run = |arguments: &[&dyn AsRef<std::ffi::OsStr>]| {
+        let mut c = particlegs();
+        arguments.iter().for_each(|a| {
+            c.arg(a);
+        });
+        let out = c.args(["--json", "-"]).output().unwrap();
+        let text = String::from_utf8(out.stderr).unwrap();
+        assert!(out.status.success() && !text.contains("panicked"), "{text}");
+        serde_json::from_slice::<serde_json::Value>(&out.stdout).unwrap()
+    };
+    let made = run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--no-certificate"]);
+    assert!(made["output"].as_str().unwrap().contains('\u{fffd}'));
+    // The same again: there is another report of what is there.
+    run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--no-certificate"]);
+    run(&[&"info", &snapshot]);
+    run(&[&"info", &model]);
+    run(&[&"render", &model, &"--size", &"16x16", &"--out", &folder]);
+    run(&[&"simplify", &model, &"-o", &odd(b"s\xff.pgs"), &"--gaussians", &"2"]);
+    run(&[&"recover", &model, &"-o", &odd(b"drawn\xff")]);
+    run(&[&"recover", &model, &"-o", &odd(b"drawn\xff")]);
+    run(&[&"convert", &snapshot, &"-o", &odd(b"copy\xff.hdf5")]);
+    run(&[&"merge", &model, &"-o", &odd(b"merged\xff.pgs")]);
+    // A job's manifest is JSON: such a path is refused before anything is made.
+    let mut c = particlegs();
+    fails(c.arg("plan").arg(&snapshot).arg("-o").arg(dir.path().join("job")), 2, "UTF-8");
+    assert!(!dir.path().join("job").exists());
+}
+
+#[test]
+fn stated_units_are_compared_with_what_files_say() {
+    let dir = small();
+    std::fs::write(dir.path().join("in/meta.json"), r#"{"length_unit": "Angstrom", "box": 70}"#).unwrap();
+    let said = |arguments: &[&str]| {
+        let mut c = particlegs();
+        let out = c.current_dir(&dir).args(arguments).output().unwrap();
+        assert!(out.status.success());
+        String::from_utf8([out.stdout, out.stderr].concat()).unwrap()
+    };
+    let compress = ["compress", "in", "-o", "u.pgs", "--gaussians", "2", "--no-certificate"];
+    let told = |more: &[&str]| {
+        // Each run is another model: what is there is not in the way.
+        let _ = std::fs::remove_file(dir.path().join("u.pgs"));
+        [said(&[&["info", "in"], more].concat()), said(&[&compress[..], more].concat())]
+    };
+    let nm = "the unit of length is taken as nm; the file says Angstrom";
+    assert!(told(&["--length-unit", "nm"]).iter().all(|t| t.contains(nm)));
+    assert!(told(&["--length-unit", "Angstrom"]).iter().all(|t| !t.contains("is taken as")));
+    assert!(told(&["--length-unit", "parsecs-ish"]).iter().all(|t| t.contains("no unit of length that is known")));
+    assert!(told(&["--mass-unit", "Msun/h"]).iter().all(|t| !t.contains("known")));
+    assert!(told(&["--box", "80"]).iter().all(|t| t.contains("the box is taken as 80 x 80 x 80")));
+}
+
+#[test]
+fn a_file_that_is_cut_short_while_it_is_read_ends_with_one_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let n = 3_000_000;
+    let column = |k: u64| (0..n).map(|i| (i * (7 + k) % 99_991) as f32).collect::<Vec<f32>>();
+    let input = dir.path().join("in");
+    snapshot(&input, &[column(0), column(3), column(5)]);
+    let files = ["xx.f32", "yy.f32", "zz.f32"].map(|f| input.join(f));
+    let before = listing(dir.path());
+    let arguments = ["compress", "in", "-o", "m.pgs", "--ratio", "50", "--no-certificate", "--threads", "1"];
+    let mut child = started(dir.path(), &arguments).spawn().unwrap();
+    // Whether it is already read or not: as soon as it maps the columns.
+    let maps = format!("/proc/{}/maps", child.id());
+    let mapped = (0..2000).any(|_| {
+        std::thread::sleep(Duration::from_millis(2));
+        std::fs::read_to_string(&maps).is_ok_and(|m| m.contains("zz.f32"))
+    });
+    if mapped {
+        files.iter().for_each(|f| std::fs::File::options().write(true).open(f).unwrap().set_len(4).unwrap());
+    } else {
+        child.kill().unwrap();
+    }
+    let out = child.wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(mapped, "the columns were not mapped: {text}");
+    assert_eq!(out.status.code(), Some(6), "{:?}: {text}", out.status);
+    assert_eq!(text.lines().filter(|l| l.starts_with("error: a file ended while it was read")).count(), 1, "{text}");
+    assert_eq!(listing(dir.path()), before);
+}

@@ -1,0 +1,24 @@
+//! The command as a user runs it, end to end.
+
+mod alpha_blend;
+mod bad_input;
+mod common;
+mod compress;
+mod convert;
+mod eval;
+mod formats;
+mod help;
+mod inputs;
+mod job;
+mod look;
+mod memory;
+mod merge_recover;
+mod models;
+mod odd_options;
+mod options;
+mod outputs;
+mod simplify;
+mod stats;
+mod train;
+mod verdict;
+mod views;

@@ -1,0 +1,80 @@
+//! Models that no fit makes: small ones of the sample, and many equal Gaussians.
+
+use particlegs::math::Sym3;
+use particlegs::model::{
+    AlphaBlend, Block, Law, LawKind, Layer, Mass, Metadata, Mixture, Model, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
+};
+use particlegs::particles::{Bounds, Particles, source_hash};
+
+/// Metadata of a model of so many particles in some bounds.
+fn metadata(law: LawKind, count: u64, bounds: Bounds) -> Metadata {
+    Metadata {
+        law,
+        count,
+        mass: count as f64,
+        bounds,
+        cell: None,
+        default_radius: bounds.default_radius(count),
+        default_opacity: 0.05,
+        source: "nbody64".into(),
+        source_hash: [0; 32],
+        length_unit: None,
+        mass_unit: None,
+        comoving: None,
+        scale_factor: None,
+        hubble: None,
+        time: None,
+        command: "a test".into(),
+        tool_version: String::new(),
+    }
+}
+
+/// A model of one layer and one block.
+fn model(metadata: Metadata, gaussians: Mixture) -> Model {
+    let (bounds, count, mass) = (metadata.bounds, metadata.count, metadata.mass);
+    let blocks = vec![Block { bounds, count, mass, gaussians }];
+    let layers = vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: blocks }];
+    Model { metadata, layers, certificate: None }
+}
+
+/// A model of `n` equal Gaussians.
+pub fn equal_gaussians(n: usize) -> Model {
+    let mut gaussians = Mixture::default();
+    (0..n).for_each(|_| gaussians.push([1.0; 3], Sym3::scaled_identity(0.01), 1.0, 1.0));
+    model(metadata(LawKind::OpticalDepth, n as u64, Bounds { min: [0.0; 3], max: [2.0; 3] }), gaussians)
+}
+
+/// Runs of the sample's particles, which are compact.
+const RUN: usize = 4096;
+
+/// Moments of some of the sample's runs, with opacities that rise from one to the next where the law has any.
+pub fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: LawKind) -> Model {
+    let mut gaussians = Mixture::default();
+    let network = VizMapper {
+        parameters: (0..VIZMAPPER_PARAMETERS).map(|i| 0.01 * (i % 13) as f32).collect(),
+        ranges: VizRanges::TRAINING,
+    };
+    let mut columns = AlphaBlend { vizmapper: Some(network.into()), ..AlphaBlend::default() };
+    let mut bounds = Bounds::empty();
+    for run in runs {
+        let all: Vec<[f64; 3]> = (RUN * run..RUN * (run + 1)).map(|i| particles.position(i)).collect();
+        let mean: [f64; 3] = std::array::from_fn(|k| all.iter().map(|p| p[k]).sum::<f64>() / RUN as f64);
+        let outer = |p: &[f64; 3]| Sym3::outer(std::array::from_fn(|k| p[k] - mean[k]));
+        let sum = all.iter().fold(Sym3::default(), |s, p| s.add(&outer(p)));
+        all.iter().for_each(|p| bounds.include(*p));
+        gaussians.push(mean, sum.scale(1.0 / RUN as f64), RUN as f64, RUN as f64);
+        columns.opacity.push(0.02 + 0.01 * run as f64);
+        columns.grey.push(0.9);
+    }
+    let count = (RUN * gaussians.len()) as u64;
+    if law == LawKind::AlphaBlend {
+        gaussians.law = Law::AlphaBlend(columns);
+    }
+    let metadata = Metadata {
+        cell: particles.meta.cell,
+        length_unit: particles.meta.length_unit.clone(),
+        source_hash: source_hash(particles),
+        ..metadata(law, count, bounds)
+    };
+    model(metadata, gaussians)
+}

@@ -1,0 +1,146 @@
+//! Every option of every command that reads or draws, as its own help lists them, at odd values: the
+//! command ends with success or one line of error, or is at work and hears that it is to stop.
+
+use crate::common::{particlegs, snapshot};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A value that makes work is told to stop after this ...
+const PATIENCE: Duration = Duration::from_secs(4);
+/// ... and has then stopped within this, on a machine that does much else.
+const HEARD: Duration = Duration::from_secs(30);
+
+const VALUES: [&str; 9] =
+    ["0", "-1", "5e-324", "1e-300", "1e300", "nan", "inf", "18446744073709551615", "1e-9,1e300,1"];
+
+/// A command with what it cannot do without, and what keeps it small.
+struct Base {
+    command: &'static str,
+    inputs: &'static [&'static str],
+    small: &'static [(&'static str, &'static str)],
+}
+
+const COMMANDS: [Base; 9] = [
+    Base {
+        command: "compress",
+        inputs: &["snap", "--no-certificate"],
+        small: &[("-o", "@.pgs"), ("--effort", "fast"), ("--ratio", "10")],
+    },
+    Base { command: "render", inputs: &["m.pgs"], small: &[("--out", "@"), ("--size", "32x24")] },
+    Base { command: "reference", inputs: &["snap"], small: &[("--out", "@"), ("--size", "32x24")] },
+    Base { command: "eval", inputs: &["m.pgs", "snap"], small: &[("--frames", "1"), ("--size", "32x24")] },
+    Base {
+        command: "stats",
+        inputs: &["snap", "snap", "--no-plots"],
+        small: &[("-o", "@"), ("--grid", "8"), ("--spectrum-grid", "8"), ("--pairs", "10000")],
+    },
+    Base { command: "simplify", inputs: &["m.pgs"], small: &[("-o", "@.pgs"), ("--gaussians", "5")] },
+    Base { command: "recover", inputs: &["m.pgs"], small: &[("-o", "@"), ("--particles", "50")] },
+    Base { command: "convert", inputs: &["snap"], small: &[("-o", "@")] },
+    Base { command: "plan", inputs: &["snap"], small: &[("-o", "@"), ("--blocks", "2")] },
+];
+
+/// A snapshot and a model of it.
+fn inputs(folder: &Path) {
+    let column = |k: u64| (0..600u64).map(|i| ((i * (7 + k) * 2_654_435_761) % 10_007) as f32 * 1e-2).collect();
+    snapshot(&folder.join("snap"), &[column(0), column(1), column(2)]);
+    let made = particlegs()
+        .current_dir(folder)
+        .args(["compress", "snap", "-o", "m.pgs", "--gaussians", "20", "--effort", "fast", "--no-certificate", "-q"])
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+}
+
+/// The options of a command that take a value, from its help.
+fn options(command: &str) -> Vec<String> {
+    let out = particlegs().args([command, "--help"]).output().unwrap();
+    let help = String::from_utf8(out.stdout).unwrap();
+    let option = |line: &str| {
+        let (before, _) = line.trim().split_once(" <")?;
+        let name = before.split(' ').next_back()?;
+        (line.trim().starts_with('-') && name.starts_with("--")).then(|| name.to_string())
+    };
+    let found: Vec<String> = help.lines().filter_map(option).collect();
+    assert!(found.len() > 3, "{command}: {found:?}");
+    found
+}
+
+fn arguments(base: &Base, option: &str, value: &str, number: usize) -> Vec<String> {
+    let mut all: Vec<String> = [base.command].iter().chain(base.inputs).map(|s| s.to_string()).collect();
+    for (name, small) in base.small {
+        if *name != option && !(*name == "-o" && option == "--out") {
+            all.extend([name.to_string(), small.replace('@', &format!("out{number}"))]);
+        }
+    }
+    all.extend(["-q".into(), format!("{option}={value}")]);
+    all
+}
+
+fn wait(child: &mut Child, limit: Duration) -> bool {
+    let start = Instant::now();
+    while start.elapsed() < limit {
+        if child.try_wait().unwrap().is_some() {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(3));
+    }
+    false
+}
+
+/// Runs a command to its end, or to its stop.
+fn run(folder: &Path, arguments: &[String]) {
+    let binary = particlegs().get_program().to_owned();
+    let error = folder.join("stderr");
+    let mut child = Command::new(binary)
+        .current_dir(folder)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(std::fs::File::create(&error).unwrap())
+        .spawn()
+        .unwrap();
+    let mut ended = wait(&mut child, PATIENCE);
+    if !ended {
+        let told = Command::new("kill").arg(child.id().to_string()).status().unwrap();
+        assert!(told.success());
+        ended = wait(&mut child, HEARD);
+    }
+    if !ended {
+        child.kill().unwrap();
+    }
+    let status = child.wait().unwrap();
+    let text = std::fs::read_to_string(&error).unwrap();
+    assert!(ended, "{arguments:?} does not end:\n{text}");
+    let code = status.code().unwrap_or_else(|| panic!("{arguments:?} ended by {status}:\n{text}"));
+    assert!([0, 2, 3, 4, 5, 6, 7, 8, 75, 130].contains(&code), "{arguments:?} ended with {code}:\n{text}");
+    let errors = text.lines().filter(|l| l.starts_with("error:")).count();
+    assert!(!text.contains("panicked") && errors == usize::from(code != 0), "{arguments:?} ended with {code}:\n{text}");
+}
+
+/// Every option at one value in turn, from the `first` on.
+fn sweep(first: usize) {
+    let dir = tempfile::tempdir().unwrap();
+    inputs(dir.path());
+    let mut number = 0;
+    for base in &COMMANDS {
+        for (i, option) in options(base.command).iter().enumerate() {
+            let value = VALUES[(first + i) % VALUES.len()];
+            run(dir.path(), &arguments(base, option, value, number));
+            number += 1;
+        }
+    }
+    assert!(number > 50);
+}
+
+#[test]
+fn options_at_odd_values_end() {
+    sweep(0);
+}
+
+#[test]
+#[ignore = "slow"]
+fn options_at_other_odd_values_end() {
+    sweep(4);
+}

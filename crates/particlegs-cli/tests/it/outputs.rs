@@ -1,0 +1,603 @@
+//! Every command that writes, at every place that it can be told to write to: right or refused, and
+//! nothing of the user's is changed.
+#![cfg(target_os = "linux")]
+
+use crate::common::{listing, snapshot};
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::os::unix::fs::{FileTypeExt, symlink};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// What a command writes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Writes {
+    /// A model, kept without --force.
+    Model,
+    /// A snapshot in one file, likewise.
+    Particles,
+    /// A snapshot in a folder, likewise.
+    Columns,
+    /// A job's folder, likewise.
+    Job,
+    /// A folder with this file in it, which is replaced by its own kind.
+    Within(&'static str),
+    /// A result as JSON, likewise; its times differ from run to run.
+    Json,
+}
+
+/// A command: its words, in which OUT is the output and others are files of the workshop.
+struct Case {
+    words: &'static str,
+    writes: Writes,
+    ending: &'static str,
+}
+
+const fn case(words: &'static str, writes: Writes, ending: &'static str) -> Case {
+    Case { words, writes, ending }
+}
+
+const CASES: &[Case] = &[
+    case("compress snap -o OUT --no-certificate --effort fast", Writes::Model, "pgs"),
+    case("compress snap/xx.f32 snap/yy.f32 snap/zz.f32 -o OUT --no-certificate --effort fast", Writes::Model, "pgs"),
+    case("merge m.pgs n.pgs -o OUT", Writes::Model, "pgs"),
+    case("merge job -o OUT --no-certificate", Writes::Model, "pgs"),
+    case("simplify m.pgs -o OUT --gaussians 3", Writes::Model, "pgs"),
+    case("convert snap -o OUT", Writes::Particles, "npy"),
+    case("convert snap -o OUT", Writes::Particles, "hdf5"),
+    case("convert snap -o OUT", Writes::Particles, "vtp"),
+    case("convert snap -o OUT", Writes::Particles, "dump"),
+    case("convert snap -o OUT", Writes::Columns, ""),
+    case("recover m.pgs -o OUT", Writes::Columns, ""),
+    case("recover m.pgs -o OUT --form npy", Writes::Columns, ""),
+    case("plan snap -o OUT --blocks 2 --no-certificate", Writes::Job, ""),
+    case("render m.pgs --out OUT --size 64x48", Writes::Within("view.png"), ""),
+    case("render m.pgs --out OUT --size 64x48 --style density", Writes::Within("view.png"), ""),
+    case("render m.pgs --out OUT --size 64x48 --style density --raw", Writes::Within("view.f32"), ""),
+    case("reference snap --out OUT --size 64x48", Writes::Within("view.png"), ""),
+    case("reference snap --out OUT --size 64x48 --style density", Writes::Within("view.png"), ""),
+    case("stats snap m.pgs -o OUT --only moments --no-plots", Writes::Within("stats.json"), ""),
+    case("info m.pgs --json OUT", Writes::Json, "json"),
+    case("info snap --json OUT", Writes::Json, "json"),
+    case("verify m.pgs --json OUT", Writes::Json, "json"),
+    case("verify job --json OUT", Writes::Json, "json"),
+    case("eval m.pgs snap --frames 1 --size 64x36 --json OUT", Writes::Json, "json"),
+    case("compare pictures pictures --json OUT", Writes::Json, "json"),
+    case("status job --json OUT", Writes::Json, "json"),
+    case("scatter job --json OUT", Writes::Json, "json"),
+    case("block job 0 --json OUT", Writes::Json, "json"),
+];
+
+impl Case {
+    fn is_file(&self) -> bool {
+        matches!(self.writes, Writes::Model | Writes::Particles | Writes::Json)
+    }
+
+    fn has_force(&self) -> bool {
+        matches!(self.writes, Writes::Model | Writes::Particles | Writes::Columns | Writes::Job)
+    }
+
+    fn out(&self, folder: &Path) -> PathBuf {
+        folder.join(if self.ending.is_empty() { "out".into() } else { format!("out.{}", self.ending) })
+    }
+
+    /// The inputs as files.
+    fn inputs(&self, w: &Workshop) -> Vec<PathBuf> {
+        let named = self.words.split(' ').map(|word| w.at(word)).filter(|p| p.exists());
+        named.flat_map(|p| if p.is_dir() { files(&p) } else { vec![p] }).collect()
+    }
+}
+
+/// Files of every kind that commands read.
+struct Workshop {
+    dir: tempfile::TempDir,
+    before: BTreeMap<PathBuf, Vec<u8>>,
+}
+
+impl Workshop {
+    fn new() -> Workshop {
+        let dir = tempfile::tempdir().unwrap();
+        let mut w = Workshop { dir, before: BTreeMap::new() };
+        let columns = |seed: u32| -> Vec<Vec<f32>> {
+            let number = |i: u32, k: u32| (i * (37 + 14 * k) + seed) % 101;
+            (0..3).map(|k| (0..500).map(|i| number(i, k) as f32 * 0.1).collect()).collect()
+        };
+        snapshot(&w.at("snap"), &columns(1));
+        std::fs::write(w.at("snap/meta.json"), "{\"name\": \"snap\"}").unwrap();
+        snapshot(&w.at("other"), &columns(5));
+        for words in [
+            "compress snap -o m.pgs --no-certificate --effort fast --gaussians 8",
+            "compress other -o n.pgs --no-certificate --effort fast --gaussians 5",
+            "plan snap -o job --blocks 2 --no-certificate --effort fast",
+            "scatter job",
+            "block job 0",
+            "block job 1",
+            "render m.pgs --out pictures --size 64x48",
+        ] {
+            let out = w.run(&mut w.command(words, Path::new("")));
+            assert!(out.status.success(), "{words}: {}", String::from_utf8_lossy(&out.stderr));
+        }
+        w.before = contents(w.dir.path());
+        w
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    /// A command of those words, with OUT for the output.
+    fn command(&self, words: &str, out: &Path) -> Command {
+        let mut c = Command::new(assert_cmd::cargo::cargo_bin("particlegs"));
+        let word = |w: &str| if w == "OUT" { out.as_os_str().to_os_string() } else { OsString::from(w) };
+        c.current_dir(self.dir.path()).args(words.split(' ').map(word)).stdin(Stdio::null());
+        c
+    }
+
+    fn run(&self, command: &mut Command) -> Output {
+        command.output().unwrap()
+    }
+
+    /// Nothing that was there before has changed.
+    fn unchanged(&self, what: &str) {
+        let now = contents(self.dir.path());
+        for (path, bytes) in &self.before {
+            assert!(now.get(path) == Some(bytes), "{what}: {} has changed", path.display());
+        }
+    }
+
+    /// A new folder beside the inputs.
+    fn folder(&self) -> tempfile::TempDir {
+        tempfile::tempdir_in(self.dir.path()).unwrap()
+    }
+
+    /// Runs a case and demands an exit code; the inputs stay as they are.
+    fn demand(&self, case: &Case, what: &str, out: &Path, more: &[&str], code: i32) -> Output {
+        let mut c = self.command(case.words, out);
+        let said = self.run(c.args(more));
+        let err = String::from_utf8_lossy(&said.stderr);
+        let what = format!("{} ({}): {what}", case.words, case.ending);
+        assert_eq!(said.status.code(), Some(code), "{what}: {err}");
+        assert!(!err.contains("panicked"), "{what}: {err}");
+        assert_eq!(err.lines().filter(|l| l.starts_with("error:")).count(), usize::from(code != 0), "{what}: {err}");
+        self.unchanged(&what);
+        said
+    }
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    entries.flat_map(|p| if p.is_dir() { files(&p) } else { vec![p] }).collect()
+}
+
+/// The bytes of every regular file under a folder.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let is_file = |p: &PathBuf| std::fs::symlink_metadata(p).is_ok_and(|m| m.is_file());
+    files(folder).into_iter().filter(is_file).map(|p| (p.clone(), std::fs::read(&p).unwrap())).collect()
+}
+
+/// A null device that may be lost, unlike the machine's own; where only root can make one, nobody else can
+/// replace the machine's.
+fn null_device(folder: &Path) -> PathBuf {
+    let node = folder.join("null");
+    let made = Command::new("mknod").arg(&node).args(["c", "1", "3"]).stderr(Stdio::null()).status();
+    if made.is_ok_and(|s| s.success()) && std::fs::write(&node, "x").is_ok() { node } else { "/dev/null".into() }
+}
+
+#[test]
+fn an_input_is_never_an_output() {
+    let w = Workshop::new();
+    for case in CASES.iter().filter(|c| c.is_file()) {
+        let folder = w.folder();
+        let force: &[&str] = if case.has_force() { &["--force"] } else { &[] };
+        for (i, input) in case.inputs(&w).iter().enumerate() {
+            w.demand(case, "an input", input, force, 8);
+            let spelled = w.at("snap/..").join(input.strip_prefix(w.dir.path()).unwrap());
+            w.demand(case, "an input, spelled otherwise", &spelled, force, 8);
+            let (soft, hard) = (folder.path().join(format!("soft{i}")), folder.path().join(format!("hard{i}")));
+            symlink(input, &soft).unwrap();
+            std::fs::hard_link(input, &hard).unwrap();
+            w.demand(case, "a link to an input", &soft, force, 8);
+            w.demand(case, "another name of an input", &hard, force, 8);
+        }
+    }
+    for case in CASES.iter().filter(|c| matches!(c.writes, Writes::Columns | Writes::Job)) {
+        let reads_it = !case.words.starts_with("recover");
+        for input in ["snap", "snap/../snap"] {
+            let force: &[&str] = if reads_it { &["--force"] } else { &[] };
+            w.demand(case, "a folder of real particles", &w.at(input), force, 8);
+        }
+        w.demand(case, "the folder around an input", &w.at("."), &["--force"], 8);
+    }
+    // An argument that is refused before the model is looked at.
+    let tuned = case("finetune m.pgs snap -o OUT --no-certificate --scale 0.01", Writes::Model, "pgs");
+    for input in ["m.pgs", "snap/xx.f32", "snap/meta.json"] {
+        w.demand(&tuned, "an input", &w.at(input), &["--force"], 8);
+    }
+    w.demand(&tuned, "another model", &w.at("n.pgs"), &[], 8);
+}
+
+#[test]
+fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_force_alone() {
+    let w = Workshop::new();
+    for case in CASES {
+        let folder = w.folder();
+        let out = case.out(folder.path());
+        w.demand(case, "a new place", &out, &[], 0);
+        let first = contents(folder.path());
+        assert!(!first.is_empty());
+        let clean = || listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs"));
+        assert!(clean(), "{}", case.words);
+        // The same again: done, or replaced where it is not kept.
+        let again = w.run(&mut w.command(case.words, &out));
+        match (case.writes, again.status.code()) {
+            (Writes::Json | Writes::Within(_), Some(0)) => {}
+            (Writes::Model | Writes::Particles | Writes::Columns | Writes::Job, Some(0)) => {
+                assert_eq!(contents(folder.path()), first);
+            }
+            (_, code) => panic!("{}: {code:?} {}", case.words, String::from_utf8_lossy(&again.stderr)),
+        }
+        if !case.has_force() {
+            continue;
+        }
+        // Something else of the same kind.
+        let other = match case.writes {
+            Writes::Model => Some("simplify n.pgs -o OUT --gaussians 2 --force"),
+            Writes::Particles => Some("convert other -o OUT --force"),
+            Writes::Columns => Some("convert other -o OUT --force"),
+            _ => Some("plan other -o OUT --blocks 3 --no-certificate --force"),
+        };
+        let replaced = w.run(&mut w.command(other.unwrap(), &out));
+        assert!(replaced.status.success(), "{}: {}", case.words, String::from_utf8_lossy(&replaced.stderr));
+        let there = contents(folder.path());
+        assert_ne!(there, first);
+        w.demand(case, "another one is there", &out, &[], 8);
+        assert_eq!(contents(folder.path()), there, "{}", case.words);
+        w.demand(case, "another one is there", &out, &["--force"], 0);
+        assert_eq!(contents(folder.path()), first, "{}", case.words);
+        assert!(clean(), "{}", case.words);
+    }
+}
+
+#[test]
+fn files_of_other_kinds_stay() {
+    let w = Workshop::new();
+    for case in CASES.iter().filter(|c| c.writes != Writes::Particles) {
+        let folder = w.folder();
+        let (mut place, out) = (case.out(folder.path()), case.out(folder.path()));
+        if !case.is_file() {
+            std::fs::create_dir(&out).unwrap();
+            place = out.join(if let Writes::Within(name) = case.writes { name } else { "notes.txt" });
+        }
+        std::fs::write(&place, "my notes").unwrap();
+        let force: &[&str] = if case.has_force() { &["--force"] } else { &[] };
+        for more in [&[][..], force] {
+            w.demand(case, "notes are there", &out, more, 8);
+            assert_eq!(contents(folder.path()), [(place.clone(), b"my notes".to_vec())].into());
+        }
+    }
+}
+
+#[test]
+fn links_are_followed_and_devices_and_pipes_written_through() {
+    let w = Workshop::new();
+    for case in CASES {
+        let folder = w.folder();
+        let at = |name: &str| folder.path().join(name);
+        let force: &[&str] = if case.has_force() { &["--force"] } else { &[] };
+        std::fs::create_dir(at("far")).unwrap();
+        let plain = case.out(&at("far"));
+        let link = case.out(folder.path());
+        symlink(&plain, &link).unwrap();
+        if !case.is_file() {
+            std::fs::create_dir(&plain).unwrap();
+        }
+        w.demand(case, "a link", &link, &[], 0);
+        w.demand(case, "a link to one that is there", &link, force, 0);
+        assert!(link.is_symlink() && plain.exists(), "{}", case.words);
+        let null = null_device(folder.path());
+        if !case.is_file() {
+            let (what, code) = match case.writes {
+                Writes::Job => ("a device is no folder", 8),
+                // A picture is written through, like any file.
+                Writes::Within("view.png") => ("a device takes one picture", 0),
+                Writes::Within("view.f32") => ("a device takes no values beside their description", 2),
+                _ => ("a device is no folder", refusal(case)),
+            };
+            w.demand(case, what, &null, &[], code);
+            continue;
+        }
+        let written = std::fs::read(&plain).unwrap();
+        // The ending decides about the format, and a device has none.
+        let to: &[&str] = match (case.writes, case.ending) {
+            (Writes::Particles, "dump") => &["--to", "lammps"],
+            (Writes::Particles, ending) => &["--to", ending],
+            _ => &[],
+        };
+        w.demand(case, "a device", &null, to, 0);
+        assert!(std::fs::metadata(&null).unwrap().file_type().is_char_device(), "{}", case.words);
+        let pipe = at("pipe");
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || std::fs::read(pipe).unwrap()
+        });
+        w.demand(case, "a pipe", &pipe, to, 0);
+        let read = reader.join().unwrap();
+        assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        let printed = w.demand(case, "standard output", Path::new("-"), to, 0).stdout;
+        if case.writes == Writes::Json {
+            assert!([read, printed].iter().all(|text| serde_json::from_slice::<serde_json::Value>(text).is_ok()));
+        } else {
+            assert!(read == written && printed == written, "{}", case.words);
+        }
+        assert!(listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs")));
+    }
+}
+
+/// What a command that writes into a folder says of a device in its place.
+fn refusal(case: &Case) -> i32 {
+    if matches!(case.writes, Writes::Within(_)) { 6 } else { 8 }
+}
+
+#[test]
+fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
+    let w = Workshop::new();
+    for case in CASES {
+        let folder = w.folder();
+        let out = case.out(folder.path());
+        let said = limited(&w, &w.command(case.words, &out), 0);
+        let err = String::from_utf8_lossy(&said.stderr);
+        assert_eq!(said.status.code(), Some(6), "{}: {err}", case.words);
+        assert!(listing(folder.path()).is_empty(), "{}: {:?}", case.words, listing(folder.path()));
+        // Not even root can make files there.
+        w.demand(case, "a place that cannot be written", &case.out(Path::new("/proc")), &[], 6);
+        w.unchanged(case.words);
+    }
+}
+
+/// Runs a command that may write files of so many blocks of 512 bytes.
+fn limited(w: &Workshop, command: &Command, blocks: u32) -> Output {
+    let mut sh = Command::new("sh");
+    sh.arg("-c").arg(format!("ulimit -f {blocks}; exec \"$0\" \"$@\""));
+    sh.arg(command.get_program()).args(command.get_args()).current_dir(w.dir.path()).output().unwrap()
+}
+
+/// Where room ends between the first file of a set and the last, none of them appears.
+#[test]
+fn files_that_belong_together_appear_together() {
+    let w = Workshop::new();
+    let mut failed = [0, 0];
+    for blocks in [1, 4, 16, 40, 80, 1000] {
+        let folder = w.folder();
+        let words = "stats snap m.pgs -o OUT --only density,moments --grid 8";
+        let said = limited(&w, &w.command(words, folder.path()), blocks);
+        let there = listing(folder.path()).len();
+        match said.status.code() {
+            Some(0) => assert!(there > 5),
+            code => assert_eq!((code, there), (Some(6), 0), "{blocks}: {:?}", listing(folder.path())),
+        }
+        failed[0] += usize::from(!said.status.success());
+    }
+    for blocks in [4, 60, 120, 240, 10_000] {
+        let folder = w.folder();
+        let mut c =
+            w.command("compress snap -o OUT --no-certificate --effort fast --pictures", &folder.path().join("m.pgs"));
+        let said = limited(&w, c.arg(folder.path()), blocks);
+        let there = listing(folder.path());
+        match said.status.code() {
+            Some(0) => assert_eq!(there, ["comparison.png", "density.png", "m.pgs"]),
+            code => assert_eq!((code, &there[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}"),
+        }
+        failed[1] += usize::from(!said.status.success());
+    }
+    assert!((2..6).contains(&failed[0]) && (2..5).contains(&failed[1]), "{failed:?}");
+}
+
+/// Another reader of a folder than `info` may be at work: it never sees new columns beside old ones.
+#[test]
+fn a_failure_leaves_the_old_columns_whole() {
+    let w = Workshop::new();
+    for words in
+        ["convert other -o OUT --force", "recover n.pgs -o OUT --force", "recover n.pgs -o OUT --form npy --force"]
+    {
+        let folder = w.folder();
+        let out = folder.path().join("out");
+        let first = w.run(&mut w.command("convert snap -o OUT", &out));
+        assert!(first.status.success());
+        let before = contents(folder.path());
+        let said = limited(&w, &w.command(words, &out), 0);
+        assert_eq!(said.status.code(), Some(6), "{words}: {}", String::from_utf8_lossy(&said.stderr));
+        assert_eq!(contents(folder.path()), before, "{words}");
+        assert_eq!(listing(folder.path()), ["out"]);
+        assert!(w.run(&mut w.command(words, &out)).status.success());
+        assert_eq!(listing(folder.path()), ["out"]);
+        let form: &[&str] = if words.contains("npy") {
+            &["meta.json", "positions.npy"]
+        } else {
+            &["meta.json", "xx.f32", "yy.f32", "zz.f32"]
+        };
+        assert_eq!(listing(&out), form);
+    }
+}
+
+#[test]
+fn two_outputs_are_never_one() {
+    let w = Workshop::new();
+    let folder = w.folder();
+    let out = folder.path().join("out.pgs");
+    for words in [
+        "compress snap -o OUT --no-certificate --effort fast --json OUT",
+        "compress snap -o OUT --no-certificate --effort fast --train fast --log OUT",
+        "merge m.pgs n.pgs -o OUT --json OUT",
+        "simplify m.pgs -o OUT --gaussians 3 --json OUT",
+        "convert snap -o OUT --to npy --json OUT",
+    ] {
+        let said = w.run(&mut w.command(words, &out));
+        assert_eq!(said.status.code(), Some(8), "{words}: {}", String::from_utf8_lossy(&said.stderr));
+        let both = w.run(&mut w.command(words, Path::new("-")));
+        assert_eq!(both.status.code(), Some(8), "{words}: {}", String::from_utf8_lossy(&both.stderr));
+        assert!(both.stdout.is_empty());
+    }
+    // What a run writes beside its model is looked at before the work as well.
+    let (log, here, settings) = (folder.path().join("log.jsonl"), folder.path(), w.folder());
+    let config = settings.path().join("config.toml");
+    std::fs::write(&config, "# as the preset\n").unwrap();
+    for (option, path, name) in [
+        ("--log", log.as_path(), "log.jsonl"),
+        ("--log", &log, "log-psnr.png"),
+        ("--config", &config, "out.pgs.checkpoint"),
+        ("--pictures", here, "density.png"),
+    ] {
+        std::fs::write(folder.path().join(name), "my notes").unwrap();
+        let mut c = w.command("compress snap -o OUT --effort fast --train fast", &out);
+        let said = w.run(c.arg(option).arg(path));
+        assert_eq!(said.status.code(), Some(8), "{name}: {}", String::from_utf8_lossy(&said.stderr));
+        std::fs::remove_file(folder.path().join(name)).unwrap();
+    }
+    let within = folder.path().join("comparison.png");
+    let mut c = w.command("compress snap -o OUT --no-certificate --effort fast --pictures", &within);
+    assert_eq!(w.run(c.arg(folder.path())).status.code(), Some(8));
+    let log = w.command("compress snap -o OUT --train fast --log snap/xx.f32", &out);
+    assert_eq!(w.run(&mut { log }).status.code(), Some(8));
+    assert!(listing(folder.path()).is_empty(), "{:?}", listing(folder.path()));
+    w.unchanged("two outputs");
+}
+
+#[test]
+fn folders_that_nothing_comes_into_go_again() {
+    let w = Workshop::new();
+    let folder = w.folder();
+    for words in [
+        "compress nowhere -o m.new --pictures OUT",
+        "render snap/xx.f32 --out OUT",
+        "stats snap nowhere -o OUT",
+        "plan nowhere -o OUT",
+        "recover snap/xx.f32 -o OUT",
+        "reference nowhere --out OUT",
+    ] {
+        let said = w.run(&mut w.command(words, &folder.path().join("made/new")));
+        assert_ne!(said.status.code(), Some(0), "{words}");
+        assert!(listing(folder.path()).is_empty(), "{words}: {:?}", listing(folder.path()));
+    }
+    let mut c = w.command("compress snap -o OUT --memory 1GiB --scratch nowhere", &folder.path().join("m.pgs"));
+    let said = w.run(&mut c);
+    assert_eq!(said.status.code(), Some(6), "{}", String::from_utf8_lossy(&said.stderr));
+}
+
+/// What the README shows first, twice: it is done, and the pictures are drawn again.
+#[test]
+fn the_same_again_says_that_it_is_done() {
+    let w = Workshop::new();
+    let folder = w.folder();
+    let out = folder.path().join("m.pgs");
+    let words = "compress snap -o OUT --no-certificate --effort fast";
+    let run = |more: &[&str]| w.run(w.command(words, &out).args(more));
+    assert!(run(&[]).status.success());
+    let made = std::fs::metadata(&out).unwrap().modified().unwrap();
+    let again = run(&["--pictures", folder.path().to_str().unwrap()]);
+    let text = String::from_utf8_lossy(&again.stdout).into_owned();
+    assert!(again.status.success() && text.contains("is there already"), "{text}");
+    assert_eq!(listing(folder.path()), ["comparison.png", "density.png", "m.pgs"]);
+    assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made);
+    for other in
+        [&["--seed", "7"][..], &["--box", "20"], &["--length-unit", "Mpc"], &["--blocks", "2"], &["--ratio", "50"]]
+    {
+        assert_eq!(run(other).status.code(), Some(8), "{other:?}");
+    }
+    let elsewhere = w.run(&mut w.command("compress other -o OUT --no-certificate --effort fast", &out));
+    assert_eq!(elsewhere.status.code(), Some(8), "another snapshot");
+    assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made);
+}
+
+/// A conversion leaves no note of its options: what it would write is compared.
+#[test]
+fn the_same_conversion_again_says_that_it_is_done() {
+    let w = Workshop::new();
+    let folder = w.folder();
+    for name in ["columns", "a.npy", "a.hdf5", "a.vtp"] {
+        let out = folder.path().join(name);
+        let run = |more: &[&str]| w.run(w.command("convert snap -o OUT", &out).args(more));
+        assert!(run(&[]).status.success(), "{name}");
+        let made = std::fs::metadata(&out).unwrap().modified().unwrap();
+        let again = run(&[]);
+        let text = String::from_utf8_lossy(&again.stderr).into_owned();
+        assert!(again.status.success() && text.contains("is there already, and the same"), "{name}: {text}");
+        assert_eq!(run(&["--every", "2"]).status.code(), Some(8), "{name}");
+        assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made, "{name}");
+    }
+    assert_eq!(listing(folder.path()), ["a.hdf5", "a.npy", "a.vtp", "columns"]);
+}
+
+/// A full standard output is an error of every command, a reader that went away of none.
+#[test]
+fn standard_output_that_is_full_or_closed() {
+    let w = Workshop::new();
+    for words in ["--help", "--version", "completions bash", "info m.pgs", "info m.pgs --json -", "compress --help"] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let said = w.command(words, Path::new("")).stdout(full).output().unwrap();
+        assert_eq!(said.status.code(), Some(6), "{words}");
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let said = w.command(words, Path::new("")).stdout(writer).output().unwrap();
+        assert_eq!(said.status.code(), Some(0), "{words}: {}", String::from_utf8_lossy(&said.stderr));
+    }
+}
+
+/// Killed in the middle, a conversion leaves the old columns; what it has left beside them goes with the
+/// next run there.
+#[test]
+fn a_killed_conversion_leaves_the_old_columns() {
+    let w = Workshop::new();
+    let folder = w.folder();
+    let out = folder.path().join("out");
+    assert!(w.run(&mut w.command("convert snap -o OUT", &out)).status.success());
+    let before = contents(&out);
+    std::fs::write(w.at("snap/meta.json"), "{\"name\": \"snap\", \"box\": [11, 11, 11]}").unwrap();
+    let mut child = w.command("convert snap -o OUT --force --quiet --tile 16,32,32", &out).spawn().unwrap();
+    let begun = || listing(folder.path()).len() == 2;
+    while !begun() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    assert!(!child.wait().unwrap().success(), "it was still writing 8 million particles");
+    assert_eq!(contents(&out), before);
+    assert!(begun(), "a folder has a name even before it is whole");
+    assert!(w.run(&mut w.command("convert snap -o OUT --force", &out)).status.success());
+    assert_eq!(listing(folder.path()), ["out"]);
+}
+
+/// A pipe's reader that is late is waited for; the wait can be stopped.
+#[test]
+fn a_pipe_without_a_reader_is_said_and_can_be_left() {
+    let w = Workshop::new();
+    let folder = w.folder();
+    let pipe = folder.path().join("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let mut child = w.command("info m.pgs --json OUT", &pipe).stderr(Stdio::piped()).spawn().unwrap();
+    let mut said = String::new();
+    let mut lines = std::io::BufReader::new(child.stderr.take().unwrap());
+    std::io::BufRead::read_line(&mut lines, &mut said).unwrap();
+    assert!(said.contains("waiting for a reader"), "{said}");
+    assert!(Command::new("kill").arg(child.id().to_string()).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+}
+
+/// Batch systems signal more than once: a block still keeps what is finished.
+#[test]
+fn a_second_signal_leaves_a_checkpoint_all_the_same() {
+    let w = Workshop::new();
+    let long: Vec<f32> = (0..60_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
+    snapshot(&w.at("long"), &[long.clone(), long.iter().rev().copied().collect(), long]);
+    let made =
+        w.run(&mut w.command("plan long -o OUT --blocks 1 --ratio 20 --effort high --no-certificate", &w.at("task")));
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    assert!(w.run(&mut w.command("scatter task -q", Path::new(""))).status.success());
+    let mut child = w.command("block task 0 -q", Path::new("")).spawn().unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    for _ in 0..3 {
+        let _ = Command::new("kill").arg(child.id().to_string()).stderr(Stdio::null()).status();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let code = child.wait().unwrap().code();
+    assert_eq!(code, Some(75), "it is still at work after a second and a half, and then stops");
+}

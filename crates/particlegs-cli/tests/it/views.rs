@@ -1,0 +1,79 @@
+//! Cameras go out and come back: `--save-views`, and the JSON report, draw the same pictures again.
+
+use crate::common::{fails, particlegs, snapshot};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// A few particles on a spiral, and a model of them.
+fn subjects(dir: &Path) -> [PathBuf; 2] {
+    let along = |f: fn(f32) -> f32| (0..3000).map(|i| f(i as f32 / 3000.0)).collect::<Vec<f32>>();
+    let columns = [along(|t| (19.0 * t).cos() * t), along(|t| t), along(|t| (19.0 * t).sin() * t)];
+    let (particles, model) = (dir.join("spiral"), dir.join("spiral.pgs"));
+    snapshot(&particles, &columns);
+    let mut c = particlegs();
+    c.arg("compress").arg(&particles).arg("-o").arg(&model);
+    c.args(["--gaussians", "40", "--effort", "fast", "--no-certificate", "--quiet"]).assert().success();
+    [model, particles]
+}
+
+const VIEW: [&str; 12] = [
+    "--azimuth",
+    "33.3",
+    "--elevation",
+    "-12.1",
+    "--distance",
+    "0.7",
+    "--radius",
+    "0.0123",
+    "--opacity",
+    "0.21",
+    "--size",
+    "96x54",
+];
+
+#[test]
+fn saved_views_and_reports_draw_the_same_pictures() {
+    let dir = tempfile::tempdir().unwrap();
+    for (verb, subject) in ["render", "reference"].iter().zip(subjects(dir.path())) {
+        let at = |name: &str| dir.path().join(format!("{verb}-{name}"));
+        let draw = |out: &Path| {
+            let mut c = particlegs();
+            c.arg(verb).arg(&subject).arg("--quiet").arg("-o").arg(out);
+            c
+        };
+        let (views, report) = (at("views.json"), at("report.json"));
+        draw(&at("first")).args(VIEW).arg("--save-views").arg(&views).arg("--json").arg(&report).assert().success();
+        let picture = |name: &str| std::fs::read(at(name).join("view.png")).unwrap();
+        for (name, file) in [("saved", &views), ("reported", &report)] {
+            draw(&at(name)).arg("--views").arg(file).assert().success();
+            assert!(picture(name) == picture("first"), "{verb} {name}");
+        }
+        let value = |path: &Path| serde_json::from_slice::<Value>(&std::fs::read(path).unwrap()).unwrap();
+        let (saved, reported) = (value(&views), value(&report));
+        for key in ["width", "height", "fov_deg"] {
+            assert_eq!(saved[key], reported[key], "{key}");
+        }
+        for key in ["name", "position", "focal_point", "view_up", "radius", "opacity"] {
+            assert_eq!(saved["views"][0][key], reported["views"][0][key], "{key}");
+            assert!(!saved["views"][0][key].is_null(), "{key}");
+        }
+    }
+}
+
+#[test]
+fn a_report_of_surface_density_says_its_window() {
+    let dir = tempfile::tempdir().unwrap();
+    let [model, _] = subjects(dir.path());
+    let mut c = particlegs();
+    c.arg("render").arg(&model).args(["--style", "density", "--projection", "orthographic", "--width", "1.5"]);
+    c.args(["--size", "60x40", "--quiet", "--json", "-", "-o"]).arg(dir.path().join("slab"));
+    let report: Value = serde_json::from_slice(&c.output().unwrap().stdout).unwrap();
+    let view = &report["views"][0];
+    assert_eq!(view["height_world"], 1.0);
+    assert!(view["clipping_range"][1].as_f64().unwrap() > 0.0 && view["fov_deg"].is_null());
+    let mut c = particlegs();
+    c.arg("render").arg(&model).args(["--style", "density", "--projection", "orthographic", "--save-views"]);
+    c.arg(dir.path().join("views.json")).arg("-o").arg(dir.path().join("slab"));
+    fails(&mut c, 2, "perspective views only");
+    assert!(!dir.path().join("views.json").exists());
+}

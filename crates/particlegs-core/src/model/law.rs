@@ -1,0 +1,73 @@
+//! How Gaussians become a picture, and what a law needs beside places and shapes.
+
+use super::VizMapper;
+use std::sync::Arc;
+
+/// The law that Gaussians are drawn by, and its columns of their length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Law {
+    /// Depths add up: `1 - exp(-sum tau)`. No order, no network, no columns.
+    #[default]
+    OpticalDepth,
+    /// Splatting as published.
+    AlphaBlend(AlphaBlend),
+}
+
+/// What the published law needs: opacities and grey levels, and the network that follows radius and
+/// opacity (paper sections III-A and III-B).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AlphaBlend {
+    /// Opacity at a Gaussian's peak at the default radius and opacity, in (0, 1).
+    pub opacity: Vec<f64>,
+    /// Grey level, 1 = white; at least 0.
+    pub grey: Vec<f64>,
+    /// The network; `None` = trained without one, or a block on its own.
+    pub vizmapper: Option<Arc<VizMapper>>,
+}
+
+impl Law {
+    /// Which law it is.
+    pub fn kind(&self) -> LawKind {
+        match self {
+            Law::OpticalDepth => LawKind::OpticalDepth,
+            Law::AlphaBlend(_) => LawKind::AlphaBlend,
+        }
+    }
+
+    /// The columns of the alpha-blend law.
+    pub fn alpha_blend(&self) -> Option<&AlphaBlend> {
+        match self {
+            Law::OpticalDepth => None,
+            Law::AlphaBlend(columns) => Some(columns),
+        }
+    }
+
+    /// The columns of the alpha-blend law, to be changed.
+    pub fn alpha_blend_mut(&mut self) -> Option<&mut AlphaBlend> {
+        match self {
+            Law::OpticalDepth => None,
+            Law::AlphaBlend(columns) => Some(columns),
+        }
+    }
+}
+
+/// Which law: [`Law`] without its columns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LawKind {
+    /// Depths add up: `1 - exp(-sum tau)`. No order, no network.
+    OpticalDepth,
+    /// Splatting as published: sorted by depth and blended front to back, scale and opacity
+    /// corrected by a network.
+    AlphaBlend,
+}
+
+impl LawKind {
+    /// The name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            LawKind::OpticalDepth => "optical-depth",
+            LawKind::AlphaBlend => "alpha-blend",
+        }
+    }
+}
