@@ -14,7 +14,6 @@ use crate::model::{LawKind, Layer, Mass, VizMapper};
 use crate::particles::{Bounds, Particles};
 use crate::progress::Progress;
 use crate::train::{Config, Limits, Trained};
-use std::sync::Arc;
 
 /// What the blocks of a job are made by.
 #[derive(Clone, Copy)]
@@ -56,7 +55,7 @@ pub(crate) struct CodedBlock {
     /// Its layers.
     pub layers: Vec<CodedLayer>,
     /// The network of the alpha-blend law.
-    pub vizmapper: Option<Arc<VizMapper>>,
+    pub vizmapper: Option<VizMapper>,
     /// Multiple of the nominal steps, of the largest layer.
     pub step_factor: f64,
     /// How the largest layer meets its size.

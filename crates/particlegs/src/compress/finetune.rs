@@ -120,17 +120,18 @@ fn raw_bytes(model: &Model) -> u64 {
 }
 
 /// The file that a model becomes.
-struct NewFile<'a> {
+struct NewFile {
     metadata: Metadata,
-    layer: &'a Layer<Vec<Block>>,
+    /// Its one layer.
+    layer: Layer<()>,
     /// Bytes beside its coded block.
     beside: u64,
     /// Bytes for the coded block; `None` = as many as the Gaussians have at the nominal precision.
     block_bytes: Option<u64>,
 }
 
-impl<'a> NewFile<'a> {
-    fn of(model: &'a Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
+impl NewFile {
+    fn of(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
         let law = model.metadata.law;
         if law != LawKind::AlphaBlend {
             let what = format!("a model of the {} law cannot be fine-tuned: its blocks add up as they are", law.name());
@@ -149,6 +150,7 @@ impl<'a> NewFile<'a> {
         let mut metadata = model.metadata.clone();
         metadata.command = format!("{} of: {}", options.command, metadata.command);
         metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
+        let layer = layer.with(());
         let head = Layer { mass: layer.mass.without_weights(), ..layer.with(1) };
         let network = if options.training.alpha_blend.vizmapper { codec::VIZMAPPER_SECTION_BYTES } else { 0 };
         let beside = (codec::size_without_blocks(&metadata, options.certificate, &[head]) + network) as u64;

@@ -11,12 +11,11 @@ use crate::reference::Reference;
 use crate::train::{Config, Defaults, Initial, Limits, Start, Trained, Training};
 use crate::{Error, Result};
 use std::ops::Range;
-use std::sync::Arc;
 
 /// The particles of one layer of a block.
 #[derive(Clone)]
 pub(crate) struct LayerParticles {
-    /// The layer.
+    /// Its particles.
     pub layer: Layer<Particles>,
     /// Their bounds.
     pub bounds: Bounds,
@@ -33,9 +32,14 @@ impl LayerParticles {
         LayerParticles { bounds, mass: own.total_mass(), raw_bytes: own.raw_bytes(), layer: layer.with(own) }
     }
 
+    /// Its particles.
+    pub fn particles(&self) -> &Particles {
+        &self.layer.content
+    }
+
     /// Number of particles.
     pub fn count(&self) -> u64 {
-        self.layer.content.len() as u64
+        self.particles().len() as u64
     }
 }
 
@@ -53,7 +57,7 @@ pub(super) struct MadeLayer {
     /// Its Gaussians.
     pub coded: Coded,
     /// The network of the alpha-blend law.
-    pub vizmapper: Option<Arc<VizMapper>>,
+    pub vizmapper: Option<VizMapper>,
     /// Its training run.
     pub trained: Option<TrainedRun>,
     /// Was training stopped, and the best so far taken?
@@ -115,7 +119,7 @@ impl LayerTask<'_> {
             let fitted = self.gaussians(Goal { gaussians: target.number(each), bytes: Some(bytes) }, pieces)?;
             return self.code(fitted, Some(bytes));
         }
-        let (mut clock, mut fitter) = (Clock::default(), Fitter::new(&self.layer.layer.content));
+        let (mut clock, mut fitter) = (Clock::default(), Fitter::new(self.layer.particles()));
         let (coded, mixture) = target.find(|number| {
             let mixture = clock.time("fit", || self.fit(number, &mut fitter, pieces))?;
             let kept = training.is_some().then(|| mixture.clone());
@@ -137,7 +141,7 @@ impl LayerTask<'_> {
     fn gaussians(&self, goal: Goal, pieces: &mut dyn Pieces) -> Result<Fitted> {
         let mut clock = Clock::default();
         let mut fit = |pieces: &mut dyn Pieces| {
-            clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(&self.layer.layer.content), pieces))
+            clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(self.layer.particles()), pieces))
         };
         let Some(config) = &self.context.plan.training else {
             let mixture = fit(pieces)?;
@@ -188,7 +192,7 @@ impl LayerTask<'_> {
         let mut pieces = Under { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
         let mut clock = Clock::default();
         let trained = clock.time("train", || {
-            let subject = Reference::with_bounds(&layer.layer.content, layer.bounds);
+            let subject = Reference::with_bounds(layer.particles(), layer.bounds);
             let training = Training { subject: &subject, config, limits: &limits, defaults: &defaults };
             training.run(from, &mut pieces, self.context.progress)
         })?;
@@ -219,7 +223,7 @@ impl LayerTask<'_> {
     /// Codes Gaussians to a size, or at the nominal steps.
     fn code(&self, fitted: Fitted, bytes: Option<u64>) -> Result<MadeLayer> {
         let Fitted { mixture, step_factor, trained, stopped, mut clock } = fitted;
-        let vizmapper = mixture.law.alpha_blend().and_then(|l| l.vizmapper.clone());
+        let vizmapper = network_of(&mixture);
         let encoder = self.encoder(mixture)?;
         // What was stopped is coded all the same.
         let check = || if stopped { Ok(()) } else { self.context.progress.check() };
@@ -229,4 +233,9 @@ impl LayerTask<'_> {
         })?;
         Ok(MadeLayer { coded, vizmapper, trained, stopped, clock })
     }
+}
+
+/// The network that a mixture is drawn with.
+fn network_of(gaussians: &Mixture) -> Option<VizMapper> {
+    Some(VizMapper::clone(gaussians.law.alpha_blend()?.vizmapper.as_ref()?))
 }

@@ -202,7 +202,7 @@ impl Plan {
         }
         let (count, mass) = codec::sums(&layers)?;
         let metadata = Metadata { count, mass, bounds, ..self.metadata.clone() };
-        let network = blocks.first().and_then(|b| b.vizmapper.as_deref());
+        let network = blocks.first().and_then(|b| b.vizmapper.as_ref());
         codec::assemble_with(&metadata, network, certificate, layers)
     }
 }

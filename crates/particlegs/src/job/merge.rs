@@ -82,7 +82,7 @@ impl Job {
         let info = codec::read_info(&bytes, &name)?;
         Ok(CodedBlock {
             layers: codec::coded_layers(&bytes, &name)?,
-            vizmapper: info.vizmapper.map(Into::into),
+            vizmapper: info.vizmapper,
             step_factor: report.step_factor,
             size_met: report.size_met,
             ..CodedBlock::empty(info.metadata.bounds)
