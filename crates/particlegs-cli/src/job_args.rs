@@ -4,7 +4,7 @@ use crate::common::Context;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use particlegs::input::{is_stream, name_of};
 use particlegs::job::{Job, Source};
-use particlegs::particles::{Layered, Particles, Room};
+use particlegs::particles::{Layered, Particles, Storage};
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -66,25 +66,25 @@ impl JobSnapshot {
         self.paths.first().map_or_else(String::new, |p| p.display().to_string())
     }
 
-    /// The snapshot as it is planned; what cannot be read where it lies is put into `room`.
-    pub fn source(&self, room: &Room, context: &Context) -> Result<Source> {
+    /// The snapshot as it is planned; what cannot be read where it lies is put into `storage`.
+    pub fn source(&self, storage: &Storage, context: &Context) -> Result<Source> {
         match self.opening.open_later(&self.paths, (&self.selection, &self.window), self.seed, context)? {
             Some(layered) => Ok(Source::Later(layered)),
-            None => Ok(Source::Now(self.particles(room, context)?)),
+            None => Ok(Source::Now(self.particles(storage, context)?)),
         }
     }
 
     /// The snapshot, to be read run by run.
     pub fn layered(&self, context: &Context) -> Result<Layered> {
-        match self.source(&Room::Memory, context)? {
+        match self.source(&Storage::Memory, context)? {
             Source::Later(layered) => Ok(layered),
             Source::Now(particles) => Ok(Layered::of(&particles)),
         }
     }
 
     /// The particles.
-    pub fn particles(&self, room: &Room, context: &Context) -> Result<Particles> {
-        self.opening.open_selected_in(room, &self.paths, (&self.selection, &self.window), self.seed, context)
+    pub fn particles(&self, storage: &Storage, context: &Context) -> Result<Particles> {
+        self.opening.open_selected_in(storage, &self.paths, (&self.selection, &self.window), self.seed, context)
     }
 }
 

@@ -1,7 +1,7 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
-use particlegs::particles::{Bounds, Layered, Particles, Room, Selection, Stated};
+use particlegs::particles::{Bounds, Layered, Particles, Selection, Stated, Storage};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_later};
@@ -122,19 +122,24 @@ impl SnapshotArgs {
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Particles> {
-        self.open_selected_in(&Room::Memory, paths, what, seed, progress)
+        self.open_selected_in(&Storage::Memory, paths, what, seed, progress)
     }
 
-    /// Opens what a selection keeps of it; what is not used as it lies is put into `room`.
+    /// Opens what a selection keeps of it; what is not used as it lies is put into `storage`.
     pub fn open_selected_in(
         &self,
-        room: &Room,
+        storage: &Storage,
         paths: &[PathBuf],
         (selection, window): (&SelectionArgs, &WindowArgs),
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Particles> {
-        read(paths, &Choice { selection: Some(selection.selection(window, seed)?), ..self.choice()? }, room, progress)
+        read(
+            paths,
+            &Choice { selection: Some(selection.selection(window, seed)?), ..self.choice()? },
+            storage,
+            progress,
+        )
     }
 
     /// What a selection keeps, to be read in parts where it lies, if that can be.

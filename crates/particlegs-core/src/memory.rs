@@ -13,7 +13,7 @@ pub fn filled<T: Clone>(what: &str, value: T, len: usize, progress: &dyn Progres
     Ok(out)
 }
 
-/// Room for `len` values.
+/// Storage for `len` values.
 ///
 /// # Errors
 /// [`Error::Memory`].

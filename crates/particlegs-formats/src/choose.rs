@@ -5,7 +5,7 @@ use crate::registry::spool;
 use crate::{Description, Fields, OpenOptions, Snapshot, Species, open, raw};
 use particlegs::input::{Source, Spooled, is_stream};
 use particlegs::particles::{
-    Bounds, LayerSource, Layered, Particles, Room, Selection, SnapshotMeta, SnapshotReader, Stated, check_values,
+    Bounds, LayerSource, Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Stated, Storage, check_values,
     layers_by_mass, load, select, settle_masses,
 };
 use particlegs::progress::Progress;
@@ -83,29 +83,29 @@ impl AtHand {
 }
 
 /// Reads what was chosen: raw float32 (a folder with xx.f32, yy.f32, zz.f32, or those files) or any
-/// of [`Format::all`](crate::Format::all). What does not lie in its file as it is used is put into `room`.
+/// of [`Format::all`](crate::Format::all). What does not lie in its file as it is used is put into `storage`.
 ///
 /// # Errors
 /// Those of opening, reading and [`select`]; [`Error::Input`] for a species that there is not.
-pub fn read(paths: &[PathBuf], choice: &Choice, room: &Room, progress: &dyn Progress) -> Result<Particles> {
+pub fn read(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
     let at_hand = AtHand::of(paths, choice, progress)?;
-    let mut particles = at_hand.named(read_at_hand(&at_hand.paths, choice, room, progress))?;
+    let mut particles = at_hand.named(read_at_hand(&at_hand.paths, choice, storage, progress))?;
     at_hand.name(&mut particles.meta);
     match choice.kept() {
         None => Ok(particles),
-        Some(selection) => select(&particles, selection, room, progress),
+        Some(selection) => select(&particles, selection, storage, progress),
     }
 }
 
-fn read_at_hand(paths: &[PathBuf], choice: &Choice, room: &Room, progress: &dyn Progress) -> Result<Particles> {
+fn read_at_hand(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
     let mut particles = match Chosen::of(paths, choice, progress)? {
         Chosen::InPlace(particles) => particles,
-        Chosen::Readers(layers) => load(&layers, room, progress)?,
+        Chosen::Readers(layers) => load(&layers, storage, progress)?,
     };
     say(&choice.stated.apply(&mut particles.meta)?, progress);
-    let drop = choice.skip_invalid.then_some(room);
+    let drop = choice.skip_invalid.then_some(storage);
     let particles = settle_masses(check_values(particles, &place(paths), drop)?);
-    if choice.by_mass { layers_by_mass(&particles, room) } else { Ok(particles) }
+    if choice.by_mass { layers_by_mass(&particles, storage) } else { Ok(particles) }
 }
 
 /// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:

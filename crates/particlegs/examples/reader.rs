@@ -1,7 +1,7 @@
 //! A reader of one's own: particles that come from anywhere, run by run, in bounded memory:
 //! `cargo run --release --example reader`.
 
-use particlegs::particles::{Chunk, LayerSource, Layered, RUN, Room, RunSink, SnapshotMeta, SnapshotReader, load};
+use particlegs::particles::{Chunk, LayerSource, Layered, RUN, RunSink, SnapshotMeta, SnapshotReader, Storage, load};
 use particlegs::progress::{Progress, Silent};
 use std::ops::Range;
 use std::sync::Arc;
@@ -46,7 +46,7 @@ fn main() -> particlegs::Result<()> {
     let meta = SnapshotMeta { name: "spiral".into(), ..SnapshotMeta::default() };
     let reader = Arc::new(Spiral { meta, count: 200_000 });
     let source = Layered::new(vec![LayerSource { name: "gas".into(), reader }])?;
-    let particles = load(&source, &Room::Memory, &Silent)?;
+    let particles = load(&source, &Storage::Memory, &Silent)?;
     println!("{} particles within {:?}", particles.len(), particles.bounds());
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Particle snapshots as mixtures of Gaussians.
 //!
 //! A snapshot becomes a mixture ([`fit`]), a mixture becomes a file ([`codec`]), a file becomes
-//! pictures ([`render`]) and numbers ([`score`]). The rooms stand in floors; each uses only the
+//! pictures ([`render`]) and numbers ([`score`]). The modules stand in floors; each uses only the
 //! floors below it (see ARCHITECTURE.md).
 //!
 //! The picture law is the optical depth: white splats blended over black are `1 - exp(-tau)` with

@@ -6,7 +6,7 @@ use particlegs::compress::{Checkpoint, Compression, FineTuning, Found, Options, 
 use particlegs::fit::Effort;
 use particlegs::job::{Done, Job, Source, Task, plan};
 use particlegs::model::{LawKind, Layer, Mass};
-use particlegs::particles::{Cell, Layered, Particles, Room, open_raw};
+use particlegs::particles::{Cell, Layered, Particles, Storage, open_raw};
 use particlegs::progress::{Progress, Silent};
 use particlegs::train::{Config, Limits, Preset};
 use std::path::Path;
@@ -136,7 +136,7 @@ fn other_options_are_other_work() {
 
     let folder = tempfile::tempdir().unwrap();
     let limits = Limits { seconds: Some(60.0), ..Limits::default() };
-    let same = Options { room: Room::Disk(folder.path().into()), limits, memory: Some(1 << 40), ..base.clone() };
+    let same = Options { storage: Storage::Disk(folder.path().into()), limits, memory: Some(1 << 40), ..base.clone() };
     assert_eq!(id(&particles, &same), id(&particles, &base));
 
     // What was kept of one is not gone on from by another.

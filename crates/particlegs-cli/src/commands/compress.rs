@@ -10,7 +10,7 @@ use clap::{Args, ValueHint};
 use particlegs::compress::{Compressed, Compression, Options, is_asked_for, is_made_of, parse_bytes};
 use particlegs::fit::Pieces;
 use particlegs::model::Model;
-use particlegs::particles::{Particles, Room};
+use particlegs::particles::{Particles, Storage};
 use particlegs::picture::PNG;
 use particlegs::progress::Progress;
 use particlegs::{Result, codec, output};
@@ -102,12 +102,12 @@ pub fn run(a: Arguments) -> Result<()> {
     options.limits = a.run.limits(start, a.scratch_folder())?;
     let kept = a.plan(&options, &context)?;
     if options.memory.is_some() {
-        options.room = Room::Disk(a.scratch_folder());
+        options.storage = Storage::Disk(a.scratch_folder());
     }
-    let particles = a.snapshot.open_selected_in(&options.room, &a.input, selection, a.common.seed, &context)?;
+    let particles = a.snapshot.open_selected_in(&options.storage, &a.input, selection, a.common.seed, &context)?;
     let blocks = options.blocks_of(&particles)?;
     if options.memory.is_some() && blocks > 1 {
-        options.room.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);
+        options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);
     }
     if kept {
         return there_already(&a, &options, &particles, &context);

@@ -6,7 +6,7 @@ use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueHint};
 use particlegs::input::name_of;
-use particlegs::particles::{FOLDER_FILES, Kept, Room, Tiling};
+use particlegs::particles::{FOLDER_FILES, Kept, Storage, Tiling};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_formats::{Writer, write_splats};
@@ -99,7 +99,7 @@ pub fn run(a: Arguments) -> Result<()> {
         true => context.outputs().writes_folder(&a.output, &FOLDER_FILES)?,
         false => context.writes(&a.output, &PARTICLES)?,
     };
-    let particles = particlegs_formats::read(&a.input, &choice, &Room::Memory, &context)?;
+    let particles = particlegs_formats::read(&a.input, &choice, &Storage::Memory, &context)?;
     let tiling = match a.tile.as_deref() {
         None => Tiling::single(),
         Some(&[x, y, z]) => Tiling::new([x, y, z], &particles)?,

@@ -14,7 +14,7 @@ use particlegs::compress::{Checkpoint, Compressed, FineTuning, finetune, parse_b
 use particlegs::fit::Pieces;
 use particlegs::input::name_of;
 use particlegs::model::LawKind;
-use particlegs::particles::Room;
+use particlegs::particles::Storage;
 use particlegs::progress::Progress;
 use particlegs::train::Config;
 use particlegs::{Error, Result, codec, output};
@@ -102,9 +102,9 @@ pub fn run(a: Arguments) -> Result<()> {
             "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
         return Err(Error::Argument { what, remedy: remedy.into() });
     }
-    let room = if a.memory.is_some() { Room::Disk(a.folder(out)) } else { Room::Memory };
+    let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
     let selection = (&a.selection, &a.window);
-    let particles = a.opening.open_selected_in(&room, &a.snapshot, selection, a.common.seed, &context)?;
+    let particles = a.opening.open_selected_in(&storage, &a.snapshot, selection, a.common.seed, &context)?;
     let of_several = source::is_of_several(&bytes, &model, &place)?;
     source::check(&model, of_several, &particles, (a.snapshot.first().map_or(none, |p| p), path))?;
     let mut checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;

@@ -10,7 +10,7 @@ use particlegs::codec::{self, Merge};
 use particlegs::input::name_of;
 use particlegs::job::Job;
 use particlegs::model::LawKind;
-use particlegs::particles::Room;
+use particlegs::particles::Storage;
 use particlegs::progress::Progress;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -138,7 +138,7 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
     // Blocks that are missing are named before the snapshot is read.
     job.check_done()?;
     let particles = match measured {
-        true => Some(snapshot.particles(&Room::Memory, context)?),
+        true => Some(snapshot.particles(&Storage::Memory, context)?),
         false => None,
     };
     let bytes = job.merge(particles.as_ref(), context)?;

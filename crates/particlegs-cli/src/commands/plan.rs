@@ -9,7 +9,7 @@ use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueHint};
 use particlegs::compress::parse_bytes;
 use particlegs::job::{self, Job, Task};
-use particlegs::particles::Room;
+use particlegs::particles::Storage;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde_json::json;
@@ -97,7 +97,7 @@ pub fn run(a: Arguments) -> Result<()> {
     // What is in the folder is looked at by the plan itself; only an input it must not be.
     context.outputs().writes_job(&a.output)?;
     context.makes_folder(&a.output)?;
-    let source = snapshot.source(&Room::Disk(a.output.clone()), &context)?;
+    let source = snapshot.source(&Storage::Disk(a.output.clone()), &context)?;
     let task = Task { options: &options, snapshot: named, place: &snapshot.place(), replace: a.force.force };
     let planned = job::plan(source, &task, &a.output, &context)?;
     let (m, plan) = (&planned.job.manifest, &planned.job.manifest.plan);

@@ -7,7 +7,7 @@ use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::input::name_of;
 use particlegs::model::Model;
-use particlegs::particles::{Particles, Room};
+use particlegs::particles::{Particles, Storage};
 use particlegs::progress::Progress;
 use particlegs::stats::{Assignment, Convention, Measure, Statistics, StatsOptions, Subject, compare};
 use particlegs::{Error, Result, codec, output};
@@ -164,7 +164,7 @@ impl Source {
         match inputs::model_or_snapshot(path, args, progress)? {
             Either::Model(bytes) => Ok(Source::Model(Box::new(codec::decode_with(&bytes, &name_of(path), progress)?))),
             Either::Snapshot(choice) => {
-                let particles = particlegs_formats::read(&[path.to_path_buf()], &choice, &Room::Memory, progress)?;
+                let particles = particlegs_formats::read(&[path.to_path_buf()], &choice, &Storage::Memory, progress)?;
                 Ok(Source::Particles(Box::new(particles)))
             }
         }

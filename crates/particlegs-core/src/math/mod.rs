@@ -1,4 +1,4 @@
-//! Small mathematics that every room uses: symmetric 3x3 matrices, random draws that do not depend
+//! Small mathematics that every module uses: symmetric 3x3 matrices, random draws that do not depend
 //! on order, and functions of whole vectors.
 
 mod random;

@@ -130,7 +130,7 @@ mod tests {
     use super::*;
     use particlegs::math::Random;
     use particlegs::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
-    use particlegs::particles::{Bounds, Room};
+    use particlegs::particles::{Bounds, Storage};
     use particlegs::progress::Silent;
 
     fn model(n: usize) -> Model {
@@ -199,7 +199,7 @@ mod tests {
                 assert!((back.0[k] - want.0[k]).abs() < 1e-5 * want.trace(), "{i}: {back:?} {want:?}");
             }
         }
-        let read = crate::read(&[path], &crate::Choice::default(), &Room::Memory, &Silent).unwrap();
+        let read = crate::read(&[path], &crate::Choice::default(), &Storage::Memory, &Silent).unwrap();
         assert_eq!(read.len(), 200);
         for i in 0..200 {
             let p = read.position(i);

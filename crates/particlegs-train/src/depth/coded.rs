@@ -16,13 +16,13 @@ use particlegs_core::codec::{Encoder, Precision, decode_block};
 use particlegs_core::model::{Block, Mixture};
 use particlegs_core::space::Bounds;
 
-/// Shares of the room that settled Gaussians may take, and what a new precision aims at.
+/// Shares of the budget that settled Gaussians may take, and what a new precision aims at.
 const FILLED: std::ops::RangeInclusive<f64> = 0.98..=1.0;
 const AIM: f64 = 0.999;
 
 /// What the file is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Room {
+pub(super) struct Budget {
     /// Bounds of the particles.
     pub bounds: Bounds,
     /// Particles.
@@ -40,16 +40,16 @@ pub(super) struct Coded {
     pub exact: Columns,
     /// Multiple of the nominal steps.
     pub factor: f64,
-    /// Bytes over the room.
+    /// Bytes over the budget.
     pub filled: f64,
 }
 
 impl Coded {
     /// Codes and decodes `gaussians` at `factor` times the nominal steps.
-    pub fn of(gaussians: Mixture, room: &Room, factor: f64) -> Result<Coded> {
+    pub fn of(gaussians: Mixture, budget: &Budget, factor: f64) -> Result<Coded> {
         let m = gaussians.len();
-        let mass = gaussians.masses().map_or(room.count as f64, |m| m.iter().sum());
-        let encoder = Encoder::new(&Block { bounds: room.bounds, count: room.count, mass, gaussians })?;
+        let mass = gaussians.masses().map_or(budget.count as f64, |m| m.iter().sum());
+        let encoder = Encoder::new(&Block { bounds: budget.bounds, count: budget.count, mass, gaussians })?;
         let bytes = encoder.encode(&Precision::BALANCED.scaled(factor));
         let decoded = decode_block(&bytes, "the Gaussians in training")?.gaussians;
         let mut place = vec![0u32; m];
@@ -57,17 +57,17 @@ impl Coded {
             place[i as usize] = k as u32;
         }
         let exact = Columns::of(&decoded, |i| place[i] as usize);
-        Ok(Coded { moved: exact.clone(), exact, factor, filled: bytes.len() as f64 / room.bytes as f64 })
+        Ok(Coded { moved: exact.clone(), exact, factor, filled: bytes.len() as f64 / budget.bytes as f64 })
     }
 
-    /// Does the file fit, and nearly fill its room?
+    /// Does the file fit, and nearly fill its budget?
     pub fn fits(&self) -> bool {
         FILLED.contains(&self.filled)
     }
 
-    /// The factor that leads to the room, for Gaussians like these.
-    pub fn better_factor(&self, room: &Room) -> f64 {
-        let over = (self.filled - AIM) * room.bytes as f64;
+    /// The factor that leads to the budget, for Gaussians like these.
+    pub fn better_factor(&self, budget: &Budget) -> f64 {
+        let over = (self.filled - AIM) * budget.bytes as f64;
         let doublings = Precision::doublings(over, self.exact.0.len()).clamp(-1.0, 1.0);
         let [finest, coarsest] = Precision::FACTORS;
         (self.factor * doublings.exp2()).clamp(finest, coarsest)

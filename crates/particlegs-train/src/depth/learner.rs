@@ -5,7 +5,7 @@
 //! multiplied by exp of a number. One rate then suits Gaussians of all sizes and shapes.
 
 use super::adjoint::{OfGaussian, full};
-use super::coded::{Coded, Room};
+use super::coded::{Budget, Coded};
 use super::columns::{Change, Columns, Numbers};
 use super::config::DepthConfig;
 use super::curve::Curve;
@@ -175,7 +175,7 @@ impl DepthLearner {
 
     /// Codes the Gaussians where that is due.
     fn code(&mut self, at: &Moment) -> Result<()> {
-        let (every, Some(room)) = (self.config.code_every, self.room()) else { return Ok(()) };
+        let (every, Some(budget)) = (self.config.code_every, self.budget()) else { return Ok(()) };
         if every == 0 || at.done < self.config.code_from || !at.iteration.is_multiple_of(every) {
             return Ok(());
         }
@@ -183,10 +183,10 @@ impl DepthLearner {
         self.coded = Some(match &self.coded {
             Some(c) if self.settled && c.fits() => {
                 self.columns.approach(&c.exact, self.config.settle);
-                Coded::of(self.weighed(&self.columns), &room, c.factor)?
+                Coded::of(self.weighed(&self.columns), &budget, c.factor)?
             }
-            Some(c) => Coded::of(self.weighed(&self.columns), &room, c.better_factor(&room))?,
-            None => Coded::of(self.weighed(&self.columns), &room, 1.0)?,
+            Some(c) => Coded::of(self.weighed(&self.columns), &budget, c.better_factor(&budget))?,
+            None => Coded::of(self.weighed(&self.columns), &budget, 1.0)?,
         });
         if let Some(c) = &self.coded {
             self.groups.aim(&c.exact.0);
@@ -195,9 +195,9 @@ impl DepthLearner {
     }
 
     /// What the file is to be, where that is known.
-    fn room(&self) -> Option<Room> {
+    fn budget(&self) -> Option<Budget> {
         let DepthGround { bounds, particles, bytes, .. } = self.ground;
-        bytes.map(|bytes| Room { bounds, count: particles, bytes })
+        bytes.map(|bytes| Budget { bounds, count: particles, bytes })
     }
 
     /// As a mixture of all particles, with its masses.
@@ -282,11 +282,11 @@ impl Learner for DepthLearner {
     }
 
     fn shown(&self) -> Result<Mixture> {
-        let Some(room) = self.room().filter(|_| self.ready().is_none()) else { return Ok(self.mixture()) };
+        let Some(budget) = self.budget().filter(|_| self.ready().is_none()) else { return Ok(self.mixture()) };
         // Twice: the first says at which precision the bytes are met.
         let factor = self.coded.as_ref().map_or(1.0, |c| c.factor);
-        let factor = Coded::of(self.weighed(&self.averaged), &room, factor)?.better_factor(&room);
-        Ok(Coded::of(self.weighed(&self.averaged), &room, factor)?.exact.mixture())
+        let factor = Coded::of(self.weighed(&self.averaged), &budget, factor)?.better_factor(&budget);
+        Ok(Coded::of(self.weighed(&self.averaged), &budget, factor)?.exact.mixture())
     }
 
     fn factor(&self) -> Option<f64> {

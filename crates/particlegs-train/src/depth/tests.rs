@@ -212,7 +212,7 @@ fn neighbours_share_their_particles() {
     assert!(all.len() == 1 && (all[0] / (2 * particles) as f64 - 1.0).abs() < 1e-12, "a start may hold another number");
 }
 
-/// A run that settled gives the file that it saw: within its room, and the same when coded again.
+/// A run that settled gives the file that it saw: within its budget, and the same when coded again.
 #[test]
 fn a_settled_run_is_what_is_coded() {
     let (m, view) = (mixture(8, 400), view(12.0));

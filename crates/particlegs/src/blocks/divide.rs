@@ -3,17 +3,22 @@
 use super::KdTree;
 use crate::Result;
 use crate::model::Layer;
-use crate::particles::{Blank, ChunkBuffer, Particles, RUN, Room};
+use crate::particles::{Blank, ChunkBuffer, Particles, RUN, Storage};
 use crate::progress::Progress;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The particles of each block, in their order, in columns of `room`; layers stay layers. Blocks may
+/// The particles of each block, in their order, in columns of `storage`; layers stay layers. Blocks may
 /// lack a layer.
 ///
 /// # Errors
-/// Those of [`Room::columns`]; [`crate::Error::Cancelled`].
-pub fn divide(particles: &Particles, tree: &KdTree, room: &Room, progress: &dyn Progress) -> Result<Vec<Particles>> {
+/// Those of [`Storage::columns`]; [`crate::Error::Cancelled`].
+pub fn divide(
+    particles: &Particles,
+    tree: &KdTree,
+    storage: &Storage,
+    progress: &dyn Progress,
+) -> Result<Vec<Particles>> {
     let blocks = tree.blocks();
     let layers = particles.layers();
     let runs: Vec<(usize, Range<usize>)> =
@@ -31,7 +36,7 @@ pub fn divide(particles: &Particles, tree: &KdTree, room: &Room, progress: &dyn 
     let of_block = |b: usize| counts.iter().map(|c| c[b] as usize).sum::<usize>();
     let width = if particles.weights().is_some() { 4 } else { 3 };
     let mut columns: Vec<Vec<Blank>> =
-        (0..blocks as usize).map(|b| room.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
+        (0..blocks as usize).map(|b| storage.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
     let places = places(&mut columns, &counts);
     runs.par_iter().zip(places).try_for_each_init(ChunkBuffer::default, |buffer, ((_, run), mut place)| {
         progress.check()?;
@@ -108,9 +113,9 @@ mod tests {
             .with_weights(Column::owned((0..n).map(|i| i as f32 + 1.0).collect()))
             .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n as usize)]);
         let folder = tempfile::tempdir().unwrap();
-        for room in [Room::Memory, Room::Disk(folder.path().into())] {
+        for storage in [Storage::Memory, Storage::Disk(folder.path().into())] {
             let survey = Survey::new(&Layered::of(&p), "here", true, &Silent).unwrap();
-            let blocks = divide(&p, &KdTree::new(&survey.sample, 3).unwrap(), &room, &Silent).unwrap();
+            let blocks = divide(&p, &KdTree::new(&survey.sample, 3).unwrap(), &storage, &Silent).unwrap();
             assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
             let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights().cloned().unwrap().to_vec()).collect();
             seen.sort_by(f32::total_cmp);

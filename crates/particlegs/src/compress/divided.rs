@@ -30,7 +30,10 @@ impl Divided {
         let law = options.law();
         let blocks: Vec<BlockParticles> = match tree.blocks() {
             1 => vec![BlockParticles::of_bounds(particles, law, layer_bounds)],
-            _ => divide(particles, tree, &options.room, progress)?.iter().map(|p| BlockParticles::of(p, law)).collect(),
+            _ => divide(particles, tree, &options.storage, progress)?
+                .iter()
+                .map(|p| BlockParticles::of(p, law))
+                .collect(),
         };
         let coded = blocks.iter().map(|_| None).collect();
         Ok(Divided { blocks, coded })

@@ -4,7 +4,7 @@ use super::memory::Load;
 use super::target::Target;
 use crate::fit::Effort;
 use crate::model::LawKind;
-use crate::particles::{Particles, Room};
+use crate::particles::{Particles, Storage};
 use crate::train::{Config, Limits};
 use crate::{Error, Result};
 
@@ -25,7 +25,7 @@ pub struct Options {
     /// Memory to stay within, bytes; `None` = what the work takes in one block.
     pub memory: Option<u64>,
     /// Where the particles of blocks are put while they wait.
-    pub room: Room,
+    pub storage: Storage,
     /// How the fit is trained further; `None` = not.
     pub training: Option<Config>,
     /// How far training goes.
@@ -47,7 +47,7 @@ impl Default for Options {
             opacity: None,
             blocks: None,
             memory: None,
-            room: Room::Memory,
+            storage: Storage::Memory,
             training: None,
             limits: Limits::default(),
             seed: 0,

@@ -13,7 +13,7 @@ use crate::blocks::{KdTree, Survey};
 use crate::fit::{self, Pieces};
 use crate::memory::require;
 use crate::model::Model;
-use crate::particles::{Bounds, Layered, Particles, Room, check_particles};
+use crate::particles::{Bounds, Layered, Particles, Storage, check_particles};
 use crate::progress::Progress;
 use crate::{Error, Result, output};
 
@@ -76,7 +76,7 @@ impl<'a> Compression<'a> {
         }
         let blocks = options.blocks_of(particles)?;
         require("the fit", fit::memory_needed(particles) / u64::from(blocks.max(1)))?;
-        if let (Room::Disk(folder), true) = (&options.room, blocks > 1) {
+        if let (Storage::Disk(folder), true) = (&options.storage, blocks > 1) {
             output::check_space_in(folder, particles.raw_bytes())?;
         }
         let mut clock = Clock::default();

@@ -45,7 +45,7 @@ pub fn simplify(
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
     let raw_bytes = layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
     let mut layers: Vec<Layer<Block>> = layers.into_iter().map(|l| l.map(joined)).collect();
-    // The smallest first: what they leave of their room goes to the larger.
+    // The smallest first: what they leave of their share goes to the larger.
     layers.sort_by(|a, b| (a.content.gaussians.len(), &a.name).cmp(&(b.content.gaussians.len(), &b.name)));
     let job = Reduction { metadata, layers, progress };
     let coded = match target {

@@ -3,7 +3,7 @@
 use super::bucket::Buckets;
 use super::manifest::Job;
 use crate::model::Layer;
-use crate::particles::{Blank, Chunk, Layered, Particles, Room, SnapshotMeta, check_values};
+use crate::particles::{Blank, Chunk, Layered, Particles, SnapshotMeta, Storage, check_values};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
@@ -121,7 +121,7 @@ impl<'a> Gathered<'a> {
         let total: u64 = counts.iter().fold(0, |n, c| n.saturating_add(*c));
         let total = usize::try_from(total).unwrap_or(usize::MAX);
         let width = layers.iter().map(|l| l.mass.columns()).max().unwrap_or(3);
-        let columns = Room::Memory.columns("the block's particles", width, total)?;
+        let columns = Storage::Memory.columns("the block's particles", width, total)?;
         let mut end = 0;
         let place = |(l, &n): (&Layer<u64>, &u64)| {
             end += n as usize;

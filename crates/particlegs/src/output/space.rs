@@ -1,4 +1,4 @@
-//! Room on the disk, asked for before the work.
+//! Storage on the disk, asked for before the work.
 
 use crate::{Error, Result};
 use std::path::Path;

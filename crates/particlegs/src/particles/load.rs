@@ -1,20 +1,20 @@
 //! A snapshot opened whole from readers: one a layer.
 
-use super::room::Blank;
+use super::scratch::Blank;
 use super::units::{is_known_length, is_known_mass};
-use super::{Cell, InPlace, Layered, Particles, RUN, ReadLayer, Room, SnapshotMeta};
+use super::{Cell, InPlace, Layered, Particles, RUN, ReadLayer, SnapshotMeta, Storage};
 use crate::model::Layer;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Mutex;
 
-/// Reads layers into columns of `room`, one layer after the other; a single layer is mapped where its
+/// Reads layers into columns of `storage`, one layer after the other; a single layer is mapped where its
 /// file's layout allows it. `NaN` and infinity stay ([`super::check_values`]).
 ///
 /// # Errors
-/// Those of [`Room::columns`] before anything is read; those of the readers; [`Error::Cancelled`].
-pub fn load(source: &Layered, room: &Room, progress: &dyn Progress) -> Result<Particles> {
+/// Those of [`Storage::columns`] before anything is read; those of the readers; [`Error::Cancelled`].
+pub fn load(source: &Layered, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
     let (origin, meta) = (source.origin, source.meta.clone());
     let weighted = source.has_weights();
     let layers = layers(source)?;
@@ -28,8 +28,8 @@ pub fn load(source: &Layered, room: &Room, progress: &dyn Progress) -> Result<Pa
     }
     let total = layers.last().map_or(0, |l| l.content.end);
     let width = if weighted { 4 } else { 3 };
-    room.announce("the particles as read", 4 * width as u64 * total as u64, progress);
-    let mut columns = room.columns("the particles", width, total)?;
+    storage.announce("the particles as read", 4 * width as u64 * total as u64, progress);
+    let mut columns = storage.columns("the particles", width, total)?;
     progress.begin("reading", total as u64);
     for (layer, place) in source.layers.iter().zip(&layers) {
         let parts: Vec<&mut [f32]> = columns.iter_mut().map(|c| &mut c[place.content.clone()]).collect();

@@ -1,7 +1,7 @@
 //! Masses of layers: one for all where all are the same, classes where they are few.
 
-use super::room::Blank;
-use super::{Particles, Positions, Room};
+use super::scratch::Blank;
+use super::{Particles, Positions, Storage};
 use crate::model::Layer;
 use crate::{Error, Remedy, Result};
 
@@ -27,14 +27,14 @@ pub fn settle_masses(mut particles: Particles) -> Particles {
 }
 
 /// The particles of every layer sorted into one layer for each mass, the lightest first, in columns of
-/// `room`; order is kept within. Zoom simulations have a few masses, and count and mass then mean the
+/// `storage`; order is kept within. Zoom simulations have a few masses, and count and mass then mean the
 /// same within a layer.
 ///
 /// # Errors
-/// [`Error::Input`] where there are more than 64 masses; those of [`Room::columns`].
-pub fn layers_by_mass(particles: &Particles, room: &Room) -> Result<Particles> {
+/// [`Error::Input`] where there are more than 64 masses; those of [`Storage::columns`].
+pub fn layers_by_mass(particles: &Particles, storage: &Storage) -> Result<Particles> {
     let Some(weights) = particles.weights() else { return Ok(particles.clone()) };
-    let mut columns = room.columns("the particles by mass", 4, particles.len())?;
+    let mut columns = storage.columns("the particles by mass", 4, particles.len())?;
     let mut layers = Vec::new();
     let mut end = 0;
     // Takes the particles of `range` whose weight is `class`, or all.
@@ -104,13 +104,13 @@ mod tests {
 
     #[test]
     fn classes_are_layers_and_keep_order() {
-        let p = layers_by_mass(&weighted(vec![4.0, 0.5, 4.0, 0.5, 0.5]), &Room::Memory).unwrap();
+        let p = layers_by_mass(&weighted(vec![4.0, 0.5, 4.0, 0.5, 0.5]), &Storage::Memory).unwrap();
         let layers = p.layers();
         assert_eq!(layers.iter().map(|l| l.content.clone()).collect::<Vec<_>>(), [0..3, 3..5]);
         assert_eq!((&layers[0].name[..], layers[0].mass), ("particles m=0.5", Mass::Each(0.5)));
         assert_eq!((0..5).map(|i| p.position(i)[0]).collect::<Vec<_>>(), [1.0, 3.0, 4.0, 0.0, 2.0]);
         let total = p.total_mass();
         assert_eq!(total, layers.iter().map(|l| l.mass.unit().unwrap() * l.content.len() as f64).sum::<f64>());
-        assert!(layers_by_mass(&weighted((0..100).map(|i| i as f32 + 1.0).collect()), &Room::Memory).is_err());
+        assert!(layers_by_mass(&weighted((0..100).map(|i| i as f32 + 1.0).collect()), &Storage::Memory).is_err());
     }
 }

@@ -1,8 +1,8 @@
 //! Opens raw float32: a folder, or three or four files; checks the values of any snapshot.
 
-use super::room::Blank;
+use super::scratch::Blank;
 use super::storage::CHUNK;
-use super::{ChunkBuffer, Column, Particles, Positions, Room, SnapshotMeta, sidecar, sidecar::Sidecar};
+use super::{ChunkBuffer, Column, Particles, Positions, SnapshotMeta, Storage, sidecar, sidecar::Sidecar};
 use crate::input::open_file;
 use crate::{Error, Remedy, Result};
 use std::path::{Path, PathBuf};
@@ -112,11 +112,11 @@ pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
 }
 
 /// Checks every value: particles with NaN, infinite or (weights) non-positive values are refused, or
-/// dropped into fresh columns of a room.
+/// dropped into fresh columns of a [`Storage`].
 ///
 /// # Errors
-/// [`Error::Input`] at `place`: how many, and the first; those of [`Room::columns`].
-pub fn check_values(particles: Particles, place: &str, drop: Option<&Room>) -> Result<Particles> {
+/// [`Error::Input`] at `place`: how many, and the first; those of [`Storage::columns`].
+pub fn check_values(particles: Particles, place: &str, drop: Option<&Storage>) -> Result<Particles> {
     let invalid = particles.par_chunks(|_, chunk| invalid(&chunk)).into_iter();
     let invalid = invalid.enumerate().fold(Invalid::default(), |all, (i, own)| all.and((i * CHUNK) as u64, own));
     match drop {
@@ -125,7 +125,7 @@ pub fn check_values(particles: Particles, place: &str, drop: Option<&Room>) -> R
         Some(_) if invalid.count == particles.len() as u64 => {
             Err(Error::input(place, format!("all {} particles are invalid", invalid.count)))
         }
-        Some(room) => keep_valid(&particles, particles.len() - invalid.count as usize, room),
+        Some(storage) => keep_valid(&particles, particles.len() - invalid.count as usize, storage),
     }
 }
 
@@ -181,9 +181,9 @@ fn valid(chunk: &super::Chunk<'_>, i: usize) -> bool {
     chunk.position.iter().all(|c| c[i].is_finite()) && chunk.weight.is_none_or(|w| valid_weight(w[i]))
 }
 
-fn keep_valid(particles: &Particles, count: usize, room: &Room) -> Result<Particles> {
+fn keep_valid(particles: &Particles, count: usize, storage: &Storage) -> Result<Particles> {
     let weighted = particles.weights().is_some();
-    let mut columns = room.columns("the valid particles", if weighted { 4 } else { 3 }, count)?;
+    let mut columns = storage.columns("the valid particles", if weighted { 4 } else { 3 }, count)?;
     let (mut layers, mut end, mut buffer) = (Vec::new(), 0, ChunkBuffer::default());
     for layer in particles.layers() {
         let first = end;

@@ -5,9 +5,9 @@
 //! threads.
 
 use super::images::Images;
-use super::room::Blank;
+use super::scratch::Blank;
 use super::storage::CHUNK;
-use super::{Bounds, ChunkBuffer, Particles, Room, SnapshotMeta, Tiling};
+use super::{Bounds, ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
 use crate::math::{Purpose, Random};
 use crate::model::Layer;
 use crate::progress::Progress;
@@ -54,12 +54,17 @@ pub struct Run {
 /// The draw's place in the order of keys: a particle is drawn where its own is not above.
 type Key = (u64, u64, u32);
 
-/// The particles that a selection keeps, in columns of `room`, about the same origin.
+/// The particles that a selection keeps, in columns of `storage`, about the same origin.
 ///
 /// # Errors
-/// Those of [`Kept::new`]; of [`Room::columns`] before anything is taken.
-pub fn select(particles: &Particles, selection: Selection, room: &Room, progress: &dyn Progress) -> Result<Particles> {
-    Kept::about(particles.origin, particles, Tiling::single(), selection, progress)?.collect(room, progress)
+/// Those of [`Kept::new`]; of [`Storage::columns`] before anything is taken.
+pub fn select(
+    particles: &Particles,
+    selection: Selection,
+    storage: &Storage,
+    progress: &dyn Progress,
+) -> Result<Particles> {
+    Kept::about(particles.origin, particles, Tiling::single(), selection, progress)?.collect(storage, progress)
 }
 
 /// Runs of a tiled snapshot and what each keeps: what writers are given.
@@ -216,10 +221,10 @@ impl<'a> Kept<'a> {
     }
 
     /// What is kept, in columns.
-    fn collect(&self, room: &Room, progress: &dyn Progress) -> Result<Particles> {
+    fn collect(&self, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
         let columns = if self.weighted() { 4 } else { 3 };
-        room.announce("the particles chosen", 4 * columns as u64 * self.total(), progress);
-        let mut values = room.columns("the particles chosen", columns, self.total() as usize)?;
+        storage.announce("the particles chosen", 4 * columns as u64 * self.total(), progress);
+        let mut values = storage.columns("the particles chosen", columns, self.total() as usize)?;
         let mut places: Vec<Vec<&mut [f32]>> = (0..self.runs()).map(|_| Vec::new()).collect();
         for column in &mut values {
             let mut rest = &mut column[..];

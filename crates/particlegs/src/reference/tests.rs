@@ -1,4 +1,4 @@
-//! Tests that hold the room's files together.
+//! Tests that hold the module's files together.
 
 use super::{Reference, fxaa, twin};
 use crate::camera::{View, base_distance, clipping_range, spherical_camera};

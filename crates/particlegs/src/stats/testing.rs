@@ -1,4 +1,4 @@
-//! What the tests of this room share.
+//! What the tests of this module share.
 
 use crate::math::Sym3;
 use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// Where large columns are put.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Room {
+pub enum Storage {
     /// Memory of the process.
     #[default]
     Memory,
@@ -28,10 +28,10 @@ pub enum Blank {
     Disk(MmapMut),
 }
 
-impl Room {
+impl Storage {
     /// Says what scratch space is about to be taken, if any.
     pub fn announce(&self, what: &str, bytes: u64, progress: &dyn Progress) {
-        if let Room::Disk(folder) = self {
+        if let Storage::Disk(folder) = self {
             progress.message(&format!("scratch file for {what}: {bytes} bytes in {}", folder.display()));
         }
     }
@@ -43,13 +43,13 @@ impl Room {
     pub fn columns(&self, what: &str, count: usize, len: usize) -> Result<Vec<Blank>> {
         let bytes = len as u64 * 4;
         match self {
-            Room::Memory => {
+            Storage::Memory => {
                 require(what, bytes.saturating_mul(count as u64))?;
                 Ok((0..count).map(|_| Blank::Memory(vec![0.0; len])).collect())
             }
             // A file of no bytes cannot be mapped.
-            Room::Disk(_) if len == 0 => Ok((0..count).map(|_| Blank::Memory(Vec::new())).collect()),
-            Room::Disk(folder) => {
+            Storage::Disk(_) if len == 0 => Ok((0..count).map(|_| Blank::Memory(Vec::new())).collect()),
+            Storage::Disk(folder) => {
                 let fail = |e| Error::io(folder, e);
                 crate::output::check_space(folder, bytes.saturating_mul(count as u64)).map_err(fail)?;
                 (0..count).map(|_| map_scratch(folder, bytes).map(Blank::Disk).map_err(fail)).collect()
@@ -126,16 +126,16 @@ mod tests {
     #[test]
     fn columns_hold_what_is_written_and_leave_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        for room in [Room::Memory, Room::Disk(folder.path().to_path_buf())] {
-            let mut columns = room.columns("a test", 2, 3).unwrap();
+        for storage in [Storage::Memory, Storage::Disk(folder.path().to_path_buf())] {
+            let mut columns = storage.columns("a test", 2, 3).unwrap();
             assert_eq!(&columns[1][..], [0.0; 3]);
             columns[1][2] = 7.0;
             let last = columns.pop().unwrap().finish().unwrap();
             assert_eq!(&last[..], [0.0, 0.0, 7.0]);
-            assert!(room.columns("nothing", 1, 0).unwrap()[0].is_empty());
+            assert!(storage.columns("nothing", 1, 0).unwrap()[0].is_empty());
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
-        let full = Room::Disk(folder.path().to_path_buf()).columns("a test", 4, 1 << 50);
+        let full = Storage::Disk(folder.path().to_path_buf()).columns("a test", 4, 1 << 50);
         assert!(matches!(full, Err(Error::Io { .. })));
     }
 }
