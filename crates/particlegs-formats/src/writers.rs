@@ -161,7 +161,7 @@ mod tests {
             assert!(
                 error.remedy().to_string().contains("raw (a folder); npy (.npy); hdf5 (.hdf5, .h5)"),
                 "{out}: {}",
-                error.remedy().to_string()
+                error.remedy()
             );
         }
     }

@@ -28,7 +28,7 @@ fn check(path: &Path, refused: bool) -> Vec<String> {
         Ok(Err(e)) if !refused => wrong.push(format!("it is refused: {e}")),
         Ok(Err(e)) => {
             let text = e.to_string();
-            println!("{text} | {}", e.remedy().to_string());
+            println!("{text} | {}", e.remedy());
             if text.contains('\n') || e.remedy().to_string().contains('\n') {
                 wrong.push(format!("more than a line: {text:?}"));
             }

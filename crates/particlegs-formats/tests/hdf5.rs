@@ -208,7 +208,7 @@ fn chunks_wider_than_runs() {
     assert_eq!(all[170_001], [2.0; 3]);
     let missing = Fields { positions: Some("Velocities".into()), ..Fields::default() };
     let error = snapshot.reader(0, &missing).err().unwrap();
-    assert!(error.remedy().to_string().contains("Coordinates"), "{error} {}", error.remedy().to_string());
+    assert!(error.remedy().to_string().contains("Coordinates"), "{error} {}", error.remedy());
 }
 
 #[test]
@@ -237,7 +237,7 @@ fn what_is_not_read_is_named() {
     let why = |name: &str| {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5").join(name);
         let error = read_whole(&[path]).unwrap_err();
-        format!("{error} ({})", error.remedy().to_string())
+        format!("{error} ({})", error.remedy())
     };
     assert!(why("bad_external.hdf5").contains("elsewhere.hdf5"), "{}", why("bad_external.hdf5"));
     assert!(why("bad_hole.hdf5").contains("from 50 were never written"), "{}", why("bad_hole.hdf5"));

@@ -30,7 +30,7 @@ fn separators_headers_and_comments() {
         "%x,y,z,\n1,2,3,\n4,5,-6.5,\n",
     ];
     for text in texts {
-        let (_, got) = open(text.as_bytes()).unwrap_or_else(|e| panic!("{text:?}: {e} {}", e.remedy().to_string()));
+        let (_, got) = open(text.as_bytes()).unwrap_or_else(|e| panic!("{text:?}: {e} {}", e.remedy()));
         assert_eq!(got.positions, TWO, "{text:?}");
         assert!(detects(text.as_bytes()), "{text:?}");
     }

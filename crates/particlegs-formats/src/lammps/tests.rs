@@ -27,7 +27,7 @@ fn all(text: &str, fields: &Fields) -> particlegs::Result<Vec<Got>> {
 fn message(text: &str) -> String {
     match all(text, &Fields::default()) {
         Ok(_) => panic!("it was read"),
-        Err(e) => format!("{e} ({})", e.remedy().to_string()),
+        Err(e) => format!("{e} ({})", e.remedy()),
     }
 }
 

@@ -52,7 +52,7 @@ pub fn divide(
     })?;
     let blocks = columns.into_iter().enumerate().map(|(b, columns)| {
         let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
-        let kinds = kinds(&layers, runs.iter().map(|r| r.0).zip(counts.iter().map(|c| c[b] as usize)));
+        let kinds = kinds(layers, runs.iter().map(|r| r.0).zip(counts.iter().map(|c| c[b] as usize)));
         Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), kinds))
     });
     blocks.collect()
