@@ -46,7 +46,7 @@ pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress)
 }
 
 /// Fits the same particles again and again, for one number of Gaussians after the other: the copy of
-/// them that a fit reorders is made in the same memory each time.
+/// them that a refined fit reorders is made in the same memory each time.
 pub(crate) struct Fitter<'a> {
     particles: &'a Particles,
     store: Option<Store>,
@@ -73,10 +73,10 @@ impl<'a> Fitter<'a> {
         };
         let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
         let cells = partition_store(store, options.gaussians, options.radius, how, progress)?;
-        let mixture = match options.effort.refinement(cells.store.len(), cells.cells.len(), options) {
-            None => cells.mixture(),
-            Some(how) => refine(&cells, options.radius, &how, pieces, progress)?,
-        };
+        let (particles, gaussians) = (cells.store.len(), cells.cells.len());
+        let Some(how) = options.effort.refinement(particles, gaussians, options) else { return Ok(cells.mixture()) };
+        let mixture = refine(&cells, options.radius, &how, pieces, progress)?;
+        // What comes after takes less memory than refinement, but not always less than a partition.
         self.store = Some(cells.store);
         Ok(mixture)
     }
