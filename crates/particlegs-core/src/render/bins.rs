@@ -14,22 +14,25 @@ const NEAREST_SHARE: f64 = 0.011_108_996_538_242_306;
 const SMALL_CUT: f64 = 20.0;
 const SMALL: f64 = 0.45;
 
-/// A footprint as the raster wants it, in the pixels of its plane (pad included).
-#[derive(Clone, Copy, Debug)]
+/// A footprint as the raster wants it, in the pixels of its plane (pad included): 32 bytes, as a GPU reads
+/// them. At (dx, dy) pixels from the centre it adds `peak 2^p`, p = `down dy^2 + along (dx - slope dy)^2`,
+/// where p is not below `end`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Stroke {
-    /// Centre.
+    /// Centre, pixels from the left; pixel centres have whole coordinates.
     pub x: f32,
-    /// Centre.
+    /// Centre, pixels from the top.
     pub y: f32,
-    /// Shift of the row's centre from row to row.
+    /// Shift of the row's centre from row to row, pixels.
     pub slope: f32,
-    /// 1 / (2 sigma^2) along a row, in powers of two: -a dx^2.
+    /// -log2(e) / (2 sigma^2) along a row, 1/pixels^2.
     pub along: f32,
     /// The same down the rows.
     pub down: f32,
     /// The exponent (power of two) at which it ends.
     pub end: f32,
-    /// Peak.
+    /// Optical depth (or mass a pixel) at the centre.
     pub peak: f32,
     /// Half of its height in rows.
     pub half: f32,
@@ -92,8 +95,7 @@ impl<'a> Binner<'a> {
             starts[b + 1] += starts[b];
         }
         let mut next = starts.clone();
-        let blank = Stroke { x: 0.0, y: 0.0, slope: 0.0, along: 0.0, down: 0.0, end: 0.0, peak: 0.0, half: 0.0 };
-        let mut strokes = vec![blank; self.found.len()];
+        let mut strokes = vec![Stroke::default(); self.found.len()];
         for (band, stroke) in self.found {
             let place = &mut next[band as usize];
             strokes[*place as usize] = stroke;

@@ -84,17 +84,19 @@ pub fn project(eye: &Eye, mean: [f64; 3], cov: &Sym3) -> Option<Projected> {
 
 /// A footprint as tiles are drawn with it. The alpha of a pixel is `peak 2^p` with
 /// `p = along d^2 + down dy^2`, where d is its distance in x from the crest of its row.
-#[derive(Clone, Copy, Debug)]
+/// 32 bytes, as a GPU reads them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Splat {
-    /// Centre.
+    /// Centre, pixels from the left; pixel centres have whole coordinates.
     pub x: f32,
-    /// Centre.
+    /// Centre, pixels from the top.
     pub y: f32,
-    /// How far the crest moves with a row.
+    /// How far the crest moves with a row, pixels.
     pub lean: f32,
-    /// Fall along a row; negative.
+    /// Fall along a row, 1/pixels^2; negative.
     pub along: f32,
-    /// Fall of the crest from row to row; negative.
+    /// Fall of the crest from row to row, 1/pixels^2; negative.
     pub down: f32,
     /// Alpha at the centre.
     pub peak: f32,
