@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// The name of standard input among paths.
-pub const STANDARD_INPUT: &str = "-";
+pub(crate) const STANDARD_INPUT: &str = "-";
 
 /// What a file that is read whole must be.
 #[derive(Clone, Copy, Debug)]
@@ -317,7 +317,7 @@ pub fn open_file(path: &Path) -> Result<(File, u64)> {
 }
 
 /// Is it the name of standard input?
-pub fn is_standard(path: &Path) -> bool {
+pub(crate) fn is_standard(path: &Path) -> bool {
     path.as_os_str() == STANDARD_INPUT
 }
 

@@ -30,10 +30,6 @@ pub enum Purpose {
     HeldOutTurn = u32::from_be_bytes(*b"hotu"),
     /// Radii and opacities of views held out.
     HeldOutLook = u32::from_be_bytes(*b"hora"),
-    /// Turns of the orbits of views for training.
-    TrainingTurn = u32::from_be_bytes(*b"trtu"),
-    /// Radii and opacities of views for training.
-    TrainingLook = u32::from_be_bytes(*b"trra"),
     /// Turns of the orbits of a certificate's views.
     CertificateTurn = u32::from_be_bytes(*b"cetu"),
     /// The order of a training run's cameras.

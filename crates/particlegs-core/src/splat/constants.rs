@@ -33,22 +33,6 @@ pub fn opacity_integral(opacity: f64) -> f64 {
     2.0 * std::f64::consts::PI * CUT_SHARE_2D * opacity
 }
 
-/// The dilogarithm `Li2(a) = sum a^k / k^2` for `a` in [0, 1].
-pub fn dilogarithm(a: f64) -> f64 {
-    use std::f64::consts::PI;
-    if a > 0.5 {
-        // Li2(a) = pi^2/6 - ln(a) ln(1-a) - Li2(1-a): the series then converges fast.
-        let logs = if a < 1.0 { libm::log(a) * libm::log1p(-a) } else { 0.0 };
-        return PI * PI / 6.0 - logs - dilogarithm(1.0 - a);
-    }
-    let (mut sum, mut power) = (0.0, 1.0);
-    for k in 1..64 {
-        power *= a;
-        sum += power / f64::from(k * k);
-    }
-    sum
-}
-
 /// `erf` to about 1e-15: the all-positive series near zero, the continued fraction in the tail.
 pub fn erf(x: f64) -> f64 {
     let z = x.abs();
@@ -81,8 +65,5 @@ mod tests {
         assert!((erf(3.5) - 0.999_999_256_901_627_7).abs() < 1e-15);
         assert_eq!(erf(-0.5), -erf(0.5));
         assert!((MEAN_COVERED_ALPHA - 0.17359).abs() < 1e-5);
-        assert!((dilogarithm(0.5) - 0.582_240_526_465_012_5).abs() < 1e-14);
-        assert!((dilogarithm(1.0) - 1.644_934_066_848_226_4).abs() < 1e-14);
-        assert!((dilogarithm(0.05) - 0.050_639_8).abs() < 1e-6);
     }
 }

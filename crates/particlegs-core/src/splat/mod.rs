@@ -9,7 +9,7 @@ mod tone;
 
 pub use constants::{
     CUT_SHARE, CUT_SHARE_2D, CUT_SIGMA, DEFAULT_OPACITY, DEPTH_TOLERANCE, LARGEST_MEAN_ALPHA, MEAN_COVERED_ALPHA,
-    PEELS, PIXEL_VARIANCE, dilogarithm, erf, opacity_integral,
+    PEELS, PIXEL_VARIANCE, erf, opacity_integral,
 };
 pub use fxaa_mean::{FxaaMean, fxaa_blur};
 pub use look::Look;

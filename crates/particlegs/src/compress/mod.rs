@@ -1,6 +1,6 @@
 //! Floor 6: the whole job: a snapshot, a target, an effort in; a model file's bytes out.
 //!
-//! [`Target`] says what is asked for, [`describe`] what is known about the snapshot, [`compress`]
+//! [`Target`] says what is asked for, `describe` what is known about the snapshot, [`compress`]
 //! chooses how many Gaussians at how many bits, fits, codes, decodes and measures; [`simplify()`]
 //! makes a file smaller without the particles, [`finetune()`] trains a merged file on the whole snapshot.
 

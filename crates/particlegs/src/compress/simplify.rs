@@ -26,8 +26,8 @@ pub struct Simplified {
 ///
 /// # Errors
 /// [`Error::Argument`] for a model of the alpha-blend law, whose splats do not add up; for more
-/// Gaussians than there are or fewer than layers, or a target that is neither; [`Error::Unreachable`] for a ratio below the model's own, or one that no file reaches;
-/// those of [`fit::simplify`].
+/// Gaussians than there are or fewer than layers, or a target that is neither; [`Error::Unreachable`]
+/// for a ratio below the model's own, or one that no file reaches; those of the fit.
 pub fn simplify(
     model: Model,
     model_bytes: u64,

@@ -40,7 +40,7 @@ pub struct FitOptions {
 /// Fits at most `options.gaussians` Gaussians to `particles`.
 ///
 /// # Errors
-/// As [`partition`] and [`refine`].
+/// As [`super::partition`] and [`super::refine`].
 pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress) -> Result<Mixture> {
     Fitter::new(particles).fit(options, &mut NoPieces, progress)
 }

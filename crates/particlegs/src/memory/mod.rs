@@ -42,7 +42,7 @@ fn kib_of(text: &str, name: &str) -> Option<u64> {
 }
 
 /// A caller that says nothing, never stops the work and knows how much memory there is.
-pub struct Quiet;
+pub(crate) struct Quiet;
 
 impl Progress for Quiet {
     fn available_memory(&self) -> Option<u64> {

@@ -17,7 +17,6 @@ mod temporary;
 
 pub use folder::WholeFolder;
 pub use kind::Kind;
-pub use place::STANDARD_OUTPUT;
 pub use placed::PlacedFile;
 pub use plan::{Input, Outputs};
 pub use set::FileSet;

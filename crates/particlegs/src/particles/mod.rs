@@ -26,7 +26,9 @@ mod units;
 mod write;
 
 pub use convert::{Converted, convert, write_raw};
-pub use hash::{RunHash, column_hash, hash_of_runs, hash_run, source_hash};
+pub(crate) use hash::hash_of_runs;
+pub(crate) use hash::hash_run;
+pub use hash::{RunHash, column_hash, source_hash};
 pub(crate) use in_box::{check_box, check_particles};
 pub use layer::ONE_LAYER;
 pub use layered::{LayerSource, Layered, ReadLayer};
@@ -43,4 +45,5 @@ pub use source::{Chunk, ChunkBuffer, InPlace, RUN, RunSink, SnapshotReader};
 pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};
 pub use tile::Tiling;
-pub use write::{Described, FOLDER_FILES, RawForm, SnapshotWriter};
+pub(crate) use write::SnapshotWriter;
+pub use write::{Described, FOLDER_FILES, RawForm};

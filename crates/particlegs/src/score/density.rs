@@ -46,11 +46,6 @@ impl DensityGrid {
         })
     }
 
-    /// Cells along x, y and z.
-    pub fn cells(&self) -> [usize; 3] {
-        self.0.cells
-    }
-
     /// Mass in each cell, x slowest: every particle in the cell that holds it.
     ///
     /// # Errors
@@ -186,7 +181,7 @@ mod tests {
         let mut p = Particles::from_columns(vec![0.0, 9.9, 10.0, 0.1], vec![0.0; 4], vec![0.0, 0.0, 0.0, 4.9]);
         let bounds = Bounds { min: [0.0; 3], max: [10.0, 5.0, 5.0] };
         let open = DensityGrid::new(&bounds, None, 10);
-        assert_eq!(open.cells(), [10, 5, 5]);
+        assert_eq!(open.0.cells, [10, 5, 5]);
         let rho = open.of_particles(&p, &Silent).unwrap();
         let at = |rho: &[f64], i: usize, k: usize| rho[open.0.index([i, 0, k])];
         assert_eq!([at(&rho, 0, 0), at(&rho, 9, 0), at(&rho, 0, 4)], [1.0, 2.0, 1.0]);

@@ -25,13 +25,14 @@ mod views;
 pub use agree::{Figure, contradictions, doubts, side_by_side};
 pub use certify::certificate;
 pub use compare::{Compared, Comparison, MeanScores, compare_folders};
-pub use density::{DensityAgreement, DensityGrid, density_agreement, density_of};
+pub use density::DensityAgreement;
+pub(crate) use density::density_of;
 pub use evaluate::{evaluate, shot_noise};
 pub use held_out::HeldOut;
 use mean::mean;
 pub use scores::{ByOrbit, Evaluation, Floor, Gap, LookScores, MeanViewScores, NoFxaaScores, ViewScores};
 use truth::Truth;
 pub use verdict::{Finding, Use, Verdict, Word, verdict};
-pub use views::{
-    EvalView, ViewSeed, certificate_views, evaluation_views, held_out_views, training_views, views_of_file,
-};
+pub(crate) use views::certificate_views;
+pub(crate) use views::held_out_views;
+pub use views::{EvalView, ViewSeed, evaluation_views, views_of_file};

@@ -13,7 +13,6 @@ const OPACITY_RANGE: [f64; 2] = [0.0125, 0.0875];
 /// Seeds of the turns and of the sampled radii and opacities, one pair a role.
 const EVALUATION: [Purpose; 2] = [Purpose::EvaluationTurn, Purpose::EvaluationLook];
 const HELD_OUT: [Purpose; 2] = [Purpose::HeldOutTurn, Purpose::HeldOutLook];
-const TRAINING: [Purpose; 2] = [Purpose::TrainingTurn, Purpose::TrainingLook];
 
 /// What seeded views are made for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,11 +45,6 @@ pub fn evaluation_views(of: &ViewSeed, frames: usize) -> Vec<EvalView> {
 /// The views that choose between models while one is made; none of them is an evaluation view.
 pub fn held_out_views(of: &ViewSeed, frames: usize) -> Vec<EvalView> {
     sampled(of, frames, HELD_OUT)
-}
-
-/// The views that a model may be trained on.
-pub fn training_views(of: &ViewSeed, frames: usize) -> Vec<EvalView> {
-    sampled(of, frames, TRAINING)
 }
 
 /// The certificate's: one an orbit, at the default radius and `opacity`.
@@ -107,14 +101,13 @@ mod tests {
     fn roles_share_no_pose_and_seeds_repeat() {
         let bounds = Bounds { min: [0.0; 3], max: [50.0; 3] };
         let of = ViewSeed { bounds: &bounds, default_radius: 0.016, size: SIZE, seed: 42 };
-        let sets =
-            [evaluation_views(&of, 8), held_out_views(&of, 8), training_views(&of, 8), certificate_views(&of, 0.05)];
+        let sets = [evaluation_views(&of, 8), held_out_views(&of, 8), certificate_views(&of, 0.05)];
         for v in sets.iter().flatten() {
             v.view.check(SIZE).unwrap();
             assert!((0.25..=1.75).contains(&(v.view.radius / 0.016)));
             assert!((0.0125..=0.0875).contains(&v.view.opacity));
         }
-        assert_eq!(sets.each_ref().map(Vec::len), [24, 24, 24, 3]);
+        assert_eq!(sets.each_ref().map(Vec::len), [24, 24, 3]);
         let mut poses: Vec<[u64; 3]> =
             sets.iter().flatten().map(|v| v.view.camera.position.map(f64::to_bits)).collect();
         poses.sort_unstable();

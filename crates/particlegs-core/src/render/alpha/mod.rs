@@ -1,7 +1,7 @@
 //! The alpha-blend law: 3-D Gaussian splatting as published (Kerbl et al. 2023; paper section III),
 //! grey, on the CPU.
 //!
-//! Everything happens in the training frame ([`crate::camera::Normalisation`]). [`adapt`] takes a
+//! Everything happens in the training frame ([`crate::camera::Normalisation`]). `adapt` takes a
 //! scene's Gaussians there and bends their scales and opacities for the view's radius and opacity.
 //! [`project`] puts one on the picture; a [`Plan`] holds all that are seen, sorted by depth, in bins
 //! of 16 x 16 pixels; [`raster`] blends each tile front to back. Training walks the same plan again
