@@ -142,7 +142,7 @@ fn plain(m: &Mixture, view: &View) -> f64 {
 /// Every gradient against differences of the plain law: number by number, the root of the mean
 /// squared difference over all Gaussians but the worst `jumps`, in shares of the gradient of the
 /// number of its group (mean, covariance, count) that the picture depends on most.
-fn against_plain(distance: f64, seed: u64, (share, jumps): (f64, usize), tolerance: f64) {
+fn against_plain(distance: f64, seed: u64, share: f64, jumps: usize, tolerance: f64) {
     let (m, view) = (mixture(seed, 14), view(distance));
     let found = drawn(&m, &view, &Crop::whole(SIZE)).gradient(&m, weights());
     let off: Vec<[f64; 2]> = (0..10)
@@ -173,14 +173,14 @@ fn against_plain(distance: f64, seed: u64, (share, jumps): (f64, usize), toleran
 
 #[test]
 fn gradients_from_afar() {
-    against_plain(14.0, 5, (0.1, 0), 0.06);
+    against_plain(14.0, 5, 0.1, 0, 0.06);
 }
 
 #[test]
 fn gradients_among_the_gaussians() {
     // The camera stands inside: many are cut along depth or by the near plane. Where a step changes
     // the number of slices, the plain law jumps.
-    against_plain(1.2, 17, (5.0, 2), 0.1);
+    against_plain(1.2, 17, 5.0, 2, 0.1);
 }
 
 /// Neighbours' counts sum to what they did, and what all of them gain together nobody gains.

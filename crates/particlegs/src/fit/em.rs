@@ -4,7 +4,7 @@
 //! the groups that hold it as a candidate, always in the order of the groups.
 
 use super::Moments;
-use super::candidates::{Ellipsoid, OverlapTree};
+use super::candidates::{Ellipsoid, OverlapTree, Reach};
 use super::em_kernel::{self, Group, SUMS, Scratch, Sums, Whitened};
 use crate::math::Sym3;
 use crate::{Result, progress::Progress};
@@ -94,24 +94,14 @@ pub(crate) struct Move {
     pub(crate) freed: u32,
 }
 
-/// How candidates are chosen.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Reach {
-    /// At most so many a group.
-    pub(crate) most: usize,
-    /// Largest difference of separations from the best (2 ln of the ratio of overlaps).
-    pub(crate) reach: f64,
-    /// Added to every variance, scaled units squared.
-    pub(crate) floor: f64,
-}
-
 /// Work items of one rayon task.
 const TASK: usize = 64;
 
 impl Candidates {
-    /// Finds each group's candidates among Gaussians with a count above zero.
-    pub(crate) fn find(groups: &Groups, gaussians: &Gaussians, reach: Reach) -> Self {
-        let floor = Sym3::scaled_identity(reach.floor);
+    /// Finds each group's candidates among Gaussians with a count above zero. `floor` is added to every
+    /// variance, scaled units squared.
+    pub(crate) fn find(groups: &Groups, gaussians: &Gaussians, reach: Reach, floor: f64) -> Self {
+        let floor = Sym3::scaled_identity(floor);
         let items: Vec<Ellipsoid> = (0..gaussians.len())
             .into_par_iter()
             .map(|j| Ellipsoid::new(gaussians.mean[j], gaussians.cov[j].add(&floor), gaussians.count[j]))
@@ -125,7 +115,7 @@ impl Candidates {
                     return Vec::new();
                 }
                 let group = Ellipsoid::new(groups.mean[g], groups.cov[g].add(&floor), 1.0);
-                tree.nearest(&group, reach.most, reach.reach, found);
+                tree.nearest(&group, reach, found);
                 found.iter().map(|f| f.1).collect()
             })
             .collect();
@@ -465,8 +455,8 @@ mod tests {
             let (xyz, groups, mut gaussians) = problem(seed);
             let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };
             let wanted = Wanted { likelihood: true, ..Wanted::default() };
-            let reach = Reach { most: 8, reach: 1e9, floor: PLAIN.floor };
-            let candidates = Candidates::find(&groups, &gaussians, reach);
+            let reach = Reach { most: 8, beyond: 1e9 };
+            let candidates = Candidates::find(&groups, &gaussians, reach, PLAIN.floor);
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
                 let e = expect(cloud, &candidates, &gaussians, PLAIN, wanted, &Silent).unwrap();
@@ -488,7 +478,7 @@ mod tests {
         let mut gaussians = Gaussians::default();
         gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
         let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04 };
-        let candidates = Candidates::find(&groups, &gaussians, Reach { most: 4, reach: 9.0, floor: shape.floor });
+        let candidates = Candidates::find(&groups, &gaussians, Reach { most: 4, beyond: 9.0 }, shape.floor);
         for _ in 0..10 {
             let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };
             let e = expect(cloud, &candidates, &gaussians, shape, Wanted::default(), &Silent).unwrap();

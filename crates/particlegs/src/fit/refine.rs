@@ -6,7 +6,8 @@
 //! of each cell's particles where there are more than the Gaussians need; the last iterations see
 //! every particle.
 
-use super::em::{Candidates, Cloud, Gaussians, Groups, Reach, Shape, Wanted, expect, maximise, regroup};
+use super::candidates::Reach;
+use super::em::{Candidates, Cloud, Gaussians, Groups, Shape, Wanted, expect, maximise, regroup};
 use super::gain::{Blur, picture_sigma};
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
@@ -154,7 +155,7 @@ impl Refiner<'_> {
     }
 
     fn candidates(&self, groups: &Groups, gaussians: &Gaussians) -> Candidates {
-        Candidates::find(groups, gaussians, Reach { most: 24, reach: 14.0, floor: self.shape().floor })
+        Candidates::find(groups, gaussians, Reach { most: 24, beyond: 14.0 }, self.shape().floor)
     }
 
     /// EM with fixed candidates.

@@ -40,7 +40,7 @@ pub use density::{DensityComparison, DensityPdf, Slice, central_slice, compare_d
 use deposit::deposit_steps;
 pub use deposit::{Field, deposit, deposit_bytes};
 pub use domain::Domain;
-pub(crate) use gaussian::Splat;
+pub(crate) use gaussian::{Slab, Splat};
 pub use grid::{Assignment, Grid};
 pub use groups::{Groups, find_groups, longest_link};
 pub use moments::{AxisMoments, axis_moments};
