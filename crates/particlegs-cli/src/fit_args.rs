@@ -54,7 +54,7 @@ impl FitArgs {
         self.effort == EffortArg::Fast
     }
 
-    /// The options of a job in one block, in memory; what they draw is drawn by the subset's seed.
+    /// The options of a job in one block, in memory. The subset's seed is theirs, too.
     pub fn options(&self, snapshot: &SnapshotArgs, subset: Subset<'_>) -> Result<Options> {
         let seed = subset.seed;
         for (name, value) in [("--radius", self.radius), ("--opacity", self.opacity)] {

@@ -116,9 +116,11 @@ pub struct WindowArgs {
 /// The particles of a snapshot that a command works on.
 #[derive(Clone, Copy)]
 pub struct Subset<'a> {
+    /// Which of them to keep.
     pub selection: &'a SelectionArgs,
+    /// A window to keep instead of the selection's region.
     pub window: &'a WindowArgs,
-    /// What a sample is drawn by.
+    /// Seed of the selection's sample.
     pub seed: u64,
 }
 

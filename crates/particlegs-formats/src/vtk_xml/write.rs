@@ -112,11 +112,12 @@ struct Arrays<'a> {
 impl Arrays<'_> {
     /// Writes the part that a run has of every array: it begins at particle `first`, and its layer has `mass`.
     fn write_run(&self, first: u64, run: &Run, layer: usize, mass: Option<Mass>, bytes: &mut Vec<u8>) -> Result<()> {
+        let &Arrays { file, start, layout } = self;
         let [x, y, z, w] = &run.columns;
         bytes.clear();
         bytes.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes));
-        self.file.write_at(bytes, self.start + self.layout.points + 12 * first)?;
-        if let Some(place) = self.layout.mass {
+        file.write_at(bytes, start + layout.points + 12 * first)?;
+        if let Some(place) = layout.mass {
             let own = |i: usize| w.get(i).copied().unwrap_or(1.0);
             let mass_of = |i: usize| match mass {
                 // Weights count in units of the layer's mass, where it has one.
@@ -126,19 +127,19 @@ impl Arrays<'_> {
             };
             bytes.clear();
             bytes.extend((0..x.len()).map(mass_of).flat_map(f32::to_le_bytes));
-            self.file.write_at(bytes, self.start + place + 4 * first)?;
+            file.write_at(bytes, start + place + 4 * first)?;
         }
         bytes.clear();
         let vertices = first..first + x.len() as u64;
-        match self.layout.vertex {
+        match layout.vertex {
             4 => bytes.extend(vertices.flat_map(|i| (i as u32).to_le_bytes())),
             _ => bytes.extend(vertices.flat_map(u64::to_le_bytes)),
         }
-        self.file.write_at(bytes, self.start + self.layout.vertices + self.layout.vertex * first)?;
-        if let Some(place) = self.layout.species {
+        file.write_at(bytes, start + layout.vertices + layout.vertex * first)?;
+        if let Some(place) = layout.species {
             bytes.clear();
             bytes.resize(x.len(), layer as u8);
-            self.file.write_at(bytes, self.start + place + first)?;
+            file.write_at(bytes, start + place + first)?;
         }
         Ok(())
     }

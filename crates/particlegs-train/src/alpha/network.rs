@@ -31,6 +31,7 @@ struct Scratch {
 
 /// A run of Gaussians on their way back through the network.
 struct Run<'a> {
+    /// What the network was given.
     inputs: &'a [[f32; 4]],
     /// The changes with the network's outputs.
     wanted: &'a [[f32; 2]],

@@ -18,8 +18,9 @@ pub(super) type Sums = [f32; 7];
 struct Drawn<'a> {
     /// The tile's number in the plan.
     number: usize,
+    /// Its pixels.
     lit: Lit,
-    /// Brightness of its pixels.
+    /// Their brightness.
     total: &'a [f32; PIXELS],
     /// The loss's change with it.
     slope: &'a [f32; PIXELS],

@@ -20,10 +20,11 @@ pub struct OfGaussian {
     pub count: f64,
 }
 
-/// Inverse depths of a piece of a Gaussian.
+/// The inverse depths of a piece of a Gaussian.
 #[derive(Clone, Copy, Debug)]
 pub struct PieceDepth {
     pub moments: DepthMoments,
+    /// How the moments change with the Gaussian.
     pub slopes: DepthSlopes,
 }
 

@@ -48,6 +48,7 @@ pub(crate) struct Groups {
 #[derive(Clone, Copy)]
 pub(crate) struct Cloud<'a> {
     pub(crate) xyz: &'a [[f32; 3]],
+    /// One a particle, where they have weights.
     pub(crate) weight: Option<&'a [f32]>,
     pub(crate) groups: &'a Groups,
 }

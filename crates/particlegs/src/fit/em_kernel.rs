@@ -52,11 +52,13 @@ pub(crate) struct Scratch {
 
 /// Particles that lie together, and the Gaussians that they may belong to.
 pub(crate) struct Group<'a> {
+    /// Where the particles are.
     pub(crate) points: &'a [[f32; 3]],
     /// One a particle, where they have weights.
     pub(crate) weight: Option<&'a [f32]>,
     /// What the sums and the candidates' means are relative to.
     pub(crate) centre: [f32; 3],
+    /// The Gaussians, best first.
     pub(crate) candidates: &'a [Whitened],
 }
 

@@ -39,8 +39,9 @@ pub fn fxaa(picture: &Gray8) -> Gray8 {
 
 /// An edge, as seen from a pixel that lies on it.
 struct Edge {
+    /// Column and row.
     pixel: [i32; 2],
-    /// The step to its other side.
+    /// The step to the other side.
     across: [i32; 2],
     /// The pixel's luminosity.
     own: f32,

@@ -114,10 +114,13 @@ impl Even {
     }
 }
 
-/// A model, its snapshot, and what both are measured against.
+/// A model beside its snapshot.
 struct Comparison<'a> {
+    /// The model, ready to be drawn.
     scene: Scene<'a>,
+    /// Draws the snapshot.
     truth: &'a Reference<'a>,
+    /// What the least of models would score.
     even: Even,
 }
 

@@ -21,7 +21,9 @@ const TAIL: f64 = 4.5;
 
 /// Some planes of a grid across x, and what their cells hold.
 pub(crate) struct Slab<'a> {
+    /// The whole grid.
     pub(crate) grid: &'a Grid,
+    /// Which of its planes.
     pub(crate) planes: Range<usize>,
     /// The cells of those planes alone.
     pub(crate) cells: &'a mut [f64],
@@ -269,14 +271,14 @@ mod tests {
             {
                 let cov = turned([s, 0.5 * s, 0.02 * s]);
                 let whole = deposit(&g, mean, &cov);
-                for slab in 0..4 {
-                    let planes = 3 * slab..3 * slab + 3;
+                for number in 0..4 {
+                    let planes = 3 * number..3 * number + 3;
                     let mut part = vec![0.0; 3 * 144];
-                    let mut cells = Slab { grid: &g, planes, cells: &mut part };
-                    if cells.may_hold(mean, &cov) {
-                        Splat::default().add(&mut cells, mean, &cov, 1.0);
+                    let mut slab = Slab { grid: &g, planes, cells: &mut part };
+                    if slab.may_hold(mean, &cov) {
+                        Splat::default().add(&mut slab, mean, &cov, 1.0);
                     }
-                    assert_eq!(part, whole[432 * slab..432 * (slab + 1)]);
+                    assert_eq!(part, whole[432 * number..432 * (number + 1)]);
                 }
             }
         }
