@@ -134,7 +134,8 @@ impl DensityArgs {
     /// [`Error::Argument`] for numbers outside their range.
     pub fn views(
         &self,
-        (views, subject): (&ViewArgs, &Subject),
+        views: &ViewArgs,
+        subject: &Subject,
         q: &Quantities,
         context: &Context,
     ) -> Result<(Size, Vec<DensityView>)> {

@@ -1,6 +1,6 @@
 //! What a model is to be: target, effort, what it stores. The same for `compress` and `plan`.
 
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::{SnapshotArgs, Subset};
 use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TrainArgs;
 use clap::{Args, ValueEnum};
@@ -54,13 +54,9 @@ impl FitArgs {
         self.effort == EffortArg::Fast
     }
 
-    /// The options of a job in one block, in memory.
-    pub fn options(
-        &self,
-        snapshot: &SnapshotArgs,
-        (selection, window): (&SelectionArgs, &WindowArgs),
-        seed: u64,
-    ) -> Result<Options> {
+    /// The options of a job in one block, in memory. The subset's seed is theirs, too.
+    pub fn options(&self, snapshot: &SnapshotArgs, subset: Subset<'_>) -> Result<Options> {
+        let seed = subset.seed;
         for (name, value) in [("--radius", self.radius), ("--opacity", self.opacity)] {
             if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
                 return Err(Error::argument(format!("{name} must be positive")));
@@ -81,7 +77,7 @@ impl FitArgs {
         let mut command = format!("compress{asked} --effort {name} --seed {seed}");
         command += &self.train.text()?;
         command += &snapshot.text();
-        command += &selection.text(window);
+        command += &subset.selection.text(subset.window);
         for (option, value) in [("radius", self.radius), ("opacity", self.opacity)] {
             if let Some(v) = value {
                 command += &format!(" --{option} {v}");

@@ -1,7 +1,7 @@
 //! How a job's snapshot is named in its manifest, and opened again.
 
 use crate::common::Context;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use particlegs::input::{is_stream, name_of};
 use particlegs::job::{Job, Source};
 use particlegs::particles::{Layered, Particles, Storage};
@@ -21,12 +21,7 @@ pub struct JobSnapshot {
 
 impl JobSnapshot {
     /// As named on the command line; tasks may run in other folders.
-    pub fn new(
-        paths: &[PathBuf],
-        opening: &SnapshotArgs,
-        (selection, window): (&SelectionArgs, &WindowArgs),
-        seed: u64,
-    ) -> Result<Self> {
+    pub fn new(paths: &[PathBuf], opening: &SnapshotArgs, subset: Subset<'_>) -> Result<Self> {
         let absolute = |p: &PathBuf| {
             if is_stream(p) {
                 let hint = "write the data to a file first";
@@ -45,8 +40,17 @@ impl JobSnapshot {
             }
         };
         let paths = paths.iter().map(absolute).collect::<Result<_>>()?;
-        let (opening, selection, window) = (opening.clone(), selection.clone(), window.clone());
-        Ok(JobSnapshot { paths, opening, selection, window, seed })
+        Ok(JobSnapshot {
+            paths,
+            opening: opening.clone(),
+            selection: subset.selection.clone(),
+            window: subset.window.clone(),
+            seed: subset.seed,
+        })
+    }
+
+    fn subset(&self) -> Subset<'_> {
+        Subset { selection: &self.selection, window: &self.window, seed: self.seed }
     }
 
     /// As a job's manifest names it.
@@ -68,7 +72,7 @@ impl JobSnapshot {
 
     /// The snapshot as it is planned; what cannot be read where it lies is put into `storage`.
     pub fn source(&self, storage: &Storage, context: &Context) -> Result<Source> {
-        match self.opening.open_later(&self.paths, (&self.selection, &self.window), self.seed, context)? {
+        match self.opening.open_later(&self.paths, self.subset(), context)? {
             Some(layered) => Ok(Source::Later(layered)),
             None => Ok(Source::Now(self.particles(storage, context)?)),
         }
@@ -84,7 +88,7 @@ impl JobSnapshot {
 
     /// The particles.
     pub fn particles(&self, storage: &Storage, context: &Context) -> Result<Particles> {
-        self.opening.open_selected_in(storage, &self.paths, (&self.selection, &self.window), self.seed, context)
+        self.opening.open_selected_in(storage, &self.paths, self.subset(), context)
     }
 }
 

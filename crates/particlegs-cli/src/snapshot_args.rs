@@ -113,44 +113,47 @@ pub struct WindowArgs {
     pub width: Option<Vec<f64>>,
 }
 
+/// The particles of a snapshot that a command works on.
+#[derive(Clone, Copy)]
+pub struct Subset<'a> {
+    /// Which of them to keep.
+    pub selection: &'a SelectionArgs,
+    /// A window to keep instead of the selection's region.
+    pub window: &'a WindowArgs,
+    /// Seed of the selection's sample.
+    pub seed: u64,
+}
+
 impl SnapshotArgs {
-    /// Opens what a selection keeps of it.
-    pub fn open_selected(
-        &self,
-        paths: &[PathBuf],
-        what: (&SelectionArgs, &WindowArgs),
-        seed: u64,
-        progress: &dyn Progress,
-    ) -> Result<Particles> {
-        self.open_selected_in(&Storage::Memory, paths, what, seed, progress)
+    /// Opens a subset of it.
+    pub fn open_selected(&self, paths: &[PathBuf], subset: Subset<'_>, progress: &dyn Progress) -> Result<Particles> {
+        self.open_selected_in(&Storage::Memory, paths, subset, progress)
     }
 
-    /// Opens what a selection keeps of it; what is not used as it lies is put into `storage`.
+    /// Opens a subset of it; what is not used as it lies is put into `storage`.
     pub fn open_selected_in(
         &self,
         storage: &Storage,
         paths: &[PathBuf],
-        (selection, window): (&SelectionArgs, &WindowArgs),
-        seed: u64,
+        subset: Subset<'_>,
         progress: &dyn Progress,
     ) -> Result<Particles> {
-        read(
-            paths,
-            &Choice { selection: Some(selection.selection(window, seed)?), ..self.choice()? },
-            storage,
-            progress,
-        )
+        read(paths, &self.choice_of(subset)?, storage, progress)
     }
 
-    /// What a selection keeps, to be read in parts where it lies, if that can be.
+    /// A subset of it, to be read in parts where it lies, if that can be.
     pub fn open_later(
         &self,
         paths: &[PathBuf],
-        (selection, window): (&SelectionArgs, &WindowArgs),
-        seed: u64,
+        subset: Subset<'_>,
         progress: &dyn Progress,
     ) -> Result<Option<Layered>> {
-        read_later(paths, &Choice { selection: Some(selection.selection(window, seed)?), ..self.choice()? }, progress)
+        read_later(paths, &self.choice_of(subset)?, progress)
+    }
+
+    fn choice_of(&self, subset: Subset<'_>) -> Result<Choice> {
+        let selection = subset.selection.selection(subset.window, subset.seed)?;
+        Ok(Choice { selection: Some(selection), ..self.choice()? })
     }
 
     /// As stored in a model's command: which particles are read, and as what. The box, units and particles

@@ -15,11 +15,11 @@ pub fn is_of_several(bytes: &[u8], model: &Model, place: &str) -> Result<bool> {
 }
 
 /// Refuses particles that are not those of the model: by their hash, or, of a merge of several
-/// snapshots, by their number.
+/// snapshots, by their number. `snapshot` and the model's `file` are how the error names them.
 ///
 /// # Errors
 /// [`Error::Input`] that names the snapshot.
-pub fn check(model: &Model, of_several: bool, particles: &Particles, (snapshot, place): (&Path, &Path)) -> Result<()> {
+pub fn check(model: &Model, of_several: bool, particles: &Particles, snapshot: &Path, file: &Path) -> Result<()> {
     let told = model.metadata.source_hash;
     let matches = source_hash(particles) == told
         || column_hash(particles) == told
@@ -28,5 +28,5 @@ pub fn check(model: &Model, of_several: bool, particles: &Particles, (snapshot, 
         return Ok(());
     }
     let why = if of_several { "their numbers of particles differ" } else { "their hashes differ" };
-    Err(Error::input(snapshot, format!("it is not the snapshot that {} was made of ({why})", place.display())))
+    Err(Error::input(snapshot, format!("it is not the snapshot that {} was made of ({why})", file.display())))
 }

@@ -114,7 +114,7 @@ fn draw(path: &Path) -> Result<()> {
         let points: Vec<(f64, f64)> = lines.iter().filter_map(point).collect();
         Curve { name, side: 1, dots: points.len() == 1, points }
     };
-    let figure = |key: &str, (name, curve_name): (&str, &'static str), title: &str, y: &str| {
+    let figure = |key: &str, name: &str, title: &str, y: &str, curve_name: &'static str| {
         let name = format!("{stem}-{name}");
         let figure = Figure {
             name: &name,
@@ -129,8 +129,8 @@ fn draw(path: &Path) -> Result<()> {
         };
         plots::write(set.path(), &figure)
     };
-    figure("loss", (CURVES[0], "training"), "Training loss", "loss (mean of 50 steps)")?;
-    figure("held_out_masked_psnr", (CURVES[1], "held out"), "Held-out views", "masked PSNR [dB]")?;
+    figure("loss", CURVES[0], "Training loss", "loss (mean of 50 steps)", "training")?;
+    figure("held_out_masked_psnr", CURVES[1], "Held-out views", "masked PSNR [dB]", "held out")?;
     set.finish().map(drop)
 }
 

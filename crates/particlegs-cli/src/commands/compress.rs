@@ -5,7 +5,7 @@ use crate::fit_args::FitArgs;
 use crate::info_model;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use clap::{Args, ValueHint};
 use particlegs::compress::{Compressed, Compression, Options, is_asked_for, is_made_of, parse_bytes};
 use particlegs::fit::Pieces;
@@ -90,11 +90,11 @@ const LATER: usize = 500;
 
 /// Compresses, writes the file and the pictures, reports.
 pub fn run(a: Arguments) -> Result<()> {
-    let selection = (&a.selection, &a.window);
+    let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }
-    let mut options = a.fit.options(&a.snapshot, selection, a.common.seed)?;
+    let mut options = a.fit.options(&a.snapshot, subset)?;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;
     let context = a.common.clone().start()?;
@@ -104,7 +104,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if options.memory.is_some() {
         options.storage = Storage::Disk(a.scratch_folder());
     }
-    let particles = a.snapshot.open_selected_in(&options.storage, &a.input, selection, a.common.seed, &context)?;
+    let particles = a.snapshot.open_selected_in(&options.storage, &a.input, subset, &context)?;
     let blocks = options.blocks_of(&particles)?;
     if options.memory.is_some() && blocks > 1 {
         options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);

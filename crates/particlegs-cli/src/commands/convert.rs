@@ -85,7 +85,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.input.iter().map(PathBuf::as_path), a.force.force)?;
     let choice = match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
-            Either::Model(bytes) => return splats(&a, (one, &bytes), &context),
+            Either::Model(bytes) => return splats(&a, one, &bytes, &context),
             Either::Snapshot(choice) => *choice,
         },
         _ => a.snapshot.choice()?,
@@ -135,7 +135,7 @@ struct SplatReport {
 }
 
 /// A model's Gaussians as the PLY of splat viewers.
-fn splats(a: &Arguments, (model, bytes): (&Path, &[u8]), context: &Context) -> Result<()> {
+fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &Context) -> Result<()> {
     let start = std::time::Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {

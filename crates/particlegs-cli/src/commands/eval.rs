@@ -2,7 +2,7 @@
 
 use crate::common::{Common, Context};
 use crate::inputs;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::camera::read_views;
@@ -78,7 +78,8 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(inputs, false)?;
     let bytes = inputs::model(&a.model, &context)?;
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
-    let particles = a.snapshot.open_selected(&a.input, (&a.selection, &a.window), context.common.seed, &context)?;
+    let subset = Subset { selection: &a.selection, window: &a.window, seed: context.common.seed };
+    let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
     if model.metadata.count != particles.len() as u64 {
         context.message(&format!(
             "warning: the model was made from {} particles, the snapshot has {}",

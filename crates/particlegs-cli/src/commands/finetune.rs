@@ -5,7 +5,7 @@ use crate::info_model;
 use crate::inputs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::source;
 use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TuneArgs;
@@ -103,10 +103,10 @@ pub fn run(a: Arguments) -> Result<()> {
         return Err(Error::Argument { what, remedy: remedy.into() });
     }
     let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
-    let selection = (&a.selection, &a.window);
-    let particles = a.opening.open_selected_in(&storage, &a.snapshot, selection, a.common.seed, &context)?;
+    let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
+    let particles = a.opening.open_selected_in(&storage, &a.snapshot, subset, &context)?;
     let of_several = source::is_of_several(&bytes, &model, &place)?;
-    source::check(&model, of_several, &particles, (a.snapshot.first().map_or(none, |p| p), path))?;
+    source::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;
     let mut checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
     let size = bytes.len() as u64;
     let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| {
@@ -121,7 +121,7 @@ pub fn run(a: Arguments) -> Result<()> {
         return Err(run_args::stopped(out, &context));
     }
     checkpoint.map_or(Ok(()), Checkpoint::remove)?;
-    report(out, &context, (model.gaussians(), size), &done, start.elapsed().as_secs_f64())
+    report(out, &context, model.gaussians(), size, &done, start.elapsed().as_secs_f64())
 }
 
 impl Arguments {
@@ -148,7 +148,8 @@ impl Arguments {
 fn report(
     out: &Path,
     context: &Context,
-    (gaussians_in, bytes_in): (usize, u64),
+    gaussians_in: usize,
+    bytes_in: u64,
     done: &Compressed,
     seconds: f64,
 ) -> Result<()> {

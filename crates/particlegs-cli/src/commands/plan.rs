@@ -5,7 +5,7 @@ use crate::emit::{self, Engine};
 use crate::fit_args::FitArgs;
 use crate::job_args::JobSnapshot;
 use crate::outputs::ForceArgs;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use clap::{Args, ValueHint};
 use particlegs::compress::parse_bytes;
 use particlegs::job::{self, Job, Task};
@@ -72,8 +72,8 @@ pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }
-    let selection = (&a.selection, &a.window);
-    let mut options = a.fit.options(&a.snapshot, selection, a.common.seed)?;
+    let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
+    let mut options = a.fit.options(&a.snapshot, subset)?;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = match a.blocks.as_str() {
         "auto" => None,
@@ -88,7 +88,7 @@ pub fn run(a: Arguments) -> Result<()> {
         emit::quoted(engine, &folder)?;
     }
     let context = a.common.clone().start()?;
-    let snapshot = JobSnapshot::new(&a.input, &a.snapshot, selection, a.common.seed)?;
+    let snapshot = JobSnapshot::new(&a.input, &a.snapshot, subset)?;
     let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
     context.reads(a.input.iter().map(PathBuf::as_path).chain(a.fit.train.config_file()), a.force.force)?;
     if a.emit.is_some() && context.outputs().on_standard_output() {

@@ -4,7 +4,7 @@ use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::drawn::Drawn;
 use crate::picture_out::PictureOut;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
@@ -102,8 +102,8 @@ struct DensityReport {
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads(a.input.iter().map(PathBuf::as_path).chain(a.view.views.as_deref()), false)?;
-    let particles =
-        a.snapshot.open_selected(&a.input, (&a.selection, &WindowArgs::default()), a.common.seed, &context)?;
+    let subset = Subset { selection: &a.selection, window: &WindowArgs::default(), seed: a.common.seed };
+    let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
     let reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
@@ -145,7 +145,7 @@ fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Con
     let count = particles.len() as u64;
     let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
     let quantities = Quantities::of_particles(particles);
-    let (size, views) = a.density.views((&a.view, &subject), &quantities, context)?;
+    let (size, views) = a.density.views(&a.view, &subject, &quantities, context)?;
     let out = PictureOut::new(&a.out, views.len(), a.density.raw, context)?;
     a.density.plan(&out, &views, context)?;
     let (width, height) = (size.width, size.height);

@@ -150,7 +150,7 @@ fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context,
         return Err(Error::Argument { what, remedy: hint.into() });
     }
     let quantities = Quantities::of_model(model);
-    let (size, views) = a.density.views((&a.view, subject), &quantities, context)?;
+    let (size, views) = a.density.views(&a.view, subject, &quantities, context)?;
     let out = PictureOut::new(&a.out, views.len(), a.density.raw, context)?;
     a.density.plan(&out, &views, context)?;
     (report.width, report.height) = (size.width, size.height);

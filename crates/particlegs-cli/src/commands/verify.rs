@@ -4,7 +4,7 @@ use crate::common::{Common, Context};
 use crate::info_model;
 use crate::inputs;
 use crate::job_args::JobSnapshot;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::source;
 use clap::Args;
 use particlegs::input::name_of;
@@ -216,9 +216,9 @@ fn sums(model: &Model) -> (u64, f64) {
 
 /// The certificate of the same views, measured now. An error where the snapshot is not the source.
 fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) -> Result<Certificate> {
-    let particles: Particles =
-        a.opening.open_selected(&a.snapshot, (&a.selection, &a.window), a.common.seed, context)?;
-    source::check(model, of_several, &particles, (a.snapshot[0].as_path(), &a.model))?;
+    let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
+    let particles: Particles = a.opening.open_selected(&a.snapshot, subset, context)?;
+    source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     context.message("the snapshot is the one that the file was made of; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
     score::certificate(model, &particles, seed, None, context)

@@ -4,7 +4,7 @@ use super::container::{Container, DataSet};
 use super::files;
 use super::header::{Header, TYPES};
 use super::reader::{self, Source};
-use super::units::{self, Quantity, Unit};
+use super::units::{self, Quantity, Simulation, Unit};
 use crate::{Description, Field, Fields, Mass, OpenOptions, Snapshot, Species};
 use memmap2::Mmap;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
@@ -85,6 +85,11 @@ struct Found {
 }
 
 impl Found {
+    /// The name of the data set of masses.
+    fn masses(&self) -> Option<&'static str> {
+        MASSES.into_iter().find(|n| self.sets.iter().any(|s| s.name == *n && s.components() == 1))
+    }
+
     /// Do the positions' own attributes say whether they are comoving?
     fn says_comoving(&self) -> bool {
         self.sets.iter().any(|s| s.name == self.positions && units::a_power(&s.attributes).is_some())
@@ -241,6 +246,7 @@ impl Builder {
         if cosmological == Some(true) {
             meta.scale_factor = self.header.scale_factor();
         }
+        let simulation = Simulation { groups: &self.header.groups, cosmological, hubble: meta.hubble };
         let (mut species, mut types) = (Vec::new(), Vec::new());
         for (kind, found) in self.found.iter().enumerate() {
             let Some(found) = found else { continue };
@@ -248,16 +254,14 @@ impl Builder {
                 found.sets.iter().find(|s| s.name == name).map(|s| s.attributes.clone()).unwrap_or_default()
             };
             let mut units = |name: &str, quantity| {
-                let (own, positions) = (own(name), own(&found.positions));
-                units::unit(&own, &positions, &self.header.groups, quantity, cosmological, meta.hubble, &mut notes)
+                units::unit(&own(name), &own(&found.positions), &simulation, quantity, &mut notes)
             };
             let length = units(&found.positions, Quantity::Length);
-            let masses = MASSES.iter().find(|n| found.sets.iter().any(|s| s.name == **n && s.components() == 1));
-            let mass = units(masses.copied().unwrap_or_default(), Quantity::Mass);
+            let mass = units(found.masses().unwrap_or_default(), Quantity::Mass);
             meta.length_unit = meta.length_unit.or(length.text.clone());
             meta.mass_unit = meta.mass_unit.or(mass.text.clone());
             meta.comoving = meta.comoving.or(length.comoving);
-            species.push(self.species(kind, found, counts[kind], masses.copied(), &length, &mass));
+            species.push(self.species(kind, found, counts[kind], &length, &mass));
             types.push(kind);
         }
         let code = self.header.code().map(|c| format!(", {c}")).unwrap_or_default();
@@ -295,15 +299,8 @@ impl Builder {
         Ok(())
     }
 
-    fn species(
-        &self,
-        kind: usize,
-        found: &Found,
-        count: u64,
-        masses: Option<&str>,
-        length: &Unit,
-        mass: &Unit,
-    ) -> Species {
+    fn species(&self, kind: usize, found: &Found, count: u64, length: &Unit, mass: &Unit) -> Species {
+        let masses = found.masses();
         let field = |set: &DataSet| Field {
             name: set.name.clone(),
             kind: set.kind.clone(),

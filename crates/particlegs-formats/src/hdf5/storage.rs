@@ -203,8 +203,9 @@ impl Finder<'_> {
         };
         let across = components.div_ceil(columns);
         let count = self.shape[0].div_ceil(rows).checked_mul(across);
+        let chunks = Chunks { rows, columns, across, bytes: bytes as usize, pipeline, places: Vec::new() };
         if count == Some(0) {
-            return Ok(Chunks { rows, columns, across, bytes: bytes as usize, pipeline, places: Vec::new() });
+            return Ok(chunks);
         }
         if self.undefined(address) {
             return Err(self.never_written());
@@ -213,8 +214,7 @@ impl Finder<'_> {
         if entries.is_empty() {
             return Err(self.never_written());
         }
-        let places = self.sorted(entries, [rows, columns], across, count, bytes, &pipeline)?;
-        Ok(Chunks { rows, columns, across, bytes: bytes as usize, pipeline, places })
+        Ok(Chunks { places: self.sorted(entries, &chunks, count)?, ..chunks })
     }
 
     /// The index of chunks, whatever its kind.
@@ -271,17 +271,11 @@ impl Finder<'_> {
         }
     }
 
-    /// Chunks in order, each there once and within the file; those beyond the table's end are left over from
-    /// when it was longer.
-    fn sorted(
-        &self,
-        entries: Vec<ChunkEntry>,
-        chunk: [u64; 2],
-        across: u64,
-        count: Option<u64>,
-        bytes: u64,
-        pipeline: &Pipeline,
-    ) -> Result<Vec<Place>> {
+    /// Places of `count` chunks in order, each there once and within the file; those beyond the table's end are
+    /// left over from when it was longer.
+    fn sorted(&self, entries: Vec<ChunkEntry>, chunks: &Chunks, count: Option<u64>) -> Result<Vec<Place>> {
+        let &Chunks { rows, columns, across, .. } = chunks;
+        let bytes = chunks.bytes as u64;
         let mut places: Vec<(u64, Place)> = Vec::with_capacity(entries.len());
         for entry in &entries {
             let at = |k: usize| entry.offsets.get(k).copied().unwrap_or(0);
@@ -289,10 +283,10 @@ impl Finder<'_> {
             {
                 continue;
             }
-            if !at(0).is_multiple_of(chunk[0]) || !at(1).is_multiple_of(chunk[1]) {
+            if !at(0).is_multiple_of(rows) || !at(1).is_multiple_of(columns) {
                 return Err(Error::input(self.place, "broken HDF5 file: a chunk between two others"));
             }
-            let plain = pipeline.is_plain(entry.filter_mask);
+            let plain = chunks.pipeline.is_plain(entry.filter_mask);
             let size = if plain { bytes } else { entry.size };
             if plain && entry.size != 0 && entry.size != bytes {
                 return Err(self.short(bytes, entry.size));
@@ -301,7 +295,7 @@ impl Finder<'_> {
                 let what = format!("its chunk at row {} ends beyond the end of the file", at(0));
                 return Err(Error::input_with(self.place, what, "the file is cut short: copy it again"));
             };
-            let index = at(0) / chunk[0] * across + at(1) / chunk[1];
+            let index = at(0) / rows * across + at(1) / columns;
             places.push((index, Place { offset, size, mask: entry.filter_mask }));
         }
         places.sort_by_key(|p| p.0);
@@ -309,10 +303,10 @@ impl Finder<'_> {
             if i > 0 && places[i].0 == places[i - 1].0 {
                 return Err(Error::input(self.place, "broken HDF5 file: a chunk is there twice"));
             }
-            return Err(self.hole(i as u64 / across * chunk[0]));
+            return Err(self.hole(i as u64 / across * rows));
         }
         if Some(places.len() as u64) != count {
-            return Err(self.hole(places.len() as u64 / across * chunk[0]));
+            return Err(self.hole(places.len() as u64 / across * rows));
         }
         Ok(places.into_iter().map(|p| p.1).collect())
     }

@@ -40,17 +40,25 @@ pub enum Quantity {
     Mass,
 }
 
-/// The unit of a data set with attributes `own`, in a run that is `cosmological` or not, with h. What `own`
-/// does not say about h, `positions` may.
+/// What a file says of the simulation as a whole.
+pub struct Simulation<'a> {
+    /// The attributes of its groups.
+    pub groups: &'a Groups,
+    /// Does its space expand?
+    pub cosmological: Option<bool>,
+    /// h.
+    pub hubble: Option<f64>,
+}
+
+/// The unit of a data set with attributes `own`. What they do not say about h, those of the `positions` may.
 pub fn unit(
     own: &Attributes,
     positions: &Attributes,
-    groups: &Groups,
+    simulation: &Simulation<'_>,
     quantity: Quantity,
-    cosmological: Option<bool>,
-    hubble: Option<f64>,
     notes: &mut Vec<String>,
 ) -> Unit {
+    let &Simulation { groups, cosmological, hubble } = simulation;
     let comoving = comoving(own, cosmological);
     if let Some(text) = own.text(&["unit", "units", "Units"]).filter(|t| !t.starts_with("arepo_")) {
         return Unit { text: Some(text.to_string()), comoving };
@@ -181,15 +189,9 @@ mod tests {
 
     fn of(own: &[(&str, f64)], parameters: &[(&str, f64)], cosmological: Option<bool>, hubble: Option<f64>) -> Unit {
         let groups = Groups { parameters: Attributes::of_numbers(parameters), ..Groups::default() };
-        unit(
-            &Attributes::of_numbers(own),
-            &Attributes::default(),
-            &groups,
-            Quantity::Length,
-            cosmological,
-            hubble,
-            &mut Vec::new(),
-        )
+        let simulation = Simulation { groups: &groups, cosmological, hubble };
+        let own = Attributes::of_numbers(own);
+        unit(&own, &Attributes::default(), &simulation, Quantity::Length, &mut Vec::new())
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::{Description, Fields, Format, OpenOptions, Snapshot};
 use header::{Element, Encoding, Header};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
-use rows::{RowFormat, WalkedRows};
+use rows::{RowFormat, Start, WalkedRows};
 use std::path::PathBuf;
 
 /// PLY points.
@@ -40,7 +40,7 @@ fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
         |what: String| Error::input_with(path, what, "the file is cut short, or its header is wrong: copy it again");
     let start = start(&bytes, &header, number).map_err(broken)?;
     let format = RowFormat::new(header.encoding, element);
-    let least = element.count.checked_mul(format.least_bytes()).and_then(|b| b.checked_add(start.0));
+    let least = element.count.checked_mul(format.least_bytes()).and_then(|b| b.checked_add(start.byte));
     // The last line of text may lack its end.
     if least.is_none_or(|end| end > bytes.len() as u64 + 1) {
         let what = format!("its header says {} vertices, more than its {} bytes hold", element.count, bytes.len());
@@ -51,7 +51,7 @@ fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
             let length = bytes.len() as u64;
             let stored = Stored::new(bytes, 0, length, length, Coding::Plain).map_err(broken)?;
             let place_field =
-                |f| LanedField { base: start.0, stride, big_endian: header.encoding == Encoding::Big, ..f };
+                |f| LanedField { base: start.byte, stride, big_endian: header.encoding == Encoding::Big, ..f };
             let fields = fields.into_iter().map(place_field).collect();
             Ok(Box::new(Laned { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
         }
@@ -138,8 +138,8 @@ fn describe(path: &PathBuf, header: &Header, element: &Element, fields: &[LanedF
     })
 }
 
-/// Byte of the first vertex and, in text, the lines behind it that belong to other elements.
-fn start(bytes: &Bytes, header: &Header, vertices: usize) -> std::result::Result<(u64, u64), String> {
+/// Where the vertices begin, the element of that number.
+fn start(bytes: &Bytes, header: &Header, vertices: usize) -> std::result::Result<Start, String> {
     let mut at = header.data;
     let mut lines = 0u64;
     for element in &header.elements[..vertices] {
@@ -160,7 +160,7 @@ fn start(bytes: &Bytes, header: &Header, vertices: usize) -> std::result::Result
             }
         }
     }
-    Ok((at, lines))
+    Ok(Start { byte: at, lines })
 }
 
 /// A file whose vertices have different lengths.
@@ -170,7 +170,7 @@ struct Walked {
     bytes: Bytes,
     element: Element,
     encoding: Encoding,
-    start: (u64, u64),
+    start: Start,
 }
 
 impl Snapshot for Walked {

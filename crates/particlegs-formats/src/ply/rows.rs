@@ -20,16 +20,22 @@ pub struct WalkedRows {
     bytes: Bytes,
     place: String,
     format: RowFormat,
-    /// Byte behind the header, or of the first vertex in a binary file.
-    start: u64,
-    /// Lines before the first vertex, in a file of text.
-    lines_before: u64,
+    start: Start,
     count: u64,
     /// Properties that are x, y, z and perhaps weights.
     columns: Vec<usize>,
     /// For each property the columns that it is, a bit each.
     wanted: Vec<u8>,
     index: OnceLock<InWords<Vec<u64>>>,
+}
+
+/// Where the vertices begin.
+#[derive(Clone, Copy)]
+pub struct Start {
+    /// The byte behind the header, or of the first vertex in a binary file.
+    pub byte: u64,
+    /// Lines from there to the first vertex, in a file of text.
+    pub lines: u64,
 }
 
 /// How a vertex is written.
@@ -163,19 +169,12 @@ fn line(bytes: &[u8], mut at: u64) -> InWords<Range<u64>> {
 }
 
 impl WalkedRows {
-    /// `count` vertices from byte `start`, `lines_before` lines (of text) behind it.
-    pub fn new(
-        bytes: Bytes,
-        place: &str,
-        format: RowFormat,
-        (start, lines_before): (u64, u64),
-        count: u64,
-        columns: Vec<usize>,
-    ) -> Self {
+    /// `count` vertices from `start` on.
+    pub fn new(bytes: Bytes, place: &str, format: RowFormat, start: Start, count: u64, columns: Vec<usize>) -> Self {
         let mut wanted = vec![0; format.properties.len()];
         columns.iter().enumerate().for_each(|(k, &property)| wanted[property] |= 1 << k);
         let (place, index) = (place.into(), OnceLock::new());
-        WalkedRows { bytes, place, format, start, lines_before, count, columns, wanted, index }
+        WalkedRows { bytes, place, format, start, count, columns, wanted, index }
     }
 
     fn wrong(&self, row: u64, what: &str) -> Error {
@@ -186,8 +185,8 @@ impl WalkedRows {
     /// Where rows 0, STEP, 2 STEP, ... begin.
     fn index(&self) -> Result<&[u64]> {
         let find = || {
-            let mut at = self.start;
-            for before in 0..self.lines_before {
+            let mut at = self.start.byte;
+            for before in 0..self.start.lines {
                 at = line(&self.bytes, at).map_err(|e| format!("element {before} before the vertices: {e}"))?.end;
             }
             let mut index = Vec::new();

@@ -33,6 +33,28 @@ impl Compressor {
     }
 }
 
+/// How the integers before an array's numbers are written.
+#[derive(Clone, Copy)]
+pub struct Integers {
+    /// Bytes of one, at most eight.
+    pub size: u64,
+    /// Their byte order.
+    pub big_endian: bool,
+}
+
+impl Integers {
+    /// The `index`-th of them.
+    pub fn get(self, bytes: &[u8], index: usize) -> u64 {
+        let size = self.size as usize;
+        let mut raw = [0; 8];
+        raw[..size].copy_from_slice(&bytes[index * size..][..size]);
+        if self.big_endian {
+            raw[..size].reverse();
+        }
+        u64::from_le_bytes(raw)
+    }
+}
+
 /// An array's blocks.
 pub struct Blocks {
     compressor: Compressor,
@@ -49,17 +71,17 @@ pub struct Blocks {
 
 impl Blocks {
     /// Reads the header of an array of `length` bytes: number of blocks, bytes of a block and of a
-    /// last shorter one, compressed bytes of each, as integers of `size` bytes.
+    /// last shorter one, compressed bytes of each, as such integers.
     pub fn open(
         bytes: &[u8],
         stream: Stream,
         compressor: Compressor,
-        (size, big_endian): (u64, bool),
+        integers: Integers,
         length: u64,
         cache: &Arc<ChunkCache>,
     ) -> Result<Blocks, String> {
-        let head = stream.get(bytes, 0..3 * size)?;
-        let [count, block, last] = [0, 1, 2].map(|i| int(&head, i, size, big_endian));
+        let head = stream.get(bytes, 0..3 * integers.size)?;
+        let [count, block, last] = [0, 1, 2].map(|i| integers.get(&head, i));
         if count == 0 || count > MOST_BLOCKS || count > bytes.len() as u64 || block == 0 {
             return Err(format!("it is said to have {count} compressed blocks of {block} bytes"));
         }
@@ -71,12 +93,12 @@ impl Blocks {
         if block.min(length) > codecs::MOST_BYTES as u64 {
             return Err(format!("its compressed blocks of {block} bytes are larger than {}", codecs::MOST_BYTES));
         }
-        let header = (3 + count) * size;
-        let sizes = stream.get(bytes, 3 * size..header)?;
+        let header = (3 + count) * integers.size;
+        let sizes = stream.get(bytes, 3 * integers.size..header)?;
         let mut starts = Vec::with_capacity(count as usize + 1);
         starts.push(0u64);
         for i in 0..count as usize {
-            let end = starts[i].checked_add(int(&sizes, i, size, big_endian));
+            let end = starts[i].checked_add(integers.get(&sizes, i));
             starts.push(end.filter(|&e| e <= bytes.len() as u64).ok_or("its compressed blocks end beyond the file")?);
         }
         drop(sizes);
@@ -136,15 +158,4 @@ impl Blocks {
         }
         Ok(out)
     }
-}
-
-/// The `index`-th integer of `size` bytes.
-pub fn int(bytes: &[u8], index: usize, size: u64, big_endian: bool) -> u64 {
-    let size = size as usize;
-    let mut raw = [0; 8];
-    raw[..size].copy_from_slice(&bytes[index * size..][..size]);
-    if big_endian {
-        raw[..size].reverse();
-    }
-    u64::from_le_bytes(raw)
 }

@@ -1,7 +1,7 @@
 //! One file: its XML, and its arrays located and checked against the file's length.
 
 use super::base64::Text;
-use super::blocks::{Blocks, Compressor, int};
+use super::blocks::{Blocks, Compressor, Integers};
 use super::document::{self, Declared, Document, Place};
 use super::source::{Array, Source, Stream};
 use crate::ascii::Ascii;
@@ -112,12 +112,13 @@ impl File {
         length: u64,
         cache: &Arc<ChunkCache>,
     ) -> std::result::Result<Source, String> {
-        let (size, big_endian) = (self.document.header, self.document.big_endian);
+        let size = self.document.header;
+        let integers = Integers { size, big_endian: self.document.big_endian };
         if let Some(compressor) = compressor {
-            let blocks = Blocks::open(&self.bytes, stream, compressor, (size, big_endian), length, cache)?;
+            let blocks = Blocks::open(&self.bytes, stream, compressor, integers, length, cache)?;
             return Ok(Source::Blocks(blocks));
         }
-        let said = int(&stream.get(&self.bytes, 0..size)?, 0, size, big_endian);
+        let said = integers.get(&stream.get(&self.bytes, 0..size)?, 0);
         // Lengths above 4 GiB wrap in small headers.
         if said != length && !(size == 4 && said == length & 0xffff_ffff) {
             return Err(format!("it has {said} bytes instead of {length}"));

@@ -83,6 +83,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
         file.write_at(&bytes.to_le_bytes(), start + place - LENGTH)?;
     }
     file.write_at(&count.to_le_bytes()[..layout.vertex as usize], start + layout.offsets)?;
+    let arrays = Arrays { file: &file, start, layout: &layout };
     progress.begin("writing", count);
     (0..kept.runs()).into_par_iter().try_for_each_init(
         || (Run::default(), Vec::new()),
@@ -90,7 +91,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
             progress.check()?;
             kept.load(id, run)?;
             let layer = kept.layer_of(id);
-            write_run(&file, start, &layout, kept.first(id), run, layer, layers.get(layer).map(|l| l.mass), bytes)?;
+            arrays.write_run(kept.first(id), run, layer, layers.get(layer).map(|l| l.mass), bytes)?;
             progress.advance(run.columns[0].len() as u64);
             Ok::<_, Error>(())
         },
@@ -100,46 +101,48 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
     Ok(length)
 }
 
-/// A run's part of every array.
-fn write_run(
-    file: &PlacedFile,
+/// The arrays of a file.
+struct Arrays<'a> {
+    file: &'a PlacedFile,
+    /// The byte that their layout counts from.
     start: u64,
-    layout: &Layout,
-    first: u64,
-    run: &Run,
-    index: usize,
-    of_layer: Option<Mass>,
-    bytes: &mut Vec<u8>,
-) -> Result<()> {
-    let [x, y, z, w] = &run.columns;
-    bytes.clear();
-    bytes.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes));
-    file.write_at(bytes, start + layout.points + 12 * first)?;
-    if let Some(place) = layout.mass {
-        let own = |i: usize| w.get(i).copied().unwrap_or(1.0);
-        let mass = |i: usize| match of_layer {
-            // Weights count in units of the layer's mass, where it has one.
-            Some(Mass::Weights(Some(unit))) => (f64::from(own(i)) * unit) as f32,
-            Some(Mass::Each(each)) => each as f32,
-            _ => own(i),
-        };
+    layout: &'a Layout,
+}
+
+impl Arrays<'_> {
+    /// Writes the part that a run has of every array: it begins at particle `first`, and its layer has `mass`.
+    fn write_run(&self, first: u64, run: &Run, layer: usize, mass: Option<Mass>, bytes: &mut Vec<u8>) -> Result<()> {
+        let &Arrays { file, start, layout } = self;
+        let [x, y, z, w] = &run.columns;
         bytes.clear();
-        bytes.extend((0..x.len()).map(mass).flat_map(f32::to_le_bytes));
-        file.write_at(bytes, start + place + 4 * first)?;
-    }
-    bytes.clear();
-    let vertices = first..first + x.len() as u64;
-    match layout.vertex {
-        4 => bytes.extend(vertices.flat_map(|i| (i as u32).to_le_bytes())),
-        _ => bytes.extend(vertices.flat_map(u64::to_le_bytes)),
-    }
-    file.write_at(bytes, start + layout.vertices + layout.vertex * first)?;
-    if let Some(place) = layout.species {
+        bytes.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes));
+        file.write_at(bytes, start + layout.points + 12 * first)?;
+        if let Some(place) = layout.mass {
+            let own = |i: usize| w.get(i).copied().unwrap_or(1.0);
+            let mass_of = |i: usize| match mass {
+                // Weights count in units of the layer's mass, where it has one.
+                Some(Mass::Weights(Some(unit))) => (f64::from(own(i)) * unit) as f32,
+                Some(Mass::Each(each)) => each as f32,
+                _ => own(i),
+            };
+            bytes.clear();
+            bytes.extend((0..x.len()).map(mass_of).flat_map(f32::to_le_bytes));
+            file.write_at(bytes, start + place + 4 * first)?;
+        }
         bytes.clear();
-        bytes.resize(x.len(), index as u8);
-        file.write_at(bytes, start + place + first)?;
+        let vertices = first..first + x.len() as u64;
+        match layout.vertex {
+            4 => bytes.extend(vertices.flat_map(|i| (i as u32).to_le_bytes())),
+            _ => bytes.extend(vertices.flat_map(u64::to_le_bytes)),
+        }
+        file.write_at(bytes, start + layout.vertices + layout.vertex * first)?;
+        if let Some(place) = layout.species {
+            bytes.clear();
+            bytes.resize(x.len(), layer as u8);
+            file.write_at(bytes, start + place + first)?;
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// The XML up to the first array, as long as alignment needs.

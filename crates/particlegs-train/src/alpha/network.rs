@@ -29,6 +29,16 @@ struct Scratch {
     first: Vec<f32>,
 }
 
+/// A run of Gaussians on their way back through the network.
+struct Run<'a> {
+    /// What the network was given.
+    inputs: &'a [[f32; 4]],
+    /// The changes with the network's outputs.
+    wanted: &'a [[f32; 2]],
+    /// Where the changes with the last two inputs go.
+    with_inputs: &'a mut [[f32; 2]],
+}
+
 /// From the changes `wanted` with the network's outputs: those with its parameters, and with the
 /// last two of each Gaussian's inputs.
 pub(super) fn slopes(
@@ -48,8 +58,10 @@ pub(super) fn slopes(
                 bias: [(); 2].map(|_| vec![0.0; HIDDEN]),
                 last_bias: [0.0; 2],
             };
-            for ((x, d), with) in inputs.chunks(RUN).zip(wanted.chunks(RUN)).zip(with_inputs.chunks_mut(RUN)) {
-                dispatch!(level, simd => back(simd, network, x, d, with, scratch, &mut sums));
+            let runs = inputs.chunks(RUN).zip(wanted.chunks(RUN)).zip(with_inputs.chunks_mut(RUN));
+            for ((inputs, wanted), with_inputs) in runs {
+                let run = Run { inputs, wanted, with_inputs };
+                dispatch!(level, simd => back(simd, network, run, scratch, &mut sums));
             }
             sums
         })
@@ -58,15 +70,8 @@ pub(super) fn slopes(
 }
 
 #[inline(always)]
-fn back<S: Simd>(
-    simd: S,
-    network: &Network,
-    inputs: &[[f32; 4]],
-    wanted: &[[f32; 2]],
-    with_inputs: &mut [[f32; 2]],
-    scratch: &mut Scratch,
-    sums: &mut Sums,
-) {
+fn back<S: Simd>(simd: S, network: &Network, run: Run<'_>, scratch: &mut Scratch, sums: &mut Sums) {
+    let Run { inputs, wanted, with_inputs } = run;
     let n = inputs.len();
     let Scratch { hidden, out, last, second, first } = scratch;
     out.resize(n, [0.0; 2]);

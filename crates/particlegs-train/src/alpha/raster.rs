@@ -14,6 +14,18 @@ use rayon::prelude::*;
 /// centre: sums of h, h dx, h dy, h dx^2, h dx dy, h dy^2; and the change with the grey level.
 pub(super) type Sums = [f32; 7];
 
+/// A tile of the picture as it was blended.
+struct Drawn<'a> {
+    /// The tile's number in the plan.
+    number: usize,
+    /// Its pixels.
+    lit: Lit,
+    /// Their brightness.
+    total: &'a [f32; PIXELS],
+    /// The loss's change with it.
+    slope: &'a [f32; PIXELS],
+}
+
 /// Sums of every footprint of a plan, in its order, for the change `slope` of the loss with each
 /// pixel's brightness. `drawn` is the picture as it was blended.
 pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> Vec<Sums> {
@@ -38,7 +50,8 @@ pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> V
                 out.resize(start + plan.bins.iter().map(|b| b.of(number).len()).sum::<usize>(), Sums::default());
                 let out = &mut out[start..];
                 if !tile.done() {
-                    dispatch!(level, simd => tile_sums(simd, plan, number, &lit, &mut tile, [&total, &slope], out));
+                    let drawn = Drawn { number, lit, total: &total, slope: &slope };
+                    dispatch!(level, simd => tile_sums(simd, plan, &drawn, &mut tile, out));
                 }
             }
             out
@@ -76,15 +89,8 @@ fn gather(plan: &Plan, bands: &[Vec<Sums>]) -> Vec<Sums> {
 }
 
 #[inline(always)]
-fn tile_sums<S: Simd>(
-    simd: S,
-    plan: &Plan,
-    number: usize,
-    lit: &Lit,
-    tile: &mut Tile,
-    [total, slope]: [&[f32; PIXELS]; 2],
-    out: &mut [Sums],
-) {
+fn tile_sums<S: Simd>(simd: S, plan: &Plan, drawn: &Drawn<'_>, tile: &mut Tile, out: &mut [Sums]) {
+    let &Drawn { number, ref lit, total, slope } = drawn;
     let (lanes, zero) = (lanes(simd), f32x16::splat(simd, 0.0));
     for (count, (entry, out)) in plan.in_tile(number).zip(out).enumerate() {
         if count % ASK == ASK - 1 && tile.done() {

@@ -20,6 +20,14 @@ pub struct OfGaussian {
     pub count: f64,
 }
 
+/// The inverse depths of a piece of a Gaussian.
+#[derive(Clone, Copy, Debug)]
+pub struct PieceDepth {
+    pub moments: DepthMoments,
+    /// How the moments change with the Gaussian.
+    pub slopes: DepthSlopes,
+}
+
 impl OfGaussian {
     /// Is every number finite?
     pub fn is_finite(&self) -> bool {
@@ -28,14 +36,8 @@ impl OfGaussian {
 
     /// Adds the part of one piece, in the camera's axes: the reverse of
     /// [`InCamera::footprint`] in perspective.
-    pub fn add_piece(
-        &mut self,
-        lens: &Lens,
-        g: &InCamera,
-        r: &Regression,
-        (m, slopes): (&DepthMoments, &DepthSlopes),
-        by: &OfFootprint,
-    ) {
+    pub fn add_piece(&mut self, lens: &Lens, g: &InCamera, r: &Regression, depth: &PieceDepth, by: &OfFootprint) {
+        let PieceDepth { moments: m, slopes } = depth;
         let [x, y, d] = g.mean;
         let [_, _, xz, _, yz, zz] = g.cov;
         let f2 = lens.focal * lens.focal;

@@ -1,6 +1,6 @@
 //! Optical depth of a mixture, and its gradient.
 
-use super::adjoint::OfGaussian;
+use super::adjoint::{OfGaussian, PieceDepth};
 use super::gather::{gather, of_footprint};
 use crate::Crop;
 use particlegs_core::Result;
@@ -28,8 +28,7 @@ struct Piece {
     gaussian: u32,
     footprint: Footprint,
     placed: Placed,
-    moments: DepthMoments,
-    slopes: DepthSlopes,
+    depth: PieceDepth,
 }
 
 /// A picture's depth, and how it came to be.
@@ -100,7 +99,7 @@ impl Tape {
             let level = piece.placed.level;
             let gathered = gather(self.simd, &planes[level], &self.levels[level], &piece.placed.stroke);
             let by = of_footprint(&piece.footprint, &piece.placed, &gathered);
-            sum.add_piece(&self.lens, g, &r, (&piece.moments, &piece.slopes), &by);
+            sum.add_piece(&self.lens, g, &r, &piece.depth, &by);
         }
         sum.to_world(&self.lens)
     }
@@ -135,7 +134,8 @@ fn project_run(m: &Mixture, range: std::ops::Range<usize>, lens: &Lens, levels: 
             let footprint = g.footprint(lens, &r, &moments);
             if let Some(placed) = place(levels, &footprint) {
                 binner.add_placed(&placed);
-                pieces.push(Piece { gaussian: i as u32, footprint, placed, moments, slopes });
+                let depth = PieceDepth { moments, slopes };
+                pieces.push(Piece { gaussian: i as u32, footprint, placed, depth });
             }
         };
         let (depth, variance) = (g.mean[2], g.cov[5]);

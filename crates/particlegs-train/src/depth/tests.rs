@@ -139,10 +139,25 @@ fn plain(m: &Mixture, view: &View) -> f64 {
     value(grown)
 }
 
+/// How gradients are compared with differences of the plain law.
+struct Trial {
+    /// The camera's.
+    distance: f64,
+    /// The mixture's.
+    seed: u64,
+    /// Of the usual step of each number.
+    share: f64,
+    /// Gaussians left out, the worst ones.
+    jumps: usize,
+    /// Largest difference.
+    tolerance: f64,
+}
+
 /// Every gradient against differences of the plain law: number by number, the root of the mean
-/// squared difference over all Gaussians but the worst `jumps`, in shares of the gradient of the
+/// squared difference over all Gaussians but the worst, in shares of the gradient of the
 /// number of its group (mean, covariance, count) that the picture depends on most.
-fn against_plain(distance: f64, seed: u64, (share, jumps): (f64, usize), tolerance: f64) {
+fn against_plain(trial: &Trial) {
+    let &Trial { distance, seed, share, jumps, tolerance } = trial;
     let (m, view) = (mixture(seed, 14), view(distance));
     let found = drawn(&m, &view, &Crop::whole(SIZE)).gradient(&m, weights());
     let off: Vec<[f64; 2]> = (0..10)
@@ -173,14 +188,14 @@ fn against_plain(distance: f64, seed: u64, (share, jumps): (f64, usize), toleran
 
 #[test]
 fn gradients_from_afar() {
-    against_plain(14.0, 5, (0.1, 0), 0.06);
+    against_plain(&Trial { distance: 14.0, seed: 5, share: 0.1, jumps: 0, tolerance: 0.06 });
 }
 
 #[test]
 fn gradients_among_the_gaussians() {
     // The camera stands inside: many are cut along depth or by the near plane. Where a step changes
     // the number of slices, the plain law jumps.
-    against_plain(1.2, 17, (5.0, 2), 0.1);
+    against_plain(&Trial { distance: 1.2, seed: 17, share: 5.0, jumps: 2, tolerance: 0.1 });
 }
 
 /// Neighbours' counts sum to what they did, and what all of them gain together nobody gains.

@@ -12,6 +12,15 @@ const LEAF: usize = 8;
 /// Leaves that a search from one of the Gaussians looks at, at most.
 const MOST_LEAVES: usize = 1024;
 
+/// How far a search goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    /// At most so many are found.
+    pub(crate) most: usize,
+    /// Largest difference of separations from the best (2 ln of the ratio of overlaps).
+    pub(crate) beyond: f64,
+}
+
 /// An ellipsoid with all that its overlaps need.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ellipsoid {
@@ -127,18 +136,17 @@ impl<'a> OverlapTree<'a> {
         id
     }
 
-    /// The at most `most` Gaussians whose overlap with `group` is within `reach` (a difference of
-    /// separations) of the best, best first.
-    pub(crate) fn nearest(&self, group: &Ellipsoid, most: usize, reach: f64, found: &mut Vec<(f64, u32)>) {
-        self.search(group, None, usize::MAX, (most, reach), found);
+    /// The Gaussians that overlap most with `group`, as far as `reach`, best first.
+    pub(crate) fn nearest(&self, group: &Ellipsoid, reach: Reach, found: &mut Vec<(f64, u32)>) {
+        self.search(group, None, usize::MAX, reach, found);
     }
 
     /// [`Self::nearest`] to one of the Gaussians themselves, the `at`-th in the tree's order, by a look
     /// at no more than [`MOST_LEAVES`] leaves. Where so many overlap alike that no bound tells them
     /// apart (thousands at one place), those are taken that lie beside it in the tree.
-    pub(crate) fn nearest_to(&self, at: usize, most: usize, reach: f64, found: &mut Vec<(f64, u32)>) {
+    pub(crate) fn nearest_to(&self, at: usize, reach: Reach, found: &mut Vec<(f64, u32)>) {
         let own = &self.items[self.order[at] as usize];
-        self.search(own, Some(at as u32), MOST_LEAVES, (most, reach), found);
+        self.search(own, Some(at as u32), MOST_LEAVES, reach, found);
     }
 
     /// The Gaussians in the tree's order.
@@ -151,7 +159,7 @@ impl<'a> OverlapTree<'a> {
         group: &Ellipsoid,
         home: Option<u32>,
         mut leaves: usize,
-        (most, reach): (usize, f64),
+        reach: Reach,
         found: &mut Vec<(f64, u32)>,
     ) {
         found.clear();
@@ -160,7 +168,7 @@ impl<'a> OverlapTree<'a> {
         }
         let mut stack: Vec<(f64, u32)> = vec![(self.bound(0, group), 0)];
         while let Some((bound, id)) = stack.pop() {
-            if bound > limit(found, most, reach) {
+            if bound > reach.limit(found) {
                 continue;
             }
             let node = &self.nodes[id as usize];
@@ -172,11 +180,11 @@ impl<'a> OverlapTree<'a> {
                 for &i in &self.order[node.start as usize..node.end as usize] {
                     let s = group.separation(&self.items[i as usize]);
                     // From home on, those found first stay where others are as near.
-                    let tie = home.is_some() && found.len() == most && s == found[most - 1].0;
-                    if s <= limit(found, most, reach) && !tie {
+                    let tie = home.is_some() && found.len() == reach.most && s == found[reach.most - 1].0;
+                    if s <= reach.limit(found) && !tie {
                         let at = found.partition_point(|f| (f.0, f.1) < (s, i));
                         found.insert(at, (s, i));
-                        found.truncate(most);
+                        found.truncate(reach.most);
                     }
                 }
             } else {
@@ -195,7 +203,7 @@ impl<'a> OverlapTree<'a> {
                 }
             }
         }
-        let cut = found.first().map_or(0.0, |f| f.0 + reach);
+        let cut = found.first().map_or(0.0, |f| f.0 + reach.beyond);
         found.retain(|f| f.0 <= cut);
     }
 
@@ -212,11 +220,14 @@ impl<'a> OverlapTree<'a> {
     }
 }
 
-fn limit(found: &[(f64, u32)], most: usize, reach: f64) -> f64 {
-    match found.first() {
-        None => f64::INFINITY,
-        Some(best) if found.len() == most => found[most - 1].0.min(best.0 + reach),
-        Some(best) => best.0 + reach,
+impl Reach {
+    /// The largest separation that can still be found.
+    fn limit(self, found: &[(f64, u32)]) -> f64 {
+        match found.first() {
+            None => f64::INFINITY,
+            Some(best) if found.len() == self.most => found[self.most - 1].0.min(best.0 + self.beyond),
+            Some(best) => best.0 + self.beyond,
+        }
     }
 }
 
@@ -250,7 +261,7 @@ mod tests {
             all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let cut = all[0].0 + 9.0;
             let expected: Vec<_> = all.into_iter().take(12).filter(|f| f.0 <= cut).collect();
-            tree.nearest(&group, 12, 9.0, &mut found);
+            tree.nearest(&group, Reach { most: 12, beyond: 9.0 }, &mut found);
             assert_eq!(found, expected);
         }
     }

@@ -4,8 +4,8 @@
 //! the groups that hold it as a candidate, always in the order of the groups.
 
 use super::Moments;
-use super::candidates::{Ellipsoid, OverlapTree};
-use super::em_kernel::{self, SUMS, Scratch, Sums, Whitened};
+use super::candidates::{Ellipsoid, OverlapTree, Reach};
+use super::em_kernel::{self, Group, SUMS, Scratch, Sums, Whitened};
 use crate::math::Sym3;
 use crate::{Result, progress::Progress};
 use rayon::prelude::*;
@@ -48,7 +48,9 @@ pub(crate) struct Groups {
 #[derive(Clone, Copy)]
 pub(crate) struct Cloud<'a> {
     pub(crate) xyz: &'a [[f32; 3]],
+    /// One a particle, where they have weights.
     pub(crate) weight: Option<&'a [f32]>,
+    pub(crate) groups: &'a Groups,
 }
 
 /// What the E and the M step regularise by; store units squared.
@@ -93,24 +95,14 @@ pub(crate) struct Move {
     pub(crate) freed: u32,
 }
 
-/// How candidates are chosen.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Reach {
-    /// At most so many a group.
-    pub(crate) most: usize,
-    /// Largest difference of separations from the best (2 ln of the ratio of overlaps).
-    pub(crate) reach: f64,
-    /// Added to every variance, scaled units squared.
-    pub(crate) floor: f64,
-}
-
 /// Work items of one rayon task.
 const TASK: usize = 64;
 
 impl Candidates {
-    /// Finds each group's candidates among Gaussians with a count above zero.
-    pub(crate) fn find(groups: &Groups, gaussians: &Gaussians, reach: Reach) -> Self {
-        let floor = Sym3::scaled_identity(reach.floor);
+    /// Finds each group's candidates among Gaussians with a count above zero. `floor` is added to every
+    /// variance, scaled units squared.
+    pub(crate) fn find(groups: &Groups, gaussians: &Gaussians, reach: Reach, floor: f64) -> Self {
+        let floor = Sym3::scaled_identity(floor);
         let items: Vec<Ellipsoid> = (0..gaussians.len())
             .into_par_iter()
             .map(|j| Ellipsoid::new(gaussians.mean[j], gaussians.cov[j].add(&floor), gaussians.count[j]))
@@ -124,7 +116,7 @@ impl Candidates {
                     return Vec::new();
                 }
                 let group = Ellipsoid::new(groups.mean[g], groups.cov[g].add(&floor), 1.0);
-                tree.nearest(&group, reach.most, reach.reach, found);
+                tree.nearest(&group, reach, found);
                 found.iter().map(|f| f.1).collect()
             })
             .collect();
@@ -201,23 +193,31 @@ pub(crate) struct Expectation {
     pub(crate) likelihood: f64,
 }
 
+/// What an E step is asked for besides the sums of the M step.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Wanted {
+    /// [`Expectation::owner`].
+    pub(crate) owner: bool,
+    /// [`Expectation::likelihood`].
+    pub(crate) likelihood: bool,
+}
+
 /// One E step over all groups.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
 pub(crate) fn expect(
     cloud: Cloud<'_>,
-    groups: &Groups,
     candidates: &Candidates,
     gaussians: &Gaussians,
     shape: Shape,
-    owners: bool,
-    likelihood: bool,
+    wanted: Wanted,
     progress: &dyn Progress,
 ) -> Result<Expectation> {
+    let groups = cloud.groups;
     let whitened: Vec<_> = (0..gaussians.len()).into_par_iter().map(|j| Whitening::new(gaussians, j, shape)).collect();
     let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
-    let mut owner = vec![0u32; if owners { cloud.xyz.len() } else { 0 }];
+    let mut owner = vec![0u32; if wanted.owner { cloud.xyz.len() } else { 0 }];
     let work = split_by_groups(&mut sums, &mut owner, groups, candidates);
     let simd = progress.simd();
     let parts: Result<Vec<f64>> = work
@@ -233,15 +233,15 @@ pub(crate) fn expect(
                     let list = candidates.of(g);
                     let (mine, rest) = sums.split_at_mut(list.len());
                     sums = rest;
-                    let (named, rest) = owner.split_at_mut(if owners { range.len() } else { 0 });
+                    let (named, rest) = owner.split_at_mut(if wanted.owner { range.len() } else { 0 });
                     owner = rest;
                     let centre = groups.mean[g].map(|v| v as f32);
                     local.clear();
                     local.extend(list.iter().map(|&j| whitened[j as usize].about(centre)));
                     let weight = cloud.weight.map(|w| &w[range.clone()]);
-                    let asked = owners.then_some(&mut named[..]);
-                    let points = &cloud.xyz[range];
-                    total += em_kernel::expect(simd, points, weight, centre, local, scratch, mine, asked, likelihood);
+                    let group = Group { points: &cloud.xyz[range], weight, centre, candidates: local };
+                    let asked = wanted.owner.then_some(&mut named[..]);
+                    total += em_kernel::expect(simd, &group, scratch, mine, asked, wanted.likelihood);
                     named.iter_mut().for_each(|n| *n = list[*n as usize]);
                 }
                 Ok(total)
@@ -454,12 +454,13 @@ mod tests {
         #[test]
         fn an_iteration_never_lowers_the_likelihood(seed in 0u64..1000) {
             let (xyz, groups, mut gaussians) = problem(seed);
-            let cloud = Cloud { xyz: &xyz, weight: None };
-            let reach = Reach { most: 8, reach: 1e9, floor: PLAIN.floor };
-            let candidates = Candidates::find(&groups, &gaussians, reach);
+            let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };
+            let wanted = Wanted { likelihood: true, ..Wanted::default() };
+            let reach = Reach { most: 8, beyond: 1e9 };
+            let candidates = Candidates::find(&groups, &gaussians, reach, PLAIN.floor);
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
-                let e = expect(cloud, &groups, &candidates, &gaussians, PLAIN, false, true, &Silent).unwrap();
+                let e = expect(cloud, &candidates, &gaussians, PLAIN, wanted, &Silent).unwrap();
                 // The floor is added, not fitted: it may cost a little.
                 prop_assert!(e.likelihood >= last - 0.02 * xyz.len() as f64 * PLAIN.floor / 0.01, "{} {last}", e.likelihood);
                 last = e.likelihood;
@@ -478,10 +479,10 @@ mod tests {
         let mut gaussians = Gaussians::default();
         gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
         let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04 };
-        let candidates = Candidates::find(&groups, &gaussians, Reach { most: 4, reach: 9.0, floor: shape.floor });
+        let candidates = Candidates::find(&groups, &gaussians, Reach { most: 4, beyond: 9.0 }, shape.floor);
         for _ in 0..10 {
-            let cloud = Cloud { xyz: &xyz, weight: None };
-            let e = expect(cloud, &groups, &candidates, &gaussians, shape, false, false, &Silent).unwrap();
+            let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };
+            let e = expect(cloud, &candidates, &gaussians, shape, Wanted::default(), &Silent).unwrap();
             maximise(&e, &groups, &candidates, &mut gaussians, shape);
         }
         for (k, s) in [(0, 0.3), (3, 0.1), (5, 0.02)] {

@@ -50,40 +50,47 @@ pub(crate) struct Scratch {
     sums: Vec<[Lanes; SUMS]>,
 }
 
-/// The E step of one group: adds each particle's responsibilities for `candidates` into `sums`
+/// Particles that lie together, and the Gaussians that they may belong to.
+pub(crate) struct Group<'a> {
+    /// Where the particles are.
+    pub(crate) points: &'a [[f32; 3]],
+    /// One a particle, where they have weights.
+    pub(crate) weight: Option<&'a [f32]>,
+    /// What the sums and the candidates' means are relative to.
+    pub(crate) centre: [f32; 3],
+    /// The Gaussians, best first.
+    pub(crate) candidates: &'a [Whitened],
+}
+
+/// The E step of one group: adds each particle's responsibilities for the candidates into `sums`
 /// (overwritten) and names each particle's likeliest candidate in `owner` where that is asked for.
 /// Returns the sum of log2 likelihoods where `likelihood` is set, else 0.
 pub(crate) fn expect(
     level: Level,
-    points: &[[f32; 3]],
-    weight: Option<&[f32]>,
-    centre: [f32; 3],
-    candidates: &[Whitened],
+    group: &Group<'_>,
     scratch: &mut Scratch,
     sums: &mut [Sums],
     owner: Option<&mut [u32]>,
     likelihood: bool,
 ) -> f64 {
     let owner = owner.unwrap_or(&mut []);
-    dispatch!(level, simd => kernel(simd, points, weight, centre, candidates, scratch, sums, owner, likelihood))
+    dispatch!(level, simd => kernel(simd, group, scratch, sums, owner, likelihood))
 }
 
 #[inline(always)]
 fn kernel<S: Simd>(
     simd: S,
-    points: &[[f32; 3]],
-    weight: Option<&[f32]>,
-    centre: [f32; 3],
-    candidates: &[Whitened],
+    group: &Group<'_>,
     scratch: &mut Scratch,
     sums: &mut [Sums],
     owner: &mut [u32],
     likelihood: bool,
 ) -> f64 {
+    let &Group { points, weight, centre, candidates } = group;
     let k = candidates.len();
     scratch.share.resize(k, [ZERO; BATCH]);
     let mut total = vec![[0f64; SUMS]; if points.len() > RUN { k } else { 0 }];
-    let mut log_likelihood = 0.0;
+    let mut log_likelihood = likelihood.then_some(0.0);
     for first in (0..points.len()).step_by(RUN) {
         let end = points.len().min(first + RUN);
         scratch.sums.clear();
@@ -92,16 +99,9 @@ fn kernel<S: Simd>(
             let stop = end.min(start + BATCH * LANES);
             let owner = if owner.is_empty() { &mut [] } else { &mut owner[start..stop] };
             let batch = Batch::new(&points[start..stop], weight.map(|w| &w[start..stop]), centre);
-            let invert = responsibilities(
-                simd,
-                &batch,
-                candidates,
-                &mut scratch.share[..k],
-                owner,
-                likelihood,
-                &mut log_likelihood,
-            );
-            add_moments(simd, &batch, &invert, candidates, &scratch.share[..k], &mut scratch.sums[..k]);
+            let share = &mut scratch.share[..k];
+            let invert = responsibilities(simd, &batch, candidates, share, owner, log_likelihood.as_mut());
+            add_moments(simd, &batch, &invert, candidates, share, &mut scratch.sums[..k]);
         }
         for (c, lanes) in scratch.sums.iter().enumerate() {
             let part: Sums = std::array::from_fn(|q| across(&lanes[q]));
@@ -117,7 +117,7 @@ fn kernel<S: Simd>(
     for (out, t) in sums.iter_mut().zip(&total) {
         *out = t.map(|v| v as f32);
     }
-    log_likelihood
+    log_likelihood.unwrap_or(0.0)
 }
 
 /// Sum over lanes, halves onto halves.
@@ -167,7 +167,7 @@ impl Batch {
 }
 
 /// Densities relative to each particle's largest into `share`; returns what they are to be
-/// multiplied by (0 in empty places).
+/// multiplied by (0 in empty places). Log2 likelihoods are added where there is a sum for them.
 #[inline(always)]
 fn responsibilities<S: Simd>(
     simd: S,
@@ -175,8 +175,7 @@ fn responsibilities<S: Simd>(
     candidates: &[Whitened],
     share: &mut [[Lanes; BATCH]],
     owner: &mut [u32],
-    likelihood: bool,
-    log_likelihood: &mut f64,
+    mut log_likelihood: Option<&mut f64>,
 ) -> [Lanes; BATCH] {
     let mut invert = [ZERO; BATCH];
     for v in 0..batch.vectors() {
@@ -198,9 +197,9 @@ fn responsibilities<S: Simd>(
             p.store_slice(&mut s[v].0);
         }
         (f32x16::load_array_ref(simd, &batch.present[v].0) / norm).store_slice(&mut invert[v].0);
-        if likelihood {
+        if let Some(sum) = log_likelihood.as_deref_mut() {
             let (best, norm) = (<[f32; LANES]>::from(best), <[f32; LANES]>::from(norm));
-            *log_likelihood += (0..here.len()).map(|i| f64::from(best[i]) + f64::from(norm[i]).log2()).sum::<f64>();
+            *sum += (0..here.len()).map(|i| f64::from(best[i]) + f64::from(norm[i]).log2()).sum::<f64>();
         }
     }
     invert
@@ -315,8 +314,8 @@ mod tests {
                 let mut sums = vec![[0f32; SUMS]; k];
                 let mut owner = vec![0; n];
                 let mut scratch = Scratch::default();
-                let w = Some(&weight[..]);
-                let l = expect(level, &points, w, centre, &candidates, &mut scratch, &mut sums, Some(&mut owner), true);
+                let group = Group { points: &points, weight: Some(&weight), centre, candidates: &candidates };
+                let l = expect(level, &group, &mut scratch, &mut sums, Some(&mut owner), true);
                 (sums, owner, l)
             };
             let fast = run(Level::new());

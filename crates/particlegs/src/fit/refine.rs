@@ -6,7 +6,8 @@
 //! of each cell's particles where there are more than the Gaussians need; the last iterations see
 //! every particle.
 
-use super::em::{Candidates, Cloud, Gaussians, Groups, Reach, Shape, expect, maximise, regroup};
+use super::candidates::Reach;
+use super::em::{Candidates, Cloud, Gaussians, Groups, Shape, Wanted, expect, maximise, regroup};
 use super::gain::{Blur, picture_sigma};
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
@@ -126,7 +127,6 @@ impl Refiner<'_> {
         let store = &self.partition.store;
         let first = self.partition.cells[cells.start].start;
         let span = first..self.partition.cells[cells.end - 1].end;
-        let whole = Cloud { xyz: &store.xyz[span.clone()], weight: store.weight.as_ref().map(|w| &w[span.clone()]) };
         let ranges = self.partition.cells[cells.clone()].iter().map(|c| c.start - first..c.end - first).collect();
         let moments = &self.partition.moments[cells];
         let mut gaussians = start(moments);
@@ -135,17 +135,19 @@ impl Refiner<'_> {
             mean: moments.iter().map(|m| m.mean).collect(),
             cov: moments.iter().map(|m| m.cov).collect(),
         };
+        let weight = store.weight.as_ref().map(|w| &w[span.clone()]);
+        let whole = Cloud { xyz: &store.xyz[span], weight, groups: &groups };
         let rate = self.rate();
         if rate < 1.0 {
-            let (xyz, weight, sampled) = sample(whole, &groups, rate, self.options.seed);
-            let cloud = Cloud { xyz: &xyz, weight: weight.as_deref() };
+            let (xyz, weight, sampled) = sample(whole, rate, self.options.seed);
+            let cloud = Cloud { xyz: &xyz, weight: weight.as_deref(), groups: &sampled };
             scale_counts(&mut gaussians, rate);
-            self.rounds(cloud, sampled, &mut gaussians)?;
+            self.rounds(cloud, &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
             let candidates = self.candidates(&groups, &gaussians);
-            self.iterate(whole, &groups, &candidates, &mut gaussians, 2)?;
+            self.iterate(whole, &candidates, &mut gaussians, 2)?;
         } else {
-            self.rounds(whole, groups, &mut gaussians)?;
+            self.rounds(whole, &mut gaussians)?;
         }
         self.progress.advance(1);
         conserve(&mut gaussians, moments, store.weight.is_some());
@@ -153,48 +155,47 @@ impl Refiner<'_> {
     }
 
     fn candidates(&self, groups: &Groups, gaussians: &Gaussians) -> Candidates {
-        Candidates::find(groups, gaussians, Reach { most: 24, reach: 14.0, floor: self.shape().floor })
+        Candidates::find(groups, gaussians, Reach { most: 24, beyond: 14.0 }, self.shape().floor)
     }
 
     /// EM with fixed candidates.
     fn iterate(
         &self,
         cloud: Cloud<'_>,
-        groups: &Groups,
         candidates: &Candidates,
         gaussians: &mut Gaussians,
         iterations: usize,
     ) -> Result<Vec<u32>> {
         let mut owner = Vec::new();
         for i in 0..iterations {
-            let last = i + 1 == iterations;
-            let e = expect(cloud, groups, candidates, gaussians, self.shape(), last, false, self.progress)?;
-            maximise(&e, groups, candidates, gaussians, self.shape());
+            let wanted = Wanted { owner: i + 1 == iterations, ..Wanted::default() };
+            let e = expect(cloud, candidates, gaussians, self.shape(), wanted, self.progress)?;
+            maximise(&e, cloud.groups, candidates, gaussians, self.shape());
             owner = e.owner;
         }
         Ok(owner)
     }
 
-    fn rounds(&self, cloud: Cloud<'_>, groups: Groups, gaussians: &mut Gaussians) -> Result<()> {
+    fn rounds(&self, cloud: Cloud<'_>, gaussians: &mut Gaussians) -> Result<()> {
         let options = self.options;
         let moves = MoveOptions {
             blur: Blur::of_sigma(picture_sigma(MOVE_BLUR_RADII * self.radius, self.pixel)),
             ratio: 1.2,
             share: 0.1,
         };
-        let candidates = self.candidates(&groups, gaussians);
-        let mut owner = self.iterate(cloud, &groups, &candidates, gaussians, options.first_iterations.max(1))?;
+        let candidates = self.candidates(cloud.groups, gaussians);
+        let mut owner = self.iterate(cloud, &candidates, gaussians, options.first_iterations.max(1))?;
         self.progress.advance(1);
         let (mut xyz, mut weight, mut groups);
         let mut cloud = cloud;
         for _ in 0..options.rounds {
             self.progress.check()?;
             (xyz, weight, groups) = regroup(cloud, &owner, gaussians.len());
-            cloud = Cloud { xyz: &xyz, weight: weight.as_deref() };
+            cloud = Cloud { xyz: &xyz, weight: weight.as_deref(), groups: &groups };
             let candidates = self.candidates(&groups, gaussians);
             let made = exchange(gaussians, &groups, cloud.xyz, &candidates, self.shade, moves);
             let candidates = candidates.after(&made, gaussians.len());
-            owner = self.iterate(cloud, &groups, &candidates, gaussians, options.iterations.max(1))?;
+            owner = self.iterate(cloud, &candidates, gaussians, options.iterations.max(1))?;
             self.progress.advance(1);
         }
         Ok(())
@@ -212,13 +213,13 @@ fn start(moments: &[Moments]) -> Gaussians {
 
 /// Every 1/rate-th particle of the store's order, in which neighbours stand together: each cell
 /// keeps its share. The seed shifts which.
-fn sample(cloud: Cloud<'_>, groups: &Groups, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
+fn sample(cloud: Cloud<'_>, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
     let shift = Random::of(Purpose::RefinementSample, seed, 0).uniform();
     let keep = |i: usize| ((i + 1) as f64 * rate + shift).floor() > (i as f64 * rate + shift).floor();
     let mut xyz = Vec::with_capacity((cloud.xyz.len() as f64 * rate) as usize + 1);
     let mut weight = cloud.weight.map(|_| Vec::with_capacity(xyz.capacity()));
-    let mut ranges = Vec::with_capacity(groups.range.len());
-    for range in &groups.range {
+    let mut ranges = Vec::with_capacity(cloud.groups.range.len());
+    for range in &cloud.groups.range {
         let from = xyz.len();
         for i in range.clone() {
             if keep(i) {

@@ -8,7 +8,7 @@
 //! explains it best (Goldberger and Roweis 2004), and the new ones get the moments of their own.
 //! Count, mass, mean and covariance of the whole are kept throughout.
 
-use super::candidates::{Ellipsoid, OverlapTree};
+use super::candidates::{Ellipsoid, OverlapTree, Reach};
 use super::gain::{Blob, Blur, picture_sigma};
 use crate::math::Sym3;
 use crate::memory::require;
@@ -156,6 +156,7 @@ impl Neighbours {
     fn find(items: &[Item], measure: Measure, reach: f64, progress: &dyn Progress) -> Result<Self> {
         let ellipsoids: Vec<Ellipsoid> = items.par_iter().map(|i| ellipsoid(&i.blob, measure.floor)).collect();
         let tree = OverlapTree::new(&ellipsoids);
+        let reach = Reach { most: NEIGHBOURS, beyond: reach };
         let mut place = vec![0u32; items.len()];
         tree.order().iter().enumerate().for_each(|(at, &i)| place[i as usize] = at as u32);
         let own = |found: &mut Vec<(f64, u32)>, j: usize| {
@@ -164,8 +165,8 @@ impl Neighbours {
             }
             // Those without particles are in no tree: they have no place to search from.
             match items[j].blob.count > 0.0 {
-                true => tree.nearest_to(place[j] as usize, NEIGHBOURS, reach, found),
-                false => tree.nearest(&ellipsoids[j], NEIGHBOURS, reach, found),
+                true => tree.nearest_to(place[j] as usize, reach, found),
+                false => tree.nearest(&ellipsoids[j], reach, found),
             }
             Ok(found.iter().map(|f| f.1).filter(|&n| n as usize != j).collect())
         };

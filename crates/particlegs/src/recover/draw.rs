@@ -44,6 +44,15 @@ pub(super) struct Scratch {
     position: [Vec<f64>; 3],
 }
 
+/// Particles of a layer, one after the other.
+struct Stretch<'a> {
+    layer: &'a LayerPlan,
+    /// The layer's seed.
+    stream: u64,
+    /// The first one's place in the layer.
+    first: u64,
+}
+
 /// A Gaussian ready to be drawn from.
 struct Placed {
     mean: [f64; 3],
@@ -80,8 +89,8 @@ impl Rules {
         run: &mut Run,
     ) -> Result<()> {
         let n = (range.end - range.start) as usize;
-        let stream = self.stream(&layer.layer.name);
-        let mut random = Random::of(Purpose::Recovery, stream, number);
+        let stretch = Stretch { layer, stream: self.stream(&layer.layer.name), first: range.start };
+        let mut random = Random::of(Purpose::Recovery, stretch.stream, number);
         scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
         self.raw(n, &mut random, scratch);
         let mut gaussian = layer.ends.partition_point(|&end| end <= range.start);
@@ -89,7 +98,7 @@ impl Rules {
         let mut at = 0;
         while at < n {
             let stop = ((layer.ends[gaussian] - range.start) as usize).min(n);
-            self.place(layer, stream, gaussian, range.start, at..stop, scratch);
+            self.place(&stretch, gaussian, at..stop, scratch);
             if self.weighted {
                 let weight = layer.weights.get(gaussian).copied().unwrap_or(1.0);
                 run.columns[3].resize(stop, weight);
@@ -122,17 +131,9 @@ impl Rules {
         }
     }
 
-    /// Places the particles `range` of the run, which belong to one Gaussian. The run begins at the
-    /// layer's particle `first`.
-    fn place(
-        &self,
-        layer: &LayerPlan,
-        stream: u64,
-        gaussian: usize,
-        first: u64,
-        range: Range<usize>,
-        scratch: &mut Scratch,
-    ) {
+    /// Places the particles `range` of a stretch, which belong to one Gaussian.
+    fn place(&self, stretch: &Stretch<'_>, gaussian: usize, range: Range<usize>, scratch: &mut Scratch) {
+        let &Stretch { layer, stream, first } = stretch;
         let n = scratch.flat.len() / 3;
         let (x, rest) = scratch.flat.split_at_mut(n);
         let (y, z) = rest.split_at_mut(n);

@@ -37,6 +37,18 @@ pub fn fxaa(picture: &Gray8) -> Gray8 {
     Gray8 { size: picture.size, data }
 }
 
+/// An edge, as seen from a pixel that lies on it.
+struct Edge {
+    /// Column and row.
+    pixel: [i32; 2],
+    /// The step to the other side.
+    across: [i32; 2],
+    /// The pixel's luminosity.
+    own: f32,
+    /// The other side's.
+    other: f32,
+}
+
 struct Image<'a> {
     picture: &'a Gray8,
     tables: &'a Tables,
@@ -97,8 +109,9 @@ impl Image<'_> {
         let side = if towards_second { 1 } else { -1 };
         // Steps along the span and across it; across is upwards in VTK, downwards in rows.
         let (along, across) = if is_horizontal { ([1, 0], [0, -side]) } else { ([0, -1], [side, 0]) };
-        let back = self.walk(x, y, [-along[0], -along[1]], across, c, other);
-        let ahead = self.walk(x, y, along, across, c, other);
+        let edge = Edge { pixel: [x, y], across, own: c, other };
+        let back = self.walk(&edge, [-along[0], -along[1]]);
+        let ahead = self.walk(&edge, along);
         let (near, distance) = if back.1 < ahead.1 { back } else { ahead };
         let value = self.tables.value[self.level(x, y) as usize];
         if (near - other).abs() < (near - c).abs() {
@@ -110,14 +123,16 @@ impl Image<'_> {
         value
     }
 
-    /// The luminosity in the pixel's line where the span ends, and how many steps away that is.
-    fn walk(&self, x: i32, y: i32, along: [i32; 2], across: [i32; 2], c: f32, other: f32) -> (f32, i32) {
+    /// The luminosity in the pixel's line where the span of its edge ends in steps of `along`, and how
+    /// many steps away that is.
+    fn walk(&self, edge: &Edge, along: [i32; 2]) -> (f32, i32) {
+        let &Edge { pixel: [x, y], across, own, other } = edge;
         let mut here = 0.0;
         for k in 1..=SEARCH_STEPS {
             let (px, py) = (x + k * along[0], y + k * along[1]);
             here = self.lum(px, py);
             let there = self.lum(px + across[0], py + across[1]);
-            if (there - other).abs() > (there - c).abs() || (here - c).abs() > (here - other).abs() {
+            if (there - other).abs() > (there - own).abs() || (here - own).abs() > (here - other).abs() {
                 return (here, k);
             }
         }

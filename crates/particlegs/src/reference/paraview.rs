@@ -67,6 +67,23 @@ struct Scratch {
     alpha: Vec<f32>,
 }
 
+/// A band of rows of the picture, and the splats that reach it.
+struct Band<'a> {
+    /// The splats of the band's group, by chunk of particles.
+    chunks: &'a [Sorted<Splat>],
+    /// Its number in the group.
+    number: usize,
+    /// Its lowest row.
+    first_row: usize,
+}
+
+impl Band<'_> {
+    /// In particle order.
+    fn splats(&self) -> impl Iterator<Item = &Splat> {
+        self.chunks.iter().flat_map(|c| c.band(self.number))
+    }
+}
+
 impl Scene<'_> {
     /// The picture, and which peels wrote a back layer anywhere.
     fn render(&self, peels: usize, rest: bool) -> Result<(Gray8, u8)> {
@@ -82,8 +99,9 @@ impl Scene<'_> {
             let parts: Vec<Result<u8>> = upward[rows.start * width..rows.end * width]
                 .par_chunks_mut(BAND_ROWS * width)
                 .enumerate()
-                .map_init(Scratch::default, |scratch, (k, out)| {
-                    let wrote = self.draw_band(&chunks, k, (group.start + k) * BAND_ROWS, out, scratch, peels, rest)?;
+                .map_init(Scratch::default, |scratch, (number, out)| {
+                    let band = Band { chunks: &chunks, number, first_row: (group.start + number) * BAND_ROWS };
+                    let wrote = self.draw_band(&band, out, scratch, peels, rest)?;
                     self.progress.advance(1);
                     Ok(wrote)
                 })
@@ -180,21 +198,18 @@ impl Scene<'_> {
     /// The pixels of a band, and which peels wrote a back layer.
     fn draw_band(
         &self,
-        chunks: &[Sorted<Splat>],
-        band: usize,
-        first_row: usize,
+        band: &Band<'_>,
         out: &mut [u8],
         scratch: &mut Scratch,
         peels: usize,
         rest: bool,
     ) -> Result<u8> {
-        let width = self.size.width;
+        let (width, first_row) = (self.size.width, band.first_row);
         let rows = out.len() / width;
-        let splats = || chunks.iter().flat_map(|c| c.band(band));
         // How many fragments before each pixel.
         scratch.first.clear();
         scratch.first.resize(out.len() + 1, 0);
-        for (i, splat) in splats().enumerate() {
+        for (i, splat) in band.splats().enumerate() {
             if i.is_multiple_of(CHECK) {
                 self.progress.check()?;
             }
@@ -221,7 +236,7 @@ impl Scene<'_> {
             let held = size_of::<[f32; 2]>() as u64 * (scratch.first[end * width] - base);
             require("splats that cover most of the picture", held)?;
             self.gather(
-                splats(),
+                band.splats(),
                 first_row + row,
                 &scratch.first[row * width..=end * width],
                 GatherInto { next: &mut scratch.next, depth: &mut scratch.depth, alpha: &mut scratch.alpha },

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::model::{Mixture, Model};
 use crate::particles::{Bounds, Cell, Particles};
 use crate::progress::Progress;
-use crate::stats::{Grid, Splat};
+use crate::stats::{Grid, Slab, Splat};
 use rayon::prelude::*;
 
 /// Parallel parts of a sum, fixed so that results do not depend on threads.
@@ -87,13 +87,13 @@ impl DensityGrid {
 
     fn of_mixture(&self, mixture: &Mixture, progress: &dyn Progress) -> Result<Vec<f64>> {
         self.sum_parts(mixture.len(), |grid, range| {
-            let mut splat = Splat::default();
+            let (mut splat, mut slab) = (Splat::default(), Slab::whole(&self.0, grid));
             for i in range {
                 if i.is_multiple_of(256) {
                     progress.check()?;
                     progress.advance(256);
                 }
-                splat.add(&self.0, grid, mixture.mean_of(i), &mixture.cov_of(i), mixture.mass_of(i));
+                splat.add(&mut slab, mixture.mean_of(i), &mixture.cov_of(i), mixture.mass_of(i));
             }
             Ok(())
         })

@@ -41,13 +41,12 @@ pub(super) fn evaluate_against(
         return Err(Error::argument("no views to score in"));
     }
     views.iter().try_for_each(|v| v.view.check(size))?;
-    let scene = Scene::of(model);
-    let even = Even::of(truth);
+    let comparison = Comparison { scene: Scene::of(model), truth, even: Even::of(truth) };
     let mut scored = Vec::with_capacity(views.len());
     for (number, v) in views.iter().enumerate() {
         let progress = InView { name: format!("{} ({}/{})", v.view.name, number + 1, views.len()), inner: progress };
         let view = clipped(&v.view, truth.bounds());
-        scored.push(evaluate_view((&scene, truth, &even), &view, &v.orbit, size, &progress)?);
+        scored.push(comparison.score(&view, &v.orbit, size, &progress)?);
     }
     Ok(Evaluation::of(scored))
 }
@@ -115,35 +114,42 @@ impl Even {
     }
 }
 
-fn evaluate_view(
-    (scene, reference, even): (&Scene, &Reference, &Even),
-    view: &View,
-    orbit: &str,
-    size: Size,
-    progress: &dyn Progress,
-) -> Result<ViewScores> {
-    let truth = Truth::draw(reference, view, size, progress)?;
-    progress.begin("model and scores", 0);
-    let tau = render::optical_depth(scene, view, size, progress)?;
-    let even = uniform_box(&even.bounds, even.count, view, size)?;
-    let drawn = |look| scene.tone(&tau, look, view, size);
-    let scored = |look, drawn: &Gray8| look_scores(&truth, look, view, drawn, &even);
-    let no_fxaa = drawn(Look::ParaviewNoFxaa);
-    let target = truth.picture(Look::ParaviewNoFxaa);
-    let scores = ViewScores {
-        name: view.name.clone(),
-        orbit: orbit.to_string(),
-        radius: view.radius,
-        opacity: view.opacity,
-        paraview: scored(Look::Paraview, &drawn(Look::Paraview)),
-        paraview_no_fxaa: NoFxaaScores {
-            scores: scored(Look::ParaviewNoFxaa, &no_fxaa),
-            shot_noise: shot_noise(&tau, view.opacity, &no_fxaa, target),
-        },
-        expected: scored(Look::Expected, &drawn(Look::Expected)),
-    };
-    progress.end();
-    Ok(scores)
+/// A model beside its snapshot.
+struct Comparison<'a> {
+    /// The model, ready to be drawn.
+    scene: Scene<'a>,
+    /// Draws the snapshot.
+    truth: &'a Reference<'a>,
+    /// What the least of models would score.
+    even: Even,
+}
+
+impl Comparison<'_> {
+    /// Scores a view of an orbit.
+    fn score(&self, view: &View, orbit: &str, size: Size, progress: &dyn Progress) -> Result<ViewScores> {
+        let truth = Truth::draw(self.truth, view, size, progress)?;
+        progress.begin("model and scores", 0);
+        let tau = render::optical_depth(&self.scene, view, size, progress)?;
+        let even = uniform_box(&self.even.bounds, self.even.count, view, size)?;
+        let drawn = |look| self.scene.tone(&tau, look, view, size);
+        let scored = |look, drawn: &Gray8| look_scores(&truth, look, view, drawn, &even);
+        let no_fxaa = drawn(Look::ParaviewNoFxaa);
+        let target = truth.picture(Look::ParaviewNoFxaa);
+        let scores = ViewScores {
+            name: view.name.clone(),
+            orbit: orbit.to_string(),
+            radius: view.radius,
+            opacity: view.opacity,
+            paraview: scored(Look::Paraview, &drawn(Look::Paraview)),
+            paraview_no_fxaa: NoFxaaScores {
+                scores: scored(Look::ParaviewNoFxaa, &no_fxaa),
+                shot_noise: shot_noise(&tau, view.opacity, &no_fxaa, target),
+            },
+            expected: scored(Look::Expected, &drawn(Look::Expected)),
+        };
+        progress.end();
+        Ok(scores)
+    }
 }
 
 fn look_scores(truth: &Truth, look: Look, view: &View, drawn: &Gray8, even: &Plane) -> LookScores {

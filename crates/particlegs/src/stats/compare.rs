@@ -70,7 +70,8 @@ pub fn compare(
     let summary = Summary::new(
         density.as_ref().map(|d| &d.agreement),
         spectra.as_ref(),
-        (xi_by_pairs.as_ref(), xi_by_transform.as_ref()),
+        xi_by_pairs.as_ref(),
+        xi_by_transform.as_ref(),
         groups.as_ref(),
         neighbours.as_ref(),
     );

@@ -3,7 +3,7 @@
 //! Every task owns a run of planes and adds to them alone, in the order of the particles: no
 //! atomics, no copies of the grid, and the same bits whatever the threads.
 
-use super::gaussian::Splat;
+use super::gaussian::{Slab, Splat};
 use super::{Assignment, Grid, Subject};
 use crate::Result;
 use crate::model::Mixture;
@@ -247,6 +247,7 @@ fn add_mixtures(
             let planes = slab * depth..slab * depth + out.len() / plane;
             // Sums of many small shares: f64, rounded once.
             let (mut sum, mut splat) = (vec![0.0f64; out.len()], Splat::default());
+            let mut slab = Slab { grid: &moved, planes, cells: &mut sum };
             for m in parts {
                 for i in 0..m.len() {
                     // A Gaussian as wide as the box takes milliseconds.
@@ -255,8 +256,8 @@ fn add_mixtures(
                         progress.advance((m.len() - i).min(256) as u64);
                     }
                     let (mean, cov) = (m.mean_of(i), m.cov_of(i));
-                    if Splat::may_touch(&moved, &planes, mean, &cov) {
-                        splat.add_to(&moved, planes.clone(), &mut sum, mean, &cov, unit_mass * m.mass_of(i));
+                    if slab.may_hold(mean, &cov) {
+                        splat.add(&mut slab, mean, &cov, unit_mass * m.mass_of(i));
                     }
                 }
             }

@@ -19,21 +19,25 @@ const FLATTEST: f64 = 1.0 / 16.0;
 /// Gaussians end here, in deviations; the rest of their mass is in the last cell.
 const TAIL: f64 = 4.5;
 
-/// Scratch space to deposit one Gaussian.
-#[derive(Default)]
-pub(crate) struct Splat {
-    nodes: [Vec<(f64, f64)>; 3],
-    shares: [Vec<(usize, f64)>; 3],
+/// Some planes of a grid across x, and what their cells hold.
+pub(crate) struct Slab<'a> {
+    /// The whole grid.
+    pub(crate) grid: &'a Grid,
+    /// Which of its planes.
+    pub(crate) planes: Range<usize>,
+    /// The cells of those planes alone.
+    pub(crate) cells: &'a mut [f64],
 }
 
-impl Splat {
-    /// Adds a Gaussian to the grid.
-    pub fn add(&mut self, g: &Grid, grid: &mut [f64], mean: [f64; 3], cov: &Sym3, mass: f64) {
-        self.add_to(g, 0..g.cells[0], grid, mean, cov, mass);
+impl<'a> Slab<'a> {
+    /// All planes of a grid.
+    pub(crate) fn whole(grid: &'a Grid, cells: &'a mut [f64]) -> Self {
+        Slab { grid, planes: 0..grid.cells[0], cells }
     }
 
-    /// False where a Gaussian has nothing in some planes of the grid, by a generous bound.
-    pub fn may_touch(g: &Grid, planes: &Range<usize>, mean: [f64; 3], cov: &Sym3) -> bool {
+    /// False where a Gaussian has nothing in the slab, by a generous bound.
+    pub(crate) fn may_hold(&self, mean: [f64; 3], cov: &Sym3) -> bool {
+        let (g, planes) = (self.grid, &self.planes);
         // The lattice ends 3.5 deviations and a step from the mean along each principal axis, its
         // kernel TAIL further; a kernel is at most the deviation along x or one of the two floors.
         let kernel = cov.0[0].max(0.0).sqrt() + SMALLEST * g.side[0] + FLATTEST * cov.trace().max(0.0).sqrt();
@@ -45,18 +49,28 @@ impl Splat {
         }
         high - low >= n || (x - low).rem_euclid(n) <= high - low
     }
+}
 
-    /// Adds what a Gaussian has in some planes of the grid; `grid` holds those planes alone.
-    pub fn add_to(&mut self, g: &Grid, planes: Range<usize>, grid: &mut [f64], mean: [f64; 3], cov: &Sym3, mass: f64) {
+/// Scratch space to deposit one Gaussian.
+#[derive(Default)]
+pub(crate) struct Splat {
+    nodes: [Vec<(f64, f64)>; 3],
+    shares: [Vec<(usize, f64)>; 3],
+}
+
+impl Splat {
+    /// Adds what a Gaussian has in a slab.
+    pub fn add(&mut self, slab: &mut Slab<'_>, mean: [f64; 3], cov: &Sym3, mass: f64) {
+        let g = slab.grid;
         let cell = g.side[0].min(g.side[1]).min(g.side[2]);
         let diagonal = [cov.0[0], cov.0[3], cov.0[5]].map(|v| v.max(0.0).sqrt());
         if diagonal.iter().all(|s| *s <= SMALLEST * cell) {
-            return self.add_straight(g, &planes, grid, mean, diagonal, mass);
+            return self.add_straight(slab, mean, diagonal, mass);
         }
         let eigen = cov.eigen();
         let deviation = eigen.values.map(|v| v.max(0.0).sqrt());
         if let Some(resolved) = Resolved::new(g, mean, cov, deviation[2], mass) {
-            return resolved.add_to(g, &planes, grid);
+            return resolved.add_to(slab);
         }
         let kernel = deviation[2].max(SMALLEST * cell).max(FLATTEST * deviation[0]);
         for k in 0..3 {
@@ -68,7 +82,7 @@ impl Splat {
             for &(b, wb) in &nodes[1] {
                 for &(c, wc) in &nodes[2] {
                     let at = std::array::from_fn(|k| mean[k] + a * v[0][k] + b * v[1][k] + c * v[2][k]);
-                    self.add_straight(g, &planes, grid, at, [kernel; 3], mass * wa * wb * wc);
+                    self.add_straight(slab, at, [kernel; 3], mass * wa * wb * wc);
                 }
             }
         }
@@ -76,15 +90,8 @@ impl Splat {
     }
 
     /// Adds a Gaussian whose axes are the grid's: exact.
-    fn add_straight(
-        &mut self,
-        g: &Grid,
-        planes: &Range<usize>,
-        grid: &mut [f64],
-        mean: [f64; 3],
-        deviation: [f64; 3],
-        mass: f64,
-    ) {
+    fn add_straight(&mut self, slab: &mut Slab<'_>, mean: [f64; 3], deviation: [f64; 3], mass: f64) {
+        let (g, planes, cells) = (slab.grid, &slab.planes, &mut *slab.cells);
         if !touches(g, planes, mean[0], deviation[0]) {
             return;
         }
@@ -101,7 +108,7 @@ impl Splat {
             for &(j, wj) in y {
                 let row = g.index([i - planes.start, j, 0]);
                 for &(k, wk) in z {
-                    grid[row + k] += mass * wi * wj * wk;
+                    cells[row + k] += mass * wi * wj * wk;
                 }
             }
         }
@@ -210,7 +217,7 @@ mod tests {
 
     fn deposit(g: &Grid, mean: [f64; 3], cov: &Sym3) -> Vec<f64> {
         let mut out = vec![0.0; g.cells.iter().product()];
-        Splat::default().add(g, &mut out, mean, cov, 1.0);
+        Splat::default().add(&mut Slab::whole(g, &mut out), mean, cov, 1.0);
         out
     }
 
@@ -264,13 +271,14 @@ mod tests {
             {
                 let cov = turned([s, 0.5 * s, 0.02 * s]);
                 let whole = deposit(&g, mean, &cov);
-                for slab in 0..4 {
-                    let planes = 3 * slab..3 * slab + 3;
+                for number in 0..4 {
+                    let planes = 3 * number..3 * number + 3;
                     let mut part = vec![0.0; 3 * 144];
-                    if Splat::may_touch(&g, &planes, mean, &cov) {
-                        Splat::default().add_to(&g, planes, &mut part, mean, &cov, 1.0);
+                    let mut slab = Slab { grid: &g, planes, cells: &mut part };
+                    if slab.may_hold(mean, &cov) {
+                        Splat::default().add(&mut slab, mean, &cov, 1.0);
                     }
-                    assert_eq!(part, whole[432 * slab..432 * (slab + 1)]);
+                    assert_eq!(part, whole[432 * number..432 * (number + 1)]);
                 }
             }
         }

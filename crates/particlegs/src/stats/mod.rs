@@ -42,7 +42,7 @@ pub(crate) use deposit::deposit_bytes;
 use deposit::deposit_steps;
 pub use deposit::{Field, deposit};
 pub use domain::Domain;
-pub(crate) use gaussian::Splat;
+pub(crate) use gaussian::{Slab, Splat};
 pub use grid::{Assignment, Grid};
 pub(crate) use groups::longest_link;
 pub use groups::{Groups, find_groups};

@@ -5,6 +5,7 @@
 //! exponent is a parabola, so that each cell costs two products.
 
 use super::Grid;
+use super::gaussian::Slab;
 use crate::math::Sym3;
 use std::ops::Range;
 
@@ -27,6 +28,8 @@ pub(super) struct Resolved {
     /// Half its extent along x.
     half: f64,
     peak: f64,
+    /// Ratios of neighbours along z have this ratio from one cell to the next.
+    step: f64,
 }
 
 impl Resolved {
@@ -66,15 +69,15 @@ impl Resolved {
         let projected = [xx - xz * xz / zz, xy - xz * yz / zz, yy - yz * yz / zz];
         let line = projected[0] - projected[1] * projected[1] / projected[2];
         let sound = zz > 0.0 && projected[2] > 0.0 && line > 0.0 && peak.is_finite();
-        sound.then_some(Resolved { mean: middle, inverse, projected, line, half: half[0], peak })
+        sound.then_some(Resolved { mean: middle, inverse, projected, line, half: half[0], peak, step: (-zz).exp() })
     }
 
-    /// Adds what lies in some planes of the grid; `grid` holds those planes alone.
-    pub fn add_to(&self, g: &Grid, planes: &Range<usize>, grid: &mut [f64]) {
+    /// Adds what lies in a slab.
+    pub fn add_to(&self, slab: &mut Slab<'_>) {
+        let (g, planes, held) = (slab.grid, &slab.planes, &mut *slab.cells);
         let [.., xz, _, yz, zz] = self.inverse.0;
         let [pxx, pxy, pyy] = self.projected;
         let most = REACH * REACH;
-        let step = (-zz).exp();
         for i in cells(self.mean[0], self.half) {
             let Some(plane) = place(g, 0, i).filter(|p| planes.contains(p)) else { continue };
             let dx = i as f64 + 0.5 - self.mean[0];
@@ -91,13 +94,13 @@ impl Resolved {
                 }
                 let middle = self.mean[2] - (xz * dx + yz * dy) / zz;
                 let row = g.index([plane - planes.start, line, 0]);
-                self.add_row(g, &mut grid[row..row + g.cells[2]], middle, ((most - least) / zz).sqrt(), least, step);
+                self.add_row(g, &mut held[row..row + g.cells[2]], middle, ((most - least) / zz).sqrt(), least);
             }
         }
     }
 
     /// One row along z about `middle`, where the exponent is -`least` / 2.
-    fn add_row(&self, g: &Grid, row: &mut [f64], middle: f64, half: f64, least: f64, step: f64) {
+    fn add_row(&self, g: &Grid, row: &mut [f64], middle: f64, half: f64, least: f64) {
         let (zz, n) = (self.inverse.0[5], row.len() as i64);
         let run = cells(middle, half);
         let run = if g.periodic[2] { run } else { run.start.max(0)..run.end.min(n) };
@@ -110,7 +113,7 @@ impl Resolved {
         let mut k = run.start.rem_euclid(n) as usize;
         for _ in run {
             row[k] += value;
-            (value, ratio) = (value * ratio, ratio * step);
+            (value, ratio) = (value * ratio, ratio * self.step);
             k = if k + 1 == row.len() { 0 } else { k + 1 };
         }
     }

@@ -47,7 +47,8 @@ impl Summary {
     pub(super) fn new(
         density: Option<&DensityComparison>,
         spectra: Option<&Spectra>,
-        xi: (Option<&XiByPairs>, Option<&XiByTransform>),
+        xi_by_pairs: Option<&XiByPairs>,
+        xi_by_transform: Option<&XiByTransform>,
         groups: Option<&GroupReport>,
         neighbours: Option<&NeighbourReport>,
     ) -> Self {
@@ -65,7 +66,7 @@ impl Summary {
             r_above_0_99_to: r_to(0.99),
             r_above_0_9_to: r_to(0.9),
             r_at_k_max: spectra.and_then(|s| s.shells.last()?.r),
-            xi_within_10_percent_from: xi.0.and_then(|pairs| xi_from(pairs, xi.1)),
+            xi_within_10_percent_from: xi_by_pairs.and_then(|pairs| xi_from(pairs, xi_by_transform)),
             groups_within_10_percent_from: groups.and_then(|g| sizes_within(&g.histogram, 0.1).flatten()),
             core_mass: groups.and_then(|g| g.apertures.iter().find(|a| a.sizes == [100, 299])?.median),
             nearest_mean: neighbours.map(|n| n.mean_ratio),
