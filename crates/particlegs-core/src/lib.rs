@@ -5,7 +5,6 @@
 //! caller's [`progress::Progress`] says which instruction set to use and how much memory there is. Without the
 //! feature `threads` no threads either.
 
-#![warn(clippy::too_many_arguments)]
 // clippy.toml: functions whose bits are the platform's. Tests compare with them.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 

@@ -240,7 +240,7 @@ fn what_cannot_be_coded_is_refused() {
         assert!(matches!(&error, Error::Argument { .. }) && error.to_string().contains(text), "{error}");
     };
     says(plain, "alpha-blend");
-    let mut depth = m.clone();
+    let mut depth = without_network(&m);
     depth.metadata.law = LawKind::OpticalDepth;
     says(depth, "optical-depth");
     let coded = codec::coded_layers(&encoded(&without_network(&m)), "m").unwrap();
