@@ -19,6 +19,14 @@ pub fn exit_code(error: &Error) -> u8 {
     }
 }
 
+/// An argument that an option gave, with the option's name.
+pub fn of_option(option: &str, error: Error) -> Error {
+    match error {
+        Error::Argument { what, remedy } => Error::Argument { what: format!("{option}: {what}"), remedy },
+        other => other,
+    }
+}
+
 /// A remedy with the options and commands that bring it about.
 pub fn in_words(remedy: &Remedy) -> String {
     let run_again = |broken: bool, run: String| if broken { format!("delete it and {run}") } else { run };

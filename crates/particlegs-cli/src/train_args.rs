@@ -2,6 +2,7 @@
 //! `plan`.
 
 use crate::inputs::Early;
+use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::input::{Begins, Form, read_whole};
 use particlegs::model::LawKind;
@@ -189,10 +190,10 @@ impl TuneArgs {
             }
         }
         if let Some(scale) = self.scale {
-            config = config.scaled(scale)?;
+            config = config.scaled(scale).map_err(|e| remedies::of_option("--scale", e))?;
         }
         if let Some(n) = self.iterations {
-            config = config.with_iterations(n)?;
+            config = config.with_iterations(n).map_err(|e| remedies::of_option("--iterations", e))?;
         }
         config.check()?;
         Ok(config)

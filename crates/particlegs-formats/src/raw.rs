@@ -1,9 +1,9 @@
 //! Raw float32 columns: a folder with xx.f32, yy.f32, zz.f32, or those files. Their layers are species.
 
 use crate::{Description, Field, Fields, Mass, Snapshot, Species, Weights};
-use particlegs::Result;
 use particlegs::model::{self, Layer};
 use particlegs::particles::{ONE_LAYER, Particles, SnapshotReader, open_raw};
+use particlegs::{Error, Result};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -67,10 +67,9 @@ fn counted(particles: Particles) -> Particles {
 
 impl Raw {
     /// The columns with the weights chosen, or none: there are no other fields to choose.
-    fn with(&self, species: &Species, fields: &Fields) -> Result<Particles> {
-        let place = &self.description.meta.name;
+    fn with(&self, fields: &Fields) -> Result<Particles> {
         if let Some(name) = fields.positions.as_deref().filter(|name| *name != POSITIONS) {
-            return Err(species.missing(place, name, [POSITIONS].into_iter()));
+            return Err(Error::argument(format!("raw data have no field `{name}`: positions are in xx, yy and zz")));
         }
         let particles = self.particles.clone();
         match &fields.weights {
@@ -78,8 +77,7 @@ impl Raw {
             Weights::None => Ok(counted(particles)),
             Weights::Field(name) if name.strip_suffix(".f32").unwrap_or(name) == WEIGHTS => Ok(particles),
             Weights::Field(name) => {
-                let there = particles.weights().map(|_| WEIGHTS);
-                Err(species.missing(place, name, there.into_iter()))
+                Err(Error::argument(format!("raw data have no field `{name}`: weights are in ww.f32")))
             }
         }
     }
@@ -91,13 +89,13 @@ impl Snapshot for Raw {
     }
 
     fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
-        let particles = self.with(&self.description.species[species], fields)?;
+        let particles = self.with(fields)?;
         Ok(Box::new(particles.of_layer(&particles.layers()[species])))
     }
 
     fn in_place(&self, species: &[usize], fields: &Fields) -> Result<Option<Particles>> {
         let all = &self.description.species;
-        let particles = self.with(&all[species[0]], fields)?;
+        let particles = self.with(fields)?;
         Ok(match species {
             _ if species.len() == all.len() => Some(particles),
             [one] => Some(particles.of_layer(&particles.layers()[*one])),
