@@ -40,7 +40,7 @@ pub fn hash_of_runs<'a>(origin: [f64; 3], runs: impl Iterator<Item = &'a RunHash
     *hasher.finalize().as_bytes()
 }
 
-/// The hash that stands in a model's metadata: [`hash_of_runs`] of runs of 65 536 particles, each layer
+/// The hash that stands in a model's metadata: the BLAKE3 of the hashes of runs of 65 536 particles, each layer
 /// beginning a run, weights where a layer has them. Runs can be hashed wherever they are read.
 pub fn source_hash(particles: &Particles) -> [u8; 32] {
     let mut hashes = Vec::new();

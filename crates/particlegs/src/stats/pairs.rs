@@ -84,7 +84,7 @@ pub fn longest_separation(domain: &Domain) -> f64 {
 /// grid and, where it must be, its own sample of primaries.
 ///
 /// # Errors
-/// [`Error::Argument`] for edges that are not ascending or beyond [`longest_separation`], for a
+/// [`Error::Argument`] for edges that are not ascending or too long for the box, for a
 /// model instead of particles and for weights; [`Error::Memory`]; [`Error::Cancelled`].
 pub fn count_pairs(
     positions: &[[f64; 3]],
