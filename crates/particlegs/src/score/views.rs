@@ -112,7 +112,7 @@ mod tests {
             sets.iter().flatten().map(|v| v.view.camera.position.map(f64::to_bits)).collect();
         poses.sort_unstable();
         poses.dedup();
-        assert_eq!(poses.len(), 75);
+        assert_eq!(poses.len(), 51);
         assert_eq!(sets[0], evaluation_views(&of, 8));
         assert_ne!(sets[0], evaluation_views(&ViewSeed { seed: 43, ..of }, 8));
         assert_eq!((sets[0][0].view.name.as_str(), sets[0][23].view.name.as_str()), ("far_00", "near_07"));
