@@ -9,12 +9,12 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use particlegs::camera::{DensityView, Frame, Projection, Window, spherical_camera};
 use particlegs::model::Model;
-use particlegs::output::{FileSet, write_atomic, write_bytes};
 use particlegs::particles::{Cell, Particles};
 use particlegs::picture::{
     Colormap, DensityPicture, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
 };
 use particlegs::{Error, Result};
+use particlegs_files::output::{FileSet, write_atomic, write_bytes};
 use serde::Serialize;
 use std::path::PathBuf;
 

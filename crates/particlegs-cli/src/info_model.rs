@@ -6,7 +6,6 @@ use crate::printable::one_line;
 use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
-use particlegs::input::name_of;
 use particlegs::model::{
     Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
@@ -14,6 +13,7 @@ use particlegs::particles::Cell;
 use particlegs::picture::number;
 use particlegs::progress::Progress;
 use particlegs::score::{self, Verdict};
+use particlegs_files::input::name_of;
 use particlegs_formats::SPLAT_PLY_BYTES;
 use serde::Serialize;
 use std::fmt::Write;

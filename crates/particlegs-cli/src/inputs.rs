@@ -2,9 +2,9 @@
 
 use crate::printable::one_line;
 use crate::snapshot_args::SnapshotArgs;
-use particlegs::input::{Source, is_stream, name_of};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
+use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, Kind};
 use serde::Serializer;
 use std::path::Path;

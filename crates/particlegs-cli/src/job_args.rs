@@ -2,10 +2,10 @@
 
 use crate::common::Context;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
-use particlegs::input::{is_stream, name_of};
 use particlegs::job::{Job, Source};
 use particlegs::particles::{Layered, Particles, Storage};
 use particlegs::{Error, Result};
+use particlegs_files::input::{is_stream, name_of};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -2,9 +2,10 @@
 
 use crate::common::Context;
 use clap::Args;
-use particlegs::output::{FileSet, Input, Kind, Outputs};
 use particlegs::progress::Progress;
-use particlegs::{Error, Result, output, picture};
+use particlegs::{Error, Result, picture};
+use particlegs_files::output;
+use particlegs_files::output::{FileSet, Input, Kind, Outputs};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::ffi::OsString;

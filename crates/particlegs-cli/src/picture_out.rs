@@ -2,7 +2,8 @@
 
 use crate::common::Context;
 use particlegs::picture::PNG;
-use particlegs::{Error, Result, output};
+use particlegs::{Error, Result};
+use particlegs_files::output;
 use std::path::{Path, PathBuf};
 
 /// Where pictures go.

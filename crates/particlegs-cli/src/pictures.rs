@@ -4,7 +4,6 @@ use crate::density_args::Quantities;
 use particlegs::Result;
 use particlegs::camera::{DensityView, View, Window, base_distance, spherical_camera};
 use particlegs::model::Model;
-use particlegs::output::FileSet;
 use particlegs::particles::Particles;
 use particlegs::picture::{
     Colormap, DensityPicture, PanelImage, ScaleBar, Size, annotate_density, masked_psnr, panels, write_rgb_png,
@@ -13,6 +12,7 @@ use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::{self, Scene};
 use particlegs::splat::Look;
+use particlegs_files::output::FileSet;
 use std::path::{Path, PathBuf};
 
 /// One panel.

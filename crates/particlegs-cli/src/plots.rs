@@ -2,8 +2,8 @@
 
 use crate::canvas::Canvas;
 use particlegs::Result;
-use particlegs::output::write_bytes;
 use particlegs::picture::{Rgb8, Size, superscript, write_rgb_png};
+use particlegs_files::output::write_bytes;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;

@@ -53,6 +53,6 @@ pub fn json(target: &Path, value: &impl Serialize) -> particlegs::Result<()> {
     if target == Path::new("-") {
         self::text(text.as_bytes())
     } else {
-        particlegs::output::write_bytes(target, text.as_bytes())
+        particlegs_files::output::write_bytes(target, text.as_bytes())
     }
 }

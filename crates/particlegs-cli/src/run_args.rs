@@ -10,7 +10,8 @@ use particlegs::fit::{NoPieces, Pieces};
 use particlegs::picture::PNG;
 use particlegs::progress::Progress;
 use particlegs::train::Limits;
-use particlegs::{Error, Result, output};
+use particlegs::{Error, Result};
+use particlegs_files::output;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 

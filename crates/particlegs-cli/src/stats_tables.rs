@@ -2,8 +2,8 @@
 
 use particlegs::Result;
 use particlegs::model::per_length;
-use particlegs::output::write_bytes;
 use particlegs::stats::{SizeClass, Statistics};
+use particlegs_files::output::write_bytes;
 use std::path::Path;
 
 struct Csv(String);

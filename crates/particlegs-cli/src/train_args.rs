@@ -4,10 +4,10 @@
 use crate::inputs::Early;
 use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
-use particlegs::input::{Begins, Form, read_whole};
 use particlegs::model::LawKind;
 use particlegs::train::{Config, Preset};
 use particlegs::{Error, Result};
+use particlegs_files::input::{Begins, Form, read_whole};
 use serde::Deserialize;
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};

@@ -2,10 +2,11 @@
 
 use crate::common::Context;
 use crate::plots::{self, Curve, Figure};
-use particlegs::input::{Begins, Form, read_own};
-use particlegs::output::FileSet;
+use particlegs::Result;
 use particlegs::progress::{Level, Progress};
-use particlegs::{Result, output};
+use particlegs_files::input::{Begins, Form, read_own};
+use particlegs_files::output;
+use particlegs_files::output::FileSet;
 use serde_json::Value;
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -5,10 +5,10 @@ use crate::common::Context;
 use crate::outputs::JSON;
 use clap::{Args, ValueHint};
 use particlegs::camera::{View, ViewSet, base_distance, read_views, spherical_camera, views_text};
-use particlegs::output::write_bytes;
 use particlegs::particles::Bounds;
 use particlegs::picture::Size;
 use particlegs::{Error, Result};
+use particlegs_files::output::write_bytes;
 use std::path::PathBuf;
 
 /// Which views, and how particles look in them.

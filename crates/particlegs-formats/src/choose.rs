@@ -3,13 +3,13 @@
 use crate::folder::resolved;
 use crate::registry::spool;
 use crate::{Description, Fields, OpenOptions, Snapshot, Species, open, raw};
-use particlegs::input::{Source, Spooled, is_stream};
 use particlegs::particles::{
     Bounds, LayerSource, Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Stated, Storage, check_values,
     layers_by_mass, load, select, settle_masses,
 };
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
+use particlegs_files::input::{Source, Spooled, is_stream};
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Text files that come compressed: gzip, bzip2, zstd, read as streams.
 
-use particlegs::input::open_file;
 use particlegs::{Error, Result};
+use particlegs_files::input::open_file;
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 use std::io::{BufRead, BufReader, ErrorKind, Read};

@@ -4,8 +4,8 @@ use crate::Format;
 use crate::registry::{Head, format_of};
 use particlegs::Remedy;
 use particlegs::codec;
-use particlegs::input::is_stream;
 use particlegs::job::Job;
+use particlegs_files::input::is_stream;
 use std::path::Path;
 
 /// What a path names.

@@ -2,8 +2,8 @@
 
 use crate::compressed::Compression;
 use crate::{Kind, OpenOptions, Snapshot};
-use particlegs::input::{Source, Spooled, open_file};
 use particlegs::{Error, Remedy, Result};
+use particlegs_files::input::{Source, Spooled, open_file};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 

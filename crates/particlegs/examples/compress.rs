@@ -4,9 +4,9 @@ use particlegs::codec;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::fit::NoPieces;
 use particlegs::math::Random;
-use particlegs::output::write_bytes;
 use particlegs::particles::Particles;
 use particlegs::progress::Silent;
+use particlegs_files::output::write_bytes;
 use std::path::Path;
 
 fn main() -> particlegs::Result<()> {

@@ -38,10 +38,6 @@
 
 pub use particlegs_core::{error, math, model, pieces, progress, render, space, splat};
 
-pub mod input;
-pub mod memory;
-pub mod output;
-
 pub mod camera;
 pub mod particles;
 pub mod picture;

@@ -5,10 +5,10 @@ use crate::inputs::{self, Either, path_as_text};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueHint};
-use particlegs::input::name_of;
 use particlegs::particles::{FOLDER_FILES, Kept, Storage, Tiling};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
+use particlegs_files::input::name_of;
 use particlegs_formats::{Writer, write_splats};
 use std::path::{Path, PathBuf};
 

@@ -6,13 +6,13 @@ use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::camera::read_views;
-use particlegs::input::name_of;
 use particlegs::model::Model;
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::score::{EvalView, Evaluation, LookScores, MeanViewScores, ViewSeed};
 use particlegs::{Error, Result, codec, score};
+use particlegs_files::input::name_of;
 use std::path::PathBuf;
 
 /// Arguments.

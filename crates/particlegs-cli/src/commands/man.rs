@@ -2,9 +2,9 @@
 
 use clap::{Args, CommandFactory, ValueHint};
 use clap_mangen::Man;
-use particlegs::output::{self, Kind, Outputs};
 use particlegs::progress::Silent;
 use particlegs::{Error, Result};
+use particlegs_files::output::{self, Kind, Outputs};
 use std::path::{Path, PathBuf};
 
 /// Arguments.

@@ -5,12 +5,13 @@ use crate::inputs::{self, Either};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueEnum, ValueHint};
-use particlegs::input::name_of;
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
 use particlegs::progress::Progress;
 use particlegs::stats::{Assignment, Convention, Measure, Statistics, StatsOptions, Subject, compare};
-use particlegs::{Error, Result, codec, output};
+use particlegs::{Error, Result, codec};
+use particlegs_files::input::name_of;
+use particlegs_files::output;
 use std::path::{Path, PathBuf};
 
 /// Arguments.

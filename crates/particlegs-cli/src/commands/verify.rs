@@ -7,13 +7,13 @@ use crate::job_args::JobSnapshot;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::source;
 use clap::Args;
-use particlegs::input::name_of;
 use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, Model};
 use particlegs::particles::Particles;
 use particlegs::progress::Progress;
 use particlegs::score::{Figure, Verdict};
 use particlegs::{Error, Result, codec, score};
+use particlegs_files::input::name_of;
 use serde::Serialize;
 use std::path::PathBuf;
 

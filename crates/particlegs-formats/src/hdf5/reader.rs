@@ -9,7 +9,8 @@ use crate::pieces::{Piece, PieceReader};
 use crate::{Field, Fields, Mass, Species};
 use particlegs::particles::{InPlace, RUN, RunSink, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
-use particlegs::{Error, Result, memory};
+use particlegs::{Error, Result};
+use particlegs_files::memory;
 use std::ops::Range;
 use std::sync::Arc;
 

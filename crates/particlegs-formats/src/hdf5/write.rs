@@ -3,10 +3,10 @@
 use super::encode::{self, Attribute, Group, Set, Value};
 use super::units::{self, Quantity};
 use particlegs::model::{Layer, Mass};
-use particlegs::output::PlacedFile;
 use particlegs::particles::{Kept, Run, SnapshotMeta};
 use particlegs::progress::Progress;
 use particlegs::{Error, Remedy, Result};
+use particlegs_files::output::PlacedFile;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::Path;

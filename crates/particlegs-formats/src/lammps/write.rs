@@ -2,7 +2,8 @@
 
 use particlegs::particles::{Cell, Kept, Run};
 use particlegs::progress::Progress;
-use particlegs::{Error, Result, output};
+use particlegs::{Error, Result};
+use particlegs_files::output;
 use rayon::prelude::*;
 use std::fmt::Write as _;
 use std::path::Path;

@@ -5,9 +5,9 @@
 use particlegs::camera::Normalisation;
 use particlegs::math::Sym3;
 use particlegs::model::{LawKind, Mixture, Model};
-use particlegs::output::{check_space_in, write_atomic};
 use particlegs::progress::Progress;
 use particlegs::{Error, Remedy, Result};
+use particlegs_files::output::{check_space_in, write_atomic};
 use std::io::Write;
 use std::path::Path;
 

@@ -2,8 +2,8 @@
 
 use super::lines::Lines;
 use crate::compressed::{Compression, open_stream};
-use particlegs::input::open_file;
 use particlegs::{Error, Result};
+use particlegs_files::input::open_file;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, sync_channel};

@@ -5,10 +5,10 @@
 //! have weights or layers different masses, layers are numbered by an array where there are several.
 
 use particlegs::model::{Layer, Mass};
-use particlegs::output::PlacedFile;
 use particlegs::particles::{Kept, Run};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
+use particlegs_files::output::PlacedFile;
 use rayon::prelude::*;
 use std::fmt::Write;
 use std::ops::Range;

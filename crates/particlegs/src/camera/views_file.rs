@@ -1,10 +1,10 @@
 //! Views files: JSON with `width`, `height`, `fov_deg` and `views` (docs/guide/pictures.md).
 
 use super::{Camera, Projection, View, ViewSet};
-use crate::input::{Begins, Form, read_whole};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::{Error, Result};
+use particlegs_files::input::{Begins, Form, read_whole};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -1,10 +1,11 @@
 //! Model files, read whole within the bounds that they state.
 
 use super::{HEAD_BYTES, is_model, other_length, promised_length};
-use crate::input::{self, Source};
-use crate::output::Kind;
 use crate::progress::Progress;
-use crate::{Error, Result, memory};
+use crate::{Error, Result};
+use particlegs_files::input::{self, Source};
+use particlegs_files::memory;
+use particlegs_files::output::Kind;
 use std::path::Path;
 
 /// A model file as an output: kept unless replacing is asked for.

@@ -4,8 +4,9 @@
 //! length, bytes); CRC-32 of all that.
 
 use crate::fit::Pieces;
-use crate::input::{Begins, Form, read_own};
-use crate::{Error, Result, output};
+use crate::{Error, Result};
+use particlegs_files::input::{Begins, Form, read_own};
+use particlegs_files::output;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

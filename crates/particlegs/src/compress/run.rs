@@ -11,11 +11,12 @@ use super::search;
 use super::target::Target;
 use crate::blocks::{KdTree, Survey};
 use crate::fit::{self, Pieces};
-use crate::memory::require;
 use crate::model::Model;
 use crate::particles::{Bounds, Layered, Particles, Storage, check_particles};
 use crate::progress::Progress;
-use crate::{Error, Result, output};
+use crate::{Error, Result};
+use particlegs_files::memory::require;
+use particlegs_files::output;
 
 /// A file and how it came to be.
 pub struct Compressed {

@@ -11,11 +11,11 @@
 use super::candidates::{Ellipsoid, OverlapTree, Reach};
 use super::gain::{Blob, Blur, picture_sigma};
 use crate::math::Sym3;
-use crate::memory::require;
 use crate::model::Mixture;
 use crate::particles::Bounds;
 use crate::progress::Progress;
 use crate::{Error, Result};
+use particlegs_files::memory::require;
 use rayon::prelude::*;
 
 /// What to make of a mixture.

@@ -2,11 +2,12 @@
 
 use super::manifest::Job;
 use crate::compress::{BlockContext, BlockParticles, Checkpoint, CodedBlock, Found, OnStop, SizeMet, Store, do_block};
-use crate::input::{Begins, Form, read_own};
 use crate::particles::{Layered, hex};
 use crate::progress::Progress;
 use crate::train::Limits;
-use crate::{Error, Result, codec, output};
+use crate::{Error, Result, codec};
+use particlegs_files::input::{Begins, Form, read_own};
+use particlegs_files::output;
 use serde::{Deserialize, Serialize};
 
 /// What is said of a block that is done: `blocks/00000.json`.

@@ -6,8 +6,8 @@
 //! where the layer has them, weights, as f32 columns. One block is read without the others.
 
 use super::manifest::Job;
-use crate::input::open_file;
 use crate::{Error, Remedy, Result};
+use particlegs_files::input::open_file;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;

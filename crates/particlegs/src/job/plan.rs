@@ -6,10 +6,11 @@ use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, Survey};
 use crate::compress::{Options, Plan, Target};
-use crate::input::read_own;
 use crate::particles::{Layered, Particles, RUN, check_box};
 use crate::progress::Progress;
-use crate::{Error, Remedy, Result, output};
+use crate::{Error, Remedy, Result};
+use particlegs_files::input::read_own;
+use particlegs_files::output;
 use std::path::Path;
 
 /// A snapshot to be planned.

@@ -1,9 +1,10 @@
 //! `runs.bin`: bounds and hash of every run of the snapshot.
 
 use crate::blocks::RunSurvey;
-use crate::input::{Begins, Form, read_own};
 use crate::particles::RunHash;
-use crate::{Error, Result, output};
+use crate::{Error, Result};
+use particlegs_files::input::{Begins, Form, read_own};
+use particlegs_files::output;
 use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"PGSRUNS1";

@@ -5,7 +5,8 @@ use super::manifest::Job;
 use crate::blocks::RunSurvey;
 use crate::particles::{Chunk, Layered, hash_run};
 use crate::progress::Progress;
-use crate::{Error, Result, output};
+use crate::{Error, Result};
+use particlegs_files::output;
 use std::sync::Mutex;
 
 impl Job {

@@ -3,8 +3,8 @@
 use super::scratch::Blank;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Column, Particles, Positions, SnapshotMeta, Storage, sidecar, sidecar::Sidecar};
-use crate::input::open_file;
 use crate::{Error, Remedy, Result};
+use particlegs_files::input::open_file;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

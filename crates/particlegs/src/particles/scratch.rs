@@ -1,10 +1,11 @@
 //! Where large columns are put: memory, or files of a scratch folder that vanish by themselves.
 
 use super::Column;
-use crate::memory::require;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use memmap2::MmapMut;
+use particlegs_files::memory::require;
+use particlegs_files::output;
 use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -51,7 +52,7 @@ impl Storage {
             Storage::Disk(_) if len == 0 => Ok((0..count).map(|_| Blank::Memory(Vec::new())).collect()),
             Storage::Disk(folder) => {
                 let fail = |e| Error::io(folder, e);
-                crate::output::check_space(folder, bytes.saturating_mul(count as u64)).map_err(fail)?;
+                output::check_space(folder, bytes.saturating_mul(count as u64)).map_err(fail)?;
                 (0..count).map(|_| map_scratch(folder, bytes).map(Blank::Disk).map_err(fail)).collect()
             }
         }
@@ -60,26 +61,10 @@ impl Storage {
 
 /// A new file of zeros without a name, mapped.
 fn map_scratch(folder: &Path, bytes: u64) -> std::io::Result<MmapMut> {
-    let file = tempfile::tempfile_in(folder)?;
-    reserve(&file, bytes)?;
+    let file = output::scratch_file(folder, bytes)?;
     // SAFETY: nobody else can open a file without a name, and its blocks are reserved, so that no
     // write into the mapping finds the disk full.
     unsafe { MmapMut::map_mut(&file) }
-}
-
-/// Takes the disk's blocks now, where the file system can say so.
-#[cfg(target_os = "linux")]
-fn reserve(file: &std::fs::File, bytes: u64) -> std::io::Result<()> {
-    use rustix::io::Errno;
-    match rustix::fs::fallocate(file, rustix::fs::FallocateFlags::empty(), 0, bytes) {
-        Err(Errno::OPNOTSUPP | Errno::NOSYS) => file.set_len(bytes),
-        other => Ok(other?),
-    }
-}
-
-#[cfg(not(target_os = "linux"))]
-fn reserve(file: &std::fs::File, bytes: u64) -> std::io::Result<()> {
-    file.set_len(bytes)
 }
 
 impl Blank {

@@ -1,9 +1,9 @@
 //! meta.json beside raw data: box, units, cosmology, layers.
 
 use super::{Cell, SnapshotMeta, open::named};
-use crate::input::{self, Begins, read_own};
 use crate::model::{Layer, Mass};
 use crate::{Error, Result};
+use particlegs_files::input::{self, Begins, read_own};
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::Path;

@@ -3,8 +3,8 @@
 use super::select::Run;
 use super::{ONE_LAYER, SnapshotMeta};
 use crate::model::Layer;
-use crate::output::{PlacedFile, WholeFolder, check_space, write_at};
 use crate::{Error, Result};
+use particlegs_files::output::{PlacedFile, WholeFolder, check_space, write_at};
 use std::fs::File;
 use std::io::Write;
 use std::ops::Range;

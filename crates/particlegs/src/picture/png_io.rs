@@ -1,7 +1,8 @@
 //! PNG in and out.
 
 use super::{Gray8, Rgb8, Size};
-use crate::{Error, Result, input, memory, output};
+use crate::{Error, Result};
+use particlegs_files::{input, memory, output};
 use std::io::Write;
 use std::path::Path;
 

@@ -4,10 +4,10 @@ use super::Method;
 use super::draw::{Rules, Scratch};
 use super::plan::Plan;
 use crate::Result;
-use crate::memory::require;
 use crate::model::Model;
 use crate::particles::{Column, Particles, Positions, Run, SnapshotMeta};
 use crate::progress::Progress;
+use particlegs_files::memory::require;
 use rayon::prelude::*;
 
 /// Runs drawn at once: bounds what is held beside the particles.

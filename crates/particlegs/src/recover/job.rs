@@ -4,12 +4,12 @@ use super::Method;
 use super::draw::{Rules, Scratch};
 use super::notes::notes;
 use super::plan::Plan;
-use crate::input::{Begins, Form, read_own};
-use crate::memory::require;
 use crate::model::Model;
 use crate::particles::{Described, ONE_LAYER, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
 use crate::progress::Progress;
 use crate::{Error, Result};
+use particlegs_files::input::{Begins, Form, read_own};
+use particlegs_files::memory::require;
 use rayon::prelude::*;
 use std::path::Path;
 

@@ -6,11 +6,11 @@ use super::paraview;
 use super::project::Projector;
 use crate::Result;
 use crate::camera::{View, clipping_range};
-use crate::memory::require;
 use crate::particles::{Bounds, Particles};
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
 use crate::splat::{Look, tone};
+use particlegs_files::memory::require;
 
 /// A snapshot ready to be drawn: its particles and their bounds, found once.
 pub struct Reference<'a> {

@@ -5,13 +5,13 @@ use super::bands::{Sorted, Sorter};
 use super::blend::blend;
 use super::project::{BLOCK, Block, DIAGONAL_LIMIT, Projector, Splat};
 use super::quad::{Quad, first_pixel, snap};
-use crate::memory::{require, reserved};
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Gray8, Size};
 use crate::progress::Progress;
 use crate::splat::{CUT_SIGMA, PEELS};
 use crate::{Error, Result};
 use fearless_simd::{Simd, dispatch};
+use particlegs_files::memory::{require, reserved};
 use rayon::prelude::*;
 use std::ops::Range;
 

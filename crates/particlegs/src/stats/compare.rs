@@ -56,7 +56,7 @@ pub fn compare(
     if of_points.iter().any(|m| wants(*m)) {
         if let [Some(a), Some(b)] = job.pair.map(|s| s.particles()) {
             if wants(Measure::Pairs) || wants(Measure::Groups) {
-                crate::memory::require("positions", 24 * (a.len() + b.len()) as u64)?;
+                particlegs_files::memory::require("positions", 24 * (a.len() + b.len()) as u64)?;
                 let positions = [local_positions(a, &job.domain), local_positions(b, &job.domain)];
                 let positions = [&positions[0][..], &positions[1][..]];
                 xi_by_pairs = if wants(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
@@ -185,7 +185,7 @@ impl Job<'_> {
     fn density(&self) -> Result<DensityReport> {
         let n = self.o.cells;
         let grid = if self.paper() { Grid::stretched(&self.domain, [n; 3]) } else { Grid::new(&self.domain, n) };
-        crate::memory::require(
+        particlegs_files::memory::require(
             "two density grids",
             deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
         )?;

@@ -56,7 +56,7 @@ pub fn deposit(
     progress: &dyn Progress,
 ) -> Result<Field> {
     let particles = subject.particles().map_or(0, |p| p.len() as u64);
-    crate::memory::require("a density grid", deposit_bytes(grid, particles))?;
+    particlegs_files::memory::require("a density grid", deposit_bytes(grid, particles))?;
     let mut field = Field { grid: *grid, mass: vec![0.0; grid.len()], outside: 0.0 };
     match subject {
         Subject::Particles(p) => add_particles(&mut field, p, scheme, shift, progress)?,

@@ -100,7 +100,7 @@ fn a_grid_beyond_memory_says_what_it_needs() {
     let grid = Grid::new(&domain([1.0; 3], true), 65_000);
     let p = random(10, [1.0; 3]);
     // Refused before anything is taken, where the system tells what it has.
-    if crate::memory::available_bytes().is_some() {
+    if particlegs_files::memory::available_bytes().is_some() {
         let error = deposit(Subject::Particles(&p), &grid, Assignment::Ngp, 0.0, &Silent).unwrap_err();
         assert!(matches!(error, crate::Error::Memory { .. }));
     }

@@ -96,7 +96,7 @@ pub fn find_groups(
     if positions.len() >= u32::MAX as usize {
         return Err(Error::argument("groups of more than 4294967295 particles; take a sample"));
     }
-    crate::memory::require("friends of friends", positions.len() as u64 * 80)?;
+    particlegs_files::memory::require("friends of friends", positions.len() as u64 * 80)?;
     let rows = Rows::new(positions, domain, linking_length);
     progress.check()?;
     progress.begin("friends of friends", 2 * (rows.rows.len() - 1) as u64);

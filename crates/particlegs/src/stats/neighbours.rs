@@ -75,7 +75,7 @@ pub fn nearest_distances(
     if n < 2 || n >= u32::MAX as usize || o.sample < 2 {
         return Err(Error::argument("nearest neighbours need from 2 to 4294967294 particles"));
     }
-    crate::memory::require("a tree of neighbours", n as u64 * 14 + o.sample.min(n) as u64 * 28)?;
+    particlegs_files::memory::require("a tree of neighbours", n as u64 * 14 + o.sample.min(n) as u64 * 28)?;
     progress.begin("nearest neighbours", o.sample.min(n) as u64);
     let chosen = places_of(particles, domain, &sample(n, o.sample, o.seed));
     progress.check()?;

@@ -51,7 +51,7 @@ impl Points {
         if positions.len() >= u32::MAX as usize {
             return Err(crate::Error::argument("neighbours of more than 4294967295 particles; take a sample"));
         }
-        crate::memory::require("a grid of neighbours", points_bytes(positions.len()))?;
+        particlegs_files::memory::require("a grid of neighbours", points_bytes(positions.len()))?;
         let (low, length) = extent(positions, domain);
         let least = length.map(f64::cbrt).iter().product::<f64>() / (4.0 * positions.len().max(1) as f64).cbrt();
         let mut side = side.max(least).max(f64::MIN_POSITIVE);

@@ -163,7 +163,7 @@ pub(super) fn transform_pair(
     progress: &dyn Progress,
 ) -> Result<Pair> {
     let most = mode_limits(grid, domain, o.k_max);
-    crate::memory::require(
+    particlegs_files::memory::require(
         "the power spectrum's grid",
         deposit_bytes(grid, [a, b].iter().filter_map(|s| s.particles()).map(|p| p.len() as u64).max().unwrap_or(0))
             + transform_bytes(grid.cells, most)

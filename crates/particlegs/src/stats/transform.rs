@@ -58,7 +58,7 @@ fn place(m: i64, n: usize) -> usize {
 pub fn transform(field: &Field, most: [usize; 3], progress: &dyn Progress) -> Result<Modes> {
     let n = field.grid.cells;
     assert!((0..3).all(|k| most[k] <= n[k] / 2), "modes that the grid has");
-    crate::memory::require("a Fourier transform", transform_bytes(n, most))?;
+    particlegs_files::memory::require("a Fourier transform", transform_bytes(n, most))?;
     let mean = mean_mass(field);
     let mut modes = Modes::zero(most);
     if mean <= 0.0 {

@@ -9,8 +9,6 @@ use crate::Result;
 use crate::progress::Progress;
 use std::path::Path;
 
-pub use particlegs_core::memory::{filled, reserved};
-
 /// Bytes that this process can take without swapping, and without being refused or killed; `None`
 /// where the system does not tell.
 pub fn available_bytes() -> Option<u64> {

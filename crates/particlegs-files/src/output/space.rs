@@ -13,7 +13,7 @@ pub fn check_space_in(folder: &Path, bytes: u64) -> Result<()> {
 
 /// Says before the work that the disk is too small, rather than after half of it.
 #[cfg(unix)]
-pub(crate) fn check_space(folder: &Path, bytes: u64) -> std::io::Result<()> {
+pub fn check_space(folder: &Path, bytes: u64) -> std::io::Result<()> {
     let disk = rustix::fs::statvfs(folder)?;
     let free = disk.f_bavail.saturating_mul(disk.f_frsize);
     if free < bytes {
@@ -24,6 +24,6 @@ pub(crate) fn check_space(folder: &Path, bytes: u64) -> std::io::Result<()> {
 }
 
 #[cfg(not(unix))]
-pub(crate) fn check_space(_: &Path, _: u64) -> std::io::Result<()> {
+pub fn check_space(_: &Path, _: u64) -> std::io::Result<()> {
     Ok(())
 }

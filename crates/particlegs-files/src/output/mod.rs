@@ -11,6 +11,7 @@ mod kind;
 mod place;
 mod placed;
 mod plan;
+mod scratch;
 mod set;
 mod space;
 mod temporary;
@@ -19,11 +20,12 @@ pub use folder::WholeFolder;
 pub use kind::Kind;
 pub use placed::PlacedFile;
 pub use plan::{Input, Outputs};
+pub use scratch::scratch_file;
 pub use set::FileSet;
 pub use space::check_space_in;
 
-pub(crate) use placed::write_at;
-pub(crate) use space::check_space;
+pub use placed::write_at;
+pub use space::check_space;
 
 use crate::{Error, Result};
 use place::Place;
