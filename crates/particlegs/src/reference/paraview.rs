@@ -11,7 +11,8 @@ use crate::progress::Progress;
 use crate::splat::{CUT_SIGMA, PEELS};
 use crate::{Error, Result};
 use fearless_simd::{Simd, dispatch};
-use particlegs_files::memory::{require, reserved};
+use particlegs_core::memory::reserved;
+use particlegs_files::memory::require;
 use rayon::prelude::*;
 use std::ops::Range;
 
