@@ -9,7 +9,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use particlegs::camera::{DensityView, Frame, Projection, Window, spherical_camera};
 use particlegs::model::Model;
-use particlegs::particles::{Cell, Particles};
+use particlegs::particles::Particles;
+use particlegs::space::Cell;
 use particlegs::picture::{
     Colormap, DensityPicture, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
 };

@@ -9,7 +9,7 @@ use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
     Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
-use particlegs::particles::Cell;
+use particlegs::space::Cell;
 use particlegs::picture::number;
 use particlegs::progress::Progress;
 use particlegs::score::{self, Verdict};
@@ -58,8 +58,8 @@ struct MetadataReport<'a> {
     law: &'static str,
     particles: u64,
     mass: f64,
-    bounds: particlegs::particles::Bounds,
-    cell: Option<particlegs::particles::Cell>,
+    bounds: particlegs::space::Bounds,
+    cell: Option<particlegs::space::Cell>,
     default_radius: f64,
     default_opacity: f64,
     source: &'a str,
@@ -136,7 +136,7 @@ fn metadata(m: &Metadata) -> MetadataReport<'_> {
         default_radius: m.default_radius,
         default_opacity: m.default_opacity,
         source: &m.source,
-        source_blake3: particlegs::particles::hex(&m.source_hash),
+        source_blake3: particlegs::model::hex(&m.source_hash),
         length_unit: m.length_unit.as_deref(),
         mass_unit: m.mass_unit.as_deref(),
         comoving: m.comoving,

@@ -6,7 +6,7 @@ use crate::outputs::{LOG, SVG};
 use crate::train_log::{curves, logged};
 use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, Compressed, Found};
-use particlegs::fit::{NoPieces, Pieces};
+use particlegs::pieces::{NoPieces, Pieces};
 use particlegs::picture::PNG;
 use particlegs::progress::Progress;
 use particlegs::train::Limits;

@@ -1,7 +1,8 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
-use particlegs::particles::{Bounds, Layered, Particles, Selection, Stated, Storage};
+use particlegs::particles::{Layered, Particles, Selection, Stated, Storage};
+use particlegs::space::Bounds;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_later};

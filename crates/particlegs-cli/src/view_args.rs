@@ -5,7 +5,7 @@ use crate::common::Context;
 use crate::outputs::JSON;
 use clap::{Args, ValueHint};
 use particlegs::camera::{View, ViewSet, base_distance, read_views, spherical_camera, views_text};
-use particlegs::particles::Bounds;
+use particlegs::space::Bounds;
 use particlegs::picture::Size;
 use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;

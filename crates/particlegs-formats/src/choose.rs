@@ -3,10 +3,8 @@
 use crate::folder::resolved;
 use crate::registry::spool;
 use crate::{Description, Fields, OpenOptions, Snapshot, Species, open, raw};
-use particlegs::particles::{
-    Bounds, LayerSource, Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Stated, Storage, check_values,
-    layers_by_mass, load, select, settle_masses,
-};
+use particlegs::particles::{LayerSource, Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Stated, Storage, check_values, layers_by_mass, load, select, settle_masses};
+use particlegs::space::Bounds;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Source, Spooled, is_stream};

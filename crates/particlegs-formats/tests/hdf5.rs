@@ -4,7 +4,8 @@ mod support;
 
 use particlegs::Result;
 use particlegs::model::{Layer, Mass as LayerMass};
-use particlegs::particles::{Cell, Column, Kept, Particles, RUN, Selection, SnapshotReader, Tiling};
+use particlegs::particles::{Column, Kept, Particles, RUN, Selection, SnapshotReader, Tiling};
+use particlegs::space::Cell;
 use particlegs::progress::Silent;
 use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, Weights, Writer, open};
 use std::path::{Path, PathBuf};

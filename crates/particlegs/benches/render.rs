@@ -3,7 +3,8 @@
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::fit::{PartitionOptions, partition};
 use particlegs::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
-use particlegs::particles::{Bounds, open_raw};
+use particlegs::particles::open_raw;
+use particlegs::space::Bounds;
 use particlegs::picture::Size;
 use particlegs::progress::Silent;
 use particlegs::render::{Scene, optical_depth};

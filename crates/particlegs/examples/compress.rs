@@ -2,7 +2,7 @@
 
 use particlegs::codec;
 use particlegs::compress::{Options, Target, compress};
-use particlegs::fit::NoPieces;
+use particlegs::pieces::NoPieces;
 use particlegs::math::Random;
 use particlegs::particles::Particles;
 use particlegs::progress::Silent;

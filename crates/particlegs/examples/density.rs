@@ -1,7 +1,8 @@
 //! Density on a grid, of particles or of a model: `cargo run --release --example density`.
 
 use particlegs::math::Random;
-use particlegs::particles::{Cell, Particles};
+use particlegs::particles::Particles;
+use particlegs::space::Cell;
 use particlegs::progress::Silent;
 use particlegs::stats::{Assignment, Grid, Subject, deposit};
 

@@ -1,7 +1,8 @@
 //! Statistics of two clouds of particles: `cargo run --release --example statistics`.
 
 use particlegs::math::Random;
-use particlegs::particles::{Cell, Particles};
+use particlegs::particles::Particles;
+use particlegs::space::Cell;
 use particlegs::progress::Silent;
 use particlegs::stats::{Measure, StatsOptions, Subject, compare};
 

@@ -11,7 +11,7 @@
 //! ```
 //! use particlegs::camera::{View, base_distance, spherical_camera};
 //! use particlegs::compress::{Options, Target, compress};
-//! use particlegs::fit::NoPieces;
+//! use particlegs::pieces::NoPieces;
 //! use particlegs::particles::Particles;
 //! use particlegs::picture::Size;
 //! use particlegs::progress::Silent;

@@ -8,7 +8,7 @@ use particlegs::Error;
 use particlegs::codec::{self, Encoder, Precision};
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{Block, Certificate, Layer, Mass, Mixture, Model};
-use particlegs::particles::Cell;
+use particlegs::space::Cell;
 use proptest::prelude::*;
 
 /// Bytes of the section of trivial references, with its head.

@@ -4,11 +4,13 @@
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::codec;
 use particlegs::compress::{Options, Target, compress};
-use particlegs::fit::{Effort, NoPieces};
+use particlegs::fit::Effort;
+use particlegs::pieces::NoPieces;
 use particlegs::math::Random;
 use particlegs::model::Model;
 use particlegs::model::{Layer, Mass};
-use particlegs::particles::{Cell, Particles};
+use particlegs::particles::Particles;
+use particlegs::space::Cell;
 use particlegs::picture::Size;
 use particlegs::progress::{Progress, Silent};
 use particlegs::render::{Scene, draw};

@@ -6,7 +6,8 @@ use particlegs::compress::{Checkpoint, Compression, FineTuning, Found, Options, 
 use particlegs::fit::Effort;
 use particlegs::job::{Done, Job, Source, Task, plan};
 use particlegs::model::{LawKind, Layer, Mass};
-use particlegs::particles::{Cell, Layered, Particles, Storage, open_raw};
+use particlegs::particles::{Layered, Particles, Storage, open_raw};
+use particlegs::space::Cell;
 use particlegs::progress::{Progress, Silent};
 use particlegs::train::{Config, Limits, Preset};
 use std::path::Path;

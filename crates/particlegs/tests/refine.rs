@@ -1,6 +1,7 @@
 //! Refinement on the sample and on degenerate input, through the public interface.
 
-use particlegs::fit::{Effort, FitOptions, NoPieces, PartitionOptions, RefineOptions, fit, partition, refine};
+use particlegs::fit::{Effort, FitOptions, PartitionOptions, RefineOptions, fit, partition, refine};
+use particlegs::pieces::NoPieces;
 use particlegs::math::Sym3;
 use particlegs::model::Mixture;
 use particlegs::particles::{Column, Particles, open_raw};

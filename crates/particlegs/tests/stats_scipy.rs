@@ -2,7 +2,8 @@
 //! cKDTree (pairs, neighbours, links), csgraph (groups), fftn (P(k)), histogramdd (NGP).
 //! scripts/stats_scipy.py made the file.
 
-use particlegs::particles::{Cell, Particles};
+use particlegs::particles::Particles;
+use particlegs::space::Cell;
 use particlegs::progress::Silent;
 use particlegs::stats::{
     Assignment, Grid, NeighbourOptions, PairOptions, SpectrumOptions, Subject, axis_moments, compare_density,

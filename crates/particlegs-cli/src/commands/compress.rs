@@ -8,7 +8,7 @@ use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use clap::{Args, ValueHint};
 use particlegs::compress::{Compressed, Compression, Options, is_asked_for, is_made_of, parse_bytes};
-use particlegs::fit::Pieces;
+use particlegs::pieces::Pieces;
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
 use particlegs::picture::PNG;

@@ -11,7 +11,7 @@ use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TuneArgs;
 use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, Compressed, FineTuning, finetune, parse_bytes};
-use particlegs::fit::Pieces;
+use particlegs::pieces::Pieces;
 use particlegs::model::LawKind;
 use particlegs::particles::Storage;
 use particlegs::progress::Progress;

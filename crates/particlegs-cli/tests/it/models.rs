@@ -4,7 +4,8 @@ use particlegs::math::Sym3;
 use particlegs::model::{
     AlphaBlend, Block, Law, LawKind, Layer, Mass, Metadata, Mixture, Model, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
 };
-use particlegs::particles::{Bounds, Particles, source_hash};
+use particlegs::particles::{Particles, source_hash};
+use particlegs::space::Bounds;
 
 /// Metadata of a model of so many particles in some bounds.
 fn metadata(law: LawKind, count: u64, bounds: Bounds) -> Metadata {

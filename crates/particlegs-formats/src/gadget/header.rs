@@ -1,6 +1,7 @@
 //! The 256 bytes that every Gadget file begins with.
 
-use particlegs::particles::{Cell, SnapshotMeta};
+use particlegs::particles::SnapshotMeta;
+use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use std::path::Path;
 

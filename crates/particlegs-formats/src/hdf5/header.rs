@@ -2,7 +2,7 @@
 
 use super::attributes::Attributes;
 use super::container::Container;
-use particlegs::particles::Cell;
+use particlegs::space::Cell;
 use particlegs::{Error, Result};
 
 /// Types of particles that are looked for; SWIFT has 7, other codes 6.

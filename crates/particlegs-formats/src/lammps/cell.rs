@@ -2,7 +2,7 @@
 
 use crate::text::snapshot::header_number;
 use crate::text::split::{Separator, tokens};
-use particlegs::particles::Cell;
+use particlegs::space::Cell;
 
 /// A dump's box.
 #[derive(Clone, Debug, Default)]

@@ -1,6 +1,7 @@
 use super::{FORMAT, write};
 use crate::{Fields, Mass, OpenOptions, Snapshot, Weights};
-use particlegs::particles::{Cell, Column, Kept, Particles, Selection, Tiling};
+use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
+use particlegs::space::Cell;
 use particlegs::progress::Silent;
 use std::path::PathBuf;
 

@@ -1,6 +1,7 @@
 //! LAMMPS text out: one frame, `id type x y z` and masses where they are known.
 
-use particlegs::particles::{Cell, Kept, Run};
+use particlegs::particles::{Kept, Run};
+use particlegs::space::Cell;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::output;

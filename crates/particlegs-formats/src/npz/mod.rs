@@ -10,7 +10,7 @@ use crate::npy::header::{Element, Header};
 use crate::npy::{layout, mapped, named, only, species};
 use crate::stored::Stored;
 use crate::{Description, Field, Format, Mass, OpenOptions, Snapshot};
-use particlegs::particles::Cell;
+use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use std::io::Read;
 use std::path::PathBuf;

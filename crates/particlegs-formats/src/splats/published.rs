@@ -130,7 +130,8 @@ mod tests {
     use super::*;
     use particlegs::math::Random;
     use particlegs::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
-    use particlegs::particles::{Bounds, Storage};
+    use particlegs::particles::Storage;
+    use particlegs::space::Bounds;
     use particlegs::progress::Silent;
 
     fn model(n: usize) -> Model {

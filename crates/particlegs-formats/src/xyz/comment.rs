@@ -4,7 +4,7 @@ use super::MOST_COLUMNS;
 use crate::Field;
 use crate::text::snapshot::header_number;
 use crate::text::split::{Separator, shown, tokens};
-use particlegs::particles::Cell;
+use particlegs::space::Cell;
 
 /// What a comment says.
 #[derive(Debug, Default)]

@@ -2,7 +2,8 @@
 
 use super::Sample;
 use crate::Result;
-use crate::particles::{Bounds, Chunk, Invalid, Layered, RUN, RunHash, hash_of_runs, hash_run, invalid};
+use crate::particles::{Chunk, Invalid, Layered, RUN, RunHash, hash_of_runs, hash_run, invalid};
+use crate::space::Bounds;
 use crate::progress::Progress;
 use std::sync::Mutex;
 

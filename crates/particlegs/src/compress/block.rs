@@ -9,9 +9,10 @@ use super::plan::Plan;
 use super::size::SizeMet;
 use crate::Result;
 use crate::codec::CodedLayer;
-use crate::fit::Pieces;
+use crate::pieces::Pieces;
 use crate::model::{LawKind, Layer, Mass, VizMapper};
-use crate::particles::{Bounds, Particles};
+use crate::particles::Particles;
+use crate::space::Bounds;
 use crate::progress::Progress;
 use crate::train::{Config, Limits, Trained};
 

@@ -3,7 +3,8 @@
 use super::options::Options;
 use crate::Result;
 use crate::model::Metadata;
-use crate::particles::{Bounds, Particles, SnapshotMeta, source_hash};
+use crate::particles::{Particles, SnapshotMeta, source_hash};
+use crate::space::Bounds;
 
 /// What a pass over a snapshot tells.
 pub(super) struct Known {

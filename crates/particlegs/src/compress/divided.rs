@@ -5,7 +5,8 @@ use super::executor::Store;
 use super::options::Options;
 use crate::Result;
 use crate::blocks::{KdTree, divide};
-use crate::particles::{Bounds, Particles};
+use crate::particles::Particles;
+use crate::space::Bounds;
 use crate::progress::Progress;
 
 /// The blocks of particles in this process.

@@ -6,7 +6,7 @@ use super::block::{BlockContext, BlockParticles, CodedBlock, OnStop};
 use super::clock::Clock;
 use super::target::Target;
 use crate::Result;
-use crate::fit::{Pieces, Under};
+use crate::pieces::{Pieces, Under};
 use crate::progress::Progress;
 
 /// Where the particles of a job's blocks wait, and its coded blocks are kept.

@@ -7,7 +7,7 @@ use super::run::Compressed;
 use super::size::{Coded, SizeMet};
 use super::target::Target;
 use crate::codec::{self, Encoder};
-use crate::fit::{Pieces, Under};
+use crate::pieces::{Pieces, Under};
 use crate::model::{Block, Certificate, LawKind, Layer, Metadata, Mixture, Model, VizMapper};
 use crate::particles::Particles;
 use crate::progress::Progress;

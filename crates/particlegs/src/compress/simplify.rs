@@ -6,7 +6,7 @@ use super::target::Target;
 use crate::codec::{self, Encoder};
 use crate::fit::{self, Effort, SimplifyOptions};
 use crate::model::{Block, LawKind, Layer, Metadata, Mixture, Model};
-use crate::particles::Bounds;
+use crate::space::Bounds;
 use crate::progress::Progress;
 use crate::{Error, Result};
 

@@ -193,7 +193,7 @@ mod tests {
     use super::*;
     use crate::math::Sym3;
     use crate::model::{AlphaBlend, Block, Law, Mixture};
-    use crate::particles::Bounds;
+    use crate::space::Bounds;
     use proptest::prelude::*;
 
     proptest! {

@@ -1,7 +1,8 @@
 //! The fit of a snapshot: partition, then as much refinement as the effort asks for.
 
 use super::partition::partition_store;
-use super::{NoPieces, PartitionOptions, Pieces, RefineOptions, Store, refine};
+use crate::pieces::{NoPieces, Pieces};
+use super::{PartitionOptions, RefineOptions, Store, refine};
 use crate::Result;
 use crate::model::Mixture;
 use crate::particles::Particles;

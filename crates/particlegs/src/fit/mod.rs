@@ -29,8 +29,6 @@ pub(crate) use effort::Fitter;
 pub use effort::{Effort, FitOptions, fit};
 pub(crate) use memory::memory_needed;
 pub(crate) use moments::Moments;
-pub(crate) use particlegs_core::pieces::Under;
-pub use particlegs_core::pieces::{NoPieces, Pieces};
 pub use partition::{Partition, PartitionOptions, partition};
 pub use refine::{RefineOptions, refine};
 pub(crate) use simplify::{SimplifyOptions, simplify};

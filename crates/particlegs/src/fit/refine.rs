@@ -11,7 +11,8 @@ use super::em::{Candidates, Cloud, Gaussians, Groups, Shape, Wanted, expect, max
 use super::gain::{Blur, picture_sigma};
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
-use super::{Moments, Partition, Pieces, Store, pieces as kept};
+use crate::pieces::Pieces;
+use super::{Moments, Partition, Store, pieces as kept};
 use crate::math::{Purpose, Random};
 use crate::model::Mixture;
 use crate::progress::Progress;

@@ -12,7 +12,7 @@ use super::candidates::{Ellipsoid, OverlapTree, Reach};
 use super::gain::{Blob, Blur, picture_sigma};
 use crate::math::Sym3;
 use crate::model::Mixture;
-use crate::particles::Bounds;
+use crate::space::Bounds;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::memory::require;

@@ -72,7 +72,8 @@ pub fn write_raw(kept: &Kept<'_>, out: &Path, form: RawForm, progress: &dyn Prog
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::{Bounds, Cell, Column, open_raw};
+    use crate::particles::{Column, open_raw};
+    use crate::space::{Bounds, Cell};
     use crate::progress::Silent;
 
     /// More than one run of particles on a ramp, in a box of 100 x 10 x 10.

@@ -1,6 +1,7 @@
 //! Does the box that a snapshot states hold its particles?
 
-use super::{Bounds, Cell, Particles};
+use crate::space::{Bounds, Cell};
+use super::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;

@@ -2,7 +2,8 @@
 
 use super::scratch::Blank;
 use super::units::{is_known_length, is_known_mass};
-use super::{Cell, InPlace, Layered, Particles, RUN, ReadLayer, SnapshotMeta, Storage};
+use crate::space::Cell;
+use super::{InPlace, Layered, Particles, RUN, ReadLayer, SnapshotMeta, Storage};
 use crate::model::Layer;
 use crate::progress::Progress;
 use crate::{Error, Result};

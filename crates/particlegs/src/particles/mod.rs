@@ -37,8 +37,6 @@ pub use masses::{layers_by_mass, settle_masses};
 pub use meta::SnapshotMeta;
 pub(crate) use open::{Invalid, invalid};
 pub use open::{check_values, map_file, open_raw};
-pub use particlegs_core::model::hex;
-pub use particlegs_core::space::{Bounds, Cell};
 pub use scratch::{Blank, Storage};
 pub use select::{Kept, Run, Selection, select};
 pub use source::{Chunk, ChunkBuffer, InPlace, RUN, RunSink, SnapshotReader};

@@ -7,7 +7,8 @@
 use super::images::Images;
 use super::scratch::Blank;
 use super::storage::CHUNK;
-use super::{Bounds, ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
+use crate::space::Bounds;
+use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
 use crate::math::{Purpose, Random};
 use crate::model::Layer;
 use crate::progress::Progress;

@@ -1,6 +1,7 @@
 //! meta.json beside raw data: box, units, cosmology, layers.
 
-use super::{Cell, SnapshotMeta, open::named};
+use crate::space::Cell;
+use super::{SnapshotMeta, open::named};
 use crate::model::{Layer, Mass};
 use crate::{Error, Result};
 use particlegs_files::input::{self, Begins, read_own};

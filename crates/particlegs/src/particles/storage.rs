@@ -1,6 +1,7 @@
 //! A snapshot opened whole: columns or triples, owned or mapped.
 
-use super::{Bounds, Chunk, ChunkBuffer, SnapshotMeta};
+use crate::space::Bounds;
+use super::{Chunk, ChunkBuffer, SnapshotMeta};
 use crate::model::{Columns, Layer, MASS};
 use rayon::prelude::*;
 use std::ops::{Deref, Range};

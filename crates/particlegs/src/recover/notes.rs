@@ -2,7 +2,7 @@
 
 use super::Options;
 use crate::model::{Certificate, LawKind, Metadata};
-use crate::particles::hex;
+use crate::model::hex;
 use serde_json::{Map, Value, json};
 
 /// The first thing that a reader of meta.json should see.

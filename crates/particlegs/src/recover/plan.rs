@@ -171,7 +171,7 @@ fn volume(cov: &Sym3) -> f64 {
 pub(super) mod tests {
     use super::*;
     use crate::model::{AlphaBlend, Law, LawKind, Metadata};
-    use crate::particles::Bounds;
+    use crate::space::Bounds;
     use proptest::prelude::*;
 
     /// A model of one layer a slice of (count, mass); each Gaussian at its number along x.
@@ -195,7 +195,7 @@ pub(super) mod tests {
             count: layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum(),
             mass: layers.iter().flat_map(|l| &l.content).map(|b| b.mass).sum(),
             bounds: Bounds { min: [0.0; 3], max: [10.0; 3] },
-            cell: Some(crate::particles::Cell::orthogonal([10.0; 3])),
+            cell: Some(crate::space::Cell::orthogonal([10.0; 3])),
             default_radius: 0.1,
             default_opacity: 0.05,
             source: "test".into(),

@@ -1,6 +1,6 @@
 //! Into the periodic box.
 
-use crate::particles::{Bounds, Cell};
+use crate::space::{Bounds, Cell};
 
 /// A share of the cell by which bounds may stick out and still count as inside.
 const SLACK: f64 = 1e-6;

@@ -110,7 +110,7 @@ mod tests {
     use super::*;
     use crate::camera::Window;
     use crate::math::Random;
-    use crate::particles::{Bounds, Cell};
+    use crate::space::{Bounds, Cell};
     use crate::progress::Silent;
 
     /// A window of one box holds all mass, wherever its centre is; half of a box's depth half.

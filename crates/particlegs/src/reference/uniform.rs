@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::camera::{Projection, View, clipping_range};
-use crate::particles::Bounds;
+use crate::space::Bounds;
 use crate::picture::{Plane, Size};
 use crate::splat::opacity_integral;
 use rayon::prelude::*;

@@ -2,7 +2,8 @@
 
 use crate::Result;
 use crate::model::{Mixture, Model};
-use crate::particles::{Bounds, Cell, Particles};
+use crate::particles::Particles;
+use crate::space::{Bounds, Cell};
 use crate::progress::Progress;
 use crate::stats::{Grid, Slab, Splat};
 use rayon::prelude::*;

@@ -4,7 +4,8 @@ use super::scores::{Evaluation, Floor, Gap, LookScores, NoFxaaScores, ViewScores
 use super::{EvalView, Truth};
 use crate::camera::{View, clipping_range};
 use crate::model::Model;
-use crate::particles::{Bounds, Particles};
+use crate::particles::Particles;
+use crate::space::Bounds;
 use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit};
 use crate::progress::{Level, Progress};
 use crate::reference::{Reference, uniform_box};

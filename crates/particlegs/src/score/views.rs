@@ -3,7 +3,7 @@
 
 use crate::camera::{ORBITS, View, ViewSet, base_distance, clipping_range, spiral};
 use crate::math::{Purpose, Random};
-use crate::particles::Bounds;
+use crate::space::Bounds;
 use crate::picture::Size;
 
 /// Radius and opacity of the published views, in default radii and as such: lowest and highest.

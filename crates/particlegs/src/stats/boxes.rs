@@ -1,7 +1,8 @@
 //! Are both subjects of one box, which holds them?
 
 use super::Subject;
-use crate::particles::{Bounds, Cell, check_box, check_particles};
+use crate::particles::{check_box, check_particles};
+use crate::space::{Bounds, Cell};
 use crate::progress::Progress;
 use crate::{Error, Result};
 

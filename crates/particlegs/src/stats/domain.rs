@@ -1,7 +1,8 @@
 //! The region that statistics are of: a box, and the axes along which it repeats.
 
 use crate::model::Model;
-use crate::particles::{Bounds, Cell, Particles};
+use crate::particles::Particles;
+use crate::space::{Bounds, Cell};
 
 /// A box, world units, and the axes along which it repeats.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]

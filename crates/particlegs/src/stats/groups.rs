@@ -6,7 +6,7 @@
 //! joined first: of those further apart most are then of one group already, and need no look.
 
 use super::Domain;
-use crate::particles::Bounds;
+use crate::space::Bounds;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;

@@ -2,7 +2,7 @@
 
 use crate::math::Sym3;
 use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
-use crate::particles::{Bounds, Cell};
+use crate::space::{Bounds, Cell};
 
 /// A model of given Gaussians (mean, covariance, count) in a periodic box.
 pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model {

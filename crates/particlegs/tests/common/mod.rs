@@ -6,7 +6,7 @@ use particlegs::model::{
     Baselines, Block, Certificate, LawKind, Limit, LookBaselines, LookScore, Metadata, Mixture, OrbitBaselines,
     OrbitScore, PictureScore, Science, ScienceOf,
 };
-use particlegs::particles::{Bounds, Cell};
+use particlegs::space::{Bounds, Cell};
 
 /// A mixture of `n` Gaussians in a box of `scale` at `origin`.
 pub fn mixture(n: usize, seed: u64, origin: f64, scale: f64, weighted: bool) -> Mixture {
