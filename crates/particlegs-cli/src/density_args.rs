@@ -10,10 +10,10 @@ use clap::{Args, ValueEnum};
 use particlegs::camera::{DensityView, Frame, Projection, Window, spherical_camera};
 use particlegs::model::Model;
 use particlegs::particles::Particles;
-use particlegs::space::Cell;
 use particlegs::picture::{
     Colormap, DensityPicture, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
 };
+use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use particlegs_files::output::{FileSet, write_atomic, write_bytes};
 use serde::Serialize;

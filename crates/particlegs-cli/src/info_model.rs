@@ -9,10 +9,10 @@ use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
     Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
-use particlegs::space::Cell;
 use particlegs::picture::number;
 use particlegs::progress::Progress;
 use particlegs::score::{self, Verdict};
+use particlegs::space::Cell;
 use particlegs_files::input::name_of;
 use particlegs_formats::SPLAT_PLY_BYTES;
 use serde::Serialize;

@@ -2,8 +2,8 @@
 
 use clap::{Args, ValueEnum};
 use particlegs::particles::{Layered, Particles, Selection, Stated, Storage};
-use particlegs::space::Bounds;
 use particlegs::progress::Progress;
+use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_later};
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 
 use particlegs::codec;
 use particlegs::model::Model;
-use particlegs::particles::{Particles, column_hash, source_hash};
+use particlegs::particles::Particles;
 use particlegs::{Error, Result};
 use std::path::Path;
 
@@ -21,8 +21,8 @@ pub fn is_of_several(bytes: &[u8], model: &Model, place: &str) -> Result<bool> {
 /// [`Error::Input`] that names the snapshot.
 pub fn check(model: &Model, of_several: bool, particles: &Particles, snapshot: &Path, file: &Path) -> Result<()> {
     let told = model.metadata.source_hash;
-    let matches = source_hash(particles) == told
-        || column_hash(particles) == told
+    let matches = particles.source_hash() == told
+        || particles.column_hash() == told
         || of_several && particles.len() as u64 == model.metadata.count;
     if matches {
         return Ok(());

@@ -10,6 +10,7 @@ use crate::{Error, Result, memory};
 use std::fs::{File, Metadata};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The name of standard input among paths.
@@ -390,6 +391,22 @@ fn ready(file: &File) -> std::io::Result<bool> {
 fn ready(_: &File) -> std::io::Result<bool> {
     let _ = ASK_EVERY;
     Ok(true)
+}
+
+/// Maps a file and tells its length; `None` for an empty one, which cannot be mapped.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Input`] for what is no regular file.
+pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
+    let (file, length) = open_file(path)?;
+    if length == 0 {
+        return Ok((None, 0));
+    }
+    // SAFETY: the mapping is read only; a file that another program truncates while we read it
+    // raises SIGBUS, as with every mapped reader; nothing is written from it.
+    let map = unsafe { memmap2::Mmap::map(&file) }.map_err(|e| Error::io(path, e))?;
+    let length = map.len();
+    Ok((Some(Arc::new(map)), length))
 }
 
 #[cfg(test)]

@@ -3,9 +3,9 @@
 use crate::folder::resolved;
 use crate::registry::spool;
 use crate::{Description, Fields, OpenOptions, Snapshot, Species, open, raw};
-use particlegs::particles::{LayerSource, Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Stated, Storage, check_values, layers_by_mass, load, select, settle_masses};
-use particlegs::space::Bounds;
+use particlegs::particles::{Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Stated, Storage};
 use particlegs::progress::Progress;
+use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Source, Spooled, is_stream};
 use std::path::PathBuf;
@@ -91,19 +91,19 @@ pub fn read(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress: &dy
     at_hand.name(&mut particles.meta);
     match choice.kept() {
         None => Ok(particles),
-        Some(selection) => select(&particles, selection, storage, progress),
+        Some(selection) => particles.select(selection, storage, progress),
     }
 }
 
 fn read_at_hand(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
     let mut particles = match Chosen::of(paths, choice, progress)? {
         Chosen::InPlace(particles) => particles,
-        Chosen::Readers(layers) => load(&layers, storage, progress)?,
+        Chosen::Readers(layers) => layers.load(storage, progress)?,
     };
     say(&choice.stated.apply(&mut particles.meta)?, progress);
     let drop = choice.skip_invalid.then_some(storage);
-    let particles = settle_masses(check_values(particles, &place(paths), drop)?);
-    if choice.by_mass { layers_by_mass(&particles, storage) } else { Ok(particles) }
+    let particles = particles.checked(&place(paths), drop)?.settle_masses();
+    if choice.by_mass { particles.layers_by_mass(storage) } else { Ok(particles) }
 }
 
 /// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
@@ -142,10 +142,7 @@ impl Chosen {
         if let Some(particles) = snapshot.in_place(&chosen, &choice.fields)? {
             return Ok(Chosen::InPlace(particles));
         }
-        let layer = |i: usize| {
-            let reader = snapshot.reader(i, &choice.fields)?.into();
-            Ok(LayerSource { name: description.species[i].name.clone(), reader })
-        };
+        let layer = |i: usize| Ok((description.species[i].name.clone(), snapshot.reader(i, &choice.fields)?.into()));
         Ok(Chosen::Readers(Layered::new(chosen.into_iter().map(layer).collect::<Result<_>>()?)?))
     }
 }

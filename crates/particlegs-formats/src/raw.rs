@@ -2,7 +2,7 @@
 
 use crate::{Description, Field, Fields, Mass, Snapshot, Species, Weights};
 use particlegs::model::{self, Layer};
-use particlegs::particles::{ONE_LAYER, Particles, SnapshotReader, open_raw};
+use particlegs::particles::{ONE_LAYER, Particles, SnapshotReader};
 use particlegs::{Error, Result};
 use std::ops::Range;
 use std::path::PathBuf;
@@ -30,7 +30,7 @@ pub fn is_raw(paths: &[PathBuf]) -> bool {
 /// # Errors
 /// Those of [`open_raw`].
 pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
-    let particles = open_raw(paths)?;
+    let particles = Particles::open_raw(paths)?;
     let description = Description {
         format: "raw float32 columns, little-endian".into(),
         files: paths.to_vec(),

@@ -2,7 +2,7 @@
 
 use particlegs::fit::{PartitionOptions, partition};
 use particlegs::math::Random;
-use particlegs::particles::{Particles, open_raw};
+use particlegs::particles::Particles;
 use particlegs::progress::Silent;
 use std::path::Path;
 
@@ -20,7 +20,7 @@ fn cells(bencher: divan::Bencher, p: &Particles, gaussians: usize) {
 #[divan::bench(args = [250, 2500, 25_000], sample_count = 10)]
 fn sample(bencher: divan::Bencher, gaussians: usize) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    cells(bencher, &open_raw(&[folder]).unwrap(), gaussians);
+    cells(bencher, &Particles::open_raw(&[folder]).unwrap(), gaussians);
 }
 
 #[divan::bench(args = [4_000, 40_000], sample_count = 3)]

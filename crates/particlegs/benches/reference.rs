@@ -2,7 +2,7 @@
 
 use divan::{Bencher, counter::ItemsCount};
 use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::particles::{Particles, open_raw};
+use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Silent;
 use particlegs::reference::{Reference, fxaa};
@@ -18,7 +18,7 @@ fn main() {
 /// The sample repeated 2 x 4 x 4 times: 8.4 million particles.
 fn tiled() -> Particles {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    let sample = open_raw(&[folder]).expect("the bundled sample");
+    let sample = Particles::open_raw(&[folder]).expect("the bundled sample");
     let side = 25.0f32;
     let mut columns = [vec![], vec![], vec![]];
     for tile in 0..32 {

@@ -3,11 +3,10 @@
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::fit::{PartitionOptions, partition};
 use particlegs::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
-use particlegs::particles::open_raw;
-use particlegs::space::Bounds;
 use particlegs::picture::Size;
 use particlegs::progress::Silent;
 use particlegs::render::{Scene, optical_depth};
+use particlegs::space::Bounds;
 
 fn main() {
     divan::main();
@@ -36,7 +35,7 @@ fn alpha_blend_far_1080p(bencher: divan::Bencher, gaussians: usize) {
 /// A partition of the sample, and a view of it from the far orbit.
 fn far(gaussians: usize) -> (Mixture, Bounds, Size, View) {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
-    let particles = open_raw(&[folder.into()]).expect("the sample");
+    let particles = Particles::open_raw(&[folder.into()]).expect("the sample");
     let bounds = particles.bounds();
     let radius = bounds.default_radius(particles.len() as u64);
     let cells = partition(&particles, gaussians, radius, PartitionOptions::default(), &Silent).expect("a partition");

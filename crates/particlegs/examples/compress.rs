@@ -2,9 +2,9 @@
 
 use particlegs::codec;
 use particlegs::compress::{Options, Target, compress};
-use particlegs::pieces::NoPieces;
 use particlegs::math::Random;
 use particlegs::particles::Particles;
+use particlegs::pieces::NoPieces;
 use particlegs::progress::Silent;
 use particlegs_files::output::write_bytes;
 use std::path::Path;

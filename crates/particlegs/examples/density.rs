@@ -2,8 +2,8 @@
 
 use particlegs::math::Random;
 use particlegs::particles::Particles;
-use particlegs::space::Cell;
 use particlegs::progress::Silent;
+use particlegs::space::Cell;
 use particlegs::stats::{Assignment, Grid, Subject, deposit};
 
 fn main() -> particlegs::Result<()> {

@@ -2,7 +2,7 @@
 
 use particlegs::fit::{Partition, PartitionOptions, partition};
 use particlegs::math::Random;
-use particlegs::particles::{Column, Particles, open_raw};
+use particlegs::particles::{Column, Particles};
 use particlegs::progress::{Progress, Scalar, Silent};
 use proptest::prelude::*;
 use std::path::Path;
@@ -113,7 +113,7 @@ fn far_from_the_origin() {
 #[test]
 fn threads_do_not_matter() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    let p = open_raw(&[folder]).unwrap();
+    let p = Particles::open_raw(&[folder]).unwrap();
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| cut(&p, 2000))

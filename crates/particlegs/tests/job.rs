@@ -6,9 +6,9 @@ use particlegs::compress::{Checkpoint, Compression, FineTuning, Found, Options, 
 use particlegs::fit::Effort;
 use particlegs::job::{Done, Job, Source, Task, plan};
 use particlegs::model::{LawKind, Layer, Mass};
-use particlegs::particles::{Layered, Particles, Storage, open_raw};
-use particlegs::space::Cell;
+use particlegs::particles::{Layered, Particles, Storage};
 use particlegs::progress::{Progress, Silent};
+use particlegs::space::Cell;
 use particlegs::train::{Config, Limits, Preset};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,7 +24,8 @@ impl Progress for StopsAt {
 
 /// The sample as two layers: a fit each, so that one may be finished while the other is not.
 fn sample() -> Particles {
-    let mut particles = open_raw(&[Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")]).unwrap();
+    let mut particles =
+        Particles::open_raw(&[Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")]).unwrap();
     let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
     let n = particles.len();
     particles = particles.with_layers(vec![layer("first", 0..130_000), layer("second", 130_000..n)]);

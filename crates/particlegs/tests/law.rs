@@ -6,13 +6,13 @@ use particlegs::camera::{base_distance, clipping_range, spherical_camera, spiral
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{AlphaBlend, Law, LawKind, Mixture, VizMapper, VizRanges};
 use particlegs::particles::Particles;
-use particlegs::space::Bounds;
 use particlegs::picture::{Gray8, Plane, Size, masked_psnr, psnr, ssim};
 use particlegs::progress::Silent;
 use particlegs::recover::Method;
 use particlegs::reference::{Reference, fxaa, uniform_box};
 use particlegs::render::{self, Scene};
 use particlegs::score::{ViewSeed, evaluation_views, shot_noise};
+use particlegs::space::Bounds;
 use particlegs::splat::{
     CUT_SHARE, CUT_SHARE_2D, CUT_SIGMA, DEFAULT_OPACITY, DEPTH_TOLERANCE, FxaaMean, LARGEST_MEAN_ALPHA, Look,
     MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, erf, fxaa_blur, opacity_integral, tone,

@@ -1,7 +1,7 @@
 //! The sample drawn by VTK 9.7 set up as ParaView 6.0.1 (Mesa llvmpipe), against our pictures.
 
 use particlegs::camera::read_views;
-use particlegs::particles::open_raw;
+use particlegs::particles::Particles;
 use particlegs::picture::{Gray8, read_gray_png};
 use particlegs::progress::Silent;
 use particlegs::reference::{Reference, fxaa};
@@ -31,7 +31,7 @@ const NOISE_FREE: [(&str, f64, f64); 6] = [
 
 #[test]
 fn pictures_of_the_sample() {
-    let particles = open_raw(&[root().join("../../samples/nbody64")]).unwrap();
+    let particles = Particles::open_raw(&[root().join("../../samples/nbody64")]).unwrap();
     let golden = root().join("tests/golden/nbody64");
     let set = read_views(&golden.join("views.json"), &Silent).unwrap();
     let reference = Reference::new(&particles);

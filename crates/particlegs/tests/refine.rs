@@ -1,16 +1,16 @@
 //! Refinement on the sample and on degenerate input, through the public interface.
 
 use particlegs::fit::{Effort, FitOptions, PartitionOptions, RefineOptions, fit, partition, refine};
-use particlegs::pieces::NoPieces;
 use particlegs::math::Sym3;
 use particlegs::model::Mixture;
-use particlegs::particles::{Column, Particles, open_raw};
+use particlegs::particles::{Column, Particles};
+use particlegs::pieces::NoPieces;
 use particlegs::progress::{Progress, Scalar, Silent};
 use std::path::Path;
 
 fn sample() -> Particles {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    open_raw(&[folder]).unwrap()
+    Particles::open_raw(&[folder]).unwrap()
 }
 
 fn radius(p: &Particles) -> f64 {

@@ -3,8 +3,8 @@
 //! scripts/stats_scipy.py made the file.
 
 use particlegs::particles::Particles;
-use particlegs::space::Cell;
 use particlegs::progress::Silent;
+use particlegs::space::Cell;
 use particlegs::stats::{
     Assignment, Grid, NeighbourOptions, PairOptions, SpectrumOptions, Subject, axis_moments, compare_density,
     count_pairs, deposit, find_groups, nearest_distances, power_spectra,

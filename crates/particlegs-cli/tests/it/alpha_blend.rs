@@ -5,13 +5,12 @@ use crate::common::{fails, listing, particlegs, sample};
 use crate::models::tiny;
 use particlegs::codec::{self, Precision};
 use particlegs::model::{LawKind, Model};
-use particlegs::particles::open_raw;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Writes the model of some runs; its path and bytes.
 fn write(dir: &Path, name: &str, runs: std::ops::Range<usize>, law: LawKind) -> PathBuf {
-    let particles = open_raw(&[sample()]).unwrap();
+    let particles = Particles::open_raw(&[sample()]).unwrap();
     let path = dir.join(name);
     let bytes = codec::encode(&tiny(&particles, runs, law), &Precision::BALANCED).unwrap();
     std::fs::write(&path, bytes).unwrap();
@@ -120,7 +119,7 @@ fn particles_are_recovered_by_opacity() {
         let out = dir.path().join(method);
         let mut c = particlegs();
         c.arg("recover").arg(&path).arg("-o").arg(&out).args(["--method", method, "--quiet"]).assert().success();
-        let p = open_raw(std::slice::from_ref(&out)).unwrap();
+        let p = Particles::open_raw(std::slice::from_ref(&out)).unwrap();
         assert_eq!(p.len(), 262_144);
         let from = &json(&out.join("meta.json"))["recovered_from"];
         let own = !["volume", "grid"].contains(&method);
@@ -177,7 +176,7 @@ fn splats_are_written_as_published() {
     // A snapshot of 64 points to the other commands, which take an alpha-blend model's frame.
     let points = dir.path().join("points");
     convert(&out, &points, &["--quiet"]).assert().success();
-    let (model, points) = (decode(&path), open_raw(&[points]).unwrap());
+    let (model, points) = (decode(&path), Particles::open_raw(&[points]).unwrap());
     let frame = particlegs::camera::Normalisation::of(&model.metadata.bounds);
     let g = &model.layers[0].content[0].gaussians;
     for i in 0..64 {

@@ -4,12 +4,11 @@ use crate::common::{particlegs, sample};
 use crate::models::tiny;
 use particlegs::codec::{self, Precision};
 use particlegs::model::LawKind;
-use particlegs::particles::open_raw;
 
 #[test]
 fn scores_by_orbit_in_text_and_json() {
     let dir = tempfile::tempdir().unwrap();
-    let particles = open_raw(&[sample()]).unwrap();
+    let particles = Particles::open_raw(&[sample()]).unwrap();
     let bytes = codec::encode(&tiny(&particles, 0..64, LawKind::OpticalDepth), &Precision::BALANCED).unwrap();
     let (model, json) = (dir.path().join("m.pgs"), dir.path().join("e.json"));
     std::fs::write(&model, &bytes).unwrap();

@@ -4,7 +4,7 @@ use particlegs::math::Sym3;
 use particlegs::model::{
     AlphaBlend, Block, Law, LawKind, Layer, Mass, Metadata, Mixture, Model, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
 };
-use particlegs::particles::{Particles, source_hash};
+use particlegs::particles::Particles;
 use particlegs::space::Bounds;
 
 /// Metadata of a model of so many particles in some bounds.
@@ -74,7 +74,7 @@ pub fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: LawKind) -
     let metadata = Metadata {
         cell: particles.meta.cell,
         length_unit: particles.meta.length_unit.clone(),
-        source_hash: source_hash(particles),
+        source_hash: particles.source_hash(),
         ..metadata(law, count, bounds)
     };
     model(metadata, gaussians)

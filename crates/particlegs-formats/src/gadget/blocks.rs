@@ -3,8 +3,8 @@
 use super::header::{HEADER, Header, TYPES};
 use super::records::{Record, Records};
 use crate::strided::{Bytes, Kind, Lane};
-use particlegs::particles::map_file;
 use particlegs::{Error, Result};
+use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

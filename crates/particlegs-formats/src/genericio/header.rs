@@ -2,8 +2,8 @@
 
 use crate::codecs::crc64;
 use crate::strided::{Bytes, Kind};
-use particlegs::particles::map_file;
 use particlegs::{Error, Result};
+use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 use super::{FORMAT, write};
 use crate::{Fields, Mass, OpenOptions, Snapshot, Weights};
 use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
-use particlegs::space::Cell;
 use particlegs::progress::Silent;
+use particlegs::space::Cell;
 use std::path::PathBuf;
 
 use crate::text::testing::{Got, read, scratch};

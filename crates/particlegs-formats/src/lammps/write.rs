@@ -1,8 +1,8 @@
 //! LAMMPS text out: one frame, `id type x y z` and masses where they are known.
 
 use particlegs::particles::{Kept, Run};
-use particlegs::space::Cell;
 use particlegs::progress::Progress;
+use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use particlegs_files::output;
 use rayon::prelude::*;

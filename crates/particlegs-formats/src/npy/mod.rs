@@ -11,8 +11,9 @@ use crate::stored::{Coding, Stored};
 use crate::strided::Bytes;
 use crate::{Description, Format, Mass, OpenOptions, Snapshot, Species};
 use header::{Element, Header, MAGIC};
-use particlegs::particles::{SnapshotMeta, map_file};
+use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
+use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
 
 /// NumPy array.

@@ -131,8 +131,8 @@ mod tests {
     use particlegs::math::Random;
     use particlegs::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
     use particlegs::particles::Storage;
-    use particlegs::space::Bounds;
     use particlegs::progress::Silent;
+    use particlegs::space::Bounds;
 
     fn model(n: usize) -> Model {
         let mut g = Mixture::default();

@@ -7,8 +7,8 @@ use super::source::{Array, Source, Stream};
 use crate::ascii::Ascii;
 use crate::cache::ChunkCache;
 use crate::strided::Bytes;
-use particlegs::particles::map_file;
 use particlegs::{Error, Result};
+use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

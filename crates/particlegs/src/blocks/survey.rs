@@ -3,8 +3,8 @@
 use super::Sample;
 use crate::Result;
 use crate::particles::{Chunk, Invalid, Layered, RUN, RunHash, hash_of_runs, hash_run, invalid};
-use crate::space::Bounds;
 use crate::progress::Progress;
+use crate::space::Bounds;
 use std::sync::Mutex;
 
 /// What one pass over a snapshot tells.
@@ -136,7 +136,7 @@ impl Seen {
 mod tests {
     use super::*;
     use crate::model::{Layer, Mass};
-    use crate::particles::{Column, Particles, settle_masses, source_hash};
+    use crate::particles::{Column, Particles};
     use crate::progress::Silent;
     use std::ops::Range;
 
@@ -158,11 +158,11 @@ mod tests {
             let p = snapshot(|i| if same && i >= 70_000 { 2.0 } else { 1.0 + i as f32 });
             let mut source = Layered::of(&p);
             let mut survey = Survey::new(&source, "here", true, &Silent).unwrap();
-            assert_eq!(survey.hash(source.origin), source_hash(&p));
+            assert_eq!(survey.hash(source.origin), p.source_hash());
             survey.settle(&mut source);
-            let p = settle_masses(p);
+            let p = p.settle_masses();
             assert_eq!(survey.bounds, p.bounds());
-            assert_eq!(survey.hash(source.origin), source_hash(&p));
+            assert_eq!(survey.hash(source.origin), p.source_hash());
             let column = |k: usize| (0..p.len()).map(|i| (p.position(i)[k] - p.origin[k]) as f32).collect::<Vec<_>>();
             assert_eq!(survey.sample.position, [0, 1, 2].map(column), "every particle of so few");
             assert_eq!(source.raw_bytes(), p.raw_bytes());

@@ -9,11 +9,11 @@ use super::plan::Plan;
 use super::size::SizeMet;
 use crate::Result;
 use crate::codec::CodedLayer;
-use crate::pieces::Pieces;
 use crate::model::{LawKind, Layer, Mass, VizMapper};
 use crate::particles::Particles;
-use crate::space::Bounds;
+use crate::pieces::Pieces;
 use crate::progress::Progress;
+use crate::space::Bounds;
 use crate::train::{Config, Limits, Trained};
 
 /// What the blocks of a job are made by.

@@ -3,7 +3,7 @@
 use super::options::Options;
 use crate::Result;
 use crate::model::Metadata;
-use crate::particles::{Particles, SnapshotMeta, source_hash};
+use crate::particles::{Particles, SnapshotMeta};
 use crate::space::Bounds;
 
 /// What a pass over a snapshot tells.
@@ -50,7 +50,7 @@ pub fn is_made_of(told: &Metadata, has_certificate: bool, particles: &Particles,
     if options.training.is_some() || has_certificate != options.certificate || !is_asked_for(told, options) {
         return Ok(false);
     }
-    let (count, source_hash) = (particles.len() as u64, source_hash(particles));
+    let (count, source_hash) = (particles.len() as u64, particles.source_hash());
     let known = Known { count, bounds: told.bounds, source_hash };
     let asked = describe(&particles.meta, &known, options, options.blocks_of(particles)?);
     // What the hash decides, and how files are called, is not compared.

@@ -6,8 +6,8 @@ use super::options::Options;
 use crate::Result;
 use crate::blocks::{KdTree, divide};
 use crate::particles::Particles;
-use crate::space::Bounds;
 use crate::progress::Progress;
+use crate::space::Bounds;
 
 /// The blocks of particles in this process.
 pub(super) struct Divided {

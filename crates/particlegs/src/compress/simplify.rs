@@ -6,8 +6,8 @@ use super::target::Target;
 use crate::codec::{self, Encoder};
 use crate::fit::{self, Effort, SimplifyOptions};
 use crate::model::{Block, LawKind, Layer, Metadata, Mixture, Model};
-use crate::space::Bounds;
 use crate::progress::Progress;
+use crate::space::Bounds;
 use crate::{Error, Result};
 
 /// A smaller model's file.

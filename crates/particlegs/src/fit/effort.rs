@@ -1,11 +1,11 @@
 //! The fit of a snapshot: partition, then as much refinement as the effort asks for.
 
 use super::partition::partition_store;
-use crate::pieces::{NoPieces, Pieces};
 use super::{PartitionOptions, RefineOptions, Store, refine};
 use crate::Result;
 use crate::model::Mixture;
 use crate::particles::Particles;
+use crate::pieces::{NoPieces, Pieces};
 use crate::progress::Progress;
 
 /// How much time to spend.

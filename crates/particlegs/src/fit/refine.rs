@@ -11,10 +11,10 @@ use super::em::{Candidates, Cloud, Gaussians, Groups, Shape, Wanted, expect, max
 use super::gain::{Blur, picture_sigma};
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
-use crate::pieces::Pieces;
 use super::{Moments, Partition, Store, pieces as kept};
 use crate::math::{Purpose, Random};
 use crate::model::Mixture;
+use crate::pieces::Pieces;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;

@@ -2,8 +2,8 @@
 
 use super::manifest::Job;
 use crate::compress::{BlockContext, BlockParticles, Checkpoint, CodedBlock, Found, OnStop, SizeMet, Store, do_block};
-use crate::particles::Layered;
 use crate::model::hex;
+use crate::particles::Layered;
 use crate::progress::Progress;
 use crate::train::Limits;
 use crate::{Error, Result, codec};

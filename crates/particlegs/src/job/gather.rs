@@ -3,7 +3,7 @@
 use super::bucket::Buckets;
 use super::manifest::Job;
 use crate::model::Layer;
-use crate::particles::{Blank, Chunk, Layered, Particles, SnapshotMeta, Storage, check_values};
+use crate::particles::{Blank, Chunk, Layered, Particles, SnapshotMeta, Storage};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
@@ -145,6 +145,6 @@ impl<'a> Gathered<'a> {
         let columns = self.columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
         let meta = SnapshotMeta { name: self.job.manifest.plan.metadata.source.clone(), ..SnapshotMeta::default() };
         let particles = Particles::of_columns(columns, self.job.manifest.origin, meta, self.layers);
-        check_values(particles, &self.job.folder.display().to_string(), None)
+        particles.checked(&self.job.folder.display().to_string(), None)
     }
 }

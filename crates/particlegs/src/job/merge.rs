@@ -4,7 +4,7 @@ use super::manifest::Job;
 use crate::codec;
 use crate::compress::{CodedBlock, Decoded, Measure};
 use crate::model::Certificate;
-use crate::particles::{Particles, source_hash};
+use crate::particles::Particles;
 use crate::progress::{Progress, Silent};
 use crate::{Error, Remedy, Result};
 
@@ -17,7 +17,7 @@ impl Job {
     /// snapshot that was planned; [`Error::Unreachable`] where a size asked for cannot be met.
     pub fn merge(&self, particles: Option<&Particles>, progress: &dyn Progress) -> Result<Vec<u8>> {
         let plan = &self.manifest.plan;
-        if particles.is_some_and(|p| source_hash(p) != plan.metadata.source_hash) {
+        if particles.is_some_and(|p| p.source_hash() != plan.metadata.source_hash) {
             return Err(self.changed("its hash is another"));
         }
         self.check_done()?;

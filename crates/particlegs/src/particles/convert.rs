@@ -72,9 +72,9 @@ pub fn write_raw(kept: &Kept<'_>, out: &Path, form: RawForm, progress: &dyn Prog
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::{Column, open_raw};
-    use crate::space::{Bounds, Cell};
+    use crate::particles::Column;
     use crate::progress::Silent;
+    use crate::space::{Bounds, Cell};
 
     /// More than one run of particles on a ramp, in a box of 100 x 10 x 10.
     fn ramp() -> Particles {
@@ -92,7 +92,7 @@ mod tests {
         let made = convert(p, tiling, selection, &out, &Silent);
         let left = std::fs::read_dir(dir.path()).unwrap().count();
         assert_eq!(left, usize::from(made.is_ok()), "temporary files are left");
-        let back = open_raw(&[out])?;
+        let back = Particles::open_raw(&[out])?;
         assert_eq!(made?.particles, back.len() as u64);
         Ok(back)
     }
@@ -208,6 +208,6 @@ mod tests {
         }
         convert(&p, Tiling::single(), Selection::all(), dir.path(), &Silent).unwrap();
         assert!(convert(&p, tiling, Selection::all(), dir.path(), &Stopping(false.into())).is_err());
-        assert_eq!(open_raw(&[dir.path().to_path_buf()]).unwrap().len(), p.len());
+        assert_eq!(Particles::open_raw(&[dir.path().to_path_buf()]).unwrap().len(), p.len());
     }
 }

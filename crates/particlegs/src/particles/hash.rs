@@ -40,36 +40,40 @@ pub fn hash_of_runs<'a>(origin: [f64; 3], runs: impl Iterator<Item = &'a RunHash
     *hasher.finalize().as_bytes()
 }
 
-/// The hash that stands in a model's metadata: the BLAKE3 of the hashes of runs of 65 536 particles, each layer
-/// beginning a run, weights where a layer has them. Runs can be hashed wherever they are read.
-pub fn source_hash(particles: &Particles) -> [u8; 32] {
-    let mut hashes = Vec::new();
-    for layer in particles.layers() {
-        let own = particles.of_layer(layer);
-        hashes.extend(own.par_chunks(|_, chunk| hash_run(&chunk)));
+impl Particles {
+    /// The hash that stands in a model's metadata: the BLAKE3 of the hashes of runs of 65 536 particles, each layer
+    /// beginning a run, weights where a layer has them. Runs can be hashed wherever they are read.
+    pub fn source_hash(&self) -> [u8; 32] {
+        let mut hashes = Vec::new();
+        for layer in self.layers() {
+            let own = self.of_layer(layer);
+            hashes.extend(own.par_chunks(|_, chunk| hash_run(&chunk)));
+        }
+        hash_of_runs(self.origin, hashes.iter())
     }
-    hash_of_runs(particles.origin, hashes.iter())
 }
 
-/// The hash in files that early versions made: BLAKE3 of the columns x, y, z, then of all weights.
-pub fn column_hash(particles: &Particles) -> [u8; 32] {
-    let mut hasher = blake3::Hasher::new();
-    let mut buffer = ChunkBuffer::default();
-    if particles.origin != [0.0; 3] {
-        particles.origin.iter().for_each(|o| {
-            hasher.update(&o.to_le_bytes());
-        });
-    }
-    for axis in 0..3 {
-        for start in (0..particles.len()).step_by(RUN) {
-            let chunk = particles.chunk(start..particles.len().min(start + RUN), &mut buffer);
-            hasher.update(bytemuck::cast_slice(chunk.position[axis]));
+impl Particles {
+    /// The hash in files that early versions made: BLAKE3 of the columns x, y, z, then of all weights.
+    pub fn column_hash(&self) -> [u8; 32] {
+        let mut hasher = blake3::Hasher::new();
+        let mut buffer = ChunkBuffer::default();
+        if self.origin != [0.0; 3] {
+            self.origin.iter().for_each(|o| {
+                hasher.update(&o.to_le_bytes());
+            });
         }
+        for axis in 0..3 {
+            for start in (0..self.len()).step_by(RUN) {
+                let chunk = self.chunk(start..self.len().min(start + RUN), &mut buffer);
+                hasher.update(bytemuck::cast_slice(chunk.position[axis]));
+            }
+        }
+        if let Some(weights) = self.weights() {
+            hasher.update_rayon(bytemuck::cast_slice(weights));
+        }
+        *hasher.finalize().as_bytes()
     }
-    if let Some(weights) = particles.weights() {
-        hasher.update_rayon(bytemuck::cast_slice(weights));
-    }
-    *hasher.finalize().as_bytes()
 }
 
 #[cfg(test)]
@@ -83,24 +87,24 @@ mod tests {
         let columns = Particles::from_columns(vec![1.0, 4.0], vec![2.0, 5.0], vec![3.0, 6.0]);
         let mut triples = columns.clone();
         triples.positions = Positions::Triples(Column::owned(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
-        assert_eq!(source_hash(&columns), source_hash(&triples));
-        assert_eq!(column_hash(&columns), column_hash(&triples));
+        assert_eq!(columns.source_hash(), triples.source_hash());
+        assert_eq!(columns.column_hash(), triples.column_hash());
         let bytes: Vec<u8> = [1f32, 4.0, 2.0, 5.0, 3.0, 6.0].iter().flat_map(|v| v.to_le_bytes()).collect();
-        assert_eq!(column_hash(&columns), *blake3::hash(&bytes).as_bytes());
-        assert_eq!(source_hash(&columns), *blake3::hash(blake3::hash(&bytes).as_bytes()).as_bytes());
+        assert_eq!(columns.column_hash(), *blake3::hash(&bytes).as_bytes());
+        assert_eq!(columns.source_hash(), *blake3::hash(blake3::hash(&bytes).as_bytes()).as_bytes());
     }
 
     #[test]
     fn runs_are_of_layers() {
         let n = RUN + 10;
         let p = Particles::from_columns(vec![1.0; n], vec![2.0; n], vec![3.0; n]);
-        let whole = source_hash(&p);
+        let whole = p.source_hash();
         let layer = |content| Layer { name: "a".into(), mass: Mass::Unknown, content };
         let p = p.with_layers(vec![layer(0..10), layer(10..n)]);
-        assert_ne!(source_hash(&p), whole);
+        assert_ne!(p.source_hash(), whole);
         let small = Particles::from_columns(vec![1.0; 10], vec![2.0; 10], vec![3.0; 10]);
         let large = Particles::from_columns(vec![1.0; RUN], vec![2.0; RUN], vec![3.0; RUN]);
         let runs = [small, large].map(|p| hash_run(&p.chunk(0..p.len(), &mut ChunkBuffer::default())));
-        assert_eq!(hash_of_runs([0.0; 3], runs.iter()), source_hash(&p));
+        assert_eq!(hash_of_runs([0.0; 3], runs.iter()), p.source_hash());
     }
 }

@@ -1,7 +1,7 @@
 //! Periodic images: positions taken near a point.
 
-use crate::space::{Bounds, Cell};
 use super::Chunk;
+use crate::space::{Bounds, Cell};
 use crate::{Error, Remedy, Result};
 
 /// Takes positions at their periodic images nearest to a point.

@@ -1,8 +1,8 @@
 //! Does the box that a snapshot states hold its particles?
 
-use crate::space::{Bounds, Cell};
 use super::Particles;
 use crate::progress::Progress;
+use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
 use rayon::prelude::*;
 

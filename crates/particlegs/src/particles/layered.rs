@@ -7,14 +7,6 @@ use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A layer to be read.
-pub struct LayerSource {
-    /// Its name.
-    pub name: String,
-    /// Its particles; the reader's metadata says the mass of one.
-    pub reader: Arc<dyn SnapshotReader>,
-}
-
 /// Layers of one snapshot, about one origin. Where one layer has weights, or the masses of their
 /// particles differ, particles have masses, if all are known; else none is used.
 pub struct Layered {
@@ -23,37 +15,37 @@ pub struct Layered {
     /// What positions are relative to.
     pub origin: [f64; 3],
     /// The layers, none of them empty.
-    pub layers: Vec<ReadLayer>,
+    pub(crate) layers: Vec<ReadLayer>,
 }
 
 /// A layer that is read run by run.
-pub struct ReadLayer {
+pub(crate) struct ReadLayer {
     /// Name, masses, and number of particles.
     pub layer: Layer<u64>,
     reader: Arc<dyn SnapshotReader>,
 }
 
 impl Layered {
-    /// Layers as their readers give them.
+    /// Layers as their readers give them: a name, and a reader whose metadata says the mass of a particle.
     ///
     /// # Errors
     /// [`Error::Argument`] where there is none.
-    pub fn new(sources: Vec<LayerSource>) -> Result<Self> {
-        let first = &sources.first().ok_or_else(|| Error::argument("no layer was chosen"))?.reader;
-        let mass = |s: &LayerSource| s.reader.meta().particle_mass;
+    pub fn new(sources: Vec<(String, Arc<dyn SnapshotReader>)>) -> Result<Self> {
+        let (_, first) = sources.first().ok_or_else(|| Error::argument("no layer was chosen"))?;
+        let mass = |reader: &Arc<dyn SnapshotReader>| reader.meta().particle_mass;
         let one = first.meta().particle_mass;
-        let known = sources.iter().all(|s| s.reader.has_weights() || mass(s).is_some());
-        let same = sources.iter().all(|s| !s.reader.has_weights() && mass(s) == one);
+        let known = sources.iter().all(|(_, r)| r.has_weights() || mass(r).is_some());
+        let same = sources.iter().all(|(_, r)| !r.has_weights() && mass(r) == one);
         let meta = SnapshotMeta { particle_mass: one.filter(|_| known && same), ..first.meta().clone() };
         // One origin for all: 0 unless every layer lies far from it.
-        let far = |k: usize| sources.iter().all(|s| s.reader.origin()[k] != 0.0);
+        let far = |k: usize| sources.iter().all(|(_, r)| r.origin()[k] != 0.0);
         let origin = [0, 1, 2].map(|k| if far(k) { first.origin()[k] } else { 0.0 });
-        let layers = sources.into_iter().map(|s| {
-            let weighted = known && s.reader.has_weights();
+        let layers = sources.into_iter().map(|(name, reader)| {
+            let weighted = known && reader.has_weights();
             // A weight of its own is the mass; the layer's is in the weights too, for who reads all.
-            let particle_mass = s.reader.meta().particle_mass.filter(|_| known && !weighted);
-            let layer = Layer { name: s.name, mass: Mass::new(weighted, particle_mass), content: s.reader.count() };
-            ReadLayer { layer, reader: s.reader }
+            let particle_mass = reader.meta().particle_mass.filter(|_| known && !weighted);
+            let layer = Layer { name, mass: Mass::new(weighted, particle_mass), content: reader.count() };
+            ReadLayer { layer, reader }
         });
         Ok(Layered { meta, origin, layers: layers.collect() })
     }

@@ -2,43 +2,45 @@
 
 use super::scratch::Blank;
 use super::units::{is_known_length, is_known_mass};
-use crate::space::Cell;
 use super::{InPlace, Layered, Particles, RUN, ReadLayer, SnapshotMeta, Storage};
 use crate::model::Layer;
 use crate::progress::Progress;
+use crate::space::Cell;
 use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Mutex;
 
-/// Reads layers into columns of `storage`, one layer after the other; a single layer is mapped where its
-/// file's layout allows it. `NaN` and infinity stay ([`super::check_values`]).
-///
-/// # Errors
-/// Those of [`Storage::columns`] before anything is read; those of the readers; [`Error::Cancelled`].
-pub fn load(source: &Layered, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
-    let (origin, meta) = (source.origin, source.meta.clone());
-    let weighted = source.has_weights();
-    let layers = layers(source)?;
-    if let Some(InPlace { positions, weights }) = source.in_place() {
-        let particles = Particles::new(positions, [0.0; 3], meta);
-        return Ok(match weights.filter(|_| weighted) {
-            Some(weights) => particles.with_weights(weights),
-            None => particles,
+impl Layered {
+    /// Reads layers into columns of `storage`, one layer after the other; a single layer is mapped where its
+    /// file's layout allows it. `NaN` and infinity stay ([`super::check_values`]).
+    ///
+    /// # Errors
+    /// Those of [`Storage::columns`] before anything is read; those of the readers; [`Error::Cancelled`].
+    pub fn load(&self, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
+        let (origin, meta) = (self.origin, self.meta.clone());
+        let weighted = self.has_weights();
+        let layers = layers(self)?;
+        if let Some(InPlace { positions, weights }) = self.in_place() {
+            let particles = Particles::new(positions, [0.0; 3], meta);
+            return Ok(match weights.filter(|_| weighted) {
+                Some(weights) => particles.with_weights(weights),
+                None => particles,
+            }
+            .with_layers(layers));
         }
-        .with_layers(layers));
+        let total = layers.last().map_or(0, |l| l.content.end);
+        let width = if weighted { 4 } else { 3 };
+        storage.announce("the particles as read", 4 * width as u64 * total as u64, progress);
+        let mut columns = storage.columns("the particles", width, total)?;
+        progress.begin("reading", total as u64);
+        for (layer, place) in self.layers.iter().zip(&layers) {
+            let parts: Vec<&mut [f32]> = columns.iter_mut().map(|c| &mut c[place.content.clone()]).collect();
+            fill(layer, parts, origin, progress)?;
+        }
+        progress.end();
+        let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        Ok(Particles::of_columns(columns, origin, meta, layers))
     }
-    let total = layers.last().map_or(0, |l| l.content.end);
-    let width = if weighted { 4 } else { 3 };
-    storage.announce("the particles as read", 4 * width as u64 * total as u64, progress);
-    let mut columns = storage.columns("the particles", width, total)?;
-    progress.begin("reading", total as u64);
-    for (layer, place) in source.layers.iter().zip(&layers) {
-        let parts: Vec<&mut [f32]> = columns.iter_mut().map(|c| &mut c[place.content.clone()]).collect();
-        fill(layer, parts, origin, progress)?;
-    }
-    progress.end();
-    let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
-    Ok(Particles::of_columns(columns, origin, meta, layers))
 }
 
 /// The layers and where they lie.

@@ -8,65 +8,68 @@ use crate::{Error, Remedy, Result};
 /// Classes of mass at most; more are no classes.
 const MOST_CLASSES: usize = 64;
 
-/// A layer whose particles all have the same weight needs none: the weight becomes its particle mass.
-/// Where all layers then have one and the same, no weights are left.
-pub fn settle_masses(mut particles: Particles) -> Particles {
-    let Some(weights) = particles.weights().cloned() else { return particles };
-    for layer in particles.layers.iter_mut().filter(|l| l.mass.is_weighted()) {
-        let own = &weights[layer.content.clone()];
-        if own.iter().all(|w| *w == own[0]) {
-            layer.mass = layer.mass.all_of_weight(own[0]);
+impl Particles {
+    /// A layer whose particles all have the same weight needs none: the weight becomes its particle mass.
+    /// Where all layers then have one and the same, no weights are left.
+    pub fn settle_masses(mut self) -> Particles {
+        let Some(weights) = self.weights().cloned() else { return self };
+        for layer in self.layers.iter_mut().filter(|l| l.mass.is_weighted()) {
+            let own = &weights[layer.content.clone()];
+            if own.iter().all(|w| *w == own[0]) {
+                layer.mass = layer.mass.all_of_weight(own[0]);
+            }
         }
+        let one = self.layers[0].mass;
+        if !one.is_weighted() && self.layers.iter().all(|l| l.mass == one) {
+            self.meta.particle_mass = one.unit();
+            return self.without_weights();
+        }
+        self
     }
-    let one = particles.layers[0].mass;
-    if !one.is_weighted() && particles.layers.iter().all(|l| l.mass == one) {
-        particles.meta.particle_mass = one.unit();
-        return particles.without_weights();
-    }
-    particles
-}
 
-/// The particles of every layer sorted into one layer for each mass, the lightest first, in columns of
-/// `storage`; order is kept within. Zoom simulations have a few masses, and count and mass then mean the
-/// same within a layer.
-///
-/// # Errors
-/// [`Error::Input`] where there are more than 64 masses; those of [`Storage::columns`].
-pub fn layers_by_mass(particles: &Particles, storage: &Storage) -> Result<Particles> {
-    let Some(weights) = particles.weights() else { return Ok(particles.clone()) };
-    let mut columns = storage.columns("the particles by mass", 4, particles.len())?;
-    let mut layers = Vec::new();
-    let mut end = 0;
-    // Takes the particles of `range` whose weight is `class`, or all.
-    let mut take = |range: &std::ops::Range<usize>, class: Option<f32>| {
-        let start = end;
-        for i in range.clone().filter(|&i| class.is_none_or(|c| weights[i] == c)) {
-            let [x, y, z] = match &particles.positions {
-                Positions::Columns(c) => [c[0][i], c[1][i], c[2][i]],
-                Positions::Triples(t) => [t[3 * i], t[3 * i + 1], t[3 * i + 2]],
-            };
-            columns.iter_mut().zip([x, y, z, weights[i]]).for_each(|(c, v)| c[end] = v);
-            end += 1;
+    /// The particles of every layer sorted into one layer for each mass, the lightest first, in columns of
+    /// `storage`; order is kept within. Zoom simulations have a few masses, and count and mass then mean the
+    /// same within a layer.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there are more than 64 masses; those of [`Storage::columns`].
+    pub fn layers_by_mass(&self, storage: &Storage) -> Result<Particles> {
+        let Some(weights) = self.weights() else { return Ok(self.clone()) };
+        let mut columns = storage.columns("the particles by mass", 4, self.len())?;
+        let mut layers = Vec::new();
+        let mut end = 0;
+        // Takes the particles of `range` whose weight is `class`, or all.
+        let mut take = |range: &std::ops::Range<usize>, class: Option<f32>| {
+            let start = end;
+            for i in range.clone().filter(|&i| class.is_none_or(|c| weights[i] == c)) {
+                let [x, y, z] = match &self.positions {
+                    Positions::Columns(c) => [c[0][i], c[1][i], c[2][i]],
+                    Positions::Triples(t) => [t[3 * i], t[3 * i + 1], t[3 * i + 2]],
+                };
+                columns.iter_mut().zip([x, y, z, weights[i]]).for_each(|(c, v)| c[end] = v);
+                end += 1;
+            }
+            start..end
+        };
+        for layer in self.layers() {
+            if !layer.mass.is_weighted() {
+                layers.push(layer.with(take(&layer.content, None)));
+                continue;
+            }
+            let classes = classes(&weights[layer.content.clone()]).ok_or_else(|| {
+                let what =
+                    format!("`{}` has more than {MOST_CLASSES} different masses: too many for layers", layer.name);
+                Error::input_with(&self.meta.name, what, Remedy::LayersBySpecies)
+            })?;
+            for class in &classes {
+                let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };
+                let content = take(&layer.content, Some(*class));
+                layers.push(Layer { name, mass: layer.mass.all_of_weight(*class), content });
+            }
         }
-        start..end
-    };
-    for layer in particles.layers() {
-        if !layer.mass.is_weighted() {
-            layers.push(layer.with(take(&layer.content, None)));
-            continue;
-        }
-        let classes = classes(&weights[layer.content.clone()]).ok_or_else(|| {
-            let what = format!("`{}` has more than {MOST_CLASSES} different masses: too many for layers", layer.name);
-            Error::input_with(&particles.meta.name, what, Remedy::LayersBySpecies)
-        })?;
-        for class in &classes {
-            let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };
-            let content = take(&layer.content, Some(*class));
-            layers.push(Layer { name, mass: layer.mass.all_of_weight(*class), content });
-        }
+        let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), layers))
     }
-    let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
-    Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), layers))
 }
 
 /// The different weights, rising; `None` where there are too many.
@@ -96,21 +99,21 @@ mod tests {
 
     #[test]
     fn equal_weights_become_a_particle_mass() {
-        let p = settle_masses(weighted(vec![2.5; 4]));
+        let p = weighted(vec![2.5; 4]).settle_masses();
         assert!(p.weights().is_none());
         assert_eq!(p.meta.particle_mass, Some(2.5));
-        assert!(settle_masses(weighted(vec![2.5, 1.0])).weights().is_some());
+        assert!(weighted(vec![2.5, 1.0]).settle_masses().weights().is_some());
     }
 
     #[test]
     fn classes_are_layers_and_keep_order() {
-        let p = layers_by_mass(&weighted(vec![4.0, 0.5, 4.0, 0.5, 0.5]), &Storage::Memory).unwrap();
+        let p = weighted(vec![4.0, 0.5, 4.0, 0.5, 0.5]).layers_by_mass(&Storage::Memory).unwrap();
         let layers = p.layers();
         assert_eq!(layers.iter().map(|l| l.content.clone()).collect::<Vec<_>>(), [0..3, 3..5]);
         assert_eq!((&layers[0].name[..], layers[0].mass), ("particles m=0.5", Mass::Each(0.5)));
         assert_eq!((0..5).map(|i| p.position(i)[0]).collect::<Vec<_>>(), [1.0, 3.0, 4.0, 0.0, 2.0]);
         let total = p.total_mass();
         assert_eq!(total, layers.iter().map(|l| l.mass.unit().unwrap() * l.content.len() as f64).sum::<f64>());
-        assert!(layers_by_mass(&weighted((0..100).map(|i| i as f32 + 1.0).collect()), &Storage::Memory).is_err());
+        assert!(weighted((0..100).map(|i| i as f32 + 1.0).collect()).layers_by_mass(&Storage::Memory).is_err());
     }
 }

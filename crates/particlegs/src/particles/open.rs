@@ -4,33 +4,35 @@ use super::scratch::Blank;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Column, Particles, Positions, SnapshotMeta, Storage, sidecar, sidecar::Sidecar};
 use crate::{Error, Remedy, Result};
-use particlegs_files::input::open_file;
+use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Opens raw float32: one folder with xx.f32, yy.f32, zz.f32 (and ww.f32), or the three or four files
-/// in that order, mapped, not copied. A meta.json beside them tells box, units and layers. Values
-/// are as they are ([`check_values`]).
-///
-/// # Errors
-/// [`Error::Io`] where a file cannot be read; [`Error::Input`] for columns of different lengths and
-/// no particles.
-pub fn open_raw(paths: &[PathBuf]) -> Result<Particles> {
-    let particles = match paths {
-        [] => return Err(Error::argument("no snapshot was named")),
-        [folder] => open_folder(folder)?,
-        [_, _, _] | [_, _, _, _] => open_columns(paths)?,
-        more => {
-            return Err(Error::argument(format!(
-                "{} files were named; raw data are a folder or three or four columns",
-                more.len()
-            )));
+impl Particles {
+    /// Opens raw float32: one folder with xx.f32, yy.f32, zz.f32 (and ww.f32), or the three or four files
+    /// in that order, mapped, not copied. A meta.json beside them tells box, units and layers. Values
+    /// are as they are ([`check_values`]).
+    ///
+    /// # Errors
+    /// [`Error::Io`] where a file cannot be read; [`Error::Input`] for columns of different lengths and
+    /// no particles.
+    pub fn open_raw(paths: &[PathBuf]) -> Result<Particles> {
+        let particles = match paths {
+            [] => return Err(Error::argument("no snapshot was named")),
+            [folder] => open_folder(folder)?,
+            [_, _, _] | [_, _, _, _] => open_columns(paths)?,
+            more => {
+                return Err(Error::argument(format!(
+                    "{} files were named; raw data are a folder or three or four columns",
+                    more.len()
+                )));
+            }
+        };
+        if particles.is_empty() {
+            return Err(Error::input(&paths[0], "no particles"));
         }
-    };
-    if particles.is_empty() {
-        return Err(Error::input(&paths[0], "no particles"));
+        Ok(particles)
     }
-    Ok(particles)
 }
 
 fn open_folder(folder: &Path) -> Result<Particles> {
@@ -95,37 +97,23 @@ fn map_raw(path: &Path) -> Result<Column> {
     })
 }
 
-/// Maps a file and tells its length; `None` for an empty one, which cannot be mapped.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Input`] for what is no regular file.
-pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
-    let (file, length) = open_file(path)?;
-    if length == 0 {
-        return Ok((None, 0));
-    }
-    // SAFETY: the mapping is read only; a file that another program truncates while we read it
-    // raises SIGBUS, as with every mapped reader; nothing is written from it.
-    let map = unsafe { memmap2::Mmap::map(&file) }.map_err(|e| Error::io(path, e))?;
-    let length = map.len();
-    Ok((Some(Arc::new(map)), length))
-}
-
-/// Checks every value: particles with NaN, infinite or (weights) non-positive values are refused, or
-/// dropped into fresh columns of a [`Storage`].
-///
-/// # Errors
-/// [`Error::Input`] at `place`: how many, and the first; those of [`Storage::columns`].
-pub fn check_values(particles: Particles, place: &str, drop: Option<&Storage>) -> Result<Particles> {
-    let invalid = particles.par_chunks(|_, chunk| invalid(&chunk)).into_iter();
-    let invalid = invalid.enumerate().fold(Invalid::default(), |all, (i, own)| all.and((i * CHUNK) as u64, own));
-    match drop {
-        _ if invalid.count == 0 => Ok(particles),
-        None => Err(invalid.refusal(place)),
-        Some(_) if invalid.count == particles.len() as u64 => {
-            Err(Error::input(place, format!("all {} particles are invalid", invalid.count)))
+impl Particles {
+    /// Checks every value: particles with NaN, infinite or (weights) non-positive values are refused, or
+    /// dropped into fresh columns of a [`Storage`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] at `place`: how many, and the first; those of [`Storage::columns`].
+    pub fn checked(self, place: &str, drop: Option<&Storage>) -> Result<Particles> {
+        let invalid = self.par_chunks(|_, chunk| invalid(&chunk)).into_iter();
+        let invalid = invalid.enumerate().fold(Invalid::default(), |all, (i, own)| all.and((i * CHUNK) as u64, own));
+        match drop {
+            _ if invalid.count == 0 => Ok(self),
+            None => Err(invalid.refusal(place)),
+            Some(_) if invalid.count == self.len() as u64 => {
+                Err(Error::input(place, format!("all {} particles are invalid", invalid.count)))
+            }
+            Some(storage) => keep_valid(&self, self.len() - invalid.count as usize, storage),
         }
-        Some(storage) => keep_valid(&particles, particles.len() - invalid.count as usize, storage),
     }
 }
 

@@ -7,11 +7,11 @@
 use super::images::Images;
 use super::scratch::Blank;
 use super::storage::CHUNK;
-use crate::space::Bounds;
 use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
 use crate::math::{Purpose, Random};
 use crate::model::Layer;
 use crate::progress::Progress;
+use crate::space::Bounds;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -55,17 +55,14 @@ pub struct Run {
 /// The draw's place in the order of keys: a particle is drawn where its own is not above.
 type Key = (u64, u64, u32);
 
-/// The particles that a selection keeps, in columns of `storage`, about the same origin.
-///
-/// # Errors
-/// Those of [`Kept::new`]; of [`Storage::columns`] before anything is taken.
-pub fn select(
-    particles: &Particles,
-    selection: Selection,
-    storage: &Storage,
-    progress: &dyn Progress,
-) -> Result<Particles> {
-    Kept::about(particles.origin, particles, Tiling::single(), selection, progress)?.collect(storage, progress)
+impl Particles {
+    /// The particles that a selection keeps, in columns of `storage`, about the same origin.
+    ///
+    /// # Errors
+    /// Those of [`Kept::new`]; of [`Storage::columns`] before anything is taken.
+    pub fn select(&self, selection: Selection, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
+        Kept::about(self.origin, self, Tiling::single(), selection, progress)?.collect(storage, progress)
+    }
 }
 
 /// Runs of a tiled snapshot and what each keeps: what writers are given.

@@ -1,8 +1,8 @@
 //! meta.json beside raw data: box, units, cosmology, layers.
 
-use crate::space::Cell;
 use super::{SnapshotMeta, open::named};
 use crate::model::{Layer, Mass};
+use crate::space::Cell;
 use crate::{Error, Result};
 use particlegs_files::input::{self, Begins, read_own};
 use serde::Deserialize;

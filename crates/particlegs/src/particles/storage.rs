@@ -1,8 +1,8 @@
 //! A snapshot opened whole: columns or triples, owned or mapped.
 
-use crate::space::Bounds;
 use super::{Chunk, ChunkBuffer, SnapshotMeta};
 use crate::model::{Columns, Layer, MASS};
+use crate::space::Bounds;
 use rayon::prelude::*;
 use std::ops::{Deref, Range};
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! Periodic tiling: the snapshot repeated along its cell vectors.
 
-use crate::space::Cell;
 use super::Particles;
+use crate::space::Cell;
 use crate::{Error, Remedy, Result};
 
 /// How often the snapshot stands beside itself along each cell vector. Tiles are numbered with the

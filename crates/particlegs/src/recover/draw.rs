@@ -9,8 +9,8 @@ use super::wrap::Wrap;
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Metadata;
 use crate::particles::Run;
-use crate::space::Bounds;
 use crate::progress::Level;
+use crate::space::Bounds;
 use crate::{Error, Result};
 use std::ops::Range;
 

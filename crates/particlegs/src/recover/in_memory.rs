@@ -74,7 +74,7 @@ mod tests {
     use super::super::plan::tests::model;
     use super::super::{Options, recover};
     use super::*;
-    use crate::particles::{RawForm, open_raw};
+    use crate::particles::RawForm;
     use crate::progress::Silent;
 
     #[test]
@@ -92,7 +92,7 @@ mod tests {
             model_name: "m.pgs".into(),
         };
         recover(m.clone(), [0; 32], &options, &out, &Silent).unwrap();
-        let written = open_raw(&["xx.f32", "yy.f32", "zz.f32"].map(|n| out.join(n))).unwrap();
+        let written = Particles::open_raw(&["xx.f32", "yy.f32", "zz.f32"].map(|n| out.join(n))).unwrap();
         assert_eq!(drawn.len(), 100_307);
         assert!((0..drawn.len()).all(|i| drawn.position(i) == written.position(i)) && drawn.weights().is_none());
         // About an origin far away they are the same, but for rounding.

@@ -138,7 +138,7 @@ mod tests {
     use super::super::plan::tests::model;
     use super::*;
     use crate::model::Mass;
-    use crate::particles::{Particles, open_raw};
+    use crate::particles::Particles;
     use crate::progress::Silent;
 
     fn options(method: Method) -> Options {
@@ -151,7 +151,7 @@ mod tests {
         let made = recover(model, [0; 32], options, &out, &Silent);
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), usize::from(made.is_ok()));
         let number = made?.particles;
-        let p = open_raw(
+        let p = Particles::open_raw(
             &["xx.f32", "yy.f32", "zz.f32", "ww.f32"]
                 .map(|n| out.join(n))
                 .into_iter()

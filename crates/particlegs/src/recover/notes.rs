@@ -1,8 +1,8 @@
 //! What meta.json says about recovered particles.
 
 use super::Options;
-use crate::model::{Certificate, LawKind, Metadata};
 use crate::model::hex;
+use crate::model::{Certificate, LawKind, Metadata};
 use serde_json::{Map, Value, json};
 
 /// The first thing that a reader of meta.json should see.

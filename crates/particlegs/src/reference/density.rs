@@ -110,8 +110,8 @@ mod tests {
     use super::*;
     use crate::camera::Window;
     use crate::math::Random;
-    use crate::space::{Bounds, Cell};
     use crate::progress::Silent;
+    use crate::space::{Bounds, Cell};
 
     /// A window of one box holds all mass, wherever its centre is; half of a box's depth half.
     #[test]

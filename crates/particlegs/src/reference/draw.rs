@@ -7,9 +7,9 @@ use super::project::Projector;
 use crate::Result;
 use crate::camera::{View, clipping_range};
 use crate::particles::Particles;
-use crate::space::Bounds;
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
+use crate::space::Bounds;
 use crate::splat::{Look, tone};
 use particlegs_files::memory::require;
 

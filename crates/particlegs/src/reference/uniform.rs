@@ -2,8 +2,8 @@
 
 use crate::Result;
 use crate::camera::{Projection, View, clipping_range};
-use crate::space::Bounds;
 use crate::picture::{Plane, Size};
+use crate::space::Bounds;
 use crate::splat::opacity_integral;
 use rayon::prelude::*;
 

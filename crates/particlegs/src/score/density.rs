@@ -3,8 +3,8 @@
 use crate::Result;
 use crate::model::{Mixture, Model};
 use crate::particles::Particles;
-use crate::space::{Bounds, Cell};
 use crate::progress::Progress;
+use crate::space::{Bounds, Cell};
 use crate::stats::{Grid, Slab, Splat};
 use rayon::prelude::*;
 

@@ -3,7 +3,7 @@
 use super::*;
 use crate::math::Sym3;
 use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
-use crate::particles::{Particles, open_raw};
+use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::{Progress, Silent};
 use crate::render::Scene;
@@ -12,7 +12,7 @@ const SIZE: Size = Size { width: 160, height: 90 };
 
 fn sample() -> Particles {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    open_raw(&[folder]).unwrap()
+    Particles::open_raw(&[folder]).unwrap()
 }
 
 /// The moments of the particles in each of `n` x `n` x `n` cells.

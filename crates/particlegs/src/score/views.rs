@@ -3,8 +3,8 @@
 
 use crate::camera::{ORBITS, View, ViewSet, base_distance, clipping_range, spiral};
 use crate::math::{Purpose, Random};
-use crate::space::Bounds;
 use crate::picture::Size;
+use crate::space::Bounds;
 
 /// Radius and opacity of the published views, in default radii and as such: lowest and highest.
 const RADIUS_RANGE: [f64; 2] = [0.25, 1.75];

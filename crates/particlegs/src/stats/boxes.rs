@@ -2,8 +2,8 @@
 
 use super::Subject;
 use crate::particles::{check_box, check_particles};
-use crate::space::{Bounds, Cell};
 use crate::progress::Progress;
+use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
 
 /// Boxes whose lengths differ by no more than this share are of one size.

@@ -6,8 +6,8 @@
 //! joined first: of those further apart most are then of one group already, and need no look.
 
 use super::Domain;
-use crate::space::Bounds;
 use crate::progress::Progress;
+use crate::space::Bounds;
 use crate::{Error, Result};
 use rayon::prelude::*;
 
