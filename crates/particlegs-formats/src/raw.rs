@@ -2,7 +2,7 @@
 
 use crate::{Description, Field, Fields, Mass, Snapshot, Species, Weights};
 use particlegs::model::{self, Layer};
-use particlegs::particles::{ONE_LAYER, Particles, SnapshotReader};
+use particlegs::particles::{Particles, SnapshotReader};
 use particlegs::{Error, Result};
 use std::ops::Range;
 use std::path::PathBuf;
@@ -61,7 +61,7 @@ fn species(layer: &Layer<Range<usize>>, weights: bool) -> Species {
 fn counted(particles: Particles) -> Particles {
     let unknown = |l: &Layer<_>| Layer { mass: model::Mass::Unknown, ..l.clone() };
     let layers: Vec<_> = particles.layers().iter().map(unknown).collect();
-    let one_kind = layers.len() == 1 && layers[0].name == ONE_LAYER;
+    let one_kind = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
     particles.without_weights().with_layers(if one_kind { Vec::new() } else { layers })
 }
 

@@ -1,6 +1,6 @@
 //! The formats that snapshots are written in.
 
-use particlegs::particles::{Kept, RawForm, write_raw};
+use particlegs::particles::{Kept, RawForm};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::Path;
@@ -28,7 +28,7 @@ static WRITERS: &[Writer] = &[
         endings: &[],
         holds_box: true,
         folder: true,
-        write: |kept, out, progress| Ok(write_raw(kept, out, RawForm::Columns, progress)?.bytes),
+        write: |kept, out, progress| kept.write_raw(out, RawForm::Columns, progress),
     },
     Writer {
         name: "npy",
@@ -36,7 +36,7 @@ static WRITERS: &[Writer] = &[
         endings: &["npy"],
         holds_box: false,
         folder: false,
-        write: |kept, out, progress| Ok(write_raw(kept, out, RawForm::Npy, progress)?.bytes),
+        write: |kept, out, progress| kept.write_raw(out, RawForm::Npy, progress),
     },
     Writer {
         name: "hdf5",

@@ -1,5 +1,6 @@
 //! Frames of a mixture: `cargo bench --bench render`.
 
+use particlegs::particles::Particles;
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::fit::{PartitionOptions, partition};
 use particlegs::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};

@@ -5,7 +5,7 @@ use crate::inputs::{self, Either, path_as_text};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueHint};
-use particlegs::particles::{FOLDER_FILES, Kept, Storage, Tiling};
+use particlegs::particles::{Kept, Storage, Tiling};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
@@ -96,7 +96,7 @@ pub fn run(a: Arguments) -> Result<()> {
         Err(error) => return context.writes(&a.output, &PARTICLES).and(Err(error)),
     };
     let there = match writer.folder {
-        true => context.outputs().writes_folder(&a.output, &FOLDER_FILES)?,
+        true => context.outputs().writes_folder(&a.output, &RawForm::FOLDER_FILES)?,
         false => context.writes(&a.output, &PARTICLES)?,
     };
     let particles = particlegs_formats::read(&a.input, &choice, &Storage::Memory, &context)?;

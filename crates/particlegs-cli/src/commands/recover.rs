@@ -6,7 +6,7 @@ use crate::outputs::ForceArgs;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
 use particlegs::codec;
-use particlegs::particles::{FOLDER_FILES, RawForm};
+use particlegs::particles::RawForm;
 use particlegs::progress::Progress;
 use particlegs::recover::{Method, Options, is_there, recover};
 use particlegs_files::input::name_of;
@@ -94,7 +94,7 @@ struct Report {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([a.model.as_path()], a.force.force)?;
-    let kept = context.outputs().writes_folder(&a.output, &FOLDER_FILES)?;
+    let kept = context.outputs().writes_folder(&a.output, &RawForm::FOLDER_FILES)?;
     let start = Instant::now();
     let bytes = inputs::model(&a.model, &context)?;
     let mut model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;

@@ -5,6 +5,7 @@ use crate::common::{fails, listing, particlegs, sample};
 use crate::models::tiny;
 use particlegs::codec::{self, Precision};
 use particlegs::model::{LawKind, Model};
+use particlegs::particles::Particles;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

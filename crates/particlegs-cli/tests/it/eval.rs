@@ -4,6 +4,7 @@ use crate::common::{particlegs, sample};
 use crate::models::tiny;
 use particlegs::codec::{self, Precision};
 use particlegs::model::LawKind;
+use particlegs::particles::Particles;
 
 #[test]
 fn scores_by_orbit_in_text_and_json() {

@@ -98,7 +98,7 @@ impl Container {
     /// # Errors
     /// [`Error::Input`] for what is no HDF5 file or a part of one; [`Error::Io`].
     pub fn open(path: &Path) -> Result<Self> {
-        match particlegs::particles::map_file(path)? {
+        match particlegs_files::input::map_file(path)? {
             (Some(map), _) => Self::of(path, map),
             (None, _) => Err(Error::input(path, "the file is empty")),
         }

@@ -2,81 +2,65 @@
 //!
 //! Memory stays at a few runs a thread, whatever the size of the output.
 
-use super::select::{Kept, Run, Selection};
+use super::select::{Kept, Run};
 use super::write::{Described, RawForm, SnapshotWriter};
-use super::{Particles, Tiling};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// What a conversion wrote.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Converted {
-    /// Particles.
-    pub particles: u64,
-    /// Bytes of their columns.
-    pub bytes: u64,
-}
-
-/// Writes `particles`, repeated by `tiling` and thinned by `selection` (crop, then every, then
-/// sample), as [`write_raw`] does. Layer follows layer, in each tile follows tile, particles in input
-/// order. A crop drops the periodic box; weights and the mass of a particle stay as they are.
-///
-/// # Errors
-/// Those of [`Kept::new`] and [`write_raw`].
-pub fn convert(
-    particles: &Particles,
-    tiling: Tiling,
-    selection: Selection,
-    out: &Path,
-    progress: &dyn Progress,
-) -> Result<Converted> {
-    progress.begin("counting particles", 0);
-    let kept = Kept::new(particles, tiling, selection, progress)?;
-    progress.end();
-    write_raw(&kept, out, RawForm::of_name(out), progress)
-}
-
-/// Writes to `out` in the form that is asked for: one .npy of shape (N, 3), or a folder with xx.f32,
-/// yy.f32, zz.f32, ww.f32 where there are weights, and meta.json. Positions are float32 about 0.
-/// Nothing is left where it fails.
-///
-/// # Errors
-/// [`Error::Input`] where positions overflow float32 or weights would be lost; [`Error::Io`];
-/// [`Error::Cancelled`].
-pub fn write_raw(kept: &Kept<'_>, out: &Path, form: RawForm, progress: &dyn Progress) -> Result<Converted> {
-    let weighted = kept.weighted();
-    let writer = SnapshotWriter::create(out, form, kept.total(), weighted)?;
-    progress.begin("writing", kept.total());
-    (0..kept.runs()).into_par_iter().try_for_each_init(
-        || (Run::default(), Vec::new()),
-        |(run, triples), id| {
-            progress.check()?;
-            kept.load(id, run)?;
-            writer.write(kept.first(id), run, triples)?;
-            progress.advance(run.columns[0].len() as u64);
-            Ok::<_, Error>(())
-        },
-    )?;
-    writer.finish(&Described {
-        meta: kept.meta(),
-        layers: kept.layers(),
-        order: "layer by layer, tile by tile, particles in input order",
-        notes: [("made_from".to_string(), kept.notes())].into_iter().collect(),
-    })?;
-    progress.end();
-    Ok(Converted { particles: kept.total(), bytes: kept.total() * if weighted { 16 } else { 12 } })
+impl Kept<'_> {
+    /// Writes float32 at `out`; says how many bytes. Nothing is left at `out` after an error or a stop.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for positions beyond float32, and where weights would be lost; [`Error::Io`] where there
+    /// is no room; [`Error::Output`] where a folder there holds anything but particles; [`Error::Cancelled`].
+    pub fn write_raw(&self, out: &Path, form: RawForm, progress: &dyn Progress) -> Result<u64> {
+        let weighted = self.weighted();
+        let writer = SnapshotWriter::create(out, form, self.total(), weighted)?;
+        progress.begin("writing", self.total());
+        (0..self.runs()).into_par_iter().try_for_each_init(
+            || (Run::default(), Vec::new()),
+            |(run, triples), id| {
+                progress.check()?;
+                self.load(id, run)?;
+                writer.write(self.first(id), run, triples)?;
+                progress.advance(run.columns[0].len() as u64);
+                Ok::<_, Error>(())
+            },
+        )?;
+        writer.finish(&Described {
+            meta: self.meta(),
+            layers: self.layers(),
+            order: "layer by layer, tile by tile, particles in input order",
+            notes: [("made_from".to_string(), self.notes())].into_iter().collect(),
+        })?;
+        progress.end();
+        Ok(self.total() * if weighted { 16 } else { 12 })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::particles::Column;
+    use crate::particles::{Particles, Selection, Tiling};
     use crate::progress::Silent;
     use crate::space::{Bounds, Cell};
 
     /// More than one run of particles on a ramp, in a box of 100 x 10 x 10.
+    /// Writes what a selection keeps; says how many particles that are.
+    fn convert(
+        p: &Particles,
+        tiling: Tiling,
+        selection: Selection,
+        out: &Path,
+        progress: &dyn Progress,
+    ) -> Result<u64> {
+        let kept = Kept::new(p, tiling, selection, progress)?;
+        kept.write_raw(out, RawForm::of_name(out), progress).map(|_| kept.total())
+    }
+
     fn ramp() -> Particles {
         let n = 70_000;
         let x = (0..n).map(|i| i as f32 * 100.0 / n as f32).collect();
@@ -93,7 +77,7 @@ mod tests {
         let left = std::fs::read_dir(dir.path()).unwrap().count();
         assert_eq!(left, usize::from(made.is_ok()), "temporary files are left");
         let back = Particles::open_raw(&[out])?;
-        assert_eq!(made?.particles, back.len() as u64);
+        assert_eq!(made?, back.len() as u64);
         Ok(back)
     }
 

@@ -5,7 +5,7 @@ use super::{Chunk, ChunkBuffer, Particles, RUN};
 /// BLAKE3 of a run of a layer: of its positions (the f32 bytes, little-endian, of x, then y, then z) and
 /// of its weights where there are any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RunHash {
+pub(crate) struct RunHash {
     /// Of the positions.
     pub positions: [u8; 32],
     /// Of the weights.

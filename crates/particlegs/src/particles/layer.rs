@@ -4,10 +4,10 @@ use super::{Column, Particles, Positions, SnapshotMeta};
 use crate::model::{Layer, Mass};
 use std::ops::Range;
 
-/// The name of the one layer of a snapshot that tells no kinds apart.
-pub const ONE_LAYER: &str = "particles";
-
 impl Particles {
+    /// The name of the one layer of a snapshot that tells no kinds apart.
+    pub const ONE_LAYER: &str = "particles";
+
     /// The layers and where their particles lie; at least one. A layer of no particles is none.
     pub fn layers(&self) -> &[Layer<Range<usize>>] {
         &self.layers
@@ -15,13 +15,13 @@ impl Particles {
 
     /// Does the snapshot tell no kinds apart?
     pub(super) fn is_one_kind(&self) -> bool {
-        matches!(&self.layers[..], [one] if one.name == ONE_LAYER)
+        matches!(&self.layers[..], [one] if one.name == Particles::ONE_LAYER)
     }
 
     /// All particles as one layer.
     pub(super) fn one_layer(&self) -> Layer<Range<usize>> {
         let mass = Mass::new(self.weights().is_some(), self.meta.particle_mass);
-        Layer { name: ONE_LAYER.into(), mass, content: 0..self.len() }
+        Layer { name: Particles::ONE_LAYER.into(), mass, content: 0..self.len() }
     }
 
     /// The particles of one layer on their own, borrowed where they lie.

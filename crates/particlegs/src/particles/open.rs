@@ -6,7 +6,6 @@ use super::{ChunkBuffer, Column, Particles, Positions, SnapshotMeta, Storage, si
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 impl Particles {
     /// Opens raw float32: one folder with xx.f32, yy.f32, zz.f32 (and ww.f32), or the three or four files

@@ -22,7 +22,7 @@ pub enum Storage {
 }
 
 /// A column that is being filled, zeros at first.
-pub enum Blank {
+pub(crate) enum Blank {
     /// In memory.
     Memory(Vec<f32>),
     /// In a mapped file.
@@ -31,7 +31,7 @@ pub enum Blank {
 
 impl Storage {
     /// Says what scratch space is about to be taken, if any.
-    pub fn announce(&self, what: &str, bytes: u64, progress: &dyn Progress) {
+    pub(crate) fn announce(&self, what: &str, bytes: u64, progress: &dyn Progress) {
         if let Storage::Disk(folder) = self {
             progress.message(&format!("scratch file for {what}: {bytes} bytes in {}", folder.display()));
         }
@@ -41,7 +41,7 @@ impl Storage {
     ///
     /// # Errors
     /// [`Error::Memory`], or [`Error::Io`] where the disk has no room, before anything is taken.
-    pub fn columns(&self, what: &str, count: usize, len: usize) -> Result<Vec<Blank>> {
+    pub(crate) fn columns(&self, what: &str, count: usize, len: usize) -> Result<Vec<Blank>> {
         let bytes = len as u64 * 4;
         match self {
             Storage::Memory => {

@@ -8,11 +8,9 @@ use std::ops::Range;
 
 /// Columns that the caller owns and reuses.
 #[derive(Default, Debug)]
-pub struct ChunkBuffer {
+pub(crate) struct ChunkBuffer {
     /// x, y, z relative to the origin, same length each.
     pub position: [Vec<f32>; 3],
-    /// Weights (> 0), same length; empty where the source has none.
-    pub weight: Vec<f32>,
 }
 
 /// A borrowed run of particles.

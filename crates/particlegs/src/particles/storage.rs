@@ -169,7 +169,7 @@ impl Particles {
     }
 
     /// The particles of `range` as columns: borrowed where they lie so, else copied to `buffer`.
-    pub fn chunk<'a>(&'a self, range: Range<usize>, buffer: &'a mut ChunkBuffer) -> Chunk<'a> {
+    pub(crate) fn chunk<'a>(&'a self, range: Range<usize>, buffer: &'a mut ChunkBuffer) -> Chunk<'a> {
         let weight = self.weights().map(|w| &w[range.clone()]);
         match &self.positions {
             Positions::Columns([x, y, z]) => {
@@ -189,7 +189,7 @@ impl Particles {
 
     /// Runs `work` over fixed chunks in parallel; results come in the order of the particles,
     /// whatever the threads. `work` gets the index of the chunk's first particle.
-    pub fn par_chunks<T: Send>(&self, work: impl Fn(usize, Chunk<'_>) -> T + Sync) -> Vec<T> {
+    pub(crate) fn par_chunks<T: Send>(&self, work: impl Fn(usize, Chunk<'_>) -> T + Sync) -> Vec<T> {
         let n = self.len();
         (0..n.div_ceil(CHUNK))
             .into_par_iter()

@@ -1,7 +1,7 @@
 //! Snapshots out: raw float32 columns with meta.json, or one .npy; whole or not at all.
 
 use super::select::Run;
-use super::{ONE_LAYER, SnapshotMeta};
+use super::{Particles, SnapshotMeta};
 use crate::model::Layer;
 use crate::{Error, Result};
 use particlegs_files::output::{PlacedFile, WholeFolder, check_space, write_at};
@@ -27,6 +27,9 @@ pub enum RawForm {
 }
 
 impl RawForm {
+    /// The names that a folder of particles may hold, whatever its form.
+    pub const FOLDER_FILES: [&str; 6] = [COLUMNS[0], COLUMNS[1], COLUMNS[2], COLUMNS[3], TRIPLES, SIDECAR];
+
     /// What the name of an output means: a .npy, or a folder of columns.
     pub fn of_name(out: &Path) -> Self {
         if out.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) { RawForm::Npy } else { RawForm::Columns }
@@ -34,7 +37,7 @@ impl RawForm {
 }
 
 /// What is known about a snapshot that is written: its meta.json.
-pub struct Described<'a> {
+pub(crate) struct Described<'a> {
     /// Box, units, cosmology; unknown things are left out.
     pub meta: &'a SnapshotMeta,
     /// Layers, one after the other.
@@ -44,9 +47,6 @@ pub struct Described<'a> {
     /// Further keys, for people and programs that know them.
     pub notes: serde_json::Map<String, serde_json::Value>,
 }
-
-/// The names that a folder of particles may hold, whatever its form.
-pub const FOLDER_FILES: [&str; 6] = [COLUMNS[0], COLUMNS[1], COLUMNS[2], COLUMNS[3], TRIPLES, SIDECAR];
 
 /// A snapshot being written: files of final length beside their place, which go away unless
 /// [`SnapshotWriter::finish`] moves them there together.
@@ -137,7 +137,7 @@ impl SnapshotWriter {
 
 /// A folder with files of these names, each with `header` in front.
 fn folder(out: &Path, names: &[&'static str], bytes: u64, header: &[u8]) -> Result<Target> {
-    let folder = WholeFolder::create(out, &FOLDER_FILES)?;
+    let folder = WholeFolder::create(out, &RawForm::FOLDER_FILES)?;
     let create = |name: &&'static str| {
         let mut file = File::create(folder.path().join(name))?;
         file.write_all(header)?;
@@ -175,7 +175,7 @@ fn write_sidecar(path: &Path, described: &Described<'_>) -> std::io::Result<()> 
         None => {}
     }
     let layers = &described.layers;
-    if layers.len() > 1 || layers.iter().any(|l| l.name != ONE_LAYER) {
+    if layers.len() > 1 || layers.iter().any(|l| l.name != Particles::ONE_LAYER) {
         let layer = |l: &Layer<Range<u64>>| {
             serde_json::json!({
                 "name": l.name,

@@ -5,7 +5,7 @@ use super::draw::{Rules, Scratch};
 use super::notes::notes;
 use super::plan::Plan;
 use crate::model::Model;
-use crate::particles::{Described, ONE_LAYER, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
+use crate::particles::{Described, Particles, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -78,7 +78,7 @@ pub fn recover(
         },
     )?;
     let layers = plan.described();
-    let one = layers.len() == 1 && layers[0].name == ONE_LAYER;
+    let one = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
     let meta = SnapshotMeta {
         name: format!("{} (synthetic)", metadata.source),
         cell: metadata.cell,
