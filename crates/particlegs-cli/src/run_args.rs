@@ -5,7 +5,7 @@ use crate::common::Context;
 use crate::outputs::{LOG, SVG};
 use crate::train_log::{curves, logged};
 use clap::{Args, ValueHint};
-use particlegs::compress::{Checkpoint, Compressed, Found};
+use particlegs::compress::{Checkpoint, Compressed};
 use particlegs::picture::PNG;
 use particlegs::pieces::{NoPieces, Pieces};
 use particlegs::progress::Progress;
@@ -93,19 +93,14 @@ impl RunArgs {
         if !self.resume {
             return Ok(Some(Checkpoint::fresh(path, whose)));
         }
+        let remedy = "with --force and without --resume the run starts from the beginning".into();
+        if !path.exists() {
+            return Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), remedy });
+        }
         let checkpoint = Checkpoint::open(path, whose)?;
-        let hint = "with --force and without --resume the run starts from the beginning";
-        match checkpoint.found() {
-            Found::Ours => Ok(Some(checkpoint)),
-            Found::Nothing => {
-                Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), remedy: hint.into() })
-            }
-            Found::Broken => {
-                Err(Error::input_with(&place, "not a complete checkpoint: it is truncated or altered", hint))
-            }
-            Found::Other => {
-                Err(Error::input_with(&place, "a checkpoint of another command, snapshot or configuration", hint))
-            }
+        match checkpoint.fault() {
+            None => Ok(Some(checkpoint)),
+            Some(fault) => Err(Error::input_with(&place, fault, remedy)),
         }
     }
 

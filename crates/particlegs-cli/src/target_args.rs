@@ -1,8 +1,8 @@
 //! How large a model is to be. Commands add what they mean where nothing is said.
 
 use clap::{Arg, Args};
-use particlegs::Result;
 use particlegs::compress::Target;
+use particlegs::{Error, Result};
 
 /// One target at most.
 #[derive(Args, Clone, Debug)]
@@ -38,9 +38,45 @@ impl TargetArgs {
     pub fn target(&self) -> Result<(Target, String)> {
         Ok(match (self.ratio, &self.size, self.gaussians) {
             (Some(r), ..) => (Target::Ratio(r).check()?, format!(" --ratio {r}")),
-            (_, Some(s), _) => (Target::parse_size(s)?, format!(" --size {s}")),
+            (_, Some(s), _) => (Target::Size(parse_bytes(s)?).check()?, format!(" --size {s}")),
             (.., Some(k)) => (Target::Gaussians(k).check()?, format!(" --gaussians {k}")),
             _ => (Target::Default, String::new()),
         })
+    }
+}
+
+/// Parses a number of bytes: `11MB`, `900 kB`, `1.5GiB`, `83886`.
+///
+/// # Errors
+/// [`Error::Argument`] for anything else.
+pub fn parse_bytes(text: &str) -> Result<u64> {
+    let fail = || Error::argument(format!("size `{text}` is not a number with B, kB, MB, GB, KiB, MiB or GiB"));
+    let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
+    let number: f64 = text[..split].parse().map_err(|_| fail())?;
+    let unit = match text[split..].trim().to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "kb" | "k" => 1e3,
+        "mb" | "m" => 1e6,
+        "gb" | "g" => 1e9,
+        "kib" => 1024.0,
+        "mib" => 1024.0 * 1024.0,
+        "gib" => 1024.0 * 1024.0 * 1024.0,
+        _ => return Err(fail()),
+    };
+    Ok((number * unit).floor() as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes() {
+        assert_eq!(parse_bytes("11MB").unwrap(), 11_000_000);
+        assert_eq!(parse_bytes("1.5 KiB").unwrap(), 1536);
+        assert_eq!(parse_bytes("83886").unwrap(), 83_886);
+        for bad in ["", "MB", "0", "-3MB", "1.2.3", "5 parsecs", "nan"] {
+            assert!(parse_bytes(bad).and_then(|b| Target::Size(b).check()).is_err(), "{bad}");
+        }
     }
 }

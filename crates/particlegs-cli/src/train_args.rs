@@ -4,7 +4,9 @@
 use crate::inputs::Early;
 use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
+use particlegs::codec;
 use particlegs::model::LawKind;
+use particlegs::model::hex;
 use particlegs::train::{Config, Preset};
 use particlegs::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
@@ -220,7 +222,7 @@ impl TuneArgs {
         let mut text = String::new();
         if self.config.is_some() {
             let all = toml::to_string(&self.config(preset, law)?).map_err(|e| Error::argument(e.to_string()))?;
-            text += &format!(" --config blake3:{}", particlegs::compress::name_of(&all));
+            text += &format!(" --config blake3:{}", &hex(&codec::file_hash(all.as_bytes()))[..16]);
         }
         for (option, value) in [("scale", self.scale), ("iterations", self.iterations.map(|n| n as f64))] {
             if let Some(v) = value {

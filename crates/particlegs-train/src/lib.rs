@@ -32,5 +32,5 @@ pub use depth::{DepthConfig, Rates};
 pub(crate) use learner::Crop;
 pub use learner::Densify;
 pub use loss::{Loss, Norm};
-pub use run::{Initial, Limits, Trained, Training};
+pub use run::{Initial, Limits, Trained, TrainedRun, Training};
 pub use subject::Subject;

@@ -68,6 +68,29 @@ pub struct Trained {
     pub stopped: bool,
 }
 
+/// How a training run went.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct TrainedRun {
+    /// Block and layer, where there are several; else empty.
+    pub run: String,
+    /// Steps done.
+    pub iterations: u64,
+    /// Steps that the configuration wants.
+    pub of: u64,
+    /// Masked PSNR on held-out views before the first step and of the best, dB, not coded yet.
+    pub scores: [Option<f64>; 2],
+    /// Steps with gradients that were not finite, and left out.
+    pub not_finite: u64,
+}
+
+impl TrainedRun {
+    /// Of a run of that name under `config`.
+    pub fn of(run: String, config: &Config, trained: &Trained) -> Self {
+        let Trained { iterations, scores, not_finite, .. } = *trained;
+        TrainedRun { run, iterations, of: config.iterations(), scores, not_finite }
+    }
+}
+
 struct Run<'a> {
     config: &'a Config,
     limits: &'a Limits,

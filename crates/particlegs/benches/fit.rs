@@ -1,6 +1,6 @@
 //! Speed of the partition on the sample and on a cloud of four million particles.
 
-use particlegs::fit::{PartitionOptions, partition};
+use particlegs::fit::{Effort, FitOptions, fit};
 use particlegs::math::Random;
 use particlegs::particles::Particles;
 use particlegs::progress::Silent;
@@ -12,9 +12,8 @@ fn main() {
 
 fn cells(bencher: divan::Bencher, p: &Particles, gaussians: usize) {
     let radius = p.bounds().default_radius(p.len() as u64);
-    bencher
-        .counter(divan::counter::ItemsCount::new(p.len()))
-        .bench(|| partition(p, gaussians, radius, PartitionOptions::default(), &Silent).unwrap());
+    let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(gaussians, radius) };
+    bencher.counter(divan::counter::ItemsCount::new(p.len())).bench(|| fit(p, &options, &Silent).unwrap());
 }
 
 #[divan::bench(args = [250, 2500, 25_000], sample_count = 10)]

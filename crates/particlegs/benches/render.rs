@@ -1,9 +1,9 @@
 //! Frames of a mixture: `cargo bench --bench render`.
 
-use particlegs::particles::Particles;
 use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::fit::{PartitionOptions, partition};
+use particlegs::fit::{Effort, FitOptions, fit};
 use particlegs::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
+use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Silent;
 use particlegs::render::{Scene, optical_depth};
@@ -39,8 +39,8 @@ fn far(gaussians: usize) -> (Mixture, Bounds, Size, View) {
     let particles = Particles::open_raw(&[folder.into()]).expect("the sample");
     let bounds = particles.bounds();
     let radius = bounds.default_radius(particles.len() as u64);
-    let cells = partition(&particles, gaussians, radius, PartitionOptions::default(), &Silent).expect("a partition");
-    let mixture = cells.mixture();
+    let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(gaussians, radius) };
+    let mixture = fit(&particles, &options, &Silent).expect("a partition");
     let size = Size { width: 1920, height: 1080 };
     let camera = spherical_camera(bounds.center(), 30.0, 20.0, base_distance(&bounds, size));
     let view = View { name: "far".into(), camera, radius, opacity: 0.05 };

@@ -2,7 +2,7 @@
 //! from.
 
 use particlegs::Error;
-use particlegs::compress::{Checkpoint, Compression, FineTuning, Found, Options, Target};
+use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target};
 use particlegs::fit::Effort;
 use particlegs::job::{Done, Job, Source, Task, plan};
 use particlegs::model::{LawKind, Layer, Mass};
@@ -148,7 +148,7 @@ fn other_options_are_other_work() {
     assert_eq!(Checkpoint::open(path.clone(), &ids[0]).unwrap().len(), 1);
     for other in &ids[1..] {
         let opened = Checkpoint::open(path.clone(), other).unwrap();
-        assert!(opened.is_empty() && opened.found() == Found::Other);
+        assert!(opened.is_empty() && opened.fault().is_some());
     }
 }
 

@@ -6,8 +6,9 @@ use crate::info_model;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
+use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
-use particlegs::compress::{Compressed, Compression, Options, is_asked_for, is_made_of, parse_bytes};
+use particlegs::compress::{Compressed, Compression, Options};
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
 use particlegs::picture::PNG;
@@ -171,7 +172,7 @@ impl Arguments {
         if kept {
             let bytes = crate::inputs::model(self.output(), context)?;
             let told = codec::read_metadata(&bytes, &self.output().display().to_string())?;
-            if !is_asked_for(&told, options) {
+            if !options.ask_for(&told) {
                 return Err(context.refused(self.output()));
             }
         }
@@ -194,7 +195,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     let (bytes, place) = (crate::inputs::model(a.output(), context)?, a.output().display().to_string());
     let model = codec::decode_with(&bytes, &place, context)?;
     let certificate = model.certificate.as_ref();
-    if !is_made_of(&model.metadata, certificate.is_some(), particles, options)? {
+    if !options.made(&model.metadata, certificate.is_some(), particles)? {
         return Err(context.refused(a.output()));
     }
     let (raw_bytes, gaussians) = (particles.raw_bytes(), model.gaussians());

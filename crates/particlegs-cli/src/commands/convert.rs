@@ -5,7 +5,7 @@ use crate::inputs::{self, Either, path_as_text};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueHint};
-use particlegs::particles::{Kept, Storage, Tiling};
+use particlegs::particles::{Kept, RawForm, Storage, Tiling};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;

@@ -64,14 +64,16 @@ pub fn run(a: Arguments) -> Result<()> {
         return Err(context.refused(&a.output));
     }
     let gaussians_in = model.gaussians();
-    let done = simplify(model, bytes.len() as u64, target, &command, &context)?;
+    let raw_bytes: u64 = model.layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
+    let bytes = simplify(model, bytes.len() as u64, target, &command, &context)?;
     context.check()?;
-    context.write_model(&a.output, &done.bytes, kept)?;
+    let info = codec::read_info(&bytes, &name_of(&a.output))?;
+    context.write_model(&a.output, &bytes, kept)?;
     let report = Report {
         gaussians_in,
-        gaussians: done.gaussians,
-        model_bytes: done.bytes.len(),
-        compression_ratio: done.raw_bytes as f64 / done.bytes.len() as f64,
+        gaussians: info.layers.iter().flat_map(|l| &l.content).map(|b| b.gaussians as usize).sum(),
+        model_bytes: bytes.len(),
+        compression_ratio: raw_bytes as f64 / bytes.len() as f64,
         seconds: start.elapsed().as_secs_f64(),
         output: a.output,
     };

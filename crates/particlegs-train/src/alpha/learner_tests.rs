@@ -324,11 +324,12 @@ fn models_hold_what_was_trained() {
 /// A mixture of the optical-depth law is a far better start than particles at random.
 #[test]
 fn a_mixture_is_a_start() {
-    use particlegs::fit::{PartitionOptions, partition};
+    use particlegs::fit::{Effort, FitOptions, fit};
     let lesson = lesson(QUICK, 2);
     let ground = ground(&lesson.bounds, lesson.particles.len() as u64);
-    let cells = partition(&lesson.particles, 600, ground.radius, PartitionOptions::default(), &Silent).unwrap();
-    let from = AlphaLearner::from_mixture(&cells.mixture(), ground, AlphaConfig::default()).unwrap();
+    let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(600, ground.radius) };
+    let mixture = fit(&lesson.particles, &options, &Silent).unwrap();
+    let from = AlphaLearner::from_mixture(&mixture, ground, AlphaConfig::default()).unwrap();
     let (mixture, random) = (score(&from, &lesson), score(&small_learner(&lesson, AlphaConfig::default()), &lesson));
     println!("masked PSNR of the start: mixture {mixture:.2}, particles {random:.2} dB");
     assert!(mixture > random + 5.0, "{mixture} {random}");

@@ -14,7 +14,7 @@ use crate::particles::Particles;
 use crate::pieces::Pieces;
 use crate::progress::Progress;
 use crate::space::Bounds;
-use crate::train::{Config, Limits, Trained};
+use crate::train::{Limits, TrainedRun};
 
 /// What the blocks of a job are made by.
 #[derive(Clone, Copy)]
@@ -67,29 +67,6 @@ pub(crate) struct CodedBlock {
     pub stopped: bool,
     /// Seconds by phase.
     pub clock: Clock,
-}
-
-/// How a training run went.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct TrainedRun {
-    /// Block and layer, where there are several; else empty.
-    pub run: String,
-    /// Steps done.
-    pub iterations: u64,
-    /// Steps that the configuration wants.
-    pub of: u64,
-    /// Masked PSNR on held-out views before the first step and of the best, dB, not coded yet.
-    pub scores: [Option<f64>; 2],
-    /// Steps with gradients that were not finite, and left out.
-    pub not_finite: u64,
-}
-
-impl TrainedRun {
-    /// Of a run of that name under `config`.
-    pub(super) fn of(run: String, config: &Config, trained: &Trained) -> Self {
-        let Trained { iterations, scores, not_finite, .. } = *trained;
-        TrainedRun { run, iterations, of: config.iterations(), scores, not_finite }
-    }
 }
 
 impl BlockParticles {

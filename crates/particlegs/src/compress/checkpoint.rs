@@ -20,7 +20,7 @@ const INTERVAL: Duration = Duration::from_secs(60);
 
 /// What there was where a checkpoint is looked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found {
+enum Found {
     /// No file.
     Nothing,
     /// A file that is half-written, changed, or no checkpoint.
@@ -67,9 +67,13 @@ impl Checkpoint {
         Ok(Checkpoint { path, head, pieces, saved: Instant::now(), unsaved: 0, found })
     }
 
-    /// What there was when it was opened.
-    pub fn found(&self) -> Found {
-        self.found
+    /// Why what was there when it was opened cannot be gone on from; `None` where it can, or nothing was there.
+    pub fn fault(&self) -> Option<&'static str> {
+        match self.found {
+            Found::Ours | Found::Nothing => None,
+            Found::Broken => Some("not a complete checkpoint: it is truncated or altered"),
+            Found::Other => Some("a checkpoint of another command, snapshot or configuration"),
+        }
     }
 
     /// Of new work: what is there is not looked at.
@@ -204,7 +208,7 @@ mod tests {
     fn what_was_found_is_told() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.checkpoint");
-        let found = |whose: u8| Checkpoint::open(path.clone(), &[whose; 32]).unwrap().found();
+        let found = |whose: u8| Checkpoint::open(path.clone(), &[whose; 32]).unwrap().found;
         assert_eq!(found(1), Found::Nothing);
         let mut c = Checkpoint::fresh(path.clone(), &[1; 32]);
         c.keep("fit", vec![7]).unwrap();

@@ -41,26 +41,28 @@ pub(super) fn describe(meta: &SnapshotMeta, known: &Known, options: &Options, bl
     }
 }
 
-/// Is a model file of `told`, with or without a certificate, what `options` make of `particles`? Never
-/// said of training, which time may have ended.
-///
-/// # Errors
-/// As [`Options::blocks_of`].
-pub fn is_made_of(told: &Metadata, has_certificate: bool, particles: &Particles, options: &Options) -> Result<bool> {
-    if options.training.is_some() || has_certificate != options.certificate || !is_asked_for(told, options) {
-        return Ok(false);
+impl Options {
+    /// Is a model file of `told`, with or without a certificate, what these options make of `particles`? Never
+    /// said of training, which time may have ended.
+    ///
+    /// # Errors
+    /// As [`Options::blocks_of`].
+    pub fn made(&self, told: &Metadata, has_certificate: bool, particles: &Particles) -> Result<bool> {
+        if self.training.is_some() || has_certificate != self.certificate || !self.ask_for(told) {
+            return Ok(false);
+        }
+        let (count, source_hash) = (particles.len() as u64, particles.source_hash());
+        let known = Known { count, bounds: told.bounds, source_hash };
+        let asked = describe(&particles.meta, &known, self, self.blocks_of(particles)?);
+        // What the hash decides, and how files are called, is not compared.
+        Ok(*told == Metadata { mass: told.mass, source: told.source.clone(), ..asked })
     }
-    let (count, source_hash) = (particles.len() as u64, particles.source_hash());
-    let known = Known { count, bounds: told.bounds, source_hash };
-    let asked = describe(&particles.meta, &known, options, options.blocks_of(particles)?);
-    // What the hash decides, and how files are called, is not compared.
-    Ok(*told == Metadata { mass: told.mass, source: told.source.clone(), ..asked })
-}
 
-/// Can a model file of `told` be what `options` make, whatever the number of blocks that memory asks for?
-pub fn is_asked_for(told: &Metadata, options: &Options) -> bool {
-    let rest = told.command.strip_prefix(&options.command);
-    options.training.is_none() && rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(" --blocks "))
+    /// Can a model file of `told` be what these options make, whatever the number of blocks that memory asks for?
+    pub fn ask_for(&self, told: &Metadata) -> bool {
+        let rest = told.command.strip_prefix(&self.command);
+        self.training.is_none() && rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(" --blocks "))
+    }
 }
 
 /// ParaView users' usual opacity, and the published default.

@@ -1,6 +1,5 @@
 //! A merged alpha-blend model trained further on the whole snapshot (paper section III-D).
 
-use super::block::TrainedRun;
 use super::certify::{Decoded, Measure};
 use super::clock::Clock;
 use super::run::Compressed;
@@ -12,7 +11,7 @@ use crate::particles::Particles;
 use crate::pieces::{Pieces, Under};
 use crate::progress::Progress;
 use crate::reference::Reference;
-use crate::train::{AlphaConfig, Config, Defaults, Initial, Limits, Trained, Training};
+use crate::train::{AlphaConfig, Config, Defaults, Initial, Limits, Trained, TrainedRun, Training};
 use crate::{Error, Remedy, Result};
 
 /// What `finetune` is asked to do.

@@ -1,6 +1,6 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
-use super::block::{BlockContext, OnStop, TrainedRun};
+use super::block::{BlockContext, OnStop};
 use super::clock::Clock;
 use super::size::{Coded, SizeTarget, bytes_a_gaussian};
 use crate::codec::Encoder;
@@ -10,7 +10,7 @@ use crate::particles::Particles;
 use crate::pieces::{Pieces, Under};
 use crate::reference::Reference;
 use crate::space::Bounds;
-use crate::train::{Config, Defaults, Initial, Limits, Start, Trained, Training};
+use crate::train::{Config, Defaults, Initial, Limits, Start, Trained, TrainedRun, Training};
 use crate::{Error, Result};
 use std::ops::Range;
 

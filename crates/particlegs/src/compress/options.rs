@@ -98,8 +98,3 @@ fn within(bound_bytes: u64, need_bytes: u64, blocks: u32) -> Result<u32> {
     }
     Err(Error::Bound { what: format!("a fit in {blocks} blocks"), need_bytes, bound_bytes })
 }
-
-/// The first half of a text's BLAKE3, as digits: names a configuration in a command.
-pub fn name_of(text: &str) -> String {
-    blake3::hash(text.as_bytes()).to_hex()[..16].to_string()
-}

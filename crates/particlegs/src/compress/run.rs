@@ -1,6 +1,6 @@
 //! From particles to a measured file, in one process.
 
-use super::block::{BlockContext, CodedBlock, OnStop, TrainedRun};
+use super::block::{BlockContext, CodedBlock, OnStop};
 use super::certify::{Decoded, Measure};
 use super::clock::Clock;
 use super::divided::Divided;
@@ -16,6 +16,7 @@ use crate::particles::{Layered, Particles, Storage, check_particles};
 use crate::pieces::Pieces;
 use crate::progress::Progress;
 use crate::space::Bounds;
+use crate::train::TrainedRun;
 use crate::{Error, Result};
 use particlegs_files::memory::require;
 use particlegs_files::output;

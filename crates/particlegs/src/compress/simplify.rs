@@ -10,16 +10,6 @@ use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
 
-/// A smaller model's file.
-pub struct Simplified {
-    /// The file, whole.
-    pub bytes: Vec<u8>,
-    /// Its Gaussians.
-    pub gaussians: usize,
-    /// Bytes of the particles that it stands for, as float32.
-    pub raw_bytes: u64,
-}
-
 /// Reduces `model` (of `model_bytes` bytes) to a number of Gaussians or a ratio; every layer becomes
 /// one block. What is known about the source stays, its hash with it; the certificate goes.
 /// `command` is stored before the model's own.
@@ -34,7 +24,7 @@ pub fn simplify(
     target: Target,
     command: &str,
     progress: &dyn Progress,
-) -> Result<Simplified> {
+) -> Result<Vec<u8>> {
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;
     if metadata.law != LawKind::OpticalDepth {
@@ -62,10 +52,9 @@ pub fn simplify(
             return Err(Error::argument("a model is simplified to a ratio, a size or a number of Gaussians"));
         }
     };
-    let gaussians = coded.iter().map(|c| c.gaussians as usize).sum();
     let bytes = job.file(coded)?;
     codec::check(&bytes, "the simplified model", progress)?;
-    Ok(Simplified { bytes, gaussians, raw_bytes })
+    Ok(bytes)
 }
 
 /// All blocks of a layer as one.

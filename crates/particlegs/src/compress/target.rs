@@ -82,35 +82,6 @@ impl Target {
             Target::Psnr(v) => format!("a quality of {v} dB"),
         }
     }
-
-    /// Parses a size: `11MB`, `900 kB`, `1.5GiB`, `83886`.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for anything else.
-    pub fn parse_size(text: &str) -> Result<Self> {
-        Target::Size(parse_bytes(text)?).check()
-    }
-}
-
-/// Parses a number of bytes: `11MB`, `900 kB`, `1.5GiB`, `83886`.
-///
-/// # Errors
-/// [`Error::Argument`] for anything else.
-pub fn parse_bytes(text: &str) -> Result<u64> {
-    let fail = || Error::argument(format!("size `{text}` is not a number with B, kB, MB, GB, KiB, MiB or GiB"));
-    let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
-    let number: f64 = text[..split].parse().map_err(|_| fail())?;
-    let unit = match text[split..].trim().to_ascii_lowercase().as_str() {
-        "" | "b" => 1.0,
-        "kb" | "k" => 1e3,
-        "mb" | "m" => 1e6,
-        "gb" | "g" => 1e9,
-        "kib" => 1024.0,
-        "mib" => 1024.0 * 1024.0,
-        "gib" => 1024.0 * 1024.0 * 1024.0,
-        _ => return Err(fail()),
-    };
-    Ok((number * unit).floor() as u64)
 }
 
 #[cfg(test)]
@@ -130,15 +101,5 @@ mod tests {
         assert!(words.contains("ratio 8.3, 7200 bytes") && words.contains("200 bytes, too few"), "{words}");
         assert_eq!(Target::Default.choice_in_words(12 << 18).unwrap(), "no target given: ratio 300, 10485 bytes");
         assert_eq!(Target::Ratio(300.0).choice_in_words(1000), None);
-    }
-
-    #[test]
-    fn sizes() {
-        assert_eq!(Target::parse_size("11MB").unwrap(), Target::Size(11_000_000));
-        assert_eq!(Target::parse_size("1.5 KiB").unwrap(), Target::Size(1536));
-        assert_eq!(Target::parse_size("83886").unwrap(), Target::Size(83_886));
-        for bad in ["", "MB", "0", "-3MB", "1.2.3", "5 parsecs", "nan"] {
-            assert!(Target::parse_size(bad).is_err(), "{bad}");
-        }
     }
 }

@@ -1,6 +1,6 @@
 //! The fit of a snapshot: partition, then as much refinement as the effort asks for.
 
-use super::partition::partition_store;
+use super::partition::partition;
 use super::{PartitionOptions, RefineOptions, Store, refine};
 use crate::Result;
 use crate::model::Mixture;
@@ -38,6 +38,14 @@ pub struct FitOptions {
     pub share: f64,
 }
 
+impl FitOptions {
+    /// So many Gaussians for pictures of particles of `radius` (world units), at the default effort, blind to
+    /// pixels, with seed 0.
+    pub fn new(gaussians: usize, radius: f64) -> Self {
+        FitOptions { gaussians, effort: Effort::Default, radius, pixel: 0.0, seed: 0, share: 1.0 }
+    }
+}
+
 /// Fits at most `options.gaussians` Gaussians to `particles`.
 ///
 /// # Errors
@@ -73,7 +81,7 @@ impl<'a> Fitter<'a> {
             None => Store::new(self.particles),
         };
         let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
-        let cells = partition_store(store, options.gaussians, options.radius, how, progress)?;
+        let cells = partition(store, options.gaussians, options.radius, how, progress)?;
         let (particles, gaussians) = (cells.store.len(), cells.cells.len());
         let Some(how) = options.effort.refinement(particles, gaussians, options) else { return Ok(cells.mixture()) };
         let mixture = refine(&cells, options.radius, &how, pieces, progress)?;
@@ -86,7 +94,7 @@ impl<'a> Fitter<'a> {
 impl Effort {
     /// The refinement that `particles` and `gaussians` allow, decided by cost alone (never by a
     /// clock, so that results repeat); `None` for the partition alone.
-    pub fn refinement(self, particles: usize, gaussians: usize, options: &FitOptions) -> Option<RefineOptions> {
+    pub(super) fn refinement(self, particles: usize, gaussians: usize, options: &FitOptions) -> Option<RefineOptions> {
         // Most rounds, particle visits by rounds (about 1 CPU-second a million), particles a Gaussian.
         let (most, visits, sample) = match self {
             Effort::Fast => return None,

@@ -17,8 +17,12 @@ mod gain;
 mod memory;
 mod moments;
 mod partition;
+#[cfg(test)]
+mod partition_tests;
 mod pieces;
 mod refine;
+#[cfg(test)]
+mod refine_tests;
 mod select;
 mod shade;
 mod simplify;
@@ -29,7 +33,7 @@ pub(crate) use effort::Fitter;
 pub use effort::{Effort, FitOptions, fit};
 pub(crate) use memory::memory_needed;
 pub(crate) use moments::Moments;
-pub use partition::{Partition, PartitionOptions, partition};
-pub use refine::{RefineOptions, refine};
+use partition::{Partition, PartitionOptions};
+use refine::{RefineOptions, refine};
 pub(crate) use simplify::{SimplifyOptions, simplify};
 pub(crate) use store::Store;

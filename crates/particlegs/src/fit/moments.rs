@@ -70,23 +70,6 @@ impl Moments {
             cov,
         }
     }
-
-    /// Moments of both sets together.
-    pub fn merged(&self, other: &Moments) -> Moments {
-        let (a, b) = (self.count as f64, other.count as f64);
-        let n = a + b;
-        if n == 0.0 {
-            return Moments::default();
-        }
-        let d: [f64; 3] = std::array::from_fn(|k| other.mean[k] - self.mean[k]);
-        let spread = Sym3::outer(d).scale(a * b / (n * n));
-        Moments {
-            count: self.count + other.count,
-            mass: self.mass + other.mass,
-            mean: std::array::from_fn(|k| self.mean[k] + d[k] * (b / n)),
-            cov: self.cov.scale(a / n).add(&other.cov.scale(b / n)).add(&spread),
-        }
-    }
 }
 
 fn sums(level: Level, xyz: &[[f32; 3]], reference: [f32; 3]) -> [f64; 9] {
@@ -166,16 +149,6 @@ mod tests {
                 let size = (plain.cov.0[[0, 0, 0, 3, 3, 5][k]] * plain.cov.0[[0, 3, 5, 3, 5, 5][k]]).sqrt();
                 assert!((fast.cov.0[k] - plain.cov.0[k]).abs() <= 1e-5 * size, "{n} {k}");
             }
-        }
-    }
-
-    #[test]
-    fn merging_is_exact() {
-        let xyz: Vec<[f32; 3]> = (0..100).map(|i| [(i % 7) as f32, (i % 11) as f32, (i * i % 13) as f32]).collect();
-        let (a, b) = xyz.split_at(37);
-        let (whole, merged) = (Moments::of(&xyz, None), Moments::of(a, None).merged(&Moments::of(b, None)));
-        for k in 0..6 {
-            assert!((whole.cov.0[k] - merged.cov.0[k]).abs() < 1e-12);
         }
     }
 }

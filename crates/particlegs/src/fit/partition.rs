@@ -10,7 +10,6 @@ use super::gain::{Blob, Blur, picture_sigma};
 use super::select::{Made, best_cuts};
 use super::{Moments, Store};
 use crate::model::{Columns, Law, MASS, Mixture};
-use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -18,7 +17,7 @@ use std::ops::Range;
 
 /// How to cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PartitionOptions {
+pub(crate) struct PartitionOptions {
     /// Blur under which pictures are compared, in particle radii. Small values favour fine detail
     /// and small drawing radii, large ones large radii. On nbody128 at 19 000 cells 4, 5 and 6 give
     /// 29.08, 29.03 and 28.93 dB at the default radius, 20.7, 21.0 and 21.3 dB at six times that.
@@ -37,7 +36,7 @@ impl Default for PartitionOptions {
 
 /// Cells of particles that lie side by side in the store.
 #[derive(Clone, Debug)]
-pub struct Partition {
+pub(crate) struct Partition {
     /// The particles, reordered.
     pub store: Store,
     /// Each cell's particles, in the store's order: together they are the whole store.
@@ -60,24 +59,13 @@ struct Pending {
     gain: f64,
 }
 
-/// Cuts `particles` into at most `gaussians` cells for pictures drawn with `radius` (world units).
+/// Cuts the particles of `store` into at most `gaussians` cells for pictures drawn with `radius` (world units).
 /// Fewer come back where fewer places are occupied. The result does not depend on threads.
 ///
 /// # Errors
 /// [`Error::Argument`] for no particles, no Gaussians, or a radius that is not positive;
 /// [`Error::Cancelled`].
-pub fn partition(
-    particles: &Particles,
-    gaussians: usize,
-    radius: f64,
-    options: PartitionOptions,
-    progress: &dyn Progress,
-) -> Result<Partition> {
-    partition_store(Store::new(particles), gaussians, radius, options, progress)
-}
-
-/// [`partition`] of particles that are copied already.
-pub(super) fn partition_store(
+pub(super) fn partition(
     mut store: Store,
     gaussians: usize,
     radius: f64,

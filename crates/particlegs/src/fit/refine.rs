@@ -21,7 +21,7 @@ use std::ops::Range;
 
 /// How long to refine.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RefineOptions {
+pub(crate) struct RefineOptions {
     /// EM iterations before the first round.
     pub first_iterations: usize,
     /// Rounds of split and merge.
@@ -56,7 +56,7 @@ const FOCUS: f64 = 1.0;
 /// # Errors
 /// [`Error::Argument`] for a radius that is not positive; those of [`Pieces::keep`];
 /// [`Error::Cancelled`].
-pub fn refine(
+pub(crate) fn refine(
     partition: &Partition,
     radius: f64,
     options: &RefineOptions,

@@ -1,7 +1,7 @@
 //! One block of a job: read, fitted, coded, written.
 
 use super::manifest::Job;
-use crate::compress::{BlockContext, BlockParticles, Checkpoint, CodedBlock, Found, OnStop, SizeMet, Store, do_block};
+use crate::compress::{BlockContext, BlockParticles, Checkpoint, CodedBlock, OnStop, SizeMet, Store, do_block};
 use crate::model::hex;
 use crate::particles::Layered;
 use crate::progress::Progress;
@@ -66,7 +66,7 @@ impl Job {
             return Ok(Done::Before(report));
         }
         let mut checkpoint = Checkpoint::open(self.block_path(block, "checkpoint"), &self.id)?;
-        if matches!(checkpoint.found(), Found::Broken | Found::Other) {
+        if checkpoint.fault().is_some() {
             let place = checkpoint.path().display();
             progress.message(&format!(
                 "warning: {place}: damaged, or of another plan; the block starts from the beginning"

@@ -31,7 +31,7 @@ pub(crate) enum Blank {
 
 impl Storage {
     /// Says what scratch space is about to be taken, if any.
-    pub(crate) fn announce(&self, what: &str, bytes: u64, progress: &dyn Progress) {
+    pub fn announce(&self, what: &str, bytes: u64, progress: &dyn Progress) {
         if let Storage::Disk(folder) = self {
             progress.message(&format!("scratch file for {what}: {bytes} bytes in {}", folder.display()));
         }

@@ -1,11 +1,12 @@
 //! Refinement on the sample and on degenerate input, through the public interface.
 
-use particlegs::fit::{Effort, FitOptions, PartitionOptions, RefineOptions, fit, partition, refine};
-use particlegs::math::Sym3;
-use particlegs::model::Mixture;
-use particlegs::particles::{Column, Particles};
-use particlegs::pieces::NoPieces;
-use particlegs::progress::{Progress, Scalar, Silent};
+use crate::fit::partition::partition;
+use crate::fit::{Effort, FitOptions, PartitionOptions, RefineOptions, Store, fit, refine};
+use crate::math::Sym3;
+use crate::model::Mixture;
+use crate::particles::{Column, Particles};
+use crate::pieces::NoPieces;
+use crate::progress::{Progress, Scalar, Silent};
 use std::path::Path;
 
 fn sample() -> Particles {
@@ -22,7 +23,7 @@ fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixtu
 }
 
 fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, progress: &dyn Progress) -> Mixture {
-    let cells = partition(p, gaussians, radius(p), PartitionOptions::default(), progress).unwrap();
+    let cells = partition(Store::new(p), gaussians, radius(p), PartitionOptions::default(), progress).unwrap();
     let options = RefineOptions { first_iterations: 3, rounds, iterations: 2, sample, pixel: 0.0, seed: 1 };
     refine(&cells, radius(p), &options, &mut NoPieces, progress).unwrap()
 }
@@ -61,7 +62,7 @@ fn projected_error(m: &Mixture, p: &Particles, blur: f64) -> f64 {
 #[test]
 fn refinement_beats_the_partition_in_projection() {
     let p = sample();
-    let cells = partition(&p, 150, radius(&p), PartitionOptions::default(), &Silent).unwrap();
+    let cells = partition(Store::new(&p), 150, radius(&p), PartitionOptions::default(), &Silent).unwrap();
     let blur = 6.0 * radius(&p);
     let before = projected_error(&cells.mixture(), &p, blur);
     let after = projected_error(&refined(&p, 150, 4, 1e9), &p, blur);

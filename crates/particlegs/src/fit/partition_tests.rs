@@ -1,9 +1,10 @@
 //! The partition: nothing lost, any input, any number of threads.
 
-use particlegs::fit::{Partition, PartitionOptions, partition};
-use particlegs::math::Random;
-use particlegs::particles::{Column, Particles};
-use particlegs::progress::{Progress, Scalar, Silent};
+use crate::fit::partition::partition;
+use crate::fit::{Partition, PartitionOptions, Store};
+use crate::math::Random;
+use crate::particles::{Column, Particles};
+use crate::progress::{Progress, Scalar, Silent};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -13,7 +14,7 @@ fn cut(p: &Particles, gaussians: usize) -> Partition {
 
 fn cut_with(p: &Particles, gaussians: usize, progress: &dyn Progress) -> Partition {
     let radius = p.bounds().default_radius(p.len() as u64);
-    partition(p, gaussians, radius, PartitionOptions::default(), progress).unwrap()
+    partition(Store::new(p), gaussians, radius, PartitionOptions::default(), progress).unwrap()
 }
 
 /// Cells tile the store, the store is a permutation of the particles, sums are kept.
@@ -130,9 +131,9 @@ fn threads_do_not_matter() {
 fn nonsense_is_refused() {
     let p = cloud(5, 10, 1.0, [false; 3]);
     for radius in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(partition(&p, 3, radius, PartitionOptions::default(), &Silent).is_err());
+        assert!(partition(Store::new(&p), 3, radius, PartitionOptions::default(), &Silent).is_err());
     }
-    assert!(partition(&p, 0, 1.0, PartitionOptions::default(), &Silent).is_err());
+    assert!(partition(Store::new(&p), 0, 1.0, PartitionOptions::default(), &Silent).is_err());
 }
 
 proptest! {
