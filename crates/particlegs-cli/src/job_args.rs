@@ -2,7 +2,7 @@
 
 use crate::common::Context;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
-use particlegs::job::{Job, Source};
+use particlegs::job::Job;
 use particlegs::particles::{Layered, Particles, Storage};
 use particlegs::{Error, Result};
 use particlegs_files::input::{is_stream, name_of};
@@ -56,7 +56,7 @@ impl JobSnapshot {
     /// As a job's manifest names it.
     pub fn of(job: &Job) -> Result<Self> {
         let place = job.folder.join("plan.json");
-        let value = job.manifest.snapshot.clone();
+        let value = job.snapshot().clone();
         serde_json::from_value(value).map_err(|e| Error::input(&place, format!("names no snapshot: {e}")))
     }
 
@@ -70,20 +70,18 @@ impl JobSnapshot {
         self.paths.first().map_or_else(String::new, |p| p.display().to_string())
     }
 
-    /// The snapshot as it is planned; what cannot be read where it lies is put into `storage`.
-    pub fn source(&self, storage: &Storage, context: &Context) -> Result<Source> {
+    /// The snapshot, and whether tasks can open it again and read any part of it; what cannot be read where it
+    /// lies is put into `storage`.
+    pub fn source(&self, storage: &Storage, context: &Context) -> Result<(Layered, bool)> {
         match self.opening.open_later(&self.paths, self.subset(), context)? {
-            Some(layered) => Ok(Source::Later(layered)),
-            None => Ok(Source::Now(self.particles(storage, context)?)),
+            Some(layered) => Ok((layered, true)),
+            None => Ok((Layered::of(&self.particles(storage, context)?), false)),
         }
     }
 
     /// The snapshot, to be read run by run.
     pub fn layered(&self, context: &Context) -> Result<Layered> {
-        match self.source(&Storage::Memory, context)? {
-            Source::Later(layered) => Ok(layered),
-            Source::Now(particles) => Ok(Layered::of(&particles)),
-        }
+        Ok(self.source(&Storage::Memory, context)?.0)
     }
 
     /// The particles.

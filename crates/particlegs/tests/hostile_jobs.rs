@@ -4,7 +4,7 @@
 
 use particlegs::compress::{Options, Target};
 use particlegs::fit::Effort;
-use particlegs::job::{Job, Source, Task, plan};
+use particlegs::job::{Job, Task};
 use particlegs::math::Random;
 use particlegs::model::{Layer, Mass};
 use particlegs::particles::{Layered, Particles};
@@ -68,8 +68,8 @@ fn planned(folder: &Path) -> Job {
         blocks: Some(2),
         ..Options::default()
     };
-    let task = Task { options: &options, snapshot: "a cloud".into(), place: "here", replace: false };
-    plan(Source::Now(particles()), &task, folder, &Silent).unwrap().job
+    let task = Task { options: &options, snapshot: "a cloud".into(), place: "here", replace: false, reopened: false };
+    Job::plan(Layered::of(&particles()), &task, folder, &Silent).unwrap()
 }
 
 /// A whole job to be altered: planned, one of two blocks done.
@@ -247,7 +247,8 @@ fn a_sound_job_passes_every_step() {
 #[test]
 fn altered_plans() {
     let dir = tempfile::tempdir().unwrap();
-    let original: Value = serde_json::to_value(&planned(dir.path()).manifest).unwrap();
+    let original: Value =
+        serde_json::from_slice(&std::fs::read(planned(dir.path()).folder.join("plan.json")).unwrap()).unwrap();
     let case = |(plan, what): (Value, String)| -> Case {
         let text = plan.to_string();
         let alter = move |folder: &Path| {

@@ -4,7 +4,7 @@
 use particlegs::Error;
 use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target};
 use particlegs::fit::Effort;
-use particlegs::job::{Done, Job, Source, Task, plan};
+use particlegs::job::{Job, Task};
 use particlegs::model::{LawKind, Layer, Mass};
 use particlegs::particles::{Layered, Particles, Storage};
 use particlegs::progress::{Progress, Silent};
@@ -35,8 +35,8 @@ fn sample() -> Particles {
 fn planned(folder: &Path) -> Job {
     let options =
         Options { target: Target::Ratio(200.0), seed: 3, certificate: false, blocks: Some(2), ..Options::default() };
-    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false };
-    plan(Source::Now(sample()), &task, folder, &Silent).unwrap().job
+    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
+    Job::plan(Layered::of(&sample()), &task, folder, &Silent).unwrap()
 }
 
 /// A sound block with a right report is refused where it is another block's.
@@ -70,7 +70,7 @@ fn a_block_goes_on_where_it_stopped() {
     let (mut stops, mut questions) = (0, 20);
     let pieces = loop {
         match job.block(0, source, &StopsAt(AtomicU64::new(questions))) {
-            Ok(Done::Now(_, before)) => break before,
+            Ok(report) => break report.continued.unwrap(),
             Err(Error::Cancelled) => {
                 stops += 1;
                 questions *= 2;
@@ -83,7 +83,7 @@ fn a_block_goes_on_where_it_stopped() {
     assert!(pieces > 0, "no checkpoint was used");
     assert_eq!(std::fs::read(job.folder.join("blocks/00000.pgs")).unwrap(), whole);
     assert!(!checkpoint.exists());
-    assert!(matches!(job.block(0, source, &Silent), Ok(Done::Before(_))));
+    assert_eq!(job.block(0, source, &Silent).unwrap().continued, None);
 }
 
 /// A few particles in a box.

@@ -3,7 +3,7 @@
 use crate::common::Common;
 use crate::job_args::{JobSnapshot, of_task, task_number};
 use clap::{Args, ValueHint};
-use particlegs::job::{Done, Job};
+use particlegs::job::Job;
 use particlegs::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
@@ -34,22 +34,17 @@ pub fn run(a: Arguments) -> Result<()> {
     let job = Job::open(&a.job)?;
     let number = task_number(&a.block)?;
     let block = u32::try_from(number).map_err(|_| {
-        Error::argument(format!(
-            "block {number} is outside the {} of this job, counted from 0",
-            job.manifest.plan.blocks
-        ))
+        Error::argument(format!("block {number} is outside the {} of this job, counted from 0", job.blocks()))
     })?;
     let snapshot = JobSnapshot::of(&job)?;
     context.reads_job(&a.job, snapshot.paths(), false)?;
     context.finishes_its_steps();
-    let done = job.block(block, || snapshot.layered(&context), &context);
-    let done = done.map_err(|e| of_task(e, &a.job, &format!("block {block}")))?;
-    let (report, how) = match &done {
-        Done::Before(report) => (report, "was already done".to_string()),
-        Done::Now(report, 0) => (report, "done".to_string()),
-        Done::Now(report, pieces) => {
-            (report, format!("done, continued from a checkpoint with {pieces} finished parts"))
-        }
+    let report = job.block(block, || snapshot.layered(&context), &context);
+    let report = report.map_err(|e| of_task(e, &a.job, &format!("block {block}")))?;
+    let how = match report.continued {
+        None => "was already done".to_string(),
+        Some(0) => "done".to_string(),
+        Some(pieces) => format!("done, continued from a checkpoint with {pieces} finished parts"),
     };
     let seconds: f64 = report.seconds.iter().map(|s| s.1).sum();
     let text = format!(
@@ -59,5 +54,5 @@ pub fn run(a: Arguments) -> Result<()> {
         report.gaussians,
         report.bytes
     );
-    context.finish(&text, &json!({ "before": matches!(done, Done::Before(_)), "report": report }))
+    context.finish(&text, &json!({ "before": report.continued.is_none(), "report": report }))
 }

@@ -131,10 +131,10 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
     context.reads_job(folder, snapshot.paths(), a.force.force)?;
     let kept = context.writes(&a.output, &codec::MODEL)?;
     // The same job gives the same bytes; another one's work is not begun.
-    if kept && !crate::info_model::is_of_command(&a.output, &job.manifest.plan.metadata.command, context)? {
+    if kept && !crate::info_model::is_of_command(&a.output, &job.metadata().command, context)? {
         return Err(context.refused(&a.output));
     }
-    let measured = job.manifest.plan.certificate && !a.no_certificate;
+    let measured = job.certificate() && !a.no_certificate;
     // Blocks that are missing are named before the snapshot is read.
     job.check_done()?;
     let particles = match measured {
@@ -142,5 +142,5 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
         false => None,
     };
     let bytes = job.merge(particles.as_ref(), context)?;
-    Ok((bytes, job.manifest.plan.blocks as usize, kept))
+    Ok((bytes, job.blocks() as usize, kept))
 }

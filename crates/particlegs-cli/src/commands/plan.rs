@@ -8,7 +8,7 @@ use crate::outputs::ForceArgs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
-use particlegs::job::{self, Job, Task};
+use particlegs::job::{Job, Task};
 use particlegs::particles::Storage;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -97,33 +97,32 @@ pub fn run(a: Arguments) -> Result<()> {
     // What is in the folder is looked at by the plan itself; only an input it must not be.
     context.outputs().writes_job(&a.output)?;
     context.makes_folder(&a.output)?;
-    let source = snapshot.source(&Storage::Disk(a.output.clone()), &context)?;
-    let task = Task { options: &options, snapshot: named, place: &snapshot.place(), replace: a.force.force };
-    let planned = job::plan(source, &task, &a.output, &context)?;
-    let (m, plan) = (&planned.job.manifest, &planned.job.manifest.plan);
+    let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), &context)?;
+    let task = Task { reopened, options: &options, snapshot: named, place: &snapshot.place(), replace: a.force.force };
+    let job = Job::plan(source, &task, &a.output, &context)?;
     let folder = a.output.display();
     let mut text = format!(
         "{folder}: {} particles in {} blocks{}",
-        plan.metadata.count,
-        plan.blocks,
-        if planned.before { " (already planned; nothing changed)" } else { "" }
+        job.metadata().count,
+        job.blocks(),
+        if job.planned_before() { " (already planned; nothing changed)" } else { "" }
     );
-    text += &match m.chunks {
+    text += &match job.chunks() {
         0 => "\nscatter: not needed; blocks read the snapshot directly".to_string(),
         chunks => format!(
             "\nscatter: particlegs scatter {folder}, or its {chunks} chunks one by one; {} bytes in total",
-            plan.column_bytes()
+            job.scatter_bytes()
         ),
     };
-    text += &format!("\nblocks: particlegs block {folder} 0 to {}", plan.blocks - 1);
+    text += &format!("\nblocks: particlegs block {folder} 0 to {}", job.blocks() - 1);
     text += &format!("\nthen: particlegs merge {folder} -o MODEL.pgs");
     let value = json!({
-        "job": a.output.to_string_lossy(), "particles": plan.metadata.count, "blocks": plan.blocks, "chunks": m.chunks,
-        "scatter_bytes": if m.chunks > 0 { plan.column_bytes() } else { 0 }, "memory": m.memory, "planned_before": planned.before,
+        "job": a.output.to_string_lossy(), "particles": job.metadata().count, "blocks": job.blocks(), "chunks": job.chunks(),
+        "scatter_bytes": job.scatter_bytes(), "memory": job.memory(), "planned_before": job.planned_before(),
     });
     let Some(engine) = a.emit else { return context.finish(&text, &value) };
     text.lines().for_each(|line| context.message(line));
-    let script = script(engine, &planned.job, a.common.threads.unwrap_or(THREADS))?;
+    let script = script(engine, &job, a.common.threads.unwrap_or(THREADS))?;
     if let Some(target) = &a.common.json {
         crate::report::json(target, &value)?;
     }
@@ -146,8 +145,8 @@ fn script(engine: Engine, job: &Job, threads: usize) -> Result<String> {
             program,
             model: model.into(),
             folder,
-            chunks: job.manifest.chunks,
-            blocks: u64::from(job.manifest.plan.blocks),
+            chunks: job.chunks(),
+            blocks: u64::from(job.blocks()),
             task_bytes: job.task_bytes(),
             merge_bytes: job.merge_bytes(),
             threads,

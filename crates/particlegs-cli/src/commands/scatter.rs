@@ -30,7 +30,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let job = Job::open(&a.job)?;
     let chunks = match &a.chunk {
-        None => 0..job.manifest.chunks,
+        None => 0..job.chunks(),
         Some(text) => {
             let number = task_number(text)?;
             number..number.saturating_add(1)

@@ -6,7 +6,7 @@ use crate::learner::{Crop, Densify, Learner, Moment, NotFinite, Shot};
 use crate::loss::Loss;
 use crate::state::State;
 use crate::targets_tests::Cloud;
-use particlegs::particles::{Particles, open_raw};
+use particlegs::particles::Particles;
 use particlegs::reference::Reference;
 use particlegs_core::camera::{Normalisation, ORBITS, View, base_distance, spiral};
 use particlegs_core::math::Random;
@@ -53,7 +53,7 @@ fn lesson(size: Size, frames: usize) -> Lesson {
 }
 
 fn lesson_of(folder: &str, size: Size, frames: usize) -> Lesson {
-    let particles = open_raw(&[folder.into()]).unwrap();
+    let particles = Particles::open_raw(&[folder.into()]).unwrap();
     let bounds = particles.bounds();
     let radius = bounds.default_radius(particles.len() as u64);
     let reference = Reference::new(&particles);

@@ -29,7 +29,7 @@ pub(crate) use executor::{Store, do_block};
 pub use finetune::{FineTuning, finetune};
 pub(crate) use memory::Load;
 pub use options::Options;
-pub use plan::Plan;
+pub(crate) use plan::Plan;
 pub use run::{Compressed, Compression, compress};
 pub use simplify::simplify;
 pub(crate) use size::SizeMet;

@@ -29,21 +29,15 @@ pub struct BlockReport {
     /// Multiple of the nominal steps, of the largest layer.
     pub step_factor: f64,
     /// How the largest layer meets its size.
-    pub size_met: SizeMet,
+    pub(super) size_met: SizeMet,
     /// Wall-clock seconds by phase.
     pub seconds: Vec<(String, f64)>,
+    /// Parts that a checkpoint held when the block was done just now; `None` where it was done before.
+    #[serde(skip)]
+    pub continued: Option<usize>,
 }
 
 const REPORT: Form = Form { title: "a block's report", begins: Begins::Object, most: 1 << 20, expansion: 16 };
-
-/// How [`Job::block`] ended.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Done {
-    /// It was done before.
-    Before(BlockReport),
-    /// It is done now, with so many pieces from a checkpoint.
-    Now(BlockReport, usize),
-}
 
 impl Job {
     /// Does block `block`: nothing where it is done, the rest where a checkpoint is there. `source`
@@ -54,7 +48,12 @@ impl Job {
     /// [`Error::Argument`] for a block that there is not; [`Error::Input`] where its buckets are
     /// missing or broken or the snapshot changed; those of the fit; [`Error::Cancelled`] after what was
     /// finished has been kept in a checkpoint.
-    pub fn block(&self, block: u32, source: impl FnOnce() -> Result<Layered>, progress: &dyn Progress) -> Result<Done> {
+    pub fn block(
+        &self,
+        block: u32,
+        source: impl FnOnce() -> Result<Layered>,
+        progress: &dyn Progress,
+    ) -> Result<BlockReport> {
         let blocks = self.manifest.plan.blocks;
         if block >= blocks {
             let what = format!("block {block} is outside the {blocks} that this job has, counted from 0");
@@ -63,7 +62,7 @@ impl Job {
         if let Some(report) = self.report(block)?
             && self.block_path(block, "pgs").metadata().is_ok_and(|m| m.len() == report.bytes)
         {
-            return Ok(Done::Before(report));
+            return Ok(report);
         }
         let mut checkpoint = Checkpoint::open(self.block_path(block, "checkpoint"), &self.id)?;
         if checkpoint.fault().is_some() {
@@ -85,7 +84,7 @@ impl Job {
             return Err(error);
         }
         checkpoint.remove()?;
-        Ok(Done::Now(folder.report.expect("a block that is kept"), before))
+        Ok(BlockReport { continued: Some(before), ..folder.report.expect("a block that is kept") })
     }
 
     /// What is said of a block; `None` where it is not done, or for another plan.
@@ -137,6 +136,7 @@ impl<F: FnOnce() -> Result<Layered>> Store for Folder<'_, F> {
             step_factor: coded.step_factor,
             size_met: coded.size_met,
             seconds: coded.clock.seconds().into_iter().map(|(phase, s)| (phase.into(), s)).collect(),
+            continued: None,
         };
         let text = serde_json::to_string_pretty(&report).expect("plain data") + "\n";
         output::write_bytes(&job.block_path(block, "json"), text.as_bytes())?;

@@ -4,6 +4,7 @@ use super::runs;
 use crate::blocks::{KdTree, RunSurvey};
 use crate::codec::MOST_LAYERS;
 use crate::compress::Plan;
+use crate::model::Metadata;
 use crate::particles::{Layered, RUN};
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -26,7 +27,7 @@ struct Versioned {
 
 /// What a job's folder says of itself: `plan.json`. The same snapshot and options give the same text.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
+pub(super) struct Manifest {
     /// Version of the folder's layout.
     pub particlegs_job: u32,
     /// How the snapshot is opened: the caller's own.
@@ -109,13 +110,14 @@ pub struct Job {
     /// Where it lies.
     pub folder: PathBuf,
     /// What it says.
-    pub manifest: Manifest,
+    pub(super) manifest: Manifest,
     /// BLAKE3 of the manifest, by which every file names its plan.
     pub(super) id: [u8; 32],
     /// Runs before each layer, and in all.
     pub(super) starts: Vec<u64>,
     /// The snapshot's runs.
     pub(super) runs: Vec<RunSurvey>,
+    pub(super) before: bool,
 }
 
 impl Job {
@@ -145,7 +147,7 @@ impl Job {
         let id = *blake3::hash(&text).as_bytes();
         let starts = manifest.layer_runs();
         let runs = runs::read(&folder.join("runs.bin"), &id, starts[starts.len() - 1])?;
-        Ok(Job { folder: folder.to_path_buf(), manifest, id, starts, runs })
+        Ok(Job { folder: folder.to_path_buf(), manifest, id, starts, runs, before: true })
     }
 
     /// Is this a folder with a plan?
@@ -156,6 +158,46 @@ impl Job {
     /// The buckets of a chunk.
     pub fn chunk_path(&self, chunk: u64) -> PathBuf {
         self.folder.join(format!("scatter/{chunk:05}.bin"))
+    }
+
+    /// Was it planned before, by the same plan?
+    pub fn planned_before(&self) -> bool {
+        self.before
+    }
+
+    /// The snapshot as the caller of [`Job::plan`] named it.
+    pub fn snapshot(&self) -> &serde_json::Value {
+        &self.manifest.snapshot
+    }
+
+    /// What the merged file says of itself.
+    pub fn metadata(&self) -> &Metadata {
+        &self.manifest.plan.metadata
+    }
+
+    /// Does the merged file get a certificate?
+    pub fn certificate(&self) -> bool {
+        self.manifest.plan.certificate
+    }
+
+    /// Number of blocks.
+    pub fn blocks(&self) -> u32 {
+        self.manifest.plan.blocks
+    }
+
+    /// Number of chunks that the snapshot is sorted in; 0 where blocks read it where it lies.
+    pub fn chunks(&self) -> u64 {
+        self.manifest.chunks
+    }
+
+    /// Bytes that its chunks take together.
+    pub fn scatter_bytes(&self) -> u64 {
+        if self.manifest.chunks > 0 { self.manifest.plan.column_bytes() } else { 0 }
+    }
+
+    /// Bytes of memory that a task may take, where the plan says.
+    pub fn memory(&self) -> Option<u64> {
+        self.manifest.memory
     }
 
     /// A block's file with this ending.

@@ -20,7 +20,7 @@ mod runs;
 mod scatter;
 mod status;
 
-pub use block::{BlockReport, Done};
-pub use manifest::{Job, Manifest};
-pub use plan::{Planned, Source, Task, plan};
+pub use block::BlockReport;
+pub use manifest::Job;
+pub use plan::Task;
 pub use status::{State, Status};

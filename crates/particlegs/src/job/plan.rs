@@ -6,23 +6,17 @@ use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, Survey};
 use crate::compress::{Options, Plan, Target};
-use crate::particles::{Layered, Particles, RUN, check_box};
+use crate::particles::{Layered, RUN, check_box};
 use crate::progress::Progress;
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::read_own;
 use particlegs_files::output;
 use std::path::Path;
 
-/// A snapshot to be planned.
-pub enum Source {
-    /// Read where it lies, by every task that needs it.
-    Later(Layered),
-    /// Chosen particles that only this process has: they are bucketed at once.
-    Now(Particles),
-}
-
 /// What is asked for.
 pub struct Task<'a> {
+    /// Can blocks open the snapshot again, and read any part of it? Where not, its particles are sorted into blocks now.
+    pub reopened: bool,
     /// As for [`crate::compress::compress`]; the memory is that of a task.
     pub options: &'a Options,
     /// How the snapshot is opened again: the caller's own.
@@ -31,14 +25,6 @@ pub struct Task<'a> {
     pub place: &'a str,
     /// Give another plan that is in the folder up, with all that was done for it?
     pub replace: bool,
-}
-
-/// A job that is planned.
-pub struct Planned {
-    /// The job.
-    pub job: Job,
-    /// Was the same plan there already?
-    pub before: bool,
 }
 
 /// Runs a chunk has at most: 33 million particles.
@@ -52,44 +38,41 @@ pub(super) const BUCKETED: u64 = 40;
 /// Blocks read a snapshot where it lies if together they read it no more than this often.
 const READ_AGAIN: f64 = 2.0;
 
-/// Plans a job in `folder`: reads the snapshot once, then writes the manifest, whole or not at all.
-/// The same plan again changes nothing.
-///
-/// # Errors
-/// [`Error::Argument`] for a target that only all blocks together meet and for more blocks than there are
-/// places; [`Error::Output`] where the folder holds another plan or something else; [`Error::Input`] for
-/// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
-pub fn plan(source: Source, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Planned> {
-    if let Target::Psnr(_) = task.options.target {
-        return Err(Error::Argument {
-            what: "a PSNR target is met by all blocks together, which a job cannot do".into(),
-            remedy: Remedy::NoQuality,
-        });
+impl Job {
+    /// Plans a job in `folder`: reads the snapshot once, then writes the manifest, whole or not at all.
+    /// The same plan again changes nothing.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a target that only all blocks together meet and for more blocks than there are
+    /// places; [`Error::Output`] where the folder holds another plan or something else; [`Error::Input`] for
+    /// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
+    pub fn plan(mut source: Layered, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Job> {
+        if let Target::Psnr(_) = task.options.target {
+            return Err(Error::Argument {
+                what: "a PSNR target is met by all blocks together, which a job cannot do".into(),
+                remedy: Remedy::NoQuality,
+            });
+        }
+        check_folder(folder)?;
+        let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;
+        let mut survey = Survey::new(&source, task.place, blocks != 1, progress)?;
+        survey.settle(&mut source);
+        let mut manifest = manifest(&source, &survey, blocks, task)?;
+        manifest.plan.announce(progress);
+        if !task.reopened || reads(&manifest.tree, &survey) > READ_AGAIN {
+            manifest.chunks = (survey.runs.len() as u64).div_ceil(manifest.chunk_runs);
+        }
+        let text = manifest.text();
+        let before = is_there(folder, &text, task.replace)?;
+        let id = *blake3::hash(text.as_bytes()).as_bytes();
+        let starts = manifest.layer_runs();
+        let job = Job { folder: folder.to_path_buf(), manifest, id, starts, runs: survey.runs, before };
+        let written = write(&job, (!task.reopened).then_some(&source), &text, progress);
+        if written.is_err() && !before {
+            clear(folder)?;
+        }
+        written.map(|()| job)
     }
-    check_folder(folder)?;
-    let at_once = matches!(source, Source::Now(_));
-    let mut source = match source {
-        Source::Later(layered) => layered,
-        Source::Now(particles) => Layered::of(&particles),
-    };
-    let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;
-    let mut survey = Survey::new(&source, task.place, blocks != 1, progress)?;
-    survey.settle(&mut source);
-    let mut manifest = manifest(&source, &survey, blocks, task)?;
-    manifest.plan.announce(progress);
-    if at_once || reads(&manifest.tree, &survey) > READ_AGAIN {
-        manifest.chunks = (survey.runs.len() as u64).div_ceil(manifest.chunk_runs);
-    }
-    let text = manifest.text();
-    let before = is_there(folder, &text, task.replace)?;
-    let id = *blake3::hash(text.as_bytes()).as_bytes();
-    let starts = manifest.layer_runs();
-    let job = Job { folder: folder.to_path_buf(), manifest, id, starts, runs: survey.runs };
-    let written = write(&job, at_once.then_some(&source), &text, progress);
-    if written.is_err() && !before {
-        clear(folder)?;
-    }
-    written.map(|()| Planned { job, before })
 }
 
 /// Writes the files of a plan, the manifest last; chunks too where `source` is only here.
