@@ -2,7 +2,7 @@
 
 use particlegs::particles::RUN;
 use particlegs::progress::Silent;
-use particlegs_formats::{Fields, OpenOptions, open};
+use particlegs_formats::{Choice, open};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -19,10 +19,10 @@ fn file() -> &'static PathBuf {
 /// Any bytes as a file of format `name`: described, and every species read to its end.
 pub fn fuzz_format(name: &str, data: &[u8]) {
     std::fs::write(file(), data).expect("room for the input");
-    let options = OpenOptions { format: Some(name.into()), ..OpenOptions::default() };
+    let options = Choice { format: Some(name.into()), ..Choice::default() };
     let Ok(snapshot) = open(&[file().clone()], &options) else { return };
     for (index, species) in snapshot.description().species.iter().enumerate() {
-        let Ok(reader) = snapshot.reader(index, &Fields::default()) else { continue };
+        let Ok(reader) = snapshot.reader(index, &Choice::default()) else { continue };
         assert_eq!(reader.count(), species.count);
         let _ = reader.read(0..reader.count().div_ceil(RUN as u64), &Silent, &|run, chunk| {
             let n = reader.count().min((run + 1) * RUN as u64) - run * RUN as u64;

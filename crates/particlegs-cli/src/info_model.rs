@@ -7,14 +7,13 @@ use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
-    Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
+    AlphaBlend, Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
 use particlegs::picture::number;
 use particlegs::progress::Progress;
 use particlegs::score::{self, Verdict};
 use particlegs::space::Cell;
 use particlegs_files::input::name_of;
-use particlegs_formats::SPLAT_PLY_BYTES;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
@@ -110,7 +109,7 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
         metadata: metadata(&info.metadata),
         layers: info.layers.iter().map(layer_report).collect(),
         vizmapper: info.vizmapper.as_ref().map(network),
-        published_bytes: gaussians * SPLAT_PLY_BYTES,
+        published_bytes: gaussians * AlphaBlend::PLY_BYTES,
         certificate: info.certificate.as_ref(),
         verdict: score::verdict(info.certificate.as_ref(), info.metadata.length_unit.as_deref()),
     };
@@ -161,8 +160,9 @@ fn text(r: &Report<'_>) -> String {
     row(
         "as published",
         format!(
-            "{} bytes as PLY, {SPLAT_PLY_BYTES} a Gaussian, ratio {:.1}",
+            "{} bytes as PLY, {} a Gaussian, ratio {:.1}",
             r.published_bytes,
+            AlphaBlend::PLY_BYTES,
             r.raw_bytes as f64 / r.published_bytes as f64
         ),
     );

@@ -6,7 +6,7 @@ use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::particles::SnapshotMeta;
 use particlegs::space::{Bounds, Cell};
-use particlegs_formats::{Choice, Description, Field, Mass, describe};
+use particlegs_formats::{Choice, Description, Field, Mass};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ struct Report<'a> {
 
 /// Describes the snapshot in words or as JSON.
 pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool) -> Result<()> {
-    let (description, bounds) = describe(paths, choice, bounds, context)?;
+    let (description, bounds) = choice.describe(paths, bounds, context)?;
     let report = Report {
         particles: description.species.iter().map(|s| s.count).sum(),
         redshift: description.meta.scale_factor.map(|a| 1.0 / a - 1.0),

@@ -5,7 +5,7 @@ use particlegs::particles::{Layered, Particles, Selection, Stated, Storage};
 use particlegs::progress::Progress;
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
-use particlegs_formats::{Choice, Fields, OpenOptions, Weights, read, read_later};
+use particlegs_formats::{Choice, Weights};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -58,7 +58,7 @@ pub enum LayersBy {
 
 /// Names of the formats, for the help and its completion.
 fn names() -> Vec<&'static str> {
-    particlegs_formats::Format::all().iter().map(|f| f.name).collect()
+    Choice::formats().collect()
 }
 
 /// Which particles to keep.
@@ -139,7 +139,7 @@ impl SnapshotArgs {
         subset: Subset<'_>,
         progress: &dyn Progress,
     ) -> Result<Particles> {
-        read(paths, &self.choice_of(subset)?, storage, progress)
+        self.choice_of(subset)?.read(paths, storage, progress)
     }
 
     /// A subset of it, to be read in parts where it lies, if that can be.
@@ -149,7 +149,7 @@ impl SnapshotArgs {
         subset: Subset<'_>,
         progress: &dyn Progress,
     ) -> Result<Option<Layered>> {
-        read_later(paths, &self.choice_of(subset)?, progress)
+        self.choice_of(subset)?.read_later(paths, progress)
     }
 
     fn choice_of(&self, subset: Subset<'_>) -> Result<Choice> {
@@ -187,9 +187,11 @@ impl SnapshotArgs {
             Some(field) => Weights::Field(field.into()),
         };
         Ok(Choice {
-            open: OpenOptions { format: self.format.clone(), frame: self.frame },
+            format: self.format.clone(),
+            frame: self.frame,
             species: self.particle_type.clone(),
-            fields: Fields { positions: self.positions.clone(), weights },
+            positions: self.positions.clone(),
+            weights,
             by_mass: self.layers_by == LayersBy::Mass,
             skip_invalid: self.skip_invalid,
             stated: Stated { box_lengths, length_unit: self.length_unit.clone(), mass_unit: self.mass_unit.clone() },

@@ -1,6 +1,6 @@
 //! Which fields hold the positions: one of three components, or three scalar ones.
 
-use crate::{Field, Fields, Species};
+use crate::{Choice, Field, Species};
 use particlegs::Result;
 
 /// A component of a field.
@@ -16,8 +16,8 @@ pub struct Axis {
 ///
 /// # Errors
 /// [`particlegs::Error::Input`] naming the fields there are, where a chosen one is missing.
-pub fn axes(place: &str, species: &Species, fields: &Fields) -> Result<[Axis; 3]> {
-    let chosen = fields.positions.as_deref().unwrap_or(&species.positions);
+pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[Axis; 3]> {
+    let chosen = choice.positions.as_deref().unwrap_or(&species.positions);
     let has = |name: &str, components| species.fields.iter().any(|f| f.name == name && f.components == components);
     if has(chosen, 3) {
         return Ok([0, 1, 2].map(|component| Axis { field: chosen.to_string(), component }));
@@ -46,8 +46,8 @@ mod tests {
             fields: vec![field("x", 1), field("y", 1), field("z", 1), field("v", 3)],
             ..Species::default()
         };
-        assert_eq!(axes("f", &species, &Fields::default()).unwrap()[2], Axis { field: "z".into(), component: 0 });
-        let by = |name: &str| axes("f", &species, &Fields { positions: Some(name.into()), ..Fields::default() });
+        assert_eq!(axes("f", &species, &Choice::default()).unwrap()[2], Axis { field: "z".into(), component: 0 });
+        let by = |name: &str| axes("f", &species, &Choice { positions: Some(name.into()), ..Choice::default() });
         assert_eq!(by("v").unwrap()[1], Axis { field: "v".into(), component: 1 });
         assert!(by("w").unwrap_err().remedy().to_string().contains("x, y, z, v"));
         assert!(by("x,y").is_err());

@@ -1,8 +1,8 @@
 //! From the files that a user names to the particles that a user chose.
 
 use crate::folder::resolved;
-use crate::registry::spool;
-use crate::{Description, Fields, OpenOptions, Snapshot, Species, open, raw};
+use crate::registry::{FORMATS, spool};
+use crate::{Description, Snapshot, Species, Weights, open, raw};
 use particlegs::particles::{Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Stated, Storage};
 use particlegs::progress::Progress;
 use particlegs::space::Bounds;
@@ -14,12 +14,17 @@ use std::sync::Arc;
 /// What to read of a snapshot.
 #[derive(Clone, Debug, Default)]
 pub struct Choice {
-    /// Format and frame.
-    pub open: OpenOptions,
+    /// Name of the format ([`Format::name`](crate::Format::name)) instead of what the content says.
+    pub format: Option<String>,
+    /// Frame of a file that holds several, from 0; the last by default.
+    pub frame: Option<u64>,
     /// Names, numbers or aliases of species; all by default. Each becomes a layer.
     pub species: Vec<String>,
-    /// Fields.
-    pub fields: Fields,
+    /// Field of positions with three components, or three scalar fields `x,y,z`; the species'
+    /// own by default.
+    pub positions: Option<String>,
+    /// Weights.
+    pub weights: Weights,
     /// Layers by mass within a species instead of one a species.
     pub by_mass: bool,
     /// Drop particles with invalid values instead of refusing them.
@@ -33,6 +38,11 @@ pub struct Choice {
 }
 
 impl Choice {
+    /// Names of all formats ([`Choice::format`]), in the order in which a file's content is asked for them.
+    pub fn formats() -> impl Iterator<Item = &'static str> {
+        FORMATS.iter().map(|f| f.name)
+    }
+
     /// The selection, where it leaves anything out.
     fn kept(&self) -> Option<Selection> {
         self.selection.filter(|s| !s.is_all())
@@ -44,8 +54,61 @@ impl Choice {
     /// [`Error::Input`] where its first bytes are not those of a snapshot, unless a format is named;
     /// those of [`Spooled::of`].
     pub fn spool(&mut self, source: Source<'_>) -> Result<()> {
-        self.spooled = Some(Arc::new(spool(source, &self.open)?));
+        self.spooled = Some(Arc::new(spool(source, self)?));
         Ok(())
+    }
+
+    /// Reads what was chosen: raw float32 (a folder with xx.f32, yy.f32, zz.f32, or those files) or any
+    /// of [`Format::all`](crate::Format::all). What does not lie in its file as it is used is put into `storage`.
+    ///
+    /// # Errors
+    /// Those of opening, reading and [`select`]; [`Error::Input`] for a species that there is not.
+    pub fn read(&self, paths: &[PathBuf], storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
+        let at_hand = AtHand::of(paths, self, progress)?;
+        let mut particles = at_hand.named(read_at_hand(&at_hand.paths, self, storage, progress))?;
+        at_hand.name(&mut particles.meta);
+        match self.kept() {
+            None => Ok(particles),
+            Some(selection) => particles.select(selection, storage, progress),
+        }
+    }
+
+    /// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
+    /// for streams, and where particles are dropped, selected or sorted by mass ([`read`] does those).
+    /// Values are not checked.
+    ///
+    /// # Errors
+    /// Those of opening; [`Error::Input`] for a species that there is not.
+    pub fn read_later(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Option<Layered>> {
+        let selected = self.skip_invalid || self.by_mass || self.kept().is_some();
+        if selected || paths.iter().any(|p| is_stream(p)) {
+            return Ok(None);
+        }
+        let mut source = match Chosen::of(paths, self, progress)? {
+            Chosen::InPlace(particles) => Layered::of(&particles),
+            Chosen::Readers(layers) => layers,
+        };
+        say(&self.stated.apply(&mut source.meta)?, progress);
+        Ok(source.random_access().then_some(source))
+    }
+
+    /// What the files say, with what a user states, and if wanted the bounds of each species.
+    ///
+    /// # Errors
+    /// Those of opening and, for the bounds, reading.
+    pub fn describe(
+        &self,
+        paths: &[PathBuf],
+        bounds: bool,
+        progress: &dyn Progress,
+    ) -> Result<(Description, Vec<Bounds>)> {
+        let at_hand = AtHand::of(paths, self, progress)?;
+        let (mut description, bounds) = at_hand.named(describe_at_hand(&at_hand.paths, self, bounds, progress))?;
+        at_hand.name(&mut description.meta);
+        if at_hand.spooled.is_some() {
+            description.files = paths.to_vec();
+        }
+        Ok((description, bounds))
     }
 }
 
@@ -58,7 +121,7 @@ struct AtHand {
 impl AtHand {
     fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<AtHand> {
         let spooled = match (paths, &choice.spooled) {
-            ([one], None) if is_stream(one) => Some(Arc::new(spool(Source::open(one, progress)?, &choice.open)?)),
+            ([one], None) if is_stream(one) => Some(Arc::new(spool(Source::open(one, progress)?, choice)?)),
             (_, spooled) => spooled.clone(),
         };
         let paths = spooled.as_ref().map_or_else(|| paths.to_vec(), |s| vec![s.path()]);
@@ -80,21 +143,6 @@ impl AtHand {
     }
 }
 
-/// Reads what was chosen: raw float32 (a folder with xx.f32, yy.f32, zz.f32, or those files) or any
-/// of [`Format::all`](crate::Format::all). What does not lie in its file as it is used is put into `storage`.
-///
-/// # Errors
-/// Those of opening, reading and [`select`]; [`Error::Input`] for a species that there is not.
-pub fn read(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
-    let at_hand = AtHand::of(paths, choice, progress)?;
-    let mut particles = at_hand.named(read_at_hand(&at_hand.paths, choice, storage, progress))?;
-    at_hand.name(&mut particles.meta);
-    match choice.kept() {
-        None => Ok(particles),
-        Some(selection) => particles.select(selection, storage, progress),
-    }
-}
-
 fn read_at_hand(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
     let mut particles = match Chosen::of(paths, choice, progress)? {
         Chosen::InPlace(particles) => particles,
@@ -104,25 +152,6 @@ fn read_at_hand(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress:
     let drop = choice.skip_invalid.then_some(storage);
     let particles = particles.checked(&place(paths), drop)?.settle_masses();
     if choice.by_mass { particles.layers_by_mass(storage) } else { Ok(particles) }
-}
-
-/// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
-/// for streams, and where particles are dropped, selected or sorted by mass ([`read`] does those).
-/// Values are not checked.
-///
-/// # Errors
-/// Those of opening; [`Error::Input`] for a species that there is not.
-pub fn read_later(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<Option<Layered>> {
-    let selected = choice.skip_invalid || choice.by_mass || choice.kept().is_some();
-    if selected || paths.iter().any(|p| is_stream(p)) {
-        return Ok(None);
-    }
-    let mut source = match Chosen::of(paths, choice, progress)? {
-        Chosen::InPlace(particles) => Layered::of(&particles),
-        Chosen::Readers(layers) => layers,
-    };
-    say(&choice.stated.apply(&mut source.meta)?, progress);
-    Ok(source.random_access().then_some(source))
 }
 
 /// The species chosen, before a particle is read.
@@ -139,10 +168,10 @@ impl Chosen {
         let description = snapshot.description();
         let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;
         say(&description.notes, progress);
-        if let Some(particles) = snapshot.in_place(&chosen, &choice.fields)? {
+        if let Some(particles) = snapshot.in_place(&chosen, choice)? {
             return Ok(Chosen::InPlace(particles));
         }
-        let layer = |i: usize| Ok((description.species[i].name.clone(), snapshot.reader(i, &choice.fields)?.into()));
+        let layer = |i: usize| Ok((description.species[i].name.clone(), snapshot.reader(i, choice)?.into()));
         Ok(Chosen::Readers(Layered::new(chosen.into_iter().map(layer).collect::<Result<_>>()?)?))
     }
 }
@@ -156,25 +185,6 @@ fn place(paths: &[PathBuf]) -> String {
     paths.first().map(|p| p.display().to_string()).unwrap_or_default()
 }
 
-/// What the files say, with what a user states, and if wanted the bounds of each species.
-///
-/// # Errors
-/// Those of opening and, for the bounds, reading.
-pub fn describe(
-    paths: &[PathBuf],
-    choice: &Choice,
-    bounds: bool,
-    progress: &dyn Progress,
-) -> Result<(Description, Vec<Bounds>)> {
-    let at_hand = AtHand::of(paths, choice, progress)?;
-    let (mut description, bounds) = at_hand.named(describe_at_hand(&at_hand.paths, choice, bounds, progress))?;
-    at_hand.name(&mut description.meta);
-    if at_hand.spooled.is_some() {
-        description.files = paths.to_vec();
-    }
-    Ok((description, bounds))
-}
-
 fn describe_at_hand(
     paths: &[PathBuf],
     choice: &Choice,
@@ -184,9 +194,8 @@ fn describe_at_hand(
     let snapshot = opened(paths, choice)?;
     let mut description = snapshot.description().clone();
     let wanted = if bounds { 0..description.species.len() } else { 0..0 };
-    let bounds = wanted
-        .map(|index| bounds_of(&*snapshot.reader(index, &choice.fields)?, progress))
-        .collect::<Result<Vec<_>>>()?;
+    let bounds =
+        wanted.map(|index| bounds_of(&*snapshot.reader(index, choice)?, progress)).collect::<Result<Vec<_>>>()?;
     let notes = choice.stated.apply(&mut description.meta)?;
     description.notes.extend(notes);
     Ok((description, bounds))
@@ -194,12 +203,12 @@ fn describe_at_hand(
 
 /// Opens raw columns or files of a format; a frame is asked for only where there are frames.
 fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
-    let snapshot = match choice.open.format.is_none() && raw::is_raw(paths) {
+    let snapshot = match choice.format.is_none() && raw::is_raw(paths) {
         true => raw::open(paths)?,
-        false => open(&resolved(paths, &choice.open)?, &choice.open)?,
+        false => open(&resolved(paths, choice)?, choice)?,
     };
     let description = snapshot.description();
-    if choice.open.frame.is_some() && description.frames.is_none() {
+    if choice.frame.is_some() && description.frames.is_none() {
         let name = &description.meta.name;
         return Err(Error::argument(format!("{name} is one snapshot: it has no frames to choose from")));
     }

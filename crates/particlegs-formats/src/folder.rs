@@ -1,7 +1,7 @@
 //! The snapshot that a folder holds.
 
 use crate::registry::{self, Head};
-use crate::{Format, Kind, OpenOptions};
+use crate::{Choice, Format, Kind};
 use particlegs::{Error, Remedy, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ const LOOKED_AT: usize = 64;
 ///
 /// # Errors
 /// [`Error::Input`] where the folder holds no snapshot, or several; [`Error::Io`].
-pub fn resolved(paths: &[PathBuf], options: &OpenOptions) -> Result<Vec<PathBuf>> {
+pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
     let [folder] = paths else { return Ok(paths.to_vec()) };
     if !folder.is_dir() {
         return Ok(paths.to_vec());
@@ -47,7 +47,7 @@ fn none_there(folder: &Path) -> Error {
 }
 
 /// Files of a folder in a known format, or in the one that is asked for, `snap.2` before `snap.10`.
-fn candidates(folder: &Path, options: &OpenOptions) -> Result<Vec<(PathBuf, &'static Format)>> {
+fn candidates(folder: &Path, options: &Choice) -> Result<Vec<(PathBuf, &'static Format)>> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
         .map_err(|e| Error::io(folder, e))?
         .filter_map(|entry| Some(entry.ok()?.path()).filter(|p| p.is_file()))
@@ -87,7 +87,7 @@ impl Set {
 }
 
 /// What belongs together is one: parts name each other, and a list names its pieces.
-fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &OpenOptions) -> Vec<Set> {
+fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &Choice) -> Vec<Set> {
     let mut sets: Vec<Set> = Vec::new();
     for (path, format) in candidates {
         if sets.iter().any(|s| s.files.contains(path)) {
@@ -95,7 +95,7 @@ fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &OpenOptions) -
         }
         let mut files = BTreeSet::from([path.clone()]);
         if IN_PARTS.contains(&format.name) && sets.len() < LOOKED_AT {
-            let named = (format.open)(std::slice::from_ref(path), &OpenOptions { frame: None, ..options.clone() });
+            let named = (format.open)(std::slice::from_ref(path), &Choice { frame: None, ..options.clone() });
             files.extend(named.map(|s| s.description().files.clone()).unwrap_or_default());
         }
         sets.retain(|s| !s.files.is_subset(&files));
@@ -113,7 +113,7 @@ mod tests {
     }
 
     fn names(folder: &Path, format: Option<&str>) -> Result<Vec<String>> {
-        let options = OpenOptions { format: format.map(String::from), frame: None };
+        let options = Choice { format: format.map(String::from), frame: None, ..Choice::default() };
         let found = resolved(&[folder.to_path_buf()], &options)?;
         Ok(found.iter().map(|p| p.file_name().unwrap().to_string_lossy().into_owned()).collect())
     }

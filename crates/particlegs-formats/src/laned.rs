@@ -7,7 +7,7 @@ use crate::pieces::{Piece, PieceReader};
 use crate::stored::Stored;
 use crate::streamed::{StreamColumn, StreamReader};
 use crate::strided::{Kind, Lane, Strided};
-use crate::{Description, Field, Fields, Mass, Snapshot};
+use crate::{Choice, Description, Field, Mass, Snapshot};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Remedy, Result};
 
@@ -105,20 +105,20 @@ impl Snapshot for Laned {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = self.description.species.get(species);
         let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
-        if species.positions.is_empty() && fields.positions.is_none() {
+        if species.positions.is_empty() && choice.positions.is_none() {
             let vectors = species.fields.iter().filter(|f| f.components == 3);
             let names: Vec<&str> = vectors.map(|f| &f.name[..]).collect();
             let remedy = Remedy::ChoosePositions(names.iter().map(|n| n.to_string()).collect());
             return Err(Error::input_with(&self.place, "it does not say which field holds positions", remedy));
         }
         let mut columns = Vec::new();
-        for axis in axes(&self.place, species, fields)? {
+        for axis in axes(&self.place, species, choice)? {
             columns.push(self.column(&axis.field, axis.component)?);
         }
-        let weight = species.weight_field(&self.place, &fields.weights)?;
+        let weight = species.weight_field(&self.place, &choice.weights)?;
         if let Some(name) = &weight {
             columns.push(self.column(name, 0)?);
         }

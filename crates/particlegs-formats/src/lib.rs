@@ -44,9 +44,9 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
-pub use choose::{Choice, describe, read, read_later};
+pub use choose::Choice;
 pub use kind::Kind;
 pub use registry::{Format, open};
-pub use snapshot::{Description, Field, Fields, Frames, Mass, OpenOptions, Snapshot, Species, Weights};
-pub use splats::{SPLAT_PLY_BYTES, write_splats};
+pub use snapshot::{Description, Field, Frames, Mass, Snapshot, Species, Weights};
+pub use splats::write_splats;
 pub use writers::Writer;

@@ -1,6 +1,6 @@
 //! Raw float32 columns: a folder with xx.f32, yy.f32, zz.f32, or those files. Their layers are species.
 
-use crate::{Description, Field, Fields, Mass, Snapshot, Species, Weights};
+use crate::{Choice, Description, Field, Mass, Snapshot, Species, Weights};
 use particlegs::model::{self, Layer};
 use particlegs::particles::{Particles, SnapshotReader};
 use particlegs::{Error, Result};
@@ -67,12 +67,12 @@ fn counted(particles: Particles) -> Particles {
 
 impl Raw {
     /// The columns with the weights chosen, or none: there are no other fields to choose.
-    fn with(&self, fields: &Fields) -> Result<Particles> {
-        if let Some(name) = fields.positions.as_deref().filter(|name| *name != POSITIONS) {
+    fn with(&self, choice: &Choice) -> Result<Particles> {
+        if let Some(name) = choice.positions.as_deref().filter(|name| *name != POSITIONS) {
             return Err(Error::argument(format!("raw data have no field `{name}`: positions are in xx, yy and zz")));
         }
         let particles = self.particles.clone();
-        match &fields.weights {
+        match &choice.weights {
             Weights::Auto => Ok(particles),
             Weights::None => Ok(counted(particles)),
             Weights::Field(name) if name.strip_suffix(".f32").unwrap_or(name) == WEIGHTS => Ok(particles),
@@ -88,14 +88,14 @@ impl Snapshot for Raw {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
-        let particles = self.with(fields)?;
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
+        let particles = self.with(choice)?;
         Ok(Box::new(particles.of_layer(&particles.layers()[species])))
     }
 
-    fn in_place(&self, species: &[usize], fields: &Fields) -> Result<Option<Particles>> {
+    fn in_place(&self, species: &[usize], choice: &Choice) -> Result<Option<Particles>> {
         let all = &self.description.species;
-        let particles = self.with(fields)?;
+        let particles = self.with(choice)?;
         Ok(match species {
             _ if species.len() == all.len() => Some(particles),
             [one] => Some(particles.of_layer(&particles.layers()[*one])),

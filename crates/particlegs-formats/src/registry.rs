@@ -1,7 +1,7 @@
 //! Which format a file has: by its content, or by name.
 
 use crate::compressed::Compression;
-use crate::{Kind, OpenOptions, Snapshot};
+use crate::{Choice, Kind, Snapshot};
 use particlegs::{Error, Remedy, Result};
 use particlegs_files::input::{Source, Spooled, open_file};
 use std::io::Read;
@@ -16,14 +16,7 @@ pub struct Format {
     /// Does a file that begins so have it? Formats are asked in the order of [`FORMATS`].
     pub(crate) detect: fn(&Head) -> bool,
     /// Opens files, the first of which has it.
-    pub(crate) open: fn(&[PathBuf], &OpenOptions) -> Result<Box<dyn Snapshot>>,
-}
-
-impl Format {
-    /// All formats, in the order in which a file's content is asked for them.
-    pub fn all() -> &'static [Format] {
-        FORMATS
-    }
+    pub(crate) open: fn(&[PathBuf], &Choice) -> Result<Box<dyn Snapshot>>,
 }
 
 /// All formats, the surest signatures first, tables of text last.
@@ -108,7 +101,7 @@ fn decompressed(bytes: &[u8], compression: Compression) -> Vec<u8> {
 ///
 /// # Errors
 /// As [`detect`], unless `options` name a format; those of [`Spooled::of`].
-pub(crate) fn spool(mut source: Source<'_>, options: &OpenOptions) -> Result<Spooled> {
+pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<Spooled> {
     if options.format.is_none() {
         let bytes = source.peek(LOOKED_AT)?.to_vec();
         known(&Head::of(Path::new(source.place()), u64::MAX, bytes)?)?;
@@ -159,7 +152,7 @@ fn names() -> String {
 /// # Errors
 /// [`Error::Input`] for an unknown or broken format; [`Error::Argument`] for an unknown name;
 /// [`Error::Io`].
-pub fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let first = paths.first().ok_or_else(|| Error::argument("no file was named"))?;
     let format = match &options.format {
         None => detect(first)?,

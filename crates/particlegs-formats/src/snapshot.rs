@@ -1,17 +1,9 @@
 //! A snapshot's files, opened: what they say before any particle is read.
 
+use crate::Choice;
 use particlegs::Result;
 use particlegs::particles::{Particles, SnapshotMeta, SnapshotReader};
 use std::path::PathBuf;
-
-/// How to open files.
-#[derive(Clone, Debug, Default)]
-pub struct OpenOptions {
-    /// Name of the format ([`Format::name`](crate::Format::name)) instead of what the content says.
-    pub format: Option<String>,
-    /// Frame of a file that holds several, from 0; the last by default.
-    pub frame: Option<u64>,
-}
 
 /// Files of one snapshot.
 pub trait Snapshot: Send + Sync {
@@ -23,14 +15,14 @@ pub trait Snapshot: Send + Sync {
     ///
     /// # Errors
     /// [`particlegs::Error::Input`] where a chosen field is missing or has the wrong shape.
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>>;
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>>;
 
     /// Some species, at least one, where they lie in the files as they would in memory, one after the
     /// other: mapped, not copied. `None` where they do not; their readers serve always.
     ///
     /// # Errors
     /// As [`Snapshot::reader`].
-    fn in_place(&self, _species: &[usize], _fields: &Fields) -> Result<Option<Particles>> {
+    fn in_place(&self, _species: &[usize], _choice: &Choice) -> Result<Option<Particles>> {
         Ok(None)
     }
 }
@@ -110,16 +102,6 @@ pub struct Field {
     pub components: u32,
     /// Unit as text, where the file says.
     pub unit: Option<String>,
-}
-
-/// Which fields to read.
-#[derive(Clone, Debug, Default)]
-pub struct Fields {
-    /// Field of positions with three components, or three scalar fields `x,y,z`; the species'
-    /// own by default.
-    pub positions: Option<String>,
-    /// Weights.
-    pub weights: Weights,
 }
 
 /// Where weights come from.

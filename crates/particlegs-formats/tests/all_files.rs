@@ -2,7 +2,7 @@
 
 mod support;
 
-use particlegs_formats::{Fields, Format, Snapshot, Weights};
+use particlegs_formats::{Choice, Snapshot, Weights};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -20,10 +20,10 @@ fn opened(path: &Path) -> Result<Box<dyn Snapshot>, String> {
 }
 
 /// All particles: position and weight with `fields`, species after species.
-fn everything(snapshot: &dyn Snapshot, fields: &Fields) -> Result<Vec<[f64; 4]>, String> {
+fn everything(snapshot: &dyn Snapshot, choice: &Choice) -> Result<Vec<[f64; 4]>, String> {
     let mut all = Vec::new();
     for species in 0..snapshot.description().species.len() {
-        all.extend(support::particles(snapshot, species, fields).map_err(said)?);
+        all.extend(support::particles(snapshot, species, choice).map_err(said)?);
     }
     Ok(all)
 }
@@ -37,7 +37,7 @@ fn every_fixture_holds_the_first_fifty_particles() {
     assert!(wrong.is_empty(), "{} of {} files:\n{}", wrong.len(), files.len(), wrong.join("\n"));
     // None of the formats is left out.
     let seen: BTreeSet<&str> = files.iter().map(|p| support::format_of(p).unwrap()).collect();
-    let all: BTreeSet<&str> = Format::all().iter().map(|f| f.name).collect();
+    let all: BTreeSet<&str> = Choice::formats().collect();
     assert_eq!(seen, all);
 }
 
@@ -46,7 +46,7 @@ fn check_fixture(path: &Path) -> Result<(), String> {
     let name = path.file_name().expect("a name").to_string_lossy();
     let snapshot = opened(path)?;
     check_box(&name, &*snapshot)?;
-    let mut seen = everything(&*snapshot, &Fields::default())?;
+    let mut seen = everything(&*snapshot, &Choice::default())?;
     let mut wanted = support::sample(50);
     let tolerance = match &*name {
         // Half floats, twelve bits of fraction, six digits; scaled dumps have nine.
@@ -100,13 +100,13 @@ fn files_by_the_formats_own_programs() {
     let compressed = opened(&folder.join("hacc_2ranks_blosc.gio")).unwrap();
     let lengths = compressed.description().meta.cell.as_ref().and_then(|c| c.lengths());
     assert_eq!(lengths, Some([25.0; 3]));
-    let by_id = Fields { weights: Weights::Field("id".into()), ..Fields::default() };
+    let by_id = Choice { weights: Weights::Field("id".into()), ..Choice::default() };
     let seen = everything(&*compressed, &by_id).unwrap();
     assert_eq!(seen.len(), 5000);
     for (i, (s, w)) in seen.iter().zip(support::sample(5000)).enumerate() {
         assert_eq!((s[..3].to_vec(), s[3]), (w.to_vec(), i as f64 + 1.0), "particle {i}");
     }
-    let splats = everything(&*opened(&folder.join("splat_sh3_spzv3.spz")).unwrap(), &Fields::default()).unwrap();
+    let splats = everything(&*opened(&folder.join("splat_sh3_spzv3.spz")).unwrap(), &Choice::default()).unwrap();
     assert_eq!(splats.len(), 1000);
     for (s, w) in splats.iter().zip(support::sample(1000)) {
         assert!((0..3).all(|k| (s[k] - w[k]).abs() <= 1.3e-4), "{s:?} instead of {w:?}");
@@ -117,7 +117,7 @@ fn files_by_the_formats_own_programs() {
 #[test]
 fn unwrapped_coordinates_are_kept() {
     let snapshot = opened(&support::data("others").join("unwrapped.dump")).unwrap();
-    let seen = everything(&*snapshot, &Fields::default()).unwrap();
+    let seen = everything(&*snapshot, &Choice::default()).unwrap();
     assert_eq!(seen.len(), 50);
     for (i, (s, w)) in seen.iter().zip(support::sample(50)).enumerate() {
         for k in 0..3 {
@@ -130,7 +130,7 @@ fn unwrapped_coordinates_are_kept() {
 /// Masses come with the particles they belong to, where the rows are in another order, too.
 #[test]
 fn weights_follow_their_particles() {
-    let fields = |name: &str| Fields { weights: Weights::Field(name.into()), ..Fields::default() };
+    let fields = |name: &str| Choice { weights: Weights::Field(name.into()), ..Choice::default() };
     let wanted = support::sample(50);
     for (name, field) in [
         ("unordered.dump", "id"),
@@ -153,6 +153,6 @@ fn weights_follow_their_particles() {
         }
     }
     let masses = opened(&support::fixtures().join("gadget2_masses")).unwrap();
-    let all = everything(&*masses, &Fields::default()).unwrap();
+    let all = everything(&*masses, &Choice::default()).unwrap();
     assert!(all.iter().enumerate().all(|(i, p)| p[3] == (1 + (i + 1) % 3) as f64), "{all:?}");
 }

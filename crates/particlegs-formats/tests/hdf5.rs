@@ -7,7 +7,7 @@ use particlegs::model::{Layer, Mass as LayerMass};
 use particlegs::particles::{Column, Kept, Particles, RUN, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
-use particlegs_formats::{Fields, Mass, OpenOptions, Snapshot, Weights, Writer, open};
+use particlegs_formats::{Choice, Mass, Snapshot, Weights, Writer, open};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ fn snapshots() -> PathBuf {
 }
 
 fn opened(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
-    open(paths, &OpenOptions { format: Some("hdf5".into()), ..OpenOptions::default() })
+    open(paths, &Choice { format: Some("hdf5".into()), ..Choice::default() })
 }
 
 fn write(kept: &Kept<'_>, path: &Path, progress: &Silent) -> Result<u64> {
@@ -56,7 +56,7 @@ fn read_whole(paths: &[PathBuf]) -> Result<u64> {
     let snapshot = opened(paths)?;
     let mut count = 0;
     for species in 0..snapshot.description().species.len() {
-        let reader = snapshot.reader(species, &Fields::default())?;
+        let reader = snapshot.reader(species, &Choice::default())?;
         let runs = reader.count().div_ceil(RUN as u64);
         reader.read(0..runs, &Silent, &|_, chunk| {
             let finite = chunk.position.iter().all(|c| c.iter().all(|v| v.is_finite()));
@@ -92,7 +92,7 @@ fn good_files_give_what_the_table_says() {
         assert_eq!(d.meta.length_unit.as_deref(), unit, "{name}");
         assert_eq!(d.meta.comoving, comoving, "{name}");
         for (i, species) in d.species.iter().enumerate() {
-            let reader = snapshot.reader(i, &Fields::default()).unwrap();
+            let reader = snapshot.reader(i, &Choice::default()).unwrap();
             let (all, masses) = positions(&*reader).unwrap();
             assert_eq!(all.len() as u64, species.count, "{name}");
             assert_eq!(reader.has_weights(), matches!(species.mass, Mass::Field(_)), "{name}");
@@ -108,9 +108,9 @@ fn good_files_give_what_the_table_says() {
 #[test]
 fn all_files_of_a_snapshot_may_be_named() {
     let paths = [0, 1, 2].map(|i| snapshots().join(format!("gadget4_multi.{i}.hdf5")));
-    let (whole, _) = positions(&*opened(&paths).unwrap().reader(0, &Fields::default()).unwrap()).unwrap();
+    let (whole, _) = positions(&*opened(&paths).unwrap().reader(0, &Choice::default()).unwrap()).unwrap();
     let single = opened(&[snapshots().join("gadget4_single.hdf5")]).unwrap();
-    let (single, _) = positions(&*single.reader(0, &Fields::default()).unwrap()).unwrap();
+    let (single, _) = positions(&*single.reader(0, &Choice::default()).unwrap()).unwrap();
     assert!(whole == single);
 }
 
@@ -168,7 +168,7 @@ fn every_layout_gives_the_same_numbers() {
         let d = snapshot.description();
         assert_eq!((d.species.len(), d.species[0].count), (1, 100), "{name}");
         assert_eq!((d.meta.time, d.meta.hubble.is_some()), (Some(0.5), name == "swift"), "{name}");
-        let (all, masses) = positions(&*snapshot.reader(0, &Fields::default()).unwrap()).unwrap();
+        let (all, masses) = positions(&*snapshot.reader(0, &Choice::default()).unwrap()).unwrap();
         let (scale, shift) = match &name[..] {
             "scale_offset" => (8.0, 0.0),
             "nbit_integer" => (200.0, 199.0),
@@ -197,17 +197,18 @@ fn every_layout_gives_the_same_numbers() {
 fn chunks_wider_than_runs() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/large/wide_chunks.hdf5");
     let snapshot = opened(&[path]).unwrap();
-    let reader = snapshot.reader(0, &Fields::default()).unwrap();
+    let reader = snapshot.reader(0, &Choice::default()).unwrap();
     let (all, masses) = positions(&*reader).unwrap();
     assert_eq!((all.len(), masses.len()), (300_000, 300_000));
     for (i, (p, m)) in all.iter().zip(&masses).enumerate() {
         assert_eq!((*p, *m), ([i % 8, i % 16, i >> 16].map(|v| v as f64), (i % 4 + 1) as f32));
     }
     // Three scalar fields do for positions, any scalar for weights.
-    let fields = Fields { positions: Some("Masses, Masses,Masses".into()), weights: Weights::None };
+    let fields =
+        Choice { positions: Some("Masses, Masses,Masses".into()), weights: Weights::None, ..Choice::default() };
     let (all, _) = positions(&*snapshot.reader(0, &fields).unwrap()).unwrap();
     assert_eq!(all[170_001], [2.0; 3]);
-    let missing = Fields { positions: Some("Velocities".into()), ..Fields::default() };
+    let missing = Choice { positions: Some("Velocities".into()), ..Choice::default() };
     let error = snapshot.reader(0, &missing).err().unwrap();
     assert!(error.remedy().to_string().contains("Coordinates"), "{error} {}", error.remedy());
 }
@@ -222,8 +223,8 @@ fn a_type_may_be_missing_in_the_first_file() {
             species.iter().map(|s| (&s.name[..], s.count)).collect::<Vec<_>>(),
             [("PartType0", 5), ("PartType1", 100)]
         );
-        let (gas, _) = positions(&*snapshot.reader(0, &Fields::default()).unwrap()).unwrap();
-        let (dark, _) = positions(&*snapshot.reader(1, &Fields::default()).unwrap()).unwrap();
+        let (gas, _) = positions(&*snapshot.reader(0, &Choice::default()).unwrap()).unwrap();
+        let (dark, _) = positions(&*snapshot.reader(1, &Choice::default()).unwrap()).unwrap();
         assert_eq!((gas[4], dark[99]), ([0.5, 2.0, 4.0], [12.375, 25.75, 51.5]));
     }
     let folder = tempfile::tempdir().unwrap();
@@ -316,7 +317,7 @@ fn what_is_written_is_read_back_bit_for_bit() {
     assert_eq!(masses, [&Mass::Field("Masses".into()), &Mass::Each(0.75), &Mass::Each(0.75)]);
     let layers = particles.layers();
     for (species, layer) in [(0, 2), (1, 1), (2, 0)] {
-        let reader = snapshot.reader(species, &Fields::default()).unwrap();
+        let reader = snapshot.reader(species, &Choice::default()).unwrap();
         assert!(reader.in_place().is_some());
         let part = particles.of_layer(&layers[layer]);
         let (all, masses) = positions(&*reader).unwrap();

@@ -192,7 +192,7 @@ fn damage_all(files: &[PathBuf]) {
     }
     drop(std::panic::take_hook());
     let formats: BTreeSet<&str> = seen.into_iter().collect();
-    assert_eq!(formats.len(), particlegs_formats::Format::all().len(), "{formats:?}");
+    assert_eq!(formats.len(), particlegs_formats::Choice::formats().count(), "{formats:?}");
     assert!(faults.is_empty(), "{} faults (8 a file at most):\n{}", faults.len(), faults.join("\n"));
 }
 

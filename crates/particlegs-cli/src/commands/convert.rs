@@ -99,7 +99,7 @@ pub fn run(a: Arguments) -> Result<()> {
         true => context.outputs().writes_folder(&a.output, &RawForm::FOLDER_FILES)?,
         false => context.writes(&a.output, &PARTICLES)?,
     };
-    let particles = particlegs_formats::read(&a.input, &choice, &Storage::Memory, &context)?;
+    let particles = choice.read(&a.input, &Storage::Memory, &context)?;
     let tiling = match a.tile.as_deref() {
         None => Tiling::single(),
         Some(&[x, y, z]) => Tiling::new([x, y, z], &particles)?,

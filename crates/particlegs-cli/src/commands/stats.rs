@@ -165,7 +165,7 @@ impl Source {
         match inputs::model_or_snapshot(path, args, progress)? {
             Either::Model(bytes) => Ok(Source::Model(Box::new(codec::decode_with(&bytes, &name_of(path), progress)?))),
             Either::Snapshot(choice) => {
-                let particles = particlegs_formats::read(&[path.to_path_buf()], &choice, &Storage::Memory, progress)?;
+                let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, progress)?;
                 Ok(Source::Particles(Box::new(particles)))
             }
         }

@@ -25,6 +25,11 @@ pub struct AlphaBlend {
     pub vizmapper: Option<Arc<VizMapper>>,
 }
 
+impl AlphaBlend {
+    /// Bytes of a Gaussian in a published model: 17 float32 of a PLY file.
+    pub const PLY_BYTES: u64 = 68;
+}
+
 impl Law {
     /// Which law it is.
     pub fn kind(&self) -> LawKind {

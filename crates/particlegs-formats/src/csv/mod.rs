@@ -8,7 +8,7 @@ use crate::registry::Head;
 use crate::text::content::{Content, Place};
 use crate::text::snapshot::{Columns, TextSnapshot, kinds};
 use crate::text::table::Builder;
-use crate::{Description, Field, Format, OpenOptions, Snapshot};
+use crate::{Choice, Description, Field, Format, Snapshot};
 use guess::Guess;
 use names::Name;
 use particlegs::particles::SnapshotMeta;
@@ -22,7 +22,7 @@ fn detect(head: &Head) -> bool {
     Guess::of(&head.content, head.content.len() < 1 << 16).is_ok_and(|guess| guess.is_likely)
 }
 
-fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let [path] = paths else {
         return Err(Error::argument("one table of text is read at a time"));
     };

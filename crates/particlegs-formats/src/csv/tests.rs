@@ -1,12 +1,12 @@
 use super::FORMAT;
 use crate::registry::Head;
 use crate::text::testing::{Got, read, scratch};
-use crate::{Description, Fields, Mass, OpenOptions};
+use crate::{Choice, Description, Mass};
 
 fn open(text: &[u8]) -> particlegs::Result<(Description, Got)> {
     let file = scratch(text);
-    let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &OpenOptions::default())?;
-    Ok((snapshot.description().clone(), read(&*snapshot, 0, &Fields::default())?))
+    let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &Choice::default())?;
+    Ok((snapshot.description().clone(), read(&*snapshot, 0, &Choice::default())?))
 }
 
 fn detects(text: &[u8]) -> bool {

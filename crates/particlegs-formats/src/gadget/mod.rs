@@ -11,7 +11,7 @@ mod records;
 use crate::axes::{Axis, axes};
 use crate::pieces::{Piece, PieceReader};
 use crate::strided::Strided;
-use crate::{Description, Field, Fields, Format, Mass, Snapshot, Species};
+use crate::{Choice, Description, Field, Format, Mass, Snapshot, Species};
 use blocks::Part;
 use header::TYPES;
 use particlegs::particles::SnapshotReader;
@@ -116,11 +116,11 @@ impl Snapshot for Gadget {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let (t, species) = (self.types[species], &self.description.species[species]);
         let place = self.parts[0].path.display().to_string();
-        let axes = axes(&place, species, fields)?;
-        let weight = species.weight_field(&place, &fields.weights)?;
+        let axes = axes(&place, species, choice)?;
+        let weight = species.weight_field(&place, &choice.weights)?;
         let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
         for part in self.parts.iter().filter(|p| p.header.count[t] > 0) {
             let lane = |field: &str, component: u32| {

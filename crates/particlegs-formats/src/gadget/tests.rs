@@ -1,7 +1,7 @@
 //! Small snapshots made here: formats, byte orders, several files, masses.
 
 use super::*;
-use crate::{OpenOptions, Weights};
+use crate::{Choice, Weights};
 use particlegs::progress::Silent;
 use std::path::Path;
 use std::sync::Mutex;
@@ -41,11 +41,11 @@ fn file(named: bool, files: u32, total: [u32; 6]) -> Vec<u8> {
 }
 
 fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
-    crate::open(paths, &OpenOptions::default())
+    crate::open(paths, &Choice::default())
 }
 
-fn rows(snapshot: &dyn Snapshot, species: usize, fields: &Fields) -> Vec<[f32; 4]> {
-    let reader = snapshot.reader(species, fields).unwrap();
+fn rows(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Vec<[f32; 4]> {
+    let reader = snapshot.reader(species, choice).unwrap();
     let out = Mutex::new(Vec::new());
     let take = |_: u64, c: particlegs::particles::Chunk<'_>| {
         let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
@@ -77,10 +77,10 @@ fn both_formats_give_types_and_masses() {
         let names = |s: &Species| s.fields.iter().map(|f| f.name.clone()).collect::<Vec<_>>();
         assert_eq!(names(&d.species[0]), ["POS", "VEL", "ID", "MASS", "U"]);
         assert_eq!(names(&d.species[1]), ["POS", "VEL", "ID"]);
-        let auto = Fields::default();
+        let auto = Choice::default();
         assert_eq!(rows(&*snapshot, 0, &auto), [[0.0, 1.0, 2.0, 7.0], [3.0, 4.0, 5.0, 8.0]]);
         assert_eq!(rows(&*snapshot, 1, &auto)[0], [6.0, 7.0, 8.0, 0.0]);
-        let other = Fields { positions: Some("VEL".into()), weights: Weights::Field("U".into()) };
+        let other = Choice { positions: Some("VEL".into()), weights: Weights::Field("U".into()), ..Choice::default() };
         assert_eq!(rows(&*snapshot, 0, &other)[1], [103.0, 104.0, 105.0, 21.0]);
         assert!(snapshot.reader(1, &auto).unwrap().in_place().is_some());
         assert_eq!(snapshot.reader(1, &auto).unwrap().meta().particle_mass, Some(0.5));
@@ -98,7 +98,7 @@ fn files_are_found_and_missing_ones_named() {
     for paths in [vec![first.clone()], vec![second.clone()], vec![second.clone(), first.clone()]] {
         let snapshot = open(&paths).unwrap();
         assert_eq!(snapshot.description().species[0].count, 4);
-        assert_eq!(rows(&*snapshot, 0, &Fields::default())[2], [0.0, 1.0, 2.0, 7.0]);
+        assert_eq!(rows(&*snapshot, 0, &Choice::default())[2], [0.0, 1.0, 2.0, 7.0]);
     }
     let alien = written(folder.path(), "t.0", &bytes);
     assert!(open(&[first, alien]).is_err());

@@ -14,7 +14,7 @@ mod split;
 use crate::axes::axes;
 use crate::cache::DEFAULT_BYTES;
 use crate::pieces::{Piece, PieceReader};
-use crate::{Description, Field, Fields, Format, Mass, Snapshot, Species};
+use crate::{Choice, Description, Field, Format, Mass, Snapshot, Species};
 use header::File;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::space::Cell;
@@ -99,11 +99,11 @@ impl Snapshot for GenericIo {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = &self.description.species[species];
         let place = self.files[0].path.display().to_string();
-        let axes = axes(&place, species, fields)?;
-        let weight = species.weight_field(&place, &fields.weights)?;
+        let axes = axes(&place, species, choice)?;
+        let weight = species.weight_field(&place, &choice.weights)?;
         let names: Vec<&str> = axes.iter().map(|a| &a.field[..]).chain(weight.as_deref()).collect();
         let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
         for file in &self.files {

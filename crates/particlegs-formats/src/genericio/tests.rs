@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::codecs::crc64;
-use crate::{OpenOptions, Weights};
+use crate::{Choice, Weights};
 use particlegs::progress::Silent;
 use std::sync::Mutex;
 
@@ -62,8 +62,8 @@ fn ranks() -> Vec<Vec<Vec<f32>>> {
 
 const NAMES: [&str; 4] = ["x", "y", "z", "mass"];
 
-fn rows(paths: &[PathBuf], fields: &Fields) -> Result<Vec<[f32; 4]>> {
-    let reader = crate::open(paths, &OpenOptions::default())?.reader(0, fields)?;
+fn rows(paths: &[PathBuf], choice: &Choice) -> Result<Vec<[f32; 4]>> {
+    let reader = crate::open(paths, &Choice::default())?.reader(0, choice)?;
     let out = Mutex::new(Vec::new());
     let take = |_: u64, c: particlegs::particles::Chunk<'_>| {
         let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
@@ -80,14 +80,14 @@ fn both_byte_orders_and_several_ranks() {
     let path = folder.path().join("a.gio");
     for big_endian in [false, true] {
         std::fs::write(&path, file(big_endian, &NAMES, &ranks())).unwrap();
-        let snapshot = crate::open(std::slice::from_ref(&path), &OpenOptions::default()).unwrap();
+        let snapshot = crate::open(std::slice::from_ref(&path), &Choice::default()).unwrap();
         let d = snapshot.description();
         let cell = d.meta.cell.unwrap();
         assert_eq!((cell.origin, cell.lengths()), ([1.0, 2.0, 3.0], Some([10.0, 20.0, 30.0])));
         assert_eq!((d.species[0].count, &d.species[0].mass), (5, &Mass::Field("mass".into())));
-        let got = rows(std::slice::from_ref(&path), &Fields::default()).unwrap();
+        let got = rows(std::slice::from_ref(&path), &Choice::default()).unwrap();
         assert_eq!((got[0], got[4]), ([1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]));
-        let other = Fields { positions: Some("mass,z,y".into()), weights: Weights::None };
+        let other = Choice { positions: Some("mass,z,y".into()), weights: Weights::None, ..Choice::default() };
         assert_eq!(rows(std::slice::from_ref(&path), &other).unwrap()[3], [8.0, 7.0, 6.0, 0.0]);
     }
 }
@@ -134,7 +134,7 @@ fn blosc_columns_are_read_and_what_is_broken_named() {
     for name in ["blosclz shuffle 1", "lz4 shuffle 2", "zlib shuffle 1", "zstd shuffle 1"] {
         let good = compressed(name);
         std::fs::write(&path, &good).unwrap();
-        let got = rows(std::slice::from_ref(&path), &Fields::default()).unwrap();
+        let got = rows(std::slice::from_ref(&path), &Choice::default()).unwrap();
         assert!(got.iter().zip(0u32..).all(|(row, i)| row[..3] == [(i / 7 + i * i % 13) as f32; 3]), "{name}");
         // Data that were damaged before their checksum was made.
         let header = 168 + 272 * 3 + 48 + 48 * 3 + 8;
@@ -145,7 +145,7 @@ fn blosc_columns_are_read_and_what_is_broken_named() {
             let sum = !crc64(&bad[header..header + length - 8]);
             bad[header + length - 8..header + length].copy_from_slice(&sum.to_le_bytes());
             std::fs::write(&path, bad).unwrap();
-            if let Err(e) = rows(std::slice::from_ref(&path), &Fields::default()) {
+            if let Err(e) = rows(std::slice::from_ref(&path), &Choice::default()) {
                 assert!(e.to_string().contains("variable x of rank 0"), "{e}");
             }
         }
@@ -163,7 +163,7 @@ fn checksums_are_verified_in_what_is_read() {
             let mut bad = good.clone();
             bad[at] ^= 4;
             std::fs::write(&path, bad).unwrap();
-            rows(std::slice::from_ref(&path), &Fields::default()).err().map(|e| e.to_string()).unwrap_or_default()
+            rows(std::slice::from_ref(&path), &Choice::default()).err().map(|e| e.to_string()).unwrap_or_default()
         };
         assert!(fault(40).contains("header"));
         assert!(fault(header + 1).contains("variable x of rank 0"), "{}", fault(header + 1));
@@ -174,7 +174,7 @@ fn checksums_are_verified_in_what_is_read() {
         let at = bad.len() - 9;
         bad[at] ^= 1;
         std::fs::write(&path, bad).unwrap();
-        let plain = Fields { weights: Weights::None, ..Fields::default() };
+        let plain = Choice { weights: Weights::None, ..Choice::default() };
         assert!(rows(std::slice::from_ref(&path), &plain).is_ok());
     }
 }
@@ -186,11 +186,11 @@ fn split_snapshots_are_found_by_their_map() {
     std::fs::write(at("s"), file(false, &["$rank", "$partition"], &[vec![vec![0.0, 1.0, 2.0], vec![7.0, 2.0, 7.0]]]))
         .unwrap();
     std::fs::write(at("s#2"), file(false, &NAMES, &ranks()[..1])).unwrap();
-    let missing = rows(&[at("s")], &Fields::default()).unwrap_err().to_string();
+    let missing = rows(&[at("s")], &Choice::default()).unwrap_err().to_string();
     assert!(missing.contains("s#7") && missing.contains("missing"));
     std::fs::write(at("s#7"), file(false, &NAMES, &ranks()[2..])).unwrap();
     for paths in [vec![at("s")], vec![at("s#7")], vec![at("s"), at("s#2"), at("s#7")]] {
-        assert_eq!(rows(&paths, &Fields::default()).unwrap().len(), 5);
+        assert_eq!(rows(&paths, &Choice::default()).unwrap().len(), 5);
     }
-    assert!(rows(&[at("s"), at("t")], &Fields::default()).is_err());
+    assert!(rows(&[at("s"), at("t")], &Choice::default()).is_err());
 }

@@ -6,7 +6,7 @@ use super::snapshot::{self, group_name};
 use super::storage::table;
 use crate::cache::ChunkCache;
 use crate::pieces::{Piece, PieceReader};
-use crate::{Field, Fields, Mass, Species};
+use crate::{Choice, Field, Mass, Species};
 use particlegs::particles::{InPlace, RUN, RunSink, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -33,34 +33,34 @@ const SAMPLED: usize = 8;
 const BUDGET: u64 = 96 << 20;
 
 /// Data sets to read, each with its columns.
-type Choice = Vec<(String, Vec<Want>)>;
+type Wanted = Vec<(String, Vec<Want>)>;
 
 /// Opens it.
 ///
 /// # Errors
 /// [`Error::Input`] for fields that are missing or have the wrong shape, and for broken files.
-pub fn reader(source: &Source<'_>, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+pub fn reader(source: &Source<'_>, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
     let species = source.species;
     let place = &source.meta.name;
-    let mut choice = positions(species, place, fields.positions.as_deref().unwrap_or(&species.positions))?;
-    let weight = species.weight_field(place, &fields.weights)?;
+    let mut wanted = positions(species, place, choice.positions.as_deref().unwrap_or(&species.positions))?;
+    let weight = species.weight_field(place, &choice.weights)?;
     if let Some(name) = &weight {
-        choice.push((name.clone(), vec![Want { component: 0, target: 3 }]));
+        wanted.push((name.clone(), vec![Want { component: 0, target: 3 }]));
     }
     let group = group_name(source.kind);
     let used: Vec<&snapshot::Part> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
     let mut tables = Vec::with_capacity(used.len());
     for (index, file) in used.iter().enumerate() {
         let container = Container::of(&file.path, file.map.clone())?;
-        let mut parts = Vec::with_capacity(choice.len());
-        for (k, (name, wants)) in choice.iter().enumerate() {
+        let mut parts = Vec::with_capacity(wanted.len());
+        for (k, (name, wants)) in wanted.iter().enumerate() {
             let place = format!("{}: {group}/{name}", container.place);
             let table = table(&container, &group, name)?;
             if let Some(want) = wants.iter().find(|w| w.component >= table.components) {
                 let what = format!("it has {} numbers a row, not {}", table.components, want.component + 1);
                 return Err(Error::input(place, what));
             }
-            let key = (index * choice.len() + k) as u64;
+            let key = (index * wanted.len() + k) as u64;
             parts.push(Part { table, wants: wants.clone(), place, key });
         }
         tables.push(parts);
@@ -98,7 +98,7 @@ fn assemble(
 }
 
 /// Where positions are: a data set of three numbers a row, or three data sets `x,y,z`.
-fn positions(species: &Species, place: &str, name: &str) -> Result<Choice> {
+fn positions(species: &Species, place: &str, name: &str) -> Result<Wanted> {
     let find = |name: &str, components: u32| -> Result<&Field> {
         species.fields.iter().find(|f| f.name == name && f.components == components).ok_or_else(|| {
             let there = species.fields.iter().filter(|f| f.components == components).map(|f| &f.name[..]);

@@ -5,7 +5,7 @@ use super::files;
 use super::header::{Header, TYPES};
 use super::reader::{self, Source};
 use super::units::{self, Quantity, Simulation, Unit};
-use crate::{Description, Field, Fields, Mass, OpenOptions, Snapshot, Species};
+use crate::{Choice, Description, Field, Mass, Snapshot, Species};
 use memmap2::Mmap;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
@@ -52,12 +52,12 @@ impl Snapshot for Hdf5Snapshot {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let (Some(kind), Some(found)) = (self.types.get(species), self.description.species.get(species)) else {
             return Err(Error::argument(format!("there is no particle type {species}")));
         };
         let source = Source { parts: &self.parts, kind: *kind, species: found, meta: &self.description.meta };
-        reader::reader(&source, fields)
+        reader::reader(&source, choice)
     }
 }
 
@@ -65,7 +65,7 @@ impl Snapshot for Hdf5Snapshot {
 ///
 /// # Errors
 /// [`Error::Input`] for broken files, for what is no snapshot, and for files that contradict each other.
-pub fn open(paths: &[PathBuf], _options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+pub fn open(paths: &[PathBuf], _options: &Choice) -> Result<Box<dyn Snapshot>> {
     let first = Container::open(&paths[0])?;
     let header = Header::read(&first)?;
     let paths = files::all(paths, header.files)?;

@@ -9,7 +9,7 @@ use crate::text::content::Content;
 use crate::text::frames::scan;
 use crate::text::parse::Scaling;
 use crate::text::snapshot::{self, TextSnapshot, kinds};
-use crate::{Description, Field, Format, OpenOptions, Snapshot};
+use crate::{Choice, Description, Field, Format, Snapshot};
 use frame::FrameHead;
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
@@ -29,7 +29,7 @@ const SCALED: [&[&str]; 3] = [&["xs", "xsu"], &["ys", "ysu"], &["zs", "zsu"]];
 /// Columns of whole numbers.
 const WHOLE: [&str; 8] = ["id", "mol", "type", "proc", "procp1", "ix", "iy", "iz"];
 
-fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let [path] = paths else {
         return Err(Error::argument("one LAMMPS dump is read at a time"));
     };

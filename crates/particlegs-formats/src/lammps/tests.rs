@@ -1,5 +1,5 @@
 use super::{FORMAT, write};
-use crate::{Fields, Mass, OpenOptions, Snapshot, Weights};
+use crate::{Choice, Mass, Snapshot, Weights};
 use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
@@ -15,18 +15,18 @@ fn open(text: &str) -> particlegs::Result<Box<dyn Snapshot>> {
 
 fn open_frame(text: &str, frame: Option<u64>) -> particlegs::Result<Box<dyn Snapshot>> {
     let file = scratch(text.as_bytes());
-    (FORMAT.open)(&[file.path().to_path_buf()], &OpenOptions { frame, ..OpenOptions::default() })
+    (FORMAT.open)(&[file.path().to_path_buf()], &Choice { frame, ..Choice::default() })
 }
 
 /// Opens and reads species 0 while the file is there.
-fn all(text: &str, fields: &Fields) -> particlegs::Result<Vec<Got>> {
+fn all(text: &str, choice: &Choice) -> particlegs::Result<Vec<Got>> {
     let file = scratch(text.as_bytes());
-    let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &OpenOptions::default())?;
-    (0..snapshot.description().species.len()).map(|s| read(&*snapshot, s, fields)).collect()
+    let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &Choice::default())?;
+    (0..snapshot.description().species.len()).map(|s| read(&*snapshot, s, choice)).collect()
 }
 
 fn message(text: &str) -> String {
-    match all(text, &Fields::default()) {
+    match all(text, &Choice::default()) {
         Ok(_) => panic!("it was read"),
         Err(e) => format!("{e} ({})", e.remedy()),
     }
@@ -46,7 +46,7 @@ fn a_frame_is_described_and_read() {
     let frames = d.frames.unwrap();
     assert_eq!((frames.count, frames.chosen, frames.step), (1, 0, Some(7)));
     assert_eq!((d.species.len(), d.species[0].count, &d.species[0].mass), (1, 2, &Mass::Field("mass".into())));
-    let got = all(&text, &Fields::default()).unwrap();
+    let got = all(&text, &Choice::default()).unwrap();
     assert_eq!(got[0].positions, [[1.0, 2.0, 3.0], [f64::from(-0.4f32), 5.0, 6.0]]);
     assert_eq!(got[0].weights, [2.0, 4.0]);
 }
@@ -54,8 +54,9 @@ fn a_frame_is_described_and_read() {
 #[test]
 fn scaled_positions_lie_in_the_cell_and_others_can_be_chosen() {
     let text = format!("{HEAD}ITEM: ATOMS xsu ysu zsu xs ys zs xu yu zu\n0 0 0 .5 .25 1 7 8 9\n0 0 0 0 0 0 1 1 1\n");
-    assert_eq!(all(&text, &Fields::default()).unwrap()[0].positions[0], [4.0, 2.5, 10.0]);
-    let fields = |name: &str| Fields { positions: Some(name.into()), weights: Weights::Field("zu".into()) };
+    assert_eq!(all(&text, &Choice::default()).unwrap()[0].positions[0], [4.0, 2.5, 10.0]);
+    let fields =
+        |name: &str| Choice { positions: Some(name.into()), weights: Weights::Field("zu".into()), ..Choice::default() };
     let got = all(&text, &fields("xu,yu,zu")).unwrap();
     assert_eq!((got[0].positions[0], got[0].weights[0]), ([7.0, 8.0, 9.0], 9.0));
     assert_eq!(all(&text, &fields("xsu,ysu,zsu")).unwrap()[0].positions[0], [-1.0, 0.0, 0.0]);
@@ -74,7 +75,7 @@ fn tilted_boxes_are_told_from_the_boxes_around_them() {
     // x: -2 + min(0, -2, 4, 2) = -2 is the lowest corner of the box around it, 14 - 4 the highest.
     assert_eq!((cell.origin, cell.vectors), ([0.0, 0.0, 0.0], [[10.0, 0.0, 0.0], [-2.0, 10.0, 0.0], [4.0, -1.0, 5.0]]));
     let general = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS abc origin pp pp pp\n1 2 3 -1\n0 2 3 -2\n0 0 3 -3\n";
-    let got = all(&format!("{general}{rows}"), &Fields::default()).unwrap();
+    let got = all(&format!("{general}{rows}"), &Choice::default()).unwrap();
     assert_eq!(got[0].positions, [[-1.0, -2.0, -3.0], [0.0, 2.0, 6.0]]);
 }
 
@@ -82,7 +83,7 @@ fn tilted_boxes_are_told_from_the_boxes_around_them() {
 fn types_are_species() {
     let text =
         format!("{}ITEM: ATOMS id type x y z\n1 10 1 1 1\n2 9 2 2 2\n3 9 3 3 3\n", HEAD.replace("\n2\n", "\n3\n"));
-    let got = all(&text, &Fields { weights: Weights::Field("id".into()), ..Fields::default() }).unwrap();
+    let got = all(&text, &Choice { weights: Weights::Field("id".into()), ..Choice::default() }).unwrap();
     assert_eq!(got.iter().map(|g| &g.name[..]).collect::<Vec<_>>(), ["type 9", "type 10"]);
     assert_eq!((&got[0].weights[..], &got[1].weights[..]), (&[2.0, 3.0][..], &[1.0][..]));
     assert!(open(&text).unwrap().description().species[1].aliases.contains(&"10".to_string()));
@@ -170,11 +171,11 @@ fn what_is_written_reads_back_with_equal_bits() {
     for cell in cells {
         p.meta.cell = cell;
         let (_dir, out) = written(&p);
-        let snapshot = (FORMAT.open)(&[out], &OpenOptions::default()).unwrap();
+        let snapshot = (FORMAT.open)(&[out], &Choice::default()).unwrap();
         let meta = &snapshot.description().meta;
         assert_eq!(meta.length_unit.as_deref(), Some("nm"));
         assert!(cell.is_none() || meta.cell == cell, "{:?} is not {cell:?}", meta.cell);
-        let got = read(&*snapshot, 0, &Fields::default()).unwrap();
+        let got = read(&*snapshot, 0, &Choice::default()).unwrap();
         assert!((0..p.len()).all(|i| got.positions[i] == p.position(i)));
         assert_eq!(&got.weights[..], &p.weights().unwrap()[..]);
     }

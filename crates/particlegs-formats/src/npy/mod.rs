@@ -9,7 +9,7 @@ use crate::affine::Affine;
 use crate::laned::{Laned, LanedField};
 use crate::stored::{Coding, Stored};
 use crate::strided::Bytes;
-use crate::{Description, Format, Mass, OpenOptions, Snapshot, Species};
+use crate::{Choice, Description, Format, Mass, Snapshot, Species};
 use header::{Element, Header, MAGIC};
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
@@ -24,7 +24,7 @@ pub const FORMAT: Format = Format {
     open,
 };
 
-fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let place = path.display().to_string();
     let bytes = mapped(path)?;

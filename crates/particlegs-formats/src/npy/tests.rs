@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Fields, Weights};
+use crate::{Choice, Weights};
 use particlegs::particles::RUN;
 use particlegs::progress::Silent;
 use std::sync::Mutex;
@@ -20,8 +20,8 @@ pub(crate) fn npy(descr: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u
 }
 
 /// Positions and weights of all particles, and whether they are used where they lie.
-pub(crate) fn read_all(snapshot: &dyn Snapshot, fields: &Fields) -> Result<(Vec<[f64; 4]>, bool)> {
-    let reader = snapshot.reader(0, fields)?;
+pub(crate) fn read_all(snapshot: &dyn Snapshot, choice: &Choice) -> Result<(Vec<[f64; 4]>, bool)> {
+    let reader = snapshot.reader(0, choice)?;
     let out = Mutex::new(vec![[f64::NAN; 4]; reader.count() as usize]);
     reader.read(0..reader.count().div_ceil(RUN as u64), &Silent, &|run, chunk| {
         for i in 0..chunk.len() {
@@ -39,7 +39,7 @@ pub(crate) fn open_bytes(name: &str, bytes: &[u8]) -> Result<Box<dyn Snapshot>> 
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);
     std::fs::write(&path, bytes).unwrap();
-    crate::open(&[path], &OpenOptions::default())
+    crate::open(&[path], &Choice::default())
 }
 
 fn le<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
@@ -65,7 +65,7 @@ fn every_layout() {
     ];
     for (bytes, in_place) in cases {
         let snapshot = open_bytes("a.bin", &bytes).unwrap();
-        assert_eq!(read_all(&*snapshot, &Fields::default()).unwrap(), (TWO.to_vec(), in_place));
+        assert_eq!(read_all(&*snapshot, &Choice::default()).unwrap(), (TWO.to_vec(), in_place));
     }
 }
 
@@ -77,14 +77,14 @@ fn records_and_tables() {
     let weighted = vec![[1.0, 2.0, 3.0, 0.5], [4.0, 5.0, 6.0, 0.25]];
     for bytes in [xyz, pos] {
         let snapshot = open_bytes("a.npy", &bytes).unwrap();
-        assert_eq!(read_all(&*snapshot, &Fields::default()).unwrap().0, weighted);
-        let none = Fields { weights: Weights::None, ..Fields::default() };
+        assert_eq!(read_all(&*snapshot, &Choice::default()).unwrap().0, weighted);
+        let none = Choice { weights: Weights::None, ..Choice::default() };
         assert_eq!(read_all(&*snapshot, &none).unwrap().0, TWO);
     }
     let many: Vec<f32> = (0..70 * 4).map(|v| v as f32).collect();
     let snapshot = open_bytes("a.npy", &npy("'<f4'", false, "(70, 4)", &le(&many))).unwrap();
-    assert_eq!(read_all(&*snapshot, &Fields::default()).unwrap().0[1], [4.0, 5.0, 6.0, 0.0]);
-    let chosen = Fields { positions: Some("1,2,3".into()), weights: Weights::Field("0".into()) };
+    assert_eq!(read_all(&*snapshot, &Choice::default()).unwrap().0[1], [4.0, 5.0, 6.0, 0.0]);
+    let chosen = Choice { positions: Some("1,2,3".into()), weights: Weights::Field("0".into()), ..Choice::default() };
     assert_eq!(read_all(&*snapshot, &chosen).unwrap().0[1], [5.0, 6.0, 7.0, 4.0]);
     assert!(snapshot.description().notes[0].contains("4 columns"));
 }
@@ -93,7 +93,7 @@ fn records_and_tables() {
 fn doubles_far_away_keep_their_precision() {
     let at = [1e12 + 0.25, 0.0, 0.0, 1e12 + 0.5, 1.0, 1.0];
     let snapshot = open_bytes("a.npy", &npy("'<f8'", false, "(2, 3)", &le(&at))).unwrap();
-    let (seen, _) = read_all(&*snapshot, &Fields::default()).unwrap();
+    let (seen, _) = read_all(&*snapshot, &Choice::default()).unwrap();
     assert_eq!(seen[1][0] - seen[0][0], 0.25);
 }
 

@@ -9,7 +9,7 @@ use crate::laned::{Laned, LanedField};
 use crate::npy::header::{Element, Header};
 use crate::npy::{layout, mapped, named, only, species};
 use crate::stored::Stored;
-use crate::{Description, Field, Format, Mass, OpenOptions, Snapshot};
+use crate::{Choice, Description, Field, Format, Mass, Snapshot};
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use std::io::Read;
@@ -36,7 +36,7 @@ struct Array {
     header: Header,
 }
 
-fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let place = path.display().to_string();
     let refuse = |what: String| Error::input(path, what);

@@ -1,6 +1,6 @@
 use super::*;
 use crate::npy::tests::{npy, open_bytes, read_all};
-use crate::{Fields, Weights};
+use crate::{Choice, Weights};
 use std::io::Write;
 
 /// An archive of members, compressed where it is said.
@@ -65,9 +65,9 @@ fn stored_and_compressed_members_give_the_same() {
             members.push(("box.npy", npy("'<f8'", false, "()", &25f64.to_le_bytes()), true));
             members.push(("mass.npy", mass.clone(), true));
             let snapshot = open_bytes("a.npz", &npz(&members)).unwrap();
-            let (rows, _) = read_all(&*snapshot, &Fields::default()).unwrap();
+            let (rows, _) = read_all(&*snapshot, &Choice::default()).unwrap();
             assert!(is_counted(&rows) && rows[69_999][3] == 69_999.0);
-            let none = Fields { weights: Weights::None, ..Fields::default() };
+            let none = Choice { weights: Weights::None, ..Choice::default() };
             assert!(is_counted(&read_all(&*snapshot, &none).unwrap().0));
             assert_eq!(snapshot.description().meta.cell, Some(Cell::orthogonal([25.0; 3])));
         }
@@ -78,9 +78,9 @@ fn stored_and_compressed_members_give_the_same() {
 fn a_choice_is_asked_for_where_names_do_not_decide() {
     let six = || floats("(2, 3)", false, (0..6).map(|v| v as f32));
     let snapshot = open_bytes("a.npz", &npz(&[("a.npy", six(), false), ("b.npy", six(), true)])).unwrap();
-    let error = snapshot.reader(0, &Fields::default()).err().unwrap();
+    let error = snapshot.reader(0, &Choice::default()).err().unwrap();
     assert!(error.remedy().to_string().contains("a, b"), "{error}");
-    let chosen = Fields { positions: Some("b".into()), ..Fields::default() };
+    let chosen = Choice { positions: Some("b".into()), ..Choice::default() };
     assert!(is_counted(&read_all(&*snapshot, &chosen).unwrap().0));
 }
 
@@ -104,7 +104,7 @@ fn broken_archives_are_refused() {
     let mut bytes = npz(&[("pos.npy", floats("(2000, 3)", false, (0..6000).map(|v| v as f32)), true)]);
     bytes[200] ^= 8;
     let snapshot = open_bytes("a.npz", &bytes);
-    assert!(snapshot.and_then(|s| read_all(&*s, &Fields::default())).is_err());
+    assert!(snapshot.and_then(|s| read_all(&*s, &Choice::default())).is_err());
 }
 
 #[test]
@@ -145,5 +145,5 @@ fn large_archives_are_read_by_their_large_fields() {
     bytes.extend([0xff; 8]);
     bytes.extend([0, 0]);
     let snapshot = open_bytes("a.npz", &bytes).unwrap();
-    assert!(is_counted(&read_all(&*snapshot, &Fields::default()).unwrap().0));
+    assert!(is_counted(&read_all(&*snapshot, &Choice::default()).unwrap().0));
 }

@@ -12,7 +12,7 @@ use crate::npy::{layout, mapped, named, only, species};
 use crate::pieces::PieceReader;
 use crate::stored::{Coding, Stored};
 use crate::strided::Bytes;
-use crate::{Description, Fields, Format, OpenOptions, Snapshot};
+use crate::{Choice, Description, Format, Snapshot};
 use header::{Element, Encoding, Header};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
@@ -23,7 +23,7 @@ use std::path::PathBuf;
 pub const FORMAT: Format =
     Format { name: "ply", title: "PLY points", detect: |head| header::is_ply(&head.content), open };
 
-fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let place = path.display().to_string();
     let bytes = mapped(path)?;
@@ -178,7 +178,7 @@ impl Snapshot for Walked {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = self.description.species.get(species);
         let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
         let number = |name: &str| {
@@ -186,10 +186,10 @@ impl Snapshot for Walked {
             found.ok_or_else(|| species.missing(&self.place, name, [].into_iter()))
         };
         let mut columns = Vec::new();
-        for axis in axes(&self.place, species, fields)? {
+        for axis in axes(&self.place, species, choice)? {
             columns.push(number(&axis.field)?);
         }
-        let weight = species.weight_field(&self.place, &fields.weights)?;
+        let weight = species.weight_field(&self.place, &choice.weights)?;
         if let Some(name) = &weight {
             columns.push(number(name)?);
         }

@@ -9,7 +9,7 @@ const FACES: &str = "element face 2\nproperty list uchar int vertex_indices\npro
 
 fn rows(bytes: &[u8]) -> Result<Vec<[f64; 4]>> {
     let snapshot = open_bytes("a", bytes)?;
-    Ok(read_all(&*snapshot, &Fields::default())?.0)
+    Ok(read_all(&*snapshot, &Choice::default())?.0)
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::npy::{mapped, named, only};
 use crate::pieces::{Piece, PieceReader};
 use crate::registry::Head;
 use crate::strided::{Bytes, Kind, Lane, Strided};
-use crate::{Description, Field, Fields, Mass, OpenOptions, Snapshot, Species};
+use crate::{Choice, Description, Field, Mass, Snapshot, Species};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -44,7 +44,7 @@ struct Glb {
 }
 
 /// Opens it.
-pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let refuse = |what: String| Error::input_with(path, what, "the file is damaged, or holds no points");
     let bytes = mapped(path)?;
@@ -179,11 +179,11 @@ impl Snapshot for Glb {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = self.description.species.get(species);
         let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
-        axes(&self.place, species, fields)?;
-        species.weight_field(&self.place, &fields.weights)?;
+        axes(&self.place, species, choice)?;
+        species.weight_field(&self.place, &choice.weights)?;
         let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
         for part in &self.parts {
             let inner = Strided::new(&self.place, self.bytes.clone(), part.rows, part.axes, None)?;

@@ -8,7 +8,7 @@ mod records;
 mod spz;
 
 use crate::Format;
-pub use published::{SPLAT_PLY_BYTES, write_splats};
+pub use published::write_splats;
 
 /// Binary glTF, with `KHR_gaussian_splatting` or plain points.
 pub const GLB: Format = Format { name: "glb", title: "glTF splats or points", detect: glb::detect, open: glb::open };

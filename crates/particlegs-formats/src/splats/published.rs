@@ -4,15 +4,14 @@
 
 use particlegs::camera::Normalisation;
 use particlegs::math::Sym3;
-use particlegs::model::{LawKind, Mixture, Model};
+use particlegs::model::{AlphaBlend, LawKind, Mixture, Model};
 use particlegs::progress::Progress;
 use particlegs::{Error, Remedy, Result};
 use particlegs_files::output::{check_space_in, write_atomic};
 use std::io::Write;
 use std::path::Path;
 
-/// Bytes of a Gaussian in a published model.
-pub const SPLAT_PLY_BYTES: u64 = 4 * PROPERTIES.len() as u64;
+const _: () = assert!(AlphaBlend::PLY_BYTES == 4 * PROPERTIES.len() as u64);
 
 const PROPERTIES: [&str; 17] = [
     "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
@@ -43,7 +42,7 @@ pub fn write_splats(model: &Model, out: &Path, progress: &dyn Progress) -> Resul
     }
     let frame = Normalisation::of(&model.metadata.bounds);
     let head = head(model.gaussians(), &frame);
-    let bytes = head.len() as u64 + SPLAT_PLY_BYTES * model.gaussians() as u64;
+    let bytes = head.len() as u64 + AlphaBlend::PLY_BYTES * model.gaussians() as u64;
     if let Some(folder) = out.parent().filter(|f| !f.as_os_str().is_empty()) {
         check_space_in(folder, bytes)?;
     }
@@ -180,7 +179,7 @@ mod tests {
         let path = dir.path().join("m.ply");
         let bytes = write_splats(&m, &path, &Silent).unwrap();
         let file = std::fs::read(&path).unwrap();
-        assert_eq!((file.len() as u64, SPLAT_PLY_BYTES), (bytes, 68));
+        assert_eq!((file.len() as u64, AlphaBlend::PLY_BYTES), (bytes, 68));
         let body = &file[file.len() - 200 * 68..];
         let frame = Normalisation::of(&m.metadata.bounds);
         let g = &m.layers[0].content[0].gaussians;
@@ -200,7 +199,7 @@ mod tests {
                 assert!((back.0[k] - want.0[k]).abs() < 1e-5 * want.trace(), "{i}: {back:?} {want:?}");
             }
         }
-        let read = crate::read(&[path], &crate::Choice::default(), &Storage::Memory, &Silent).unwrap();
+        let read = crate::Choice::default().read(&[path], &Storage::Memory, &Silent).unwrap();
         assert_eq!(read.len(), 200);
         for i in 0..200 {
             let p = read.position(i);

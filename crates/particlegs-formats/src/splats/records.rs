@@ -7,7 +7,7 @@ use crate::npy::{mapped, named, only, species};
 use crate::registry::Head;
 use crate::stored::{Coding, Stored};
 use crate::strided::Kind;
-use crate::{Description, OpenOptions, Snapshot};
+use crate::{Choice, Description, Snapshot};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
@@ -29,7 +29,7 @@ pub fn detect(head: &Head) -> bool {
 }
 
 /// Opens it.
-pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let bytes = mapped(path)?;
     let length = bytes.len() as u64;

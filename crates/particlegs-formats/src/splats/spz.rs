@@ -9,7 +9,7 @@ use crate::npy::{mapped, named, only, species};
 use crate::registry::Head;
 use crate::stored::{Coding, Stored};
 use crate::strided::{Bytes, Kind};
-use crate::{Description, OpenOptions, Snapshot};
+use crate::{Choice, Description, Snapshot};
 use particlegs::{Error, Result};
 use std::io::Read;
 use std::path::PathBuf;
@@ -82,7 +82,7 @@ impl Header {
 }
 
 /// Opens it.
-pub fn open(paths: &[PathBuf], _: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let hint = "the file is damaged or cut short: copy it again";
     let refuse = |what: String| Error::input_with(path, what, hint);

@@ -1,4 +1,4 @@
-use crate::Fields;
+use crate::Choice;
 use crate::npy::tests::{open_bytes, read_all};
 use std::io::Write;
 
@@ -18,7 +18,7 @@ fn glb(json: &str, data: &[u8]) -> Vec<u8> {
 
 fn rows(name: &str, bytes: &[u8]) -> particlegs::Result<Vec<[f64; 4]>> {
     let snapshot = open_bytes(name, bytes)?;
-    Ok(read_all(&*snapshot, &Fields::default())?.0)
+    Ok(read_all(&*snapshot, &Choice::default())?.0)
 }
 
 const ARRAYS: &str = r#""accessors":[{"bufferView":0,"componentType":5126,"count":2,"type":"VEC3","max":[9,9,9]}],

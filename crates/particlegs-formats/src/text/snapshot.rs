@@ -5,7 +5,7 @@ use super::parse::{Plan, Scaling};
 use super::reader::RowReader;
 use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, Table};
-use crate::{Description, Field, Fields, Mass, Snapshot, Species};
+use crate::{Choice, Description, Field, Mass, Snapshot, Species};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Remedy, Result};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ pub struct TextSnapshot {
 
 /// What the columns of a table are.
 pub struct Columns {
-    /// Fields in the order of the columns.
+    /// Choice in the order of the columns.
     pub fields: Vec<Field>,
     /// The field or fields that hold positions; empty where none is known to.
     pub positions: String,
@@ -112,11 +112,11 @@ impl Snapshot for TextSnapshot {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let no_species = || Error::argument(format!("there is no particle type {species}"));
         let one = self.description.species.get(species).ok_or_else(no_species)?;
-        let (positions, scaling) = self.positions(one, fields.positions.as_ref().unwrap_or(&one.positions))?;
-        let weight = one.weight_field(&self.place(), &fields.weights)?;
+        let (positions, scaling) = self.positions(one, choice.positions.as_ref().unwrap_or(&one.positions))?;
+        let weight = one.weight_field(&self.place(), &choice.weights)?;
         let weight = weight.map(|name| self.scalar(one, &name)).transpose()?;
         let kinds = self.table.kinds.iter().enumerate().filter(|(_, kind)| kind.count > 0);
         let (kind, which) = kinds.clone().nth(species).ok_or_else(no_species)?;

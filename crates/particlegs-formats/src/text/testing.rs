@@ -1,6 +1,6 @@
 //! What the tests of text formats share.
 
-use crate::{Fields, Snapshot};
+use crate::{Choice, Snapshot};
 use particlegs::Result;
 use particlegs::particles::RUN;
 use particlegs::progress::Silent;
@@ -25,8 +25,8 @@ pub fn scratch(content: &[u8]) -> tempfile::NamedTempFile {
 }
 
 /// Reads a species whole, and again from its second run on.
-pub fn read(snapshot: &dyn Snapshot, species: usize, fields: &Fields) -> Result<Got> {
-    let reader = snapshot.reader(species, fields)?;
+pub fn read(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Result<Got> {
+    let reader = snapshot.reader(species, choice)?;
     let runs = reader.count().div_ceil(RUN as u64);
     let gather = |from: u64| -> Result<Vec<([f64; 3], f32)>> {
         let parts: Vec<Mutex<Vec<([f64; 3], f32)>>> = (from..runs).map(|_| Mutex::default()).collect();

@@ -2,15 +2,15 @@
 
 use super::lines::LINE_LIMIT;
 use super::testing::{Got, read, scratch};
-use crate::{Fields, OpenOptions};
+use crate::Choice;
 use flate2::{Compression, write::GzEncoder};
 use std::io::Write;
 
 fn open(content: &[u8], format: &str) -> particlegs::Result<Vec<Got>> {
     let file = scratch(content);
-    let options = OpenOptions { format: Some(format.into()), frame: None };
+    let options = Choice { format: Some(format.into()), frame: None, ..Choice::default() };
     let snapshot = crate::open(&[file.path().to_path_buf()], &options)?;
-    (0..snapshot.description().species.len()).map(|s| read(&*snapshot, s, &Fields::default())).collect()
+    (0..snapshot.description().species.len()).map(|s| read(&*snapshot, s, &Choice::default())).collect()
 }
 
 fn gzip(content: &[u8]) -> Vec<u8> {

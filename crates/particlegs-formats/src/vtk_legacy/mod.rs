@@ -8,7 +8,7 @@ use crate::strided::Bytes;
 use crate::vtk_xml::mass_of;
 use crate::vtk_xml::points::Points;
 use crate::vtk_xml::source::{Array, Source, Stream};
-use crate::{Description, Field, Fields, Format, Snapshot, Species};
+use crate::{Choice, Description, Field, Format, Snapshot, Species};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use particlegs_files::input::map_file;
@@ -86,10 +86,10 @@ impl Snapshot for Legacy {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = &self.description.species[species];
-        let weight = species.weight_field(&self.place, &fields.weights)?;
-        let mut columns = axes(&self.place, species, fields)?.to_vec();
+        let weight = species.weight_field(&self.place, &choice.weights)?;
+        let mut columns = axes(&self.place, species, choice)?.to_vec();
         columns.extend(weight.iter().map(|w| Axis { field: w.clone(), component: 0 }));
         let (mut arrays, mut places): (Vec<Array>, Vec<(usize, u32)>) = (Vec::new(), Vec::new());
         for axis in &columns {

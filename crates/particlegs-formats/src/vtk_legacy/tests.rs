@@ -1,16 +1,16 @@
 //! Small files made here: text and binary, sections before and after the points.
 
 use super::*;
-use crate::{Mass, OpenOptions, Weights};
+use crate::{Choice, Mass, Weights};
 use particlegs::progress::Silent;
 use std::sync::Mutex;
 
-fn rows(bytes: &[u8], fields: &Fields) -> Result<(Description, Vec<[f32; 4]>)> {
+fn rows(bytes: &[u8], choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.vtk");
     std::fs::write(&path, bytes).unwrap();
-    let snapshot = crate::open(&[path], &OpenOptions::default())?;
-    let reader = snapshot.reader(0, fields)?;
+    let snapshot = crate::open(&[path], &Choice::default())?;
+    let reader = snapshot.reader(0, choice)?;
     let out = Mutex::new(Vec::new());
     let take = |_: u64, c: particlegs::particles::Chunk<'_>| {
         let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
@@ -27,14 +27,14 @@ const TEXT: &str = "# vtk DataFile Version 2.0\ntitle\nASCII\nDATASET POLYDATA\n
 
 #[test]
 fn text_with_sections_in_any_order() {
-    let (d, got) = rows(TEXT.as_bytes(), &Fields::default()).unwrap();
+    let (d, got) = rows(TEXT.as_bytes(), &Choice::default()).unwrap();
     assert_eq!(got, [[1.0, 2.0, 3.0, 7.0], [4.0, 5.0, 6.0, 8.0]]);
     assert_eq!((d.meta.time, &d.species[0].mass), (Some(0.25), &Mass::Field("mass".into())));
     let names: Vec<&str> = d.species[0].fields.iter().map(|f| &f.name[..]).collect();
     assert_eq!(names, ["POINTS", "mass", "v w"]);
-    let other = Fields { positions: Some("v w".into()), weights: Weights::None };
+    let other = Choice { positions: Some("v w".into()), weights: Weights::None, ..Choice::default() };
     assert_eq!(rows(TEXT.as_bytes(), &other).unwrap().1[1], [2.0, 2.0, 2.0, 0.0]);
-    let (d, _) = rows(format!("{TEXT}MYSTERY 3\n").as_bytes(), &Fields::default()).unwrap();
+    let (d, _) = rows(format!("{TEXT}MYSTERY 3\n").as_bytes(), &Choice::default()).unwrap();
     assert!(d.notes[0].contains("MYSTERY"));
 }
 
@@ -62,14 +62,14 @@ fn binary(modern: bool) -> Vec<u8> {
 #[test]
 fn binary_of_both_generations() {
     for modern in [false, true] {
-        let (_, got) = rows(&binary(modern), &Fields::default()).unwrap();
+        let (_, got) = rows(&binary(modern), &Choice::default()).unwrap();
         assert_eq!(got, [[1.0, 2.0, 3.0, 9.0], [4.0, 5.0, 6.0, 10.0]]);
     }
 }
 
 #[test]
 fn broken_files_are_refused() {
-    let fault = |text: &str| rows(text.as_bytes(), &Fields::default()).unwrap_err().to_string();
+    let fault = |text: &str| rows(text.as_bytes(), &Choice::default()).unwrap_err().to_string();
     assert!(fault(&TEXT.replace("POINTS 2", "POINTS 4000000000")).contains("12000000000 numbers"));
     assert!(fault(&TEXT.replace("POINTS 2", "POINTS -2")).contains("not a count"));
     assert!(fault(&TEXT.replace("1 2 3 4", "1 2 x 4")).contains("`x` at byte"));
@@ -78,7 +78,7 @@ fn broken_files_are_refused() {
     let whole = binary(true);
     for bytes in [whole, TEXT.as_bytes().to_vec()] {
         for cut in 0..bytes.len() {
-            let _ = rows(&bytes[..cut], &Fields::default());
+            let _ = rows(&bytes[..cut], &Choice::default());
         }
     }
 }

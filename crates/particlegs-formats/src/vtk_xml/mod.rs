@@ -13,7 +13,7 @@ use crate::axes::{Axis, axes};
 use crate::cache::{ChunkCache, DEFAULT_BYTES};
 use crate::pieces::{Piece, PieceReader};
 use crate::registry::Head;
-use crate::{Description, Field, Fields, Format, Mass, Snapshot, Species};
+use crate::{Choice, Description, Field, Format, Mass, Snapshot, Species};
 use document::Declared;
 use file::File;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
@@ -150,11 +150,11 @@ impl Snapshot for VtkXml {
         &self.description
     }
 
-    fn reader(&self, species: usize, fields: &Fields) -> Result<Box<dyn SnapshotReader>> {
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = &self.description.species[species];
         let place = self.files[0].path.display().to_string();
-        let weight = species.weight_field(&place, &fields.weights)?;
-        let mut columns = axes(&place, species, fields)?.to_vec();
+        let weight = species.weight_field(&place, &choice.weights)?;
+        let mut columns = axes(&place, species, choice)?.to_vec();
         columns.extend(weight.iter().map(|w| Axis { field: w.clone(), component: 0 }));
         let cache = Arc::new(ChunkCache::new(DEFAULT_BYTES / 2));
         let mut key = 0;

@@ -1,15 +1,15 @@
 //! Small files made here: encodings, several pieces, lists of files, what is refused, out and in.
 
 use super::*;
-use crate::{OpenOptions, Weights};
+use crate::{Choice, Weights};
 use particlegs::model::{Layer, Mass as LayerMass};
 use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
 use particlegs::progress::Silent;
 use std::sync::Mutex;
 
-fn rows(path: &Path, fields: &Fields) -> Result<(Description, Vec<[f32; 4]>)> {
-    let snapshot = crate::open(&[path.to_path_buf()], &OpenOptions::default())?;
-    let reader = snapshot.reader(0, fields)?;
+fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
+    let snapshot = crate::open(&[path.to_path_buf()], &Choice::default())?;
+    let reader = snapshot.reader(0, choice)?;
     let out = Mutex::new(Vec::new());
     let take = |run: u64, c: particlegs::particles::Chunk<'_>| {
         let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
@@ -39,7 +39,7 @@ fn pieces_of_text_and_base64() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.vtp");
     std::fs::write(&path, xml(&format!("{PIECE}<Piece NumberOfPoints=\"0\"/>{PIECE}"))).unwrap();
-    let (d, got) = rows(&path, &Fields::default()).unwrap();
+    let (d, got) = rows(&path, &Choice::default()).unwrap();
     assert_eq!(got[..2], [[1.0, 2.0, 3.0, 7.0], [4.0, 5.0, 6.0, 8.0]]);
     assert_eq!(got[2..], got[..2]);
     assert_eq!((d.species[0].count, &d.species[0].mass), (4, &Mass::Field("Mass".into())));
@@ -47,7 +47,7 @@ fn pieces_of_text_and_base64() {
     // The length encoded on its own, as some writers do.
     let apart = PIECE.replace("CAAAAAAA4EAAAABB", "CAAAAA==AADgQAAAAEE=");
     std::fs::write(&path, xml(&apart)).unwrap();
-    assert_eq!(rows(&path, &Fields::default()).unwrap().1, got[..2]);
+    assert_eq!(rows(&path, &Choice::default()).unwrap().1, got[..2]);
 }
 
 #[test]
@@ -59,7 +59,7 @@ fn lists_name_files_beside_them() {
         );
         let path = folder.path().join("a.pvtp");
         std::fs::write(&path, text).unwrap();
-        rows(&path, &Fields::default())
+        rows(&path, &Choice::default())
     };
     std::fs::create_dir(folder.path().join("p")).unwrap();
     std::fs::write(folder.path().join("p/0.vtp"), xml(PIECE)).unwrap();
@@ -77,7 +77,7 @@ fn broken_files_are_refused() {
     let path = folder.path().join("a.vtp");
     let fault = |text: &str| {
         std::fs::write(&path, text).unwrap();
-        rows(&path, &Fields::default()).unwrap_err().to_string()
+        rows(&path, &Choice::default()).unwrap_err().to_string()
     };
     let good = xml(PIECE);
     assert!(fault(&good.replace("NumberOfPoints=\"2\"", "NumberOfPoints=\"4294967295\"")).contains("do not fit"));
@@ -110,7 +110,7 @@ fn out_and_in_gives_equal_bits() {
     p.meta.time = Some(0.125);
     let bytes = written(&p, &path);
     assert!(bytes < n as u64 * 16 + 2000);
-    let (d, got) = rows(&path, &Fields::default()).unwrap();
+    let (d, got) = rows(&path, &Choice::default()).unwrap();
     assert_eq!((d.meta.time, &d.species[0].mass), (Some(0.125), &Mass::Unknown));
     let same = |got: &[[f32; 4]], weight: &dyn Fn(usize) -> f32| {
         (0..n as usize).all(|i| {
@@ -119,8 +119,8 @@ fn out_and_in_gives_equal_bits() {
         })
     };
     assert!(same(&got, &|_| 0.0));
-    let snapshot = crate::open(std::slice::from_ref(&path), &OpenOptions::default()).unwrap();
-    assert!(snapshot.reader(0, &Fields::default()).unwrap().in_place().is_some());
+    let snapshot = crate::open(std::slice::from_ref(&path), &Choice::default()).unwrap();
+    assert!(snapshot.reader(0, &Choice::default()).unwrap().in_place().is_some());
 
     let layer = |name: &str, content, mass| Layer { name: name.into(), mass, content };
     let weights = (0..n).map(|i| if i < 66_000 { 0.5 } else { i as f32 }).collect();
@@ -130,10 +130,10 @@ fn out_and_in_gives_equal_bits() {
         .with_weights(Column::owned(weights))
         .with_layers(vec![layer("dm--x", 0..66_000, dm), layer("gas", 66_000..n as usize, gas)]);
     written(&q, &path);
-    let (d, got) = rows(&path, &Fields::default()).unwrap();
+    let (d, got) = rows(&path, &Choice::default()).unwrap();
     assert_eq!(d.species[0].mass, Mass::Field("mass".into()));
     assert!(same(&got, &|i| if i < 66_000 { 0.5 } else { i as f32 }));
-    let species = Fields { weights: Weights::Field("species".into()), ..Fields::default() };
+    let species = Choice { weights: Weights::Field("species".into()), ..Choice::default() };
     let (_, got) = rows(&path, &species).unwrap();
     assert!(same(&got, &|i| f32::from(u8::from(i >= 66_000))));
 }

@@ -12,7 +12,7 @@ use crate::text::parse::Layout;
 use crate::text::snapshot::{Columns, TextSnapshot, kinds};
 use crate::text::split::{Separator, number, shown, tokens};
 use crate::text::table::{Builder, Table};
-use crate::{Description, Field, Format, OpenOptions, Snapshot};
+use crate::{Choice, Description, Field, Format, Snapshot};
 use comment::Comment;
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
@@ -47,11 +47,11 @@ const MOST_COLUMNS: usize = 1 << 10;
 /// What stands before a frame's atoms.
 struct FrameHead {
     comment: Comment,
-    /// Fields of a line, in order.
+    /// Choice of a line, in order.
     fields: Vec<Field>,
 }
 
-fn open(paths: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn Snapshot>> {
+fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let [path] = paths else {
         return Err(Error::argument("one XYZ file is read at a time"));
     };
@@ -146,7 +146,7 @@ fn key_column(fields: &[Field]) -> Option<usize> {
     Some(fields[..index].iter().map(|f| f.components as usize).sum())
 }
 
-/// Fields of a plain file with so many columns: symbol, position, and what else there may be.
+/// Choice of a plain file with so many columns: symbol, position, and what else there may be.
 fn plain_fields(columns: usize) -> Vec<Field> {
     let field = |name: String, kind: &str, components| Field { name, kind: kind.into(), components, unit: None };
     let mut fields = Vec::new();

@@ -1,18 +1,18 @@
 use super::FORMAT;
 use crate::text::testing::{Got, read, scratch};
-use crate::{Description, Fields, Mass, OpenOptions, Weights};
+use crate::{Choice, Description, Mass, Weights};
 
-fn open(text: &str, frame: Option<u64>, fields: &Fields) -> particlegs::Result<(Description, Vec<Got>)> {
+fn open(text: &str, frame: Option<u64>, choice: &Choice) -> particlegs::Result<(Description, Vec<Got>)> {
     let file = scratch(text.as_bytes());
-    let options = OpenOptions { frame, ..OpenOptions::default() };
+    let options = Choice { frame, ..Choice::default() };
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &options)?;
     let d = snapshot.description().clone();
-    let got = (0..d.species.len()).map(|s| read(&*snapshot, s, fields)).collect::<particlegs::Result<_>>()?;
+    let got = (0..d.species.len()).map(|s| read(&*snapshot, s, choice)).collect::<particlegs::Result<_>>()?;
     Ok((d, got))
 }
 
 fn message(text: &str) -> String {
-    match open(text, None, &Fields::default()) {
+    match open(text, None, &Choice::default()) {
         Ok(_) => panic!("it was read"),
         Err(e) => e.to_string(),
     }
@@ -23,32 +23,32 @@ fn plain_frames_with_species_by_symbol() {
     let text = "3\nfirst\nH 0 0 0\nO 1 2 3 9\nH 4 5 6\n";
     assert!(message(text).contains("line 4 has 5 columns, not 4"));
     let text = "3\nfirst\n H 0 0 0\n O 1 2 3\n H 4 5 6\n 1\n\nO 7 8 9\n\n";
-    let (d, got) = open(text, Some(0), &Fields::default()).unwrap();
+    let (d, got) = open(text, Some(0), &Choice::default()).unwrap();
     assert_eq!((d.frames.unwrap().count, d.format), (2, "XYZ".into()));
     assert_eq!(got.iter().map(|g| &g.name[..]).collect::<Vec<_>>(), ["H", "O"]);
     assert_eq!(got[0].positions, [[0.0; 3], [4.0, 5.0, 6.0]]);
     assert_eq!(got[1].positions, [[1.0, 2.0, 3.0]]);
-    let (d, got) = open(text, None, &Fields::default()).unwrap();
+    let (d, got) = open(text, None, &Choice::default()).unwrap();
     assert_eq!((&got[0].name[..], &d.species[0].aliases[..]), ("atoms", &["o".to_string()][..]));
     assert_eq!(got[0].positions, [[7.0, 8.0, 9.0]]);
-    assert_eq!(open("1\nno symbols\n1 2 3\n", None, &Fields::default()).unwrap().1[0].positions, [[1.0, 2.0, 3.0]]);
+    assert_eq!(open("1\nno symbols\n1 2 3\n", None, &Choice::default()).unwrap().1[0].positions, [[1.0, 2.0, 3.0]]);
 }
 
 #[test]
 fn extended_frames_state_cell_and_columns() {
     let text = "2\nLattice=\"2 0 0 0 3 0 1 0 4\" Origin=\"-1 0 1\" Properties=id:I:1:pos:R:3:velo:R:3:mass:R:1:species:S:1 pbc=\"T F T\" energy=-1 name='a b'\n\
         1 0 0 0 1 1 1 5 Si\n2 1 2 3 4 5 6 7 Si\n";
-    let (d, got) = open(text, None, &Fields::default()).unwrap();
+    let (d, got) = open(text, None, &Choice::default()).unwrap();
     let cell = d.meta.cell.unwrap();
     assert_eq!((cell.origin, cell.periodic), ([-1.0, 0.0, 1.0], [true, false, true]));
     assert_eq!(cell.vectors[2], [1.0, 0.0, 4.0]);
     assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("pos", &Mass::Field("mass".into())));
     assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[1.0, 2.0, 3.0], &[5.0, 7.0][..]));
-    let fields = Fields { positions: Some("velo".into()), weights: Weights::Field("id".into()) };
+    let fields = Choice { positions: Some("velo".into()), weights: Weights::Field("id".into()), ..Choice::default() };
     let (_, got) = open(text, None, &fields).unwrap();
     assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[4.0, 5.0, 6.0], &[1.0, 2.0][..]));
     let bare = "0\nLattice=\"2 0 0 0 3 0 1 0 4\"\n";
-    assert_eq!(open(bare, None, &Fields::default()).unwrap().0.meta.cell.unwrap().periodic, [true; 3]);
+    assert_eq!(open(bare, None, &Choice::default()).unwrap().0.meta.cell.unwrap().periodic, [true; 3]);
 }
 
 #[test]

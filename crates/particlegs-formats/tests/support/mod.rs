@@ -4,7 +4,7 @@
 
 use particlegs::particles::RUN;
 use particlegs::progress::Silent;
-use particlegs_formats::{Fields, Kind, OpenOptions, Snapshot};
+use particlegs_formats::{Choice, Kind, Snapshot};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -103,7 +103,7 @@ pub fn format_of(path: &Path) -> Option<&'static str> {
 
 /// Opens a file, optionally with a format and a frame.
 pub fn open(path: &Path, format: Option<&str>, frame: Option<u64>) -> particlegs::Result<Box<dyn Snapshot>> {
-    let options = OpenOptions { format: format.map(String::from), frame };
+    let options = Choice { format: format.map(String::from), frame, ..Choice::default() };
     particlegs_formats::open(&[path.to_path_buf()], &options)
 }
 
@@ -113,7 +113,7 @@ pub fn read_everything(path: &Path, format: Option<&str>) -> particlegs::Result<
     let snapshot = open(path, format, None)?;
     let mut total = 0;
     for species in 0..snapshot.description().species.len() {
-        let reader = snapshot.reader(species, &Fields::default())?;
+        let reader = snapshot.reader(species, &Choice::default())?;
         let runs = reader.count().div_ceil(RUN as u64);
         reader.read(0..runs, &Silent, &|_, chunk| {
             let columns = chunk.position.iter().chain(&chunk.weight);
@@ -131,8 +131,8 @@ pub fn read_everything(path: &Path, format: Option<&str>) -> particlegs::Result<
 }
 
 /// The first particles of a species: position and weight, with `fields`.
-pub fn particles(snapshot: &dyn Snapshot, species: usize, fields: &Fields) -> particlegs::Result<Vec<[f64; 4]>> {
-    let reader = snapshot.reader(species, fields)?;
+pub fn particles(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> particlegs::Result<Vec<[f64; 4]>> {
+    let reader = snapshot.reader(species, choice)?;
     let out = Mutex::new(vec![[f64::NAN; 4]; reader.count() as usize]);
     let origin = reader.origin();
     reader.read(0..reader.count().div_ceil(RUN as u64), &Silent, &|run, chunk| {
