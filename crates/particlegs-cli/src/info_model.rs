@@ -1,5 +1,6 @@
 //! What `info` prints about a model file, and its certificate as a table.
 
+use crate::annotate::text::number;
 use crate::common::Context;
 use crate::inputs;
 use crate::printable::one_line;
@@ -11,7 +12,6 @@ use particlegs::model::{
     Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
 use particlegs::particles::Cell;
-use particlegs::picture::number;
 use particlegs::progress::Progress;
 use particlegs::score::{self, Verdict};
 use particlegs_formats::SPLAT_PLY_BYTES;

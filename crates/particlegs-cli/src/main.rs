@@ -1,6 +1,7 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
 mod allotted;
+mod annotate;
 mod canvas;
 mod commands;
 mod common;

@@ -4,7 +4,7 @@ use crate::common::Context;
 use clap::Args;
 use particlegs::output::{FileSet, Input, Kind, Outputs};
 use particlegs::progress::Progress;
-use particlegs::{Error, Result, output, picture};
+use particlegs::{Error, Result, output};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -22,6 +22,9 @@ pub struct ForceArgs {
     #[arg(long, help_heading = None::<&'static str>, display_order = 900)]
     pub force: bool,
 }
+
+/// A picture.
+pub const PNG: Kind = Kind { name: "a PNG", kept: false, is: |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
 
 /// Results as JSON. What describes a snapshot or a job is JSON too, and not replaced.
 pub const JSON: Kind = Kind {
@@ -242,7 +245,7 @@ fn kind_of(place: &Path, staged: &Path) -> Kind {
         line(place).is_some_and(|head| line(staged) == Some(head))
     };
     match place.extension().and_then(|e| e.to_str()) {
-        Some("png") => picture::PNG,
+        Some("png") => PNG,
         Some("svg") => SVG,
         Some("json") => JSON,
         Some("csv") if same_head() => Kind { is: |_, _| true, ..UNKNOWN },

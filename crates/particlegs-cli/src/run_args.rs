@@ -2,12 +2,11 @@
 //! `finetune`.
 
 use crate::common::Context;
-use crate::outputs::{LOG, SVG};
+use crate::outputs::{LOG, PNG, SVG};
 use crate::train_log::{curves, logged};
 use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, Compressed, Found};
 use particlegs::fit::{NoPieces, Pieces};
-use particlegs::picture::PNG;
 use particlegs::progress::Progress;
 use particlegs::train::Limits;
 use particlegs::{Error, Result, output};

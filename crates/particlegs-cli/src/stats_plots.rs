@@ -1,9 +1,10 @@
 //! Statistics as pictures: one figure each, and the central slices.
 
+use crate::annotate::{PanelImage, panels};
 use crate::plots::{Curve, Figure, write};
 use particlegs::Result;
 use particlegs::model::per_length;
-use particlegs::picture::{Colormap, PanelImage, Rgb8, Size, panels, write_rgb_png};
+use particlegs::picture::{Colormap, Rgb8, Size, write_png};
 use particlegs::stats::{DensityReport, Slice, Statistics};
 use std::path::Path;
 
@@ -42,7 +43,8 @@ pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()
             write(folder, &profile(s, d, axis, &units))?;
             let [a, b] = &d.slices[axis];
             let picture = slices(a, b);
-            write_rgb_png(&folder.join(format!("slice_{}.png", ["x", "y", "z"][axis])), &picture)?;
+            let path = folder.join(format!("slice_{}.png", ["x", "y", "z"][axis]));
+            write_png(&path, picture.size, picture.data.as_flattened())?;
         }
     }
     Ok(())

@@ -61,4 +61,7 @@ pub mod compress;
 
 pub mod job;
 
+#[cfg(test)]
+mod law_tests;
+
 pub use particlegs_core::{Error, Remedy, Result};

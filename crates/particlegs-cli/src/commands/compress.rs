@@ -3,7 +3,7 @@
 use crate::common::{Common, Context};
 use crate::fit_args::FitArgs;
 use crate::info_model;
-use crate::outputs::ForceArgs;
+use crate::outputs::{ForceArgs, PNG};
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use clap::{Args, ValueHint};
@@ -11,7 +11,6 @@ use particlegs::compress::{Compressed, Compression, Options, is_asked_for, is_ma
 use particlegs::fit::Pieces;
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
-use particlegs::picture::PNG;
 use particlegs::progress::Progress;
 use particlegs::{Result, codec, output};
 use serde_json::json;

@@ -5,7 +5,7 @@ use crate::inputs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
-use particlegs::camera::read_views;
+use particlegs::camera::ViewsFile;
 use particlegs::input::name_of;
 use particlegs::model::Model;
 use particlegs::particles::Particles;
@@ -96,7 +96,7 @@ pub fn run(a: Arguments) -> Result<()> {
 /// The views, their size, and where they are from in words.
 fn views(a: &Arguments, model: &Model, context: &Context) -> Result<(Vec<EvalView>, Size, String)> {
     if let Some(path) = &a.views {
-        let set = read_views(path, context)?;
+        let ViewsFile(set) = ViewsFile::read(path, context)?;
         return Ok((score::views_of_file(&set), set.size, format!("{}", path.display())));
     }
     if a.frames == 0 || a.frames > 10_000 {

@@ -1,7 +1,7 @@
 //! Two folders of PNGs of the same names against each other.
 
 use super::mean;
-use crate::picture::{Gray8, Scores, read_gray_png};
+use crate::picture::{Gray8, Scores, read_png};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -96,7 +96,7 @@ pub fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Co
 }
 
 fn compare(name: &str, a: &Path, b: &Path) -> Compared {
-    let pair = read_gray_png(a).and_then(|a| Ok((a, read_gray_png(b)?)));
+    let pair = read_png(a).and_then(|a| Ok((a, read_png(b)?)));
     let failed =
         |error: String| Compared { name: name.into(), scores: None, largest_difference: 0, error: Some(error) };
     match pair {
@@ -136,7 +136,7 @@ fn pictures(folder: &Path) -> Result<BTreeSet<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::{Size, write_gray_png};
+    use crate::picture::{Size, write_png};
     use crate::progress::Silent;
 
     #[test]
@@ -146,7 +146,7 @@ mod tests {
         let write = |folder: &Path, name: &str, side: usize, level: u8| {
             std::fs::create_dir_all(folder).unwrap();
             let size = Size { width: side, height: side };
-            write_gray_png(&folder.join(name), &Gray8 { size, data: vec![level; side * side] }).unwrap();
+            write_png(&folder.join(name), size, &vec![level; side * side]).unwrap();
         };
         write(&a, "alone.png", 8, 0);
         write(&b, "other.png", 8, 0);

@@ -1,23 +1,23 @@
 //! docs/law says what the program does: every table there that is announced as "(checked)" is computed
 //! again.
 
-use particlegs::camera::{Camera, FOV_DEG, ORBITS, Projection, View};
-use particlegs::camera::{base_distance, clipping_range, spherical_camera, spiral};
-use particlegs::math::{Random, Sym3};
-use particlegs::model::{AlphaBlend, Law, LawKind, Mixture, VizMapper, VizRanges};
-use particlegs::particles::{Bounds, Particles};
-use particlegs::picture::{Gray8, Plane, Size, masked_psnr, psnr, ssim};
-use particlegs::progress::Silent;
-use particlegs::recover::Method;
-use particlegs::reference::{Reference, fxaa, uniform_box};
-use particlegs::render::{self, Scene};
-use particlegs::score::{ViewSeed, evaluation_views, shot_noise};
-use particlegs::splat::{
+use crate::camera::{Camera, FOV_DEG, ORBITS, Projection, View};
+use crate::camera::{base_distance, clipping_range, spherical_camera, spiral};
+use crate::math::{Random, Sym3};
+use crate::model::{AlphaBlend, Law, LawKind, Mixture, VizMapper, VizRanges};
+use crate::particles::{Bounds, Particles};
+use crate::picture::{Gray8, Plane, Size, masked_psnr, psnr, ssim};
+use crate::progress::Silent;
+use crate::recover::Method;
+use crate::reference::{Reference, fxaa, uniform_box};
+use crate::render::{self, Scene};
+use crate::score::{ViewSeed, evaluation_views, shot_noise};
+use crate::splat::{
     CUT_SHARE, CUT_SHARE_2D, CUT_SIGMA, DEFAULT_OPACITY, DEPTH_TOLERANCE, FxaaMean, LARGEST_MEAN_ALPHA, Look,
     MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, erf, fxaa_blur, opacity_integral, tone,
 };
-use particlegs::stats::StatsOptions;
-use particlegs::train::{Config, Preset};
+use crate::stats::StatsOptions;
+use crate::train::{Config, Preset};
 use serde_json::Value;
 use std::f64::consts::PI;
 use std::sync::Arc;
