@@ -29,7 +29,7 @@ mod spectrum_tests;
 mod subject;
 mod summary;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod transform;
 mod tree;
 mod xi_transform;
