@@ -33,7 +33,6 @@ pub struct NearestDistances {
 }
 
 /// Which neighbours.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct NeighbourOptions {
     /// Particles to look from, at most.
     pub sample: usize,
