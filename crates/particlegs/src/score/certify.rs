@@ -24,6 +24,7 @@ const GRID: u16 = 50;
 /// measured does not depend on it.
 ///
 /// # Errors
+/// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
 /// [`crate::Error::Cancelled`].
 pub fn certificate(
     model: &Model,

@@ -20,7 +20,7 @@ use crate::{Error, Result};
 ///
 /// # Errors
 /// [`Error::Argument`] where there is no view or one has a number outside its range;
-/// [`Error::Cancelled`].
+/// [`Error::Memory`], [`Error::Cancelled`].
 pub fn evaluate(
     model: &Model,
     particles: &Particles,

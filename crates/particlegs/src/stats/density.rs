@@ -26,7 +26,7 @@ pub struct DensityComparison {
 /// Distribution of 1 + delta over cells, volume-weighted.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct DensityPdf {
-    /// log10(1 + delta) at the bins' edges.
+    /// log10(1 + delta) at the bins' edges, one more than bins.
     pub edges: Vec<f64>,
     /// Cells in each bin, one column a density.
     pub cells: [Vec<u64>; 2],

@@ -56,7 +56,7 @@ pub struct DensityReport {
     pub outside: [f64; 2],
     /// Distribution.
     pub pdf: DensityPdf,
-    /// Mass along each axis, by plane of cells, in units of the mean.
+    /// Mass along each axis, by plane of cells, in units of the mean: axis, then truth and other, then plane.
     pub profiles: [[Vec<f64>; 2]; 3],
     /// 1 + delta of both in the central planes of cells across x, y and z, the first of the two other axes slowest.
     #[serde(skip)]
@@ -66,7 +66,7 @@ pub struct DensityReport {
 /// xi(r) from |delta_k|^2, in bins of pi / k_max from there on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct XiByTransform {
-    /// Edges of the bins.
+    /// Edges of the bins, world units: one more than bins.
     pub edges: Vec<f64>,
     /// xi of each.
     pub xi: [Vec<f64>; 2],
