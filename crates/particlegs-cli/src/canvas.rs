@@ -1,7 +1,8 @@
 //! Pixels that plotters draws on: antialiased strokes, discs and text in the embedded font.
 
-use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
-use particlegs::picture::{FONT, Rgb8, Size};
+use crate::annotate::text;
+use ab_glyph::{Font, PxScale, ScaleFont, point};
+use particlegs::picture::{Rgb8, Size};
 use plotters_backend::text_anchor::{HPos, VPos};
 use plotters_backend::{BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind};
 use std::convert::Infallible;
@@ -16,13 +17,12 @@ const X_HEIGHT: f32 = 0.547;
 /// A picture to draw on. A coordinate is the middle of a pixel.
 pub struct Canvas<'a> {
     picture: &'a mut Rgb8,
-    font: FontRef<'static>,
 }
 
 impl<'a> Canvas<'a> {
     /// Over a picture.
     pub fn new(picture: &'a mut Rgb8) -> Self {
-        Canvas { picture, font: FontRef::try_from_slice(FONT).expect("the embedded font is whole") }
+        Canvas { picture }
     }
 
     /// Blends a colour over a pixel that it covers in part; what lies outside is not drawn.
@@ -117,14 +117,14 @@ impl DrawingBackend for Canvas<'_> {
     }
 
     /// As plotters' SVG places text, its size and its anchor.
-    fn draw_text<S: BackendTextStyle>(&mut self, text: &str, style: &S, at: BackendCoord) -> Drawn {
+    fn draw_text<S: BackendTextStyle>(&mut self, words: &str, style: &S, at: BackendCoord) -> Drawn {
         let em = (style.size() / SIZE_OF_EM) as f32;
-        let units = self.font.units_per_em().unwrap_or(1.0);
-        let scale = PxScale::from(em * self.font.height_unscaled() / units);
-        let font = self.font.clone();
+        let font = text::font();
+        let units = font.units_per_em().unwrap_or(1.0);
+        let scale = PxScale::from(em * font.height_unscaled() / units);
         let scaled = font.as_scaled(scale);
         let (mut glyphs, mut pen, mut last) = (Vec::new(), 0.0, None);
-        for id in text.chars().map(|c| scaled.glyph_id(c)) {
+        for id in words.chars().map(|c| scaled.glyph_id(c)) {
             pen += last.map_or(0.0, |l| scaled.kern(l, id));
             glyphs.push((id, pen));
             pen += scaled.h_advance(id);

@@ -1,6 +1,7 @@
 //! Surface density on the command line: the window, the colours, the files. Shared by `render` and
 //! `reference`.
 
+use crate::annotate::{DensityPicture, ScaleBar, annotate_density};
 use crate::common::Context;
 use crate::outputs::{JSON, VALUES};
 use crate::picture_out::PictureOut;
@@ -10,9 +11,7 @@ use clap::{Args, ValueEnum};
 use particlegs::camera::{DensityView, Frame, Projection, Window, spherical_camera};
 use particlegs::model::Model;
 use particlegs::particles::Particles;
-use particlegs::picture::{
-    Colormap, DensityPicture, Plane, ScaleBar, Size, annotate_density, log_range, write_rgb_png,
-};
+use particlegs::picture::{Colormap, Plane, Size, write_png};
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use particlegs_files::output::{FileSet, write_atomic, write_bytes};
@@ -216,18 +215,19 @@ impl DensityArgs {
         }
         let options = DensityPicture {
             colormap: self.colormap,
-            range: Some(self.range.as_deref().map_or_else(|| log_range(plane), |r| [r[0], r[1]])),
+            range: self.range.as_deref().map(|r| [r[0], r[1]]),
             unit: q.unit().replace("Msun", "M☉"),
-            scale_bar: Some(ScaleBar {
+            scale_bar: ScaleBar {
                 world_per_pixel,
                 unit: q.length_unit.clone().unwrap_or_default(),
                 comoving: q.comoving,
                 note: if perspective { "at the focal point".into() } else { String::new() },
-            }),
+            },
             annotations: !self.no_annotations,
         };
         let path = out.picture(&view.name);
-        write_rgb_png(&path, &annotate_density(plane, &options))?;
+        let picture = annotate_density(plane, &options);
+        write_png(&path, picture.size, picture.data.as_flattened())?;
         Ok(path)
     }
 }

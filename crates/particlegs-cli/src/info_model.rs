@@ -1,5 +1,6 @@
 //! What `info` prints about a model file, and its certificate as a table.
 
+use crate::annotate::text::number;
 use crate::common::Context;
 use crate::inputs;
 use crate::printable::one_line;
@@ -9,9 +10,8 @@ use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
     AlphaBlend, Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
-use particlegs::picture::number;
 use particlegs::progress::Progress;
-use particlegs::score::{self, Verdict};
+use particlegs::score::{self, Finding, Use, Word};
 use particlegs::space::Cell;
 use particlegs_files::input::name_of;
 use serde::Serialize;
@@ -32,7 +32,7 @@ struct Report<'a> {
     vizmapper: Option<NetworkReport>,
     published_bytes: u64,
     certificate: Option<&'a Certificate>,
-    verdict: Verdict,
+    verdict: Vec<Finding>,
 }
 
 #[derive(Serialize)]
@@ -263,20 +263,22 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
 }
 
 /// What the model is good for, a line a use.
-pub fn verdict(v: &Verdict) -> String {
+pub fn verdict(findings: &[Finding]) -> String {
     let mut out = "verdict            what the model is good for (docs/guide/certificate.md)\n".to_string();
-    for f in &v.findings {
+    for f in findings {
         out += &(wrapped(&format!("  {:<16}{:<14}", f.of.name(), f.word.name()), &f.why, 32) + "\n");
     }
     out
 }
 
 /// The certificate that a file was just given, and its verdict, as text and as data; tells unasked what
-/// a user must know of a poor model, and what helps.
-pub fn told(c: Option<&Certificate>, unit: Option<&str>, progress: &dyn Progress) -> (String, Verdict) {
+/// a user must know of a poor model, whose pictures or density do not clearly beat trivial ones, and what helps.
+pub fn told(c: Option<&Certificate>, unit: Option<&str>, progress: &dyn Progress) -> (String, Vec<Finding>) {
     let v = score::verdict(c, unit);
-    if let Some(what) = v.warning() {
-        progress.message(&format!("warning: {what}"));
+    let poor = |f: &&Finding| matches!(f.of, Use::Pictures | Use::Density) && f.word == Word::DoesNot;
+    let poor: Vec<String> = v.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.why)).collect();
+    if !poor.is_empty() {
+        progress.message(&format!("warning: the model shows little of these particles; {}", poor.join("; ")));
         progress.message(
             "hint: where particles cluster a larger file helps, such as half the ratio; liquids and crystals are shown at \
              no ratio (docs/guide/certificate.md)",

@@ -1,9 +1,12 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
+mod agree;
 mod allotted;
+mod annotate;
 mod canvas;
 mod commands;
 mod common;
+mod compared;
 mod cut_short;
 mod density_args;
 mod drawn;

@@ -3,7 +3,7 @@
 use crate::common::Context;
 use clap::Args;
 use particlegs::progress::Progress;
-use particlegs::{Error, Result, picture};
+use particlegs::{Error, Result};
 use particlegs_files::output;
 use particlegs_files::output::{FileSet, Input, Kind, Outputs};
 use serde_json::Value;
@@ -23,6 +23,9 @@ pub struct ForceArgs {
     #[arg(long, help_heading = None::<&'static str>, display_order = 900)]
     pub force: bool,
 }
+
+/// A picture.
+pub const PNG: Kind = Kind { name: "a PNG", kept: false, is: |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
 
 /// Results as JSON. What describes a snapshot or a job is JSON too, and not replaced.
 pub const JSON: Kind = Kind {
@@ -243,7 +246,7 @@ fn kind_of(place: &Path, staged: &Path) -> Kind {
         line(place).is_some_and(|head| line(staged) == Some(head))
     };
     match place.extension().and_then(|e| e.to_str()) {
-        Some("png") => picture::PNG,
+        Some("png") => PNG,
         Some("svg") => SVG,
         Some("json") => JSON,
         Some("csv") if same_head() => Kind { is: |_, _| true, ..UNKNOWN },

@@ -1,7 +1,7 @@
 //! Where pictures go: a folder with one file a view, or the one file that is named.
 
 use crate::common::Context;
-use particlegs::picture::PNG;
+use crate::outputs::PNG;
 use particlegs::{Error, Result};
 use particlegs_files::output;
 use std::path::{Path, PathBuf};

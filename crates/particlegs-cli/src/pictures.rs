@@ -1,13 +1,12 @@
 //! What `compress --pictures` writes: truth beside model beside error, and the surface density.
 
+use crate::annotate::{DensityPicture, PanelImage, ScaleBar, annotate_density, panels};
 use crate::density_args::Quantities;
 use particlegs::Result;
 use particlegs::camera::{DensityView, View, Window, base_distance, spherical_camera};
 use particlegs::model::Model;
 use particlegs::particles::Particles;
-use particlegs::picture::{
-    Colormap, DensityPicture, PanelImage, ScaleBar, Size, annotate_density, masked_psnr, panels, write_rgb_png,
-};
+use particlegs::picture::{Colormap, Size, masked_psnr, write_png};
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::{self, Scene};
@@ -57,7 +56,7 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
         (&captions[1], PanelImage::Gray(&drawn)),
         ("error: model - truth", PanelImage::Error { truth: &truth, model: &drawn }),
     ]);
-    write_rgb_png(path, &picture)
+    write_png(path, picture.size, picture.data.as_flattened())
 }
 
 fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
@@ -77,14 +76,14 @@ fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
             colormap: Colormap::default(),
             range: None,
             unit: quantities.unit(),
-            scale_bar: Some(ScaleBar {
+            scale_bar: ScaleBar {
                 world_per_pixel: width / DENSITY_WIDTH as f64,
                 unit: m.length_unit.clone().unwrap_or_default(),
                 comoving: m.comoving == Some(true),
                 note: String::new(),
-            }),
+            },
             annotations: true,
         },
     );
-    write_rgb_png(path, &picture)
+    write_png(path, picture.size, picture.data.as_flattened())
 }

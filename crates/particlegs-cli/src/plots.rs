@@ -1,8 +1,9 @@
 //! A figure of two curves and, below it, their ratio in bands of 5 % and 10 %: as SVG and as PNG.
 
+use crate::annotate::text::superscript;
 use crate::canvas::Canvas;
 use particlegs::Result;
-use particlegs::picture::{Rgb8, Size, superscript, write_rgb_png};
+use particlegs::picture::{Rgb8, Size, write_png};
 use particlegs_files::output::write_bytes;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::coord::types::RangedCoordf64;
@@ -63,7 +64,7 @@ pub fn write(folder: &Path, figure: &Figure<'_>) -> Result<()> {
     let mut png = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };
     draw(Canvas::new(&mut png), figure);
     write_bytes(&folder.join(format!("{}.svg", figure.name)), svg.as_bytes())?;
-    write_rgb_png(&folder.join(format!("{}.png", figure.name)), &png)
+    write_png(&folder.join(format!("{}.png", figure.name)), size, png.data.as_flattened())
 }
 
 /// An axis as plotters sees it: logarithms are taken here, so that one kind of chart serves all.

@@ -2,11 +2,10 @@
 //! `finetune`.
 
 use crate::common::Context;
-use crate::outputs::{LOG, SVG};
+use crate::outputs::{LOG, PNG, SVG};
 use crate::train_log::{curves, logged};
 use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, Compressed};
-use particlegs::picture::PNG;
 use particlegs::pieces::{NoPieces, Pieces};
 use particlegs::progress::Progress;
 use particlegs::train::Limits;

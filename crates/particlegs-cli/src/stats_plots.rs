@@ -1,10 +1,11 @@
 //! Statistics as pictures: one figure each, and the central slices.
 
+use crate::annotate::{PanelImage, panels};
 use crate::plots::{Curve, Figure, write};
 use particlegs::Result;
 use particlegs::model::per_length;
-use particlegs::picture::{Colormap, PanelImage, Rgb8, Size, panels, write_rgb_png};
-use particlegs::stats::{DensityReport, Slice, Statistics};
+use particlegs::picture::{Colormap, Rgb8, Size, write_png};
+use particlegs::stats::{Convention, DensityReport, NearestDistances, PairCounts, Shell, Statistics};
 use std::path::Path;
 
 /// Axis labels in the unit of length, where it is known.
@@ -40,9 +41,9 @@ pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()
         write(folder, &pdf(d))?;
         for axis in 0..3 {
             write(folder, &profile(s, d, axis, &units))?;
-            let [a, b] = &d.slices[axis];
-            let picture = slices(a, b);
-            write_rgb_png(&folder.join(format!("slice_{}.png", ["x", "y", "z"][axis])), &picture)?;
+            let picture = slices(d, axis);
+            let path = folder.join(format!("slice_{}.png", ["x", "y", "z"][axis]));
+            write_png(&path, picture.size, picture.data.as_flattened())?;
         }
     }
     Ok(())
@@ -59,8 +60,11 @@ fn pair(points: [Vec<(f64, f64)>; 2]) -> Vec<Curve> {
 fn spectra(s: &Statistics, u: &Units) -> Vec<Figure<'static>> {
     let Some(p) = &s.spectra else { return Vec::new() };
     let of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
-    let corrected = if p.options.shot_noise_subtracted { "shot noise subtracted" } else { "shot noise included" };
-    let r = |name, side, pick: fn(&particlegs::stats::Shell) -> Option<f64>| Curve {
+    let corrected = match s.options.convention {
+        Convention::Correct => "shot noise subtracted",
+        Convention::Paper => "shot noise included",
+    };
+    let r = |name, side, pick: fn(&Shell) -> Option<f64>| Curve {
         name,
         side,
         dots: false,
@@ -99,14 +103,11 @@ fn xi(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
     let middle = |e: &[f64], i: usize| (e[i] * e[i + 1]).sqrt();
     let mut curves = Vec::new();
     let mut ratio = Vec::new();
-    if let Some(x) = &s.xi_by_pairs {
-        let of = |side: usize| {
-            let c = &x.counts[side];
-            (0..c.xi.len()).map(|i| (middle(&c.edges, i), c.xi[i])).collect::<Vec<_>>()
-        };
-        curves.extend(pair([of(0), of(1)]));
-        let edges = &x.counts[0].edges;
-        ratio = (0..x.ratio.len()).filter_map(|i| Some((middle(edges, i), x.ratio[i]?))).collect();
+    if let Some([a, b]) = &s.xi_by_pairs {
+        let of = |c: &PairCounts| (0..c.xi.len()).map(|i| (middle(&c.edges, i), c.xi[i])).collect::<Vec<_>>();
+        curves.extend(pair([of(a), of(b)]));
+        let above = |i: &usize| a.xi[*i] > 0.0;
+        ratio = (0..a.xi.len()).filter(above).map(|i| (middle(&a.edges, i), b.xi[i] / a.xi[i])).collect();
     }
     if let Some(x) = &s.xi_by_transform {
         for (side, name) in [(0, "truth, by transform"), (1, "other, by transform")] {
@@ -152,14 +153,12 @@ fn groups(s: &Statistics) -> Option<Figure<'static>> {
 }
 
 fn neighbours(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
-    let n = s.neighbours.as_ref()?;
-    let of = |side: usize| {
-        let d = &n.distances[side];
+    let of = |d: &NearestDistances| {
         (0..d.counts.len())
             .map(|i| ((d.edges[i] * d.edges[i + 1]).sqrt(), d.counts[i] as f64 / d.sampled as f64))
             .collect::<Vec<_>>()
     };
-    let (a, b) = (of(0), of(1));
+    let [a, b] = s.neighbours.as_ref()?.each_ref().map(of);
     // Both histograms have edges of one lattice, if not the same ends.
     let ratio = a
         .iter()
@@ -220,18 +219,19 @@ fn profile(s: &Statistics, d: &DensityReport, axis: usize, u: &Units) -> Figure<
 }
 
 /// Truth and other side by side, the logarithm of density from a tenth to a thousand times the mean.
-fn slices(a: &Slice, b: &Slice) -> Rgb8 {
-    let picture = |s: &Slice| {
-        // About 480 pixels along the longer side, cells as squares of pixels; the first axis across.
-        let scale = (480 / s.shape[0].max(s.shape[1]).max(1)).max(1);
-        let size = Size { width: s.shape[0] * scale, height: s.shape[1] * scale };
+fn slices(d: &DensityReport, axis: usize) -> Rgb8 {
+    let [columns, rows] = [[1, 2], [0, 2], [0, 1]][axis].map(|k: usize| d.cells[k]);
+    // About 480 pixels along the longer side, cells as squares of pixels; the first axis across.
+    let scale = (480 / columns.max(rows).max(1)).max(1);
+    let size = Size { width: columns * scale, height: rows * scale };
+    let picture = |values: &Vec<f32>| {
         let pixel = |at: usize| {
-            let (across, up) = (at % size.width / scale, s.shape[1] - 1 - at / size.width / scale);
-            Colormap::Inferno.color((s.values[across * s.shape[1] + up].log10() + 1.0) / 4.0)
+            let (across, up) = (at % size.width / scale, rows - 1 - at / size.width / scale);
+            Colormap::Inferno.color((values[across * rows + up].log10() + 1.0) / 4.0)
         };
         Rgb8 { size, data: (0..size.pixels()).map(pixel).collect() }
     };
-    let (left, right) = (picture(a), picture(b));
+    let [left, right] = d.slices[axis].each_ref().map(picture);
     panels(&[("truth", PanelImage::Color(&left)), ("other", PanelImage::Color(&right))])
 }
 

@@ -54,11 +54,10 @@ pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
         }
         csv.write(folder, "power.csv")?;
     }
-    if let Some(x) = &s.xi_by_pairs {
+    if let Some([a, b]) = &s.xi_by_pairs {
         let mut csv = Csv::new(
             "r_low,r_high,pairs_truth,pairs_other,primaries_truth,primaries_other,expected_truth,expected_other,xi_truth,xi_other,ratio",
         );
-        let [a, b] = &x.counts;
         for i in 0..a.pairs.len() {
             csv.row(&[
                 number(a.edges[i]),
@@ -71,7 +70,7 @@ pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
                 number(b.expected[i]),
                 number(a.xi[i]),
                 number(b.xi[i]),
-                maybe(x.ratio[i]),
+                maybe((a.xi[i] > 0.0).then(|| b.xi[i] / a.xi[i])),
             ]);
         }
         csv.write(folder, "xi_pairs.csv")?;
@@ -121,7 +120,7 @@ fn write_groups(folder: &Path, s: &Statistics) -> Result<()> {
 fn write_neighbours(folder: &Path, s: &Statistics) -> Result<()> {
     let Some(n) = &s.neighbours else { return Ok(()) };
     let mut csv = Csv::new("side,low,high,particles");
-    for (side, d) in ["truth", "other"].iter().zip(&n.distances) {
+    for (side, d) in ["truth", "other"].iter().zip(n) {
         for i in 0..d.counts.len() {
             csv.row(&[(*side).into(), number(d.edges[i]), number(d.edges[i + 1]), d.counts[i].to_string()]);
         }
@@ -188,11 +187,10 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
             );
         }
     }
-    if let Some(n) = &s.neighbours {
-        let [a, b] = &n.distances;
-        line("nearest neighbour, mean", format!("{:.4}{length}, truth {:.4}: {:.3}", b.mean, a.mean, n.mean_ratio));
+    if let Some([a, b]) = &s.neighbours {
+        line("nearest neighbour, mean", format!("{:.4}{length}, truth {:.4}: {:.3}", b.mean, a.mean, b.mean / a.mean));
         line("nearest neighbour, median", {
-            format!("{:.4}{length}, truth {:.4}: {:.3}", b.median, a.median, n.median_ratio)
+            format!("{:.4}{length}, truth {:.4}: {:.3}", b.median, a.median, b.median / a.median)
         });
     }
     lines.join("\n")

@@ -4,7 +4,7 @@
 use crate::common::Context;
 use crate::outputs::JSON;
 use clap::{Args, ValueHint};
-use particlegs::camera::{View, ViewSet, base_distance, read_views, spherical_camera, views_text};
+use particlegs::camera::{View, ViewSet, ViewsFile, base_distance, spherical_camera};
 use particlegs::picture::Size;
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
@@ -70,10 +70,11 @@ impl ViewArgs {
     /// [`Error::Input`] or [`Error::Io`] for a views file that cannot be used; [`Error::Argument`]
     /// for a number outside its range.
     pub fn resolve(&self, subject: &Subject, context: &Context) -> Result<ViewSet> {
-        let mut set = match &self.views {
-            Some(path) => read_views(path, context)?,
-            None => self.one_view(subject)?,
+        let mut file = match &self.views {
+            Some(path) => ViewsFile::read(path, context)?,
+            None => ViewsFile(self.one_view(subject)?),
         };
+        let ViewsFile(set) = &mut file;
         if let Some(size) = self.size {
             set.size = size;
         }
@@ -84,9 +85,9 @@ impl ViewArgs {
         }
         if let Some(path) = &self.save_views {
             context.writes(path, &JSON)?;
-            write_bytes(path, views_text(&set)?.as_bytes())?;
+            write_bytes(path, file.text()?.as_bytes())?;
         }
-        Ok(set)
+        Ok(file.0)
     }
 
     fn one_view(&self, subject: &Subject) -> Result<ViewSet> {

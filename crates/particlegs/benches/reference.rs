@@ -5,7 +5,7 @@ use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Silent;
-use particlegs::reference::{Reference, fxaa};
+use particlegs::reference::Reference;
 use particlegs::splat::Look;
 use std::path::Path;
 
@@ -57,11 +57,4 @@ fn paraview(bencher: Bencher, radius: f64) {
 #[divan::bench(sample_count = 3, args = [0.25, 1.0, 4.0])]
 fn expected(bencher: Bencher, radius: f64) {
     draw(bencher, Look::Expected, radius);
-}
-
-#[divan::bench(sample_count = 5)]
-fn fxaa_of_noise(bencher: Bencher) {
-    let data = (0..SIZE.pixels()).map(|i| (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15).to_le_bytes()[7] & 31);
-    let noise = particlegs::picture::Gray8 { size: SIZE, data: data.collect() };
-    bencher.bench(|| fxaa(&noise));
 }

@@ -2,7 +2,7 @@
 
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::codec;
-use particlegs::picture::{Size, write_gray_png};
+use particlegs::picture::{Size, write_png};
 use particlegs::progress::Silent;
 use particlegs::render::{Scene, draw};
 use particlegs::splat::Look;
@@ -23,5 +23,5 @@ fn main() -> particlegs::Result<()> {
         opacity: m.default_opacity,
     };
     let picture = draw(&Scene::of(&model), &view, size, Look::Paraview, &Silent)?;
-    write_gray_png(Path::new("view.png"), &picture)
+    write_png(Path::new("view.png"), size, &picture.data)
 }

@@ -57,4 +57,7 @@ pub mod compress;
 
 pub mod job;
 
+#[cfg(test)]
+mod law_tests;
+
 pub use particlegs_core::{Error, Remedy, Result};

@@ -1,10 +1,10 @@
 //! `particlegs compare DIR_A DIR_B`.
 
 use crate::common::Common;
+use crate::compared::{Comparison, compare_folders};
 use crate::printable::one_line;
 use clap::{Args, ValueHint};
 use particlegs::progress::Progress;
-use particlegs::score::{Comparison, compare_folders};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 

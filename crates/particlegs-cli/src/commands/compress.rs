@@ -3,7 +3,7 @@
 use crate::common::{Common, Context};
 use crate::fit_args::FitArgs;
 use crate::info_model;
-use crate::outputs::ForceArgs;
+use crate::outputs::{ForceArgs, PNG};
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::target_args::parse_bytes;
@@ -11,7 +11,6 @@ use clap::{Args, ValueHint};
 use particlegs::compress::{Compressed, Compression, Options};
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
-use particlegs::picture::PNG;
 use particlegs::pieces::Pieces;
 use particlegs::progress::Progress;
 use particlegs::{Result, codec};

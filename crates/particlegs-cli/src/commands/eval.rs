@@ -5,12 +5,12 @@ use crate::inputs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
-use particlegs::camera::read_views;
+use particlegs::camera::{View, ViewsFile};
 use particlegs::model::Model;
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
-use particlegs::score::{EvalView, Evaluation, LookScores, MeanViewScores, ViewSeed};
+use particlegs::score::{Evaluation, LookScores, MeanViewScores};
 use particlegs::{Error, Result, codec, score};
 use particlegs_files::input::name_of;
 use std::path::PathBuf;
@@ -94,18 +94,17 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 /// The views, their size, and where they are from in words.
-fn views(a: &Arguments, model: &Model, context: &Context) -> Result<(Vec<EvalView>, Size, String)> {
+fn views(a: &Arguments, model: &Model, context: &Context) -> Result<(Vec<View>, Size, String)> {
     if let Some(path) = &a.views {
-        let set = read_views(path, context)?;
-        return Ok((score::views_of_file(&set), set.size, format!("{}", path.display())));
+        let ViewsFile(set) = ViewsFile::read(path, context)?;
+        return Ok((set.views, set.size, format!("{}", path.display())));
     }
     if a.frames == 0 || a.frames > 10_000 {
         return Err(Error::argument(format!("--frames {} is outside 1 to 10000", a.frames)));
     }
-    let (m, seed) = (&model.metadata, context.common.seed);
-    let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: a.size, seed };
+    let seed = context.common.seed;
     let words = format!("{} views per orbit, seed {seed}", a.frames);
-    Ok((score::evaluation_views(&of, a.frames), a.size, words))
+    Ok((score::evaluation_views(&model.metadata, a.size, seed, a.frames), a.size, words))
 }
 
 fn report(
@@ -148,35 +147,30 @@ fn table(r: &Report) -> String {
         "\n{:<17} {:<6} {:>9} {:>8} {:>7} {:>10} {:>6} {:>10} {:>9} {:>8}",
         "against", "orbit", "masked dB", "PSNR dB", "SSIM", "noise-free", "gap", "shot noise", "all black", "uniform"
     );
-    let orbits = || r.evaluation.by_orbit.iter().chain([("mean", &r.evaluation.mean)]);
     for (name, pick) in LOOKS {
-        for (orbit, mean) in orbits() {
-            let (scores, shot_noise) = pick(mean);
-            text += &row(name, orbit, scores, shot_noise);
+        for (orbit, mean) in r.evaluation.by_orbit.iter().chain([&("mean", r.evaluation.mean)]) {
+            text += &row(name, orbit, pick(mean));
         }
     }
     text + "\nMeans over views; noise-free, gap, shot noise, all black and uniform (box) are\nmasked PSNR in dB."
 }
 
-/// A look's scores in a mean, and the shot-noise floor where it belongs.
-type Pick = fn(&MeanViewScores) -> (&LookScores, Option<f64>);
+/// A look's scores in a mean.
+type Pick = fn(&MeanViewScores) -> &LookScores;
 
-const LOOKS: [(&str, Pick); 3] = [
-    ("paraview", |m| (&m.paraview, None)),
-    ("paraview-no-fxaa", |m| (&m.paraview_no_fxaa.scores, m.paraview_no_fxaa.shot_noise)),
-    ("expected", |m| (&m.expected, None)),
-];
+const LOOKS: [(&str, Pick); 3] =
+    [("paraview", |m| &m.paraview), ("paraview-no-fxaa", |m| &m.paraview_no_fxaa), ("expected", |m| &m.expected)];
 
-fn row(look: &str, orbit: &str, s: &LookScores, shot_noise: Option<f64>) -> String {
+fn row(look: &str, orbit: &str, s: &LookScores) -> String {
     let db = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.2}"));
-    let ssim = s.ssim.map_or("-".into(), |v| format!("{v:.4}"));
+    let ssim = s.model.ssim.map_or("-".into(), |v| format!("{v:.4}"));
     let noise_free = if look == "expected" { "identical".into() } else { db(s.noise_free.masked_psnr) };
     let mut row = format!(
         "\n{look:<17} {orbit:<6} {:>9} {:>8} {ssim:>7} {noise_free:>10} {:>6} {:>10} {:>9} {:>8}",
-        db(s.masked_psnr),
-        db(s.psnr),
+        db(s.model.masked_psnr),
+        db(s.model.psnr),
         db(s.gap.masked_psnr),
-        db(shot_noise),
+        db(s.shot_noise.flatten()),
         db(s.all_black.masked_psnr),
         db(s.uniform_box.masked_psnr)
     );

@@ -1,5 +1,6 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
+use crate::annotate::text::number;
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::drawn::Drawn;
@@ -9,7 +10,7 @@ use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
 use particlegs::particles::Particles;
-use particlegs::picture::{number, write_gray_png};
+use particlegs::picture::write_png;
 use particlegs::reference::{Reference, surface_density};
 use particlegs::space::Bounds;
 use particlegs::splat::{DEFAULT_OPACITY, Look};
@@ -130,7 +131,7 @@ pub fn run(a: &Arguments) -> Result<()> {
             Style::ResponseFxaa | Style::Density => reference.response(view, set.size, Look::Paraview, &context),
         };
         let seconds = started.elapsed().as_secs_f64();
-        let written = picture.and_then(|picture| write_gray_png(&path, &picture));
+        let written = picture.and_then(|picture| write_png(&path, picture.size, &picture.data));
         context.says_what_is_there(&a.out, report.views.len(), set.views.len(), written)?;
         let (radius_px, rate) = (view.radius_pixels(set.size), count as f64 / seconds);
         text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {:>14}", view.name, number(rate));

@@ -8,7 +8,7 @@ use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::model::{LawKind, Model};
-use particlegs::picture::write_gray_png;
+use particlegs::picture::write_png;
 use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::Look;
 use particlegs::{Error, Result, codec};
@@ -135,7 +135,7 @@ fn pictures(
         let mut seconds = 0.0;
         let drawn = draw(&scene, view, set.size, look, context).and_then(|picture| {
             seconds = started.elapsed().as_secs_f64();
-            write_gray_png(&path, &picture)
+            write_png(&path, picture.size, &picture.data)
         });
         context.says_what_is_there(&a.out, report.views.len(), set.views.len(), drawn)?;
         report.views.push(Drawn::of_view(view, seconds, path));

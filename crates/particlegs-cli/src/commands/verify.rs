@@ -1,5 +1,6 @@
 //! `particlegs verify M.pgs [SNAPSHOT...]`.
 
+use crate::agree::{self, Figure};
 use crate::common::{Common, Context};
 use crate::info_model;
 use crate::inputs;
@@ -11,7 +12,7 @@ use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, Model};
 use particlegs::particles::Particles;
 use particlegs::progress::Progress;
-use particlegs::score::{Figure, Verdict};
+use particlegs::score::Finding;
 use particlegs::{Error, Result, codec, score};
 use particlegs_files::input::name_of;
 use serde::Serialize;
@@ -58,7 +59,7 @@ struct Report {
     contradictions: Vec<String>,
     /// What is hard to believe.
     doubts: Vec<String>,
-    verdict: Verdict,
+    verdict: Vec<Finding>,
 }
 
 /// Reads the whole file, decodes every block and checks the sums; with a snapshot compares its hash, then
@@ -102,9 +103,9 @@ pub fn run(a: Arguments) -> Result<()> {
         },
         stored,
         measured_again,
-        figures: both.map_or_else(Vec::new, |(stored, measured)| score::side_by_side(&stored, &measured)),
-        contradictions: stored.as_ref().map_or_else(Vec::new, score::contradictions),
-        doubts: stored.as_ref().map_or_else(Vec::new, score::doubts),
+        figures: both.map_or_else(Vec::new, |(stored, measured)| agree::side_by_side(&stored, &measured)),
+        contradictions: stored.as_ref().map_or_else(Vec::new, agree::contradictions),
+        doubts: stored.as_ref().map_or_else(Vec::new, agree::doubts),
         verdict: score::verdict(stored.as_ref().or(measured_again.as_ref()), model.metadata.length_unit.as_deref()),
     };
     context.finish(text(&report, &model, of_several, &place).trim_end(), &report)?;

@@ -63,13 +63,13 @@ fn bad_arguments_leave_nothing() {
 
 #[test]
 fn compare_names_what_it_cannot_score() {
-    use particlegs::picture::{Gray8, Size, write_gray_png};
+    use particlegs::picture::{Size, write_png};
     let dir = tempfile::tempdir().unwrap();
     let [a, b] = ["a", "b"].map(|n| dir.path().join(n));
     let write = |folder: &Path, name: &str, side: usize, level: u8| {
         std::fs::create_dir_all(folder).unwrap();
         let size = Size { width: side, height: side };
-        write_gray_png(&folder.join(name), &Gray8 { size, data: vec![level; side * side] }).unwrap();
+        write_png(&folder.join(name), size, &vec![level; side * side]).unwrap();
     };
     write(&a, "far_00.png", 16, 100);
     write(&b, "far_00.png", 16, 110);

@@ -3,4 +3,4 @@
 mod views_file;
 
 pub use particlegs_core::camera::*;
-pub use views_file::{read_views, views_text};
+pub use views_file::ViewsFile;

@@ -13,6 +13,13 @@ const FORM: Form = Form { title: "a views file", begins: Begins::Object, most: 6
 /// Bytes of a view's name at most: pictures are named after it, with an ending.
 const LONGEST_NAME: usize = 200;
 
+/// A views file and what it holds: a size of pictures and views.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewsFile(
+    /// The views, every one checked where the file was read.
+    pub ViewSet,
+);
+
 #[derive(Serialize, Deserialize)]
 struct FileForm {
     width: usize,
@@ -41,21 +48,6 @@ impl From<&View> for ViewForm {
     }
 }
 
-/// The views as the text of a views file, which [`read_views`] reads back without a difference.
-///
-/// # Errors
-/// [`Error::Argument`] for an orthographic view and for views of different angles: the file has one
-/// field of view.
-pub fn views_text(set: &ViewSet) -> Result<String> {
-    let form = FileForm {
-        width: set.size.width,
-        height: set.size.height,
-        fov_deg: fov_deg(&set.views)?,
-        views: set.views.iter().map(ViewForm::from).collect(),
-    };
-    serde_json::to_string_pretty(&form).map(|text| text + "\n").map_err(|e| Error::argument(e.to_string()))
-}
-
 /// The field of view that all have in common, degrees.
 fn fov_deg(views: &[View]) -> Result<f64> {
     let mut angles = views.iter().map(|v| match v.camera.projection {
@@ -73,34 +65,52 @@ fn fov_deg(views: &[View]) -> Result<f64> {
     Ok(first)
 }
 
-/// Reads and checks a views file; `-` is standard input.
-///
-/// # Errors
-/// [`Error::Io`] where it cannot be read; [`Error::Input`] where it is no views file, holds no view,
-/// two of one name, a name that no file can have, or a number outside its range; [`Error::Cancelled`].
-pub fn read_views(path: &Path, progress: &dyn Progress) -> Result<ViewSet> {
-    let text = read_whole(path, FORM, progress)?;
-    let form: FileForm =
-        serde_json::from_slice(&text).map_err(|e| Error::input(path, format!("not a views file: {e}")))?;
-    let set = ViewSet {
-        size: Size { width: form.width, height: form.height },
-        views: form.views.into_iter().map(|v| view(v, form.fov_deg)).collect(),
-    };
-    if set.views.is_empty() {
-        return Err(Error::input(path, "a views file without views"));
-    }
-    let mut names = std::collections::BTreeSet::new();
-    for v in &set.views {
-        if let Some(fault) = fault_of_name(&v.name) {
-            let start: String = v.name.chars().take(40).collect();
-            return Err(Error::input(path, format!("view name `{start}` {fault}; pictures are named after it")));
+impl ViewsFile {
+    /// Reads and checks a views file; `-` is standard input.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where it cannot be read; [`Error::Input`] where it is no views file, holds no view,
+    /// two of one name, a name that no file can have, or a number outside its range; [`Error::Cancelled`].
+    pub fn read(path: &Path, progress: &dyn Progress) -> Result<Self> {
+        let text = read_whole(path, FORM, progress)?;
+        let form: FileForm =
+            serde_json::from_slice(&text).map_err(|e| Error::input(path, format!("not a views file: {e}")))?;
+        let set = ViewSet {
+            size: Size { width: form.width, height: form.height },
+            views: form.views.into_iter().map(|v| view(v, form.fov_deg)).collect(),
+        };
+        if set.views.is_empty() {
+            return Err(Error::input(path, "a views file without views"));
         }
-        if !names.insert(v.name.as_str()) {
-            return Err(Error::input(path, format!("two views are named `{}`", v.name)));
+        let mut names = std::collections::BTreeSet::new();
+        for v in &set.views {
+            if let Some(fault) = fault_of_name(&v.name) {
+                let start: String = v.name.chars().take(40).collect();
+                return Err(Error::input(path, format!("view name `{start}` {fault}; pictures are named after it")));
+            }
+            if !names.insert(v.name.as_str()) {
+                return Err(Error::input(path, format!("two views are named `{}`", v.name)));
+            }
+            v.check(set.size).map_err(|e| Error::input(path, e.to_string()))?;
         }
-        v.check(set.size).map_err(|e| Error::input(path, e.to_string()))?;
+        Ok(ViewsFile(set))
     }
-    Ok(set)
+
+    /// Its text, which [`ViewsFile::read`] reads back without a difference.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for an orthographic view and for views of different angles: the file has one
+    /// field of view.
+    pub fn text(&self) -> Result<String> {
+        let ViewsFile(set) = self;
+        let form = FileForm {
+            width: set.size.width,
+            height: set.size.height,
+            fov_deg: fov_deg(&set.views)?,
+            views: set.views.iter().map(ViewForm::from).collect(),
+        };
+        serde_json::to_string_pretty(&form).map(|text| text + "\n").map_err(|e| Error::argument(e.to_string()))
+    }
 }
 
 /// Why a name is none of a file, if it is none.
@@ -147,7 +157,7 @@ mod tests {
             fov_deg in 1e-3..179.0f64,
             eyes in prop::collection::vec((prop::array::uniform3(number()), prop::array::uniform3(number())), 1..5),
             looks in prop::collection::vec((1e-300..1e300f64, 1e-12..=1.0f64, prop::option::of(1e-9..1e9f64)), 5),
-        ) -> ViewSet {
+        ) -> ViewsFile {
             let view = |(i, (position, focal_point)): (usize, &([f64; 3], [f64; 3]))| {
                 let (radius, opacity, near) = looks[i];
                 let clipping_range = near.map(|n| [n, 3.0 * n]);
@@ -158,7 +168,7 @@ mod tests {
                 View { name: format!("view \"{i}\" é"), camera, radius, opacity }
             };
             let views = eyes.iter().enumerate().map(view).collect();
-            ViewSet { size: Size { width: size.0, height: size.1 }, views }
+            ViewsFile(ViewSet { size: Size { width: size.0, height: size.1 }, views })
         }
     }
 
@@ -166,10 +176,10 @@ mod tests {
         /// To the last bit: a picture of the views that were written is the same picture.
         #[test]
         fn what_is_written_is_read_again(set in views()) {
-            prop_assume!(set.views.iter().all(|v| v.check(set.size).is_ok()));
+            prop_assume!(set.0.views.iter().all(|v| v.check(set.0.size).is_ok()));
             let file = tempfile::NamedTempFile::new().unwrap();
-            std::fs::write(file.path(), views_text(&set).unwrap()).unwrap();
-            prop_assert_eq!(read_views(file.path(), &Silent).unwrap(), set);
+            std::fs::write(file.path(), set.text().unwrap()).unwrap();
+            prop_assert_eq!(ViewsFile::read(file.path(), &Silent).unwrap(), set);
         }
     }
 
@@ -179,7 +189,7 @@ mod tests {
         let view = View { name: "a".into(), camera, radius: 1.0, opacity: 0.5 };
         let with = |projection: Projection| View { camera: Camera { projection, ..camera }, ..view.clone() };
         let size = Size { width: 4, height: 3 };
-        let set = |views: Vec<View>| views_text(&ViewSet { size, views });
+        let set = |views: Vec<View>| ViewsFile(ViewSet { size, views }).text();
         assert!(set(vec![view.clone(), view.clone()]).is_ok());
         assert!(set(vec![view.clone(), with(Projection::Perspective { fov_deg: 40.0 })]).is_err());
         assert!(set(vec![with(Projection::Orthographic { height_world: 1.0 })]).is_err());
@@ -192,8 +202,8 @@ mod tests {
         let example = page.split("```json").nth(1).unwrap().split("```").next().unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), example).unwrap();
-        let set = read_views(file.path(), &Silent).unwrap();
-        let written: serde_json::Value = serde_json::from_str(&views_text(&set).unwrap()).unwrap();
+        let set = ViewsFile::read(file.path(), &Silent).unwrap();
+        let written: serde_json::Value = serde_json::from_str(&set.text().unwrap()).unwrap();
         let inside = written["views"].as_array().unwrap().iter().find(|v| v.get("clipping_range").is_some()).unwrap();
         let keys = written.as_object().unwrap().keys().chain(inside.as_object().unwrap().keys());
         assert!(keys.clone().count() == 11);
@@ -212,7 +222,7 @@ mod tests {
         let views = [view("other"), view(name)];
         let text = serde_json::json!({ "width": 8, "height": 8, "fov_deg": 30.0, "views": views });
         std::fs::write(&path, text.to_string()).unwrap();
-        read_views(&path, &Silent).err().map(|e| e.to_string())
+        ViewsFile::read(&path, &Silent).err().map(|e| e.to_string())
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::render::Scene;
-use crate::score::{HeldOut, ViewSeed, held_out_views};
+use crate::score::{HeldOut, held_out_views};
 use crate::{Error, Result};
 
 /// Pictures that quality is measured on.
@@ -44,8 +44,7 @@ pub(super) fn reach_quality(
     progress: &dyn Progress,
 ) -> Result<Vec<CodedBlock>> {
     let m = &plan.metadata;
-    let seed = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed: plan.seed };
-    let held_out = HeldOut::draw(particles, &held_out_views(&seed, FRAMES), SIZE, progress)?;
+    let held_out = HeldOut::draw(particles, &held_out_views(m, SIZE, plan.seed, FRAMES), SIZE, progress)?;
     let most = m.count as f64;
     let mut number = (plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.effort)).clamp(1.0, most).floor();
     let (mut above, mut below): (Option<Tried>, Option<Tried>) = (None, None);

@@ -1,6 +1,6 @@
 //! PNG in and out.
 
-use super::{Gray8, Rgb8, Size};
+use super::{Gray8, Size};
 use crate::{Error, Result};
 use particlegs_files::{input, memory, output};
 use std::io::Write;
@@ -9,21 +9,18 @@ use std::path::Path;
 /// Pictures larger than this in either direction are refused before memory is taken.
 const LARGEST_SIDE: u32 = 65_536;
 
-/// A PNG as an output.
-pub const PNG: output::Kind =
-    output::Kind { name: "a PNG", kept: false, is: |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
-
-/// Writes an 8-bit grey PNG, whole or not at all.
-pub fn write_gray_png(path: &Path, picture: &Gray8) -> Result<()> {
-    write(path, picture.size, png::ColorType::Grayscale, &picture.data)
-}
-
-/// Writes an 8-bit RGB PNG, whole or not at all.
-pub fn write_rgb_png(path: &Path, picture: &Rgb8) -> Result<()> {
-    write(path, picture.size, png::ColorType::Rgb, bytemuck::cast_slice(&picture.data))
-}
-
-fn write(path: &Path, size: Size, color: png::ColorType, bytes: &[u8]) -> Result<()> {
+/// Writes an 8-bit PNG, whole or not at all: of grey levels, or of red, green and blue where there are three
+/// bytes a pixel (a [`Gray8`](super::Gray8)'s `data`, or an [`Rgb8`](super::Rgb8)'s `data.as_flattened()`). The
+/// top row is first.
+///
+/// # Errors
+/// [`Error::Argument`] for another number of bytes; [`Error::Io`], [`Error::Memory`].
+pub fn write_png(path: &Path, size: Size, bytes: &[u8]) -> Result<()> {
+    let color = match bytes.len() {
+        n if n == size.pixels() => png::ColorType::Grayscale,
+        n if n == 3 * size.pixels() => png::ColorType::Rgb,
+        n => return Err(Error::argument(format!("{n} bytes for a picture of {}x{}", size.width, size.height))),
+    };
     // The coder holds what it has coded until it is whole: no more than the picture, and a little.
     memory::require("writing a picture", bytes.len() as u64 + bytes.len() as u64 / 64)?;
     output::write_atomic(path, |w: &mut dyn Write| {
@@ -40,8 +37,9 @@ fn write(path: &Path, size: Size, color: png::ColorType, bytes: &[u8]) -> Result
 /// Reads a PNG as grey levels. Colour pictures are taken where R = G = B, else by Rec. 601 luma.
 ///
 /// # Errors
-/// [`Error::Input`] where the file is no PNG or is larger than 65 536 pixels in a direction.
-pub fn read_gray_png(path: &Path) -> Result<Gray8> {
+/// [`Error::Io`]; [`Error::Input`] where the file is no PNG or is larger than 65 536 pixels in a direction;
+/// [`Error::Memory`].
+pub fn read_png(path: &Path) -> Result<Gray8> {
     let (file, _) = input::open_file(path)?;
     let bad = |e: png::DecodingError| Error::input(path, format!("not a readable PNG: {e}"));
     let mut decoder = png::Decoder::new(std::io::BufReader::new(file));

@@ -151,3 +151,20 @@ fn between(from: u8, to: u8, shift: f32, to_is_later: bool) -> u8 {
     };
     (i32::from(first) + ((weight * (i32::from(second) - i32::from(first)) + 128) >> 8)) as u8
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::{psnr, read_png};
+    use std::path::Path;
+
+    #[test]
+    fn vtks_pictures_become_vtks() {
+        let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/nbody64");
+        for name in ["far_00", "mid_00", "near_00", "near_01", "large_radius", "inside"] {
+            let read = |style: &str| read_png(&golden.join(style).join(format!("{name}.png"))).unwrap();
+            let d = psnr(&fxaa(&read("paraview-no-fxaa")), &read("paraview"));
+            assert!(d.is_none_or(|d| d > 82.0), "{name}: {d:?} dB");
+        }
+    }
+}

@@ -2,7 +2,7 @@
 //!
 //! [`Reference`] holds a snapshot and its bounds and draws views of it. `project` is the vertex
 //! stage, in VTK's float32. ParaView's picture goes on to `paraview` (bands of rows, fragments),
-//! `quad` (coverage and alpha), `blend` (depth peeling) and [`fxaa`]; the noise-free optical depth
+//! `quad` (coverage and alpha), `blend` (depth peeling) and `fxaa`; the noise-free optical depth
 //! to `depth`, `deposit` (a splat's share of each pixel) and `pyramid` (coarser planes for large
 //! splats), and from there through [`crate::splat::tone`].
 
@@ -26,5 +26,5 @@ mod tests;
 mod twin;
 
 pub use draw::Reference;
-pub use fxaa::fxaa;
-pub use uniform::uniform_box;
+pub(crate) use fxaa::fxaa;
+pub(crate) use uniform::uniform_box;

@@ -2,12 +2,11 @@
 
 use super::evaluate::evaluate_against;
 use super::science::science;
-use super::scores::{Floor, LookScores};
-use super::{ViewSeed, certificate_views, density_of};
+use super::{LookScores, certificate_views, density_of};
 use crate::Result;
 use crate::model::{Baselines, Certificate, LookBaselines, LookScore, Model, OrbitBaselines, OrbitScore, PictureScore};
 use crate::particles::Particles;
-use crate::picture::Size;
+use crate::picture::{Scores, Size};
 use crate::progress::Progress;
 use crate::reference::Reference;
 
@@ -25,6 +24,7 @@ const GRID: u16 = 50;
 /// measured does not depend on it.
 ///
 /// # Errors
+/// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
 /// [`crate::Error::Cancelled`].
 pub fn certificate(
     model: &Model,
@@ -34,15 +34,14 @@ pub fn certificate(
     progress: &dyn Progress,
 ) -> Result<Certificate> {
     let m = &model.metadata;
-    let of = ViewSeed { bounds: &m.bounds, default_radius: m.default_radius, size: SIZE, seed };
-    let views = certificate_views(&of, m.default_opacity);
+    let views = certificate_views(m, SIZE, seed);
     let truth = Reference::new(particles).within(memory.unwrap_or(u64::MAX));
     let evaluation = evaluate_against(model, &truth, &views, SIZE, progress)?;
     let orbits = std::array::from_fn(|k| {
         let v = &evaluation.views[k];
         OrbitScore {
             paraview: look_score(&v.paraview),
-            paraview_no_fxaa: look_score(&v.paraview_no_fxaa.scores),
+            paraview_no_fxaa: look_score(&v.paraview_no_fxaa),
             expected: look_score(&v.expected),
         }
     });
@@ -50,7 +49,7 @@ pub fn certificate(
         let v = &evaluation.views[k];
         OrbitBaselines {
             paraview: look_baselines(&v.paraview),
-            paraview_no_fxaa: look_baselines(&v.paraview_no_fxaa.scores),
+            paraview_no_fxaa: look_baselines(&v.paraview_no_fxaa),
             expected: look_baselines(&v.expected),
         }
     });
@@ -70,15 +69,15 @@ pub fn certificate(
 }
 
 fn look_baselines(s: &LookScores) -> LookBaselines {
-    let score = |f: &Floor| PictureScore { masked_psnr: f.masked_psnr, ssim: f.ssim.unwrap_or(0.0) };
+    let score = |f: &Scores| PictureScore { masked_psnr: f.masked_psnr, ssim: f.ssim.unwrap_or(0.0) };
     LookBaselines { all_black: score(&s.all_black), uniform_box: score(&s.uniform_box) }
 }
 
 fn look_score(s: &LookScores) -> LookScore {
     // The size of certificates is larger than the window of SSIM, so it always has a value.
     LookScore {
-        masked_psnr: s.masked_psnr,
-        ssim: s.ssim.unwrap_or(0.0),
+        masked_psnr: s.model.masked_psnr,
+        ssim: s.model.ssim.unwrap_or(0.0),
         noise_free_masked_psnr: s.noise_free.masked_psnr,
         noise_free_ssim: s.noise_free.ssim.unwrap_or(0.0),
     }

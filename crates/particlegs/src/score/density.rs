@@ -16,7 +16,7 @@ const PARTS: usize = 32;
 pub struct DensityGrid(Grid);
 
 /// How two densities on a grid agree.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityAgreement {
     /// Pearson correlation over the cells.
     pub correlation: f64,

@@ -1,7 +1,8 @@
 //! A model against its snapshot over views, in every look, with what stands beside each score.
 
-use super::scores::{Evaluation, Floor, Gap, LookScores, NoFxaaScores, ViewScores};
-use super::{EvalView, Truth};
+use super::Truth;
+use super::scores::{Evaluation, LookScores, ViewScores, gap};
+use super::views::orbit_of;
 use crate::camera::{View, clipping_range};
 use crate::model::Model;
 use crate::particles::Particles;
@@ -15,15 +16,16 @@ use crate::stats::Domain;
 use crate::{Error, Result};
 
 /// Scores `model` against `particles` in `views`, drawn at `size`. Views without a clipping range
-/// get the particles' own, the same for the model and the truth.
+/// get the particles' own, the same for the model and the truth. A view is of the orbit that its name begins
+/// with (`far_00`).
 ///
 /// # Errors
 /// [`Error::Argument`] where there is no view or one has a number outside its range;
-/// [`Error::Cancelled`].
+/// [`Error::Memory`], [`Error::Cancelled`].
 pub fn evaluate(
     model: &Model,
     particles: &Particles,
-    views: &[EvalView],
+    views: &[View],
     size: Size,
     progress: &dyn Progress,
 ) -> Result<Evaluation> {
@@ -34,20 +36,19 @@ pub fn evaluate(
 pub(super) fn evaluate_against(
     model: &Model,
     truth: &Reference<'_>,
-    views: &[EvalView],
+    views: &[View],
     size: Size,
     progress: &dyn Progress,
 ) -> Result<Evaluation> {
     if views.is_empty() {
         return Err(Error::argument("no views to score in"));
     }
-    views.iter().try_for_each(|v| v.view.check(size))?;
+    views.iter().try_for_each(|v| v.check(size))?;
     let comparison = Comparison { scene: Scene::of(model), truth, even: Even::of(truth) };
     let mut scored = Vec::with_capacity(views.len());
-    for (number, v) in views.iter().enumerate() {
-        let progress = InView { name: format!("{} ({}/{})", v.view.name, number + 1, views.len()), inner: progress };
-        let view = clipped(&v.view, truth.bounds());
-        scored.push(comparison.score(&view, &v.orbit, size, &progress)?);
+    for (number, view) in views.iter().enumerate() {
+        let progress = InView { name: format!("{} ({}/{})", view.name, number + 1, views.len()), inner: progress };
+        scored.push(comparison.score(&clipped(view, truth.bounds()), size, &progress)?);
     }
     Ok(Evaluation::of(scored))
 }
@@ -126,8 +127,8 @@ struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Scores a view of an orbit.
-    fn score(&self, view: &View, orbit: &str, size: Size, progress: &dyn Progress) -> Result<ViewScores> {
+    /// Scores a view.
+    fn score(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<ViewScores> {
         let truth = Truth::draw(self.truth, view, size, progress)?;
         progress.begin("model and scores", 0);
         let tau = render::optical_depth(&self.scene, view, size, progress)?;
@@ -138,13 +139,13 @@ impl Comparison<'_> {
         let target = truth.picture(Look::ParaviewNoFxaa);
         let scores = ViewScores {
             name: view.name.clone(),
-            orbit: orbit.to_string(),
+            orbit: orbit_of(view),
             radius: view.radius,
             opacity: view.opacity,
             paraview: scored(Look::Paraview, &drawn(Look::Paraview)),
-            paraview_no_fxaa: NoFxaaScores {
-                scores: scored(Look::ParaviewNoFxaa, &no_fxaa),
-                shot_noise: shot_noise(&tau, view.opacity, &no_fxaa, target),
+            paraview_no_fxaa: LookScores {
+                shot_noise: Some(shot_noise(&tau, view.opacity, &no_fxaa, target)),
+                ..scored(Look::ParaviewNoFxaa, &no_fxaa)
             },
             expected: scored(Look::Expected, &drawn(Look::Expected)),
         };
@@ -155,17 +156,16 @@ impl Comparison<'_> {
 
 fn look_scores(truth: &Truth, look: Look, view: &View, drawn: &Gray8, even: &Plane) -> LookScores {
     let target = truth.picture(look);
-    let scores = Scores::of(drawn, target);
-    let noise_free = Floor::of(&truth.noise_free(look, view, target.size), target);
+    let of = |picture: &Gray8| Scores::of(picture, target);
+    let (model, noise_free) = (of(drawn), of(&truth.noise_free(look, view, target.size)));
     LookScores {
-        psnr: scores.psnr,
-        masked_psnr: scores.masked_psnr,
-        ssim: scores.ssim,
+        model,
         noise_free,
-        all_black: Floor::of(&Gray8::black(target.size), target),
-        uniform_box: Floor::of(&tone(even, look, view.opacity, view.radius_pixels(target.size)), target),
-        gap: Gap::between(&noise_free, &scores),
+        all_black: of(&Gray8::black(target.size)),
+        uniform_box: of(&tone(even, look, view.opacity, view.radius_pixels(target.size))),
+        gap: gap(noise_free, model),
         left_out: None,
+        shot_noise: None,
     }
 }
 

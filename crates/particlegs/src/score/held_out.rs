@@ -1,7 +1,7 @@
 //! Held-out views with the truth at hand: how candidates are ranked while a model is made.
 
 use super::evaluate::clipped;
-use super::{EvalView, mean};
+use super::mean;
 use crate::Result;
 use crate::camera::View;
 use crate::particles::Particles;
@@ -24,9 +24,9 @@ impl HeldOut {
     /// # Errors
     /// [`crate::Error::Argument`] for a view with a number outside its range;
     /// [`crate::Error::Cancelled`].
-    pub fn draw(particles: &Particles, views: &[EvalView], size: Size, progress: &dyn Progress) -> Result<Self> {
+    pub fn draw(particles: &Particles, views: &[View], size: Size, progress: &dyn Progress) -> Result<Self> {
         let reference = Reference::new(particles);
-        let views: Vec<View> = views.iter().map(|v| clipped(&v.view, reference.bounds())).collect();
+        let views: Vec<View> = views.iter().map(|v| clipped(v, reference.bounds())).collect();
         let truth = views
             .iter()
             .map(|view| {

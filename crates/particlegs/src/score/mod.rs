@@ -2,12 +2,10 @@
 //!
 //! [`evaluate`] draws every view of all particles and of the model in every look and puts the
 //! noise-free score, the floors and the gap beside each score (docs/law/scores.md). [`certificate`]
-//! does so for one frame an orbit and adds the density; [`verdict`] says in plain words what it is good for. [`HeldOut`] keeps the truth of a few views
-//! for whoever compares many models.
+//! does so for one frame an orbit and adds the density; [`verdict`] says in plain words what it is good for.
+//! `HeldOut` keeps the truth of a few views for who compares many models.
 
-mod agree;
 mod certify;
-mod compare;
 mod density;
 mod evaluate;
 mod held_out;
@@ -22,17 +20,16 @@ mod truth;
 mod verdict;
 mod views;
 
-pub use agree::{Figure, contradictions, doubts, side_by_side};
 pub use certify::certificate;
-pub use compare::{Compared, Comparison, MeanScores, compare_folders};
-pub use density::DensityAgreement;
-pub(crate) use density::density_of;
-pub use evaluate::{evaluate, shot_noise};
-pub use held_out::HeldOut;
+use density::density_of;
+pub use evaluate::evaluate;
+#[cfg(test)]
+pub(crate) use evaluate::shot_noise;
+pub(crate) use held_out::HeldOut;
 use mean::mean;
-pub use scores::{ByOrbit, Evaluation, Floor, Gap, LookScores, MeanViewScores, NoFxaaScores, ViewScores};
+pub use scores::{Evaluation, LookScores, MeanViewScores, ViewScores};
 use truth::Truth;
-pub use verdict::{Finding, Use, Verdict, Word, verdict};
-pub(crate) use views::certificate_views;
+pub use verdict::{Finding, Use, Word, verdict};
+use views::certificate_views;
+pub use views::evaluation_views;
 pub(crate) use views::held_out_views;
-pub use views::{EvalView, ViewSeed, evaluation_views, views_of_file};

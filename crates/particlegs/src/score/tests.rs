@@ -65,27 +65,23 @@ fn metadata(particles: &Particles) -> Metadata {
     }
 }
 
-fn seed(model: &Model) -> ViewSeed<'_> {
-    ViewSeed { bounds: &model.metadata.bounds, default_radius: model.metadata.default_radius, size: SIZE, seed: 42 }
-}
-
 #[test]
 fn a_finer_model_scores_higher_and_floors_stand_below() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
-    let views = evaluation_views(&seed(&coarse), 1);
+    let views = evaluation_views(&coarse.metadata, SIZE, 42, 1);
     let [coarse, fine] = [coarse, fine].map(|m| evaluate(&m, &particles, &views, SIZE, &Silent).unwrap());
     assert_eq!(fine.views.len(), 3);
-    for (orbit, m) in fine.by_orbit.iter() {
-        let worse = coarse.by_orbit.iter().find(|o| o.0 == orbit).unwrap().1;
+    for (orbit, m) in &fine.by_orbit {
+        let worse = coarse.by_orbit.iter().find(|o| o.0 == *orbit).unwrap().1;
         for (a, b) in [(m.paraview, worse.paraview), (m.expected, worse.expected)] {
-            assert!(a.masked_psnr > b.masked_psnr && a.ssim > b.ssim, "{orbit}");
-            assert!(b.masked_psnr > b.all_black.masked_psnr, "{orbit}");
+            assert!(a.model.masked_psnr > b.model.masked_psnr && a.model.ssim > b.model.ssim, "{orbit}");
+            assert!(b.model.masked_psnr > b.all_black.masked_psnr, "{orbit}");
         }
         assert_eq!(m.expected.noise_free.masked_psnr, None);
         let no_fxaa = m.paraview_no_fxaa;
-        assert!(no_fxaa.scores.noise_free.masked_psnr > no_fxaa.scores.masked_psnr, "{orbit}");
-        assert!(no_fxaa.scores.gap.masked_psnr > Some(0.0) && no_fxaa.shot_noise.is_some());
+        assert!(no_fxaa.noise_free.masked_psnr > no_fxaa.model.masked_psnr, "{orbit}");
+        assert!(no_fxaa.gap.masked_psnr > Some(0.0) && no_fxaa.shot_noise.flatten().is_some());
     }
 }
 
@@ -93,12 +89,12 @@ fn a_finer_model_scores_higher_and_floors_stand_below() {
 fn held_out_views_rank_models() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
-    let views = held_out_views(&seed(&coarse), 1);
+    let views = held_out_views(&coarse.metadata, SIZE, 42, 1);
     let held_out = HeldOut::draw(&particles, &views, SIZE, &Silent).unwrap();
     let [a, b] = [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::of(m), &Silent).unwrap().unwrap());
     assert!(b > a + 1.0, "{a} {b}");
     let scored = evaluate(&fine, &particles, &views, SIZE, &Silent).unwrap();
-    assert_eq!(scored.mean.expected.masked_psnr, Some(b));
+    assert_eq!(scored.mean.expected.model.masked_psnr, Some(b));
 }
 
 #[test]
@@ -174,9 +170,9 @@ fn stops_and_refusals() {
     }
     let particles = sample();
     let model = tiny(&particles, 4);
-    let mut views = evaluation_views(&seed(&model), 1);
+    let mut views = evaluation_views(&model.metadata, SIZE, 42, 1);
     assert!(matches!(evaluate(&model, &particles, &views, SIZE, &Stop), Err(crate::Error::Cancelled)));
     assert!(evaluate(&model, &particles, &[], SIZE, &Silent).is_err());
-    views[1].view.opacity = 2.0;
+    views[1].opacity = 2.0;
     assert!(evaluate(&model, &particles, &views, SIZE, &Silent).is_err());
 }

@@ -67,14 +67,6 @@ pub struct Finding {
     pub why: String,
 }
 
-/// The findings, one a use, in a fixed order.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(transparent)]
-pub struct Verdict {
-    /// Pictures, density, power spectrum, groups.
-    pub findings: Vec<Finding>,
-}
-
 impl Use {
     /// As it is printed.
     pub fn name(self) -> &'static str {
@@ -99,29 +91,15 @@ impl Word {
     }
 }
 
-impl Verdict {
-    /// The finding about a use.
-    pub fn of(&self, of: Use) -> Option<&Finding> {
-        self.findings.iter().find(|f| f.of == of)
-    }
-
-    /// What a user must be told unasked: pictures or density that do not clearly beat trivial ones.
-    pub fn warning(&self) -> Option<String> {
-        let poor = |f: &&Finding| matches!(f.of, Use::Pictures | Use::Density) && f.word == Word::DoesNot;
-        let poor: Vec<String> =
-            self.findings.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.why)).collect();
-        (!poor.is_empty()).then(|| format!("the model shows little of these particles; {}", poor.join("; ")))
-    }
-}
-
-/// Judges a certificate. `unit` is the unit of length. Without a certificate nothing is measured.
-pub fn verdict(certificate: Option<&Certificate>, unit: Option<&str>) -> Verdict {
+/// Judges a certificate: pictures, density, power spectrum and groups, in this order. `unit` is the unit of
+/// length, for the words. Without a certificate nothing is measured.
+pub fn verdict(certificate: Option<&Certificate>, unit: Option<&str>) -> Vec<Finding> {
     let Some(c) = certificate else {
         let none = |of| Finding { of, word: Word::NotMeasured, why: "the file has no certificate".into() };
-        return Verdict { findings: [Use::Pictures, Use::Density, Use::PowerSpectrum, Use::Groups].map(none).into() };
+        return [Use::Pictures, Use::Density, Use::PowerSpectrum, Use::Groups].map(none).into();
     };
     let science = c.science.as_ref();
-    Verdict { findings: vec![pictures(c), density(c), spectrum(science, unit), groups(science)] }
+    vec![pictures(c), density(c), spectrum(science, unit), groups(science)]
 }
 
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
@@ -235,8 +213,12 @@ mod tests {
     use super::*;
     use crate::model::{Baselines, PictureScore};
 
+    fn finding(c: &Certificate, of: Use) -> Finding {
+        verdict(Some(c), None).into_iter().find(|f| f.of == of).unwrap()
+    }
+
     fn word(c: &Certificate, of: Use) -> Word {
-        verdict(Some(c), None).of(of).unwrap().word
+        finding(c, of).word
     }
 
     #[test]
@@ -252,8 +234,8 @@ mod tests {
         };
         assert_eq!(word(&with(Some(26.0), Some(12.0)), Use::Pictures), Word::Roughly);
         assert_eq!(word(&with(Some(12.0), Some(29.4)), Use::Pictures), Word::DoesNot);
-        let warned = verdict(Some(&with(Some(29.4), Some(12.0))), None).warning().unwrap();
-        assert!(warned.contains("30.5 dB where an empty picture scores 29.4"), "{warned}");
+        let why = finding(&with(Some(29.4), Some(12.0)), Use::Pictures).why;
+        assert!(why.contains("30.5 dB where an empty picture scores 29.4"), "{why}");
         // No better in structure is no better.
         let mut dim = c;
         dim.baselines.as_mut().unwrap().orbits[0].expected.uniform_box.ssim = 0.76;
@@ -264,7 +246,6 @@ mod tests {
         }
         assert_eq!(word(&dark, Use::Pictures), Word::NotMeasured);
         assert_eq!(word(&Certificate { baselines: None, ..c }, Use::Pictures), Word::NotMeasured);
-        assert_eq!(verdict(Some(&c), None).warning(), None);
     }
 
     #[test]
@@ -298,7 +279,7 @@ mod tests {
         assert_eq!([word(&none, Use::PowerSpectrum), word(&none, Use::Groups)], [Word::DoesNot; 2]);
         let early = Certificate { science: None, ..c };
         assert_eq!([word(&early, Use::PowerSpectrum), word(&early, Use::Groups)], [Word::NotMeasured; 2]);
-        assert!(verdict(None, None).findings.iter().all(|f| f.word == Word::NotMeasured));
+        assert!(verdict(None, None).iter().all(|f| f.word == Word::NotMeasured));
     }
 
     #[test]

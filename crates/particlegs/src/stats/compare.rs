@@ -2,16 +2,17 @@
 
 use super::aperture::{aperture_mass, counts_within, group_center};
 use super::boxes::check_boxes;
+use super::density::{central_slice, compare_density, density_pdf, mean_mass, profile};
+use super::moments::axis_moments;
 use super::neighbours::{NeighbourOptions, nearest_distances};
 use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation};
 use super::points::local_positions;
-use super::report::{DensityReport, GroupReport, NeighbourReport, Statistics, XiByPairs, XiByTransform};
+use super::report::{DensityReport, GroupReport, Statistics, XiByTransform};
 use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
-    Convention, Domain, Field, Grid, Groups, Measure, SizeClass, StatsOptions, Subject, Summary, axis_moments,
-    central_slice, compare_density, density_pdf, deposit, deposit_bytes, deposit_steps, find_groups, longest_link,
-    profile, size_histogram,
+    Convention, Domain, Field, Grid, Groups, Measure, NearestDistances, PairCounts, SizeClass, StatsOptions, Subject,
+    Summary, deposit, deposit_bytes, deposit_steps, find_groups, longest_link, size_histogram,
 };
 use crate::model::LawKind;
 use crate::particles::Particles;
@@ -193,7 +194,7 @@ impl Job<'_> {
         let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.progress);
         let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
         self.progress.end();
-        let inside = |f: &Field| super::density::mean_mass(f) * f.grid.len() as f64;
+        let inside = |f: &Field| mean_mass(f) * f.grid.len() as f64;
         let mean_profile = |f: &Field, axis| {
             let p = profile(f, axis);
             let mean = p.iter().sum::<f64>() / p.len() as f64;
@@ -254,17 +255,14 @@ impl Job<'_> {
         logarithmic_edges(low.min(0.5 * high), high, self.o.bins_per_decade)
     }
 
-    fn pairs(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<XiByPairs> {
+    fn pairs(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
         let options = PairOptions { edges: self.edges(), budget: self.o.pair_budget, seed: self.o.seed };
         let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.progress);
         let counts = [count(0)?, count(1)?];
         if counts.iter().any(|c| c.primaries.iter().any(|p| *p < c.particles)) {
             notes.push("pairs at large separations are of a random sample of particles with all others".into());
         }
-        let ratio = (0..options.edges.len() - 1)
-            .map(|b| (counts[0].xi[b] > 0.0).then(|| counts[1].xi[b] / counts[0].xi[b]))
-            .collect();
-        Ok(XiByPairs { counts, ratio })
+        Ok(counts)
     }
 
     /// `None`, and a note, in a box too thin for links of that length.
@@ -326,15 +324,10 @@ impl Job<'_> {
         Ok(CORES.map(|sizes| aperture_mass(&chosen, &a, &b, per, radius, sizes)).to_vec())
     }
 
-    fn neighbours(&self, particles: [&Particles; 2]) -> Result<NeighbourReport> {
+    fn neighbours(&self, particles: [&Particles; 2]) -> Result<[NearestDistances; 2]> {
         let options =
             NeighbourOptions { sample: self.o.neighbour_sample, among_sample: self.paper(), seed: self.o.seed };
         let of = |side: usize| nearest_distances(particles[side], &self.domain, &options, self.progress);
-        let distances = [of(0)?, of(1)?];
-        Ok(NeighbourReport {
-            mean_ratio: distances[1].mean / distances[0].mean,
-            median_ratio: distances[1].median / distances[0].median,
-            distances,
-        })
+        Ok([of(0)?, of(1)?])
     }
 }

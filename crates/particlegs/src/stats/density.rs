@@ -26,7 +26,7 @@ pub struct DensityComparison {
 /// Distribution of 1 + delta over cells, volume-weighted.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct DensityPdf {
-    /// log10(1 + delta) at the bins' edges.
+    /// log10(1 + delta) at the bins' edges, one more than bins.
     pub edges: Vec<f64>,
     /// Cells in each bin, one column a density.
     pub cells: [Vec<u64>; 2],
@@ -36,19 +36,6 @@ pub struct DensityPdf {
     pub below: [u64; 2],
     /// Cells above the last edge.
     pub above: [u64; 2],
-}
-
-/// The plane of cells through the middle, in units of the mean.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Slice {
-    /// The axis across it: 0, 1 or 2.
-    pub axis: usize,
-    /// Index of the plane.
-    pub plane: usize,
-    /// Cells along the two other axes, the first of them slowest.
-    pub shape: [usize; 2],
-    /// 1 + delta.
-    pub values: Vec<f32>,
 }
 
 fn sums<const N: usize>(n: usize, term: impl Fn(usize) -> [f64; N] + Sync) -> [f64; N] {
@@ -162,8 +149,8 @@ pub fn density_pdf(a: &Field, b: &Field) -> DensityPdf {
     }
 }
 
-/// The central plane across `axis`.
-pub fn central_slice(f: &Field, axis: usize) -> Slice {
+/// 1 + delta in the plane of cells through the middle across `axis`, the first of the two others slowest.
+pub fn central_slice(f: &Field, axis: usize) -> Vec<f32> {
     let (n, per) = (f.grid.cells, per_mean(f));
     let (u, v) = ([1, 0, 0][axis], [2, 2, 1][axis]);
     let plane = n[axis] / 2;
@@ -175,7 +162,7 @@ pub fn central_slice(f: &Field, axis: usize) -> Slice {
             values.push((f64::from(f.mass[f.grid.index(at)]) * per) as f32);
         }
     }
-    Slice { axis, plane, shape: [n[u], n[v]], values }
+    values
 }
 
 /// Mass in each plane across `axis`: the histogram of positions along it.
@@ -232,8 +219,8 @@ mod tests {
         let f = Field { grid, mass: (0..24).map(|i| i as f32).collect(), outside: 0.0 };
         let mean = 11.5;
         let s = central_slice(&f, 1);
-        assert_eq!((s.plane, s.shape), (1, [2, 4]));
-        assert!((f64::from(s.values[4 + 3]) - f64::from(f.mass[grid.index([1, 1, 3])]) / mean).abs() < 1e-6);
+        assert_eq!(s.len(), 2 * 4);
+        assert!((f64::from(s[4 + 3]) - f64::from(f.mass[grid.index([1, 1, 3])]) / mean).abs() < 1e-6);
         assert_eq!(profile(&f, 0), vec![66.0, 210.0]);
         assert_eq!(profile(&f, 2).iter().sum::<f64>(), 276.0);
     }

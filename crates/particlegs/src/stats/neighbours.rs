@@ -24,7 +24,8 @@ pub struct NearestDistances {
     pub median: f64,
     /// 1, 5, 25, 75, 95 and 99 % of the distances are below these.
     pub percentiles: [f64; 6],
-    /// Edges of the histogram's bins: 20 a decade, shared by whatever is compared.
+    /// Edges of the histogram's bins, world units, one more than bins: 20 a decade, of one lattice whatever is
+    /// compared.
     pub edges: Vec<f64>,
     /// Distances in each bin.
     pub counts: Vec<u64>,
@@ -33,7 +34,6 @@ pub struct NearestDistances {
 }
 
 /// Which neighbours.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct NeighbourOptions {
     /// Particles to look from, at most.
     pub sample: usize,

@@ -34,7 +34,6 @@ pub struct PairCounts {
 }
 
 /// What to count.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct PairOptions {
     /// Edges of the bins, ascending.
     pub edges: Vec<f64>,

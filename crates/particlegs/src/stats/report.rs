@@ -1,12 +1,13 @@
 //! What [`super::compare`] measures, as plain data. Pairs are truth, then other.
 
 use super::{
-    ApertureMass, AxisMoments, DensityComparison, DensityPdf, Domain, NearestDistances, SizeClass, Slice, Spectra,
+    ApertureMass, AxisMoments, DensityComparison, DensityPdf, Domain, NearestDistances, PairCounts, SizeClass, Spectra,
     StatsOptions,
 };
+use serde::{Serialize, Serializer};
 
 /// Everything measured; `None` = not asked for, or not to be had of a model.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statistics {
     /// How.
     pub options: StatsOptions,
@@ -24,12 +25,14 @@ pub struct Statistics {
     pub spectra: Option<Spectra>,
     /// xi(r) from the spectra.
     pub xi_by_transform: Option<XiByTransform>,
-    /// xi(r) by pair counts.
-    pub xi_by_pairs: Option<XiByPairs>,
+    /// xi(r) by pair counts, in bins that both share.
+    #[serde(serialize_with = "with_xi_ratio")]
+    pub xi_by_pairs: Option<[PairCounts; 2]>,
     /// Groups.
     pub groups: Option<GroupReport>,
     /// Nearest neighbours.
-    pub neighbours: Option<NeighbourReport>,
+    #[serde(serialize_with = "with_distance_ratios")]
+    pub neighbours: Option<[NearestDistances; 2]>,
     /// Moments along x, y and z.
     pub moments: Option<[[AxisMoments; 3]; 2]>,
     /// The figures that a table shows.
@@ -39,7 +42,7 @@ pub struct Statistics {
 }
 
 /// Densities on one grid.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DensityReport {
     /// Cells along each axis.
     pub cells: [usize; 3],
@@ -53,33 +56,24 @@ pub struct DensityReport {
     pub outside: [f64; 2],
     /// Distribution.
     pub pdf: DensityPdf,
-    /// Mass along each axis, by plane of cells, in units of the mean.
+    /// Mass along each axis, by plane of cells, in units of the mean: axis, then truth and other, then plane.
     pub profiles: [[Vec<f64>; 2]; 3],
-    /// Central slices of both across x, y and z: large, and written apart.
+    /// 1 + delta of both in the central planes of cells across x, y and z, the first of the two other axes slowest.
     #[serde(skip)]
-    pub slices: [[Slice; 2]; 3],
+    pub slices: [[Vec<f32>; 2]; 3],
 }
 
 /// xi(r) from |delta_k|^2, in bins of pi / k_max from there on.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct XiByTransform {
-    /// Edges of the bins.
+    /// Edges of the bins, world units: one more than bins.
     pub edges: Vec<f64>,
     /// xi of each.
     pub xi: [Vec<f64>; 2],
 }
 
-/// xi(r) by pair counts.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct XiByPairs {
-    /// Counts of each.
-    pub counts: [super::PairCounts; 2],
-    /// xi of other / truth; `None` where the truth's is not above zero.
-    pub ratio: Vec<Option<f64>>,
-}
-
 /// Friends-of-friends groups.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GroupReport {
     /// Linking length of each, world units: the same share of its own mean spacing.
     pub linking_length: [f64; 2],
@@ -95,13 +89,32 @@ pub struct GroupReport {
     pub apertures: Vec<ApertureMass>,
 }
 
-/// Nearest neighbours.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct NeighbourReport {
-    /// Distances of each.
-    pub distances: [NearestDistances; 2],
-    /// Mean of other / truth.
-    pub mean_ratio: f64,
-    /// Median of other / truth.
-    pub median_ratio: f64,
+/// xi of other / truth in each bin; `None` where the truth's is not above zero.
+pub(super) fn xi_ratio([truth, other]: &[PairCounts; 2]) -> Vec<Option<f64>> {
+    truth.xi.iter().zip(&other.xi).map(|(truth, other)| (*truth > 0.0).then(|| other / truth)).collect()
+}
+
+fn with_xi_ratio<S: Serializer>(pair: &Option<[PairCounts; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Form<'a> {
+        counts: &'a [PairCounts; 2],
+        ratio: Vec<Option<f64>>,
+    }
+    pair.as_ref().map(|counts| Form { counts, ratio: xi_ratio(counts) }).serialize(serializer)
+}
+
+fn with_distance_ratios<S: Serializer>(pair: &Option<[NearestDistances; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Form<'a> {
+        distances: &'a [NearestDistances; 2],
+        mean_ratio: f64,
+        median_ratio: f64,
+    }
+    let ratio = |[truth, other]: &[NearestDistances; 2], of: fn(&NearestDistances) -> f64| of(other) / of(truth);
+    let form = pair.as_ref().map(|distances| Form {
+        distances,
+        mean_ratio: ratio(distances, |d| d.mean),
+        median_ratio: ratio(distances, |d| d.median),
+    });
+    form.serialize(serializer)
 }

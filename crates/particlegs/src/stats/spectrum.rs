@@ -54,8 +54,8 @@ pub struct Shell {
 /// Spectra of two fields.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Spectra {
-    /// How they were taken.
-    pub options: SpectrumOptions,
+    /// How they were taken: what [`Statistics::options`](super::Statistics) come to.
+    pub(super) options: SpectrumOptions,
     /// Cells along each axis.
     pub cells: [usize; 3],
     /// Shot noise of each, volume units; 0 for a mixture.

@@ -1,7 +1,7 @@
 //! The figures of a table: how far each statistic is to be trusted.
 
-use super::report::{GroupReport, NeighbourReport, XiByPairs, XiByTransform};
-use super::{DensityComparison, Shell, SizeClass, Spectra};
+use super::report::{GroupReport, XiByTransform, xi_ratio};
+use super::{DensityComparison, NearestDistances, PairCounts, Shell, SizeClass, Spectra};
 
 /// Truth groups that sizes are joined to hold before their ratio says anything: the scatter of a
 /// number is its root.
@@ -47,10 +47,10 @@ impl Summary {
     pub(super) fn new(
         density: Option<&DensityComparison>,
         spectra: Option<&Spectra>,
-        xi_by_pairs: Option<&XiByPairs>,
+        xi_by_pairs: Option<&[PairCounts; 2]>,
         xi_by_transform: Option<&XiByTransform>,
         groups: Option<&GroupReport>,
-        neighbours: Option<&NeighbourReport>,
+        neighbours: Option<&[NearestDistances; 2]>,
     ) -> Self {
         let power_to = |limit: f64| spectra.and_then(|s| s.power_within(limit));
         let r_to = |limit: f64| spectra.and_then(|s| s.r_above(limit));
@@ -69,8 +69,8 @@ impl Summary {
             xi_within_10_percent_from: xi_by_pairs.and_then(|pairs| xi_from(pairs, xi_by_transform)),
             groups_within_10_percent_from: groups.and_then(|g| sizes_within(&g.histogram, 0.1).flatten()),
             core_mass: groups.and_then(|g| g.apertures.iter().find(|a| a.sizes == [100, 299])?.median),
-            nearest_mean: neighbours.map(|n| n.mean_ratio),
-            nearest_median: neighbours.map(|n| n.median_ratio),
+            nearest_mean: neighbours.map(|[truth, other]| other.mean / truth.mean),
+            nearest_median: neighbours.map(|[truth, other]| other.median / truth.median),
         }
     }
 }
@@ -108,15 +108,15 @@ fn last_while(places: impl Iterator<Item = (f64, bool)>) -> Option<f64> {
 
 /// The separation from which on xi is within 10 %, where the truth's says something: by pairs where all
 /// are counted, by transform where pairs are of a sample, which scatters as much.
-fn xi_from(pairs: &XiByPairs, transform: Option<&XiByTransform>) -> Option<f64> {
-    let truth = &pairs.counts[0];
-    let sampled = |b: &usize| pairs.counts.iter().any(|c| c.primaries[*b] < c.particles);
+fn xi_from(pairs: &[PairCounts; 2], transform: Option<&XiByTransform>) -> Option<f64> {
+    let (truth, ratio) = (&pairs[0], xi_ratio(pairs));
+    let sampled = |b: &usize| pairs.iter().any(|c| c.primaries[*b] < c.particles);
     // The transform's bins are as wide as its shortest wave's half: the first two hold too little.
-    let join = match ((0..pairs.ratio.len()).find(sampled), transform) {
+    let join = match ((0..ratio.len()).find(sampled), transform) {
         (Some(first), Some(t)) => t.edges.get(2).map_or(f64::INFINITY, |e| e.max(truth.edges[first])),
         _ => f64::INFINITY,
     };
-    let near = (0..pairs.ratio.len()).map(|b| (truth.edges[b], truth.xi[b], pairs.ratio[b]));
+    let near = (0..ratio.len()).map(|b| (truth.edges[b], truth.xi[b], ratio[b]));
     let far = transform.into_iter().flat_map(|t| {
         let ratio = |i: usize| (t.xi[0][i] > 0.0).then(|| t.xi[1][i] / t.xi[0][i]);
         (0..t.xi[0].len()).map(move |i| (t.edges[i], t.xi[0][i], ratio(i)))
@@ -149,7 +149,7 @@ pub fn sizes_within(histogram: &[SizeClass], limit: f64) -> Option<Option<u64>> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Assignment, PairCounts, SpectrumOptions};
+    use super::super::{Assignment, SpectrumOptions};
     use super::*;
 
     #[test]
@@ -164,10 +164,7 @@ mod tests {
         };
         // The last bin is of a sample, and off by its scatter.
         let truth = counts([9.0, 4.0, 1.0], [50, 50, 7]);
-        let pairs = XiByPairs {
-            ratio: vec![Some(2.0), Some(1.05), Some(0.8)],
-            counts: [truth, counts([18.0, 4.2, 0.8], [50, 50, 7])],
-        };
+        let pairs = [truth, counts([18.0, 4.2, 0.8], [50, 50, 7])];
         assert_eq!(xi_from(&pairs, None), None);
         let edges: Vec<f64> = (1..8).map(|i| 0.5 * f64::from(i)).collect();
         let transform =

@@ -1,15 +1,14 @@
 //! Anti-aliased text on pictures, in a subset of DejaVu Sans (licence beside it in assets/).
 
-use super::Rgb8;
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont};
+use particlegs::picture::Rgb8;
 use std::sync::OnceLock;
 
 /// The embedded font: a subset of DejaVu Sans, TrueType.
-pub const FONT: &[u8] = include_bytes!("../../assets/DejaVuSans-subset.ttf");
-
-fn font() -> &'static FontRef<'static> {
+pub fn font() -> &'static FontRef<'static> {
     static PARSED: OnceLock<FontRef<'static>> = OnceLock::new();
-    PARSED.get_or_init(|| FontRef::try_from_slice(FONT).expect("the embedded font is whole"))
+    let bytes = include_bytes!("../../assets/DejaVuSans-subset.ttf");
+    PARSED.get_or_init(|| FontRef::try_from_slice(bytes).expect("the embedded font is whole"))
 }
 
 /// A text's box in pixels for a font of `height` pixels (ascent to descent).
@@ -106,7 +105,7 @@ pub fn superscript(n: i32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::Size;
+    use particlegs::picture::Size;
 
     #[test]
     fn numbers_read_well() {

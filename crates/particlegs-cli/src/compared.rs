@@ -1,15 +1,15 @@
 //! Two folders of PNGs of the same names against each other.
 
-use super::mean;
-use crate::picture::{Gray8, Scores, read_gray_png};
-use crate::progress::Progress;
-use crate::{Error, Result};
+use particlegs::picture::{Gray8, Scores, read_png};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
 use rayon::prelude::*;
+use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Scores of the pictures that two folders share.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Serialize)]
 pub struct Comparison {
     /// Shared names in order.
     pub views: Vec<Compared>,
@@ -29,7 +29,7 @@ impl Comparison {
 }
 
 /// One shared picture.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Serialize)]
 pub struct Compared {
     /// File name without `.png`.
     pub name: String,
@@ -44,7 +44,7 @@ pub struct Compared {
 }
 
 /// Means of views' scores: of the decibels, never the decibels of a mean.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Serialize)]
 pub struct MeanScores {
     /// dB over all pixels.
     pub psnr: Option<f64>,
@@ -95,8 +95,14 @@ pub fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Co
     })
 }
 
+/// The mean of the values there are, in order; `None` where there is none.
+fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let (sum, count) = values.flatten().fold((0.0, 0u32), |(sum, count), v| (sum + v, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
 fn compare(name: &str, a: &Path, b: &Path) -> Compared {
-    let pair = read_gray_png(a).and_then(|a| Ok((a, read_gray_png(b)?)));
+    let pair = read_png(a).and_then(|a| Ok((a, read_png(b)?)));
     let failed =
         |error: String| Compared { name: name.into(), scores: None, largest_difference: 0, error: Some(error) };
     match pair {
@@ -136,8 +142,8 @@ fn pictures(folder: &Path) -> Result<BTreeSet<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::{Size, write_gray_png};
-    use crate::progress::Silent;
+    use particlegs::picture::{Size, write_png};
+    use particlegs::progress::Silent;
 
     #[test]
     fn counterparts_and_sizes() {
@@ -146,7 +152,7 @@ mod tests {
         let write = |folder: &Path, name: &str, side: usize, level: u8| {
             std::fs::create_dir_all(folder).unwrap();
             let size = Size { width: side, height: side };
-            write_gray_png(&folder.join(name), &Gray8 { size, data: vec![level; side * side] }).unwrap();
+            write_png(&folder.join(name), size, &vec![level; side * side]).unwrap();
         };
         write(&a, "alone.png", 8, 0);
         write(&b, "other.png", 8, 0);

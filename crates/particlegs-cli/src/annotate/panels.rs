@@ -1,7 +1,8 @@
 //! Pictures side by side with captions, for looking at truth, model and error at once.
 
-use super::annotate_bar::{Bar, INK, colour_bar, letter_height};
-use super::{Gray8, Rgb8, Size, diverging, text};
+use super::bar::{Bar, INK, colour_bar, letter_height};
+use super::text;
+use particlegs::picture::{Gray8, Rgb8, Size, diverging};
 
 /// What a panel shows.
 pub enum PanelImage<'a> {
@@ -91,13 +92,13 @@ fn reach(differences: &[i32]) -> f32 {
 
 /// Kept for the layout tests: where panel `i` begins.
 #[cfg(test)]
-fn panel_box(pictures: &[Size], i: usize) -> super::annotate_bar::Box2 {
+fn panel_box(pictures: &[Size], i: usize) -> super::bar::Box2 {
     let largest = pictures.iter().max_by_key(|s| s.height).copied().unwrap();
     let letters = letter_height(largest);
     let gap = (letters * 0.5).ceil() as usize;
     let x = gap + pictures[..i].iter().map(|p| p.width + gap).sum::<usize>();
     let y = text::extent("X", letters).height + gap;
-    super::annotate_bar::Box2 { x: x as i64, y: y as i64, w: pictures[i].width as i64, h: pictures[i].height as i64 }
+    super::bar::Box2 { x: x as i64, y: y as i64, w: pictures[i].width as i64, h: pictures[i].height as i64 }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
 
-use crate::model::{Certificate, Limit, LookBaselines, LookScore};
+use particlegs::model::{Certificate, Limit, LookBaselines, LookScore};
 use serde::Serialize;
 
 /// What is measured again agrees within these: the same program measures the same bits on every machine;
@@ -12,7 +12,7 @@ const DENSITY: f64 = 0.001;
 const SHARE: f64 = 0.001;
 
 /// One figure of a certificate, stored and measured.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Serialize)]
 pub struct Figure {
     /// Which.
     pub name: String,
@@ -173,9 +173,46 @@ pub fn doubts(c: &Certificate) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::certificate;
     use super::*;
-    use crate::model::Science;
+    use particlegs::model::{Baselines, OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf};
+
+    /// Pictures of 30.5 dB where black scores 12 and a uniform box 16; every number is one that the file holds.
+    fn certificate() -> Certificate {
+        let look = |noise_free, noise_free_ssim| LookScore {
+            masked_psnr: Some(30.5),
+            ssim: 0.75,
+            noise_free_masked_psnr: noise_free,
+            noise_free_ssim,
+        };
+        let orbit = OrbitScore {
+            paraview: look(Some(42.0), 0.99),
+            paraview_no_fxaa: look(Some(44.0), 0.99),
+            expected: look(None, 1.0),
+        };
+        let score = |v| PictureScore { masked_psnr: Some(v), ssim: 0.25 };
+        let trivial = LookBaselines { all_black: score(12.0), uniform_box: score(16.0) };
+        let baselines = OrbitBaselines { paraview: trivial, paraview_no_fxaa: trivial, expected: trivial };
+        Certificate {
+            width: 1920,
+            height: 1080,
+            seed: 42,
+            orbits: [orbit; 3],
+            grid: 50,
+            density_correlation: 0.9975,
+            density_mae: 0.375,
+            science: Some(Science {
+                of: ScienceOf::DrawnParticles,
+                spectrum_grid: 128,
+                k_max: 8.0,
+                power_within_1_percent_to: Limit::At(4.0),
+                power_within_5_percent_to: Limit::At(8.0),
+                r_above_0_99_to: Limit::At(2.5),
+                r_above_0_9_to: Limit::At(8.0),
+                groups_within_10_percent_from: Limit::At(57.0),
+            }),
+            baselines: Some(Baselines { orbits: [baselines; 3], uniform_density_mae: 1.25 }),
+        }
+    }
 
     fn differing(a: &Certificate, b: &Certificate) -> Vec<String> {
         side_by_side(a, b).into_iter().filter(|f| f.differs).map(|f| f.name).collect()

@@ -1,6 +1,7 @@
 //! Pieces of annotated pictures: dark plates, colour bars with ticks, scale bars.
 
-use super::{Rgb8, Size, text};
+use super::text;
+use particlegs::picture::{Rgb8, Size};
 
 /// Ink of lines and letters.
 pub const INK: [u8; 3] = [240; 3];

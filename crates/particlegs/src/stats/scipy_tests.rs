@@ -2,13 +2,14 @@
 //! cKDTree (pairs, neighbours, links), csgraph (groups), fftn (P(k)), histogramdd (NGP).
 //! scripts/stats_scipy.py made the file.
 
-use particlegs::particles::Particles;
-use particlegs::progress::Silent;
-use particlegs::space::Cell;
-use particlegs::stats::{
-    Assignment, Grid, NeighbourOptions, PairOptions, SpectrumOptions, Subject, axis_moments, compare_density,
-    count_pairs, deposit, find_groups, nearest_distances, power_spectra,
-};
+use super::density::compare_density;
+use super::moments::axis_moments;
+use super::neighbours::{NeighbourOptions, nearest_distances};
+use super::pairs::{PairOptions, count_pairs};
+use super::{Assignment, Grid, SpectrumOptions, Subject, deposit, find_groups, power_spectra};
+use crate::particles::Particles;
+use crate::progress::Silent;
+use crate::space::Cell;
 use serde_json::Value;
 
 fn close(a: f64, b: f64, tolerance: f64) {
@@ -20,7 +21,7 @@ fn floats(v: &Value) -> Vec<f64> {
 }
 
 fn points() -> (Particles, Vec<[f64; 3]>, Value) {
-    let expected: Value = serde_json::from_str(include_str!("fixtures/stats_scipy.json")).unwrap();
+    let expected: Value = serde_json::from_str(include_str!("../../tests/fixtures/stats_scipy.json")).unwrap();
     let all: Vec<f32> = floats(&expected["positions"]).iter().map(|v| *v as f32).collect();
     let column = |k: usize| all.iter().skip(k).step_by(3).copied().collect::<Vec<f32>>();
     let mut p = Particles::from_columns(column(0), column(1), column(2));

@@ -1,11 +1,11 @@
 //! Surface density as people publish it: logarithmic colours, a colour bar and a scale bar.
 
-use super::annotate_bar::{Bar, colour_bar, round_below, scale_bar};
-use super::{Colormap, Plane, Rgb8, text};
+use super::bar::{Bar, colour_bar, round_below, scale_bar};
+use super::text;
+use particlegs::picture::{Colormap, Plane, Rgb8};
 use rayon::prelude::*;
 
 /// How to draw a plane of surface density.
-#[derive(Clone, Debug, PartialEq)]
 pub struct DensityPicture {
     /// Colours.
     pub colormap: Colormap,
@@ -13,14 +13,13 @@ pub struct DensityPicture {
     pub range: Option<[f64; 2]>,
     /// Unit of the values, e.g. `Msun/h / (Mpc/h)²`.
     pub unit: String,
-    /// The scale bar; `None` = none.
-    pub scale_bar: Option<ScaleBar>,
+    /// The scale bar.
+    pub scale_bar: ScaleBar,
     /// Draw the bars?
     pub annotations: bool,
 }
 
 /// What a length in the picture means.
-#[derive(Clone, Debug, PartialEq)]
 pub struct ScaleBar {
     /// World units a pixel.
     pub world_per_pixel: f64,
@@ -34,7 +33,7 @@ pub struct ScaleBar {
 
 /// A range of four decades at most that shows nearly all lit pixels: up to the 99.9th percentile,
 /// down to the 1st or a ten-thousandth of the top.
-pub fn log_range(plane: &Plane) -> [f64; 2] {
+fn log_range(plane: &Plane) -> [f64; 2] {
     let mut lit: Vec<f32> = plane.data.iter().copied().filter(|v| *v > 0.0 && v.is_finite()).collect();
     if lit.is_empty() {
         return [1.0, 10.0];
@@ -62,14 +61,13 @@ pub fn annotate_density(plane: &Plane, options: &DensityPicture) -> Rgb8 {
         let title = format!("Σ [{}]", options.unit);
         let color = |t: f32| options.colormap.color(t);
         colour_bar(&mut picture, &Bar { title: &title, color: &color, ticks: log_ticks(lo, hi) });
-        if let Some(bar) = &options.scale_bar {
-            let length = round_below(0.22 * plane.size.width as f64 * bar.world_per_pixel);
-            let comoving = if bar.comoving { "comoving" } else { "" };
-            let length_text = text::number(length);
-            let parts = [length_text.as_str(), bar.unit.as_str(), comoving, bar.note.as_str()];
-            let label = parts.into_iter().filter(|p| !p.is_empty()).collect::<Vec<_>>().join(" ");
-            scale_bar(&mut picture, (length / bar.world_per_pixel).round() as i64, &label);
-        }
+        let bar = &options.scale_bar;
+        let length = round_below(0.22 * plane.size.width as f64 * bar.world_per_pixel);
+        let comoving = if bar.comoving { "comoving" } else { "" };
+        let length_text = text::number(length);
+        let parts = [length_text.as_str(), bar.unit.as_str(), comoving, bar.note.as_str()];
+        let label = parts.into_iter().filter(|p| !p.is_empty()).collect::<Vec<_>>().join(" ");
+        scale_bar(&mut picture, (length / bar.world_per_pixel).round() as i64, &label);
     }
     picture
 }
@@ -94,19 +92,19 @@ fn log_ticks(lo: f64, hi: f64) -> Vec<(f64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::Size;
+    use particlegs::picture::Size;
 
     fn options() -> DensityPicture {
         DensityPicture {
             colormap: Colormap::Grey,
             range: Some([1e6, 3e11]),
             unit: "10¹⁰ Msun/h / (Mpc/h)²".into(),
-            scale_bar: Some(ScaleBar {
+            scale_bar: ScaleBar {
                 world_per_pixel: 0.02,
                 unit: "Mpc/h".into(),
                 comoving: true,
                 note: "at the focal point".into(),
-            }),
+            },
             annotations: true,
         }
     }

@@ -1,24 +1,25 @@
 //! docs/law says what the program does: every table there that is announced as "(checked)" is computed
 //! again.
 
-use particlegs::camera::{Camera, FOV_DEG, ORBITS, Projection, View};
-use particlegs::camera::{base_distance, clipping_range, spherical_camera, spiral};
-use particlegs::math::{Random, Sym3};
-use particlegs::model::{AlphaBlend, Law, LawKind, Mixture, VizMapper, VizRanges};
-use particlegs::particles::Particles;
-use particlegs::picture::{Gray8, Plane, Size, masked_psnr, psnr, ssim};
-use particlegs::progress::Silent;
-use particlegs::recover::Method;
-use particlegs::reference::{Reference, fxaa, uniform_box};
-use particlegs::render::{self, Scene};
-use particlegs::score::{ViewSeed, evaluation_views, shot_noise};
-use particlegs::space::Bounds;
-use particlegs::splat::{
+use crate::camera::{Camera, FOV_DEG, ORBITS, Projection, View};
+use crate::camera::{base_distance, clipping_range, spherical_camera, spiral};
+use crate::math::{Random, Sym3};
+use crate::model::{AlphaBlend, Law, LawKind, Metadata, Mixture, VizMapper, VizRanges};
+use crate::particles::Particles;
+use crate::picture::{Gray8, Plane, Size, masked_psnr, psnr, ssim};
+use crate::progress::Silent;
+use crate::recover::Method;
+use crate::reference::{Reference, fxaa, uniform_box};
+use crate::render::{self, Scene};
+use crate::score::{evaluation_views, shot_noise};
+use crate::space::Bounds;
+use crate::splat::{
     CUT_SHARE, CUT_SHARE_2D, CUT_SIGMA, DEFAULT_OPACITY, DEPTH_TOLERANCE, FxaaMean, LARGEST_MEAN_ALPHA, Look,
     MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, erf, fxaa_blur, opacity_integral, tone,
 };
-use particlegs::stats::StatsOptions;
-use particlegs::train::{Config, Preset};
+use crate::stats::StatsOptions;
+use crate::stats::testing::model_of;
+use crate::train::{Config, Preset};
 use serde_json::Value;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -489,10 +490,10 @@ fn constants_of_cameras() {
     let share = base_distance(&bounds, HD) * (0.5 * FOV_DEG.to_radians()).sin() / 3f64.sqrt();
     // A box of 8 with 8 particles has a spacing of 1.
     let radius = bounds.default_radius(8);
-    let seed = ViewSeed { bounds: &bounds, default_radius: 1.0, size: HD, seed: 1 };
-    let views = evaluation_views(&seed, 1000);
-    let radii: Vec<f64> = views.iter().map(|v| v.view.radius).collect();
-    let opacities: Vec<f64> = views.iter().map(|v| v.view.opacity).collect();
+    let model = Metadata { bounds, default_radius: 1.0, ..model_of(&[], [1.0; 3]).metadata };
+    let views = evaluation_views(&model, HD, 1, 1000);
+    let radii: Vec<f64> = views.iter().map(|v| v.radius).collect();
+    let opacities: Vec<f64> = views.iter().map(|v| v.opacity).collect();
     let told = table(CAMERAS, "## Constants");
     let value = |name: &str| number(&told.iter().find(|r| r[0] == name).unwrap()[1]);
     for (draws, what) in [(&radii, "radius"), (&opacities, "opacity")] {
