@@ -2,7 +2,7 @@
 
 use particlegs::particles::RUN;
 use particlegs::progress::Silent;
-use particlegs_formats::{Choice, open};
+use particlegs_formats::Choice;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
@@ -20,7 +20,7 @@ fn file() -> &'static PathBuf {
 pub fn fuzz_format(name: &str, data: &[u8]) {
     std::fs::write(file(), data).expect("room for the input");
     let options = Choice { format: Some(name.into()), ..Choice::default() };
-    let Ok(snapshot) = open(&[file().clone()], &options) else { return };
+    let Ok(snapshot) = options.open(&[file().clone()]) else { return };
     for (index, species) in snapshot.description().species.iter().enumerate() {
         let Ok(reader) = snapshot.reader(index, &Choice::default()) else { continue };
         assert_eq!(reader.count(), species.count);

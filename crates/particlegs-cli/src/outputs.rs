@@ -3,7 +3,7 @@
 use crate::common::Context;
 use clap::Args;
 use particlegs::progress::Progress;
-use particlegs::{Error, Result};
+use particlegs::{Error, Result, codec};
 use particlegs_files::output;
 use particlegs_files::output::{FileSet, Input, Kind, Outputs};
 use serde_json::Value;
@@ -23,6 +23,9 @@ pub struct ForceArgs {
     #[arg(long, help_heading = None::<&'static str>, display_order = 900)]
     pub force: bool,
 }
+
+/// A model file: kept unless replacing is asked for.
+pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
 
 /// A picture.
 pub const PNG: Kind = Kind { name: "a PNG", kept: false, is: |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n") };

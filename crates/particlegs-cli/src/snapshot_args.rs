@@ -1,7 +1,7 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
-use particlegs::particles::{Layered, Particles, Selection, Stated, Storage};
+use particlegs::particles::{Layered, Particles, Selection, Storage};
 use particlegs::progress::Progress;
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
@@ -194,7 +194,9 @@ impl SnapshotArgs {
             weights,
             by_mass: self.layers_by == LayersBy::Mass,
             skip_invalid: self.skip_invalid,
-            stated: Stated { box_lengths, length_unit: self.length_unit.clone(), mass_unit: self.mass_unit.clone() },
+            box_lengths,
+            length_unit: self.length_unit.clone(),
+            mass_unit: self.mass_unit.clone(),
             ..Choice::default()
         })
     }

@@ -2,8 +2,8 @@
 
 use crate::folder::resolved;
 use crate::registry::{FORMATS, spool};
-use crate::{Description, Snapshot, Species, Weights, open, raw};
-use particlegs::particles::{Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Stated, Storage};
+use crate::{Description, Snapshot, Species, Weights, raw};
+use particlegs::particles::{Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Storage};
 use particlegs::progress::Progress;
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
@@ -29,8 +29,12 @@ pub struct Choice {
     pub by_mass: bool,
     /// Drop particles with invalid values instead of refusing them.
     pub skip_invalid: bool,
-    /// What the user states over what the files say.
-    pub stated: Stated,
+    /// Periodic box lengths that the user states, over what the files say.
+    pub box_lengths: Option<[f64; 3]>,
+    /// Unit of length that the user states.
+    pub length_unit: Option<String>,
+    /// Unit of mass that the user states.
+    pub mass_unit: Option<String>,
     /// What is kept of all that; all by default.
     pub selection: Option<Selection>,
     /// What the stream that is named has given already ([`Choice::spool`]).
@@ -41,6 +45,11 @@ impl Choice {
     /// Names of all formats ([`Choice::format`]), in the order in which a file's content is asked for them.
     pub fn formats() -> impl Iterator<Item = &'static str> {
         FORMATS.iter().map(|f| f.name)
+    }
+
+    /// What the user states, over what the files say; gives notes for the user.
+    fn state(&self, meta: &mut SnapshotMeta) -> Result<Vec<String>> {
+        meta.state(self.box_lengths, [self.length_unit.as_deref(), self.mass_unit.as_deref()])
     }
 
     /// The selection, where it leaves anything out.
@@ -88,7 +97,7 @@ impl Choice {
             Chosen::InPlace(particles) => Layered::of(&particles),
             Chosen::Readers(layers) => layers,
         };
-        say(&self.stated.apply(&mut source.meta)?, progress);
+        say(&self.state(&mut source.meta)?, progress);
         Ok(source.random_access().then_some(source))
     }
 
@@ -148,7 +157,7 @@ fn read_at_hand(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress:
         Chosen::InPlace(particles) => particles,
         Chosen::Readers(layers) => layers.load(storage, progress)?,
     };
-    say(&choice.stated.apply(&mut particles.meta)?, progress);
+    say(&choice.state(&mut particles.meta)?, progress);
     let drop = choice.skip_invalid.then_some(storage);
     let particles = particles.checked(&place(paths), drop)?.settle_masses();
     if choice.by_mass { particles.layers_by_mass(storage) } else { Ok(particles) }
@@ -196,7 +205,7 @@ fn describe_at_hand(
     let wanted = if bounds { 0..description.species.len() } else { 0..0 };
     let bounds =
         wanted.map(|index| bounds_of(&*snapshot.reader(index, choice)?, progress)).collect::<Result<Vec<_>>>()?;
-    let notes = choice.stated.apply(&mut description.meta)?;
+    let notes = choice.state(&mut description.meta)?;
     description.notes.extend(notes);
     Ok((description, bounds))
 }
@@ -205,7 +214,7 @@ fn describe_at_hand(
 fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let snapshot = match choice.format.is_none() && raw::is_raw(paths) {
         true => raw::open(paths)?,
-        false => open(&resolved(paths, choice)?, choice)?,
+        false => choice.open(&resolved(paths, choice)?)?,
     };
     let description = snapshot.description();
     if choice.frame.is_some() && description.frames.is_none() {

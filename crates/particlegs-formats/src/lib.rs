@@ -46,7 +46,7 @@ mod xyz;
 
 pub use choose::Choice;
 pub use kind::Kind;
-pub use registry::{Format, open};
+pub use registry::Format;
 pub use snapshot::{Description, Field, Frames, Mass, Snapshot, Species, Weights};
 pub use splats::write_splats;
 pub use writers::Writer;

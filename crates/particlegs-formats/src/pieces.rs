@@ -1,6 +1,6 @@
 //! One reader for all formats whose rows can be read from any place.
 
-use particlegs::particles::{Chunk, InPlace, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use rayon::prelude::*;
@@ -112,7 +112,12 @@ impl SnapshotReader for PieceReader {
         self.origin
     }
 
-    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+    fn read(
+        &self,
+        runs: Range<u64>,
+        progress: &dyn Progress,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
+    ) -> Result<()> {
         runs.into_par_iter().try_for_each_init(<(Rows, [Vec<f32>; 4])>::default, |(rows, columns), run| {
             progress.check()?;
             let start = run * RUN as u64;

@@ -147,16 +147,18 @@ fn names() -> String {
     FORMATS.iter().map(|f| f.name).collect::<Vec<_>>().join(", ")
 }
 
-/// Opens the files of one snapshot. Formats in several files need the first alone and find the rest.
-///
-/// # Errors
-/// [`Error::Input`] for an unknown or broken format; [`Error::Argument`] for an unknown name;
-/// [`Error::Io`].
-pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
-    let first = paths.first().ok_or_else(|| Error::argument("no file was named"))?;
-    let format = match &options.format {
-        None => detect(first)?,
-        Some(name) => named(name)?,
-    };
-    (format.open)(paths, options)
+impl Choice {
+    /// Opens the files of one snapshot. Formats in several files need the first alone and find the rest.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an unknown or broken format; [`Error::Argument`] for an unknown name;
+    /// [`Error::Io`].
+    pub fn open(&self, paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
+        let first = paths.first().ok_or_else(|| Error::argument("no file was named"))?;
+        let format = match &self.format {
+            None => detect(first)?,
+            Some(name) => named(name)?,
+        };
+        (format.open)(paths, self)
+    }
 }

@@ -4,7 +4,7 @@ use crate::affine::Affine;
 use crate::pieces::{Rows, origin_of};
 use crate::stored::Stored;
 use crate::strided::Lane;
-use particlegs::particles::{Chunk, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::io::Read;
@@ -163,7 +163,12 @@ impl SnapshotReader for StreamReader {
         false
     }
 
-    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+    fn read(
+        &self,
+        runs: Range<u64>,
+        progress: &dyn Progress,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
+    ) -> Result<()> {
         if runs.is_empty() {
             return Ok(());
         }

@@ -7,7 +7,7 @@ use particlegs::model::{Layer, Mass as LayerMass};
 use particlegs::particles::{Column, Kept, Particles, RUN, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
-use particlegs_formats::{Choice, Mass, Snapshot, Weights, Writer, open};
+use particlegs_formats::{Choice, Mass, Snapshot, Weights, Writer};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ fn snapshots() -> PathBuf {
 }
 
 fn opened(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
-    open(paths, &Choice { format: Some("hdf5".into()), ..Choice::default() })
+    Choice { format: Some("hdf5".into()), ..Choice::default() }.open(paths)
 }
 
 fn write(kept: &Kept<'_>, path: &Path, progress: &Silent) -> Result<u64> {

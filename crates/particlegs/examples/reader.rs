@@ -1,7 +1,7 @@
 //! A reader of one's own: particles that come from anywhere, run by run, in bounded memory:
 //! `cargo run --release --example reader`.
 
-use particlegs::particles::{Chunk, Layered, RUN, RunSink, SnapshotMeta, SnapshotReader, Storage};
+use particlegs::particles::{Chunk, Layered, RUN, SnapshotMeta, SnapshotReader, Storage};
 use particlegs::progress::{Progress, Silent};
 use std::ops::Range;
 use std::sync::Arc;
@@ -29,7 +29,12 @@ impl SnapshotReader for Spiral {
         [0.0; 3]
     }
 
-    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> particlegs::Result<()> {
+    fn read(
+        &self,
+        runs: Range<u64>,
+        progress: &dyn Progress,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> particlegs::Result<()> + Sync),
+    ) -> particlegs::Result<()> {
         for run in runs {
             progress.check()?;
             let own = run * RUN as u64..self.count.min((run + 1) * RUN as u64);

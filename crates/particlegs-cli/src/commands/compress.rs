@@ -3,6 +3,7 @@
 use crate::common::{Common, Context};
 use crate::fit_args::FitArgs;
 use crate::info_model;
+use crate::outputs;
 use crate::outputs::{ForceArgs, PNG};
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
@@ -160,7 +161,7 @@ impl Arguments {
             context.makes_folder(folder)?;
             crate::pictures::paths(folder).iter().try_for_each(|p| context.writes(p, &PNG).map(drop))?;
         }
-        let there = context.writes(self.output(), &codec::MODEL)?;
+        let there = context.writes(self.output(), &outputs::MODEL)?;
         if options.training.is_some() {
             self.run.plan(self.output(), self.force.force, context)?;
         }

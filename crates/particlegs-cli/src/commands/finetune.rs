@@ -3,6 +3,7 @@
 use crate::common::{Common, Context};
 use crate::info_model;
 use crate::inputs;
+use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
@@ -89,7 +90,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let inputs = a.snapshot.iter().map(PathBuf::as_path).chain([path]).chain(a.tune.config_file());
     context.reads(inputs, a.force.force)?;
     // What time may have ended is never known to be the same.
-    if context.writes(out, &codec::MODEL)? && !a.run.goes_on() {
+    if context.writes(out, &outputs::MODEL)? && !a.run.goes_on() {
         return Err(context.refused(out));
     }
     a.run.plan(out, a.force.force, &context)?;

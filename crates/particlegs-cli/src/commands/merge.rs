@@ -3,6 +3,7 @@
 use crate::common::{Common, Context};
 use crate::inputs::{self, path_as_text};
 use crate::job_args::JobSnapshot;
+use crate::outputs;
 use crate::outputs::ForceArgs;
 use clap::{Args, ValueHint};
 use particlegs::Result;
@@ -67,7 +68,7 @@ pub fn run(a: Arguments) -> Result<()> {
         [folder] if Job::is_job(folder) => of_job(&a, folder, &context)?,
         parts => {
             context.reads(parts.iter().map(PathBuf::as_path), a.force.force)?;
-            let kept = context.writes(&a.output, &codec::MODEL)?;
+            let kept = context.writes(&a.output, &outputs::MODEL)?;
             (of_files(parts, &context)?, parts.len(), kept)
         }
     };
@@ -129,7 +130,7 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
     let job = Job::open(folder)?;
     let snapshot = JobSnapshot::of(&job)?;
     context.reads_job(folder, snapshot.paths(), a.force.force)?;
-    let kept = context.writes(&a.output, &codec::MODEL)?;
+    let kept = context.writes(&a.output, &outputs::MODEL)?;
     // The same job gives the same bytes; another one's work is not begun.
     if kept && !crate::info_model::is_of_command(&a.output, &job.metadata().command, context)? {
         return Err(context.refused(&a.output));

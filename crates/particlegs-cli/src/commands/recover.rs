@@ -8,7 +8,7 @@ use particlegs::Result;
 use particlegs::codec;
 use particlegs::particles::RawForm;
 use particlegs::progress::Progress;
-use particlegs::recover::{Method, Options, is_there, recover};
+use particlegs::recover::{Method, Options, recover};
 use particlegs_files::input::name_of;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -120,21 +120,22 @@ pub fn run(a: Arguments) -> Result<()> {
     let hash = codec::file_hash(&bytes);
     drop(bytes);
     if kept {
-        if !is_there(&a.output, &model, hash, &options)? {
+        if !options.is_there(&a.output, &model, hash)? {
             return Err(context.refused(&a.output));
         }
         let text = format!("{}: is there already, drawn from this model by the same options", a.output.display());
         return context
             .finish(&text, &serde_json::json!({ "output": a.output.to_string_lossy(), "there_already": true }));
     }
-    let done = recover(model, hash, &options, &a.output, &context)?;
+    let particles = options.total(&model);
+    let bytes = recover(model, hash, &options, &a.output, &context)?;
     let seconds = start.elapsed().as_secs_f64();
     let report = Report {
         synthetic: true,
         method: options.method.name(),
-        particles: done.particles,
-        bytes: done.bytes,
-        particles_per_second: done.particles as f64 / seconds,
+        particles,
+        bytes,
+        particles_per_second: particles as f64 / seconds,
         seconds,
         output: a.output,
     };

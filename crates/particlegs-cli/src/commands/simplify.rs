@@ -3,6 +3,7 @@
 use crate::common::Common;
 use crate::info_model;
 use crate::inputs::{self, path_as_text};
+use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::target_args::TargetArgs;
 use clap::{Args, ValueHint};
@@ -56,7 +57,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;
-    let kept = context.writes(&a.output, &codec::MODEL)?;
+    let kept = context.writes(&a.output, &outputs::MODEL)?;
     let bytes = inputs::model(&a.model, &context)?;
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     // The same work gives the same bytes; other work is not begun.

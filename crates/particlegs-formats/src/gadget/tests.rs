@@ -41,7 +41,7 @@ fn file(named: bool, files: u32, total: [u32; 6]) -> Vec<u8> {
 }
 
 fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
-    crate::open(paths, &Choice::default())
+    Choice::default().open(paths)
 }
 
 fn rows(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Vec<[f32; 4]> {

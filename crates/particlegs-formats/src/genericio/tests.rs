@@ -63,7 +63,7 @@ fn ranks() -> Vec<Vec<Vec<f32>>> {
 const NAMES: [&str; 4] = ["x", "y", "z", "mass"];
 
 fn rows(paths: &[PathBuf], choice: &Choice) -> Result<Vec<[f32; 4]>> {
-    let reader = crate::open(paths, &Choice::default())?.reader(0, choice)?;
+    let reader = Choice::default().open(paths)?.reader(0, choice)?;
     let out = Mutex::new(Vec::new());
     let take = |_: u64, c: particlegs::particles::Chunk<'_>| {
         let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
@@ -80,7 +80,7 @@ fn both_byte_orders_and_several_ranks() {
     let path = folder.path().join("a.gio");
     for big_endian in [false, true] {
         std::fs::write(&path, file(big_endian, &NAMES, &ranks())).unwrap();
-        let snapshot = crate::open(std::slice::from_ref(&path), &Choice::default()).unwrap();
+        let snapshot = Choice::default().open(std::slice::from_ref(&path)).unwrap();
         let d = snapshot.description();
         let cell = d.meta.cell.unwrap();
         assert_eq!((cell.origin, cell.lengths()), ([1.0, 2.0, 3.0], Some([10.0, 20.0, 30.0])));

@@ -7,7 +7,7 @@ use super::storage::table;
 use crate::cache::ChunkCache;
 use crate::pieces::{Piece, PieceReader};
 use crate::{Choice, Field, Mass, Species};
-use particlegs::particles::{InPlace, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::memory;
@@ -143,7 +143,12 @@ impl SnapshotReader for Stretches {
         self.inner.origin()
     }
 
-    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+    fn read(
+        &self,
+        runs: Range<u64>,
+        progress: &dyn Progress,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
+    ) -> Result<()> {
         let mut start = runs.start;
         while start < runs.end {
             let end = runs.end.min((start / self.runs + 1) * self.runs);

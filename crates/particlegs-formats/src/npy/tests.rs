@@ -39,7 +39,7 @@ pub(crate) fn open_bytes(name: &str, bytes: &[u8]) -> Result<Box<dyn Snapshot>> 
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);
     std::fs::write(&path, bytes).unwrap();
-    crate::open(&[path], &Choice::default())
+    Choice::default().open(&[path])
 }
 
 fn le<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {

@@ -4,7 +4,7 @@ use super::lines::Lines;
 use super::parse::{Columns, Fault, Parser, Plan};
 use super::table::Table;
 use crate::pieces::origin_of;
-use particlegs::particles::{Chunk, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use rayon::prelude::*;
@@ -100,7 +100,12 @@ impl RowReader {
     }
 
     /// Reads a compressed file from its beginning to the last of `runs`.
-    fn stream(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+    fn stream(
+        &self,
+        runs: Range<u64>,
+        progress: &dyn Progress,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
+    ) -> Result<()> {
         let mut lines = self.table.content.lines(self.table.start, Some(self.table.end.offset))?;
         let mut waiting = Columns::default();
         let mut next = 0;
@@ -176,7 +181,12 @@ impl SnapshotReader for RowReader {
         self.table.content.is_seekable()
     }
 
-    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+    fn read(
+        &self,
+        runs: Range<u64>,
+        progress: &dyn Progress,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
+    ) -> Result<()> {
         let runs = runs.start..runs.end.min(self.count().div_ceil(RUN as u64));
         if !self.table.content.is_seekable() {
             return self.stream(runs, progress, sink);

@@ -9,7 +9,7 @@ use std::io::Write;
 fn open(content: &[u8], format: &str) -> particlegs::Result<Vec<Got>> {
     let file = scratch(content);
     let options = Choice { format: Some(format.into()), frame: None, ..Choice::default() };
-    let snapshot = crate::open(&[file.path().to_path_buf()], &options)?;
+    let snapshot = options.open(&[file.path().to_path_buf()])?;
     (0..snapshot.description().species.len()).map(|s| read(&*snapshot, s, &Choice::default())).collect()
 }
 

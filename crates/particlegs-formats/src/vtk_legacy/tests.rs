@@ -9,7 +9,7 @@ fn rows(bytes: &[u8], choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.vtk");
     std::fs::write(&path, bytes).unwrap();
-    let snapshot = crate::open(&[path], &Choice::default())?;
+    let snapshot = Choice::default().open(&[path])?;
     let reader = snapshot.reader(0, choice)?;
     let out = Mutex::new(Vec::new());
     let take = |_: u64, c: particlegs::particles::Chunk<'_>| {

@@ -8,7 +8,7 @@ use particlegs::progress::Silent;
 use std::sync::Mutex;
 
 fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
-    let snapshot = crate::open(&[path.to_path_buf()], &Choice::default())?;
+    let snapshot = Choice::default().open(&[path.to_path_buf()])?;
     let reader = snapshot.reader(0, choice)?;
     let out = Mutex::new(Vec::new());
     let take = |run: u64, c: particlegs::particles::Chunk<'_>| {
@@ -119,7 +119,7 @@ fn out_and_in_gives_equal_bits() {
         })
     };
     assert!(same(&got, &|_| 0.0));
-    let snapshot = crate::open(std::slice::from_ref(&path), &Choice::default()).unwrap();
+    let snapshot = Choice::default().open(std::slice::from_ref(&path)).unwrap();
     assert!(snapshot.reader(0, &Choice::default()).unwrap().in_place().is_some());
 
     let layer = |name: &str, content, mass| Layer { name: name.into(), mass, content };

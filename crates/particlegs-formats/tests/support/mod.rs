@@ -104,7 +104,7 @@ pub fn format_of(path: &Path) -> Option<&'static str> {
 /// Opens a file, optionally with a format and a frame.
 pub fn open(path: &Path, format: Option<&str>, frame: Option<u64>) -> particlegs::Result<Box<dyn Snapshot>> {
     let options = Choice { format: format.map(String::from), frame, ..Choice::default() };
-    particlegs_formats::open(&[path.to_path_buf()], &options)
+    options.open(&[path.to_path_buf()])
 }
 
 /// Opens a file and reads every particle of every species; NaN and infinity are errors, as they

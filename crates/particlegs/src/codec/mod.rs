@@ -3,4 +3,4 @@
 mod read;
 
 pub use particlegs_core::codec::*;
-pub use read::{MODEL, read_file, read_source};
+pub use read::{read_file, read_source};

@@ -1,15 +1,11 @@
 //! Model files, read whole within the bounds that they state.
 
-use super::{HEAD_BYTES, is_model, other_length, promised_length};
+use super::{HEAD_BYTES, other_length, promised_length};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::input::{self, Source};
 use particlegs_files::memory;
-use particlegs_files::output::Kind;
 use std::path::Path;
-
-/// A model file as an output: kept unless replacing is asked for.
-pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| is_model(head) };
 
 /// Reads a model file: its head first, and no further than the head says that the file goes. `-` is
 /// standard input.

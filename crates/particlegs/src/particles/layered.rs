@@ -1,6 +1,6 @@
 //! The layers of a snapshot, read run by run as if they were in memory.
 
-use super::{Chunk, ChunkBuffer, Particles, RUN, RunSink, SnapshotMeta, SnapshotReader};
+use super::{Chunk, ChunkBuffer, Particles, RUN, SnapshotMeta, SnapshotReader};
 use crate::model::{Layer, Mass};
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -107,7 +107,13 @@ impl ReadLayer {
     ///
     /// # Errors
     /// Those of the reader; [`Error::Input`] where it gives other runs than it told; the sink's.
-    pub fn read(&self, origin: [f64; 3], runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+    pub fn read(
+        &self,
+        origin: [f64; 3],
+        runs: Range<u64>,
+        progress: &dyn Progress,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
+    ) -> Result<()> {
         let reader = &*self.reader;
         let shift: [f64; 3] = std::array::from_fn(|k| reader.origin()[k] - origin[k]);
         let wrong = |what: String| Error::input(&self.layer.name, what);

@@ -1,11 +1,9 @@
 //! A snapshot opened whole from readers: one a layer.
 
 use super::scratch::Blank;
-use super::units::{is_known_length, is_known_mass};
-use super::{InPlace, Layered, Particles, RUN, ReadLayer, SnapshotMeta, Storage};
+use super::{InPlace, Layered, Particles, RUN, ReadLayer, Storage};
 use crate::model::Layer;
 use crate::progress::Progress;
-use crate::space::Cell;
 use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Mutex;
@@ -87,54 +85,4 @@ fn fill(layer: &ReadLayer, parts: Vec<&mut [f32]>, origin: [f64; 3], progress: &
         return Err(wrong(format!("{missing} of {runs} runs are missing")));
     }
     Ok(())
-}
-
-/// What a user states about a snapshot, over what its files say.
-#[derive(Clone, Debug, Default)]
-pub struct Stated {
-    /// Periodic box lengths.
-    pub box_lengths: Option<[f64; 3]>,
-    /// Unit of length.
-    pub length_unit: Option<String>,
-    /// Unit of mass.
-    pub mass_unit: Option<String>,
-}
-
-impl Stated {
-    /// Writes it over what the files say; numbers are not converted. The corner of a stated box is the
-    /// file's, else 0. Gives what a user should know: a unit that is not known by name, and where the
-    /// files say something else.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for lengths that are not positive.
-    pub fn apply(&self, meta: &mut SnapshotMeta) -> Result<Vec<String>> {
-        let mut notes = Vec::new();
-        if let Some(lengths) = self.box_lengths {
-            if !lengths.iter().all(|l| *l > 0.0 && l.is_finite()) {
-                return Err(Error::argument(format!(
-                    "box lengths {} must be positive",
-                    super::sidecar::listed(&lengths)
-                )));
-            }
-            let origin = meta.cell.map_or([0.0; 3], |c| c.origin);
-            let cell = Cell { origin, ..Cell::orthogonal(lengths) };
-            if let Some(said) = meta.cell.replace(cell).filter(|said| *said != cell) {
-                notes.push(format!("the box is taken as {}; the file says {}", cell.in_words(), said.in_words()));
-            }
-        }
-        let mut state = |of: &str, stated: &Option<String>, said: &mut Option<String>, known: fn(&str) -> bool| {
-            let Some(unit) = stated else { return };
-            if !known(unit) {
-                notes.push(format!("`{unit}` is no unit of {of} that is known: it is kept as a label"));
-            }
-            if let Some(other) = said.replace(unit.clone()).filter(|other| other != unit) {
-                notes.push(format!(
-                    "the unit of {of} is taken as {unit}; the file says {other}; no number is converted"
-                ));
-            }
-        };
-        state("length", &self.length_unit, &mut meta.length_unit, is_known_length);
-        state("mass", &self.mass_unit, &mut meta.mass_unit, is_known_mass);
-        Ok(notes)
-    }
 }

@@ -37,9 +37,6 @@ impl Chunk<'_> {
 /// Particles that a reader hands over at once: a run. Fixed, so that nothing depends on threads.
 pub const RUN: usize = 1 << 16;
 
-/// Takes runs: the run's number and its particles. Called from several threads, in any order.
-pub type RunSink<'a> = dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync + 'a;
-
 /// Particles where they lie in a mapped file.
 pub struct InPlace {
     /// Positions about 0.
@@ -65,7 +62,12 @@ pub trait SnapshotReader: Send + Sync {
     ///
     /// # Errors
     /// [`crate::Error::Input`] for bytes that contradict the format; the sink's; `Cancelled`.
-    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()>;
+    fn read(
+        &self,
+        runs: Range<u64>,
+        progress: &dyn Progress,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
+    ) -> Result<()>;
     /// Can runs be read in any order at no more than their own cost? Streams cannot.
     fn random_access(&self) -> bool {
         true
@@ -94,7 +96,12 @@ impl SnapshotReader for Particles {
         self.origin
     }
 
-    fn read(&self, runs: Range<u64>, progress: &dyn Progress, sink: &RunSink<'_>) -> Result<()> {
+    fn read(
+        &self,
+        runs: Range<u64>,
+        progress: &dyn Progress,
+        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
+    ) -> Result<()> {
         runs.into_par_iter().try_for_each_init(ChunkBuffer::default, |buffer, run| {
             progress.check()?;
             let start = run as usize * RUN;

@@ -30,13 +30,34 @@ pub struct Options {
     pub model_name: String,
 }
 
-/// What was written.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Recovered {
-    /// Particles.
-    pub particles: u64,
-    /// Bytes of their columns.
-    pub bytes: u64,
+impl Options {
+    /// Number of particles that are drawn from `model`.
+    pub fn total(&self, model: &Model) -> u64 {
+        self.particles.unwrap_or_else(|| model.layers.iter().map(|l| l.count()).sum())
+    }
+
+    /// Are the particles that [`recover`] would draw from `model` by these options in the folder `out`, as far as
+    /// its meta.json and the length of its files say?
+    ///
+    /// # Errors
+    /// [`Error::Io`] where meta.json is there and cannot be read.
+    pub fn is_there(&self, out: &Path, model: &Model, model_hash: [u8; 32]) -> Result<bool> {
+        let total = self.total(model);
+        let length = |name: &str| out.join(name).metadata().map_or(0, |m| m.len());
+        let whole = match self.form {
+            RawForm::Columns => ["xx.f32", "yy.f32", "zz.f32"].iter().all(|name| length(name) == 4 * total),
+            RawForm::NpyFolder => length("positions.npy") == 12 * total + NPY_HEADER,
+            RawForm::Npy => false,
+        };
+        let text = match read_own(&out.join("meta.json"), META) {
+            Ok(Some(text)) if whole => text,
+            Err(e @ Error::Io { .. }) => return Err(e),
+            _ => return Ok(false),
+        };
+        let there: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+        let asked = notes(&model.metadata, model.certificate.as_ref(), model_hash, self, total);
+        Ok(asked.iter().all(|(key, value)| there.get(key) == Some(value)))
+    }
 }
 
 /// Draws particles from `model` (whose file has the BLAKE3 `model_hash`) and writes them to `out`
@@ -54,7 +75,7 @@ pub fn recover(
     options: &Options,
     out: &Path,
     progress: &dyn Progress,
-) -> Result<Recovered> {
+) -> Result<u64> {
     if !(options.scale > 0.0 && options.scale.is_finite()) {
         return Err(Error::argument(format!("a scale of {} is not positive", options.scale)));
     }
@@ -97,30 +118,7 @@ pub fn recover(
         notes: notes(&metadata, certificate.as_ref(), model_hash, options, plan.total),
     })?;
     progress.end();
-    Ok(Recovered { particles: plan.total, bytes: plan.total * if weighted { 16 } else { 12 } })
-}
-
-/// Are the particles that [`recover`] would draw from `model` by `options` in the folder `out`, as far as
-/// its meta.json and the length of its files say?
-///
-/// # Errors
-/// [`Error::Io`] where meta.json is there and cannot be read.
-pub fn is_there(out: &Path, model: &Model, model_hash: [u8; 32], options: &Options) -> Result<bool> {
-    let total = options.particles.unwrap_or_else(|| model.layers.iter().map(|l| l.count()).sum());
-    let length = |name: &str| out.join(name).metadata().map_or(0, |m| m.len());
-    let whole = match options.form {
-        RawForm::Columns => ["xx.f32", "yy.f32", "zz.f32"].iter().all(|name| length(name) == 4 * total),
-        RawForm::NpyFolder => length("positions.npy") == 12 * total + NPY_HEADER,
-        RawForm::Npy => false,
-    };
-    let text = match read_own(&out.join("meta.json"), META) {
-        Ok(Some(text)) if whole => text,
-        Err(e @ Error::Io { .. }) => return Err(e),
-        _ => return Ok(false),
-    };
-    let there: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
-    let asked = notes(&model.metadata, model.certificate.as_ref(), model_hash, options, total);
-    Ok(asked.iter().all(|(key, value)| there.get(key) == Some(value)))
+    Ok(plan.total * if weighted { 16 } else { 12 })
 }
 
 /// Bytes before the triples of a positions.npy.
@@ -148,9 +146,10 @@ mod tests {
     fn drawn(model: Model, options: &Options) -> Result<Particles> {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
+        let number = options.total(&model);
         let made = recover(model, [0; 32], options, &out, &Silent);
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), usize::from(made.is_ok()));
-        let number = made?.particles;
+        let bytes = made?;
         let p = Particles::open_raw(
             &["xx.f32", "yy.f32", "zz.f32", "ww.f32"]
                 .map(|n| out.join(n))
@@ -158,7 +157,7 @@ mod tests {
                 .filter(|p| p.exists())
                 .collect::<Vec<_>>(),
         )?;
-        assert_eq!(p.len() as u64, number);
+        assert_eq!((p.len() as u64, p.raw_bytes()), (number, bytes));
         Ok(p)
     }
 

@@ -20,5 +20,5 @@ mod stratified;
 mod wrap;
 
 pub use in_memory::draw;
-pub use job::{Options, Recovered, is_there, recover};
+pub use job::{Options, recover};
 pub use method::Method;
