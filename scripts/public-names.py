@@ -5,7 +5,7 @@ those that nothing outside their crate names and no public field, argument or re
     scripts/public-names.py [--doc DIR] [--list]
 
 DIR holds the pages of `cargo doc --workspace --no-deps` (target/doc). A name counts once, wherever it can be
-reached. Core's and train's names are told apart and not bounded; macros are none. Ends with 1 where a bound is
+reached. Names of other crates are told apart and not bounded; macros are none. Ends with 1 where a bound is
 passed or a name is used by nobody.
 """
 import argparse
@@ -18,7 +18,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 # Names at most of what a user imports.
 BOUND = 90
 BOUNDED = ("particlegs", "particlegs-formats")
-APART = ("particlegs-core", "particlegs-train")
+APART = ("particlegs-core", "particlegs-train", "particlegs-files")
 
 
 class All(html.parser.HTMLParser):
@@ -39,6 +39,14 @@ def names(doc, crate):
     page = All()
     page.feed((doc / crate.replace("-", "_") / "all.html").read_text())
     return sorted(set(page.names))
+
+
+def defined(doc, crate, name):
+    """The crate that defines a name: rustdoc's page of a re-export leads to the source where it stands."""
+    *modules, last = name.split("::")
+    (page,) = (doc / crate.replace("-", "_")).joinpath(*modules).glob(f"*.{last}.html")
+    source = re.search(r'href="(?:\.\./)*src/(\w+)/', page.read_text())
+    return source[1].replace("_", "-") if source else crate
 
 
 def outside(crate):
@@ -69,11 +77,9 @@ def main():
     parser.add_argument("--list", action="store_true", help="print every name")
     o = parser.parse_args()
     bounded, unused = 0, []
-    apart = {n for crate in APART for n in names(o.doc, crate)}
     for crate in BOUNDED + APART:
         # rustdoc lists what is re-exported of other crates as well.
-        own, text = names(o.doc, crate), outside(crate)
-        own = [n for n in own if crate in APART or n not in apart]
+        own, text = [n for n in names(o.doc, crate) if defined(o.doc, crate, n) == crate], outside(crate)
         words = set(re.findall(r"\w+", text)) | signatures(crate)
         idle = [n for n in own if n.split("::")[-1] not in words]
         print(f"{crate}: {len(own)} public names, {len(idle)} used by nobody outside")

@@ -24,7 +24,7 @@ const HEAD: usize = 8;
 ///
 /// # Errors
 /// [`Error::Input`] that says what the path names instead, and what to do with that; those of
-/// [`codec::read_file`].
+/// [`codec::read_source`].
 pub fn model(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
     if path.is_dir() {
         return Err(no_model(path));

@@ -68,10 +68,10 @@ impl Choice {
     }
 
     /// Reads what was chosen: raw float32 (a folder with xx.f32, yy.f32, zz.f32, or those files) or any
-    /// of [`Format::all`](crate::Format::all). What does not lie in its file as it is used is put into `storage`.
+    /// of [`Choice::formats`]. What does not lie in its file as it is used is put into `storage`.
     ///
     /// # Errors
-    /// Those of opening, reading and [`select`]; [`Error::Input`] for a species that there is not.
+    /// Those of opening, reading and [`Particles::select`]; [`Error::Input`] for a species that there is not.
     pub fn read(&self, paths: &[PathBuf], storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
         let at_hand = AtHand::of(paths, self, progress)?;
         let mut particles = at_hand.named(read_at_hand(&at_hand.paths, self, storage, progress))?;
@@ -83,7 +83,7 @@ impl Choice {
     }
 
     /// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
-    /// for streams, and where particles are dropped, selected or sorted by mass ([`read`] does those).
+    /// for streams, and where particles are dropped, selected or sorted by mass ([`Choice::read`] does those).
     /// Values are not checked.
     ///
     /// # Errors

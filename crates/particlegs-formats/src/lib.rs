@@ -1,10 +1,10 @@
 //! Other people's files: what they say about themselves, and their particles.
 //!
-//! [`read`] gives the particles of a [`Choice`], [`read_later`] the same to be read in parts, and
-//! [`describe`] what the files say. Below them, [`open`] finds a file's format by its content and gives
+//! [`Choice::read`] gives the particles that are chosen, [`Choice::read_later`] the same to be read in parts,
+//! and [`Choice::describe`] what the files say. Below them, [`Choice::open`] finds a file's format by its content and gives
 //! a [`Snapshot`]: a [`Description`] first (species, fields, units, box, frames), then a
 //! [`particlegs::particles::SnapshotReader`] for the species and fields that were chosen. One file a
-//! format; [`Format::all`] lists them. A [`Writer`] writes particles in one of [`Writer::all`].
+//! format; [`Choice::formats`] lists them. A [`Writer`] writes particles in one of [`Writer::all`].
 //!
 //! Binary formats say where numbers lie (`strided`) or how a stretch of rows is decoded (`pieces`);
 //! one reader serves them all. Text formats bring their own reader. Limits are checked before memory is

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 
 fn main() -> particlegs::Result<()> {
     let path: PathBuf = std::env::args_os().nth(1).expect("the path of a model file").into();
-    let model = codec::decode(&codec::read_file(&path, &Silent)?, &path.display().to_string())?;
+    let bytes = std::fs::read(&path).expect("a file that can be read");
+    let model = codec::decode(&bytes, &path.display().to_string())?;
 
     let size = Size { width: 960, height: 540 };
     let m = &model.metadata;

@@ -3,4 +3,5 @@
 mod read;
 
 pub use particlegs_core::codec::*;
-pub use read::{read_file, read_source};
+pub(crate) use read::read_file;
+pub use read::read_source;

@@ -13,14 +13,15 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Corrupt`] for what is no model file, is cut short or goes on after its end;
 /// [`Error::Compatibility`]; [`Error::Memory`] before it is read; [`Error::Io`]; [`Error::Cancelled`].
-pub fn read_file(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
+pub(crate) fn read_file(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
     read_source(Source::open(path, progress)?, &input::name_of(path))
 }
 
-/// [`read_file`] of what is open already.
+/// A model file that is open: its head first, and no further than the head says that the file goes.
 ///
 /// # Errors
-/// As [`read_file`].
+/// [`Error::Corrupt`] for what is no model file, is cut short or goes on after its end;
+/// [`Error::Compatibility`]; [`Error::Memory`] before it is read; [`Error::Io`]; [`Error::Cancelled`].
 pub fn read_source(mut source: Source<'_>, place: &str) -> Result<Vec<u8>> {
     let length = promised_length(source.peek(HEAD_BYTES)?, place)?;
     if let Some(there) = source.length().filter(|n| *n != length) {

@@ -49,7 +49,8 @@ impl FitOptions {
 /// Fits at most `options.gaussians` Gaussians to `particles`.
 ///
 /// # Errors
-/// As [`super::partition`] and [`super::refine`].
+/// [`crate::Error::Argument`] for no particles, no Gaussians, or a radius that is not positive;
+/// [`crate::Error::Cancelled`].
 pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress) -> Result<Mixture> {
     Fitter::new(particles).fit(options, &mut NoPieces, progress)
 }

@@ -1,9 +1,9 @@
 //! Floor 3: particles to mixture, without gradients.
 //!
-//! A `Store` is the snapshot copied once, free to be reordered. [`partition`] cuts it into cells
+//! A `Store` is the snapshot copied once, free to be reordered. `partition` cuts it into cells
 //! whose particles lie side by side, best cut first, and sums each cell's `Moments`: one
 //! Gaussian a cell. The geometry counts particles, as ParaView draws them; masses are carried
-//! along. [`refine`] softens the cells by truncated EM and moves Gaussians from where they are not
+//! along. `refine` softens the cells by truncated EM and moves Gaussians from where they are not
 //! needed to where they are; [`fit`] does both as an [`Effort`] allows. `simplify` makes a mixture
 //! smaller without the particles.
 

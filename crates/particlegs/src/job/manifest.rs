@@ -121,7 +121,7 @@ pub struct Job {
 }
 
 impl Job {
-    /// Opens a folder that [`super::plan`] made.
+    /// Opens a folder that [`Job::plan`] made.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] where it holds no plan, or one that is broken; [`Error::Compatibility`]

@@ -1,6 +1,6 @@
 //! Floor 7: a compression as a folder, so that any engine can do its parts anywhere.
 //!
-//! [`plan`] passes over the snapshot once and writes a [`Manifest`]: what is asked for, the cuts, the
+//! [`Job::plan`] passes over the snapshot once and writes a manifest: what is asked for, the cuts, the
 //! hash of every run of particles. Where runs lie scattered over the blocks, [`Job::scatter`] copies
 //! chunks of the snapshot into buckets, one file a chunk (`bucket`); where they are together already,
 //! blocks read them where they are (`gather`). [`Job::block`] fits a block and writes a model file of

@@ -10,10 +10,10 @@ use std::sync::Mutex;
 
 impl Layered {
     /// Reads layers into columns of `storage`, one layer after the other; a single layer is mapped where its
-    /// file's layout allows it. `NaN` and infinity stay ([`super::check_values`]).
+    /// file's layout allows it. `NaN` and infinity stay ([`Particles::checked`]).
     ///
     /// # Errors
-    /// Those of [`Storage::columns`] before anything is read; those of the readers; [`Error::Cancelled`].
+    /// [`Error::Memory`], [`Error::Io`] where `storage` has no room, before anything is read; those of the readers; [`Error::Cancelled`].
     pub fn load(&self, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
         let (origin, meta) = (self.origin, self.meta.clone());
         let weighted = self.has_weights();

@@ -32,7 +32,7 @@ impl Particles {
     /// same within a layer.
     ///
     /// # Errors
-    /// [`Error::Input`] where there are more than 64 masses; those of [`Storage::columns`].
+    /// [`Error::Input`] where there are more than 64 masses; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
     pub fn layers_by_mass(&self, storage: &Storage) -> Result<Particles> {
         let Some(weights) = self.weights() else { return Ok(self.clone()) };
         let mut columns = storage.columns("the particles by mass", 4, self.len())?;

@@ -3,8 +3,8 @@
 //! A [`SnapshotReader`] tells its [`SnapshotMeta`] first and then hands over its particles run by
 //! run; [`Particles`] is a snapshot opened whole, mapped where the file's layout allows it.
 //! Positions are `origin + local` with f32 locals, so that a box far from the origin keeps its
-//! precision; raw float32 files have the origin 0 and are never copied. [`convert`] writes a
-//! snapshot from a snapshot: tiled, cropped, thinned.
+//! precision; raw float32 files have the origin 0 and are never copied. [`Kept`] is what is
+//! left of a snapshot when it is tiled, cropped and thinned, to be written by any format.
 
 mod convert;
 mod hash;

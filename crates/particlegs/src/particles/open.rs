@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 impl Particles {
     /// Opens raw float32: one folder with xx.f32, yy.f32, zz.f32 (and ww.f32), or the three or four files
     /// in that order, mapped, not copied. A meta.json beside them tells box, units and layers. Values
-    /// are as they are ([`check_values`]).
+    /// are as they are ([`Particles::checked`]).
     ///
     /// # Errors
     /// [`Error::Io`] where a file cannot be read; [`Error::Input`] for columns of different lengths and
@@ -101,7 +101,7 @@ impl Particles {
     /// dropped into fresh columns of a [`Storage`].
     ///
     /// # Errors
-    /// [`Error::Input`] at `place`: how many, and the first; those of [`Storage::columns`].
+    /// [`Error::Input`] at `place`: how many, and the first; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
     pub fn checked(self, place: &str, drop: Option<&Storage>) -> Result<Particles> {
         let invalid = self.par_chunks(|_, chunk| invalid(&chunk)).into_iter();
         let invalid = invalid.enumerate().fold(Invalid::default(), |all, (i, own)| all.and((i * CHUNK) as u64, own));

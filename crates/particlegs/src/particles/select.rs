@@ -59,7 +59,7 @@ impl Particles {
     /// The particles that a selection keeps, in columns of `storage`, about the same origin.
     ///
     /// # Errors
-    /// Those of [`Kept::new`]; of [`Storage::columns`] before anything is taken.
+    /// Those of [`Kept::new`]; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
     pub fn select(&self, selection: Selection, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
         Kept::about(self.origin, self, Tiling::single(), selection, progress)?.collect(storage, progress)
     }
