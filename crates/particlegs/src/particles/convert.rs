@@ -2,12 +2,12 @@
 //!
 //! Memory stays at a few runs a thread, whatever the size of the output.
 
-use super::select::{Kept, Run, Selection};
+use super::select::{Kept, Selection};
 use super::write::{Described, RawForm, SnapshotWriter};
 use super::{Particles, Tiling};
+use crate::Result;
+use crate::parallel;
 use crate::progress::Progress;
-use crate::{Error, Result};
-use rayon::prelude::*;
 use std::path::Path;
 
 /// What a conversion wrote.
@@ -49,16 +49,12 @@ pub fn write_raw(kept: &Kept<'_>, out: &Path, form: RawForm, progress: &dyn Prog
     let weighted = kept.weighted();
     let writer = SnapshotWriter::create(out, form, kept.total(), weighted)?;
     progress.begin("writing", kept.total());
-    (0..kept.runs()).into_par_iter().try_for_each_init(
-        || (Run::default(), Vec::new()),
-        |(run, triples), id| {
-            progress.check()?;
-            kept.load(id, run)?;
-            writer.write(kept.first(id), run, triples)?;
-            progress.advance(run.columns[0].len() as u64);
-            Ok::<_, Error>(())
-        },
-    )?;
+    let triples = parallel::Scratch::default();
+    kept.for_each_run(progress, &|id, run| {
+        triples.with(|triples| writer.write(kept.first(id), run, triples))?;
+        progress.advance(run.columns[0].len() as u64);
+        Ok(())
+    })?;
     writer.finish(&Described {
         meta: kept.meta(),
         layers: kept.layers(),
