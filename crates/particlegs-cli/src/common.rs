@@ -4,6 +4,7 @@ use crate::allotted;
 use crate::printable::one_line;
 use crate::progress::Meter;
 use clap::{Args, ValueHint};
+use particlegs::parallel;
 use particlegs::progress::{Level, Progress};
 use particlegs::{Error, Result};
 use particlegs_files::memory;
@@ -64,10 +65,7 @@ impl Common {
         if threads == 0 || threads > 4096 {
             return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
         }
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build_global()
-            .map_err(|e| Error::argument(format!("--threads {threads}: {e}")))?;
+        parallel::set_threads(threads).map_err(|e| Error::argument(format!("--threads {threads}: {e}")))?;
         // The switch of the determinism tests: the plain path instead of vector instructions.
         let plain = std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off");
         let simd = if plain { Level::baseline() } else { Level::new() };

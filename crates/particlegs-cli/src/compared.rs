@@ -1,9 +1,9 @@
 //! Two folders of PNGs of the same names against each other.
 
+use particlegs::parallel;
 use particlegs::picture::{Gray8, Scores, read_png};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -69,16 +69,13 @@ pub fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Co
         return Err(Error::input(a, what));
     }
     progress.begin("comparing", shared.len() as u64);
-    let views = shared
-        .into_par_iter()
-        .map(|name| {
-            progress.check()?;
-            let file = format!("{name}.png");
-            let compared = compare(name, &a.join(&file), &b.join(&file));
-            progress.advance(1);
-            Ok(compared)
-        })
-        .collect::<Result<Vec<_>>>()?;
+    let views = parallel::try_map(shared, |name| {
+        progress.check()?;
+        let file = format!("{name}.png");
+        let compared = compare(name, &a.join(&file), &b.join(&file));
+        progress.advance(1);
+        Ok(compared)
+    })?;
     progress.end();
     let scores = || views.iter().filter_map(|v| v.scores);
     let mean = MeanScores {

@@ -11,7 +11,7 @@
 pub mod error;
 pub mod math;
 pub mod memory;
-mod parallel;
+pub mod parallel;
 pub mod pieces;
 pub mod progress;
 mod remedy;

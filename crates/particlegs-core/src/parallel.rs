@@ -1,86 +1,226 @@
-//! Work over several threads: the few forms that this crate needs. Without the feature `threads` the
-//! same work is done in order, to the same bits.
+//! Work over several threads: the few forms that the library needs. Without the feature `threads` the same work is
+//! done in order, to the same bits.
+//!
+//! All of them are thin covers of [`each`], which is compiled once: what is generic down to the threads would be
+//! compiled again for every use.
 
-#[cfg(feature = "threads")]
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Pieces that items are worked on in, for each thread: enough for all threads to end together.
+const PIECES: usize = 64;
+/// Items in a piece, at most.
+const MOST: usize = 1024;
+
+/// Calls `of` with every number below `n`, on as many threads as there are. Numbers are begun in their order.
+fn each(n: usize, of: &(dyn Fn(usize) + Sync)) {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        while let i = next.fetch_add(1, Ordering::Relaxed)
+            && i < n
+        {
+            of(i);
+        }
+    };
+    #[cfg(feature = "threads")]
+    if n > 1 && threads() > 1 {
+        return rayon::scope(|scope| {
+            (1..threads().min(n)).for_each(|_| scope.spawn(|_| work()));
+            work();
+        });
+    }
+    work();
+}
+
+/// Items in a piece of work, of `n` in all.
+fn piece(n: usize) -> usize {
+    (n / (PIECES * threads())).clamp(1, MOST)
+}
+
+/// No work is done under a lock: nothing that it guards can be half made.
+fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
+    slot.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// `of(0)`, `of(1)`, ... `of(n - 1)`.
-pub(crate) fn map_range<R: Send>(n: usize, of: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
-    #[cfg(feature = "threads")]
-    return (0..n).into_par_iter().map(of).collect();
-    #[cfg(not(feature = "threads"))]
-    (0..n).map(of).collect()
+pub fn map_range<R: Send>(n: usize, of: impl Fn(usize) -> R + Sync) -> Vec<R> {
+    let size = piece(n);
+    let parts: Vec<Mutex<Vec<R>>> = (0..n.div_ceil(size)).map(|_| Mutex::default()).collect();
+    each(parts.len(), &|k| *lock(&parts[k]) = (k * size..n.min((k + 1) * size)).map(&of).collect());
+    let mut all = Vec::with_capacity(n);
+    parts.iter().for_each(|part| all.append(&mut lock(part)));
+    all
+}
+
+/// [`map_range`] of what may fail: after an error nothing that follows it is begun.
+///
+/// # Errors
+/// The first of those of `of`, whatever the threads.
+pub fn try_map_range<R: Send, E: Send>(n: usize, of: impl Fn(usize) -> Result<R, E> + Sync) -> Result<Vec<R>, E> {
+    let failed = AtomicUsize::new(n);
+    let one = |i: usize| {
+        let result = (i < failed.load(Ordering::Relaxed)).then(|| of(i))?;
+        if result.is_err() {
+            failed.fetch_min(i, Ordering::Relaxed);
+        }
+        Some(result)
+    };
+    map_range(n, one).into_iter().flatten().collect()
 }
 
 /// `of` every item, in their order.
-pub(crate) fn map<T: Send, R: Send>(items: Vec<T>, of: impl Fn(T) -> R + Send + Sync) -> Vec<R> {
-    #[cfg(feature = "threads")]
-    return items.into_par_iter().map(of).collect();
-    #[cfg(not(feature = "threads"))]
-    items.into_iter().map(of).collect()
+pub fn map<T: Send, R: Send>(items: impl IntoIterator<Item = T>, of: impl Fn(T) -> R + Sync) -> Vec<R> {
+    let items = slots(items);
+    map_range(items.len(), |i| taken(&items[i]).map(&of)).into_iter().flatten().collect()
 }
 
-/// Calls `each` with every item; items are few and their work is long.
-pub(crate) fn try_for_each<T: Send, E: Send>(
-    items: Vec<T>,
-    each: impl Fn(T) -> Result<(), E> + Send + Sync,
+/// [`map`] of what may fail: after an error nothing that follows it is begun.
+///
+/// # Errors
+/// The first of those of `of`, whatever the threads.
+pub fn try_map<T: Send, R: Send, E: Send>(
+    items: impl IntoIterator<Item = T>,
+    of: impl Fn(T) -> Result<R, E> + Sync,
+) -> Result<Vec<R>, E> {
+    let items = slots(items);
+    let all = try_map_range(items.len(), |i| taken(&items[i]).map(&of).transpose())?;
+    Ok(all.into_iter().flatten().collect())
+}
+
+/// Places that items are taken from, each once, by any thread.
+fn slots<T>(items: impl IntoIterator<Item = T>) -> Vec<Mutex<Option<T>>> {
+    items.into_iter().map(|item| Mutex::new(Some(item))).collect()
+}
+
+fn taken<T>(slot: &Mutex<Option<T>>) -> Option<T> {
+    lock(slot).take()
+}
+
+/// Calls `each` with every item.
+pub fn for_each<T: Send>(items: impl IntoIterator<Item = T>, each: impl Fn(T) + Sync) {
+    map(items, each);
+}
+
+/// [`for_each`] of what may fail: after an error nothing that follows it is begun.
+///
+/// # Errors
+/// The first of those of `each`, whatever the threads.
+pub fn try_for_each<T: Send, E: Send>(
+    items: impl IntoIterator<Item = T>,
+    each: impl Fn(T) -> Result<(), E> + Sync,
 ) -> Result<(), E> {
-    #[cfg(feature = "threads")]
-    return items.into_par_iter().with_max_len(1).try_for_each(each);
-    #[cfg(not(feature = "threads"))]
-    items.into_iter().try_for_each(each)
+    try_map(items, each).map(drop)
 }
 
 /// Calls `each` with the number and the values of every chunk of `size` values, the last of which may be
 /// shorter.
-pub(crate) fn for_each_chunk<T: Send>(values: &mut [T], size: usize, each: impl Fn(usize, &mut [T]) + Send + Sync) {
+pub fn for_each_chunk<T: Send>(values: &mut [T], size: usize, each: impl Fn(usize, &mut [T]) + Sync) {
     for_each_chunk_with(values, size, || (), |(), i, chunk| each(i, chunk));
 }
 
-/// [`for_each_chunk`] with a thread's own scratch space.
-pub(crate) fn for_each_chunk_with<T: Send, S>(
+/// [`for_each_chunk`] with scratch space that some chunks share.
+pub fn for_each_chunk_with<T: Send, S>(
     values: &mut [T],
     size: usize,
-    scratch: impl Fn() -> S + Send + Sync,
-    each: impl Fn(&mut S, usize, &mut [T]) + Send + Sync,
+    scratch: impl Fn() -> S + Sync,
+    each: impl Fn(&mut S, usize, &mut [T]) + Sync,
 ) {
-    #[cfg(feature = "threads")]
-    values.par_chunks_mut(size).enumerate().for_each_init(scratch, |scratch, (i, chunk)| each(scratch, i, chunk));
-    #[cfg(not(feature = "threads"))]
-    {
+    let run = piece(values.len().div_ceil(size));
+    for_each(values.chunks_mut(run * size).enumerate(), |(k, values)| {
         let mut scratch = scratch();
-        values.chunks_mut(size).enumerate().for_each(|(i, chunk)| each(&mut scratch, i, chunk));
+        values.chunks_mut(size).enumerate().for_each(|(i, chunk)| each(&mut scratch, k * run + i, chunk));
+    });
+}
+
+/// Scratch space that pieces of work take and give back: about one for each thread.
+#[derive(Default)]
+pub struct Scratch<S>(Mutex<Vec<S>>);
+
+impl<S: Default> Scratch<S> {
+    /// `work` with scratch space as the last to use it left it.
+    pub fn with<R>(&self, work: impl FnOnce(&mut S) -> R) -> R {
+        let last = lock(&self.0).pop();
+        let mut own = last.unwrap_or_default();
+        let result = work(&mut own);
+        lock(&self.0).push(own);
+        result
     }
 }
 
 /// Both, side by side.
-pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     #[cfg(feature = "threads")]
     return rayon::join(a, b);
     #[cfg(not(feature = "threads"))]
     (a(), b())
 }
 
-/// Sorts; values that are equal are the same.
-pub(crate) fn sort_unstable<T: Ord + Send>(values: &mut [T]) {
+/// Sorts keys with the number of what each is the key of.
+pub fn sort_keys(keys: &mut [(u64, u32)]) {
     #[cfg(feature = "threads")]
-    values.par_sort_unstable();
+    rayon::slice::ParallelSliceMut::par_sort_unstable(keys);
     #[cfg(not(feature = "threads"))]
-    values.sort_unstable();
+    keys.sort_unstable();
 }
 
 /// Threads that share work.
-pub(crate) fn threads() -> usize {
+pub fn threads() -> usize {
     #[cfg(feature = "threads")]
     return rayon::current_num_threads();
     #[cfg(not(feature = "threads"))]
     1
 }
 
+/// Sets how many threads share work, once and before any is done.
+///
+/// # Errors
+/// Where the system has not so many, or they are set already.
+pub fn set_threads(threads: usize) -> Result<(), String> {
+    #[cfg(feature = "threads")]
+    return rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| e.to_string());
+    #[cfg(not(feature = "threads"))]
+    if threads == 1 { Ok(()) } else { Err("built without threads".into()) }
+}
+
 /// Adds bytes to a hash.
-pub(crate) fn hash(hasher: &mut blake3::Hasher, bytes: &[u8]) {
+pub fn hash(hasher: &mut blake3::Hasher, bytes: &[u8]) {
     #[cfg(feature = "threads")]
     hasher.update_rayon(bytes);
     #[cfg(not(feature = "threads"))]
     hasher.update(bytes);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_stand_in_order_and_the_first_error_is_told() {
+        for n in [0, 1, 7, 5000] {
+            assert!(map_range(n, |i| i * i).into_iter().eq((0..n).map(|i| i * i)));
+            assert!(map((0..n).map(|i| i.to_string()), |s| s + "!").into_iter().eq((0..n).map(|i| format!("{i}!"))));
+            let odd = try_map_range(n, |i| if i % 1000 == 999 { Err(i) } else { Ok(i) });
+            assert_eq!(odd.map(|all| all.len()), if n > 999 { Err(999) } else { Ok(n) });
+        }
+    }
+
+    #[test]
+    fn every_chunk_is_visited_once() {
+        let mut values = vec![0u32; 10_001];
+        for_each_chunk_with(
+            &mut values,
+            3,
+            || 7,
+            |seven, i, chunk| chunk.iter_mut().for_each(|v| *v += *seven + i as u32),
+        );
+        assert!(values.iter().enumerate().all(|(at, v)| *v == 7 + (at / 3) as u32));
+        let scratch = Scratch::<Vec<usize>>::default();
+        let seen = map_range(100, |i| {
+            scratch.with(|all| {
+                all.push(i);
+                map_range(10, |k| k).len()
+            })
+        });
+        assert_eq!(seen.iter().sum::<usize>(), 1000);
+    }
 }

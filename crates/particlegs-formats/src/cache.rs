@@ -23,7 +23,7 @@ impl ChunkCache {
     }
 
     /// Chunk `key`, decoded by `decode` where it is not at hand. Two threads that want the same
-    /// chunk decode it once; `decode` itself must not use rayon, which would run other work on a
+    /// chunk decode it once; `decode` itself must do no parallel work, which would run other work on a
     /// thread that others wait for.
     ///
     /// # Errors

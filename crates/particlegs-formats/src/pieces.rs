@@ -1,9 +1,9 @@
 //! One reader for all formats whose rows can be read from any place.
 
+use particlegs::parallel;
 use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rows as numbers, before they become f32 about an origin; the reader owns and reuses them.
@@ -118,7 +118,8 @@ impl SnapshotReader for PieceReader {
         progress: &dyn Progress,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
-        runs.into_par_iter().try_for_each_init(<(Rows, [Vec<f32>; 4])>::default, |(rows, columns), run| {
+        let scratch = parallel::Scratch::<(Rows, [Vec<f32>; 4])>::default();
+        let read = |run: u64, (rows, columns): &mut (Rows, [Vec<f32>; 4])| {
             progress.check()?;
             let start = run * RUN as u64;
             let end = self.count().min(start + RUN as u64);
@@ -134,7 +135,8 @@ impl SnapshotReader for PieceReader {
             sink(run, Chunk { position: [x, y, z], weight: self.weighted.then_some(w) })?;
             progress.advance(end - start);
             Ok(())
-        })
+        };
+        parallel::try_for_each(runs, |run| scratch.with(|space| read(run, space)))
     }
 
     fn in_place(&self) -> Option<InPlace> {

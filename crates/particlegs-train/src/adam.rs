@@ -1,6 +1,6 @@
 //! Adam (Kingma and Ba 2015), one instance a group of parameters.
 
-use rayon::prelude::*;
+use particlegs_core::parallel;
 
 /// Parameters in one step of parallel work.
 const RUN: usize = 1 << 14;
@@ -38,8 +38,8 @@ impl Averages {
         if self.steps == 0 || self.second.is_empty() {
             return 0.0;
         }
-        let sums: Vec<f64> =
-            self.second.par_chunks(RUN).map(|run| run.iter().map(|s| f64::from(s.sqrt())).sum()).collect();
+        let sum = |run: &[f32]| run.iter().map(|s| f64::from(s.sqrt())).sum::<f64>();
+        let sums = parallel::map(self.second.chunks(RUN), sum);
         let correct = 1.0 - beta2.powi(self.steps.min(i32::MAX as u64) as i32);
         sums.iter().sum::<f64>() / self.second.len() as f64 / correct.sqrt()
     }
@@ -56,17 +56,15 @@ impl Adam {
         let rate = (rate / correct1) as f32;
         let unroot = (1.0 / correct2) as f32;
         let (b1, b2, epsilon) = (self.beta1, self.beta2, self.epsilon);
-        values
-            .par_chunks_mut(RUN)
-            .zip(gradient.par_chunks(RUN))
-            .zip(averages.first.par_chunks_mut(RUN).zip(averages.second.par_chunks_mut(RUN)))
-            .for_each(|((values, gradient), (first, second))| {
-                for (((v, g), m), s) in values.iter_mut().zip(gradient).zip(first).zip(second) {
-                    *m = b1 * *m + (1.0 - b1) * g;
-                    *s = b2 * *s + (1.0 - b2) * g * g;
-                    *v -= rate * *m / ((*s * unroot).sqrt() + epsilon);
-                }
-            });
+        let averages = averages.first.chunks_mut(RUN).zip(averages.second.chunks_mut(RUN));
+        let runs = values.chunks_mut(RUN).zip(gradient.chunks(RUN)).zip(averages);
+        parallel::for_each(runs, |((values, gradient), (first, second))| {
+            for (((v, g), m), s) in values.iter_mut().zip(gradient).zip(first).zip(second) {
+                *m = b1 * *m + (1.0 - b1) * g;
+                *s = b2 * *s + (1.0 - b2) * g * g;
+                *v -= rate * *m / ((*s * unroot).sqrt() + epsilon);
+            }
+        });
     }
 }
 

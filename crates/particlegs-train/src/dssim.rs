@@ -2,8 +2,8 @@
 //! sigma 1.5, pictures continued with zeros, K1 0.01, K2 0.03, data range 1; and its gradient.
 
 use super::loss::Valued;
+use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
-use rayon::prelude::*;
 
 const HALF: usize = 5;
 const SIGMA: f64 = 1.5;
@@ -48,7 +48,7 @@ fn blur(p: &[f32], size: Size) -> Vec<f32> {
     };
     let Size { width, height } = size;
     let mut across = vec![0.0f32; p.len()];
-    across.par_chunks_mut(width).zip(p.par_chunks(width)).for_each(|(out, row)| {
+    parallel::for_each(across.chunks_mut(width).zip(p.chunks(width)), |(out, row)| {
         for (i, o) in out.iter_mut().enumerate() {
             let at = |j: Option<usize>| j.and_then(|j| row.get(j)).copied().unwrap_or(0.0);
             *o = weights[0] * row[i]
@@ -56,7 +56,7 @@ fn blur(p: &[f32], size: Size) -> Vec<f32> {
         }
     });
     let mut out = vec![0.0f32; p.len()];
-    out.par_chunks_mut(width).enumerate().for_each(|(j, out)| {
+    parallel::for_each_chunk(&mut out, width, |j, out| {
         let mut add = |row: usize, w: f32| {
             out.iter_mut().zip(&across[row * width..(row + 1) * width]).for_each(|(o, v)| *o += w * v);
         };

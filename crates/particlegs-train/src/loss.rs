@@ -6,8 +6,8 @@
 
 use super::dssim::dssim;
 use fearless_simd::{Level, dispatch};
+use particlegs_core::parallel;
 use particlegs_core::picture::{MASK_LEVEL, Plane};
-use rayon::prelude::*;
 
 /// Pixels in one step of parallel work; fixed, so that sums do not depend on threads.
 const RUN: usize = 1 << 14;
@@ -52,12 +52,8 @@ impl Loss {
     pub(crate) fn of(&self, drawn: &Plane, target: &Plane, simd: Level) -> Valued {
         assert_eq!(drawn.size, target.size, "pictures of one size");
         let mut gradient = Plane::zeros(drawn.size);
-        let runs: Vec<(f64, u64)> = gradient
-            .data
-            .par_chunks_mut(RUN)
-            .zip(drawn.data.par_chunks(RUN).zip(target.data.par_chunks(RUN)))
-            .map(|(g, (a, b))| self.run(a, b, g, simd))
-            .collect();
+        let runs = gradient.data.chunks_mut(RUN).zip(drawn.data.chunks(RUN).zip(target.data.chunks(RUN)));
+        let runs = parallel::map(runs, |(g, (a, b))| self.run(a, b, g, simd));
         let (sum, lit) = runs.into_iter().fold((0.0, 0), |(s, n), r| (s + r.0, n + r.1));
         let pixels = (lit as f64).max(1.0);
         let mut value = sum / pixels * (1.0 - self.dssim);
@@ -68,10 +64,10 @@ impl Loss {
         }
         let log_scale = if self.logarithm && value > 0.0 { 1.0 / value } else { 1.0 };
         scale *= log_scale;
-        gradient.data.par_iter_mut().for_each(|g| *g *= scale as f32);
+        gradient.data.iter_mut().for_each(|g| *g *= scale as f32);
         if let Some(s) = structure {
             let share = (self.dssim * log_scale) as f32;
-            gradient.data.par_iter_mut().zip(&s.gradient.data).for_each(|(g, s)| *g += share * s);
+            gradient.data.iter_mut().zip(&s.gradient.data).for_each(|(g, s)| *g += share * s);
         }
         let value = if self.logarithm && value > 0.0 { value.ln() } else { value };
         Valued { value, gradient }

@@ -5,11 +5,11 @@ use super::config::Stage;
 use super::learner::Crop;
 use super::subject::Subject;
 use particlegs_core::camera::View;
+use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Progress;
 use particlegs_core::splat::Look;
 use particlegs_core::{Error, Result};
-use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -83,7 +83,7 @@ impl<'a> Targets<'a> {
 
     fn write(&mut self, place: u64, levels: &[u16]) -> Result<()> {
         let mut bytes = vec![0u8; 2 * levels.len()];
-        bytes.par_chunks_mut(2 * RUN).zip(levels.par_chunks(RUN)).for_each(|(bytes, levels)| {
+        parallel::for_each(bytes.chunks_mut(2 * RUN).zip(levels.chunks(RUN)), |(bytes, levels)| {
             bytes.chunks_exact_mut(2).zip(levels).for_each(|(b, l)| b.copy_from_slice(&l.to_le_bytes()));
         });
         let fail = |e| Error::io(&self.folder, e);
@@ -106,7 +106,7 @@ impl<'a> Targets<'a> {
         let mut bytes = vec![0u8; 2 * self.size.width * crop.size.height];
         file.seek(SeekFrom::Start(2 * first)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
         let mut levels = vec![0u16; bytes.len() / 2];
-        levels.par_chunks_mut(RUN).zip(bytes.par_chunks(2 * RUN)).for_each(|(levels, bytes)| {
+        parallel::for_each(levels.chunks_mut(RUN).zip(bytes.chunks(2 * RUN)), |(levels, bytes)| {
             levels.iter_mut().zip(bytes.chunks_exact(2)).for_each(|(l, b)| *l = u16::from_le_bytes([b[0], b[1]]));
         });
         Ok(part(crop, self.size.width, &levels))
@@ -116,7 +116,7 @@ impl<'a> Targets<'a> {
 /// Brightness of a part, from the rows of a picture of that width that begin where the part does.
 fn part(crop: &Crop, width: usize, levels: &[u16]) -> Plane {
     let mut plane = Plane::zeros(crop.size);
-    plane.data.par_chunks_mut(crop.size.width).zip(levels.par_chunks(width)).for_each(|(out, row)| {
+    parallel::for_each(plane.data.chunks_mut(crop.size.width).zip(levels.chunks(width)), |(out, row)| {
         let row = &row[crop.corner[0]..];
         out.iter_mut().zip(row).for_each(|(o, &l)| *o = f32::from(l) * (1.0 / LEVELS));
     });
@@ -127,7 +127,7 @@ fn part(crop: &Crop, width: usize, levels: &[u16]) -> Plane {
 fn averaged(size: Size, k: usize, at: impl Fn(usize) -> f32 + Sync) -> Vec<u16> {
     let wide = size.width * k;
     let mut out = vec![0u16; size.pixels()];
-    out.par_chunks_mut(size.width).enumerate().for_each(|(y, out)| {
+    parallel::for_each_chunk(&mut out, size.width, |y, out| {
         for (x, o) in out.iter_mut().enumerate() {
             let first = y * k * wide + x * k;
             let sum: f32 = (0..k * k).map(|q| at(first + q / k * wide + q % k)).sum();

@@ -36,7 +36,7 @@
 //! # Ok::<(), particlegs::Error>(())
 //! ```
 
-pub use particlegs_core::{error, math, model, pieces, progress, render, space, splat};
+pub use particlegs_core::{error, math, model, parallel, pieces, progress, render, space, splat};
 
 pub mod camera;
 pub mod particles;

@@ -2,8 +2,8 @@
 
 use super::bar::{Bar, colour_bar, round_below, scale_bar};
 use super::text;
+use particlegs::parallel;
 use particlegs::picture::{Colormap, Plane, Rgb8};
-use rayon::prelude::*;
 
 /// How to draw a plane of surface density.
 pub struct DensityPicture {
@@ -38,8 +38,10 @@ fn log_range(plane: &Plane) -> [f64; 2] {
     if lit.is_empty() {
         return [1.0, 10.0];
     }
-    lit.par_sort_unstable_by(f32::total_cmp);
-    let at = |share: f64| f64::from(lit[((lit.len() - 1) as f64 * share) as usize]);
+    let mut at = |share: f64| {
+        let place = ((lit.len() - 1) as f64 * share) as usize;
+        f64::from(*lit.select_nth_unstable_by(place, f32::total_cmp).1)
+    };
     let hi = at(0.999);
     let lo = at(0.01).max(hi * 1e-4).min(hi);
     // A flat plane still gets a scale.
@@ -51,11 +53,11 @@ fn log_range(plane: &Plane) -> [f64; 2] {
 pub fn annotate_density(plane: &Plane, options: &DensityPicture) -> Rgb8 {
     let [lo, hi] = options.range.unwrap_or_else(|| log_range(plane));
     let (from, length) = (lo.ln() as f32, (hi / lo).ln() as f32);
-    let data = plane
-        .data
-        .par_iter()
-        .map(|&v| options.colormap.color(if v > 0.0 { (v.ln() - from) / length } else { 0.0 }))
-        .collect();
+    let color = |i: usize| {
+        let v = plane.data[i];
+        options.colormap.color(if v > 0.0 { (v.ln() - from) / length } else { 0.0 })
+    };
+    let data = parallel::map_range(plane.data.len(), color);
     let mut picture = Rgb8 { size: plane.size, data };
     if options.annotations {
         let title = format!("Σ [{}]", options.unit);

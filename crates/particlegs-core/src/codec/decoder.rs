@@ -108,8 +108,8 @@ pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, Faul
     let mut cov = [column(n)?, column(n)?, column(n)?, column(n)?, column(n)?, column(n)?];
     let mut count = column(n)?;
     let mut weight = column(if header.has_w() { n } else { 0 })?;
-    let work: Vec<_> =
-        nodes.iter().zip(&streams.segments).zip(split(&nodes, &mut mean, &mut count, &mut cov, &mut weight)).collect();
+    let columns = split(&nodes, &mut mean, &mut count, &mut cov, &mut weight);
+    let work = nodes.iter().zip(&streams.segments).zip(columns);
     let whole = streams.trunk.is_some();
     let rests: Vec<Result<&[u8], String>> =
         parallel::map(work, |((nodes, stream), columns)| segment(&header, nodes, stream, whole, columns));

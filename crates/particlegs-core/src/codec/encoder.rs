@@ -122,7 +122,7 @@ impl Encoder {
             debug_assert!(walked.is_ok(), "quantised numbers are within range");
             done(recorder)
         };
-        let segments = parallel::map(self.tree.segments.iter().zip(self.ranges()).collect(), segment);
+        let segments = parallel::map(self.tree.segments.iter().zip(self.ranges()), segment);
         (done(above), segments)
     }
 
@@ -168,7 +168,7 @@ impl Encoder {
     /// Works on the segments' Gaussians, in parallel.
     fn each(&self, leaves: &mut [Leaf], work: impl Fn(Range<usize>, &mut [Leaf]) + Sync) {
         let parts = pieces(leaves, self.tree.lengths().into_iter());
-        parallel::map(parts.into_iter().zip(self.ranges()).collect(), |(leaves, range)| work(range, leaves));
+        parallel::for_each(parts.into_iter().zip(self.ranges()), |(leaves, range)| work(range, leaves));
     }
 
     /// Sizes, counts and masses.

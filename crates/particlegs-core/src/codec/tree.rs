@@ -177,7 +177,7 @@ impl Tree {
             Err(never) => match never {},
         };
         let lengths = || nodes.iter().map(|n| gaussians(n));
-        let work: Vec<_> = nodes.iter().zip(pieces(&mut order, lengths())).zip(pieces(&mut cells, lengths())).collect();
+        let work = nodes.iter().zip(pieces(&mut order, lengths())).zip(pieces(&mut cells, lengths()));
         let segments = parallel::map(work, |((nodes, order), cells)| Segment {
             nodes: nodes.clone(),
             splits: sort(nodes, order, cells, extent, part),

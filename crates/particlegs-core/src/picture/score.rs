@@ -63,7 +63,7 @@ struct Sums {
 impl Sums {
     fn of(a: &Gray8, b: &Gray8) -> Sums {
         assert_eq!(a.size, b.size, "pictures of one size");
-        let runs = a.data.chunks(STEP).zip(b.data.chunks(STEP)).collect();
+        let runs = a.data.chunks(STEP).zip(b.data.chunks(STEP));
         parallel::map(runs, |(a, b)| Self::of_run(a, b)).into_iter().fold(Sums::default(), Sums::plus)
     }
 

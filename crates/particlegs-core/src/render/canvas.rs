@@ -40,14 +40,9 @@ impl<'a> Canvas<'a> {
     /// [`crate::Error::Cancelled`].
     pub fn draw(&mut self, bins: &[Bins], progress: &dyn Progress) -> Result<()> {
         let simd = progress.simd();
-        let bands: Vec<(&Level, usize, &mut [f32])> = self
-            .levels
-            .iter()
-            .zip(&mut *self.planes)
-            .flat_map(|(level, plane)| {
-                plane.chunks_mut(level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
-            })
-            .collect();
+        let bands = self.levels.iter().zip(&mut *self.planes).flat_map(|(level, plane)| {
+            plane.chunks_mut(level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
+        });
         parallel::try_for_each(bands, |(level, b, data)| {
             let mut band = Band { data, stride: level.stride, width: level.size.width + 2 * PAD, first: b * BAND };
             let number = level.first_band + b;

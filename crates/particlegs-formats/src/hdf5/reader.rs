@@ -79,7 +79,7 @@ fn assemble(
     weighted: bool,
 ) -> Result<Box<dyn SnapshotReader>> {
     let (rows, bytes) = tables.iter().flat_map(|t| chunk_bytes(t)).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
-    let threads = rayon::current_num_threads() as u64;
+    let threads = particlegs::parallel::threads() as u64;
     let together = (BUDGET / bytes.max(1)).saturating_sub(1).clamp(1, threads.max(2));
     // Those that are kept, and one in two stages of its decoding.
     memory::require("decoding the chunks of this HDF5 file", (together + 3).saturating_mul(bytes))?;

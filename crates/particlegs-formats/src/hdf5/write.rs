@@ -3,11 +3,11 @@
 use super::encode::{self, Attribute, Group, Set, Value};
 use super::units::{self, Quantity};
 use particlegs::model::{Layer, Mass};
+use particlegs::parallel;
 use particlegs::particles::{Kept, Run, SnapshotMeta};
 use particlegs::progress::Progress;
 use particlegs::{Error, Remedy, Result};
 use particlegs_files::output::PlacedFile;
-use rayon::prelude::*;
 use std::ops::Range;
 use std::path::Path;
 
@@ -25,18 +25,17 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
     let file = PlacedFile::create(out, plan.length)?;
     file.write_at(&plan.metadata, 0)?;
     progress.begin("writing", kept.total());
-    (0..kept.runs()).into_par_iter().try_for_each_init(<(Run, Vec<u8>)>::default, |(run, bytes), id| {
-        progress.check()?;
-        kept.load(id, run)?;
+    let scratch = parallel::Scratch::<Vec<u8>>::default();
+    kept.for_each_run(progress, &|id, run| {
         let index = kept.layer_of(id);
         let count = run.columns[0].len() as u64;
         // A run that keeps nothing may belong to a layer that keeps nothing, which has no group.
         if let Some(layer) = layers.get(index).filter(|_| count > 0) {
             let row = kept.first(id) - layer.content.start;
-            write_run(&file, layer.mass, row, &plan.data[FIRST + index], run, bytes)?;
+            scratch.with(|bytes| write_run(&file, layer.mass, row, &plan.data[FIRST + index], run, bytes))?;
         }
         progress.advance(count);
-        Ok::<_, Error>(())
+        Ok(())
     })?;
     progress.end();
     file.finish()?;

@@ -1,11 +1,11 @@
 //! LAMMPS text out: one frame, `id type x y z` and masses where they are known.
 
+use particlegs::parallel;
 use particlegs::particles::{Kept, Run};
 use particlegs::progress::Progress;
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use particlegs_files::output;
-use rayon::prelude::*;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -90,7 +90,7 @@ impl<'a> FrameOut<'a> {
         progress: &dyn Progress,
         write: &mut dyn FnMut(&[u8]) -> std::io::Result<()>,
     ) -> std::result::Result<(), Stop> {
-        let batch = (2 * rayon::current_num_threads()).min(BATCH);
+        let batch = (2 * parallel::threads()).min(BATCH);
         let mut scratch: Vec<(Run, Vec<u8>)> = (0..batch).map(|_| Default::default()).collect();
         let mut next = 0;
         while next < self.kept.runs() {
@@ -103,7 +103,7 @@ impl<'a> FrameOut<'a> {
                 Ok(())
             };
             let work: Vec<_> = runs.clone().zip(&mut scratch).collect();
-            work.into_par_iter().map(format).collect::<Result<()>>().map_err(Stop::Other)?;
+            parallel::try_for_each(work, format).map_err(Stop::Other)?;
             for (_, text) in &scratch[..(runs.end - runs.start) as usize] {
                 write(text).map_err(Stop::Io)?;
             }
@@ -159,17 +159,14 @@ fn push_whole(mut value: u64, text: &mut Vec<u8>) {
 /// The box around particles that have no cell; it repeats nowhere.
 fn bounds(kept: &Kept<'_>, progress: &dyn Progress) -> Result<Cell> {
     progress.begin("finding the box", kept.total());
-    let of_run = |run: &mut Run, id: u64| {
-        progress.check()?;
+    let ends = kept.map_runs(progress, |id, run| {
         kept.load(id, run)?;
         progress.advance(run.columns[0].len() as u64);
         Ok([0, 1, 2].map(|k| {
             let both = |(low, high): (f32, f32), &v: &f32| (low.min(v), high.max(v));
             run.columns[k].iter().fold((f32::INFINITY, f32::NEG_INFINITY), both)
         }))
-    };
-    let ends: Vec<[(f32, f32); 3]> =
-        (0..kept.runs()).into_par_iter().map_init(Run::default, of_run).collect::<Result<_>>()?;
+    })?;
     progress.end();
     let (mut origin, mut lengths) = ([0.0; 3], [0.0; 3]);
     for k in 0..3 {

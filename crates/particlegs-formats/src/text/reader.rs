@@ -4,10 +4,10 @@ use super::lines::Lines;
 use super::parse::{Columns, Fault, Parser, Plan};
 use super::table::Table;
 use crate::pieces::origin_of;
+use particlegs::parallel;
 use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -115,7 +115,8 @@ impl RowReader {
             let whole = waiting[0].len() / RUN;
             let last = ended && next + whole as u64 + 1 == self.count().div_ceil(RUN as u64);
             let ready = whole + usize::from(last && waiting[0].len() % RUN > 0);
-            (0..ready).into_par_iter().filter(|&i| runs.contains(&(next + i as u64))).try_for_each(|i| {
+            let wanted = (0..ready).filter(|&i| runs.contains(&(next + i as u64)));
+            parallel::try_for_each(wanted, |i| {
                 let rows = i * RUN..waiting[0].len().min((i + 1) * RUN);
                 if rows.len() != self.length(next + i as u64) {
                     return Err(self.changed());
@@ -135,7 +136,7 @@ impl RowReader {
 
     /// Parses the next blocks of a stream onto the end of `out`; true at its end.
     fn batch(&self, lines: &mut Lines<'_>, out: &mut Columns) -> Result<bool> {
-        let size = (2 * rayon::current_num_threads()).min(BATCH);
+        let size = (2 * parallel::threads()).min(BATCH);
         let mut blocks = Vec::with_capacity(size);
         while blocks.len() < size {
             let line = lines.place().line;
@@ -146,13 +147,13 @@ impl RowReader {
             blocks.push((line, block));
         }
         let ended = blocks.len() < size;
-        let parsed = blocks.into_par_iter().map(|(line, block)| {
+        let parsed = parallel::try_map(blocks, |(line, block)| {
             let mut columns = Columns::default();
             self.parser(0, usize::MAX).block(&block, line, &mut columns).map_err(|f| self.fault(f))?;
             Ok::<_, Error>(columns)
-        });
-        for columns in parsed.collect::<Vec<_>>() {
-            for (out, column) in out.iter_mut().zip(columns?) {
+        })?;
+        for columns in parsed {
+            for (out, column) in out.iter_mut().zip(columns) {
                 out.extend(column);
             }
         }
@@ -191,10 +192,13 @@ impl SnapshotReader for RowReader {
         if !self.table.content.is_seekable() {
             return self.stream(runs, progress, sink);
         }
-        runs.into_par_iter().try_for_each_init(Columns::default, |columns, run| {
+        let scratch = parallel::Scratch::<Columns>::default();
+        parallel::try_for_each(runs, |run| {
             progress.check()?;
-            self.run(run, columns)?;
-            sink(run, self.chunk(columns, 0..self.length(run)))?;
+            scratch.with(|columns| {
+                self.run(run, columns)?;
+                sink(run, self.chunk(columns, 0..self.length(run)))
+            })?;
             progress.advance(self.length(run) as u64);
             Ok(())
         })

@@ -3,8 +3,8 @@
 use super::content::{Content, Place};
 use super::lines::of_block;
 use super::parse::{Layout, same};
+use particlegs::parallel;
 use particlegs::{Error, Result};
-use rayon::prelude::*;
 
 /// Most species that a column of types may tell apart.
 pub const MOST_SPECIES: usize = 64;
@@ -155,7 +155,7 @@ impl<'a> Builder<'a> {
         } else if counts_lines {
             (0..self.stretches.len()).map(|i| Tally { rows: self.lines_of(i), ..Tally::default() }).collect()
         } else {
-            (0..self.stretches.len()).into_par_iter().map(|i| self.tally(i)).collect::<Result<_>>()?
+            parallel::try_map_range(self.stretches.len(), |i| self.tally(i))?
         };
         Ok(self.table(tallies))
     }

@@ -5,11 +5,11 @@
 //! have weights or layers different masses, layers are numbered by an array where there are several.
 
 use particlegs::model::{Layer, Mass};
+use particlegs::parallel;
 use particlegs::particles::{Kept, Run};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::output::PlacedFile;
-use rayon::prelude::*;
 use std::fmt::Write;
 use std::ops::Range;
 use std::path::Path;
@@ -85,17 +85,14 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
     file.write_at(&count.to_le_bytes()[..layout.vertex as usize], start + layout.offsets)?;
     let arrays = Arrays { file: &file, start, layout: &layout };
     progress.begin("writing", count);
-    (0..kept.runs()).into_par_iter().try_for_each_init(
-        || (Run::default(), Vec::new()),
-        |(run, bytes), id| {
-            progress.check()?;
-            kept.load(id, run)?;
-            let layer = kept.layer_of(id);
-            arrays.write_run(kept.first(id), run, layer, layers.get(layer).map(|l| l.mass), bytes)?;
-            progress.advance(run.columns[0].len() as u64);
-            Ok::<_, Error>(())
-        },
-    )?;
+    let scratch = parallel::Scratch::<Vec<u8>>::default();
+    kept.for_each_run(progress, &|id, run| {
+        let layer = kept.layer_of(id);
+        let mass = layers.get(layer).map(|l| l.mass);
+        scratch.with(|bytes| arrays.write_run(kept.first(id), run, layer, mass, bytes))?;
+        progress.advance(run.columns[0].len() as u64);
+        Ok(())
+    })?;
     file.finish()?;
     progress.end();
     Ok(length)

@@ -1,6 +1,6 @@
 //! Distances to nearest neighbours: a k-d tree that lies in the order of its points.
 
-use rayon::prelude::*;
+use particlegs_core::parallel;
 
 /// Points in a leaf.
 const LEAF: usize = 8;
@@ -10,16 +10,12 @@ const LEAF: usize = 8;
 pub(super) fn mean_square_of_three(points: &[[f64; 3]]) -> Vec<f64> {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     arrange(points, &mut order, 0);
-    (0..points.len())
-        .into_par_iter()
-        .with_min_len(256)
-        .map(|i| {
-            let mut best = [f64::INFINITY; 3];
-            search(points, &order, 0, points[i], i as u32, &mut best);
-            let there: Vec<f64> = best.into_iter().filter(|d| d.is_finite()).collect();
-            if there.is_empty() { 0.0 } else { there.iter().sum::<f64>() / there.len() as f64 }
-        })
-        .collect()
+    parallel::map_range(points.len(), |i| {
+        let mut best = [f64::INFINITY; 3];
+        search(points, &order, 0, points[i], i as u32, &mut best);
+        let there: Vec<f64> = best.into_iter().filter(|d| d.is_finite()).collect();
+        if there.is_empty() { 0.0 } else { there.iter().sum::<f64>() / there.len() as f64 }
+    })
 }
 
 /// The middle of every part divides it along its axis; axes take turns.
@@ -31,7 +27,7 @@ fn arrange(points: &[[f64; 3]], order: &mut [u32], axis: usize) {
     let key = |i: &u32| points[*i as usize][axis];
     order.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)).then(a.cmp(b)));
     let (low, high) = order.split_at_mut(middle);
-    rayon::join(|| arrange(points, low, (axis + 1) % 3), || arrange(points, &mut high[1..], (axis + 1) % 3));
+    parallel::join(|| arrange(points, low, (axis + 1) % 3), || arrange(points, &mut high[1..], (axis + 1) % 3));
 }
 
 fn search(points: &[[f64; 3]], order: &[u32], axis: usize, at: [f64; 3], own: u32, best: &mut [f64; 3]) {

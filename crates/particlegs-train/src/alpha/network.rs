@@ -4,7 +4,7 @@ use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::{Matrix, add_product};
 use particlegs_core::model::VIZMAPPER_PARAMETERS;
 use particlegs_core::model::vizmapper::{Hidden, Network, Places, RUN, dot};
-use rayon::prelude::*;
+use particlegs_core::parallel;
 
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
 const STEP: usize = 16 * RUN;
@@ -48,24 +48,21 @@ pub(super) fn slopes(
     wanted: &[[f32; 2]],
 ) -> (Vec<f32>, Vec<[f32; 2]>) {
     let mut with_inputs = vec![[0f32; 2]; inputs.len()];
-    let steps: Vec<Sums> = inputs
-        .par_chunks(STEP)
-        .zip(wanted.par_chunks(STEP))
-        .zip(with_inputs.par_chunks_mut(STEP))
-        .map_init(Scratch::default, |scratch, ((inputs, wanted), with_inputs)| {
-            let mut sums = Sums {
-                weight: [4, HIDDEN, 2].map(|n| vec![0.0; n * HIDDEN]),
-                bias: [(); 2].map(|_| vec![0.0; HIDDEN]),
-                last_bias: [0.0; 2],
-            };
-            let runs = inputs.chunks(RUN).zip(wanted.chunks(RUN)).zip(with_inputs.chunks_mut(RUN));
-            for ((inputs, wanted), with_inputs) in runs {
-                let run = Run { inputs, wanted, with_inputs };
-                dispatch!(level, simd => back(simd, network, run, scratch, &mut sums));
-            }
-            sums
-        })
-        .collect();
+    let spaces = parallel::Scratch::<Scratch>::default();
+    let steps = inputs.chunks(STEP).zip(wanted.chunks(STEP)).zip(with_inputs.chunks_mut(STEP));
+    let steps = parallel::map(steps, |((inputs, wanted), with_inputs)| {
+        let mut sums = Sums {
+            weight: [4, HIDDEN, 2].map(|n| vec![0.0; n * HIDDEN]),
+            bias: [(); 2].map(|_| vec![0.0; HIDDEN]),
+            last_bias: [0.0; 2],
+        };
+        let runs = inputs.chunks(RUN).zip(wanted.chunks(RUN)).zip(with_inputs.chunks_mut(RUN));
+        for ((inputs, wanted), with_inputs) in runs {
+            let run = Run { inputs, wanted, with_inputs };
+            spaces.with(|scratch| dispatch!(level, simd => back(simd, network, run, scratch, &mut sums)));
+        }
+        sums
+    });
     (total(&steps), with_inputs)
 }
 

@@ -7,11 +7,11 @@ use super::raster;
 use particlegs_core::Result;
 use particlegs_core::model::VizRanges;
 use particlegs_core::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
+use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
 use particlegs_core::progress::{Level, Progress};
 use particlegs_core::render::alpha::raster::blend;
 use particlegs_core::render::alpha::{CutOffs, Eye, Plan};
-use rayon::prelude::*;
 
 /// Gaussians in one step of parallel work.
 const RUN: usize = 2048;
@@ -72,7 +72,8 @@ impl<'a> Pass<'a> {
         let mut own = vec![[0f32; 4]; if mapper.is_some() { n } else { 0 }];
         let mut adapted = vec![Adapted::STATIC; n];
         if let Some(mapper) = mapper {
-            own.par_chunks_mut(RUN).zip(adapted.par_chunks_mut(RUN)).enumerate().for_each(|(c, (own, adapted))| {
+            let runs = own.chunks_mut(RUN).zip(adapted.chunks_mut(RUN)).enumerate();
+            parallel::for_each(runs, |(c, (own, adapted))| {
                 for (k, own) in own.iter_mut().enumerate() {
                     let one = parameters.get(c * RUN + k);
                     // Zero times what is not a number is none either: it must not enter the sums.
@@ -95,12 +96,10 @@ impl<'a> Pass<'a> {
     /// Goes back, from the changes of the loss with each pixel's brightness.
     pub fn back(&self, slope: &Plane) -> Gradient {
         let sums = raster::sums(self.simd, &self.plan, &self.drawn, slope);
-        let slopes: Vec<Slopes> = sums
-            .par_iter()
-            .zip(&self.plan.indices)
-            .with_min_len(256)
-            .map(|(sums, &i)| chain(self.eye, &self.parameters.get(i as usize), &self.adapted[i as usize], sums))
-            .collect();
+        let slopes: Vec<Slopes> = parallel::map_range(sums.len(), |k| {
+            let i = self.plan.indices[k] as usize;
+            chain(self.eye, &self.parameters.get(i), &self.adapted[i], &sums[k])
+        });
         let mut out = Parameters::zeros(self.parameters.len());
         let screen = self.plan.indices.iter().zip(&slopes).map(|(i, s)| (*i, s.screen as f32)).collect();
         for (&i, s) in self.plan.indices.iter().zip(&slopes) {

@@ -5,10 +5,10 @@
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::across;
+use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
 use particlegs_core::render::alpha::raster::{ASK, Lit, PIXELS, Tile, alphas, lanes, rows};
 use particlegs_core::render::alpha::{Plan, TILE};
-use rayon::prelude::*;
 
 /// With h the change of the loss with the logarithm of alpha at a pixel, and d its distance from the
 /// centre: sums of h, h dx, h dy, h dx^2, h dx dy, h dy^2; and the change with the grey level.
@@ -31,32 +31,26 @@ struct Drawn<'a> {
 pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> Vec<Sums> {
     let width = drawn.size.width;
     let band = width * TILE;
-    let bands: Vec<Vec<Sums>> = drawn
-        .data
-        .par_chunks(band)
-        .zip(slope.data.par_chunks(band))
-        .enumerate()
-        .with_max_len(1)
-        .map(|(row, (drawn, slope))| {
-            let mut tile = Tile::default();
-            let mut out = Vec::new();
-            for column in 0..plan.tiles.across {
-                let number = row * plan.tiles.across + column;
-                let lit = Lit::in_band(width, drawn.len() / width, column, row);
-                let (total, slope) = (lit.load(drawn, width), lit.load(slope, width));
-                // A pixel that wants nothing is done before it begins.
-                tile.start(&lit, |i| slope[i] != 0.0);
-                let start = out.len();
-                out.resize(start + plan.bins.iter().map(|b| b.of(number).len()).sum::<usize>(), Sums::default());
-                let out = &mut out[start..];
-                if !tile.done() {
-                    let drawn = Drawn { number, lit, total: &total, slope: &slope };
-                    dispatch!(level, simd => tile_sums(simd, plan, &drawn, &mut tile, out));
-                }
+    let bands = drawn.data.chunks(band).zip(slope.data.chunks(band)).enumerate();
+    let bands = parallel::map(bands, |(row, (drawn, slope))| {
+        let mut tile = Tile::default();
+        let mut out = Vec::new();
+        for column in 0..plan.tiles.across {
+            let number = row * plan.tiles.across + column;
+            let lit = Lit::in_band(width, drawn.len() / width, column, row);
+            let (total, slope) = (lit.load(drawn, width), lit.load(slope, width));
+            // A pixel that wants nothing is done before it begins.
+            tile.start(&lit, |i| slope[i] != 0.0);
+            let start = out.len();
+            out.resize(start + plan.bins.iter().map(|b| b.of(number).len()).sum::<usize>(), Sums::default());
+            let out = &mut out[start..];
+            if !tile.done() {
+                let drawn = Drawn { number, lit, total: &total, slope: &slope };
+                dispatch!(level, simd => tile_sums(simd, plan, &drawn, &mut tile, out));
             }
-            out
-        })
-        .collect();
+        }
+        out
+    });
     gather(plan, &bands)
 }
 
@@ -75,7 +69,7 @@ fn gather(plan: &Plan, bands: &[Vec<Sums>]) -> Vec<Sums> {
         }
     }
     let mut out = vec![Sums::default(); plan.splats.len()];
-    out.par_chunks_mut(plan.run).zip(&plan.bins).enumerate().for_each(|(b, (out, bin))| {
+    parallel::for_each(out.chunks_mut(plan.run).zip(&plan.bins).enumerate(), |(b, (out, bin))| {
         for tile in 0..plan.tiles.number() {
             let entries = bin.of(tile);
             let from = starts[tile * number + b] as usize;

@@ -2,7 +2,7 @@
 
 use particlegs_core::math::Sym3;
 use particlegs_core::model::Mixture;
-use rayon::prelude::*;
+use particlegs_core::parallel;
 
 /// Gaussians in one step of parallel work.
 const RUN: usize = 1024;
@@ -27,34 +27,35 @@ impl Columns {
             // A Gaussian of no particles could never grow.
             [x, y, z, l[0], l[1], l[2], l[3], l[4], l[5], m.count[i].max(1e-3).ln()]
         };
-        Columns((0..m.len()).into_par_iter().with_min_len(RUN).map(one).collect())
+        Columns(parallel::map_range(m.len(), one))
     }
 
     /// As a mixture.
     pub fn mixture(&self) -> Mixture {
-        let row = |n: &Numbers| {
-            let [x, y, z, a, b, c, d, e, f, log_count] = *n;
+        let row = |i: usize| -> Numbers {
+            let [x, y, z, a, b, c, d, e, f, log_count] = self.0[i];
             let cov = [a * a, a * b, a * d, b * b + c * c, b * d + c * e, d * d + e * e + f * f];
             [x, y, z, cov[0], cov[1], cov[2], cov[3], cov[4], cov[5], log_count.exp()]
         };
-        let rows: Vec<Numbers> = self.0.par_iter().with_min_len(RUN).map(row).collect();
+        let rows = parallel::map_range(self.0.len(), row);
         let mut columns = [const { Vec::new() }; 10];
-        columns.par_iter_mut().enumerate().for_each(|(k, column)| *column = rows.iter().map(|r| r[k]).collect());
+        parallel::for_each(columns.iter_mut().enumerate(), |(k, column)| *column = rows.iter().map(|r| r[k]).collect());
         let [x, y, z, xx, xy, xz, yy, yz, zz, count] = columns;
         Mixture { mean: [x, y, z], cov: [xx, xy, xz, yy, yz, zz], count, ..Mixture::default() }
     }
 
     /// Moves every number a share of the way to `other`'s.
     pub fn approach(&mut self, other: &Columns, share: f64) {
-        self.0.par_iter_mut().with_min_len(RUN).zip(&other.0).for_each(|(own, other)| {
-            own.iter_mut().zip(other).for_each(|(a, b)| *a += share * (b - *a));
+        parallel::for_each(self.0.chunks_mut(RUN).zip(other.0.chunks(RUN)), |(own, other)| {
+            let numbers = own.as_flattened_mut().iter_mut().zip(other.as_flattened());
+            numbers.for_each(|(a, b)| *a += share * (b - *a));
         });
     }
 
     /// Moves every Gaussian in its own frame: its mean by L v, its factor to L B with B lower
     /// triangular and the exponential of a number on the diagonal, its count by a factor.
     pub fn change(&mut self, by: &[Change]) {
-        self.0.par_iter_mut().with_min_len(RUN).zip(by).for_each(|(n, by)| {
+        parallel::for_each(self.0.iter_mut().zip(by), |(n, by)| {
             let [_, _, _, a, b, c, d, e, f, _] = *n;
             let d10 = by.map(f64::from);
             let [u, v, w, p, s10, q, s20, s21, r, count] = d10;

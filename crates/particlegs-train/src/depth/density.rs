@@ -5,7 +5,7 @@
 use super::columns::{Columns, Numbers};
 use particlegs_core::math::Sym3;
 use particlegs_core::model::Mixture;
-use rayon::prelude::*;
+use particlegs_core::parallel;
 
 /// Gaussians moved at most at a time.
 const MOST: usize = 512;
@@ -30,7 +30,7 @@ pub(super) fn relocate(columns: &mut Columns, gradients: &[f64], share: f64) -> 
     let mut taken = vec![false; m];
     let (quiet, loud) = (&order[..number], &order[m - number..]);
     quiet.iter().chain(loud).for_each(|&i| taken[i] = true);
-    let neighbours: Vec<Option<usize>> = quiet.par_iter().map(|&i| nearest(&mixture, i, &taken)).collect();
+    let neighbours = parallel::map(quiet, |&i| nearest(&mixture, i, &taken));
     let mut moves = Vec::with_capacity(number);
     for ((&from, into), &half_of) in quiet.iter().zip(neighbours).zip(loud.iter().rev()) {
         // A neighbour that another has been merged into meanwhile is taken as it is now.

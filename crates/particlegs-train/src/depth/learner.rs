@@ -18,11 +18,11 @@ use crate::loss::Loss;
 use crate::state::State;
 use particlegs_core::Result;
 use particlegs_core::model::{MASS, Mixture};
+use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
 use particlegs_core::render::Scratch;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
-use rayon::prelude::*;
 
 /// What the Gaussians are trained for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,12 +98,12 @@ impl DepthLearner {
         let curve = Curve::new(self.ground.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));
         let size = tape.tau.size;
         let (mut drawn, mut slope) = (Plane::zeros(size), Plane::zeros(size));
-        let pixels = drawn.data.par_chunks_mut(PIXELS).zip(slope.data.par_chunks_mut(PIXELS));
-        pixels.zip(tape.tau.data.par_chunks(PIXELS)).for_each(|((drawn, slope), tau)| {
+        let pixels = drawn.data.chunks_mut(PIXELS).zip(slope.data.chunks_mut(PIXELS));
+        parallel::for_each(pixels.zip(tape.tau.data.chunks(PIXELS)), |((drawn, slope), tau)| {
             curve.apply(simd, tau, drawn, slope);
         });
         let mut valued = loss.of(&drawn, shot.target, simd);
-        valued.gradient.data.par_iter_mut().zip(&slope.data).for_each(|(g, s)| *g *= s);
+        valued.gradient.data.iter_mut().zip(&slope.data).for_each(|(g, s)| *g *= s);
         Ok((valued.value, tape.gradient(mixture, valued.gradient)))
     }
 
@@ -114,8 +114,8 @@ impl DepthLearner {
 
     /// Gradients turned into the Gaussians' own frames; what is not finite counts as zero.
     fn own(&self, world: &[OfGaussian]) -> Own {
-        let turned: Vec<[f32; 10]> =
-            self.seen().0.par_iter().zip(world).with_min_len(1024).map(|(n, g)| turned(n, g)).collect();
+        let seen = &self.seen().0;
+        let turned = parallel::map_range(world.len(), |i| turned(&seen[i], &world[i]));
         let mut own = Own { groups: WIDTHS.map(|k| Vec::with_capacity(k * world.len())), not_finite: None };
         for (i, (t, g)) in turned.iter().zip(world).enumerate() {
             let t = if g.is_finite() && t.iter().all(|v| v.is_finite()) {

@@ -6,6 +6,7 @@ use crate::Crop;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::model::Mixture;
+use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::{Level as SimdLevel, Progress};
 use particlegs_core::render::Scratch;
@@ -18,7 +19,6 @@ use particlegs_core::render::project::{
 use particlegs_core::render::pyramid::{self, Level, PAD};
 use particlegs_core::render::slices::{Fate, cut_with_slopes, fate};
 use particlegs_core::space::Bounds;
-use rayon::prelude::*;
 
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
 const RUN: usize = 512;
@@ -60,10 +60,8 @@ impl Tape {
             lens.center[k] -= crop.corner[k] as f64;
         }
         let levels = pyramid::levels(crop.size);
-        let drawn: Vec<(Vec<Piece>, Bins)> = (0..mixture.len().div_ceil(RUN))
-            .into_par_iter()
-            .map(|run| project_run(mixture, run * RUN..mixture.len().min((run + 1) * RUN), &lens, &levels))
-            .collect();
+        let project = |start| project_run(mixture, start..mixture.len().min(start + RUN), &lens, &levels);
+        let drawn = parallel::map((0..mixture.len()).step_by(RUN), project);
         let (runs, bins): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
         let mut tau = paint(crop.size, &bins, scratch, progress)?;
         grow(&mut tau, &lens);
@@ -73,23 +71,18 @@ impl Tape {
     /// The gradient with every Gaussian, given that with every pixel's depth.
     pub fn gradient(&self, mixture: &Mixture, mut by_tau: Plane) -> Vec<OfGaussian> {
         // The drawn depth is never negative; where the planes' sum was, nothing changes it.
-        by_tau.data.par_iter_mut().zip(&self.tau.data).for_each(|(g, &t)| *g = if t > 0.0 { *g } else { 0.0 });
+        by_tau.data.iter_mut().zip(&self.tau.data).for_each(|(g, &t)| *g = if t > 0.0 { *g } else { 0.0 });
         grow(&mut by_tau, &self.lens);
         let planes = self.planes(&by_tau);
-        self.runs
-            .par_iter()
-            .enumerate()
-            .flat_map_iter(|(run, pieces)| {
-                let first = run * RUN;
-                let mut out = vec![OfGaussian::default(); mixture.len().min(first + RUN) - first];
-                for group in pieces.chunk_by(|a, b| a.gaussian == b.gaussian) {
-                    let i = group[0].gaussian as usize;
-                    let g = in_camera(mixture, i, &self.lens, mixture.count[i]);
-                    out[i - first] = self.of_pieces(&g, group, &planes);
-                }
-                out
-            })
-            .collect()
+        let mut out = vec![OfGaussian::default(); mixture.len()];
+        parallel::for_each(self.runs.iter().zip(out.chunks_mut(RUN)).enumerate(), |(run, (pieces, out))| {
+            for group in pieces.chunk_by(|a, b| a.gaussian == b.gaussian) {
+                let i = group[0].gaussian as usize;
+                let g = in_camera(mixture, i, &self.lens, mixture.count[i]);
+                out[i - run * RUN] = self.of_pieces(&g, group, &planes);
+            }
+        });
+        out
     }
 
     fn of_pieces(&self, g: &InCamera, pieces: &[Piece], planes: &[Vec<f32>]) -> OfGaussian {

@@ -3,9 +3,9 @@
 use super::KdTree;
 use crate::Result;
 use crate::model::Layer;
+use crate::parallel;
 use crate::particles::{Blank, ChunkBuffer, Particles, RUN, Storage};
 use crate::progress::Progress;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// The particles of each block, in their order, in columns of `storage`; layers stay layers. Blocks may
@@ -23,31 +23,33 @@ pub fn divide(
     let layers = particles.layers();
     let runs: Vec<(usize, Range<usize>)> =
         layers.iter().enumerate().flat_map(|(i, l)| runs_of(i, &l.content)).collect();
-    let counts: Vec<Vec<u32>> = runs
-        .par_iter()
-        .map_init(ChunkBuffer::default, |buffer, (_, run)| {
-            progress.check()?;
-            let mut counts = vec![0u32; blocks as usize];
+    let buffers = parallel::Scratch::<ChunkBuffer>::default();
+    let counts = parallel::try_map(&runs, |(_, run)| {
+        progress.check()?;
+        let mut counts = vec![0u32; blocks as usize];
+        buffers.with(|buffer| {
             let chunk = particles.chunk(run.clone(), buffer);
             tree.blocks_of(&chunk).for_each(|b| counts[b as usize] += 1);
-            Ok(counts)
-        })
-        .collect::<Result<_>>()?;
+        });
+        Ok(counts)
+    })?;
     let of_block = |b: usize| counts.iter().map(|c| c[b] as usize).sum::<usize>();
     let width = if particles.weights().is_some() { 4 } else { 3 };
     let mut columns: Vec<Vec<Blank>> =
         (0..blocks as usize).map(|b| storage.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
     let places = places(&mut columns, &counts);
-    runs.par_iter().zip(places).try_for_each_init(ChunkBuffer::default, |buffer, ((_, run), mut place)| {
+    parallel::try_for_each(runs.iter().zip(places), |((_, run), mut place)| {
         progress.check()?;
-        let chunk = particles.chunk(run.clone(), buffer);
-        let mut at = vec![0usize; blocks as usize];
-        for (i, block) in tree.blocks_of(&chunk).enumerate() {
-            let (to, at) = (&mut place[block as usize], &mut at[block as usize]);
-            (0..3).for_each(|k| to[k][*at] = chunk.position[k][i]);
-            chunk.weight.iter().for_each(|w| to[3][*at] = w[i]);
-            *at += 1;
-        }
+        buffers.with(|buffer| {
+            let chunk = particles.chunk(run.clone(), buffer);
+            let mut at = vec![0usize; blocks as usize];
+            for (i, block) in tree.blocks_of(&chunk).enumerate() {
+                let (to, at) = (&mut place[block as usize], &mut at[block as usize]);
+                (0..3).for_each(|k| to[k][*at] = chunk.position[k][i]);
+                chunk.weight.iter().for_each(|w| to[3][*at] = w[i]);
+                *at += 1;
+            }
+        });
         Ok::<_, crate::Error>(())
     })?;
     let blocks = columns.into_iter().enumerate().map(|(b, columns)| {

@@ -7,8 +7,8 @@ use super::Moments;
 use super::candidates::{Ellipsoid, OverlapTree, Reach};
 use super::em_kernel::{self, Group, SUMS, Scratch, Sums, Whitened};
 use crate::math::Sym3;
+use crate::parallel;
 use crate::{Result, progress::Progress};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Gaussians under refinement, in the store's scaled coordinates.
@@ -69,7 +69,7 @@ pub(crate) struct Shape {
 
 impl Groups {
     pub(crate) fn new(range: Vec<Range<usize>>, xyz: &[[f32; 3]]) -> Self {
-        let parts: Vec<Moments> = range.par_iter().map(|r| Moments::of(&xyz[r.clone()], None)).collect();
+        let parts: Vec<Moments> = parallel::map_range(range.len(), |g| Moments::of(&xyz[range[g].clone()], None));
         let (mean, cov) = parts.into_iter().map(|m| (m.mean, m.cov)).unzip();
         Groups { range, mean, cov }
     }
@@ -95,7 +95,7 @@ pub(crate) struct Move {
     pub(crate) freed: u32,
 }
 
-/// Work items of one rayon task.
+/// Groups of one piece of parallel work.
 const TASK: usize = 64;
 
 impl Candidates {
@@ -103,23 +103,21 @@ impl Candidates {
     /// variance, scaled units squared.
     pub(crate) fn find(groups: &Groups, gaussians: &Gaussians, reach: Reach, floor: f64) -> Self {
         let floor = Sym3::scaled_identity(floor);
-        let items: Vec<Ellipsoid> = (0..gaussians.len())
-            .into_par_iter()
-            .map(|j| Ellipsoid::new(gaussians.mean[j], gaussians.cov[j].add(&floor), gaussians.count[j]))
-            .collect();
+        let items = parallel::map_range(gaussians.len(), |j| {
+            Ellipsoid::new(gaussians.mean[j], gaussians.cov[j].add(&floor), gaussians.count[j])
+        });
         let tree = OverlapTree::new(&items);
-        let lists: Vec<Vec<u32>> = (0..groups.range.len())
-            .into_par_iter()
-            .with_min_len(TASK)
-            .map_init(Vec::new, |found, g| {
-                if groups.range[g].is_empty() {
-                    return Vec::new();
-                }
-                let group = Ellipsoid::new(groups.mean[g], groups.cov[g].add(&floor), 1.0);
+        let scratch = parallel::Scratch::<Vec<_>>::default();
+        let lists = parallel::map_range(groups.range.len(), |g| {
+            if groups.range[g].is_empty() {
+                return Vec::new();
+            }
+            let group = Ellipsoid::new(groups.mean[g], groups.cov[g].add(&floor), 1.0);
+            scratch.with(|found| {
                 tree.nearest(&group, reach, found);
                 found.iter().map(|f| f.1).collect()
             })
-            .collect();
+        });
         Self::from_lists(&lists, gaussians.len())
     }
 
@@ -156,24 +154,21 @@ impl Candidates {
             into[m.freed as usize] = Some(m.kept);
             half[m.split as usize] = Some(m.freed);
         }
-        let lists: Vec<Vec<u32>> = (0..self.start.len() - 1)
-            .into_par_iter()
-            .map(|g| {
-                let mut list = Vec::with_capacity(self.of(g).len() + 4);
-                let mut add = |j: u32| {
-                    if !list.contains(&j) {
-                        list.push(j);
-                    }
-                };
-                for &j in self.of(g) {
-                    add(into[j as usize].unwrap_or(j));
-                    if let Some(h) = half[j as usize] {
-                        add(h);
-                    }
+        let lists: Vec<Vec<u32>> = parallel::map_range(self.start.len() - 1, |g| {
+            let mut list = Vec::with_capacity(self.of(g).len() + 4);
+            let mut add = |j: u32| {
+                if !list.contains(&j) {
+                    list.push(j);
                 }
-                list
-            })
-            .collect();
+            };
+            for &j in self.of(g) {
+                add(into[j as usize].unwrap_or(j));
+                if let Some(h) = half[j as usize] {
+                    add(h);
+                }
+            }
+            list
+        });
         Self::from_lists(&lists, gaussians)
     }
 
@@ -215,40 +210,37 @@ pub(crate) fn expect(
     progress: &dyn Progress,
 ) -> Result<Expectation> {
     let groups = cloud.groups;
-    let whitened: Vec<_> = (0..gaussians.len()).into_par_iter().map(|j| Whitening::new(gaussians, j, shape)).collect();
+    let whitened: Vec<_> = parallel::map_range(gaussians.len(), |j| Whitening::new(gaussians, j, shape));
     let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
     let mut owner = vec![0u32; if wanted.owner { cloud.xyz.len() } else { 0 }];
     let work = split_by_groups(&mut sums, &mut owner, groups, candidates);
     let simd = progress.simd();
-    let parts: Result<Vec<f64>> = work
-        .into_par_iter()
-        .map_init(
-            || (Scratch::default(), Vec::new()),
-            |(scratch, local), task| {
-                progress.check()?;
-                let mut total = 0.0;
-                let (mut sums, mut owner) = (task.sums, task.owner);
-                for g in task.groups {
-                    let range = groups.range[g].clone();
-                    let list = candidates.of(g);
-                    let (mine, rest) = sums.split_at_mut(list.len());
-                    sums = rest;
-                    let (named, rest) = owner.split_at_mut(if wanted.owner { range.len() } else { 0 });
-                    owner = rest;
-                    let centre = groups.mean[g].map(|v| v as f32);
-                    local.clear();
-                    local.extend(list.iter().map(|&j| whitened[j as usize].about(centre)));
-                    let weight = cloud.weight.map(|w| &w[range.clone()]);
-                    let group = Group { points: &cloud.xyz[range], weight, centre, candidates: local };
-                    let asked = wanted.owner.then_some(&mut named[..]);
-                    total += em_kernel::expect(simd, &group, scratch, mine, asked, wanted.likelihood);
-                    named.iter_mut().for_each(|n| *n = list[*n as usize]);
-                }
-                Ok(total)
-            },
-        )
-        .collect();
-    let likelihood = parts?.iter().sum::<f64>() * std::f64::consts::LN_2;
+    let spaces = parallel::Scratch::<(Scratch, Vec<_>)>::default();
+    let parts = parallel::try_map(work, |task| {
+        progress.check()?;
+        let mut total = 0.0;
+        spaces.with(|(scratch, local)| {
+            let (mut sums, mut owner) = (task.sums, task.owner);
+            for g in task.groups {
+                let range = groups.range[g].clone();
+                let list = candidates.of(g);
+                let (mine, rest) = sums.split_at_mut(list.len());
+                sums = rest;
+                let (named, rest) = owner.split_at_mut(if wanted.owner { range.len() } else { 0 });
+                owner = rest;
+                let centre = groups.mean[g].map(|v| v as f32);
+                local.clear();
+                local.extend(list.iter().map(|&j| whitened[j as usize].about(centre)));
+                let weight = cloud.weight.map(|w| &w[range.clone()]);
+                let group = Group { points: &cloud.xyz[range], weight, centre, candidates: local };
+                let asked = wanted.owner.then_some(&mut named[..]);
+                total += em_kernel::expect(simd, &group, scratch, mine, asked, wanted.likelihood);
+                named.iter_mut().for_each(|n| *n = list[*n as usize]);
+            }
+        });
+        Ok(total)
+    })?;
+    let likelihood = parts.iter().sum::<f64>() * std::f64::consts::LN_2;
     Ok(Expectation { sums, owner, likelihood })
 }
 
@@ -328,20 +320,17 @@ pub(crate) fn maximise(
     gaussians: &mut Gaussians,
     shape: Shape,
 ) {
-    let new: Vec<_> = (0..gaussians.len())
-        .into_par_iter()
-        .map(|j| {
-            let total = gather(expectation, groups, candidates, j, gaussians.mean[j]);
-            let (count, focused) = (total[0], total[2]);
-            if count < LEAST || focused < LEAST * LEAST {
-                return (gaussians.mean[j], gaussians.cov[j], 0.0, 0.0);
-            }
-            let d: [f64; 3] = std::array::from_fn(|k| total[3 + k] / focused);
-            let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
-            let mean = std::array::from_fn(|k| gaussians.mean[j][k] + d[k]);
-            (mean, nonnegative(unfocus(cov, &gaussians.cov[j], shape)), count, total[1])
-        })
-        .collect();
+    let new = parallel::map_range(gaussians.len(), |j| {
+        let total = gather(expectation, groups, candidates, j, gaussians.mean[j]);
+        let (count, focused) = (total[0], total[2]);
+        if count < LEAST || focused < LEAST * LEAST {
+            return (gaussians.mean[j], gaussians.cov[j], 0.0, 0.0);
+        }
+        let d: [f64; 3] = std::array::from_fn(|k| total[3 + k] / focused);
+        let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
+        let mean = std::array::from_fn(|k| gaussians.mean[j][k] + d[k]);
+        (mean, nonnegative(unfocus(cov, &gaussians.cov[j], shape)), count, total[1])
+    });
     for (j, (mean, cov, count, mass)) in new.into_iter().enumerate() {
         gaussians.mean[j] = mean;
         gaussians.cov[j] = cov;

@@ -1,8 +1,8 @@
 //! Count, mass, mean and covariance of a run of particles.
 
 use crate::math::Sym3;
+use crate::parallel;
 use fearless_simd::{Level, Simd, SimdBase, f32x8};
-use rayon::prelude::*;
 
 /// Moments of a set of particles, store units. The geometry counts particles; mass is a sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,7 +48,7 @@ impl Moments {
         let sums = if xyz.len() <= STEP {
             sums(level, xyz, reference)
         } else {
-            let parts: Vec<_> = xyz.par_chunks(STEP).map(|c| sums(level, c, reference)).collect();
+            let parts: Vec<_> = parallel::map(xyz.chunks(STEP), |c| sums(level, c, reference));
             parts.iter().fold([0.0; 9], |a, b| std::array::from_fn(|k| a[k] + b[k]))
         };
         Moments::from_sums(xyz.len(), None, reference.map(f64::from), sums)

@@ -10,9 +10,9 @@ use super::gain::{Blob, Blur, picture_sigma};
 use super::select::{Made, best_cuts};
 use super::{Moments, Store};
 use crate::model::{Columns, Law, MASS, Mixture};
+use crate::parallel;
 use crate::progress::Progress;
 use crate::{Error, Result};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// How to cut.
@@ -88,10 +88,9 @@ pub(super) fn partition(
     let grower = Grower { blur: Blur::of_sigma(s), progress };
     let bounds = grower.grow(&mut store, gaussians)?;
     let cells: Vec<Range<usize>> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
-    let moments = cells
-        .par_iter()
-        .map(|c| Moments::of(&store.xyz[c.clone()], store.weight.as_ref().map(|w| &w[c.clone()])))
-        .collect();
+    let moments_of =
+        |c: &Range<usize>| Moments::of(&store.xyz[c.clone()], store.weight.as_ref().map(|w| &w[c.clone()]));
+    let moments = parallel::map(&cells, moments_of);
     Ok(Partition { store, cells, moments })
 }
 
@@ -180,7 +179,7 @@ impl Grower<'_> {
         drop(all.pending);
         let mut bounds = best_cuts(all.made, gaussians - 1);
         bounds.extend([0, n]);
-        bounds.par_sort_unstable();
+        bounds.sort_unstable();
         Ok(bounds)
     }
 
@@ -201,19 +200,16 @@ impl Grower<'_> {
             let cell = Cell { start: p.start, xyz: here.0, weight: w_here };
             cells.push((cell, p));
         }
-        cells
-            .into_par_iter()
-            .map(|(cell, p)| {
-                let mut out = Branch::default();
-                self.progress.check()?;
-                out.made.push(Made { start: p.start, mid: p.mid, end: p.end, gain: p.gain });
-                for half in cell.halves(p.mid) {
-                    let moments = Moments::quick(self.progress.simd(), half.xyz);
-                    self.examine(half, moments, threshold, &mut out)?;
-                }
-                Ok(out)
-            })
-            .collect()
+        parallel::map(cells, |(cell, p)| {
+            let mut out = Branch::default();
+            self.progress.check()?;
+            out.made.push(Made { start: p.start, mid: p.mid, end: p.end, gain: p.gain });
+            for half in cell.halves(p.mid) {
+                let moments = Moments::quick(self.progress.simd(), half.xyz);
+                self.examine(half, moments, threshold, &mut out)?;
+            }
+            Ok(out)
+        })
     }
 
     /// Cuts a cell, and its halves in turn while cuts gain at least `threshold`.
@@ -240,8 +236,10 @@ impl Grower<'_> {
         }
         self.progress.check()?;
         let mut other = Branch::default();
-        let (x, y) =
-            rayon::join(|| self.examine(first, a, threshold, out), || self.examine(second, b, threshold, &mut other));
+        let (x, y) = parallel::join(
+            || self.examine(first, a, threshold, out),
+            || self.examine(second, b, threshold, &mut other),
+        );
         out.append(other);
         x.and(y)
     }

@@ -6,8 +6,8 @@
 //! default look, from maps of the particles along the three axes; it depends on the line of sight
 //! alone, not on the distance.
 
+use crate::parallel;
 use crate::splat::DEFAULT_OPACITY;
-use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Pixels along the longest extent.
@@ -42,16 +42,13 @@ impl Shade {
         let per_unit = 1.0 / pixel;
         let depth = (TAU * DEFAULT_OPACITY * radius * radius * per_unit * per_unit) as f32 * step as f32;
         let at = |p: &[f32; 3], k: usize| ((f64::from(p[k]) - low[k]) * per_unit) as usize + 1;
-        let maps: Vec<Vec<f32>> = AXES
-            .into_par_iter()
-            .map(|(u, v)| {
-                let mut map = vec![0f32; GRID * GRID];
-                for p in xyz.iter().step_by(step) {
-                    map[at(p, v).min(GRID - 1) * GRID + at(p, u).min(GRID - 1)] += depth;
-                }
-                soften(&map)
-            })
-            .collect();
+        let maps = parallel::map(AXES, |(u, v)| {
+            let mut map = vec![0f32; GRID * GRID];
+            for p in xyz.iter().step_by(step) {
+                map[at(p, v).min(GRID - 1) * GRID + at(p, u).min(GRID - 1)] += depth;
+            }
+            soften(&map)
+        });
         let mut maps = maps.into_iter();
         Shade { low, per_unit, maps: std::array::from_fn(|_| maps.next().unwrap_or_default()) }
     }

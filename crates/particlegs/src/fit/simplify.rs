@@ -12,11 +12,11 @@ use super::candidates::{Ellipsoid, OverlapTree, Reach};
 use super::gain::{Blob, Blur, picture_sigma};
 use crate::math::Sym3;
 use crate::model::Mixture;
+use crate::parallel;
 use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
 use particlegs_files::memory::require;
-use rayon::prelude::*;
 
 /// What to make of a mixture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -154,28 +154,31 @@ struct Neighbours(Vec<Vec<u32>>);
 
 impl Neighbours {
     fn find(items: &[Item], measure: Measure, reach: f64, progress: &dyn Progress) -> Result<Self> {
-        let ellipsoids: Vec<Ellipsoid> = items.par_iter().map(|i| ellipsoid(&i.blob, measure.floor)).collect();
+        let ellipsoids: Vec<Ellipsoid> = parallel::map_range(items.len(), |i| ellipsoid(&items[i].blob, measure.floor));
         let tree = OverlapTree::new(&ellipsoids);
         let reach = Reach { most: NEIGHBOURS, beyond: reach };
         let mut place = vec![0u32; items.len()];
         tree.order().iter().enumerate().for_each(|(at, &i)| place[i as usize] = at as u32);
-        let own = |found: &mut Vec<(f64, u32)>, j: usize| {
+        let scratch = parallel::Scratch::<Vec<(f64, u32)>>::default();
+        let own = |j: usize| {
             if j.is_multiple_of(CHECK) {
                 progress.check()?;
             }
-            // Those without particles are in no tree: they have no place to search from.
-            match items[j].blob.count > 0.0 {
-                true => tree.nearest_to(place[j] as usize, reach, found),
-                false => tree.nearest(&ellipsoids[j], reach, found),
-            }
-            Ok(found.iter().map(|f| f.1).filter(|&n| n as usize != j).collect())
+            scratch.with(|found| {
+                // Those without particles are in no tree: they have no place to search from.
+                match items[j].blob.count > 0.0 {
+                    true => tree.nearest_to(place[j] as usize, reach, found),
+                    false => tree.nearest(&ellipsoids[j], reach, found),
+                }
+                Ok(found.iter().map(|f| f.1).filter(|&n| n as usize != j).collect())
+            })
         };
-        (0..items.len()).into_par_iter().with_min_len(64).map_init(Vec::new, own).collect::<Result<_>>().map(Self)
+        parallel::try_map_range(items.len(), own).map(Self)
     }
 
     /// Each with those before and after it in the order of a tree over places.
     fn beside(items: &[Item], measure: Measure) -> Self {
-        let ellipsoids: Vec<Ellipsoid> = items.par_iter().map(|i| ellipsoid(&i.blob, measure.floor)).collect();
+        let ellipsoids: Vec<Ellipsoid> = parallel::map_range(items.len(), |i| ellipsoid(&items[i].blob, measure.floor));
         let tree = OverlapTree::new(&ellipsoids);
         let mut lists = vec![Vec::new(); items.len()];
         for pair in tree.order().windows(2) {
@@ -211,7 +214,7 @@ impl Neighbours {
             }
             all
         };
-        Neighbours(round.kept.par_iter().map(own).collect())
+        Neighbours(parallel::map(&round.kept, own))
     }
 }
 
@@ -258,12 +261,12 @@ fn merged(old: &[Item], wanted: usize, measure: Measure, progress: &dyn Progress
         }
         progress.advance((items.len() - round.kept.len()) as u64);
         neighbours = neighbours.after(&round);
-        homes.par_iter_mut().for_each(|home| *home = round.place[*home as usize]);
+        homes.iter_mut().for_each(|home| *home = round.place[*home as usize]);
         let joined = |&i: &u32| {
             let item = items[i as usize];
             round.partner[i as usize].map_or(item, |j| item.joined(&items[j as usize]))
         };
-        items = round.kept.par_iter().map(joined).collect();
+        items = parallel::map(&round.kept, joined);
     }
     progress.end();
     Ok((items, homes))
@@ -323,8 +326,8 @@ fn cheapest(items: &[Item], neighbours: &Neighbours, measure: Measure) -> Vec<Me
         };
         neighbours.0[j].iter().map(merge).min_by(by_cost)
     };
-    let mut merges: Vec<Merge> = (0..items.len()).into_par_iter().with_min_len(64).map(own).flatten_iter().collect();
-    merges.par_sort_unstable_by(by_cost);
+    let mut merges: Vec<Merge> = parallel::map_range(items.len(), own).into_iter().flatten().collect();
+    merges.sort_unstable_by(by_cost);
     merges
 }
 
@@ -335,8 +338,8 @@ fn by_cost(p: &Merge, q: &Merge) -> std::cmp::Ordering {
 /// Each old Gaussian goes to the one under which it is likeliest, of its home and the home's
 /// neighbours; the new ones get the moments of their own, which may be none.
 fn regrouped(old: &[Item], new: &[Item], homes: &mut [u32], neighbours: &Neighbours, measure: Measure) -> Vec<Item> {
-    let fields: Vec<Option<Field>> = new.par_iter().map(|item| Field::of(item, measure)).collect();
-    homes.par_iter_mut().zip(old).with_min_len(64).for_each(|(home, item)| {
+    let fields = parallel::map(new, |item| Field::of(item, measure));
+    parallel::for_each(homes.iter_mut().zip(old), |(home, item)| {
         let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
         let cost = |n: u32| fields[n as usize].as_ref().map_or(f64::INFINITY, |f| f.cost(item.blob.mean, &cov));
         let others = neighbours.0[*home as usize].iter().map(|&n| (cost(n), n));

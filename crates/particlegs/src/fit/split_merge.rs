@@ -6,7 +6,7 @@ use super::em::{Candidates, Gaussians, Groups, Move};
 use super::gain::{Blob, Blur};
 use super::shade::Shade;
 use crate::math::Sym3;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Bins of the cut along an axis.
 const BINS: usize = 32;
@@ -148,37 +148,31 @@ fn apply(g: &mut Gaussians, at: usize, parts: &(Blob, Blob), a: usize, b: usize)
 }
 
 fn best_splits(groups: &Groups, xyz: &[[f32; 3]], shade: &Shade, blur: Blur) -> Vec<Split> {
-    (0..groups.range.len())
-        .into_par_iter()
-        .with_min_len(64)
-        .filter_map(|j| {
-            let points = &xyz[groups.range[j].clone()];
-            let whole = Blob { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
-            let axis = whole.cov.eigen().vectors[0];
-            let parts = cut(points, whole.mean, axis)?;
-            let gain = blur.difference(&whole, &parts.0, &parts.1) * shade.at(whole.mean);
-            Some(Split { gain, at: j as u32, parts })
-        })
-        .collect()
+    let splits = parallel::map_range(groups.range.len(), |j| {
+        let points = &xyz[groups.range[j].clone()];
+        let whole = Blob { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
+        let axis = whole.cov.eigen().vectors[0];
+        let parts = cut(points, whole.mean, axis)?;
+        let gain = blur.difference(&whole, &parts.0, &parts.1) * shade.at(whole.mean);
+        Some(Split { gain, at: j as u32, parts })
+    });
+    splits.into_iter().flatten().collect()
 }
 
 fn cheapest_merges(g: &Gaussians, candidates: &Candidates, shade: &Shade, blur: Blur) -> Vec<Merge> {
-    (0..g.len())
-        .into_par_iter()
-        .with_min_len(64)
-        .filter_map(|j| {
-            let me = blob(g, j);
-            if me.count == 0.0 {
-                return Some(Merge { cost: 0.0, a: j as u32, b: j as u32 });
-            }
-            let merge = |n: u32| {
-                let other = blob(g, n as usize);
-                let whole = me.union(&other);
-                let cost = blur.difference(&whole, &me, &other) * shade.at(whole.mean);
-                Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
-            };
-            let others = candidates.of(j).iter().filter(|&&n| n as usize != j);
-            others.map(|&n| merge(n)).min_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))))
-        })
-        .collect()
+    let merges = parallel::map_range(g.len(), |j| {
+        let me = blob(g, j);
+        if me.count == 0.0 {
+            return Some(Merge { cost: 0.0, a: j as u32, b: j as u32 });
+        }
+        let merge = |n: u32| {
+            let other = blob(g, n as usize);
+            let whole = me.union(&other);
+            let cost = blur.difference(&whole, &me, &other) * shade.at(whole.mean);
+            Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
+        };
+        let others = candidates.of(j).iter().filter(|&&n| n as usize != j);
+        others.map(|&n| merge(n)).min_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))))
+    });
+    merges.into_iter().flatten().collect()
 }

@@ -1,7 +1,7 @@
 //! The particles, copied once for reordering.
 
+use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
-use rayon::prelude::*;
 
 /// Particles in one parallel step of the copy.
 const STEP: usize = 1 << 16;
@@ -35,7 +35,7 @@ impl Store {
     /// Copies the same snapshot again, in its own order.
     pub(super) fn copy_again(&mut self, particles: &Particles) {
         let scale = self.scale;
-        self.xyz.par_chunks_mut(STEP).enumerate().for_each_init(ChunkBuffer::default, |buffer, (c, out)| {
+        parallel::for_each_chunk_with(&mut self.xyz, STEP, ChunkBuffer::default, |buffer, c, out| {
             let start = c * STEP;
             copy_scaled(particles.chunk(start..start + out.len(), buffer), scale, out);
         });

@@ -2,11 +2,11 @@
 //!
 //! Memory stays at a few runs a thread, whatever the size of the output.
 
-use super::select::{Kept, Run};
+use super::select::Kept;
 use super::write::{Described, RawForm, SnapshotWriter};
+use crate::Result;
+use crate::parallel;
 use crate::progress::Progress;
-use crate::{Error, Result};
-use rayon::prelude::*;
 use std::path::Path;
 
 impl Kept<'_> {
@@ -19,16 +19,12 @@ impl Kept<'_> {
         let weighted = self.weighted();
         let writer = SnapshotWriter::create(out, form, self.total(), weighted)?;
         progress.begin("writing", self.total());
-        (0..self.runs()).into_par_iter().try_for_each_init(
-            || (Run::default(), Vec::new()),
-            |(run, triples), id| {
-                progress.check()?;
-                self.load(id, run)?;
-                writer.write(self.first(id), run, triples)?;
-                progress.advance(run.columns[0].len() as u64);
-                Ok::<_, Error>(())
-            },
-        )?;
+        let triples = parallel::Scratch::default();
+        self.for_each_run(progress, &|id, run| {
+            triples.with(|triples| writer.write(self.first(id), run, triples))?;
+            progress.advance(run.columns[0].len() as u64);
+            Ok(())
+        })?;
         writer.finish(&Described {
             meta: self.meta(),
             layers: self.layers(),
@@ -43,6 +39,7 @@ impl Kept<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Error;
     use crate::particles::Column;
     use crate::particles::{Particles, Selection, Tiling};
     use crate::progress::Silent;

@@ -1,6 +1,7 @@
 //! What binds a model to its snapshot.
 
 use super::{Chunk, ChunkBuffer, Particles, RUN};
+use crate::parallel;
 
 /// BLAKE3 of a run of a layer: of its positions (the f32 bytes, little-endian, of x, then y, then z) and
 /// of its weights where there are any.
@@ -70,7 +71,7 @@ impl Particles {
             }
         }
         if let Some(weights) = self.weights() {
-            hasher.update_rayon(bytemuck::cast_slice(weights));
+            parallel::hash(&mut hasher, bytemuck::cast_slice(weights));
         }
         *hasher.finalize().as_bytes()
     }

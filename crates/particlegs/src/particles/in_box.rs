@@ -4,7 +4,6 @@ use super::Particles;
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
-use rayon::prelude::*;
 
 /// Lengths and coordinates that the arithmetic of this program stands, whatever the unit: their sixth
 /// powers (determinants of covariances) stay within f64. Float32 reaches from 1e-45 to 3e38.
@@ -74,24 +73,22 @@ pub(crate) fn check_particles(particles: &Particles, bounds: &Bounds, progress: 
         return Ok(());
     };
     let Some(inverse) = cell.inverse() else { return Ok(()) };
-    let [out, far] = particles
-        .par_chunks(|_, chunk| {
-            let mut counts = [0u64; 2];
-            for i in 0..chunk.len() {
-                let d: [f64; 3] =
-                    std::array::from_fn(|k| f64::from(chunk.position[k][i]) + (particles.origin[k] - cell.origin[k]));
-                let beyond = (0..3).filter(|&a| cell.periodic[a]).map(|a| {
-                    let fraction: f64 = (0..3).map(|k| d[k] * inverse[k][a]).sum();
-                    (-fraction).max(fraction - 1.0)
-                });
-                let beyond = beyond.fold(0.0, f64::max);
-                counts[0] += u64::from(beyond > SLACK);
-                counts[1] += u64::from(beyond > 1.0 + SLACK);
-            }
-            counts
-        })
-        .into_par_iter()
-        .reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+    let counts = particles.par_chunks(|_, chunk| {
+        let mut counts = [0u64; 2];
+        for i in 0..chunk.len() {
+            let d: [f64; 3] =
+                std::array::from_fn(|k| f64::from(chunk.position[k][i]) + (particles.origin[k] - cell.origin[k]));
+            let beyond = (0..3).filter(|&a| cell.periodic[a]).map(|a| {
+                let fraction: f64 = (0..3).map(|k| d[k] * inverse[k][a]).sum();
+                (-fraction).max(fraction - 1.0)
+            });
+            let beyond = beyond.fold(0.0, f64::max);
+            counts[0] += u64::from(beyond > SLACK);
+            counts[1] += u64::from(beyond > 1.0 + SLACK);
+        }
+        counts
+    });
+    let [out, far] = [0, 1].map(|k| counts.iter().map(|c| c[k]).sum::<u64>());
     progress.check()?;
     if far > 0 {
         let what =

@@ -10,11 +10,13 @@ use super::storage::CHUNK;
 use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
 use crate::math::{Purpose, Random};
 use crate::model::Layer;
+use crate::parallel;
 use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
-use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What to keep of a tiled snapshot.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,9 +145,9 @@ impl<'a> Kept<'a> {
 
     fn count(&mut self, progress: &dyn Progress) -> Result<()> {
         if self.selection.crop.is_some() {
-            self.cropped_before = running_sums(self.count_runs(progress, |kept, run, id| {
-                kept.fill(id, run)?;
-                Ok(kept.inside(run).count() as u64)
+            self.cropped_before = running_sums(self.map_runs(progress, |id, run| {
+                self.fill(id, run)?;
+                Ok(self.inside(run).count() as u64)
             })?);
         }
         if let Some(wanted) = self.selection.sample {
@@ -154,8 +156,8 @@ impl<'a> Kept<'a> {
         self.first = if self.selection.is_all() {
             running_sums((0..self.runs()).map(|id| self.range(id).len() as u64).collect())
         } else {
-            running_sums(self.count_runs(progress, |kept, run, id| {
-                kept.keep(id, run)?;
+            running_sums(self.map_runs(progress, |id, run| {
+                self.keep(id, run)?;
                 Ok(run.kept.len() as u64)
             })?)
         };
@@ -232,15 +234,31 @@ impl<'a> Kept<'a> {
                 rest = after;
             }
         }
-        places.into_par_iter().enumerate().try_for_each_init(Run::default, |run, (id, place)| {
-            progress.check()?;
-            self.load(id as u64, run)?;
-            place.into_iter().zip(&run.columns).for_each(|(to, from)| to.copy_from_slice(from));
-            Ok::<_, Error>(())
+        let places: Vec<_> = places.into_iter().map(Mutex::new).collect();
+        self.for_each_run(progress, &|id, run| {
+            let mut place = places[id as usize].lock().unwrap_or_else(|e| e.into_inner());
+            place.iter_mut().zip(&run.columns).for_each(|(to, from)| to.copy_from_slice(from));
+            Ok(())
         })?;
         let layers = self.layers().into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
         let columns = values.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
         Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), layers))
+    }
+
+    /// Calls `each` with the number of every run and what it keeps, in parallel.
+    ///
+    /// # Errors
+    /// Those of [`Kept::load`] and `each`; [`Error::Cancelled`].
+    pub fn for_each_run(
+        &self,
+        progress: &dyn Progress,
+        each: &(dyn Fn(u64, &mut Run) -> Result<()> + Sync),
+    ) -> Result<()> {
+        self.map_runs(progress, |id, run| {
+            self.load(id, run)?;
+            each(id, run)
+        })
+        .map(drop)
     }
 
     /// Fills `run` with what run `id` keeps.
@@ -346,23 +364,16 @@ impl<'a> Kept<'a> {
     /// look at the one bin in which it lies. `None` where all are wanted.
     fn draw(&self, wanted: u64, progress: &dyn Progress) -> Result<Option<Key>> {
         const SHIFT: u32 = 64 - 16;
-        let histogram = (0..self.runs())
-            .into_par_iter()
-            .try_fold(
-                || (Run::default(), vec![0u64; 1 << 16]),
-                |(mut run, mut bins), id| {
-                    progress.check()?;
-                    self.thin(id, &mut run)?;
-                    let keys = self.keys(id);
-                    run.kept.iter().for_each(|&i| bins[(keys[i as usize] >> SHIFT) as usize] += 1);
-                    Ok((run, bins))
-                },
-            )
-            .map(|r| r.map(|(_, bins)| bins))
-            .try_reduce(
-                || vec![0u64; 1 << 16],
-                |a, b| Ok::<_, Error>(a.iter().zip(&b).map(|(x, y)| x + y).collect()),
-            )?;
+        let bins: Vec<AtomicU64> = (0..1 << 16).map(|_| AtomicU64::new(0)).collect();
+        self.map_runs(progress, |id, run| {
+            self.thin(id, run)?;
+            let keys = self.keys(id);
+            for &i in &run.kept {
+                bins[(keys[i as usize] >> SHIFT) as usize].fetch_add(1, Ordering::Relaxed);
+            }
+            Ok(())
+        })?;
+        let histogram: Vec<u64> = bins.into_iter().map(AtomicU64::into_inner).collect();
         let available: u64 = histogram.iter().sum();
         if wanted == 0 || wanted > available {
             return Err(Error::argument(format!(
@@ -376,33 +387,31 @@ impl<'a> Kept<'a> {
             here
         });
         let bin = bin.unwrap_or(histogram.len() - 1) as u64;
-        let parts: Vec<Vec<Key>> = (0..self.runs())
-            .into_par_iter()
-            .map_init(Run::default, |run, id| {
-                progress.check()?;
-                self.thin(id, run)?;
-                let keys = self.keys(id);
-                let own = run.kept.iter().map(|&i| (keys[i as usize], id, i));
-                Ok(own.filter(|k| k.0 >> SHIFT == bin).collect())
-            })
-            .collect::<Result<_>>()?;
+        let parts: Vec<Vec<Key>> = self.map_runs(progress, |id, run| {
+            self.thin(id, run)?;
+            let keys = self.keys(id);
+            let own = run.kept.iter().map(|&i| (keys[i as usize], id, i));
+            Ok(own.filter(|k| k.0 >> SHIFT == bin).collect())
+        })?;
         let mut keys: Vec<Key> = parts.into_iter().flatten().collect();
         keys.sort_unstable();
         Ok(keys.get(left as usize - 1).copied())
     }
 
-    fn count_runs(
+    /// `of` the number of every run, in parallel, with scratch space for [`Kept::load`].
+    ///
+    /// # Errors
+    /// Those of `of`; [`Error::Cancelled`].
+    pub fn map_runs<R: Send>(
         &self,
         progress: &dyn Progress,
-        count: impl Fn(&Self, &mut Run, u64) -> Result<u64> + Sync,
-    ) -> Result<Vec<u64>> {
-        (0..self.runs())
-            .into_par_iter()
-            .map_init(Run::default, |run, id| {
-                progress.check()?;
-                count(self, run, id)
-            })
-            .collect()
+        of: impl Fn(u64, &mut Run) -> Result<R> + Sync,
+    ) -> Result<Vec<R>> {
+        let scratch = parallel::Scratch::<Run>::default();
+        parallel::try_map(0..self.runs(), |id| {
+            progress.check()?;
+            scratch.with(|run| of(id, run))
+        })
     }
 }
 

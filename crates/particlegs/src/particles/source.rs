@@ -2,8 +2,8 @@
 
 use super::{Column, Particles, Positions, SnapshotMeta};
 use crate::Result;
+use crate::parallel;
 use crate::progress::Progress;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Columns that the caller owns and reuses.
@@ -102,12 +102,15 @@ impl SnapshotReader for Particles {
         progress: &dyn Progress,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
-        runs.into_par_iter().try_for_each_init(ChunkBuffer::default, |buffer, run| {
+        let buffers = parallel::Scratch::<ChunkBuffer>::default();
+        parallel::try_for_each(runs, |run| {
             progress.check()?;
             let start = run as usize * RUN;
-            let chunk = self.chunk(start..self.len().min(start + RUN), buffer);
-            progress.advance(chunk.len() as u64);
-            sink(run, chunk)
+            buffers.with(|buffer| {
+                let chunk = self.chunk(start..self.len().min(start + RUN), buffer);
+                progress.advance(chunk.len() as u64);
+                sink(run, chunk)
+            })
         })
     }
 }

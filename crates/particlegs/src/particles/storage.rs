@@ -2,8 +2,8 @@
 
 use super::{Chunk, ChunkBuffer, SnapshotMeta};
 use crate::model::{Columns, Layer, MASS};
+use crate::parallel;
 use crate::space::Bounds;
-use rayon::prelude::*;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 
@@ -191,13 +191,9 @@ impl Particles {
     /// whatever the threads. `work` gets the index of the chunk's first particle.
     pub(crate) fn par_chunks<T: Send>(&self, work: impl Fn(usize, Chunk<'_>) -> T + Sync) -> Vec<T> {
         let n = self.len();
-        (0..n.div_ceil(CHUNK))
-            .into_par_iter()
-            .map_init(ChunkBuffer::default, |buffer, c| {
-                let start = c * CHUNK;
-                work(start, self.chunk(start..n.min(start + CHUNK), buffer))
-            })
-            .collect()
+        let buffers = parallel::Scratch::<ChunkBuffer>::default();
+        let starts = (0..n).step_by(CHUNK);
+        parallel::map(starts, |s| buffers.with(|buffer| work(s, self.chunk(s..n.min(s + CHUNK), buffer))))
     }
 
     /// World position of particle `i`.

@@ -5,10 +5,10 @@ use super::draw::{Rules, Scratch};
 use super::plan::Plan;
 use crate::Result;
 use crate::model::Model;
+use crate::parallel;
 use crate::particles::{Column, Particles, Positions, Run, SnapshotMeta};
 use crate::progress::Progress;
 use particlegs_files::memory::require;
-use rayon::prelude::*;
 
 /// Runs drawn at once: bounds what is held beside the particles.
 const BATCH: u64 = 32;
@@ -28,20 +28,18 @@ pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress
     rules.weighted = weighted;
     let mut columns = [0, 1, 2, 3].map(|k| Vec::with_capacity(if k < 3 || weighted { plan.total as usize } else { 0 }));
     progress.begin("drawing particles", plan.total);
+    let spaces = parallel::Scratch::<Scratch>::default();
     for first in (0..plan.runs()).step_by(BATCH as usize) {
-        let runs = (first..plan.runs().min(first + BATCH))
-            .into_par_iter()
-            .map_init(Scratch::default, |scratch, id| {
-                progress.check()?;
-                let (layer, number, range) = plan.run(id);
-                let mut run = Run::default();
-                rules.fill(layer, number, range, scratch, &mut run)?;
-                let mass = layer.layer.mass.unit_or_one() as f32;
-                run.columns[3].iter_mut().for_each(|w| *w *= mass);
-                progress.advance(run.columns[0].len() as u64);
-                Ok(run.columns)
-            })
-            .collect::<Result<Vec<_>>>()?;
+        let runs = parallel::try_map(first..plan.runs().min(first + BATCH), |id| {
+            progress.check()?;
+            let (layer, number, range) = plan.run(id);
+            let mut run = Run::default();
+            spaces.with(|scratch| rules.fill(layer, number, range, scratch, &mut run))?;
+            let mass = layer.layer.mass.unit_or_one() as f32;
+            run.columns[3].iter_mut().for_each(|w| *w *= mass);
+            progress.advance(run.columns[0].len() as u64);
+            Ok(run.columns)
+        })?;
         for run in &runs {
             columns.iter_mut().zip(run).for_each(|(all, part)| all.extend_from_slice(part));
         }

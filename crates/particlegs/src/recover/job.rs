@@ -5,12 +5,12 @@ use super::draw::{Rules, Scratch};
 use super::notes::notes;
 use super::plan::Plan;
 use crate::model::Model;
+use crate::parallel;
 use crate::particles::{Described, Particles, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::memory::require;
-use rayon::prelude::*;
 use std::path::Path;
 
 /// How to draw.
@@ -79,25 +79,25 @@ pub fn recover(
     if !(options.scale > 0.0 && options.scale.is_finite()) {
         return Err(Error::argument(format!("a scale of {} is not positive", options.scale)));
     }
-    require("drawing", (rayon::current_num_threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
+    require("drawing", (parallel::threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
     let (metadata, certificate) = (model.metadata.clone(), model.certificate);
     let plan = Plan::new(model, options.particles, options.method)?;
     let weighted = plan.weighted();
     let rules = Rules::new(options.method, options.scale, options.seed, &metadata, &plan, progress.simd());
     let writer = SnapshotWriter::create(out, options.form, plan.total, weighted)?;
     progress.begin("drawing particles", plan.total);
-    (0..plan.runs()).into_par_iter().try_for_each_init(
-        || (Scratch::default(), Run::default(), Vec::new()),
-        |(scratch, run, triples), id| {
-            progress.check()?;
-            let (layer, number, range) = plan.run(id);
-            let (first, count) = (layer.first + range.start, range.end - range.start);
+    let spaces = parallel::Scratch::<(Scratch, Run, Vec<_>)>::default();
+    parallel::try_for_each(0..plan.runs(), |id| {
+        progress.check()?;
+        let (layer, number, range) = plan.run(id);
+        let (first, count) = (layer.first + range.start, range.end - range.start);
+        spaces.with(|(scratch, run, triples)| {
             rules.fill(layer, number, range, scratch, run)?;
-            writer.write(first, run, triples)?;
-            progress.advance(count);
-            Ok::<_, Error>(())
-        },
-    )?;
+            writer.write(first, run, triples)
+        })?;
+        progress.advance(count);
+        Ok::<_, Error>(())
+    })?;
     let layers = plan.described();
     let one = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
     let meta = SnapshotMeta {

@@ -2,10 +2,10 @@
 
 use crate::Result;
 use crate::camera::{DensityView, Projection};
+use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
-use rayon::prelude::*;
 
 /// Particles in one task, and tasks in one round; fixed, so that sums do not depend on threads.
 const CHUNK: usize = 1 << 16;
@@ -56,17 +56,14 @@ pub fn surface_density(
     let n = particles.len();
     let mut sums = vec![0.0f64; size.pixels()];
     progress.begin("surface density", n as u64);
+    let buffers = parallel::Scratch::<ChunkBuffer>::default();
     for round in (0..n).step_by(CHUNK * ROUND) {
         progress.check()?;
         let end = n.min(round + CHUNK * ROUND);
-        let deposits: Vec<Deposits> = (round..end)
-            .into_par_iter()
-            .step_by(CHUNK)
-            .map_init(ChunkBuffer::default, |buffer, start| {
-                target.deposit(&particles.chunk(start..end.min(start + CHUNK), buffer))
-            })
-            .collect();
-        sums.par_chunks_mut(BAND * size.width).enumerate().for_each(|(band, sums)| {
+        let deposits: Vec<Deposits> = parallel::map((round..end).step_by(CHUNK), |start| {
+            buffers.with(|buffer| target.deposit(&particles.chunk(start..end.min(start + CHUNK), buffer)))
+        });
+        parallel::for_each_chunk(&mut sums, BAND * size.width, |band, sums| {
             for chunk in &deposits {
                 for &(pixel, mass) in &chunk[band] {
                     sums[pixel as usize] += f64::from(mass);

@@ -8,12 +8,12 @@ use super::bands::{Sorted, Sorter};
 use super::deposit::{Depositor, PixelSplat, Profiles, SMALL_SIGMA};
 use super::project::{BLOCK, Block, DIAGONAL_LIMIT, Projector};
 use super::pyramid::{Level, Pyramid};
+use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use fearless_simd::{Simd, dispatch};
-use rayon::prelude::*;
 
 /// Chunks of particles whose splats are held at a time.
 const CHUNKS_AT_ONCE: usize = 32;
@@ -55,22 +55,19 @@ pub(super) fn optical_depth(
     let chunks = particles.len().div_ceil(CHUNK);
     let steps = chunks + chunks.div_ceil(CHUNKS_AT_ONCE) * pyramid.bands();
     progress.begin("noise-free picture", steps as u64);
+    let profiles = parallel::Scratch::<Profiles>::default();
     for first in (0..chunks).step_by(CHUNKS_AT_ONCE) {
         let sorted = job.sorted(first..chunks.min(first + CHUNKS_AT_ONCE), &pyramid)?;
-        let parts: Vec<Result<()>> = pyramid
-            .bands_mut()
-            .into_par_iter()
-            .map_init(Profiles::default, |profiles, (band, level, mut rows)| {
-                for (small, chunk) in &sorted {
-                    progress.check()?;
-                    depositor.add_small(small.band(band), &mut rows);
-                    depositor.add(simd, chunk.band(band).iter().map(|s| level.place(s)), &mut rows, profiles);
-                }
-                progress.advance(1);
-                Ok(())
-            })
-            .collect();
-        parts.into_iter().collect::<Result<()>>()?;
+        parallel::try_for_each(pyramid.bands_mut(), |(band, level, mut rows)| {
+            for (small, chunk) in &sorted {
+                progress.check()?;
+                depositor.add_small(small.band(band), &mut rows);
+                let splats = chunk.band(band).iter().map(|s| level.place(s));
+                profiles.with(|profiles| depositor.add(simd, splats, &mut rows, profiles));
+            }
+            progress.advance(1);
+            Ok(())
+        })?;
     }
     progress.end();
     Ok(pyramid.collapse())
@@ -127,10 +124,10 @@ impl<'a> Job<'a> {
     /// The splats of some chunks by chunk and band, small ones apart.
     fn sorted(&self, chunks: std::ops::Range<usize>, pyramid: &Pyramid) -> Result<Vec<ByBand>> {
         let n = self.particles.len();
-        let parts: Vec<Result<_>> = chunks
-            .into_par_iter()
-            .map_init(Default::default, |buffer, c| {
-                self.progress.check()?;
+        let buffers = parallel::Scratch::default();
+        parallel::try_map(chunks, |c| {
+            self.progress.check()?;
+            buffers.with(|buffer| {
                 let chunk = self.particles.chunk(c * CHUNK..n.min((c + 1) * CHUNK), buffer);
                 let (mut small, mut others) = (Sorter::with_capacity(chunk.len()), Sorter::default());
                 self.for_splats(chunk, |splat, is_small| {
@@ -147,8 +144,7 @@ impl<'a> Job<'a> {
                 self.progress.advance(1);
                 Ok::<_, Error>((small.sort(pyramid.bands()), others.sort(pyramid.bands())))
             })
-            .collect();
-        parts.into_iter().collect()
+        })
     }
 
     /// Projects a chunk and calls `work` with every splat that reaches into the picture, and

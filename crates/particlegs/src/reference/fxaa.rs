@@ -1,8 +1,8 @@
 //! FXAA as VTK runs it with ParaView's settings, on the 8-bit picture (docs/law/fxaa.md,
 //! "The filter"). Luminosities are float32 table entries: their roundings decide ties.
 
+use crate::parallel;
 use crate::picture::Gray8;
-use rayon::prelude::*;
 
 const RELATIVE_THRESHOLD: f32 = 0.125;
 const HARD_THRESHOLD: f32 = 0.045;
@@ -29,7 +29,7 @@ pub fn fxaa(picture: &Gray8) -> Gray8 {
     let image = Image { picture, tables: &tables };
     let width = picture.size.width;
     let mut data = vec![0u8; picture.data.len()];
-    data.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, out)| {
+    parallel::for_each_chunk(&mut data, width.max(1), |row, out| {
         for (x, level) in out.iter_mut().enumerate() {
             *level = image.filtered(x as i32, row as i32);
         }

@@ -5,6 +5,7 @@ use super::bands::{Sorted, Sorter};
 use super::blend::blend;
 use super::project::{BLOCK, Block, DIAGONAL_LIMIT, Projector, Splat};
 use super::quad::{Quad, first_pixel, snap};
+use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Gray8, Size};
 use crate::progress::Progress;
@@ -13,7 +14,6 @@ use crate::{Error, Result};
 use fearless_simd::{Simd, dispatch};
 use particlegs_core::memory::reserved;
 use particlegs_files::memory::require;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rows of a band.
@@ -94,22 +94,18 @@ impl Scene<'_> {
         let groups = self.groups();
         let chunks = self.particles.len().div_ceil(CHUNK);
         self.progress.begin("ParaView's picture", (groups.len() * chunks + self.bands()) as u64);
+        let spaces = parallel::Scratch::<Scratch>::default();
         for group in groups {
             let chunks = self.sorted(group.clone())?;
             let rows = group.start * BAND_ROWS..height.min(group.end * BAND_ROWS);
-            let parts: Vec<Result<u8>> = upward[rows.start * width..rows.end * width]
-                .par_chunks_mut(BAND_ROWS * width)
-                .enumerate()
-                .map_init(Scratch::default, |scratch, (number, out)| {
-                    let band = Band { chunks: &chunks, number, first_row: (group.start + number) * BAND_ROWS };
-                    let wrote = self.draw_band(&band, out, scratch, peels, rest)?;
-                    self.progress.advance(1);
-                    Ok(wrote)
-                })
-                .collect();
-            for part in parts {
-                wrote |= part?;
-            }
+            let bands = upward[rows.start * width..rows.end * width].chunks_mut(BAND_ROWS * width).enumerate();
+            let parts = parallel::try_map(bands, |(number, out)| {
+                let band = Band { chunks: &chunks, number, first_row: (group.start + number) * BAND_ROWS };
+                let wrote = spaces.with(|scratch| self.draw_band(&band, out, scratch, peels, rest))?;
+                self.progress.advance(1);
+                Ok::<u8, Error>(wrote)
+            })?;
+            wrote = parts.into_iter().fold(wrote, |all, part| all | part);
         }
         self.progress.end();
         let mut data = Vec::with_capacity(upward.len());

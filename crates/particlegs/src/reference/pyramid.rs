@@ -1,8 +1,8 @@
 //! A plane and coarser ones above it, each of half the resolution, cut into bands of rows.
 
 use super::deposit::Rows;
+use crate::parallel;
 use crate::picture::{Plane, Size};
-use rayon::prelude::*;
 
 /// Rows of a band.
 const BAND_ROWS: usize = 32;
@@ -114,7 +114,7 @@ fn taps(index: usize, fine: &Level, coarse: &Level) -> (usize, [f32; 4]) {
 }
 
 fn add_upsampled(coarse: &[f32], from: &Level, fine: &mut [f32], to: &Level) {
-    fine.par_chunks_mut(to.width).enumerate().for_each_init(Vec::new, |line: &mut Vec<f32>, (y, out)| {
+    parallel::for_each_chunk_with(fine, to.width, Vec::new, |line: &mut Vec<f32>, y, out| {
         let (first, w) = taps(y, to, from);
         let row = |k: usize| &coarse[(first + k) * from.width..(first + k + 1) * from.width];
         let (r0, r1, r2, r3) = (row(0), row(1), row(2), row(3));

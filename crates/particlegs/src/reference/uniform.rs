@@ -2,10 +2,10 @@
 
 use crate::Result;
 use crate::camera::{Projection, View, clipping_range};
+use crate::parallel;
 use crate::picture::{Plane, Size};
 use crate::space::Bounds;
 use crate::splat::opacity_integral;
-use rayon::prelude::*;
 
 /// The noise-free optical depth of `count` particles spread evenly over `bounds`, without fluctuations:
 /// in each pixel their number density times the opacity integral of one of them, times the depth along
@@ -27,7 +27,7 @@ pub fn uniform_box(bounds: &Bounds, count: f64, view: &View, size: Size) -> Resu
     let [right, up, back] = frame.axes;
     let half = [0.5 * size.width as f64 - 0.5, 0.5 * size.height as f64 - 0.5];
     let mut plane = Plane::zeros(size);
-    plane.data.par_chunks_mut(size.width).enumerate().for_each(|(row, out)| {
+    parallel::for_each_chunk(&mut plane.data, size.width, |row, out| {
         let down = scale * (row as f64 - half[1]);
         for (column, out) in out.iter_mut().enumerate() {
             let across = scale * (column as f64 - half[0]);

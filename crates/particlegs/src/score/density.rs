@@ -2,11 +2,11 @@
 
 use crate::Result;
 use crate::model::{Mixture, Model};
+use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use crate::stats::{Grid, Slab, Splat};
-use rayon::prelude::*;
 
 /// Parallel parts of a sum, fixed so that results do not depend on threads.
 const PARTS: usize = 32;
@@ -108,14 +108,11 @@ impl DensityGrid {
     ) -> Result<Vec<f64>> {
         let cells = self.0.cells.iter().product();
         let parts = PARTS.min(n.max(1));
-        let grids = (0..parts)
-            .into_par_iter()
-            .map(|p| {
-                let mut grid = vec![0.0; cells];
-                fill(&mut grid, n * p / parts..n * (p + 1) / parts)?;
-                Ok(grid)
-            })
-            .collect::<Result<Vec<Vec<f64>>>>()?;
+        let grids = parallel::try_map_range(parts, |p| {
+            let mut grid = vec![0.0; cells];
+            fill(&mut grid, n * p / parts..n * (p + 1) / parts)?;
+            Ok(grid)
+        })?;
         Ok((0..cells).map(|c| grids.iter().map(|g| g[c]).sum()).collect())
     }
 

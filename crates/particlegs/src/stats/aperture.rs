@@ -3,8 +3,8 @@
 use super::points::Points;
 use super::{Domain, Groups};
 use crate::Result;
+use crate::parallel;
 use crate::progress::Progress;
-use rayon::prelude::*;
 
 /// A sphere shrinks by this share a step towards its densest part (Power et al. 2003).
 const SHRINK: f64 = 0.9;
@@ -50,20 +50,18 @@ pub fn counts_within(
     progress: &dyn Progress,
 ) -> Result<Vec<u64>> {
     let points = Points::new(positions, domain, radius)?;
-    centers
-        .par_iter()
-        .map(|c| {
-            progress.check()?;
-            let mut count = 0;
-            points.near(points.cell_of(*c), radius, |run, shift| {
-                let at: [f64; 3] = std::array::from_fn(|k| c[k] - shift[k]);
-                let inside =
-                    |p: &&[f64; 3]| (0..3).map(|k| (p[k] - at[k]) * (p[k] - at[k])).sum::<f64>() <= radius * radius;
-                count += points.position[run].iter().filter(inside).count() as u64;
-            });
-            Ok(count)
-        })
-        .collect()
+    parallel::try_map_range(centers.len(), |i| {
+        let c = &centers[i];
+        progress.check()?;
+        let mut count = 0;
+        points.near(points.cell_of(*c), radius, |run, shift| {
+            let at: [f64; 3] = std::array::from_fn(|k| c[k] - shift[k]);
+            let inside =
+                |p: &&[f64; 3]| (0..3).map(|k| (p[k] - at[k]) * (p[k] - at[k])).sum::<f64>() <= radius * radius;
+            count += points.position[run].iter().filter(inside).count() as u64;
+        });
+        Ok(count)
+    })
 }
 
 /// The other's share of the truth's particles within a radius of group centres, for groups of a

@@ -15,6 +15,7 @@ use super::{
     Summary, deposit, deposit_bytes, deposit_steps, find_groups, longest_link, size_histogram,
 };
 use crate::model::LawKind;
+use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -307,7 +308,6 @@ impl Job<'_> {
         truth: &Groups,
         notes: &mut Vec<String>,
     ) -> Result<Vec<super::ApertureMass>> {
-        use rayon::prelude::*;
         let radius = self.o.aperture * self.spacing(0);
         let longest = longest_separation(&self.domain);
         if radius > longest {
@@ -316,8 +316,7 @@ impl Job<'_> {
         }
         let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();
         let chosen = Groups { linking_length: truth.linking_length, members: truth.members[..large].to_vec() };
-        let centers: Vec<[f64; 3]> =
-            chosen.members.par_iter().map(|m| group_center(positions[0], m, &self.domain)).collect();
+        let centers = parallel::map(&chosen.members, |m| group_center(positions[0], m, &self.domain));
         let count = |side: usize| counts_within(positions[side], &self.domain, &centers, radius, self.progress);
         let (a, b) = (count(0)?, count(1)?);
         let per = positions[0].len() as f64 / positions[1].len() as f64;

@@ -1,7 +1,7 @@
 //! How two densities on one grid agree, how they are distributed, and what a slice of them shows.
 
 use super::Field;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Cells in one step of a sum; fixed, so that sums do not depend on threads.
 const STEP: usize = 1 << 16;
@@ -39,17 +39,14 @@ pub struct DensityPdf {
 }
 
 fn sums<const N: usize>(n: usize, term: impl Fn(usize) -> [f64; N] + Sync) -> [f64; N] {
-    let parts: Vec<[f64; N]> = (0..n.div_ceil(STEP))
-        .into_par_iter()
-        .map(|s| {
-            let mut sum = [0.0; N];
-            for i in s * STEP..n.min((s + 1) * STEP) {
-                let t = term(i);
-                (0..N).for_each(|k| sum[k] += t[k]);
-            }
-            sum
-        })
-        .collect();
+    let parts = parallel::map_range(n.div_ceil(STEP), |s| {
+        let mut sum = [0.0; N];
+        for i in s * STEP..n.min((s + 1) * STEP) {
+            let t = term(i);
+            (0..N).for_each(|k| sum[k] += t[k]);
+        }
+        sum
+    });
     let mut all = [0.0; N];
     parts.iter().for_each(|p| (0..N).for_each(|k| all[k] += p[k]));
     all
@@ -104,34 +101,27 @@ pub fn density_pdf(a: &Field, b: &Field) -> DensityPdf {
     const LOW: f64 = -3.0;
     const WIDTH: f64 = 0.1;
     let per = [per_mean(a), per_mean(b)];
-    let highest = [a, b]
-        .iter()
-        .zip(per)
-        .map(|(f, p)| f.mass.par_iter().copied().reduce(|| 0.0, f32::max) as f64 * p)
-        .fold(1.0, f64::max);
+    let highest =
+        [a, b].iter().zip(per).map(|(f, p)| f.mass.iter().copied().fold(0.0, f32::max) as f64 * p).fold(1.0, f64::max);
     let bins = ((highest.log10() - LOW) / WIDTH).floor() as usize + 1;
     let count = |f: &Field, per: f64| {
-        let parts: Vec<(Vec<u64>, [u64; 3])> = f
-            .mass
-            .par_chunks(STEP)
-            .map(|run| {
-                let (mut cells, mut rest) = (vec![0u64; bins], [0u64; 3]);
-                for v in run {
-                    let x = f64::from(*v) * per;
-                    let at = (x.log10() - LOW) / WIDTH;
-                    if x <= 0.0 {
-                        rest[0] += 1;
-                    } else if at < 0.0 {
-                        rest[1] += 1;
-                    } else if at as usize >= bins {
-                        rest[2] += 1;
-                    } else {
-                        cells[at as usize] += 1;
-                    }
+        let parts = parallel::map(f.mass.chunks(STEP), |run| {
+            let (mut cells, mut rest) = (vec![0u64; bins], [0u64; 3]);
+            for v in run {
+                let x = f64::from(*v) * per;
+                let at = (x.log10() - LOW) / WIDTH;
+                if x <= 0.0 {
+                    rest[0] += 1;
+                } else if at < 0.0 {
+                    rest[1] += 1;
+                } else if at as usize >= bins {
+                    rest[2] += 1;
+                } else {
+                    cells[at as usize] += 1;
                 }
-                (cells, rest)
-            })
-            .collect();
+            }
+            (cells, rest)
+        });
         let (mut cells, mut rest) = (vec![0u64; bins], [0u64; 3]);
         for (c, r) in parts {
             cells.iter_mut().zip(c).for_each(|(s, v)| *s += v);

@@ -7,9 +7,9 @@ use super::gaussian::{Slab, Splat};
 use super::{Assignment, Grid, Subject};
 use crate::Result;
 use crate::model::Mixture;
+use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::progress::Progress;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Chunks of particles that are sorted by plane before any is deposited: bounds the memory.
@@ -105,28 +105,26 @@ fn add_particles(
     let mut sums = if sums_stay(&grid, p.len() as u64) { vec![0.0f64; grid.len()] } else { Vec::new() };
     for first in (0..chunks).step_by(BATCH) {
         progress.check()?;
-        let sorted: Vec<Sorted> = (first..chunks.min(first + BATCH))
-            .into_par_iter()
-            .map(|c| sort_by_plane(&grid, p, c * RUN..p.len().min((c + 1) * RUN), shift))
-            .collect();
+        let sort = |c| sort_by_plane(&grid, p, c * RUN..p.len().min((c + 1) * RUN), shift);
+        let sorted: Vec<Sorted> = parallel::map(first..chunks.min(first + BATCH), sort);
         field.outside += sorted.iter().map(|s| s.outside).sum::<f64>();
         let add = |slab: usize, out: &mut [f64]| {
             let planes = slab * depth..slab * depth + out.len() / plane;
             sorted.iter().for_each(|s| add_to_planes(&grid, s, scheme, planes.clone(), out));
         };
         if sums.is_empty() {
-            field.mass.par_chunks_mut(depth * plane).enumerate().for_each(|(slab, out)| {
+            parallel::for_each(field.mass.chunks_mut(depth * plane).enumerate(), |(slab, out)| {
                 let mut sum = vec![0.0f64; out.len()];
                 add(slab, &mut sum);
                 out.iter_mut().zip(sum).for_each(|(o, s)| *o = (f64::from(*o) + s) as f32);
             });
         } else {
-            sums.par_chunks_mut(depth * plane).enumerate().for_each(|(slab, out)| add(slab, out));
+            parallel::for_each(sums.chunks_mut(depth * plane).enumerate(), |(slab, out)| add(slab, out));
         }
         progress.advance(sorted.iter().map(|s| s.records.len() as u64).sum());
     }
     if !sums.is_empty() {
-        field.mass.par_iter_mut().zip(&sums).for_each(|(o, s)| *o = *s as f32);
+        field.mass.iter_mut().zip(&sums).for_each(|(o, s)| *o = *s as f32);
     }
     Ok(())
 }
@@ -239,33 +237,28 @@ fn add_mixtures(
     let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(MODEL_SLABS).max(1));
     let particles: f64 = parts.iter().flat_map(|m| &m.count).sum();
     let in_slab = (particles / grid.cells[0].div_ceil(depth) as f64) as u64;
-    field
-        .mass
-        .par_chunks_mut(depth * plane)
-        .enumerate()
-        .map(|(slab, out)| {
-            let planes = slab * depth..slab * depth + out.len() / plane;
-            // Sums of many small shares: f64, rounded once.
-            let (mut sum, mut splat) = (vec![0.0f64; out.len()], Splat::default());
-            let mut slab = Slab { grid: &moved, planes, cells: &mut sum };
-            for m in parts {
-                for i in 0..m.len() {
-                    // A Gaussian as wide as the box takes milliseconds.
-                    if i.is_multiple_of(8) {
-                        progress.check()?;
-                        progress.advance((m.len() - i).min(256) as u64);
-                    }
-                    let (mean, cov) = (m.mean_of(i), m.cov_of(i));
-                    if slab.may_hold(mean, &cov) {
-                        splat.add(&mut slab, mean, &cov, unit_mass * m.mass_of(i));
-                    }
+    parallel::try_for_each(field.mass.chunks_mut(depth * plane).enumerate(), |(slab, out)| {
+        let planes = slab * depth..slab * depth + out.len() / plane;
+        // Sums of many small shares: f64, rounded once.
+        let (mut sum, mut splat) = (vec![0.0f64; out.len()], Splat::default());
+        let mut slab = Slab { grid: &moved, planes, cells: &mut sum };
+        for m in parts {
+            for i in 0..m.len() {
+                // A Gaussian as wide as the box takes milliseconds.
+                if i.is_multiple_of(8) {
+                    progress.check()?;
+                    progress.advance((m.len() - i).min(256) as u64);
+                }
+                let (mean, cov) = (m.mean_of(i), m.cov_of(i));
+                if slab.may_hold(mean, &cov) {
+                    splat.add(&mut slab, mean, &cov, unit_mass * m.mass_of(i));
                 }
             }
-            out.iter_mut().zip(sum).for_each(|(o, s)| *o += s as f32);
-            progress.advance(in_slab);
-            Ok(())
-        })
-        .collect::<Result<()>>()?;
+        }
+        out.iter_mut().zip(sum).for_each(|(o, s)| *o += s as f32);
+        progress.advance(in_slab);
+        Ok(())
+    })?;
     let total: f64 = parts.iter().flat_map(|m| (0..m.len()).map(|i| m.mass_of(i))).sum::<f64>() * unit_mass;
     // Axes that repeat keep everything; what an open grid lost is the difference.
     if !grid.periodic.iter().all(|p| *p) {

@@ -6,10 +6,12 @@
 //! joined first: of those further apart most are then of one group already, and need no look.
 
 use super::Domain;
+use super::points::gathered;
+use crate::parallel;
+use crate::particles::RUN;
 use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
-use rayon::prelude::*;
 
 /// Groups of at least the smallest size asked for, the largest first.
 #[derive(Clone, Debug, PartialEq)]
@@ -138,39 +140,36 @@ impl<'a> Rows<'a> {
             }
         }
         rows.push(([i64::MAX; 2], runs.len() as u32));
-        let position = order.par_iter().map(|i| positions[*i as usize]).collect();
+        let position = gathered(positions, &order);
         Rows { domain, cells, side, runs, rows, position, index: order }
     }
 
     /// Pairs of cells that hold friends and are not in one set yet, row by row.
     fn links(&self, length: f64, reach: Reach, roots: &[u32], progress: &dyn Progress) -> Result<Vec<Vec<(u32, u32)>>> {
         let most = if reach == Reach::Touching { 1 } else { 2 };
-        (0..self.rows.len() - 1)
-            .into_par_iter()
-            .map(|row| {
-                progress.check()?;
-                let mut links = Vec::new();
-                for dx in 0..=most {
-                    for dy in -most..=most {
-                        // Each pair of rows from one of its two sides.
-                        if (dx, dy) >= (0, 0)
-                            && let Some((other, shift)) = self.row_beside(row, dx, dy)
-                        {
-                            let gap = gap(dx) * self.side[0] * gap(dx) * self.side[0]
-                                + gap(dy) * self.side[1] * gap(dy) * self.side[1];
-                            // Rows that touch have cells apart along z alone.
-                            let apart = dx.abs() > 1 || dy.abs() > 1;
-                            let walk = Walk { length, gap, reach, apart, roots, progress };
-                            self.link_rows(row, other, shift, &walk, &mut links);
-                        }
+        parallel::try_map_range(self.rows.len() - 1, |row| {
+            progress.check()?;
+            let mut links = Vec::new();
+            for dx in 0..=most {
+                for dy in -most..=most {
+                    // Each pair of rows from one of its two sides.
+                    if (dx, dy) >= (0, 0)
+                        && let Some((other, shift)) = self.row_beside(row, dx, dy)
+                    {
+                        let gap = gap(dx) * self.side[0] * gap(dx) * self.side[0]
+                            + gap(dy) * self.side[1] * gap(dy) * self.side[1];
+                        // Rows that touch have cells apart along z alone.
+                        let apart = dx.abs() > 1 || dy.abs() > 1;
+                        let walk = Walk { length, gap, reach, apart, roots, progress };
+                        self.link_rows(row, other, shift, &walk, &mut links);
                     }
                 }
-                // What a stop cut short is no list of links.
-                progress.check()?;
-                progress.advance(1);
-                Ok(links)
-            })
-            .collect()
+            }
+            // What a stop cut short is no list of links.
+            progress.check()?;
+            progress.advance(1);
+            Ok(links)
+        })
     }
 
     /// The row dx, dy away, and the shift that brings its particles beside this one's.
@@ -274,7 +273,7 @@ impl<'a> Rows<'a> {
             members[slot[r] as usize]
                 .extend_from_slice(&self.index[self.runs[i].first as usize..self.runs[i].end as usize]);
         }
-        members.par_iter_mut().for_each(|m| m.sort_unstable());
+        parallel::for_each(&mut members, |m| m.sort_unstable());
         members.sort_by(|a, b| b.len().cmp(&a.len()).then(a.first().cmp(&b.first())));
         members
     }
@@ -284,26 +283,29 @@ impl<'a> Rows<'a> {
 fn occupied(positions: &[[f64; 3]], place: &(impl Fn(&[f64; 3], usize) -> i64 + Sync), cells: &[i64; 3]) -> [i64; 3] {
     // Open axes have any number of cells: those up to the last point.
     [0, 1, 2].map(|k| match cells[k] {
-        i64::MAX => positions.par_iter().map(|x| place(x, k)).max().unwrap_or(0) + 1,
+        i64::MAX => {
+            let last = |run: &[[f64; 3]]| run.iter().map(|x| place(x, k)).max();
+            parallel::map(positions.chunks(RUN), last).into_iter().flatten().max().unwrap_or(0) + 1
+        }
         n => n,
     })
 }
 
 /// Particles by cell, x slowest, and by number within one.
 fn sorted(positions: &[[f64; 3]], cell: &(impl Fn(&[f64; 3]) -> [i64; 3] + Sync), cells: [i64; 3]) -> Vec<u32> {
-    fn by<K: Ord + Send>(positions: &[[f64; 3]], key: impl Fn(&[f64; 3]) -> K + Sync) -> Vec<u32> {
-        let mut keys: Vec<(K, u32)> = positions.par_iter().enumerate().map(|(i, x)| (key(x), i as u32)).collect();
-        keys.par_sort_unstable();
-        keys.into_par_iter().map(|k| k.1).collect()
-    }
     let all = cells.iter().try_fold(1u64, |n, c| n.checked_mul(*c as u64));
     if all.is_none_or(|n| n > i64::MAX as u64) {
-        return by(positions, cell);
+        let mut order: Vec<u32> = (0..positions.len() as u32).collect();
+        order.sort_by_cached_key(|i| cell(&positions[*i as usize]));
+        return order;
     }
-    by(positions, |x| {
-        let [i, j, k] = cell(x);
-        ((i * cells[1] + j) * cells[2] + k) as u64
-    })
+    let key = |i: usize| {
+        let [x, y, z] = cell(&positions[i]);
+        (((x * cells[1] + y) * cells[2] + z) as u64, i as u32)
+    };
+    let mut keys = parallel::map_range(positions.len(), key);
+    parallel::sort_keys(&mut keys);
+    keys.into_iter().map(|k| k.1).collect()
 }
 
 fn square_between(x: &[f64; 3], y: &[f64; 3]) -> f64 {

@@ -3,10 +3,10 @@
 use super::Domain;
 use super::tree::{Neighbours, places_of};
 use crate::math::{Purpose, Random};
+use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
-use rayon::prelude::*;
 
 /// Bins of the histogram, a decade.
 const PER_DECADE: f64 = 20.0;
@@ -87,19 +87,16 @@ pub fn nearest_distances(
     });
     let among = thinned.as_ref().unwrap_or(particles);
     let tree = Neighbours::new(among, domain);
-    let mut distances = chosen
-        .par_chunks(1024)
-        .map(|run| {
-            let one = |x| progress.check().map(|()| tree.nearest(x));
-            let distances = run.iter().map(|x| one(*x)).collect::<Result<Vec<f64>>>()?;
-            progress.advance(run.len() as u64);
-            Ok(distances)
-        })
-        .collect::<Result<Vec<_>>>()?
-        .concat();
+    let mut distances = parallel::try_map(chosen.chunks(1024), |run| {
+        let one = |x| progress.check().map(|()| tree.nearest(x));
+        let distances = run.iter().map(|x| one(*x)).collect::<Result<Vec<f64>>>()?;
+        progress.advance(run.len() as u64);
+        Ok(distances)
+    })?
+    .concat();
     progress.end();
     let mean = distances.iter().sum::<f64>() / distances.len() as f64;
-    distances.par_sort_unstable_by(f64::total_cmp);
+    distances.sort_unstable_by(f64::total_cmp);
     Ok(summary(&distances, mean, among.len()))
 }
 

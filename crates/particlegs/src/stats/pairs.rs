@@ -8,9 +8,9 @@
 use super::Domain;
 use super::points::Points;
 use crate::math::{Purpose, Random};
+use crate::parallel;
 use crate::progress::Progress;
 use crate::{Error, Result};
-use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Primaries in one step of parallel work.
@@ -134,15 +134,13 @@ fn choose(points: &Points, reach: f64, o: &PairOptions, band: u64) -> Vec<u32> {
     let n = points.position.len();
     // Work of all, from a few thousand of them.
     let probe = n.clamp(1, 4096);
-    let work: u64 = (0..probe.min(n))
-        .into_par_iter()
-        .map(|i| {
-            let at = points.position[(i as u64 * n as u64 / probe as u64) as usize];
-            let mut near = 0;
-            points.near(points.cell_of(at), reach, |run, _| near += run.len() as u64);
-            near
-        })
-        .sum();
+    let work = parallel::map_range(probe.min(n), |i| {
+        let at = points.position[(i as u64 * n as u64 / probe as u64) as usize];
+        let mut near = 0;
+        points.near(points.cell_of(at), reach, |run, _| near += run.len() as u64);
+        near
+    });
+    let work: u64 = work.into_iter().sum();
     let each = work as f64 / probe as f64;
     let most = (o.budget as f64 / each.max(1.0)).max(1000.0);
     if most >= n as f64 {
@@ -151,7 +149,7 @@ fn choose(points: &Points, reach: f64, o: &PairOptions, band: u64) -> Vec<u32> {
     // Each particle on its own: by its index in the snapshot, so that the sample is of particles.
     let share = most / n as f64;
     let seed = Random::of(Purpose::PairSample, o.seed, band).bits();
-    (0..n as u32).into_par_iter().filter(|i| uniform(seed, points.index[*i as usize]) < share).collect()
+    (0..n as u32).filter(|i| uniform(seed, points.index[*i as usize]) < share).collect()
 }
 
 /// A cheap hash of an index under a seed, in [0, 1) (SplitMix64's mixer).
@@ -166,34 +164,31 @@ fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn 
     let squares: Vec<f64> = edges.iter().map(|e| e * e).collect();
     let reach = edges[edges.len() - 1];
     progress.begin("pair counts", primaries.len() as u64);
-    let parts: Vec<Vec<u64>> = primaries
-        .par_chunks(STEP)
-        .map(|run| {
-            // One more bin at each end takes what lies outside.
-            let mut bins = vec![0u64; squares.len() + 1];
-            for &i in run {
-                progress.check()?;
-                let at = points.position[i as usize];
-                points.near(points.cell_of(at), reach, |others, shift| {
-                    let origin: [f64; 3] = std::array::from_fn(|k| at[k] - shift[k]);
-                    for o in &points.position[others] {
-                        let d = [o[0] - origin[0], o[1] - origin[1], o[2] - origin[2]];
-                        let r = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                        if r < squares[squares.len() - 1] {
-                            bins[squares.iter().take_while(|s| r >= **s).count()] += 1;
-                        }
+    let parts = parallel::try_map(primaries.chunks(STEP), |run| {
+        // One more bin at each end takes what lies outside.
+        let mut bins = vec![0u64; squares.len() + 1];
+        for &i in run {
+            progress.check()?;
+            let at = points.position[i as usize];
+            points.near(points.cell_of(at), reach, |others, shift| {
+                let origin: [f64; 3] = std::array::from_fn(|k| at[k] - shift[k]);
+                for o in &points.position[others] {
+                    let d = [o[0] - origin[0], o[1] - origin[1], o[2] - origin[2]];
+                    let r = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                    if r < squares[squares.len() - 1] {
+                        bins[squares.iter().take_while(|s| r >= **s).count()] += 1;
                     }
-                });
-                // The primary itself, unless its square of a distance was no less than the last edge's, 0.
-                if squares[squares.len() - 1] == 0.0 {
-                    continue;
                 }
-                bins[squares.iter().take_while(|s| 0.0 >= **s).count()] -= 1;
+            });
+            // The primary itself, unless its square of a distance was no less than the last edge's, 0.
+            if squares[squares.len() - 1] == 0.0 {
+                continue;
             }
-            progress.advance(run.len() as u64);
-            Ok(bins)
-        })
-        .collect::<Result<Vec<_>>>()?;
+            bins[squares.iter().take_while(|s| 0.0 >= **s).count()] -= 1;
+        }
+        progress.advance(run.len() as u64);
+        Ok(bins)
+    })?;
     progress.end();
     let mut pairs = vec![0; edges.len() - 1];
     parts.iter().for_each(|p| pairs.iter_mut().zip(&p[1..]).for_each(|(s, v)| *s += v));

@@ -2,18 +2,27 @@
 
 use super::Domain;
 use crate::Result;
+use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
-use rayon::prelude::*;
 
 /// Positions relative to the domain's corner, in [0, length) along axes that repeat, in the order
 /// of the particles.
 pub(crate) fn local_positions(p: &Particles, domain: &Domain) -> Vec<[f64; 3]> {
     let mut all = vec![[0.0; 3]; p.len()];
-    all.par_chunks_mut(RUN).enumerate().for_each_init(ChunkBuffer::default, |buffer, (run, out)| {
+    parallel::for_each_chunk_with(&mut all, RUN, ChunkBuffer::default, |buffer, run, out| {
         let chunk = p.chunk(run * RUN..run * RUN + out.len(), buffer);
         for (i, x) in out.iter_mut().enumerate() {
             *x = domain.local(std::array::from_fn(|k| p.origin[k] + f64::from(chunk.position[k][i])));
         }
+    });
+    all
+}
+
+/// The positions of some particles, in the order of `index`.
+pub(super) fn gathered(positions: &[[f64; 3]], index: &[u32]) -> Vec<[f64; 3]> {
+    let mut all = vec![[0.0; 3]; index.len()];
+    parallel::for_each(all.chunks_mut(RUN).zip(index.chunks(RUN)), |(out, index)| {
+        out.iter_mut().zip(index).for_each(|(x, i)| *x = positions[*i as usize]);
     });
     all
 }
@@ -70,17 +79,16 @@ impl Points {
             position: Vec::new(),
             index: Vec::new(),
         };
-        let mut keys: Vec<(u32, u32)> =
-            positions.par_iter().enumerate().map(|(i, x)| (p.key(p.cell_of(*x)) as u32, i as u32)).collect();
-        keys.par_sort_unstable();
+        let mut keys = parallel::map_range(positions.len(), |i| (p.key(p.cell_of(positions[i])) as u64, i as u32));
+        parallel::sort_keys(&mut keys);
         let mut start = vec![0u32; cells.iter().product::<usize>() + 1];
         keys.iter().for_each(|(key, _)| start[*key as usize + 1] += 1);
         for i in 1..start.len() {
             start[i] += start[i - 1];
         }
         p.start = start;
-        p.position = keys.par_iter().map(|(_, i)| positions[*i as usize]).collect();
         p.index = keys.into_iter().map(|(_, i)| i).collect();
+        p.position = gathered(positions, &p.index);
         Ok(p)
     }
 

@@ -8,8 +8,8 @@
 use super::transform::{Modes, transform, transform_bytes};
 use super::{Assignment, Domain, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::Result;
+use crate::parallel;
 use crate::progress::Progress;
-use rayon::prelude::*;
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
@@ -86,7 +86,7 @@ pub(super) fn modes_of(
         let power = if o.deconvolved { scheme.order() as i32 } else { 0 };
         (0..=most[k]).map(|m| sinc(PI * m as f64 / n[k]).powi(power)).collect()
     });
-    modes.value.par_chunks_mut(columns * depth).enumerate().for_each(|(i, plane)| {
+    parallel::for_each_chunk(&mut modes.value, columns * depth, |i, plane| {
         let mx = i as i64 - most[0] as i64;
         for (at, value) in plane.iter_mut().enumerate() {
             let (my, mz) = ((at / depth) as i64 - most[1] as i64, at % depth);
@@ -187,22 +187,19 @@ pub(super) fn spectra(pair: &Pair, domain: &Domain, o: &SpectrumOptions, progres
     // Shell s is centred at s + 1 widths.
     let bins = ((o.k_max / width + 0.5).floor() as usize).max(1);
     let [a, b] = &pair.modes;
-    let planes: Vec<(Vec<u64>, Vec<[f64; 4]>)> = (0..2 * a.most[0] + 1)
-        .into_par_iter()
-        .map(|i| {
-            let (mut count, mut sum) = (vec![0u64; bins], vec![[0.0; 4]; bins]);
-            visit_plane(a, domain, i, o.k_max, progress, |at, k, weight| {
-                let bin = (k / width - 0.5).max(0.0) as usize;
-                if bin < bins {
-                    let (x, y, w) = (a.value[at], b.value[at], weight as f64);
-                    count[bin] += weight;
-                    let terms = [k, x.norm_sqr(), y.norm_sqr(), (x * y.conj()).re];
-                    (0..4).for_each(|t| sum[bin][t] += w * terms[t]);
-                }
-            })?;
-            Ok((count, sum))
-        })
-        .collect::<Result<_>>()?;
+    let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
+        let (mut count, mut sum) = (vec![0u64; bins], vec![[0.0; 4]; bins]);
+        visit_plane(a, domain, i, o.k_max, progress, |at, k, weight| {
+            let bin = (k / width - 0.5).max(0.0) as usize;
+            if bin < bins {
+                let (x, y, w) = (a.value[at], b.value[at], weight as f64);
+                count[bin] += weight;
+                let terms = [k, x.norm_sqr(), y.norm_sqr(), (x * y.conj()).re];
+                (0..4).for_each(|t| sum[bin][t] += w * terms[t]);
+            }
+        })?;
+        Ok((count, sum))
+    })?;
     let (mut count, mut sum) = (vec![0u64; bins], vec![[0.0; 4]; bins]);
     for (c, s) in planes {
         for bin in 0..bins {

@@ -7,8 +7,8 @@
 use super::Field;
 use super::density::mean_mass;
 use crate::Result;
+use crate::parallel;
 use crate::progress::Progress;
-use rayon::prelude::*;
 use realfft::num_complex::Complex64;
 use realfft::{RealFftPlanner, RealToComplex};
 use rustfft::{Fft, FftPlanner};
@@ -75,16 +75,14 @@ pub fn transform(field: &Field, most: [usize; 3], progress: &dyn Progress) -> Re
     };
     // Planes of x, transformed along z and y.
     let mut planes = vec![Complex64::default(); n[0] * columns * depth];
-    planes
-        .par_chunks_mut(columns * depth)
-        .zip(field.mass.par_chunks(n[1] * n[2]))
-        .map_init(Scratch::default, |scratch, (out, cells)| {
-            progress.check()?;
-            plan.plane(cells, out, scratch);
-            progress.advance(cells.len() as u64);
-            Ok(())
-        })
-        .collect::<Result<()>>()?;
+    let scratch = parallel::Scratch::default();
+    let parts = planes.chunks_mut(columns * depth).zip(field.mass.chunks(n[1] * n[2]));
+    parallel::try_for_each(parts, |(out, cells)| {
+        progress.check()?;
+        scratch.with(|scratch| plan.plane(cells, out, scratch));
+        progress.advance(cells.len() as u64);
+        Ok(())
+    })?;
     along_x(&planes, &mut modes, n[0], progress)?;
     Ok(modes)
 }
@@ -141,24 +139,21 @@ fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize, progress: &dyn Pr
     let (columns, depth) = modes.plane();
     let most = modes.most[0] as i64;
     let plan = FftPlanner::new().plan_fft_forward(nx);
-    let done: Vec<Vec<Complex64>> = (0..columns)
-        .into_par_iter()
-        .map(|j| {
-            progress.check()?;
-            let mut run = vec![Complex64::default(); depth * nx];
-            for i in 0..nx {
-                for c in 0..depth {
-                    run[c * nx + i] = planes[(i * columns + j) * depth + c];
-                }
+    let done = parallel::try_map_range(columns, |j| {
+        progress.check()?;
+        let mut run = vec![Complex64::default(); depth * nx];
+        for i in 0..nx {
+            for c in 0..depth {
+                run[c * nx + i] = planes[(i * columns + j) * depth + c];
             }
-            plan.process(&mut run);
-            let mut kept = Vec::with_capacity((2 * most as usize + 1) * depth);
-            for m in -most..=most {
-                kept.extend((0..depth).map(|c| run[c * nx + place(m, nx)]));
-            }
-            Ok(kept)
-        })
-        .collect::<Result<_>>()?;
+        }
+        plan.process(&mut run);
+        let mut kept = Vec::with_capacity((2 * most as usize + 1) * depth);
+        for m in -most..=most {
+            kept.extend((0..depth).map(|c| run[c * nx + place(m, nx)]));
+        }
+        Ok(kept)
+    })?;
     for (j, kept) in done.iter().enumerate() {
         for (i, row) in kept.chunks(depth).enumerate() {
             let at = (i * columns + j) * depth;

@@ -6,8 +6,8 @@
 //! within a cell, and no distance depends on it.
 
 use super::Domain;
-use crate::particles::{ChunkBuffer, Particles, RUN};
-use rayon::prelude::*;
+use crate::parallel;
+use crate::particles::Particles;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -24,16 +24,17 @@ pub(super) type Place = [f32; 3];
 /// Calls `visit` with runs of places, the index of the first, in parallel.
 fn visit_places(p: &Particles, domain: &Domain, visit: impl Fn(usize, &[Place]) + Sync) {
     let corner: [f64; 3] = std::array::from_fn(|k| domain.min[k] - p.origin[k]);
-    let scratch = || (ChunkBuffer::default(), Vec::with_capacity(RUN));
-    (0..p.len().div_ceil(RUN)).into_par_iter().for_each_init(scratch, |(buffer, places), run| {
-        let chunk = p.chunk(run * RUN..p.len().min((run + 1) * RUN), buffer);
+    let scratch = parallel::Scratch::<Vec<Place>>::default();
+    p.par_chunks(|first, chunk| {
         let inside = |k: usize, raw: f32| {
             let turns = ((f64::from(raw) - corner[k]) / domain.length[k]).floor();
             if domain.periodic[k] && turns != 0.0 { (f64::from(raw) - turns * domain.length[k]) as f32 } else { raw }
         };
-        places.clear();
-        places.extend((0..chunk.len()).map(|i| [0, 1, 2].map(|k| inside(k, chunk.position[k][i])) as Place));
-        visit(run * RUN, places);
+        scratch.with(|places| {
+            places.clear();
+            places.extend((0..chunk.len()).map(|i| [0, 1, 2].map(|k| inside(k, chunk.position[k][i])) as Place));
+            visit(first, places);
+        });
     });
 }
 
@@ -169,7 +170,7 @@ impl Neighbours {
             sum += cell.swap(sum, Relaxed);
         }
         start.push(sum);
-        let points: Vec<[AtomicU32; 3]> = (0..p.len()).into_par_iter().map(|_| Default::default()).collect();
+        let points: Vec<[AtomicU32; 3]> = (0..p.len()).map(|_| Default::default()).collect();
         visit_places(p, domain, |_, places| {
             places.iter().for_each(|x| store(&points[next[key(x)].fetch_add(1, Relaxed) as usize], *x));
         });
@@ -288,7 +289,7 @@ fn build_cells(points: &mut [Place], axes: &mut [u8], start: &[u32]) {
     let (left_axes, right_axes) = axes.split_at_mut(middle);
     let mut work = || build_cells(left, left_axes, &start[..=half]);
     if right.len() > ALONE {
-        rayon::join(work, || build_cells(right, right_axes, &start[half..]));
+        parallel::join(work, || build_cells(right, right_axes, &start[half..]));
     } else {
         work();
         build_cells(right, right_axes, &start[half..]);
@@ -306,7 +307,7 @@ fn build(points: &mut [Place], axes: &mut [u8]) {
     let (left_axes, right_axes) = axes.split_at_mut(middle);
     let mut work = || build(left, left_axes);
     if right.len() > ALONE {
-        rayon::join(work, || build(&mut right[1..], &mut right_axes[1..]));
+        parallel::join(work, || build(&mut right[1..], &mut right_axes[1..]));
     } else {
         work();
         build(&mut right[1..], &mut right_axes[1..]);

@@ -3,8 +3,8 @@
 use super::Domain;
 use super::spectrum::{Pair, SpectrumOptions, visit_plane};
 use crate::Result;
+use crate::parallel;
 use crate::progress::Progress;
-use rayon::prelude::*;
 
 /// xi of both fields in bins of r, from |delta_k|^2 with the shot noise subtracted.
 ///
@@ -24,25 +24,22 @@ pub(super) fn xi_of_modes(
     let [a, b] = &pair.modes;
     let bins = edges.len().saturating_sub(1);
     let noise = pair.shot_noise.map(|n| n / domain.volume());
-    let planes: Vec<Vec<[f64; 2]>> = (0..2 * a.most[0] + 1)
-        .into_par_iter()
-        .map(|i| {
-            let mut sum = vec![[0.0; 2]; bins];
-            visit_plane(a, domain, i, o.k_max, progress, |at, k, weight| {
-                let w = weight as f64;
-                let power = [w * (a.value[at].norm_sqr() - noise[0]), w * (b.value[at].norm_sqr() - noise[1])];
-                let mut below = primitive(k, edges[0]);
-                for bin in 0..bins {
-                    let up_to = primitive(k, edges[bin + 1]);
-                    let share = up_to - below;
-                    below = up_to;
-                    sum[bin][0] += share * power[0];
-                    sum[bin][1] += share * power[1];
-                }
-            })?;
-            Ok(sum)
-        })
-        .collect::<Result<_>>()?;
+    let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
+        let mut sum = vec![[0.0; 2]; bins];
+        visit_plane(a, domain, i, o.k_max, progress, |at, k, weight| {
+            let w = weight as f64;
+            let power = [w * (a.value[at].norm_sqr() - noise[0]), w * (b.value[at].norm_sqr() - noise[1])];
+            let mut below = primitive(k, edges[0]);
+            for bin in 0..bins {
+                let up_to = primitive(k, edges[bin + 1]);
+                let share = up_to - below;
+                below = up_to;
+                sum[bin][0] += share * power[0];
+                sum[bin][1] += share * power[1];
+            }
+        })?;
+        Ok(sum)
+    })?;
     let mut sum = vec![[0.0; 2]; bins];
     for p in planes {
         sum.iter_mut().zip(p).for_each(|(s, v)| (0..2).for_each(|t| s[t] += v[t]));

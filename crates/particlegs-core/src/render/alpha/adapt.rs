@@ -52,19 +52,18 @@ impl<'a> Blend<'a> {
     pub fn gaussians(&self, parts: &[(&Mixture, f64)], view: &View, progress: &dyn Progress) -> Result<Vec<Gaussian>> {
         let setting = Setting { radius: view.radius / self.radius, opacity: view.opacity / self.opacity };
         let network = self.vizmapper.map(|v| (Network::new(v), v.ranges));
-        let runs: Vec<(&Mixture, usize, usize)> = parts
+        let runs = parts
             .iter()
             .scan(0, |first, (m, _)| {
                 *first += m.len();
                 Some((*m, *first - m.len()))
             })
-            .flat_map(|(m, first)| (0..m.len()).step_by(RUN).map(move |start| (m, first, start)))
-            .collect();
-        let gaussians = parallel::map(runs, |(m, first, start)| {
+            .flat_map(|(m, first)| (0..m.len()).step_by(RUN).map(move |start| (m, first, start)));
+        let gaussians = parallel::try_map(runs, |(m, first, start)| {
             self.run(progress.simd(), m, start..m.len().min(start + RUN), setting, network.as_ref())
                 .map_err(|(i, what)| Error::argument(format!("Gaussian {}: {what}", first + i)))
-        });
-        Ok(gaussians.into_iter().collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+        })?;
+        Ok(gaussians.into_iter().flatten().collect())
     }
 
     fn run(

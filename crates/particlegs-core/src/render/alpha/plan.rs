@@ -72,15 +72,14 @@ impl Plan {
             let key = u64::from((p.seen[2] as f32).to_bits()) << 32 | i as u64;
             Some((key, Seen { splat, touched }))
         };
-        let runs = parallel::map_range(n.div_ceil(RUN), |c| {
+        let runs = parallel::try_map_range(n.div_ceil(RUN), |c| {
             progress.check()?;
             Ok((c * RUN..n.min((c + 1) * RUN)).filter_map(see).collect::<Vec<_>>())
-        });
-        let runs: Vec<Vec<(u64, Seen)>> = runs.into_iter().collect::<Result<_>>()?;
+        })?;
         let seen: Vec<(u64, Seen)> = runs.into_iter().flatten().collect();
         let mut order: Vec<(u64, u32)> =
             seen.iter().enumerate().map(|(place, (key, _))| (*key, place as u32)).collect();
-        parallel::sort_unstable(&mut order);
+        parallel::sort_keys(&mut order);
         let run = RUN.max(seen.len().div_ceil(MOST_BINS));
         let entries: u64 = seen.iter().map(|(_, s)| s.touched.number()).sum();
         let places = (seen.len().div_ceil(run) * (tiles.number() + 1)) as u64;
@@ -91,8 +90,7 @@ impl Plan {
         }
         progress.require_memory("a picture", 4 * (entries + 2 * places))?;
         let touched: Vec<Touched> = order.iter().map(|(_, place)| seen[*place as usize].1.touched).collect();
-        let chunks = touched.chunks(run).enumerate().collect();
-        let bins = parallel::map(chunks, |(c, t)| Bin::new(&tiles, c * run, t));
+        let bins = parallel::map(touched.chunks(run).enumerate(), |(c, t)| Bin::new(&tiles, c * run, t));
         Ok(Plan {
             splats: order.iter().map(|(_, place)| seen[*place as usize].1.splat).collect(),
             indices: order.iter().map(|(key, _)| *key as u32).collect(),

@@ -31,7 +31,7 @@ pub fn blend(plan: &Plan, size: Size, progress: &dyn Progress) -> Result<Plane> 
 /// As [`blend`].
 pub fn blend_into(plan: &Plan, size: Size, out: &mut [f32], progress: &dyn Progress) -> Result<()> {
     let simd = progress.simd();
-    parallel::try_for_each(out.chunks_mut(size.width * TILE).enumerate().collect(), |(row, pixels)| {
+    parallel::try_for_each(out.chunks_mut(size.width * TILE).enumerate(), |(row, pixels)| {
         progress.check()?;
         let mut tile = Tile::default();
         for column in 0..plan.tiles.across {
