@@ -10,12 +10,12 @@ use crate::picture::{Gray8, Plane, Size, masked_psnr, psnr, ssim};
 use crate::progress::Silent;
 use crate::recover::Method;
 use crate::reference::{Reference, fxaa, uniform_box};
-use crate::render::{self, Scene};
+use crate::render::{self, Scene, tone};
 use crate::score::{evaluation_views, shot_noise};
 use crate::space::Bounds;
 use crate::splat::{
     CUT_SHARE, CUT_SHARE_2D, CUT_SIGMA, DEFAULT_OPACITY, DEPTH_TOLERANCE, FxaaMean, LARGEST_MEAN_ALPHA, Look,
-    MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, erf, fxaa_blur, opacity_integral, tone,
+    MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, erf, fxaa_blur, opacity_integral,
 };
 use crate::stats::StatsOptions;
 use crate::stats::testing::model_of;

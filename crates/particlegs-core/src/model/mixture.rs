@@ -48,11 +48,13 @@ impl Mixture {
     }
 
     /// Mean of Gaussian `i`.
+    #[inline]
     pub fn mean_of(&self, i: usize) -> [f64; 3] {
         std::array::from_fn(|k| self.mean[k][i])
     }
 
     /// Covariance of Gaussian `i`.
+    #[inline]
     pub fn cov_of(&self, i: usize) -> Sym3 {
         Sym3(std::array::from_fn(|k| self.cov[k][i]))
     }

@@ -1,20 +1,20 @@
 //! Optical depth, and the picture.
 
 use super::alpha;
-use super::bins::{Binner, Bins};
-use super::canvas::Canvas;
+use super::bin::{Binner, Bins};
 use super::lens::Lens;
-use super::project::{DepthMoments, InCamera, inverse_moments};
-use super::pyramid::Level;
+use super::project::project;
+use super::raster::Canvas;
+use super::raster::pyramid::Level;
 use super::scene::Scene;
 use super::scratch::Scratch;
-use super::slices::{Fate, cut, fate};
+use super::tone::tone_rows;
 use crate::camera::{Projection, View};
 use crate::memory::filled;
 use crate::model::Mixture;
 use crate::picture::{Gray8, Pixels, Plane, Rows, Size};
 use crate::progress::Progress;
-use crate::splat::{Look, tone_rows};
+use crate::splat::Look;
 use crate::{Result, parallel};
 
 /// Gaussians projected in one step; fixed, so that sums do not depend on threads.
@@ -23,6 +23,8 @@ const RUN: usize = 4096;
 const MOST_RUNS: usize = 64;
 /// ... and strokes of a run, about: they bound the memory where Gaussians fall into very many pieces.
 const MOST_STROKES: usize = 1 << 18;
+/// Gaussians that go from stage to stage together: their columns stay in the nearest cache.
+const BLOCK: usize = 64;
 
 /// Optical depth a pixel: `tau = sum n W N2` (docs/law/depth.md), every Gaussian integrated
 /// along depth. The growth of splats towards the corners is taken where they land.
@@ -201,56 +203,20 @@ fn project_run(
     weight: &(impl Fn(&Mixture, usize) -> f64 + Sync),
 ) -> (Bins, usize) {
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
-    for i in range.clone() {
+    let (mut gaussians, mut footprints) = (Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK));
+    for start in range.clone().step_by(BLOCK) {
         if binner.strokes() > MOST_STROKES {
-            return (binner.finish(), range.end - i);
+            return (binner.finish(), range.end - start);
         }
-        let weight = weight(m, i);
-        if weight > 0.0 {
-            for lens in lenses {
-                project(&in_camera(m, i, lens, weight), lens, &mut binner);
-            }
+        for lens in lenses {
+            gaussians.clear();
+            footprints.clear();
+            let block = start..range.end.min(start + BLOCK);
+            let seen = block.map(|i| (i, weight(m, i))).filter(|(_, w)| *w > 0.0);
+            gaussians.extend(seen.filter_map(|(i, w)| lens.see(m, i, w)));
+            project(lens, &gaussians, &mut footprints);
+            binner.add(&footprints);
         }
     }
     (binner.finish(), 0)
-}
-
-/// Projects one Gaussian.
-#[inline]
-fn project(g: &InCamera, lens: &Lens, binner: &mut Binner) {
-    let (depth, variance) = (g.mean[2], g.cov[5]);
-    match fate(lens, depth, variance) {
-        Fate::Outside => {}
-        Fate::Cut if lens.misses(g) => {}
-        Fate::Whole if lens.perspective => {
-            binner.add(&g.footprint(lens, &g.regression(), &inverse_moments(depth, variance / (depth * depth))));
-        }
-        Fate::Whole => {
-            let moments = DepthMoments { weight: 1.0, mean: depth, square: 0.0, variance };
-            binner.add(&g.footprint(lens, &g.regression(), &moments));
-        }
-        Fate::Cut => cut(lens, g, |f| binner.add(&f)),
-    }
-}
-
-/// A Gaussian in the camera's axes.
-pub fn in_camera(m: &Mixture, i: usize, lens: &Lens, weight: f64) -> InCamera {
-    let a = &lens.axes;
-    let v: [f64; 3] = std::array::from_fn(|k| m.mean[k][i] - lens.position[k]);
-    let mean = a.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
-    let s = m.cov_of(i);
-    let rows = a.map(|r| s.apply(r));
-    let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-    InCamera {
-        mean,
-        cov: [
-            dot(a[0], rows[0]),
-            dot(a[0], rows[1]),
-            dot(a[0], rows[2]),
-            dot(a[1], rows[1]),
-            dot(a[1], rows[2]),
-            dot(a[2], rows[2]),
-        ],
-        weight,
-    }
 }

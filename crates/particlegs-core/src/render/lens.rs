@@ -1,29 +1,34 @@
 //! A camera made ready to project: axes, focal length in pixels, depth range, weights.
 
-use super::project::InCamera;
-use crate::camera::{DensityView, Projection, View, clipping_range};
+use super::project::slices::{Fate, fate};
+use super::project::{InCamera, dot};
+use crate::camera::{Camera, DensityView, Projection, View, clipping_range};
+use crate::model::Mixture;
 use crate::picture::Size;
 use crate::space::Bounds;
 use crate::splat::opacity_integral;
 use crate::{Error, Result};
+use std::array::from_fn;
 
 /// A camera in the form that the projection wants. Camera axes are right, down, forward, so that
-/// picture coordinates grow with them; depth is the distance along forward.
+/// picture coordinates grow with them; depth is the distance along forward. The lens' unit of length
+/// is about the distance to the focal point, so that squares of lengths fit f32 in whatever units the world
+/// is; a power of two, so that it costs no digits.
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
-    /// Rows right, down, forward in world coordinates.
+    /// Rows right, down, forward in world coordinates, over the unit.
     pub axes: [[f64; 3]; 3],
     /// The eye, world units.
     pub position: [f64; 3],
     /// Does size fall with depth?
     pub perspective: bool,
-    /// Pixels for a unit of x/depth (perspective) or a world unit.
+    /// Pixels for a unit of x/depth (perspective) or a unit.
     pub focal: f64,
     /// Pixel coordinates of the axis; pixel centres have whole coordinates.
     pub center: [f64; 2],
     /// Nearest and farthest depth of what is drawn.
     pub range: [f64; 2],
-    /// Variance added to every Gaussian in the world: the particle radius squared.
+    /// Variance added to every Gaussian: the particle radius squared.
     pub radius2: f64,
     /// What one particle (or unit of mass) adds to the sum over pixels, times depth squared in
     /// perspective.
@@ -38,20 +43,11 @@ impl Lens {
     /// [`Error::Argument`] where the view has a number outside its range.
     pub fn optical(view: &View, size: Size, bounds: &Bounds) -> Result<Lens> {
         view.check(size)?;
-        let frame = view.camera.frame()?;
-        let focal = view.camera.focal_pixels(size);
-        let [right, up, back] = frame.axes;
-        let radius_px = view.radius * focal;
-        let lens = Lens {
-            axes: [right, up.map(|v| -v), back.map(|v| -v)],
-            position: frame.position,
-            perspective: matches!(view.camera.projection, Projection::Perspective { .. }),
-            focal,
-            center: [0.5 * size.width as f64 - 0.5, 0.5 * size.height as f64 - 0.5],
-            range: view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera)),
-            radius2: view.radius * view.radius,
-            unit: opacity_integral(view.opacity) * radius_px * radius_px,
-        };
+        let range = view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera));
+        let (lens, length) = Lens::new(&view.camera, size, range)?;
+        let (radius, radius_px) = (view.radius / length, view.radius / length * lens.focal);
+        let unit = opacity_integral(view.opacity) * radius_px * radius_px;
+        let lens = Lens { radius2: radius * radius, unit, ..lens };
         if lens.unit.is_finite() && lens.radius2.is_finite() {
             Ok(lens)
         } else {
@@ -65,37 +61,54 @@ impl Lens {
     /// # Errors
     /// [`Error::Argument`] where the camera has no direction.
     pub fn density(view: &DensityView, size: Size, shift: [f64; 3]) -> Result<Lens> {
-        let frame = view.camera.frame()?;
-        let focal = view.camera.focal_pixels(size);
+        let (lens, length) = Lens::new(&view.camera, size, view.range)?;
+        let position = from_fn(|k| lens.position[k] - shift[k]);
+        Ok(Lens { position, unit: (lens.focal / length) * (lens.focal / length), ..lens })
+    }
+
+    /// A camera that adds nothing yet, and its unit in world units.
+    fn new(camera: &Camera, size: Size, range: [f64; 2]) -> Result<(Lens, f64)> {
+        let frame = camera.frame()?;
         let [right, up, back] = frame.axes;
-        Ok(Lens {
-            axes: [right, up.map(|v| -v), back.map(|v| -v)],
-            position: std::array::from_fn(|k| frame.position[k] - shift[k]),
-            perspective: matches!(view.camera.projection, Projection::Perspective { .. }),
-            focal,
+        // The distance with all bits of its fraction dropped.
+        let length = f64::from_bits(camera.distance().max(f64::MIN_POSITIVE).to_bits() >> 52 << 52);
+        let perspective = matches!(camera.projection, Projection::Perspective { .. });
+        let lens = Lens {
+            axes: [right, up.map(|v| -v), back.map(|v| -v)].map(|a| a.map(|v| v / length)),
+            position: frame.position,
+            perspective,
+            focal: camera.focal_pixels(size) * if perspective { 1.0 } else { length },
             center: [0.5 * size.width as f64 - 0.5, 0.5 * size.height as f64 - 0.5],
-            range: view.range,
+            range: range.map(|v| v / length),
             radius2: 0.0,
-            unit: focal * focal,
-        })
+            unit: 0.0,
+        };
+        Ok((lens, length))
+    }
+
+    /// A mixture's Gaussian as the projection reads it; `None` outside the clipping range.
+    #[inline(always)]
+    pub fn see(&self, m: &Mixture, i: usize, weight: f64) -> Option<InCamera> {
+        let (mean, cov, forward) = (m.mean_of(i), m.cov_of(i), self.axes[2]);
+        let depth = dot(forward, from_fn(|k| mean[k] - self.position[k]));
+        let inside = fate(self, depth, dot(forward, cov.apply(forward))) != Fate::Outside;
+        inside.then(|| InCamera::new(&self.axes, self.position, mean, &cov, self.unit * weight))
     }
 
     /// Does a Gaussian lie outside the four side planes of what the picture sees? Spares the work of
     /// cutting those that the camera passes by.
     pub fn misses(&self, g: &InCamera) -> bool {
-        let [xx, _, xz, yy, yz, zz] = g.cov;
-        [(g.mean[0], xx, xz, self.center[0]), (g.mean[1], yy, yz, self.center[1])].into_iter().any(
-            |(at, variance, with_depth, center)| {
+        let ([x, y, depth], [xx, _, yy], zz) = (g.mean.map(f64::from), g.rest(), f64::from(g.depth));
+        let along = g.slope.map(f64::from);
+        [(x, xx, along[0], self.center[0]), (y, yy, along[1], self.center[1])].into_iter().any(
+            |(at, rest, along, center)| {
                 // Half the picture and a margin for coarse planes, over the focal length.
                 let edge = (1.25 * center + 64.0) / self.focal;
                 [edge, -edge].into_iter().any(|t| {
                     // The distance to the plane at = t depth (or at = t), beyond it positive.
-                    let (beyond, spread, round) = if self.perspective {
-                        (at - t * g.mean[2], variance - 2.0 * t * with_depth + t * t * zz, 1.0 + t * t)
-                    } else {
-                        (at - t, variance, 1.0)
-                    };
-                    let beyond = beyond * t.signum();
+                    let (beyond, lean, round) =
+                        if self.perspective { (at - t * depth, along - t, 1.0 + t * t) } else { (at - t, along, 1.0) };
+                    let (beyond, spread) = (beyond * t.signum(), rest + lean * lean * zz);
                     beyond > 0.0 && beyond * beyond > 49.0 * (spread + self.radius2 * round)
                 })
             },

@@ -1,31 +1,37 @@
 //! Floor 3: a mixture becomes a picture, by default under the optical-depth law
 //! (docs/law/depth.md).
 //!
-//! A [`Scene`] borrows the Gaussians. A `lens` puts each on the picture plane: position, the
-//! moments of its inverse depth, and a 2-D covariance; Gaussians that the camera stands in, that
-//! cross the clipping range or that reach far in depth are cut along depth first (`slices`).
-//! Footprints go to the `pyramid` level that suits their sharpness and to the bands of rows that
-//! they touch (`bins`), bands are drawn over all cores (`canvas`, `raster`), and the levels are summed
-//! from coarse to fine. The sum is the optical depth; [`draw`] passes it through a look's curve.
-//! The same machinery with masses instead of counts gives the surface density.
+//! A [`Scene`] borrows the Gaussians, a `lens` is the camera. A picture goes through stages, each from one column
+//! of plain `repr(C)` f32 to the next, as a GPU twin would read and write them:
 //!
-//! Models of the alpha-blend law are drawn by `alpha`, behind the same calls.
+//! | stage | reads | writes |
+//! |---|---|---|
+//! | [`project`] | [`project::InCamera`]: relative to the eye, in its axes | [`project::Footprint`]: position and 2-D covariance on the picture |
+//! | [`bin`] | footprints | [`bin::Stroke`]s, sorted by the plane that suits their sharpness and the bands of rows that they touch |
+//! | [`raster`] | strokes | planes of optical depth, drawn over all cores and summed from coarse to fine |
+//! | [`tone`](tone()) | the sum | grey levels by a look's curve |
+//!
+//! Gaussians that the camera stands in, that cross the clipping range or that reach far in depth are cut along
+//! depth first ([`project::slices`]). What is a difference of large numbers (positions from the eye, what long
+//! Gaussians leave of their width) is found in f64 within a stage, and handed over where rounding no longer
+//! hurts. The same machinery with masses instead of counts gives the surface density.
+//!
+//! Models of the alpha-blend law are drawn by [`alpha`], behind the same calls and in the same stages.
 
 pub mod alpha;
-pub mod bins;
-mod canvas;
+pub mod bin;
 pub mod depth;
 pub mod lens;
 pub mod project;
-pub mod pyramid;
 pub mod raster;
 mod scene;
 mod scratch;
-pub mod slices;
 mod surface;
+mod tone;
 
-#[cfg(test)]
-mod plain;
+#[cfg(any(test, feature = "twins"))]
+#[allow(clippy::disallowed_methods)]
+pub mod plain;
 #[cfg(test)]
 mod tests;
 
@@ -33,3 +39,4 @@ pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
 pub use scene::Scene;
 pub use scratch::Scratch;
 pub use surface::surface_density;
+pub use tone::tone;

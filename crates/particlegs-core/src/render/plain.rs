@@ -1,10 +1,16 @@
-//! The law written plainly, in f64, for tests: every Gaussian at every pixel, integrated along
-//! depth on a fine grid with nothing approximated but the grids.
+//! For tests, in f64: the law written plainly, every Gaussian at every pixel, integrated along depth on a fine
+//! grid with nothing approximated but the grids; and the stages' formulas in moments, unrounded between them.
 
+use super::bin::{Placed, SMALL, Stroke, cut as cut_of, lattice_sum, suited};
 use super::lens::Lens;
+use super::project::DepthMoments;
+use super::project::slices::{Fate, cut, fate, whole};
+use super::raster::pyramid::{Level, PAD};
 use super::scene::Scene;
 use crate::camera::{Projection, View};
+use crate::model::Mixture;
 use crate::picture::Size;
+use crate::splat::PIXEL_VARIANCE;
 
 /// Grid points in depth for a Gaussian.
 const DEPTHS: usize = 1200;
@@ -86,10 +92,9 @@ impl Picture {
             let (px, py) = (lens.center[0] + scale * x, lens.center[1] + scale * y);
             let det = xx * yy - xy * xy;
             let weight = count * share * lens.unit / if perspective { depth * depth } else { 1.0 };
-            let f = super::project::Footprint { mean: [px, py], cov: [xx, xy, yy], sum: weight };
             let peak = weight / (2.0 * std::f64::consts::PI * det.sqrt());
             wanted += weight;
-            found += weight * super::bins::lattice_sum(&f);
+            found += weight * lattice_sum([px, py], [xx, xy, yy]);
             for j in 0..size.height {
                 let dy = j as f64 - py;
                 if dy * dy > 80.0 * yy {
@@ -106,4 +111,81 @@ impl Picture {
             self.tau.iter_mut().zip(&own).for_each(|(t, v)| *t += v * wanted / found);
         }
     }
+}
+
+/// A Gaussian, or a piece of one, on the picture plane.
+#[derive(Clone, Copy, Debug)]
+pub struct Footprint {
+    /// Mean, pixels.
+    pub mean: [f64; 2],
+    /// Covariance xx, xy, yy with the pixel's own variance.
+    pub cov: [f64; 3],
+    /// Its sum over pixels.
+    pub sum: f64,
+}
+
+/// The footprints of a mixture's Gaussian: the twin of `Lens::see` and `project`.
+pub fn footprints(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Vec<Footprint> {
+    let a = lens.axes;
+    let v: [f64; 3] = std::array::from_fn(|k| m.mean[k][i] - lens.position[k]);
+    let mean = a.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
+    let rows = a.map(|r| m.cov_of(i).apply(r));
+    let cov: [[f64; 3]; 3] = a.map(|a| rows.map(|r| a[0] * r[0] + a[1] * r[1] + a[2] * r[2]));
+    let (depth, variance) = (mean[2], cov[2][2]);
+    let mut found = Vec::new();
+    let mut add = |m: DepthMoments| found.push(footprint(lens, mean, &cov, lens.unit * weight, &m));
+    match fate(lens, depth, variance) {
+        Fate::Outside => {}
+        Fate::Cut if lens.see(m, i, weight).is_some_and(|g| lens.misses(&g)) => {}
+        Fate::Whole => add(whole(lens, depth, variance)),
+        Fate::Cut => cut(lens, depth, variance, add),
+    }
+    found
+}
+
+fn footprint(lens: &Lens, [x, y, d]: [f64; 3], cov: &[[f64; 3]; 3], weight: f64, m: &DepthMoments) -> Footprint {
+    let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = *cov;
+    let inverse = if zz > 1e-14 * (xx + yy) { 1.0 / zz } else { 0.0 };
+    let along = [xz * inverse, yz * inverse];
+    let rest = [(xx - along[0] * xz).max(0.0), xy - along[0] * yz, (yy - along[1] * yz).max(0.0)];
+    let carried = [x - along[0] * d, y - along[1] * d];
+    let (base, slope) = if lens.perspective { (along, carried) } else { (carried, along) };
+    let t = [base[0] + slope[0] * m.mean, base[1] + slope[1] * m.mean];
+    let (scale2, tilt) = if lens.perspective { (m.square, t) } else { (1.0, [0.0; 2]) };
+    let f2 = lens.focal * lens.focal;
+    let term = |rest: f64, i: usize, j: usize| {
+        let round = lens.radius2 * (if i == j { 1.0 } else { 0.0 } + tilt[i] * tilt[j]);
+        f2 * (scale2 * (rest + round) + slope[i] * slope[j] * m.variance)
+    };
+    Footprint {
+        mean: [0, 1].map(|k| lens.center[k] + lens.focal * t[k]),
+        cov: [term(rest[0], 0, 0) + PIXEL_VARIANCE, term(rest[1], 0, 1), term(rest[2], 1, 1) + PIXEL_VARIANCE],
+        sum: weight * m.weight,
+    }
+}
+
+/// A footprint's plane and stroke, whether it touches the picture or not: the twin of `bin::place`.
+pub fn place(levels: &[Level], f: &Footprint) -> Placed {
+    let [xx, xy, yy] = f.cov;
+    let det = xx * yy - xy * xy;
+    let half_sum = 0.5 * (xx + yy);
+    let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
+    let peak = f.sum / (2.0 * std::f64::consts::PI * det.sqrt());
+    let cut2 = cut_of(peak, smaller);
+    let (level, scale) = suited(levels, smaller);
+    let small = smaller < SMALL;
+    let lattice = if small { lattice_sum(f.mean, f.cov) } else { 1.0 };
+    let half_log2 = 0.5 * std::f64::consts::LOG2_E;
+    let [x, y] = f.mean.map(|v| ((v + 0.5) * scale - 0.5 + PAD as f64) as f32);
+    let stroke = Stroke {
+        x,
+        y,
+        slope: (xy / yy) as f32,
+        along: (-half_log2 * yy / det / (scale * scale)) as f32,
+        down: (-half_log2 / yy / (scale * scale)) as f32,
+        end: (-half_log2 * cut2) as f32,
+        peak: (peak / (1.0 - libm::exp(-0.5 * cut2)) / lattice) as f32,
+        half: ((cut2 * yy).sqrt() * scale) as f32,
+    };
+    Placed { level, scale, small, stroke }
 }

@@ -1,11 +1,12 @@
 //! What is drawn: the Gaussians, borrowed, and the bounds that clip where a view does not say.
 
 use super::alpha::Blend;
+use super::tone::tone;
 use crate::camera::{Normalisation, View};
 use crate::model::{AlphaBlend, LawKind, Mixture, Model};
 use crate::picture::{Gray8, Plane, Size};
 use crate::space::Bounds;
-use crate::splat::{Look, tone};
+use crate::splat::Look;
 
 /// Gaussians to draw. Cheap to make: nothing is copied.
 #[derive(Clone, Debug)]

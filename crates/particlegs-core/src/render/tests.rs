@@ -7,6 +7,7 @@ use crate::model::Mixture;
 use crate::picture::{Plane, Size};
 use crate::progress::{Progress, Scalar, Silent};
 use crate::space::Bounds;
+use crate::splat::Look;
 
 const SIZE: Size = Size { width: 96, height: 64 };
 
@@ -46,6 +47,18 @@ fn random_mixture(seed: u64, n: u64, spread: f64) -> Mixture {
             cov = Sym3::default();
         }
         m.push(mean, cov, (1.0 + 40.0 * r.uniform()).floor(), 0.0);
+    }
+    m
+}
+
+/// As long as the cube is half, and a millionth as wide: far below a pixel.
+fn needles(seed: u64, n: u64) -> Mixture {
+    let mut m = Mixture::default();
+    for i in 0..n {
+        let mut r = Random::new(seed, 1, i);
+        let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
+        let cov = [0.5, 1e-6, 1e-6].map(|s| Sym3::outer([0; 3].map(|_| s * r.normal())));
+        m.push(mean, cov[0].add(&cov[1]).add(&cov[2]), 2e5, 0.0);
     }
     m
 }
@@ -90,6 +103,57 @@ fn the_clipping_range_cuts_gaussians() {
         let (worst, mean) = difference(&m, &v);
         assert!(worst < 2e-2 && mean < 1e-3, "{projection:?}: worst {worst:.1e}, mean {mean:.1e}");
     }
+}
+
+/// What the stages hand over in f32 against f64 from end to end, drawn by the same raster.
+#[test]
+fn rounding_between_stages_does_not_show() {
+    use super::bin::Binner;
+    let wide = Size { width: 1920, height: 1080 };
+    // Points, needles and blots; from afar, from close by, among them, and past the box's far corner.
+    let trials = [
+        (random_mixture(1, 3000, 0.02), [1.0, 2.0, 6.0], 0.0005, 0.05),
+        (random_mixture(2, 3000, 0.002), [1.0, 2.0, 6.0], 0.004, 0.9),
+        (random_mixture(3, 400, 0.3), [0.3, 0.2, 0.9], 0.01, 0.1),
+        (random_mixture(4, 1000, 0.05), [0.05, 0.02, 0.04], 0.001, 1.0),
+        (random_mixture(5, 300, 1.5), [0.9, 0.9, 1.2], 0.002, 0.05),
+        (needles(6, 300), [1.0, 2.0, 6.0], 0.0001, 1.0),
+        (needles(7, 300), [0.3, 0.2, 0.9], 0.0001, 1.0),
+    ];
+    for (trial, (m, position, radius, opacity)) in trials.into_iter().enumerate() {
+        let view = view(position, radius, opacity);
+        let scene = Scene::of_mixture(&m, bounds());
+        let lens = lens::Lens::optical(&view, wide, &bounds()).unwrap();
+        let levels = raster::pyramid::levels(wide);
+        let mut binner = Binner::new(&levels, m.len());
+        for f in (0..m.len()).flat_map(|i| plain::footprints(&lens, &m, i, m.count[i])) {
+            binner.add_placed(&plain::place(&levels, &f));
+        }
+        let mut exact = depth::paint(wide, &[binner.finish()], &mut Scratch::default(), &Silent).unwrap();
+        depth::grow(&mut exact, &lens);
+        let found = optical_depth(&scene, &view, wide, &Silent).unwrap();
+        let bright = |p: &Plane| p.data.iter().map(|t| -f64::from(-t).exp_m1()).collect::<Vec<_>>();
+        let (a, b) = (bright(&exact), bright(&found));
+        let squares: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
+        let decibels = -10.0 * (squares / wide.pixels() as f64).log10();
+        assert!(a.iter().any(|v| *v > 0.1), "trial {trial}: nothing is seen");
+        assert!(decibels > 95.0, "trial {trial}: {decibels:.1} dB");
+        for look in [Look::Expected, Look::Paraview, Look::ParaviewNoFxaa] {
+            let [a, b] = [&exact, &found].map(|p| scene.tone(p, look, &view, wide).data);
+            assert!(a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= 1), "trial {trial}, {look:?}");
+        }
+    }
+}
+
+/// Records without padding, of the sizes that are told to a GPU.
+#[test]
+fn what_stages_hand_over_is_plain() {
+    fn size<T: bytemuck::Pod>() -> usize {
+        size_of::<T>()
+    }
+    use super::alpha::project::{Projected, Seen, Splat};
+    assert_eq!([size::<project::InCamera>(), size::<project::Footprint>(), size::<bin::Stroke>()], [40, 24, 32]);
+    assert_eq!([size::<Seen>(), size::<Projected>(), size::<Splat>()], [44, 44, 32]);
 }
 
 #[test]

@@ -5,7 +5,6 @@ mod constants;
 mod fxaa_mean;
 mod look;
 mod response;
-mod tone;
 
 pub use constants::{
     CUT_SHARE, CUT_SHARE_2D, CUT_SIGMA, DEFAULT_OPACITY, DEPTH_TOLERANCE, LARGEST_MEAN_ALPHA, MEAN_COVERED_ALPHA,
@@ -15,5 +14,3 @@ pub use fxaa_mean::{FxaaMean, fxaa_blur};
 pub use look::Look;
 pub use response::Response;
 pub use response::mul8;
-pub use tone::tone;
-pub(crate) use tone::tone_rows;

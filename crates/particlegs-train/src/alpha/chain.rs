@@ -5,7 +5,7 @@ use super::raster::Sums;
 use particlegs_core::math::Sym3;
 use particlegs_core::model::vizmapper::Adapted;
 use particlegs_core::render::alpha::Eye;
-use particlegs_core::render::alpha::project::{LEAST_RATIO, Projected, jacobian, project};
+use particlegs_core::render::alpha::project::{LEAST_RATIO, Shape, shape};
 
 /// Changes of the loss with one Gaussian's parameters, and with how it was adapted.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,31 +25,30 @@ pub(super) struct Slopes {
 
 /// The chain rule through opacity, footprint, covariance and place.
 pub(super) fn chain(eye: &Eye, one: &One, adapted: &Adapted, sums: &Sums) -> Slopes {
-    let cov = one.cov().scale(adapted.scale * adapted.scale);
-    let Some(p) = project(eye, one.position, &cov) else { return Slopes::default() };
+    let g = one.gaussian(adapted);
+    let Some(p) = shape(eye, &g.seen(eye).gaussian) else { return Slopes::default() };
     let [sum, sx, sy, sxx, sxy, syy, grey] = sums.map(f64::from);
     let [xx, xy, yy] = p.wide.map(|v| v / p.wide_det);
     // The inverse of the footprint's covariance.
     let [a, b, c] = [yy, -xy, xx];
     let at = [a * sx + b * sy, b * sx + c * sy];
     let sharp = footprint(&p, [a, b, c], [sxx, sxy, syy], sum);
-    let (seen, with_cov) = through_eye(eye, &p, &cov, at, sharp);
-    let opacity = adapted.opacity(one.logit);
+    let (seen, with_cov) = through_eye(eye, &p, &g.cov, at, sharp);
     let mut out = Slopes {
         position: std::array::from_fn(|k| (0..3).map(|r| eye.axes[r][k] * seen[r]).sum()),
-        logit: sum * (1.0 - opacity),
-        odds: sum * (1.0 - opacity) / adapted.odds,
+        logit: sum * (1.0 - g.opacity),
+        odds: sum * (1.0 - g.opacity) / adapted.odds,
         feature: if 0.5 + SH0 * one.feature > 0.0 { SH0 * grey } else { 0.0 },
         screen: (at[0] * eye.half[0]).hypot(at[1] * eye.half[1]),
         ..Slopes::default()
     };
-    shape(one, adapted.scale, &with_cov, &mut out);
+    scales_and_rotation(one, adapted.scale, &with_cov, &mut out);
     out
 }
 
 /// Changes with the covariance of the footprint before widening: xx, xy (both of the pair) and yy.
 /// `inverse` is that of the widened one, `second` the sums of h times dx^2, dx dy, dy^2.
-fn footprint(p: &Projected, inverse: [f64; 3], second: [f64; 3], sum: f64) -> [f64; 3] {
+fn footprint(p: &Shape, inverse: [f64; 3], second: [f64; 3], sum: f64) -> [f64; 3] {
     let [a, b, c] = inverse;
     // With the inverse, as a symmetric matrix: -h/2 d d^T.
     let [g0, g1, g2] = second.map(|v| -0.5 * v);
@@ -69,9 +68,17 @@ fn footprint(p: &Projected, inverse: [f64; 3], second: [f64; 3], sum: f64) -> [f
     out
 }
 
+/// Rows of J A: what a step of the place does to the centre in pixels, at first order.
+fn jacobian(eye: &Eye, depth: f64, slope: [f64; 2]) -> [[f64; 3]; 2] {
+    let unit = eye.focal / depth;
+    let [right, down, forward] = eye.axes;
+    let row = |axis: [f64; 3], slope: f64| std::array::from_fn(|k| unit * (axis[k] - slope * forward[k]));
+    [row(right, slope[0]), row(down, slope[1])]
+}
+
 /// Changes with the place as seen (right, down, depth), and with the adapted covariance, as rows of
 /// a symmetric matrix.
-fn through_eye(eye: &Eye, p: &Projected, cov: &Sym3, at: [f64; 2], sharp: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+fn through_eye(eye: &Eye, p: &Shape, cov: &Sym3, at: [f64; 2], sharp: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
     let [x, y, depth] = p.seen;
     let [(u, u_cut), (v, v_cut)] = p.slope;
     let rows = jacobian(eye, depth, [u, v]);
@@ -93,7 +100,7 @@ fn through_eye(eye: &Eye, p: &Projected, cov: &Sym3, at: [f64; 2], sharp: [f64; 
 }
 
 /// Changes with scales and rotation, from those with the covariance.
-fn shape(one: &One, factor: f64, with_cov: &[[f64; 3]; 3], out: &mut Slopes) {
+fn scales_and_rotation(one: &One, factor: f64, with_cov: &[[f64; 3]; 3], out: &mut Slopes) {
     let root = one.root().map(|r| r.map(|v| factor * v));
     let with_root: [[f64; 3]; 3] = std::array::from_fn(|i| {
         std::array::from_fn(|k| 2.0 * (0..3).map(|j| with_cov[i][j] * root[j][k]).sum::<f64>())

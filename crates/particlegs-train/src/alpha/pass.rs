@@ -86,7 +86,7 @@ impl<'a> Pass<'a> {
         }
         let gaussian = |i: usize| {
             let one = parameters.get(i);
-            fine(&one).then(|| one.gaussian(&adapted[i]))
+            fine(&one).then(|| one.gaussian(&adapted[i]).seen(eye))
         };
         let plan = Plan::new(eye, n, gaussian, cut, progress)?;
         let drawn = blend(&plan, eye.size, progress)?;

@@ -1,7 +1,7 @@
 //! The projection backwards: from the gradient of a footprint to that of a Gaussian.
 
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::{DepthMoments, DepthSlopes, InCamera, Regression};
+use particlegs_core::render::project::{DepthMoments, DepthSlopes, InCamera};
 
 /// Gradient with a footprint's mean, covariance (xx, xy, yy, each a number of its own) and sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,22 +36,23 @@ impl OfGaussian {
 
     /// Adds the part of one piece, in the camera's axes: the reverse of
     /// [`InCamera::footprint`] in perspective.
-    pub fn add_piece(&mut self, lens: &Lens, g: &InCamera, r: &Regression, depth: &PieceDepth, by: &OfFootprint) {
+    pub fn add_piece(&mut self, lens: &Lens, g: &InCamera, depth: &PieceDepth, by: &OfFootprint) {
         let PieceDepth { moments: m, slopes } = depth;
-        let [x, y, d] = g.mean;
-        let [_, _, xz, _, yz, zz] = g.cov;
+        let [x, y, d] = g.mean.map(f64::from);
+        let (slope, zz, across) = (g.slope.map(f64::from), f64::from(g.depth), g.rest());
+        let (xz, yz) = (slope[0] * zz, slope[1] * zz);
         let f2 = lens.focal * lens.focal;
         let [cxx, cxy, cyy] = by.cov;
         // position on the plane t = base + carried * (inverse depth)
-        let carried = [x - r.slope[0] * d, y - r.slope[1] * d];
-        let t = [r.slope[0] + carried[0] * m.mean, r.slope[1] + carried[1] * m.mean];
+        let carried = [x - slope[0] * d, y - slope[1] * d];
+        let t = [slope[0] + carried[0] * m.mean, slope[1] + carried[1] * m.mean];
         let round = f2 * lens.radius2;
         let by_t = [
             lens.focal * by.mean[0] + round * m.square * (2.0 * cxx * t[0] + cxy * t[1]),
             lens.focal * by.mean[1] + round * m.square * (2.0 * cyy * t[1] + cxy * t[0]),
         ];
         let rest = [f2 * m.square * cxx, f2 * m.square * cxy, f2 * m.square * cyy];
-        let by_square = f2 * (cxx * r.rest[0] + cxy * r.rest[1] + cyy * r.rest[2])
+        let by_square = f2 * (cxx * across[0] + cxy * across[1] + cyy * across[2])
             + round * (cxx * (1.0 + t[0] * t[0]) + cxy * t[0] * t[1] + cyy * (1.0 + t[1] * t[1]));
         let by_spread =
             f2 * (cxx * carried[0] * carried[0] + cxy * carried[0] * carried[1] + cyy * carried[1] * carried[1]);
@@ -60,25 +61,25 @@ impl OfGaussian {
             by_t[1] * m.mean + f2 * m.variance * (2.0 * cyy * carried[1] + cxy * carried[0]),
         ];
         let by_place = by_t[0] * carried[0] + by_t[1] * carried[1];
-        let by_weight = lens.unit * g.weight * by.sum;
+        let by_weight = f64::from(g.weight) * by.sum;
         let by_slope =
             [by_t[0] - by_carried[0] * d - rest[0] * xz - rest[1] * yz, by_t[1] - by_carried[1] * d - rest[2] * yz];
         let moments =
             |s: &DepthMoments| by_weight * s.weight + by_place * s.mean + by_square * s.square + by_spread * s.variance;
         self.mean[0] += by_carried[0];
         self.mean[1] += by_carried[1];
-        self.mean[2] += moments(&slopes.by_depth) - by_carried[0] * r.slope[0] - by_carried[1] * r.slope[1];
+        self.mean[2] += moments(&slopes.by_depth) - by_carried[0] * slope[0] - by_carried[1] * slope[1];
         self.count += lens.unit * m.weight * by.sum;
         self.cov[0] += rest[0];
         self.cov[1] += rest[1];
         self.cov[3] += rest[2];
         self.cov[5] += moments(&slopes.by_variance);
         // Where the regression took a depth spread for none, its slopes are constants.
-        if zz > 1e-14 * (g.cov[0] + g.cov[3]) {
+        if zz > 1e-14 * (across[0] + across[2] + slope[0] * xz + slope[1] * yz) {
             let inverse = 1.0 / zz;
-            self.cov[2] += by_slope[0] * inverse - rest[0] * r.slope[0];
-            self.cov[4] += by_slope[1] * inverse - rest[1] * r.slope[0] - rest[2] * r.slope[1];
-            self.cov[5] -= (by_slope[0] * r.slope[0] + by_slope[1] * r.slope[1]) * inverse;
+            self.cov[2] += by_slope[0] * inverse - rest[0] * slope[0];
+            self.cov[4] += by_slope[1] * inverse - rest[1] * slope[0] - rest[2] * slope[1];
+            self.cov[5] -= (by_slope[0] * slope[0] + by_slope[1] * slope[1]) * inverse;
         }
     }
 

@@ -3,10 +3,10 @@
 use super::adjoint::OfFootprint;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level as SimdLevel, Simd, f32x8};
-use particlegs_core::render::bins::{Placed, Stroke, lattice_slope};
+use particlegs_core::render::bin::{Placed, Stroke, lattice_slope};
 use particlegs_core::render::project::Footprint;
-use particlegs_core::render::pyramid::{Level, PAD};
 use particlegs_core::render::raster::exp2;
+use particlegs_core::render::raster::pyramid::{Level, PAD};
 
 /// Sums over a stroke's pixels of gradient times exp(-q/2) times powers of the offset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -88,10 +88,9 @@ fn total<S: Simd>(v: f32x8<S>) -> f64 {
 /// From what was gathered to the gradient with the footprint.
 pub fn of_footprint(f: &Footprint, placed: &Placed, g: &Gathered) -> OfFootprint {
     let peak = f64::from(placed.stroke.peak);
-    let [xx, xy, yy] = f.cov;
-    let det = xx * yy - xy * xy;
+    let ([xx, _, yy], across, lean) = (f.cov(), f64::from(f.across), f64::from(f.lean));
     // The inverse covariance, in the picture's pixels; offsets were gathered in the plane's.
-    let p = [yy / det, -xy / det, xx / det];
+    let p = [1.0 / across, -lean / across, xx / (across * yy)];
     let unscale = 1.0 / placed.scale;
     let first = [g.first[0] * unscale, g.first[1] * unscale];
     let second = g.second.map(|v| v * unscale * unscale);
@@ -108,10 +107,10 @@ pub fn of_footprint(f: &Footprint, placed: &Placed, g: &Gathered) -> OfFootprint
     let mut by = OfFootprint {
         mean: [peak * (p[0] * first[0] + p[1] * first[1]), peak * (p[1] * first[0] + p[2] * first[1])],
         cov: [0.5 * peak * (pxx - g.sum * p[0]), peak * (pxy - g.sum * p[1]), 0.5 * peak * (pyy - g.sum * p[2])],
-        sum: g.sum * peak / f.sum,
+        sum: g.sum * peak / f64::from(f.sum),
     };
     if placed.small {
-        let (mean, cov) = lattice_slope(f);
+        let (mean, cov) = lattice_slope(f.mean.map(f64::from), f.cov());
         let scale = g.sum * peak;
         by.mean.iter_mut().zip(mean).for_each(|(a, b)| *a -= scale * b);
         by.cov.iter_mut().zip(cov).for_each(|(a, b)| *a -= scale * b);

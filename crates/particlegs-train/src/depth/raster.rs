@@ -10,14 +10,12 @@ use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::{Level as SimdLevel, Progress};
 use particlegs_core::render::Scratch;
-use particlegs_core::render::bins::{Binner, Bins, Placed, place};
-use particlegs_core::render::depth::{grow, in_camera, paint};
+use particlegs_core::render::bin::{Binner, Bins, Placed, place};
+use particlegs_core::render::depth::{grow, paint};
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::{
-    DepthMoments, DepthSlopes, Footprint, InCamera, inverse_moments, inverse_slopes,
-};
-use particlegs_core::render::pyramid::{self, Level, PAD};
-use particlegs_core::render::slices::{Fate, cut_with_slopes, fate};
+use particlegs_core::render::project::slices::{Fate, cut_with_slopes, fate, whole};
+use particlegs_core::render::project::{DepthMoments, DepthSlopes, Footprint, InCamera, inverse_slopes};
+use particlegs_core::render::raster::pyramid::{self, Level, PAD};
 use particlegs_core::space::Bounds;
 
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
@@ -78,21 +76,20 @@ impl Tape {
         parallel::for_each(self.runs.iter().zip(out.chunks_mut(RUN)).enumerate(), |(run, (pieces, out))| {
             for group in pieces.chunk_by(|a, b| a.gaussian == b.gaussian) {
                 let i = group[0].gaussian as usize;
-                let g = in_camera(mixture, i, &self.lens, mixture.count[i]);
-                out[i - run * RUN] = self.of_pieces(&g, group, &planes);
+                let g = self.lens.see(mixture, i, mixture.count[i]);
+                out[i - run * RUN] = g.map_or_else(OfGaussian::default, |g| self.of_pieces(&g, group, &planes));
             }
         });
         out
     }
 
     fn of_pieces(&self, g: &InCamera, pieces: &[Piece], planes: &[Vec<f32>]) -> OfGaussian {
-        let r = g.regression();
         let mut sum = OfGaussian::default();
         for piece in pieces {
             let level = piece.placed.level;
             let gathered = gather(self.simd, &planes[level], &self.levels[level], &piece.placed.stroke);
             let by = of_footprint(&piece.footprint, &piece.placed, &gathered);
-            sum.add_piece(&self.lens, g, &r, &piece.depth, &by);
+            sum.add_piece(&self.lens, g, &piece.depth, &by);
         }
         sum.to_world(&self.lens)
     }
@@ -121,24 +118,23 @@ fn project_run(m: &Mixture, range: std::ops::Range<usize>, lens: &Lens, levels: 
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     let mut pieces = Vec::with_capacity(range.len());
     for i in range {
-        let g = in_camera(m, i, lens, m.count[i]);
-        let r = g.regression();
+        let Some(g) = lens.see(m, i, m.count[i]) else { continue };
         let mut add = |moments: DepthMoments, slopes: DepthSlopes| {
-            let footprint = g.footprint(lens, &r, &moments);
+            let footprint = g.footprint(lens, &moments);
             if let Some(placed) = place(levels, &footprint) {
                 binner.add_placed(&placed);
                 let depth = PieceDepth { moments, slopes };
                 pieces.push(Piece { gaussian: i as u32, footprint, placed, depth });
             }
         };
-        let (depth, variance) = (g.mean[2], g.cov[5]);
+        let [depth, variance] = g.depths();
         match fate(lens, depth, variance) {
             Fate::Outside => {}
             Fate::Cut if lens.misses(&g) => {}
             Fate::Whole => {
-                add(inverse_moments(depth, variance / (depth * depth)), inverse_slopes(depth, variance));
+                add(whole(lens, depth, variance), inverse_slopes(depth, variance));
             }
-            Fate::Cut => cut_with_slopes(lens, &g, add),
+            Fate::Cut => cut_with_slopes(lens, depth, variance, add),
         }
     }
     (pieces, binner.finish())

@@ -13,11 +13,9 @@ use particlegs_core::model::{Block, Mixture};
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Silent;
 use particlegs_core::render::Scratch;
-use particlegs_core::render::bins::lattice_sum;
-use particlegs_core::render::depth::in_camera;
+use particlegs_core::render::bin::lattice_sum;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::inverse_moments;
-use particlegs_core::render::slices::{Fate, cut, fate};
+use particlegs_core::render::plain::footprints;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
 
@@ -109,23 +107,11 @@ fn step(m: &Mixture, i: usize, number: usize) -> f64 {
 /// The law written plainly in f64: every footprint at every pixel, without cut or coarse planes.
 fn plain(m: &Mixture, view: &View) -> f64 {
     let lens = Lens::optical(view, SIZE, &bounds()).unwrap();
-    let mut footprints = Vec::new();
-    for i in 0..m.len() {
-        let g = in_camera(m, i, &lens, m.count[i]);
-        match fate(&lens, g.mean[2], g.cov[5]) {
-            Fate::Outside => {}
-            Fate::Cut => cut(&lens, &g, |f| footprints.push(f)),
-            Fate::Whole => {
-                let moments = inverse_moments(g.mean[2], g.cov[5] / (g.mean[2] * g.mean[2]));
-                footprints.push(g.footprint(&lens, &g.regression(), &moments));
-            }
-        }
-    }
     let mut tau = vec![0.0; SIZE.pixels()];
-    for f in footprints {
+    for f in (0..m.len()).flat_map(|i| footprints(&lens, m, i, m.count[i])) {
         let [xx, xy, yy] = f.cov;
         let det = xx * yy - xy * xy;
-        let peak = f.sum / (2.0 * std::f64::consts::PI * det.sqrt() * lattice_sum(&f));
+        let peak = f.sum / (2.0 * std::f64::consts::PI * det.sqrt() * lattice_sum(f.mean, f.cov));
         for (p, t) in tau.iter_mut().enumerate() {
             let (x, y) = ((p % SIZE.width) as f64 - f.mean[0], (p / SIZE.width) as f64 - f.mean[1]);
             *t += peak * (-0.5 * (yy * x * x - 2.0 * xy * x * y + xx * y * y) / det).exp();

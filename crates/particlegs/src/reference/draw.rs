@@ -9,8 +9,9 @@ use crate::camera::{View, clipping_range};
 use crate::particles::Particles;
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
+use crate::render::tone;
 use crate::space::Bounds;
-use crate::splat::{Look, tone};
+use crate::splat::Look;
 use particlegs_files::memory::require;
 
 /// A snapshot ready to be drawn: its particles and their bounds, found once.

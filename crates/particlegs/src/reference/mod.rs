@@ -4,7 +4,7 @@
 //! stage, in VTK's float32. ParaView's picture goes on to `paraview` (bands of rows, fragments),
 //! `quad` (coverage and alpha), `blend` (depth peeling) and `fxaa`; the noise-free optical depth
 //! to `depth`, `deposit` (a splat's share of each pixel) and `pyramid` (coarser planes for large
-//! splats), and from there through [`crate::splat::tone`].
+//! splats), and from there through [`crate::render::tone`].
 
 mod bands;
 mod blend;

@@ -9,9 +9,9 @@ use crate::particles::Particles;
 use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit};
 use crate::progress::{Level, Progress};
 use crate::reference::{Reference, uniform_box};
-use crate::render::{self, Scene};
+use crate::render::{self, Scene, tone};
 use crate::space::Bounds;
-use crate::splat::{Look, tone};
+use crate::splat::Look;
 use crate::stats::Domain;
 use crate::{Error, Result};
 

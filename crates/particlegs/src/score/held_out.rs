@@ -8,8 +8,8 @@ use crate::particles::Particles;
 use crate::picture::{Gray8, Size, masked_psnr};
 use crate::progress::Progress;
 use crate::reference::Reference;
-use crate::render::{self, Scene};
-use crate::splat::{Look, tone};
+use crate::render::{self, Scene, tone};
+use crate::splat::Look;
 
 /// Views and the `expected` pictures of all particles in them, drawn once.
 pub struct HeldOut {

@@ -5,7 +5,8 @@ use crate::camera::View;
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
 use crate::reference::{Reference, fxaa};
-use crate::splat::{Look, tone};
+use crate::render::tone;
+use crate::splat::Look;
 
 /// One view of all particles: ParaView's pictures, and the noise-free optical depth.
 pub(super) struct Truth {

@@ -1,7 +1,8 @@
 //! From a scene's Gaussians to those of a view: into the training frame, bent for its radius and
 //! opacity.
 
-use super::project::Gaussian;
+use super::eye::Eye;
+use super::project::{Gaussian, Seen};
 use crate::camera::{Normalisation, View};
 use crate::math::Sym3;
 use crate::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
@@ -44,12 +45,18 @@ impl<'a> Blend<'a> {
         })
     }
 
-    /// The Gaussians as they look in a view.
+    /// The Gaussians as they look in a view, relative to its eye.
     ///
     /// # Errors
     /// [`Error::Argument`] that names the first Gaussian that is not a number, and for a mixture
     /// without opacities.
-    pub fn gaussians(&self, parts: &[(&Mixture, f64)], view: &View, progress: &dyn Progress) -> Result<Vec<Gaussian>> {
+    pub fn gaussians(
+        &self,
+        parts: &[(&Mixture, f64)],
+        view: &View,
+        eye: &Eye,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Seen>> {
         let setting = Setting { radius: view.radius / self.radius, opacity: view.opacity / self.opacity };
         let network = self.vizmapper.map(|v| (Network::new(v), v.ranges));
         let runs = parts
@@ -61,6 +68,7 @@ impl<'a> Blend<'a> {
             .flat_map(|(m, first)| (0..m.len()).step_by(RUN).map(move |start| (m, first, start)));
         let gaussians = parallel::try_map(runs, |(m, first, start)| {
             self.run(progress.simd(), m, start..m.len().min(start + RUN), setting, network.as_ref())
+                .map(|own| own.iter().map(|g| g.seen(eye)).collect::<Vec<_>>())
                 .map_err(|(i, what)| Error::argument(format!("Gaussian {}: {what}", first + i)))
         })?;
         Ok(gaussians.into_iter().flatten().collect())

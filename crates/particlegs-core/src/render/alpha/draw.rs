@@ -26,7 +26,7 @@ pub(in crate::render) fn optical_depth<'a>(
     let eye = Eye::new(view, size, &of.frame)?;
     let n: usize = parts.iter().map(|(m, _)| m.len()).sum();
     progress.require_memory("a picture", 4 * size.pixels() as u64 + 256 * n as u64)?;
-    let gaussians = of.gaussians(parts, view, progress)?;
+    let gaussians = of.gaussians(parts, view, &eye, progress)?;
     let plan = Plan::new(&eye, n, |i| Some(gaussians[i]), CutOffs::PUBLISHED, progress)?;
     let data = &mut scratch.planes([size.pixels()].into_iter(), progress)?[0];
     blend_into(&plan, size, data, progress)?;

@@ -69,10 +69,4 @@ impl Eye {
         let center = std::array::from_fn(|k| self.center[k] - corner[k] as f64);
         Eye { center, size, ..self }
     }
-
-    /// Camera coordinates of a place in the training frame: right, down, depth.
-    pub fn see(&self, p: [f64; 3]) -> [f64; 3] {
-        let v: [f64; 3] = std::array::from_fn(|k| p[k] - self.position[k]);
-        self.axes.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2])
-    }
 }

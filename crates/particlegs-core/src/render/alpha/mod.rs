@@ -2,13 +2,13 @@
 //! grey, on the CPU.
 //!
 //! Everything happens in the training frame ([`crate::camera::Normalisation`]). `adapt` takes a
-//! scene's Gaussians there and bends their scales and opacities for the view's radius and opacity.
-//! [`project`] puts one on the picture; a [`Plan`] holds all that are seen, sorted by depth, in bins
-//! of 16 x 16 pixels; [`raster`] blends each tile front to back. Training walks the same plan again
+//! scene's Gaussians there, bends their scales and opacities for the view's radius and opacity, and hands them over
+//! relative to the eye ([`project::Seen`]). [`project`] puts each on the picture ([`project::Projected`]); a [`Plan`]
+//! holds all that are seen ([`project::Splat`]), sorted by depth, in bins of 16 x 16 pixels; [`raster`] blends each tile front to back. Training walks the same plan again
 //! for its gradients.
 
 mod adapt;
-mod bins;
+mod bin;
 mod draw;
 mod eye;
 mod plan;
@@ -24,7 +24,8 @@ pub mod testing;
 mod tests;
 
 pub(super) use adapt::Blend;
-pub use bins::TILE;
+pub use bin::TILE;
+pub use bin::{Bin, Tiles, Touched};
 pub(super) use draw::optical_depth;
 pub use eye::Eye;
 pub use plan::{CutOffs, Plan};

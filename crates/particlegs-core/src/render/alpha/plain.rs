@@ -14,10 +14,14 @@ fn transposed(a: Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }
 
+/// Camera coordinates: right, down, depth.
+fn see(eye: &Eye, p: [f64; 3]) -> [f64; 3] {
+    eye.axes.map(|a| (0..3).map(|k| a[k] * (p[k] - eye.position[k])).sum())
+}
+
 /// Centre, inverse covariance xx, xy, yy and alpha at the centre of a footprint; `None` = not drawn.
 pub fn footprint(eye: &Eye, g: &Gaussian) -> Option<([f64; 2], [f64; 3], f64)> {
-    let v: [f64; 3] = std::array::from_fn(|k| g.mean[k] - eye.position[k]);
-    let [x, y, z]: [f64; 3] = std::array::from_fn(|r| (0..3).map(|k| eye.axes[r][k] * v[k]).sum());
+    let [x, y, z] = see(eye, g.mean);
     if z <= eye.range[0] || z > eye.range[1] {
         return None;
     }
@@ -37,7 +41,7 @@ pub fn footprint(eye: &Eye, g: &Gaussian) -> Option<([f64; 2], [f64; 3], f64)> {
 /// Brightness of every pixel.
 pub fn blend(eye: &Eye, gaussians: &[Gaussian], cut: &CutOffs) -> Vec<f64> {
     let mut order: Vec<usize> = (0..gaussians.len()).collect();
-    order.sort_by(|&a, &b| eye.see(gaussians[a].mean)[2].total_cmp(&eye.see(gaussians[b].mean)[2]));
+    order.sort_by(|&a, &b| see(eye, gaussians[a].mean)[2].total_cmp(&see(eye, gaussians[b].mean)[2]));
     let seen: Vec<_> =
         order.iter().filter_map(|&i| footprint(eye, &gaussians[i]).map(|f| (f, gaussians[i].grey))).collect();
     let mut out = Vec::with_capacity(eye.size.pixels());

@@ -1,8 +1,8 @@
 //! All Gaussians that a picture shows, sorted by depth, in bins.
 
-use super::bins::{Bin, Tiles, Touched};
+use super::bin::{Bin, Tiles, Touched};
 use super::eye::Eye;
-use super::project::{Gaussian, Splat, project};
+use super::project::{Seen, Splat, project};
 use crate::progress::Progress;
 use crate::{Error, Result, parallel};
 
@@ -44,12 +44,6 @@ pub struct Plan {
     pub cut: CutOffs,
 }
 
-/// One that is seen.
-struct Seen {
-    splat: Splat,
-    touched: Touched,
-}
-
 impl Plan {
     /// Of Gaussians `0..n`. Those of equal depth are drawn in the order of their numbers.
     ///
@@ -58,30 +52,28 @@ impl Plan {
     pub fn new(
         eye: &Eye,
         n: usize,
-        gaussian: impl Fn(usize) -> Option<Gaussian> + Sync,
+        gaussian: impl Fn(usize) -> Option<Seen> + Sync,
         cut: CutOffs,
         progress: &dyn Progress,
     ) -> Result<Plan> {
         let tiles = Tiles::of(eye.size);
         let see = |i: usize| {
-            let g = gaussian(i)?;
-            let p = project(eye, g.mean, &g.cov)?;
-            let (splat, reach) = Splat::new(&p, g.opacity, g.grey, cut.least_alpha.into())?;
-            let touched = tiles.touched(eye.size, p.at, reach)?;
+            let p = project(eye, &gaussian(i)?, cut.least_alpha.into())?;
+            let touched = tiles.touched(eye.size, &p)?;
             // Depths are positive: their bits stand in their order.
-            let key = u64::from((p.seen[2] as f32).to_bits()) << 32 | i as u64;
-            Some((key, Seen { splat, touched }))
+            let key = u64::from(p.depth.to_bits()) << 32 | i as u64;
+            Some((key, p.splat, touched))
         };
         let runs = parallel::try_map_range(n.div_ceil(RUN), |c| {
             progress.check()?;
             Ok((c * RUN..n.min((c + 1) * RUN)).filter_map(see).collect::<Vec<_>>())
         })?;
-        let seen: Vec<(u64, Seen)> = runs.into_iter().flatten().collect();
+        let seen: Vec<(u64, Splat, Touched)> = runs.into_iter().flatten().collect();
         let mut order: Vec<(u64, u32)> =
-            seen.iter().enumerate().map(|(place, (key, _))| (*key, place as u32)).collect();
+            seen.iter().enumerate().map(|(place, (key, ..))| (*key, place as u32)).collect();
         parallel::sort_keys(&mut order);
         let run = RUN.max(seen.len().div_ceil(MOST_BINS));
-        let entries: u64 = seen.iter().map(|(_, s)| s.touched.number()).sum();
+        let entries: u64 = seen.iter().map(|(.., touched)| touched.number()).sum();
         let places = (seen.len().div_ceil(run) * (tiles.number() + 1)) as u64;
         // Bins count with 32 bits.
         let most = u64::from(u32::MAX);
@@ -89,10 +81,10 @@ impl Plan {
             return Err(Error::Memory { what: "a picture".into(), need_bytes: 4 * entries, have_bytes: 4 * most });
         }
         progress.require_memory("a picture", 4 * (entries + 2 * places))?;
-        let touched: Vec<Touched> = order.iter().map(|(_, place)| seen[*place as usize].1.touched).collect();
+        let touched: Vec<Touched> = order.iter().map(|(_, place)| seen[*place as usize].2).collect();
         let bins = parallel::map(touched.chunks(run).enumerate(), |(c, t)| Bin::new(&tiles, c * run, t));
         Ok(Plan {
-            splats: order.iter().map(|(_, place)| seen[*place as usize].1.splat).collect(),
+            splats: order.iter().map(|(_, place)| seen[*place as usize].1).collect(),
             indices: order.iter().map(|(key, _)| *key as u32).collect(),
             bins,
             run,

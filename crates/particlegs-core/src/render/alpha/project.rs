@@ -3,6 +3,7 @@
 
 use super::eye::Eye;
 use crate::math::Sym3;
+use crate::render::project::InCamera;
 
 /// Variance added to every footprint along either axis: one pixel, in quadrature (docs/law/published.md).
 pub const LOW_PASS: f64 = 1.0;
@@ -23,9 +24,39 @@ pub struct Gaussian {
     pub grey: f64,
 }
 
-/// A Gaussian's footprint.
-#[derive(Clone, Copy, Debug)]
+impl Gaussian {
+    /// As the projection reads it.
+    pub fn seen(&self, eye: &Eye) -> Seen {
+        let gaussian = InCamera::new(&eye.axes, eye.position, self.mean, &self.cov, self.opacity);
+        Seen { gaussian, grey: self.grey as f32 }
+    }
+}
+
+/// A Gaussian of a view: what the projection reads, 44 bytes, as a GPU reads them. Lengths are the training frame's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Seen {
+    /// Relative to the eye; its weight is its opacity.
+    pub gaussian: InCamera,
+    /// Grey level, 1 = white.
+    pub grey: f32,
+}
+
+/// A footprint: what the projection writes, 44 bytes, as a GPU reads them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Projected {
+    /// As tiles are drawn with it.
+    pub splat: Splat,
+    /// Depth of its centre.
+    pub depth: f32,
+    /// How far from its centre it is drawn in x and y, pixels.
+    pub reach: [f32; 2],
+}
+
+/// The way from a Gaussian to its footprint, which its gradient goes back.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
     /// Its centre, pixels.
     pub at: [f64; 2],
     /// Right, down, depth in the training frame.
@@ -44,33 +75,28 @@ pub struct Projected {
     pub compensation: f64,
 }
 
-/// Rows of J A: what a step of the place does to the centre in pixels, at first order.
-pub fn jacobian(eye: &Eye, depth: f64, slope: [f64; 2]) -> [[f64; 3]; 2] {
-    let unit = eye.focal / depth;
-    let [right, down, forward] = eye.axes;
-    let row = |axis: [f64; 3], slope: f64| std::array::from_fn(|k| unit * (axis[k] - slope * forward[k]));
-    [row(right, slope[0]), row(down, slope[1])]
-}
-
-/// The footprint, or `None` in front of the near plane or beyond the far one, or where a number is
-/// not one.
-pub fn project(eye: &Eye, mean: [f64; 3], cov: &Sym3) -> Option<Projected> {
-    let seen = eye.see(mean);
+/// The footprint's shape, or `None` in front of the near plane or beyond the far one, or where a number is
+/// not one. In f64: determinants of long footprints are differences.
+pub fn shape(eye: &Eye, g: &InCamera) -> Option<Shape> {
+    let seen = g.mean.map(f64::from);
     let [x, y, depth] = seen;
     if !(depth > eye.range[0] && depth <= eye.range[1]) {
         return None;
     }
     let slope = [(x / depth, eye.guard[0]), (y / depth, eye.guard[1])].map(|(s, g)| (s.clamp(-g, g), s.abs() > g));
-    let [m0, m1] = jacobian(eye, depth, [slope[0].0, slope[1].0]);
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let (s0, s1) = (cov.apply(m0), cov.apply(m1));
-    let sharp = [dot(m0, s0), dot(m0, s1), dot(m1, s1)];
+    // What a step in depth moves on the picture, beside what is left at a given depth.
+    let [sx, sy] = [0, 1].map(|k| f64::from(g.slope[k]) - slope[k].0);
+    let ([xx, xy, yy], zz) = (g.rest(), f64::from(g.depth));
+    let unit2 = (eye.focal / depth) * (eye.focal / depth);
+    let sharp = [xx + sx * sx * zz, xy + sx * sy * zz, yy + sy * sy * zz].map(|v| unit2 * v);
+    let [down, lean, across] = [g.down, g.lean, g.across].map(f64::from);
+    let skew = sx - lean * sy;
+    let sharp_det = unit2 * unit2 * (across * down + zz * (across * sy * sy + down * skew * skew));
     let wide = [sharp[0] + LOW_PASS, sharp[1], sharp[2] + LOW_PASS];
-    let det = |c: [f64; 3]| c[0] * c[2] - c[1] * c[1];
-    let (sharp_det, wide_det) = (det(sharp).max(0.0), det(wide));
+    let wide_det = wide[0] * wide[2] - wide[1] * wide[1];
     let at = [eye.center[0] + eye.focal * x / depth, eye.center[1] + eye.focal * y / depth];
     let fine = at[0].is_finite() && at[1].is_finite() && wide_det > 0.0 && wide_det.is_finite();
-    fine.then(|| Projected {
+    fine.then(|| Shape {
         at,
         seen,
         slope,
@@ -80,6 +106,31 @@ pub fn project(eye: &Eye, mean: [f64; 3], cov: &Sym3) -> Option<Projected> {
         wide_det,
         compensation: (sharp_det / wide_det).max(LEAST_RATIO).sqrt(),
     })
+}
+
+/// The footprint, or `None` where nothing is drawn.
+pub fn project(eye: &Eye, g: &Seen, least_alpha: f64) -> Option<Projected> {
+    let p = shape(eye, &g.gaussian)?;
+    let peak = f64::from(g.gaussian.weight) * p.compensation;
+    // Not the negation: nothing is drawn of what is not a number.
+    if !(peak >= least_alpha && peak.is_finite() && g.grey.is_finite()) {
+        return None;
+    }
+    let [xx, xy, yy] = p.wide;
+    let half_log2 = 0.5 * std::f64::consts::LOG2_E;
+    let end = libm::log2(least_alpha / peak);
+    let splat = Splat {
+        x: p.at[0] as f32,
+        y: p.at[1] as f32,
+        lean: (xy / yy) as f32,
+        along: (-half_log2 * yy / p.wide_det) as f32,
+        down: (-half_log2 / yy) as f32,
+        peak: peak as f32,
+        end: end as f32,
+        grey: g.grey,
+    };
+    let reach = [xx, yy].map(|v| (v * -end / half_log2).sqrt() as f32);
+    Some(Projected { splat, depth: p.seen[2] as f32, reach })
 }
 
 /// A footprint as tiles are drawn with it. The alpha of a pixel is `peak 2^p` with
@@ -104,30 +155,4 @@ pub struct Splat {
     pub end: f32,
     /// Grey level.
     pub grey: f32,
-}
-
-impl Splat {
-    /// With the reach in x and y of what is drawn; `None` where nothing is.
-    pub fn new(p: &Projected, opacity: f64, grey: f64, least_alpha: f64) -> Option<(Splat, [f64; 2])> {
-        let peak = opacity * p.compensation;
-        // Not the negation: nothing is drawn of what is not a number.
-        if !(peak >= least_alpha && peak.is_finite() && grey.is_finite()) {
-            return None;
-        }
-        let [xx, xy, yy] = p.wide;
-        let half_log2 = 0.5 * std::f64::consts::LOG2_E;
-        let end = libm::log2(least_alpha / peak);
-        let reach = [xx, yy].map(|v| (v * -end / half_log2).sqrt());
-        let splat = Splat {
-            x: p.at[0] as f32,
-            y: p.at[1] as f32,
-            lean: (xy / yy) as f32,
-            along: (-half_log2 * yy / p.wide_det) as f32,
-            down: (-half_log2 / yy) as f32,
-            peak: peak as f32,
-            end: end as f32,
-            grey: grey as f32,
-        };
-        Some((splat, reach))
-    }
 }

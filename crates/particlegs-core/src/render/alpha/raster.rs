@@ -1,6 +1,6 @@
 //! Blends footprints front to back.
 
-use super::bins::TILE;
+use super::bin::TILE;
 use super::plan::{CutOffs, Plan};
 use super::project::Splat;
 use crate::math::exp2;

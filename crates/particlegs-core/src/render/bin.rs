@@ -1,7 +1,7 @@
 //! Footprints sorted to the planes and bands that draw them.
 
 use super::project::Footprint;
-use super::pyramid::{BAND, Level, PAD, SHARPEST};
+use super::raster::pyramid::{BAND, Level, PAD, SHARPEST};
 
 /// Depth that a cut may drop at its edge: below what 8 bits show, however many overlap.
 const FAINTEST: f64 = 1e-4;
@@ -12,7 +12,7 @@ const FARTHEST_CUT: f64 = 22.0;
 const NEAREST_SHARE: f64 = 0.011_108_996_538_242_306;
 /// The cut of footprints that are so small that the pixel grid shows, and what small is (variance).
 const SMALL_CUT: f64 = 20.0;
-const SMALL: f64 = 0.45;
+pub(super) const SMALL: f64 = 0.45;
 
 /// A footprint as the raster wants it, in the pixels of its plane (pad included): 32 bytes, as a GPU reads
 /// them. At (dx, dy) pixels from the centre it adds `peak 2^p`, p = `down dy^2 + along (dx - slope dy)^2`,
@@ -64,11 +64,12 @@ impl<'a> Binner<'a> {
         self.found.len()
     }
 
-    /// Adds a footprint to every band that it touches.
-    #[inline]
-    pub fn add(&mut self, f: &Footprint) {
-        if let Some(placed) = place(self.levels, f) {
-            self.add_placed(&placed);
+    /// Adds footprints, each to every band that it touches.
+    pub fn add(&mut self, footprints: &[Footprint]) {
+        for f in footprints {
+            if let Some(placed) = place(self.levels, f) {
+                self.add_placed(&placed);
+            }
         }
     }
 
@@ -121,21 +122,23 @@ pub struct Placed {
 /// Finds a footprint's plane and stroke; `None` where it does not touch the picture.
 #[inline]
 pub fn place(levels: &[Level], f: &Footprint) -> Option<Placed> {
-    let [xx, xy, yy] = f.cov;
+    // In f64: wide enough for every product, and pixel coordinates keep their digits on the way to the plane's.
+    let ([xx, _, yy], across) = (f.cov(), f64::from(f.across));
+    let ([at_x, at_y], sum) = (f.mean.map(f64::from), f64::from(f.sum));
     let reach = FARTHEST_CUT.sqrt() + 3.0;
     let far = |at: f64, variance: f64, pixels: usize| {
         let beyond = (-at).max(at - pixels as f64) - (2 * PAD) as f64;
         beyond > 0.0 && beyond * beyond > reach * reach * variance
     };
     let size = levels[0].size;
-    if far(f.mean[0], xx, size.width) || far(f.mean[1], yy, size.height) {
+    if far(at_x, xx, size.width) || far(at_y, yy, size.height) {
         return None;
     }
-    let det = xx * yy - xy * xy;
-    if !(det > 0.0 && f.sum > 0.0) {
+    let det = across * yy;
+    if !(det > 0.0 && sum > 0.0) {
         return None;
     }
-    let peak = f.sum / (2.0 * std::f64::consts::PI * det.sqrt());
+    let peak = sum / (2.0 * std::f64::consts::PI * det.sqrt());
     let half_sum = 0.5 * (xx + yy);
     let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
     let cut2 = cut(peak, smaller);
@@ -143,8 +146,8 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<Placed> {
     let (level, scale) = suited(levels, smaller);
     let shape = &levels[level];
     let pad = PAD as f64;
-    let x = (f.mean[0] + 0.5) * scale - 0.5 + pad;
-    let y = (f.mean[1] + 0.5) * scale - 0.5 + pad;
+    let x = (at_x + 0.5) * scale - 0.5 + pad;
+    let y = (at_y + 0.5) * scale - 0.5 + pad;
     let (half_x, half_y) = (reach_x * scale, reach_y * scale);
     let right = (shape.size.width + 2 * PAD - 1) as f64;
     let bottom = (shape.rows - 1) as f64;
@@ -158,15 +161,15 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<Placed> {
     let mut peak = peak / (1.0 - outside);
     let small = smaller < SMALL;
     if small {
-        peak /= lattice_sum(f);
+        peak /= lattice_sum([at_x, at_y], f.cov());
     }
     const HALF_LOG2_E: f64 = 0.5 * std::f64::consts::LOG2_E;
     let unscale2 = 1.0 / (scale * scale);
     let stroke = Stroke {
         x: x as f32,
         y: y as f32,
-        slope: (xy / yy) as f32,
-        along: (-HALF_LOG2_E * yy / det * unscale2) as f32,
+        slope: f.lean,
+        along: (-HALF_LOG2_E / across * unscale2) as f32,
         down: (-HALF_LOG2_E / yy * unscale2) as f32,
         end: (-HALF_LOG2_E * cut2) as f32,
         peak: peak as f32,
@@ -176,7 +179,7 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<Placed> {
 }
 
 /// The coarsest plane that still shows a variance, and its scale.
-fn suited(levels: &[Level], variance: f64) -> (usize, f64) {
+pub(super) fn suited(levels: &[Level], variance: f64) -> (usize, f64) {
     let mut level = 0;
     let mut scale = 1.0;
     let mut least = 4.0 * SHARPEST * SHARPEST;
@@ -197,7 +200,7 @@ const FREQUENCIES: [(f64, f64); 12] = [
 
 /// Where a footprint ends, in squared sigmas: where it fades below notice.
 #[inline]
-fn cut(peak: f64, smaller: f64) -> f64 {
+pub(super) fn cut(peak: f64, smaller: f64) -> f64 {
     if smaller < SMALL {
         SMALL_CUT
     } else if peak < FAINTEST * 90.0 {
@@ -210,28 +213,26 @@ fn cut(peak: f64, smaller: f64) -> f64 {
 
 /// The sum over all pixels of the normalised footprint sampled at their centres, by Poisson's
 /// summation: 1 for wide ones, up to 1.9 for a point at a pixel's centre.
-pub fn lattice_sum(f: &Footprint) -> f64 {
+pub fn lattice_sum(mean: [f64; 2], [xx, xy, yy]: [f64; 3]) -> f64 {
     const TWO_PI: f64 = 2.0 * std::f64::consts::PI;
-    let [xx, xy, yy] = f.cov;
     let mut sum = 1.0;
     for (i, j) in FREQUENCIES {
         let power = -0.5 * TWO_PI * TWO_PI * (i * i * xx + 2.0 * i * j * xy + j * j * yy);
         if power > -14.0 {
-            sum += 2.0 * libm::exp(power) * libm::cos(TWO_PI * (i * f.mean[0] + j * f.mean[1]));
+            sum += 2.0 * libm::exp(power) * libm::cos(TWO_PI * (i * mean[0] + j * mean[1]));
         }
     }
     sum
 }
 
 /// The logarithm of [`lattice_sum`]'s change with the mean (x, y) and the covariance (xx, xy, yy).
-pub fn lattice_slope(f: &Footprint) -> ([f64; 2], [f64; 3]) {
+pub fn lattice_slope(at: [f64; 2], [xx, xy, yy]: [f64; 3]) -> ([f64; 2], [f64; 3]) {
     const TWO_PI: f64 = 2.0 * std::f64::consts::PI;
-    let [xx, xy, yy] = f.cov;
     let (mut sum, mut mean, mut cov) = (1.0, [0.0; 2], [0.0; 3]);
     for (i, j) in FREQUENCIES {
         let power = -0.5 * TWO_PI * TWO_PI * (i * i * xx + 2.0 * i * j * xy + j * j * yy);
         if power > -14.0 {
-            let (sin, cos) = libm::sincos(TWO_PI * (i * f.mean[0] + j * f.mean[1]));
+            let (sin, cos) = libm::sincos(TWO_PI * (i * at[0] + j * at[1]));
             let size = 2.0 * libm::exp(power);
             sum += size * cos;
             let by_power = -0.5 * TWO_PI * TWO_PI * size * cos;

@@ -1,5 +1,6 @@
 //! Which footprints touch which tile.
 
+use super::project::Projected;
 use crate::picture::Size;
 
 /// Pixels of a tile's side.
@@ -32,11 +33,12 @@ impl Tiles {
         self.across * self.down
     }
 
-    /// The tiles within `reach` of `at`; `None` outside the picture.
-    pub fn touched(&self, size: Size, at: [f64; 2], reach: [f64; 2]) -> Option<Touched> {
-        let [columns, rows] = [(0, size.width), (1, size.height)].map(|(k, pixels)| {
-            let from = (at[k] - reach[k]).ceil().max(0.0);
-            let to = (at[k] + reach[k]).floor().min(pixels as f64 - 1.0);
+    /// The tiles that a footprint reaches; `None` outside the picture.
+    pub fn touched(&self, size: Size, p: &Projected) -> Option<Touched> {
+        let [right, down] = p.reach;
+        let [columns, rows] = [(p.splat.x, right, size.width), (p.splat.y, down, size.height)].map(|(at, reach, n)| {
+            let from = (at - reach).ceil().max(0.0);
+            let to = (at + reach).floor().min(n as f32 - 1.0);
             (from <= to).then(|| [from, to].map(|v| (v as usize / TILE) as u16))
         });
         Some(Touched { columns: columns?, rows: rows? })

@@ -5,8 +5,8 @@
 //! and are smooth, so that the pieces blend without seams. Each piece is the Gaussian times one
 //! spline, inside the clipping range; its moments are sums over a fine grid of depths.
 
-use super::lens::Lens;
-use super::project::{DepthMoments, DepthSlopes, Footprint, InCamera};
+use super::{DepthMoments, DepthSlopes, InCamera, inverse_moments};
+use crate::render::lens::Lens;
 
 /// A Gaussian whose depth spread is a larger share of its depth is cut.
 pub const LARGEST_SPREAD: f64 = 0.03;
@@ -47,15 +47,36 @@ pub fn fate(lens: &Lens, depth: f64, variance: f64) -> Fate {
     }
 }
 
-/// Calls `emit` with the footprint of each piece.
-pub fn cut(lens: &Lens, g: &InCamera, mut emit: impl FnMut(Footprint)) {
-    let r = g.regression();
-    slice::<3>(lens, g, |sums| emit(g.footprint(lens, &r, &moments(sums))));
+/// Calls `emit` with the moments of each piece that the picture may show.
+#[inline(always)]
+pub fn pieces(lens: &Lens, g: &InCamera, mut emit: impl FnMut(DepthMoments)) {
+    let [depth, variance] = g.depths();
+    match fate(lens, depth, variance) {
+        Fate::Outside => {}
+        Fate::Cut if lens.misses(g) => {}
+        Fate::Whole => emit(whole(lens, depth, variance)),
+        Fate::Cut => cut(lens, depth, variance, emit),
+    }
+}
+
+/// The moments of a Gaussian in one piece.
+#[inline(always)]
+pub fn whole(lens: &Lens, depth: f64, variance: f64) -> DepthMoments {
+    if lens.perspective {
+        inverse_moments(depth, variance / (depth * depth))
+    } else {
+        DepthMoments { weight: 1.0, mean: depth, square: 0.0, variance }
+    }
+}
+
+/// Calls `emit` with the moments of each piece.
+pub fn cut(lens: &Lens, depth: f64, variance: f64, mut emit: impl FnMut(DepthMoments)) {
+    slice::<3>(lens, depth, variance, |sums| emit(moments(sums)));
 }
 
 /// Calls `emit` with the moments of each piece and their slopes; the splines stay where they are.
-pub fn cut_with_slopes(lens: &Lens, g: &InCamera, mut emit: impl FnMut(DepthMoments, DepthSlopes)) {
-    slice::<9>(lens, g, |sums| {
+pub fn cut_with_slopes(lens: &Lens, depth: f64, variance: f64, mut emit: impl FnMut(DepthMoments, DepthSlopes)) {
+    slice::<9>(lens, depth, variance, |sums| {
         let [weight, first, second] = [sums[0], sums[1], sums[2]];
         let m = moments(&[weight, first, second]);
         let by = |at: usize| {
@@ -76,21 +97,21 @@ fn moments(&[weight, first, second]: &[f64; 3]) -> DepthMoments {
 
 /// Calls `emit` with the sums of each piece: w, w q, w q^2 and, where `N` is 9, their changes with
 /// the mean depth and with its variance.
-fn slice<const N: usize>(lens: &Lens, g: &InCamera, mut emit: impl FnMut(&[f64; N])) {
+fn slice<const N: usize>(lens: &Lens, mean: f64, variance: f64, mut emit: impl FnMut(&[f64; N])) {
     let [near, far] = lens.range;
-    let sigma = g.cov[5].max(0.0).sqrt();
-    let (lo, hi) = ((g.mean[2] - REACH * sigma).max(near), (g.mean[2] + REACH * sigma).min(far));
+    let sigma = variance.max(0.0).sqrt();
+    let (lo, hi) = ((mean - REACH * sigma).max(near), (mean + REACH * sigma).min(far));
     if lo >= hi {
         // No spread (or none inside): all or nothing, as for a particle.
-        if g.mean[2] >= near && g.mean[2] <= far {
-            emit(&flat(lens, g.mean[2]));
+        if mean >= near && mean <= far {
+            emit(&flat(lens, mean));
         }
         return;
     }
     let (from, to) = if lens.perspective { (libm::log(lo), libm::log(hi)) } else { (lo, hi) };
     let length = to - from;
     // In the axis' unit: no coarser than the Gaussian itself, nor than perspective allows.
-    let own = 0.35 * sigma / if lens.perspective { hi.min(g.mean[2].max(lo)) } else { 1.0 };
+    let own = 0.35 * sigma / if lens.perspective { hi.min(mean.max(lo)) } else { 1.0 };
     let step = if lens.perspective { STEP.min(own) } else { own };
     let steps = (length / step).ceil().clamp(1.0, MOST);
     let step = length / steps;
@@ -100,7 +121,7 @@ fn slice<const N: usize>(lens: &Lens, g: &InCamera, mut emit: impl FnMut(&[f64; 
         let u = (i as f64 + 0.5) / POINTS as f64;
         let axis = from + step * u;
         let depth = if lens.perspective { libm::exp(axis) } else { axis };
-        let z = (depth - g.mean[2]) / sigma;
+        let z = (depth - mean) / sigma;
         let stretch = if lens.perspective { depth } else { 1.0 };
         let density =
             libm::exp(-0.5 * z * z) * stretch * step / (POINTS as f64 * sigma * (2.0 * std::f64::consts::PI).sqrt());

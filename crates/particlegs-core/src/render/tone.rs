@@ -1,8 +1,8 @@
 //! From optical depth to grey levels: the tone curve of each look.
 
-use super::{FxaaMean, Look, Response, fxaa_blur};
 use crate::parallel;
 use crate::picture::{Gray8, Plane, Rows};
+use crate::splat::{FxaaMean, Look, Response, fxaa_blur};
 
 /// Grey levels of a noise-free plane of optical depth (the opacity integral, A1 of
 /// docs/law/depth.md), of all particles or of a model.

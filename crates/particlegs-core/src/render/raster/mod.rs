@@ -1,6 +1,11 @@
 //! Draws strokes on a band of rows.
 
-use super::bins::Stroke;
+mod canvas;
+pub mod pyramid;
+
+pub(super) use canvas::Canvas;
+
+use super::bin::Stroke;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, f32x8};
 

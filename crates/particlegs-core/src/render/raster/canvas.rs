@@ -1,18 +1,18 @@
 //! The planes of a picture while strokes are drawn on them.
 
-use super::bins::Bins;
+use super::Band;
 use super::pyramid::{self, BAND, Level, PAD};
-use super::raster::{self, Band};
-use super::scratch::Scratch;
 use crate::picture::{Rows, Size};
 use crate::progress::Progress;
+use crate::render::bin::Bins;
+use crate::render::scratch::Scratch;
 use crate::{Result, parallel};
 
 /// Strokes drawn between two looks at whether to stop.
 const CHECK: usize = 4096;
 
 /// Planes of a picture, finest first.
-pub(super) struct Canvas<'a> {
+pub(in crate::render) struct Canvas<'a> {
     /// Their shapes.
     pub levels: Vec<Level>,
     planes: &'a mut [Vec<f32>],
@@ -49,7 +49,7 @@ impl<'a> Canvas<'a> {
             for bin in bins {
                 for strokes in bin.strokes[bin.starts[number] as usize..bin.starts[number + 1] as usize].chunks(CHECK) {
                     progress.check()?;
-                    raster::draw(simd, &mut band, strokes);
+                    super::draw(simd, &mut band, strokes);
                 }
             }
             Ok(())
