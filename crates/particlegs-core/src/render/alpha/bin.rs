@@ -18,7 +18,9 @@ pub struct Tiles {
 /// Tiles that a footprint touches: columns and rows, both ends included.
 #[derive(Clone, Copy, Debug)]
 pub struct Touched {
+    /// First and last column of tiles.
     pub columns: [u16; 2],
+    /// First and last row of tiles.
     pub rows: [u16; 2],
 }
 
