@@ -1,7 +1,7 @@
 //! Work over several threads: the few forms that the library needs. Without the feature `threads` the same work is
 //! done in order, to the same bits.
 //!
-//! All of them are thin covers of [`each`], which is compiled once: what is generic down to the threads would be
+//! All of them are thin covers of `each`, which is compiled once: what is generic down to the threads would be
 //! compiled again for every use.
 
 use std::sync::atomic::{AtomicUsize, Ordering};

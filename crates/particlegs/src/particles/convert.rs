@@ -13,8 +13,9 @@ impl Kept<'_> {
     /// Writes float32 at `out`; says how many bytes. Nothing is left at `out` after an error or a stop.
     ///
     /// # Errors
-    /// [`Error::Input`] for positions beyond float32, and where weights would be lost; [`Error::Io`] where there
-    /// is no room; [`Error::Output`] where a folder there holds anything but particles; [`Error::Cancelled`].
+    /// [`crate::Error::Input`] for positions beyond float32, and where weights would be lost; [`crate::Error::Io`]
+    /// where there is no room; [`crate::Error::Output`] where a folder there holds anything but particles;
+    /// [`crate::Error::Cancelled`].
     pub fn write_raw(&self, out: &Path, form: RawForm, progress: &dyn Progress) -> Result<u64> {
         let weighted = self.weighted();
         let writer = SnapshotWriter::create(out, form, self.total(), weighted)?;
