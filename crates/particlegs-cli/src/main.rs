@@ -69,11 +69,18 @@ fn run() -> particlegs::Result<()> {
 fn main() -> ExitCode {
     cut_short::say_so();
     common::meet_file_size_limits();
-    let outcome = std::panic::catch_unwind(run);
-    match outcome {
-        Ok(Ok(())) => ExitCode::SUCCESS,
-        Ok(Err(error)) => report::failure(&error),
-        // The panic's own message has been printed; it is a defect of the program.
-        Err(_) => ExitCode::from(70),
+    end_on_panic();
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => report::failure(&error),
     }
+}
+
+/// A panic, which is a defect of the program, says where it is and ends the command, whatever thread it is on.
+fn end_on_panic() {
+    let say = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        say(panic);
+        std::process::exit(70);
+    }));
 }

@@ -46,9 +46,17 @@ fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
 pub fn map_range<R: Send>(n: usize, of: impl Fn(usize) -> R + Sync) -> Vec<R> {
     let size = piece(n);
     let parts: Vec<Mutex<Vec<R>>> = (0..n.div_ceil(size)).map(|_| Mutex::default()).collect();
-    each(parts.len(), &|k| *lock(&parts[k]) = (k * size..n.min((k + 1) * size)).map(&of).collect());
+    each(parts.len(), &|k| {
+        let mut part = Vec::with_capacity(size);
+        for i in k * size..n.min((k + 1) * size) {
+            part.push(of(i));
+        }
+        *lock(&parts[k]) = part;
+    });
     let mut all = Vec::with_capacity(n);
-    parts.iter().for_each(|part| all.append(&mut lock(part)));
+    for part in &parts {
+        all.append(&mut lock(part));
+    }
     all
 }
 
@@ -65,13 +73,17 @@ pub fn try_map_range<R: Send, E: Send>(n: usize, of: impl Fn(usize) -> Result<R,
         }
         Some(result)
     };
-    map_range(n, one).into_iter().flatten().collect()
+    let mut all = Vec::with_capacity(n);
+    for result in map_range(n, one).into_iter().flatten() {
+        all.push(result?);
+    }
+    Ok(all)
 }
 
 /// `of` every item, in their order.
 pub fn map<T: Send, R: Send>(items: impl IntoIterator<Item = T>, of: impl Fn(T) -> R + Sync) -> Vec<R> {
     let items = slots(items);
-    map_range(items.len(), |i| taken(&items[i]).map(&of)).into_iter().flatten().collect()
+    map_range(items.len(), |i| of(taken(&items[i])))
 }
 
 /// [`map`] of what may fail: after an error nothing that follows it is begun.
@@ -83,8 +95,7 @@ pub fn try_map<T: Send, R: Send, E: Send>(
     of: impl Fn(T) -> Result<R, E> + Sync,
 ) -> Result<Vec<R>, E> {
     let items = slots(items);
-    let all = try_map_range(items.len(), |i| taken(&items[i]).map(&of).transpose())?;
-    Ok(all.into_iter().flatten().collect())
+    try_map_range(items.len(), |i| of(taken(&items[i])))
 }
 
 /// Places that items are taken from, each once, by any thread.
@@ -92,13 +103,14 @@ fn slots<T>(items: impl IntoIterator<Item = T>) -> Vec<Mutex<Option<T>>> {
     items.into_iter().map(|item| Mutex::new(Some(item))).collect()
 }
 
-fn taken<T>(slot: &Mutex<Option<T>>) -> Option<T> {
-    lock(slot).take()
+fn taken<T>(slot: &Mutex<Option<T>>) -> T {
+    lock(slot).take().expect("every item is taken once")
 }
 
-/// Calls `each` with every item.
-pub fn for_each<T: Send>(items: impl IntoIterator<Item = T>, each: impl Fn(T) + Sync) {
-    map(items, each);
+/// Calls `of` with every item.
+pub fn for_each<T: Send>(items: impl IntoIterator<Item = T>, of: impl Fn(T) + Sync) {
+    let items = slots(items);
+    each(items.len(), &|i| of(taken(&items[i])));
 }
 
 /// [`for_each`] of what may fail: after an error nothing that follows it is begun.

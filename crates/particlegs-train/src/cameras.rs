@@ -3,7 +3,7 @@
 
 use super::config::Cameras;
 use particlegs_core::camera::{Camera, FOV_DEG, Projection, View, base_distance, spiral, view_up};
-use particlegs_core::math::{Purpose, Random};
+use particlegs_core::math::{Purpose, Random, each_axis};
 use particlegs_core::picture::Size;
 use particlegs_core::space::Bounds;
 
@@ -73,7 +73,7 @@ impl Views {
 fn inside(of: &Defaults, index: u64) -> Camera {
     let mut draw = Random::of(Purpose::TrainingInside, of.seed, index);
     let (center, extent) = (of.bounds.center(), of.bounds.extent());
-    let position = std::array::from_fn(|k| center[k] + INSIDE * (draw.uniform() - 0.5) * extent[k]);
+    let position = each_axis(|k| center[k] + INSIDE * (draw.uniform() - 0.5) * extent[k]);
     Camera {
         position,
         focal_point: center,

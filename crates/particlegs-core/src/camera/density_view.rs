@@ -2,6 +2,7 @@
 
 use super::view::{Camera, Frame, Projection, View, norm};
 use super::{clipping_range, spherical_camera};
+use crate::math::each_axis;
 use crate::picture::Size;
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
@@ -67,8 +68,7 @@ impl DensityView {
         let unit = spherical_camera([0.0; 3], angles_deg[0], angles_deg[1], 1.0);
         let along =
             |c: Cell| c.vectors.iter().map(|v| (0..3).map(|k| v[k] * unit.position[k]).sum::<f64>().abs()).sum();
-        let everything =
-            4.0 * norm(bounds.extent_nonzero()) + norm(std::array::from_fn(|k| center[k] - bounds.center()[k]));
+        let everything = 4.0 * norm(bounds.extent_nonzero()) + norm(each_axis(|k| center[k] - bounds.center()[k]));
         let half = 0.5 * depth.or(wrap.map(along)).unwrap_or(2.0 * everything);
         let mut camera = spherical_camera(center, angles_deg[0], angles_deg[1], half);
         camera.projection = Projection::Orthographic { height_world: width * size.height as f64 / size.width as f64 };
@@ -88,9 +88,8 @@ impl DensityView {
         let inverse = inverse(&cell.vectors).ok_or_else(|| Error::argument("the periodic cell has no volume"))?;
         let frame = self.camera.frame()?;
         let window = window_corners(&frame, height_world, size, self.range);
-        let data: [[f64; 3]; 8] = std::array::from_fn(|c| {
-            std::array::from_fn(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] })
-        });
+        let data: [[f64; 3]; 8] =
+            std::array::from_fn(|c| each_axis(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] }));
         let mut ranges = [(0i64, 0i64); 3];
         let mut copies = 1.0;
         for axis in 0..3 {
@@ -98,7 +97,7 @@ impl DensityView {
                 continue;
             }
             // Cells along this axis: a point's coordinate is p . row.
-            let row: [f64; 3] = std::array::from_fn(|k| inverse[k][axis]);
+            let row: [f64; 3] = each_axis(|k| inverse[k][axis]);
             let ends = |points: &[[f64; 3]; 8]| {
                 let along = points.map(|p| p[0] * row[0] + p[1] * row[1] + p[2] * row[2]);
                 (
@@ -120,7 +119,7 @@ impl DensityView {
             for j in ranges[1].0..=ranges[1].1 {
                 for k in ranges[2].0..=ranges[2].1 {
                     let n = [i as f64, j as f64, k as f64];
-                    shifts.push(std::array::from_fn(|c| (0..3).map(|r| n[r] * cell.vectors[r][c]).sum()));
+                    shifts.push(each_axis(|c| (0..3).map(|r| n[r] * cell.vectors[r][c]).sum()));
                 }
             }
         }
@@ -133,7 +132,7 @@ fn window_corners(frame: &Frame, height: f64, size: Size, range: [f64; 2]) -> [[
     std::array::from_fn(|c| {
         let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };
         let depth = if c >> 2 & 1 == 0 { range[0] } else { range[1] };
-        std::array::from_fn(|k| {
+        each_axis(|k| {
             frame.position[k] + sign(0) * half[0] * frame.axes[0][k] + sign(1) * half[1] * frame.axes[1][k]
                 - depth * frame.axes[2][k]
         })
@@ -147,5 +146,5 @@ fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
         m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
     };
     let det: f64 = (0..3).map(|c| m[0][c] * cofactor(0, c)).sum();
-    (det.abs() > 0.0 && det.is_finite()).then(|| std::array::from_fn(|r| std::array::from_fn(|c| cofactor(c, r) / det)))
+    (det.abs() > 0.0 && det.is_finite()).then(|| each_axis(|r| each_axis(|c| cofactor(c, r) / det)))
 }

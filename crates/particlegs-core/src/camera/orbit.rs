@@ -1,7 +1,7 @@
 //! The published cameras: a spiral on spheres about the centre of the bounds (docs/law/cameras.md).
 
 use super::view::{Camera, Projection, norm};
-use crate::math::{Purpose, Random};
+use crate::math::{Purpose, Random, each_axis};
 use crate::picture::Size;
 use crate::space::Bounds;
 
@@ -41,7 +41,7 @@ pub fn base_distance(bounds: &Bounds, size: Size) -> f64 {
 
 /// Up is +y, or +z where the view direction is within 18 degrees of the y axis.
 pub fn view_up(position: [f64; 3], focal_point: [f64; 3]) -> [f64; 3] {
-    let d: [f64; 3] = std::array::from_fn(|k| focal_point[k] - position[k]);
+    let d: [f64; 3] = each_axis(|k| focal_point[k] - position[k]);
     if (d[1] / norm(d)).abs() > 0.95 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] }
 }
 
@@ -59,7 +59,7 @@ pub fn spiral(center: [f64; 3], distance: f64, frames: usize, turn: Option<u64>)
             let angle = 2.0 * std::f64::consts::PI * loops * t;
             let d = [libm::cos(angle) * s, y, libm::sin(angle) * s];
             let d = rotation.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2]);
-            looking_at(center, std::array::from_fn(|k| center[k] + distance * d[k]))
+            looking_at(center, each_axis(|k| center[k] + distance * d[k]))
         })
         .collect()
 }
@@ -69,7 +69,7 @@ pub fn spiral(center: [f64; 3], distance: f64, frames: usize, turn: Option<u64>)
 pub fn spherical_camera(center: [f64; 3], azimuth_deg: f64, elevation_deg: f64, distance: f64) -> Camera {
     let [(sin_a, cos_a), (sin_e, cos_e)] = [azimuth_deg, elevation_deg].map(|d| libm::sincos(d.to_radians()));
     let d = [sin_a * cos_e, sin_e, cos_a * cos_e];
-    looking_at(center, std::array::from_fn(|k| center[k] + distance * d[k]))
+    looking_at(center, each_axis(|k| center[k] + distance * d[k]))
 }
 
 fn looking_at(focal_point: [f64; 3], position: [f64; 3]) -> Camera {
@@ -101,14 +101,14 @@ pub fn clipping_range(bounds: &Bounds, camera: &Camera) -> [f64; 2] {
         Projection::Perspective { fov_deg } => fov_deg,
         Projection::Orthographic { .. } => FOV_DEG,
     };
-    let n = norm(std::array::from_fn(|k| camera.focal_point[k] - camera.position[k]));
+    let n = norm(each_axis(|k| camera.focal_point[k] - camera.position[k]));
     let depth = |corner: [f64; 3]| -> f64 {
         (0..3).map(|k| (corner[k] - camera.position[k]) * (camera.focal_point[k] - camera.position[k]) / n).sum()
     };
     // VTK starts from 1e-18, which would clip a box of 1e-30 away.
     let (mut lo, mut hi) = (f64::INFINITY, f64::MIN_POSITIVE);
     for c in 0..8 {
-        let d = depth(std::array::from_fn(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] }));
+        let d = depth(each_axis(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] }));
         lo = lo.min(d);
         hi = hi.max(d);
     }

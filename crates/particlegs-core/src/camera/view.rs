@@ -1,5 +1,6 @@
 //! A camera, and a view: a camera with the particle radius and opacity to draw.
 
+use crate::math::each_axis;
 use crate::picture::Size;
 use crate::{Error, Result};
 
@@ -49,7 +50,7 @@ impl Camera {
     /// # Errors
     /// [`Error::Argument`] where the camera stands at its focal point or looks along its up.
     pub fn frame(&self) -> Result<Frame> {
-        let back: [f64; 3] = std::array::from_fn(|k| self.position[k] - self.focal_point[k]);
+        let back: [f64; 3] = each_axis(|k| self.position[k] - self.focal_point[k]);
         let z = normalised(back).ok_or_else(|| Error::argument("the camera stands at its focal point"))?;
         let x =
             normalised(cross(self.view_up, z)).ok_or_else(|| Error::argument("the camera looks along its view_up"))?;
@@ -58,7 +59,7 @@ impl Camera {
 
     /// Distance from the eye to the focal point.
     pub fn distance(&self) -> f64 {
-        let d: [f64; 3] = std::array::from_fn(|k| self.position[k] - self.focal_point[k]);
+        let d: [f64; 3] = each_axis(|k| self.position[k] - self.focal_point[k]);
         norm(d)
     }
 
@@ -74,7 +75,7 @@ impl Camera {
 impl Frame {
     /// Camera coordinates of a world point; the camera looks along -z.
     pub fn to_camera(&self, p: [f64; 3]) -> [f64; 3] {
-        let d: [f64; 3] = std::array::from_fn(|k| p[k] - self.position[k]);
+        let d: [f64; 3] = each_axis(|k| p[k] - self.position[k]);
         self.axes.map(|a| a[0] * d[0] + a[1] * d[1] + a[2] * d[2])
     }
 }

@@ -11,6 +11,7 @@ use super::streams;
 use super::tree::{Segment, Tree, pieces};
 use super::trellis::{Sample, State, quantise};
 use super::walk::{Leaf, Past, Script, trunk, walk};
+use crate::math::each_axis;
 use crate::model::{AlphaBlend, Block};
 use crate::space::Bounds;
 use crate::{Error, Result, parallel};
@@ -48,7 +49,7 @@ impl Encoder {
         let tree = Tree::build(&g.mean, &bounds);
         let logs = Logs::new(block, &tree.order);
         let extent = bounds.extent();
-        let within = std::array::from_fn(|k| {
+        let within = each_axis(|k| {
             parallel::map_range(tree.order.len(), |at| {
                 let (i, cell) = (tree.order[at], &tree.cells[at]);
                 if extent[k] == 0.0 {
@@ -349,7 +350,7 @@ mod tests {
         let mut gaussians = Mixture::default();
         for i in 0..3000 {
             let mut r = Random::new(7, 0, i);
-            let mean = std::array::from_fn(|_| 10.0 * r.uniform());
+            let mean = each_axis(|_| 10.0 * r.uniform());
             let cov = Sym3([0.02, 0.005 * r.normal(), 0.0, 0.01 + 0.05 * r.uniform(), 0.0, 0.03]);
             gaussians.push(mean, cov, 1.0 + (100.0 * r.uniform()).floor(), 0.0);
         }

@@ -5,6 +5,7 @@
 
 use super::container::ALPHA_BLEND_SINCE;
 use super::wire::Reader;
+use crate::math::each_axis;
 use crate::model::{LawKind, Mass, Metadata};
 use crate::space::{Bounds, Cell};
 
@@ -238,7 +239,7 @@ fn cell(v: &[u8], corner: Option<&[u8]>) -> Result<Cell, Fault> {
     if *head > 7 {
         return Err(Fault::Corrupt(format!("cell periodicity {head:#04x} is reserved")));
     }
-    let periodic = std::array::from_fn(|k| head >> k & 1 == 1);
+    let periodic = each_axis(|k| head >> k & 1 == 1);
     let values = reals(CELL, rest)?;
     let vectors = match values[..] {
         [x, y, z] => [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],

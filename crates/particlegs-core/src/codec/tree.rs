@@ -1,6 +1,7 @@
 //! The order of the Gaussians and the cells that their means lie in: boxes halved along their
 //! longest edge until each holds one mean (docs/format.md, section 5).
 
+use crate::math::each_axis;
 use crate::parallel;
 use crate::space::Bounds;
 
@@ -18,16 +19,14 @@ impl Cell {
     /// Edge lengths.
     #[inline(always)]
     pub(crate) fn widths(&self, extent: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|k| extent[k] * power_of_half(self.depth[k]))
+        each_axis(|k| extent[k] * power_of_half(self.depth[k]))
     }
 
     /// The axis to halve: the longest edge, x before y before z; `None` where all are done.
     #[inline(always)]
     pub(crate) fn axis(&self, extent: [f64; 3]) -> Option<usize> {
         let w: [f64; 3] =
-            std::array::from_fn(
-                |k| if self.depth[k] < DEEPEST { extent[k] * power_of_half(self.depth[k]) } else { 0.0 },
-            );
+            each_axis(|k| if self.depth[k] < DEEPEST { extent[k] * power_of_half(self.depth[k]) } else { 0.0 });
         let (best, width) = if w[1] > w[0] { (1, w[1]) } else { (0, w[0]) };
         let (best, width) = if w[2] > width { (2, w[2]) } else { (best, width) };
         (width > 0.0).then_some(best)
@@ -160,8 +159,7 @@ impl Tree {
         let mut order: Vec<u32> = (0..n as u32).collect();
         let mut cells = vec![Cell::default(); n];
         // Whole coordinates of 2^-40 of the extent: comparing them is exact.
-        let fine: [Vec<u64>; 3] =
-            std::array::from_fn(|k| parallel::map_range(n, |i| grid(mean[k][i], bounds.min[k], extent[k])));
+        let fine: [Vec<u64>; 3] = each_axis(|k| parallel::map_range(n, |i| grid(mean[k][i], bounds.min[k], extent[k])));
         let part = |order: &mut [u32], node: &Node, axis: usize| {
             let bit = DEEPEST - 1 - node.cell.depth[axis];
             partition(order, |i| (fine[axis][i as usize] >> bit) & 1 == 0) as u32

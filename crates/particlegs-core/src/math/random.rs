@@ -1,7 +1,7 @@
 //! Random draws indexed by what is drawn, so that order and threads do not matter.
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use chacha20::ChaCha8Rng;
+use chacha20::rand_core::{Rng, SeedableRng};
 
 /// What a stream of draws is for: streams of different purposes have nothing in common, whatever their
 /// seed. Numbers are four letters, and never change: pictures and files follow from them.

@@ -1,5 +1,7 @@
 //! Symmetric 3x3 matrices in f64.
 
+use crate::math::each_axis;
+
 /// A symmetric 3x3 matrix by its upper triangle: xx, xy, xz, yy, yz, zz.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sym3(pub [f64; 6]);
@@ -71,7 +73,7 @@ impl Sym3 {
     /// M v.
     pub fn apply(&self, v: [f64; 3]) -> [f64; 3] {
         let r = self.rows();
-        std::array::from_fn(|i| r[i][0] * v[0] + r[i][1] * v[1] + r[i][2] * v[2])
+        each_axis(|i| r[i][0] * v[0] + r[i][1] * v[1] + r[i][2] * v[2])
     }
 
     /// Every element times `s`.

@@ -1,7 +1,7 @@
 //! A mixture of Gaussians that carry counts and masses.
 
 use super::{Certificate, Columns, Law, Layer, MASS, Mass, Metadata, VizMapper};
-use crate::math::Sym3;
+use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 use std::sync::Arc;
 
@@ -50,7 +50,7 @@ impl Mixture {
     /// Mean of Gaussian `i`.
     #[inline]
     pub fn mean_of(&self, i: usize) -> [f64; 3] {
-        std::array::from_fn(|k| self.mean[k][i])
+        each_axis(|k| self.mean[k][i])
     }
 
     /// Covariance of Gaussian `i`.

@@ -1,7 +1,7 @@
 //! The network that follows radius and opacity, at work (paper section III-B).
 
 use super::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
-use crate::math::{Matrix, Purpose, Random, add_product, exp2};
+use crate::math::{Matrix, Purpose, Random, add_product, each_axis, exp2};
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use std::ops::Range;
 
@@ -31,7 +31,7 @@ impl Default for Places {
             at - n..at
         };
         let pairs: [_; 3] =
-            std::array::from_fn(|l| (take(VIZMAPPER_SHAPE[l] * VIZMAPPER_SHAPE[l + 1]), take(VIZMAPPER_SHAPE[l + 1])));
+            each_axis(|l| (take(VIZMAPPER_SHAPE[l] * VIZMAPPER_SHAPE[l + 1]), take(VIZMAPPER_SHAPE[l + 1])));
         Places { weight: pairs.each_ref().map(|p| p.0.clone()), bias: pairs.map(|p| p.1) }
     }
 }

@@ -3,12 +3,12 @@
 use super::project::slices::{Fate, fate};
 use super::project::{InCamera, dot};
 use crate::camera::{Camera, DensityView, Projection, View, clipping_range};
+use crate::math::each_axis;
 use crate::model::Mixture;
 use crate::picture::Size;
 use crate::space::Bounds;
 use crate::splat::opacity_integral;
 use crate::{Error, Result};
-use std::array::from_fn;
 
 /// A camera in the form that the projection wants. Camera axes are right, down, forward, so that
 /// picture coordinates grow with them; depth is the distance along forward. The lens' unit of length
@@ -62,7 +62,7 @@ impl Lens {
     /// [`Error::Argument`] where the camera has no direction.
     pub fn density(view: &DensityView, size: Size, shift: [f64; 3]) -> Result<Lens> {
         let (lens, length) = Lens::new(&view.camera, size, view.range)?;
-        let position = from_fn(|k| lens.position[k] - shift[k]);
+        let position = each_axis(|k| lens.position[k] - shift[k]);
         Ok(Lens { position, unit: (lens.focal / length) * (lens.focal / length), ..lens })
     }
 
@@ -90,7 +90,7 @@ impl Lens {
     #[inline(always)]
     pub fn see(&self, m: &Mixture, i: usize, weight: f64) -> Option<InCamera> {
         let (mean, cov, forward) = (m.mean_of(i), m.cov_of(i), self.axes[2]);
-        let depth = dot(forward, from_fn(|k| mean[k] - self.position[k]));
+        let depth = dot(forward, each_axis(|k| mean[k] - self.position[k]));
         let inside = fate(self, depth, dot(forward, cov.apply(forward))) != Fate::Outside;
         inside.then(|| InCamera::new(&self.axes, self.position, mean, &cov, self.unit * weight))
     }

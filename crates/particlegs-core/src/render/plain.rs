@@ -8,6 +8,7 @@ use super::project::slices::{Fate, cut, fate, whole};
 use super::raster::pyramid::{Level, PAD};
 use super::scene::Scene;
 use crate::camera::{Projection, View};
+use crate::math::each_axis;
 use crate::model::Mixture;
 use crate::picture::Size;
 use crate::splat::PIXEL_VARIANCE;
@@ -51,10 +52,10 @@ impl Picture {
     fn add(&mut self, mean: [f64; 3], cov: [[f64; 3]; 3], count: f64) {
         let (lens, size, perspective) = (&self.lens, self.size, self.perspective);
         let a = lens.axes;
-        let v: [f64; 3] = std::array::from_fn(|k| mean[k] - lens.position[k]);
-        let m: [f64; 3] = std::array::from_fn(|r| (0..3).map(|k| a[r][k] * v[k]).sum());
-        let s: [[f64; 3]; 3] = std::array::from_fn(|r| {
-            std::array::from_fn(|c| (0..3).map(|k| (0..3).map(|l| a[r][k] * cov[k][l] * a[c][l]).sum::<f64>()).sum())
+        let v: [f64; 3] = each_axis(|k| mean[k] - lens.position[k]);
+        let m: [f64; 3] = each_axis(|r| (0..3).map(|k| a[r][k] * v[k]).sum());
+        let s: [[f64; 3]; 3] = each_axis(|r| {
+            each_axis(|c| (0..3).map(|k| (0..3).map(|l| a[r][k] * cov[k][l] * a[c][l]).sum::<f64>()).sum())
         });
         let zz = s[2][2];
         let points: Vec<(f64, f64)> = if zz > 1e-14 * (s[0][0] + s[1][1]) {
@@ -127,7 +128,7 @@ pub struct Footprint {
 /// The footprints of a mixture's Gaussian: the twin of `Lens::see` and `project`.
 pub fn footprints(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Vec<Footprint> {
     let a = lens.axes;
-    let v: [f64; 3] = std::array::from_fn(|k| m.mean[k][i] - lens.position[k]);
+    let v: [f64; 3] = each_axis(|k| m.mean[k][i] - lens.position[k]);
     let mean = a.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
     let rows = a.map(|r| m.cov_of(i).apply(r));
     let cov: [[f64; 3]; 3] = a.map(|a| rows.map(|r| a[0] * r[0] + a[1] * r[1] + a[2] * r[2]));

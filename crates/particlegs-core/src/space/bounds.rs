@@ -1,5 +1,7 @@
 //! Axis-aligned bounds.
 
+use crate::math::each_axis;
+
 /// The smallest axis-aligned box around the particles, world units.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Bounds {
@@ -25,20 +27,17 @@ impl Bounds {
 
     /// The smallest bounds around both.
     pub fn union(&self, o: &Bounds) -> Bounds {
-        Bounds {
-            min: std::array::from_fn(|k| self.min[k].min(o.min[k])),
-            max: std::array::from_fn(|k| self.max[k].max(o.max[k])),
-        }
+        Bounds { min: each_axis(|k| self.min[k].min(o.min[k])), max: each_axis(|k| self.max[k].max(o.max[k])) }
     }
 
     /// Midpoint.
     pub fn center(&self) -> [f64; 3] {
-        std::array::from_fn(|k| 0.5 * self.min[k] + 0.5 * self.max[k])
+        each_axis(|k| 0.5 * self.min[k] + 0.5 * self.max[k])
     }
 
     /// Edge lengths.
     pub fn extent(&self) -> [f64; 3] {
-        std::array::from_fn(|k| self.max[k] - self.min[k])
+        each_axis(|k| self.max[k] - self.min[k])
     }
 
     /// Edge lengths with an extent of zero counted as the largest, and all zero as 1.

@@ -1,5 +1,7 @@
 //! A simulation cell.
 
+use crate::math::each_axis;
+
 /// A simulation cell: three row vectors and whether each repeats.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Cell {
@@ -31,7 +33,7 @@ impl Cell {
         };
         let rows = [cross(v[1], v[2]), cross(v[2], v[0]), cross(v[0], v[1])];
         let volume: f64 = (0..3).map(|k| v[0][k] * rows[0][k]).sum();
-        let inverse: [[f64; 3]; 3] = std::array::from_fn(|k| std::array::from_fn(|a| rows[a][k] / volume));
+        let inverse: [[f64; 3]; 3] = each_axis(|k| each_axis(|a| rows[a][k] / volume));
         inverse.iter().flatten().all(|x| x.is_finite()).then_some(inverse)
     }
 
@@ -52,6 +54,6 @@ impl Cell {
     pub fn lengths(&self) -> Option<[f64; 3]> {
         let v = &self.vectors;
         let off = (0..3).any(|i| (0..3).any(|j| i != j && v[i][j] != 0.0));
-        (!off).then(|| std::array::from_fn(|k| v[k][k]))
+        (!off).then(|| each_axis(|k| v[k][k]))
     }
 }

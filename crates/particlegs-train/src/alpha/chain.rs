@@ -2,7 +2,7 @@
 
 use super::parameters::{One, SH0};
 use super::raster::Sums;
-use particlegs_core::math::Sym3;
+use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::vizmapper::Adapted;
 use particlegs_core::render::alpha::Eye;
 use particlegs_core::render::alpha::project::{LEAST_RATIO, Shape, shape};
@@ -35,7 +35,7 @@ pub(super) fn chain(eye: &Eye, one: &One, adapted: &Adapted, sums: &Sums) -> Slo
     let sharp = footprint(&p, [a, b, c], [sxx, sxy, syy], sum);
     let (seen, with_cov) = through_eye(eye, &p, &g.cov, at, sharp);
     let mut out = Slopes {
-        position: std::array::from_fn(|k| (0..3).map(|r| eye.axes[r][k] * seen[r]).sum()),
+        position: each_axis(|k| (0..3).map(|r| eye.axes[r][k] * seen[r]).sum()),
         logit: sum * (1.0 - g.opacity),
         odds: sum * (1.0 - g.opacity) / adapted.odds,
         feature: if 0.5 + SH0 * one.feature > 0.0 { SH0 * grey } else { 0.0 },
@@ -72,7 +72,7 @@ fn footprint(p: &Shape, inverse: [f64; 3], second: [f64; 3], sum: f64) -> [f64; 
 fn jacobian(eye: &Eye, depth: f64, slope: [f64; 2]) -> [[f64; 3]; 2] {
     let unit = eye.focal / depth;
     let [right, down, forward] = eye.axes;
-    let row = |axis: [f64; 3], slope: f64| std::array::from_fn(|k| unit * (axis[k] - slope * forward[k]));
+    let row = |axis: [f64; 3], slope: f64| each_axis(|k| unit * (axis[k] - slope * forward[k]));
     [row(right, slope[0]), row(down, slope[1])]
 }
 
@@ -84,8 +84,8 @@ fn through_eye(eye: &Eye, p: &Shape, cov: &Sym3, at: [f64; 2], sharp: [f64; 3]) 
     let rows = jacobian(eye, depth, [u, v]);
     // H J A, with H the symmetric matrix of `sharp`.
     let h = [[sharp[0], 0.5 * sharp[1]], [0.5 * sharp[1], sharp[2]]];
-    let hj: [[f64; 3]; 2] = h.map(|h| std::array::from_fn(|k| h[0] * rows[0][k] + h[1] * rows[1][k]));
-    let with_cov = std::array::from_fn(|i| std::array::from_fn(|j| rows[0][i] * hj[0][j] + rows[1][i] * hj[1][j]));
+    let hj: [[f64; 3]; 2] = h.map(|h| each_axis(|k| h[0] * rows[0][k] + h[1] * rows[1][k]));
+    let with_cov = each_axis(|i| each_axis(|j| rows[0][i] * hj[0][j] + rows[1][i] * hj[1][j]));
     let with_rows = hj.map(|r| cov.apply(r).map(|v| 2.0 * v));
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let unit = eye.focal / depth;
@@ -102,10 +102,9 @@ fn through_eye(eye: &Eye, p: &Shape, cov: &Sym3, at: [f64; 2], sharp: [f64; 3]) 
 /// Changes with scales and rotation, from those with the covariance.
 fn scales_and_rotation(one: &One, factor: f64, with_cov: &[[f64; 3]; 3], out: &mut Slopes) {
     let root = one.root().map(|r| r.map(|v| factor * v));
-    let with_root: [[f64; 3]; 3] = std::array::from_fn(|i| {
-        std::array::from_fn(|k| 2.0 * (0..3).map(|j| with_cov[i][j] * root[j][k]).sum::<f64>())
-    });
-    out.log_scale = std::array::from_fn(|k| (0..3).map(|i| with_root[i][k] * root[i][k]).sum());
+    let with_root: [[f64; 3]; 3] =
+        each_axis(|i| each_axis(|k| 2.0 * (0..3).map(|j| with_cov[i][j] * root[j][k]).sum::<f64>()));
+    out.log_scale = each_axis(|k| (0..3).map(|i| with_root[i][k] * root[i][k]).sum());
     out.scale = out.log_scale.iter().sum::<f64>() / factor;
     let norm = one.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
     let q = one.rotation.map(|v| v / norm);

@@ -4,7 +4,7 @@
 use super::learner::AlphaLearner;
 use super::parameters::{Group, One, keep_rows, rotation_matrix};
 use crate::learner::Moment;
-use particlegs_core::math::{Purpose, Random};
+use particlegs_core::math::{Purpose, Random, each_axis};
 
 /// Pieces that a large Gaussian is split into.
 const PIECES: u64 = 2;
@@ -103,9 +103,9 @@ impl AlphaLearner {
 fn piece(of: &One, mut draw: Random) -> One {
     let norm = of.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
     let r = rotation_matrix(of.rotation.map(|v| v / norm));
-    let offset: [f64; 3] = std::array::from_fn(|k| of.log_scale[k].exp() * draw.normal());
+    let offset: [f64; 3] = each_axis(|k| of.log_scale[k].exp() * draw.normal());
     One {
-        position: std::array::from_fn(|i| of.position[i] + (0..3).map(|k| r[i][k] * offset[k]).sum::<f64>()),
+        position: each_axis(|i| of.position[i] + (0..3).map(|k| r[i][k] * offset[k]).sum::<f64>()),
         log_scale: of.log_scale.map(|v| v - SHRINK.ln()),
         ..*of
     }

@@ -9,7 +9,7 @@ use crate::learner::{Learner, Moment, NotFinite, Shot, Stepped};
 use crate::loss::Loss;
 use crate::state::State;
 use particlegs_core::Result;
-use particlegs_core::math::Sym3;
+use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::vizmapper::{Network, Setting};
 use particlegs_core::model::{AlphaBlend, Law, Mixture, VIZMAPPER_PARAMETERS, VizMapper};
 use particlegs_core::picture::Plane;
@@ -159,7 +159,7 @@ impl Learner for AlphaLearner {
         let sum: f64 = (0..self.len()).map(|i| self.parameters.get(i).opacity()).sum();
         for i in 0..self.len() {
             let one = self.parameters.get(i);
-            let mean = std::array::from_fn(|k| frame.center[k] + one.position[k] / frame.scale);
+            let mean = each_axis(|k| frame.center[k] + one.position[k] / frame.scale);
             let cov = Sym3(one.cov().0.map(|v| v / (frame.scale * frame.scale)));
             let count = particles as f64 * one.opacity() / sum;
             mixture.push(mean, cov, count, count);

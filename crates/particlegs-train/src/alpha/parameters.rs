@@ -1,6 +1,6 @@
 //! Gaussians as what is trained: f32 columns in the training frame.
 
-use particlegs_core::math::Sym3;
+use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::vizmapper::Adapted;
 use particlegs_core::render::alpha::Gaussian;
 
@@ -87,7 +87,7 @@ impl One {
         let norm = self.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
         let r = rotation_matrix(self.rotation.map(|v| v / norm));
         let s = self.log_scale.map(f64::exp);
-        std::array::from_fn(|i| std::array::from_fn(|k| r[i][k] * s[k]))
+        each_axis(|i| each_axis(|k| r[i][k] * s[k]))
     }
 
     /// Covariance, training frame.
@@ -147,8 +147,8 @@ impl Parameters {
     pub fn get(&self, i: usize) -> One {
         let [position, scale, rotation, opacity, feature] = &self.0;
         One {
-            position: std::array::from_fn(|k| position[3 * i + k].into()),
-            log_scale: std::array::from_fn(|k| scale[3 * i + k].into()),
+            position: each_axis(|k| position[3 * i + k].into()),
+            log_scale: each_axis(|k| scale[3 * i + k].into()),
             rotation: std::array::from_fn(|k| rotation[4 * i + k].into()),
             logit: opacity[i].into(),
             feature: feature[i].into(),
@@ -196,7 +196,7 @@ mod tests {
             let n = q.iter().map(|v| v * v).sum::<f64>().sqrt();
             let q = q.map(|v| v / n);
             let m = rotation_matrix(q);
-            let back = quaternion(std::array::from_fn(|c| std::array::from_fn(|r| m[r][c])));
+            let back = quaternion(each_axis(|c| each_axis(|r| m[r][c])));
             let same = (0..4).map(|k| q[k] * back[k]).sum::<f64>().abs();
             assert!((same - 1.0).abs() < 1e-12, "{q:?} {back:?}");
         }

@@ -7,7 +7,7 @@ use super::nearest::mean_square_of_three;
 use super::parameters::{One, Parameters, SH0, quaternion};
 use crate::subject::Subject;
 use particlegs_core::camera::Normalisation;
-use particlegs_core::math::{Purpose, Random, Sym3};
+use particlegs_core::math::{Purpose, Random, Sym3, each_axis};
 use particlegs_core::model::{Mixture, Model, VizMapper};
 use particlegs_core::splat::opacity_integral;
 use particlegs_core::{Error, Result};
@@ -58,7 +58,7 @@ impl AlphaLearner {
             .into_iter()
             .map(|i| {
                 let p = subject.position(i);
-                std::array::from_fn(|k| (p[k] - f.center[k]) * f.scale)
+                each_axis(|k| (p[k] - f.center[k]) * f.scale)
             })
             .collect();
         let mut parameters = Parameters::default();
@@ -138,7 +138,7 @@ fn one(frame: &Normalisation, mean: [f64; 3], cov: &Sym3, opacity: f64, grey: f6
         axes[2] = c.map(|v| -v);
     }
     One {
-        position: std::array::from_fn(|k| (mean[k] - frame.center[k]) * frame.scale),
+        position: each_axis(|k| (mean[k] - frame.center[k]) * frame.scale),
         // Not the maximum of the two: a value that is not a number must be seen.
         log_scale: e.values.map(|v| if v < LEAST_SQUARE { LEAST_SQUARE } else { v }.ln() * 0.5),
         rotation: quaternion(axes),

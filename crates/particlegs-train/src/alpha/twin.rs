@@ -1,7 +1,7 @@
 //! The law as a reader would write it, in f64, as a function of every parameter.
 
 use super::parameters::{GROUPS, Group, One, Parameters, SH0};
-use particlegs_core::math::Sym3;
+use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::VizRanges;
 use particlegs_core::model::vizmapper::{Setting, twin::plain as network};
 use particlegs_core::render::alpha::plain::blend;
@@ -31,7 +31,7 @@ impl Twin {
                 let at = |g: Group, k: usize| self.columns[g as usize][i * g.width() + k];
                 let q: [f64; 4] = std::array::from_fn(|k| at(Group::Rotation, k));
                 let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-                let s: [f64; 3] = std::array::from_fn(|k| at(Group::Scale, k));
+                let s: [f64; 3] = each_axis(|k| at(Group::Scale, k));
                 let logit = at(Group::Opacity, 0);
                 let (mut scale, mut odds) = (1.0, 1.0);
                 if let Some(p) = &self.network {
@@ -48,7 +48,7 @@ impl Twin {
                     cov = cov.add(&Sym3::outer(axis.map(|v| v * scale * s[k].exp())));
                 }
                 Gaussian {
-                    mean: std::array::from_fn(|k| at(Group::Position, k)),
+                    mean: each_axis(|k| at(Group::Position, k)),
                     cov,
                     opacity: 1.0 / (1.0 + (-logit - odds.ln()).exp()),
                     grey: (0.5 + SH0 * at(Group::Feature, 0)).max(0.0),

@@ -1,5 +1,6 @@
 //! The projection backwards: from the gradient of a footprint to that of a Gaussian.
 
+use particlegs_core::math::each_axis;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::project::{DepthMoments, DepthSlopes, InCamera};
 
@@ -86,7 +87,7 @@ impl OfGaussian {
     /// From the camera's axes to the world's.
     pub fn to_world(self, lens: &Lens) -> OfGaussian {
         let a = &lens.axes;
-        let mean = std::array::from_fn(|k| (0..3).map(|r| a[r][k] * self.mean[r]).sum());
+        let mean = each_axis(|k| (0..3).map(|r| a[r][k] * self.mean[r]).sum());
         let g = full(&self.cov);
         let world = |i: usize, j: usize| -> f64 {
             (0..3).map(|r| a[r][i] * (0..3).map(|c| g[r][c] * a[c][j]).sum::<f64>()).sum()

@@ -3,7 +3,7 @@
 //! and second moments stay exactly what they were.
 
 use super::columns::{Columns, Numbers};
-use particlegs_core::math::Sym3;
+use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::Mixture;
 use particlegs_core::parallel;
 
@@ -62,8 +62,8 @@ fn merged(a: &Numbers, b: &Numbers) -> Numbers {
     let (na, nb) = (a[9].exp(), b[9].exp());
     let n = na + nb;
     let (wa, wb) = (na / n, nb / n);
-    let mean: [f64; 3] = std::array::from_fn(|k| wa * a[k] + wb * b[k]);
-    let apart: [f64; 3] = std::array::from_fn(|k| a[k] - b[k]);
+    let mean: [f64; 3] = each_axis(|k| wa * a[k] + wb * b[k]);
+    let apart: [f64; 3] = each_axis(|k| a[k] - b[k]);
     let both = covariance(a).scale(wa).add(&covariance(b).scale(wb));
     numbers(mean, &both.add(&Sym3::outer(apart).scale(wa * wb)), n)
 }
@@ -74,7 +74,7 @@ fn halves(g: &Numbers) -> (Numbers, Numbers) {
     let e = cov.eigen();
     let offset = e.vectors[0].map(|v| HALF_MEAN * e.values[0].max(0.0).sqrt() * v);
     let rest = cov.add(&Sym3::outer(offset).scale(-1.0));
-    let half = |sign: f64| numbers(std::array::from_fn(|k| g[k] + sign * offset[k]), &rest, 0.5 * g[9].exp());
+    let half = |sign: f64| numbers(each_axis(|k| g[k] + sign * offset[k]), &rest, 0.5 * g[9].exp());
     (half(1.0), half(-1.0))
 }
 
@@ -99,9 +99,9 @@ mod tests {
             let mut d = Random::new(3, 0, i as u64);
             let mut cov = Sym3::scaled_identity(0.01);
             for _ in 0..3 {
-                cov = cov.add(&Sym3::outer(std::array::from_fn(|_| 0.3 * d.normal())));
+                cov = cov.add(&Sym3::outer(each_axis(|_| 0.3 * d.normal())));
             }
-            m.push(std::array::from_fn(|_| d.normal()), cov, 1.0 + 50.0 * d.uniform(), 0.0);
+            m.push(each_axis(|_| d.normal()), cov, 1.0 + 50.0 * d.uniform(), 0.0);
         }
         Columns::of(&m, |i| i)
     }

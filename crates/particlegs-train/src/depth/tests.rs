@@ -8,7 +8,7 @@ use crate::learner::{Densify, Learner, Moment, Shot};
 use crate::{Crop, Loss, Norm};
 use particlegs_core::camera::{View, spherical_camera};
 use particlegs_core::codec::{Encoder, Precision, decode_block};
-use particlegs_core::math::{Random, Sym3};
+use particlegs_core::math::{Random, Sym3, each_axis};
 use particlegs_core::model::{Block, Mixture};
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Silent;
@@ -48,11 +48,11 @@ fn mixture(seed: u64, number: usize) -> Mixture {
     let mut m = Mixture::default();
     for i in 0..number {
         let mut d = Random::new(seed, 0, i as u64);
-        let mean = std::array::from_fn(|_| 0.9 * d.normal());
+        let mean = each_axis(|_| 0.9 * d.normal());
         let mut cov = Sym3::scaled_identity(1e-5);
         for _ in 0..3 {
             let size = 0.02 * (2.0 * d.uniform()).exp2().powi(2);
-            cov = cov.add(&Sym3::outer(std::array::from_fn(|_| size * d.normal())));
+            cov = cov.add(&Sym3::outer(each_axis(|_| size * d.normal())));
         }
         m.push(mean, cov, 30.0 + 400.0 * d.uniform(), 0.0);
     }

@@ -5,6 +5,7 @@ use crate::Result;
 use crate::particles::{Chunk, Invalid, Layered, RUN, RunHash, hash_of_runs, hash_run, invalid};
 use crate::progress::Progress;
 use crate::space::Bounds;
+use particlegs_core::math::each_axis;
 use std::sync::Mutex;
 
 /// What one pass over a snapshot tells.
@@ -113,7 +114,7 @@ impl Survey {
 impl RunSurvey {
     /// Bounds, world units.
     fn bounds(&self, origin: [f64; 3]) -> Bounds {
-        let world = |p: [f32; 3]| std::array::from_fn(|k| origin[k] + f64::from(p[k]));
+        let world = |p: [f32; 3]| each_axis(|k| origin[k] + f64::from(p[k]));
         Bounds { min: world(self.min), max: world(self.max) }
     }
 }

@@ -194,6 +194,7 @@ mod tests {
     use crate::math::Sym3;
     use crate::model::{AlphaBlend, Block, Law, Mixture};
     use crate::space::Bounds;
+    use particlegs_core::math::each_axis;
     use proptest::prelude::*;
 
     proptest! {
@@ -258,7 +259,7 @@ mod tests {
         let mut law = AlphaBlend::default();
         for i in 0..2000 {
             let mut r = crate::math::Random::new(1, 1, i);
-            let mean = std::array::from_fn(|_| 10.0 * r.uniform());
+            let mean = each_axis(|_| 10.0 * r.uniform());
             g.push(mean, Sym3([0.01, 0.002 * r.normal(), 0.0, 0.02, 0.0, 0.01 + 0.01 * r.uniform()]), 50.0, 50.0);
             law.opacity.push(0.01 + 0.5 * r.uniform());
             law.grey.push(1.0);

@@ -6,6 +6,7 @@
 
 use super::eigen::largest_eigenvalue;
 use crate::math::Sym3;
+use particlegs_core::math::each_axis;
 
 /// Gaussians in a leaf of the tree.
 const LEAF: usize = 8;
@@ -54,7 +55,7 @@ impl Ellipsoid {
         let (xx, xy, xz) = (d * f - e * e, c * e - b * f, b * e - c * d);
         let (yy, yz, zz) = (a * f - c * c, b * c - a * e, a * d - b * b);
         let det = a * xx + b * xy + c * xz;
-        let v: [f64; 3] = std::array::from_fn(|k| self.mean[k] - other.mean[k]);
+        let v: [f64; 3] = each_axis(|k| self.mean[k] - other.mean[k]);
         let q = xx * v[0] * v[0]
             + yy * v[1] * v[1]
             + zz * v[2] * v[2]
@@ -117,7 +118,7 @@ impl<'a> OverlapTree<'a> {
             node.det_cbrt = node.det_cbrt.min(e.det_cbrt);
             node.log_count2 = node.log_count2.max(e.log_count2);
         }
-        let extent: [f64; 3] = std::array::from_fn(|k| node.max[k] - node.min[k]);
+        let extent: [f64; 3] = each_axis(|k| node.max[k] - node.min[k]);
         let n = order.len();
         self.nodes.push(node);
         if n > LEAF {

@@ -10,6 +10,7 @@ use super::eigen::largest_eigenvalue;
 use super::gain::Blur;
 use crate::math::Sym3;
 use crate::progress::Level;
+use particlegs_core::math::each_axis;
 
 /// Slices along the axis; they span the mean +- [`SPAN`] standard deviations, the outermost take the rest.
 const SLICES: usize = 32;
@@ -206,7 +207,7 @@ fn add_block(axis: &Axis, xyz: &[[f32; 3]; BLOCK], len: usize, part: &mut [[f32;
     let mut sums = [[0f32; 4]; BLOCK];
     let unit = axis.per_unit * axis.per_unit;
     for l in 0..BLOCK {
-        let [x, y, z]: [f32; 3] = std::array::from_fn(|k| xyz[l][k] - axis.reference[k]);
+        let [x, y, z]: [f32; 3] = each_axis(|k| xyz[l][k] - axis.reference[k]);
         let t = axis.place(xyz[l]);
         let along = t - axis.offset;
         let across = (x * x + y * y + z * z) * unit - along * along;

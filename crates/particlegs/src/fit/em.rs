@@ -9,6 +9,7 @@ use super::em_kernel::{self, Group, SUMS, Scratch, Sums, Whitened};
 use crate::math::Sym3;
 use crate::parallel;
 use crate::{Result, progress::Progress};
+use particlegs_core::math::each_axis;
 use std::ops::Range;
 
 /// Gaussians under refinement, in the store's scaled coordinates.
@@ -288,7 +289,7 @@ impl Whitening {
     }
 
     fn about(&self, centre: [f32; 3]) -> Whitened {
-        let mean = std::array::from_fn(|k| (self.mean[k] - f64::from(centre[k])) as f32);
+        let mean = each_axis(|k| (self.mean[k] - f64::from(centre[k])) as f32);
         Whitened { mean, rows: self.rows, focus: self.focus, level: self.level }
     }
 }
@@ -326,9 +327,9 @@ pub(crate) fn maximise(
         if count < LEAST || focused < LEAST * LEAST {
             return (gaussians.mean[j], gaussians.cov[j], 0.0, 0.0);
         }
-        let d: [f64; 3] = std::array::from_fn(|k| total[3 + k] / focused);
+        let d: [f64; 3] = each_axis(|k| total[3 + k] / focused);
         let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
-        let mean = std::array::from_fn(|k| gaussians.mean[j][k] + d[k]);
+        let mean = each_axis(|k| gaussians.mean[j][k] + d[k]);
         (mean, nonnegative(unfocus(cov, &gaussians.cov[j], shape)), count, total[1])
     });
     for (j, (mean, cov, count, mass)) in new.into_iter().enumerate() {
@@ -349,7 +350,7 @@ fn gather(e: &Expectation, groups: &Groups, candidates: &Candidates, j: usize, a
         let part = e.sums[entry as usize].map(f64::from);
         // The kernel's centre: the group's mean rounded to f32.
         let centre = groups.mean[candidates.group[entry as usize] as usize].map(|v| f64::from(v as f32));
-        let g: [f64; 3] = std::array::from_fn(|k| centre[k] - about[k]);
+        let g: [f64; 3] = each_axis(|k| centre[k] - about[k]);
         for k in 0..3 {
             total[k] += part[k];
             total[3 + k] += part[3 + k] + part[2] * g[k];
@@ -373,10 +374,10 @@ fn unfocus(cov: Sym3, old: &Sym3, shape: Shape) -> Sym3 {
         (1.0 + shape.focus * v / (v + shape.floor + shape.blur)).sqrt()
     });
     let (t, c) = (Sym3::from_eigen(&e), cov.rows());
-    let columns: [[f64; 3]; 3] = std::array::from_fn(|k| t.apply(c[k]));
+    let columns: [[f64; 3]; 3] = each_axis(|k| t.apply(c[k]));
     // Row k of T C is T applied to the columns of C, which are its rows; then the same from the right.
-    let tc: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|k| columns[k][i]));
-    let r: [[f64; 3]; 3] = std::array::from_fn(|i| t.apply(tc[i]));
+    let tc: [[f64; 3]; 3] = each_axis(|i| each_axis(|k| columns[k][i]));
+    let r: [[f64; 3]; 3] = each_axis(|i| t.apply(tc[i]));
     let half = |i: usize, k: usize| 0.5 * (r[i][k] + r[k][i]);
     Sym3([r[0][0], half(0, 1), half(0, 2), r[1][1], half(1, 2), r[2][2]])
 }
@@ -426,9 +427,8 @@ mod tests {
     /// Four clumps cut into eight cells along x.
     fn problem(seed: u64) -> (Vec<[f32; 3]>, Groups, Gaussians) {
         let mut random = Random::new(seed, 5, 0);
-        let mut xyz: Vec<[f32; 3]> = (0..400)
-            .map(|i| std::array::from_fn(|k| ((i % 4 * (k + 1)) as f64 * 0.2 + 0.1 * random.normal()) as f32))
-            .collect();
+        let mut xyz: Vec<[f32; 3]> =
+            (0..400).map(|i| each_axis(|k| ((i % 4 * (k + 1)) as f64 * 0.2 + 0.1 * random.normal()) as f32)).collect();
         xyz.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let groups = Groups::new((0..8).map(|g| 50 * g..50 * g + 50).collect(), &xyz);
         let mut gaussians = Gaussians::default();

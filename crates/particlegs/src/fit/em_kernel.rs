@@ -5,6 +5,7 @@
 
 use crate::math::exp2;
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
+use particlegs_core::math::each_axis;
 
 /// Particles in one vector.
 const LANES: usize = 16;
@@ -162,7 +163,7 @@ impl Batch {
 
     #[inline(always)]
     fn at<S: Simd>(&self, simd: S, v: usize) -> [f32x16<S>; 3] {
-        std::array::from_fn(|axis| f32x16::load_array_ref(simd, &self.position[v][axis].0))
+        each_axis(|axis| f32x16::load_array_ref(simd, &self.position[v][axis].0))
     }
 }
 
@@ -267,10 +268,10 @@ mod tests {
     fn plain(points: &[[f32; 3]], weight: &[f32], centre: [f32; 3], candidates: &[Whitened]) -> Vec<[f64; SUMS]> {
         let mut sums = vec![[0f64; SUMS]; candidates.len()];
         for (p, &mass) in points.iter().zip(weight) {
-            let d: [f64; 3] = std::array::from_fn(|k| f64::from(p[k]) - f64::from(centre[k]));
+            let d: [f64; 3] = each_axis(|k| f64::from(p[k]) - f64::from(centre[k]));
             let squared = |rows: [f32; 6], mean: [f32; 3]| {
                 let r = rows.map(f64::from);
-                let v: [f64; 3] = std::array::from_fn(|k| d[k] - f64::from(mean[k]));
+                let v: [f64; 3] = each_axis(|k| d[k] - f64::from(mean[k]));
                 let w = [r[0] * v[0], r[1] * v[0] + r[2] * v[1], r[3] * v[0] + r[4] * v[1] + r[5] * v[2]];
                 w.iter().map(|x| x * x).sum::<f64>()
             };

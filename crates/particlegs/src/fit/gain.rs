@@ -5,6 +5,7 @@
 use super::Moments;
 use crate::math::Sym3;
 use crate::splat::PIXEL_VARIANCE;
+use particlegs_core::math::each_axis;
 use std::f64::consts::TAU;
 
 /// A Gaussian as projections see it.
@@ -24,8 +25,8 @@ impl Blob {
         let (a, b) = (self, other);
         let count = a.count + b.count;
         let (p, q) = (a.count / count, b.count / count);
-        let mean = std::array::from_fn(|k| p * a.mean[k] + q * b.mean[k]);
-        let d: [f64; 3] = std::array::from_fn(|k| a.mean[k] - b.mean[k]);
+        let mean = each_axis(|k| p * a.mean[k] + q * b.mean[k]);
+        let d: [f64; 3] = each_axis(|k| a.mean[k] - b.mean[k]);
         let cov = a.cov.scale(p).add(&b.cov.scale(q)).add(&Sym3::outer(d).scale(p * q));
         Blob { count, mean, cov }
     }

@@ -3,6 +3,7 @@
 use crate::math::Sym3;
 use crate::parallel;
 use fearless_simd::{Level, Simd, SimdBase, f32x8};
+use particlegs_core::math::each_axis;
 
 /// Moments of a set of particles, store units. The geometry counts particles; mass is a sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,7 +32,7 @@ impl Moments {
         let reference = first.map(f64::from);
         let mut sums = [0f64; 9];
         for p in xyz {
-            let d: [f64; 3] = std::array::from_fn(|k| f64::from(p[k]) - reference[k]);
+            let d: [f64; 3] = each_axis(|k| f64::from(p[k]) - reference[k]);
             let o = Sym3::outer(d).0;
             for k in 0..9 {
                 sums[k] += if k < 3 { d[k] } else { o[k - 3] };
@@ -57,18 +58,13 @@ impl Moments {
     /// From sums of differences (x, y, z) and their products (xx, xy, xz, yy, yz, zz).
     fn from_sums(count: usize, mass: Option<f64>, reference: [f64; 3], sums: [f64; 9]) -> Self {
         let n = count as f64;
-        let d: [f64; 3] = std::array::from_fn(|k| sums[k] / n);
+        let d: [f64; 3] = each_axis(|k| sums[k] / n);
         let o = Sym3::outer(d).0;
         let mut cov = Sym3(std::array::from_fn(|k| sums[3 + k] / n - o[k]));
         for k in [0, 3, 5] {
             cov.0[k] = cov.0[k].max(0.0);
         }
-        Moments {
-            count: count as u64,
-            mass: mass.unwrap_or(n),
-            mean: std::array::from_fn(|k| reference[k] + d[k]),
-            cov,
-        }
+        Moments { count: count as u64, mass: mass.unwrap_or(n), mean: each_axis(|k| reference[k] + d[k]), cov }
     }
 }
 

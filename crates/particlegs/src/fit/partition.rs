@@ -13,6 +13,7 @@ use crate::model::{Columns, Law, MASS, Mixture};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 use std::ops::Range;
 
 /// How to cut.
@@ -104,7 +105,7 @@ impl Partition {
             columns.set(MASS, column(&|m| m.mass));
         }
         Mixture {
-            mean: std::array::from_fn(|k| column(&|m| self.store.origin[k] + m.mean[k] * unit)),
+            mean: each_axis(|k| column(&|m| self.store.origin[k] + m.mean[k] * unit)),
             cov: std::array::from_fn(|k| column(&|m| m.cov.0[k] * unit * unit)),
             count: column(&|m| m.count as f64),
             columns,

@@ -8,6 +8,7 @@
 
 use crate::parallel;
 use crate::splat::DEFAULT_OPACITY;
+use particlegs_core::math::each_axis;
 use std::f64::consts::TAU;
 
 /// Pixels along the longest extent.
@@ -50,7 +51,7 @@ impl Shade {
             soften(&map)
         });
         let mut maps = maps.into_iter();
-        Shade { low, per_unit, maps: std::array::from_fn(|_| maps.next().unwrap_or_default()) }
+        Shade { low, per_unit, maps: each_axis(|_| maps.next().unwrap_or_default()) }
     }
 
     /// Mean over the axes of exp(-tau) at a place.

@@ -16,6 +16,7 @@ use crate::parallel;
 use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 use particlegs_files::memory::require;
 
 /// What to make of a mixture.
@@ -128,7 +129,7 @@ impl Frame {
         let per = 1.0 / self.unit;
         let item = |i: usize| {
             let mean = mixture.mean_of(i);
-            let mean = std::array::from_fn(|k| (mean[k] - self.origin[k]) * per);
+            let mean = each_axis(|k| (mean[k] - self.origin[k]) * per);
             let cov = mixture.cov_of(i).scale(per).scale(per);
             Item { blob: Blob { count: mixture.count[i], mean, cov }, mass: mixture.mass_of(i) }
         };
@@ -138,7 +139,7 @@ impl Frame {
     fn mixture(&self, items: &[Item], masses: bool) -> Mixture {
         let mut out = Mixture::new(masses);
         for Item { blob, mass } in items {
-            let mean = std::array::from_fn(|k| self.origin[k] + blob.mean[k] * self.unit);
+            let mean = each_axis(|k| self.origin[k] + blob.mean[k] * self.unit);
             out.push(mean, blob.cov.scale(self.unit).scale(self.unit), blob.count, *mass);
         }
         out
@@ -371,7 +372,7 @@ impl Field {
 
     /// Minus twice the mean log-likelihood of a Gaussian's particles, but for a constant.
     fn cost(&self, mean: [f64; 3], cov: &Sym3) -> f64 {
-        let d = std::array::from_fn(|k| mean[k] - self.mean[k]);
+        let d = each_axis(|k| mean[k] - self.mean[k]);
         trace_of_product(&self.inverse, cov) + self.inverse.quadratic(d) + self.constant
     }
 }

@@ -7,6 +7,7 @@ use super::gain::{Blob, Blur};
 use super::shade::Shade;
 use crate::math::Sym3;
 use crate::parallel;
+use particlegs_core::math::each_axis;
 
 /// Bins of the cut along an axis.
 const BINS: usize = 32;
@@ -45,7 +46,7 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
     }
     let mut sums = [[0f64; 10]; 2];
     for p in points {
-        let d: [f64; 3] = std::array::from_fn(|k| f64::from(p[k]) - mean[k]);
+        let d: [f64; 3] = each_axis(|k| f64::from(p[k]) - mean[k]);
         let t = d[0] * axis[0] + d[1] * axis[1] + d[2] * axis[2];
         let s = &mut sums[usize::from(bin(t) >= best.1)];
         let products =
@@ -55,9 +56,9 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
         }
     }
     let [a, b] = sums.map(|s| {
-        let d: [f64; 3] = std::array::from_fn(|k| s[1 + k] / s[0]);
+        let d: [f64; 3] = each_axis(|k| s[1 + k] / s[0]);
         let cov = Sym3(std::array::from_fn(|k| s[4 + k] / s[0])).add(&Sym3::outer(d).scale(-1.0));
-        Blob { count: s[0], mean: std::array::from_fn(|k| mean[k] + d[k]), cov }
+        Blob { count: s[0], mean: each_axis(|k| mean[k] + d[k]), cov }
     });
     Some((a, b))
 }

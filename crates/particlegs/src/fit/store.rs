@@ -2,6 +2,7 @@
 
 use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
+use particlegs_core::math::each_axis;
 
 /// Particles in one parallel step of the copy.
 const STEP: usize = 1 << 16;
@@ -56,7 +57,7 @@ impl Store {
 
     /// World position of a point in store units.
     pub fn to_world(&self, p: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|k| self.origin[k] + p[k] / self.scale)
+        each_axis(|k| self.origin[k] + p[k] / self.scale)
     }
 }
 

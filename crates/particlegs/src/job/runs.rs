@@ -3,6 +3,7 @@
 use crate::blocks::RunSurvey;
 use crate::particles::RunHash;
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::output;
 use std::path::Path;
@@ -51,8 +52,8 @@ fn run(bytes: &[u8]) -> RunSurvey {
     let real = |i: usize| f32::from_le_bytes(std::array::from_fn(|b| bytes[4 * i + b]));
     let hash = |from: usize| std::array::from_fn(|b| bytes[from + b]);
     RunSurvey {
-        min: std::array::from_fn(real),
-        max: std::array::from_fn(|k| real(3 + k)),
+        min: each_axis(real),
+        max: each_axis(|k| real(3 + k)),
         hash: RunHash { positions: hash(25), weights: (bytes[24] == 1).then(|| hash(57)) },
     }
 }

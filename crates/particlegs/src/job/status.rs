@@ -6,6 +6,7 @@ use crate::blocks::Survey;
 use crate::particles::Layered;
 use crate::progress::Progress;
 use crate::{Error, Result, codec};
+use particlegs_core::math::each_axis;
 use serde::Serialize;
 
 /// How far a part is.
@@ -113,7 +114,7 @@ impl Job {
         let mut particles = 0u64;
         for coded in self.done_block(block)?.layers.iter().flat_map(|l| &l.content) {
             let decoded = codec::decode_block(coded, &path.display().to_string())?;
-            let corner = |c: [f64; 3]| std::array::from_fn(|k| (c[k] - self.manifest.origin[k]) as f32);
+            let corner = |c: [f64; 3]| each_axis(|k| (c[k] - self.manifest.origin[k]) as f32);
             let reached = self.manifest.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {
                 let what = format!("its particles are not those of block {block}");

@@ -45,6 +45,7 @@ mod tests {
     use crate::particles::{Particles, Selection, Tiling};
     use crate::progress::Silent;
     use crate::space::{Bounds, Cell};
+    use particlegs_core::math::each_axis;
 
     /// More than one run of particles on a ramp, in a box of 100 x 10 x 10.
     /// Writes what a selection keeps; says how many particles that are.
@@ -107,7 +108,7 @@ mod tests {
         assert_eq!(back.meta.cell.unwrap().lengths(), Some([100.0, 20.0, 20.0]));
         for (tile, shift) in [[0.0; 3], [0.0, 0.0, 10.0], [0.0, 10.0, 0.0], [0.0, 10.0, 10.0]].iter().enumerate() {
             for i in [0, 1, 65_535, 65_536, n - 1] {
-                let expected: [f64; 3] = std::array::from_fn(|k| p.position(i)[k] + shift[k]);
+                let expected: [f64; 3] = each_axis(|k| p.position(i)[k] + shift[k]);
                 assert_eq!(back.position(tile * n + i), expected);
             }
         }

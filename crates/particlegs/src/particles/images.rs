@@ -3,6 +3,7 @@
 use super::Chunk;
 use crate::space::{Bounds, Cell};
 use crate::{Error, Remedy, Result};
+use particlegs_core::math::each_axis;
 
 /// Takes positions at their periodic images nearest to a point.
 pub(super) struct Images {
@@ -40,9 +41,9 @@ impl Images {
     /// their images.
     pub fn nearest(&self, chunk: &Chunk<'_>, offset: [f64; 3], origin: [f64; 3], columns: &mut [Vec<f32>; 4]) {
         for i in 0..chunk.len() {
-            let p: [f64; 3] = std::array::from_fn(|k| f64::from(chunk.position[k][i]) + offset[k]);
-            let d: [f64; 3] = std::array::from_fn(|k| p[k] - self.centre[k]);
-            let steps: [f64; 3] = std::array::from_fn(|a| {
+            let p: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + offset[k]);
+            let d: [f64; 3] = each_axis(|k| p[k] - self.centre[k]);
+            let steps: [f64; 3] = each_axis(|a| {
                 let fraction: f64 = (0..3).map(|k| d[k] * self.fractions[k][a]).sum();
                 if self.cell.periodic[a] { fraction.round() } else { 0.0 }
             });

@@ -4,6 +4,7 @@ use super::Particles;
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 
 /// Lengths and coordinates that the arithmetic of this program stands, whatever the unit: their sixth
 /// powers (determinants of covariances) stay within f64. Float32 reaches from 1e-45 to 3e38.
@@ -76,8 +77,7 @@ pub(crate) fn check_particles(particles: &Particles, bounds: &Bounds, progress: 
     let counts = particles.par_chunks(|_, chunk| {
         let mut counts = [0u64; 2];
         for i in 0..chunk.len() {
-            let d: [f64; 3] =
-                std::array::from_fn(|k| f64::from(chunk.position[k][i]) + (particles.origin[k] - cell.origin[k]));
+            let d: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + (particles.origin[k] - cell.origin[k]));
             let beyond = (0..3).filter(|&a| cell.periodic[a]).map(|a| {
                 let fraction: f64 = (0..3).map(|k| d[k] * inverse[k][a]).sum();
                 (-fraction).max(fraction - 1.0)

@@ -4,6 +4,7 @@ use super::{Chunk, ChunkBuffer, Particles, RUN, SnapshotMeta, SnapshotReader};
 use crate::model::{Layer, Mass};
 use crate::progress::Progress;
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -115,7 +116,7 @@ impl ReadLayer {
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let reader = &*self.reader;
-        let shift: [f64; 3] = std::array::from_fn(|k| reader.origin()[k] - origin[k]);
+        let shift: [f64; 3] = each_axis(|k| reader.origin()[k] - origin[k]);
         let wrong = |what: String| Error::input(&self.layer.name, what);
         reader.read(runs.clone(), progress, &|run, chunk| {
             if !runs.contains(&run) {

@@ -14,6 +14,7 @@ use crate::parallel;
 use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -304,7 +305,7 @@ impl<'a> Kept<'a> {
             run.columns[k].extend(chunk.position[k].iter().map(|&v| (f64::from(v) + offset) as f32));
         }
         if let Some(images) = &self.images {
-            let offset = std::array::from_fn(|k| self.particles.origin[k] + shift[k]);
+            let offset = each_axis(|k| self.particles.origin[k] + shift[k]);
             images.nearest(&chunk, offset, self.origin, &mut run.columns);
         }
         if run.columns[..3].iter().flatten().any(|v| !v.is_finite()) {
@@ -321,7 +322,7 @@ impl<'a> Kept<'a> {
         let [x, y, z, _] = &run.columns;
         (0..x.len() as u32).filter(move |&i| {
             let local = [x, y, z].map(|c| f64::from(c[i as usize]));
-            let p: [f64; 3] = std::array::from_fn(|k| local[k] + origin[k]);
+            let p: [f64; 3] = each_axis(|k| local[k] + origin[k]);
             crop.is_none_or(|b| (0..3).all(|k| b.min[k] <= p[k] && p[k] < b.max[k]))
         })
     }

@@ -4,6 +4,7 @@ use super::{Chunk, ChunkBuffer, SnapshotMeta};
 use crate::model::{Columns, Layer, MASS};
 use crate::parallel;
 use crate::space::Bounds;
+use particlegs_core::math::each_axis;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 
@@ -202,7 +203,7 @@ impl Particles {
             Positions::Columns(c) => [c[0][i], c[1][i], c[2][i]],
             Positions::Triples(t) => [t[3 * i], t[3 * i + 1], t[3 * i + 2]],
         };
-        std::array::from_fn(|k| self.origin[k] + f64::from(local[k]))
+        each_axis(|k| self.origin[k] + f64::from(local[k]))
     }
 
     /// Bounds of the particles, world units.
@@ -214,10 +215,7 @@ impl Particles {
             Bounds { min: ends.map(|e| f64::from(e.0)), max: ends.map(|e| f64::from(e.1)) }
         });
         let local = parts.iter().fold(Bounds::empty(), |a, b| a.union(b));
-        Bounds {
-            min: std::array::from_fn(|k| self.origin[k] + local.min[k]),
-            max: std::array::from_fn(|k| self.origin[k] + local.max[k]),
-        }
+        Bounds { min: each_axis(|k| self.origin[k] + local.min[k]), max: each_axis(|k| self.origin[k] + local.max[k]) }
     }
 
     /// Sum of the weights (ordered f64 sums), or the number of particles where there are none.

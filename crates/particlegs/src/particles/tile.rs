@@ -3,6 +3,7 @@
 use super::Particles;
 use crate::space::Cell;
 use crate::{Error, Remedy, Result};
+use particlegs_core::math::each_axis;
 
 /// How often the snapshot stands beside itself along each cell vector. Tiles are numbered with the
 /// last axis fastest.
@@ -53,7 +54,7 @@ impl Tiling {
     pub fn shift(&self, tile: u64) -> [f64; 3] {
         let [_, ny, nz] = self.repeats.map(u64::from);
         let steps = [tile / (ny * nz), tile / nz % ny, tile % nz];
-        std::array::from_fn(|k| (0..3).map(|axis| steps[axis] as f64 * self.vectors[axis][k]).sum())
+        each_axis(|k| (0..3).map(|axis| steps[axis] as f64 * self.vectors[axis][k]).sum())
     }
 
     /// The cell of all tiles together.

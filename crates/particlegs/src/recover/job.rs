@@ -138,6 +138,7 @@ mod tests {
     use crate::model::Mass;
     use crate::particles::Particles;
     use crate::progress::Silent;
+    use particlegs_core::math::each_axis;
 
     fn options(method: Method) -> Options {
         Options { particles: None, method, scale: 1.0, seed: 5, form: RawForm::Columns, model_name: "m.pgs".into() }
@@ -192,7 +193,7 @@ mod tests {
         (0..p.len()).for_each(|i| (0..3).for_each(|k| mean[k] += p.position(i)[k] / n));
         let mut cov = [0.0; 6];
         for i in 0..p.len() {
-            let d: [f64; 3] = std::array::from_fn(|k| p.position(i)[k] - mean[k]);
+            let d: [f64; 3] = each_axis(|k| p.position(i)[k] - mean[k]);
             let products = [d[0] * d[0], d[0] * d[1], d[0] * d[2], d[1] * d[1], d[1] * d[2], d[2] * d[2]];
             (0..6).for_each(|k| cov[k] += products[k] / n);
         }

@@ -6,6 +6,7 @@ use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
+use particlegs_core::math::each_axis;
 
 /// Particles in one task, and tasks in one round; fixed, so that sums do not depend on threads.
 const CHUNK: usize = 1 << 16;
@@ -45,7 +46,7 @@ pub fn surface_density(
     let [right, up, back] = frame.axes;
     let target = Target {
         axes: [right, up.map(|v| -v), back.map(|v| -v)],
-        position: std::array::from_fn(|k| frame.position[k] - particles.origin[k]),
+        position: each_axis(|k| frame.position[k] - particles.origin[k]),
         perspective: matches!(view.camera.projection, Projection::Perspective { .. }),
         focal: view.camera.focal_pixels(size),
         range: view.range,
@@ -82,7 +83,7 @@ impl Target {
         let mut out: Deposits = vec![Vec::new(); height.div_ceil(BAND)];
         let [xs, ys, zs] = chunk.position;
         for shift in &self.shifts {
-            let eye: [f64; 3] = std::array::from_fn(|k| self.position[k] - shift[k]);
+            let eye: [f64; 3] = each_axis(|k| self.position[k] - shift[k]);
             for i in 0..chunk.len() {
                 let v = [f64::from(xs[i]) - eye[0], f64::from(ys[i]) - eye[1], f64::from(zs[i]) - eye[2]];
                 let [x, y, depth] = self.axes.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);

@@ -5,6 +5,7 @@ use crate::camera::{Projection, View};
 use crate::picture::Size;
 use crate::{Error, Result};
 use fearless_simd::{Level, Simd, dispatch};
+use particlegs_core::math::each_axis;
 
 /// Particles that one call of the vector kernel takes.
 pub(super) const BLOCK: usize = 256;
@@ -108,7 +109,7 @@ impl Projector {
             )));
         };
         let frame = view.camera.frame()?;
-        let eye: [f64; 3] = std::array::from_fn(|k| frame.position[k] - origin[k]);
+        let eye: [f64; 3] = each_axis(|k| frame.position[k] - origin[k]);
         let rows = frame.axes.map(|r| {
             let shift = -(r[0] * eye[0] + r[1] * eye[1] + r[2] * eye[2]);
             [r[0] as f32, r[1] as f32, r[2] as f32, shift as f32]

@@ -6,6 +6,7 @@ use crate::parallel;
 use crate::picture::{Plane, Size};
 use crate::space::Bounds;
 use crate::splat::opacity_integral;
+use particlegs_core::math::each_axis;
 
 /// The noise-free optical depth of `count` particles spread evenly over `bounds`, without fluctuations:
 /// in each pixel their number density times the opacity integral of one of them, times the depth along
@@ -31,13 +32,13 @@ pub fn uniform_box(bounds: &Bounds, count: f64, view: &View, size: Size) -> Resu
         let down = scale * (row as f64 - half[1]);
         for (column, out) in out.iter_mut().enumerate() {
             let across = scale * (column as f64 - half[0]);
-            let aside: [f64; 3] = std::array::from_fn(|k| across * right[k] - down * up[k]);
+            let aside: [f64; 3] = each_axis(|k| across * right[k] - down * up[k]);
             let forward = back.map(|v| -v);
             let (start, direction, growth) = if perspective {
                 let growth = ((1.0 + across * across) * (1.0 + down * down)).sqrt();
-                (frame.position, std::array::from_fn(|k| forward[k] + aside[k]), growth)
+                (frame.position, each_axis(|k| forward[k] + aside[k]), growth)
             } else {
-                (std::array::from_fn(|k| frame.position[k] + aside[k]), forward, 1.0)
+                (each_axis(|k| frame.position[k] + aside[k]), forward, 1.0)
             };
             *out = (weight * growth * depth_inside(bounds, start, direction, range)) as f32;
         }

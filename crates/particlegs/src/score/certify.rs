@@ -9,6 +9,7 @@ use crate::particles::Particles;
 use crate::picture::{Scores, Size};
 use crate::progress::Progress;
 use crate::reference::Reference;
+use particlegs_core::math::each_axis;
 
 /// Picture size of certificates.
 const SIZE: Size = Size { width: 1920, height: 1080 };
@@ -37,7 +38,7 @@ pub fn certificate(
     let views = certificate_views(m, SIZE, seed);
     let truth = Reference::new(particles).within(memory.unwrap_or(u64::MAX));
     let evaluation = evaluate_against(model, &truth, &views, SIZE, progress)?;
-    let orbits = std::array::from_fn(|k| {
+    let orbits = each_axis(|k| {
         let v = &evaluation.views[k];
         OrbitScore {
             paraview: look_score(&v.paraview),
@@ -45,7 +46,7 @@ pub fn certificate(
             expected: look_score(&v.expected),
         }
     });
-    let baselines = std::array::from_fn(|k| {
+    let baselines = each_axis(|k| {
         let v = &evaluation.views[k];
         OrbitBaselines {
             paraview: look_baselines(&v.paraview),

@@ -7,6 +7,7 @@ use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use crate::stats::{Grid, Slab, Splat};
+use particlegs_core::math::each_axis;
 
 /// Parallel parts of a sum, fixed so that results do not depend on threads.
 const PARTS: usize = 32;
@@ -40,8 +41,8 @@ impl DensityGrid {
         let side = extent[0].max(extent[1]).max(extent[2]) / f64::from(longest.max(1));
         let cells = extent.map(|e| ((e / side).round() as usize).max(1));
         DensityGrid(Grid {
-            min: std::array::from_fn(|k| center[k] - 0.5 * extent[k]),
-            side: std::array::from_fn(|k| extent[k] / cells[k] as f64),
+            min: each_axis(|k| center[k] - 0.5 * extent[k]),
+            side: each_axis(|k| extent[k] / cells[k] as f64),
             cells,
             periodic,
         })
@@ -54,7 +55,7 @@ impl DensityGrid {
     pub fn of_particles(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<f64>> {
         let unit_mass = particles.meta.particle_mass.unwrap_or(1.0);
         let scale = self.0.side.map(f64::recip);
-        let offset: [f64; 3] = std::array::from_fn(|k| (particles.origin[k] - self.0.min[k]) * scale[k]);
+        let offset: [f64; 3] = each_axis(|k| (particles.origin[k] - self.0.min[k]) * scale[k]);
         self.sum_parts(particles.len(), |grid, range| {
             let mut buffer = Default::default();
             for start in range.clone().step_by(1 << 16) {

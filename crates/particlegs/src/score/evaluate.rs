@@ -14,6 +14,7 @@ use crate::space::Bounds;
 use crate::splat::Look;
 use crate::stats::Domain;
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 
 /// Scores `model` against `particles` in `views`, drawn at `size`. Views without a clipping range
 /// get the particles' own, the same for the model and the truth. A view is of the orbit that its name begins
@@ -111,7 +112,7 @@ impl Even {
     fn of(truth: &Reference) -> Self {
         let particles = truth.particles();
         let domain = Domain::new(truth.bounds(), particles.meta.cell.as_ref());
-        let max = std::array::from_fn(|k| domain.min[k] + domain.length[k]);
+        let max = each_axis(|k| domain.min[k] + domain.length[k]);
         Even { bounds: Bounds { min: domain.min, max }, count: particles.len() as f64 }
     }
 }

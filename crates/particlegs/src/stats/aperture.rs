@@ -5,6 +5,7 @@ use super::{Domain, Groups};
 use crate::Result;
 use crate::parallel;
 use crate::progress::Progress;
+use particlegs_core::math::each_axis;
 
 /// A sphere shrinks by this share a step towards its densest part (Power et al. 2003).
 const SHRINK: f64 = 0.9;
@@ -16,13 +17,10 @@ const LEAST: usize = 10;
 pub fn group_center(positions: &[[f64; 3]], members: &[u32], domain: &Domain) -> [f64; 3] {
     let Some(first) = members.first().map(|i| positions[*i as usize]) else { return [0.0; 3] };
     // Offsets from one member by the shortest way: a group is smaller than half the box.
-    let mut all: Vec<[f64; 3]> = members
-        .iter()
-        .map(|i| domain.shortest_way(std::array::from_fn(|k| positions[*i as usize][k] - first[k])))
-        .collect();
-    let mean = |x: &[[f64; 3]]| -> [f64; 3] {
-        std::array::from_fn(|k| x.iter().map(|p| p[k]).sum::<f64>() / x.len().max(1) as f64)
-    };
+    let mut all: Vec<[f64; 3]> =
+        members.iter().map(|i| domain.shortest_way(each_axis(|k| positions[*i as usize][k] - first[k]))).collect();
+    let mean =
+        |x: &[[f64; 3]]| -> [f64; 3] { each_axis(|k| x.iter().map(|p| p[k]).sum::<f64>() / x.len().max(1) as f64) };
     let square = |p: &[f64; 3], c: &[f64; 3]| (0..3).map(|k| (p[k] - c[k]) * (p[k] - c[k])).sum::<f64>();
     let mut center = mean(&all);
     let mut radius = all.iter().map(|p| square(p, &center)).fold(0.0, f64::max).sqrt();
@@ -35,7 +33,7 @@ pub fn group_center(positions: &[[f64; 3]], members: &[u32], domain: &Domain) ->
         center = mean(&inside);
         all = inside;
     }
-    domain.local(std::array::from_fn(|k| domain.min[k] + first[k] + center[k]))
+    domain.local(each_axis(|k| domain.min[k] + first[k] + center[k]))
 }
 
 /// Particles within `radius` of each centre.
@@ -55,7 +53,7 @@ pub fn counts_within(
         progress.check()?;
         let mut count = 0;
         points.near(points.cell_of(*c), radius, |run, shift| {
-            let at: [f64; 3] = std::array::from_fn(|k| c[k] - shift[k]);
+            let at: [f64; 3] = each_axis(|k| c[k] - shift[k]);
             let inside =
                 |p: &&[f64; 3]| (0..3).map(|k| (p[k] - at[k]) * (p[k] - at[k])).sum::<f64>() <= radius * radius;
             count += points.position[run].iter().filter(inside).count() as u64;
@@ -129,11 +127,11 @@ mod tests {
             let mut r = Random::new(1, 0, i);
             let wide = if i % 3 == 0 { [0.5, 0.0, 0.3] } else { [0.0; 3] };
             let s = if i % 3 == 0 { 0.2 } else { 0.01 };
-            x.push(domain.local(std::array::from_fn(|k| domain.min[k] + core[k] + wide[k] + s * r.normal())));
+            x.push(domain.local(each_axis(|k| domain.min[k] + core[k] + wide[k] + s * r.normal())));
         }
         let members: Vec<u32> = (0..300).collect();
         let c = group_center(&x, &members, &domain);
-        let d = domain.shortest_way(std::array::from_fn(|k| c[k] - core[k]));
+        let d = domain.shortest_way(each_axis(|k| c[k] - core[k]));
         assert!(d.iter().all(|v| v.abs() < 0.01), "{c:?}");
         let n = counts_within(&x, &domain, &[c, [5.0; 3]], 0.06, &Silent).unwrap();
         assert!(n[0] >= 195 && n[0] <= 215 && n[1] == 0, "{n:?}");

@@ -5,6 +5,7 @@ use crate::particles::{check_box, check_particles};
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 
 /// Boxes whose lengths differ by no more than this share are of one size.
 const SAME: f64 = 1e-5;
@@ -67,7 +68,7 @@ impl<'a> Place<'a> {
     fn lengths(&self) -> Option<[f64; 3]> {
         let cell = self.cell.filter(|c| c.periodic.contains(&true))?;
         let lengths = cell.lengths()?;
-        Some(std::array::from_fn(|k| if cell.periodic[k] { lengths[k] } else { 0.0 }))
+        Some(each_axis(|k| if cell.periodic[k] { lengths[k] } else { 0.0 }))
     }
 }
 

@@ -10,6 +10,7 @@ use crate::model::Mixture;
 use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::progress::Progress;
+use particlegs_core::math::each_axis;
 use std::ops::Range;
 
 /// Chunks of particles that are sorted by plane before any is deposited: bounds the memory.
@@ -139,7 +140,7 @@ fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) ->
     for i in 0..chunk.len() {
         let weight = unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
         let mut u: [f64; 3] =
-            std::array::from_fn(|k| (f64::from(chunk.position[k][i]) + (p.origin[k] - grid.min[k])) * scale[k] + shift);
+            each_axis(|k| (f64::from(chunk.position[k][i]) + (p.origin[k] - grid.min[k])) * scale[k] + shift);
         if (0..3).all(|k| place(grid, k, &mut u[k])) {
             records.push((u, weight));
         } else {
@@ -208,7 +209,7 @@ fn add_to_planes(grid: &Grid, sorted: &Sorted, scheme: Assignment, planes: Range
 #[inline]
 fn add_record(grid: &Grid, (u, weight): &Record, scheme: Assignment, planes: &Range<usize>, out: &mut [f64]) {
     let order = scheme.order();
-    let axes: [(i64, [f64; 3]); 3] = std::array::from_fn(|k| scheme.weights(u[k]));
+    let axes: [(i64, [f64; 3]); 3] = each_axis(|k| scheme.weights(u[k]));
     for a in 0..order {
         let i = grid.wrap(0, axes[0].0 + a as i64);
         if !planes.contains(&i) {
@@ -233,7 +234,7 @@ fn add_mixtures(
     progress: &dyn Progress,
 ) -> Result<()> {
     let grid = field.grid;
-    let moved = Grid { min: std::array::from_fn(|k| grid.min[k] - shift * grid.side[k]), ..grid };
+    let moved = Grid { min: each_axis(|k| grid.min[k] - shift * grid.side[k]), ..grid };
     let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(MODEL_SLABS).max(1));
     let particles: f64 = parts.iter().flat_map(|m| &m.count).sum();
     let in_slab = (particles / grid.cells[0].div_ceil(depth) as f64) as u64;

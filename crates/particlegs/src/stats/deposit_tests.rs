@@ -3,6 +3,7 @@ use crate::math::{Random, Sym3};
 use crate::particles::Column;
 use crate::progress::Silent;
 use crate::stats::Domain;
+use particlegs_core::math::each_axis;
 
 fn random(n: usize, length: [f64; 3]) -> Particles {
     let column = |k: u32| (0..n).map(|i| (Random::new(1, k, i as u64).uniform() * length[k as usize]) as f32).collect();
@@ -18,14 +19,14 @@ fn plain(p: &Particles, grid: &Grid, scheme: Assignment, shift: f64) -> Vec<f64>
     let mut out = vec![0.0; grid.len()];
     for i in 0..p.len() {
         let x = p.position(i);
-        let axes: [_; 3] = std::array::from_fn(|k| {
+        let axes: [_; 3] = each_axis(|k| {
             let u = (x[k] - grid.min[k]) / grid.side[k] + shift;
             scheme.weights(u)
         });
         for a in 0..27 {
             let o = [a / 9, a / 3 % 3, a % 3];
             let w: f64 = (0..3).map(|k| axes[k].1[o[k]]).product();
-            let at = std::array::from_fn(|k| grid.wrap(k, axes[k].0 + o[k] as i64));
+            let at = each_axis(|k| grid.wrap(k, axes[k].0 + o[k] as i64));
             out[grid.index(at)] += w * p.weights().map_or(1.0, |c| f64::from(c[i]));
         }
     }

@@ -3,6 +3,7 @@
 use crate::model::Model;
 use crate::particles::Particles;
 use crate::space::{Bounds, Cell};
+use particlegs_core::math::each_axis;
 
 /// A box, world units, and the axes along which it repeats.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -21,11 +22,8 @@ impl Domain {
     pub fn new(bounds: &Bounds, cell: Option<&Cell>) -> Self {
         let extent = bounds.extent_nonzero();
         // An extent of zero is stood in for by another: keep its content in the middle.
-        let mut domain = Domain {
-            min: std::array::from_fn(|k| bounds.center()[k] - 0.5 * extent[k]),
-            length: extent,
-            periodic: [false; 3],
-        };
+        let mut domain =
+            Domain { min: each_axis(|k| bounds.center()[k] - 0.5 * extent[k]), length: extent, periodic: [false; 3] };
         if let Some((lengths, cell)) = cell.and_then(|c| Some((c.lengths()?, c))) {
             for k in 0..3 {
                 if cell.periodic[k] && lengths[k].is_finite() && lengths[k] > 0.0 && extent[k] > 0.5 * lengths[k] {
@@ -68,7 +66,7 @@ impl Domain {
 
     /// A position relative to the lowest corner, in [0, length) along axes that repeat.
     pub fn local(&self, p: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|k| {
+        each_axis(|k| {
             let x = p[k] - self.min[k];
             if !self.periodic[k] {
                 return x;
@@ -81,9 +79,7 @@ impl Domain {
 
     /// A difference of positions by the shortest way round.
     pub fn shortest_way(&self, d: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|k| {
-            if self.periodic[k] { d[k] - self.length[k] * (d[k] / self.length[k]).round() } else { d[k] }
-        })
+        each_axis(|k| if self.periodic[k] { d[k] - self.length[k] * (d[k] / self.length[k]).round() } else { d[k] })
     }
 }
 

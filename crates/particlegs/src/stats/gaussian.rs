@@ -8,6 +8,7 @@
 use super::Grid;
 use super::resolved::Resolved;
 use crate::math::Sym3;
+use particlegs_core::math::each_axis;
 use std::ops::Range;
 
 /// Lattice step in deviations of the round kernel: aliases are below exp(-2 pi^2 / 1.5^2) = 2e-4.
@@ -81,7 +82,7 @@ impl Splat {
         for &(a, wa) in &nodes[0] {
             for &(b, wb) in &nodes[1] {
                 for &(c, wc) in &nodes[2] {
-                    let at = std::array::from_fn(|k| mean[k] + a * v[0][k] + b * v[1][k] + c * v[2][k]);
+                    let at = each_axis(|k| mean[k] + a * v[0][k] + b * v[1][k] + c * v[2][k]);
                     self.add_straight(slab, at, [kernel; 3], mass * wa * wb * wc);
                 }
             }
@@ -230,7 +231,7 @@ mod tests {
         let n = 12 * FINE;
         for i in 0..n * n * n {
             let at = [i / (n * n), i / n % n, i % n];
-            let d = std::array::from_fn(|k| (at[k] as f64 + 0.5) / FINE as f64 - mean[k]);
+            let d = each_axis(|k| (at[k] as f64 + 0.5) / FINE as f64 - mean[k]);
             let q = inverse.quadratic(d);
             if q < 30.0 {
                 out[g.index(at.map(|v| v / FINE))] += scale * (-0.5 * q).exp();

@@ -1,6 +1,7 @@
 //! A grid over a domain and the schemes that share a particle among its cells.
 
 use super::Domain;
+use particlegs_core::math::each_axis;
 
 /// Cells over a domain; x is the slowest index.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,7 +69,7 @@ impl Grid {
     pub fn stretched(domain: &Domain, cells: [usize; 3]) -> Self {
         Grid {
             min: domain.min,
-            side: std::array::from_fn(|k| domain.length[k] / cells[k] as f64),
+            side: each_axis(|k| domain.length[k] / cells[k] as f64),
             cells,
             periodic: domain.periodic,
         }

@@ -12,6 +12,7 @@ use crate::particles::RUN;
 use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 
 /// Groups of at least the smallest size asked for, the largest first.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,15 +116,14 @@ impl<'a> Rows<'a> {
     fn new(positions: &[[f64; 3]], domain: &'a Domain, linking_length: f64) -> Self {
         // A little under the diagonal, so that rounding makes no friends.
         let wanted = linking_length / 3f64.sqrt() * (1.0 - 1e-9);
-        let low: [f64; 3] = std::array::from_fn(|k| {
-            if domain.periodic[k] { 0.0 } else { positions.iter().map(|x| x[k]).fold(0.0, f64::min) }
-        });
+        let low: [f64; 3] =
+            each_axis(|k| if domain.periodic[k] { 0.0 } else { positions.iter().map(|x| x[k]).fold(0.0, f64::min) });
         // Axes that repeat need whole cells; open ones may have any number.
-        let cells: [i64; 3] = std::array::from_fn(|k| {
+        let cells: [i64; 3] = each_axis(|k| {
             if domain.periodic[k] { ((domain.length[k] / wanted).ceil() as i64).min(MOST_CELLS) } else { i64::MAX }
         });
         let side: [f64; 3] =
-            std::array::from_fn(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { wanted });
+            each_axis(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { wanted });
         let place = |x: &[f64; 3], k: usize| cell_number((x[k] - low[k]) / side[k]).clamp(0, cells[k] - 1);
         let order = sorted(positions, &|x| [0, 1, 2].map(|k| place(x, k)), occupied(positions, &place, &cells));
         let (mut runs, mut rows): (Vec<CellRun>, Vec<([i64; 2], u32)>) = Default::default();
@@ -235,7 +235,7 @@ impl<'a> Rows<'a> {
     fn friends(&self, a: CellRun, b: CellRun, shift: [f64; 3], walk: &Walk<'_>) -> bool {
         let square = walk.length * walk.length;
         let [own, others] = [a, b].map(|c| &self.position[c.first as usize..c.end as usize]);
-        let moved = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|k| x[k] - shift[k]) };
+        let moved = |x: &[f64; 3]| -> [f64; 3] { each_axis(|k| x[k] - shift[k]) };
         let any = |x: [f64; 3], others: &[[f64; 3]]| others.iter().any(|y| square_between(&x, y) <= square);
         if own.len() * others.len() <= MANY {
             return own.iter().any(|x| any(moved(x), others));
@@ -245,7 +245,7 @@ impl<'a> Rows<'a> {
         let near = |points: &[[f64; 3]], crowd: &[[f64; 3]]| -> Vec<[f64; 3]> {
             let mut bounds = Bounds::empty();
             crowd.iter().for_each(|x| bounds.include(*x));
-            let nearest = |x: &[f64; 3]| std::array::from_fn(|k| x[k].clamp(bounds.min[k], bounds.max[k]));
+            let nearest = |x: &[f64; 3]| each_axis(|k| x[k].clamp(bounds.min[k], bounds.max[k]));
             points.iter().filter(|x| square_between(x, &nearest(x)) <= square).copied().collect()
         };
         let others = near(others, &own);
@@ -364,7 +364,7 @@ mod tests {
         let mut sets = Sets::new(x.len());
         for i in 0..x.len() {
             for j in 0..i {
-                let d = domain.shortest_way(std::array::from_fn(|k| x[i][k] - x[j][k]));
+                let d = domain.shortest_way(each_axis(|k| x[i][k] - x[j][k]));
                 if d.iter().map(|v| v * v).sum::<f64>() <= length * length {
                     sets.join(i as u32, j as u32);
                 }

@@ -132,6 +132,7 @@ fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
 mod tests {
     use super::*;
     use crate::progress::Silent;
+    use particlegs_core::math::each_axis;
 
     fn particles(x: &[[f64; 3]]) -> Particles {
         let column = |k: usize| x.iter().map(|x| x[k] as f32).collect();
@@ -163,7 +164,7 @@ mod tests {
             for i in 0..x.len() {
                 let plain = (0..x.len())
                     .filter(|j| *j != i)
-                    .map(|j| domain.shortest_way(std::array::from_fn(|k| x[j][k] - x[i][k])))
+                    .map(|j| domain.shortest_way(each_axis(|k| x[j][k] - x[i][k])))
                     .map(|d| d.iter().map(|v| v * v).sum::<f64>())
                     .fold(f64::INFINITY, f64::min)
                     .sqrt();

@@ -11,6 +11,7 @@ use crate::math::{Purpose, Random};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::{Error, Result};
+use particlegs_core::math::each_axis;
 use std::f64::consts::PI;
 
 /// Primaries in one step of parallel work.
@@ -54,7 +55,7 @@ pub fn logarithmic_edges(low: f64, high: f64, per_decade: usize) -> Vec<f64> {
 /// shortest open edge).
 fn kept(domain: &Domain, r: f64) -> f64 {
     // Means of |x|, |x y| and |x y z| over the unit sphere: 1/2, 2/(3 pi), 1/(4 pi).
-    let a: [f64; 3] = std::array::from_fn(|k| if domain.periodic[k] { 0.0 } else { r / domain.length[k] });
+    let a: [f64; 3] = each_axis(|k| if domain.periodic[k] { 0.0 } else { r / domain.length[k] });
     1.0 - 0.5 * (a[0] + a[1] + a[2]) + 2.0 / (3.0 * PI) * (a[0] * a[1] + a[1] * a[2] + a[2] * a[0])
         - a[0] * a[1] * a[2] / (4.0 * PI)
 }
@@ -171,7 +172,7 @@ fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn 
             progress.check()?;
             let at = points.position[i as usize];
             points.near(points.cell_of(at), reach, |others, shift| {
-                let origin: [f64; 3] = std::array::from_fn(|k| at[k] - shift[k]);
+                let origin: [f64; 3] = each_axis(|k| at[k] - shift[k]);
                 for o in &points.position[others] {
                     let d = [o[0] - origin[0], o[1] - origin[1], o[2] - origin[2]];
                     let r = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
@@ -213,7 +214,7 @@ mod tests {
         let mut out = vec![0; edges.len() - 1];
         for i in 0..x.len() {
             for j in (0..x.len()).filter(|j| *j != i) {
-                let d = domain.shortest_way(std::array::from_fn(|k| x[j][k] - x[i][k]));
+                let d = domain.shortest_way(each_axis(|k| x[j][k] - x[i][k]));
                 let r = d.iter().map(|v| v * v).sum::<f64>();
                 (0..out.len())
                     .filter(|b| r >= edges[*b].powi(2) && r < edges[*b + 1].powi(2))

@@ -4,6 +4,7 @@ use super::Domain;
 use crate::Result;
 use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
+use particlegs_core::math::each_axis;
 
 /// Positions relative to the domain's corner, in [0, length) along axes that repeat, in the order
 /// of the particles.
@@ -12,7 +13,7 @@ pub(crate) fn local_positions(p: &Particles, domain: &Domain) -> Vec<[f64; 3]> {
     parallel::for_each_chunk_with(&mut all, RUN, ChunkBuffer::default, |buffer, run, out| {
         let chunk = p.chunk(run * RUN..run * RUN + out.len(), buffer);
         for (i, x) in out.iter_mut().enumerate() {
-            *x = domain.local(std::array::from_fn(|k| p.origin[k] + f64::from(chunk.position[k][i])));
+            *x = domain.local(each_axis(|k| p.origin[k] + f64::from(chunk.position[k][i])));
         }
     });
     all
@@ -74,7 +75,7 @@ impl Points {
             domain: *domain,
             cells,
             low,
-            side: std::array::from_fn(|k| length[k] / cells[k] as f64),
+            side: each_axis(|k| length[k] / cells[k] as f64),
             start: Vec::new(),
             position: Vec::new(),
             index: Vec::new(),
@@ -94,7 +95,7 @@ impl Points {
 
     /// The cell of a position.
     pub fn cell_of(&self, x: [f64; 3]) -> [usize; 3] {
-        std::array::from_fn(|k| (((x[k] - self.low[k]) / self.side[k]).max(0.0) as usize).min(self.cells[k] - 1))
+        each_axis(|k| (((x[k] - self.low[k]) / self.side[k]).max(0.0) as usize).min(self.cells[k] - 1))
     }
 
     fn key(&self, [i, j, k]: [usize; 3]) -> usize {

@@ -7,6 +7,7 @@
 use super::Grid;
 use super::gaussian::Slab;
 use crate::math::Sym3;
+use particlegs_core::math::each_axis;
 use std::ops::Range;
 
 /// Smallest deviation in cells: sums over cells then keep mass to 1e-6.
@@ -51,7 +52,7 @@ impl Resolved {
             v[5] * c * c + within,
         ]);
         let half = [wide.0[0], wide.0[3], wide.0[5]].map(|v| REACH * v.sqrt());
-        let mut middle: [f64; 3] = std::array::from_fn(|k| (mean[k] - g.min[k]) / g.side[k]);
+        let mut middle: [f64; 3] = each_axis(|k| (mean[k] - g.min[k]) / g.side[k]);
         for k in 0..3 {
             let n = g.cells[k] as f64;
             if g.periodic[k] {

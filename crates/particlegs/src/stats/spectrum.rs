@@ -10,6 +10,7 @@ use super::{Assignment, Domain, Grid, Subject, deposit, deposit_bytes, deposit_s
 use crate::Result;
 use crate::parallel;
 use crate::progress::Progress;
+use particlegs_core::math::each_axis;
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
@@ -82,7 +83,7 @@ pub(super) fn modes_of(
     let mut modes = first;
     let (columns, depth) = modes.plane();
     let n = grid.cells.map(|n| n as f64);
-    let window: [Vec<f64>; 3] = std::array::from_fn(|k| {
+    let window: [Vec<f64>; 3] = each_axis(|k| {
         let power = if o.deconvolved { scheme.order() as i32 } else { 0 };
         (0..=most[k]).map(|m| sinc(PI * m as f64 / n[k]).powi(power)).collect()
     });
@@ -108,7 +109,7 @@ fn sinc(x: f64) -> f64 {
 /// The largest mode number of each axis up to `k_max`, below half the axis's cells: the mode at
 /// exactly half is its own alias.
 pub(super) fn mode_limits(grid: &Grid, domain: &Domain, k_max: f64) -> [usize; 3] {
-    std::array::from_fn(|k| {
+    each_axis(|k| {
         let wanted = (k_max * domain.length[k] / (2.0 * PI) * (1.0 + 1e-12)).floor() as usize;
         wanted.min((grid.cells[k] - 1) / 2)
     })

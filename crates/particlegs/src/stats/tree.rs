@@ -8,6 +8,7 @@
 use super::Domain;
 use crate::parallel;
 use crate::particles::Particles;
+use particlegs_core::math::each_axis;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -23,7 +24,7 @@ pub(super) type Place = [f32; 3];
 
 /// Calls `visit` with runs of places, the index of the first, in parallel.
 fn visit_places(p: &Particles, domain: &Domain, visit: impl Fn(usize, &[Place]) + Sync) {
-    let corner: [f64; 3] = std::array::from_fn(|k| domain.min[k] - p.origin[k]);
+    let corner: [f64; 3] = each_axis(|k| domain.min[k] - p.origin[k]);
     let scratch = parallel::Scratch::<Vec<Place>>::default();
     p.par_chunks(|first, chunk| {
         let inside = |k: usize, raw: f32| {
@@ -105,8 +106,8 @@ impl CellGrid {
         }
         let cells = count(side).map(|c| c as usize);
         CellGrid {
-            low: std::array::from_fn(|k| low[k] - p.origin[k]),
-            side: std::array::from_fn(|k| length[k] / cells[k] as f64),
+            low: each_axis(|k| low[k] - p.origin[k]),
+            side: each_axis(|k| length[k] / cells[k] as f64),
             cells,
             length,
             periodic: domain.periodic,
@@ -114,7 +115,7 @@ impl CellGrid {
     }
 
     fn cell(&self, x: &[f64; 3]) -> [usize; 3] {
-        std::array::from_fn(|k| (((x[k] - self.low[k]) / self.side[k]) as usize).min(self.cells[k] - 1))
+        each_axis(|k| (((x[k] - self.low[k]) / self.side[k]) as usize).min(self.cells[k] - 1))
     }
 
     fn index(&self, [i, j, k]: [usize; 3]) -> usize {
@@ -225,7 +226,7 @@ impl Neighbours {
                     if run.is_empty() {
                         continue;
                     }
-                    let moved: [f64; 3] = std::array::from_fn(|k| x[k] - turn[k] * g.length[k]);
+                    let moved: [f64; 3] = each_axis(|k| x[k] - turn[k] * g.length[k]);
                     let away: f64 = (0..3)
                         .map(|k| {
                             let from = moved[k] - (g.low[k] + cell[k] as f64 * g.side[k]);
@@ -245,7 +246,7 @@ impl Neighbours {
     fn search(&self, run: Range<usize>, x: &[f64; 3], off: [f64; 3], best: &mut Best) {
         let points = &self.points[run.clone()];
         let take = |p: &Place, best: &mut Best| {
-            let d: [f64; 3] = std::array::from_fn(|k| f64::from(p[k]) - x[k]);
+            let d: [f64; 3] = each_axis(|k| f64::from(p[k]) - x[k]);
             let square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
             if square == 0.0 {
                 best.here += 1;
@@ -322,6 +323,6 @@ fn widest(points: &[Place]) -> usize {
             (low[k], high[k]) = (low[k].min(x[k]), high[k].max(x[k]));
         }
     }
-    let extent: [f32; 3] = std::array::from_fn(|k| high[k] - low[k]);
+    let extent: [f32; 3] = each_axis(|k| high[k] - low[k]);
     (1..3).fold(0, |a, k| if extent[k] > extent[a] { k } else { a })
 }

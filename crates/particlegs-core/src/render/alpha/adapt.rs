@@ -4,7 +4,7 @@
 use super::eye::Eye;
 use super::project::{Gaussian, Seen};
 use crate::camera::{Normalisation, View};
-use crate::math::Sym3;
+use crate::math::{Sym3, each_axis};
 use crate::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
 use crate::model::{LawKind, Mixture, Model, VizMapper};
 use crate::progress::{Level, Progress};
@@ -106,7 +106,7 @@ impl<'a> Blend<'a> {
     fn normal(&self, m: &Mixture, i: usize, setting: Setting) -> std::result::Result<(Gaussian, [f32; 4]), String> {
         let own = m.law.alpha_blend().ok_or("the mixture has no opacities, which the alpha-blend law needs")?;
         let scale = self.frame.scale;
-        let mean: [f64; 3] = std::array::from_fn(|k| (m.mean[k][i] - self.frame.center[k]) * scale);
+        let mean: [f64; 3] = each_axis(|k| (m.mean[k][i] - self.frame.center[k]) * scale);
         let cov = Sym3(m.cov_of(i).0.map(|v| v * scale * scale));
         let (opacity, grey) = (own.opacity[i], own.grey[i]);
         for (what, values) in

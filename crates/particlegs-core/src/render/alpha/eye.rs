@@ -1,6 +1,7 @@
 //! A camera in the training frame.
 
 use crate::camera::{Normalisation, Projection, View};
+use crate::math::each_axis;
 use crate::picture::Size;
 use crate::{Error, Result};
 
@@ -54,7 +55,7 @@ impl Eye {
         let [near, far] = view.camera.clipping_range.unwrap_or([0.0, f64::INFINITY]);
         Ok(Eye {
             axes: [right, up.map(|v| -v), back.map(|v| -v)],
-            position: std::array::from_fn(|k| (axes.position[k] - frame.center[k]) * frame.scale),
+            position: each_axis(|k| (axes.position[k] - frame.center[k]) * frame.scale),
             focal,
             center: half.map(|h| h - 0.5),
             guard: half.map(|h| GUARD * h / focal),

@@ -3,15 +3,16 @@
 use super::eye::Eye;
 use super::plan::CutOffs;
 use super::project::Gaussian;
+use crate::math::each_axis;
 
 type Matrix = [[f64; 3]; 3];
 
 fn product(a: Matrix, b: Matrix) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
+    each_axis(|i| each_axis(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
 fn transposed(a: Matrix) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
+    each_axis(|i| each_axis(|j| a[j][i]))
 }
 
 /// Camera coordinates: right, down, depth.

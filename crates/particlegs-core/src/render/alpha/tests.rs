@@ -5,7 +5,7 @@ use super::raster::blend;
 use super::testing::empty_model;
 use super::*;
 use crate::camera::{Camera, Normalisation, Projection, View};
-use crate::math::{Random, Sym3};
+use crate::math::{Random, Sym3, each_axis};
 use crate::model::{AlphaBlend, Block, Law, Layer, Mass, Mixture, Model, VizMapper, VizRanges};
 use crate::picture::{Plane, Size};
 use crate::progress::{Progress, Scalar, Silent};
@@ -200,7 +200,7 @@ fn model(n: usize, vizmapper: Option<VizMapper>) -> Model {
     let mut gaussians = Mixture::default();
     let mut law = AlphaBlend { vizmapper: vizmapper.map(Arc::new), ..AlphaBlend::default() };
     for g in self::gaussians(11, n as u64, 0.05) {
-        let mean = std::array::from_fn(|k| frame.center[k] + g.mean[k] / frame.scale);
+        let mean = each_axis(|k| frame.center[k] + g.mean[k] / frame.scale);
         gaussians.push(mean, g.cov.scale(frame.scale.powi(-2)), 1.0, 1.0);
         law.opacity.push(g.opacity);
         law.grey.push(g.grey);
@@ -215,7 +215,7 @@ fn model(n: usize, vizmapper: Option<VizMapper>) -> Model {
 fn world_view(of: &Model) -> View {
     let frame = Normalisation::of(&of.metadata.bounds);
     let mut v = view([1.0, 2.0, 4.0]);
-    v.camera.position = std::array::from_fn(|k| frame.center[k] + v.camera.position[k] / frame.scale);
+    v.camera.position = each_axis(|k| frame.center[k] + v.camera.position[k] / frame.scale);
     v.camera.focal_point = frame.center;
     v.radius = 0.03;
     v.opacity = 0.04;

@@ -9,7 +9,7 @@
 pub mod slices;
 
 use super::lens::Lens;
-use crate::math::Sym3;
+use crate::math::{Sym3, each_axis};
 use crate::splat::PIXEL_VARIANCE;
 
 /// A Gaussian in the camera's axes (right, down, forward), relative to the eye: what the projection reads, 40
@@ -148,7 +148,7 @@ impl InCamera {
     /// is rounding noise beside the others counts as none.
     #[inline(always)]
     pub fn new(axes: &[[f64; 3]; 3], eye: [f64; 3], mean: [f64; 3], cov: &Sym3, weight: f64) -> InCamera {
-        let from_eye = std::array::from_fn(|k| mean[k] - eye[k]);
+        let from_eye = each_axis(|k| mean[k] - eye[k]);
         let [right, down, forward] = *axes;
         let [with_right, with_down, with_forward] = axes.map(|a| cov.apply(a));
         let (xx, xy, yy) = (dot(right, with_right), dot(right, with_down), dot(down, with_down));
