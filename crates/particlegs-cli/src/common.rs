@@ -69,12 +69,25 @@ impl Common {
         // The switch of the determinism tests: the plain path instead of vector instructions.
         let plain = std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off");
         let simd = if plain { Level::baseline() } else { Level::new() };
-        let _ = ctrlc::set_handler(stop);
-        #[cfg(unix)]
-        let _ = signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&SOON));
+        meet_stop_signals();
         let meter = (!self.quiet).then(Meter::start);
         Ok(Context { common: self, simd, meter, outputs: Mutex::new(Outputs::new(false, "")) })
     }
+}
+
+/// A thread of its own calls [`stop`] at every signal that asks a program to end.
+#[cfg(unix)]
+fn meet_stop_signals() {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
+    let _ = signal_hook::flag::register(SIGUSR1, Arc::clone(&SOON));
+    if let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]) {
+        std::thread::spawn(move || signals.forever().for_each(|_| stop()));
+    }
+}
+
+#[cfg(not(unix))]
+fn meet_stop_signals() {
+    let _ = ctrlc::set_handler(stop);
 }
 
 /// Makes a limit on the size of files an error of writing, which leaves nothing, instead of a signal that

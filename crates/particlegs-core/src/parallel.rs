@@ -9,6 +9,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Pieces that items are worked on in, for each thread: enough for all threads to end together.
 const PIECES: usize = 64;
+/// Keys that one thread sorts.
+const ALONE: usize = 1 << 14;
 /// Items in a piece, at most.
 const MOST: usize = 1024;
 
@@ -24,7 +26,7 @@ fn each(n: usize, of: &(dyn Fn(usize) + Sync)) {
     };
     #[cfg(feature = "threads")]
     if n > 1 && threads() > 1 {
-        return rayon::scope(|scope| {
+        return rayon_core::scope(|scope| {
             (1..threads().min(n)).for_each(|_| scope.spawn(|_| work()));
             work();
         });
@@ -162,23 +164,25 @@ impl<S: Default> Scratch<S> {
 /// Both, side by side.
 pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     #[cfg(feature = "threads")]
-    return rayon::join(a, b);
+    return rayon_core::join(a, b);
     #[cfg(not(feature = "threads"))]
     (a(), b())
 }
 
-/// Sorts keys with the number of what each is the key of.
+/// Sorts keys with the number of what each is the key of: the halves about the median side by side, and theirs.
 pub fn sort_keys(keys: &mut [(u64, u32)]) {
-    #[cfg(feature = "threads")]
-    rayon::slice::ParallelSliceMut::par_sort_unstable(keys);
-    #[cfg(not(feature = "threads"))]
-    keys.sort_unstable();
+    let middle = keys.len() / 2;
+    if keys.len() < ALONE || threads() == 1 {
+        return keys.sort_unstable();
+    }
+    let (below, _, above) = keys.select_nth_unstable(middle);
+    join(|| sort_keys(below), || sort_keys(above));
 }
 
 /// Threads that share work.
 pub fn threads() -> usize {
     #[cfg(feature = "threads")]
-    return rayon::current_num_threads();
+    return rayon_core::current_num_threads();
     #[cfg(not(feature = "threads"))]
     1
 }
@@ -189,7 +193,7 @@ pub fn threads() -> usize {
 /// Where the system has not so many, or they are set already.
 pub fn set_threads(threads: usize) -> Result<(), String> {
     #[cfg(feature = "threads")]
-    return rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| e.to_string());
+    return rayon_core::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| e.to_string());
     #[cfg(not(feature = "threads"))]
     if threads == 1 { Ok(()) } else { Err("built without threads".into()) }
 }
@@ -214,6 +218,16 @@ mod tests {
             let odd = try_map_range(n, |i| if i % 1000 == 999 { Err(i) } else { Ok(i) });
             assert_eq!(odd.map(|all| all.len()), if n > 999 { Err(999) } else { Ok(n) });
         }
+    }
+
+    #[test]
+    fn keys_are_sorted() {
+        let mut random = crate::math::Random::new(1, 0, 0);
+        let mut keys: Vec<(u64, u32)> = (0..100_000).map(|i| (random.bits() % 1000, i)).collect();
+        let mut expected = keys.clone();
+        expected.sort_unstable();
+        sort_keys(&mut keys);
+        assert!(keys == expected);
     }
 
     #[test]

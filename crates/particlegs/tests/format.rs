@@ -282,7 +282,7 @@ fn large_blocks_come_in_segments() {
         assert!((mean(&back.gaussians) - mean(&b.gaussians)).abs() < 1e-3);
     }
     for threads in [1, 3] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert_eq!(pool.install(|| Encoder::new(&b).unwrap().encode(&Precision::BALANCED)), bytes);
         assert_eq!(pool.install(|| codec::decode_block(&bytes, "b").unwrap()), back);
     }
@@ -434,7 +434,7 @@ fn threads_and_simd_give_the_same_bytes() {
     let code = || codec::encode(&m, &Precision::BALANCED).unwrap();
     let bytes = code();
     for threads in [1, 2, 5] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert_eq!(pool.install(code), bytes);
         assert_eq!(pool.install(|| codec::decode(&bytes, "m")).unwrap(), codec::decode(&bytes, "m").unwrap());
     }

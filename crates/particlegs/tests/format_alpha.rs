@@ -201,7 +201,7 @@ fn steps_scale_the_size() {
     assert_eq!([parts[2].0, parts[3].0], ["opacity", "grey"]);
     println!("{} Gaussians: {:.2} bytes each, bits {parts:.1?}", b.gaussians.len(), sizes[2] as f64 / 3000.0);
     for threads in [1, 3] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let code = || encoder.encode(&Precision::BALANCED);
         assert_eq!(pool.install(code), code());
     }

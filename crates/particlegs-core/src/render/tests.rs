@@ -164,7 +164,7 @@ fn threads_and_vectors_do_not_change_a_bit() {
     let draw = |how: &dyn Progress| optical_depth(&scene, &v, SIZE, how).unwrap();
     let many = draw(&Silent);
     let plain = draw(&Scalar);
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Silent));
+    let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Silent));
     let bits = |p: &Plane| p.data.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&many), bits(&one));
     assert_eq!(bits(&many), bits(&plain));

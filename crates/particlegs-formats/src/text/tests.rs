@@ -42,7 +42,7 @@ fn runs_are_the_same_from_any_source_by_any_number_of_threads() {
     let plain = dump(atoms);
     for content in [plain.clone(), gzip(&plain), bzip2(&plain), zstd(&plain)] {
         for threads in [1, 5] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let got = pool.install(|| open(&content, "lammps")).unwrap();
             assert_eq!((&got[0].name[..], &got[1].name[..]), ("type 3", "type 12"));
             let expected = |rare: bool| (0..atoms).filter(move |i| (i % 1000 == 7) == rare);

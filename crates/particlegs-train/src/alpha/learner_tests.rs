@@ -173,7 +173,7 @@ fn eventful(lesson: &Lesson, from: Option<(&State, u64)>, to: u64, progress: &dy
 fn threads_vectors_and_interruptions_do_not_change_a_bit() {
     let lesson = lesson(QUICK, 1);
     let whole = eventful(&lesson, None, 12, &Silent);
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     assert!(whole == one.install(|| eventful(&lesson, None, 12, &Silent)), "threads");
     let plain = eventful(&lesson, None, 12, &Scalar);
     assert!(whole == plain, "vectors");

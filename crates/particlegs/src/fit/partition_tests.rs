@@ -116,7 +116,7 @@ fn threads_do_not_matter() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
     let p = Particles::open_raw(&[folder]).unwrap();
     let with = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| cut(&p, 2000))
     };
     let (one, three) = (with(1), with(3));

@@ -93,7 +93,7 @@ fn counts_and_masses_are_conserved() {
 fn threads_and_simd_do_not_change_a_bit() {
     let p = sample();
     let run = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| refined(&p, 900, 2, 200.0))
     };
     let one = run(1);

@@ -104,7 +104,7 @@ fn threads_and_vectors_change_no_bit() {
             (tau.data.iter().map(|t| t.to_bits()).collect::<Vec<_>>(), exact)
         };
         let many = draw(&Silent);
-        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Silent));
+        let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Silent));
         assert!(many == one, "threads change the picture");
         let plain = draw(&Scalar);
         assert!(many == plain, "vector instructions change the picture");

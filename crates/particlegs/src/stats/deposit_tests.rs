@@ -65,7 +65,7 @@ fn threads_change_no_bit() {
     let p = random(300_000, [4.0, 4.0, 4.0]);
     let grid = Grid::new(&domain([4.0; 3], true), 24);
     let run = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| deposit(Subject::Particles(&p), &grid, Assignment::Tsc, 0.5, &Silent).unwrap().mass)
     };
     assert_eq!(run(1), run(5));

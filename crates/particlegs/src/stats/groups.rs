@@ -406,7 +406,7 @@ mod tests {
         let domain = Domain { min: [0.0; 3], length: [10.0, 1.0, 1.0], periodic: [true; 3] };
         let x: Vec<[f64; 3]> = (0..20).map(|i| [(9.0 + 0.1 * i as f64) % 10.0, 0.0, 0.999]).collect();
         let run = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| find_groups(&x, &domain, 0.11, 2, &Silent).unwrap())
         };
         assert_eq!(run(1).members, vec![(0..20).collect::<Vec<u32>>()]);

@@ -249,7 +249,7 @@ mod tests {
         let x = random(20_000, [4.0; 3], 5);
         let o = PairOptions { edges: logarithmic_edges(0.05, 1.0, 8), budget: 2_000_000, seed: 1 };
         let run = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| count_pairs(&x, &domain, &o, &Silent).unwrap())
         };
         let (one, many) = (run(1), run(6));

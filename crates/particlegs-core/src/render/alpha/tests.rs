@@ -122,7 +122,7 @@ fn threads_and_vectors_do_not_change_a_bit() {
     let g = gaussians(7, 9000, 0.03);
     let e = eye([1.0, 2.0, 4.0]);
     let many = draw(&e, &g, CutOffs::PUBLISHED);
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let one = one.install(|| draw(&e, &g, CutOffs::PUBLISHED));
     let plain = draw_with(&e, &g, CutOffs::PUBLISHED, &Scalar);
     assert_eq!(bits(&many), bits(&one));
