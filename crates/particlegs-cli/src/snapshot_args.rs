@@ -84,6 +84,10 @@ pub struct SelectionArgs {
     /// Keep N particles drawn at random, in the order of the file.
     #[arg(long, value_name = "N", hide_short_help = true)]
     pub sample: Option<u64>,
+    /// Keep the particles that --sample leaves out: to score a model of those that it takes.
+    #[arg(long, requires = "sample", hide_short_help = true)]
+    #[serde(default)]
+    pub left_out: bool,
 }
 
 /// A window to keep, instead of a region.
@@ -220,7 +224,14 @@ impl SelectionArgs {
                 "the region must be finite, with its lower bound below its upper bound on each axis",
             ));
         }
-        Ok(Selection { crop, wrap: window.center.is_some(), every: self.every, sample: self.sample, seed })
+        Ok(Selection {
+            crop,
+            wrap: window.center.is_some(),
+            every: self.every,
+            sample: self.sample,
+            left_out: self.left_out,
+            seed,
+        })
     }
 
     /// As stored in a model's command.
@@ -234,6 +245,9 @@ impl SelectionArgs {
             text += &format!(" --every {}", self.every);
         }
         self.sample.iter().for_each(|n| text += &format!(" --sample {n}"));
+        if self.left_out {
+            text += " --left-out";
+        }
         text
     }
 }

@@ -193,5 +193,12 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
             format!("{:.4}{length}, truth {:.4}: {:.3}", b.median, a.median, b.median / a.median)
         });
     }
+    if let Some(l) = &s.likelihood {
+        line(
+            "likelihood of the particles",
+            format!("{:.3} +- {:.3} bits a particle above uniform ({} of them)", l.bits, l.error, l.sampled),
+        );
+        line("needles", format!("{:.2} % of {} Gaussians", 100.0 * l.needles, l.gaussians));
+    }
     lines.join("\n")
 }

@@ -20,10 +20,12 @@ use std::path::{Path, PathBuf};
     after_help = "\
 Examples:
   particlegs stats snapshot recovered -o stats
-  particlegs stats snapshot model.pgs -o stats --only density,spectrum",
+  particlegs stats snapshot model.pgs -o stats --only density,spectrum
+  particlegs stats model.pgs held-out -o stats --only likelihood",
     after_long_help = "\
 Writes stats.json, tables as CSV and plots as SVG and PNG. A model is measured from its Gaussians:
 density, P(k), r(k), xi(r) by transform and moments; pairs, groups and neighbours need particles.
+A model and particles, in either order, also give the likelihood of those under it.
 docs/guide/statistics.md defines every measure.
 
 Examples:
@@ -109,6 +111,8 @@ enum MeasureName {
     Neighbours,
     /// Moments of the positions along the axes.
     Moments,
+    /// Likelihood of particles under a model, in bits a particle.
+    Likelihood,
 }
 
 /// Whose definitions.
@@ -150,6 +154,7 @@ impl From<MeasureName> for Measure {
             MeasureName::Groups => Measure::Groups,
             MeasureName::Neighbours => Measure::Neighbours,
             MeasureName::Moments => Measure::Moments,
+            MeasureName::Likelihood => Measure::Likelihood,
         }
     }
 }

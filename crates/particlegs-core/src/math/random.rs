@@ -20,6 +20,8 @@ pub enum Purpose {
     Recovery = u32::from_be_bytes(*b"reco"),
     /// Particles whose nearest neighbours are looked for.
     NeighbourSample = u32::from_be_bytes(*b"near"),
+    /// Particles whose likelihood is looked at.
+    LikelihoodSample = u32::from_be_bytes(*b"like"),
     /// Particles whose pairs are counted.
     PairSample = u32::from_be_bytes(*b"pair"),
     /// Turns of the orbits of evaluation views.

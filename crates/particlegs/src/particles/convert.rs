@@ -146,6 +146,21 @@ mod tests {
     }
 
     #[test]
+    fn what_a_sample_leaves_out_is_the_rest() {
+        let p = ramp();
+        let draw = |left_out| {
+            let half = Selection { sample: Some(30_000), left_out, seed: 1, ..Selection::all() };
+            run(&p, Tiling::single(), half, if left_out { "rest" } else { "half" }).unwrap()
+        };
+        let x = |p: Particles| (0..p.len()).map(|i| p.position(i).map(f64::to_bits)).collect::<Vec<_>>();
+        let mut both = [x(draw(false)), x(draw(true))].concat();
+        let mut all = x(p.clone());
+        both.sort_unstable();
+        all.sort_unstable();
+        assert!(both == all);
+    }
+
+    #[test]
     fn weights_go_along_or_are_an_error() {
         let p = ramp();
         let weights = (1..=p.len()).map(|i| i as f32).collect();

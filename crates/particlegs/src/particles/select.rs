@@ -30,6 +30,8 @@ pub struct Selection {
     pub every: u64,
     /// Then keep exactly so many, drawn at random; order is kept.
     pub sample: Option<u64>,
+    /// Keep what the draw leaves out instead of what it takes.
+    pub left_out: bool,
     /// Seed of the draw.
     pub seed: u64,
 }
@@ -37,7 +39,7 @@ pub struct Selection {
 impl Selection {
     /// Keeps all.
     pub fn all() -> Self {
-        Selection { crop: None, wrap: false, every: 1, sample: None, seed: 0 }
+        Selection { crop: None, wrap: false, every: 1, sample: None, left_out: false, seed: 0 }
     }
 
     /// Does it keep all as they are?
@@ -184,6 +186,7 @@ impl<'a> Kept<'a> {
             "wrap": s.wrap,
             "every": s.every,
             "sample": s.sample,
+            "left_out": s.left_out,
             "seed": s.sample.map(|_| s.seed),
         })
     }
@@ -350,7 +353,7 @@ impl<'a> Kept<'a> {
         self.thin(id, run)?;
         if let Some(last) = self.last_key {
             let keys = self.keys(id);
-            run.kept.retain(|&i| (keys[i as usize], id, i) <= last);
+            run.kept.retain(|&i| ((keys[i as usize], id, i) <= last) != self.selection.left_out);
         }
         Ok(())
     }

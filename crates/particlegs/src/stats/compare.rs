@@ -3,6 +3,7 @@
 use super::aperture::{aperture_mass, counts_within, group_center};
 use super::boxes::check_boxes;
 use super::density::{central_slice, compare_density, density_pdf, mean_mass, profile};
+use super::likelihood::likelihood;
 use super::moments::axis_moments;
 use super::neighbours::{NeighbourOptions, nearest_distances};
 use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation};
@@ -11,8 +12,8 @@ use super::report::{DensityReport, GroupReport, Statistics, XiByTransform};
 use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
-    Convention, Domain, Field, Grid, Groups, Measure, NearestDistances, PairCounts, SizeClass, StatsOptions, Subject,
-    Summary, deposit, deposit_bytes, deposit_steps, find_groups, longest_link, size_histogram,
+    Convention, Domain, Field, Grid, Groups, Likelihood, Measure, NearestDistances, PairCounts, SizeClass,
+    StatsOptions, Subject, Summary, deposit, deposit_bytes, deposit_steps, find_groups, longest_link, size_histogram,
 };
 use crate::model::LawKind;
 use crate::parallel;
@@ -53,6 +54,7 @@ pub fn compare(
     let density = if wants(Measure::Density) { Some(job.density()?) } else { None };
     let (spectra, xi_by_transform) = if wants(Measure::Spectrum) { job.spectrum()? } else { (None, None) };
     let moments = wants(Measure::Moments).then(|| job.pair.map(axis_moments));
+    let likelihood = if wants(Measure::Likelihood) { job.likelihood()? } else { None };
     let (mut xi_by_pairs, mut groups, mut neighbours) = (None, None, None);
     let of_points = [Measure::Pairs, Measure::Groups, Measure::Neighbours];
     if of_points.iter().any(|m| wants(*m)) {
@@ -90,6 +92,7 @@ pub fn compare(
         groups,
         neighbours,
         moments,
+        likelihood,
         summary,
         notes,
     })
@@ -165,7 +168,8 @@ impl Job<'_> {
         if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights().is_some())) {
             notes.push("pairs, groups and neighbours count particles, whatever their weights".into());
         }
-        if self.pair.iter().any(|s| s.particles().is_none()) {
+        let gridded = [Measure::Density, Measure::Spectrum].iter().any(|m| self.o.measures.contains(m));
+        if gridded && self.pair.iter().any(|s| s.particles().is_none()) {
             notes.push("a model's density is its mixture integrated over the cells (NGP window, no shot noise)".into());
         }
         let alpha = |s: &Subject<'_>| matches!(s, Subject::Model(m) if m.metadata.law == LawKind::AlphaBlend);
@@ -182,6 +186,15 @@ impl Job<'_> {
             );
         }
         notes
+    }
+
+    /// `None` of two models or of two sets of particles.
+    fn likelihood(&self) -> Result<Option<Likelihood>> {
+        let (model, particles) = match self.pair {
+            [Subject::Model(m), Subject::Particles(p)] | [Subject::Particles(p), Subject::Model(m)] => (m, p),
+            _ => return Ok(None),
+        };
+        likelihood(model, particles, &self.domain, self.o.seed, self.progress).map(Some)
     }
 
     fn density(&self) -> Result<DensityReport> {

@@ -5,6 +5,7 @@
 //! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). What looks at neighbours sorts positions
 //! into cells: pair counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in
 //! their cores (`aperture`); groups are compared by size (`sizes`); nearest neighbours use a tree (`tree`, `neighbours`).
+//! Particles are scored under a model itself (`likelihood`).
 
 mod aperture;
 mod boxes;
@@ -15,6 +16,7 @@ mod domain;
 mod gaussian;
 mod grid;
 mod groups;
+mod likelihood;
 mod moments;
 mod neighbours;
 mod options;
@@ -45,6 +47,7 @@ pub use domain::Domain;
 pub(crate) use gaussian::{Slab, Splat};
 pub use grid::{Assignment, Grid};
 pub(crate) use groups::{Groups, find_groups, longest_link};
+pub use likelihood::Likelihood;
 pub use moments::AxisMoments;
 pub use neighbours::NearestDistances;
 pub use options::{Convention, Measure, StatsOptions};

@@ -45,11 +45,11 @@ pub struct NeighbourOptions {
 }
 
 /// A sample of `wanted` of `n` indices, ascending: each step keeps with the chance that is left.
-fn sample(n: usize, wanted: usize, seed: u64) -> Vec<u32> {
+pub(super) fn sample(n: usize, wanted: usize, purpose: Purpose, seed: u64) -> Vec<u32> {
     if wanted >= n {
         return (0..n as u32).collect();
     }
-    let mut random = Random::of(Purpose::NeighbourSample, seed, 0);
+    let mut random = Random::of(purpose, seed, 0);
     let (mut out, mut left) = (Vec::with_capacity(wanted), wanted);
     for i in 0..n {
         if random.uniform() * ((n - i) as f64) < left as f64 {
@@ -77,7 +77,7 @@ pub fn nearest_distances(
     }
     particlegs_files::memory::require("a tree of neighbours", n as u64 * 14 + o.sample.min(n) as u64 * 28)?;
     progress.begin("nearest neighbours", o.sample.min(n) as u64);
-    let chosen = places_of(particles, domain, &sample(n, o.sample, o.seed));
+    let chosen = places_of(particles, domain, &sample(n, o.sample, Purpose::NeighbourSample, o.seed));
     progress.check()?;
     let thinned = o.among_sample.then(|| {
         let column = |k: usize| chosen.iter().map(|x| x[k]).collect();

@@ -18,12 +18,21 @@ pub enum Measure {
     Neighbours,
     /// Moments along the axes.
     Moments,
+    /// Likelihood of particles under a model.
+    Likelihood,
 }
 
 impl Measure {
     /// All of them.
-    pub const ALL: [Measure; 6] =
-        [Measure::Density, Measure::Spectrum, Measure::Pairs, Measure::Groups, Measure::Neighbours, Measure::Moments];
+    pub const ALL: [Measure; 7] = [
+        Measure::Density,
+        Measure::Spectrum,
+        Measure::Pairs,
+        Measure::Groups,
+        Measure::Neighbours,
+        Measure::Moments,
+        Measure::Likelihood,
+    ];
 }
 
 /// Whose definitions are followed.

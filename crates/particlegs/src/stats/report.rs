@@ -1,8 +1,8 @@
 //! What [`super::compare`] measures, as plain data. Pairs are truth, then other.
 
 use super::{
-    ApertureMass, AxisMoments, DensityComparison, DensityPdf, Domain, NearestDistances, PairCounts, SizeClass, Spectra,
-    StatsOptions,
+    ApertureMass, AxisMoments, DensityComparison, DensityPdf, Domain, Likelihood, NearestDistances, PairCounts,
+    SizeClass, Spectra, StatsOptions,
 };
 use serde::{Serialize, Serializer};
 
@@ -35,6 +35,8 @@ pub struct Statistics {
     pub neighbours: Option<[NearestDistances; 2]>,
     /// Moments along x, y and z.
     pub moments: Option<[[AxisMoments; 3]; 2]>,
+    /// Likelihood of the particles under the model, where one side is a model and one particles.
+    pub likelihood: Option<Likelihood>,
     /// The figures that a table shows.
     pub summary: super::Summary,
     /// What a reader must know: choices made, things left out.
