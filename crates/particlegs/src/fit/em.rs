@@ -6,6 +6,7 @@
 use super::Moments;
 use super::candidates::{Ellipsoid, OverlapTree, Reach};
 use super::em_kernel::{self, Group, SUMS, Scratch, Sums, Whitened};
+use super::prior::most_probable;
 use crate::math::Sym3;
 use crate::parallel;
 use crate::{Result, progress::Progress};
@@ -54,7 +55,7 @@ pub(crate) struct Cloud<'a> {
     pub(crate) groups: &'a Groups,
 }
 
-/// What the E and the M step regularise by; store units squared.
+/// What the E and the M step regularise by; lengths are store units, squared.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
     /// Added to every variance.
@@ -66,6 +67,8 @@ pub(crate) struct Shape {
     pub(crate) focus: f64,
     /// Variance below which details do not show: smaller Gaussians keep their plain moments.
     pub(crate) blur: f64,
+    /// Particles that count for a sphere of a Gaussian's size ([`most_probable`]); 0 is plain maximum likelihood.
+    pub(crate) prior: f64,
 }
 
 impl Groups {
@@ -312,7 +315,8 @@ fn whiten(cov: &Sym3, floor: f64, share: f64) -> ([f32; 6], f64) {
     ([i00, i10, i11, i20, i21, i22].map(|v| v as f32), l00 * l11 * l22)
 }
 
-/// The M step: each Gaussian becomes the moments of the responsibilities it got. One that got
+/// The M step: each Gaussian becomes the moments of the responsibilities it got, its shape as far as they support
+/// it. One that got
 /// (nearly) nothing keeps its shape with a count of zero.
 pub(crate) fn maximise(
     expectation: &Expectation,
@@ -330,7 +334,8 @@ pub(crate) fn maximise(
         let d: [f64; 3] = each_axis(|k| total[3 + k] / focused);
         let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
         let mean = each_axis(|k| gaussians.mean[j][k] + d[k]);
-        (mean, nonnegative(unfocus(cov, &gaussians.cov[j], shape)), count, total[1])
+        let own = nonnegative(unfocus(cov, &gaussians.cov[j], shape));
+        (mean, most_probable(&own, count, shape.prior), count, total[1])
     });
     for (j, (mean, cov, count, mass)) in new.into_iter().enumerate() {
         gaussians.mean[j] = mean;
@@ -422,7 +427,7 @@ mod tests {
     use crate::progress::Silent;
     use proptest::prelude::*;
 
-    const PLAIN: Shape = Shape { floor: 1e-4, focus: 0.0, blur: 0.0 };
+    const PLAIN: Shape = Shape { floor: 1e-4, focus: 0.0, blur: 0.0, prior: 0.0 };
 
     /// Four clumps cut into eight cells along x.
     fn problem(seed: u64) -> (Vec<[f32; 3]>, Groups, Gaussians) {
@@ -467,7 +472,7 @@ mod tests {
         let groups = Groups::new(std::iter::once(0..xyz.len()).collect(), &xyz);
         let mut gaussians = Gaussians::default();
         gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
-        let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04 };
+        let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04, prior: 0.0 };
         let candidates = Candidates::find(&groups, &gaussians, Reach { most: 4, beyond: 9.0 }, shape.floor);
         for _ in 0..10 {
             let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };

@@ -20,6 +20,7 @@ mod partition;
 #[cfg(test)]
 mod partition_tests;
 mod pieces;
+mod prior;
 mod refine;
 #[cfg(test)]
 mod refine_tests;

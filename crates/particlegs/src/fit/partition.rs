@@ -7,6 +7,7 @@
 
 use super::cut::Cut;
 use super::gain::{Blob, Blur, picture_sigma};
+use super::prior::{PRIOR, most_probable};
 use super::select::{Made, best_cuts};
 use super::{Moments, Store};
 use crate::model::{Columns, Law, MASS, Mixture};
@@ -106,7 +107,7 @@ impl Partition {
         }
         Mixture {
             mean: each_axis(|k| column(&|m| self.store.origin[k] + m.mean[k] * unit)),
-            cov: std::array::from_fn(|k| column(&|m| m.cov.0[k] * unit * unit)),
+            cov: std::array::from_fn(|k| column(&|m| most_probable(&m.cov, m.count as f64, PRIOR).0[k] * unit * unit)),
             count: column(&|m| m.count as f64),
             columns,
             law: Law::OpticalDepth,

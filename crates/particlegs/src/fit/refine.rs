@@ -9,6 +9,7 @@
 use super::candidates::Reach;
 use super::em::{Candidates, Cloud, Gaussians, Groups, Shape, Wanted, expect, maximise, regroup};
 use super::gain::{Blur, picture_sigma};
+use super::prior::PRIOR;
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
 use super::{Moments, Partition, Store, pieces as kept};
@@ -121,7 +122,7 @@ impl Refiner<'_> {
 
     fn shape(&self) -> Shape {
         let blur = Blur::of_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
-        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance }
+        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior: PRIOR }
     }
 
     fn block(&self, cells: Range<usize>) -> Result<Gaussians> {
