@@ -40,12 +40,10 @@ pub struct FitArgs {
 /// Effort on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum EffortArg {
-    /// Partition only: ten times as fast; at ratio 300 and above it has fewer small groups.
+    /// One iteration of expectation maximisation: ten times as fast, with fewer small groups.
     Fast,
-    /// Partition, then refinement by expectation maximisation.
+    /// Rounds of split and merge, with expectation maximisation after each.
     Default,
-    /// Refinement for longer; the scores are no better than those of default in any measured table.
-    High,
 }
 
 impl FitArgs {
@@ -68,7 +66,6 @@ impl FitArgs {
         let (effort, name) = match self.effort {
             EffortArg::Fast => (Effort::Fast, "fast"),
             EffortArg::Default => (Effort::Default, "default"),
-            EffortArg::High => (Effort::High, "high"),
         };
         let (target, asked) = match self.psnr {
             Some(d) => (Target::Psnr(d).check()?, format!(" --psnr {d}")),

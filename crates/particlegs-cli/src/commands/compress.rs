@@ -30,7 +30,7 @@ Examples:
     after_long_help = "\
 Examples:
   particlegs compress snapshot/ -o snapshot.pgs
-  particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --effort high
+  particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --effort fast
   particlegs compress x.f32 y.f32 z.f32 -o snapshot.pgs --size 11MB
   particlegs compress points.npy -o points.pgs --psnr 32 --box 100,100,100
   particlegs compress huge.hdf5 -o huge.pgs --memory 2GiB --scratch /local/tmp

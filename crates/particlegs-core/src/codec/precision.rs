@@ -24,8 +24,9 @@ impl Precision {
     pub const BALANCED: Precision =
         Precision { position: 0.5, size: 0.22, shape: 0.5, count: 0.22, mass: 0.22, importance: 0.45 };
 
-    /// Multiples of these steps that are of use: from the finest to the coarsest.
-    pub const FACTORS: [f64; 2] = [1.0 / 64.0, 32.0];
+    /// Multiples of these steps that are of use: from the finest to the coarsest. Steps of a quarter of the
+    /// finest gain less than 0.01 dB and 0.001 bits a held-out particle.
+    pub const FACTORS: [f64; 2] = [1.0 / 8.0, 32.0];
 
     /// Doublings of all steps that save about so many bytes: each takes a bit off each of a Gaussian's
     /// ten numbers.

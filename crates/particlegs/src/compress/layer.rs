@@ -2,7 +2,7 @@
 
 use super::block::{BlockContext, OnStop};
 use super::clock::Clock;
-use super::size::{Coded, SizeTarget, bytes_a_gaussian};
+use super::size::{Coded, SizeTarget, bytes_a_gaussian, most_gaussians};
 use crate::codec::Encoder;
 use crate::fit::{Effort, FitOptions, Fitter};
 use crate::model::{Block, LawKind, Layer, Mixture, VizMapper};
@@ -114,7 +114,7 @@ impl LayerTask<'_> {
     fn to_size(&self, bytes: u64, pieces: &mut dyn Pieces) -> Result<MadeLayer> {
         let plan = self.context.plan;
         let each = bytes_a_gaussian(plan.effort);
-        let target = SizeTarget { bytes, bytes_a_gaussian: each, most: self.layer.count() };
+        let target = SizeTarget { bytes, bytes_a_gaussian: each, most: most_gaussians(self.layer.count()) };
         let training = plan.training.as_ref();
         if training.is_some_and(|t| t.start == Start::Random || t.law == LawKind::AlphaBlend) {
             // Nothing is known of what a trained Gaussian costs before it is trained.

@@ -81,7 +81,7 @@ impl Load {
         // Cuts through a sample are not exact.
         let share = |n: u64| (n as f64 / blocks.max(1) as f64 * 1.01) as u64;
         let gaussians = self.gaussians();
-        let refining = if self.effort == Effort::Fast { 0 } else { REFINING.min(60 * share(self.count)) };
+        let refining = REFINING.min(60 * share(self.count));
         BASE + self.copies * share(self.raw_bytes) + GAUSSIAN * share(gaussians) + refining
     }
 

@@ -171,7 +171,7 @@ impl Plan {
             progress.message(&format!("warning: {what}"));
         } else if blocks.iter().all(|b| b.size_met == SizeMet::TooSmall) {
             progress.message(&format!(
-                "note: the file has {smallest} bytes, less than the {target} asked for: these particles need no more"
+                "note: the file has {smallest} bytes, less than the {target} asked for: more Gaussians would fit the particles' noise (--gaussians sets their number)"
             ));
         }
         Ok(())

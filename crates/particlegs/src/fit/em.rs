@@ -6,7 +6,7 @@
 use super::Moments;
 use super::candidates::{Ellipsoid, OverlapTree, Reach};
 use super::em_kernel::{self, Group, SUMS, Scratch, Sums, Whitened};
-use super::prior::most_probable;
+use super::prior::{MeanShape, Prior};
 use crate::math::Sym3;
 use crate::parallel;
 use crate::{Result, progress::Progress};
@@ -67,8 +67,8 @@ pub(crate) struct Shape {
     pub(crate) focus: f64,
     /// Variance below which details do not show: smaller Gaussians keep their plain moments.
     pub(crate) blur: f64,
-    /// Particles that count for a sphere of a Gaussian's size ([`most_probable`]); 0 is plain maximum likelihood.
-    pub(crate) prior: f64,
+    /// What is expected of covariances.
+    pub(crate) prior: Prior,
 }
 
 impl Groups {
@@ -99,6 +99,8 @@ pub(crate) struct Move {
     pub(crate) freed: u32,
 }
 
+/// Neighbours whose shape is expected of a Gaussian, itself among them: 8 or 24 make no difference.
+const NEIGHBOURS: usize = 8;
 /// Groups of one piece of parallel work.
 const TASK: usize = 64;
 
@@ -174,6 +176,17 @@ impl Candidates {
             list
         });
         Self::from_lists(&lists, gaussians)
+    }
+
+    /// The mean shape of the candidates of each group, where group j is Gaussian j's.
+    pub(crate) fn mean_shapes(&self, gaussians: &Gaussians) -> Vec<Sym3> {
+        parallel::map_range(gaussians.len(), |j| {
+            let mut mean = MeanShape::new();
+            for &i in self.of(j).iter().take(NEIGHBOURS) {
+                mean.add(&gaussians.cov[i as usize], gaussians.count[i as usize]);
+            }
+            mean.get()
+        })
     }
 
     /// The candidates of a group, best first.
@@ -316,14 +329,14 @@ fn whiten(cov: &Sym3, floor: f64, share: f64) -> ([f32; 6], f64) {
 }
 
 /// The M step: each Gaussian becomes the moments of the responsibilities it got, its shape as far as they support
-/// it. One that got
-/// (nearly) nothing keeps its shape with a count of zero.
+/// it against the one `expected`. One that got (nearly) nothing keeps its shape with a count of zero.
 pub(crate) fn maximise(
     expectation: &Expectation,
     groups: &Groups,
     candidates: &Candidates,
     gaussians: &mut Gaussians,
     shape: Shape,
+    expected: &[Sym3],
 ) {
     let new = parallel::map_range(gaussians.len(), |j| {
         let total = gather(expectation, groups, candidates, j, gaussians.mean[j]);
@@ -335,7 +348,7 @@ pub(crate) fn maximise(
         let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
         let mean = each_axis(|k| gaussians.mean[j][k] + d[k]);
         let own = nonnegative(unfocus(cov, &gaussians.cov[j], shape));
-        (mean, most_probable(&own, count, shape.prior), count, total[1])
+        (mean, shape.prior.most_probable(&own, count, &expected[j]), count, total[1])
     });
     for (j, (mean, cov, count, mass)) in new.into_iter().enumerate() {
         gaussians.mean[j] = mean;
@@ -422,12 +435,13 @@ pub(crate) fn regroup(cloud: Cloud<'_>, owner: &[u32], gaussians: usize) -> (Vec
 
 #[cfg(test)]
 mod tests {
+    use super::super::prior::SPHERE;
     use super::*;
     use crate::math::Random;
     use crate::progress::Silent;
     use proptest::prelude::*;
 
-    const PLAIN: Shape = Shape { floor: 1e-4, focus: 0.0, blur: 0.0, prior: 0.0 };
+    const PLAIN: Shape = Shape { floor: 1e-4, focus: 0.0, blur: 0.0, prior: Prior::NONE };
 
     /// Four clumps cut into eight cells along x.
     fn problem(seed: u64) -> (Vec<[f32; 3]>, Groups, Gaussians) {
@@ -458,7 +472,7 @@ mod tests {
                 // The floor is added, not fitted: it may cost a little.
                 prop_assert!(e.likelihood >= last - 0.02 * xyz.len() as f64 * PLAIN.floor / 0.01, "{} {last}", e.likelihood);
                 last = e.likelihood;
-                maximise(&e, &groups, &candidates, &mut gaussians, PLAIN);
+                maximise(&e, &groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8]);
                 prop_assert!((gaussians.count.iter().sum::<f64>() - 400.0).abs() < 1e-3);
             }
         }
@@ -472,12 +486,12 @@ mod tests {
         let groups = Groups::new(std::iter::once(0..xyz.len()).collect(), &xyz);
         let mut gaussians = Gaussians::default();
         gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
-        let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04, prior: 0.0 };
+        let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04, prior: Prior::NONE };
         let candidates = Candidates::find(&groups, &gaussians, Reach { most: 4, beyond: 9.0 }, shape.floor);
         for _ in 0..10 {
             let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };
             let e = expect(cloud, &candidates, &gaussians, shape, Wanted::default(), &Silent).unwrap();
-            maximise(&e, &groups, &candidates, &mut gaussians, shape);
+            maximise(&e, &groups, &candidates, &mut gaussians, shape, &[SPHERE]);
         }
         for (k, s) in [(0, 0.3), (3, 0.1), (5, 0.02)] {
             let sigma = gaussians.cov[0].0[k].sqrt();

@@ -7,13 +7,14 @@
 
 use super::cut::Cut;
 use super::gain::{Blob, Blur, picture_sigma};
-use super::prior::{PRIOR, most_probable};
 use super::select::{Made, best_cuts};
 use super::{Moments, Store};
+#[cfg(test)]
 use crate::model::{Columns, Law, MASS, Mixture};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::{Error, Result};
+#[cfg(test)]
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 
@@ -98,6 +99,7 @@ pub(super) fn partition(
 
 impl Partition {
     /// The cells as Gaussians, world units.
+    #[cfg(test)]
     pub fn mixture(&self) -> Mixture {
         let unit = 1.0 / self.store.scale;
         let column = |f: &dyn Fn(&Moments) -> f64| self.moments.iter().map(f).collect::<Vec<f64>>();
@@ -107,7 +109,7 @@ impl Partition {
         }
         Mixture {
             mean: each_axis(|k| column(&|m| self.store.origin[k] + m.mean[k] * unit)),
-            cov: std::array::from_fn(|k| column(&|m| most_probable(&m.cov, m.count as f64, PRIOR).0[k] * unit * unit)),
+            cov: std::array::from_fn(|k| column(&|m| m.cov.0[k] * unit * unit)),
             count: column(&|m| m.count as f64),
             columns,
             law: Law::OpticalDepth,

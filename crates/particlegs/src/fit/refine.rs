@@ -9,12 +9,13 @@
 use super::candidates::Reach;
 use super::em::{Candidates, Cloud, Gaussians, Groups, Shape, Wanted, expect, maximise, regroup};
 use super::gain::{Blur, picture_sigma};
-use super::prior::PRIOR;
+use super::prior::{MeanShape, Prior};
 use super::shade::Shade;
 use super::split_merge::{MoveOptions, exchange};
 use super::{Moments, Partition, Store, pieces as kept};
-use crate::math::{Purpose, Random};
+use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
+use crate::parallel;
 use crate::pieces::Pieces;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -23,13 +24,18 @@ use std::ops::Range;
 /// How long to refine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RefineOptions {
+    /// Cells side by side whose particles look for their Gaussians together: 2 halve the search and lose nothing where
+    /// there are no rounds, 4 lose 0.03 bits a held-out particle.
+    pub cells_a_group: usize,
     /// EM iterations before the first round.
     pub first_iterations: usize,
     /// Rounds of split and merge.
     pub rounds: usize,
     /// EM iterations after each round.
     pub iterations: usize,
-    /// Particles a Gaussian that the rounds look at; the last iterations see all.
+    /// EM iterations over all particles after the last round, where the rounds look at a sample.
+    pub last_iterations: usize,
+    /// Particles a Gaussian that the rounds look at.
     pub sample: f64,
     /// A pixel of the pictures that the model is made for, world units (0: finer than a radius).
     pub pixel: f64,
@@ -49,6 +55,9 @@ const FOCUS_BLUR_RADII: f64 = 5.0;
 const MOVE_BLUR_RADII: f64 = 6.0;
 /// See [`Shape::focus`]: from 0 to 1 gains 0.35 dB (masked, ParaView's look); more loses large radii.
 const FOCUS: f64 = 1.0;
+/// See [`MoveOptions::likelihood`]: on a half of nbody64 at ratio 300, 0, 0.3, 1, 3 give 4.375, 4.393, 4.371, 4.334 bits a
+/// held-out particle, and 32.18, 32.22, 32.16, 32.10 dB on all of it.
+const LIKELIHOOD: f64 = 0.25;
 
 /// Refines a partition for pictures drawn with `radius` (world units). The same bits for any number
 /// of threads. At most as many Gaussians come back as the partition has cells; their counts sum to
@@ -68,9 +77,9 @@ pub(crate) fn refine(
         return Err(Error::argument(format!("radius {radius} and sample {} must be positive", options.sample)));
     }
     let scaled = (radius * partition.store.scale).clamp(1e-9, 1e9);
-    let shade = Shade::new(&partition.store.xyz, scaled);
+    let shade = (options.rounds > 0).then(|| Shade::new(&partition.store.xyz, scaled));
     let pixel = options.pixel * partition.store.scale;
-    let refiner = Refiner { shade: &shade, partition, radius: scaled, pixel, options, progress };
+    let refiner = Refiner { shade: shade.as_ref(), partition, radius: scaled, pixel, options, progress };
     let blocks = refiner.blocks();
     progress.begin("refining", (blocks.len() * (options.rounds + 2)) as u64);
     let store = &partition.store;
@@ -92,7 +101,8 @@ pub(crate) fn refine(
 }
 
 struct Refiner<'a> {
-    shade: &'a Shade,
+    /// Where there are rounds.
+    shade: Option<&'a Shade>,
     partition: &'a Partition,
     /// Store units.
     radius: f64,
@@ -122,21 +132,18 @@ impl Refiner<'_> {
 
     fn shape(&self) -> Shape {
         let blur = Blur::of_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
-        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior: PRIOR }
+        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior: Prior::REFINED }
     }
 
     fn block(&self, cells: Range<usize>) -> Result<Gaussians> {
         let store = &self.partition.store;
         let first = self.partition.cells[cells.start].start;
         let span = first..self.partition.cells[cells.end - 1].end;
-        let ranges = self.partition.cells[cells.clone()].iter().map(|c| c.start - first..c.end - first).collect();
+        let groups = self.partition.cells[cells.clone()].chunks(self.options.cells_a_group.max(1));
+        let ranges = groups.map(|c| c[0].start - first..c[c.len() - 1].end - first).collect();
         let moments = &self.partition.moments[cells];
         let mut gaussians = start(moments);
-        let groups = Groups {
-            range: ranges,
-            mean: moments.iter().map(|m| m.mean).collect(),
-            cov: moments.iter().map(|m| m.cov).collect(),
-        };
+        let groups = Groups::new(ranges, &store.xyz[span.clone()]);
         let weight = store.weight.as_ref().map(|w| &w[span.clone()]);
         let whole = Cloud { xyz: &store.xyz[span], weight, groups: &groups };
         let rate = self.rate();
@@ -144,10 +151,12 @@ impl Refiner<'_> {
             let (xyz, weight, sampled) = sample(whole, rate, self.options.seed);
             let cloud = Cloud { xyz: &xyz, weight: weight.as_deref(), groups: &sampled };
             scale_counts(&mut gaussians, rate);
-            self.rounds(cloud, &mut gaussians)?;
+            let expected = self.rounds(cloud, &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
-            let candidates = self.candidates(&groups, &gaussians);
-            self.iterate(whole, &candidates, &mut gaussians, 2)?;
+            if self.options.last_iterations > 0 {
+                let candidates = self.candidates(&groups, &gaussians);
+                self.iterate(whole, &candidates, &mut gaussians, &expected, self.options.last_iterations)?;
+            }
         } else {
             self.rounds(whole, &mut gaussians)?;
         }
@@ -160,48 +169,69 @@ impl Refiner<'_> {
         Candidates::find(groups, gaussians, Reach { most: 24, beyond: 14.0 }, self.shape().floor)
     }
 
-    /// EM with fixed candidates.
+    /// EM with fixed candidates and expected shapes; whose each particle is.
     fn iterate(
         &self,
         cloud: Cloud<'_>,
         candidates: &Candidates,
         gaussians: &mut Gaussians,
+        expected: &[Sym3],
         iterations: usize,
     ) -> Result<Vec<u32>> {
         let mut owner = Vec::new();
         for i in 0..iterations {
             let wanted = Wanted { owner: i + 1 == iterations, ..Wanted::default() };
             let e = expect(cloud, candidates, gaussians, self.shape(), wanted, self.progress)?;
-            maximise(&e, cloud.groups, candidates, gaussians, self.shape());
+            maximise(&e, cloud.groups, candidates, gaussians, self.shape(), expected);
             owner = e.owner;
         }
         Ok(owner)
     }
 
-    fn rounds(&self, cloud: Cloud<'_>, gaussians: &mut Gaussians) -> Result<()> {
+    /// EM and rounds of split and merge; returns the shape that was expected of each Gaussian last.
+    fn rounds(&self, cloud: Cloud<'_>, gaussians: &mut Gaussians) -> Result<Vec<Sym3>> {
         let options = self.options;
         let moves = MoveOptions {
             blur: Blur::of_sigma(picture_sigma(MOVE_BLUR_RADII * self.radius, self.pixel)),
+            shape: self.shape(),
+            likelihood: LIKELIHOOD,
             ratio: 1.2,
             share: 0.1,
         };
         let candidates = self.candidates(cloud.groups, gaussians);
-        let mut owner = self.iterate(cloud, &candidates, gaussians, options.first_iterations.max(1))?;
+        let mut expected = beside(gaussians);
+        let mut owner = self.iterate(cloud, &candidates, gaussians, &expected, options.first_iterations.max(1))?;
         self.progress.advance(1);
         let (mut xyz, mut weight, mut groups);
         let mut cloud = cloud;
+        let Some(shade) = self.shade else { return Ok(expected) };
         for _ in 0..options.rounds {
             self.progress.check()?;
             (xyz, weight, groups) = regroup(cloud, &owner, gaussians.len());
             cloud = Cloud { xyz: &xyz, weight: weight.as_deref(), groups: &groups };
             let candidates = self.candidates(&groups, gaussians);
-            let made = exchange(gaussians, &groups, cloud.xyz, &candidates, self.shade, moves);
+            expected = candidates.mean_shapes(gaussians);
+            let made = exchange(gaussians, &groups, cloud.xyz, &candidates, shade, moves);
             let candidates = candidates.after(&made, gaussians.len());
-            owner = self.iterate(cloud, &candidates, gaussians, options.iterations.max(1))?;
+            made.iter().for_each(|m| expected[m.freed as usize] = expected[m.split as usize]);
+            owner = self.iterate(cloud, &candidates, gaussians, &expected, options.iterations.max(1))?;
             self.progress.advance(1);
         }
-        Ok(())
+        Ok(expected)
     }
+}
+
+/// The mean shape of each cell's neighbours in the order of the cuts.
+fn beside(cells: &Gaussians) -> Vec<Sym3> {
+    /// On either side.
+    const CELLS: usize = 4;
+    parallel::map_range(cells.len(), |i| {
+        let mut mean = MeanShape::new();
+        for k in i.saturating_sub(CELLS)..cells.len().min(i + CELLS + 1) {
+            mean.add(&cells.cov[k], cells.count[k]);
+        }
+        mean.get()
+    })
 }
 
 /// The cells as Gaussians.

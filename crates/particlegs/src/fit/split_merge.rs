@@ -1,9 +1,11 @@
 //! Moves Gaussians from where they are not needed to where they are, at a fixed number.
 //!
-//! A split's gain and a merge's cost are the same measure ([`Blur::difference`]).
+//! A split's gain and a merge's cost are the same measure: what pictures show ([`Blur::difference`]) and, with
+//! less weight, what particles tell of the density (log likelihood).
 
-use super::em::{Candidates, Gaussians, Groups, Move};
+use super::em::{Candidates, Gaussians, Groups, Move, Shape};
 use super::gain::{Blob, Blur};
+use super::prior::SPHERE;
 use super::shade::Shade;
 use crate::math::Sym3;
 use crate::parallel;
@@ -68,14 +70,42 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
 pub(crate) struct MoveOptions {
     /// Blur of the measure.
     pub(crate) blur: Blur,
+    /// How covariances are regularised.
+    pub(crate) shape: Shape,
+    /// Weight of a split's share of the log likelihood that all splits would gain, beside its share of what
+    /// they would gain in pictures.
+    pub(crate) likelihood: f64,
     /// A split must gain this many times what its merge costs.
     pub(crate) ratio: f64,
     /// Largest share of the Gaussians that may be split in a round.
     pub(crate) share: f64,
 }
 
+/// What is gained by two Gaussians in the place of one.
+#[derive(Clone, Copy)]
+struct Gain {
+    /// In pictures, by what shows.
+    picture: f64,
+    /// Log likelihood.
+    likelihood: f64,
+}
+
+impl Gain {
+    fn weighted(self, per_nat: f64) -> f64 {
+        self.picture + per_nat * self.likelihood
+    }
+}
+
+/// Log likelihood that parts gain that lie apart; 0 where they overlap so much that it would be lost.
+fn likelihood_gain(whole: &Blob, a: &Blob, b: &Blob, floor: f64) -> f64 {
+    let floor = Sym3::scaled_identity(floor);
+    let width = |x: &Blob| 0.5 * x.count * x.cov.add(&floor).det().max(f64::MIN_POSITIVE).ln();
+    let share = |x: &Blob| if x.count > 0.0 { x.count * (x.count / whole.count).ln() } else { 0.0 };
+    (width(whole) - width(a) - width(b) + share(a) + share(b)).max(0.0)
+}
+
 struct Split {
-    gain: f64,
+    gain: Gain,
     at: u32,
     parts: (Blob, Blob),
 }
@@ -97,9 +127,11 @@ pub(crate) fn exchange(
     shade: &Shade,
     options: MoveOptions,
 ) -> Vec<Move> {
-    let mut splits = best_splits(groups, xyz, shade, options.blur);
-    let mut merges = cheapest_merges(gaussians, candidates, shade, options.blur);
-    splits.sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.at.cmp(&b.at)));
+    let mut splits = best_splits(groups, xyz, shade, &options);
+    let all = splits.iter().fold((0.0, 0.0), |s, x| (s.0 + x.gain.picture, s.1 + x.gain.likelihood));
+    let per_nat = if all.1 > 0.0 { options.likelihood * all.0 / all.1 } else { 0.0 };
+    let mut merges = cheapest_merges(gaussians, candidates, shade, &options, per_nat);
+    splits.sort_unstable_by(|a, b| b.gain.weighted(per_nat).total_cmp(&a.gain.weighted(per_nat)).then(a.at.cmp(&b.at)));
     merges.sort_unstable_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))));
     let most = ((options.share * gaussians.len() as f64) as usize).max(1);
     let mut used = vec![false; gaussians.len()];
@@ -112,7 +144,7 @@ pub(crate) fn exchange(
         }
         let free = |m: &Merge| !used[m.a as usize] && !used[m.b as usize] && m.a != split.at && m.b != split.at;
         let Some(merge) = merges.find(free) else { break };
-        if made.len() == most || split.gain <= options.ratio * merge.cost {
+        if made.len() == most || split.gain.weighted(per_nat) <= options.ratio * merge.cost {
             break;
         }
         for k in [merge.a, merge.b, split.at] {
@@ -148,19 +180,28 @@ fn apply(g: &mut Gaussians, at: usize, parts: &(Blob, Blob), a: usize, b: usize)
     place(g, b, &part(&parts.1, 1.0 - share), mass * (1.0 - share));
 }
 
-fn best_splits(groups: &Groups, xyz: &[[f32; 3]], shade: &Shade, blur: Blur) -> Vec<Split> {
+fn best_splits(groups: &Groups, xyz: &[[f32; 3]], shade: &Shade, options: &MoveOptions) -> Vec<Split> {
+    let Shape { prior, floor, .. } = options.shape;
+    let fitted = |b: &Blob| Blob { cov: prior.most_probable(&b.cov, b.count, &SPHERE), ..*b };
     let splits = parallel::map_range(groups.range.len(), |j| {
         let points = &xyz[groups.range[j].clone()];
         let whole = Blob { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
         let axis = whole.cov.eigen().vectors[0];
-        let parts = cut(points, whole.mean, axis)?;
-        let gain = blur.difference(&whole, &parts.0, &parts.1) * shade.at(whole.mean);
-        Some(Split { gain, at: j as u32, parts })
+        let (a, b) = cut(points, whole.mean, axis)?;
+        let picture = options.blur.difference(&whole, &a, &b) * shade.at(whole.mean);
+        let likelihood = likelihood_gain(&fitted(&whole), &fitted(&a), &fitted(&b), floor);
+        Some(Split { gain: Gain { picture, likelihood }, at: j as u32, parts: (a, b) })
     });
     splits.into_iter().flatten().collect()
 }
 
-fn cheapest_merges(g: &Gaussians, candidates: &Candidates, shade: &Shade, blur: Blur) -> Vec<Merge> {
+fn cheapest_merges(
+    g: &Gaussians,
+    candidates: &Candidates,
+    shade: &Shade,
+    options: &MoveOptions,
+    per_nat: f64,
+) -> Vec<Merge> {
     let merges = parallel::map_range(g.len(), |j| {
         let me = blob(g, j);
         if me.count == 0.0 {
@@ -169,7 +210,9 @@ fn cheapest_merges(g: &Gaussians, candidates: &Candidates, shade: &Shade, blur: 
         let merge = |n: u32| {
             let other = blob(g, n as usize);
             let whole = me.union(&other);
-            let cost = blur.difference(&whole, &me, &other) * shade.at(whole.mean);
+            let picture = options.blur.difference(&whole, &me, &other) * shade.at(whole.mean);
+            let likelihood = likelihood_gain(&whole, &me, &other, options.shape.floor);
+            let cost = Gain { picture, likelihood }.weighted(per_nat);
             Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
         };
         let others = candidates.of(j).iter().filter(|&&n| n as usize != j);
