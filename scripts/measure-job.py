@@ -58,7 +58,7 @@ def main():
     work = a.work or pathlib.Path(tempfile.mkdtemp(prefix="measure-"))
     work.mkdir(parents=True, exist_ok=True)
     job = work / "job"
-    plan = ["plan", a.data, "--blocks", a.blocks, "--effort", a.effort, "--ratio", a.ratio, "--no-certificate", "-o", job, "--quiet"]
+    plan = ["plan", a.data, "--blocks", a.blocks, "--effort", a.effort, "--ratio", a.ratio, "--certificate=none", "-o", job, "--quiet"]
     result = {"data": pathlib.Path(a.data).name, "blocks": a.blocks, "effort": a.effort, "ratio": a.ratio, "plan": timed(*plan)}
     manifest = json.loads((job / "plan.json").read_text())
     result["particles"], result["chunks"] = manifest["plan"]["metadata"]["count"], manifest["chunks"]

@@ -114,7 +114,7 @@ def main():
     work = a.work or pathlib.Path(tempfile.mkdtemp(prefix="rehearsal-"))
     work.mkdir(parents=True, exist_ok=True)
     job, other, model = work / "job", work / "other", work / "model.pgs"
-    common = ["--ratio", a.ratio, "--no-certificate", "--quiet"]
+    common = ["--ratio", a.ratio, "--certificate=none", "--quiet"]
     options = [a.data, "--blocks", a.blocks, *common]
     result = {"data": pathlib.Path(a.data).name, "blocks": a.blocks, "ratio": a.ratio, "cores": a.cores}
 

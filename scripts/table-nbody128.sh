@@ -17,7 +17,7 @@ done
 
 model() { # NAME, then compress's options
   local name=$1; shift
-  "$p" compress "$data" -o "$out/$name.pgs" --force --no-certificate --json "$out/$name-compress.json" --quiet "$@" >/dev/null
+  "$p" compress "$data" -o "$out/$name.pgs" --force --certificate none --json "$out/$name-compress.json" --quiet "$@" >/dev/null
   for style in paraview paraview-no-fxaa; do
     "$p" render "$out/$name.pgs" --views "$reference/views.json" --style "$style" --out "$out/$name-$style" --quiet >/dev/null
     "$p" compare "$out/$name-$style" "$reference/$style" --json "$out/$name-$style.json" >/dev/null

@@ -20,7 +20,7 @@ recover() { # MODEL METHOD
 }
 model() { # RATIO EFFORT
   local name="$1-$2"
-  [ -s "$out/$name.pgs" ] || "$p" compress "$data" -o "$out/$name.pgs" --ratio "$1" --effort "$2" --no-certificate \
+  [ -s "$out/$name.pgs" ] || "$p" compress "$data" -o "$out/$name.pgs" --ratio "$1" --effort "$2" --certificate none \
     --json "$out/$name.json" --quiet >/dev/null
   measure "$name-model" "$out/$name.pgs" --only density,spectrum --no-plots
   if [ ! -s "$out/$name-count/stats.json" ]; then recover "$name" count; measure "$name-count" "$out/particles"; fi

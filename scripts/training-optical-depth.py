@@ -63,12 +63,12 @@ def run(name, options, toml):
         options = [*options, "--config", path(name + ".toml")]
     cpu = resource.getrusage(resource.RUSAGE_CHILDREN)
     start = time.time()
-    particlegs("compress", DATA, "-o", model, "--force", "--no-certificate", *options, "--json", path(name + ".json"))
+    particlegs("compress", DATA, "-o", model, "--force", "--certificate=none", *options, "--json", path(name + ".json"))
     wall = time.time() - start
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     said = load(name + ".json")
     out = {
-        "command": "particlegs compress nbody128 --no-certificate " + " ".join(o for o in options if not o.endswith(".toml") and o != "--config"),
+        "command": "particlegs compress nbody128 --certificate none " + " ".join(o for o in options if not o.endswith(".toml") and o != "--config"),
         "config": toml,
         "wall_seconds": round(wall, 1),
         "cpu_seconds": round(after.ru_utime + after.ru_stime - cpu.ru_utime - cpu.ru_stime, 1),

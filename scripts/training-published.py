@@ -171,7 +171,7 @@ def last_of_log(path):
 def train(name, options, changes="", seed=None, which="in-range"):
     """Compresses with training and scores the file."""
     config, said, log = (os.path.join(WORK, f"{name}{end}") for end in (".toml", "-said.json", ".jsonl"))
-    command = ["compress", SNAPSHOT, "-o", path_of(name), "--force", *options, "--no-certificate", "--json", said]
+    command = ["compress", SNAPSHOT, "-o", path_of(name), "--force", *options, "--certificate=none", "--json", said]
     if "--train" in options:
         with open(config, "w") as f:
             f.write(SCORED_OFTEN + changes)
@@ -297,7 +297,7 @@ def fine_tune(k, changes="", densify=True):
             f.write(text)
         command = ["finetune", path_of(f"blocks-{k}"), SNAPSHOT, "-o", path_of(name), "--force", "--scale", str(SCALE),
                    "--iterations", str(TUNE_STEPS), "--gaussians", str(2 * MOST * k),
-                   "--config", config, "--no-certificate", "--json", said]
+                   "--config", config, "--certificate=none", "--json", said]
         result = {**timed(command), "command": shown(command), "changes": text, "particles": merged["particles"]}
         with open(said) as f:
             said = json.load(f)

@@ -33,7 +33,7 @@ def steps_a_second(law, changes):
     config, log, said = (os.path.join(WORK, "steps" + e) for e in (".toml", ".jsonl", ".json"))
     with open(config, "w") as f:
         f.write(CONFIG + changes)
-    subprocess.run([PROGRAM, "compress", SNAPSHOT, "-o", os.path.join(WORK, "steps.pgs"), "--force", "--no-certificate", "--train", "fast",
+    subprocess.run([PROGRAM, "compress", SNAPSHOT, "-o", os.path.join(WORK, "steps.pgs"), "--force", "--certificate=none", "--train", "fast",
                     "--law", law, "--config", config, "--log", log, "--json", said, "--quiet"], check=True, stdout=subprocess.DEVNULL)
     with open(log) as f:
         lines = [line for line in map(json.loads, f) if line["loss"] is not None]

@@ -54,7 +54,7 @@ def sections(data):
 def read(data):
     """A whole file: metadata, certificate, network, and layers as (name, blocks)."""
     found, minor = sections(data)
-    model = {"minor": minor, "layers": [], "cert": None, "stat": None, "vizm": None}
+    model = {"minor": minor, "layers": [], "cert": None, "stat": None, "meas": {}, "vizm": None}
     before, left = b"", 0
     for tag, content in found:
         if tag == b"META":
@@ -66,8 +66,13 @@ def read(data):
         elif tag == b"stat" and minor >= 2:
             check(before == b"CERT", "order")
             model["stat"] = statistics(content)
+        elif tag == b"base" and minor >= 4:
+            check(before in (b"CERT", b"stat") and len(content) == 76, "baselines")
+        elif tag == b"meas" and minor >= 5:
+            check(before in (b"CERT", b"stat", b"base"), "order")
+            model["meas"] = measures(content)
         elif tag == b"VIZM" and minor >= 3:
-            check(before in (b"META", b"CERT", b"stat") and model["meta"]["law"] == 2, "order")
+            check(before in (b"META", b"CERT", b"stat", b"base", b"meas") and model["meta"]["law"] == 2, "order")
             model["vizm"] = network(content)
         elif tag == b"LAYR":
             check(before != b"" and left == 0, "order")
@@ -139,6 +144,22 @@ def certificate(content):
         decibels = lambda v: None if v == 65535 else v / 200
         scores.append((decibels(psnr), ssim / 32767, decibels(best_psnr), best_ssim / 32767))
     return {"numbers": (width, height, seed, cells), "density": (correlation, error), "scores": scores}
+
+
+def measures(content):
+    """Values by tag; those that are not there as None."""
+    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<2f2d14f", 4: "<" + "I6f" * 3}
+    at, last, found = 0, 0, {}
+    while at < len(content):
+        tag, length = struct.unpack_from("<BH", content, at)
+        check(tag > last and at + 3 + length <= len(content), "a measure")
+        value, at, last = content[at + 3 : at + 3 + length], at + 3 + length, tag
+        if tag in forms:
+            check(length == struct.calcsize(forms[tag]), "length of a measure")
+            numbers = struct.unpack(forms[tag], value)
+            check(all(math.isfinite(v) for v in numbers), "a measure")
+            found[tag] = [None if v == -2 else v for v in numbers]
+    return found
 
 
 def statistics(content):
@@ -612,6 +633,9 @@ def dump(model, out):
         stat = model["stat"]
         limits = (v if isinstance(v, str) else hexadecimal([v]) for v in stat["limits"])
         print("stat", stat["of"], stat["cells"], hexadecimal([stat["largest"]]), *limits, file=out)
+    for tag, numbers in model["meas"].items():
+        words = ("none" if v is None else hexadecimal([float(v)]) for v in numbers)
+        print("measure", tag, *words, file=out)
     if model["vizm"]:
         parameters = np.concatenate([np.concatenate([w.ravel(), b]) for w, b in model["vizm"]["layers"]])
         print("ranges", hexadecimal(model["vizm"]["ranges"]), file=out)

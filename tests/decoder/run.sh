@@ -7,8 +7,10 @@ cd "$(dirname "$0")/../.."
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-compress() { "$particlegs" compress "$@" --no-certificate --quiet >/dev/null; }
+compress() { "$particlegs" compress "$@" --certificate none --quiet >/dev/null; }
 compress samples/nbody64 -o "$work/sample.pgs"
+# All that a certificate can hold.
+"$particlegs" compress samples/nbody64 -o "$work/full.pgs" --effort fast --certificate full --quiet >/dev/null
 compress samples/nbody64 -o "$work/blocks.pgs" --effort fast --ratio 100 --blocks 3
 # More than 65536 Gaussians: a trunk and segments.
 compress samples/nbody64 -o "$work/segments.pgs" --effort fast --gaussians 70000

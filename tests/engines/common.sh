@@ -16,7 +16,7 @@ mkdir -p "$data"
 cp samples/nbody64/*.f32 "$data"
 layers=$(for name in a b c d e f g h; do printf '{"name": "%s", "particles": 32768}\n' "$name"; done | paste -sd,)
 echo "{\"box\": 25.0, \"periodic\": true, \"layers\": [$layers]}" >"$data/meta.json"
-options=("$data" --blocks 6 --effort high --ratio 60 --seed 7 --no-certificate)
+options=("$data" --blocks 6 --effort high --ratio 60 --seed 7 --certificate none)
 
 fail() { echo "FAILED: $*" >&2; exit 1; }
 

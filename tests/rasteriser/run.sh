@@ -9,7 +9,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 "$particlegs" compress samples/nbody64 -o "$work/trained.pgs" --train fast --law alpha-blend \
-    --config tests/rasteriser/tiny.toml --effort fast --size 20kB --no-certificate --quiet >/dev/null
+    --config tests/rasteriser/tiny.toml --effort fast --size 20kB --certificate none --quiet >/dev/null
 
 passed=0 failed=0
 for model in crates/particlegs/tests/fixtures/format-1.3.pgs "$work/trained.pgs"; do

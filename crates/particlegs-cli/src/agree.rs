@@ -1,6 +1,6 @@
 //! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
 
-use particlegs::model::{Certificate, Limit, LookBaselines, LookScore};
+use particlegs::model::{BANDS, Certificate, GROUP_CLASSES, Limit, LookBaselines, LookScore, Measures};
 use serde::Serialize;
 
 /// What is measured again agrees within these: the same program measures the same bits on every machine;
@@ -58,6 +58,7 @@ pub fn side_by_side(stored: &Certificate, measured: &Certificate) -> Vec<Figure>
         all.limit("r(k) of 0.9 to", a.r_above_0_9_to, b.r_above_0_9_to);
         all.limit("groups from", a.groups_within_10_percent_from, b.groups_within_10_percent_from);
     }
+    all.measures(&stored.measures, &measured.measures);
     all.0
 }
 
@@ -95,6 +96,38 @@ impl Figures {
         for (what, a, b) in [("all black", a.all_black, b.all_black), ("uniform box", a.uniform_box, b.uniform_box)] {
             self.decibels(&format!("{name} {what}"), [a.masked_psnr, b.masked_psnr]);
             self.real(&format!("{name} {what} SSIM"), [a.ssim, b.ssim], SIMILARITY, "0.002");
+        }
+    }
+
+    /// What either has and the other has too.
+    fn measures(&mut self, a: &Measures, b: &Measures) {
+        for (a, b) in a.densities.iter().flatten().zip(b.densities.iter().flatten()) {
+            let name = |what: &str| format!("{what} in cells of {:.4}", b.edge);
+            self.real(&name("density correlation"), [a.correlation, b.correlation], DENSITY, "0.001");
+            self.real(&name("density error"), [a.mean_absolute_error, b.mean_absolute_error], DENSITY, "0.001");
+            let uniform = [a.uniform_mean_absolute_error, b.uniform_mean_absolute_error];
+            self.real(&name("uniform density error"), uniform, DENSITY, "0.001");
+        }
+        if let (Some(a), Some(b)) = (&a.spacing, &b.spacing) {
+            self.real("nearest neighbour", [a.median, b.median], SHARE * b.median, "0.1 %");
+            self.real("nearest neighbour, drawn", [a.drawn_median, b.drawn_median], SHARE * b.drawn_median, "0.1 %");
+            self.real("its 5th percentile", [a.regularity, b.regularity], DENSITY, "0.001");
+            self.real("its 5th percentile, drawn", [a.drawn_regularity, b.drawn_regularity], DENSITY, "0.001");
+        }
+        if let (Some(a), Some(b)) = (&a.held_out, &b.held_out) {
+            self.real("held-out bits", [a.bits, b.bits], DENSITY, "0.001");
+            for ((share, a), b) in BANDS.iter().zip(&a.transfer).zip(&b.transfer) {
+                let deviation = [a, b].map(|t| t.deviation.unwrap_or(0.0));
+                self.real(&format!("transfer function to {:.3} k_max", share), deviation, DENSITY, "0.001");
+            }
+        }
+        for ((from, a), b) in GROUP_CLASSES.iter().zip(a.groups.iter().flatten()).zip(b.groups.iter().flatten()) {
+            let shares = [("number", a.number, b.number), ("completeness", a.completeness, b.completeness)];
+            let more = [("purity", a.purity, b.purity), ("mass", a.mass, b.mass)];
+            for (what, a, b) in shares.into_iter().chain(more) {
+                let name = format!("groups from {from}: {what}");
+                self.real(&name, [a, b].map(|v| v.unwrap_or(0.0)), DENSITY, "0.001");
+            }
         }
     }
 
@@ -211,6 +244,7 @@ mod tests {
                 groups_within_10_percent_from: Limit::At(57.0),
             }),
             baselines: Some(Baselines { orbits: [baselines; 3], uniform_density_mae: 1.25 }),
+            measures: Measures::default(),
         }
     }
 

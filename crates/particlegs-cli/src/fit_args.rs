@@ -1,5 +1,6 @@
 //! What a model is to be: target, effort, what it stores. The same for `compress` and `plan`.
 
+use crate::certificate_args::CertificateArgs;
 use crate::snapshot_args::{SnapshotArgs, Subset};
 use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TrainArgs;
@@ -30,9 +31,8 @@ pub struct FitArgs {
     /// Particle opacity to store as the default, in (0, 1] [default: 0.05].
     #[arg(long, value_name = "A", hide_short_help = true)]
     opacity: Option<f64>,
-    /// Do not measure the decoded model: the file holds no scores.
-    #[arg(long, hide_short_help = true)]
-    no_certificate: bool,
+    #[command(flatten)]
+    certificate: CertificateArgs,
     #[command(flatten)]
     pub train: TrainArgs,
 }
@@ -87,7 +87,7 @@ impl FitArgs {
             opacity: self.opacity,
             training: self.train.config()?,
             seed,
-            certificate: !self.no_certificate,
+            certificate: self.certificate.level(),
             command,
             ..Options::default()
         })

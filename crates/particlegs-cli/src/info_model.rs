@@ -8,7 +8,8 @@ use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
-    AlphaBlend, Certificate, LawKind, Layer, LookBaselines, LookScore, Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges,
+    AlphaBlend, BANDS, Certificate, GROUP_CLASSES, LawKind, Layer, LookBaselines, LookScore, Measures, Metadata,
+    VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
 };
 use particlegs::progress::Progress;
 use particlegs::score::{self, Finding, Use, Word};
@@ -111,7 +112,7 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
         vizmapper: info.vizmapper.as_ref().map(network),
         published_bytes: gaussians * AlphaBlend::PLY_BYTES,
         certificate: info.certificate.as_ref(),
-        verdict: score::verdict(info.certificate.as_ref(), info.metadata.length_unit.as_deref()),
+        verdict: score::verdict(info.certificate.as_ref(), &info.metadata),
     };
     context.finish(&text(&report), &report)
 }
@@ -256,10 +257,68 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let uniform = c.baselines.map_or_else(|| "not measured".into(), |b| format!("{:.4}", b.uniform_density_mae));
     line(format!("density contrast on it: mean absolute error {:.4} (uniform {uniform}, empty 1)", c.density_mae));
     match &c.science {
-        Some(science) => science.in_words(unit).into_iter().for_each(line),
+        Some(science) => science.in_words(unit).into_iter().for_each(&mut line),
         None => line("power spectrum, cross-correlation, groups: not measured".into()),
     }
+    measures(&c.measures, unit).into_iter().for_each(line);
     out
+}
+
+/// What else was measured, a line each.
+fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
+    let length = unit.map_or(String::new(), |u| format!(" {u}"));
+    let percent = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{:.1} %", 100.0 * v));
+    let mut lines = Vec::new();
+    for d in m.densities.iter().flatten() {
+        lines.push(format!(
+            "density in cells of {:.4}{length} ({:.1} particles): correlation {:.5}, mean absolute error {:.4} (uniform {:.4})",
+            d.edge, d.particles, d.correlation, d.mean_absolute_error, d.uniform_mean_absolute_error
+        ));
+    }
+    if let Some(s) = &m.spacing {
+        lines.push(format!(
+            "distance to the nearest neighbour: median {:.4}{length}, of particles drawn {:.4}; 5th percentile over it {:.3} \
+             and {:.3}",
+            s.median, s.drawn_median, s.regularity, s.drawn_regularity
+        ));
+    }
+    match &m.held_out {
+        None => lines.push("held-out particles: not measured (--certificate full)".into()),
+        Some(h) => {
+            lines.push(format!(
+                "held-out particles, of models of halves by the same method: {:.3} +- {:.3} bits a particle above uniform in a \
+                 volume of {:.4e}",
+                h.bits, h.error, h.volume
+            ));
+            let bands = BANDS.iter().zip(&h.transfer).filter_map(|(share, t)| {
+                t.deviation
+                    .map(|d| format!("{:+.2} +- {:.2} % to {:.3}", 100.0 * d, 100.0 * t.scatter, share * h.k_max))
+            });
+            let unit = unit.map_or_else(|| "1/length".into(), per_length);
+            lines.push(format!("transfer function of the halves: {} {unit}", bands.collect::<Vec<_>>().join(", ")));
+        }
+    }
+    match &m.groups {
+        None => lines.push("groups matched by position: not measured (--certificate full)".into()),
+        Some(classes) => {
+            for (k, c) in classes.iter().enumerate() {
+                let to = GROUP_CLASSES.get(k + 1).map_or(" and more".into(), |n| format!(" to {}", n - 1));
+                lines.push(format!(
+                    "groups of {}{to} particles: {}; number in draws {} +- {}, completeness {}, purity {}, median mass {} \
+                     +- {}",
+                    GROUP_CLASSES[k],
+                    c.groups,
+                    percent(c.number),
+                    percent(Some(c.number_scatter)),
+                    percent(c.completeness),
+                    percent(c.purity),
+                    percent(c.mass),
+                    percent(Some(c.mass_scatter))
+                ));
+            }
+        }
+    }
+    lines
 }
 
 /// What the model is good for, a line a use.
@@ -273,8 +332,8 @@ pub fn verdict(findings: &[Finding]) -> String {
 
 /// The certificate that a file was just given, and its verdict, as text and as data; tells unasked what
 /// a user must know of a poor model, whose pictures or density do not clearly beat trivial ones, and what helps.
-pub fn told(c: Option<&Certificate>, unit: Option<&str>, progress: &dyn Progress) -> (String, Vec<Finding>) {
-    let v = score::verdict(c, unit);
+pub fn told(c: Option<&Certificate>, metadata: &Metadata, progress: &dyn Progress) -> (String, Vec<Finding>) {
+    let v = score::verdict(c, metadata);
     let poor = |f: &&Finding| matches!(f.of, Use::Pictures | Use::Density) && f.word == Word::DoesNot;
     let poor: Vec<String> = v.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.why)).collect();
     if !poor.is_empty() {
@@ -284,7 +343,11 @@ pub fn told(c: Option<&Certificate>, unit: Option<&str>, progress: &dyn Progress
              no ratio (docs/guide/certificate.md)",
         );
     }
-    let text = if c.is_some() { format!("\n{}{}", certificate(c, unit), verdict(&v)) } else { String::new() };
+    let text = if c.is_some() {
+        format!("\n{}{}", certificate(c, metadata.length_unit.as_deref()), verdict(&v))
+    } else {
+        String::new()
+    };
     (text.trim_end().to_string(), v)
 }
 

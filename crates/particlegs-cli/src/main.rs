@@ -4,6 +4,7 @@ mod agree;
 mod allotted;
 mod annotate;
 mod canvas;
+mod certificate_args;
 mod commands;
 mod common;
 mod compared;

@@ -128,7 +128,7 @@ const RULES: &[Rule] = &[
     },
     Rule {
         commands: &["merge"],
-        options: &["no_certificate"],
+        options: &["certificate"],
         why: |g| (!g.folder("parts")).then_some(("a job's folder: a merge of files has no certificate", "")),
     },
     Rule {

@@ -3,6 +3,7 @@
 use particlegs::codec;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::math::Random;
+use particlegs::model::CertificateLevel;
 use particlegs::particles::Particles;
 use particlegs::pieces::NoPieces;
 use particlegs::progress::Silent;
@@ -16,7 +17,7 @@ fn main() -> particlegs::Result<()> {
     };
     let particles = Particles::from_columns(column(0), column(1), column(2));
 
-    let options = Options { target: Target::Ratio(100.0), certificate: false, ..Options::default() };
+    let options = Options { target: Target::Ratio(100.0), certificate: CertificateLevel::None, ..Options::default() };
     let made = compress(&particles, &options, &mut NoPieces, &Silent)?;
     write_bytes(Path::new("cloud.pgs"), &made.bytes)?;
 

@@ -2,7 +2,9 @@
 //! of docs/format.md: `decoded_bits MODEL.pgs`.
 
 use particlegs::codec;
-use particlegs::model::{Block, Certificate, LawKind, Limit, Model, Science, ScienceOf};
+use particlegs::model::{
+    Block, CellDensity, Certificate, GroupClass, LawKind, Limit, Measures, Model, Science, ScienceOf,
+};
 use std::io::{BufWriter, Write};
 
 fn bits(values: impl IntoIterator<Item = f64>) -> String {
@@ -37,7 +39,36 @@ fn certificate(c: &Certificate, out: &mut dyn Write) -> std::io::Result<()> {
         let (own, best) = (or_none(s.masked_psnr), or_none(s.noise_free_masked_psnr));
         writeln!(out, "score {own} {} {best} {}", bits([s.ssim]), bits([s.noise_free_ssim]))?;
     }
-    c.science.as_ref().map_or(Ok(()), |s| statistics(s, out))
+    c.science.as_ref().map_or(Ok(()), |s| statistics(s, out))?;
+    measures(&c.measures, out)
+}
+
+fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
+    let mut line = |tag: u8, numbers: Vec<Option<f64>>| {
+        let words: Vec<String> = numbers.into_iter().map(|v| v.map_or("none".into(), |v| bits([v]))).collect();
+        writeln!(out, "measure {tag} {}", words.join(" "))
+    };
+    if let Some(d) = &m.densities {
+        let own = |d: &CellDensity| {
+            [d.edge, d.particles, d.correlation, d.mean_absolute_error, d.uniform_mean_absolute_error].map(Some)
+        };
+        line(1, d.iter().flat_map(own).collect())?;
+    }
+    if let Some(s) = &m.spacing {
+        line(2, [s.median, s.regularity, s.drawn_median, s.drawn_regularity].map(Some).to_vec())?;
+    }
+    if let Some(h) = &m.held_out {
+        let bands = h.transfer.iter().flat_map(|t| [t.deviation, Some(t.scatter)]);
+        line(3, [h.bits, h.error, h.volume, h.k_max].map(Some).into_iter().chain(bands).collect())?;
+    }
+    if let Some(g) = &m.groups {
+        let own = |c: &GroupClass| {
+            let (groups, number, mass) = (Some(c.groups as f64), Some(c.number_scatter), Some(c.mass_scatter));
+            [groups, c.number, number, c.completeness, c.purity, c.mass, mass]
+        };
+        line(4, g.iter().flat_map(own).collect())?;
+    }
+    Ok(())
 }
 
 fn statistics(s: &Science, out: &mut dyn Write) -> std::io::Result<()> {

@@ -12,6 +12,7 @@
 //! use particlegs::camera::{View, base_distance, spherical_camera};
 //! use particlegs::compress::{Options, Target, compress};
 //! use particlegs::pieces::NoPieces;
+//! use particlegs::model::CertificateLevel;
 //! use particlegs::particles::Particles;
 //! use particlegs::picture::Size;
 //! use particlegs::progress::Silent;
@@ -23,7 +24,7 @@
 //! let particles = Particles::from_columns(column(1), column(2), column(3));
 //!
 //! // A file of 100 Gaussians: `made.bytes`, and what they decode to.
-//! let options = Options { target: Target::Gaussians(100), certificate: false, ..Options::default() };
+//! let options = Options { target: Target::Gaussians(100), certificate: CertificateLevel::None, ..Options::default() };
 //! let made = compress(&particles, &options, &mut NoPieces, &Silent)?;
 //! assert_eq!(made.model.metadata.count, 3000);
 //!

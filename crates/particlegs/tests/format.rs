@@ -3,16 +3,18 @@
 
 mod common;
 
-use common::{baselines, block, certificate, metadata, mixture, partner, reseal, science};
+use common::{baselines, block, certificate, measures, metadata, mixture, partner, reseal, science};
 use particlegs::Error;
 use particlegs::codec::{self, Encoder, Precision};
 use particlegs::math::{Random, Sym3};
-use particlegs::model::{Block, Certificate, Layer, Mass, Mixture, Model};
+use particlegs::model::{Block, Certificate, CertificateLevel, Layer, Mass, Measures, Mixture, Model};
 use particlegs::space::Cell;
 use proptest::prelude::*;
 
 /// Bytes of the section of trivial references, with its head.
 const BASELINES: usize = 16 + 76;
+/// What a quick certificate's further measures add to a file.
+const MEASURES: usize = 16 + 102;
 
 fn head(blocks: usize) -> Layer<usize> {
     Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: blocks }
@@ -51,19 +53,22 @@ fn a_file_comes_back() {
         assert_eq!(info.layers[0].content.len(), 2);
         assert_eq!(codec::read_metadata(&bytes, "m.pgs").unwrap(), m.metadata);
         let coded: usize = info.layers[0].content.iter().map(|b| b.bytes as usize).sum();
-        // This certificate has no trivial references: their section is left out.
-        assert_eq!(codec::size_without_blocks(&m.metadata, true, &[head(2)]) + coded, bytes.len() + BASELINES);
+        // This certificate has no trivial references and further measures: their sections are left out.
+        assert_eq!(
+            codec::size_without_blocks(&m.metadata, CertificateLevel::Quick, &[head(2)]) + coded,
+            bytes.len() + BASELINES + MEASURES
+        );
     }
 }
 
 #[test]
 fn what_is_not_gaussians_is_small() {
     let m = small();
-    let size = codec::size_without_blocks(&m.metadata, false, &[head(1)]) - m.metadata.command.len();
+    let size = codec::size_without_blocks(&m.metadata, CertificateLevel::None, &[head(1)]) - m.metadata.command.len();
     assert!(size < 400, "{size} bytes");
     assert_eq!(
-        codec::size_without_blocks(&m.metadata, true, &[head(1)]) - m.metadata.command.len() - size,
-        16 + 94 + 16 + 27 + BASELINES
+        codec::size_without_blocks(&m.metadata, CertificateLevel::Quick, &[head(1)]) - m.metadata.command.len() - size,
+        16 + 94 + 16 + 27 + BASELINES + MEASURES
     );
 }
 
@@ -229,6 +234,23 @@ fn statistics_are_read_where_their_version_has_them() {
     let c = Certificate { science: None, ..certificate() };
     let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
     assert_eq!((bytes[9], of(&bytes).unwrap()), (0, None));
+}
+
+/// Further measures are a section of version 1.5, behind all else of the certificate; fields that are not known are
+/// skipped.
+#[test]
+fn measures_are_read_where_their_version_has_them() {
+    for baselines in [Some(baselines()), None] {
+        let c = Certificate { baselines, measures: measures(), ..certificate() };
+        let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
+        assert_eq!(bytes[8..10], [1, 5]);
+        let of = |bytes: &[u8]| codec::decode(bytes, "m").map(|m| m.certificate.map(|c| c.measures));
+        assert_eq!(of(&bytes).unwrap(), Some(measures()));
+        let mut older = bytes.clone();
+        older[9] = 4;
+        reseal(&mut older);
+        assert_eq!(of(&older).unwrap(), Some(Measures::default()));
+    }
 }
 
 /// Baselines are a section of version 1.4, behind the certificate and its statistics, with or without the
@@ -448,19 +470,20 @@ fn files_of_every_version_stay_readable() {
     let path = |name: &str| folder.join(name);
     if std::env::var_os("PARTICLEGS_WRITE_FIXTURES").is_some() {
         let mut m = model(vec![block(mixture(30, 11, 4.0, 6.0, true))], true);
-        m.certificate = Some(Certificate { baselines: Some(baselines()), ..certificate() });
+        m.certificate = Some(Certificate { baselines: Some(baselines()), measures: measures(), ..certificate() });
         let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
-        std::fs::write(path("format-1.4.json"), table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
-        std::fs::write(path("format-1.4.pgs"), bytes).unwrap();
+        std::fs::write(path("format-1.5.json"), table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
+        std::fs::write(path("format-1.5.pgs"), bytes).unwrap();
     }
-    for (version, has_science, has_baselines) in [("1.0", false, false), ("1.2", true, false), ("1.4", true, true)] {
+    for (version, sections) in [("1.0", 0), ("1.2", 1), ("1.4", 2), ("1.5", 3)] {
         let model = codec::decode(&std::fs::read(path(&format!("format-{version}.pgs"))).unwrap(), version).unwrap();
         let values = std::fs::read_to_string(path(&format!("format-{version}.json"))).unwrap();
         assert_eq!(table(&model), values.trim_end());
         assert_eq!(model.metadata.command, "particlegs compress nbody -o m.pgs");
         let certificate = model.certificate.unwrap();
-        assert_eq!((certificate.seed, certificate.science), (42, has_science.then(science)));
-        assert_eq!(certificate.baselines, has_baselines.then(baselines));
+        assert_eq!((certificate.seed, certificate.science), (42, (sections > 0).then(science)));
+        assert_eq!(certificate.baselines, (sections > 1).then(baselines));
+        assert_eq!(certificate.measures, if sections > 2 { measures() } else { Measures::default() });
     }
 }
 

@@ -6,7 +6,7 @@ use particlegs::compress::{Options, Target};
 use particlegs::fit::Effort;
 use particlegs::job::{Job, Task};
 use particlegs::math::Random;
-use particlegs::model::{Layer, Mass};
+use particlegs::model::{CertificateLevel, Layer, Mass};
 use particlegs::particles::{Layered, Particles};
 use particlegs::progress::{Progress, Silent};
 use serde_json::{Value, json};
@@ -64,7 +64,7 @@ fn planned(folder: &Path) -> Job {
         target: Target::Gaussians(8),
         effort: Effort::Fast,
         seed: 3,
-        certificate: false,
+        certificate: CertificateLevel::None,
         blocks: Some(2),
         ..Options::default()
     };

@@ -7,7 +7,7 @@ use particlegs::compress::{Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::math::Random;
 use particlegs::model::Model;
-use particlegs::model::{Layer, Mass};
+use particlegs::model::{CertificateLevel, Layer, Mass};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::pieces::NoPieces;
@@ -35,7 +35,13 @@ fn snapshot(n: u64, scale: [f32; 3], shift: f32) -> Particles {
 }
 
 fn options() -> Options {
-    Options { target: Target::Gaussians(40), effort: Effort::Fast, seed: 1, certificate: false, ..Options::default() }
+    Options {
+        target: Target::Gaussians(40),
+        effort: Effort::Fast,
+        seed: 1,
+        certificate: CertificateLevel::None,
+        ..Options::default()
+    }
 }
 
 fn compressed(p: &Particles) -> Result<Model> {

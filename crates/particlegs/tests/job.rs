@@ -5,7 +5,7 @@ use particlegs::Error;
 use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target};
 use particlegs::fit::Effort;
 use particlegs::job::{Job, Task};
-use particlegs::model::{LawKind, Layer, Mass};
+use particlegs::model::{CertificateLevel, LawKind, Layer, Mass};
 use particlegs::particles::{Layered, Particles, Storage};
 use particlegs::progress::{Progress, Silent};
 use particlegs::space::Cell;
@@ -33,8 +33,13 @@ fn sample() -> Particles {
 }
 
 fn planned(folder: &Path) -> Job {
-    let options =
-        Options { target: Target::Ratio(200.0), seed: 3, certificate: false, blocks: Some(2), ..Options::default() };
+    let options = Options {
+        target: Target::Ratio(200.0),
+        seed: 3,
+        certificate: CertificateLevel::None,
+        blocks: Some(2),
+        ..Options::default()
+    };
     let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
     Job::plan(Layered::of(&sample()), &task, folder, &Silent).unwrap()
 }
@@ -111,7 +116,7 @@ fn other_options_are_other_work() {
         Options { training: training(LawKind::AlphaBlend), ..base.clone() },
         Options { training: training(LawKind::OpticalDepth).map(|c| c.scaled(0.5).unwrap()), ..base.clone() },
         Options { seed: 1, ..base.clone() },
-        Options { certificate: false, ..base.clone() },
+        Options { certificate: CertificateLevel::None, ..base.clone() },
         Options { command: "another".into(), ..base.clone() },
     ];
     let particles = cloud(1.0);
@@ -159,7 +164,7 @@ fn other_fine_tuning_is_other_work() {
         FineTuning { target: Target::Ratio(7.0), ..base.clone() },
         FineTuning { training: Config::fine_tuning().scaled(0.5).unwrap(), ..base.clone() },
         FineTuning { seed: 1, ..base.clone() },
-        FineTuning { certificate: false, ..base.clone() },
+        FineTuning { certificate: CertificateLevel::None, ..base.clone() },
         FineTuning { command: "another".into(), ..base.clone() },
     ];
     let mut ids: Vec<[u8; 32]> = other.iter().map(|o| o.id(b"model")).collect();

@@ -233,8 +233,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     if a.fit.is_fast() {
         text += "\n--effort fast: fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
     }
-    let unit = done.model.metadata.length_unit.as_deref();
-    let (told, verdict) = info_model::told(done.model.certificate.as_ref(), unit, context);
+    let (told, verdict) = info_model::told(done.model.certificate.as_ref(), &done.model.metadata, context);
     text += &told;
     let value = json!({
         "output": a.output().to_string_lossy(), "particles": done.model.metadata.count, "gaussians": gaussians,

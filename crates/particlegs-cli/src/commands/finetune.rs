@@ -1,5 +1,6 @@
 //! `particlegs finetune M.pgs SNAPSHOT... -o M2.pgs`.
 
+use crate::certificate_args::CertificateArgs;
 use crate::common::{Common, Context};
 use crate::info_model;
 use crate::inputs;
@@ -52,9 +53,8 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     target: TargetArgs,
-    /// Do not measure the decoded model: the file holds no scores.
-    #[arg(long)]
-    no_certificate: bool,
+    #[command(flatten)]
+    certificate: CertificateArgs,
     /// Memory limit, such as 1GiB: the particles are kept on disk.
     #[arg(long, value_name = "SIZE")]
     memory: Option<String>,
@@ -137,7 +137,7 @@ impl Arguments {
             limits: self.run.limits(start, self.folder(out))?,
             memory: self.memory.as_deref().map(parse_bytes).transpose()?,
             seed,
-            certificate: !self.no_certificate,
+            certificate: self.certificate.level(),
             command: format!("finetune{asked} --seed {seed}{}", self.tune.text(Config::fine_tuning(), LAW)?),
         })
     }
@@ -164,8 +164,7 @@ fn report(
     );
     text += &run_args::trained(done);
     let certificate = done.model.certificate.as_ref();
-    let unit = done.model.metadata.length_unit.as_deref();
-    let (told, verdict) = info_model::told(certificate, unit, context);
+    let (told, verdict) = info_model::told(certificate, &done.model.metadata, context);
     text += &told;
     let value = json!({
         "output": out.to_string_lossy(), "gaussians_in": gaussians_in, "gaussians": gaussians, "model_bytes_in": bytes_in,

@@ -1,5 +1,6 @@
 //! `particlegs merge A.pgs B.pgs ... -o M.pgs`, `particlegs merge JOB -o M.pgs`.
 
+use crate::certificate_args::Level;
 use crate::common::{Common, Context};
 use crate::inputs::{self, path_as_text};
 use crate::job_args::JobSnapshot;
@@ -9,7 +10,7 @@ use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::codec::{self, Merge};
 use particlegs::job::Job;
-use particlegs::model::LawKind;
+use particlegs::model::{CertificateLevel, LawKind};
 use particlegs::particles::Storage;
 use particlegs::progress::Progress;
 use particlegs_files::input::name_of;
@@ -38,9 +39,9 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     output: PathBuf,
-    /// Do not measure the file of a job against its snapshot: it holds no scores.
-    #[arg(long)]
-    no_certificate: bool,
+    /// How much of a job's file is measured against its snapshot [default: as planned].
+    #[arg(long, value_name = "LEVEL", value_enum)]
+    certificate: Option<Level>,
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
@@ -107,7 +108,7 @@ pub fn run(a: Arguments) -> Result<()> {
     );
     // A job's file is measured; one of files has no certificate, and nothing is said of it.
     if info.certificate.is_some() {
-        text += &crate::info_model::told(info.certificate.as_ref(), info.metadata.length_unit.as_deref(), &context).0;
+        text += &crate::info_model::told(info.certificate.as_ref(), &info.metadata, &context).0;
     }
     context.finish(&text, &report)
 }
@@ -135,13 +136,13 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
     if kept && !crate::info_model::is_of_command(&a.output, &job.metadata().command, context)? {
         return Err(context.refused(&a.output));
     }
-    let measured = job.certificate() && !a.no_certificate;
+    let level = a.certificate.map_or(job.certificate(), CertificateLevel::from);
     // Blocks that are missing are named before the snapshot is read.
     job.check_done()?;
-    let particles = match measured {
-        true => Some(snapshot.particles(&Storage::Memory, context)?),
-        false => None,
+    let particles = match level {
+        CertificateLevel::None => None,
+        _ => Some(snapshot.particles(&Storage::Memory, context)?),
     };
-    let bytes = job.merge(particles.as_ref(), context)?;
+    let bytes = job.merge(particles.as_ref().map(|p| (p, level)), context)?;
     Ok((bytes, job.blocks() as usize, kept))
 }

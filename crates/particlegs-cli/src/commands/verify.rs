@@ -9,19 +9,20 @@ use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::source;
 use clap::Args;
 use particlegs::job::{Job, State};
-use particlegs::model::{Certificate, Model};
+use particlegs::model::{Certificate, CertificateLevel, Model};
 use particlegs::particles::Particles;
 use particlegs::progress::Progress;
 use particlegs::score::Finding;
-use particlegs::{Error, Result, codec, score};
+use particlegs::{Error, Result, codec, compress, score};
 use particlegs_files::input::name_of;
+use particlegs_files::output;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify JOB\n\nThe exit code is 4 for a corrupt file, and 9 for a certificate that is not what is measured or\ncontradicts itself (docs/guide/exit-codes.md)."
+    after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify M.pgs samples/nbody64 --full --store\n  particlegs verify JOB\n\nThe exit code is 4 for a corrupt file, and 9 for a certificate that is not what is measured or\ncontradicts itself (docs/guide/exit-codes.md)."
 )]
 pub struct Arguments {
     /// Model file, or the folder of a job.
@@ -30,6 +31,12 @@ pub struct Arguments {
     /// Snapshot that the model was made from: its hash is compared, its certificate measured again.
     #[arg(value_name = "SNAPSHOT")]
     snapshot: Vec<PathBuf>,
+    /// Measure all that a certificate can hold, as `compress --certificate full` does.
+    #[arg(long, requires = "snapshot")]
+    full: bool,
+    /// Replace the file's certificate by what is measured now, where nothing that is stored differs.
+    #[arg(long, requires = "snapshot")]
+    store: bool,
     #[command(flatten)]
     opening: SnapshotArgs,
     #[command(flatten)]
@@ -106,10 +113,22 @@ pub fn run(a: Arguments) -> Result<()> {
         figures: both.map_or_else(Vec::new, |(stored, measured)| agree::side_by_side(&stored, &measured)),
         contradictions: stored.as_ref().map_or_else(Vec::new, agree::contradictions),
         doubts: stored.as_ref().map_or_else(Vec::new, agree::doubts),
-        verdict: score::verdict(stored.as_ref().or(measured_again.as_ref()), model.metadata.length_unit.as_deref()),
+        verdict: score::verdict(stored.as_ref().or(measured_again.as_ref()), &model.metadata),
     };
+    let sound = report.judge(&place);
+    if a.store && sound.is_ok() {
+        store(&a.model, &bytes, &model, report.measured_again.as_ref())?;
+        context.message(&format!("{place}: stored what was measured"));
+    }
     context.finish(text(&report, &model, of_several, &place).trim_end(), &report)?;
-    report.judge(&place)
+    sound
+}
+
+/// Writes the model's file anew, the same blocks with another certificate.
+fn store(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certificate>) -> Result<()> {
+    let layers = codec::coded_layers(bytes, &name_of(path))?;
+    let network = model.vizmapper().map(|v| &**v);
+    output::write_bytes(path, &codec::assemble_with(&model.metadata, network, certificate, layers)?)
 }
 
 impl Report {
@@ -222,5 +241,8 @@ fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) ->
     source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     context.message("the snapshot is the one that the file was made of; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
-    score::certificate(model, &particles, seed, None, context)
+    let full =
+        a.full || model.certificate.is_some_and(|c| c.measures.held_out.is_some() || c.measures.groups.is_some());
+    let level = if full { CertificateLevel::Full } else { CertificateLevel::Quick };
+    compress::certify(model, &particles, seed, level, None, context)
 }

@@ -32,7 +32,7 @@ fn invalid_particles_are_dropped_on_request() {
     let dir = tempfile::tempdir().unwrap();
     snapshot(&dir.path().join("in"), &[vec![1.0, f32::NAN, 2.0], vec![0.0; 3], vec![0.0; 3]]);
     let mut c = particlegs();
-    c.current_dir(&dir).args(["compress", "in", "-o", "m.pgs", "--skip-invalid", "--no-certificate"]);
+    c.current_dir(&dir).args(["compress", "in", "-o", "m.pgs", "--skip-invalid", "--certificate=none"]);
     let out = c.output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     assert!(String::from_utf8_lossy(&out.stdout).contains("2 particles"));
@@ -85,7 +85,7 @@ fn a_full_disk_leaves_nothing() {
     let mut c = assert_cmd::Command::new("sh");
     // Blocks of 512 bytes; the signal is ignored, so that the write itself fails.
     c.args(["-c", "trap '' XFSZ; ulimit -f 32; exec \"$@\"", "sh"]).arg(assert_cmd::cargo::cargo_bin("particlegs"));
-    c.arg("compress").arg(sample()).args(["--effort", "fast", "--ratio", "60", "--no-certificate", "-o"]);
+    c.arg("compress").arg(sample()).args(["--effort", "fast", "--ratio", "60", "--certificate=none", "-o"]);
     fails(c.arg(dir.path().join("m.pgs")), 6, "m.pgs");
     assert_eq!(listing(dir.path()), [""; 0]);
 }

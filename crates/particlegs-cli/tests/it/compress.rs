@@ -17,7 +17,7 @@ fn compress(folder: &Path, name: &str, args: &[&str], simd: bool) -> Vec<u8> {
 fn same_bytes_for_any_threads_and_without_simd() {
     let dir = tempfile::tempdir().unwrap();
     for effort in ["fast", "default"] {
-        let args = |t| vec!["--effort", effort, "--no-certificate", "--threads", t];
+        let args = |t| vec!["--effort", effort, "--certificate=none", "--threads", t];
         let one = compress(dir.path(), "1.pgs", &args("1"), true);
         assert!(one == compress(dir.path(), "2.pgs", &args("2"), true), "{effort}: threads change the bytes");
         assert!(one == compress(dir.path(), "p.pgs", &args("2"), false), "{effort}: SIMD changes the bytes");
@@ -27,7 +27,7 @@ fn same_bytes_for_any_threads_and_without_simd() {
 #[test]
 fn blocks_hold_all_particles_and_draw_the_same() {
     let dir = tempfile::tempdir().unwrap();
-    let args = |t| vec!["--effort", "fast", "--ratio", "100", "--blocks", "5", "--no-certificate", "--threads", t];
+    let args = |t| vec!["--effort", "fast", "--ratio", "100", "--blocks", "5", "--certificate=none", "--threads", t];
     let bytes = compress(dir.path(), "b.pgs", &args("2"), true);
     assert!(bytes == compress(dir.path(), "b1.pgs", &args("1"), true), "threads change the bytes");
     let target = 262_144 * 12 / 100;
@@ -49,7 +49,7 @@ fn sizes_are_met() {
     let dir = tempfile::tempdir().unwrap();
     let raw = 262_144 * 12;
     // With a certificate where its bytes weigh most.
-    for (ratio, certificate) in [(30, &["--no-certificate"][..]), (300, &["--no-certificate"]), (2000, &[])] {
+    for (ratio, certificate) in [(30, &["--certificate=none"][..]), (300, &["--certificate=none"]), (2000, &[])] {
         let ratio_text = ratio.to_string();
         let args = [&["--effort", "fast", "--ratio", &ratio_text][..], certificate].concat();
         let bytes = compress(dir.path(), &format!("{ratio}.pgs"), &args, true).len();
@@ -79,8 +79,8 @@ fn odd_snapshots_work() {
     for (name, columns) in cases {
         snapshot(&dir.path().join(name), &columns);
         // A certificate, too, of what no density or spacing is: a point, a line, numbers near the largest.
-        let measured: &[&str] = if ["one", "line", "huge"].contains(&name) { &[] } else { &["--no-certificate"] };
-        for (effort, certificate) in [("fast", measured), ("default", &["--no-certificate"])] {
+        let measured: &[&str] = if ["one", "line", "huge"].contains(&name) { &[] } else { &["--certificate=none"] };
+        for (effort, certificate) in [("fast", measured), ("default", &["--certificate=none"])] {
             let model = &format!("{name}-{effort}.pgs");
             let mut c = particlegs();
             c.current_dir(&dir).args(["compress", name, "-o", model, "--effort", effort, "--gaussians", "10"]);
@@ -118,7 +118,7 @@ fn killing_is_safe() {
     };
     for milliseconds in [5, 50, 300] {
         let wait = |_: &_| std::thread::sleep(std::time::Duration::from_millis(milliseconds));
-        killed(&["compress", "--effort", "high"], "m.pgs", &wait);
+        killed(&["compress", "--gaussians", "20000"], "m.pgs", &wait);
     }
     // While the output itself is written: 201 MB, of which 1 MB is.
     killed(&["convert", "--tile", "4,4,4"], "tiled.npy", &|child| crate::common::wait_for_bytes(child, 1 << 20));
@@ -130,7 +130,7 @@ fn killing_is_safe() {
 fn interrupting_is_clean() {
     let dir = tempfile::tempdir().unwrap();
     for milliseconds in [0, 300] {
-        let child = spawned(dir.path(), &["compress", "--effort", "high", "-o", "m.pgs"]);
+        let child = spawned(dir.path(), &["compress", "--gaussians", "20000", "-o", "m.pgs"]);
         crate::common::wait_for_handler(&child, 2);
         std::thread::sleep(std::time::Duration::from_millis(milliseconds));
         crate::common::signal(&child, "-INT");

@@ -53,7 +53,7 @@ fn species_and_masses_become_layers() {
             "--gaussians",
             "12",
             "-q",
-            "--no-certificate",
+            "--certificate=none",
             "--force",
         ];
         run(&[&base, more].concat()).success();

@@ -53,7 +53,7 @@ fn every_option_is_described_and_grouped_in_the_long_help() {
     // Options that do not belong to training are not listed under its heading.
     let training = long.split("\nTraining:").nth(1).unwrap().split("\nSnapshot options:").next().unwrap();
     assert!(training.contains("--law"));
-    for other in ["--pictures", "--no-certificate", "--force"] {
+    for other in ["--pictures", "--certificate", "--force"] {
         assert!(!training.contains(other), "{other}");
     }
 }
@@ -106,7 +106,7 @@ fn completions_offer_the_values() {
         "viridis inferno magma cividis grey",
         "hdf5 genericio npy npz ply",
         "raw npy hdf5 vtp lammps",
-        "fast default high",
+        "fast default",
         "none fast best paper",
         "optical-depth alpha-blend",
         "paraview paraview-no-fxaa expected density",

@@ -26,7 +26,7 @@ fn small() -> tempfile::TempDir {
     let column = |k: u32| (0..64u32).map(|i| (i * (k + 7) % 61) as f32).collect::<Vec<f32>>();
     snapshot(&dir.path().join("in"), &[column(0), column(3), column(5)]);
     let mut c = particlegs();
-    c.current_dir(&dir).args(["compress", "in", "-o", "m.pgs", "--gaussians", "4", "--no-certificate", "-q"]);
+    c.current_dir(&dir).args(["compress", "in", "-o", "m.pgs", "--gaussians", "4", "--certificate=none", "-q"]);
     c.assert().success();
     dir
 }
@@ -127,7 +127,7 @@ fn what_a_pipe_or_standard_input_gives_is_read() {
         let rest = |t: &str| t.lines().filter(|l| !l.starts_with("files")).collect::<Vec<_>>().join("\n");
         assert_eq!(rest(&text), rest(&told), "{name}");
         assert!(text.contains("files              -"), "{text}");
-        fed(&["compress", "-", "-o", "piped.pgs", "--gaussians", "2", "--no-certificate", "--force"], &fixture(name));
+        fed(&["compress", "-", "-o", "piped.pgs", "--gaussians", "2", "--certificate=none", "--force"], &fixture(name));
     }
     // Broken data are told under the name that people know.
     let mut child = started(dir.path(), &["compress", "-", "-o", "x.pgs"]).stdin(Stdio::piped()).spawn().unwrap();
@@ -201,7 +201,7 @@ fn foreign_text_does_not_reach_the_terminal_raw() {
     let escaped = "Evil\\u{1b}]0;title\\u{7}\\u{9b}2J\\u{202e}";
     for (arguments, shown) in [
         (&["info", "in"][..], true),
-        (&["compress", "in", "-o", "e.pgs", "--gaussians", "2", "--no-certificate"], false),
+        (&["compress", "in", "-o", "e.pgs", "--gaussians", "2", "--certificate=none"], false),
         (&["info", "e.pgs"], true),
         (&["render", "e.pgs", "--layer", name, "--size", "16x16", "--out", "x"], false),
         (&["render", "e.pgs", "--layer", "none", "--out", "x"], true),
@@ -236,10 +236,10 @@ fn paths_need_not_be_utf8() {
         assert!(out.status.success() && !text.contains("panicked"), "{text}");
         serde_json::from_slice::<serde_json::Value>(&out.stdout).unwrap()
     };
-    let made = run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--no-certificate"]);
+    let made = run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--certificate=none"]);
     assert!(made["output"].as_str().unwrap().contains('\u{fffd}'));
     // The same again: there is another report of what is there.
-    run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--no-certificate"]);
+    run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--certificate=none"]);
     run(&[&"info", &snapshot]);
     run(&[&"info", &model]);
     run(&[&"render", &model, &"--size", &"16x16", &"--out", &folder]);
@@ -264,7 +264,7 @@ fn stated_units_are_compared_with_what_files_say() {
         assert!(out.status.success());
         String::from_utf8([out.stdout, out.stderr].concat()).unwrap()
     };
-    let compress = ["compress", "in", "-o", "u.pgs", "--gaussians", "2", "--no-certificate"];
+    let compress = ["compress", "in", "-o", "u.pgs", "--gaussians", "2", "--certificate=none"];
     let told = |more: &[&str]| {
         // Each run is another model: what is there is not in the way.
         let _ = std::fs::remove_file(dir.path().join("u.pgs"));
@@ -287,7 +287,7 @@ fn a_file_that_is_cut_short_while_it_is_read_ends_with_one_line() {
     snapshot(&input, &[column(0), column(3), column(5)]);
     let files = ["xx.f32", "yy.f32", "zz.f32"].map(|f| input.join(f));
     let before = listing(dir.path());
-    let arguments = ["compress", "in", "-o", "m.pgs", "--ratio", "50", "--no-certificate", "--threads", "1"];
+    let arguments = ["compress", "in", "-o", "m.pgs", "--ratio", "50", "--certificate=none", "--threads", "1"];
     let mut child = started(dir.path(), &arguments).spawn().unwrap();
     // Whether it is already read or not: as soon as it maps the columns.
     let maps = format!("/proc/{}/maps", child.id());

@@ -82,7 +82,7 @@ fn what_lies_together_is_not_copied() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     in_order(&at("snapshot"), 400_000);
-    let options = ["--blocks", "3", "--effort", "fast", "--no-certificate"];
+    let options = ["--blocks", "3", "--effort", "fast", "--certificate=none"];
     let (merged, chunks) = by_job(&at("snapshot"), &at("job"), &options);
     assert_eq!(chunks, 0);
     assert_eq!(merged, compressed(&at("snapshot"), &at("direct.pgs"), &options));
@@ -96,7 +96,7 @@ fn layers_weights_and_selections_go_through_a_job() {
     in_order(&at("snapshot"), 150_000);
     let weights: Vec<u8> = (0..150_000).flat_map(|i| (1.0 + (i % 4) as f32).to_le_bytes()).collect();
     std::fs::write(at("snapshot/ww.f32"), weights).unwrap();
-    let common = ["--blocks", "4", "--effort", "fast", "--no-certificate", "--ratio", "60"];
+    let common = ["--blocks", "4", "--effort", "fast", "--certificate=none", "--ratio", "60"];
     for (name, more) in [
         ("weights", &[][..]),
         ("masses", &["--layers", "mass"]),
@@ -171,7 +171,7 @@ fn what_is_missing_broken_or_changed_is_named() {
     fails(&mut run("scatter", &["1"]), 3, "changed after `plan`: its particles 65536 to 131071");
     fails(&mut run("merge", &merge), 3, "changed after `plan`");
     fails(&mut run("verify", &[]), 3, "changed after `plan`");
-    run("merge", &[&merge[..], &["--no-certificate", "--quiet"]].concat()).assert().success();
+    run("merge", &[&merge[..], &["--certificate=none", "--quiet"]].concat()).assert().success();
 }
 
 #[test]
@@ -226,7 +226,7 @@ fn in_layers(folder: &Path) {
 fn a_signal_stops_a_block_and_it_goes_on_to_the_same_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
-    let options = ["--blocks", "1", "--ratio", "150", "--no-certificate"];
+    let options = ["--blocks", "1", "--ratio", "150", "--certificate=none"];
     let data = at("data");
     in_layers(&data);
     let direct = compressed(&data, &at("direct.pgs"), &options);

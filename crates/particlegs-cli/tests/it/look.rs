@@ -72,7 +72,7 @@ fn models_look_like_the_snapshot() {
         let path = dir.path().join(format!("{}.pgs", floor.ratio));
         let mut c = particlegs();
         c.arg("compress").arg(sample()).arg("-o").arg(&path);
-        c.args(["--ratio", floor.ratio, "--no-certificate", "--quiet"]).assert().success();
+        c.args(["--ratio", floor.ratio, "--certificate=none", "--quiet"]).assert().success();
         let scores = against_vtk(&path, &dir.path().join(format!("pictures-{}", floor.ratio)));
         assert_eq!(scores.len(), floor.decibels.len());
         for ((name, seen), (view, least)) in scores.iter().zip(floor.decibels) {
@@ -126,7 +126,7 @@ fn training_improves_the_pictures() {
         let path = dir.path().join(name);
         let mut c = particlegs();
         c.arg("compress").arg(sample()).arg("-o").arg(&path).args(["--effort", "fast", "--ratio", "300"]);
-        c.args(["--no-certificate", "--quiet"]).args(more).assert().success();
+        c.args(["--certificate=none", "--quiet"]).args(more).assert().success();
         against_vtk(&path, &dir.path().join(format!("{name}-pictures")))
     };
     let before = scores("start.pgs", &[]);
@@ -140,7 +140,7 @@ fn training_improves_the_pictures() {
 #[test]
 fn every_style_and_projection_draws() {
     let dir = tempfile::tempdir().unwrap();
-    let model = model(dir.path(), &["--no-certificate"]);
+    let model = model(dir.path(), &["--certificate=none"]);
     let out = dir.path().join("out");
     let small = ["--size", "160x120", "--quiet", "--out"];
     for style in ["expected", "paraview", "paraview-no-fxaa", "density"] {
@@ -161,7 +161,7 @@ fn every_style_and_projection_draws() {
 #[test]
 fn views_that_cannot_be_drawn() {
     let dir = tempfile::tempdir().unwrap();
-    let model = model(dir.path(), &["--no-certificate"]);
+    let model = model(dir.path(), &["--certificate=none"]);
     let good: Value = serde_json::from_slice(&std::fs::read(golden().join("views.json")).unwrap()).unwrap();
     let bad = |change: &dyn Fn(&mut Value), text: &str| {
         let mut views = good.clone();

@@ -10,7 +10,7 @@ fn halves(dir: &Path) -> [PathBuf; 3] {
     cut.map(|(name, region)| {
         let out = dir.join(format!("{name}.pgs"));
         let mut c = particlegs();
-        c.args(["compress", "--effort", "fast", "--ratio", "100", "--no-certificate", "--quiet", "--region", region]);
+        c.args(["compress", "--effort", "fast", "--ratio", "100", "--certificate=none", "--quiet", "--region", region]);
         c.arg(sample()).arg("-o").arg(&out).assert().success();
         out
     })

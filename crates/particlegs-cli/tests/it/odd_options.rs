@@ -24,7 +24,7 @@ struct Base {
 const COMMANDS: [Base; 9] = [
     Base {
         command: "compress",
-        inputs: &["snap", "--no-certificate"],
+        inputs: &["snap", "--certificate=none"],
         small: &[("-o", "@.pgs"), ("--effort", "fast"), ("--ratio", "10")],
     },
     Base { command: "render", inputs: &["m.pgs"], small: &[("--out", "@"), ("--size", "32x24")] },
@@ -47,7 +47,7 @@ fn inputs(folder: &Path) {
     snapshot(&folder.join("snap"), &[column(0), column(1), column(2)]);
     let made = particlegs()
         .current_dir(folder)
-        .args(["compress", "snap", "-o", "m.pgs", "--gaussians", "20", "--effort", "fast", "--no-certificate", "-q"])
+        .args(["compress", "snap", "-o", "m.pgs", "--gaussians", "20", "--effort", "fast", "--certificate=none", "-q"])
         .output()
         .unwrap();
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));

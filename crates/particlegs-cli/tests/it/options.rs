@@ -9,7 +9,7 @@ fn folder() -> tempfile::TempDir {
     let column = |stride: usize| (0..512).map(|i| ((i / stride) % 8) as f32 + 0.5).collect::<Vec<f32>>();
     snapshot(&dir.path().join("in"), &[column(1), column(8), column(64)]);
     let mut c = particlegs();
-    c.current_dir(&dir).args(["compress", "in", "-o", "m.pgs", "--effort", "fast", "--no-certificate", "-q"]);
+    c.current_dir(&dir).args(["compress", "in", "-o", "m.pgs", "--effort", "fast", "--certificate=none", "-q"]);
     assert!(c.output().unwrap().status.success());
     dir
 }
@@ -40,7 +40,7 @@ fn options_that_do_nothing_are_refused_by_name() {
         (on(&["compress", "in", "-o", "x.pgs"], &["--resume"]), "--resume"),
         (on(&["compress", "in", "-o", "x.pgs"], &["--log", "l.jsonl"]), "--log"),
         (on(&["compress", "in", "-o", "x.pgs"], &["--iterations", "5"]), "--iterations"),
-        (on(&["compress", "in", "-o", "x.pgs"], &["--train", "paper", "--effort", "high"]), "--effort"),
+        (on(&["compress", "in", "-o", "x.pgs"], &["--train", "paper", "--effort", "fast"]), "--effort"),
         (on(&["plan", "in", "-o", "job"], &["--scale", "0.5"]), "--scale"),
         (on(&["info", "m.pgs"], &["--frame", "3"]), "--frame"),
         (on(&["info", "m.pgs"], &["--box", "8"]), "--box"),
@@ -49,7 +49,7 @@ fn options_that_do_nothing_are_refused_by_name() {
         (on(&["convert", "m.pgs", "-o", "m.ply"], &["--weights", "none"]), "--weights"),
         (on(&["verify", "m.pgs"], &["--sample", "9"]), "--sample"),
         (on(&["verify", "m.pgs"], &["--layers", "mass"]), "--layers"),
-        (on(&["merge", "m.pgs", "-o", "x.pgs"], &["--no-certificate"]), "--no-certificate"),
+        (on(&["merge", "m.pgs", "-o", "x.pgs"], &["--certificate=none"]), "--certificate"),
         (on(&["recover", "m.pgs", "-o", "x"], &["--method", "grid", "--scale", "2"]), "--scale"),
         (on(&["stats", "in", "m.pgs", "-o", "s"], &["--only", "groups", "--grid", "8"]), "--grid"),
         (on(&["stats", "in", "m.pgs", "-o", "s"], &["--only", "density", "--k-max", "8"]), "--k-max"),

@@ -38,10 +38,10 @@ const fn case(words: &'static str, writes: Writes, ending: &'static str) -> Case
 }
 
 const CASES: &[Case] = &[
-    case("compress snap -o OUT --no-certificate --effort fast", Writes::Model, "pgs"),
-    case("compress snap/xx.f32 snap/yy.f32 snap/zz.f32 -o OUT --no-certificate --effort fast", Writes::Model, "pgs"),
+    case("compress snap -o OUT --certificate none --effort fast", Writes::Model, "pgs"),
+    case("compress snap/xx.f32 snap/yy.f32 snap/zz.f32 -o OUT --certificate none --effort fast", Writes::Model, "pgs"),
     case("merge m.pgs n.pgs -o OUT", Writes::Model, "pgs"),
-    case("merge job -o OUT --no-certificate", Writes::Model, "pgs"),
+    case("merge job -o OUT --certificate none", Writes::Model, "pgs"),
     case("simplify m.pgs -o OUT --gaussians 3", Writes::Model, "pgs"),
     case("convert snap -o OUT", Writes::Particles, "npy"),
     case("convert snap -o OUT", Writes::Particles, "hdf5"),
@@ -50,7 +50,7 @@ const CASES: &[Case] = &[
     case("convert snap -o OUT", Writes::Columns, ""),
     case("recover m.pgs -o OUT", Writes::Columns, ""),
     case("recover m.pgs -o OUT --form npy", Writes::Columns, ""),
-    case("plan snap -o OUT --blocks 2 --no-certificate", Writes::Job, ""),
+    case("plan snap -o OUT --blocks 2 --certificate none", Writes::Job, ""),
     case("render m.pgs --out OUT --size 64x48", Writes::Within("view.png"), ""),
     case("render m.pgs --out OUT --size 64x48 --style density", Writes::Within("view.png"), ""),
     case("render m.pgs --out OUT --size 64x48 --style density --raw", Writes::Within("view.f32"), ""),
@@ -106,9 +106,9 @@ impl Workshop {
         std::fs::write(w.at("snap/meta.json"), "{\"name\": \"snap\"}").unwrap();
         snapshot(&w.at("other"), &columns(5));
         for words in [
-            "compress snap -o m.pgs --no-certificate --effort fast --gaussians 8",
-            "compress other -o n.pgs --no-certificate --effort fast --gaussians 5",
-            "plan snap -o job --blocks 2 --no-certificate --effort fast",
+            "compress snap -o m.pgs --certificate none --effort fast --gaussians 8",
+            "compress other -o n.pgs --certificate none --effort fast --gaussians 5",
+            "plan snap -o job --blocks 2 --certificate none --effort fast",
             "scatter job",
             "block job 0",
             "block job 1",
@@ -209,7 +209,7 @@ fn an_input_is_never_an_output() {
         w.demand(case, "the folder around an input", &w.at("."), &["--force"], 8);
     }
     // An argument that is refused before the model is looked at.
-    let tuned = case("finetune m.pgs snap -o OUT --no-certificate --scale 0.01", Writes::Model, "pgs");
+    let tuned = case("finetune m.pgs snap -o OUT --certificate none --scale 0.01", Writes::Model, "pgs");
     for input in ["m.pgs", "snap/xx.f32", "snap/meta.json"] {
         w.demand(&tuned, "an input", &w.at(input), &["--force"], 8);
     }
@@ -244,7 +244,7 @@ fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_fo
             Writes::Model => Some("simplify n.pgs -o OUT --gaussians 2 --force"),
             Writes::Particles => Some("convert other -o OUT --force"),
             Writes::Columns => Some("convert other -o OUT --force"),
-            _ => Some("plan other -o OUT --blocks 3 --no-certificate --force"),
+            _ => Some("plan other -o OUT --blocks 3 --certificate none --force"),
         };
         let replaced = w.run(&mut w.command(other.unwrap(), &out));
         assert!(replaced.status.success(), "{}: {}", case.words, String::from_utf8_lossy(&replaced.stderr));
@@ -381,7 +381,7 @@ fn files_that_belong_together_appear_together() {
     for blocks in [4, 60, 120, 240, 10_000] {
         let folder = w.folder();
         let mut c =
-            w.command("compress snap -o OUT --no-certificate --effort fast --pictures", &folder.path().join("m.pgs"));
+            w.command("compress snap -o OUT --certificate none --effort fast --pictures", &folder.path().join("m.pgs"));
         let said = limited(&w, c.arg(folder.path()), blocks);
         let there = listing(folder.path());
         match said.status.code() {
@@ -426,8 +426,8 @@ fn two_outputs_are_never_one() {
     let folder = w.folder();
     let out = folder.path().join("out.pgs");
     for words in [
-        "compress snap -o OUT --no-certificate --effort fast --json OUT",
-        "compress snap -o OUT --no-certificate --effort fast --train fast --log OUT",
+        "compress snap -o OUT --certificate none --effort fast --json OUT",
+        "compress snap -o OUT --certificate none --effort fast --train fast --log OUT",
         "merge m.pgs n.pgs -o OUT --json OUT",
         "simplify m.pgs -o OUT --gaussians 3 --json OUT",
         "convert snap -o OUT --to npy --json OUT",
@@ -455,7 +455,7 @@ fn two_outputs_are_never_one() {
         std::fs::remove_file(folder.path().join(name)).unwrap();
     }
     let within = folder.path().join("comparison.png");
-    let mut c = w.command("compress snap -o OUT --no-certificate --effort fast --pictures", &within);
+    let mut c = w.command("compress snap -o OUT --certificate none --effort fast --pictures", &within);
     assert_eq!(w.run(c.arg(folder.path())).status.code(), Some(8));
     let log = w.command("compress snap -o OUT --train fast --log snap/xx.f32", &out);
     assert_eq!(w.run(&mut { log }).status.code(), Some(8));
@@ -490,7 +490,7 @@ fn the_same_again_says_that_it_is_done() {
     let w = Workshop::new();
     let folder = w.folder();
     let out = folder.path().join("m.pgs");
-    let words = "compress snap -o OUT --no-certificate --effort fast";
+    let words = "compress snap -o OUT --certificate none --effort fast";
     let run = |more: &[&str]| w.run(w.command(words, &out).args(more));
     assert!(run(&[]).status.success());
     let made = std::fs::metadata(&out).unwrap().modified().unwrap();
@@ -504,7 +504,7 @@ fn the_same_again_says_that_it_is_done() {
     {
         assert_eq!(run(other).status.code(), Some(8), "{other:?}");
     }
-    let elsewhere = w.run(&mut w.command("compress other -o OUT --no-certificate --effort fast", &out));
+    let elsewhere = w.run(&mut w.command("compress other -o OUT --certificate none --effort fast", &out));
     assert_eq!(elsewhere.status.code(), Some(8), "another snapshot");
     assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made);
 }
@@ -588,7 +588,7 @@ fn a_second_signal_leaves_a_checkpoint_all_the_same() {
     let w = Workshop::new();
     let long: Vec<f32> = (0..60_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
     snapshot(&w.at("long"), &[long.clone(), long.iter().rev().copied().collect(), long]);
-    let made = w.run(&mut w.command("plan long -o OUT --blocks 1 --ratio 20 --no-certificate", &w.at("task")));
+    let made = w.run(&mut w.command("plan long -o OUT --blocks 1 --gaussians 12000 --certificate none", &w.at("task")));
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     assert!(w.run(&mut w.command("scatter task -q", Path::new(""))).status.success());
     let mut child = w.command("block task 0 -q", Path::new("")).spawn().unwrap();

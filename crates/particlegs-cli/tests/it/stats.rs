@@ -55,7 +55,7 @@ fn a_model_is_measured_by_its_mixture() {
         "200",
         "--effort",
         "fast",
-        "--no-certificate",
+        "--certificate=none",
         "--quiet",
     ]);
     compress.assert().success();

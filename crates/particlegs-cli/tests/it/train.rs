@@ -34,7 +34,7 @@ fn tool(dir: &Path, arguments: &[&str]) -> assert_cmd::Command {
 fn training<'a>(law: &'a str, out: &'a str) -> Vec<&'a str> {
     let run =
         ["--train", "fast", "--law", law, "--config", "tiny.toml", "--effort", "fast", "--size", "20kB", "--force"];
-    [&["compress", SAMPLE, "-o", out, "--no-certificate", "--threads", "2"][..], &run].concat()
+    [&["compress", SAMPLE, "-o", out, "--certificate=none", "--threads", "2"][..], &run].concat()
 }
 
 const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
@@ -204,7 +204,8 @@ fn blocks_and_fine_tuning() {
     assert_eq!(network("m.pgs"), network("job/blocks/00000.pgs"));
     assert_ne!(network("m.pgs"), network("job/blocks/00001.pgs"));
 
-    let tune = ["finetune", "m.pgs", SAMPLE, "-o", "tuned.pgs", "--config", "tiny.toml", "--no-certificate", "--force"];
+    let tune =
+        ["finetune", "m.pgs", SAMPLE, "-o", "tuned.pgs", "--config", "tiny.toml", "--certificate=none", "--force"];
     let tuned = unbroken(&dir, &tune, "tuned.pgs");
     assert!(tuned.len() <= direct.len() && tuned.len() + 500 > direct.len(), "{} bytes", tuned.len());
     assert!(tuned == unbroken(&dir, &[&tune[..], &["--threads", "1"]].concat(), "tuned.pgs"));
@@ -225,7 +226,7 @@ fn blocks_and_fine_tuning() {
     snapshot(&dir.join("other"), &[vec![0.0, 1.0, 2.0], vec![0.0, 1.0, 5.0], vec![0.0, 4.0, 2.0]]);
     let of = |model: &str, data: &str| tool(&dir, &["finetune", model, data, "-o", "x.pgs", "--config", "tiny.toml"]);
     fails(&mut of("m.pgs", "other"), 3, "not the snapshot that m.pgs was made of");
-    tool(&dir, &["compress", SAMPLE, "-o", "plain.pgs", "--effort", "fast", "--no-certificate", "-q"])
+    tool(&dir, &["compress", SAMPLE, "-o", "plain.pgs", "--effort", "fast", "--certificate=none", "-q"])
         .assert()
         .success();
     fails(&mut of("plain.pgs", SAMPLE), 2, "only alpha-blend models can be fine-tuned");
@@ -313,10 +314,10 @@ fn what_cannot_be_is_refused_before_the_work() {
     let mut layers = tool(&dir, &["compress", "two", "-o", "m.pgs", "--layers", "mass", "--train", "fast"]);
     fails(layers.args(["--law", "alpha-blend", "--config", "tiny.toml"]), 2, "the alpha-blend law has one layer");
     // A log that cannot be written to costs no model.
-    let out = trained(&["--log", "/dev/full", "--no-certificate", "--iterations", "60"]).output().unwrap();
+    let out = trained(&["--log", "/dev/full", "--certificate=none", "--iterations", "60"]).output().unwrap();
     let told = String::from_utf8_lossy(&out.stderr);
     assert!(out.status.success() && told.contains("nothing more is logged"), "{told}");
     // Nor is there a checkpoint where a folder has its name.
     std::fs::create_dir(dir.join("m.pgs.checkpoint")).unwrap();
-    fails(&mut trained(&["--no-certificate"]), 6, "m.pgs.checkpoint");
+    fails(&mut trained(&["--certificate=none"]), 6, "m.pgs.checkpoint");
 }

@@ -2,7 +2,7 @@
 //! sections of their own (`science`, `baselines`).
 
 use super::wire::Reader;
-use crate::model::{Certificate, LookScore, OrbitScore};
+use crate::model::{Certificate, LookScore, Measures, OrbitScore};
 
 /// Bytes of a certificate.
 pub(crate) const CERTIFICATE_BYTES: usize = 2 + 2 + 8 + 2 + 4 + 4 + 9 * 8;
@@ -57,6 +57,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Certificate, String> {
         density_mae,
         science: None,
         baselines: None,
+        measures: Measures::default(),
     })
 }
 
@@ -112,6 +113,7 @@ mod tests {
             density_mae: 0.2,
             science: None,
             baselines: None,
+            measures: Measures::default(),
         };
         let bytes = write(&c);
         assert_eq!(bytes.len(), CERTIFICATE_BYTES);

@@ -8,7 +8,7 @@ pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
 /// Version that is written. A reader takes any minor version of its major one.
 pub(crate) const MAJOR: u8 = 1;
 /// See [`MAJOR`].
-pub(crate) const MINOR: u8 = 4;
+pub(crate) const MINOR: u8 = 5;
 /// Magic, major, minor, reserved, length, checksum.
 pub const HEAD_BYTES: usize = 8 + 1 + 1 + 2 + 8 + 4;
 /// Tag, length, checksum.
@@ -26,6 +26,10 @@ pub(crate) const SCIENCE_SINCE: u8 = 2;
 pub(crate) const BASELINES: [u8; 4] = *b"base";
 /// The first minor version whose readers know [`BASELINES`].
 pub(crate) const BASELINES_SINCE: u8 = 4;
+/// Further figures of the certificate, since version 1.5.
+pub(crate) const MEASURES: [u8; 4] = *b"meas";
+/// The first minor version whose readers know [`MEASURES`].
+pub(crate) const MEASURES_SINCE: u8 = 5;
 /// The network of the alpha-blend law.
 pub(crate) const VIZMAPPER: [u8; 4] = *b"VIZM";
 /// The first minor version whose readers know the alpha-blend law and [`VIZMAPPER`].
@@ -100,6 +104,7 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Vec<Section<'a>>> 
             VIZMAPPER if minor >= ALPHA_BLEND_SINCE => out.push(section),
             SCIENCE if minor >= SCIENCE_SINCE => out.push(section),
             BASELINES if minor >= BASELINES_SINCE => out.push(section),
+            MEASURES if minor >= MEASURES_SINCE => out.push(section),
             [b'a'..=b'z', ..] => {}
             tag => {
                 let what = format!("section `{}` is not known and may not be skipped", tag.escape_ascii());

@@ -1,14 +1,14 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, ALPHA_BLEND_SINCE, BASELINES, BASELINES_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SCIENCE,
-    SCIENCE_SINCE, SECTION_BYTES, Section, VIZMAPPER,
+    self, ALPHA_BLEND_SINCE, BASELINES, BASELINES_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, MEASURES,
+    MEASURES_SINCE, META, SCIENCE, SCIENCE_SINCE, SECTION_BYTES, Section, VIZMAPPER,
 };
 use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
-use super::{Encoder, Precision, baselines, certificate, decoder, metadata, science, vizmapper};
-use crate::model::{Block, Certificate, LawKind, Layer, Mass, Metadata, Model, VizMapper};
+use super::{Encoder, Precision, baselines, certificate, decoder, measures, metadata, science, vizmapper};
+use crate::model::{Block, Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Model, VizMapper};
 use crate::progress::{Progress, Silent};
 use crate::{Error, Result, parallel};
 use std::sync::Arc;
@@ -106,6 +106,7 @@ pub(super) fn put_together(
     let meta = metadata::write(metadata, &masses);
     let science = certificate.and_then(|c| c.science.as_ref()).map(science::write);
     let baselines = certificate.and_then(|c| c.baselines.as_ref()).map(baselines::write);
+    let measures = certificate.and_then(|c| measures::write(&c.measures));
     let certificate = certificate.map(certificate::write);
     let heads: Vec<Vec<u8>> = layers.iter().map(layer_bytes).collect();
     let body = layers.iter().zip(&heads).flat_map(|(layer, head)| {
@@ -113,11 +114,13 @@ pub(super) fn put_together(
     });
     let minor = metadata::minor_version(&meta, metadata.law)
         .max(if science.is_some() { SCIENCE_SINCE } else { 0 })
-        .max(if baselines.is_some() { BASELINES_SINCE } else { 0 });
+        .max(if baselines.is_some() { BASELINES_SINCE } else { 0 })
+        .max(if measures.is_some() { MEASURES_SINCE } else { 0 });
     let front = std::iter::once((META, &meta[..]))
         .chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])))
         .chain(science.iter().map(|s| (SCIENCE, &s[..])))
         .chain(baselines.iter().map(|b| (BASELINES, &b[..])))
+        .chain(measures.iter().map(|m| (MEASURES, &m[..])))
         .chain(network.iter().map(|&n| (VIZMAPPER, n)));
     let file = container::write(minor, front.chain(body));
     // Numbers that only a whole file has (sums, bounds, radius) may be none that the format holds.
@@ -136,13 +139,17 @@ fn other_law(layer: &str, law: LawKind) -> String {
 /// What a network of the alpha-blend law adds to a file.
 pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_BYTES;
 
-/// Bytes of a file beside its coded blocks, with or without a certificate and its statistics. The
+/// Bytes of a file beside its coded blocks, with or without a certificate of a level. The
 /// file's size is this plus the sizes of its blocks, and of its network where it has one
 /// ([`VIZMAPPER_SECTION_BYTES`]). Of each layer the number of its blocks.
-pub fn size_without_blocks(metadata: &Metadata, certificate: bool, layers: &[Layer<usize>]) -> usize {
+pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, layers: &[Layer<usize>]) -> usize {
     let contents = certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES + baselines::BASELINES_BYTES;
-    let measured = 3 * SECTION_BYTES + contents;
-    let certificate = if certificate { measured } else { 0 };
+    let measured = |figures: usize| 4 * SECTION_BYTES + contents + figures;
+    let certificate = match certificate {
+        CertificateLevel::None => 0,
+        CertificateLevel::Quick => measured(measures::QUICK_BYTES),
+        CertificateLevel::Full => measured(measures::FULL_BYTES),
+    };
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.content).sum();
     let masses: Vec<Mass> = layers.iter().map(|l| l.mass).collect();
     HEAD_BYTES + SECTION_BYTES + metadata::write(metadata, &masses).len() + certificate + heads
@@ -207,6 +214,11 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         && let Some(s) = rest.next_if(|s| s.tag == BASELINES)
     {
         c.baselines = Some(baselines::read(s.bytes).map_err(corrupt)?);
+    }
+    if let Some(c) = &mut certificate
+        && let Some(s) = rest.next_if(|s| s.tag == MEASURES)
+    {
+        c.measures = measures::read(s.bytes).map_err(corrupt)?;
     }
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
         Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),

@@ -15,6 +15,7 @@ mod exact;
 mod file;
 mod header;
 mod info;
+mod measures;
 mod merge;
 mod metadata;
 mod precision;

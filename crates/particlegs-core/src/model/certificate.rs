@@ -1,6 +1,6 @@
 //! What was measured after decoding, when the file was made.
 
-use super::Science;
+use super::{Measures, Science};
 
 /// Scores of one orbit in one look: the model's, and those of the noise-free picture of all
 /// particles (docs/law/scores.md).
@@ -48,6 +48,21 @@ pub struct Certificate {
     pub science: Option<Science>,
     /// What trivial pictures and densities score; `None` in files before version 1.4.
     pub baselines: Option<Baselines>,
+    /// What else was measured; nothing in files before version 1.5.
+    pub measures: Measures,
+}
+
+/// How much is measured of a decoded model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CertificateLevel {
+    /// Nothing: the file holds no certificate.
+    None,
+    /// What takes seconds.
+    #[default]
+    Quick,
+    /// Also models of halves of the particles against the other halves, and groups of several draws.
+    Full,
 }
 
 /// Scores of one picture.

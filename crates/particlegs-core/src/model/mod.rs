@@ -4,16 +4,20 @@ mod certificate;
 mod columns;
 mod law;
 mod layer;
+mod measures;
 mod metadata;
 mod mixture;
 mod network;
 mod science;
 pub mod vizmapper;
 
-pub use certificate::{Baselines, Certificate, LookBaselines, LookScore, OrbitBaselines, OrbitScore, PictureScore};
+pub use certificate::{
+    Baselines, Certificate, CertificateLevel, LookBaselines, LookScore, OrbitBaselines, OrbitScore, PictureScore,
+};
 pub use columns::{Columns, MASS};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
+pub use measures::{BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, Measures, Spacing, Transfer};
 pub use metadata::{Metadata, hex};
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};

@@ -1,7 +1,8 @@
 //! A file decoded again, measured, and put together with what was found.
 
 use super::clock::Clock;
-use crate::model::{Certificate, Model};
+use super::halves::held_out;
+use crate::model::{Certificate, CertificateLevel, Measures, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Result, codec, score};
@@ -16,6 +17,8 @@ pub(crate) struct Measure<'a> {
     pub particles: &'a Particles,
     /// Seed of the views.
     pub seed: u64,
+    /// How much is measured.
+    pub level: CertificateLevel,
     /// Memory to stay within, bytes.
     pub memory: Option<u64>,
 }
@@ -23,8 +26,31 @@ pub(crate) struct Measure<'a> {
 impl Measure<'_> {
     fn certificate(&self, model: &Model, progress: &dyn Progress) -> Result<Certificate> {
         // The model and what is drawn of it take the rest.
-        score::certificate(model, self.particles, self.seed, self.memory.map(|m| m / 5), progress)
+        certify(model, self.particles, self.seed, self.level, self.memory.map(|m| m / 5), progress)
     }
+}
+
+/// Measures `model` against the snapshot that it was made from, as files of that level are measured when they are
+/// made; the same seed measures the same. The model is best the decoded one. `memory` is what the pictures of all
+/// particles may take; what is measured does not depend on it.
+///
+/// # Errors
+/// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
+/// [`crate::Error::Cancelled`].
+pub fn certify(
+    model: &Model,
+    particles: &Particles,
+    seed: u64,
+    level: CertificateLevel,
+    memory: Option<u64>,
+    progress: &dyn Progress,
+) -> Result<Certificate> {
+    let certificate = score::certificate(model, particles, seed, level, memory, progress)?;
+    let held_out = match level {
+        CertificateLevel::Full => held_out(model, particles, seed, progress)?,
+        _ => None,
+    };
+    Ok(Certificate { measures: Measures { held_out, ..certificate.measures }, ..certificate })
 }
 
 /// A file and the model in it; where it is to be measured, with its certificate.

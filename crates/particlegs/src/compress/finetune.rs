@@ -6,7 +6,7 @@ use super::run::Compressed;
 use super::size::{Coded, SizeMet};
 use super::target::Target;
 use crate::codec::{self, Encoder};
-use crate::model::{Block, Certificate, LawKind, Layer, Metadata, Mixture, Model, VizMapper};
+use crate::model::{Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, VizMapper};
 use crate::particles::Particles;
 use crate::pieces::{Pieces, Under};
 use crate::progress::Progress;
@@ -29,7 +29,7 @@ pub struct FineTuning {
     /// Seed of the pictures.
     pub seed: u64,
     /// Measure the decoded model and store what was found?
-    pub certificate: bool,
+    pub certificate: CertificateLevel,
     /// The command as stored in the file, before the model's own.
     pub command: String,
 }
@@ -42,7 +42,7 @@ impl Default for FineTuning {
             limits: Limits::default(),
             memory: None,
             seed: 0,
-            certificate: true,
+            certificate: CertificateLevel::default(),
             command: String::new(),
         }
     }
@@ -98,7 +98,12 @@ pub fn finetune(
     // What was stopped is coded all the same.
     let check = || if stopped { Ok(()) } else { progress.check() };
     let coded = clock.time("code", || file.code(mixture, check))?;
-    let measure = (options.certificate && !stopped).then_some(Measure { particles, seed, memory });
+    let measure = (options.certificate != CertificateLevel::None && !stopped).then_some(Measure {
+        particles,
+        seed,
+        level: options.certificate,
+        memory,
+    });
     let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, network.as_deref(), certificate);
     let done = Decoded::of(assembled, measure, progress)?;
     clock.append(done.clock);

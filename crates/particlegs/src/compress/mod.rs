@@ -12,6 +12,7 @@ mod describe;
 mod divided;
 mod executor;
 mod finetune;
+mod halves;
 mod layer;
 mod memory;
 mod options;
@@ -23,6 +24,7 @@ mod size;
 mod target;
 
 pub(crate) use block::{BlockContext, BlockParticles, CodedBlock, OnStop};
+pub use certify::certify;
 pub(crate) use certify::{Decoded, Measure};
 pub use checkpoint::Checkpoint;
 pub(crate) use executor::{Store, do_block};

@@ -3,7 +3,7 @@
 use super::memory::Load;
 use super::target::Target;
 use crate::fit::Effort;
-use crate::model::LawKind;
+use crate::model::{CertificateLevel, LawKind};
 use crate::particles::{Particles, Storage};
 use crate::train::{Config, Limits};
 use crate::{Error, Result};
@@ -32,8 +32,8 @@ pub struct Options {
     pub limits: Limits,
     /// Seed of the fit and the views.
     pub seed: u64,
-    /// Measure the decoded model and store what was found?
-    pub certificate: bool,
+    /// How much of the decoded model is measured and stored.
+    pub certificate: CertificateLevel,
     /// The command as stored in the file, without paths, threads and the number of blocks, which is added.
     pub command: String,
 }
@@ -51,7 +51,7 @@ impl Default for Options {
             training: None,
             limits: Limits::default(),
             seed: 0,
-            certificate: true,
+            certificate: CertificateLevel::default(),
             command: String::new(),
         }
     }

@@ -10,7 +10,7 @@ use crate::blocks::Survey;
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
 use crate::fit::Effort;
-use crate::model::{Certificate, LawKind, Layer, Mass, Metadata};
+use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata};
 use crate::particles::Layered;
 use crate::picture::Size;
 use crate::progress::Progress;
@@ -31,8 +31,8 @@ pub struct Plan {
     /// How blocks are trained after the fit; `None` = not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Config>,
-    /// Is the decoded model measured?
-    pub certificate: bool,
+    /// How much of the decoded model is measured.
+    pub certificate: CertificateLevel,
     /// Number of blocks.
     pub blocks: u32,
     /// Layers, and their numbers of particles.

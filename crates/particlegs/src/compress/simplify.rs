@@ -5,7 +5,7 @@ use super::size::{Coded, SizeMet, SizeTarget, bytes_a_gaussian};
 use super::target::Target;
 use crate::codec::{self, Encoder};
 use crate::fit::{self, Effort, SimplifyOptions};
-use crate::model::{Block, LawKind, Layer, Metadata, Mixture, Model};
+use crate::model::{Block, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model};
 use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
@@ -108,7 +108,7 @@ impl Reduction<'_> {
     /// The best file of at most `target` bytes.
     fn to_size(&self, target: u64, raw_bytes: u64) -> Result<Vec<Coded>> {
         let heads: Vec<Layer<usize>> = self.layers.iter().map(|l| l.with(1)).collect();
-        let overhead = codec::size_without_blocks(&self.metadata, false, &heads) as u64;
+        let overhead = codec::size_without_blocks(&self.metadata, CertificateLevel::None, &heads) as u64;
         let mut left = target.saturating_sub(overhead);
         let mut there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let mut coded = Vec::with_capacity(self.layers.len());

@@ -4,7 +4,7 @@ use super::runs;
 use crate::blocks::{KdTree, RunSurvey};
 use crate::codec::MOST_LAYERS;
 use crate::compress::Plan;
-use crate::model::Metadata;
+use crate::model::{CertificateLevel, Metadata};
 use crate::particles::{Layered, RUN};
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -175,8 +175,8 @@ impl Job {
         &self.manifest.plan.metadata
     }
 
-    /// Does the merged file get a certificate?
-    pub fn certificate(&self) -> bool {
+    /// What certificate the merged file gets.
+    pub fn certificate(&self) -> CertificateLevel {
         self.manifest.plan.certificate
     }
 

@@ -3,21 +3,21 @@
 use super::manifest::Job;
 use crate::codec;
 use crate::compress::{CodedBlock, Decoded, Measure};
-use crate::model::Certificate;
+use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
 use crate::progress::{Progress, Silent};
 use crate::{Error, Remedy, Result};
 
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. With `particles`
-    /// the decoded model is measured on them and the file holds the certificate.
+    /// the decoded model is measured on them, as much as the level says, and the file holds the certificate.
     ///
     /// # Errors
     /// [`Error::Input`] naming blocks that are missing or broken, or where `particles` are not the
     /// snapshot that was planned; [`Error::Unreachable`] where a size asked for cannot be met.
-    pub fn merge(&self, particles: Option<&Particles>, progress: &dyn Progress) -> Result<Vec<u8>> {
+    pub fn merge(&self, measured: Option<(&Particles, CertificateLevel)>, progress: &dyn Progress) -> Result<Vec<u8>> {
         let plan = &self.manifest.plan;
-        if particles.is_some_and(|p| p.source_hash() != plan.metadata.source_hash) {
+        if measured.is_some_and(|(p, _)| p.source_hash() != plan.metadata.source_hash) {
             return Err(self.changed("its hash is another"));
         }
         self.check_done()?;
@@ -39,13 +39,13 @@ impl Job {
             ));
         }
         let file = |certificate: Option<&Certificate>| plan.file(&blocks, certificate);
-        let Some(particles) = particles else {
+        let Some((particles, level)) = measured else {
             // Looked at block by block, in less memory than the whole model takes.
             let bytes = file(None)?;
             codec::check(&bytes, "the merged file", progress)?;
             return Ok(bytes);
         };
-        let measure = Measure { particles, seed: plan.seed, memory: None };
+        let measure = Measure { particles, seed: plan.seed, level, memory: None };
         Ok(Decoded::of(file, Some(measure), progress)?.bytes)
     }
 

@@ -3,6 +3,7 @@
 use super::manifest::Job;
 use super::plan::BUCKETED;
 use crate::compress::Load;
+use crate::model::CertificateLevel;
 use crate::particles::RUN;
 
 /// Copies of a block's particles that a task holds: as gathered, and the fit's.
@@ -30,7 +31,8 @@ impl Job {
     /// Bytes of memory that the merge takes; where the model is measured, with all particles in memory.
     pub fn merge_bytes(&self) -> u64 {
         let plan = &self.manifest.plan;
-        let particles = if plan.certificate { plan.column_bytes() } else { 0 };
-        self.load().merge_bytes(plan.certificate).saturating_add(particles)
+        let measured = plan.certificate != CertificateLevel::None;
+        let particles = if measured { plan.column_bytes() } else { 0 };
+        self.load().merge_bytes(measured).saturating_add(particles)
     }
 }

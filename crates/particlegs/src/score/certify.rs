@@ -1,25 +1,36 @@
 //! The certificate: what a model's file says was measured after decoding it.
 
+use super::cells::cell_densities;
 use super::evaluate::evaluate_against;
-use super::science::science;
+use super::matched::{Found, Tally};
+use super::science::{drawn, linking, science};
 use super::{LookScores, certificate_views, density_of};
 use crate::Result;
-use crate::model::{Baselines, Certificate, LookBaselines, LookScore, Model, OrbitBaselines, OrbitScore, PictureScore};
-use crate::particles::Particles;
+use crate::model::{
+    Baselines, Certificate, CertificateLevel, GROUP_CLASSES, GroupClass, LookBaselines, LookScore, Measures, Model,
+    OrbitBaselines, OrbitScore, PictureScore, Spacing,
+};
+use crate::particles::{Particles, check_box};
 use crate::picture::{Scores, Size};
 use crate::progress::Progress;
 use crate::reference::Reference;
+use crate::stats::{Domain, NeighbourOptions, nearest_distances};
 use particlegs_core::math::each_axis;
 
 /// Picture size of certificates.
 const SIZE: Size = Size { width: 1920, height: 1080 };
 /// Cells of the density grid along the longest extent.
 const GRID: u16 = 50;
+/// Particles whose nearest neighbour is sought.
+const NEIGHBOURS: usize = 20_000;
+/// Draws that groups are matched in.
+const DRAWS: u64 = 8;
 
 /// Measures `model` against the snapshot that it was made from: one frame of each orbit at the
 /// model's default radius and opacity, and the density on a grid of 50 cells along the longest
 /// extent, over the periodic box where there is one; what an empty picture, a uniform box and a uniform
-/// density score there; then P(k), r(k) and groups (`science`). `seed`
+/// density score there; then P(k), r(k) and groups (`science`), densities in cells and distances, and where all is asked
+/// for groups matched by position. `seed`
 /// turns the views and draws the particles; measuring again with the certificate's own repeats it.
 /// The model is best the decoded one. `memory` is what the pictures of all particles may take; what is
 /// measured does not depend on it.
@@ -31,10 +42,12 @@ pub fn certificate(
     model: &Model,
     particles: &Particles,
     seed: u64,
+    level: CertificateLevel,
     memory: Option<u64>,
     progress: &dyn Progress,
 ) -> Result<Certificate> {
     let m = &model.metadata;
+    check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
     let views = certificate_views(m, SIZE, seed);
     let truth = Reference::new(particles).within(memory.unwrap_or(u64::MAX));
     let evaluation = evaluate_against(model, &truth, &views, SIZE, progress)?;
@@ -55,7 +68,19 @@ pub fn certificate(
         }
     });
     let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
-    let science = science(model, particles, seed, progress)?;
+    let domain = Domain::of_particles(particles);
+    let sample = drawn(model, particles, seed, progress)?;
+    let science = science(model, particles, sample.as_ref(), &domain, progress)?;
+    let groups = match &sample {
+        Some(first) if level == CertificateLevel::Full => matched(model, [particles, first], &domain, seed, progress)?,
+        _ => None,
+    };
+    let measures = Measures {
+        densities: cell_densities(model, particles, &domain, progress)?,
+        spacing: spacing(particles, sample.as_ref(), &domain, seed, progress)?,
+        held_out: None,
+        groups,
+    };
     Ok(Certificate {
         width: SIZE.width as u16,
         height: SIZE.height as u16,
@@ -66,7 +91,51 @@ pub fn certificate(
         density_mae: density.mean_absolute_error,
         science,
         baselines: Some(Baselines { orbits: baselines, uniform_density_mae: uniform.mean_absolute_error }),
+        measures,
     })
+}
+
+/// Distances to the nearest neighbour among the particles and among those drawn.
+fn spacing(
+    particles: &Particles,
+    drawn: Option<&Particles>,
+    domain: &Domain,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Option<Spacing>> {
+    let Some(drawn) = drawn else { return Ok(None) };
+    let options = NeighbourOptions { sample: NEIGHBOURS, among_sample: false, seed };
+    let of = |p: &Particles| {
+        let d = nearest_distances(p, domain, &options, progress)?;
+        let regularity = if d.median > 0.0 { d.percentiles[1] / d.median } else { 0.0 };
+        Ok::<_, crate::Error>((d.median, regularity))
+    };
+    let ((median, regularity), (drawn_median, drawn_regularity)) = (of(particles)?, of(drawn)?);
+    Ok(Some(Spacing { median, regularity, drawn_median, drawn_regularity }))
+}
+
+/// Groups of the particles matched with those of [`DRAWS`] draws, the first of which is there.
+fn matched(
+    model: &Model,
+    [particles, first]: [&Particles; 2],
+    domain: &Domain,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Option<[GroupClass; GROUP_CLASSES.len()]>> {
+    let Some(linking) = linking(domain, particles.len()) else { return Ok(None) };
+    let truth = linking.groups(particles, progress)?;
+    let mut tally = Tally::default();
+    for draw in 0..DRAWS {
+        let found: Found = match draw {
+            0 => linking.groups(first, progress)?,
+            _ => match drawn(model, particles, seed.wrapping_add(draw), progress)? {
+                Some(particles) => linking.groups(&particles, progress)?,
+                None => return Ok(None),
+            },
+        };
+        tally.add(&linking, &truth, &found)?;
+    }
+    Ok(Some(tally.finish()))
 }
 
 fn look_baselines(s: &LookScores) -> LookBaselines {

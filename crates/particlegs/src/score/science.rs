@@ -3,8 +3,9 @@
 //! What is measured follows from the number of particles alone, so that the same input gives the
 //! same file on every machine, and takes less than 500 MB beside the snapshot.
 
+use super::matched::Linking;
 use crate::model::{Limit, Model, Science, ScienceOf};
-use crate::particles::{Particles, check_box};
+use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::recover::draw;
 use crate::stats::{
@@ -29,50 +30,60 @@ const LINKING: f64 = 0.2;
 const SMALLEST_GROUP: usize = 20;
 const GROUPS_WITHIN: f64 = 0.1;
 
-/// Measures `model` against its snapshot. Particles are drawn with `seed`. `None` in units so small or
-/// so large that float32, in which a file keeps wave numbers, does not hold them.
+/// Measures `model`, and particles `drawn` from it where there are any, against its snapshot. `None` in units so
+/// small or so large that float32, in which a file keeps wave numbers, does not hold them.
 ///
 /// # Errors
-/// [`Error::Input`] for a box that does not hold the particles; [`Error::Memory`], [`Error::Cancelled`].
+/// [`Error::Memory`], [`Error::Cancelled`].
 pub(super) fn science(
     model: &Model,
     particles: &Particles,
-    seed: u64,
+    drawn: Option<&Particles>,
+    domain: &Domain,
     progress: &dyn Progress,
 ) -> Result<Option<Science>> {
-    check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
-    let domain = Domain::of_particles(particles);
-    let wave_numbers = [2.0 * PI / domain.longest(), spectrum_options(&domain, particles.len()).k_max];
+    let wave_numbers = [2.0 * PI / domain.longest(), spectrum_options(domain, particles.len()).k_max];
     if !wave_numbers.iter().all(|k| (*k as f32).is_normal()) {
         return Ok(None);
     }
-    science_over(&domain, model, particles, seed, progress).map(Some)
+    let Some(drawn) = drawn else {
+        let pair = [Subject::Particles(particles), Subject::Model(model)];
+        return measure(ScienceOf::Mixture, pair, domain, progress).map(Some);
+    };
+    let pair = [Subject::Particles(particles), Subject::Particles(drawn)];
+    let science = measure(ScienceOf::DrawnParticles, pair, domain, progress)?;
+    Ok(Some(Science { groups_within_10_percent_from: groups([particles, drawn], domain, progress)?, ..science }))
 }
 
-fn science_over(
-    domain: &Domain,
+/// As many particles as there are drawn from the model with `seed`; `None` of too many, too few, or where tails of Gaussians
+/// lie at the end of float32.
+///
+/// # Errors
+/// [`Error::Memory`], [`Error::Cancelled`].
+pub(super) fn drawn(
     model: &Model,
     particles: &Particles,
     seed: u64,
     progress: &dyn Progress,
-) -> Result<Science> {
-    let of_mixture =
-        || measure(ScienceOf::Mixture, [Subject::Particles(particles), Subject::Model(model)], domain, progress);
-    if particles.len() as u64 > MOST_DRAWN || particles.len() < 2 {
-        return of_mixture();
+) -> Result<Option<Particles>> {
+    if !(2..=MOST_DRAWN).contains(&(particles.len() as u64)) {
+        return Ok(None);
     }
-    let drawn = match draw(model, seed, particles.origin, particles.weights().is_some(), progress) {
-        // Tails of Gaussians at the end of float32.
-        Err(Error::Input { .. }) => return of_mixture(),
-        drawn => drawn?,
-    };
-    let pair = [Subject::Particles(particles), Subject::Particles(&drawn)];
-    let science = measure(ScienceOf::DrawnParticles, pair, domain, progress)?;
-    Ok(Science { groups_within_10_percent_from: groups([particles, &drawn], domain, progress)?, ..science })
+    match draw(model, seed, particles.origin, particles.weights().is_some(), progress) {
+        Err(Error::Input { .. }) => Ok(None),
+        drawn => drawn.map(Some),
+    }
+}
+
+/// How groups are linked; `None` where the box is thinner than links allow.
+pub(super) fn linking<'a>(domain: &'a Domain, particles: usize) -> Option<Linking<'a>> {
+    let spacing = domain.spacing(particles);
+    let length = LINKING * spacing;
+    (length <= longest_link(domain)).then_some(Linking { domain, length, spacing })
 }
 
 /// The spectrum's grid and largest wave number for `n` particles.
-fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
+pub(crate) fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
     let spacing = domain.spacing(n);
     let wanted = (2.0 * domain.longest() / spacing * (1.0 - 1e-9)).ceil().min(MOST_CELLS as f64);
     let cells = (wanted as usize).next_power_of_two().clamp(LEAST_CELLS, MOST_CELLS);
@@ -109,10 +120,7 @@ fn measure(of: ScienceOf, pair: [Subject<'_>; 2], domain: &Domain, progress: &dy
 
 /// Not measured where the box is thinner than links allow, or there are too few groups.
 fn groups(pair: [&Particles; 2], domain: &Domain, progress: &dyn Progress) -> Result<Limit> {
-    let length = LINKING * domain.spacing(pair[0].len());
-    if length > longest_link(domain) {
-        return Ok(Limit::NotMeasured);
-    }
+    let Some(Linking { length, .. }) = linking(domain, pair[0].len()) else { return Ok(Limit::NotMeasured) };
     let sizes = |p: &Particles| {
         let positions = local_positions(p, domain);
         Ok(find_groups(&positions, domain, length, SMALLEST_GROUP, progress)?.sizes())

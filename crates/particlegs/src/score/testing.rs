@@ -1,8 +1,8 @@
 //! A certificate for tests: a good model's.
 
 use crate::model::{
-    Baselines, Certificate, Limit, LookBaselines, LookScore, OrbitBaselines, OrbitScore, PictureScore, Science,
-    ScienceOf,
+    Baselines, Certificate, Limit, LookBaselines, LookScore, Measures, OrbitBaselines, OrbitScore, PictureScore,
+    Science, ScienceOf,
 };
 
 /// Pictures of 30.5 dB where black scores 12 and a uniform box 16; every number is one that the file holds.
@@ -40,5 +40,6 @@ pub(super) fn certificate() -> Certificate {
             groups_within_10_percent_from: Limit::At(57.0),
         }),
         baselines: Some(Baselines { orbits: [baselines; 3], uniform_density_mae: 1.25 }),
+        measures: Measures::default(),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::math::Sym3;
-use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
+use crate::model::{Block, CertificateLevel, LawKind, Layer, Mass, Metadata, Mixture, Model};
 use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::{Progress, Silent};
@@ -102,7 +102,7 @@ fn certificates_repeat_and_know_the_density() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
     let steps = Steps::default();
-    let c = certificate(&fine, &particles, 42, None, &steps).unwrap();
+    let c = certificate(&fine, &particles, 42, CertificateLevel::Quick, None, &steps).unwrap();
     assert_eq!((c.width, c.height, c.grid), (1920, 1080, 50));
     assert!(
         c.orbits.iter().all(|o| o.expected.masked_psnr > Some(20.0) && o.expected.noise_free_masked_psnr.is_none())

@@ -1,7 +1,10 @@
 //! What a model is good for, in plain words: one judgement of a certificate, the same wherever it is
 //! told. The thresholds and their reasons: docs/guide/certificate.md.
 
-use crate::model::{Certificate, Limit, LookBaselines, LookScore, Science, per_length};
+use crate::model::{
+    CellDensity, Certificate, GROUP_CLASSES, GroupClass, Limit, LookBaselines, LookScore, Metadata, Science, Spacing,
+    per_length,
+};
 use serde::Serialize;
 
 /// Pictures hold where the worst orbit's masked PSNR against the noise-free picture is this far above the
@@ -23,6 +26,19 @@ pub const SPECTRUM_SHARE: f64 = 0.25;
 pub const GROUPS_HOLD: f64 = 100.0;
 /// And roughly from this size on.
 pub const GROUPS_ROUGHLY: f64 = 1000.0;
+/// Matched groups hold where this share of them, and of those drawn, has a counterpart.
+pub const MATCHED_HOLD: f64 = 0.9;
+/// And roughly where this share has.
+pub const MATCHED_ROUGHLY: f64 = 0.8;
+/// Numbers of matched groups hold within this share.
+pub const NUMBERS_HOLD: f64 = 0.1;
+/// And roughly within this one.
+pub const NUMBERS_ROUGHLY: f64 = 0.25;
+/// The spacing of drawn particles holds where the median distance to the nearest neighbour is within this share, and
+/// the 5th percentile over the median as near.
+pub const SPACING_HOLDS: f64 = 0.1;
+/// And roughly within this one.
+pub const SPACING_ROUGHLY: f64 = 0.25;
 
 /// What a model may be used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -30,12 +46,14 @@ pub const GROUPS_ROUGHLY: f64 = 1000.0;
 pub enum Use {
     /// Pictures at the default radius and opacity.
     Pictures,
-    /// The density on the certificate's grid.
+    /// The density, above a size of cells.
     Density,
     /// P(k).
     PowerSpectrum,
-    /// Numbers of friends-of-friends groups.
+    /// Friends-of-friends groups.
     Groups,
+    /// Distances of drawn particles to their neighbours.
+    Spacing,
 }
 
 /// How far that goes.
@@ -53,6 +71,9 @@ pub enum Word {
     /// Nothing is known.
     #[serde(rename = "not measured")]
     NotMeasured,
+    /// There is no such thing of these particles.
+    #[serde(rename = "not applicable")]
+    NotApplicable,
 }
 
 /// One use, its word, and the figures that decided it.
@@ -75,6 +96,7 @@ impl Use {
             Use::Density => "density",
             Use::PowerSpectrum => "power spectrum",
             Use::Groups => "groups",
+            Use::Spacing => "spacing",
         }
     }
 }
@@ -87,19 +109,22 @@ impl Word {
             Word::Roughly => "roughly",
             Word::DoesNot => "does not",
             Word::NotMeasured => "not measured",
+            Word::NotApplicable => "not applicable",
         }
     }
 }
 
-/// Judges a certificate: pictures, density, power spectrum and groups, in this order. `unit` is the unit of
-/// length, for the words. Without a certificate nothing is measured.
-pub fn verdict(certificate: Option<&Certificate>, unit: Option<&str>) -> Vec<Finding> {
+/// Judges the certificate of a model of `metadata`: pictures, density, power spectrum, groups and spacing, in this order.
+/// Without a certificate nothing is measured.
+pub fn verdict(certificate: Option<&Certificate>, metadata: &Metadata) -> Vec<Finding> {
     let Some(c) = certificate else {
         let none = |of| Finding { of, word: Word::NotMeasured, why: "the file has no certificate".into() };
-        return [Use::Pictures, Use::Density, Use::PowerSpectrum, Use::Groups].map(none).into();
+        return [Use::Pictures, Use::Density, Use::PowerSpectrum, Use::Groups, Use::Spacing].map(none).into();
     };
-    let science = c.science.as_ref();
-    vec![pictures(c), density(c), spectrum(science, unit), groups(science)]
+    let unit = metadata.length_unit.as_deref();
+    let density = c.measures.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
+    let groups = c.measures.groups.as_ref().map_or_else(|| groups(c.science.as_ref()), matched_groups);
+    vec![pictures(c), density, spectrum(c, metadata), groups, spacing(c.measures.spacing.as_ref(), unit)]
 }
 
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
@@ -167,24 +192,107 @@ fn density(c: &Certificate) -> Finding {
     Finding { of: Use::Density, word, why }
 }
 
-fn spectrum(science: Option<&Science>, unit: Option<&str>) -> Finding {
-    let finding = |word, why| Finding { of: Use::PowerSpectrum, word, why };
-    let Some(s) = science.filter(|s| s.power_within_5_percent_to != Limit::NotMeasured) else {
-        return finding(Word::NotMeasured, "too few particles, or a file of an early version".into());
+/// Of cells of three sizes, from which on the density holds.
+fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
+    let trivial = |d: &CellDensity| d.uniform_mean_absolute_error.min(1.0);
+    let holds =
+        |d: &CellDensity| d.correlation >= DENSITY_HOLDS && d.mean_absolute_error <= DENSITY_ERROR_HOLDS * trivial(d);
+    let roughly = |d: &CellDensity| d.correlation >= DENSITY_ROUGHLY && d.mean_absolute_error < trivial(d);
+    let from = |good: &dyn Fn(&CellDensity) -> bool| densities.iter().rev().take_while(|d| good(d)).last();
+    let unit = unit.map_or(String::new(), |u| format!(" {u}"));
+    let told = |d: &CellDensity, word| {
+        let why = format!(
+            "in cells of {:.4}{unit} and more ({:.0} particles): correlation {:.4}, mean error {:.2} where a trivial density \
+             has {:.2}",
+            d.edge,
+            d.particles,
+            d.correlation,
+            d.mean_absolute_error,
+            trivial(d)
+        );
+        Finding { of: Use::Density, word, why }
     };
-    let unit = unit.map_or_else(|| "1/length".into(), per_length);
-    let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * s.k_max);
+    match (from(&holds), from(&roughly), densities.last()) {
+        (Some(d), ..) => told(d, Word::Holds),
+        (None, Some(d), _) => told(d, Word::Roughly),
+        (None, None, Some(d)) => Finding { word: Word::DoesNot, ..told(d, Word::DoesNot) },
+        _ => Finding { of: Use::Density, word: Word::NotMeasured, why: "too few particles".into() },
+    }
+}
+
+/// Of halves of the particles where they were fitted, else of the particles that the file was fitted to.
+fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
+    let finding = |word, why| Finding { of: Use::PowerSpectrum, word, why };
+    if !metadata.cell.as_ref().is_some_and(|cell| cell.periodic.contains(&true)) {
+        return finding(Word::NotApplicable, "the particles have no periodic box".into());
+    }
+    let (k_max, one, five, of) = match (&c.measures.held_out, &c.science) {
+        (Some(h), _) => {
+            (h.k_max, Limit::measured(h.within(0.01)), Limit::measured(h.within(0.05)), "; of models of halves")
+        }
+        (None, Some(s)) if s.power_within_5_percent_to != Limit::NotMeasured => {
+            (s.k_max, s.power_within_1_percent_to, s.power_within_5_percent_to, "")
+        }
+        _ => return finding(Word::NotMeasured, "too few particles, or a file of an early version".into()),
+    };
+    let unit = metadata.length_unit.as_deref().map_or_else(|| "1/length".into(), per_length);
+    let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * k_max);
     let within = |percent: u32, limit: Limit| match limit {
         Limit::At(k) => format!("within {percent} % up to k = {k:.3} {unit}"),
         Limit::Never => format!("within {percent} % nowhere"),
         Limit::NotMeasured => format!("within {percent} %: not measured"),
     };
-    let word = graded(reaches(s.power_within_1_percent_to), reaches(s.power_within_5_percent_to));
+    let word = graded(reaches(one), reaches(five));
     let why = match word {
-        Word::Holds => within(1, s.power_within_1_percent_to),
-        _ => format!("{}, {}", within(5, s.power_within_5_percent_to), within(1, s.power_within_1_percent_to)),
+        Word::Holds => within(1, one),
+        _ => format!("{}, {}", within(5, five), within(1, one)),
     };
-    finding(word, format!("{why} (measured to {:.3})", s.k_max))
+    finding(word, format!("{why} (measured to {k_max:.3}{of})"))
+}
+
+/// By counterparts and numbers, whichever is worse.
+fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
+    let finding = |word, why| Finding { of: Use::Groups, word, why };
+    let good = |c: &GroupClass, share: f64, number: f64| {
+        let matched = |v: Option<f64>| v.is_none_or(|v| v >= share);
+        matched(c.completeness) && matched(c.purity) && c.number.is_none_or(|n| (n - 1.0).abs() <= number)
+    };
+    let largest = &classes[GROUP_CLASSES.len() - 1];
+    let (Some(completeness), Some(number)) = (largest.completeness, largest.number) else {
+        return finding(
+            Word::NotMeasured,
+            format!("no groups of {} particles", GROUP_CLASSES[GROUP_CLASSES.len() - 1]),
+        );
+    };
+    let hold = classes.iter().rev().take_while(|c| good(c, MATCHED_HOLD, NUMBERS_HOLD)).count();
+    if hold > 0 {
+        let from = GROUP_CLASSES[GROUP_CLASSES.len() - hold];
+        return finding(Word::Holds, format!("matched by position, and in number, from {from} particles a group on"));
+    }
+    let why = format!(
+        "of groups of {} and more particles {:.0} % have a counterpart, {:.0} % of those drawn are one, their number is {:+.0} %",
+        GROUP_CLASSES[GROUP_CLASSES.len() - 1],
+        100.0 * completeness,
+        100.0 * largest.purity.unwrap_or(0.0),
+        100.0 * (number - 1.0)
+    );
+    finding(graded(false, good(largest, MATCHED_ROUGHLY, NUMBERS_ROUGHLY)), why)
+}
+
+/// A smooth model knows how dense it is at a place, and not how its particles keep apart.
+fn spacing(s: Option<&Spacing>, unit: Option<&str>) -> Finding {
+    let finding = |word, why| Finding { of: Use::Spacing, word, why };
+    let Some(s) = s else { return finding(Word::NotMeasured, "too many particles, or an early file".into()) };
+    let within = |share: f64| {
+        (s.drawn_median / s.median - 1.0).abs() <= share && (s.drawn_regularity - s.regularity).abs() <= share
+    };
+    let unit = unit.map_or(String::new(), |u| format!(" {u}"));
+    let why = format!(
+        "drawn particles are {:.4}{unit} from their nearest neighbour, the particles {:.4} (medians; 5th percentiles \
+         {:.2} and {:.2} of them)",
+        s.drawn_median, s.median, s.drawn_regularity, s.regularity
+    );
+    finding(graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
 }
 
 fn groups(science: Option<&Science>) -> Finding {
@@ -211,10 +319,15 @@ fn graded(holds: bool, roughly: bool) -> Word {
 mod tests {
     use super::super::testing::certificate;
     use super::*;
-    use crate::model::{Baselines, PictureScore};
+    use crate::model::{Baselines, HeldOut, Measures, PictureScore, Transfer};
+    use crate::stats::testing::model_of;
+
+    fn boxed() -> Metadata {
+        model_of(&[], [50.0; 3]).metadata
+    }
 
     fn finding(c: &Certificate, of: Use) -> Finding {
-        verdict(Some(c), None).into_iter().find(|f| f.of == of).unwrap()
+        verdict(Some(c), &boxed()).into_iter().find(|f| f.of == of).unwrap()
     }
 
     fn word(c: &Certificate, of: Use) -> Word {
@@ -279,12 +392,60 @@ mod tests {
         assert_eq!([word(&none, Use::PowerSpectrum), word(&none, Use::Groups)], [Word::DoesNot; 2]);
         let early = Certificate { science: None, ..c };
         assert_eq!([word(&early, Use::PowerSpectrum), word(&early, Use::Groups)], [Word::NotMeasured; 2]);
-        assert!(verdict(None, None).iter().all(|f| f.word == Word::NotMeasured));
+        assert!(verdict(None, &boxed()).iter().all(|f| f.word == Word::NotMeasured));
+    }
+
+    #[test]
+    fn what_is_matched_held_out_and_in_cells_comes_first() {
+        let c = certificate();
+        let with = |measures| Certificate { measures, ..c };
+        let cell = |edge, correlation, error| CellDensity {
+            edge,
+            particles: 8.0 * edge,
+            correlation,
+            mean_absolute_error: error,
+            uniform_mean_absolute_error: 1.2,
+        };
+        let densities =
+            |v: [CellDensity; 3]| finding(&with(Measures { densities: Some(v), ..Measures::default() }), Use::Density);
+        let some = densities([cell(1.0, 0.95, 0.6), cell(2.0, 0.995, 0.3), cell(4.0, 0.999, 0.2)]);
+        assert!(some.word == Word::Holds && some.why.contains("cells of 2.0000"), "{}", some.why);
+        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.95, 0.6)]).word, Word::Roughly);
+        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.3, 0.9)]).word, Word::DoesNot);
+        let class = |share, number| GroupClass {
+            groups: 100,
+            number: Some(number),
+            number_scatter: 0.01,
+            completeness: Some(share),
+            purity: Some(share),
+            mass: Some(1.0),
+            mass_scatter: 0.1,
+        };
+        let groups = |v| word(&with(Measures { groups: Some(v), ..Measures::default() }), Use::Groups);
+        assert_eq!(groups([class(0.5, 1.3), class(0.8, 1.0), class(0.95, 0.97)]), Word::Holds);
+        assert_eq!(groups([class(0.95, 1.0), class(0.95, 1.0), class(0.85, 1.2)]), Word::Roughly);
+        // Equal numbers are not equal groups.
+        assert_eq!(groups([class(0.2, 1.0); 3]), Word::DoesNot);
+        let spacing = |drawn_median, drawn_regularity| {
+            let s = Spacing { median: 1.0, regularity: 0.4, drawn_median, drawn_regularity };
+            word(&with(Measures { spacing: Some(s), ..Measures::default() }), Use::Spacing)
+        };
+        assert_eq!(
+            [spacing(1.05, 0.42), spacing(1.2, 0.4), spacing(0.6, 0.4)],
+            [Word::Holds, Word::Roughly, Word::DoesNot]
+        );
+        let mut transfer = [Transfer { deviation: Some(0.004), scatter: 0.001 }; 7];
+        transfer[6].deviation = Some(-0.2);
+        let held_out = HeldOut { bits: 4.0, error: 0.03, volume: 1.0, k_max: 8.0, transfer };
+        let halves = with(Measures { held_out: Some(held_out), ..Measures::default() });
+        assert!(finding(&halves, Use::PowerSpectrum).why.contains("1 % up to k = 6.000"));
+        let open = Metadata { cell: None, ..boxed() };
+        assert_eq!(verdict(Some(&c), &open)[2].word, Word::NotApplicable);
     }
 
     #[test]
     fn json_says_use_word_and_why() {
-        let json = serde_json::to_value(verdict(None, None)).unwrap();
+        let json = serde_json::to_value(verdict(None, &boxed())).unwrap();
         assert_eq!(json[2]["use"], "power_spectrum");
         assert_eq!(json[2]["word"], "not measured");
         assert!(json[2]["why"].as_str().is_some_and(|w| !w.is_empty()));

@@ -29,7 +29,7 @@ pub(super) fn gathered(positions: &[[f64; 3]], index: &[u32]) -> Vec<[f64; 3]> {
 }
 
 /// Points by cell.
-pub(super) struct Points {
+pub(crate) struct Points {
     /// The domain.
     pub domain: Domain,
     /// Cells along each axis.

@@ -3,8 +3,8 @@
 
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
-    Baselines, Block, Certificate, LawKind, Limit, LookBaselines, LookScore, Metadata, Mixture, OrbitBaselines,
-    OrbitScore, PictureScore, Science, ScienceOf,
+    Baselines, Block, CellDensity, Certificate, LawKind, Limit, LookBaselines, LookScore, Measures, Metadata, Mixture,
+    OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf, Spacing,
 };
 use particlegs::space::{Bounds, Cell};
 
@@ -70,7 +70,21 @@ pub fn certificate() -> Certificate {
         density_mae: 0.25,
         science: Some(science()),
         baselines: None,
+        measures: Measures::default(),
     }
+}
+
+/// What a quick certificate has beside; values that the file holds.
+pub fn measures() -> Measures {
+    let density = |edge| CellDensity {
+        edge,
+        particles: 8.0,
+        correlation: 0.9375,
+        mean_absolute_error: 0.25,
+        uniform_mean_absolute_error: 1.5,
+    };
+    let spacing = Spacing { median: 0.125, regularity: 0.5, drawn_median: 0.25, drawn_regularity: 0.375 };
+    Measures { densities: Some([0.8, 1.6, 3.2].map(density)), spacing: Some(spacing), ..Measures::default() }
 }
 
 /// Values that the file holds.

@@ -1,0 +1,221 @@
+//! The section `meas`: figures that not every certificate has, as tagged fields (docs/format.md, section 3).
+
+use super::wire::Reader;
+use crate::model::{BANDS, CellDensity, GroupClass, HeldOut, Measures, Spacing, Transfer};
+
+/// Tags of the fields.
+const DENSITIES: u8 = 1;
+const SPACING: u8 = 2;
+const HELD_OUT: u8 = 3;
+const GROUPS: u8 = 4;
+/// Bytes of a field's tag and length.
+const FIELD_BYTES: usize = 3;
+/// Bytes of the fields' values.
+const DENSITIES_BYTES: usize = 3 * (8 + 4 * 4);
+const SPACING_BYTES: usize = 2 * (8 + 4);
+const HELD_OUT_BYTES: usize = 4 + 4 + 8 + 8 + BANDS.len() * 8;
+const GROUPS_BYTES: usize = 3 * (4 + 6 * 4);
+/// Stands for a share, and a deviation from 1, that there is none of.
+const NONE: f32 = -2.0;
+
+/// Bytes of the section with what a quick certificate holds, and a full one.
+pub(crate) const QUICK_BYTES: usize = 2 * FIELD_BYTES + DENSITIES_BYTES + SPACING_BYTES;
+/// See [`QUICK_BYTES`].
+pub(crate) const FULL_BYTES: usize = QUICK_BYTES + 2 * FIELD_BYTES + HELD_OUT_BYTES + GROUPS_BYTES;
+
+/// The section's bytes; `None` where nothing was measured.
+pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
+    let mut out = Vec::with_capacity(FULL_BYTES);
+    let mut field = |tag: u8, value: Vec<u8>| {
+        out.push(tag);
+        out.extend((value.len() as u16).to_le_bytes());
+        out.extend(value);
+    };
+    if let Some(d) = &m.densities {
+        field(DENSITIES, d.iter().flat_map(density_bytes).collect());
+    }
+    if let Some(s) = &m.spacing {
+        let pair = |median: f64, regularity: f64| median.to_le_bytes().into_iter().chain(short(regularity));
+        field(SPACING, pair(s.median, s.regularity).chain(pair(s.drawn_median, s.drawn_regularity)).collect());
+    }
+    if let Some(h) = &m.held_out {
+        let mut value = Vec::with_capacity(HELD_OUT_BYTES);
+        value.extend(short(h.bits).into_iter().chain(short(h.error)));
+        value.extend(h.volume.to_le_bytes().into_iter().chain(h.k_max.to_le_bytes()));
+        value.extend(h.transfer.iter().flat_map(|t| [optional(t.deviation), short(t.scatter)]).flatten());
+        field(HELD_OUT, value);
+    }
+    if let Some(g) = &m.groups {
+        field(GROUPS, g.iter().flat_map(class_bytes).collect());
+    }
+    (!out.is_empty()).then_some(out)
+}
+
+fn short(v: f64) -> [u8; 4] {
+    (v as f32).to_le_bytes()
+}
+
+fn optional(v: Option<f64>) -> [u8; 4] {
+    v.map_or(NONE, |v| v as f32).to_le_bytes()
+}
+
+fn density_bytes(d: &CellDensity) -> Vec<u8> {
+    let rest = [d.particles, d.correlation, d.mean_absolute_error, d.uniform_mean_absolute_error];
+    d.edge.to_le_bytes().into_iter().chain(rest.into_iter().flat_map(short)).collect()
+}
+
+fn class_bytes(c: &GroupClass) -> Vec<u8> {
+    let shares = [c.completeness, c.purity, c.mass].into_iter().flat_map(optional);
+    let groups = u32::try_from(c.groups).unwrap_or(u32::MAX).to_le_bytes().into_iter();
+    groups.chain(optional(c.number)).chain(short(c.number_scatter)).chain(shares).chain(short(c.mass_scatter)).collect()
+}
+
+/// Reads the section. Fields of unknown tags are skipped.
+pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
+    let mut r = Reader::new(bytes);
+    let mut found = Measures::default();
+    let mut last = 0;
+    while !r.is_done() {
+        let tag = r.u8()?;
+        if tag <= last {
+            return Err(format!("a measure {tag} after {last}"));
+        }
+        last = tag;
+        let length = usize::from(r.u16()?);
+        let mut value = Reader::new(r.take(length)?);
+        match tag {
+            DENSITIES => found.densities = Some([density(&mut value)?, density(&mut value)?, density(&mut value)?]),
+            SPACING => found.spacing = Some(spacing(&mut value)?),
+            HELD_OUT => found.held_out = Some(held_out(&mut value)?),
+            GROUPS => found.groups = Some([class(&mut value)?, class(&mut value)?, class(&mut value)?]),
+            _ => continue,
+        }
+        if !value.is_done() {
+            return Err(format!("a measure {tag} of {length} bytes"));
+        }
+    }
+    Ok(found)
+}
+
+/// A number from `least` on.
+fn at_least(v: f64, least: f64, what: &str) -> Result<f64, String> {
+    if v >= least && v.is_finite() { Ok(v) } else { Err(format!("{what} of {v}")) }
+}
+
+fn real(r: &mut Reader<'_>, least: f64, what: &str) -> Result<f64, String> {
+    at_least(f64::from(r.f32()?), least, what)
+}
+
+/// A number from `least` on, or none.
+fn real_or_none(r: &mut Reader<'_>, least: f64, what: &str) -> Result<Option<f64>, String> {
+    match r.f32()? {
+        NONE => Ok(None),
+        v => at_least(f64::from(v), least, what).map(Some),
+    }
+}
+
+fn density(r: &mut Reader<'_>) -> Result<CellDensity, String> {
+    Ok(CellDensity {
+        edge: at_least(r.f64()?, f64::MIN_POSITIVE, "an edge")?,
+        particles: real(r, 0.0, "particles in a cell")?,
+        correlation: real(r, -1.0, "a correlation")?,
+        mean_absolute_error: real(r, 0.0, "an error")?,
+        uniform_mean_absolute_error: real(r, 0.0, "an error")?,
+    })
+}
+
+fn spacing(r: &mut Reader<'_>) -> Result<Spacing, String> {
+    Ok(Spacing {
+        median: at_least(r.f64()?, 0.0, "a distance")?,
+        regularity: real(r, 0.0, "a ratio of distances")?,
+        drawn_median: at_least(r.f64()?, 0.0, "a distance")?,
+        drawn_regularity: real(r, 0.0, "a ratio of distances")?,
+    })
+}
+
+fn held_out(r: &mut Reader<'_>) -> Result<HeldOut, String> {
+    let (bits, error) = (real(r, f64::from(f32::MIN), "bits")?, real(r, 0.0, "an error")?);
+    let (volume, k_max) = (at_least(r.f64()?, 0.0, "a volume")?, at_least(r.f64()?, 0.0, "a wave number")?);
+    let mut transfer = [Transfer::default(); BANDS.len()];
+    for t in &mut transfer {
+        let deviation = real_or_none(r, f64::from(f32::MIN), "a deviation")?;
+        *t = Transfer { deviation, scatter: real(r, 0.0, "a scatter")? };
+    }
+    Ok(HeldOut { bits, error, volume, k_max, transfer })
+}
+
+fn class(r: &mut Reader<'_>) -> Result<GroupClass, String> {
+    Ok(GroupClass {
+        groups: u64::from(r.u32()?),
+        number: real_or_none(r, 0.0, "a share")?,
+        number_scatter: real(r, 0.0, "a scatter")?,
+        completeness: real_or_none(r, 0.0, "a share")?,
+        purity: real_or_none(r, 0.0, "a share")?,
+        mass: real_or_none(r, 0.0, "a share")?,
+        mass_scatter: real(r, 0.0, "a scatter")?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measures() -> Measures {
+        let density = |edge| CellDensity {
+            edge,
+            particles: 8.0,
+            correlation: 0.9375,
+            mean_absolute_error: 0.25,
+            uniform_mean_absolute_error: 1.5,
+        };
+        let class = |number| GroupClass {
+            groups: 2617,
+            number,
+            number_scatter: 0.0625,
+            completeness: Some(0.75),
+            purity: None,
+            mass: Some(1.0),
+            mass_scatter: 0.125,
+        };
+        let mut transfer = [Transfer { deviation: Some(-0.0078125), scatter: 0.5 }; BANDS.len()];
+        transfer[0].deviation = None;
+        Measures {
+            densities: Some([0.1, 1e-60, 1e60].map(density)),
+            spacing: Some(Spacing { median: 0.1, regularity: 0.5, drawn_median: 0.2, drawn_regularity: 0.375 }),
+            held_out: Some(HeldOut { bits: -1.5, error: 0.0, volume: 125_000.0, k_max: 8.1, transfer }),
+            groups: Some([class(Some(1.0)), class(None), class(Some(0.5))]),
+        }
+    }
+
+    #[test]
+    fn comes_back_whole_or_in_part() {
+        let all = measures();
+        let bytes = write(&all).unwrap();
+        assert_eq!(bytes.len(), FULL_BYTES);
+        assert_eq!(read(&bytes).unwrap(), all);
+        let quick = Measures { held_out: None, groups: None, ..all };
+        let bytes = write(&quick).unwrap();
+        assert_eq!((bytes.len(), read(&bytes).unwrap()), (QUICK_BYTES, quick));
+        assert_eq!(write(&Measures::default()), None);
+        // A field that is yet to be thought of.
+        let later = [&bytes[..], &[200, 2, 0, 7, 7]].concat();
+        assert_eq!(read(&later).unwrap(), quick);
+    }
+
+    #[test]
+    fn contradictions_are_refused() {
+        let bytes = write(&measures()).unwrap();
+        for n in 1..bytes.len() {
+            let cut = read(&bytes[..n]);
+            // Whole fields may end a section.
+            assert!(cut.is_err() || cut.is_ok_and(|m| write(&m).unwrap() == bytes[..n]), "{n}");
+        }
+        assert!(read(&[&bytes[..], &bytes[..]].concat()).is_err());
+        let mut nan = bytes.clone();
+        nan[3..11].copy_from_slice(&f64::NAN.to_le_bytes());
+        assert!(read(&nan).is_err());
+        let mut longer = bytes;
+        longer[1] += 1;
+        assert!(read(&longer).is_err());
+    }
+}

@@ -1,0 +1,104 @@
+//! What else a certificate may hold, each where it was measured.
+
+/// Sizes of cells that densities are compared in.
+pub const CELL_SIZES: usize = 3;
+/// Bands of wave numbers of [`HeldOut::transfer`]; they end at these shares of its largest wave number.
+pub const BANDS: [f64; 7] = [1.0 / 32.0, 1.0 / 16.0, 1.0 / 8.0, 1.0 / 4.0, 1.0 / 2.0, 3.0 / 4.0, 1.0];
+/// Classes of group sizes: they begin at so many particles.
+pub const GROUP_CLASSES: [u64; 3] = [20, 50, 100];
+
+/// Figures beside a certificate's first; since version 1.5 of files.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Measures {
+    /// Densities in cells of three sizes, the smallest first.
+    pub densities: Option<[CellDensity; CELL_SIZES]>,
+    /// Distances to the nearest neighbour.
+    pub spacing: Option<Spacing>,
+    /// Of particles that the fit has not seen.
+    pub held_out: Option<HeldOut>,
+    /// Groups matched by position, by class of size.
+    pub groups: Option<[GroupClass; GROUP_CLASSES.len()]>,
+}
+
+/// A model's density against its particles' in cells of one size, and a uniform density's error.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct CellDensity {
+    /// Edge of a cell, world units (the longest of the three).
+    pub edge: f64,
+    /// Particles in a cell, on average.
+    pub particles: f64,
+    /// Pearson's coefficient over the cells.
+    pub correlation: f64,
+    /// Mean absolute error of the density contrast.
+    pub mean_absolute_error: f64,
+    /// That of a uniform density.
+    pub uniform_mean_absolute_error: f64,
+}
+
+/// Distances to the nearest neighbour, of the particles and of as many drawn from the model.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Spacing {
+    /// Their median among the particles, world units.
+    pub median: f64,
+    /// Their 10th percentile over the median: 0.5 of particles at random, 1 of a lattice.
+    pub regularity: f64,
+    /// The median among those drawn.
+    pub drawn_median: f64,
+    /// And their 10th percentile over it.
+    pub drawn_regularity: f64,
+}
+
+/// What models of halves of the particles, made by the same method with as many particles a Gaussian, say of the
+/// other halves: of the method at these settings, and not of the file's own Gaussians.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct HeldOut {
+    /// Mean log2(p / uniform) of particles, of both halves.
+    pub bits: f64,
+    /// Its standard error, by the sample's scatter and the halves' difference, whichever is larger.
+    pub error: f64,
+    /// Volume that bits are relative to, world units cubed.
+    pub volume: f64,
+    /// Largest wave number, one over the unit of length.
+    pub k_max: f64,
+    /// P(model of A, B) / P(A, B) in bands of k that end at shares [`BANDS`] of `k_max`.
+    pub transfer: [Transfer; BANDS.len()],
+}
+
+/// A transfer function in one band of wave numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Transfer {
+    /// Mean of both halves' minus 1; `None` where the band holds no modes, or no power above its noise.
+    pub deviation: Option<f64>,
+    /// Half of the halves' difference.
+    pub scatter: f64,
+}
+
+/// Friends-of-friends groups of one class of sizes: those of the particles against those of several draws from the model,
+/// matched by position. A share is `None` where there are no groups.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct GroupClass {
+    /// Groups of the particles.
+    pub groups: u64,
+    /// Their number among drawn particles over that, mean of the draws.
+    pub number: Option<f64>,
+    /// Standard deviation of that over the draws.
+    pub number_scatter: f64,
+    /// Share of the groups that have a counterpart of any size.
+    pub completeness: Option<f64>,
+    /// Share of the drawn groups of this class that have one.
+    pub purity: Option<f64>,
+    /// Median of a counterpart's particles over the group's.
+    pub mass: Option<f64>,
+    /// Half the distance of the 16th and 84th percentile of that.
+    pub mass_scatter: f64,
+}
+
+impl HeldOut {
+    /// The wave number up to which every band's deviation, less its scatter, is within `share`.
+    pub fn within(&self, share: f64) -> Option<f64> {
+        let good = |t: &&Transfer| t.deviation.is_none_or(|d| d.abs() - t.scatter <= share);
+        let bands = self.transfer.iter().take_while(good).count();
+        let measured = self.transfer[..bands].iter().rposition(|t| t.deviation.is_some())?;
+        Some(BANDS[measured] * self.k_max)
+    }
+}

@@ -1,0 +1,63 @@
+//! Models of halves of the particles, made as the file was made, for its certificate.
+
+use super::{Options, Target, compress};
+use crate::Result;
+use crate::fit::Effort;
+use crate::model::{CertificateLevel, HeldOut, LawKind, Metadata, Model};
+use crate::particles::{Particles, Selection, Storage};
+use crate::pieces::NoPieces;
+use crate::progress::Progress;
+use crate::score::{Halves, spectrum_options};
+use crate::stats::Domain;
+
+/// Particles whose halves are fitted: of fewer the halves say nothing, of more they take long.
+const PARTICLES: std::ops::RangeInclusive<usize> = 2000..=1 << 23;
+
+/// Scores models of two random halves of the particles, of `seed`, by the other half; `None` for models that were trained,
+/// and numbers of particles outside [`PARTICLES`].
+///
+/// # Errors
+/// As [`compress`].
+pub(super) fn held_out(
+    model: &Model,
+    particles: &Particles,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Option<HeldOut>> {
+    let m = &model.metadata;
+    let Some(effort) = fitted_with(m) else { return Ok(None) };
+    if !PARTICLES.contains(&particles.len()) {
+        return Ok(None);
+    }
+    let sample = Some(particles.len() as u64 / 2);
+    let half = |left_out| {
+        particles.select(Selection { sample, left_out, seed, ..Selection::all() }, &Storage::Memory, progress)
+    };
+    let halves = [half(false)?, half(true)?];
+    let default_radius = m.bounds.default_radius(m.count);
+    let options = Options {
+        target: Target::Gaussians((model.gaussians() as u64 / 2).max(1)),
+        effort,
+        radius: (m.default_radius != default_radius).then_some(m.default_radius),
+        certificate: CertificateLevel::None,
+        seed,
+        ..Options::default()
+    };
+    let model_of = |half: &Particles| Ok::<_, crate::Error>(compress(half, &options, &mut NoPieces, progress)?.model);
+    let models = [model_of(&halves[0])?, model_of(&halves[1])?];
+    let domain = Domain::of_particles(particles);
+    let spectrum = spectrum_options(&domain, particles.len());
+    let [a, b] = &halves;
+    let halves =
+        Halves { particles: [a, b], models: [&models[0], &models[1]], domain: &domain, spectrum: &spectrum, seed };
+    halves.measure(progress).map(Some)
+}
+
+/// The effort that a model was fitted with, as its command tells; `None` where it was trained.
+fn fitted_with(m: &Metadata) -> Option<Effort> {
+    let told = |text: &str| m.command.contains(text);
+    if m.law != LawKind::OpticalDepth || told("--train") || told(" of: ") {
+        return None;
+    }
+    Some(if told("--effort fast") { Effort::Fast } else { Effort::Default })
+}
