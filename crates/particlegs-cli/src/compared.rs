@@ -1,5 +1,6 @@
-//! Two folders of PNGs of the same names against each other.
+//! Two folders of PNGs, or of surface densities, of the same names against each other.
 
+use crate::compared_density::{ComparedDensity, MeanDensityScores, compare_densities};
 use particlegs::parallel;
 use particlegs::picture::{Gray8, Scores, read_png};
 use particlegs::progress::Progress;
@@ -15,6 +16,12 @@ pub struct Comparison {
     pub views: Vec<Compared>,
     /// Means over the views that have a value.
     pub mean: MeanScores,
+    /// Shared names of surface densities as numbers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub densities: Vec<ComparedDensity>,
+    /// Means over these; `None` without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mean_density: Option<MeanDensityScores>,
     /// Names of the first folder without counterpart.
     pub only_in_a: Vec<String>,
     /// Names of the second folder without counterpart.
@@ -24,7 +31,8 @@ pub struct Comparison {
 impl Comparison {
     /// What could not be scored, a line each.
     pub fn failures(&self) -> impl Iterator<Item = &str> {
-        self.views.iter().filter_map(|v| v.error.as_deref())
+        let pictures = self.views.iter().filter_map(|v| v.error.as_deref());
+        pictures.chain(self.densities.iter().filter_map(|v| v.error.as_deref()))
     }
 }
 
@@ -56,39 +64,50 @@ pub struct MeanScores {
     pub left_out: usize,
 }
 
-/// Scores every PNG of folder `a` against the one of its name in `b`.
+/// Scores every PNG of folder `a` against the one of its name in `b`, and every surface density that `--raw` wrote.
 ///
 /// # Errors
 /// [`Error::Io`] where a folder cannot be read; [`Error::Input`] where they share no name. A pair
 /// that cannot be scored is told in its place, not here.
 pub fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Comparison> {
-    let (names_a, names_b) = (pictures(a)?, pictures(b)?);
-    let shared: Vec<&String> = names_a.intersection(&names_b).collect();
-    if shared.is_empty() {
-        let what = format!("no PNG has the name of one in {}", b.display());
+    let (in_a, in_b) = (Names::of(a)?, Names::of(b)?);
+    let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
+    let shared_densities: Vec<&String> = in_a.densities.intersection(&in_b.densities).collect();
+    if shared.is_empty() && shared_densities.is_empty() {
+        let what = format!("no PNG, and no surface density by --raw, has the name of one in {}", b.display());
         return Err(Error::input(a, what));
     }
-    progress.begin("comparing", shared.len() as u64);
+    progress.begin("comparing", (shared.len() + shared_densities.len()) as u64);
     let views = parallel::try_map(shared, |name| {
         progress.check()?;
         let file = format!("{name}.png");
         let compared = compare(name, &a.join(&file), &b.join(&file));
         progress.advance(1);
-        Ok(compared)
+        Ok::<_, Error>(compared)
     })?;
+    let densities = compare_densities(&shared_densities, a, b, progress)?;
     progress.end();
+    let (mean, mean_density) = (mean_scores(&views), mean_density(&densities));
+    let (only_in_a, only_in_b) = (in_a.without(&in_b), in_b.without(&in_a));
+    Ok(Comparison { views, mean, densities, mean_density, only_in_a, only_in_b })
+}
+
+fn mean_scores(views: &[Compared]) -> MeanScores {
     let scores = || views.iter().filter_map(|v| v.scores);
-    let mean = MeanScores {
+    MeanScores {
         psnr: mean(scores().map(|s| s.psnr)),
         masked_psnr: mean(scores().map(|s| s.masked_psnr)),
         ssim: mean(scores().map(|s| s.ssim)),
         left_out: scores().filter(|s| s.masked_psnr.is_none()).count(),
-    };
-    Ok(Comparison {
-        views,
-        mean,
-        only_in_a: names_a.difference(&names_b).cloned().collect(),
-        only_in_b: names_b.difference(&names_a).cloned().collect(),
+    }
+}
+
+fn mean_density(densities: &[ComparedDensity]) -> Option<MeanDensityScores> {
+    let scores = || densities.iter().filter_map(|v| v.scores);
+    (!densities.is_empty()).then(|| MeanDensityScores {
+        rms_dex: mean(scores().map(|s| s.rms_dex)),
+        mean_dex: mean(scores().map(|s| s.mean_dex)),
+        correlation: mean(scores().map(|s| s.correlation)),
     })
 }
 
@@ -121,19 +140,34 @@ fn largest_difference(a: &Gray8, b: &Gray8) -> u8 {
     a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
 }
 
-/// Names without ending of the PNGs in a folder.
-fn pictures(folder: &Path) -> Result<BTreeSet<String>> {
-    let fail = |e| Error::io(folder, e);
-    let mut names = BTreeSet::new();
-    for entry in std::fs::read_dir(folder).map_err(fail)? {
-        let path = entry.map_err(fail)?.path();
-        if path.extension().is_some_and(|e| e == "png")
-            && let Some(stem) = path.file_stem().and_then(|s| s.to_str())
-        {
-            names.insert(stem.to_string());
+/// Names without ending of what can be compared in a folder.
+struct Names {
+    pictures: BTreeSet<String>,
+    /// Of values with a description beside them.
+    densities: BTreeSet<String>,
+}
+
+impl Names {
+    fn of(folder: &Path) -> Result<Names> {
+        let fail = |e| Error::io(folder, e);
+        let mut names = Names { pictures: BTreeSet::new(), densities: BTreeSet::new() };
+        for entry in std::fs::read_dir(folder).map_err(fail)? {
+            let path = entry.map_err(fail)?.path();
+            let Some(stem) = path.file_stem().and_then(|s| s.to_str()) else { continue };
+            match path.extension().and_then(|e| e.to_str()) {
+                Some("png") => names.pictures.insert(stem.to_string()),
+                Some("f32") if path.with_extension("json").is_file() => names.densities.insert(stem.to_string()),
+                _ => continue,
+            };
         }
+        Ok(names)
     }
-    Ok(names)
+
+    /// Those that others have no counterpart of.
+    fn without(&self, others: &Names) -> Vec<String> {
+        let pictures = self.pictures.difference(&others.pictures).cloned();
+        pictures.chain(self.densities.difference(&others.densities).map(|name| format!("{name}.f32"))).collect()
+    }
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 
 use crate::annotate::{DensityPicture, ScaleBar, annotate_density};
 use crate::common::Context;
+use crate::density_file::{self, Means};
 use crate::outputs::{JSON, VALUES};
 use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
@@ -14,8 +15,6 @@ use particlegs::particles::Particles;
 use particlegs::picture::{Colormap, Plane, Size, write_png};
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
-use particlegs_files::output::{FileSet, write_atomic, write_bytes};
-use serde::Serialize;
 use std::path::PathBuf;
 
 /// How surface density is drawn.
@@ -69,18 +68,19 @@ fn colormaps() -> impl TypedValueParser<Value = Colormap> {
     PossibleValuesParser::new(Colormap::ALL.map(Colormap::name)).try_map(|name| name.parse::<Colormap>())
 }
 
-/// What a snapshot or a model says about its masses and lengths.
+/// What a snapshot or a model says about its masses and lengths, and what a density of it is.
 #[derive(Clone, Debug)]
 pub struct Quantities {
     cell: Option<Cell>,
     length_unit: Option<String>,
     mass_unit: Option<String>,
     comoving: bool,
+    smooth: Option<usize>,
 }
 
 impl Quantities {
-    /// Of a snapshot.
-    pub fn of_particles(p: &Particles) -> Self {
+    /// Of a snapshot, each of whose particles may be spread over some neighbours.
+    pub fn of_particles(p: &Particles, smooth: Option<usize>) -> Self {
         let m = &p.meta;
         let known = p.weights().is_some() || m.particle_mass.is_some();
         Quantities {
@@ -88,6 +88,7 @@ impl Quantities {
             length_unit: m.length_unit.clone(),
             mass_unit: known.then(|| m.mass_unit.clone().unwrap_or_else(|| "mass".into())),
             comoving: m.comoving == Some(true),
+            smooth,
         }
     }
 
@@ -99,6 +100,7 @@ impl Quantities {
             length_unit: m.length_unit.clone(),
             mass_unit: known.then(|| m.mass_unit.clone().unwrap_or_else(|| "mass".into())),
             comoving: m.comoving == Some(true),
+            smooth: None,
         }
     }
 
@@ -111,20 +113,6 @@ impl Quantities {
             Some(l) => format!("{mass} / {l}²"),
         }
     }
-}
-
-/// What a file of raw values holds.
-#[derive(Serialize)]
-struct RawForm<'a> {
-    width: usize,
-    height: usize,
-    values: &'static str,
-    quantity: &'static str,
-    unit: String,
-    comoving: bool,
-    projection: &'static str,
-    world_per_pixel: f64,
-    name: &'a str,
 }
 
 impl DensityArgs {
@@ -188,30 +176,8 @@ impl DensityArgs {
         let focal = view.camera.focal_pixels(plane.size);
         let world_per_pixel = if perspective { view.camera.distance() / focal } else { 1.0 / focal };
         if self.raw {
-            let set = FileSet::in_folder(out.folder())?;
-            let name = format!("{}.f32", view.name);
-            write_atomic(&set.path().join(&name), |w| {
-                plane
-                    .data
-                    .chunks(1 << 14)
-                    .try_for_each(|run| w.write_all(&run.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()))
-            })?;
-            let form = RawForm {
-                width: plane.size.width,
-                height: plane.size.height,
-                values: "float32, little-endian, rows from the top",
-                quantity: "surface density",
-                unit: q.unit(),
-                comoving: q.comoving,
-                projection: if perspective { "perspective" } else { "orthographic" },
-                world_per_pixel,
-                name: &view.name,
-            };
-            let mut text = serde_json::to_vec_pretty(&form).expect("plain data");
-            text.push(b'\n');
-            write_bytes(&set.path().join(format!("{}.json", view.name)), &text)?;
-            set.finish()?;
-            return Ok(out.folder().join(name));
+            let (unit, comoving, smooth) = (q.unit(), q.comoving, q.smooth);
+            return density_file::write(out.folder(), view, plane, Means { unit, comoving, smooth, world_per_pixel });
         }
         let options = DensityPicture {
             colormap: self.colormap,

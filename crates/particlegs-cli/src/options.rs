@@ -49,6 +49,11 @@ const RULES: &[Rule] = &[
         why: |g| (!g.density()).then_some(("--style density", "add --style density, or leave it away")),
     },
     Rule {
+        commands: &["reference"],
+        options: &["smooth"],
+        why: |g| (!g.density()).then_some(("--style density", "add --style density, or leave it away")),
+    },
+    Rule {
         commands: &["render", "reference"],
         options: &["radius", "opacity"],
         why: |g| g.density().then_some(("the other styles: a surface density has no particle radius or opacity", "")),

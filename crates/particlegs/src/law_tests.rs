@@ -6,7 +6,7 @@ use crate::camera::{base_distance, clipping_range, spherical_camera, spiral};
 use crate::math::{Random, Sym3};
 use crate::model::{AlphaBlend, Law, LawKind, Metadata, Mixture, VizMapper, VizRanges};
 use crate::particles::Particles;
-use crate::picture::{Gray8, Plane, Size, masked_psnr, psnr, ssim};
+use crate::picture::{DensityScores, Gray8, Plane, Size, masked_psnr, psnr, ssim};
 use crate::progress::Silent;
 use crate::recover::Method;
 use crate::reference::{Reference, fxaa, uniform_box};
@@ -445,6 +445,8 @@ fn what_scores_are() {
     let even = |level: u8| Gray8 { size: SMALL, data: vec![level; SMALL.pixels()] };
     let row = |data: &[u8]| Gray8 { size: Size { width: data.len(), height: 1 }, data: data.to_vec() };
     let (a, b) = (row(&[0, 0, 3, 2]), row(&[255, 0, 0, 2]));
+    let plane = |v: &[f32]| Plane { size: Size { width: v.len(), height: 1 }, data: v.to_vec() };
+    let densities = |a: &[f32], b: &[f32]| DensityScores::of(&plane(a), &plane(b), &Silent).unwrap();
     let values = [
         ("PSNR of pictures one level apart everywhere", psnr(&even(7), &even(8)).unwrap()),
         ("PSNR of black and white", psnr(&even(0), &even(255)).unwrap()),
@@ -453,6 +455,14 @@ fn what_scores_are() {
         ("masked PSNR of even 2 and even 3: lit", masked_psnr(&even(2), &even(3)).unwrap()),
         ("SSIM of black and white: K1^2 / (1 + K1^2)", ssim(&even(0), &even(255)).unwrap()),
         ("SSIM of equal pictures", ssim(&even(9), &even(9)).unwrap()),
+        (
+            "RMS of densities 10, 100, 1000, 77 against 1, 10, 100, 0, dex",
+            densities(&[10.0, 100.0, 1000.0, 77.0], &[1.0, 10.0, 100.0, 0.0]).rms_dex.unwrap(),
+        ),
+        (
+            "mean of densities 1, 1, 0 against 1, 1, 1, dex: a hole is a factor of 1000",
+            densities(&[1.0, 1.0, 0.0], &[1.0; 3]).mean_dex.unwrap(),
+        ),
     ];
     compare(SCORES, "## Examples", 0.0, &values);
     // 2 is not lit; a side below the window has no SSIM.

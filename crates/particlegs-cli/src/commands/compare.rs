@@ -10,15 +10,23 @@ use std::path::PathBuf;
 
 /// Arguments.
 #[derive(Args)]
-#[command(after_help = "Example:
+#[command(after_help = "\
+Pictures are scored by PSNR, masked PSNR and SSIM; surface densities that --raw wrote by log10(A / B) over the
+pixels where B is above zero (docs/guide/pictures.md).
+
+Examples:
   particlegs reference snapshot --views views.json --style paraview -o truth
   particlegs render model.pgs --views views.json --style paraview -o drawn
+  particlegs compare drawn truth
+
+  particlegs reference snapshot --style density --smooth 32 --raw -o truth
+  particlegs render model.pgs --style density --raw -o drawn
   particlegs compare drawn truth")]
 pub struct Arguments {
-    /// Folder of PNG files to score.
+    /// Folder of PNG files, or of values by --raw, to score.
     #[arg(value_name = "DIR_A", value_hint = ValueHint::DirPath)]
     a: PathBuf,
-    /// Folder of PNG files of the same names to compare with.
+    /// Folder of files of the same names to compare with.
     #[arg(value_name = "DIR_B", value_hint = ValueHint::DirPath)]
     b: PathBuf,
     #[command(flatten)]
@@ -35,7 +43,8 @@ pub fn run(a: Arguments) -> Result<()> {
             context.message(&format!("warning: not in {}: {}", folder.display(), names.join(", ")));
         }
     }
-    context.finish(&table(&comparison), &comparison)?;
+    let tables = [(!comparison.views.is_empty()).then(|| table(&comparison)), density_table(&comparison)];
+    context.finish(&tables.into_iter().flatten().collect::<Vec<_>>().join("\n\n"), &comparison)?;
     match comparison.failures().collect::<Vec<_>>()[..] {
         [] => Ok(()),
         [only] => Err(Error::input(&a.a, only)),
@@ -66,4 +75,28 @@ fn table(c: &Comparison) -> String {
         text += &format!("   (without the {} views that have no masked PSNR)", m.left_out);
     }
     text
+}
+
+/// Scores of surface densities; `None` without any.
+fn density_table(c: &Comparison) -> Option<String> {
+    let mean = c.mean_density.as_ref()?;
+    let width = c.densities.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
+    let dex = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.4} dex"));
+    let plain = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.4}"));
+    let mut text = format!(
+        "log10 of surface densities A / B\n{:<width$} {:>11} {:>12} {:>11} {:>10} {:>8}",
+        "name", "RMS", "mean", "correlation", "pixels", "empty"
+    );
+    for v in &c.densities {
+        let name = one_line(&v.name);
+        text += &match (&v.scores, &v.error) {
+            (Some(s), _) => {
+                let (rms, mean, correlation) = (dex(s.rms_dex), dex(s.mean_dex), plain(s.correlation));
+                format!("\n{name:<width$} {rms:>11} {mean:>12} {correlation:>11} {:>10} {:>8}", s.pixels, s.empty)
+            }
+            (None, error) => format!("\n{name:<width$} error: {}", one_line(error.as_deref().unwrap_or("not scored"))),
+        };
+    }
+    let (rms, mean_dex, correlation) = (dex(mean.rms_dex), dex(mean.mean_dex), plain(mean.correlation));
+    Some(text + &format!("\n{:<width$} {rms:>11} {mean_dex:>12} {correlation:>11}", "mean"))
 }

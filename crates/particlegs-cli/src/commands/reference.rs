@@ -7,12 +7,11 @@ use crate::drawn::Drawn;
 use crate::picture_out::PictureOut;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
+use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
-use particlegs::particles::Particles;
 use particlegs::picture::write_png;
-use particlegs::reference::{Reference, surface_density};
-use particlegs::space::Bounds;
+use particlegs::reference::Reference;
 use particlegs::splat::{DEFAULT_OPACITY, Look};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -29,6 +28,7 @@ Examples:
 Examples:
   particlegs reference samples/nbody64 -o pictures
   particlegs reference snapshot --views views.json --style response-fxaa -o noise-free
+  particlegs reference snapshot --style density --smooth 32 --projection orthographic -o sigma.png
   particlegs reference x.f32 y.f32 z.f32 --azimuth 30 --distance 0.5 --style expected -o pictures
 
 docs/guide/pictures.md describes styles, cameras and views files."
@@ -47,6 +47,18 @@ pub struct Arguments {
     view: ViewArgs,
     #[command(flatten)]
     density: DensityArgs,
+    /// Spread each particle over the sphere that reaches its K-th nearest other particle [default: points].
+    ///
+    /// By the cubic spline kernel, around the box where that repeats; neighbours are among all particles that are
+    /// drawn. 16 to 64 are common. Particles count whose centres are within --depth.
+    #[arg(
+        long,
+        value_name = "K",
+        help_heading = "Options of --style density",
+        hide_short_help = true,
+        value_parser = RangedU64ValueParser::<usize>::new().range(2..)
+    )]
+    smooth: Option<usize>,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
@@ -94,6 +106,9 @@ struct Report {
 struct DensityReport {
     style: &'static str,
     particles: u64,
+    /// Neighbours that each particle is spread over, and how long they took to find.
+    smooth: Option<usize>,
+    smooth_seconds: Option<f64>,
     width: usize,
     height: usize,
     fov_deg: Option<f64>,
@@ -110,7 +125,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
     if a.style == Style::Density {
-        return densities(a, &particles, bounds, &context);
+        return densities(a, reference, &context);
     }
     let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
     let set = a.view.resolve(&subject, &context)?;
@@ -143,20 +158,37 @@ pub fn run(a: &Arguments) -> Result<()> {
 }
 
 /// Draws the surface density of every view.
-fn densities(a: &Arguments, particles: &Particles, bounds: Bounds, context: &Context) -> Result<()> {
+fn densities(a: &Arguments, mut reference: Reference<'_>, context: &Context) -> Result<()> {
+    let (particles, bounds) = (reference.particles(), *reference.bounds());
     let count = particles.len() as u64;
     let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
-    let quantities = Quantities::of_particles(particles);
+    let quantities = Quantities::of_particles(particles, a.smooth);
     let (size, views) = a.density.views(&a.view, &subject, &quantities, context)?;
     let out = PictureOut::new(&a.out, views.len(), a.density.raw, context)?;
     a.density.plan(&out, &views, context)?;
-    let (width, height) = (size.width, size.height);
-    let mut report =
-        DensityReport { style: "density", particles: count, width, height, fov_deg: None, views: Vec::new() };
+    let (smooth, width, height) = (a.smooth, size.width, size.height);
+    let mut report = DensityReport {
+        style: "density",
+        particles: count,
+        smooth,
+        smooth_seconds: None,
+        width,
+        height,
+        fov_deg: None,
+        views: Vec::new(),
+    };
     let mut text = format!("{:<16} {:>9}", "view", "seconds");
+    if let Some(neighbours) = a.smooth {
+        let started = Instant::now();
+        let smoothed = reference.smoothed(neighbours, context);
+        reference = context.says_what_is_there(&a.out, 0, views.len(), smoothed)?;
+        let seconds = started.elapsed().as_secs_f64();
+        report.smooth_seconds = Some(seconds);
+        text += &format!("\n{:<16} {seconds:>9.3}", format!("({neighbours} neighbours)"));
+    }
     for view in &views {
         let started = Instant::now();
-        let plane = surface_density(particles, view, size, context);
+        let plane = reference.surface_density(view, size, context);
         let seconds = started.elapsed().as_secs_f64();
         let drawn = plane.and_then(|plane| a.density.write(&out, view, &plane, &quantities));
         let path = context.says_what_is_there(&a.out, report.views.len(), views.len(), drawn)?;

@@ -18,6 +18,7 @@ mod odd_options;
 mod options;
 mod outputs;
 mod simplify;
+mod smooth;
 mod stats;
 mod train;
 mod verdict;

@@ -3,10 +3,12 @@
 mod colormap;
 mod plane;
 mod score;
+mod score_density;
 mod score_ssim;
 
 pub use colormap::{Colormap, diverging};
 pub(crate) use plane::Rows;
 pub use plane::{Gray8, Pixels, Plane, Rgb8, Size};
 pub use score::{MASK_LEVEL, Scores, decibels, is_lit, masked_psnr, psnr};
+pub use score_density::DensityScores;
 pub use score_ssim::ssim;

@@ -7,6 +7,7 @@
 //! left of a snapshot when it is tiled, cropped and thinned, to be written by any format.
 
 mod convert;
+pub(crate) mod domain;
 mod hash;
 mod images;
 mod in_box;
@@ -15,6 +16,7 @@ mod layered;
 mod load;
 mod masses;
 mod meta;
+mod neighbours;
 mod open;
 mod scratch;
 mod select;
@@ -25,6 +27,7 @@ mod tile;
 mod units;
 mod write;
 
+pub(crate) use domain::Domain;
 pub(crate) use hash::RunHash;
 pub(crate) use hash::hash_of_runs;
 pub(crate) use hash::hash_run;
@@ -32,6 +35,7 @@ pub(crate) use in_box::{check_box, check_particles};
 pub use layered::Layered;
 pub(crate) use layered::ReadLayer;
 pub use meta::SnapshotMeta;
+pub(crate) use neighbours::{Neighbours, distances_to, places_of};
 pub(crate) use open::{Invalid, invalid};
 pub(crate) use scratch::Blank;
 pub use scratch::Storage;

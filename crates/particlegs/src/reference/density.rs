@@ -6,7 +6,10 @@ use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
+use crate::space::Bounds;
 use particlegs_core::math::each_axis;
+use particlegs_core::memory::filled;
+use particlegs_files::memory::require;
 
 /// Particles in one task, and tasks in one round; fixed, so that sums do not depend on threads.
 const CHUNK: usize = 1 << 16;
@@ -17,52 +20,92 @@ const BAND: usize = 32;
 /// What one chunk adds: (pixel of the band, mass) by band.
 type Deposits = Vec<Vec<(u32, f32)>>;
 
-/// Where a chunk's particles land.
-struct Target {
+/// Where particles are seen.
+pub(super) struct Sight {
     /// Right, down, forward.
     axes: [[f64; 3]; 3],
+    /// The eye, relative to the particles' origin.
     position: [f64; 3],
     perspective: bool,
     focal: f64,
     range: [f64; 2],
     size: Size,
     unit_mass: f64,
-    shifts: Vec<[f64; 3]>,
 }
 
-/// Mass a world unit squared at every pixel: each particle's mass over the area of the pixel that
-/// it falls in, at its depth in perspective. Periodic copies where the view wraps. Masses are the
-/// weights (1 without) times the particle mass where the source gives one.
-///
-/// # Errors
-/// [`crate::Error::Argument`] for a window of thousands of boxes, [`crate::Error::Cancelled`].
-pub fn surface_density(
+/// Where a particle is seen.
+pub(super) struct Seen {
+    /// Pixels from the left and from the top.
+    pub x: f64,
+    pub y: f64,
+    /// Pixels a world unit at its depth.
+    pub scale: f64,
+}
+
+impl Sight {
+    pub fn new(particles: &Particles, view: &DensityView, size: Size) -> Result<Self> {
+        let frame = view.camera.frame()?;
+        let [right, up, back] = frame.axes;
+        Ok(Sight {
+            axes: [right, up.map(|v| -v), back.map(|v| -v)],
+            position: each_axis(|k| frame.position[k] - particles.origin[k]),
+            perspective: matches!(view.camera.projection, Projection::Perspective { .. }),
+            focal: view.camera.focal_pixels(size),
+            range: view.range,
+            size,
+            unit_mass: particles.meta.particle_mass.unwrap_or(1.0),
+        })
+    }
+
+    /// Calls `visit` with every particle of a chunk whose centre, moved by `shift`, is in the range of depths.
+    #[inline(always)]
+    pub fn each(&self, chunk: &Chunk<'_>, shift: &[f64; 3], mut visit: impl FnMut(usize, Seen)) {
+        let eye: [f64; 3] = each_axis(|k| self.position[k] - shift[k]);
+        let [xs, ys, zs] = chunk.position;
+        for i in 0..chunk.len() {
+            let v = [f64::from(xs[i]) - eye[0], f64::from(ys[i]) - eye[1], f64::from(zs[i]) - eye[2]];
+            let [x, y, depth] = self.axes.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
+            if !(depth >= self.range[0] && depth < self.range[1]) {
+                continue;
+            }
+            let scale = if self.perspective { self.focal / depth } else { self.focal };
+            let [x, y] = [0.5 * self.size.width as f64 + scale * x, 0.5 * self.size.height as f64 + scale * y];
+            visit(i, Seen { x, y, scale });
+        }
+    }
+
+    /// The mass of a particle.
+    #[inline(always)]
+    pub fn mass(&self, chunk: &Chunk<'_>, i: usize) -> f64 {
+        self.unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]))
+    }
+
+    /// Pixels a world unit, at most.
+    pub fn largest_scale(&self) -> f64 {
+        if self.perspective { self.focal / self.range[0] } else { self.focal }
+    }
+}
+
+/// Each particle's mass over the area of the pixel that it falls in.
+pub(super) fn unsmoothed(
     particles: &Particles,
+    bounds: &Bounds,
     view: &DensityView,
     size: Size,
     progress: &dyn Progress,
 ) -> Result<Plane> {
-    let frame = view.camera.frame()?;
-    let [right, up, back] = frame.axes;
-    let target = Target {
-        axes: [right, up.map(|v| -v), back.map(|v| -v)],
-        position: each_axis(|k| frame.position[k] - particles.origin[k]),
-        perspective: matches!(view.camera.projection, Projection::Perspective { .. }),
-        focal: view.camera.focal_pixels(size),
-        range: view.range,
-        size,
-        unit_mass: particles.meta.particle_mass.unwrap_or(1.0),
-        shifts: if view.wrap.is_some() { view.copies(size, &particles.bounds(), 0.0)? } else { vec![[0.0; 3]] },
-    };
+    let sight = Sight::new(particles, view, size)?;
+    let shifts = view.copies(size, bounds, 0.0)?;
     let n = particles.len();
-    let mut sums = vec![0.0f64; size.pixels()];
+    require("a picture", 12 * size.pixels() as u64)?;
+    let mut sums = filled("a picture", 0.0f64, size.pixels(), progress)?;
     progress.begin("surface density", n as u64);
     let buffers = parallel::Scratch::<ChunkBuffer>::default();
     for round in (0..n).step_by(CHUNK * ROUND) {
         progress.check()?;
         let end = n.min(round + CHUNK * ROUND);
         let deposits: Vec<Deposits> = parallel::map((round..end).step_by(CHUNK), |start| {
-            buffers.with(|buffer| target.deposit(&particles.chunk(start..end.min(start + CHUNK), buffer)))
+            buffers.with(|buffer| sight.deposit(&particles.chunk(start..end.min(start + CHUNK), buffer), &shifts))
         });
         parallel::for_each_chunk(&mut sums, BAND * size.width, |band, sums| {
             for chunk in &deposits {
@@ -77,27 +120,18 @@ pub fn surface_density(
     Ok(Plane { size, data: sums.into_iter().map(|v| v as f32).collect() })
 }
 
-impl Target {
-    fn deposit(&self, chunk: &Chunk) -> Deposits {
+impl Sight {
+    fn deposit(&self, chunk: &Chunk<'_>, shifts: &[[f64; 3]]) -> Deposits {
         let Size { width, height } = self.size;
         let mut out: Deposits = vec![Vec::new(); height.div_ceil(BAND)];
-        let [xs, ys, zs] = chunk.position;
-        for shift in &self.shifts {
-            let eye: [f64; 3] = each_axis(|k| self.position[k] - shift[k]);
-            for i in 0..chunk.len() {
-                let v = [f64::from(xs[i]) - eye[0], f64::from(ys[i]) - eye[1], f64::from(zs[i]) - eye[2]];
-                let [x, y, depth] = self.axes.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
-                if !(depth >= self.range[0] && depth < self.range[1]) {
-                    continue;
+        for shift in shifts {
+            self.each(chunk, shift, |i, Seen { x, y, scale }| {
+                if x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64 {
+                    let (column, row) = (x as usize, y as usize);
+                    let density = self.mass(chunk, i) * scale * scale;
+                    out[row / BAND].push((((row % BAND) * width + column) as u32, density as f32));
                 }
-                let scale = if self.perspective { self.focal / depth } else { self.focal };
-                let (px, py) = (0.5 * width as f64 + scale * x, 0.5 * height as f64 + scale * y);
-                if px >= 0.0 && py >= 0.0 && px < width as f64 && py < height as f64 {
-                    let mass = self.unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
-                    let (column, row) = (px as usize, py as usize);
-                    out[row / BAND].push((((row % BAND) * width + column) as u32, (mass * scale * scale) as f32));
-                }
-            }
+            });
         }
         out
     }
@@ -109,7 +143,8 @@ mod tests {
     use crate::camera::Window;
     use crate::math::Random;
     use crate::progress::Silent;
-    use crate::space::{Bounds, Cell};
+    use crate::reference::Reference;
+    use crate::space::Cell;
 
     /// A window of one box holds all mass, wherever its centre is; half of a box's depth half.
     #[test]
@@ -125,7 +160,7 @@ mod tests {
                 DensityView::orthographic("v", &window, size, &bounds, cell).unwrap()
             };
             let mass = |depth| {
-                let plane = surface_density(&particles, &view(depth), size, &Silent).unwrap();
+                let plane = Reference::new(&particles).surface_density(&view(depth), size, &Silent).unwrap();
                 plane.data.iter().map(|v| f64::from(*v)).sum::<f64>() * (2.0f64 / 64.0).powi(2)
             };
             assert!((mass(None) - 5000.0).abs() < 5.0, "{}", mass(None));

@@ -1,12 +1,11 @@
 //! Pictures of all particles, look by look.
 
-use super::depth;
 use super::fxaa::fxaa;
-use super::paraview;
 use super::project::Projector;
+use super::{density, depth, paraview, smooth};
 use crate::Result;
-use crate::camera::{View, clipping_range};
-use crate::particles::Particles;
+use crate::camera::{DensityView, View, clipping_range};
+use crate::particles::{Domain, Particles, distances_to};
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
 use crate::render::tone;
@@ -20,6 +19,8 @@ pub struct Reference<'a> {
     bounds: Bounds,
     /// Bytes of splats that are held at a time.
     budget: u64,
+    /// Support radii of the particles' kernels, world units; `None` = points.
+    pub(super) radii: Option<Vec<f32>>,
 }
 
 impl<'a> Reference<'a> {
@@ -32,13 +33,42 @@ impl<'a> Reference<'a> {
     pub fn with_bounds(particles: &'a Particles, bounds: Bounds) -> Self {
         // A quarter of the positions: few passes over the particles, little beside them.
         let budget = (particles.len() as u64 * 3).max(paraview::LEAST_BUDGET);
-        Reference { particles, bounds, budget }
+        Reference { particles, bounds, budget, radii: None }
     }
 
     /// With at most about this many bytes beside the particles, for more passes over them. Pictures do
     /// not depend on it.
     pub fn within(self, bytes: u64) -> Self {
         Reference { budget: self.budget.min(bytes).max(1 << 24), ..self }
+    }
+
+    /// With surface densities smoothed: each particle is spread by the cubic spline kernel (Monaghan and
+    /// Lattanzio 1985) over the sphere that reaches its `neighbours`-th nearest other particle, around the box
+    /// where that repeats. No other picture changes.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] where there are not so many other particles;
+    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
+    pub fn smoothed(self, neighbours: usize, progress: &dyn Progress) -> Result<Self> {
+        let domain = Domain::new(&self.bounds, self.particles.meta.cell.as_ref());
+        let radii = Some(distances_to(neighbours, self.particles, &domain, progress)?);
+        Ok(Reference { radii, ..self })
+    }
+
+    /// Mass a world unit squared at every pixel (docs/law/depth.md, "Surface density"): each particle's mass over
+    /// the area of the pixel that it falls in, at its depth in perspective, or spread by its kernel where
+    /// densities are [`smoothed`](Self::smoothed). Particles count whose centres are in the view's range of depths.
+    /// Periodic copies where the view wraps. Masses are the weights (1 without) times the particle mass where the
+    /// source gives one.
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] for a window of thousands of boxes; [`crate::Error::Memory`],
+    /// [`crate::Error::Cancelled`].
+    pub fn surface_density(&self, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
+        match &self.radii {
+            None => density::unsmoothed(self.particles, &self.bounds, view, size, progress),
+            Some(radii) => smooth::smoothed(self.particles, &self.bounds, radii, view, size, progress),
+        }
     }
 
     /// The particles.

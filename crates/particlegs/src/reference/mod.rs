@@ -4,7 +4,8 @@
 //! stage, in VTK's float32. ParaView's picture goes on to `paraview` (bands of rows, fragments),
 //! `quad` (coverage and alpha), `blend` (depth peeling) and `fxaa`; the noise-free optical depth
 //! to `depth`, `deposit` (a splat's share of each pixel) and `pyramid` (coarser planes for large
-//! splats), and from there through [`crate::render::tone`].
+//! splats), and from there through [`crate::render::tone`]. Surface density is `density`, or `smooth` with the
+//! adaptive kernels of `kernel`.
 
 mod bands;
 mod blend;
@@ -13,13 +14,14 @@ mod deposit;
 mod depth;
 mod draw;
 mod fxaa;
+mod kernel;
 mod paraview;
 mod project;
 mod pyramid;
 mod quad;
+mod smooth;
 mod uniform;
 
-pub use density::surface_density;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

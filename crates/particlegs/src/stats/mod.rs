@@ -4,7 +4,7 @@
 //! [`Grid`] (`deposit`, `gaussian`, `resolved`), compared cell by cell (`density`) and transformed (`transform`)
 //! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). What looks at neighbours sorts positions
 //! into cells: pair counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in
-//! their cores (`aperture`); groups are compared by size (`sizes`); nearest neighbours use a tree (`tree`, `neighbours`).
+//! their cores (`aperture`); groups are compared by size (`sizes`); nearest neighbours use the particles' tree (`neighbours`).
 //! Particles are scored under a model itself (`likelihood`).
 
 mod aperture;
@@ -12,7 +12,6 @@ mod boxes;
 mod compare;
 mod density;
 mod deposit;
-mod domain;
 mod gaussian;
 mod grid;
 mod groups;
@@ -35,16 +34,15 @@ mod summary;
 #[cfg(test)]
 pub(crate) mod testing;
 mod transform;
-mod tree;
 mod xi_transform;
 
+pub use crate::particles::domain::Domain;
 pub use aperture::ApertureMass;
 pub(crate) use aperture::group_center;
 pub use compare::compare;
 pub use density::{DensityComparison, DensityPdf};
 pub use deposit::{Field, deposit};
 use deposit::{deposit_bytes, deposit_steps};
-pub use domain::Domain;
 pub(crate) use gaussian::{Slab, Splat};
 pub use grid::{Assignment, Grid};
 pub(crate) use groups::{Groups, find_groups, longest_link};

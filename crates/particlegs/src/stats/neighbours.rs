@@ -1,10 +1,9 @@
 //! Distances to the nearest neighbour, of all particles or of a sample of them.
 
 use super::Domain;
-use super::tree::{Neighbours, places_of};
 use crate::math::{Purpose, Random};
 use crate::parallel;
-use crate::particles::Particles;
+use crate::particles::{Neighbours, Particles, places_of};
 use crate::progress::Progress;
 use crate::{Error, Result};
 

@@ -1,14 +1,17 @@
-//! k-d trees in the cells of a grid: the nearest neighbour in a periodic or an open domain.
+//! k-d trees in the cells of a grid: nearest neighbours in a periodic or an open domain.
 //!
 //! Points are the particles' own float32 numbers, sorted into cells of about 64 by counting, and
 //! those of a cell into a tree in place: 13 bytes a particle, and a third of the time of one tree. No
 //! index is kept: of the points at a particle's own place, one is itself. Threads decide the order
 //! within a cell, and no distance depends on it.
 
-use super::Domain;
+use super::{CHUNK, Chunk, ChunkBuffer, Domain, Particles};
 use crate::parallel;
-use crate::particles::Particles;
+use crate::progress::Progress;
+use crate::{Error, Result};
 use particlegs_core::math::each_axis;
+use particlegs_core::memory::filled;
+use std::collections::BinaryHeap;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -18,29 +21,52 @@ const IN_CELL: usize = 64;
 const LEAF: usize = 16;
 /// Points below which a part is built by one thread.
 const ALONE: usize = 1 << 14;
+/// Places that one thread looks from at a time.
+const TOGETHER: usize = 1024;
+/// Bytes a particle that a tree takes while it is built.
+const TREE_BYTES: u64 = 14;
 
 /// A position relative to the particles' origin, inside the domain along axes that repeat.
-pub(super) type Place = [f32; 3];
+pub(crate) type Place = [f32; 3];
+
+/// Where particles lie in a domain.
+struct Placing<'a> {
+    domain: &'a Domain,
+    /// Its lowest corner relative to the particles' origin.
+    corner: [f64; 3],
+}
+
+impl<'a> Placing<'a> {
+    fn new(p: &Particles, domain: &'a Domain) -> Self {
+        Placing { domain, corner: each_axis(|k| domain.min[k] - p.origin[k]) }
+    }
+
+    /// The places of a run, in place of what `places` holds.
+    fn places(&self, chunk: &Chunk<'_>, places: &mut Vec<Place>) {
+        let Domain { length, periodic, .. } = self.domain;
+        let inside = |k: usize, raw: f32| {
+            let turns = ((f64::from(raw) - self.corner[k]) / length[k]).floor();
+            if periodic[k] && turns != 0.0 { (f64::from(raw) - turns * length[k]) as f32 } else { raw }
+        };
+        places.clear();
+        places.extend((0..chunk.len()).map(|i| [0, 1, 2].map(|k| inside(k, chunk.position[k][i])) as Place));
+    }
+}
 
 /// Calls `visit` with runs of places, the index of the first, in parallel.
 fn visit_places(p: &Particles, domain: &Domain, visit: impl Fn(usize, &[Place]) + Sync) {
-    let corner: [f64; 3] = each_axis(|k| domain.min[k] - p.origin[k]);
+    let placing = Placing::new(p, domain);
     let scratch = parallel::Scratch::<Vec<Place>>::default();
     p.par_chunks(|first, chunk| {
-        let inside = |k: usize, raw: f32| {
-            let turns = ((f64::from(raw) - corner[k]) / domain.length[k]).floor();
-            if domain.periodic[k] && turns != 0.0 { (f64::from(raw) - turns * domain.length[k]) as f32 } else { raw }
-        };
         scratch.with(|places| {
-            places.clear();
-            places.extend((0..chunk.len()).map(|i| [0, 1, 2].map(|k| inside(k, chunk.position[k][i])) as Place));
+            placing.places(&chunk, places);
             visit(first, places);
         });
     });
 }
 
 /// The places of some particles, `chosen` in ascending order.
-pub(super) fn places_of(p: &Particles, domain: &Domain, chosen: &[u32]) -> Vec<Place> {
+pub(crate) fn places_of(p: &Particles, domain: &Domain, chosen: &[u32]) -> Vec<Place> {
     let out: Vec<[AtomicU32; 3]> = chosen.iter().map(|_| Default::default()).collect();
     visit_places(p, domain, |first, places| {
         let from = chosen.partition_point(|i| (*i as usize) < first);
@@ -61,7 +87,7 @@ fn loaded(all: Vec<[AtomicU32; 3]>) -> Vec<Place> {
 }
 
 /// Points by cell, and in each cell ordered so that every subtree is a run that its median divides.
-pub(super) struct Neighbours {
+pub(crate) struct Neighbours {
     points: Vec<Place>,
     /// The axis of each median.
     axes: Vec<u8>,
@@ -80,12 +106,75 @@ struct CellGrid {
     periodic: [bool; 3],
 }
 
-/// The nearest so far.
-struct Best {
+/// What a search has found so far.
+trait Found {
+    /// Another point, by the square of its distance.
+    fn take(&mut self, square: f64);
+
+    /// Points whose square is not below this change nothing any more.
+    fn limit(&self) -> f64;
+}
+
+/// The nearest other point.
+struct Nearest {
     /// Points at the place itself.
     here: u32,
     /// Smallest square of a distance above zero.
     square: f64,
+}
+
+impl Found for Nearest {
+    #[inline(always)]
+    fn take(&mut self, square: f64) {
+        if square == 0.0 {
+            self.here += 1;
+        } else if square < self.square {
+            self.square = square;
+        }
+    }
+
+    /// Two at one place: no distance is smaller.
+    #[inline(always)]
+    fn limit(&self) -> f64 {
+        if self.here > 1 { 0.0 } else { self.square }
+    }
+}
+
+/// The nearest points of a number, the point itself among them: a heap with the farthest first. Squares are
+/// kept as their bits, which are in the order of the squares.
+#[derive(Default)]
+struct Several {
+    wanted: usize,
+    squares: BinaryHeap<u64>,
+}
+
+impl Several {
+    /// The square of the farthest; infinite until there are enough.
+    #[inline(always)]
+    fn farthest(&self) -> f64 {
+        match self.squares.peek() {
+            Some(bits) if self.squares.len() == self.wanted => f64::from_bits(*bits),
+            _ => f64::INFINITY,
+        }
+    }
+}
+
+impl Found for Several {
+    #[inline(always)]
+    fn take(&mut self, square: f64) {
+        if self.squares.len() < self.wanted {
+            self.squares.push(square.to_bits());
+        } else if let Some(mut farthest) = self.squares.peek_mut()
+            && square.to_bits() < *farthest
+        {
+            *farthest = square.to_bits();
+        }
+    }
+
+    #[inline(always)]
+    fn limit(&self) -> f64 {
+        self.farthest()
+    }
 }
 
 impl CellGrid {
@@ -184,20 +273,25 @@ impl Neighbours {
     /// Distance from the point at `x`, one of these, to its nearest other; infinite where there is
     /// none.
     pub fn nearest(&self, x: Place) -> f64 {
-        let mut best = Best { here: 0, square: f64::INFINITY };
+        let mut found = Nearest { here: 0, square: f64::INFINITY };
+        self.search_all(x, &mut found);
+        if found.here > 1 { 0.0 } else { found.square.sqrt() }
+    }
+
+    /// Searches the cells about `x`, one of these points.
+    fn search_all(&self, x: Place, found: &mut impl Found) {
         let x = x.map(f64::from);
         let home = self.grid.cell(&x);
-        self.search(self.run(home), &x, [0.0; 3], &mut best);
+        self.search(self.run(home), &x, [0.0; 3], found);
         // Shells of cells, until they are further away than what was found.
         let widest = *self.grid.cells.iter().max().expect("three axes");
         for shell in 1..=widest as i64 {
             let inner = self.grid.nearest_of_shell(&x, home, shell);
-            if best.here > 1 || inner * inner >= best.square {
+            if inner * inner >= found.limit() {
                 break;
             }
-            self.search_shell(&x, home, shell, &mut best);
+            self.search_shell(&x, home, shell, found);
         }
-        if best.here > 1 { 0.0 } else { best.square.sqrt() }
     }
 
     fn run(&self, cell: [usize; 3]) -> Range<usize> {
@@ -206,7 +300,7 @@ impl Neighbours {
     }
 
     /// The cells `shell` steps from home.
-    fn search_shell(&self, x: &[f64; 3], home: [usize; 3], shell: i64, best: &mut Best) {
+    fn search_shell(&self, x: &[f64; 3], home: [usize; 3], shell: i64, found: &mut impl Found) {
         let g = &self.grid;
         let at = |k: usize, d: i64| g.image(k, home[k] as i64 + d);
         // Axes of few cells end long before the shell does.
@@ -234,8 +328,8 @@ impl Neighbours {
                         })
                         .map(|d| d * d)
                         .sum();
-                    if away < best.square {
-                        self.search(run, &moved, [0.0; 3], best);
+                    if away < found.limit() {
+                        self.search(run, &moved, [0.0; 3], found);
                     }
                 }
             }
@@ -243,37 +337,71 @@ impl Neighbours {
     }
 
     /// `off` holds the distance to the run's region along each axis.
-    fn search(&self, run: Range<usize>, x: &[f64; 3], off: [f64; 3], best: &mut Best) {
+    fn search(&self, run: Range<usize>, x: &[f64; 3], off: [f64; 3], found: &mut impl Found) {
         let points = &self.points[run.clone()];
-        let take = |p: &Place, best: &mut Best| {
+        let square = |p: &Place| {
             let d: [f64; 3] = each_axis(|k| f64::from(p[k]) - x[k]);
-            let square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-            if square == 0.0 {
-                best.here += 1;
-            } else if square < best.square {
-                best.square = square;
-            }
+            d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
         };
-        // Two at one place: no distance is smaller.
-        if best.here > 1 {
+        if found.limit() == 0.0 {
             return;
         }
         if points.len() <= LEAF {
-            return points.iter().for_each(|p| take(p, best));
+            return points.iter().for_each(|p| found.take(square(p)));
         }
         let middle = run.start + points.len() / 2;
         let (axis, median) = (self.axes[middle] as usize, &self.points[middle]);
-        take(median, best);
+        found.take(square(median));
         let d = x[axis] - f64::from(median[axis]);
         let (left, right) = (run.start..middle, middle + 1..run.end);
         let (near, far) = if d < 0.0 { (left, right) } else { (right, left) };
-        self.search(near, x, off, best);
+        self.search(near, x, off, found);
         let mut beyond = off;
         beyond[axis] = d;
-        if beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2] < best.square {
-            self.search(far, x, beyond, best);
+        if beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2] < found.limit() {
+            self.search(far, x, beyond, found);
         }
     }
+}
+
+/// Distance from every particle to its neighbour of a rank: the `rank`-th nearest other particle. Copies of
+/// particles in a domain that repeats count as others, and particles at one place as neighbours at distance
+/// zero.
+///
+/// # Errors
+/// [`Error::Argument`] where there are not so many others, or 4 294 967 295 particles and more;
+/// [`Error::Memory`]; [`Error::Cancelled`].
+pub(crate) fn distances_to(rank: usize, p: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Vec<f32>> {
+    let n = p.len();
+    if rank >= n || n >= u32::MAX as usize {
+        let what = format!("{rank} neighbours of each particle need more particles than that, and fewer than 2^32 - 1");
+        return Err(Error::argument(format!("{what}: there are {n}")));
+    }
+    progress.require_memory("a tree of neighbours", n as u64 * (TREE_BYTES + 4))?;
+    progress.begin("neighbours", n as u64);
+    let tree = Neighbours::new(p, domain);
+    let (placing, mut buffer, mut places) = (Placing::new(p, domain), ChunkBuffer::default(), Vec::new());
+    let scratch = parallel::Scratch::<Several>::default();
+    let mut out = filled("distances to neighbours", 0.0f32, n, progress)?;
+    for (k, run) in out.chunks_mut(CHUNK).enumerate() {
+        let start = k * CHUNK;
+        placing.places(&p.chunk(start..start + run.len(), &mut buffer), &mut places);
+        parallel::try_for_each(run.chunks_mut(TOGETHER).zip(places.chunks(TOGETHER)), |(out, places)| {
+            scratch.with(|several| {
+                several.wanted = rank + 1;
+                for (out, x) in out.iter_mut().zip(places) {
+                    progress.check()?;
+                    several.squares.clear();
+                    tree.search_all(*x, several);
+                    *out = several.farthest().sqrt() as f32;
+                }
+                progress.advance(out.len() as u64);
+                Ok(())
+            })
+        })?;
+    }
+    progress.end();
+    Ok(out)
 }
 
 /// Builds the trees of the cells that begin at `start`, whose points these are.
@@ -325,4 +453,53 @@ fn widest(points: &[Place]) -> usize {
     }
     let extent: [f32; 3] = each_axis(|k| high[k] - low[k]);
     (1..3).fold(0, |a, k| if extent[k] > extent[a] { k } else { a })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+    use crate::progress::Silent;
+
+    /// Against all pairs, copies of a box that repeats included.
+    #[test]
+    fn distances_are_those_of_all_pairs() {
+        let length = [1.0, 1.5, 2.0];
+        for periodic in [[true; 3], [false; 3], [true, false, true]] {
+            let draw = |k: usize| -> Vec<f32> {
+                let edge = |i: u64| if i.is_multiple_of(3) { 0.05 * length[k] } else { length[k] };
+                (0..700).map(|i| (edge(i) * Random::new(4, k as u32, i).uniform()) as f32).collect()
+            };
+            let p = Particles::from_columns(draw(0), draw(1), draw(2));
+            let domain = Domain { min: [0.0; 3], length, periodic };
+            let turns = |k: usize| if periodic[k] { -1..=1 } else { 0..=0 };
+            let all = |i: usize| {
+                let (mut squares, x) = (Vec::new(), p.position(i));
+                for (j, turn) in (0..700).flat_map(|j| turns(0).map(move |a| (j, a))) {
+                    for (b, c) in turns(1).flat_map(|b| turns(2).map(move |c| (b, c))) {
+                        let (y, n) = (p.position(j), [turn, b, c].map(f64::from));
+                        squares.push((0..3).map(|k| (y[k] + n[k] * length[k] - x[k]).powi(2)).sum::<f64>());
+                    }
+                }
+                squares.sort_unstable_by(f64::total_cmp);
+                squares
+            };
+            let expected: Vec<Vec<f64>> = (0..40).map(all).collect();
+            for rank in [1, 2, 16, 150] {
+                let found = distances_to(rank, &p, &domain, &Silent).unwrap();
+                for (i, squares) in expected.iter().enumerate() {
+                    assert!((f64::from(found[i]) - squares[rank].sqrt()).abs() < 1e-6, "{periodic:?} {rank} {i}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn particles_at_one_place_are_neighbours() {
+        let p = Particles::from_columns(vec![0.0, 0.0, 0.0, 3.0], vec![0.0; 4], vec![0.0; 4]);
+        let domain = Domain::of_particles(&p);
+        assert_eq!(distances_to(2, &p, &domain, &Silent).unwrap(), [0.0, 0.0, 0.0, 3.0]);
+        assert_eq!(distances_to(3, &p, &domain, &Silent).unwrap(), [3.0, 3.0, 3.0, 3.0]);
+        assert!(distances_to(4, &p, &domain, &Silent).is_err());
+    }
 }

@@ -1,4 +1,4 @@
-//! The region that statistics are of: a box, and the axes along which it repeats.
+//! The region that particles lie in: a box, and the axes along which it repeats.
 
 use crate::model::Model;
 use crate::particles::Particles;

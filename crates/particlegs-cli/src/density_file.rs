@@ -1,0 +1,161 @@
+//! Surface density as numbers: NAME.f32, little-endian float32 by rows from the top, and NAME.json, which says
+//! what they are. Written by `--raw`, read by `compare`.
+
+use particlegs::camera::{DensityView, Projection};
+use particlegs::picture::{Plane, Size};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use particlegs_files::input::{Begins, Form, read_whole};
+use particlegs_files::output::{FileSet, write_atomic, write_bytes};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Pictures larger than this in either direction are refused before memory is taken.
+const LARGEST_SIDE: usize = 65_536;
+/// Cameras that differ by less than this of their largest number are the same.
+const SAME: f64 = 1e-6;
+
+const JSON: Form = Form { title: "a description of values", begins: Begins::Object, most: 1 << 20, expansion: 16 };
+
+/// What a file of values holds.
+#[derive(Serialize, Deserialize)]
+pub struct Described {
+    width: usize,
+    height: usize,
+    values: String,
+    quantity: String,
+    unit: String,
+    comoving: bool,
+    /// Neighbours that each particle is spread over; of pictures of particles, smoothed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    smooth: Option<usize>,
+    projection: String,
+    world_per_pixel: f64,
+    #[serde(flatten)]
+    camera: Option<Seen>,
+    name: String,
+}
+
+/// From where, by the keys of a views file.
+#[derive(Serialize, Deserialize)]
+struct Seen {
+    position: [f64; 3],
+    focal_point: [f64; 3],
+    view_up: [f64; 3],
+    clipping_range: [f64; 2],
+}
+
+/// What of a plane's description the plane and its view do not say.
+pub struct Means {
+    /// Unit of the values.
+    pub unit: String,
+    /// Are lengths comoving?
+    pub comoving: bool,
+    /// Neighbours that each particle is spread over.
+    pub smooth: Option<usize>,
+    /// World units a pixel; at the focal point in perspective.
+    pub world_per_pixel: f64,
+}
+
+/// Writes the two files of a view into a folder; the path of the values.
+pub fn write(folder: &Path, view: &DensityView, plane: &Plane, means: Means) -> Result<PathBuf> {
+    let set = FileSet::in_folder(folder)?;
+    let name = format!("{}.f32", view.name);
+    write_atomic(&set.path().join(&name), |w| {
+        plane
+            .data
+            .chunks(1 << 14)
+            .try_for_each(|run| w.write_all(&run.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()))
+    })?;
+    let mut text = serde_json::to_vec_pretty(&described(view, plane.size, means)).expect("plain data");
+    text.push(b'\n');
+    write_bytes(&set.path().join(format!("{}.json", view.name)), &text)?;
+    set.finish()?;
+    Ok(folder.join(name))
+}
+
+fn described(view: &DensityView, size: Size, means: Means) -> Described {
+    let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
+    let camera = &view.camera;
+    Described {
+        width: size.width,
+        height: size.height,
+        values: "float32, little-endian, rows from the top".into(),
+        quantity: "surface density".into(),
+        unit: means.unit,
+        comoving: means.comoving,
+        smooth: means.smooth,
+        projection: if perspective { "perspective" } else { "orthographic" }.into(),
+        world_per_pixel: means.world_per_pixel,
+        camera: Some(Seen {
+            position: camera.position,
+            focal_point: camera.focal_point,
+            view_up: camera.view_up,
+            clipping_range: view.range,
+        }),
+        name: view.name.clone(),
+    }
+}
+
+/// Reads what [`write`] has written of a view.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Input`], [`Error::Memory`], [`Error::Cancelled`].
+pub fn read(folder: &Path, name: &str, progress: &dyn Progress) -> Result<(Described, Plane)> {
+    let path = folder.join(format!("{name}.json"));
+    let text = read_whole(&path, JSON, progress)?;
+    let described: Described =
+        serde_json::from_slice(&text).map_err(|e| Error::input(&path, format!("not what --raw writes: {e}")))?;
+    let size = Size { width: described.width, height: described.height };
+    if ![size.width, size.height].iter().all(|side| (1..=LARGEST_SIDE).contains(side)) {
+        return Err(Error::input(&path, format!("{}x{} pixels: out of range", size.width, size.height)));
+    }
+    let path = folder.join(format!("{name}.f32"));
+    let most = 4 * size.pixels() as u64;
+    // As they are read, and as numbers.
+    let form = Form { title: "values of surface density", begins: Begins::With(b""), most, expansion: 2 };
+    let bytes = read_whole(&path, form, progress)?;
+    let (numbers, rest) = bytes.as_chunks::<4>();
+    if numbers.len() != size.pixels() || !rest.is_empty() {
+        let what = format!("{} bytes, and {}x{} pixels take {most}", bytes.len(), size.width, size.height);
+        return Err(Error::input(&path, what));
+    }
+    let data: Vec<f32> = numbers.iter().map(|v| f32::from_le_bytes(*v)).collect();
+    if data.iter().any(|v| !v.is_finite()) {
+        return Err(Error::input(&path, "it holds values that are not finite"));
+    }
+    Ok((described, Plane { size, data }))
+}
+
+impl Described {
+    /// Why these values cannot be compared with others pixel by pixel; `None` where they can.
+    pub fn differs(&self, other: &Described) -> Option<String> {
+        let pair =
+            |what: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| Some(format!("{what}{a} against {b}"));
+        if (self.width, self.height) != (other.width, other.height) {
+            let [a, b] = [self, other].map(|d| format!("{}x{}", d.width, d.height));
+            return pair("pixels: ", &a, &b);
+        }
+        if (&self.quantity, &self.unit) != (&other.quantity, &other.unit) {
+            let [a, b] = [self, other].map(|d| format!("{} in {}", d.quantity, d.unit));
+            return pair("", &a, &b);
+        }
+        if self.projection != other.projection {
+            return pair("projections: ", &self.projection, &other.projection);
+        }
+        let [a, b] = [self, other].map(|d| d.numbers());
+        let largest = a.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let same_pixels = (a[0] - b[0]).abs() <= SAME * a[0].abs();
+        let same = a.len() != b.len() || a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= SAME * largest);
+        (!(same_pixels && same)).then(|| "they show different windows, or from different places".into())
+    }
+
+    /// Size of a pixel, and the camera where it is known.
+    fn numbers(&self) -> Vec<f64> {
+        let mut all = vec![self.world_per_pixel];
+        if let Some(c) = &self.camera {
+            all.extend([c.position, c.focal_point, c.view_up].as_flattened().iter().chain(&c.clipping_range));
+        }
+        all
+    }
+}
