@@ -116,6 +116,7 @@ impl Figures {
         }
         if let (Some(a), Some(b)) = (&a.held_out, &b.held_out) {
             self.real("held-out bits", [a.bits, b.bits], DENSITY, "0.001");
+            self.real("their kernel estimate", [a.kernel_bits, b.kernel_bits], DENSITY, "0.001");
             for ((share, a), b) in BANDS.iter().zip(&a.transfer).zip(&b.transfer) {
                 let deviation = [a, b].map(|t| t.deviation.unwrap_or(0.0));
                 self.real(&format!("transfer function to {:.3} k_max", share), deviation, DENSITY, "0.001");

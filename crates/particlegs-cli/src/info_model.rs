@@ -287,8 +287,8 @@ fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
         Some(h) => {
             lines.push(format!(
                 "held-out particles, of models of halves by the same method: {:.3} +- {:.3} bits a particle above uniform in a \
-                 volume of {:.4e}",
-                h.bits, h.error, h.volume
+                 volume of {:.4e} (a kernel estimate on all particles: {:.3})",
+                h.bits, h.error, h.volume, h.kernel_bits
             ));
             let bands = BANDS.iter().zip(&h.transfer).filter_map(|(share, t)| {
                 t.deviation

@@ -59,7 +59,7 @@ fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
     }
     if let Some(h) = &m.held_out {
         let bands = h.transfer.iter().flat_map(|t| [t.deviation, Some(t.scatter)]);
-        line(3, [h.bits, h.error, h.volume, h.k_max].map(Some).into_iter().chain(bands).collect())?;
+        line(3, [h.bits, h.error, h.kernel_bits, h.volume, h.k_max].map(Some).into_iter().chain(bands).collect())?;
     }
     if let Some(g) = &m.groups {
         let own = |c: &GroupClass| {

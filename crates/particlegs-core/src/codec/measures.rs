@@ -13,7 +13,7 @@ const FIELD_BYTES: usize = 3;
 /// Bytes of the fields' values.
 const DENSITIES_BYTES: usize = 3 * (8 + 4 * 4);
 const SPACING_BYTES: usize = 2 * (8 + 4);
-const HELD_OUT_BYTES: usize = 4 + 4 + 8 + 8 + BANDS.len() * 8;
+const HELD_OUT_BYTES: usize = 3 * 4 + 8 + 8 + BANDS.len() * 8;
 const GROUPS_BYTES: usize = 3 * (4 + 6 * 4);
 /// Stands for a share, and a deviation from 1, that there is none of.
 const NONE: f32 = -2.0;
@@ -40,7 +40,7 @@ pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
     }
     if let Some(h) = &m.held_out {
         let mut value = Vec::with_capacity(HELD_OUT_BYTES);
-        value.extend(short(h.bits).into_iter().chain(short(h.error)));
+        value.extend([h.bits, h.error, h.kernel_bits].into_iter().flat_map(short));
         value.extend(h.volume.to_le_bytes().into_iter().chain(h.k_max.to_le_bytes()));
         value.extend(h.transfer.iter().flat_map(|t| [optional(t.deviation), short(t.scatter)]).flatten());
         field(HELD_OUT, value);
@@ -135,13 +135,14 @@ fn spacing(r: &mut Reader<'_>) -> Result<Spacing, String> {
 
 fn held_out(r: &mut Reader<'_>) -> Result<HeldOut, String> {
     let (bits, error) = (real(r, f64::from(f32::MIN), "bits")?, real(r, 0.0, "an error")?);
+    let kernel_bits = real(r, f64::from(f32::MIN), "bits")?;
     let (volume, k_max) = (at_least(r.f64()?, 0.0, "a volume")?, at_least(r.f64()?, 0.0, "a wave number")?);
     let mut transfer = [Transfer::default(); BANDS.len()];
     for t in &mut transfer {
         let deviation = real_or_none(r, f64::from(f32::MIN), "a deviation")?;
         *t = Transfer { deviation, scatter: real(r, 0.0, "a scatter")? };
     }
-    Ok(HeldOut { bits, error, volume, k_max, transfer })
+    Ok(HeldOut { bits, error, kernel_bits, volume, k_max, transfer })
 }
 
 fn class(r: &mut Reader<'_>) -> Result<GroupClass, String> {
@@ -182,7 +183,14 @@ mod tests {
         Measures {
             densities: Some([0.1, 1e-60, 1e60].map(density)),
             spacing: Some(Spacing { median: 0.1, regularity: 0.5, drawn_median: 0.2, drawn_regularity: 0.375 }),
-            held_out: Some(HeldOut { bits: -1.5, error: 0.0, volume: 125_000.0, k_max: 8.1, transfer }),
+            held_out: Some(HeldOut {
+                bits: -1.5,
+                error: 0.0,
+                kernel_bits: 2.0,
+                volume: 125_000.0,
+                k_max: 8.1,
+                transfer,
+            }),
             groups: Some([class(Some(1.0)), class(None), class(Some(0.5))]),
         }
     }

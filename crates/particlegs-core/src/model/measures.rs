@@ -56,6 +56,9 @@ pub struct HeldOut {
     pub bits: f64,
     /// Its standard error, by the sample's scatter and the halves' difference, whichever is larger.
     pub error: f64,
+    /// Bits that an adaptive kernel estimate on all particles of a half gives those of the other (cubic spline to the 16th
+    /// neighbour).
+    pub kernel_bits: f64,
     /// Volume that bits are relative to, world units cubed.
     pub volume: f64,
     /// Largest wave number, one over the unit of length.

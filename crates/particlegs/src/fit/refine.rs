@@ -274,8 +274,16 @@ fn scale_counts(gaussians: &mut Gaussians, by: f64) {
     gaussians.count.iter_mut().chain(&mut gaussians.mass).for_each(|v| *v *= by);
 }
 
-/// Makes counts and masses sum to the particles': responsibilities are rounded.
+/// A Gaussian of fewer particles goes: others took them, and its moments are rounding errors.
+const LEAST_PARTICLES: f64 = 0.5;
+
+/// Makes counts and masses sum to the particles': responsibilities are rounded, and Gaussians of next to none go.
 fn conserve(gaussians: &mut Gaussians, moments: &[Moments], weighted: bool) {
+    for j in 0..gaussians.len() {
+        if gaussians.count[j] < LEAST_PARTICLES {
+            (gaussians.count[j], gaussians.mass[j]) = (0.0, 0.0);
+        }
+    }
     let count: f64 = moments.iter().map(|m| m.count as f64).sum();
     let mass: f64 = moments.iter().map(|m| m.mass).sum();
     to_sum(&mut gaussians.count, count);
@@ -293,12 +301,22 @@ fn to_sum(values: &mut [f64], sum: f64) {
     }
 }
 
+/// A covariance without the negative variances that sums of f32 leave where a few particles lie in a line or a plane.
+fn sound(cov: &Sym3) -> Sym3 {
+    let mut e = cov.eigen();
+    if e.values[2] >= 0.0 {
+        return *cov;
+    }
+    e.values = e.values.map(|v| v.max(0.0));
+    Sym3::from_eigen(&e)
+}
+
 /// Adds a block's living Gaussians in world units.
 fn append(mixture: &mut Mixture, gaussians: &Gaussians, store: &Store) {
     let unit = 1.0 / store.scale;
     for j in 0..gaussians.len() {
         if gaussians.count[j] > 0.0 {
-            let cov = gaussians.cov[j].scale(unit).scale(unit);
+            let cov = sound(&gaussians.cov[j]).scale(unit).scale(unit);
             mixture.push(store.to_world(gaussians.mean[j]), cov, gaussians.count[j], gaussians.mass[j]);
         }
     }

@@ -12,6 +12,7 @@ use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use particlegs_core::memory::filled;
 use std::collections::BinaryHeap;
+use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -278,7 +279,23 @@ impl Neighbours {
         if found.here > 1 { 0.0 } else { found.square.sqrt() }
     }
 
-    /// Searches the cells about `x`, one of these points.
+    /// Particles in a volume at `x`, by a cubic spline that reaches to the `rank`-th point from there (Monaghan and
+    /// Lattanzio 1985); infinite where so many lie at one place, 0 where there are fewer.
+    pub fn density(&self, x: Place, rank: usize) -> f64 {
+        let mut found = Several { wanted: rank, ..Several::default() };
+        self.search_all(x, &mut found);
+        let reach = found.farthest().sqrt();
+        if reach.is_infinite() {
+            return 0.0;
+        }
+        // A distance of 0 divides by 0.
+        let spline = |q: f64| if q < 0.5 { 1.0 - 6.0 * q * q * (1.0 - q) } else { 2.0 * (1.0 - q).powi(3) };
+        let sum: f64 =
+            found.squares.into_sorted_vec().into_iter().map(|s| spline(f64::from_bits(s).sqrt() / reach)).sum();
+        if reach > 0.0 { sum * 8.0 / (PI * reach.powi(3)) } else { f64::INFINITY }
+    }
+
+    /// Searches the cells about `x`, a place in the box.
     fn search_all(&self, x: Place, found: &mut impl Found) {
         let x = x.map(f64::from);
         let home = self.grid.cell(&x);

@@ -436,7 +436,7 @@ mod tests {
         );
         let mut transfer = [Transfer { deviation: Some(0.004), scatter: 0.001 }; 7];
         transfer[6].deviation = Some(-0.2);
-        let held_out = HeldOut { bits: 4.0, error: 0.03, volume: 1.0, k_max: 8.0, transfer };
+        let held_out = HeldOut { bits: 4.0, error: 0.03, kernel_bits: 4.4, volume: 1.0, k_max: 8.0, transfer };
         let halves = with(Measures { held_out: Some(held_out), ..Measures::default() });
         assert!(finding(&halves, Use::PowerSpectrum).why.contains("1 % up to k = 6.000"));
         let open = Metadata { cell: None, ..boxed() };
