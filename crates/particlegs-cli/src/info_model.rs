@@ -295,7 +295,11 @@ fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
                     .map(|d| format!("{:+.2} +- {:.2} % to {:.3}", 100.0 * d, 100.0 * t.scatter, share * h.k_max))
             });
             let unit = unit.map_or_else(|| "1/length".into(), per_length);
-            lines.push(format!("transfer function of the halves: {} {unit}", bands.collect::<Vec<_>>().join(", ")));
+            let bands: Vec<String> = bands.collect();
+            lines.push(match bands[..] {
+                [] => "transfer function of the halves: the particles have no power above their noise".into(),
+                _ => format!("transfer function of the halves: {} {unit}", bands.join(", ")),
+            });
         }
     }
     match &m.groups {
@@ -303,6 +307,10 @@ fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
         Some(classes) => {
             for (k, c) in classes.iter().enumerate() {
                 let to = GROUP_CLASSES.get(k + 1).map_or(" and more".into(), |n| format!(" to {}", n - 1));
+                if c.groups == 0 {
+                    lines.push(format!("groups of {}{to} particles: none", GROUP_CLASSES[k]));
+                    continue;
+                }
                 lines.push(format!(
                     "groups of {}{to} particles: {}; number in draws {} +- {}, completeness {}, purity {}, median mass {} \
                      +- {}",

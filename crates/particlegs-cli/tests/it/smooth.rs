@@ -19,7 +19,7 @@ fn subjects(dir: &Path) -> [PathBuf; 2] {
     snapshot(&particles, &columns);
     let mut c = particlegs();
     c.arg("compress").arg(&particles).arg("-o").arg(&model);
-    c.args(["--gaussians", "60", "--no-certificate", "--quiet"]).assert().success();
+    c.args(["--gaussians", "60", "--certificate=none", "--quiet"]).assert().success();
     [model, particles]
 }
 

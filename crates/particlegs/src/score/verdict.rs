@@ -201,9 +201,10 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     let from = |good: &dyn Fn(&CellDensity) -> bool| densities.iter().rev().take_while(|d| good(d)).last();
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let told = |d: &CellDensity, word| {
+        let (even, more) = if word == Word::DoesNot { ("even ", "") } else { ("", " and more") };
         let why = format!(
-            "in cells of {:.4}{unit} and more ({:.0} particles): correlation {:.4}, mean error {:.2} where a trivial density \
-             has {:.2}",
+            "{even}in cells of {:.4}{unit}{more} ({:.0} particles): correlation {:.4}, mean error {:.2} where a trivial \
+             density has {:.2}",
             d.edge,
             d.particles,
             d.correlation,
@@ -215,7 +216,7 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     match (from(&holds), from(&roughly), densities.last()) {
         (Some(d), ..) => told(d, Word::Holds),
         (None, Some(d), _) => told(d, Word::Roughly),
-        (None, None, Some(d)) => Finding { word: Word::DoesNot, ..told(d, Word::DoesNot) },
+        (None, None, Some(d)) => told(d, Word::DoesNot),
         _ => Finding { of: Use::Density, word: Word::NotMeasured, why: "too few particles".into() },
     }
 }
