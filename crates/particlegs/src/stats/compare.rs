@@ -270,7 +270,7 @@ impl Job<'_> {
     }
 
     fn pairs(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
-        let options = PairOptions { edges: self.edges(), budget: self.o.pair_budget, seed: self.o.seed };
+        let options = PairOptions { edges: self.edges(), band: 3.0, budget: self.o.pair_budget, seed: self.o.seed };
         let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.progress);
         let counts = [count(0)?, count(1)?];
         if counts.iter().any(|c| c.primaries.iter().any(|p| *p < c.particles)) {
