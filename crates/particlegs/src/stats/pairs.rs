@@ -36,6 +36,13 @@ pub struct PairCounts {
     pub particles: u64,
 }
 
+impl PairCounts {
+    /// Are primaries a sample in some band?
+    pub(super) fn sampled(&self) -> bool {
+        self.primaries.iter().any(|p| *p < self.particles)
+    }
+}
+
 /// What to count.
 pub struct PairOptions {
     /// Edges of the bins, ascending.
