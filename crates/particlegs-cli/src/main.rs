@@ -4,6 +4,7 @@ mod agree;
 mod allotted;
 mod annotate;
 mod canvas;
+mod centres;
 mod certificate_args;
 mod commands;
 mod common;

@@ -162,12 +162,37 @@ const RULES: &[Rule] = &[
     Rule {
         commands: &["stats"],
         options: &["pairs"],
-        why: |g| g.without(&["pairs"]).then_some(("the measure `pairs`, which --only leaves out", "")),
+        why: |g| {
+            g.without(&["pairs", "rdf"]).then_some(("the measures `pairs` and `rdf`, which --only leaves out", ""))
+        },
     },
     Rule {
         commands: &["stats"],
-        options: &["linking", "aperture"],
+        options: &["aperture"],
         why: |g| g.without(&["groups"]).then_some(("the measure `groups`, which --only leaves out", "")),
+    },
+    Rule {
+        commands: &["stats"],
+        options: &["linking"],
+        why: |g| {
+            g.without(&["groups", "haloes"])
+                .then_some(("the measures `groups` and `haloes`, which --only leaves out", ""))
+        },
+    },
+    Rule {
+        commands: &["stats"],
+        options: &["rdf_max"],
+        why: |g| g.without(&["rdf"]).then_some(("the measure `rdf`, which --only leaves out", "")),
+    },
+    Rule {
+        commands: &["stats"],
+        options: &["profile_axis", "profile_bins"],
+        why: |g| g.without(&["profile"]).then_some(("the measure `profile`, which --only leaves out", "")),
+    },
+    Rule {
+        commands: &["stats"],
+        options: &["centres", "halo_radius", "halo_bins"],
+        why: |g| g.without(&["haloes"]).then_some(("the measure `haloes`, which --only leaves out", "")),
     },
     Rule {
         commands: &["stats"],

@@ -5,7 +5,7 @@ use crate::plots::{Curve, Figure, write};
 use particlegs::Result;
 use particlegs::model::per_length;
 use particlegs::picture::{Colormap, Rgb8, Size, write_png};
-use particlegs::stats::{Convention, DensityReport, NearestDistances, PairCounts, Shell, Statistics};
+use particlegs::stats::{AxisProfile, Convention, DensityReport, NearestDistances, PairCounts, Shell, Statistics};
 use std::path::Path;
 
 /// Axis labels in the unit of length, where it is known.
@@ -34,13 +34,14 @@ impl Units {
 /// [`particlegs::Error::Io`].
 pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()> {
     let units = Units::new(unit);
-    for figure in spectra(s, &units).into_iter().chain(xi(s, &units)).chain(groups(s)).chain(neighbours(s, &units)) {
+    let of_particles = groups(s).into_iter().chain(neighbours(s, &units)).chain(rdf(s, &units));
+    let figures = spectra(s, &units).into_iter().chain(xi(s, &units)).chain(of_particles);
+    for figure in figures.chain(profiles(s, &units)).chain(halo_profile(s, &units)) {
         write(folder, &figure)?;
     }
     if let Some(d) = &s.density {
         write(folder, &pdf(d))?;
         for axis in 0..3 {
-            write(folder, &profile(s, d, axis, &units))?;
             let picture = slices(d, axis);
             let path = folder.join(format!("slice_{}.png", ["x", "y", "z"][axis]));
             write_png(&path, picture.size, picture.data.as_flattened())?;
@@ -200,22 +201,75 @@ fn pdf(d: &DensityReport) -> Figure<'static> {
     }
 }
 
-fn profile(s: &Statistics, d: &DensityReport, axis: usize, u: &Units) -> Figure<'static> {
-    let names = [("profile_x", "x"), ("profile_y", "y"), ("profile_z", "z")][axis];
-    let at = |i: usize| s.domain.min[axis] + (i as f64 + 0.5) * d.side[axis];
-    let of = |side: usize| d.profiles[axis][side].iter().enumerate().map(|(i, v)| (at(i), *v)).collect();
-    let [a, b] = &d.profiles[axis];
+/// g(r) above which an axis that is not logarithmic shows nothing but its peak.
+const TALL: f64 = 30.0;
+/// g(r) of the truth below which a ratio says nothing.
+const LEAST_G: f64 = 0.2;
+
+fn rdf(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
+    let counts = s.rdf.as_ref()?;
+    let middle = |i: usize| 0.5 * (counts[0].edges[i] + counts[0].edges[i + 1]);
+    let [a, b] = counts.each_ref().map(PairCounts::g);
+    let of = |g: &[f64]| g.iter().enumerate().map(|(i, g)| (middle(i), *g)).collect::<Vec<_>>();
+    Some(Figure {
+        name: "rdf",
+        title: "Radial distribution function".into(),
+        x: format!("r{}", u.length),
+        y: "g(r)".into(),
+        log_x: false,
+        log_y: a.iter().chain(&b).any(|g| *g > TALL),
+        curves: pair([of(&a), of(&b)]),
+        ratio: (0..a.len()).filter(|i| a[*i] > LEAST_G).map(|i| (middle(i), b[i] / a[i])).collect(),
+        levels: vec![1.0],
+    })
+}
+
+fn profiles(s: &Statistics, u: &Units) -> Vec<Figure<'static>> {
+    let names = [("profile_x", "x"), ("profile_y", "y"), ("profile_z", "z")];
+    let profiles = s.profiles.iter().flatten();
+    profiles.zip(names).map(|(p, (file, axis))| profile(p, file, axis, u)).collect()
+}
+
+fn profile(p: &AxisProfile, file: &'static str, axis: &str, u: &Units) -> Figure<'static> {
+    let share = |side: usize, i: usize| if p.mean[side] > 0.0 { p.density[side][i] / p.mean[side] } else { 0.0 };
+    let at = |i: usize| 0.5 * (p.edges[i] + p.edges[i + 1]);
+    let bins = p.edges.len() - 1;
+    let of = |side: usize| (0..bins).map(|i| (at(i), share(side, i))).collect();
     Figure {
-        name: names.0,
-        title: format!("Mass along {}", names.1),
-        x: format!("{}{}", names.1, u.length),
-        y: "mass per layer of cells / mean".into(),
+        name: file,
+        title: format!("Density along {axis}"),
+        x: format!("{axis}{}", u.length),
+        y: "density / mean".into(),
         log_x: false,
         log_y: false,
         curves: pair([of(0), of(1)]),
-        ratio: (0..a.len()).filter(|i| a[*i] > 0.0).map(|i| (at(i), b[i] / a[i])).collect(),
+        ratio: (0..bins).filter(|i| share(0, *i) > 0.0).map(|i| (at(i), share(1, i) / share(0, i))).collect(),
         levels: vec![],
     }
+}
+
+/// The mean density of shells about all centres, and the median of enclosed masses.
+fn halo_profile(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
+    let h = s.haloes.as_ref()?;
+    let scale = h.radius.unwrap_or(1.0);
+    let of = |side: usize| {
+        let density = |shell: usize| (0..h.radii.len()).map(|i| h.density(i, shell)[side]).sum::<f64>();
+        let middle = |shell: usize| scale * (h.edges[shell] * h.edges[shell + 1]).sqrt();
+        let per = h.count as f64 * h.mean_density[side];
+        (0..h.edges.len() - 1).map(|shell| (middle(shell), density(shell) / per)).collect()
+    };
+    let ratio = h.edges.iter().zip(&h.median).filter_map(|(edge, median)| Some((scale * edge, (*median)?)));
+    Some(Figure {
+        name: "halo_profile",
+        title: format!("Density about {} centres; below, mass within r (median)", h.count),
+        x: if h.radius.is_some() { format!("r{}", u.length) } else { "r / largest radius".into() },
+        y: "density / mean of the box".into(),
+        log_x: true,
+        log_y: true,
+        curves: pair([of(0), of(1)]),
+        ratio: ratio.collect(),
+        levels: vec![],
+    })
 }
 
 /// Truth and other side by side, the logarithm of density from a tenth to a thousand times the mean.

@@ -2,7 +2,7 @@
 
 use particlegs::Result;
 use particlegs::model::per_length;
-use particlegs::stats::{SizeClass, Statistics};
+use particlegs::stats::{PairCounts, SizeClass, Statistics};
 use particlegs_files::output::write_bytes;
 use std::path::Path;
 
@@ -83,6 +83,9 @@ pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
         csv.write(folder, "xi_transform.csv")?;
     }
     write_density(folder, s)?;
+    write_rdf(folder, s)?;
+    write_profiles(folder, s)?;
+    write_haloes(folder, s)?;
     write_groups(folder, s)?;
     write_neighbours(folder, s)
 }
@@ -95,16 +98,78 @@ fn write_density(folder: &Path, s: &Statistics) -> Result<()> {
         let [a, b] = cells;
         csv.row(&[number(d.pdf.edges[i]), number(d.pdf.edges[i + 1]), a, b]);
     }
-    csv.write(folder, "density_pdf.csv")?;
-    let mut csv = Csv::new("axis,low,high,truth,other");
-    for (k, axis) in ["x", "y", "z"].iter().enumerate() {
-        let [a, b] = &d.profiles[k];
+    csv.write(folder, "density_pdf.csv")
+}
+
+fn write_rdf(folder: &Path, s: &Statistics) -> Result<()> {
+    let Some(pair) = &s.rdf else { return Ok(()) };
+    let mut csv = Csv::new("r_low,r_high,pairs_truth,pairs_other,ideal_truth,ideal_other,g_truth,g_other");
+    let ([a, b], [of_a, of_b]) = (pair, pair.each_ref().map(PairCounts::g));
+    for i in 0..of_a.len() {
+        csv.row(&[
+            number(a.edges[i]),
+            number(a.edges[i + 1]),
+            a.pairs[i].to_string(),
+            b.pairs[i].to_string(),
+            number(a.expected[i]),
+            number(b.expected[i]),
+            number(of_a[i]),
+            number(of_b[i]),
+        ]);
+    }
+    csv.write(folder, "rdf.csv")
+}
+
+fn write_profiles(folder: &Path, s: &Statistics) -> Result<()> {
+    let Some(profiles) = &s.profiles else { return Ok(()) };
+    let mut csv = Csv::new("axis,low,high,truth,other,density_truth,density_other");
+    for (axis, p) in ["x", "y", "z"].iter().zip(profiles) {
+        let [a, b] = &p.density;
+        let share = |side: usize, v: f64| number(if p.mean[side] > 0.0 { v / p.mean[side] } else { 0.0 });
         for i in 0..a.len() {
-            let at = |i: usize| s.domain.min[k] + i as f64 * d.side[k];
-            csv.row(&[(*axis).into(), number(at(i)), number(at(i + 1)), number(a[i]), number(b[i])]);
+            csv.row(&[
+                (*axis).into(),
+                number(p.edges[i]),
+                number(p.edges[i + 1]),
+                share(0, a[i]),
+                share(1, b[i]),
+                number(a[i]),
+                number(b[i]),
+            ]);
         }
     }
     csv.write(folder, "profiles.csv")
+}
+
+fn write_haloes(folder: &Path, s: &Statistics) -> Result<()> {
+    let Some(h) = &s.haloes else { return Ok(()) };
+    let mut csv =
+        Csv::new("centre,x,y,z,radius,r_low,r_high,density_truth,density_other,enclosed_truth,enclosed_other");
+    for (i, (at, radius)) in h.centers.iter().zip(&h.radii).enumerate() {
+        for shell in 0..h.edges.len() - 1 {
+            let ([a, b], [within_a, within_b]) = (h.density(i, shell), h.enclosed_mass(i, shell + 1));
+            let [x, y, z] = *at;
+            let (low, high) = (h.edges[shell] * radius, h.edges[shell + 1] * radius);
+            let row = [x, y, z, *radius, low, high, a, b, within_a, within_b];
+            csv.row(&[vec![(i + 1).to_string()], row.map(number).to_vec()].concat());
+        }
+    }
+    csv.write(folder, "haloes.csv")?;
+    let mut csv = Csv::new("r,r_over_radius,haloes,median,quartile_low,quartile_high,total");
+    for (i, edge) in h.edges.iter().enumerate() {
+        let [low, high] = [0, 1].map(|q| maybe(h.quartiles[i].map(|of| of[q])));
+        let (median, total) = (maybe(h.median[i]), maybe(h.total[i]));
+        csv.row(&[
+            maybe(h.radius.map(|r| r * edge)),
+            number(*edge),
+            h.compared[i].to_string(),
+            median,
+            low,
+            high,
+            total,
+        ]);
+    }
+    csv.write(folder, "halo_mass.csv")
 }
 
 fn write_groups(folder: &Path, s: &Statistics) -> Result<()> {
@@ -192,6 +257,39 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
         line("nearest neighbour, median", {
             format!("{:.4}{length}, truth {:.4}: {:.3}", b.median, a.median, b.median / a.median)
         });
+    }
+    if s.rdf.is_some() {
+        let peak = |side: usize| match (t.rdf_peak_height[side], t.rdf_peak_at[side]) {
+            (Some(g), Some(r)) => format!("{g:.3} at {r:.4}{length}"),
+            _ => "none".into(),
+        };
+        line("g(r): first peak", format!("{}, truth {}", peak(1), peak(0)));
+        line("g(r): largest difference", t.rdf_largest_difference.map_or("-".into(), |d| format!("{d:+.3}")));
+    }
+    if let Some((p, axis)) = s.profiles.as_ref().zip(["x", "y", "z"].get(s.options.profile_axis)) {
+        let p = &p[s.options.profile_axis];
+        let [difference, noise] = [p.relative_difference, p.shot_noise].map(|v| 100.0 * v);
+        line(
+            &format!("profile along {axis}: RMS difference"),
+            format!("{difference:.2} % of the mean density, shot noise {noise:.2} %"),
+        );
+        let [truth, other] = p.half_mass_height;
+        line(&format!("profile along {axis}: half-mass height"), format!("{other:.4}{length}, truth {truth:.4}"));
+    }
+    if let Some(h) = &s.haloes {
+        line("haloes: centres", {
+            let radius = h.radius.map_or("given".into(), |r| format!("{r:.4}{length}"));
+            format!("{}, largest radius {radius}", h.count)
+        });
+        for share in [0.1, 0.3, 1.0] {
+            let near = |i: &usize| (h.edges[*i] / share).ln().abs();
+            let Some(i) = (0..h.edges.len()).min_by(|a, b| near(a).total_cmp(&near(b))) else { continue };
+            let Some((median, [low, high])) = h.median[i].zip(h.quartiles[i]) else { continue };
+            line(
+                &format!("haloes: mass within {:.3} of that", h.edges[i]),
+                format!("{median:.3} of the truth (median; quartiles {low:.3} and {high:.3})"),
+            );
+        }
     }
     if let Some(l) = &s.likelihood {
         line(

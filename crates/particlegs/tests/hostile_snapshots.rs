@@ -200,7 +200,17 @@ fn odd_options_of_statistics_end() {
         tried(&|o| o.linking = v);
         tried(&|o| o.aperture = v);
     }
+    for v in [0.0, 5e-324, 1e-300, 0.3, 1e300, f64::INFINITY, f64::NAN] {
+        tried(&|o| o.rdf_max = Some(v));
+        tried(&|o| (o.halo_radius, o.centers) = (Some(v), Some(vec![([0.5; 3], None)])));
+        tried(&|o| o.centers = Some(vec![([v, -1e300, 0.5], Some(v)), ([0.1; 3], None)]));
+    }
+    assert_eq!(tried(&|o| o.centers = Some(vec![([f64::NAN; 3], None)])), Tried::Refused);
+    assert_eq!(tried(&|o| o.centers = Some(vec![([1e30; 3], Some(1.0)); 3])), Tried::Measured);
     for n in [0, 1, 2, 9000, usize::MAX] {
+        tried(&|o| o.profile_axis = n);
+        tried(&|o| o.profile_bins = n);
+        tried(&|o| o.halo_bins = n);
         tried(&|o| o.cells = n.min(9000));
         tried(&|o| o.bins_per_decade = n);
         tried(&|o| o.smallest_group = n);

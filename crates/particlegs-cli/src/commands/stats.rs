@@ -1,5 +1,6 @@
 //! `particlegs stats TRUTH OTHER -o DIR`.
 
+use crate::centres;
 use crate::common::Common;
 use crate::inputs::{self, Either};
 use crate::snapshot_args::SnapshotArgs;
@@ -24,14 +25,17 @@ Examples:
   particlegs stats model.pgs held-out -o stats --only likelihood",
     after_long_help = "\
 Writes stats.json, tables as CSV and plots as SVG and PNG. A model is measured from its Gaussians:
-density, P(k), r(k), xi(r) by transform and moments; pairs, groups and neighbours need particles.
+density, profiles, P(k), r(k), xi(r) by transform, moments and mass about centres; pairs, groups,
+neighbours and g(r) need particles.
 A model and particles, in either order, also give the likelihood of those under it.
 docs/guide/statistics.md defines every measure.
 
 Examples:
   particlegs stats snapshot recovered -o stats
   particlegs stats snapshot model.pgs -o stats --only density,spectrum
-  particlegs stats snapshot recovered -o stats --grid 50 --spectrum-grid 512"
+  particlegs stats snapshot recovered -o stats --grid 50 --spectrum-grid 512
+  particlegs stats melt.dump recovered -o stats --only rdf,profile --profile-axis z
+  particlegs stats snapshot model.pgs -o stats --only haloes --centres catalogue.csv"
 )]
 pub struct Arguments {
     /// Truth: a snapshot's file or folder, or a model file.
@@ -75,6 +79,27 @@ pub struct Arguments {
     /// Where there are more, a sample of the particles is taken as primaries.
     #[arg(long, value_name = "N", default_value_t = 300_000_000, hide_short_help = true)]
     pairs: u64,
+    /// g(r): largest distance [default: 4 mean spacings, at most half the box].
+    #[arg(long, value_name = "R", hide_short_help = true)]
+    rdf_max: Option<f64>,
+    /// Profile: axis whose figures are printed.
+    #[arg(long, value_enum, value_name = "AXIS", default_value_t = AxisName::Z, hide_short_help = true)]
+    profile_axis: AxisName,
+    /// Profile: number of slabs.
+    #[arg(long, value_name = "N", default_value_t = 200, hide_short_help = true)]
+    profile_bins: usize,
+    /// Haloes: text file with x, y, z and perhaps a radius in each line.
+    ///
+    /// A first line of names is allowed. Without a file, the centres are those of the truth's groups of
+    /// 100 particles and more, the 1000 largest of them.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    centres: Option<PathBuf>,
+    /// Haloes: largest radius [default: the file's, else 2 mean spacings].
+    #[arg(long, value_name = "R", hide_short_help = true)]
+    halo_radius: Option<f64>,
+    /// Haloes: number of shells, from a 50th of the largest radius to that radius.
+    #[arg(long, value_name = "N", default_value_t = 20, hide_short_help = true)]
+    halo_bins: usize,
     /// Groups: linking length in mean spacings.
     #[arg(long, value_name = "B", default_value_t = 0.2)]
     linking: f64,
@@ -113,6 +138,20 @@ enum MeasureName {
     Moments,
     /// Likelihood of particles under a model, in bits a particle.
     Likelihood,
+    /// g(r), the radial distribution function.
+    Rdf,
+    /// Density along the axes.
+    Profile,
+    /// Density and enclosed mass about centres.
+    Haloes,
+}
+
+/// An axis.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum AxisName {
+    X,
+    Y,
+    Z,
 }
 
 /// Whose definitions.
@@ -155,6 +194,9 @@ impl From<MeasureName> for Measure {
             MeasureName::Neighbours => Measure::Neighbours,
             MeasureName::Moments => Measure::Moments,
             MeasureName::Likelihood => Measure::Likelihood,
+            MeasureName::Rdf => Measure::Rdf,
+            MeasureName::Profile => Measure::Profile,
+            MeasureName::Haloes => Measure::Haloes,
         }
     }
 }
@@ -206,10 +248,11 @@ struct Report<'a> {
 /// Measures and writes.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let options = options(&a)?;
-    context.reads([a.truth.as_path(), &a.other], false)?;
+    let mut options = options(&a)?;
+    context.reads([a.truth.as_path(), &a.other].into_iter().chain(a.centres.as_deref()), false)?;
     context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
+    options.centers = a.centres.as_ref().map(|path| centres::read(path, &context)).transpose()?;
     let truth = Source::open(&a.truth, &a.snapshot, &context)?;
     let other = Source::open(&a.other, &a.snapshot, &context)?;
     let statistics = compare(truth.subject(), other.subject(), &options, &context)?;
@@ -254,6 +297,11 @@ fn options(a: &Arguments) -> Result<StatsOptions> {
         k_max: a.k_max,
         separations,
         pair_budget: a.pairs,
+        rdf_max: a.rdf_max,
+        profile_axis: a.profile_axis as usize,
+        profile_bins: a.profile_bins,
+        halo_radius: a.halo_radius,
+        halo_bins: a.halo_bins,
         linking: a.linking,
         aperture: a.aperture,
         neighbour_sample: a.neighbours,

@@ -10,6 +10,12 @@ fn thinned(dir: &Path) -> PathBuf {
     out
 }
 
+/// Without options of measures that may not be among them.
+fn stats_of(truth: &Path, other: &Path, out: &Path, more: &[&str]) -> serde_json::Value {
+    particlegs().arg("stats").arg(truth).arg(other).arg("-o").arg(out).args(more).arg("-q").assert().success();
+    serde_json::from_slice(&std::fs::read(out.join("stats.json")).unwrap()).unwrap()
+}
+
 fn stats(truth: &Path, other: &Path, out: &Path, more: &[&str]) -> serde_json::Value {
     let mut command = particlegs();
     command.arg("stats").arg(truth).arg(other).arg("-o").arg(out).args(["--grid", "24", "--spectrum-grid", "32"]);
@@ -65,6 +71,79 @@ fn a_model_is_measured_by_its_mixture() {
     assert!(s["groups"].is_null() && s["xi_by_pairs"].is_null() && s["spectra"]["shot_noise"][1] == 0.0);
     assert!(s["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("recover")));
     assert!(listing(&out).iter().all(|f| !f.ends_with(".png")));
+}
+
+/// The columns of a table, by name.
+fn table(path: &Path) -> Vec<std::collections::BTreeMap<String, String>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut rows = text.lines().map(|l| l.split(',').map(str::to_string).collect::<Vec<_>>());
+    let head = rows.next().unwrap();
+    rows.map(|row| head.iter().cloned().zip(row).collect()).collect()
+}
+
+#[test]
+fn distances_profiles_and_haloes_are_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let (thin, out) = (thinned(dir.path()), dir.path().join("a"));
+    let centres = dir.path().join("centres.csv");
+    std::fs::write(&centres, "id,x,y,z,radius\n1,12,12,12,4\n2,1,24.5,10,\n").unwrap();
+    let more = ["--only", "rdf,profile,haloes", "--profile-axis", "x", "--profile-bins", "25", "--halo-bins", "8"];
+    let given = ["--centres", centres.to_str().unwrap()];
+    let s = stats_of(&thin, &thin, &out, &[&more[..], &given].concat());
+    assert_eq!(s["summary"]["rdf_largest_difference"], 0.0);
+    assert_eq!((&s["summary"]["halo_mass"], &s["summary"]["profile_relative_difference"]), (&1.0.into(), &0.0.into()));
+    assert!(s["density"].is_null() && s["groups"].is_null() && s["xi_by_pairs"].is_null());
+    let rdf = table(&out.join("rdf.csv"));
+    assert!(rdf.len() == 200 && rdf.iter().all(|r| r["g_truth"] == r["g_other"]));
+    assert!(rdf[100]["g_truth"].parse::<f64>().unwrap() > 1.0);
+    let profiles = table(&out.join("profiles.csv"));
+    assert_eq!(profiles.iter().filter(|r| r["axis"] == "x").count(), 25);
+    let mass: f64 =
+        profiles.iter().take(25).map(|r| r["density_truth"].parse::<f64>().unwrap() * 25f64.powi(3) / 25.0).sum();
+    assert!((mass - 16_384.0).abs() < 1e-6, "{mass}");
+    let haloes = table(&out.join("haloes.csv"));
+    assert_eq!((haloes.len(), &haloes[7]["r_high"][..], &haloes[15]["centre"][..]), (16, "4", "2"));
+    assert!(haloes.iter().all(|r| r["enclosed_truth"] == r["enclosed_other"]));
+    for name in ["rdf.svg", "profile_x.png", "halo_profile.png", "halo_mass.csv"] {
+        assert!(out.join(name).exists(), "{name}");
+    }
+    assert!(std::fs::read_to_string(out.join("rdf.svg")).unwrap().contains("r [Mpc/h]"));
+}
+
+#[test]
+fn a_model_has_profiles_and_haloes_and_no_distances() {
+    let dir = tempfile::tempdir().unwrap();
+    let (thin, model, out) = (thinned(dir.path()), dir.path().join("m.pgs"), dir.path().join("a"));
+    let mut compress = particlegs();
+    compress.arg("compress").arg(&thin).arg("-o").arg(&model).args(["--gaussians", "800", "--effort", "fast"]);
+    compress.args(["--certificate=none", "--quiet"]).assert().success();
+    let more = ["--only", "rdf,profile,haloes", "--profile-bins", "20", "--linking", "0.25", "--no-plots"];
+    let s = stats_of(&thin, &model, &out, &more);
+    assert!(s["rdf"].is_null() && s["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("g(r)")));
+    let of = |name: &str| s["summary"][name].as_f64().unwrap();
+    assert!(of("profile_relative_difference") < 0.1 && (of("halo_mass") - 1.0).abs() < 0.1, "{}", s["summary"]);
+    // The other way round there are no groups to take centres of.
+    let s = stats_of(&model, &thin, &dir.path().join("b"), &["--only", "haloes", "--no-plots"]);
+    assert!(s["haloes"].is_null() && s["notes"][0].as_str().unwrap().contains("no centres"), "{}", s["notes"]);
+}
+
+#[test]
+fn centres_that_cannot_be_used_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let (thin, centres) = (thinned(dir.path()), dir.path().join("centres.txt"));
+    let run = |text: &str, more: &[&str]| {
+        std::fs::write(&centres, text).unwrap();
+        let mut command = particlegs();
+        command.arg("stats").arg(&thin).arg(&thin).arg("-o").arg(dir.path().join("a")).arg("--centres").arg(&centres);
+        command.args(more);
+        command
+    };
+    fails(&mut run("1 2 3\n4 5\n", &[]), 3, "line 2");
+    fails(&mut run("", &[]), 3, "empty");
+    fails(&mut run("1\u{0}2", &[]), 3, "a list of centres");
+    fails(&mut run("1 2 3 13", &["--only", "haloes"]), 2, "half the box");
+    fails(&mut run("1 2 3", &["--only", "haloes", "--halo-radius", "0"]), 2, "the radius of a halo");
+    fails(&mut run("1 2 3", &["--only", "rdf"]), 2, "belongs to the measure `haloes`");
 }
 
 #[test]

@@ -2,18 +2,22 @@
 
 use super::aperture::{aperture_mass, counts_within, group_center};
 use super::boxes::check_boxes;
-use super::density::{central_slice, compare_density, density_pdf, mean_mass, profile};
+use super::density::{central_slice, compare_density, density_pdf, mean_mass};
+use super::haloes::{HaloPlaces, HaloSide, halo_profiles};
 use super::likelihood::likelihood;
 use super::moments::axis_moments;
 use super::neighbours::{NeighbourOptions, nearest_distances};
 use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation};
 use super::points::local_positions;
+use super::profile::axis_profiles;
+use super::rdf::rdf_edges;
 use super::report::{DensityReport, GroupReport, Statistics, XiByTransform};
 use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
 use super::xi_transform::xi_of_modes;
 use super::{
-    Convention, Domain, Field, Grid, Groups, Likelihood, Measure, NearestDistances, PairCounts, SizeClass,
-    StatsOptions, Subject, Summary, deposit, deposit_bytes, deposit_steps, find_groups, longest_link, size_histogram,
+    AxisProfile, Convention, Domain, Field, Grid, Groups, HaloProfiles, Likelihood, Measure, NearestDistances,
+    PairCounts, SizeClass, StatsOptions, Subject, Summary, deposit, deposit_bytes, deposit_steps, find_groups,
+    longest_link, size_histogram,
 };
 use crate::model::LawKind;
 use crate::parallel;
@@ -24,6 +28,13 @@ use std::f64::consts::PI;
 
 /// Sizes of groups whose cores are compared.
 const CORES: [[u64; 2]; 3] = [[100, 299], [300, 999], [1000, u64::MAX]];
+
+/// Particles of the smallest group whose centre is a halo's, and the most haloes.
+const LEAST_HALO: usize = 100;
+const MOST_HALOES: usize = 1000;
+/// How far g(r) and haloes go, in mean spacings.
+const RDF_SPACINGS: f64 = 4.0;
+const HALO_SPACINGS: f64 = 2.0;
 
 /// Largest over smallest separation: float32 positions tell no more apart.
 const WIDEST_SEPARATIONS: f64 = 1e9;
@@ -55,31 +66,28 @@ pub fn compare(
     let (spectra, xi_by_transform) = if wants(Measure::Spectrum) { job.spectrum()? } else { (None, None) };
     let moments = wants(Measure::Moments).then(|| job.pair.map(axis_moments));
     let likelihood = if wants(Measure::Likelihood) { job.likelihood()? } else { None };
-    let (mut xi_by_pairs, mut groups, mut neighbours) = (None, None, None);
-    let of_points = [Measure::Pairs, Measure::Groups, Measure::Neighbours];
-    if of_points.iter().any(|m| wants(*m)) {
-        if let [Some(a), Some(b)] = job.pair.map(|s| s.particles()) {
-            if wants(Measure::Pairs) || wants(Measure::Groups) {
-                particlegs_files::memory::require("positions", 24 * (a.len() + b.len()) as u64)?;
-                let positions = [local_positions(a, &job.domain), local_positions(b, &job.domain)];
-                let positions = [&positions[0][..], &positions[1][..]];
-                xi_by_pairs = if wants(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
-                groups = if wants(Measure::Groups) { job.groups(positions, &mut notes)? } else { None };
-            }
-            neighbours = if wants(Measure::Neighbours) { Some(job.neighbours([a, b])?) } else { None };
-        } else {
-            notes.push("pairs, groups and neighbours need particles: recover them from the model first".into());
-        }
+    let profiles = if wants(Measure::Profile) { Some(job.profiles()?) } else { None };
+    let particles = job.both_particles();
+    let of_pairs = |m| particles.is_some() && wants(m);
+    let of_particles = [Measure::Pairs, Measure::Groups, Measure::Neighbours, Measure::Rdf];
+    if particles.is_none() && of_particles.iter().any(|m| wants(*m)) {
+        notes.push("pairs, groups, neighbours and g(r) need particles: recover them from the model first".into());
     }
-    let summary = Summary::new(
-        density.as_ref().map(|d| &d.agreement),
-        spectra.as_ref(),
-        xi_by_pairs.as_ref(),
-        xi_by_transform.as_ref(),
-        groups.as_ref(),
-        neighbours.as_ref(),
-    );
-    Ok(Statistics {
+    let neighbours = match particles {
+        Some(pair) if wants(Measure::Neighbours) => Some(job.neighbours(pair)?),
+        _ => None,
+    };
+    let positions = job.positions()?;
+    let positions = [&positions[0][..], &positions[1][..]];
+    let truth_groups = job.truth_groups(positions[0], &mut notes)?;
+    let xi_by_pairs = if of_pairs(Measure::Pairs) { Some(job.pairs(positions, &mut notes)?) } else { None };
+    let rdf = if of_pairs(Measure::Rdf) { Some(job.rdf(positions, &mut notes)?) } else { None };
+    let groups = match &truth_groups {
+        Some(truth) if of_pairs(Measure::Groups) => job.groups(positions, truth, &mut notes)?,
+        _ => None,
+    };
+    let haloes = if wants(Measure::Haloes) { job.haloes(positions, truth_groups.as_ref(), &mut notes)? } else { None };
+    let mut statistics = Statistics {
         options: o.clone(),
         domain: job.domain,
         particles: job.pair.map(|s| s.count()),
@@ -93,9 +101,14 @@ pub fn compare(
         neighbours,
         moments,
         likelihood,
-        summary,
+        rdf,
+        profiles,
+        haloes,
+        summary: Summary::default(),
         notes,
-    })
+    };
+    statistics.summary = Summary::new(&statistics);
+    Ok(statistics)
 }
 
 fn check(o: &StatsOptions) -> Result<()> {
@@ -113,6 +126,19 @@ fn check(o: &StatsOptions) -> Result<()> {
     within("the aperture in mean spacings", o.aperture, 1e-6, 100.0)?;
     within("the smallest group", o.smallest_group as f64, 2.0, 1e9)?;
     within("the sample of neighbours", o.neighbour_sample as f64, 2.0, 4e9)?;
+    within("the axis of a profile", o.profile_axis as f64, 0.0, 2.0)?;
+    within("slabs of a profile", o.profile_bins as f64, 1.0, 10_000.0)?;
+    within("shells about a halo", o.halo_bins as f64, 1.0, 1000.0)?;
+    if let Some(r) = o.rdf_max {
+        within("the largest distance of g(r)", r, f64::MIN_POSITIVE, f64::MAX)?;
+    }
+    let stated = o.centers.iter().flatten().filter_map(|(_, r)| *r);
+    for r in stated.chain(o.halo_radius) {
+        within("the radius of a halo", r, f64::MIN_POSITIVE, f64::MAX)?;
+    }
+    if o.centers.iter().flatten().any(|(c, _)| c.iter().any(|v| !v.is_finite())) {
+        return Err(Error::argument("centres of haloes must be finite"));
+    }
     if let Some(k) = o.k_max {
         within("the largest wave number", k, f64::MIN_POSITIVE, f64::MAX)?;
     }
@@ -166,7 +192,7 @@ impl Job<'_> {
             notes.push("axes that are not periodic: P(k) treats them as if they were".into());
         }
         if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights().is_some())) {
-            notes.push("pairs, groups and neighbours count particles, whatever their weights".into());
+            notes.push("pairs, groups, neighbours and g(r) count particles, whatever their weights".into());
         }
         let gridded = [Measure::Density, Measure::Spectrum].iter().any(|m| self.o.measures.contains(m));
         if gridded && self.pair.iter().any(|s| s.particles().is_none()) {
@@ -209,11 +235,6 @@ impl Job<'_> {
         let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
         self.progress.end();
         let inside = |f: &Field| mean_mass(f) * f.grid.len() as f64;
-        let mean_profile = |f: &Field, axis| {
-            let p = profile(f, axis);
-            let mean = p.iter().sum::<f64>() / p.len() as f64;
-            p.into_iter().map(|v| if mean > 0.0 { v / mean } else { 0.0 }).collect::<Vec<f64>>()
-        };
         Ok(DensityReport {
             cells: grid.cells,
             side: grid.side,
@@ -221,7 +242,6 @@ impl Job<'_> {
             mass_ratio: (inside(&b) + b.outside) / (inside(&a) + a.outside),
             outside: [&a, &b].map(|f| f.outside / (inside(f) + f.outside)),
             pdf: density_pdf(&a, &b),
-            profiles: [0, 1, 2].map(|axis| [mean_profile(&a, axis), mean_profile(&b, axis)]),
             slices: [0, 1, 2].map(|axis| [central_slice(&a, axis), central_slice(&b, axis)]),
         })
     }
@@ -270,30 +290,115 @@ impl Job<'_> {
     }
 
     fn pairs(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
-        let options = PairOptions { edges: self.edges(), budget: self.o.pair_budget, seed: self.o.seed };
+        let options = PairOptions { edges: self.edges(), band: 3.0, budget: self.o.pair_budget, seed: self.o.seed };
         let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.progress);
         let counts = [count(0)?, count(1)?];
-        if counts.iter().any(|c| c.primaries.iter().any(|p| *p < c.particles)) {
+        if counts.iter().any(PairCounts::sampled) {
             notes.push("pairs at large separations are of a random sample of particles with all others".into());
         }
         Ok(counts)
     }
 
-    /// `None`, and a note, in a box too thin for links of that length.
-    fn groups(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<Option<GroupReport>> {
-        let lengths = [0, 1].map(|side| self.o.linking * self.spacing(side));
-        let longest = longest_link(&self.domain);
-        if lengths.iter().any(|l| *l > longest) {
-            let length = lengths[0].max(lengths[1]);
+    /// g(r), of fewer pairs than xi(r): its bands are wider and its bins narrower.
+    fn rdf(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
+        let longest = longest_separation(&self.domain);
+        if let Some(wanted) = self.o.rdf_max.filter(|r| *r > longest) {
+            notes.push(format!("g(r) ends at {longest:.4e}, as far as the box goes, not at {wanted:.4e}"));
+        }
+        let edges = rdf_edges(self.o.rdf_max.unwrap_or(RDF_SPACINGS * self.spacing(0)).min(longest));
+        let options = PairOptions { edges, band: 10.0, budget: self.o.pair_budget / 3, seed: self.o.seed };
+        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.progress);
+        let counts = [count(0)?, count(1)?];
+        if counts.iter().any(PairCounts::sampled) {
+            notes.push("g(r) is of a random sample of particles with all others".into());
+        }
+        Ok(counts)
+    }
+
+    fn profiles(&self) -> Result<[AxisProfile; 3]> {
+        axis_profiles(self.pair, &self.domain, self.o.profile_bins, self.progress)
+    }
+
+    /// The particles, where both sides are some.
+    fn both_particles(&self) -> Option<[&Particles; 2]> {
+        let [truth, other] = self.pair.map(|s| s.particles());
+        Some([truth?, other?])
+    }
+
+    fn wants(&self, measures: &[Measure]) -> bool {
+        measures.iter().any(|m| self.o.measures.contains(m))
+    }
+
+    /// Positions of either side, where it has any and something is measured of them.
+    fn positions(&self) -> Result<[Vec<[f64; 3]>; 2]> {
+        let of_pairs = self.both_particles().is_some() && self.wants(&[Measure::Pairs, Measure::Groups, Measure::Rdf]);
+        let needed = of_pairs || self.wants(&[Measure::Haloes]);
+        let particles = self.pair.map(|s| s.particles().filter(|_| needed));
+        let bytes = particles.iter().flatten().map(|p| 24 * p.len() as u64).sum();
+        particlegs_files::memory::require("positions", bytes)?;
+        Ok(particles.map(|p| p.map_or(Vec::new(), |p| local_positions(p, &self.domain))))
+    }
+
+    /// The truth's groups, where they are asked for or stand for haloes' centres. `None`, and a note, in a box too
+    /// thin for links of that length.
+    fn truth_groups(&self, positions: &[[f64; 3]], notes: &mut Vec<String>) -> Result<Option<Groups>> {
+        let centers = self.wants(&[Measure::Haloes]) && self.o.centers.is_none() && !positions.is_empty();
+        let measured = self.wants(&[Measure::Groups]) && self.both_particles().is_some();
+        if centers || measured { self.find_groups(positions, 0, notes) } else { Ok(None) }
+    }
+
+    fn find_groups(&self, positions: &[[f64; 3]], side: usize, notes: &mut Vec<String>) -> Result<Option<Groups>> {
+        let (length, longest) = (self.o.linking * self.spacing(side), longest_link(&self.domain));
+        if length > longest {
             notes.push(format!("no groups: links of {length:.4e} are longer than a third of the box, {longest:.4e}"));
             return Ok(None);
         }
-        let find = |side: usize| {
-            find_groups(positions[side], &self.domain, lengths[side], self.o.smallest_group, self.progress)
+        find_groups(positions, &self.domain, length, self.o.smallest_group, self.progress).map(Some)
+    }
+
+    /// `None`, and a note, where there are no centres.
+    fn haloes(
+        &self,
+        positions: [&[[f64; 3]]; 2],
+        truth: Option<&Groups>,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<HaloProfiles>> {
+        let repeats = (0..3).filter(|k| self.domain.periodic[*k]).map(|k| 0.5 * self.domain.length[k]);
+        let longest = repeats.fold(f64::INFINITY, f64::min);
+        let default = (HALO_SPACINGS * self.spacing(0)).min(longest);
+        let (centers, stated): (Vec<[f64; 3]>, Vec<Option<f64>>) = match (&self.o.centers, truth) {
+            (Some(given), _) => given.iter().map(|(c, r)| (self.domain.local(*c), *r)).unzip(),
+            (None, Some(groups)) => {
+                let large = groups.members.iter().take(MOST_HALOES).take_while(|m| m.len() >= LEAST_HALO);
+                let center = |m: &Vec<u32>| (group_center(positions[0], m, &self.domain), None);
+                parallel::map(large, center).into_iter().unzip()
+            }
+            (None, None) => (vec![], vec![]),
         };
-        let groups = [find(0)?, find(1)?];
-        let apertures = self.apertures(positions, &groups[0], notes)?;
-        let sizes = groups.each_ref().map(Groups::sizes);
+        if centers.is_empty() {
+            notes.push("no haloes: no centres are given, and the truth has no groups of 100 particles".into());
+            return Ok(None);
+        }
+        let radii: Vec<f64> = stated.iter().map(|r| self.o.halo_radius.or(*r).unwrap_or(default)).collect();
+        if let Some(r) = radii.iter().find(|r| **r > longest) {
+            return Err(Error::argument(format!("the radius of a halo, {r:.6}, is above half the box, {longest:.6}")));
+        }
+        let side = |s: usize| HaloSide { subject: self.pair[s], positions: positions[s] };
+        let places = HaloPlaces { centers: &centers, radii: &radii, bins: self.o.halo_bins };
+        halo_profiles([side(0), side(1)], &self.domain, &places, self.progress).map(Some)
+    }
+
+    /// `None`, and a note, in a box too thin for links of the other's length.
+    fn groups(
+        &self,
+        positions: [&[[f64; 3]]; 2],
+        truth: &Groups,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<GroupReport>> {
+        let Some(other) = self.find_groups(positions[1], 1, notes)? else { return Ok(None) };
+        let groups = [truth, &other];
+        let apertures = self.apertures(positions, truth, notes)?;
+        let sizes = groups.map(Groups::sizes);
         let smallest = self.o.smallest_group as u64;
         let class = |from: u64, to: Option<u64>| SizeClass::of(sizes.each_ref().map(|s| &s[..]), from, to);
         let classes = [(20, Some(49)), (50, Some(99)), (100, None)]
@@ -304,7 +409,7 @@ impl Job<'_> {
         let largest = sizes.each_ref().map(|s| s.first().copied().unwrap_or(0));
         let histogram = size_histogram(sizes.each_ref().map(|s| &s[..]), smallest);
         Ok(Some(GroupReport {
-            linking_length: groups.each_ref().map(|g| g.linking_length),
+            linking_length: groups.map(|g| g.linking_length),
             classes,
             histogram,
             largest,

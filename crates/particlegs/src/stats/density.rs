@@ -155,21 +155,6 @@ pub fn central_slice(f: &Field, axis: usize) -> Vec<f32> {
     values
 }
 
-/// Mass in each plane across `axis`: the histogram of positions along it.
-pub fn profile(f: &Field, axis: usize) -> Vec<f64> {
-    let n = f.grid.cells;
-    let mut out = vec![0.0; n[axis]];
-    for i in 0..n[0] {
-        for j in 0..n[1] {
-            let row = f.grid.index([i, j, 0]);
-            for (k, v) in f.mass[row..row + n[2]].iter().enumerate() {
-                out[[i, j, k][axis]] += f64::from(*v);
-            }
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -203,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn slices_and_profiles_follow_the_axes() {
+    fn slices_follow_the_axes() {
         let domain = Domain { min: [0.0; 3], length: [2.0, 3.0, 4.0], periodic: [true; 3] };
         let grid = Grid::stretched(&domain, [2, 3, 4]);
         let f = Field { grid, mass: (0..24).map(|i| i as f32).collect(), outside: 0.0 };
@@ -211,7 +196,5 @@ mod tests {
         let s = central_slice(&f, 1);
         assert_eq!(s.len(), 2 * 4);
         assert!((f64::from(s[4 + 3]) - f64::from(f.mass[grid.index([1, 1, 3])]) / mean).abs() < 1e-6);
-        assert_eq!(profile(&f, 0), vec![66.0, 210.0]);
-        assert_eq!(profile(&f, 2).iter().sum::<f64>(), 276.0);
     }
 }

@@ -157,7 +157,7 @@ fn nodes(out: &mut Vec<(f64, f64)>, variance: f64, kernel: f64) {
 
 /// Cells along axis `k` and a one-dimensional Gaussian's share in each, folded where the axis
 /// repeats and cut where it does not.
-fn shares(out: &mut Vec<(usize, f64)>, g: &Grid, k: usize, mean: f64, deviation: f64) {
+pub(super) fn shares(out: &mut Vec<(usize, f64)>, g: &Grid, k: usize, mean: f64, deviation: f64) {
     out.clear();
     let (n, side) = (g.cells[k] as i64, g.side[k]);
     let (mut x, s) = ((mean - g.min[k]) / side, deviation / side);
@@ -195,7 +195,7 @@ fn shares(out: &mut Vec<(usize, f64)>, g: &Grid, k: usize, mean: f64, deviation:
 
 /// The share of a Gaussian of deviation `s` below `x`, to 1e-7 (Abramowitz and Stegun 7.1.26):
 /// a grid's cell needs no more, and it is called a hundred times a Gaussian.
-fn normal_share(x: f64, s: f64) -> f64 {
+pub(super) fn normal_share(x: f64, s: f64) -> f64 {
     if s <= 0.0 {
         return if x > 0.0 { 1.0 } else { 0.0 };
     }

@@ -75,6 +75,19 @@ impl Grid {
         }
     }
 
+    /// The cells along an axis that hold coordinate `u`, in cells: none beyond an open edge, but an open grid's far
+    /// end belongs to its last.
+    pub(super) fn slab(&self, axis: usize, u: f64) -> Option<usize> {
+        let n = self.cells[axis];
+        if u >= 0.0 && u < n as f64 {
+            Some(u as usize)
+        } else if self.periodic[axis] {
+            Some(u.rem_euclid(n as f64) as usize % n)
+        } else {
+            (u == n as f64).then_some(n - 1)
+        }
+    }
+
     /// Number of cells.
     pub fn len(&self) -> usize {
         self.cells.iter().product()

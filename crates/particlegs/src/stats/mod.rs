@@ -5,7 +5,8 @@
 //! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). What looks at neighbours sorts positions
 //! into cells: pair counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in
 //! their cores (`aperture`); groups are compared by size (`sizes`); nearest neighbours use the particles' tree (`neighbours`).
-//! Particles are scored under a model itself (`likelihood`).
+//! Pairs in linear bins are g(r) (`rdf`); densities along axes (`profile`) and about centres (`haloes`) are of
+//! particles or of the Gaussians themselves (`sphere`), which particles are scored under, too (`likelihood`).
 
 mod aperture;
 mod boxes;
@@ -15,12 +16,15 @@ mod deposit;
 mod gaussian;
 mod grid;
 mod groups;
+mod haloes;
 mod likelihood;
 mod moments;
 mod neighbours;
 mod options;
 mod pairs;
 mod points;
+mod profile;
+mod rdf;
 mod report;
 mod resolved;
 #[cfg(test)]
@@ -29,6 +33,7 @@ mod sizes;
 mod spectrum;
 #[cfg(test)]
 mod spectrum_tests;
+mod sphere;
 mod subject;
 mod summary;
 #[cfg(test)]
@@ -46,6 +51,7 @@ use deposit::{deposit_bytes, deposit_steps};
 pub(crate) use gaussian::{Slab, Splat};
 pub use grid::{Assignment, Grid};
 pub(crate) use groups::{Groups, find_groups, longest_link};
+pub use haloes::HaloProfiles;
 pub use likelihood::Likelihood;
 pub(crate) use likelihood::{kernel_bits, likelihood};
 pub use moments::AxisMoments;
@@ -54,6 +60,7 @@ pub(crate) use neighbours::{NeighbourOptions, nearest_distances};
 pub use options::{Convention, Measure, StatsOptions};
 pub use pairs::PairCounts;
 pub(crate) use points::{Points, local_positions};
+pub use profile::AxisProfile;
 pub use report::{DensityReport, GroupReport, Statistics, XiByTransform};
 pub use sizes::SizeClass;
 pub(crate) use sizes::size_histogram;

@@ -20,11 +20,17 @@ pub enum Measure {
     Moments,
     /// Likelihood of particles under a model.
     Likelihood,
+    /// g(r), the radial distribution function.
+    Rdf,
+    /// Density along the axes.
+    Profile,
+    /// Density and enclosed mass about centres.
+    Haloes,
 }
 
 impl Measure {
     /// All of them.
-    pub const ALL: [Measure; 7] = [
+    pub const ALL: [Measure; 10] = [
         Measure::Density,
         Measure::Spectrum,
         Measure::Pairs,
@@ -32,6 +38,9 @@ impl Measure {
         Measure::Neighbours,
         Measure::Moments,
         Measure::Likelihood,
+        Measure::Rdf,
+        Measure::Profile,
+        Measure::Haloes,
     ];
 }
 
@@ -73,8 +82,22 @@ pub struct StatsOptions {
     pub separations: Option<[f64; 2]>,
     /// Bins of separation a decade.
     pub bins_per_decade: usize,
-    /// Distances to take for xi(r), about, a band and side; above it primaries are a sample.
+    /// Distances to take for xi(r), about, a band and side; above it primaries are a sample. g(r) takes a third.
     pub pair_budget: u64,
+    /// Largest distance of g(r); `None` = four mean spacings, as far as the box goes.
+    pub rdf_max: Option<f64>,
+    /// The axis whose profile is in the summary: 0, 1, 2.
+    pub profile_axis: usize,
+    /// Slabs of a profile.
+    pub profile_bins: usize,
+    /// Centres of haloes, world units, and the largest radius where one is stated; `None` = the truth's groups of 100
+    /// particles and more, the 1000 largest of them.
+    #[serde(skip)]
+    pub centers: Option<Vec<([f64; 3], Option<f64>)>>,
+    /// Largest radius about all centres; `None` = what is stated with each, else two mean spacings.
+    pub halo_radius: Option<f64>,
+    /// Shells about a centre.
+    pub halo_bins: usize,
     /// Linking length in mean spacings.
     pub linking: f64,
     /// Smallest group, particles.
@@ -102,6 +125,12 @@ impl Default for StatsOptions {
             separations: None,
             bins_per_decade: 10,
             pair_budget: 300_000_000,
+            rdf_max: None,
+            profile_axis: 2,
+            profile_bins: 200,
+            centers: None,
+            halo_radius: None,
+            halo_bins: 20,
             linking: 0.2,
             smallest_group: 20,
             aperture: 0.128,

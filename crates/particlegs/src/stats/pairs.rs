@@ -16,6 +16,8 @@ use std::f64::consts::PI;
 
 /// Primaries in one step of parallel work.
 const STEP: usize = 256;
+/// Parts of the square of a distance that are told apart before edges are compared.
+const PARTS: usize = 1024;
 
 /// Pair counts of one set of particles.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -34,10 +36,19 @@ pub struct PairCounts {
     pub particles: u64,
 }
 
+impl PairCounts {
+    /// Are primaries a sample in some band?
+    pub(super) fn sampled(&self) -> bool {
+        self.primaries.iter().any(|p| *p < self.particles)
+    }
+}
+
 /// What to count.
 pub struct PairOptions {
     /// Edges of the bins, ascending.
     pub edges: Vec<f64>,
+    /// Largest over smallest separation of a band, but for what one bin spans.
+    pub band: f64,
     /// Distances that may be taken, about; above it, primaries are a sample.
     pub budget: u64,
     /// Seed of the sample.
@@ -80,7 +91,7 @@ pub fn longest_separation(domain: &Domain) -> f64 {
     (0..3).map(|k| domain.length[k] * if domain.periodic[k] { 0.5 } else { 1.0 }).fold(f64::INFINITY, f64::min)
 }
 
-/// Counts pairs. Bins are worked in bands of at most a factor of 3 in separation, each with its own
+/// Counts pairs. Bins are worked in bands of at most a factor of `band` in separation, each with its own
 /// grid and, where it must be, its own sample of primaries.
 ///
 /// # Errors
@@ -111,7 +122,8 @@ pub fn count_pairs(
     };
     let mut first = 0;
     while first < bins {
-        let last = (first + 1..=bins).take_while(|b| edges[*b] <= 3.0 * edges[first + 1]).last().unwrap_or(first + 1);
+        let last =
+            (first + 1..=bins).take_while(|b| edges[*b] <= o.band * edges[first + 1]).last().unwrap_or(first + 1);
         let band = &edges[first..=last];
         let points = Points::new(positions, domain, 0.5 * band[band.len() - 1])?;
         progress.check()?;
@@ -161,13 +173,46 @@ fn uniform(seed: u64, index: u32) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
 }
 
+/// Bins by the square of a distance.
+struct Bins {
+    squares: Vec<f64>,
+    /// Square of the last edge.
+    end: f64,
+    /// Edges at or below the beginning of each of [`PARTS`] parts of the whole.
+    below: Vec<u32>,
+    parts_per: f64,
+}
+
+impl Bins {
+    fn new(edges: &[f64]) -> Self {
+        let squares: Vec<f64> = edges.iter().map(|e| e * e).collect();
+        let end = squares[squares.len() - 1];
+        // A little lower, so that rounding passes over no edge.
+        let begins = |part: usize| (part as f64 - 1e-6) * (end / PARTS as f64);
+        let below = (0..=PARTS).map(|p| squares.iter().take_while(|s| **s <= begins(p)).count() as u32).collect();
+        Bins { squares, end, below, parts_per: PARTS as f64 / end }
+    }
+
+    /// 1 + the bin that holds the square of a distance below the last edge; 0 below the first.
+    #[inline]
+    fn of(&self, square: f64) -> usize {
+        // Squares of the tiniest distances have parts without end.
+        let part = ((square * self.parts_per) as usize).min(PARTS);
+        let mut bin = if self.parts_per.is_finite() { self.below[part] as usize } else { 0 };
+        while square >= self.squares[bin] {
+            bin += 1;
+        }
+        bin
+    }
+}
+
 fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn Progress) -> Result<Vec<u64>> {
-    let squares: Vec<f64> = edges.iter().map(|e| e * e).collect();
+    let bins = Bins::new(edges);
     let reach = edges[edges.len() - 1];
     progress.begin("pair counts", primaries.len() as u64);
     let parts = parallel::try_map(primaries.chunks(STEP), |run| {
-        // One more bin at each end takes what lies outside.
-        let mut bins = vec![0u64; squares.len() + 1];
+        // One more bin before the first takes what is nearer.
+        let mut counts = vec![0u64; edges.len()];
         for &i in run {
             progress.check()?;
             let at = points.position[i as usize];
@@ -176,19 +221,18 @@ fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn 
                 for o in &points.position[others] {
                     let d = [o[0] - origin[0], o[1] - origin[1], o[2] - origin[2]];
                     let r = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                    if r < squares[squares.len() - 1] {
-                        bins[squares.iter().take_while(|s| r >= **s).count()] += 1;
+                    if r < bins.end {
+                        counts[bins.of(r)] += 1;
                     }
                 }
             });
             // The primary itself, unless its square of a distance was no less than the last edge's, 0.
-            if squares[squares.len() - 1] == 0.0 {
-                continue;
+            if bins.end > 0.0 {
+                counts[bins.of(0.0)] -= 1;
             }
-            bins[squares.iter().take_while(|s| 0.0 >= **s).count()] -= 1;
         }
         progress.advance(run.len() as u64);
-        Ok(bins)
+        Ok(counts)
     })?;
     progress.end();
     let mut pairs = vec![0; edges.len() - 1];
@@ -236,7 +280,7 @@ mod tests {
             let x = random(n, length, 3);
             let mut edges = logarithmic_edges(0.02, 0.98 * longest_separation(&domain), 6);
             edges.insert(0, 0.0);
-            let o = PairOptions { edges: edges.clone(), budget: u64::MAX, seed: 1 };
+            let o = PairOptions { edges: edges.clone(), band: 3.0, budget: u64::MAX, seed: 1 };
             let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
             assert_eq!(c.pairs, plain(&x, &domain, &edges), "{length:?}");
             assert!(c.primaries.iter().all(|p| *p == n as u64));
@@ -247,7 +291,7 @@ mod tests {
     fn threads_change_no_count() {
         let domain = Domain { min: [0.0; 3], length: [4.0; 3], periodic: [true; 3] };
         let x = random(20_000, [4.0; 3], 5);
-        let o = PairOptions { edges: logarithmic_edges(0.05, 1.0, 8), budget: 2_000_000, seed: 1 };
+        let o = PairOptions { edges: logarithmic_edges(0.05, 1.0, 8), band: 3.0, budget: 2_000_000, seed: 1 };
         let run = |threads| {
             let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| count_pairs(&x, &domain, &o, &Silent).unwrap())
@@ -263,7 +307,7 @@ mod tests {
         for periodic in [[true; 3], [false; 3], [false, true, true]] {
             let domain = Domain { min: [0.0; 3], length: [1.0, 3.0, 2.0], periodic };
             let x = random(6000, domain.length, 9);
-            let o = PairOptions { edges: vec![0.1, 0.2, 0.3, 0.4, 0.5], budget: u64::MAX, seed: 1 };
+            let o = PairOptions { edges: vec![0.1, 0.2, 0.3, 0.4, 0.5], band: 3.0, budget: u64::MAX, seed: 1 };
             let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
             for b in 0..4 {
                 let sigma = (2.0 / c.expected[b]).sqrt();
@@ -277,7 +321,7 @@ mod tests {
     fn a_lattice_has_its_shells() {
         let x: Vec<[f64; 3]> = (0..512).map(|i| [i / 64, i / 8 % 8, i % 8].map(|v| v as f64)).collect();
         let domain = Domain { min: [0.0; 3], length: [8.0; 3], periodic: [true; 3] };
-        let o = PairOptions { edges: vec![0.5, 0.9, 1.1, 1.3, 1.5, 1.6, 1.8], budget: u64::MAX, seed: 1 };
+        let o = PairOptions { edges: vec![0.5, 0.9, 1.1, 1.3, 1.5, 1.6, 1.8], band: 3.0, budget: u64::MAX, seed: 1 };
         let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
         assert_eq!(c.pairs, [0, 6 * 512, 0, 12 * 512, 0, 8 * 512]);
         assert_eq!(c.xi[0], -1.0);
@@ -287,7 +331,7 @@ mod tests {
     fn separations_beyond_the_box_are_refused() {
         let domain = Domain { min: [0.0; 3], length: [1.0, 2.0, 2.0], periodic: [true; 3] };
         for edges in [vec![0.1, 0.6], vec![0.2, 0.1], vec![0.1], vec![]] {
-            let o = PairOptions { edges, budget: 1, seed: 1 };
+            let o = PairOptions { edges, band: 3.0, budget: 1, seed: 1 };
             assert!(matches!(
                 count_pairs(&[[0.5; 3]; 2], &domain, &o, &Silent).unwrap_err(),
                 crate::Error::Argument { .. }

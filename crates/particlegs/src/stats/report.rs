@@ -1,8 +1,8 @@
 //! What [`super::compare`] measures, as plain data. Pairs are truth, then other.
 
 use super::{
-    ApertureMass, AxisMoments, DensityComparison, DensityPdf, Domain, Likelihood, NearestDistances, PairCounts,
-    SizeClass, Spectra, StatsOptions,
+    ApertureMass, AxisMoments, AxisProfile, DensityComparison, DensityPdf, Domain, HaloProfiles, Likelihood,
+    NearestDistances, PairCounts, SizeClass, Spectra, StatsOptions,
 };
 use serde::{Serialize, Serializer};
 
@@ -37,6 +37,13 @@ pub struct Statistics {
     pub moments: Option<[[AxisMoments; 3]; 2]>,
     /// Likelihood of the particles under the model, where one side is a model and one particles.
     pub likelihood: Option<Likelihood>,
+    /// Pair counts in linear bins, of which g(r) is made.
+    #[serde(serialize_with = "with_g")]
+    pub rdf: Option<[PairCounts; 2]>,
+    /// Densities along x, y and z.
+    pub profiles: Option<[AxisProfile; 3]>,
+    /// Density and enclosed mass about centres.
+    pub haloes: Option<HaloProfiles>,
     /// The figures that a table shows.
     pub summary: super::Summary,
     /// What a reader must know: choices made, things left out.
@@ -58,8 +65,6 @@ pub struct DensityReport {
     pub outside: [f64; 2],
     /// Distribution.
     pub pdf: DensityPdf,
-    /// Mass along each axis, by plane of cells, in units of the mean: axis, then truth and other, then plane.
-    pub profiles: [[Vec<f64>; 2]; 3],
     /// 1 + delta of both in the central planes of cells across x, y and z, the first of the two other axes slowest.
     #[serde(skip)]
     pub slices: [[Vec<f32>; 2]; 3],
@@ -103,6 +108,23 @@ fn with_xi_ratio<S: Serializer>(pair: &Option<[PairCounts; 2]>, serializer: S) -
         ratio: Vec<Option<f64>>,
     }
     pair.as_ref().map(|counts| Form { counts, ratio: xi_ratio(counts) }).serialize(serializer)
+}
+
+fn with_g<S: Serializer>(pair: &Option<[PairCounts; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Form<'a> {
+        edges: &'a [f64],
+        pairs: [&'a [u64]; 2],
+        expected: [&'a [f64]; 2],
+        g: [Vec<f64>; 2],
+    }
+    let form = pair.as_ref().map(|counts| Form {
+        edges: &counts[0].edges,
+        pairs: counts.each_ref().map(|c| &c.pairs[..]),
+        expected: counts.each_ref().map(|c| &c.expected[..]),
+        g: counts.each_ref().map(PairCounts::g),
+    });
+    form.serialize(serializer)
 }
 
 fn with_distance_ratios<S: Serializer>(pair: &Option<[NearestDistances; 2]>, serializer: S) -> Result<S::Ok, S::Error> {

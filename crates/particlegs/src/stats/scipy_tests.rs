@@ -36,7 +36,7 @@ fn neighbours_pairs_and_groups_are_scipys() {
     let (p, x, e) = points();
     let domain = Subject::Particles(&p).domain();
     assert_eq!(domain.periodic, [true; 3]);
-    let o = PairOptions { edges: floats(&e["pair_edges"]), budget: u64::MAX, seed: 1 };
+    let o = PairOptions { edges: floats(&e["pair_edges"]), band: 3.0, budget: u64::MAX, seed: 1 };
     let pairs = count_pairs(&x, &domain, &o, &Silent).unwrap().pairs;
     assert_eq!(pairs.iter().map(|p| *p as f64).collect::<Vec<_>>(), floats(&e["pairs"]));
     let o = NeighbourOptions { sample: 600, among_sample: false, seed: 1 };

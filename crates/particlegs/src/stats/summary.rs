@@ -1,7 +1,8 @@
 //! The figures of a table: how far each statistic is to be trusted.
 
-use super::report::{GroupReport, XiByTransform, xi_ratio};
-use super::{DensityComparison, NearestDistances, PairCounts, Shell, SizeClass, Spectra};
+use super::rdf::largest_difference;
+use super::report::{Statistics, XiByTransform, xi_ratio};
+use super::{PairCounts, Shell, SizeClass, Spectra};
 
 /// Truth groups that sizes are joined to hold before their ratio says anything: the scatter of a
 /// number is its root.
@@ -41,22 +42,31 @@ pub struct Summary {
     pub nearest_mean: Option<f64>,
     /// Median nearest distance, other / truth.
     pub nearest_median: Option<f64>,
+    /// Distances of the first peak of g(r), truth and other.
+    pub rdf_peak_at: [Option<f64>; 2],
+    /// Its heights.
+    pub rdf_peak_height: [Option<f64>; 2],
+    /// Largest difference of g(r), other - truth, among bins of 100 pairs and more in an ideal gas.
+    pub rdf_largest_difference: Option<f64>,
+    /// RMS difference of the densities along the chosen axis, in units of the mean.
+    pub profile_relative_difference: Option<f64>,
+    /// Half-mass heights along it, truth and other.
+    pub profile_half_mass_height: [Option<f64>; 2],
+    /// Median of enclosed mass, other / truth, within the largest radius about centres.
+    pub halo_mass: Option<f64>,
 }
 
 impl Summary {
-    pub(super) fn new(
-        density: Option<&DensityComparison>,
-        spectra: Option<&Spectra>,
-        xi_by_pairs: Option<&[PairCounts; 2]>,
-        xi_by_transform: Option<&XiByTransform>,
-        groups: Option<&GroupReport>,
-        neighbours: Option<&[NearestDistances; 2]>,
-    ) -> Self {
+    /// Of everything measured but itself.
+    pub(super) fn new(s: &Statistics) -> Self {
+        let (density, spectra, groups) = (s.density.as_ref(), s.spectra.as_ref(), s.groups.as_ref());
         let power_to = |limit: f64| spectra.and_then(|s| s.power_within(limit));
         let r_to = |limit: f64| spectra.and_then(|s| s.r_above(limit));
+        let peaks = [0, 1].map(|side| s.rdf.as_ref().and_then(|pair: &[PairCounts; 2]| pair[side].first_peak()));
+        let profile = s.profiles.as_ref().and_then(|p| p.get(s.options.profile_axis));
         Summary {
-            density_correlation: density.map(|d| d.correlation),
-            density_mean_absolute_error: density.map(|d| d.mean_absolute_error),
+            density_correlation: density.map(|d| d.agreement.correlation),
+            density_mean_absolute_error: density.map(|d| d.agreement.mean_absolute_error),
             largest_power_deviation: spectra
                 .map(|s| s.judged().map(deviation).fold(0.0, f64::max))
                 .filter(|d| d.is_finite()),
@@ -66,11 +76,17 @@ impl Summary {
             r_above_0_99_to: r_to(0.99),
             r_above_0_9_to: r_to(0.9),
             r_at_k_max: spectra.and_then(|s| s.shells.last()?.r),
-            xi_within_10_percent_from: xi_by_pairs.and_then(|pairs| xi_from(pairs, xi_by_transform)),
+            xi_within_10_percent_from: s.xi_by_pairs.as_ref().and_then(|p| xi_from(p, s.xi_by_transform.as_ref())),
             groups_within_10_percent_from: groups.and_then(|g| sizes_within(&g.histogram, 0.1).flatten()),
             core_mass: groups.and_then(|g| g.apertures.iter().find(|a| a.sizes == [100, 299])?.median),
-            nearest_mean: neighbours.map(|[truth, other]| other.mean / truth.mean),
-            nearest_median: neighbours.map(|[truth, other]| other.median / truth.median),
+            nearest_mean: s.neighbours.as_ref().map(|[truth, other]| other.mean / truth.mean),
+            nearest_median: s.neighbours.as_ref().map(|[truth, other]| other.median / truth.median),
+            rdf_peak_at: peaks.map(|p| p.map(|[r, _]| r)),
+            rdf_peak_height: peaks.map(|p| p.map(|[_, g]| g)),
+            rdf_largest_difference: s.rdf.as_ref().and_then(largest_difference).map(|[_, d]| d),
+            profile_relative_difference: profile.map(|p| p.relative_difference),
+            profile_half_mass_height: [0, 1].map(|side| profile.map(|p| p.half_mass_height[side])),
+            halo_mass: s.haloes.as_ref().and_then(|h| *h.median.last()?),
         }
     }
 }

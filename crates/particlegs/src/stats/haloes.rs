@@ -1,0 +1,389 @@
+//! Density and enclosed mass about given centres: of particles by counting, of a mixture from its Gaussians.
+
+use super::points::Points;
+use super::sphere::{Lump, Rules};
+use super::{Domain, Subject};
+use crate::model::Model;
+use crate::parallel;
+use crate::particles::Particles;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use particlegs_core::math::each_axis;
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+/// The first radius, as a share of the largest.
+const SMALLEST: f64 = 0.02;
+/// Narrowest Gaussian, as a share of the longest edge: coded ones may be of no width.
+const NARROWEST: f64 = 1e-9;
+/// Widest Gaussian where all axes repeat, as a share of the longest edge: its images are uniform to a hundredth.
+const WIDEST: f64 = 0.5;
+/// Images of a Gaussian are looked for as many edges away: in absurd files those of thin boxes have no end.
+const IMAGES: f64 = 4.0;
+
+/// Density and enclosed mass about centres, and how the other's compare with the truth's. Radii are in units of the
+/// largest of each centre.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct HaloProfiles {
+    /// Centres, world units.
+    #[serde(skip)]
+    pub centers: Vec<[f64; 3]>,
+    /// Largest radius of each, world units.
+    #[serde(skip)]
+    pub radii: Vec<f64>,
+    /// Mass inside each of `edges` about each centre, centre after centre: truth and other.
+    #[serde(skip)]
+    pub enclosed: [Vec<f64>; 2],
+    /// Number of centres.
+    pub count: u64,
+    /// The largest radius, where all centres have the same one, world units.
+    pub radius: Option<f64>,
+    /// All mass per volume of the box: truth and other.
+    pub mean_density: [f64; 2],
+    /// Radii: edges of the shells, in units of the largest.
+    pub edges: Vec<f64>,
+    /// Centres about which the truth has mass inside each radius.
+    pub compared: Vec<u64>,
+    /// Their median of enclosed mass, other / truth, each as a share of all its mass.
+    pub median: Vec<Option<f64>>,
+    /// A quarter of them are below and above these.
+    pub quartiles: Vec<Option<[f64; 2]>>,
+    /// The sum of all over the sum of all.
+    pub total: Vec<Option<f64>>,
+}
+
+/// About which places, relative to the domain's corner, and how far.
+pub struct HaloPlaces<'a> {
+    /// Centres.
+    pub centers: &'a [[f64; 3]],
+    /// Largest radius of each.
+    pub radii: &'a [f64],
+    /// Shells.
+    pub bins: usize,
+}
+
+impl HaloPlaces<'_> {
+    /// Edges of the shells, in units of the largest radius.
+    fn edges(&self) -> Vec<f64> {
+        (0..=self.bins).map(|i| SMALLEST.powf(1.0 - i as f64 / self.bins as f64)).collect()
+    }
+
+    fn largest(&self) -> f64 {
+        self.radii.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+/// A side of the comparison.
+#[derive(Clone, Copy)]
+pub struct HaloSide<'a> {
+    /// What is measured.
+    pub subject: Subject<'a>,
+    /// Its positions, of particles.
+    pub positions: &'a [[f64; 3]],
+}
+
+/// Compares enclosed masses.
+///
+/// # Errors
+/// [`Error::Memory`], [`Error::Cancelled`].
+pub fn halo_profiles(
+    pair: [HaloSide<'_>; 2],
+    domain: &Domain,
+    places: &HaloPlaces<'_>,
+    progress: &dyn Progress,
+) -> Result<HaloProfiles> {
+    let (edges, halos) = (places.edges(), places.centers.len());
+    particlegs_files::memory::require("profiles of haloes", 24 * (edges.len() * halos) as u64)?;
+    progress.begin("halo profiles", 2 * halos as u64);
+    let of = |side: HaloSide<'_>| match side.subject {
+        Subject::Particles(p) => of_particles(p, side.positions, domain, places, &edges, progress),
+        Subject::Model(m) => of_model(m, domain, places, &edges, progress),
+    };
+    let enclosed = [of(pair[0])?, of(pair[1])?];
+    progress.end();
+    let masses = pair.map(|s| all_mass(s.subject));
+    let shares = masses.map(|m| 1.0 / m.max(f64::MIN_POSITIVE));
+    let at = |i: usize| Compared::new(&enclosed, shares, i, edges.len());
+    let compared: Vec<Compared> = (0..edges.len()).map(at).collect();
+    Ok(HaloProfiles {
+        centers: places.centers.iter().map(|c| each_axis(|k| domain.min[k] + c[k])).collect(),
+        radii: places.radii.to_vec(),
+        count: halos as u64,
+        mean_density: masses.map(|m| m / domain.volume()),
+        radius: places.radii.first().copied().filter(|r| places.radii.iter().all(|other| other == r)),
+        compared: compared.iter().map(|c| c.number).collect(),
+        median: compared.iter().map(|c| c.median).collect(),
+        quartiles: compared.iter().map(|c| c.quartiles).collect(),
+        total: compared.iter().map(|c| c.total).collect(),
+        enclosed,
+        edges,
+    })
+}
+
+impl HaloProfiles {
+    /// Mass inside radius `edge` about a centre: truth, other.
+    pub fn enclosed_mass(&self, center: usize, edge: usize) -> [f64; 2] {
+        [0, 1].map(|side| self.enclosed[side][center * self.edges.len() + edge])
+    }
+
+    /// Mass per volume in the shell from radius `shell` to the next about a centre: truth, other.
+    pub fn density(&self, center: usize, shell: usize) -> [f64; 2] {
+        let volume = |edge: usize| 4.0 / 3.0 * PI * (self.edges[edge] * self.radii[center]).powi(3);
+        let (inner, outer) = (self.enclosed_mass(center, shell), self.enclosed_mass(center, shell + 1));
+        let within = volume(shell + 1) - volume(shell);
+        // Enclosed masses of a mixture are right to their last digits alone.
+        [0, 1].map(|side| if within > 0.0 { (outer[side] - inner[side]).max(0.0) / within } else { 0.0 })
+    }
+}
+
+/// Masses inside one radius about all centres, compared.
+struct Compared {
+    number: u64,
+    median: Option<f64>,
+    quartiles: Option<[f64; 2]>,
+    total: Option<f64>,
+}
+
+impl Compared {
+    fn new([truth, other]: &[Vec<f64>; 2], shares: [f64; 2], edge: usize, edges: usize) -> Self {
+        let here = |i: &usize| i % edges == edge && truth[*i] > 0.0;
+        let chosen: Vec<usize> = (0..truth.len()).filter(here).collect();
+        let mut ratios: Vec<f64> = chosen.iter().map(|i| other[*i] * shares[1] / (truth[*i] * shares[0])).collect();
+        ratios.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            let x = share * ratios.len().checked_sub(1)? as f64;
+            let (i, f) = (x.floor() as usize, x.fract());
+            Some(ratios[i] + f * (ratios[(i + 1).min(ratios.len() - 1)] - ratios[i]))
+        };
+        let sum = |v: &[f64]| chosen.iter().map(|i| v[*i]).sum::<f64>();
+        Compared {
+            number: chosen.len() as u64,
+            median: at(0.5),
+            quartiles: at(0.25).zip(at(0.75)).map(|(low, high)| [low, high]),
+            total: (!chosen.is_empty()).then(|| sum(other) * shares[1] / (sum(truth) * shares[0])),
+        }
+    }
+}
+
+fn all_mass(subject: Subject<'_>) -> f64 {
+    match subject {
+        Subject::Particles(p) => p.total_mass() * p.meta.particle_mass.unwrap_or(1.0),
+        Subject::Model(m) => gaussians(m).map(|(unit, g, i)| unit * g.mass_of(i)).sum(),
+    }
+}
+
+/// Every Gaussian of a model: the mass of weight 1, its mixture and its number there.
+fn gaussians(m: &Model) -> impl Iterator<Item = (f64, &crate::model::Mixture, usize)> {
+    let blocks = m.layers.iter().flat_map(|l| l.content.iter().map(|b| (l.mass.unit_or_one(), &b.gaussians)));
+    blocks.flat_map(|(unit, g)| (0..g.len()).map(move |i| (unit, g, i)))
+}
+
+/// The masses inside `edges` about every centre, as `of` one adds them.
+fn about_each(
+    places: &HaloPlaces<'_>,
+    edges: &[f64],
+    progress: &dyn Progress,
+    of: impl Fn([f64; 3], &[f64], &mut [f64]) -> Result<()> + Sync,
+) -> Result<Vec<f64>> {
+    let parts = parallel::try_map_range(places.centers.len(), |i| {
+        let radii: Vec<f64> = edges.iter().map(|e| e * places.radii[i]).collect();
+        let mut inside = vec![0.0; radii.len()];
+        progress.check()?;
+        of(places.centers[i], &radii, &mut inside)?;
+        progress.advance(1);
+        Ok::<_, Error>(inside)
+    })?;
+    Ok(parts.concat())
+}
+
+fn of_particles(
+    p: &Particles,
+    positions: &[[f64; 3]],
+    domain: &Domain,
+    places: &HaloPlaces<'_>,
+    edges: &[f64],
+    progress: &dyn Progress,
+) -> Result<Vec<f64>> {
+    let points = Points::new(positions, domain, places.largest())?;
+    let (weights, unit) = (p.weights(), p.meta.particle_mass.unwrap_or(1.0));
+    about_each(places, edges, progress, |center, radii, inside| {
+        let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
+        points.near(points.cell_of(center), radii[radii.len() - 1], |run, shift| {
+            let at: [f64; 3] = each_axis(|k| center[k] - shift[k]);
+            for i in run {
+                let x = points.position[i];
+                let square = (0..3).map(|k| (x[k] - at[k]) * (x[k] - at[k])).sum::<f64>();
+                let first = squares.partition_point(|s| *s < square);
+                if let Some(shell) = inside.get_mut(first) {
+                    *shell += unit * weights.map_or(1.0, |w| f64::from(w[points.index[i] as usize]));
+                }
+            }
+        });
+        (1..inside.len()).for_each(|i| inside[i] += inside[i - 1]);
+        Ok(())
+    })
+}
+
+/// Gaussians of about one size, by the place of their means.
+struct Class {
+    lumps: Vec<Lump>,
+    points: Points,
+    reach: f64,
+}
+
+fn of_model(
+    m: &Model,
+    domain: &Domain,
+    places: &HaloPlaces<'_>,
+    edges: &[f64],
+    progress: &dyn Progress,
+) -> Result<Vec<f64>> {
+    let (classes, rules) = (classes(m, domain, places.largest())?, Rules::new());
+    about_each(places, edges, progress, |center, radii, inside| {
+        for class in &classes {
+            let (points, reach) = (&class.points, class.reach + radii[radii.len() - 1]);
+            points.near(points.cell_of(center), reach, |run, shift| {
+                for i in run.filter(|_| !progress.cancelled()) {
+                    let lump = &class.lumps[points.index[i] as usize];
+                    let offset: [f64; 3] = each_axis(|k| center[k] - shift[k] - lump.mean[k]);
+                    lump.add_within(offset, radii, &rules, inside);
+                }
+            });
+            progress.check()?;
+        }
+        Ok(())
+    })
+}
+
+fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<Class>> {
+    let repeats = (0..3).filter(|k| domain.periodic[*k]).map(|k| domain.length[k]).fold(f64::INFINITY, f64::min);
+    let widest = if domain.periodic == [true; 3] { WIDEST * domain.longest() } else { f64::MAX };
+    let widths = [NARROWEST * domain.longest(), widest];
+    particlegs_files::memory::require("Gaussians about centres", 280 * m.gaussians() as u64)?;
+    let mut by_size = BTreeMap::<i64, Vec<Lump>>::new();
+    for (unit, g, i) in gaussians(m) {
+        let lump = Lump::new(domain.local(g.mean_of(i)), &g.cov_of(i), unit * g.mass_of(i), widths);
+        by_size.entry(lump.reach().log2().ceil() as i64).or_default().push(lump);
+    }
+    let class = |lumps: Vec<Lump>| {
+        let reach = lumps.iter().map(Lump::reach).fold(0.0, f64::max).min(IMAGES * repeats);
+        let means: Vec<[f64; 3]> = lumps.iter().map(|l| l.mean).collect();
+        Ok(Class { points: Points::new(&means, domain, radius + reach)?, lumps, reach })
+    };
+    by_size.into_values().map(class).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{Random, Sym3};
+    use crate::progress::Silent;
+    use crate::stats::local_positions;
+    use crate::stats::testing::model_of;
+
+    const BOX: Domain = Domain { min: [5.0; 3], length: [10.0; 3], periodic: [true; 3] };
+
+    fn side<'a>(subject: Subject<'a>, positions: &'a [[f64; 3]]) -> HaloSide<'a> {
+        HaloSide { subject, positions }
+    }
+
+    /// Particles drawn from a turned, long Gaussian across the seam, and that Gaussian itself.
+    #[test]
+    fn a_mixture_encloses_what_its_particles_do() {
+        let n = 200_000;
+        let (core, deviations): (_, [f64; 3]) = ([5.2, 14.9, 9.0], [0.9, 0.5, 0.2]);
+        let turned = [[0.6, 0.8, 0.0], [-0.48, 0.36, 0.8], [0.64, -0.48, 0.6]];
+        let cov = (0..3).fold(Sym3::default(), |s, k| s.add(&Sym3::outer(turned[k]).scale(deviations[k].powi(2))));
+        let mut r = Random::new(3, 0, 0);
+        let mut columns = [vec![], vec![], vec![]];
+        for _ in 0..n {
+            let z = [r.normal(), r.normal(), r.normal()];
+            let x: [f64; 3] = each_axis(|k| core[k] + (0..3).map(|j| z[j] * deviations[j] * turned[j][k]).sum::<f64>());
+            let x = BOX.local(x);
+            (0..3).for_each(|k| columns[k].push((x[k] + 5.0) as f32));
+        }
+        let [x, y, z] = columns;
+        let particles = Particles::from_columns(x, y, z);
+        let mut model = model_of(&[(core, cov, n as f64)], [10.0; 3]);
+        model.metadata.bounds = crate::space::Bounds { min: [5.0; 3], max: [15.0; 3] };
+        let positions = local_positions(&particles, &BOX);
+        let centers = [core, [5.5, 14.0, 9.5], [12.0; 3]].map(|c| BOX.local(c));
+        let places = HaloPlaces { centers: &centers, radii: &[3.0, 1.0, 2.0], bins: 20 };
+        let pair = [side(Subject::Particles(&particles), &positions), side(Subject::Model(&model), &[])];
+        let h = halo_profiles(pair, &BOX, &places, &Silent).unwrap();
+        assert_eq!((h.edges.len(), h.count, h.radius), (21, 3, None));
+        assert!((h.edges[0] - 0.02).abs() < 1e-12 && h.edges[20] == 1.0);
+        for center in 0..3 {
+            for edge in 0..21 {
+                let [drawn, known] = h.enclosed_mass(center, edge);
+                assert!((drawn - known).abs() < 4.0 * drawn.sqrt() + 40.0, "{center} {edge}: {drawn} {known}");
+            }
+        }
+        assert!(h.enclosed_mass(0, 20)[0] > 0.998 * n as f64 && h.enclosed_mass(2, 20) == [0.0; 2]);
+        assert!((h.median[20].unwrap() - 1.0).abs() < 0.02 && h.compared[20] == 2);
+        assert!((h.total[20].unwrap() - 1.0).abs() < 0.01);
+    }
+
+    /// NFW, mass within x scale radii as ln(1 + x) - x / (1 + x), drawn to ten scale radii.
+    #[test]
+    fn a_halo_has_its_profile() {
+        let (n, scale) = (100_000, 0.1);
+        let mass = |x: f64| (1.0 + x).ln() - x / (1.0 + x);
+        let radius = |share: f64| {
+            let (mut low, mut high) = (0.0, 10.0);
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if mass(middle) < share * mass(10.0) { low = middle } else { high = middle }
+            }
+            low * scale
+        };
+        let mut columns = [vec![], vec![], vec![]];
+        for i in 0..n {
+            let mut r = Random::new(3, 0, i);
+            let z = [r.normal(), r.normal(), r.normal()];
+            let per = radius(r.uniform()) / z.iter().map(|v| v * v).sum::<f64>().sqrt();
+            (0..3).for_each(|k| columns[k].push((10.0 + per * z[k]) as f32));
+        }
+        let [x, y, z] = columns;
+        let p = Particles::from_columns(x, y, z);
+        let positions = local_positions(&p, &BOX);
+        let places = HaloPlaces { centers: &[[5.0; 3]], radii: &[1.0], bins: 12 };
+        let h = halo_profiles([side(Subject::Particles(&p), &positions); 2], &BOX, &places, &Silent).unwrap();
+        for edge in 0..13 {
+            let expected = n as f64 * mass(h.edges[edge] / scale) / mass(10.0);
+            let [found, same] = h.enclosed_mass(0, edge);
+            assert!(found == same && (found - expected).abs() < 4.0 * expected.sqrt(), "{edge}: {found} {expected}");
+        }
+        for shell in 0..12 {
+            let x = (h.edges[shell] * h.edges[shell + 1]).sqrt() / scale;
+            let expected = n as f64 / (4.0 * PI * scale.powi(3) * mass(10.0)) / (x * (1.0 + x).powi(2));
+            let [found, _] = h.density(0, shell);
+            assert!((found / expected - 1.0).abs() < 0.15, "{shell}: {found} {expected}");
+        }
+        assert_eq!((h.median[12], h.quartiles[0], h.radius), (Some(1.0), Some([1.0, 1.0]), Some(1.0)));
+    }
+
+    #[test]
+    fn threads_change_nothing_and_absurd_gaussians_end() {
+        let mut r = Random::new(8, 0, 0);
+        let mut gaussians: Vec<([f64; 3], Sym3, f64)> = (0..100)
+            .map(|_| ([0; 3].map(|_| 20.0 * r.uniform()), Sym3::scaled_identity(r.uniform().powi(4)), 5.0))
+            .collect();
+        for s in [0.0, 1e30, 1e300] {
+            gaussians.push(([7.0; 3], Sym3([s, 0.0, 0.0, 1.0, 0.0, 0.0]), 1.0));
+        }
+        let model = model_of(&gaussians, [10.0; 3]);
+        let centers: Vec<[f64; 3]> = gaussians.iter().map(|g| BOX.local(g.0)).collect();
+        let places = HaloPlaces { centers: &centers, radii: &vec![5.0; centers.len()], bins: 5 };
+        let pair = [side(Subject::Model(&model), &[]); 2];
+        for periodic in [true, false] {
+            let domain = Domain { periodic: [periodic; 3], ..BOX };
+            let run = |threads| {
+                let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| halo_profiles(pair, &domain, &places, &Silent).unwrap())
+            };
+            let h = run(1);
+            assert!(h == run(4) && h.enclosed[0].iter().all(|m| m.is_finite() && *m >= 0.0));
+        }
+    }
+}
