@@ -12,7 +12,7 @@ use particlegs::model::{
     VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
 };
 use particlegs::progress::Progress;
-use particlegs::score::{self, Finding, Use, Word};
+use particlegs::score::{Finding, Use, Word};
 use particlegs::space::Cell;
 use particlegs_files::input::name_of;
 use serde::Serialize;
@@ -112,7 +112,7 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
         vizmapper: info.vizmapper.as_ref().map(network),
         published_bytes: gaussians * AlphaBlend::PLY_BYTES,
         certificate: info.certificate.as_ref(),
-        verdict: score::verdict(info.certificate.as_ref(), &info.metadata),
+        verdict: Finding::verdict(info.certificate.as_ref(), &info.metadata),
     };
     context.finish(&text(&report), &report)
 }
@@ -341,7 +341,7 @@ pub fn verdict(findings: &[Finding]) -> String {
 /// The certificate that a file was just given, and its verdict, as text and as data; tells unasked what
 /// a user must know of a poor model, whose pictures or density do not clearly beat trivial ones, and what helps.
 pub fn told(c: Option<&Certificate>, metadata: &Metadata, progress: &dyn Progress) -> (String, Vec<Finding>) {
-    let v = score::verdict(c, metadata);
+    let v = Finding::verdict(c, metadata);
     let poor = |f: &&Finding| matches!(f.of, Use::Pictures | Use::Density) && f.word == Word::DoesNot;
     let poor: Vec<String> = v.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.why)).collect();
     if !poor.is_empty() {

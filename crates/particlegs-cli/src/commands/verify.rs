@@ -13,7 +13,7 @@ use particlegs::model::{Certificate, CertificateLevel, Model};
 use particlegs::particles::Particles;
 use particlegs::progress::Progress;
 use particlegs::score::Finding;
-use particlegs::{Error, Result, codec, compress, score};
+use particlegs::{Error, Result, codec, compress};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
 use serde::Serialize;
@@ -113,7 +113,7 @@ pub fn run(a: Arguments) -> Result<()> {
         figures: both.map_or_else(Vec::new, |(stored, measured)| agree::side_by_side(&stored, &measured)),
         contradictions: stored.as_ref().map_or_else(Vec::new, agree::contradictions),
         doubts: stored.as_ref().map_or_else(Vec::new, agree::doubts),
-        verdict: score::verdict(stored.as_ref().or(measured_again.as_ref()), &model.metadata),
+        verdict: Finding::verdict(stored.as_ref().or(measured_again.as_ref()), &model.metadata),
     };
     let sound = report.judge(&place);
     if a.store && sound.is_ok() {

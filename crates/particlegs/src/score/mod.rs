@@ -2,7 +2,7 @@
 //!
 //! [`evaluate`] draws every view of all particles and of the model in every look and puts the
 //! noise-free score, the floors and the gap beside each score (docs/law/scores.md). The certificate
-//! does so for one frame an orbit and adds the density; [`verdict`] says in plain words what it is good for.
+//! does so for one frame an orbit and adds the density; [`Finding::verdict`] says in plain words what it is good for.
 //! `HeldOut` keeps the truth of a few views for who compares many models.
 
 mod cells;
@@ -34,7 +34,7 @@ use mean::mean;
 pub(crate) use science::spectrum_options;
 pub use scores::{Evaluation, LookScores, MeanViewScores, ViewScores};
 use truth::Truth;
-pub use verdict::{Finding, Use, Word, verdict};
+pub use verdict::{Finding, Use, Word};
 use views::certificate_views;
 pub use views::evaluation_views;
 pub(crate) use views::held_out_views;

@@ -88,6 +88,21 @@ pub struct Finding {
     pub why: String,
 }
 
+impl Finding {
+    /// Judges the certificate of a model of `metadata`: pictures, density, power spectrum, groups and spacing, in this order.
+    /// Without a certificate nothing is measured.
+    pub fn verdict(certificate: Option<&Certificate>, metadata: &Metadata) -> Vec<Finding> {
+        let Some(c) = certificate else {
+            let none = |of| Finding { of, word: Word::NotMeasured, why: "the file has no certificate".into() };
+            return [Use::Pictures, Use::Density, Use::PowerSpectrum, Use::Groups, Use::Spacing].map(none).into();
+        };
+        let unit = metadata.length_unit.as_deref();
+        let density = c.measures.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
+        let groups = c.measures.groups.as_ref().map_or_else(|| groups(c.science.as_ref()), matched_groups);
+        vec![pictures(c), density, spectrum(c, metadata), groups, spacing(c.measures.spacing.as_ref(), unit)]
+    }
+}
+
 impl Use {
     /// As it is printed.
     pub fn name(self) -> &'static str {
@@ -112,19 +127,6 @@ impl Word {
             Word::NotApplicable => "not applicable",
         }
     }
-}
-
-/// Judges the certificate of a model of `metadata`: pictures, density, power spectrum, groups and spacing, in this order.
-/// Without a certificate nothing is measured.
-pub fn verdict(certificate: Option<&Certificate>, metadata: &Metadata) -> Vec<Finding> {
-    let Some(c) = certificate else {
-        let none = |of| Finding { of, word: Word::NotMeasured, why: "the file has no certificate".into() };
-        return [Use::Pictures, Use::Density, Use::PowerSpectrum, Use::Groups, Use::Spacing].map(none).into();
-    };
-    let unit = metadata.length_unit.as_deref();
-    let density = c.measures.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
-    let groups = c.measures.groups.as_ref().map_or_else(|| groups(c.science.as_ref()), matched_groups);
-    vec![pictures(c), density, spectrum(c, metadata), groups, spacing(c.measures.spacing.as_ref(), unit)]
 }
 
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
@@ -328,7 +330,7 @@ mod tests {
     }
 
     fn finding(c: &Certificate, of: Use) -> Finding {
-        verdict(Some(c), &boxed()).into_iter().find(|f| f.of == of).unwrap()
+        Finding::verdict(Some(c), &boxed()).into_iter().find(|f| f.of == of).unwrap()
     }
 
     fn word(c: &Certificate, of: Use) -> Word {
@@ -393,7 +395,7 @@ mod tests {
         assert_eq!([word(&none, Use::PowerSpectrum), word(&none, Use::Groups)], [Word::DoesNot; 2]);
         let early = Certificate { science: None, ..c };
         assert_eq!([word(&early, Use::PowerSpectrum), word(&early, Use::Groups)], [Word::NotMeasured; 2]);
-        assert!(verdict(None, &boxed()).iter().all(|f| f.word == Word::NotMeasured));
+        assert!(Finding::verdict(None, &boxed()).iter().all(|f| f.word == Word::NotMeasured));
     }
 
     #[test]
@@ -441,12 +443,12 @@ mod tests {
         let halves = with(Measures { held_out: Some(held_out), ..Measures::default() });
         assert!(finding(&halves, Use::PowerSpectrum).why.contains("1 % up to k = 6.000"));
         let open = Metadata { cell: None, ..boxed() };
-        assert_eq!(verdict(Some(&c), &open)[2].word, Word::NotApplicable);
+        assert_eq!(Finding::verdict(Some(&c), &open)[2].word, Word::NotApplicable);
     }
 
     #[test]
     fn json_says_use_word_and_why() {
-        let json = serde_json::to_value(verdict(None, &boxed())).unwrap();
+        let json = serde_json::to_value(Finding::verdict(None, &boxed())).unwrap();
         assert_eq!(json[2]["use"], "power_spectrum");
         assert_eq!(json[2]["word"], "not measured");
         assert!(json[2]["why"].as_str().is_some_and(|w| !w.is_empty()));
