@@ -38,7 +38,6 @@ RUNS = [
     ("l1", ["--train", "fast"], "[loss]\nnorm = \"l1\"\nsmooth = 0.03\n"),
     ("target-paraview", ["--train", "fast"], "target = \"paraview\"\n"),
     ("density-control", ["--train", "fast"], DENSITY_CONTROL),
-    ("high-effort", ["--train", "fast", "--effort", "high"], ""),
 ]
 
 

@@ -9,14 +9,14 @@ program=${PARTICLEGS:-$root/target/debug/particlegs}
 [ -x "$program" ] || cargo build --locked -p particlegs-cli
 work=$(mktemp -d)
 job="$work/a job"
-# The sample as eight layers: a block has eight fits of its own, and a checkpoint after each. Long enough
-# to be caught at work, short enough for a test.
+# The sample, each particle four times, as eight layers: a block has eight fits of its own, and a checkpoint after each.
+# Long enough to be caught at work, short enough for a test.
 data="$root/target/engines/data"
 mkdir -p "$data"
-cp samples/nbody64/*.f32 "$data"
-layers=$(for name in a b c d e f g h; do printf '{"name": "%s", "particles": 32768}\n' "$name"; done | paste -sd,)
+for axis in xx yy zz; do cat "samples/nbody64/$axis.f32"{,,,} >"$data/$axis.f32"; done
+layers=$(for name in a b c d e f g h; do printf '{"name": "%s", "particles": 131072}\n' "$name"; done | paste -sd,)
 echo "{\"box\": 25.0, \"periodic\": true, \"layers\": [$layers]}" >"$data/meta.json"
-options=("$data" --blocks 6 --effort high --ratio 60 --seed 7 --certificate none)
+options=("$data" --blocks 6 --ratio 120 --seed 7 --certificate none)
 
 fail() { echo "FAILED: $*" >&2; exit 1; }
 
