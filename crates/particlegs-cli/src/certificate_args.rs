@@ -16,9 +16,9 @@ pub(crate) struct CertificateArgs {
 pub(crate) enum Level {
     /// Nothing: the file holds no scores.
     None,
-    /// Pictures, densities, power spectrum, groups and distances.
+    /// Pictures, densities, power spectrum and distances.
     Quick,
-    /// Also models of halves of the particles against the other halves, and groups matched in eight draws.
+    /// Also groups, matched in eight draws, and models of halves of the particles against the other halves.
     Full,
 }
 

@@ -239,3 +239,45 @@ fn flipped(bytes: &[u8], at: usize) -> Vec<u8> {
     out[at] ^= 0x10;
     out
 }
+
+/// The rest of a certificate is measured later and stored in the file, which stays what it was otherwise; of a lattice
+/// nothing holds.
+#[test]
+fn certificates_are_completed() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("m.pgs");
+    let some = ["--sample", "20000", "--quiet"];
+    let mut c = particlegs();
+    c.arg("compress").arg(sample()).arg("-o").arg(&path).args(["--effort", "fast", "--gaussians", "400"]).args(some);
+    c.assert().success();
+    let measures = || json(particlegs().arg("info").arg(&path))["certificate"]["measures"].clone();
+    let quick = measures();
+    assert!(quick["held_out"].is_null() && quick["groups"].is_null() && quick["densities"].is_array(), "{quick}");
+    let verify = |more: &[&str]| {
+        let mut c = particlegs();
+        c.arg("verify").arg(&path).arg(sample()).args(some).args(more).assert().success();
+    };
+    verify(&["--full", "--store"]);
+    let full = measures();
+    assert_eq!(full["densities"], quick["densities"]);
+    let bits = full["held_out"]["bits"].as_f64().unwrap();
+    assert!(bits > 2.0 && bits < full["held_out"]["kernel_bits"].as_f64().unwrap(), "{full}");
+    assert_eq!(full["groups"].as_array().map(Vec::len), Some(3));
+    // Measured again, whole, it agrees.
+    verify(&[]);
+    let lattice = dir.path().join("lattice");
+    std::fs::create_dir(&lattice).unwrap();
+    for (k, axis) in ["xx", "yy", "zz"].iter().enumerate() {
+        let place = |i: u32| ((i >> (4 * k)) % 16) as f32 + 0.5;
+        let column: Vec<u8> = (0..4096).flat_map(|i| place(i).to_le_bytes()).collect();
+        std::fs::write(lattice.join(format!("{axis}.f32")), column).unwrap();
+    }
+    std::fs::write(lattice.join("meta.json"), r#"{"box": 16}"#).unwrap();
+    let mut c = particlegs();
+    let out = dir.path().join("lattice.pgs");
+    let made = json(c.arg("compress").arg(&lattice).arg("-o").arg(&out).args(["--certificate", "full", "-q"]));
+    for finding in made["verdict"].as_array().unwrap() {
+        let word = finding["word"].as_str().unwrap();
+        assert!(["does not", "not measured"].contains(&word), "{finding}");
+    }
+}

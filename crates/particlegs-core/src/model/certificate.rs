@@ -61,7 +61,7 @@ pub enum CertificateLevel {
     /// What takes seconds.
     #[default]
     Quick,
-    /// Also models of halves of the particles against the other halves, and groups of several draws.
+    /// Also groups, of several draws, and models of halves of the particles against the other halves.
     Full,
 }
 

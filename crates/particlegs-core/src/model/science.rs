@@ -97,7 +97,7 @@ impl Science {
                 up_to(self.r_above_0_9_to)
             ),
             match self.groups_within_10_percent_from {
-                Limit::NotMeasured => "friends-of-friends groups: not measured".into(),
+                Limit::NotMeasured => "friends-of-friends groups: numbers not measured".into(),
                 Limit::Never => "friends-of-friends groups: their number is within 10 % at no size".into(),
                 Limit::At(n) => format!(
                     "friends-of-friends groups ({of}): numbers within 10 % of the source's for groups of {n} particles and more"

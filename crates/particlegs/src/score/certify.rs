@@ -70,7 +70,7 @@ pub fn certificate(
     let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
     let domain = Domain::of_particles(particles);
     let sample = drawn(model, particles, seed, progress)?;
-    let science = science(model, particles, sample.as_ref(), &domain, progress)?;
+    let science = science(model, particles, sample.as_ref(), level, &domain, progress)?;
     let groups = match &sample {
         Some(first) if level == CertificateLevel::Full => matched(model, [particles, first], &domain, seed, progress)?,
         _ => None,

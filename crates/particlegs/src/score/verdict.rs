@@ -301,7 +301,10 @@ fn spacing(s: Option<&Spacing>, unit: Option<&str>) -> Finding {
 fn groups(science: Option<&Science>) -> Finding {
     let finding = |word, why| Finding { of: Use::Groups, word, why };
     match science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
-        Limit::NotMeasured => finding(Word::NotMeasured, "too few groups, too many particles, or an early file".into()),
+        Limit::NotMeasured => finding(
+            Word::NotMeasured,
+            "not asked for (--certificate full), too few groups, or too many particles".into(),
+        ),
         Limit::Never => finding(Word::DoesNot, "numbers are within 10 % at no size".into()),
         Limit::At(n) => {
             let why = format!("numbers within 10 % from {n} particles a group on");
