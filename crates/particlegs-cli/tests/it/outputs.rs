@@ -586,9 +586,9 @@ fn a_pipe_without_a_reader_is_said_and_can_be_left() {
 #[test]
 fn a_second_signal_leaves_a_checkpoint_all_the_same() {
     let w = Workshop::new();
-    let long: Vec<f32> = (0..60_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
+    let long: Vec<f32> = (0..240_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
     snapshot(&w.at("long"), &[long.clone(), long.iter().rev().copied().collect(), long]);
-    let made = w.run(&mut w.command("plan long -o OUT --blocks 1 --gaussians 12000 --certificate none", &w.at("task")));
+    let made = w.run(&mut w.command("plan long -o OUT --blocks 1 --gaussians 40000 --certificate none", &w.at("task")));
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     assert!(w.run(&mut w.command("scatter task -q", Path::new(""))).status.success());
     let mut child = w.command("block task 0 -q", Path::new("")).spawn().unwrap();

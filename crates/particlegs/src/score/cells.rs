@@ -26,9 +26,10 @@ pub(super) fn cell_densities(
     progress: &dyn Progress,
 ) -> Result<Option<[CellDensity; CELL_SIZES]>> {
     let Some(grid) = finest(domain, particles.len()) else { return Ok(None) };
+    let [truth, other] = [Subject::Particles(particles), Subject::Model(model)];
     progress.begin("density in cells", 0);
     let of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, progress);
-    let mut pair = [of(Subject::Particles(particles))?, of(Subject::Model(model))?].map(Cells::of);
+    let mut pair = [of(truth)?, of(other)?].map(Cells::of);
     let mut found = Vec::with_capacity(CELL_SIZES);
     for size in 0..CELL_SIZES {
         if size > 0 {

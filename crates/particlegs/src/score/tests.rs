@@ -102,7 +102,7 @@ fn certificates_repeat_and_know_the_density() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
     let steps = Steps::default();
-    let c = certificate(&fine, &particles, 42, CertificateLevel::Quick, None, &steps).unwrap();
+    let c = certificate(&fine, &particles, 42, CertificateLevel::Full, None, &steps).unwrap();
     assert_eq!((c.width, c.height, c.grid), (1920, 1080, 50));
     assert!(
         c.orbits.iter().all(|o| o.expected.masked_psnr > Some(20.0) && o.expected.noise_free_masked_psnr.is_none())
@@ -149,6 +149,8 @@ impl Steps {
             "density",
             "drawing particles",
             "power spectra",
+            "density in cells",
+            "nearest neighbours",
             "friends of friends",
         ] {
             assert!(phases.iter().any(|p| p.0.ends_with(wanted)), "{wanted}: {phases:?}");
