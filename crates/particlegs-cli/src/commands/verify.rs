@@ -9,7 +9,7 @@ use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::source;
 use clap::Args;
 use particlegs::job::{Job, State};
-use particlegs::model::{Certificate, CertificateLevel, Model};
+use particlegs::model::{Certificate, CertificateLevel, Limit, Model};
 use particlegs::particles::Particles;
 use particlegs::progress::Progress;
 use particlegs::score::Finding;
@@ -241,8 +241,13 @@ fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) ->
     source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     context.message("the snapshot is the one that the file was made of; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
-    let full =
-        a.full || model.certificate.is_some_and(|c| c.measures.held_out.is_some() || c.measures.groups.is_some());
+    let full = a.full || model.certificate.as_ref().is_some_and(holds_all);
     let level = if full { CertificateLevel::Full } else { CertificateLevel::Quick };
     compress::certify(model, &particles, seed, level, None, context)
+}
+
+/// Is there a figure in it that a quick certificate does not have? Early files have numbers of groups.
+fn holds_all(c: &Certificate) -> bool {
+    let numbers = c.science.is_some_and(|s| s.groups_within_10_percent_from != Limit::NotMeasured);
+    numbers || c.measures.held_out.is_some() || c.measures.groups.is_some()
 }

@@ -65,6 +65,13 @@ pub enum CertificateLevel {
     Full,
 }
 
+impl CertificateLevel {
+    /// Is anything measured?
+    pub fn measures(self) -> bool {
+        self != CertificateLevel::None
+    }
+}
+
 /// Scores of one picture.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PictureScore {

@@ -2,7 +2,7 @@
 
 use super::options::Options;
 use crate::Result;
-use crate::model::{CertificateLevel, Metadata};
+use crate::model::Metadata;
 use crate::particles::{Particles, SnapshotMeta};
 use crate::space::Bounds;
 
@@ -48,10 +48,7 @@ impl Options {
     /// # Errors
     /// As [`Options::blocks_of`].
     pub fn made(&self, told: &Metadata, has_certificate: bool, particles: &Particles) -> Result<bool> {
-        if self.training.is_some()
-            || has_certificate != (self.certificate != CertificateLevel::None)
-            || !self.ask_for(told)
-        {
+        if self.training.is_some() || has_certificate != self.certificate.measures() || !self.ask_for(told) {
             return Ok(false);
         }
         let (count, source_hash) = (particles.len() as u64, particles.source_hash());

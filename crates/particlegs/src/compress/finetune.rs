@@ -98,7 +98,7 @@ pub fn finetune(
     // What was stopped is coded all the same.
     let check = || if stopped { Ok(()) } else { progress.check() };
     let coded = clock.time("code", || file.code(mixture, check))?;
-    let measure = (options.certificate != CertificateLevel::None && !stopped).then_some(Measure {
+    let measure = (options.certificate.measures() && !stopped).then_some(Measure {
         particles,
         seed,
         level: options.certificate,

@@ -11,7 +11,7 @@ use super::search;
 use super::target::Target;
 use crate::blocks::{KdTree, Survey};
 use crate::fit::{self};
-use crate::model::{CertificateLevel, Model};
+use crate::model::Model;
 use crate::particles::{Layered, Particles, Storage, check_particles};
 use crate::pieces::Pieces;
 use crate::progress::Progress;
@@ -130,7 +130,7 @@ impl<'a> Compression<'a> {
         plan.judge(&blocks, progress)?;
         let stopped = blocks.iter().any(|b| b.stopped);
         let (level, memory) = (plan.certificate, options.memory);
-        let measured = level != CertificateLevel::None && !stopped;
+        let measured = level.measures() && !stopped;
         let measure = measured.then_some(Measure { particles, seed: plan.seed, level, memory });
         let done = Decoded::of(|certificate| plan.file(&blocks, certificate), measure, progress)?;
         clock.append(done.clock);

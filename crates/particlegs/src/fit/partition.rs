@@ -9,13 +9,9 @@ use super::cut::Cut;
 use super::gain::{Blob, Blur, picture_sigma};
 use super::select::{Made, best_cuts};
 use super::{Moments, Store};
-#[cfg(test)]
-use crate::model::{Columns, Law, MASS, Mixture};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::{Error, Result};
-#[cfg(test)]
-use particlegs_core::math::each_axis;
 use std::ops::Range;
 
 /// How to cut.
@@ -95,26 +91,6 @@ pub(super) fn partition(
         |c: &Range<usize>| Moments::of(&store.xyz[c.clone()], store.weight.as_ref().map(|w| &w[c.clone()]));
     let moments = parallel::map(&cells, moments_of);
     Ok(Partition { store, cells, moments })
-}
-
-impl Partition {
-    /// The cells as Gaussians, world units.
-    #[cfg(test)]
-    pub fn mixture(&self) -> Mixture {
-        let unit = 1.0 / self.store.scale;
-        let column = |f: &dyn Fn(&Moments) -> f64| self.moments.iter().map(f).collect::<Vec<f64>>();
-        let mut columns = Columns::default();
-        if self.store.weight.is_some() {
-            columns.set(MASS, column(&|m| m.mass));
-        }
-        Mixture {
-            mean: each_axis(|k| column(&|m| self.store.origin[k] + m.mean[k] * unit)),
-            cov: std::array::from_fn(|k| column(&|m| m.cov.0[k] * unit * unit)),
-            count: column(&|m| m.count as f64),
-            columns,
-            law: Law::OpticalDepth,
-        }
-    }
 }
 
 struct Grower<'a> {

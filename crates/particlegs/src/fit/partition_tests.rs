@@ -1,12 +1,33 @@
 //! The partition: nothing lost, any input, any number of threads.
 
 use crate::fit::partition::partition;
-use crate::fit::{Partition, PartitionOptions, Store};
+use crate::fit::{Moments, Partition, PartitionOptions, Store};
 use crate::math::Random;
+use crate::model::{Columns, Law, MASS, Mixture};
 use crate::particles::{Column, Particles};
 use crate::progress::{Progress, Scalar, Silent};
+use particlegs_core::math::each_axis;
 use proptest::prelude::*;
 use std::path::Path;
+
+impl Partition {
+    /// The cells as Gaussians, world units.
+    pub(crate) fn mixture(&self) -> Mixture {
+        let unit = 1.0 / self.store.scale;
+        let column = |f: &dyn Fn(&Moments) -> f64| self.moments.iter().map(f).collect::<Vec<f64>>();
+        let mut columns = Columns::default();
+        if self.store.weight.is_some() {
+            columns.set(MASS, column(&|m| m.mass));
+        }
+        Mixture {
+            mean: each_axis(|k| column(&|m| self.store.origin[k] + m.mean[k] * unit)),
+            cov: std::array::from_fn(|k| column(&|m| m.cov.0[k] * unit * unit)),
+            count: column(&|m| m.count as f64),
+            columns,
+            law: Law::OpticalDepth,
+        }
+    }
+}
 
 fn cut(p: &Particles, gaussians: usize) -> Partition {
     cut_with(p, gaussians, &Silent)

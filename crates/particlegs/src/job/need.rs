@@ -3,7 +3,6 @@
 use super::manifest::Job;
 use super::plan::BUCKETED;
 use crate::compress::Load;
-use crate::model::CertificateLevel;
 use crate::particles::RUN;
 
 /// Copies of a block's particles that a task holds: as gathered, and the fit's.
@@ -31,7 +30,7 @@ impl Job {
     /// Bytes of memory that the merge takes; where the model is measured, with all particles in memory.
     pub fn merge_bytes(&self) -> u64 {
         let plan = &self.manifest.plan;
-        let measured = plan.certificate != CertificateLevel::None;
+        let measured = plan.certificate.measures();
         let particles = if measured { plan.column_bytes() } else { 0 };
         self.load().merge_bytes(measured).saturating_add(particles)
     }

@@ -35,7 +35,7 @@ pub(crate) use in_box::{check_box, check_particles};
 pub use layered::Layered;
 pub(crate) use layered::ReadLayer;
 pub use meta::SnapshotMeta;
-pub(crate) use neighbours::{Neighbours, distances_to, places_of};
+pub(crate) use neighbours::{Neighbours, cubic_spline, distances_to, places_of};
 pub(crate) use open::{Invalid, invalid};
 pub(crate) use scratch::Blank;
 pub use scratch::Storage;

@@ -66,6 +66,16 @@ fn visit_places(p: &Particles, domain: &Domain, visit: impl Fn(usize, &[Place]) 
     });
 }
 
+/// The cubic spline kernel's density at a distance, for a mass of 1 and a support of radius 1 (Monaghan and Lattanzio 1985).
+pub(crate) fn cubic_spline(q: f64) -> f64 {
+    let share = match q {
+        q if q < 0.5 => 1.0 - 6.0 * q * q * (1.0 - q),
+        q if q < 1.0 => 2.0 * (1.0 - q).powi(3),
+        _ => 0.0,
+    };
+    8.0 / PI * share
+}
+
 /// The places of some particles, `chosen` in ascending order.
 pub(crate) fn places_of(p: &Particles, domain: &Domain, chosen: &[u32]) -> Vec<Place> {
     let out: Vec<[AtomicU32; 3]> = chosen.iter().map(|_| Default::default()).collect();
@@ -279,8 +289,8 @@ impl Neighbours {
         if found.here > 1 { 0.0 } else { found.square.sqrt() }
     }
 
-    /// Particles in a volume at `x`, by a cubic spline that reaches to the `rank`-th point from there (Monaghan and
-    /// Lattanzio 1985); infinite where so many lie at one place, 0 where there are fewer.
+    /// Particles in a volume at `x`, by [`cubic_spline`]s that reach to the `rank`-th point from there; infinite where
+    /// so many lie at one place, 0 where there are fewer.
     pub fn density(&self, x: Place, rank: usize) -> f64 {
         let mut found = Several { wanted: rank, ..Several::default() };
         self.search_all(x, &mut found);
@@ -288,11 +298,9 @@ impl Neighbours {
         if reach.is_infinite() {
             return 0.0;
         }
-        // A distance of 0 divides by 0.
-        let spline = |q: f64| if q < 0.5 { 1.0 - 6.0 * q * q * (1.0 - q) } else { 2.0 * (1.0 - q).powi(3) };
-        let sum: f64 =
-            found.squares.into_sorted_vec().into_iter().map(|s| spline(f64::from_bits(s).sqrt() / reach)).sum();
-        if reach > 0.0 { sum * 8.0 / (PI * reach.powi(3)) } else { f64::INFINITY }
+        let at = |square: u64| cubic_spline(f64::from_bits(square).sqrt() / reach);
+        let sum: f64 = found.squares.into_sorted_vec().into_iter().map(at).sum();
+        if reach > 0.0 { sum / reach.powi(3) } else { f64::INFINITY }
     }
 
     /// Searches the cells about `x`, a place in the box.

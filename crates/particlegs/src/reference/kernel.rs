@@ -1,7 +1,7 @@
 //! The cubic spline kernel (Monaghan and Lattanzio 1985), projected along a line of sight and shared among
 //! pixels. Lengths are in its support radius.
 
-use std::f64::consts::PI;
+use crate::particles::cubic_spline;
 
 /// Intervals of the table of the projected kernel, even in the square of the distance.
 const STEPS: usize = 2048;
@@ -17,20 +17,10 @@ pub(super) const LARGEST: f32 = 2.0 * SAMPLES;
 /// Samples across a disc, at most.
 const ACROSS: usize = 2 * LARGEST as usize + 2;
 
-/// The kernel's density at a distance, for a mass of 1.
-fn spline(q: f64) -> f64 {
-    let share = match q {
-        q if q < 0.5 => 1.0 - 6.0 * q * q * (1.0 - q),
-        q if q < 1.0 => 2.0 * (1.0 - q).powi(3),
-        _ => 0.0,
-    };
-    8.0 / PI * share
-}
-
 /// The surface density at the square of a distance from the line through the centre (Simpson's rule).
 pub(super) fn projected(square: f64) -> f64 {
     let half = (1.0 - square).max(0.0).sqrt();
-    let at = |k: usize| spline((square + (half * k as f64 / ALONG as f64).powi(2)).sqrt());
+    let at = |k: usize| cubic_spline((square + (half * k as f64 / ALONG as f64).powi(2)).sqrt());
     let inner: f64 = (1..ALONG).map(|k| if k % 2 == 1 { 4.0 * at(k) } else { 2.0 * at(k) }).sum();
     2.0 * half / (3.0 * ALONG as f64) * (at(0) + inner + at(ALONG))
 }
@@ -169,13 +159,14 @@ fn add_small(disc: &Disc, sums: &mut Sums<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     /// All mass of the kernel, of its projection and of its projection onto a line.
     #[test]
     fn the_kernel_is_normalised() {
         let n = 20_000;
         let at = |k: usize| (k as f64 + 0.5) / n as f64;
-        let sphere: f64 = (0..n).map(|k| 4.0 * PI * at(k) * at(k) * spline(at(k))).sum::<f64>() / n as f64;
+        let sphere: f64 = (0..n).map(|k| 4.0 * PI * at(k) * at(k) * cubic_spline(at(k))).sum::<f64>() / n as f64;
         assert!((sphere - 1.0).abs() < 1e-6, "{sphere}");
         // d(area) = pi d(b^2).
         let disc: f64 = (0..n).map(|k| PI * projected(at(k))).sum::<f64>() / n as f64;

@@ -2,13 +2,13 @@
 
 use super::cells::cell_densities;
 use super::evaluate::evaluate_against;
-use super::matched::{Found, Tally};
-use super::science::{drawn, linking, science};
+use super::matched::Tally;
+use super::science::{drawn, linking, numbers_agree_from, science};
 use super::{LookScores, certificate_views, density_of};
 use crate::Result;
 use crate::model::{
-    Baselines, Certificate, CertificateLevel, GROUP_CLASSES, GroupClass, LookBaselines, LookScore, Measures, Model,
-    OrbitBaselines, OrbitScore, PictureScore, Spacing,
+    Baselines, Certificate, CertificateLevel, GROUP_CLASSES, GroupClass, Limit, LookBaselines, LookScore, Measures,
+    Model, OrbitBaselines, OrbitScore, PictureScore, Science, Spacing,
 };
 use crate::particles::{Particles, check_box};
 use crate::picture::{Scores, Size};
@@ -70,11 +70,13 @@ pub fn certificate(
     let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
     let domain = Domain::of_particles(particles);
     let sample = drawn(model, particles, seed, progress)?;
-    let science = science(model, particles, sample.as_ref(), level, &domain, progress)?;
+    let science = science(model, particles, sample.as_ref(), &domain, progress)?;
     let groups = match &sample {
         Some(first) if level == CertificateLevel::Full => matched(model, [particles, first], &domain, seed, progress)?,
         _ => None,
     };
+    let (numbers, groups) = groups.map_or((Limit::NotMeasured, None), |(numbers, classes)| (numbers, Some(classes)));
+    let science = science.map(|s| Science { groups_within_10_percent_from: numbers, ..s });
     let measures = Measures {
         densities: cell_densities(model, particles, &domain, progress)?,
         spacing: spacing(particles, sample.as_ref(), &domain, seed, progress)?,
@@ -114,28 +116,26 @@ fn spacing(
     Ok(Some(Spacing { median, regularity, drawn_median, drawn_regularity }))
 }
 
-/// Groups of the particles matched with those of [`DRAWS`] draws, the first of which is there.
+/// Groups of the particles against those of [`DRAWS`] draws, the first of which is there: from which size on that one's
+/// numbers agree, and all matched by position.
 fn matched(
     model: &Model,
     [particles, first]: [&Particles; 2],
     domain: &Domain,
     seed: u64,
     progress: &dyn Progress,
-) -> Result<Option<[GroupClass; GROUP_CLASSES.len()]>> {
+) -> Result<Option<(Limit, [GroupClass; GROUP_CLASSES.len()])>> {
     let Some(linking) = linking(domain, particles.len()) else { return Ok(None) };
     let truth = linking.groups(particles, progress)?;
+    let found = linking.groups(first, progress)?;
+    let numbers = numbers_agree_from(&truth.sizes, &found.sizes);
     let mut tally = Tally::default();
-    for draw in 0..DRAWS {
-        let found: Found = match draw {
-            0 => linking.groups(first, progress)?,
-            _ => match drawn(model, particles, seed.wrapping_add(draw), progress)? {
-                Some(particles) => linking.groups(&particles, progress)?,
-                None => return Ok(None),
-            },
-        };
-        tally.add(&linking, &truth, &found)?;
+    tally.add(&linking, &truth, &found)?;
+    for draw in 1..DRAWS {
+        let Some(particles) = drawn(model, particles, seed.wrapping_add(draw), progress)? else { return Ok(None) };
+        tally.add(&linking, &truth, &linking.groups(&particles, progress)?)?;
     }
-    Ok(Some(tally.finish()))
+    Ok(Some((numbers, tally.finish())))
 }
 
 fn look_baselines(s: &LookScores) -> LookBaselines {

@@ -12,7 +12,7 @@ use particlegs_core::math::each_axis;
 /// Groups found in one set of particles, the largest first.
 pub(super) struct Found {
     /// Particles of each.
-    sizes: Vec<u64>,
+    pub(super) sizes: Vec<u64>,
     /// Centre of each, relative to the domain's corner.
     centers: Vec<[f64; 3]>,
 }

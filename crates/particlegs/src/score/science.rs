@@ -4,13 +4,12 @@
 //! same file on every machine, and takes less than 500 MB beside the snapshot.
 
 use super::matched::Linking;
-use crate::model::{CertificateLevel, Limit, Model, Science, ScienceOf};
+use crate::model::{GROUP_CLASSES, Limit, Model, Science, ScienceOf};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::recover::draw;
 use crate::stats::{
-    Assignment, Domain, SpectrumOptions, Subject, find_groups, local_positions, longest_link, power_spectra,
-    size_histogram, sizes_within,
+    Assignment, Domain, SpectrumOptions, Subject, longest_link, power_spectra, size_histogram, sizes_within,
 };
 use crate::{Error, Result};
 use std::f64::consts::PI;
@@ -25,13 +24,12 @@ const MOST_CELLS: usize = 256;
 /// Wave numbers go to this share of the grid's Nyquist frequency, where what the window folds back
 /// is below a thousandth.
 const SHARE_OF_NYQUIST: f64 = 0.5;
-/// Links and smallest groups, as everywhere (`stats`).
+/// Links as everywhere (`stats`).
 const LINKING: f64 = 0.2;
-const SMALLEST_GROUP: usize = 20;
 const GROUPS_WITHIN: f64 = 0.1;
 
-/// Measures `model`, and particles `drawn` from it where there are any, against its snapshot; groups where all is asked for. `None` in units so
-/// small or so large that float32, in which a file keeps wave numbers, does not hold them.
+/// Measures `model`, and particles `drawn` from it where there are any, against its snapshot, groups apart. `None` in
+/// units so small or so large that float32, in which a file keeps wave numbers, does not hold them.
 ///
 /// # Errors
 /// [`Error::Memory`], [`Error::Cancelled`].
@@ -39,7 +37,6 @@ pub(super) fn science(
     model: &Model,
     particles: &Particles,
     drawn: Option<&Particles>,
-    level: CertificateLevel,
     domain: &Domain,
     progress: &dyn Progress,
 ) -> Result<Option<Science>> {
@@ -47,16 +44,11 @@ pub(super) fn science(
     if !wave_numbers.iter().all(|k| (*k as f32).is_normal()) {
         return Ok(None);
     }
-    let Some(drawn) = drawn else {
-        let pair = [Subject::Particles(particles), Subject::Model(model)];
-        return measure(ScienceOf::Mixture, pair, domain, progress).map(Some);
+    let (of, other) = match drawn {
+        Some(drawn) => (ScienceOf::DrawnParticles, Subject::Particles(drawn)),
+        None => (ScienceOf::Mixture, Subject::Model(model)),
     };
-    let pair = [Subject::Particles(particles), Subject::Particles(drawn)];
-    let science = measure(ScienceOf::DrawnParticles, pair, domain, progress)?;
-    if level != CertificateLevel::Full {
-        return Ok(Some(science));
-    }
-    Ok(Some(Science { groups_within_10_percent_from: groups([particles, drawn], domain, progress)?, ..science }))
+    measure(of, [Subject::Particles(particles), other], domain, progress).map(Some)
 }
 
 /// As many particles as there are drawn from the model with `seed`; `None` of too many, too few, or where tails of Gaussians
@@ -122,19 +114,13 @@ fn measure(of: ScienceOf, pair: [Subject<'_>; 2], domain: &Domain, progress: &dy
     })
 }
 
-/// Not measured where the box is thinner than links allow, or there are too few groups.
-fn groups(pair: [&Particles; 2], domain: &Domain, progress: &dyn Progress) -> Result<Limit> {
-    let Some(Linking { length, .. }) = linking(domain, pair[0].len()) else { return Ok(Limit::NotMeasured) };
-    let sizes = |p: &Particles| {
-        let positions = local_positions(p, domain);
-        Ok(find_groups(&positions, domain, length, SMALLEST_GROUP, progress)?.sizes())
-    };
-    let (truth, drawn) = (sizes(pair[0])?, sizes(pair[1])?);
-    let histogram = size_histogram([&truth, &drawn], SMALLEST_GROUP as u64);
-    Ok(match sizes_within(&histogram, GROUPS_WITHIN) {
+/// From which size on numbers of groups agree; not measured where there are too few.
+pub(super) fn numbers_agree_from(truth: &[u64], drawn: &[u64]) -> Limit {
+    let histogram = size_histogram([truth, drawn], GROUP_CLASSES[0]);
+    match sizes_within(&histogram, GROUPS_WITHIN) {
         None => Limit::NotMeasured,
         Some(size) => Limit::measured(size.map(|n| n as f64)),
-    })
+    }
 }
 
 #[cfg(test)]
