@@ -14,7 +14,7 @@ use crate::{Error, Result};
 /// Fits tried at most.
 const FITS: usize = 8;
 /// Numbers of Gaussians closer than this share need not be told apart.
-const CLOSE_NUMBERS: f64 = 0.02;
+const CLOSE_NUMBERS: f64 = 0.05;
 
 /// Particles for each Gaussian, at least, where a statistic is to be reached: with fewer to each the correlation of
 /// densities falls again (of nbody64 in cells of 0.5 Mpc/h: 0.99903 with 16 to each, 0.99886 with 8).
@@ -30,6 +30,8 @@ struct Scale {
     /// Doublings from one number to the next while nothing lies on the other side: at least, and at most. Pictures follow
     /// their number closely; the deviation of a statistic changes its sign now and then, and what it gains scatters.
     steps: [f64; 2],
+    /// The share of the way, in doublings, between two numbers on either side that the next one keeps from both.
+    apart: f64,
     /// Gaussians at most.
     most: u64,
 }
@@ -37,10 +39,10 @@ struct Scale {
 impl Scale {
     fn of(kind: GoalKind, particles: u64) -> Scale {
         match kind {
-            GoalKind::Psnr => Scale { a_doubling: 0.85, close: 0.05, steps: [0.0, 3.0], most: particles },
+            GoalKind::Psnr => Scale { a_doubling: 0.85, close: 0.05, steps: [0.0, 3.0], apart: 0.1, most: particles },
             _ => {
                 let most = (particles / PARTICLES_A_GAUSSIAN).max(most_gaussians(particles));
-                Scale { a_doubling: 0.6, close: 0.1, steps: [1.0, 2.0], most }
+                Scale { a_doubling: 0.6, close: 0.1, steps: [1.0, 2.0], apart: 0.3, most }
             }
         }
     }
@@ -84,7 +86,8 @@ pub(super) fn reach(
         let model = codec::decode(&plan.file(&blocks, None)?, "the file just coded")?;
         let reached = gauge.measure(&model, progress)?;
         let bytes: usize = blocks.iter().map(CodedBlock::size).sum();
-        progress.message(&format!("{number} Gaussians, {bytes} bytes: {}", goal.value_in_words(reached.reached)));
+        let figure = goal.value_in_words(reached.reached);
+        progress.message(&format!("{} Gaussians, {bytes} bytes: {figure}", model.gaussians()));
         // Numbers that reach the goal only fall from one to the next.
         if goal.is_met(reached.reached) {
             kept = Some((blocks, reached));
@@ -124,7 +127,7 @@ fn search(goal: &Goal, scale: &Scale, start: f64, attempt: &mut dyn FnMut(f64) -
 fn next(above: Option<Tried>, below: Option<Tried>, wanted: f64, scale: &Scale) -> f64 {
     match (above, below) {
         (Some(a), Some(b)) => {
-            let share = ((wanted - b.height) / (a.height - b.height)).clamp(0.1, 0.9);
+            let share = ((wanted - b.height) / (a.height - b.height)).clamp(scale.apart, 1.0 - scale.apart);
             (b.number.ln() * (1.0 - share) + a.number.ln() * share).exp()
         }
         (Some(t), None) | (None, Some(t)) => {
@@ -146,7 +149,7 @@ fn unreachable(scale: &Scale, best: &Tried, plan: &Plan) -> Error {
     );
     let words = match goal.kind {
         GoalKind::Psnr => "ask for less, or for a size".to_string(),
-        _ => format!("ask for less; up to {} Gaussians are tried, and a number of your own can be larger", scale.most),
+        _ => format!("ask for less, or for a number of Gaussians: up to {} are tried", scale.most),
     };
     Error::Unreachable { what, remedy: words.into() }
 }
