@@ -111,8 +111,8 @@ fn what_cannot_be_measured_is_refused_before_the_fit() {
     refused(&["--max-pk-error", "1%", "--k-max=-1"], "--max-pk-error: no wave number: -1");
     refused(&["--max-pk-error", "150%", "--k-max", "2"], "1.5 is not a share between 0 and 1");
     refused(&["--max-pk-error", "lots", "--k-max", "2"], "not a share, such as 1% or 0.01");
-    refused(&["--max-pk-error", "1%"], "--k-max <K>");
-    refused(&["--k-max", "2"], "--max-pk-error <SHARE>");
+    refused(&["--max-pk-error", "1%"], "required arguments were not provided");
+    refused(&["--k-max", "2"], "required arguments were not provided");
     refused(&["--min-correlation", "1", "--cell", "1"], "a correlation of 1 is not between 0 and 1");
     refused(&["--min-correlation", "0.9", "--cell", "26"], "cells of 26 are too large");
     refused(&["--min-correlation", "0.9", "--cell", "1e-4"], "cells of 0.0001 are too small");
