@@ -159,8 +159,8 @@ def measures(content):
             numbers = struct.unpack(forms[tag], value)
             check(all(math.isfinite(v) for v in numbers), "a measure")
             if tag == 9:
-                kind, asked, at, reached = numbers
-                check(asked >= 0 and at >= 0, "a goal")
+                kind, asked, where, _ = numbers
+                check(asked >= 0 and where >= 0 and all(math.isfinite(v) for v in numbers), "a goal")
                 if not 1 <= kind <= 4:
                     continue
                 found[tag] = numbers
