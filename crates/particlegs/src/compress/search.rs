@@ -80,11 +80,13 @@ pub(super) fn reach(
     let goal = gauge.goal;
     let scale = Scale::of(goal.kind, plan.metadata.count);
     let start = plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.effort);
-    let mut kept = None;
+    // A fit may find room for fewer Gaussians than it is asked for.
+    let (mut kept, mut made) = (None, Vec::new());
     let best = search(&goal, &scale, start, &mut |number| {
         let blocks = code(Target::Gaussians(number as u64))?;
         let model = codec::decode(&plan.file(&blocks, None)?, "the file just coded")?;
         let reached = gauge.measure(&model, progress)?;
+        made.push((number, model.gaussians()));
         let bytes: usize = blocks.iter().map(CodedBlock::size).sum();
         let figure = goal.value_in_words(reached.reached);
         progress.message(&format!("{} Gaussians, {bytes} bytes: {figure}", model.gaussians()));
@@ -94,7 +96,8 @@ pub(super) fn reach(
         }
         Ok(reached)
     })?;
-    kept.ok_or_else(|| unreachable(&scale, &best, plan))
+    let gaussians = made.iter().find(|m| m.0 == best.number).map_or(0, |m| m.1);
+    kept.ok_or_else(|| unreachable(&scale, best.reached, gaussians, plan))
 }
 
 /// Tries numbers of Gaussians, each that reaches the goal smaller than the last that did. Gives the best.
@@ -139,13 +142,12 @@ fn next(above: Option<Tried>, below: Option<Tried>, wanted: f64, scale: &Scale) 
 }
 
 /// Why the goal is not reached, and what would help.
-fn unreachable(scale: &Scale, best: &Tried, plan: &Plan) -> Error {
-    let goal = best.reached.goal;
+fn unreachable(scale: &Scale, best: Reached, gaussians: usize, plan: &Plan) -> Error {
+    let goal = best.goal;
     let what = format!(
-        "{} was asked for; at best {} was reached, with {} Gaussians",
+        "{} was asked for; at best {} was reached, with {gaussians} Gaussians",
         goal.in_words(plan.metadata.length_unit.as_deref()),
-        goal.value_in_words(best.reached.reached),
-        best.number
+        goal.value_in_words(best.reached)
     );
     let words = match goal.kind {
         GoalKind::Psnr => "ask for less, or for a size".to_string(),
