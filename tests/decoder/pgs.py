@@ -148,7 +148,7 @@ def certificate(content):
 
 def measures(content):
     """Values by tag; those that are not there as None."""
-    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3}
+    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3, 9: "<B3d"}
     at, last, found = 0, 0, {}
     while at < len(content):
         tag, length = struct.unpack_from("<BH", content, at)
@@ -158,6 +158,13 @@ def measures(content):
             check(length == struct.calcsize(forms[tag]), "length of a measure")
             numbers = struct.unpack(forms[tag], value)
             check(all(math.isfinite(v) for v in numbers), "a measure")
+            if tag == 9:
+                kind, asked, where, _ = numbers
+                check(asked >= 0 and where >= 0 and all(math.isfinite(v) for v in numbers), "a goal")
+                if not 1 <= kind <= 4:
+                    continue
+                found[tag] = numbers
+                continue
             found[tag] = [None if v == -2 else v for v in numbers]
     return found
 

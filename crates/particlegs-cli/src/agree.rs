@@ -1,6 +1,8 @@
 //! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
 
-use particlegs::model::{BANDS, Certificate, GROUP_CLASSES, Limit, LookBaselines, LookScore, Measures};
+use particlegs::model::{
+    BANDS, Certificate, GROUP_CLASSES, GoalKind, Limit, LookBaselines, LookScore, Measures, Reached,
+};
 use serde::Serialize;
 
 /// What is measured again agrees within these: the same program measures the same bits on every machine;
@@ -99,8 +101,24 @@ impl Figures {
         }
     }
 
+    /// What was asked for, and what is measured of it: nothing where it cannot be, and then no file was made for it.
+    fn goal(&mut self, a: &Reached, b: Option<&Reached>) {
+        let (at, value) = (a.goal.at, |r: &Reached| a.goal.value_in_words(r.reached));
+        let (name, tolerance, words) = match a.goal.kind {
+            GoalKind::Psnr => ("held-out masked PSNR".into(), DECIBELS, "0.05 dB"),
+            GoalKind::PowerSpectrum => (format!("deviation of P(k) up to k = {at}"), DENSITY, "0.1 %"),
+            GoalKind::Correlation => (format!("correlation in cells of {at}"), DENSITY, "0.001"),
+            GoalKind::Groups => (format!("deviation of groups from {at} on"), DENSITY, "0.1 %"),
+        };
+        let within = b.is_some_and(|b| (a.reached - b.reached).abs() <= tolerance);
+        self.push(&name, [value(a), b.map_or_else(|| "none".into(), value)], words, !within);
+    }
+
     /// What either has and the other has too.
     fn measures(&mut self, a: &Measures, b: &Measures) {
+        if let Some(stored) = &a.goal {
+            self.goal(stored, b.goal.as_ref());
+        }
         for (a, b) in a.densities.iter().flatten().zip(b.densities.iter().flatten()) {
             let name = |what: &str| format!("{what} in cells of {:.4}", b.edge);
             self.real(&name("density correlation"), [a.correlation, b.correlation], DENSITY, "0.001");
@@ -208,7 +226,7 @@ pub fn doubts(c: &Certificate) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::model::{Baselines, OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf};
+    use particlegs::model::{Baselines, Goal, OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf};
 
     /// Pictures of 30.5 dB where black scores 12 and a uniform box 16; every number is one that the file holds.
     fn certificate() -> Certificate {
@@ -268,6 +286,13 @@ mod tests {
         forged.orbits[2].expected.masked_psnr = None;
         forged.science = Some(Science { groups_within_10_percent_from: Limit::At(20.0), ..true_one.science.unwrap() });
         assert_eq!(differing(&forged, &true_one), ["near expected", "groups from"]);
+        // A goal that was not reached, or that no file of these particles is made for.
+        let goal =
+            |reached| Some(Reached { goal: Goal { kind: GoalKind::PowerSpectrum, asked: 0.01, at: 2.0 }, reached });
+        let with = |goal| Certificate { measures: Measures { goal, ..Measures::default() }, ..true_one };
+        assert_eq!(differing(&with(goal(0.0093)), &with(goal(0.0094))), [""; 0]);
+        assert_eq!(differing(&with(goal(0.0093)), &with(goal(0.0193))), ["deviation of P(k) up to k = 2"]);
+        assert_eq!(differing(&with(goal(0.0093)), &true_one), ["deviation of P(k) up to k = 2"]);
         // Early files are compared in what they say.
         let early = Certificate { science: None, baselines: None, ..true_one };
         assert_eq!(differing(&early, &true_one), [""; 0]);

@@ -2,10 +2,10 @@
 
 use crate::certificate_args::CertificateArgs;
 use crate::snapshot_args::{SnapshotArgs, Subset};
-use crate::target_args::{TargetArgs, with_default};
+use crate::target_args::{GoalArgs, TargetArgs, with_default};
 use crate::train_args::TrainArgs;
 use clap::{Args, ValueEnum};
-use particlegs::compress::{Options, Target};
+use particlegs::compress::Options;
 use particlegs::fit::Effort;
 use particlegs::{Error, Result};
 
@@ -15,11 +15,8 @@ use particlegs::{Error, Result};
 pub struct FitArgs {
     #[command(flatten)]
     target: TargetArgs,
-    /// Masked PSNR to reach, in dB.
-    ///
-    /// Of the style `expected`, averaged over held-out views.
-    #[arg(long, value_name = "DB", group = "TargetArgs")]
-    psnr: Option<f64>,
+    #[command(flatten)]
+    goal: GoalArgs,
     /// Effort of the fit.
     ///
     /// docs/guide/choosing.md says when to use which.
@@ -67,8 +64,8 @@ impl FitArgs {
             EffortArg::Fast => (Effort::Fast, "fast"),
             EffortArg::Default => (Effort::Default, "default"),
         };
-        let (target, asked) = match self.psnr {
-            Some(d) => (Target::Psnr(d).check()?, format!(" --psnr {d}")),
+        let (target, asked) = match self.goal.target()? {
+            Some(goal) => goal,
             None => self.target.target()?,
         };
         let mut command = format!("compress{asked} --effort {name} --seed {seed}");

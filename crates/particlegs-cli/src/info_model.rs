@@ -9,7 +9,7 @@ use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
     AlphaBlend, BANDS, Certificate, GROUP_CLASSES, LawKind, Layer, LookBaselines, LookScore, Measures, Metadata,
-    VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
+    Reached, VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
 };
 use particlegs::progress::Progress;
 use particlegs::score::{Finding, Use, Word};
@@ -251,6 +251,9 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
         "certificate        measured at encoding: {} x {}, one frame an orbit, seed {}\n",
         c.width, c.height, c.seed
     );
+    if let Some(goal) = &c.measures.goal {
+        out += &(wrapped("  ", &goal_in_words(goal, unit), 6) + "\n");
+    }
     out += &pictures(c);
     let mut line = |text: String| out += &(wrapped("  ", &text, 6) + "\n");
     line(format!("density on a grid of {} cells: correlation {:.5} (uniform 0)", c.grid, c.density_correlation));
@@ -262,6 +265,11 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     }
     measures(&c.measures, unit).into_iter().for_each(line);
     out
+}
+
+/// What was asked for, and what the file has.
+pub fn goal_in_words(goal: &Reached, unit: Option<&str>) -> String {
+    format!("asked for: {}", goal.in_words(unit))
 }
 
 /// What else was measured, a line each.

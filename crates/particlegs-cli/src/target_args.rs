@@ -1,7 +1,9 @@
 //! How large a model is to be. Commands add what they mean where nothing is said.
 
+use crate::remedies::of_option;
 use clap::{Arg, Args};
 use particlegs::compress::Target;
+use particlegs::model::{Goal, GoalKind};
 use particlegs::{Error, Result};
 
 /// One target at most.
@@ -66,9 +68,92 @@ pub fn parse_bytes(text: &str) -> Result<u64> {
     Ok((number * unit).floor() as u64)
 }
 
+/// A quality to reach: a target that `compress` alone searches for.
+#[derive(Args, Clone, Debug)]
+pub struct GoalArgs {
+    /// Masked PSNR to reach, in dB; --help has targets of P(k), density and groups.
+    ///
+    /// Of the style `expected`, averaged over held-out views. This and the targets below are searched for: up to eight
+    /// fits, each decoded again and measured, and the smallest file that reaches the target is kept. The certificate
+    /// says what was asked for and what the file has.
+    #[arg(long, value_name = "DB", group = "TargetArgs")]
+    psnr: Option<f64>,
+    /// Power spectrum: P(k) within this share of the particles', such as 1% or 0.01, up to --k-max.
+    ///
+    /// In every shell of wave numbers (of width 2 pi over the longest edge) in which the particles have power above the
+    /// scatter of their shot noise; of as many particles drawn from the model, shot noise subtracted, as in the
+    /// certificate (above three million particles: of the mixture itself). Needs a periodic box.
+    #[arg(long, value_name = "SHARE", group = "TargetArgs", requires = "k_max", value_parser = parse_share, hide_short_help = true)]
+    max_pk_error: Option<f64>,
+    /// The largest wave number of --max-pk-error, one over the data's unit of length.
+    ///
+    /// At most the particles' Nyquist frequency, pi over their mean spacing, or what the grid of 256 cells measures.
+    #[arg(long, value_name = "K", requires = "max_pk_error", hide_short_help = true)]
+    k_max: Option<f64>,
+    /// Density: Pearson's correlation with the particles' of densities in cells of edge --cell.
+    #[arg(long, value_name = "R", group = "TargetArgs", requires = "cell", hide_short_help = true)]
+    min_correlation: Option<f64>,
+    /// The edge of the cells of --min-correlation, in the data's unit of length.
+    ///
+    /// The fewest equal cells that are no longer than this fill the box, or the particles' bounds where there is none.
+    #[arg(long, value_name = "LENGTH", requires = "min_correlation", hide_short_help = true)]
+    cell: Option<f64>,
+    /// Groups: numbers of friends-of-friends groups within this share, such as 10% or 0.1, from --from on.
+    ///
+    /// The group mass function: in every class of sizes, the mean number over four draws from the model. Classes begin
+    /// at --from and grow by the square root of 2; from the largest down they are joined until each holds 100 of the
+    /// particles' groups, so that too many small groups do not make up for missing large ones. Of at most 3 145 728
+    /// particles.
+    #[arg(long, value_name = "SHARE", group = "TargetArgs", requires = "from", value_parser = parse_share, hide_short_help = true)]
+    groups_within: Option<f64>,
+    /// The smallest groups of --groups-within, particles: 20 or more.
+    #[arg(long, value_name = "N", requires = "groups_within", hide_short_help = true)]
+    from: Option<u64>,
+}
+
+impl GoalArgs {
+    /// The target, and how the file's command says it; `None` where no quality is asked for.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for what cannot be.
+    pub fn target(&self) -> Result<Option<(Target, String)>> {
+        if let Some(d) = self.psnr {
+            return Ok(Some((Target::Psnr(d).check()?, format!(" --psnr {d}"))));
+        }
+        let goals = [
+            (GoalKind::PowerSpectrum, "max-pk-error", self.max_pk_error, "k-max", self.k_max),
+            (GoalKind::Correlation, "min-correlation", self.min_correlation, "cell", self.cell),
+            (GoalKind::Groups, "groups-within", self.groups_within, "from", self.from.map(|n| n as f64)),
+        ];
+        let given = |(kind, name, asked, place, at)| {
+            let (asked, at) = (Option::<f64>::zip(asked, at))?;
+            let target = Target::Goal(Goal { kind, asked, at }).check().map_err(|e| of_option(&format!("--{name}"), e));
+            Some(target.map(|target| (target, format!(" --{name} {asked} --{place} {at}"))))
+        };
+        goals.into_iter().find_map(given).transpose()
+    }
+}
+
+/// Parses a share: `1%`, `0.01`.
+fn parse_share(text: &str) -> std::result::Result<f64, String> {
+    // In decimal, so that 1% and 0.01 are one number.
+    let plain = text.strip_suffix('%').map_or_else(|| text.to_string(), |percent| format!("{}e-2", percent.trim_end()));
+    plain.parse().map_err(|_| "not a share, such as 1% or 0.01".to_string())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shares() {
+        for (text, share) in [("1%", 0.01), ("0.01", 0.01), ("0.7 %", 0.007), ("10%", 0.1), (".5%", 0.005)] {
+            assert_eq!(parse_share(text), Ok(share), "{text}");
+        }
+        for bad in ["", "%", "1%%", "one", "1 percent", "1e-3e", "1e1%"] {
+            assert!(parse_share(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn sizes() {

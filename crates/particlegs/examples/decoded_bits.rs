@@ -3,7 +3,7 @@
 
 use particlegs::codec;
 use particlegs::model::{
-    Block, CellDensity, Certificate, GroupClass, LawKind, Limit, Measures, Model, Science, ScienceOf,
+    Block, CellDensity, Certificate, GoalKind, GroupClass, LawKind, Limit, Measures, Model, Reached, Science, ScienceOf,
 };
 use std::io::{BufWriter, Write};
 
@@ -67,6 +67,11 @@ fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
             [groups, c.number, number, c.completeness, c.purity, c.mass, mass]
         };
         line(4, g.iter().flat_map(own).collect())?;
+    }
+    if let Some(Reached { goal, reached }) = &m.goal {
+        let kinds = [GoalKind::Psnr, GoalKind::PowerSpectrum, GoalKind::Correlation, GoalKind::Groups];
+        let kind = kinds.iter().position(|k| *k == goal.kind).map_or(0.0, |i| i as f64 + 1.0);
+        line(9, [kind, goal.asked, goal.at, *reached].map(Some).to_vec())?;
     }
     Ok(())
 }

@@ -33,6 +33,9 @@ Examples:
   particlegs compress snapshot/ -o snapshot.pgs --ratio 65 --effort fast
   particlegs compress x.f32 y.f32 z.f32 -o snapshot.pgs --size 11MB
   particlegs compress points.npy -o points.pgs --psnr 32 --box 100,100,100
+  particlegs compress snapshot/ -o snapshot.pgs --max-pk-error 1% --k-max 2
+  particlegs compress snapshot/ -o snapshot.pgs --min-correlation 0.999 --cell 1
+  particlegs compress snapshot/ -o snapshot.pgs --groups-within 10% --from 100
   particlegs compress huge.hdf5 -o huge.pgs --memory 2GiB --scratch /local/tmp
   particlegs compress snapshot/ -o snapshot.pgs --pictures pictures/
   particlegs compress snapshot/ -o snapshot.pgs --train best --log training.jsonl
@@ -230,6 +233,9 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     let phases: Vec<String> = done.seconds.iter().map(|(p, s)| format!("{p} {s:.2} s")).collect();
     text += &format!("\n{:.2} s: {}", seconds, phases.join(", "));
     text += &run_args::trained(done);
+    if let (Some(goal), None) = (&done.reached, &done.model.certificate) {
+        text += &format!("\n{}", info_model::goal_in_words(goal, done.model.metadata.length_unit.as_deref()));
+    }
     if a.fit.is_fast() {
         text += "\n--effort fast: fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
     }
@@ -238,7 +244,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     let value = json!({
         "output": a.output().to_string_lossy(), "particles": done.model.metadata.count, "gaussians": gaussians,
         "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
-        "bytes_per_gaussian": bytes as f64 / gaussians as f64, "step_factor": done.step_factor, "trained": done.trained,
+        "bytes_per_gaussian": bytes as f64 / gaussians as f64, "step_factor": done.step_factor, "goal": done.reached, "trained": done.trained,
         "seconds": seconds, "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
         "certificate": done.model.certificate, "verdict": verdict,
     });

@@ -188,6 +188,7 @@ fn plans_that_cannot_be_are_refused() {
     fails(&mut plan(&at("few"), &["--blocks", "0"]), 2, "0 blocks are outside");
     fails(&mut plan(&at("few"), &["--blocks", "many"]), 2, "neither a number nor `auto`");
     fails(&mut plan(&at("few"), &["--psnr", "30"]), 2, "all blocks together");
+    fails(&mut plan(&at("few"), &["--min-correlation", "0.9", "--cell", "1"]), 2, "all blocks together");
     fails(&mut plan(&sample(), &["--memory", "50MB"]), 7, "needs about");
     fails(&mut plan(&sample(), &["--memory", "lots"]), 2, "size `lots`");
     assert!(!at("job").exists());

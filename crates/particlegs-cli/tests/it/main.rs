@@ -20,6 +20,7 @@ mod outputs;
 mod simplify;
 mod smooth;
 mod stats;
+mod targets;
 mod train;
 mod verdict;
 mod views;

@@ -1,13 +1,14 @@
 //! The section `meas`: figures that not every certificate has, as tagged fields (docs/format.md, section 3).
 
 use super::wire::Reader;
-use crate::model::{BANDS, CellDensity, GroupClass, HeldOut, Measures, Spacing, Transfer};
+use crate::model::{BANDS, CellDensity, Goal, GoalKind, GroupClass, HeldOut, Measures, Reached, Spacing, Transfer};
 
 /// Tags of the fields.
 const DENSITIES: u8 = 1;
 const SPACING: u8 = 2;
 const HELD_OUT: u8 = 3;
 const GROUPS: u8 = 4;
+const GOAL: u8 = 9;
 /// Bytes of a field's tag and length.
 const FIELD_BYTES: usize = 3;
 /// Bytes of the fields' values.
@@ -15,10 +16,13 @@ const DENSITIES_BYTES: usize = 3 * (8 + 4 * 4);
 const SPACING_BYTES: usize = 2 * (8 + 4);
 const HELD_OUT_BYTES: usize = 3 * 4 + 8 + 8 + BANDS.len() * 8;
 const GROUPS_BYTES: usize = 3 * (4 + 6 * 4);
+const GOAL_BYTES: usize = 1 + 3 * 8;
+/// Kinds of goals, in the order of their numbers from 1 on.
+const GOALS: [GoalKind; 4] = [GoalKind::Psnr, GoalKind::PowerSpectrum, GoalKind::Correlation, GoalKind::Groups];
 /// Stands for a share, and a deviation from 1, that there is none of.
 const NONE: f32 = -2.0;
 
-/// Bytes of the section with what a quick certificate holds, and a full one.
+/// Bytes of the section with what a quick certificate holds, and a full one, without a goal.
 pub(crate) const QUICK_BYTES: usize = 2 * FIELD_BYTES + DENSITIES_BYTES + SPACING_BYTES;
 /// See [`QUICK_BYTES`].
 pub(crate) const FULL_BYTES: usize = QUICK_BYTES + 2 * FIELD_BYTES + HELD_OUT_BYTES + GROUPS_BYTES;
@@ -48,6 +52,9 @@ pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
     if let Some(g) = &m.groups {
         field(GROUPS, g.iter().flat_map(class_bytes).collect());
     }
+    if let Some(g) = &m.goal {
+        field(GOAL, goal_bytes(g));
+    }
     (!out.is_empty()).then_some(out)
 }
 
@@ -70,6 +77,14 @@ fn class_bytes(c: &GroupClass) -> Vec<u8> {
     groups.chain(optional(c.number)).chain(short(c.number_scatter)).chain(shares).chain(short(c.mass_scatter)).collect()
 }
 
+fn goal_bytes(Reached { goal, reached }: &Reached) -> Vec<u8> {
+    let number = GOALS.iter().position(|k| *k == goal.kind).map_or(0, |i| i as u8 + 1);
+    let mut out = Vec::with_capacity(GOAL_BYTES);
+    out.push(number);
+    out.extend([goal.asked, goal.at, *reached].into_iter().flat_map(f64::to_le_bytes));
+    out
+}
+
 /// Reads the section. Fields of unknown tags are skipped.
 pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
     let mut r = Reader::new(bytes);
@@ -88,6 +103,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
             SPACING => found.spacing = Some(spacing(&mut value)?),
             HELD_OUT => found.held_out = Some(held_out(&mut value)?),
             GROUPS => found.groups = Some([class(&mut value)?, class(&mut value)?, class(&mut value)?]),
+            GOAL => found.goal = goal(&mut value)?,
             _ => continue,
         }
         if !value.is_done() {
@@ -157,6 +173,14 @@ fn class(r: &mut Reader<'_>) -> Result<GroupClass, String> {
     })
 }
 
+/// `None` for a kind that is yet to be thought of.
+fn goal(r: &mut Reader<'_>) -> Result<Option<Reached>, String> {
+    let kind = usize::from(r.u8()?).checked_sub(1).and_then(|i| GOALS.get(i).copied());
+    let (asked, at) = (at_least(r.f64()?, 0.0, "a goal")?, at_least(r.f64()?, 0.0, "a goal's place")?);
+    let reached = at_least(r.f64()?, f64::MIN, "what was reached")?;
+    Ok(kind.map(|kind| Reached { goal: Goal { kind, asked, at }, reached }))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -192,6 +216,25 @@ mod tests {
                 transfer,
             }),
             groups: Some([class(Some(1.0)), class(None), class(Some(0.5))]),
+            goal: None,
+        }
+    }
+
+    #[test]
+    fn goals_of_every_kind_come_back() {
+        for (i, kind) in GOALS.into_iter().enumerate() {
+            let goal = Some(Reached { goal: Goal { kind, asked: 0.01, at: 2.0 }, reached: 0.0097 });
+            let bytes = write(&Measures { goal, ..measures() }).unwrap();
+            assert_eq!(bytes.len(), FULL_BYTES + FIELD_BYTES + GOAL_BYTES);
+            assert_eq!(read(&bytes).unwrap().goal, goal);
+            let at = bytes.len() - GOAL_BYTES;
+            assert_eq!(usize::from(bytes[at]), i + 1);
+            // One that is yet to be thought of is no goal; one that is no number is corrupt.
+            let mut other = bytes.clone();
+            other[at] = 77;
+            assert_eq!(read(&other).unwrap(), measures());
+            other[at + 1..at + 9].copy_from_slice(&f64::NAN.to_le_bytes());
+            assert!(read(&other).is_err() && read(&bytes[..bytes.len() - 1]).is_err());
         }
     }
 

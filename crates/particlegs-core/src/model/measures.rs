@@ -1,5 +1,7 @@
 //! What else a certificate may hold, each where it was measured.
 
+use super::Reached;
+
 /// Sizes of cells that densities are compared in.
 pub const CELL_SIZES: usize = 3;
 /// Bands of wave numbers of [`HeldOut::transfer`]; they end at these shares of its largest wave number.
@@ -18,6 +20,8 @@ pub struct Measures {
     pub held_out: Option<HeldOut>,
     /// Groups matched by position, by class of size.
     pub groups: Option<[GroupClass; GROUP_CLASSES.len()]>,
+    /// What was asked for, and what the file reached; since version 1.6.
+    pub goal: Option<Reached>,
 }
 
 /// A model's density against its particles' in cells of one size, and a uniform density's error.

@@ -2,6 +2,7 @@
 
 mod certificate;
 mod columns;
+mod goal;
 mod law;
 mod layer;
 mod measures;
@@ -15,6 +16,7 @@ pub use certificate::{
     Baselines, Certificate, CertificateLevel, LookBaselines, LookScore, OrbitBaselines, OrbitScore, PictureScore,
 };
 pub use columns::{Columns, MASS};
+pub use goal::{Goal, GoalKind, Reached};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
 pub use measures::{BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, Measures, Spacing, Transfer};

@@ -2,10 +2,11 @@
 
 use super::clock::Clock;
 use super::halves::held_out;
-use crate::model::{Certificate, CertificateLevel, Measures, Model};
+use crate::model::{Certificate, CertificateLevel, Goal, Measures, Model, Reached};
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::{Result, codec, score};
+use crate::score::Gauge;
+use crate::{Error, Result, codec, score};
 
 /// The name of a file in the making, in errors.
 const PLACE: &str = "the file just coded";
@@ -21,17 +22,22 @@ pub(crate) struct Measure<'a> {
     pub level: CertificateLevel,
     /// Memory to stay within, bytes.
     pub memory: Option<u64>,
+    /// What was asked for, and what was measured of it on this model.
+    pub reached: Option<Reached>,
 }
 
 impl Measure<'_> {
     fn certificate(&self, model: &Model, progress: &dyn Progress) -> Result<Certificate> {
         // The model and what is drawn of it take the rest.
-        certify(model, self.particles, self.seed, self.level, self.memory.map(|m| m / 5), progress)
+        let memory = self.memory.map(|m| m / 5);
+        let mut certificate = certify(model, self.particles, self.seed, self.level, memory, progress)?;
+        certificate.measures.goal = self.reached;
+        Ok(certificate)
     }
 }
 
 /// Measures `model` against the snapshot that it was made from, as files of that level are measured when they are
-/// made; the same seed measures the same. The model is best the decoded one. `memory` is what the pictures of all
+/// made, and what they say was asked for; the same seed measures the same. The model is best the decoded one. `memory` is what the pictures of all
 /// particles may take; what is measured does not depend on it.
 ///
 /// # Errors
@@ -50,7 +56,26 @@ pub fn certify(
         CertificateLevel::Full => held_out(model, particles, seed, progress)?,
         _ => None,
     };
-    Ok(Certificate { measures: Measures { held_out, ..certificate.measures }, ..certificate })
+    let goal = match model.certificate.and_then(|c| c.measures.goal) {
+        Some(stored) => reached_again(stored.goal, model, particles, seed, progress)?,
+        None => None,
+    };
+    Ok(Certificate { measures: Measures { held_out, goal, ..certificate.measures }, ..certificate })
+}
+
+/// `None` for a goal that cannot be measured of these particles: no file of theirs was made for it.
+fn reached_again(
+    goal: Goal,
+    model: &Model,
+    particles: &Particles,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Option<Reached>> {
+    match Gauge::new(goal, particles, &model.metadata, seed, progress) {
+        Ok(gauge) => gauge.measure(model, progress).map(Some),
+        Err(Error::Argument { .. }) => Ok(None),
+        Err(other) => Err(other),
+    }
 }
 
 /// A file and the model in it; where it is to be measured, with its certificate.

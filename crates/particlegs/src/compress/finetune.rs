@@ -103,6 +103,7 @@ pub fn finetune(
         seed,
         level: options.certificate,
         memory,
+        reached: None,
     });
     let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, network.as_deref(), certificate);
     let done = Decoded::of(assembled, measure, progress)?;
@@ -111,6 +112,7 @@ pub fn finetune(
         bytes: done.bytes,
         model: done.model,
         raw_bytes: raw_bytes(model),
+        reached: None,
         step_factor: coded.step_factor,
         trained: vec![run],
         stopped,
@@ -146,7 +148,7 @@ impl NewFile {
         };
         let size = match options.target.check()? {
             Target::Default => Some(model_bytes),
-            Target::Psnr(_) => {
+            Target::Psnr(_) | Target::Goal(_) => {
                 return Err(Error::argument("a model is fine-tuned to a size, a ratio or a number of Gaussians"));
             }
             target => target.bytes(raw_bytes(model)),

@@ -149,7 +149,7 @@ impl Plan {
                 let share = block.count as f64 / self.metadata.count as f64;
                 Ok(Share::Gaussians(((number as f64 * share).round() as u64).max(1)))
             }
-            _ => Err(Error::argument("a PSNR target cannot be divided among blocks: ask for a size or a ratio")),
+            _ => Err(Error::argument("a quality cannot be divided among blocks: ask for a size or a ratio")),
         }
     }
 

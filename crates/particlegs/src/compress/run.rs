@@ -8,13 +8,13 @@ use super::executor::do_blocks;
 use super::options::Options;
 use super::plan::Plan;
 use super::search;
-use super::target::Target;
 use crate::blocks::{KdTree, Survey};
 use crate::fit::{self};
-use crate::model::Model;
+use crate::model::{Model, Reached};
 use crate::particles::{Layered, Particles, Storage, check_particles};
 use crate::pieces::Pieces;
 use crate::progress::Progress;
+use crate::score::Gauge;
 use crate::space::Bounds;
 use crate::train::TrainedRun;
 use crate::{Error, Result};
@@ -29,6 +29,8 @@ pub struct Compressed {
     pub model: Model,
     /// Bytes of the particles as float32.
     pub raw_bytes: u64,
+    /// What was asked for in the terms of the data, and what the file reaches.
+    pub reached: Option<Reached>,
     /// Multiple of the nominal quantisation steps.
     pub step_factor: f64,
     /// How each training run went: one for a layer of a block.
@@ -108,7 +110,10 @@ impl<'a> Compression<'a> {
     pub fn run(self, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Compressed> {
         let Compression { particles, options, plan, tree, layer_bounds, mut clock } = self;
         let mut trained = Vec::new();
-        let blocks = {
+        // What cannot be measured is refused before anything is fitted.
+        let gauge = |goal| Gauge::new(goal, particles, &plan.metadata, plan.seed, progress);
+        let gauge = plan.target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
+        let (blocks, reached) = {
             let divide = || Divided::new(particles, &tree, &layer_bounds, options, progress);
             let mut store = clock.time("divide", divide)?;
             let context = BlockContext { plan: &plan, limits: &options.limits, on_stop: OnStop::KeepBest, progress };
@@ -121,9 +126,11 @@ impl<'a> Compression<'a> {
                 }
                 Ok(coded)
             };
-            match plan.target {
-                Target::Psnr(decibels) => search::reach_quality(decibels, particles, &plan, &mut code, progress)?,
-                target => code(target)?,
+            match &gauge {
+                Some(gauge) => {
+                    search::reach(gauge, &plan, &mut code, progress).map(|(b, reached)| (b, Some(reached)))?
+                }
+                None => (code(plan.target)?, None),
             }
             // The store goes: the particles of blocks may be half of all that is in memory.
         };
@@ -131,11 +138,12 @@ impl<'a> Compression<'a> {
         let stopped = blocks.iter().any(|b| b.stopped);
         let (level, memory) = (plan.certificate, options.memory);
         let measured = level.measures() && !stopped;
-        let measure = measured.then_some(Measure { particles, seed: plan.seed, level, memory });
+        let measure = measured.then_some(Measure { particles, seed: plan.seed, level, memory, reached });
         let done = Decoded::of(|certificate| plan.file(&blocks, certificate), measure, progress)?;
         clock.append(done.clock);
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
         let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());
-        Ok(Compressed { bytes: done.bytes, model: done.model, raw_bytes, step_factor, trained, stopped, seconds })
+        let Decoded { bytes, model, .. } = done;
+        Ok(Compressed { bytes, model, raw_bytes, reached, step_factor, trained, stopped, seconds })
     }
 }

@@ -48,7 +48,7 @@ pub fn simplify(
             }
             job.to_size(bytes, raw_bytes)?
         }
-        Target::Default | Target::Psnr(_) => {
+        Target::Default | Target::Psnr(_) | Target::Goal(_) => {
             return Err(Error::argument("a model is simplified to a ratio, a size or a number of Gaussians"));
         }
     };

@@ -1,5 +1,6 @@
 //! What a user may ask for: a ratio, a size, a number of Gaussians or a quality.
 
+use crate::model::{GROUP_CLASSES, Goal, GoalKind};
 use crate::{Error, Result};
 
 /// The default compression ratio of large snapshots.
@@ -28,6 +29,8 @@ pub enum Target {
     Gaussians(u64),
     /// Masked PSNR in dB, `expected` look, mean over held-out views.
     Psnr(f64),
+    /// A figure of the decoded model, by the smallest number of Gaussians that reaches it.
+    Goal(Goal),
 }
 
 impl Target {
@@ -40,7 +43,16 @@ impl Target {
             }
             Target::Ratio(r) => Some((raw_bytes as f64 / r).floor() as u64),
             Target::Size(s) => Some(s),
-            Target::Gaussians(_) | Target::Psnr(_) => None,
+            Target::Gaussians(_) | Target::Psnr(_) | Target::Goal(_) => None,
+        }
+    }
+
+    /// The figure to reach, where the number of Gaussians is searched for one.
+    pub fn goal(self) -> Option<Goal> {
+        match self {
+            Target::Psnr(asked) => Some(Goal { kind: GoalKind::Psnr, asked, at: 0.0 }),
+            Target::Goal(goal) => Some(goal),
+            Target::Default | Target::Ratio(_) | Target::Size(_) | Target::Gaussians(_) => None,
         }
     }
 
@@ -62,12 +74,14 @@ impl Target {
     /// Checks the number.
     ///
     /// # Errors
-    /// [`Error::Argument`] for a ratio, size, count or quality that is not positive and finite.
+    /// [`Error::Argument`] for a ratio, size, count or quality that is not positive and finite, and for a goal that is
+    /// no share or correlation, or is asked for at no wave number, edge or size of groups.
     pub fn check(self) -> Result<Self> {
         let fine = match self {
             Target::Default => true,
             Target::Ratio(v) | Target::Psnr(v) => v > 0.0 && v.is_finite(),
             Target::Size(v) | Target::Gaussians(v) => v > 0,
+            Target::Goal(goal) => return check_goal(goal).map(Target::Goal),
         };
         if fine { Ok(self) } else { Err(Error::argument(format!("{} is not positive and finite", self.in_words()))) }
     }
@@ -80,8 +94,29 @@ impl Target {
             Target::Size(v) => format!("a size of {v} bytes"),
             Target::Gaussians(v) => format!("a number of {v} Gaussians"),
             Target::Psnr(v) => format!("a quality of {v} dB"),
+            Target::Goal(goal) => goal.in_words(None),
         }
     }
+}
+
+/// Can a goal be met at all? What these particles do not have is found when they are measured.
+fn check_goal(goal: Goal) -> Result<Goal> {
+    let Goal { kind, asked, at } = goal;
+    let inside = asked > 0.0 && asked < if kind == GoalKind::Psnr { f64::INFINITY } else { 1.0 };
+    let what = match kind {
+        _ if !inside && kind == GoalKind::Correlation => format!("a correlation of {asked} is not between 0 and 1"),
+        _ if !inside => format!("{asked} is not a share between 0 and 1 (0 % and 100 %)"),
+        GoalKind::PowerSpectrum if !(at > 0.0 && at.is_finite()) => format!("no wave number: {at}"),
+        GoalKind::Correlation if !(at > 0.0 && at.is_finite()) => format!("no edge of cells: {at}"),
+        GoalKind::Groups if !(at >= GROUP_CLASSES[0] as f64 && at < 2f64.powi(53)) || at.fract() != 0.0 => {
+            format!(
+                "groups are counted from a whole number of particles on, {} or more: not from {at}",
+                GROUP_CLASSES[0]
+            )
+        }
+        _ => return Ok(goal),
+    };
+    Err(Error::argument(what))
 }
 
 #[cfg(test)]

@@ -45,7 +45,7 @@ impl Job {
             codec::check(&bytes, "the merged file", progress)?;
             return Ok(bytes);
         };
-        let measure = Measure { particles, seed: plan.seed, level, memory: None };
+        let measure = Measure { particles, seed: plan.seed, level, memory: None, reached: None };
         Ok(Decoded::of(file, Some(measure), progress)?.bytes)
     }
 

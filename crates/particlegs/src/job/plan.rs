@@ -5,7 +5,7 @@ use super::manifest::{FORM, Job, Manifest};
 use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, Survey};
-use crate::compress::{Options, Plan, Target};
+use crate::compress::{Options, Plan};
 use crate::particles::{Layered, RUN, check_box};
 use crate::progress::Progress;
 use crate::{Error, Remedy, Result};
@@ -47,9 +47,9 @@ impl Job {
     /// places; [`Error::Output`] where the folder holds another plan or something else; [`Error::Input`] for
     /// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
     pub fn plan(mut source: Layered, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Job> {
-        if let Target::Psnr(_) = task.options.target {
+        if task.options.target.goal().is_some() {
             return Err(Error::Argument {
-                what: "a PSNR target is met by all blocks together, which a job cannot do".into(),
+                what: "a quality is met by all blocks together, which a job cannot do".into(),
                 remedy: Remedy::NoQuality,
             });
         }

@@ -1,11 +1,11 @@
 //! A model's density against its particles' in cells of three sizes, told in the data's units and in particles.
 
-use crate::Result;
 use crate::model::{CELL_SIZES, CellDensity, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::score::density::density_agreement;
-use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit};
+use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes};
+use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 
 /// Edge of the smallest cells in mean spacings: eight particles in a cell on average.
@@ -29,7 +29,7 @@ pub(super) fn cell_densities(
     let [truth, other] = [Subject::Particles(particles), Subject::Model(model)];
     progress.begin("density in cells", 0);
     let of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, progress);
-    let mut pair = [of(truth)?, of(other)?].map(Cells::of);
+    let mut pair = [of(truth)?, of(other)?].map(Masses::of);
     let mut found = Vec::with_capacity(CELL_SIZES);
     for size in 0..CELL_SIZES {
         if size > 0 {
@@ -50,7 +50,67 @@ fn finest(domain: &Domain, particles: usize) -> Option<Grid> {
     (enough && edge.is_normal()).then(|| Grid::stretched(domain, cells))
 }
 
-fn compared([truth, model]: &[Cells; 2], edge: f64, particles: usize) -> CellDensity {
+/// The fewest cells whose correlation says something, and the most that are filled: 512 MB of each density.
+const ASKED_CELLS: std::ops::RangeInclusive<f64> = 64.0..=134_217_728.0;
+
+/// The particles' density in cells of an edge that was asked for.
+pub(super) struct Cells {
+    grid: Grid,
+    truth: Vec<f32>,
+}
+
+impl Cells {
+    /// Fills the fewest equal cells that are no longer than `edge`: 50 along a box of 50 for an edge of 1, 63 for 0.8.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for so large an edge that hardly any cells are left, or so small a one that they are too many;
+    /// [`Error::Memory`], [`Error::Cancelled`].
+    pub fn of_edge(edge: f64, particles: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Self> {
+        let grid = grid_of_edge(edge, domain)?;
+        // Both densities, and the sums while one is filled.
+        let bytes = 8 * grid.len() as u64 + deposit_bytes(&grid, particles.len() as u64);
+        particlegs_files::memory::require("the density in cells of that edge", bytes)?;
+        let truth = filled(Subject::Particles(particles), &grid, progress)?;
+        Ok(Cells { grid, truth })
+    }
+
+    /// Pearson's coefficient of the particles' density and another's.
+    ///
+    /// # Errors
+    /// [`Error::Memory`], [`Error::Cancelled`].
+    pub fn correlation(&self, other: Subject<'_>, progress: &dyn Progress) -> Result<f64> {
+        Ok(density_agreement(&self.truth, &filled(other, &self.grid, progress)?).correlation)
+    }
+}
+
+fn filled(subject: Subject<'_>, grid: &Grid, progress: &dyn Progress) -> Result<Vec<f32>> {
+    progress.begin("density in cells", 0);
+    let field = deposit(subject, grid, Assignment::Ngp, 0.0, progress)?;
+    progress.end();
+    Ok(field.mass)
+}
+
+fn grid_of_edge(edge: f64, domain: &Domain) -> Result<Grid> {
+    let along = domain.length.map(|l| (l / edge * (1.0 - 1e-9)).ceil().max(1.0));
+    let cells: f64 = along.iter().product();
+    if ASKED_CELLS.contains(&cells) {
+        return Ok(Grid::stretched(domain, along.map(|n| n as usize)));
+    }
+    let length = domain.longest();
+    Err(Error::argument(if cells < *ASKED_CELLS.start() {
+        format!(
+            "cells of {edge} are too large to compare densities in: the box, {length:.4} at its longest, has {cells} of them and {} are needed",
+            ASKED_CELLS.start()
+        )
+    } else {
+        format!(
+            "cells of {edge} are too small: the box, {length:.4} at its longest, has {cells:.3e} of them, and {:.3e} are the most",
+            ASKED_CELLS.end()
+        )
+    }))
+}
+
+fn compared([truth, model]: &[Masses; 2], edge: f64, particles: usize) -> CellDensity {
     let uniform = vec![truth.mass.iter().sum::<f64>() / truth.mass.len() as f64; truth.mass.len()];
     let agreement = density_agreement(&truth.mass, &model.mass);
     CellDensity {
@@ -63,18 +123,18 @@ fn compared([truth, model]: &[Cells; 2], edge: f64, particles: usize) -> CellDen
 }
 
 /// Mass in cells, x slowest.
-struct Cells {
+struct Masses {
     cells: [usize; 3],
     mass: Vec<f64>,
 }
 
-impl Cells {
-    fn of(field: Field) -> Cells {
-        Cells { cells: field.grid.cells, mass: field.mass.into_iter().map(f64::from).collect() }
+impl Masses {
+    fn of(field: Field) -> Masses {
+        Masses { cells: field.grid.cells, mass: field.mass.into_iter().map(f64::from).collect() }
     }
 
     /// Eight cells as one.
-    fn coarser(&self) -> Cells {
+    fn coarser(&self) -> Masses {
         let cells = self.cells.map(|n| n / 2);
         let mut mass = vec![0.0; cells.iter().product()];
         let (plane, row) = (self.cells[1] * self.cells[2], self.cells[2]);
@@ -82,7 +142,7 @@ impl Cells {
             let (i, j, k) = (at / plane, at % plane / row, at % row);
             mass[(i / 2 * cells[1] + j / 2) * cells[2] + k / 2] += m;
         }
-        Cells { cells, mass }
+        Masses { cells, mass }
     }
 }
 
@@ -101,8 +161,20 @@ mod tests {
     }
 
     #[test]
+    fn cells_of_an_edge_are_no_longer_than_it() {
+        let cube = Domain { min: [0.0; 3], length: [50.0; 3], periodic: [true; 3] };
+        assert_eq!(grid_of_edge(1.0, &cube).unwrap().cells, [50; 3]);
+        assert_eq!(grid_of_edge(0.8, &cube).unwrap().cells, [63; 3]);
+        // A length that is no binary number.
+        assert_eq!(grid_of_edge(0.1, &Domain { length: [30.0, 3.0, 0.05], ..cube }).unwrap().cells, [300, 30, 1]);
+        let told = |edge| grid_of_edge(edge, &cube).unwrap_err().to_string();
+        assert!(told(60.0).contains("too large") && told(20.0).contains("has 27 of them"), "{}", told(20.0));
+        assert!(told(0.01).contains("too small") && told(1e-300).contains("too small"));
+    }
+
+    #[test]
     fn coarser_cells_keep_the_mass() {
-        let fine = Cells { cells: [4, 2, 2], mass: (0..16).map(f64::from).collect() };
+        let fine = Masses { cells: [4, 2, 2], mass: (0..16).map(f64::from).collect() };
         let coarse = fine.coarser();
         assert_eq!((coarse.cells, coarse.mass), ([2, 1, 1], vec![28.0, 92.0]));
     }

@@ -82,6 +82,7 @@ pub fn certificate(
         spacing: spacing(particles, sample.as_ref(), &domain, seed, progress)?,
         held_out: None,
         groups,
+        goal: None,
     };
     Ok(Certificate {
         width: SIZE.width as u16,

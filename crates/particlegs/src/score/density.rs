@@ -132,11 +132,13 @@ impl DensityGrid {
 }
 
 /// Correlation and error of `model` against `truth`, cell by cell.
-pub fn density_agreement(truth: &[f64], model: &[f64]) -> DensityAgreement {
+pub fn density_agreement<T: Copy + Into<f64>>(truth: &[T], model: &[T]) -> DensityAgreement {
     let n = truth.len().max(1) as f64;
-    let (mt, mm) = (truth.iter().sum::<f64>() / n, model.iter().sum::<f64>() / n);
+    let mean = |of: &[T]| of.iter().map(|v| (*v).into()).sum::<f64>() / n;
+    let (mt, mm) = (mean(truth), mean(model));
     let (mut tt, mut mm2, mut tm, mut error) = (0.0, 0.0, 0.0, 0.0);
     for (t, m) in truth.iter().zip(model) {
+        let (t, m): (f64, f64) = ((*t).into(), (*m).into());
         tt += (t - mt) * (t - mt);
         mm2 += (m - mm) * (m - mm);
         tm += (t - mt) * (m - mm);

@@ -40,6 +40,15 @@ impl Linking<'_> {
         Ok(Found { sizes: groups.sizes(), centers: parallel::map_range(groups.members.len(), center) })
     }
 
+    /// Particles of each group of the smallest class and above, descending.
+    ///
+    /// # Errors
+    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
+    pub fn sizes(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<u64>> {
+        let positions = local_positions(particles, self.domain);
+        Ok(find_groups(&positions, self.domain, self.length, GROUP_CLASSES[0] as usize, progress)?.sizes())
+    }
+
     /// The radius within which a counterpart of a group of `size` particles may lie: that of a sphere which has 200
     /// times the mean density.
     fn radius(&self, size: u64) -> f64 {

@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 
 /// Particles up to which they are drawn from the model and searched for groups; of larger
 /// snapshots the mixture's own spectrum is measured. (4.2 million take 560 MiB, 2.1 million 304.)
-const MOST_DRAWN: u64 = 3 << 20;
+pub(super) const MOST_DRAWN: u64 = 3 << 20;
 /// Cells of the spectrum's grid along the longest edge: the power of 2 from twice the particles on
 /// that edge on, within these.
 const LEAST_CELLS: usize = 32;

@@ -247,3 +247,53 @@ pub fn power_spectra(
     let grid = Grid::new(domain, o.cells);
     spectra(&transform_pair(subjects, &grid, domain, o, progress)?, domain, o, progress)
 }
+
+/// One subject's transform, kept to be compared with one other after the other.
+pub(crate) struct TransformedOnce {
+    domain: Domain,
+    grid: Grid,
+    options: SpectrumOptions,
+    modes: Modes,
+    shot_noise: f64,
+}
+
+impl TransformedOnce {
+    /// Transforms a subject over a domain.
+    ///
+    /// # Errors
+    /// As [`power_spectra`].
+    pub fn new(subject: Subject<'_>, domain: &Domain, o: &SpectrumOptions, progress: &dyn Progress) -> Result<Self> {
+        let grid = Grid::new(domain, o.cells);
+        let most = mode_limits(&grid, domain, o.k_max);
+        let particles = subject.particles().map_or(0, |p| p.len() as u64);
+        let bytes = deposit_bytes(&grid, particles) + transform_bytes(grid.cells, most) + 3 * Modes::bytes(most);
+        particlegs_files::memory::require("the power spectrum's grid", bytes)?;
+        let passes = if o.interlaced { 2 } else { 1 };
+        progress.begin("power spectrum", passes * (deposit_steps(subject, &grid) + grid.len() as u64));
+        let modes = modes_of(subject, &grid, most, o, progress)?;
+        progress.end();
+        Ok(TransformedOnce { domain: *domain, grid, options: *o, modes, shot_noise: subject.shot_noise(domain) })
+    }
+
+    /// The spectra of this and another, taken in the same way.
+    ///
+    /// # Errors
+    /// As [`power_spectra`].
+    pub fn against(&self, other: Subject<'_>, progress: &dyn Progress) -> Result<Spectra> {
+        let other = Self::new(other, &self.domain, &self.options, progress)?;
+        self.pair([other.modes, self.modes.clone()], other.shot_noise, progress)
+    }
+
+    /// The spectra of this and itself.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn against_itself(&self, progress: &dyn Progress) -> Result<Spectra> {
+        self.pair([self.modes.clone(), self.modes.clone()], self.shot_noise, progress)
+    }
+
+    fn pair(&self, [other, own]: [Modes; 2], shot_noise: f64, progress: &dyn Progress) -> Result<Spectra> {
+        let pair = Pair { modes: [own, other], shot_noise: [self.shot_noise, shot_noise], grid: self.grid };
+        spectra(&pair, &self.domain, &self.options, progress)
+    }
+}

@@ -6,7 +6,7 @@ use super::{PairCounts, Shell, SizeClass, Spectra};
 
 /// Truth groups that sizes are joined to hold before their ratio says anything: the scatter of a
 /// number is its root.
-const FEWEST_GROUPS: u64 = 100;
+pub const FEWEST_GROUPS: u64 = 100;
 /// xi of the truth below which a ratio of xi says nothing.
 const LEAST_XI: f64 = 0.1;
 
@@ -67,9 +67,7 @@ impl Summary {
         Summary {
             density_correlation: density.map(|d| d.agreement.correlation),
             density_mean_absolute_error: density.map(|d| d.agreement.mean_absolute_error),
-            largest_power_deviation: spectra
-                .map(|s| s.judged().map(deviation).fold(0.0, f64::max))
-                .filter(|d| d.is_finite()),
+            largest_power_deviation: spectra.map(|s| s.largest_deviation().unwrap_or(0.0)).filter(|d| d.is_finite()),
             power_within_1_percent_to: power_to(0.01),
             power_within_5_percent_to: power_to(0.05),
             power_within_10_percent_to: power_to(0.1),
@@ -102,6 +100,12 @@ impl Spectra {
     fn judged(&self) -> impl Iterator<Item = &Shell> {
         let scatter = |s: &Shell| self.shot_noise[0] / (0.5 * s.modes as f64).sqrt();
         self.shells.iter().filter(move |s| s.power[0] > scatter(s))
+    }
+
+    /// The largest |P / P_truth - 1| of any shell in which the truth has power above the scatter of its shot noise;
+    /// `None` where it has none anywhere.
+    pub fn largest_deviation(&self) -> Option<f64> {
+        self.judged().map(deviation).reduce(f64::max)
     }
 
     /// The last shell's k up to which every shell's P(k) is within `limit` of the truth's (0.01 = 1 %),
@@ -143,24 +147,39 @@ fn xi_from(pairs: &[PairCounts; 2], transform: Option<&XiByTransform>) -> Option
     judged.iter().rev().take_while(|b| b.1).last().map(|b| b.0)
 }
 
+/// Classes joined, from the largest sizes down, until they hold 100 of the truth's groups: the smallest size of each
+/// and its groups, and what is left at the small end.
+fn joined(histogram: &[SizeClass]) -> (Vec<(u64, [u64; 2])>, [u64; 2]) {
+    let (mut classes, mut sum) = (Vec::new(), [0; 2]);
+    for class in histogram.iter().rev() {
+        (0..2).for_each(|side| sum[side] += class.groups[side]);
+        if sum[0] >= FEWEST_GROUPS {
+            classes.push((class.from, std::mem::take(&mut sum)));
+        }
+    }
+    (classes, sum)
+}
+
 /// The smallest size from which on the number of groups is within `limit` of the truth's in every
 /// class. Classes are joined, from the largest sizes down, until they hold 100 of the truth's groups;
 /// what is left at the small end is not judged. `Some(None)` = not even in the largest, `None` = there
 /// are not enough groups.
 pub fn sizes_within(histogram: &[SizeClass], limit: f64) -> Option<Option<u64>> {
-    let (mut judged, mut sum, mut from) = (false, [0; 2], None);
-    for class in histogram.iter().rev() {
-        (0..2).for_each(|side| sum[side] += class.groups[side]);
-        if sum[0] < FEWEST_GROUPS {
-            continue;
-        }
-        judged = true;
-        if (sum[1] as f64 / sum[0] as f64 - 1.0).abs() > limit {
-            break;
-        }
-        (from, sum) = (Some(class.from), [0; 2]);
-    }
-    judged.then_some(from)
+    let (classes, _) = joined(histogram);
+    let good = |c: &&(u64, [u64; 2])| (c.1[1] as f64 / c.1[0] as f64 - 1.0).abs() <= limit;
+    let last = classes.iter().take_while(good).last().map(|c| c.0);
+    (!classes.is_empty()).then_some(last)
+}
+
+/// The largest deviation of the number of groups from the truth's in any class: classes joined as for [`sizes_within`],
+/// and what is left at the small end with the last of them, so that none is left out. The other's groups are of so many
+/// `draws`. `None` = there are not enough groups.
+pub fn largest_deviation_of_numbers(histogram: &[SizeClass], draws: u64) -> Option<f64> {
+    let (mut classes, left) = joined(histogram);
+    let last = classes.last_mut()?;
+    (0..2).for_each(|side| last.1[side] += left[side]);
+    let deviation = |g: &[u64; 2]| (g[1] as f64 / (draws * g[0]) as f64 - 1.0).abs();
+    classes.iter().map(|c| deviation(&c.1)).reduce(f64::max)
 }
 
 #[cfg(test)]
@@ -227,5 +246,11 @@ mod tests {
         assert_eq!(sizes_within(&[class(20, 900, 900), bad], 0.1), Some(None));
         assert_eq!(sizes_within(&[class(20, 60, 0), class(50, 500, 500), good], 0.1), Some(Some(50)));
         assert_eq!((sizes_within(&[few], 0.1), sizes_within(&[], 0.1)), (None, None));
+        // 139 of 150 and 89 of 100; of two draws 139 of 300; what is left joins the last class.
+        let largest = |classes: &[SizeClass], draws| largest_deviation_of_numbers(classes, draws);
+        assert!((largest(&[bad, good, few], 1).unwrap() - 0.11).abs() < 1e-12);
+        assert!((largest(&[good, few], 2).unwrap() - (1.0 - 139.0 / 300.0)).abs() < 1e-12);
+        assert!((largest(&[class(20, 50, 0), good, few], 1).unwrap() - (1.0 - 139.0 / 200.0)).abs() < 1e-12);
+        assert_eq!(largest(&[few], 1), None);
     }
 }

@@ -1,0 +1,109 @@
+//! What a compression was asked to reach, in the terms of the data, and what its file reached.
+
+use super::per_length;
+
+/// Which figure a goal is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GoalKind {
+    /// Masked PSNR, `expected` look, mean over held-out views, dB; at least.
+    Psnr,
+    /// Largest deviation of P(k) from the particles' in any shell of wave numbers up to [`Goal::at`]; at most.
+    PowerSpectrum,
+    /// Pearson's coefficient of the densities in cells of edge [`Goal::at`]; at least.
+    Correlation,
+    /// Largest deviation of the number of friends-of-friends groups in any class of sizes from [`Goal::at`] particles
+    /// on, mean of several draws; at most.
+    Groups,
+}
+
+/// A figure, and what it is to be.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Goal {
+    /// Which figure.
+    pub kind: GoalKind,
+    /// What it is to be: a share (0.01 = 1 %) for the power spectrum and groups.
+    pub asked: f64,
+    /// Where: a wave number (one over the unit of length), an edge (units of length), particles; 0 for PSNR.
+    pub at: f64,
+}
+
+/// A goal, and what the decoded file was measured to have.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Reached {
+    /// What was asked for.
+    #[serde(flatten)]
+    pub goal: Goal,
+    /// What was reached, as [`Goal::asked`].
+    pub reached: f64,
+}
+
+impl Goal {
+    /// Is `reached` as good as what is asked for, or better?
+    pub fn is_met(&self, reached: f64) -> bool {
+        match self.kind {
+            GoalKind::Psnr | GoalKind::Correlation => reached >= self.asked,
+            GoalKind::PowerSpectrum | GoalKind::Groups => reached <= self.asked,
+        }
+    }
+
+    /// What is asked for, in words; `unit` is the unit of length.
+    pub fn in_words(&self, unit: Option<&str>) -> String {
+        let (value, at) = (self.value_in_words(self.asked), self.at);
+        match self.kind {
+            GoalKind::Psnr => format!("a masked PSNR of {value}"),
+            GoalKind::PowerSpectrum => {
+                let unit = unit.map_or_else(|| "1/length".into(), per_length);
+                format!("P(k) within {value} up to k = {at} {unit}")
+            }
+            GoalKind::Correlation => {
+                let unit = unit.map_or(String::new(), |u| format!(" {u}"));
+                format!("a correlation of {value} of densities in cells of {at}{unit}")
+            }
+            GoalKind::Groups => format!("numbers of groups within {value} from {at} particles on"),
+        }
+    }
+
+    /// A value of this figure in words: `31.92 dB`, `0.931 %`, `0.99931`.
+    pub fn value_in_words(&self, value: f64) -> String {
+        // So many digits, and no zeros that say nothing.
+        let digits = |v: f64, n: usize| {
+            let text = format!("{v:.n$}");
+            let short = text.trim_end_matches('0').trim_end_matches('.');
+            if short.is_empty() || short == "-" { text.clone() } else { short.to_string() }
+        };
+        match self.kind {
+            GoalKind::Psnr => format!("{} dB", digits(value, 2)),
+            GoalKind::Correlation => digits(value, 6),
+            GoalKind::PowerSpectrum | GoalKind::Groups => format!("{} %", digits(100.0 * value, 3)),
+        }
+    }
+}
+
+impl Reached {
+    /// Both in one line; `unit` is the unit of length.
+    pub fn in_words(&self, unit: Option<&str>) -> String {
+        let goal = &self.goal;
+        format!("{}: reached {}", goal.in_words(unit), goal.value_in_words(self.reached))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn goals_are_met_from_their_own_side() {
+        let goal = |kind, asked, at| Goal { kind, asked, at };
+        let power = goal(GoalKind::PowerSpectrum, 0.01, 2.0);
+        assert!(power.is_met(0.01) && power.is_met(0.0) && !power.is_met(0.011) && !power.is_met(f64::NAN));
+        let density = goal(GoalKind::Correlation, 0.999, 1.0);
+        assert!(density.is_met(0.9991) && !density.is_met(0.998));
+        assert_eq!(power.in_words(Some("Mpc/h")), "P(k) within 1 % up to k = 2 h/Mpc");
+        assert_eq!(density.in_words(None), "a correlation of 0.999 of densities in cells of 1");
+        let groups = Reached { goal: goal(GoalKind::Groups, 0.1, 50.0), reached: 0.0625 };
+        assert_eq!(groups.in_words(None), "numbers of groups within 10 % from 50 particles on: reached 6.25 %");
+        assert_eq!(goal(GoalKind::Psnr, 32.0, 0.0).in_words(None), "a masked PSNR of 32 dB");
+        assert_eq!(power.value_in_words(0.0), "0 %");
+    }
+}

@@ -1,0 +1,198 @@
+//! One figure that a compression is to reach, measured on one model after the other: the particles' side is measured
+//! once, and what cannot be measured is refused before anything is fitted.
+
+use super::cells::Cells;
+use super::science::{MOST_DRAWN, drawn, linking, spectrum_options};
+use super::{HeldOut, held_out_views};
+use crate::model::{GROUP_CLASSES, Goal, GoalKind, Metadata, Model, Reached};
+use crate::particles::Particles;
+use crate::picture::Size;
+use crate::progress::Progress;
+use crate::render::Scene;
+use crate::stats::{
+    Domain, FEWEST_GROUPS, Spectra, SpectrumOptions, Subject, TransformedOnce, largest_deviation_of_numbers,
+    size_histogram,
+};
+use crate::{Error, Remedy, Result};
+use std::f64::consts::PI;
+
+/// Pictures that PSNR is measured on.
+const SIZE: Size = Size { width: 1920, height: 1080 };
+/// Held-out views an orbit.
+const FRAMES: usize = 2;
+/// Draws that are measured.
+const DRAWS: u64 = 4;
+/// What stands for the PSNR of pictures that are identical in every view, dB.
+const IDENTICAL: f64 = 1000.0;
+
+/// A goal, and the particles' side of it.
+pub(crate) struct Gauge<'a> {
+    /// What is asked for.
+    pub goal: Goal,
+    particles: &'a Particles,
+    domain: Domain,
+    seed: u64,
+    truth: Truth,
+}
+
+/// What the particles have.
+enum Truth {
+    Pictures(Box<HeldOut>),
+    Spectrum(TransformedOnce),
+    Cells(Cells),
+    /// Sizes of groups, descending.
+    Groups(Vec<u64>),
+}
+
+impl<'a> Gauge<'a> {
+    /// Measures the particles. `metadata` says how their pictures are drawn; `seed` is that of the certificate.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for what cannot be measured of these particles; [`Error::Memory`], [`Error::Cancelled`].
+    pub fn new(
+        goal: Goal,
+        particles: &'a Particles,
+        metadata: &Metadata,
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let domain = Domain::of_particles(particles);
+        let truth = match goal.kind {
+            GoalKind::Psnr => {
+                let views = held_out_views(metadata, SIZE, seed, FRAMES);
+                Truth::Pictures(Box::new(HeldOut::draw(particles, &views, SIZE, progress)?))
+            }
+            GoalKind::PowerSpectrum => {
+                let options = spectrum_to(goal.at, &domain, particles.len())?;
+                Truth::Spectrum(power_of(particles, &domain, &options, progress)?)
+            }
+            GoalKind::Correlation => Truth::Cells(Cells::of_edge(goal.at, particles, &domain, progress)?),
+            GoalKind::Groups => Truth::Groups(sizes_of(goal.at, particles, &domain, progress)?),
+        };
+        Ok(Gauge { goal, particles, domain, seed, truth })
+    }
+
+    /// What a model has.
+    ///
+    /// # Errors
+    /// [`Error::Memory`], [`Error::Cancelled`]; [`Error::Input`] for Gaussians that cannot be drawn from.
+    pub fn measure(&self, model: &Model, progress: &dyn Progress) -> Result<Reached> {
+        let reached = match &self.truth {
+            Truth::Pictures(views) => views.expected_masked_psnr(&Scene::of(model), progress)?.unwrap_or(IDENTICAL),
+            Truth::Spectrum(truth) => self.deviation_of_power(truth, model, progress)?,
+            Truth::Cells(truth) => truth.correlation(Subject::Model(model), progress)?,
+            Truth::Groups(truth) => self.deviation_of_groups(truth, model, progress)?,
+        };
+        Ok(Reached { goal: self.goal, reached })
+    }
+
+    /// The worst of several draws: one may be lucky. The first is the certificate's.
+    fn deviation_of_power(&self, truth: &TransformedOnce, model: &Model, progress: &dyn Progress) -> Result<f64> {
+        let of = |spectra: Spectra| spectra.largest_deviation().unwrap_or(f64::MAX).min(f64::MAX);
+        let mut largest = 0.0f64;
+        for draw in 0..DRAWS {
+            let Some(sample) = drawn(model, self.particles, self.seed.wrapping_add(draw), progress)? else {
+                return Ok(of(truth.against(Subject::Model(model), progress)?));
+            };
+            largest = largest.max(of(truth.against(Subject::Particles(&sample), progress)?));
+        }
+        Ok(largest)
+    }
+
+    fn deviation_of_groups(&self, truth: &[u64], model: &Model, progress: &dyn Progress) -> Result<f64> {
+        let Some(linking) = linking(&self.domain, self.particles.len()) else { return Ok(f64::MAX) };
+        let mut sizes = Vec::new();
+        for draw in 0..DRAWS {
+            // Where tails of Gaussians lie at the end of float32 nothing is drawn.
+            let Some(sample) = drawn(model, self.particles, self.seed.wrapping_add(draw), progress)? else {
+                return Ok(f64::MAX);
+            };
+            sizes.append(&mut linking.sizes(&sample, progress)?);
+        }
+        sizes.sort_unstable_by(|a, b| b.cmp(a));
+        let histogram = size_histogram([truth, &sizes], self.goal.at as u64);
+        Ok(largest_deviation_of_numbers(&histogram, DRAWS).unwrap_or(f64::MAX))
+    }
+}
+
+/// How spectra up to `k_max` are taken: as the certificate's.
+fn spectrum_to(k_max: f64, domain: &Domain, particles: usize) -> Result<SpectrumOptions> {
+    if domain.periodic != [true; 3] {
+        let what = "a power spectrum needs a periodic box that the particles fill, and there is none".into();
+        return Err(Error::Argument { what, remedy: Remedy::StateBox });
+    }
+    let options = spectrum_options(domain, particles);
+    let (longest, most) = (2.0 * PI / domain.longest(), options.k_max);
+    if k_max > most * (1.0 + 1e-9) {
+        return Err(Error::argument(format!(
+            "P(k) up to k = {k_max} cannot be measured: {particles} particles in this box have a largest wave number of {most:.4}"
+        )));
+    }
+    if k_max < longest * (1.0 - 1e-9) {
+        return Err(Error::argument(format!(
+            "P(k) up to k = {k_max} cannot be measured: the longest wave of the box has k = {longest:.4}"
+        )));
+    }
+    Ok(SpectrumOptions { k_max: k_max.max(longest), ..options })
+}
+
+/// The particles' transform, if they have any power to be compared.
+fn power_of(
+    particles: &Particles,
+    domain: &Domain,
+    options: &SpectrumOptions,
+    progress: &dyn Progress,
+) -> Result<TransformedOnce> {
+    let truth = TransformedOnce::new(Subject::Particles(particles), domain, options, progress)?;
+    if truth.against_itself(progress)?.largest_deviation().is_none() {
+        let what = format!("up to k = {} the particles have no power above the scatter of their noise", options.k_max);
+        return Err(Error::argument(what));
+    }
+    Ok(truth)
+}
+
+/// Sizes of the particles' groups, if there are enough from `from` particles on.
+fn sizes_of(from: f64, particles: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Vec<u64>> {
+    let (least, count) = (GROUP_CLASSES[0], particles.len() as u64);
+    if from < least as f64 {
+        return Err(Error::argument(format!("groups are counted from {least} particles on, not from {from}")));
+    }
+    if count > MOST_DRAWN {
+        return Err(Error::argument(format!(
+            "groups are counted among at most {MOST_DRAWN} particles, and there are {count}"
+        )));
+    }
+    let Some(linking) = linking(domain, particles.len()) else {
+        return Err(Error::argument("groups cannot be counted: the box is thinner than links allow"));
+    };
+    let sizes = linking.sizes(particles, progress)?;
+    let found = sizes.iter().take_while(|s| **s as f64 >= from).count() as u64;
+    if found < FEWEST_GROUPS {
+        let what = format!(
+            "the particles have {found} groups of {from} particles and more; their number is compared where there are {FEWEST_GROUPS}"
+        );
+        let remedy = match sizes.get(FEWEST_GROUPS as usize - 1) {
+            Some(size) => format!("count them from {size} on").into(),
+            None => Remedy::None,
+        };
+        return Err(Error::Argument { what, remedy });
+    }
+    Ok(sizes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wave_numbers_that_cannot_be_measured_are_refused() {
+        let cube = Domain { min: [0.0; 3], length: [25.0; 3], periodic: [true; 3] };
+        let told = |domain: &Domain, k: f64| spectrum_to(k, domain, 64 * 64 * 64).unwrap_err().to_string();
+        // The same grid as the certificate's, to the wave number that is asked for.
+        let options = spectrum_to(2.0, &cube, 64 * 64 * 64).unwrap();
+        assert_eq!(options, SpectrumOptions { k_max: 2.0, ..spectrum_options(&cube, 64 * 64 * 64) });
+        assert!(told(&cube, 8.1).contains("a largest wave number of 8.0425"));
+        assert!(told(&cube, 0.2).contains("has k = 0.2513"));
+        assert!(told(&Domain { periodic: [true, true, false], ..cube }, 2.0).contains("needs a periodic box"));
+    }
+}
