@@ -196,10 +196,12 @@ class Block:
         self.size_constant, self.size_slopes = head[21], head[22:26]
         self.count_constant, self.count_slopes = head[26], head[27:33]
         self.extent = tuple(h - l for l, h in zip(self.lo, self.hi))
-        check(1 <= self.gaussians <= 4 * len(content) and flags < 3, "header of a block")
+        check(1 <= self.gaussians <= 4 * len(content) and flags < 8 and flags & 3 < 3, "header of a block")
+        self.spreads = struct.unpack_from("<3f", content, 129) if flags & 4 else None
+        start = 141 if flags & 4 else 129
         check(all(e >= 0 and math.isfinite(e) for e in self.extent), "bounds of a block")
         self.columns = {k: [] for k in "mean cov C W radius".split()}
-        self.decode(content[129:], -(-self.gaussians // 4) - 129)
+        self.decode(content[start:], -(-self.gaussians // 4) - start)
         self.finish()
 
     # ------------------------------------------------------------ 4. streams, 5. segments
@@ -228,7 +230,7 @@ class Block:
 
     def trunk(self, stream, root):
         """Nodes of at most 65536 Gaussians, joined to segments."""
-        splits, stack, segments, held = Splits(stream), [root], [], 0
+        splits, stack, segments, held = Splits(stream, self.slowest()), [root], [], 0
         while stack:
             node = stack.pop()
             axis = self.axis(node)
@@ -242,6 +244,9 @@ class Block:
                 held = node[2]
         stream.finish()
         return segments
+
+    def slowest(self):
+        return 9 if self.spreads else 7
 
     def axis(self, node):
         """The axis that a cell is halved along, or None."""
@@ -334,12 +339,15 @@ class Segment:
     """The walk over a segment's nodes, with models and trellises of its own."""
 
     def __init__(self, block, stream):
-        self.block, self.stream, self.splits = block, stream, Splits(stream)
+        self.block, self.stream, self.splits = block, stream, Splits(stream, block.slowest())
         self.trellis = {name: Trellis() for name in "size count mass shape place".split()}
         low = block.low_bits
-        self.size = [Residuals(stream, 32, low["size"]) for _ in range(3)]
-        self.number = [Residuals(stream, 32, low["count"]) for _ in range(3)]
-        self.mass = Residuals(stream, 32, low["mass"])
+        slowest = block.slowest()
+        first = [first_weights(32)] * 3
+        size, number = ([bell(32, s)] for s in block.spreads[:2]) if block.spreads else (first, first)
+        self.size = [Residuals(stream, w, low["size"], slowest) for w in size]
+        self.number = [Residuals(stream, w, low["count"], slowest) for w in number]
+        self.mass = Residuals(stream, first[0], low["mass"], slowest)
         self.shape = {}
         self.level = [0, 0]
         self.t, self.c, self.w = [0, 0], [0, 0], 0
@@ -369,7 +377,7 @@ class Segment:
         block = self.block
         level = sum(node[0])
         near = abs(level - self.level[0])
-        near = 0 if near <= 1 else 1 if near <= 4 else 2
+        near = 0 if near <= 1 or block.spreads else 1 if near <= 4 else 2
         t = self.lattice("size", predict(block.size_constant, block.size_slopes, (level, self.level[0], *self.t)),
                          self.size[near])
         features = (level, self.level[0], t, self.t[0], *self.c)
@@ -390,8 +398,10 @@ class Segment:
         shape = [s * step for s in numbers]
         check(all(abs(s) <= 32 for s in shape), "a shape number beyond its range")
         columns = block.columns
-        columns["mean"].append(self.place(node, steps["position"] * g * r))
-        columns["cov"].append(covariance(r, shape))
+        unit = exponential(shape)
+        widths = cholesky(unit) if block.spreads else (1.0, 1.0, 1.0)
+        columns["mean"].append(self.place(node, steps["position"] * g * r, widths))
+        columns["cov"].append(covariance(r, unit))
         columns["C"].append(c)
         columns["W"].append(w)
 
@@ -402,17 +412,22 @@ class Segment:
         for j in range(5):
             mean = total // j if j else 0
             key = (j < 2, of_g, 0 if mean < 2 else 1 if mean <= 4 else 2)
+            weights, low = first_weights(16), self.block.low_bits["shape"]
+            if self.block.spreads:
+                e = (5 * (self.block.spreads[2] / g) + total) / (5 + j) / 2.0**low
+                of_e = sum(2.0**edge <= e * e for edge in range(-3, 8))
+                key, weights = (of_e, self.trellis["shape"].z), bell(16, SPREADS[of_e])
             if key not in self.shape:
-                self.shape[key] = Residuals(self.stream, 16, self.block.low_bits["shape"])
+                self.shape[key] = Residuals(self.stream, weights, low, self.block.slowest())
             numbers.append(self.lattice("shape", 0, self.shape[key]))
             total += abs(numbers[-1])
         return numbers
 
-    def place(self, node, u):
+    def place(self, node, u, widths):
         block, trellis, mean = self.block, self.trellis["place"], []
         depth, index = node[0], node[1]
         for k in range(3):
-            levels = block.extent[k] * 2.0 ** -depth[k] / u + 0.5
+            levels = block.extent[k] * 2.0 ** -depth[k] / (u * widths[k]) + 0.5
             n = min(max(math.floor(levels), 1), 1 << 40) if levels < 2.0**41 else 1 << 40
             f = 0.5
             if n > 1:
@@ -485,8 +500,8 @@ def long(stream, n):
 class Adaptive:
     """A model of K symbols that learns."""
 
-    def __init__(self, stream, weights):
-        self.stream, self.k, self.seen = stream, len(weights), 0
+    def __init__(self, stream, weights, slowest):
+        self.stream, self.k, self.seen, self.slowest = stream, len(weights), 0, slowest
         room, total, below = (1 << 30) - self.k * 32768, sum(weights), 0
         self.f = []
         for v, w in enumerate(weights):
@@ -504,7 +519,7 @@ class Adaptive:
         end = f[v + 1] >> 15 if v + 1 < self.k else 32768
         self.stream.take(start, end - start)
         self.seen += 1
-        q = 4 if self.seen <= 12 else 5 if self.seen <= 40 else 6 if self.seen <= 120 else 7
+        q = min(4 + sum(self.seen > n for n in (12, 40, 120, 360, 1000)), self.slowest)
         targets = self.below[: v + 1] + self.above[v + 1 :]
         self.f = [a + (t - a >> q) for a, t in zip(f, targets)]
         self.f[0] = 0
@@ -514,8 +529,8 @@ class Adaptive:
 # ---------------------------------------------------------------- 8. What is coded with which model
 
 class Splits:
-    def __init__(self, stream):
-        self.stream, self.models = stream, {}
+    def __init__(self, stream, slowest):
+        self.stream, self.models, self.slowest = stream, {}, slowest
 
     def read(self, n, share):
         of_n = n if n < 16 else min(n.bit_length() - 5, 4) + 16
@@ -523,7 +538,7 @@ class Splits:
         if model is None:
             top = min(n, 15)
             weights = [4 if v in (0, top) else 1 if v < top else 0 for v in range(16)]
-            model = self.models[share, of_n] = Adaptive(self.stream, weights)
+            model = self.models[share, of_n] = Adaptive(self.stream, weights, self.slowest)
         v = model.read()
         if n < 16:
             check(v <= n, "a half with more than the whole")
@@ -532,14 +547,30 @@ class Splits:
         return first + long(self.stream, end - first)
 
 
+SPREADS = (0.1875, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+
+
+def first_weights(k):
+    steps = [65536]
+    for _ in range(k // 2):
+        steps.append(steps[-1] * 3 // 4)
+    return around(k, steps)
+
+
+def bell(k, spread):
+    x = [d / max(spread, 0.25) for d in range(k // 2 + 1)]
+    return around(k, [1 + math.floor(65536.0 * exp(-(v * v) / (2.0 + 0.6 * v))) for v in x])
+
+
+def around(k, steps):
+    most = k // 2 - 1
+    return [steps[abs(v)] for v in range(-most, most + 1)] + [steps[most + 1]]
+
+
 class Residuals:
-    def __init__(self, stream, k, low_bits):
-        self.stream, self.most, self.low_bits = stream, k // 2 - 1, low_bits
-        steps = [65536]
-        for _ in range(k // 2):
-            steps.append(steps[-1] * 3 // 4)
-        weights = [steps[abs(v)] for v in range(-self.most, self.most + 1)] + [steps[self.most + 1]]
-        self.model = Adaptive(stream, weights)
+    def __init__(self, stream, weights, low_bits, slowest):
+        self.stream, self.most, self.low_bits = stream, len(weights) // 2 - 1, low_bits
+        self.model = Adaptive(stream, weights, slowest)
 
     def read(self):
         v = self.model.read()
@@ -568,7 +599,7 @@ def exp(x):
     return math.ldexp(value, int(k))
 
 
-def covariance(r, s):
+def exponential(s):
     h, q = math.sqrt(0.5), math.sqrt(1.0 / 6.0)
     j, sum_of_squares = 0, (((s[0] * s[0] + s[1] * s[1]) + s[2] * s[2]) + s[3] * s[3]) + s[4] * s[4]
     while sum_of_squares > 0.25 * 4.0**j:
@@ -586,9 +617,23 @@ def covariance(r, s):
         p, qq, rr = (p * p + 2.0 * qq * rr * c0, 2.0 * p * qq + 2.0 * qq * rr * c1 + rr * rr * c0,
                      qq * qq + 2.0 * p * rr + rr * rr * c1)
     one = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
-    cov = [r * r * (p * i + qq * v + rr * w) for i, v, w in zip(one, x, y)]
+    return [p * i + qq * v + rr * w for i, v, w in zip(one, x, y)]
+
+
+def covariance(r, unit):
+    cov = [r * r * v for v in unit]
     check(all(math.isfinite(v) for v in cov), "a covariance that is not finite")
     return cov
+
+
+def cholesky(unit):
+    root = lambda v: math.sqrt(max(v, 2.0**-20))
+    xx, xy, xz, yy, yz, zz = unit
+    x = root(xx)
+    a, b = xy / x, xz / x
+    y = root(yy - a * a)
+    c = (yz - b * a) / y
+    return x, y, root(zz - b * b - c * c)
 
 
 def square(m):

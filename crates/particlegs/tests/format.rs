@@ -85,7 +85,7 @@ fn layers_that_differ_come_back() {
     m.layers = layers;
     m.metadata.cell = Some(Cell { origin: [-1.0, 2.0, 0.5], ..Cell::orthogonal([50.0; 3]) });
     let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
-    assert_eq!(bytes[8..10], [1, 1]);
+    assert_eq!(bytes[8..10], [1, 6]);
     let back = codec::decode(&bytes, "m.pgs").unwrap();
     assert_eq!(back.metadata, m.metadata);
     let said = |m: &Model| m.layers.iter().map(|l| l.mass).collect::<Vec<_>>();
@@ -211,7 +211,7 @@ fn newer_files_are_told_apart() {
 #[test]
 fn statistics_are_read_where_their_version_has_them() {
     let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
-    assert_eq!(bytes[8..10], [1, 2]);
+    assert_eq!(bytes[8..10], [1, 6]);
     let of = |bytes: &[u8]| Ok::<_, Error>(codec::decode(bytes, "m")?.certificate.and_then(|c| c.science));
     assert_eq!(of(&bytes).unwrap(), Some(science()));
     let mut older = bytes.clone();
@@ -230,10 +230,9 @@ fn statistics_are_read_where_their_version_has_them() {
     let plain = codec::decode(&cut(stat, stat + 16 + 27), "m").unwrap();
     assert!(plain.certificate.is_some_and(|c| c.science.is_none()));
     assert!(matches!(of(&cut(cert, stat)), Err(Error::Corrupt { .. })));
-    // A certificate without statistics keeps the version of its metadata.
     let c = Certificate { science: None, ..certificate() };
     let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
-    assert_eq!((bytes[9], of(&bytes).unwrap()), (0, None));
+    assert_eq!((bytes[9], of(&bytes).unwrap()), (6, None));
 }
 
 /// Further measures are a section of version 1.5, behind all else of the certificate; fields that are not known are
@@ -243,7 +242,7 @@ fn measures_are_read_where_their_version_has_them() {
     for baselines in [Some(baselines()), None] {
         let c = Certificate { baselines, measures: measures(), ..certificate() };
         let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
-        assert_eq!(bytes[8..10], [1, 5]);
+        assert_eq!(bytes[8..10], [1, 6]);
         let of = |bytes: &[u8]| codec::decode(bytes, "m").map(|m| m.certificate.map(|c| c.measures));
         assert_eq!(of(&bytes).unwrap(), Some(measures()));
         let mut older = bytes.clone();
@@ -260,7 +259,7 @@ fn baselines_are_read_where_their_version_has_them() {
     for science in [Some(science()), None] {
         let c = Certificate { science, baselines: Some(baselines()), ..certificate() };
         let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
-        assert_eq!(bytes[8..10], [1, 4]);
+        assert_eq!(bytes[8..10], [1, 6]);
         let of = |bytes: &[u8]| codec::decode(bytes, "m").map(|m| m.certificate.and_then(|c| c.baselines));
         assert_eq!(of(&bytes).unwrap(), Some(baselines()));
         let mut older = bytes.clone();
@@ -281,7 +280,7 @@ fn a_huge_claim_is_refused_before_it_is_believed() {
 }
 
 /// Where the table of a block's streams begins.
-const TABLE: usize = 129;
+const TABLE: usize = 141;
 
 fn number(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
@@ -431,16 +430,17 @@ proptest! {
             let log = |c: &Sym3| c.scale(1.0 / scale / scale).eigen().values.map(|v| 0.5 * v.ln());
             let (a, c) = (log(&g.cov_of(i)), log(&b.gaussians.cov_of(j)));
             // The partner may be another of a close pair: compare where it is plainly itself.
-            let radius = |l: [f64; 3]| scale * (l.iter().sum::<f64>() / 3.0).exp();
-            let lonely_reach = 1.6 * p.position * radius(a).max(radius(c));
-            let radius = radius(c);
-            let reach = 1.6 * p.position * radius;
+            let widest = |l: [f64; 3]| scale * l[0].exp();
+            let lonely_reach = 2.8 * p.position * widest(a).max(widest(c));
             let lonely = (0..n).filter(|&k| (0..3).all(|d| (b.gaussians.mean[d][k] - b.gaussians.mean[d][j]).abs() < 4.0 * lonely_reach)).count() == 1;
             if !lonely || c[0] - c[2] > 6.0 {
                 continue;
             }
             for k in 0..3 {
                 let close = (g.mean[k][i] - b.gaussians.mean[k][j]).abs();
+                // Three axes, each off by 1.6 steps of the Gaussian's own width at most.
+                let width = [g.cov_of(i), b.gaussians.cov_of(j)].map(|c| c.0[[0, 3, 5][k]].sqrt());
+                let reach = 1.6 * 3f64.sqrt() * p.position * width[0].max(width[1]);
                 prop_assert!(close <= reach + 1e-12 * scale * (1.0 + shift.abs()), "{close} > {reach}");
                 // Size and five shape numbers, each off by a step at most (a step and a half where bits are saved).
                 let bound = 1.01 * p.size + 1.5 * p.shape * 5f64.sqrt();
@@ -472,10 +472,10 @@ fn files_of_every_version_stay_readable() {
         let mut m = model(vec![block(mixture(30, 11, 4.0, 6.0, true))], true);
         m.certificate = Some(Certificate { baselines: Some(baselines()), measures: measures(), ..certificate() });
         let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
-        std::fs::write(path("format-1.5.json"), table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
-        std::fs::write(path("format-1.5.pgs"), bytes).unwrap();
+        std::fs::write(path("format-1.6.json"), table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
+        std::fs::write(path("format-1.6.pgs"), bytes).unwrap();
     }
-    for (version, sections) in [("1.0", 0), ("1.2", 1), ("1.4", 2), ("1.5", 3)] {
+    for (version, sections) in [("1.0", 0), ("1.2", 1), ("1.4", 2), ("1.5", 3), ("1.6", 3)] {
         let model = codec::decode(&std::fs::read(path(&format!("format-{version}.pgs"))).unwrap(), version).unwrap();
         let values = std::fs::read_to_string(path(&format!("format-{version}.json"))).unwrap();
         assert_eq!(table(&model), values.trim_end());

@@ -1,7 +1,7 @@
 //! A block's bytes to Gaussians.
 
-use super::exact::{exp, exp_twice};
-use super::header::{BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES};
+use super::exact::exp;
+use super::header::{BlockHeader, GAUSSIANS_A_BYTE};
 use super::rans::Player;
 use super::streams;
 use super::sums::{opacity_of, rescale, whole_counts};
@@ -20,17 +20,6 @@ struct Columns<'a> {
     /// Mass a particle, relative, or grey level; empty without either.
     weight: &'a mut [f64],
 }
-
-/// A Gaussian's shape as coded, until its covariance is made.
-#[derive(Clone, Copy)]
-struct Form {
-    radius: f64,
-    factor: f64,
-    shape: [i32; 5],
-}
-
-/// Shape numbers beyond this are no Gaussian's.
-const LARGEST_SHAPE: f64 = 32.0;
 
 /// Why a block cannot be decoded.
 pub(crate) enum Fault {
@@ -89,7 +78,7 @@ const COLUMNS: &str = "decoding the model";
 /// Decodes a block.
 pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, Fault> {
     let header = BlockHeader::read(bytes)?;
-    let streams = streams::read(header.gaussians, &bytes[HEADER_BYTES..])?;
+    let streams = streams::read(header.gaussians, &bytes[header.bytes()..])?;
     let nodes = match streams.trunk {
         None => vec![vec![Node::root(header.gaussians)]],
         Some(stream) => {
@@ -195,7 +184,7 @@ fn segment<'a>(
     let extent = header.bounds.extent();
     let Columns { mean, count, cov, weight } = out;
     let [x, y, z] = mean;
-    let mut forms = Vec::with_capacity(count.len());
+    let mut finite = true;
     walk(&mut player, header, nodes, &mut Nothing, |i, leaf| {
         count[i] = leaf.count;
         for (k, mean) in [&mut *x, &mut *y, &mut *z].into_iter().enumerate() {
@@ -205,67 +194,13 @@ fn segment<'a>(
         if header.has_w() {
             weight[i] = exp(header.log_weight(leaf.w));
         }
-        forms.push(Form { radius: leaf.radius, factor: leaf.factor, shape: leaf.shape });
+        let size = leaf.radius * leaf.radius;
+        for k in 0..6 {
+            cov[k][i] = leaf.unit.0[k] * size;
+            finite &= cov[k][i].is_finite();
+        }
     })
     .map_err(out_of_range)?;
     end(&player, whole)?;
-    if covariances(header, &forms, cov) { Ok(player.rest()) } else { Err("a covariance is out of range".into()) }
-}
-
-/// radius^2 exp(2 S); are all finite, and no variance below 0?
-fn covariances(header: &BlockHeader, forms: &[Form], cov: [&mut [f64]; 6]) -> bool {
-    let mut good = true;
-    for (i, form) in forms.iter().enumerate() {
-        let step = 0.5 * f64::from(header.steps[3]) * form.factor;
-        let five = form.shape.map(|s| f64::from(s) * step);
-        let within = five.iter().all(|s| s.abs() <= LARGEST_SHAPE);
-        let shape = exp_twice(if within { five } else { [0.0; 5] });
-        let size = form.radius * form.radius;
-        let v = shape.0.map(|s| s * size);
-        // Far from round, rounding alone decides the least variance: what comes out negative is no Gaussian.
-        good &= within && v.iter().all(|s| s.is_finite()) && [v[0], v[3], v[5]].iter().all(|s| *s >= 0.0);
-        (0..6).for_each(|k| cov[k][i] = v[k]);
-    }
-    good
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::math::Random;
-    use crate::space::Bounds;
-
-    /// Shape numbers within their range, of Gaussians so far from round that rounding decides.
-    #[test]
-    fn variances_below_zero_are_refused() {
-        let header = BlockHeader {
-            bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
-            count: 1,
-            mass: 1.0,
-            gaussians: 1,
-            weighted: false,
-            shaded: false,
-            low: [0; 4],
-            steps: [0.5, 0.22, 0.22, 2.0, 0.22],
-            importance: 0.0,
-            centre: 0.0,
-            predict: Default::default(),
-        };
-        let mut negative = 0;
-        for i in 0..2000 {
-            let mut r = Random::new(1, 1, i);
-            let shape = [0; 5].map(|_| (r.uniform() * 41.0).floor() as i32 - 20);
-            let raw = exp_twice(shape.map(f64::from));
-            let below = [raw.0[0], raw.0[3], raw.0[5]].iter().any(|v| *v < 0.0);
-            let mut columns = [[0.0]; 6];
-            let good = covariances(
-                &header,
-                &[Form { radius: 1.0, factor: 1.0, shape }],
-                columns.each_mut().map(|c| &mut c[..]),
-            );
-            assert!(!(good && below), "{shape:?}");
-            negative += usize::from(below && raw.0.iter().all(|v| v.is_finite()));
-        }
-        assert!(negative > 0);
-    }
+    if finite { Ok(player.rest()) } else { Err("a covariance is out of range".into()) }
 }

@@ -1,8 +1,9 @@
 //! A block made ready once and coded at any precision.
 
 use super::header::{
-    BlockHeader, GAUSSIANS_A_BYTE, HEADER_BYTES, MOST_PARTICLES, SIZE_SLOPES, count_features, size_features,
+    BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, SIZE_SLOPES, cholesky, count_features, size_features,
 };
+use super::place::{Target, quantise_places};
 use super::precision::Precision;
 use super::predict::{fit, low_bits};
 use super::rans::Recorder;
@@ -11,14 +12,14 @@ use super::streams;
 use super::tree::{Segment, Tree, pieces};
 use super::trellis::{Sample, State, quantise};
 use super::walk::{Leaf, Past, Script, trunk, walk};
-use crate::math::each_axis;
+use crate::math::{Sym3, each_axis};
 use crate::model::{AlphaBlend, Block};
 use crate::space::Bounds;
 use crate::{Error, Result, parallel};
 use std::ops::Range;
 
 /// What a step of a shape number away from 0 costs in squared steps: 1 % of the bits for 0.004 dB.
-const PULL: f64 = 0.14;
+const PULL: f64 = 0.1;
 
 /// The order of a block's Gaussians and their logarithms: all that does not depend on precision.
 /// [`Encoder::encode`] then costs a few microseconds a Gaussian, so that rate control can call it
@@ -84,7 +85,7 @@ impl Encoder {
         let (trunk, segments) = self.record(&header, &leaves, Recorder::default, Recorder::finish);
         let mut out = Vec::new();
         header.write(&mut out);
-        debug_assert_eq!(out.len(), HEADER_BYTES);
+        debug_assert_eq!(out.len(), header.bytes());
         streams::write(header.gaussians, &trunk, &segments, &mut out);
         // A block may not be too small for its Gaussians.
         let least = (self.len() as u64).div_ceil(GAUSSIANS_A_BYTE) as usize;
@@ -151,6 +152,7 @@ impl Encoder {
             importance: (precision.importance as f32).clamp(0.0, 4.0),
             centre: 0.0,
             predict: Default::default(),
+            spreads: Some([0.0; 3]),
         };
         let mut leaves: Vec<Leaf> = self.tree.cells.iter().map(|&cell| Leaf { cell, ..Leaf::default() }).collect();
         self.each(&mut leaves, |range, leaves| self.scalars(&header, range, leaves));
@@ -162,7 +164,10 @@ impl Encoder {
             self.places(&header, range, &factors, leaves);
         });
         header.low[3] = low_bits(leaves.iter().flat_map(|l| l.shape).map(|h| h >> 1), 3);
-        predictors(&mut header, &self.histories(&leaves));
+        let shape = leaves.iter().map(|l| l.shape.iter().map(|s| f64::from(s.abs())).sum::<f64>() * l.factor);
+        let shape = shape.sum::<f64>() / (5 * leaves.len()) as f64;
+        let [size, count] = predictors(&mut header, &self.histories(&leaves));
+        header.spreads = Some([size, count, shape].map(|s| s as f32));
         (header, leaves)
     }
 
@@ -197,35 +202,27 @@ impl Encoder {
         }
     }
 
-    /// Positions in quarter levels.
+    /// Positions in quarter levels. Shapes are known by now, as the decoder will know them.
     fn places(&self, header: &BlockHeader, range: Range<usize>, factors: &[f64], leaves: &mut [Leaf]) {
         let extent = self.bounds.extent();
-        let mut axes: Vec<(u32, u8)> = Vec::with_capacity(3 * leaves.len());
-        let mut samples = Vec::with_capacity(3 * leaves.len());
-        for (i, leaf) in leaves.iter_mut().enumerate() {
-            leaf.place = [2; 3];
-            let radius = header.radius(leaf.t);
-            let levels = header.levels(&leaf.cell, extent, radius, factors[i]);
-            let widths = leaf.cell.widths(extent);
-            let step = f64::from(header.steps[0]) * factors[i] * radius;
-            for k in (0..3).filter(|&k| levels[k] > 1) {
-                let n = levels[k] as f64;
-                let coarse = widths[k] / (n * step);
-                let weight = coarse * coarse;
-                samples.push(Sample {
-                    value: self.within[k][range.start + i] * n,
-                    range: [0, levels[k] as i64 - 1],
-                    weight,
-                    pull: 0.0,
-                });
-                axes.push((i as u32, k as u8));
+        let places = quantise_places(leaves.len(), |i| {
+            let leaf = &leaves[i];
+            let unit = header.unit_covariance(leaf.shape, factors[i]).unwrap_or(Sym3::scaled_identity(1.0));
+            let (widths, [ba, ca, cb]) = cholesky(&unit);
+            let step = header.place_step(header.radius(leaf.t), factors[i]);
+            let levels = header.levels(&leaf.cell, extent, step, widths);
+            let cell = leaf.cell.widths(extent);
+            // Levels to a step of the block.
+            let fine = each_axis(|k| if cell[k] > 0.0 { levels[k] as f64 * step / cell[k] } else { 0.0 });
+            Target {
+                levels,
+                place: each_axis(|k| self.within[k][range.start + i] * levels[k] as f64),
+                coarse: each_axis(|k| if fine[k] > 0.0 { 1.0 / (fine[k] * widths[k]) } else { 0.0 }),
+                moves: [ba * fine[1], ca * fine[2], cb * fine[2]],
             }
-        }
-        let indices = quantise(samples.len(), 0.25, |j| samples[j]);
-        let mut state = State::default();
-        for (&(i, k), &index) in axes.iter().zip(&indices) {
-            leaves[i as usize].place[usize::from(k)] = 4 * index as u64 + 1 + 2 * state.lattice() as u64;
-            state.step(index);
+        });
+        for (leaf, place) in leaves.iter_mut().zip(places) {
+            leaf.place = place;
         }
     }
 
@@ -255,8 +252,8 @@ fn halves(count: usize, pull: f64, value: impl Fn(usize) -> f64) -> Vec<i32> {
     quantise(count, 0.0, |i| Sample { pull, ..Sample::free(value(i)) }).into_iter().map(half).collect()
 }
 
-/// Fits the predictors of size and count, and the plain low bits of what they leave.
-fn predictors(header: &mut BlockHeader, histories: &[[Past; 3]]) {
+/// Fits the predictors of size and count, and the plain low bits of what they leave; returns its spread, in steps.
+fn predictors(header: &mut BlockHeader, histories: &[[Past; 3]]) -> [f64; 2] {
     let n = histories.len();
     let size = |&[own, a, b]: &[Past; 3]| size_features(own.level, &[a, b]);
     let count = |&[own, a, b]: &[Past; 3]| count_features(own.level, own.t, &[a, b]);
@@ -267,11 +264,20 @@ fn predictors(header: &mut BlockHeader, histories: &[[Past; 3]]) {
     header.predict = [t, m];
     let h = &*header;
     let (t, m) = parallel::join(
-        || low_bits(histories.iter().map(|p| (p[0].t - h.predict[0].apply(&size(p))) >> 1), 6),
-        || low_bits(histories.iter().map(|p| (p[0].m - h.predict[1].apply(&count(p))) >> 1), 6),
+        || residuals(histories.iter().map(|p| (p[0].t - h.predict[0].apply(&size(p))) >> 1)),
+        || residuals(histories.iter().map(|p| (p[0].m - h.predict[1].apply(&count(p))) >> 1)),
     );
     let w = low_bits(histories.iter().map(|p| (p[0].w - p[1].w) >> 1), 6);
-    header.low[..3].copy_from_slice(&[t, m, w]);
+    header.low[..3].copy_from_slice(&[t.0, m.0, w]);
+    [t.1, m.1]
+}
+
+/// Plain low bits of what predictions leave, in steps, and its spread without those bits.
+fn residuals(left: impl Iterator<Item = i32> + Clone) -> (u8, f64) {
+    let low = low_bits(left.clone(), 6);
+    let (n, sum) = left.fold((0.0, 0.0), |(n, sum), steps| (n + 1.0, sum + f64::from(steps) * f64::from(steps)));
+    let rms: f64 = if n > 0.0 { sum / n } else { 0.0 };
+    (low, rms.sqrt() / f64::from(1u32 << low))
 }
 
 struct Given<'a> {

@@ -2,7 +2,7 @@
 
 use super::container::{
     self, ALPHA_BLEND_SINCE, BASELINES, BASELINES_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, MEASURES,
-    MEASURES_SINCE, META, SCIENCE, SCIENCE_SINCE, SECTION_BYTES, Section, VIZMAPPER,
+    MEASURES_SINCE, META, SCIENCE, SCIENCE_SINCE, SECOND_CODING_SINCE, SECTION_BYTES, Section, VIZMAPPER,
 };
 use super::header::BlockHeader;
 use super::metadata::Fault;
@@ -83,6 +83,7 @@ pub(super) fn put_together(
         ));
     }
     let mut masses = Vec::with_capacity(layers.len());
+    let mut second = false;
     for layer in &mut layers {
         let mut keyed = Vec::with_capacity(layer.content.len());
         for block in layer.content.drain(..) {
@@ -90,6 +91,7 @@ pub(super) fn put_together(
             if header.shaded != shaded {
                 return Err(Error::argument(other_law(&layer.name, metadata.law)));
             }
+            second |= header.spreads.is_some();
             keyed.push((order_key(&header), header.weighted, block));
         }
         keyed.sort();
@@ -115,7 +117,8 @@ pub(super) fn put_together(
     let minor = metadata::minor_version(&meta, metadata.law)
         .max(if science.is_some() { SCIENCE_SINCE } else { 0 })
         .max(if baselines.is_some() { BASELINES_SINCE } else { 0 })
-        .max(if measures.is_some() { MEASURES_SINCE } else { 0 });
+        .max(if measures.is_some() { MEASURES_SINCE } else { 0 })
+        .max(if second { SECOND_CODING_SINCE } else { 0 });
     let front = std::iter::once((META, &meta[..]))
         .chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])))
         .chain(science.iter().map(|s| (SCIENCE, &s[..])))

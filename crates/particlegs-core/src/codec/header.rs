@@ -1,9 +1,10 @@
 //! A block's header: what its stream is decoded with (docs/format.md, section 4).
 
-use super::exact::exp;
+use super::exact::{exp, exp_twice};
 use super::tree::Cell;
 use super::walk::Past;
 use super::wire::Reader;
+use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 
 /// A linear prediction in whole numbers: constant + sum of slopes / 256 times features.
@@ -34,18 +35,27 @@ pub(crate) struct BlockHeader {
     pub importance: f32,
     pub centre: f32,
     pub predict: [Predictor; 2],
+    /// Of the second coding (since 1.6): mean spreads of what is left of size and count in steps, and of shape numbers in
+    /// half steps of a middling Gaussian. `None`: the first coding.
+    pub spreads: Option<[f32; 3]>,
 }
 
-/// Bytes of a header.
-pub(crate) const HEADER_BYTES: usize = 48 + 8 + 8 + 4 + 1 + 4 + 20 + 8 + (4 + 8) + (4 + 12);
+/// Bytes of a header of the first coding.
+const FIRST_BYTES: usize = 48 + 8 + 8 + 4 + 1 + 4 + 20 + 8 + (4 + 8) + (4 + 12);
+/// Bytes that the second coding adds.
+const SECOND_BYTES: usize = 3 * 4;
 /// Gaussians that a byte of a block may stand for.
 pub(crate) const GAUSSIANS_A_BYTE: u64 = 4;
 /// Bit of the flags: masses are coded.
 const WEIGHTED: u8 = 1;
 /// Bit of the flags: opacities and grey levels are coded.
 const SHADED: u8 = 2;
+/// Bit of the flags: the second coding.
+const SECOND: u8 = 4;
 /// Counts stay whole in f64.
 pub(crate) const MOST_PARTICLES: u64 = 1 << 53;
+/// Shape numbers at most.
+const LARGEST_SHAPE: f64 = 32.0;
 /// The step factor lies in 1/8 to 8.
 const WIDEST: f64 = 8.0;
 
@@ -58,7 +68,8 @@ impl BlockHeader {
         out.extend(self.count.to_le_bytes());
         out.extend(self.mass.to_le_bytes());
         out.extend(self.gaussians.to_le_bytes());
-        out.push((u8::from(self.weighted) * WEIGHTED) | (u8::from(self.shaded) * SHADED));
+        let second = u8::from(self.spreads.is_some()) * SECOND;
+        out.push((u8::from(self.weighted) * WEIGHTED) | (u8::from(self.shaded) * SHADED) | second);
         out.extend(self.low);
         for v in self.steps.iter().chain([&self.importance, &self.centre]) {
             out.extend(v.to_le_bytes());
@@ -67,6 +78,12 @@ impl BlockHeader {
             out.extend(p.constant.to_le_bytes());
             p.slopes[..n].iter().for_each(|s| out.extend(s.to_le_bytes()));
         }
+        self.spreads.iter().flatten().for_each(|s| out.extend(s.to_le_bytes()));
+    }
+
+    /// Bytes of the header.
+    pub(crate) fn bytes(&self) -> usize {
+        FIRST_BYTES + if self.spreads.is_some() { SECOND_BYTES } else { 0 }
     }
 
     /// Reads and checks a header; the text says what is wrong.
@@ -86,6 +103,7 @@ impl BlockHeader {
                 *s = r.u16()? as i16;
             }
         }
+        let spreads = if flags & SECOND != 0 { Some([r.f32()?, r.f32()?, r.f32()?]) } else { None };
         let header = BlockHeader {
             bounds: Bounds { min, max },
             count,
@@ -98,9 +116,10 @@ impl BlockHeader {
             importance,
             centre,
             predict,
+            spreads,
         };
         // Masses and shades at once are nobody's.
-        if flags > SHADED {
+        if flags & !SECOND > SHADED {
             return Err(format!("block flags {flags:#04x} are reserved"));
         }
         header.check(block.len() as u64)?;
@@ -130,6 +149,9 @@ impl BlockHeader {
         }
         if !((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6) {
             return Err("step factor out of range".into());
+        }
+        if !self.spreads.iter().flatten().all(|v| (0.0..=1e6).contains(v)) {
+            return Err("spreads out of range".into());
         }
         Ok(())
     }
@@ -191,12 +213,32 @@ impl BlockHeader {
         exp(f64::from(self.importance) * (f64::from(self.centre) - self.log_count(m)))
     }
 
-    /// Levels of a cell's axes: its width in steps, rounded, at least 1.
+    /// exp(2 S) of shape numbers whose steps have a factor: the covariance of radius 1; `None` where it is out of range.
     #[inline(always)]
-    pub(crate) fn levels(&self, cell: &Cell, extent: [f64; 3], radius: f64, factor: f64) -> [u64; 3] {
-        let step = f64::from(self.steps[0]) * factor * radius;
+    pub(crate) fn unit_covariance(&self, shape: [i32; 5], factor: f64) -> Option<Sym3> {
+        let step = 0.5 * f64::from(self.steps[3]) * factor;
+        let five = shape.map(|s| f64::from(s) * step);
+        if five.iter().any(|s| s.abs() > LARGEST_SHAPE) {
+            return None;
+        }
+        // Far from round, rounding alone decides the least variance: what comes out negative is no Gaussian.
+        let unit = exp_twice(five);
+        (unit.0.iter().all(|v| v.is_finite()) && [0, 3, 5].iter().all(|&k| unit.0[k] >= 0.0)).then_some(unit)
+    }
+
+    /// Levels of a cell's axes: its width in steps, rounded, at least 1. `widths` of a Gaussian of radius 1: the same on
+    /// all axes, or in the second coding what its covariance leaves to each axis where the earlier ones are known.
+    #[inline(always)]
+    pub(crate) fn levels(&self, cell: &Cell, extent: [f64; 3], step: f64, widths: [f64; 3]) -> [u64; 3] {
+        let cell = cell.widths(extent);
         // The cast rounds down and takes what is too large to 2^64 - 1, the limit to 2^40.
-        cell.widths(extent).map(|w| ((w / step + 0.5) as u64).clamp(1, 1 << 40))
+        each_axis(|k| ((cell[k] / (step * widths[k]) + 0.5) as u64).clamp(1, 1 << 40))
+    }
+
+    /// The step of places of a Gaussian.
+    #[inline(always)]
+    pub(crate) fn place_step(&self, radius: f64, factor: f64) -> f64 {
+        f64::from(self.steps[0]) * factor * radius
     }
 
     /// Predicted size in half steps of a Gaussian at `level`.
@@ -228,4 +270,54 @@ pub(crate) fn size_features(level: i32, before: &[Past; 2]) -> [i32; SIZE_SLOPES
 #[inline(always)]
 pub(crate) fn count_features(level: i32, t: i32, before: &[Past; 2]) -> [i32; 6] {
     [level, before[0].level, t, before[0].t, before[0].m, before[1].m]
+}
+
+/// Square roots of what a covariance leaves to each axis where the earlier ones are known, the diagonal of its Cholesky
+/// factor, and the rest of the factor: (1, 0), (2, 0), (2, 1).
+#[inline(always)]
+pub(crate) fn cholesky(unit: &Sym3) -> ([f64; 3], [f64; 3]) {
+    const NARROWEST: f64 = 1.0 / 1024.0;
+    let root = |v: f64| v.max(NARROWEST * NARROWEST).sqrt();
+    let [xx, xy, xz, yy, yz, zz] = unit.0;
+    let a = root(xx);
+    let (ba, ca) = (xy / a, xz / a);
+    let b = root(yy - ba * ba);
+    let cb = (yz - ca * ba) / b;
+    ([a, b, root(zz - ca * ca - cb * cb)], [ba, ca, cb])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::exact::exp_twice;
+    use super::*;
+    use crate::math::Random;
+
+    /// Shape numbers within their range, of Gaussians so far from round that rounding decides.
+    #[test]
+    fn variances_below_zero_are_refused() {
+        let header = BlockHeader {
+            bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
+            count: 1,
+            mass: 1.0,
+            gaussians: 1,
+            weighted: false,
+            shaded: false,
+            low: [0; 4],
+            steps: [0.5, 0.22, 0.22, 2.0, 0.22],
+            importance: 0.0,
+            centre: 0.0,
+            predict: Default::default(),
+            spreads: None,
+        };
+        let mut negative = 0;
+        for i in 0..2000 {
+            let mut r = Random::new(1, 1, i);
+            let shape = [0; 5].map(|_| (r.uniform() * 41.0).floor() as i32 - 20);
+            let raw = exp_twice(shape.map(f64::from));
+            let below = [raw.0[0], raw.0[3], raw.0[5]].iter().any(|v| *v < 0.0);
+            assert!(!(below && header.unit_covariance(shape, 1.0).is_some()), "{shape:?}");
+            negative += usize::from(below && raw.0.iter().all(|v| v.is_finite()));
+        }
+        assert!(negative > 0);
+    }
 }

@@ -18,6 +18,7 @@ mod info;
 mod measures;
 mod merge;
 mod metadata;
+mod place;
 mod precision;
 mod predict;
 mod rans;

@@ -1,12 +1,15 @@
 //! Adaptive symbol models and the coding of signed residuals with them (docs/format.md, section 8).
 
+use super::exact::exp;
 use super::rans::{Coder, PROBABILITY_BITS};
 
 /// Cumulative counts are kept in 30 bits and used in 15.
 const TOTAL: i32 = 1 << 30;
 const FLOOR: i32 = TOTAL >> PROBABILITY_BITS;
-/// The slowest adaptation: 1/128 of the way a symbol.
-const SLOWEST: u32 = 7;
+/// The narrowest law that a model starts from, in steps.
+const NARROWEST: f64 = 0.25;
+/// Symbols after which a model follows half as quickly: first 1/16 of the way a symbol, at last 1/512.
+const SLOWER_AFTER: [u32; 5] = [12, 40, 120, 360, 1000];
 
 /// Probabilities of `N` symbols that follow what was coded.
 #[derive(Clone)]
@@ -14,11 +17,13 @@ pub(crate) struct Model<const N: usize> {
     /// `cumulative[s]`: below symbol `s`, out of 2^30. Neighbours differ by 2^15 at least.
     cumulative: [i32; N],
     seen: u32,
+    /// The slowest adaptation: 1 / 2^slowest of the way a symbol.
+    slowest: u32,
 }
 
 impl<const N: usize> Model<N> {
     /// Starts from weights; every symbol gets at least 2^-15.
-    pub(crate) fn from_weights(weights: [u32; N]) -> Self {
+    pub(crate) fn from_weights(weights: [u32; N], slowest: u32) -> Self {
         let sum: u64 = weights.iter().map(|&w| u64::from(w)).sum();
         let room = (TOTAL - N as i32 * FLOOR) as u64;
         let mut cumulative = [0; N];
@@ -27,7 +32,7 @@ impl<const N: usize> Model<N> {
             cumulative[s] = (below * room / sum) as i32 + s as i32 * FLOOR;
             below += u64::from(weights[s]);
         }
-        Model { cumulative, seen: 0 }
+        Model { cumulative, seen: 0, slowest }
     }
 
     #[inline(always)]
@@ -54,7 +59,8 @@ impl<const N: usize> Model<N> {
     /// Moves towards certainty of `s`.
     #[inline(always)]
     fn update(&mut self, s: usize) {
-        let shift = (4 + (self.seen >= 12) as u32 + (self.seen >= 40) as u32 + (self.seen >= 120) as u32).min(SLOWEST);
+        let slower: u32 = SLOWER_AFTER.iter().map(|&n| u32::from(self.seen >= n)).sum();
+        let shift = (4 + slower).min(self.slowest);
         self.seen += 1;
         let room = TOTAL - N as i32 * FLOOR;
         for i in 0..N {
@@ -86,7 +92,7 @@ impl<const N: usize> Residual<N> {
     const CENTRE: i32 = N as i32 / 2 - 1;
 
     /// Starts at a two-sided geometric law of ratio 3/4.
-    pub(crate) fn new() -> Self {
+    pub(crate) fn geometric(slowest: u32) -> Self {
         let mut weights = [1; N];
         let centre = Self::CENTRE as usize;
         let mut w = 65_536u32;
@@ -96,7 +102,20 @@ impl<const N: usize> Residual<N> {
             w = w * 3 / 4;
         }
         weights[N - 1] = w;
-        Residual(Model::from_weights(weights))
+        Residual(Model::from_weights(weights, slowest))
+    }
+
+    /// Starts at a bell with longer tails of a width of `spread` steps.
+    pub(crate) fn bell(spread: f64, slowest: u32) -> Self {
+        let centre = Self::CENTRE as usize;
+        let spread = spread.max(NARROWEST);
+        let weight = |steps: usize| {
+            let x = steps as f64 / spread;
+            1 + (65_536.0 * exp(-(x * x) / (2.0 + 0.6 * x))) as u32
+        };
+        let mut weights: [u32; N] = std::array::from_fn(|s| weight(s.abs_diff(centre)));
+        weights[N - 1] = weight(centre + 1);
+        Residual(Model::from_weights(weights, slowest))
     }
 
     /// Codes a residual whose lowest `low` bits are plain.
@@ -128,7 +147,7 @@ mod tests {
     use crate::math::Random;
 
     fn walk(c: &mut impl Coder, values: &[i32], low: u32) -> Vec<i32> {
-        let mut model = Residual::<32>::new();
+        let mut model = Residual::<32>::geometric(7);
         values.iter().map(|&v| model.code(c, low, v)).collect()
     }
 

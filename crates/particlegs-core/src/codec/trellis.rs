@@ -2,8 +2,10 @@
 //! next number lies on (docs/format.md, section 6). At the same rate the mean squared error is 1.06 dB
 //! below that of rounding.
 
+/// States of the trellis.
+pub(super) const STATES: usize = 8;
 /// Next state by (state, parity of the index): Ungerboeck's 8-state code, h0 = 13, h1 = 04 (octal).
-const NEXT: [[u8; 2]; 8] = [[0, 2], [5, 7], [1, 3], [4, 6], [2, 0], [7, 5], [3, 1], [6, 4]];
+pub(super) const NEXT: [[u8; 2]; STATES] = [[0, 2], [5, 7], [1, 3], [4, 6], [2, 0], [7, 5], [3, 1], [6, 4]];
 /// Numbers that are decided together; bounds the memory of the search.
 const WINDOW: usize = 1 << 14;
 
@@ -16,6 +18,14 @@ impl State {
     #[inline(always)]
     pub(crate) fn lattice(self) -> i32 {
         i32::from(self.0 & 1)
+    }
+
+    pub(super) fn of(number: usize) -> State {
+        State(number as u8)
+    }
+
+    pub(super) fn number(self) -> usize {
+        usize::from(self.0)
     }
 
     /// After index `k`.
@@ -48,7 +58,7 @@ impl Sample {
 /// The index nearest to `x` of the asked parity within the range; the other end's neighbour where
 /// rounding leaves it; `None` where the range has none.
 #[inline]
-fn nearest(x: f64, parity: i64, range: [i64; 2]) -> Option<i64> {
+pub(super) fn nearest(x: f64, parity: i64, range: [i64; 2]) -> Option<i64> {
     let lowest = range[0] + ((range[0] ^ parity) & 1);
     let highest = range[1] - ((range[1] ^ parity) & 1);
     if lowest > highest {

@@ -2,11 +2,12 @@
 //! (docs/format.md, section 5 to 8).
 
 use super::exact::exp;
-use super::header::{BlockHeader, Predictor, limited};
+use super::header::{BlockHeader, Predictor, cholesky, limited};
 use super::rans::{Coder, Part};
 use super::symbols::{Model, Residual};
 use super::tree::{Cell, Node, segments};
 use super::trellis::State;
+use crate::math::Sym3;
 
 /// Whole numbers of one Gaussian. `t`, `m` and `shape` are on half steps (2 k + lattice).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,6 +24,8 @@ pub(crate) struct Leaf {
     pub levels: [u64; 3],
     /// Position in quarter levels.
     pub place: [u64; 3],
+    /// Covariance of radius 1, as decoded.
+    pub unit: Sym3,
     /// Geometric mean radius, world units, as decoded.
     pub radius: f64,
     /// Factor on the steps of shape and place.
@@ -73,22 +76,30 @@ impl Script for Nothing {
 /// Numbers that the walk cannot go on with.
 pub(crate) struct OutOfRange;
 
-/// Classes of the step factor that shape models distinguish.
+/// The slowest adaptation of models, 1 / 2^SLOWEST of the way a symbol, and in the first coding.
+const SLOWEST: u32 = 9;
+const SLOWEST_FIRST: u32 = 7;
+/// Classes of the step factor that shape models of the first coding distinguish.
 const STEP_CLASSES: usize = 12;
-/// Classes of the shape numbers already coded.
+/// And of the shape numbers already coded.
 const REACH_CLASSES: usize = 3;
+/// In the second coding: spreads in steps that shape models start from, by half octaves of what is expected.
+const SPREADS: [f64; 12] = [0.1875, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
+/// Shape numbers that the block's mean spread counts as, beside those of the Gaussian itself.
+const MEAN_WEIGHT: f64 = 5.0;
 
 struct Models {
     /// By count (2 to 15, then powers of two) and share.
     split: Vec<[Model<16>; 3]>,
-    t: [Residual<32>; 3],
-    m: [Residual<32>; 3],
+    t: Vec<Residual<32>>,
+    m: Vec<Residual<32>>,
     w: Residual<32>,
     shape: Vec<Residual<16>>,
 }
 
 impl Models {
-    fn new() -> Self {
+    fn new(h: &BlockHeader) -> Self {
+        let slowest = if h.spreads.is_some() { SLOWEST } else { SLOWEST_FIRST };
         let split = |n: u32| {
             // Both ends of a split are likelier than the middle.
             let top = if n < 16 { n as usize } else { 15 };
@@ -101,14 +112,21 @@ impl Models {
                     1
                 }
             });
-            [0, 1, 2].map(|_| Model::from_weights(weights))
+            [0, 1, 2].map(|_| Model::from_weights(weights, slowest))
         };
-        Models {
-            split: (2..16).chain([16, 32, 64, 128, 256]).map(split).collect(),
-            t: [0; 3].map(|_| Residual::new()),
-            m: [0; 3].map(|_| Residual::new()),
-            w: Residual::new(),
-            shape: vec![Residual::new(); 2 * STEP_CLASSES * REACH_CLASSES],
+        let split = (2..16).chain([16, 32, 64, 128, 256]).map(split).collect();
+        let geometric = |n: usize| vec![Residual::geometric(slowest); n];
+        let w = Residual::geometric(slowest);
+        match h.spreads {
+            None => {
+                let shape = vec![Residual::geometric(slowest); 2 * STEP_CLASSES * REACH_CLASSES];
+                Models { split, t: geometric(3), m: geometric(3), w, shape }
+            }
+            Some([t, m, _]) => {
+                let bell = |spread: f32| vec![Residual::bell(f64::from(spread), slowest)];
+                let shape = |class| Residual::bell(SPREADS[class / 2], slowest);
+                Models { split, t: bell(t), m: bell(m), w, shape: (0..2 * SPREADS.len()).map(shape).collect() }
+            }
         }
     }
 
@@ -145,7 +163,7 @@ pub(crate) fn trunk(
     header: &BlockHeader,
     script: &mut impl Script,
 ) -> Result<Vec<Vec<Node>>, OutOfRange> {
-    let mut models = Models::new();
+    let mut models = Models::new(header);
     segments(header.gaussians, header.bounds.extent(), |node, _, _| {
         let low = script.split();
         models.split(c, node, low)
@@ -172,7 +190,7 @@ fn kernel(
     mut sink: impl FnMut(usize, &Leaf),
 ) -> Result<(), OutOfRange> {
     let extent = header.bounds.extent();
-    let mut models = Models::new();
+    let mut models = Models::new(header);
     let mut leaves = Leaves::new(header, extent);
     let mut stack: Vec<Node> = nodes.iter().rev().copied().collect();
     let mut done = 0;
@@ -236,13 +254,15 @@ impl<'a> Leaves<'a> {
     fn code(&mut self, c: &mut impl Coder, models: &mut Models, leaf: &mut Leaf) -> Result<(), OutOfRange> {
         let h = self.header;
         let level = leaf.cell.level();
-        let surprise = surprise_class(level, self.before[0].level);
+        let surprise = if h.spreads.is_some() { 0 } else { surprise_class(level, self.before[0].level) };
         c.part(Part::Size);
         let predicted = h.predict_t(level, &self.before);
-        leaf.t = scalar(c, &mut models.t[surprise], h.low[0], &mut self.trellis_t, predicted, leaf.t)?;
+        let model = &mut models.t[surprise];
+        leaf.t = scalar(c, model, h.low[0], &mut self.trellis_t, predicted, leaf.t)?;
         c.part(Part::Count);
         let predicted = h.predict_m(level, leaf.t, &self.before);
-        leaf.m = scalar(c, &mut models.m[surprise], h.low[1], &mut self.trellis_m, predicted, leaf.m)?;
+        let model = &mut models.m[surprise];
+        leaf.m = scalar(c, model, h.low[1], &mut self.trellis_m, predicted, leaf.m)?;
         if h.has_w() {
             c.part(Part::Mass);
             leaf.w = scalar(c, &mut models.w, h.low[2], &mut self.trellis_w, self.before[0].w, leaf.w)?;
@@ -257,23 +277,35 @@ impl<'a> Leaves<'a> {
     #[inline(always)]
     fn shape(&mut self, c: &mut impl Coder, models: &mut Models, leaf: &mut Leaf) -> Result<(), OutOfRange> {
         c.part(Part::Shape);
-        let class = step_class(leaf.factor);
+        let h = self.header;
         let mut reach = 0i64;
         for k in 0..5 {
-            // The mean magnitude so far, in half steps.
-            let reach_class = reach_class(reach, k as i64);
-            let model = (usize::from(k >= 2) * STEP_CLASSES + class) * REACH_CLASSES + reach_class;
-            leaf.shape[k] =
-                scalar(c, &mut models.shape[model], self.header.low[3], &mut self.trellis_shape, 0, leaf.shape[k])?;
+            let model = match h.spreads {
+                Some([.., mean]) => {
+                    // Numbers of this Gaussian, and with less and less weight the block's.
+                    let mean = f64::from(mean) / leaf.factor;
+                    let expected = (MEAN_WEIGHT * mean + reach as f64) / (MEAN_WEIGHT + k as f64);
+                    2 * spread_class(expected, h.low[3]) + self.trellis_shape.lattice() as usize
+                }
+                None => {
+                    let class = usize::from(k >= 2) * STEP_CLASSES + step_class(leaf.factor);
+                    class * REACH_CLASSES + reach_class(reach, k as i64)
+                }
+            };
+            let model = &mut models.shape[model];
+            leaf.shape[k] = scalar(c, model, h.low[3], &mut self.trellis_shape, 0, leaf.shape[k])?;
             reach += i64::from(leaf.shape[k].abs());
         }
+        leaf.unit = h.unit_covariance(leaf.shape, leaf.factor).ok_or(OutOfRange)?;
         Ok(())
     }
 
     #[inline(always)]
     fn place(&mut self, c: &mut impl Coder, leaf: &mut Leaf) {
         c.part(Part::Place);
-        leaf.levels = self.header.levels(&leaf.cell, self.extent, leaf.radius, leaf.factor);
+        let h = self.header;
+        let widths = if h.spreads.is_some() { cholesky(&leaf.unit).0 } else { [1.0; 3] };
+        leaf.levels = h.levels(&leaf.cell, self.extent, h.place_step(leaf.radius, leaf.factor), widths);
         for k in 0..3 {
             let n = leaf.levels[k];
             if n == 1 {
@@ -334,6 +366,14 @@ fn surprise_class(level: i32, before: i32) -> usize {
 fn step_class(step: f64) -> usize {
     let exponent = ((step * step).to_bits() >> 52) as i32 - 1023;
     (exponent + 6).clamp(0, STEP_CLASSES as i32 - 1) as usize
+}
+
+/// Half octaves of what is expected of a shape number in half steps, its plain low bits apart.
+#[inline(always)]
+fn spread_class(expected: f64, low: u8) -> usize {
+    let e = expected / f64::from(1u32 << low);
+    let octaves = ((e * e).to_bits() >> 52) as i32 - 1023;
+    (octaves + 4).clamp(0, SPREADS.len() as i32 - 1) as usize
 }
 
 /// Classes of the mean magnitude, in half steps, of `k` numbers that sum to `reach`.

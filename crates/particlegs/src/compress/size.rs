@@ -19,7 +19,7 @@ const CHEAP_STEP_FACTORS: std::ops::Range<f64> = 0.75..1.4;
 /// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
 /// are rounder and take fewer.
 pub fn bytes_a_gaussian(effort: Effort) -> f64 {
-    if effort == Effort::Fast { 3.3 } else { 4.0 }
+    if effort == Effort::Fast { 3.2 } else { 3.85 }
 }
 
 /// Particles for each Gaussian of a file of a given size, at least: on a half of nbody64, 25, 20, 15, 12 and 10 give
