@@ -130,6 +130,7 @@ def metadata(content, minor):
         "source": fields[9].decode(),
         "hash": fields[10].hex(),
         "command": fields[18].decode(),
+        "effort": {b"\1": "fast", b"\2": "default"}.get(fields.get(23)),
     }
 
 
@@ -625,6 +626,7 @@ def dump(model, out):
     print("law", meta["law"], "particles", meta["particles"], "hash", meta["hash"], file=out)
     print("reals", hexadecimal([meta["mass"], *meta["bounds"], meta["radius"], meta["opacity"]]), file=out)
     print("source", meta["source"], file=out)
+    print("effort", meta["effort"] or "none", file=out)
     if model["cert"]:
         print("certificate", *model["cert"]["numbers"], hexadecimal(model["cert"]["density"]), file=out)
         for score in model["cert"]["scores"]:

@@ -8,8 +8,8 @@ use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
-    AlphaBlend, BANDS, Certificate, GROUP_CLASSES, LawKind, Layer, LookBaselines, LookScore, Measures, Metadata,
-    VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
+    AlphaBlend, BANDS, Certificate, Effort, GROUP_CLASSES, LawKind, Layer, LookBaselines, LookScore, Measures,
+    Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
 };
 use particlegs::progress::Progress;
 use particlegs::score::{Finding, Use, Word};
@@ -73,6 +73,8 @@ struct MetadataReport<'a> {
     time: Option<f64>,
     command: &'a str,
     tool_version: &'a str,
+    /// Of the fit, where the Gaussians are what it gave.
+    effort: Option<&'static str>,
 }
 
 /// Prints what the file says.
@@ -146,6 +148,7 @@ fn metadata(m: &Metadata) -> MetadataReport<'_> {
         time: m.time,
         command: &m.command,
         tool_version: &m.tool_version,
+        effort: m.effort.map(Effort::name),
     }
 }
 
@@ -200,6 +203,7 @@ fn text(r: &Report<'_>) -> String {
     row("time", said(m.time));
     row("command", m.command.to_string());
     row("made by", format!("particlegs {}", m.tool_version));
+    m.effort.iter().for_each(|effort| row("fitted with", format!("effort {effort}")));
     for layer in &r.layers {
         let count: u64 = layer.blocks.iter().map(|b| b.count).sum();
         let mass = match (layer.weighted, layer.particle_mass) {

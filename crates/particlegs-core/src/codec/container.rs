@@ -8,7 +8,7 @@ pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
 /// Version that is written. A reader takes any minor version of its major one.
 pub(crate) const MAJOR: u8 = 1;
 /// See [`MAJOR`].
-pub(crate) const MINOR: u8 = 5;
+pub(crate) const MINOR: u8 = 6;
 /// Magic, major, minor, reserved, length, checksum.
 pub const HEAD_BYTES: usize = 8 + 1 + 1 + 2 + 8 + 4;
 /// Tag, length, checksum.
@@ -34,6 +34,8 @@ pub(crate) const MEASURES_SINCE: u8 = 5;
 pub(crate) const VIZMAPPER: [u8; 4] = *b"VIZM";
 /// The first minor version whose readers know the alpha-blend law and [`VIZMAPPER`].
 pub(crate) const ALPHA_BLEND_SINCE: u8 = 3;
+/// The first minor version that has a field for the effort.
+pub(crate) const EFFORT_SINCE: u8 = 6;
 /// A layer: name and number of blocks, which follow.
 pub(crate) const LAYER: [u8; 4] = *b"LAYR";
 /// A block.

@@ -18,7 +18,7 @@ pub use columns::{Columns, MASS};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
 pub use measures::{BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, Measures, Spacing, Transfer};
-pub use metadata::{Metadata, hex};
+pub use metadata::{Effort, Metadata, hex};
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 pub use science::{Limit, Science, ScienceOf, per_length};

@@ -53,11 +53,37 @@ pub(super) fn held_out(
     halves.measure(progress).map(Some)
 }
 
-/// The effort that a model was fitted with, as its command tells; `None` where it was trained.
+/// The effort that a model was fitted with; `None` where it was trained or reduced.
 fn fitted_with(m: &Metadata) -> Option<Effort> {
+    m.effort.or_else(|| told_by_command(m))
+}
+
+/// Of files before version 1.6 the command alone tells.
+fn told_by_command(m: &Metadata) -> Option<Effort> {
     let told = |text: &str| m.command.contains(text);
     if m.law != LawKind::OpticalDepth || told("--train") || told(" of: ") {
         return None;
     }
     Some(if told("--effort fast") { Effort::Fast } else { Effort::Default })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::testing;
+
+    #[test]
+    fn the_field_tells_the_effort_and_the_command_where_there_is_none() {
+        let told = |command: &str, effort| Metadata {
+            command: command.into(),
+            effort,
+            ..testing::model_of(&[], [1.0; 3]).metadata
+        };
+        let of = |command: &str, effort| fitted_with(&told(command, effort));
+        assert_eq!(of("another program's", Some(Effort::Fast)), Some(Effort::Fast));
+        assert_eq!(of("compress --effort fast --seed 0", None), Some(Effort::Fast));
+        assert_eq!(of("compress --effort default --seed 0", None), Some(Effort::Default));
+        assert_eq!(of("compress --effort fast --train", None), None);
+        assert_eq!(of("simplify of: compress --effort fast", None), None);
+    }
 }

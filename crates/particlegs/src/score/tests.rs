@@ -62,6 +62,7 @@ fn metadata(particles: &Particles) -> Metadata {
         time: None,
         command: String::new(),
         tool_version: String::new(),
+        effort: None,
     }
 }
 
