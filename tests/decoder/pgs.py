@@ -160,6 +160,11 @@ def measures(content):
             numbers = struct.unpack(forms[tag], value)
             check(all(math.isfinite(v) for v in numbers), "a measure")
             found[tag] = [None if v == -2 else v for v in numbers]
+        elif tag == 7:
+            check(length in [8 * n for n in (1, 3, 4, 5, 6, 7, 8, 9)], "length of a measure")
+            numbers = struct.unpack(f"<{length // 4}f", value)
+            check(all(math.isfinite(v) and (v >= 0 or v in ((-2,), (-1,))[i % 2]) for i, v in enumerate(numbers)), "P(k) by mass")
+            found[tag] = [None if v == -2 else v for v in numbers]
     return found
 
 

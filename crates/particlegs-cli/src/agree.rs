@@ -1,6 +1,8 @@
 //! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
 
-use particlegs::model::{BANDS, Certificate, GROUP_CLASSES, Limit, LookBaselines, LookScore, Measures};
+use particlegs::model::{
+    BANDS, Certificate, GROUP_CLASSES, Limit, LookBaselines, LookScore, MassPower, Measures, PowerAgreement,
+};
 use serde::Serialize;
 
 /// What is measured again agrees within these: the same program measures the same bits on every machine;
@@ -129,6 +131,24 @@ impl Figures {
                 let name = format!("groups from {from}: {what}");
                 self.real(&name, [a, b].map(|v| v.unwrap_or(0.0)), DENSITY, "0.001");
             }
+        }
+        if let (Some(a), Some(b)) = (&a.mass_power, &b.mass_power) {
+            self.mass_power(a, b);
+        }
+    }
+
+    /// P(k) of mass, where both have it.
+    fn mass_power(&mut self, a: &MassPower, b: &MassPower) {
+        let mut pair = |name: &str, a: &PowerAgreement, b: &PowerAgreement| {
+            // Where a model's P(k) is many times the particles', a share is what compares.
+            let deviation = [a, b].map(|p| p.largest_deviation.unwrap_or(0.0));
+            self.real(&format!("P(k) by mass{name}"), deviation, DENSITY * deviation[1].max(1.0), "0.001");
+            let name = format!("P(k) by mass{name} within 1 % to");
+            self.limit(&name, a.within_1_percent_to, b.within_1_percent_to);
+        };
+        pair("", &a.whole, &b.whole);
+        for (number, (a, b)) in a.layers.iter().flatten().zip(b.layers.iter().flatten()).enumerate() {
+            pair(&format!(", layer {}", number + 1), a, b);
         }
     }
 

@@ -8,8 +8,8 @@ use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
-    AlphaBlend, BANDS, Certificate, Effort, GROUP_CLASSES, LawKind, Layer, LookBaselines, LookScore, Measures,
-    Metadata, VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
+    AlphaBlend, BANDS, Certificate, Effort, GROUP_CLASSES, LawKind, Layer, Limit, LookBaselines, LookScore, MassPower,
+    Measures, Metadata, PowerAgreement, VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
 };
 use particlegs::progress::Progress;
 use particlegs::score::{Finding, Use, Word};
@@ -286,6 +286,7 @@ fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
             s.median, s.drawn_median, s.regularity, s.drawn_regularity
         ));
     }
+    mass_power(m.mass_power.as_ref(), unit, &mut lines);
     match &m.held_out {
         None => lines.push("held-out particles: not measured (--certificate full)".into()),
         Some(h) => {
@@ -396,4 +397,25 @@ fn looks(c: &Certificate, orbit: usize) -> [(&'static str, LookScore, Option<Loo
         ("paraview-no-fxaa", o.paraview_no_fxaa, b.map(|b| b.paraview_no_fxaa)),
         ("expected", o.expected, b.map(|b| b.expected)),
     ]
+}
+
+/// P(k) of mass: of all layers, and of each by its place in the file.
+fn mass_power(power: Option<&MassPower>, unit: Option<&str>, lines: &mut Vec<String>) {
+    let Some(power) = power else { return };
+    let unit = unit.map_or_else(|| "1/length".into(), per_length);
+    let mut line = |of: &str, p: &PowerAgreement| {
+        let to = match p.within_1_percent_to {
+            Limit::NotMeasured => "not measured".to_string(),
+            Limit::Never => "nowhere".into(),
+            Limit::At(k) => format!("up to k = {k:.4} {unit}"),
+        };
+        let largest = p.largest_deviation.map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
+        lines.push(format!(
+            "power spectrum by mass, of the mixture itself, {of}: within 1 % {to}; largest deviation {largest}"
+        ));
+    };
+    line("all layers", &power.whole);
+    for (number, p) in power.layers.iter().flatten().enumerate() {
+        line(&format!("layer {}", number + 1), p);
+    }
 }

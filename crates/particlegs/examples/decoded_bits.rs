@@ -3,7 +3,8 @@
 
 use particlegs::codec;
 use particlegs::model::{
-    Block, CellDensity, Certificate, Effort, GroupClass, LawKind, Limit, Measures, Model, Science, ScienceOf,
+    Block, CellDensity, Certificate, Effort, GroupClass, LawKind, Limit, Measures, Model, PowerAgreement, Science,
+    ScienceOf,
 };
 use std::io::{BufWriter, Write};
 
@@ -68,6 +69,15 @@ fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
             [groups, c.number, number, c.completeness, c.purity, c.mass, mass]
         };
         line(4, g.iter().flat_map(own).collect())?;
+    }
+    if let Some(p) = &m.mass_power {
+        let limit = |l: Limit| match l {
+            Limit::NotMeasured => -1.0,
+            Limit::Never => 0.0,
+            Limit::At(k) => k,
+        };
+        let own = |p: &PowerAgreement| [p.largest_deviation, Some(limit(p.within_1_percent_to))];
+        line(7, std::iter::once(&p.whole).chain(p.layers.iter().flatten()).flat_map(own).collect())?;
     }
     Ok(())
 }

@@ -1,13 +1,18 @@
 //! The section `meas`: figures that not every certificate has, as tagged fields (docs/format.md, section 3).
 
+use super::container::{MASS_POWER_SINCE, MEASURES_SINCE};
 use super::wire::Reader;
-use crate::model::{BANDS, CellDensity, GroupClass, HeldOut, Measures, Spacing, Transfer};
+use crate::model::{
+    BANDS, CellDensity, GroupClass, HeldOut, Limit, MassPower, Measures, POWER_LAYERS, PowerAgreement, Spacing,
+    Transfer,
+};
 
 /// Tags of the fields.
 const DENSITIES: u8 = 1;
 const SPACING: u8 = 2;
 const HELD_OUT: u8 = 3;
 const GROUPS: u8 = 4;
+const MASS_POWER: u8 = 7;
 /// Bytes of a field's tag and length.
 const FIELD_BYTES: usize = 3;
 /// Bytes of the fields' values.
@@ -15,13 +20,23 @@ const DENSITIES_BYTES: usize = 3 * (8 + 4 * 4);
 const SPACING_BYTES: usize = 2 * (8 + 4);
 const HELD_OUT_BYTES: usize = 3 * 4 + 8 + 8 + BANDS.len() * 8;
 const GROUPS_BYTES: usize = 3 * (4 + 6 * 4);
+const POWER_BYTES: usize = 2 * 4;
 /// Stands for a share, and a deviation from 1, that there is none of.
 const NONE: f32 = -2.0;
+/// Stand for wave numbers that were not measured, and for nowhere, as in `stat`.
+const NOT_MEASURED: f32 = -1.0;
+const NEVER: f32 = 0.0;
 
 /// Bytes of the section with what a quick certificate holds, and a full one.
 pub(crate) const QUICK_BYTES: usize = 2 * FIELD_BYTES + DENSITIES_BYTES + SPACING_BYTES;
 /// See [`QUICK_BYTES`].
 pub(crate) const FULL_BYTES: usize = QUICK_BYTES + 2 * FIELD_BYTES + HELD_OUT_BYTES + GROUPS_BYTES;
+
+/// Bytes of the field for P(k) by mass of so many layers.
+pub(crate) fn mass_power_bytes(layers: usize) -> usize {
+    let own = if layers > 1 { layers.min(POWER_LAYERS) } else { 0 };
+    FIELD_BYTES + (1 + own) * POWER_BYTES
+}
 
 /// The section's bytes; `None` where nothing was measured.
 pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
@@ -48,7 +63,15 @@ pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
     if let Some(g) = &m.groups {
         field(GROUPS, g.iter().flat_map(class_bytes).collect());
     }
+    if let Some(p) = &m.mass_power {
+        field(MASS_POWER, std::iter::once(&p.whole).chain(p.layers.iter().flatten()).flat_map(power_bytes).collect());
+    }
     (!out.is_empty()).then_some(out)
+}
+
+/// The lowest minor version that has what was measured.
+pub(crate) fn minor_version(m: &Measures) -> u8 {
+    if m.mass_power.is_some() { MASS_POWER_SINCE } else { MEASURES_SINCE }
 }
 
 fn short(v: f64) -> [u8; 4] {
@@ -70,6 +93,15 @@ fn class_bytes(c: &GroupClass) -> Vec<u8> {
     groups.chain(optional(c.number)).chain(short(c.number_scatter)).chain(shares).chain(short(c.mass_scatter)).collect()
 }
 
+fn power_bytes(p: &PowerAgreement) -> Vec<u8> {
+    let limit = match p.within_1_percent_to {
+        Limit::NotMeasured => NOT_MEASURED,
+        Limit::Never => NEVER,
+        Limit::At(k) => (k as f32).max(f32::MIN_POSITIVE),
+    };
+    optional(p.largest_deviation).into_iter().chain(limit.to_le_bytes()).collect()
+}
+
 /// Reads the section. Fields of unknown tags are skipped.
 pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
     let mut r = Reader::new(bytes);
@@ -88,6 +120,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
             SPACING => found.spacing = Some(spacing(&mut value)?),
             HELD_OUT => found.held_out = Some(held_out(&mut value)?),
             GROUPS => found.groups = Some([class(&mut value)?, class(&mut value)?, class(&mut value)?]),
+            MASS_POWER => found.mass_power = Some(mass_power(&mut value, length)?),
             _ => continue,
         }
         if !value.is_done() {
@@ -157,6 +190,28 @@ fn class(r: &mut Reader<'_>) -> Result<GroupClass, String> {
     })
 }
 
+fn mass_power(r: &mut Reader<'_>, length: usize) -> Result<MassPower, String> {
+    let own = (length / POWER_BYTES).saturating_sub(1);
+    if own == 1 || own > POWER_LAYERS {
+        return Err(format!("P(k) of mass of {length} bytes"));
+    }
+    let mut found = MassPower { whole: power(r)?, layers: [None; POWER_LAYERS] };
+    for layer in &mut found.layers[..own] {
+        *layer = Some(power(r)?);
+    }
+    Ok(found)
+}
+
+fn power(r: &mut Reader<'_>) -> Result<PowerAgreement, String> {
+    let largest_deviation = real_or_none(r, 0.0, "a deviation")?;
+    let within_1_percent_to = match r.f32()? {
+        NOT_MEASURED => Limit::NotMeasured,
+        NEVER => Limit::Never,
+        k => Limit::At(at_least(f64::from(k), 0.0, "a wave number")?),
+    };
+    Ok(PowerAgreement { largest_deviation, within_1_percent_to })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -192,6 +247,7 @@ mod tests {
                 transfer,
             }),
             groups: Some([class(Some(1.0)), class(None), class(Some(0.5))]),
+            mass_power: None,
         }
     }
 
@@ -208,6 +264,25 @@ mod tests {
         // A field that is yet to be thought of.
         let later = [&bytes[..], &[200, 2, 0, 7, 7]].concat();
         assert_eq!(read(&later).unwrap(), quick);
+    }
+
+    #[test]
+    fn power_of_mass_comes_back_by_layer() {
+        let power = |largest_deviation, within_1_percent_to| PowerAgreement { largest_deviation, within_1_percent_to };
+        let mut layers = [None; POWER_LAYERS];
+        let whole = power(Some(0.5), Limit::At(2.5));
+        for own in [0, 2, POWER_LAYERS] {
+            (0..own).for_each(|l| layers[l] = Some(power(None, [Limit::Never, Limit::NotMeasured][l % 2])));
+            let mass_power = Some(MassPower { whole, layers });
+            let all = Measures { mass_power, ..measures() };
+            let bytes = write(&all).unwrap();
+            assert_eq!(bytes.len(), FULL_BYTES + mass_power_bytes(own));
+            assert_eq!((read(&bytes).unwrap(), minor_version(&all)), (all, MASS_POWER_SINCE));
+            // One layer alone is the whole; no layer is in two fields.
+            let field = write(&Measures { mass_power, ..Measures::default() }).unwrap();
+            let cut = [&[MASS_POWER, 16, 0][..], &field[3..11], &field[3..11]].concat();
+            assert!(read(&cut).is_err() && read(&[&field[..], &field[..]].concat()).is_err());
+        }
     }
 
     #[test]

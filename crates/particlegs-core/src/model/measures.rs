@@ -1,11 +1,15 @@
 //! What else a certificate may hold, each where it was measured.
 
+use super::Limit;
+
 /// Sizes of cells that densities are compared in.
 pub const CELL_SIZES: usize = 3;
 /// Bands of wave numbers of [`HeldOut::transfer`]; they end at these shares of its largest wave number.
 pub const BANDS: [f64; 7] = [1.0 / 32.0, 1.0 / 16.0, 1.0 / 8.0, 1.0 / 4.0, 1.0 / 2.0, 3.0 / 4.0, 1.0];
 /// Classes of group sizes: they begin at so many particles.
 pub const GROUP_CLASSES: [u64; 3] = [20, 50, 100];
+/// Layers of [`MassPower`] at most: the first of the file.
+pub const POWER_LAYERS: usize = 8;
 
 /// Figures beside a certificate's first; since version 1.5 of files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -18,6 +22,28 @@ pub struct Measures {
     pub held_out: Option<HeldOut>,
     /// Groups matched by position, by class of size.
     pub groups: Option<[GroupClass; GROUP_CLASSES.len()]>,
+    /// P(k) of mass, where particles' masses are known and differ or there are several layers; since version 1.6.
+    pub mass_power: Option<MassPower>,
+}
+
+/// P(k) of mass: of the mixture itself against that of the particles, on the grid and up to the wave number of the
+/// certificate's other spectra.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct MassPower {
+    /// All layers together.
+    pub whole: PowerAgreement,
+    /// Each layer on its own, in the file's order; none where there is but one.
+    pub layers: [Option<PowerAgreement>; POWER_LAYERS],
+}
+
+/// How far one P(k) is another's.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PowerAgreement {
+    /// Largest |P / P(particles) - 1| of any shell in which the particles have power above the scatter of their shot
+    /// noise; `None` where there is no such shell.
+    pub largest_deviation: Option<f64>,
+    /// It is within 1 % in every such shell up to this wave number.
+    pub within_1_percent_to: Limit,
 }
 
 /// A model's density against its particles' in cells of one size, and a uniform density's error.

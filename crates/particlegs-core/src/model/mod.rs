@@ -17,7 +17,10 @@ pub use certificate::{
 pub use columns::{Columns, MASS};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
-pub use measures::{BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, Measures, Spacing, Transfer};
+pub use measures::{
+    BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, MassPower, Measures, POWER_LAYERS,
+    PowerAgreement, Spacing, Transfer,
+};
 pub use metadata::{Effort, Metadata, hex};
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};

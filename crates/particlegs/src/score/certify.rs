@@ -3,7 +3,7 @@
 use super::cells::cell_densities;
 use super::evaluate::evaluate_against;
 use super::matched::Tally;
-use super::science::{drawn, linking, numbers_agree_from, science};
+use super::science::{drawn, linking, mass_power, numbers_agree_from, science};
 use super::{LookScores, certificate_views, density_of};
 use crate::Result;
 use crate::model::{
@@ -82,6 +82,11 @@ pub fn certificate(
         spacing: spacing(particles, sample.as_ref(), &domain, seed, progress)?,
         held_out: None,
         groups,
+        // Where wave numbers are none that a file holds, neither are these.
+        mass_power: match science {
+            Some(_) => mass_power(model, particles, &domain, progress)?,
+            None => None,
+        },
     };
     Ok(Certificate {
         width: SIZE.width as u16,

@@ -31,6 +31,8 @@ pub(crate) use evaluate::shot_noise;
 pub(crate) use halves::Halves;
 pub(crate) use held_out::HeldOut;
 use mean::mean;
+#[cfg(test)]
+use science::mass_power;
 pub(crate) use science::spectrum_options;
 pub use scores::{Evaluation, LookScores, MeanViewScores, ViewScores};
 use truth::Truth;

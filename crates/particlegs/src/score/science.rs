@@ -4,7 +4,7 @@
 //! same file on every machine, and takes less than 500 MB beside the snapshot.
 
 use super::matched::Linking;
-use crate::model::{GROUP_CLASSES, Limit, Model, Science, ScienceOf};
+use crate::model::{GROUP_CLASSES, Limit, MassPower, Model, POWER_LAYERS, PowerAgreement, Science, ScienceOf};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::recover::draw;
@@ -94,6 +94,42 @@ pub(crate) fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
         shot_noise_subtracted: true,
         k_max: (PI / spacing).min(SHARE_OF_NYQUIST * nyquist),
     }
+}
+
+/// P(k) of mass, of all layers and of each, where masses are known and differ or there are several layers: of the
+/// mixture itself, to which no draw adds its noise.
+///
+/// # Errors
+/// [`Error::Memory`], [`Error::Cancelled`].
+pub(super) fn mass_power(
+    model: &Model,
+    particles: &Particles,
+    domain: &Domain,
+    progress: &dyn Progress,
+) -> Result<Option<MassPower>> {
+    let several = particles.layers().len() > 1;
+    if particles.weights().is_none() && !(several && particles.meta.particle_mass.is_some()) {
+        return Ok(None);
+    }
+    let options = spectrum_options(domain, particles.len());
+    let agreement = |p: &Particles, m: &Model| {
+        let spectra = power_spectra([Subject::Particles(p), Subject::Model(m)], domain, &options, progress)?;
+        let within =
+            if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(spectra.power_within(0.01)) };
+        Ok::<_, Error>(PowerAgreement {
+            largest_deviation: spectra.largest_power_deviation(),
+            within_1_percent_to: within,
+        })
+    };
+    let mut found = MassPower { whole: agreement(particles, model)?, layers: [None; POWER_LAYERS] };
+    if several {
+        for (place, layer) in found.layers.iter_mut().zip(&model.layers) {
+            let Some(own) = particles.layers().iter().find(|l| l.name == layer.name) else { continue };
+            let alone = Model { layers: vec![layer.clone()], certificate: None, metadata: model.metadata.clone() };
+            *place = Some(agreement(&particles.of_layer(own), &alone)?);
+        }
+    }
+    Ok(Some(found))
 }
 
 /// P(k) and r(k); groups are left out.
