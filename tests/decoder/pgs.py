@@ -149,7 +149,7 @@ def certificate(content):
 
 def measures(content):
     """Values by tag; those that are not there as None."""
-    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3}
+    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3, 8: "<Q6d"}
     at, last, found = 0, 0, {}
     while at < len(content):
         tag, length = struct.unpack_from("<BH", content, at)
@@ -159,7 +159,8 @@ def measures(content):
             check(length == struct.calcsize(forms[tag]), "length of a measure")
             numbers = struct.unpack(forms[tag], value)
             check(all(math.isfinite(v) for v in numbers), "a measure")
-            found[tag] = [None if v == -2 else v for v in numbers]
+            check(tag != 8 or numbers[0] > 0 and all(a <= b for a, b in zip(numbers[1:4], numbers[4:])), "a sample")
+            found[tag] = [None if v == -2 and tag != 8 else v for v in numbers]
         elif tag == 7:
             check(length in [8 * n for n in (1, 3, 4, 5, 6, 7, 8, 9)], "length of a measure")
             numbers = struct.unpack(f"<{length // 4}f", value)

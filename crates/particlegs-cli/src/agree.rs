@@ -58,7 +58,10 @@ pub fn side_by_side(stored: &Certificate, measured: &Certificate) -> Vec<Figure>
         all.limit("P(k) within 5 % to", a.power_within_5_percent_to, b.power_within_5_percent_to);
         all.limit("r(k) of 0.99 to", a.r_above_0_99_to, b.r_above_0_99_to);
         all.limit("r(k) of 0.9 to", a.r_above_0_9_to, b.r_above_0_9_to);
-        all.limit("groups from", a.groups_within_10_percent_from, b.groups_within_10_percent_from);
+        // Quick certificates have none, and are completed by what is measured.
+        if a.groups_within_10_percent_from != Limit::NotMeasured {
+            all.limit("groups from", a.groups_within_10_percent_from, b.groups_within_10_percent_from);
+        }
     }
     all.measures(&stored.measures, &measured.measures);
     all.0
@@ -131,6 +134,9 @@ impl Figures {
                 let name = format!("groups from {from}: {what}");
                 self.real(&name, [a, b].map(|v| v.unwrap_or(0.0)), DENSITY, "0.001");
             }
+        }
+        if let (Some(a), Some(b)) = (&a.sample, &b.sample) {
+            self.push("sample", [a, b].map(|s| s.particles.to_string()), "same", a != b);
         }
         if let (Some(a), Some(b)) = (&a.mass_power, &b.mass_power) {
             self.mass_power(a, b);

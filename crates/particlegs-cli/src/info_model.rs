@@ -279,6 +279,14 @@ fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
             d.edge, d.particles, d.correlation, d.mean_absolute_error, d.uniform_mean_absolute_error
         ));
     }
+    if let Some(s) = &m.sample {
+        lines.push(format!(
+            "what follows of distances, groups and halves: of {} particles, all those from {} to {}",
+            s.particles,
+            point(s.bounds.min),
+            point(s.bounds.max)
+        ));
+    }
     if let Some(s) = &m.spacing {
         lines.push(format!(
             "distance to the nearest neighbour: median {:.4}{length}, of particles drawn {:.4}; 5th percentile over it {:.3} \

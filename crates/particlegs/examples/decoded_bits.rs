@@ -79,6 +79,10 @@ fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
         let own = |p: &PowerAgreement| [p.largest_deviation, Some(limit(p.within_1_percent_to))];
         line(7, std::iter::once(&p.whole).chain(p.layers.iter().flatten()).flat_map(own).collect())?;
     }
+    if let Some(s) = &m.sample {
+        let corners = s.bounds.min.into_iter().chain(s.bounds.max);
+        line(8, [s.particles as f64].into_iter().chain(corners).map(Some).collect())?;
+    }
     Ok(())
 }
 

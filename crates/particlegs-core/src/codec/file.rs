@@ -8,7 +8,9 @@ use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
 use super::{Encoder, Precision, baselines, certificate, decoder, measures, metadata, science, vizmapper};
-use crate::model::{Block, Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Model, VizMapper};
+use crate::model::{
+    Block, Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Model, SAMPLED_ABOVE, VizMapper,
+};
 use crate::progress::{Progress, Silent};
 use crate::{Error, Result, parallel};
 use std::sync::Arc;
@@ -149,7 +151,9 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
         [one] if !one.mass.is_weighted() => 0,
         several => measures::mass_power_bytes(several.len()),
     };
-    let contents = certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES + baselines::BASELINES_BYTES + by_mass;
+    let sample = if metadata.count > SAMPLED_ABOVE { measures::SAMPLE_FIELD_BYTES } else { 0 };
+    let contents =
+        certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES + baselines::BASELINES_BYTES + by_mass + sample;
     let measured = |figures: usize| 4 * SECTION_BYTES + contents + figures;
     let certificate = match certificate {
         CertificateLevel::None => 0,

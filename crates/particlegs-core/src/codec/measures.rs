@@ -3,9 +3,10 @@
 use super::container::{MASS_POWER_SINCE, MEASURES_SINCE};
 use super::wire::Reader;
 use crate::model::{
-    BANDS, CellDensity, GroupClass, HeldOut, Limit, MassPower, Measures, POWER_LAYERS, PowerAgreement, Spacing,
+    BANDS, CellDensity, GroupClass, HeldOut, Limit, MassPower, Measures, POWER_LAYERS, PowerAgreement, Sample, Spacing,
     Transfer,
 };
+use crate::space::Bounds;
 
 /// Tags of the fields.
 const DENSITIES: u8 = 1;
@@ -13,6 +14,7 @@ const SPACING: u8 = 2;
 const HELD_OUT: u8 = 3;
 const GROUPS: u8 = 4;
 const MASS_POWER: u8 = 7;
+const SAMPLE: u8 = 8;
 /// Bytes of a field's tag and length.
 const FIELD_BYTES: usize = 3;
 /// Bytes of the fields' values.
@@ -21,6 +23,7 @@ const SPACING_BYTES: usize = 2 * (8 + 4);
 const HELD_OUT_BYTES: usize = 3 * 4 + 8 + 8 + BANDS.len() * 8;
 const GROUPS_BYTES: usize = 3 * (4 + 6 * 4);
 const POWER_BYTES: usize = 2 * 4;
+const SAMPLE_BYTES: usize = 8 + 6 * 8;
 /// Stands for a share, and a deviation from 1, that there is none of.
 const NONE: f32 = -2.0;
 /// Stand for wave numbers that were not measured, and for nowhere, as in `stat`.
@@ -37,6 +40,9 @@ pub(crate) fn mass_power_bytes(layers: usize) -> usize {
     let own = if layers > 1 { layers.min(POWER_LAYERS) } else { 0 };
     FIELD_BYTES + (1 + own) * POWER_BYTES
 }
+
+/// Bytes of the field for the sample.
+pub(crate) const SAMPLE_FIELD_BYTES: usize = FIELD_BYTES + SAMPLE_BYTES;
 
 /// The section's bytes; `None` where nothing was measured.
 pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
@@ -66,12 +72,16 @@ pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
     if let Some(p) = &m.mass_power {
         field(MASS_POWER, std::iter::once(&p.whole).chain(p.layers.iter().flatten()).flat_map(power_bytes).collect());
     }
+    if let Some(s) = &m.sample {
+        let corners = s.bounds.min.iter().chain(&s.bounds.max).flat_map(|v| v.to_le_bytes());
+        field(SAMPLE, s.particles.to_le_bytes().into_iter().chain(corners).collect());
+    }
     (!out.is_empty()).then_some(out)
 }
 
 /// The lowest minor version that has what was measured.
 pub(crate) fn minor_version(m: &Measures) -> u8 {
-    if m.mass_power.is_some() { MASS_POWER_SINCE } else { MEASURES_SINCE }
+    if m.mass_power.is_some() || m.sample.is_some() { MASS_POWER_SINCE } else { MEASURES_SINCE }
 }
 
 fn short(v: f64) -> [u8; 4] {
@@ -121,6 +131,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
             HELD_OUT => found.held_out = Some(held_out(&mut value)?),
             GROUPS => found.groups = Some([class(&mut value)?, class(&mut value)?, class(&mut value)?]),
             MASS_POWER => found.mass_power = Some(mass_power(&mut value, length)?),
+            SAMPLE => found.sample = Some(sample(&mut value)?),
             _ => continue,
         }
         if !value.is_done() {
@@ -202,6 +213,19 @@ fn mass_power(r: &mut Reader<'_>, length: usize) -> Result<MassPower, String> {
     Ok(found)
 }
 
+fn sample(r: &mut Reader<'_>) -> Result<Sample, String> {
+    let particles = r.u64()?;
+    let mut corners = [0.0; 6];
+    for corner in &mut corners {
+        *corner = at_least(r.f64()?, f64::MIN, "a corner")?;
+    }
+    let [a, b, c, d, e, f] = corners;
+    if particles == 0 || !(a <= d && b <= e && c <= f) {
+        return Err(format!("a sample of {particles} particles, or corners out of order"));
+    }
+    Ok(Sample { particles, bounds: Bounds { min: [a, b, c], max: [d, e, f] } })
+}
+
 fn power(r: &mut Reader<'_>) -> Result<PowerAgreement, String> {
     let largest_deviation = real_or_none(r, 0.0, "a deviation")?;
     let within_1_percent_to = match r.f32()? {
@@ -248,6 +272,7 @@ mod tests {
             }),
             groups: Some([class(Some(1.0)), class(None), class(Some(0.5))]),
             mass_power: None,
+            sample: None,
         }
     }
 
@@ -264,6 +289,17 @@ mod tests {
         // A field that is yet to be thought of.
         let later = [&bytes[..], &[200, 2, 0, 7, 7]].concat();
         assert_eq!(read(&later).unwrap(), quick);
+    }
+
+    #[test]
+    fn samples_come_back_and_empty_ones_do_not() {
+        let bounds = Bounds { min: [-1.0, 0.0, 2.0], max: [0.5, 0.0, 1e9] };
+        let with = |particles, bounds| Measures { sample: Some(Sample { particles, bounds }), ..measures() };
+        let all = with(2_000_000, bounds);
+        let bytes = write(&all).unwrap();
+        assert_eq!((bytes.len(), read(&bytes).unwrap()), (FULL_BYTES + SAMPLE_FIELD_BYTES, all));
+        assert!(read(&write(&with(0, bounds)).unwrap()).is_err());
+        assert!(read(&write(&with(1, Bounds { min: bounds.max, max: bounds.min })).unwrap()).is_err());
     }
 
     #[test]

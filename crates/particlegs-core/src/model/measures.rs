@@ -1,6 +1,7 @@
 //! What else a certificate may hold, each where it was measured.
 
 use super::Limit;
+use crate::space::Bounds;
 
 /// Sizes of cells that densities are compared in.
 pub const CELL_SIZES: usize = 3;
@@ -10,6 +11,8 @@ pub const BANDS: [f64; 7] = [1.0 / 32.0, 1.0 / 16.0, 1.0 / 8.0, 1.0 / 4.0, 1.0 /
 pub const GROUP_CLASSES: [u64; 3] = [20, 50, 100];
 /// Layers of [`MassPower`] at most: the first of the file.
 pub const POWER_LAYERS: usize = 8;
+/// Particles up to which a snapshot's distances and groups are those of all; of larger ones those of a region ([`Sample`]).
+pub const SAMPLED_ABOVE: u64 = 3 << 20;
 
 /// Figures beside a certificate's first; since version 1.5 of files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -24,6 +27,17 @@ pub struct Measures {
     pub groups: Option<[GroupClass; GROUP_CLASSES.len()]>,
     /// P(k) of mass, where particles' masses are known and differ or there are several layers; since version 1.6.
     pub mass_power: Option<MassPower>,
+    /// What distances, groups and halves are of where the snapshot is too large for all; since version 1.6.
+    pub sample: Option<Sample>,
+}
+
+/// A region that holds all the particles it has: groups and distances are found in it as in the whole.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Sample {
+    /// Particles in it.
+    pub particles: u64,
+    /// Where it lies, world units.
+    pub bounds: Bounds,
 }
 
 /// P(k) of mass: of the mixture itself against that of the particles, on the grid and up to the wave number of the

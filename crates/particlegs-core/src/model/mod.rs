@@ -19,7 +19,7 @@ pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
 pub use measures::{
     BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, MassPower, Measures, POWER_LAYERS,
-    PowerAgreement, Spacing, Transfer,
+    PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Transfer,
 };
 pub use metadata::{Effort, Metadata, hex};
 pub use mixture::{Block, Mixture, Model};

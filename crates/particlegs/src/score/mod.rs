@@ -14,6 +14,7 @@ mod held_out;
 mod matched;
 mod mean;
 mod science;
+mod scope;
 mod scores;
 #[cfg(test)]
 mod testing;
@@ -34,6 +35,7 @@ use mean::mean;
 #[cfg(test)]
 use science::mass_power;
 pub(crate) use science::spectrum_options;
+pub(crate) use scope::Scope;
 pub use scores::{Evaluation, LookScores, MeanViewScores, ViewScores};
 use truth::Truth;
 pub use verdict::{Finding, Use, Word};

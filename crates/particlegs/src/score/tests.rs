@@ -213,3 +213,25 @@ fn power_of_mass_is_told_by_layer() {
 fn layer_head(l: &Layer<std::ops::Range<usize>>) -> Layer<Vec<Block>> {
     Layer { name: l.name.clone(), mass: l.mass, content: Vec::new() }
 }
+
+/// A region of a snapshot that is taken for too large has the particles that were asked for, and as many are drawn.
+#[test]
+fn large_snapshots_are_measured_in_a_region() {
+    let particles = sample();
+    let model = tiny(&particles, 24);
+    let mut corners = Vec::new();
+    for seed in [0, 5] {
+        let scope = Scope::of(&model, &particles, seed, 20_000, &Silent).unwrap().unwrap();
+        let (sample, n) = (scope.sample.unwrap(), scope.particles.len());
+        assert!((8_000..=20_500).contains(&n) && sample.particles == n as u64, "{n}");
+        let inside = |p: [f64; 3]| (0..3).all(|k| p[k] >= sample.bounds.min[k] && p[k] < sample.bounds.max[k]);
+        let there = (0..particles.len()).filter(|&i| inside(particles.position(i))).count();
+        assert!(there == n && (0..n).all(|i| inside(scope.particles.position(i))), "{there} {n}");
+        let drawn = scope.draw(7, &Silent).unwrap().unwrap();
+        assert!((drawn.len() as f64 / n as f64 - 1.0).abs() < 0.1, "{} {n}", drawn.len());
+        assert!((0..drawn.len()).all(|i| inside(drawn.position(i))) && scope.model.gaussians() < model.gaussians() / 4);
+        corners.push(sample.bounds.min);
+    }
+    assert!(corners[0] != corners[1]);
+    assert!(Scope::of(&model, &particles, 0, 1 << 20, &Silent).unwrap().unwrap().sample.is_none());
+}
