@@ -149,7 +149,7 @@ def certificate(content):
 
 def measures(content):
     """Values by tag; those that are not there as None."""
-    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3, 8: "<Q6d"}
+    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3, 8: "<Q6d", 9: "<I"}
     at, last, found = 0, 0, {}
     while at < len(content):
         tag, length = struct.unpack_from("<BH", content, at)

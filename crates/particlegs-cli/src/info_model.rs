@@ -294,6 +294,11 @@ fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
             s.median, s.drawn_median, s.regularity, s.drawn_regularity
         ));
     }
+    if let Some(blocks) = m.blocks {
+        lines.push(format!(
+            "added up of {blocks} block(s), each measured by itself: what does not add up was not measured"
+        ));
+    }
     mass_power(m.mass_power.as_ref(), unit, &mut lines);
     match &m.held_out {
         None => lines.push("held-out particles: not measured (--certificate full)".into()),
@@ -381,6 +386,10 @@ fn pictures(c: &Certificate) -> String {
     let _ = writeln!(out, "  {:<6} {:<17}{names}  {names}", "orbit", "look");
     for (k, name) in ["far", "mid", "near"].iter().enumerate() {
         for (look, score, baselines) in looks(c, k) {
+            if c.measures.blocks.is_some() && look != "expected" {
+                let _ = writeln!(out, "  {name:<6} {look:<17}not measured (by blocks)");
+                continue;
+            }
             let (black, even) = (baselines.map(|b| b.all_black), baselines.map(|b| b.uniform_box));
             let decibels = |v: Option<f64>| v.map_or_else(|| "-".to_string(), |v| format!("{v:.2}"));
             let psnr = [

@@ -83,7 +83,7 @@ fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
         let corners = s.bounds.min.into_iter().chain(s.bounds.max);
         line(8, [s.particles as f64].into_iter().chain(corners).map(Some).collect())?;
     }
-    Ok(())
+    m.blocks.map_or(Ok(()), |blocks| line(9, vec![Some(f64::from(blocks))]))
 }
 
 fn statistics(s: &Science, out: &mut dyn Write) -> std::io::Result<()> {

@@ -152,13 +152,13 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
         several => measures::mass_power_bytes(several.len()),
     };
     let sample = if metadata.count > SAMPLED_ABOVE { measures::SAMPLE_FIELD_BYTES } else { 0 };
-    let contents =
-        certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES + baselines::BASELINES_BYTES + by_mass + sample;
+    let contents = certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES + baselines::BASELINES_BYTES;
     let measured = |figures: usize| 4 * SECTION_BYTES + contents + figures;
     let certificate = match certificate {
         CertificateLevel::None => 0,
-        CertificateLevel::Quick => measured(measures::QUICK_BYTES),
-        CertificateLevel::Full => measured(measures::FULL_BYTES),
+        CertificateLevel::Quick => measured(measures::QUICK_BYTES + by_mass + sample),
+        CertificateLevel::Full => measured(measures::FULL_BYTES + by_mass + sample),
+        CertificateLevel::Blocks => measured(measures::ADDED_UP_BYTES),
     };
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.content).sum();
     let masses: Vec<Mass> = layers.iter().map(|l| l.mass).collect();

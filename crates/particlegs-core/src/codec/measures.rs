@@ -15,6 +15,7 @@ const HELD_OUT: u8 = 3;
 const GROUPS: u8 = 4;
 const MASS_POWER: u8 = 7;
 const SAMPLE: u8 = 8;
+const BLOCKS: u8 = 9;
 /// Bytes of a field's tag and length.
 const FIELD_BYTES: usize = 3;
 /// Bytes of the fields' values.
@@ -24,6 +25,7 @@ const HELD_OUT_BYTES: usize = 3 * 4 + 8 + 8 + BANDS.len() * 8;
 const GROUPS_BYTES: usize = 3 * (4 + 6 * 4);
 const POWER_BYTES: usize = 2 * 4;
 const SAMPLE_BYTES: usize = 8 + 6 * 8;
+const BLOCKS_BYTES: usize = 4;
 /// Stands for a share, and a deviation from 1, that there is none of.
 const NONE: f32 = -2.0;
 /// Stand for wave numbers that were not measured, and for nowhere, as in `stat`.
@@ -34,6 +36,9 @@ const NEVER: f32 = 0.0;
 pub(crate) const QUICK_BYTES: usize = 2 * FIELD_BYTES + DENSITIES_BYTES + SPACING_BYTES;
 /// See [`QUICK_BYTES`].
 pub(crate) const FULL_BYTES: usize = QUICK_BYTES + 2 * FIELD_BYTES + HELD_OUT_BYTES + GROUPS_BYTES;
+
+/// Bytes of the section of a certificate that is added up of blocks.
+pub(crate) const ADDED_UP_BYTES: usize = 2 * FIELD_BYTES + DENSITIES_BYTES + BLOCKS_BYTES;
 
 /// Bytes of the field for P(k) by mass of so many layers.
 pub(crate) fn mass_power_bytes(layers: usize) -> usize {
@@ -76,12 +81,15 @@ pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
         let corners = s.bounds.min.iter().chain(&s.bounds.max).flat_map(|v| v.to_le_bytes());
         field(SAMPLE, s.particles.to_le_bytes().into_iter().chain(corners).collect());
     }
+    if let Some(blocks) = m.blocks {
+        field(BLOCKS, blocks.to_le_bytes().to_vec());
+    }
     (!out.is_empty()).then_some(out)
 }
 
 /// The lowest minor version that has what was measured.
 pub(crate) fn minor_version(m: &Measures) -> u8 {
-    if m.mass_power.is_some() || m.sample.is_some() { MASS_POWER_SINCE } else { MEASURES_SINCE }
+    if m.mass_power.is_some() || m.sample.is_some() || m.blocks.is_some() { MASS_POWER_SINCE } else { MEASURES_SINCE }
 }
 
 fn short(v: f64) -> [u8; 4] {
@@ -132,6 +140,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
             GROUPS => found.groups = Some([class(&mut value)?, class(&mut value)?, class(&mut value)?]),
             MASS_POWER => found.mass_power = Some(mass_power(&mut value, length)?),
             SAMPLE => found.sample = Some(sample(&mut value)?),
+            BLOCKS => found.blocks = Some(value.u32()?),
             _ => continue,
         }
         if !value.is_done() {
@@ -273,6 +282,7 @@ mod tests {
             groups: Some([class(Some(1.0)), class(None), class(Some(0.5))]),
             mass_power: None,
             sample: None,
+            blocks: None,
         }
     }
 

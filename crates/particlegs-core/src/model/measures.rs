@@ -29,6 +29,9 @@ pub struct Measures {
     pub mass_power: Option<MassPower>,
     /// What distances, groups and halves are of where the snapshot is too large for all; since version 1.6.
     pub sample: Option<Sample>,
+    /// Parts that the certificate was added up of, where no process had all particles: ParaView's pictures are then not
+    /// measured. Since version 1.6.
+    pub blocks: Option<u32>,
 }
 
 /// A region that holds all the particles it has: groups and distances are found in it as in the whole.

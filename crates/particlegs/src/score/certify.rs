@@ -5,7 +5,7 @@ use super::evaluate::evaluate_against;
 use super::matched::Tally;
 use super::science::{linking, mass_power, numbers_agree_from, science};
 use super::scope::Scope;
-use super::{LookScores, certificate_views, density_of};
+use super::{Frame, Joined, LookScores, certificate_views, density_of};
 use crate::Result;
 use crate::model::{
     Baselines, Certificate, CertificateLevel, GROUP_CLASSES, GroupClass, Limit, LookBaselines, LookScore, Measures,
@@ -19,9 +19,9 @@ use crate::stats::{Domain, NeighbourOptions, nearest_distances};
 use particlegs_core::math::each_axis;
 
 /// Picture size of certificates.
-const SIZE: Size = Size { width: 1920, height: 1080 };
+pub(super) const SIZE: Size = Size { width: 1920, height: 1080 };
 /// Cells of the density grid along the longest extent.
-const GRID: u16 = 50;
+pub(super) const GRID: u16 = 50;
 /// Particles whose nearest neighbour is sought.
 const NEIGHBOURS: usize = 20_000;
 /// Draws that groups are matched in.
@@ -48,6 +48,9 @@ pub fn certificate(
     progress: &dyn Progress,
 ) -> Result<Certificate> {
     let m = &model.metadata;
+    if level == CertificateLevel::Blocks {
+        return as_one_block(model, particles, seed, progress);
+    }
     check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
     let views = certificate_views(m, SIZE, seed);
     let truth = Reference::new(particles).within(memory.unwrap_or(u64::MAX));
@@ -86,6 +89,7 @@ pub fn certificate(
         spacing: scope.map(|(scope, first)| spacing(scope, first, seed, progress)).transpose()?,
         held_out: None,
         groups,
+        blocks: None,
         // Where wave numbers are none that a file holds, neither are these.
         mass_power: match science {
             Some(_) => mass_power(model, particles, &domain, progress)?,
@@ -105,6 +109,13 @@ pub fn certificate(
         baselines: Some(Baselines { orbits: baselines, uniform_density_mae: uniform.mean_absolute_error }),
         measures,
     })
+}
+
+/// What tasks measure of their blocks, of all as one.
+fn as_one_block(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Certificate> {
+    let frame = Frame::of(&model.metadata, seed);
+    let read = |_: u32, section| frame.measure(section, model, particles, progress);
+    Joined { frame: &frame, seed, parts: 1, read: &read }.certificate(progress)
 }
 
 /// Distances to the nearest neighbour among the particles and among those drawn.

@@ -65,7 +65,7 @@ pub use report::{DensityReport, GroupReport, Statistics, XiByTransform};
 pub use sizes::SizeClass;
 pub(crate) use sizes::size_histogram;
 pub use spectrum::{Shell, Spectra};
-pub(crate) use spectrum::{SpectrumOptions, power_spectra};
+pub(crate) use spectrum::{SpectrumOptions, power_spectra, spectra_of};
 pub use subject::Subject;
 pub use summary::Summary;
 pub(crate) use summary::sizes_within;
