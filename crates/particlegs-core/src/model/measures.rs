@@ -83,11 +83,11 @@ pub struct CellDensity {
 pub struct Spacing {
     /// Their median among the particles, world units.
     pub median: f64,
-    /// Their 10th percentile over the median: 0.5 of particles at random, 1 of a lattice.
+    /// Their 5th percentile over the median: 0.42 of particles at random, 1 of a lattice.
     pub regularity: f64,
     /// The median among those drawn.
     pub drawn_median: f64,
-    /// And their 10th percentile over it.
+    /// And their 5th percentile over it.
     pub drawn_regularity: f64,
 }
 

@@ -103,7 +103,7 @@ impl Frame {
             Section::Density(_) => of(self.density.grid()),
             Section::Cells(_) => self.cells.as_ref().map_or([0, 1], of),
             Section::Spectrum(..) => of(&self.spectrum_grid()),
-            Section::View(..) => [certify::SIZE.pixels(), certify::SIZE.width as usize],
+            Section::View(..) => [certify::SIZE.pixels(), certify::SIZE.width],
         }
     }
 
