@@ -130,6 +130,7 @@ def metadata(content, minor):
         "source": fields[9].decode(),
         "hash": fields[10].hex(),
         "command": fields[18].decode(),
+        "effort": {b"\1": "fast", b"\2": "default"}.get(fields.get(23)),
     }
 
 
@@ -148,7 +149,7 @@ def certificate(content):
 
 def measures(content):
     """Values by tag; those that are not there as None."""
-    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3, 9: "<B3d"}
+    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3, 8: "<Q6d", 9: "<I", 10: "<B3d"}
     at, last, found = 0, 0, {}
     while at < len(content):
         tag, length = struct.unpack_from("<BH", content, at)
@@ -158,13 +159,19 @@ def measures(content):
             check(length == struct.calcsize(forms[tag]), "length of a measure")
             numbers = struct.unpack(forms[tag], value)
             check(all(math.isfinite(v) for v in numbers), "a measure")
-            if tag == 9:
+            if tag == 10:
                 kind, asked, where, _ = numbers
                 check(asked >= 0 and where >= 0 and all(math.isfinite(v) for v in numbers), "a goal")
                 if not 1 <= kind <= 4:
                     continue
                 found[tag] = numbers
                 continue
+            check(tag != 8 or numbers[0] > 0 and all(a <= b for a, b in zip(numbers[1:4], numbers[4:])), "a sample")
+            found[tag] = [None if v == -2 and tag != 8 else v for v in numbers]
+        elif tag == 7:
+            check(length in [8 * n for n in (1, 3, 4, 5, 6, 7, 8, 9)], "length of a measure")
+            numbers = struct.unpack(f"<{length // 4}f", value)
+            check(all(math.isfinite(v) and (v >= 0 or v in ((-2,), (-1,))[i % 2]) for i, v in enumerate(numbers)), "P(k) by mass")
             found[tag] = [None if v == -2 else v for v in numbers]
     return found
 
@@ -677,6 +684,7 @@ def dump(model, out):
     print("law", meta["law"], "particles", meta["particles"], "hash", meta["hash"], file=out)
     print("reals", hexadecimal([meta["mass"], *meta["bounds"], meta["radius"], meta["opacity"]]), file=out)
     print("source", meta["source"], file=out)
+    print("effort", meta["effort"] or "none", file=out)
     if model["cert"]:
         print("certificate", *model["cert"]["numbers"], hexadecimal(model["cert"]["density"]), file=out)
         for score in model["cert"]["scores"]:

@@ -17,6 +17,10 @@ compress samples/nbody64 -o "$work/blocks.pgs" --effort fast --ratio 100 --block
 compress samples/nbody64 -o "$work/segments.pgs" --effort fast --gaussians 70000
 # Layers, and particles with weights of their own.
 compress crates/particlegs-formats/tests/fixtures/species.hdf5 -o "$work/layers.pgs" --gaussians 20
+# P(k) by mass, of layers; a certificate that is added up of parts.
+"$particlegs" compress crates/particlegs-formats/tests/fixtures/species.hdf5 -o "$work/masses.pgs" --gaussians 20 \
+    --certificate quick --quiet >/dev/null
+"$particlegs" compress samples/nbody64 -o "$work/parts.pgs" --effort fast --certificate blocks --quiet >/dev/null
 compress samples/nbody64 -o "$work/alpha.pgs" --train fast --law alpha-blend --config tests/rasteriser/tiny.toml \
     --effort fast --size 20kB
 

@@ -1,7 +1,8 @@
 //! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
 
 use particlegs::model::{
-    BANDS, Certificate, GROUP_CLASSES, GoalKind, Limit, LookBaselines, LookScore, Measures, Reached,
+    BANDS, Certificate, GROUP_CLASSES, GoalKind, Limit, LookBaselines, LookScore, MassPower, Measures, PowerAgreement,
+    Reached,
 };
 use serde::Serialize;
 
@@ -31,14 +32,18 @@ pub struct Figure {
 /// Every figure that `stored` has, beside the one measured again.
 pub fn side_by_side(stored: &Certificate, measured: &Certificate) -> Vec<Figure> {
     let mut all = Figures::default();
+    // Certificates that were added up of blocks do not have ParaView's own pictures.
+    let drawn = stored.measures.blocks.is_none() && measured.measures.blocks.is_none();
     let size = |c: &Certificate| format!("{} x {}", c.width, c.height);
     all.push("picture size", [size(stored), size(measured)], "same", size(stored) != size(measured));
     let grid = [stored.grid, measured.grid];
     all.push("density grid", grid.map(|g| g.to_string()), "same", grid[0] != grid[1]);
     for (k, name) in ["far", "mid", "near"].iter().enumerate() {
         let (a, b) = (&stored.orbits[k], &measured.orbits[k]);
-        all.look(&format!("{name} paraview"), &a.paraview, &b.paraview);
-        all.look(&format!("{name} paraview-no-fxaa"), &a.paraview_no_fxaa, &b.paraview_no_fxaa);
+        if drawn {
+            all.look(&format!("{name} paraview"), &a.paraview, &b.paraview);
+            all.look(&format!("{name} paraview-no-fxaa"), &a.paraview_no_fxaa, &b.paraview_no_fxaa);
+        }
         all.look(&format!("{name} expected"), &a.expected, &b.expected);
     }
     all.real("density correlation", [stored.density_correlation, measured.density_correlation], DENSITY, "0.001");
@@ -46,8 +51,10 @@ pub fn side_by_side(stored: &Certificate, measured: &Certificate) -> Vec<Figure>
     if let (Some(a), Some(b)) = (&stored.baselines, &measured.baselines) {
         for (k, name) in ["far", "mid", "near"].iter().enumerate() {
             let (a, b) = (&a.orbits[k], &b.orbits[k]);
-            all.baselines(&format!("{name} paraview"), &a.paraview, &b.paraview);
-            all.baselines(&format!("{name} paraview-no-fxaa"), &a.paraview_no_fxaa, &b.paraview_no_fxaa);
+            if drawn {
+                all.baselines(&format!("{name} paraview"), &a.paraview, &b.paraview);
+                all.baselines(&format!("{name} paraview-no-fxaa"), &a.paraview_no_fxaa, &b.paraview_no_fxaa);
+            }
             all.baselines(&format!("{name} expected"), &a.expected, &b.expected);
         }
         all.real("uniform density mean error", [a.uniform_density_mae, b.uniform_density_mae], DENSITY, "0.001");
@@ -58,7 +65,10 @@ pub fn side_by_side(stored: &Certificate, measured: &Certificate) -> Vec<Figure>
         all.limit("P(k) within 5 % to", a.power_within_5_percent_to, b.power_within_5_percent_to);
         all.limit("r(k) of 0.99 to", a.r_above_0_99_to, b.r_above_0_99_to);
         all.limit("r(k) of 0.9 to", a.r_above_0_9_to, b.r_above_0_9_to);
-        all.limit("groups from", a.groups_within_10_percent_from, b.groups_within_10_percent_from);
+        // Quick certificates have none, and are completed by what is measured.
+        if a.groups_within_10_percent_from != Limit::NotMeasured {
+            all.limit("groups from", a.groups_within_10_percent_from, b.groups_within_10_percent_from);
+        }
     }
     all.measures(&stored.measures, &measured.measures);
     all.0
@@ -147,6 +157,27 @@ impl Figures {
                 let name = format!("groups from {from}: {what}");
                 self.real(&name, [a, b].map(|v| v.unwrap_or(0.0)), DENSITY, "0.001");
             }
+        }
+        if let (Some(a), Some(b)) = (&a.sample, &b.sample) {
+            self.push("sample", [a, b].map(|s| s.particles.to_string()), "same", a != b);
+        }
+        if let (Some(a), Some(b)) = (&a.mass_power, &b.mass_power) {
+            self.mass_power(a, b);
+        }
+    }
+
+    /// P(k) of mass, where both have it.
+    fn mass_power(&mut self, a: &MassPower, b: &MassPower) {
+        let mut pair = |name: &str, a: &PowerAgreement, b: &PowerAgreement| {
+            // Where a model's P(k) is many times the particles', a share is what compares.
+            let deviation = [a, b].map(|p| p.largest_deviation.unwrap_or(0.0));
+            self.real(&format!("P(k) by mass{name}"), deviation, DENSITY * deviation[1].max(1.0), "0.001");
+            let name = format!("P(k) by mass{name} within 1 % to");
+            self.limit(&name, a.within_1_percent_to, b.within_1_percent_to);
+        };
+        pair("", &a.whole, &b.whole);
+        for (number, (a, b)) in a.layers.iter().flatten().zip(b.layers.iter().flatten()).enumerate() {
+            pair(&format!(", layer {}", number + 1), a, b);
         }
     }
 

@@ -20,6 +20,8 @@ pub(crate) enum Level {
     Quick,
     /// Also groups, matched in eight draws, and models of halves of the particles against the other halves.
     Full,
+    /// What blocks of a job measure each by itself, added up: no process needs all particles.
+    Blocks,
 }
 
 impl From<Level> for CertificateLevel {
@@ -28,6 +30,7 @@ impl From<Level> for CertificateLevel {
             Level::None => CertificateLevel::None,
             Level::Quick => CertificateLevel::Quick,
             Level::Full => CertificateLevel::Full,
+            Level::Blocks => CertificateLevel::Blocks,
         }
     }
 }

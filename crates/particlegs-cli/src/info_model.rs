@@ -8,8 +8,8 @@ use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
-    AlphaBlend, BANDS, Certificate, GROUP_CLASSES, LawKind, Layer, LookBaselines, LookScore, Measures, Metadata,
-    Reached, VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
+    AlphaBlend, BANDS, Certificate, Effort, GROUP_CLASSES, LawKind, Layer, Limit, LookBaselines, LookScore, MassPower,
+    Measures, Metadata, PowerAgreement, Reached, VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
 };
 use particlegs::progress::Progress;
 use particlegs::score::{Finding, Use, Word};
@@ -73,6 +73,8 @@ struct MetadataReport<'a> {
     time: Option<f64>,
     command: &'a str,
     tool_version: &'a str,
+    /// Of the fit, where the Gaussians are what it gave.
+    effort: Option<&'static str>,
 }
 
 /// Prints what the file says.
@@ -146,6 +148,7 @@ fn metadata(m: &Metadata) -> MetadataReport<'_> {
         time: m.time,
         command: &m.command,
         tool_version: &m.tool_version,
+        effort: m.effort.map(Effort::name),
     }
 }
 
@@ -200,6 +203,7 @@ fn text(r: &Report<'_>) -> String {
     row("time", said(m.time));
     row("command", m.command.to_string());
     row("made by", format!("particlegs {}", m.tool_version));
+    m.effort.iter().for_each(|effort| row("fitted with", format!("effort {effort}")));
     for layer in &r.layers {
         let count: u64 = layer.blocks.iter().map(|b| b.count).sum();
         let mass = match (layer.weighted, layer.particle_mass) {
@@ -283,6 +287,14 @@ fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
             d.edge, d.particles, d.correlation, d.mean_absolute_error, d.uniform_mean_absolute_error
         ));
     }
+    if let Some(s) = &m.sample {
+        lines.push(format!(
+            "what follows of distances, groups and halves: of {} particles, all those from {} to {}",
+            s.particles,
+            point(s.bounds.min),
+            point(s.bounds.max)
+        ));
+    }
     if let Some(s) = &m.spacing {
         lines.push(format!(
             "distance to the nearest neighbour: median {:.4}{length}, of particles drawn {:.4}; 5th percentile over it {:.3} \
@@ -290,6 +302,12 @@ fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
             s.median, s.drawn_median, s.regularity, s.drawn_regularity
         ));
     }
+    if let Some(blocks) = m.blocks {
+        lines.push(format!(
+            "added up of {blocks} block(s), each measured by itself: what does not add up was not measured"
+        ));
+    }
+    mass_power(m.mass_power.as_ref(), unit, &mut lines);
     match &m.held_out {
         None => lines.push("held-out particles: not measured (--certificate full)".into()),
         Some(h) => {
@@ -376,6 +394,10 @@ fn pictures(c: &Certificate) -> String {
     let _ = writeln!(out, "  {:<6} {:<17}{names}  {names}", "orbit", "look");
     for (k, name) in ["far", "mid", "near"].iter().enumerate() {
         for (look, score, baselines) in looks(c, k) {
+            if c.measures.blocks.is_some() && look != "expected" {
+                let _ = writeln!(out, "  {name:<6} {look:<17}not measured (by blocks)");
+                continue;
+            }
             let (black, even) = (baselines.map(|b| b.all_black), baselines.map(|b| b.uniform_box));
             let decibels = |v: Option<f64>| v.map_or_else(|| "-".to_string(), |v| format!("{v:.2}"));
             let psnr = [
@@ -400,4 +422,25 @@ fn looks(c: &Certificate, orbit: usize) -> [(&'static str, LookScore, Option<Loo
         ("paraview-no-fxaa", o.paraview_no_fxaa, b.map(|b| b.paraview_no_fxaa)),
         ("expected", o.expected, b.map(|b| b.expected)),
     ]
+}
+
+/// P(k) of mass: of all layers, and of each by its place in the file.
+fn mass_power(power: Option<&MassPower>, unit: Option<&str>, lines: &mut Vec<String>) {
+    let Some(power) = power else { return };
+    let unit = unit.map_or_else(|| "1/length".into(), per_length);
+    let mut line = |of: &str, p: &PowerAgreement| {
+        let to = match p.within_1_percent_to {
+            Limit::NotMeasured => "not measured".to_string(),
+            Limit::Never => "nowhere".into(),
+            Limit::At(k) => format!("up to k = {k:.4} {unit}"),
+        };
+        let largest = p.largest_deviation.map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
+        lines.push(format!(
+            "power spectrum by mass, of the mixture itself, {of}: within 1 % {to}; largest deviation {largest}"
+        ));
+    };
+    line("all layers", &power.whole);
+    for (number, p) in power.layers.iter().flatten().enumerate() {
+        line(&format!("layer {}", number + 1), p);
+    }
 }

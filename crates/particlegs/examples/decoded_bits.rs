@@ -3,7 +3,8 @@
 
 use particlegs::codec;
 use particlegs::model::{
-    Block, CellDensity, Certificate, GoalKind, GroupClass, LawKind, Limit, Measures, Model, Reached, Science, ScienceOf,
+    Block, CellDensity, Certificate, Effort, GoalKind, GroupClass, LawKind, Limit, Measures, Model, PowerAgreement,
+    Reached, Science, ScienceOf,
 };
 use std::io::{BufWriter, Write};
 
@@ -23,6 +24,7 @@ fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     let reals = [m.mass].into_iter().chain(bounds).chain([m.default_radius, m.default_opacity]);
     writeln!(out, "reals {}", bits(reals))?;
     writeln!(out, "source {}", m.source)?;
+    writeln!(out, "effort {}", m.effort.map_or("none", Effort::name))?;
     model.certificate.as_ref().map_or(Ok(()), |c| certificate(c, out))?;
     let Some(network) = model.vizmapper() else { return Ok(()) };
     let r = network.ranges;
@@ -68,10 +70,26 @@ fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
         };
         line(4, g.iter().flat_map(own).collect())?;
     }
+    if let Some(p) = &m.mass_power {
+        let limit = |l: Limit| match l {
+            Limit::NotMeasured => -1.0,
+            Limit::Never => 0.0,
+            Limit::At(k) => k,
+        };
+        let own = |p: &PowerAgreement| [p.largest_deviation, Some(limit(p.within_1_percent_to))];
+        line(7, std::iter::once(&p.whole).chain(p.layers.iter().flatten()).flat_map(own).collect())?;
+    }
+    if let Some(s) = &m.sample {
+        let corners = s.bounds.min.into_iter().chain(s.bounds.max);
+        line(8, [s.particles as f64].into_iter().chain(corners).map(Some).collect())?;
+    }
+    if let Some(blocks) = m.blocks {
+        line(9, vec![Some(f64::from(blocks))])?;
+    }
     if let Some(Reached { goal, reached }) = &m.goal {
         let kinds = [GoalKind::Psnr, GoalKind::PowerSpectrum, GoalKind::Correlation, GoalKind::Groups];
         let kind = kinds.iter().position(|k| *k == goal.kind).map_or(0.0, |i| i as f64 + 1.0);
-        line(9, [kind, goal.asked, goal.at, *reached].map(Some).to_vec())?;
+        line(10, [kind, goal.asked, goal.at, *reached].map(Some).to_vec())?;
     }
     Ok(())
 }

@@ -117,7 +117,7 @@ fn steps(folder: &Path, what: &str) -> Vec<String> {
         note(job.verify(source().ok(), &until));
         note(job.scatter(source, 0, &until).map(drop));
         (0..2).for_each(|b| note(job.block(b, source, &until).map(drop)));
-        note(job.merge(None, &until).map(drop));
+        note(job.merge(CertificateLevel::None, None, &until).map(drop));
         errors
     };
     let done = std::panic::catch_unwind(run);

@@ -1,15 +1,15 @@
 //! A block that is stopped anywhere goes on to the same bytes; what was kept of other work is not gone on
 //! from.
 
-use particlegs::Error;
-use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target};
+use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target, certify};
 use particlegs::fit::Effort;
 use particlegs::job::{Job, Task};
-use particlegs::model::{CertificateLevel, LawKind, Layer, Mass};
+use particlegs::model::{CertificateLevel, LawKind, Layer, Limit, Mass};
 use particlegs::particles::{Layered, Particles, Storage};
 use particlegs::progress::{Progress, Silent};
 use particlegs::space::Cell;
 use particlegs::train::{Config, Limits, Preset};
+use particlegs::{Error, codec};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -173,4 +173,79 @@ fn other_fine_tuning_is_other_work() {
     ids.dedup();
     assert_eq!(ids.len(), other.len() + 2);
     assert_eq!(FineTuning { memory: Some(1), ..base.clone() }.id(b"model"), base.id(b"model"));
+}
+
+/// A job in three blocks, each measured by its own task, done in this order.
+fn measured(folder: &Path, order: [u32; 3]) -> Job {
+    let options = Options {
+        target: Target::Ratio(200.0),
+        effort: Effort::Fast,
+        seed: 3,
+        certificate: CertificateLevel::Blocks,
+        blocks: Some(3),
+        ..Options::default()
+    };
+    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
+    let job = Job::plan(Layered::of(&sample()), &task, folder, &Silent).unwrap();
+    for block in order {
+        job.block(block, || panic!("buckets are enough"), &Silent).unwrap();
+    }
+    job
+}
+
+/// What blocks measure each by itself adds up, in any order, to what the whole is measured as: without the particles.
+#[test]
+fn certificates_add_up_over_blocks() {
+    let folder = tempfile::tempdir().unwrap();
+    let [a, b] = [[2, 0, 1], [0, 1, 2]].map(|order| measured(&folder.path().join(format!("{order:?}")), order));
+    let bytes = a.merge(CertificateLevel::Blocks, None, &Silent).unwrap();
+    assert!(bytes == b.merge(CertificateLevel::Blocks, None, &Silent).unwrap());
+
+    let model = codec::decode(&bytes, "the file").unwrap();
+    let added = model.certificate.unwrap();
+    let whole = |level| certify(&model, &sample(), 3, level, None, &Silent).unwrap();
+    let (one, quick) = (whole(CertificateLevel::Blocks), whole(CertificateLevel::Quick));
+    assert_eq!((added.measures.blocks, one.measures.blocks), (Some(3), Some(1)));
+    for other in [one, quick] {
+        for (o, own) in added.orbits.iter().zip(&other.orbits) {
+            let off = o.expected.masked_psnr.unwrap() - own.expected.masked_psnr.unwrap();
+            assert!(off.abs() < 0.01 && (o.expected.ssim - own.expected.ssim).abs() < 1e-3, "{off}");
+        }
+        assert!((added.density_correlation - other.density_correlation).abs() < 1e-6);
+        let trivial = [added, other].map(|c| c.baselines.unwrap());
+        assert!((trivial[0].uniform_density_mae - trivial[1].uniform_density_mae).abs() < 1e-6);
+        let cells = [added, other].map(|c| c.measures.densities.unwrap());
+        assert!(cells[0].iter().zip(&cells[1]).all(|(a, b)| (a.correlation - b.correlation).abs() < 1e-5));
+    }
+    let (added_up, of_one) = (added.science.unwrap(), one.science.unwrap());
+    let held = |v: Limit| v.place().map(|k| k as f32);
+    assert_eq!(held(added_up.r_above_0_9_to), held(of_one.r_above_0_9_to));
+    assert_eq!(held(added_up.power_within_5_percent_to), held(of_one.power_within_5_percent_to));
+    assert!(added_up.r_above_0_9_to.place().is_some());
+    assert_eq!((quick.measures.blocks, added.orbits[0].paraview.masked_psnr), (None, None));
+}
+
+/// Sums that are missing are measured again, without another fit, and altered ones are named.
+#[test]
+fn sums_are_checked_and_measured_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let job = measured(&folder.path().join("job"), [0, 1, 2]);
+    job.verify(None, &Silent).unwrap();
+    let path = job.folder.join("blocks/00001.sums");
+    let sums = std::fs::read(&path).unwrap();
+    for at in [3, 20, sums.len() / 2, sums.len() - 1] {
+        let mut altered = sums.clone();
+        altered[at] ^= 1;
+        std::fs::write(&path, altered).unwrap();
+        let error = job.verify(None, &Silent).unwrap_err().to_string();
+        assert!(error.contains("00001.sums"), "{at}: {error}");
+    }
+    std::fs::remove_file(&path).unwrap();
+    assert!(job.merge(CertificateLevel::Blocks, None, &Silent).unwrap_err().to_string().contains("not fitted yet: 1"));
+    assert_eq!(job.block(1, || panic!("buckets are enough"), &Silent).unwrap().continued, None);
+    assert!(std::fs::read(&path).unwrap() == sums);
+    // Other levels need the particles; none needs nothing.
+    assert!(job.merge(CertificateLevel::Quick, None, &Silent).is_err());
+    let bytes = job.merge(CertificateLevel::None, None, &Silent).unwrap();
+    assert!(codec::read_info(&bytes, "the file").unwrap().certificate.is_none());
 }

@@ -140,9 +140,9 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
     // Blocks that are missing are named before the snapshot is read.
     job.check_done()?;
     let particles = match level {
-        CertificateLevel::None => None,
+        CertificateLevel::None | CertificateLevel::Blocks => None,
         _ => Some(snapshot.particles(&Storage::Memory, context)?),
     };
-    let bytes = job.merge(particles.as_ref().map(|p| (p, level)), context)?;
+    let bytes = job.merge(level, particles.as_ref(), context)?;
     Ok((bytes, job.blocks() as usize, kept))
 }

@@ -242,7 +242,12 @@ fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) ->
     context.message("the snapshot is the one that the file was made of; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
     let full = a.full || model.certificate.as_ref().is_some_and(holds_all);
-    let level = if full { CertificateLevel::Full } else { CertificateLevel::Quick };
+    let by_blocks = model.certificate.is_some_and(|c| c.measures.blocks.is_some());
+    let level = match (full, by_blocks) {
+        (true, _) => CertificateLevel::Full,
+        (false, true) => CertificateLevel::Blocks,
+        (false, false) => CertificateLevel::Quick,
+    };
     compress::certify(model, &particles, seed, level, None, context)
 }
 

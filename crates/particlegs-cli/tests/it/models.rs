@@ -27,6 +27,7 @@ fn metadata(law: LawKind, count: u64, bounds: Bounds) -> Metadata {
         time: None,
         command: "a test".into(),
         tool_version: String::new(),
+        effort: None,
     }
 }
 

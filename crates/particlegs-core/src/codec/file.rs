@@ -1,14 +1,16 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, ALPHA_BLEND_SINCE, BASELINES, BASELINES_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, MEASURES,
-    MEASURES_SINCE, META, SCIENCE, SCIENCE_SINCE, SECOND_CODING_SINCE, SECTION_BYTES, Section, VIZMAPPER,
+    self, ALPHA_BLEND_SINCE, BASELINES, BASELINES_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, MEASURES, META,
+    SCIENCE, SCIENCE_SINCE, SECOND_CODING_SINCE, SECTION_BYTES, Section, VIZMAPPER,
 };
 use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
 use super::{Encoder, Precision, baselines, certificate, decoder, measures, metadata, science, vizmapper};
-use crate::model::{Block, Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Model, VizMapper};
+use crate::model::{
+    Block, Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Model, SAMPLED_ABOVE, VizMapper,
+};
 use crate::progress::{Progress, Silent};
 use crate::{Error, Result, parallel};
 use std::sync::Arc;
@@ -108,6 +110,7 @@ pub(super) fn put_together(
     let meta = metadata::write(metadata, &masses);
     let science = certificate.and_then(|c| c.science.as_ref()).map(science::write);
     let baselines = certificate.and_then(|c| c.baselines.as_ref()).map(baselines::write);
+    let further = certificate.map_or(0, |c| measures::minor_version(&c.measures));
     let measures = certificate.and_then(|c| measures::write(&c.measures));
     let certificate = certificate.map(certificate::write);
     let heads: Vec<Vec<u8>> = layers.iter().map(layer_bytes).collect();
@@ -117,7 +120,7 @@ pub(super) fn put_together(
     let minor = metadata::minor_version(&meta, metadata.law)
         .max(if science.is_some() { SCIENCE_SINCE } else { 0 })
         .max(if baselines.is_some() { BASELINES_SINCE } else { 0 })
-        .max(if measures.is_some() { MEASURES_SINCE } else { 0 })
+        .max(if measures.is_some() { further } else { 0 })
         .max(if second { SECOND_CODING_SINCE } else { 0 });
     let front = std::iter::once((META, &meta[..]))
         .chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])))
@@ -146,12 +149,19 @@ pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_
 /// file's size is this plus the sizes of its blocks, and of its network where it has one
 /// ([`VIZMAPPER_SECTION_BYTES`]). Of each layer the number of its blocks.
 pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, layers: &[Layer<usize>]) -> usize {
+    // P(k) by mass is there where masses may differ: of particles with weights, and of several layers.
+    let by_mass = match layers {
+        [one] if !one.mass.is_weighted() => 0,
+        several => measures::mass_power_bytes(several.len()),
+    };
+    let sample = if metadata.count > SAMPLED_ABOVE { measures::SAMPLE_FIELD_BYTES } else { 0 };
     let contents = certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES + baselines::BASELINES_BYTES;
     let measured = |figures: usize| 4 * SECTION_BYTES + contents + figures;
     let certificate = match certificate {
         CertificateLevel::None => 0,
-        CertificateLevel::Quick => measured(measures::QUICK_BYTES),
-        CertificateLevel::Full => measured(measures::FULL_BYTES),
+        CertificateLevel::Quick => measured(measures::QUICK_BYTES + by_mass + sample),
+        CertificateLevel::Full => measured(measures::FULL_BYTES + by_mass + sample),
+        CertificateLevel::Blocks => measured(measures::ADDED_UP_BYTES),
     };
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.content).sum();
     let masses: Vec<Mass> = layers.iter().map(|l| l.mass).collect();

@@ -1,14 +1,22 @@
 //! The section `meas`: figures that not every certificate has, as tagged fields (docs/format.md, section 3).
 
+use super::container::{MASS_POWER_SINCE, MEASURES_SINCE};
 use super::wire::Reader;
-use crate::model::{BANDS, CellDensity, Goal, GoalKind, GroupClass, HeldOut, Measures, Reached, Spacing, Transfer};
+use crate::model::{
+    BANDS, CellDensity, Goal, GoalKind, GroupClass, HeldOut, Limit, MassPower, Measures, POWER_LAYERS, PowerAgreement,
+    Reached, Sample, Spacing, Transfer,
+};
+use crate::space::Bounds;
 
 /// Tags of the fields.
 const DENSITIES: u8 = 1;
 const SPACING: u8 = 2;
 const HELD_OUT: u8 = 3;
 const GROUPS: u8 = 4;
-const GOAL: u8 = 9;
+const MASS_POWER: u8 = 7;
+const SAMPLE: u8 = 8;
+const BLOCKS: u8 = 9;
+const GOAL: u8 = 10;
 /// Bytes of a field's tag and length.
 const FIELD_BYTES: usize = 3;
 /// Bytes of the fields' values.
@@ -16,16 +24,34 @@ const DENSITIES_BYTES: usize = 3 * (8 + 4 * 4);
 const SPACING_BYTES: usize = 2 * (8 + 4);
 const HELD_OUT_BYTES: usize = 3 * 4 + 8 + 8 + BANDS.len() * 8;
 const GROUPS_BYTES: usize = 3 * (4 + 6 * 4);
+const POWER_BYTES: usize = 2 * 4;
+const SAMPLE_BYTES: usize = 8 + 6 * 8;
+const BLOCKS_BYTES: usize = 4;
 const GOAL_BYTES: usize = 1 + 3 * 8;
 /// Kinds of goals, in the order of their numbers from 1 on.
 const GOALS: [GoalKind; 4] = [GoalKind::Psnr, GoalKind::PowerSpectrum, GoalKind::Correlation, GoalKind::Groups];
 /// Stands for a share, and a deviation from 1, that there is none of.
 const NONE: f32 = -2.0;
+/// Stand for wave numbers that were not measured, and for nowhere, as in `stat`.
+const NOT_MEASURED: f32 = -1.0;
+const NEVER: f32 = 0.0;
 
 /// Bytes of the section with what a quick certificate holds, and a full one, without a goal.
 pub(crate) const QUICK_BYTES: usize = 2 * FIELD_BYTES + DENSITIES_BYTES + SPACING_BYTES;
 /// See [`QUICK_BYTES`].
 pub(crate) const FULL_BYTES: usize = QUICK_BYTES + 2 * FIELD_BYTES + HELD_OUT_BYTES + GROUPS_BYTES;
+
+/// Bytes of the section of a certificate that is added up of blocks.
+pub(crate) const ADDED_UP_BYTES: usize = 2 * FIELD_BYTES + DENSITIES_BYTES + BLOCKS_BYTES;
+
+/// Bytes of the field for P(k) by mass of so many layers.
+pub(crate) fn mass_power_bytes(layers: usize) -> usize {
+    let own = if layers > 1 { layers.min(POWER_LAYERS) } else { 0 };
+    FIELD_BYTES + (1 + own) * POWER_BYTES
+}
+
+/// Bytes of the field for the sample.
+pub(crate) const SAMPLE_FIELD_BYTES: usize = FIELD_BYTES + SAMPLE_BYTES;
 
 /// The section's bytes; `None` where nothing was measured.
 pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
@@ -52,10 +78,25 @@ pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
     if let Some(g) = &m.groups {
         field(GROUPS, g.iter().flat_map(class_bytes).collect());
     }
+    if let Some(p) = &m.mass_power {
+        field(MASS_POWER, std::iter::once(&p.whole).chain(p.layers.iter().flatten()).flat_map(power_bytes).collect());
+    }
+    if let Some(s) = &m.sample {
+        let corners = s.bounds.min.iter().chain(&s.bounds.max).flat_map(|v| v.to_le_bytes());
+        field(SAMPLE, s.particles.to_le_bytes().into_iter().chain(corners).collect());
+    }
+    if let Some(blocks) = m.blocks {
+        field(BLOCKS, blocks.to_le_bytes().to_vec());
+    }
     if let Some(g) = &m.goal {
         field(GOAL, goal_bytes(g));
     }
     (!out.is_empty()).then_some(out)
+}
+
+/// The lowest minor version that has what was measured.
+pub(crate) fn minor_version(m: &Measures) -> u8 {
+    if m.mass_power.is_some() || m.sample.is_some() || m.blocks.is_some() { MASS_POWER_SINCE } else { MEASURES_SINCE }
 }
 
 fn short(v: f64) -> [u8; 4] {
@@ -85,6 +126,15 @@ fn goal_bytes(Reached { goal, reached }: &Reached) -> Vec<u8> {
     out
 }
 
+fn power_bytes(p: &PowerAgreement) -> Vec<u8> {
+    let limit = match p.within_1_percent_to {
+        Limit::NotMeasured => NOT_MEASURED,
+        Limit::Never => NEVER,
+        Limit::At(k) => (k as f32).max(f32::MIN_POSITIVE),
+    };
+    optional(p.largest_deviation).into_iter().chain(limit.to_le_bytes()).collect()
+}
+
 /// Reads the section. Fields of unknown tags are skipped.
 pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
     let mut r = Reader::new(bytes);
@@ -103,6 +153,9 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
             SPACING => found.spacing = Some(spacing(&mut value)?),
             HELD_OUT => found.held_out = Some(held_out(&mut value)?),
             GROUPS => found.groups = Some([class(&mut value)?, class(&mut value)?, class(&mut value)?]),
+            MASS_POWER => found.mass_power = Some(mass_power(&mut value, length)?),
+            SAMPLE => found.sample = Some(sample(&mut value)?),
+            BLOCKS => found.blocks = Some(value.u32()?),
             GOAL => found.goal = goal(&mut value)?,
             _ => continue,
         }
@@ -181,6 +234,41 @@ fn goal(r: &mut Reader<'_>) -> Result<Option<Reached>, String> {
     Ok(kind.map(|kind| Reached { goal: Goal { kind, asked, at }, reached }))
 }
 
+fn mass_power(r: &mut Reader<'_>, length: usize) -> Result<MassPower, String> {
+    let own = (length / POWER_BYTES).saturating_sub(1);
+    if own == 1 || own > POWER_LAYERS {
+        return Err(format!("P(k) of mass of {length} bytes"));
+    }
+    let mut found = MassPower { whole: power(r)?, layers: [None; POWER_LAYERS] };
+    for layer in &mut found.layers[..own] {
+        *layer = Some(power(r)?);
+    }
+    Ok(found)
+}
+
+fn sample(r: &mut Reader<'_>) -> Result<Sample, String> {
+    let particles = r.u64()?;
+    let mut corners = [0.0; 6];
+    for corner in &mut corners {
+        *corner = at_least(r.f64()?, f64::MIN, "a corner")?;
+    }
+    let [a, b, c, d, e, f] = corners;
+    if particles == 0 || !(a <= d && b <= e && c <= f) {
+        return Err(format!("a sample of {particles} particles, or corners out of order"));
+    }
+    Ok(Sample { particles, bounds: Bounds { min: [a, b, c], max: [d, e, f] } })
+}
+
+fn power(r: &mut Reader<'_>) -> Result<PowerAgreement, String> {
+    let largest_deviation = real_or_none(r, 0.0, "a deviation")?;
+    let within_1_percent_to = match r.f32()? {
+        NOT_MEASURED => Limit::NotMeasured,
+        NEVER => Limit::Never,
+        k => Limit::At(at_least(f64::from(k), 0.0, "a wave number")?),
+    };
+    Ok(PowerAgreement { largest_deviation, within_1_percent_to })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -217,6 +305,9 @@ mod tests {
             }),
             groups: Some([class(Some(1.0)), class(None), class(Some(0.5))]),
             goal: None,
+            mass_power: None,
+            sample: None,
+            blocks: None,
         }
     }
 
@@ -251,6 +342,36 @@ mod tests {
         // A field that is yet to be thought of.
         let later = [&bytes[..], &[200, 2, 0, 7, 7]].concat();
         assert_eq!(read(&later).unwrap(), quick);
+    }
+
+    #[test]
+    fn samples_come_back_and_empty_ones_do_not() {
+        let bounds = Bounds { min: [-1.0, 0.0, 2.0], max: [0.5, 0.0, 1e9] };
+        let with = |particles, bounds| Measures { sample: Some(Sample { particles, bounds }), ..measures() };
+        let all = with(2_000_000, bounds);
+        let bytes = write(&all).unwrap();
+        assert_eq!((bytes.len(), read(&bytes).unwrap()), (FULL_BYTES + SAMPLE_FIELD_BYTES, all));
+        assert!(read(&write(&with(0, bounds)).unwrap()).is_err());
+        assert!(read(&write(&with(1, Bounds { min: bounds.max, max: bounds.min })).unwrap()).is_err());
+    }
+
+    #[test]
+    fn power_of_mass_comes_back_by_layer() {
+        let power = |largest_deviation, within_1_percent_to| PowerAgreement { largest_deviation, within_1_percent_to };
+        let mut layers = [None; POWER_LAYERS];
+        let whole = power(Some(0.5), Limit::At(2.5));
+        for own in [0, 2, POWER_LAYERS] {
+            (0..own).for_each(|l| layers[l] = Some(power(None, [Limit::Never, Limit::NotMeasured][l % 2])));
+            let mass_power = Some(MassPower { whole, layers });
+            let all = Measures { mass_power, ..measures() };
+            let bytes = write(&all).unwrap();
+            assert_eq!(bytes.len(), FULL_BYTES + mass_power_bytes(own));
+            assert_eq!((read(&bytes).unwrap(), minor_version(&all)), (all, MASS_POWER_SINCE));
+            // One layer alone is the whole; no layer is in two fields.
+            let field = write(&Measures { mass_power, ..Measures::default() }).unwrap();
+            let cut = [&[MASS_POWER, 16, 0][..], &field[3..11], &field[3..11]].concat();
+            assert!(read(&cut).is_err() && read(&[&field[..], &field[..]].concat()).is_err());
+        }
     }
 
     #[test]

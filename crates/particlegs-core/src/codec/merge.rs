@@ -189,6 +189,7 @@ fn combined(a: Metadata, b: &Metadata) -> Metadata {
         source: common(&a.source, &b.source, usize::MAX),
         source_hash: if a.source_hash == b.source_hash { a.source_hash } else { [0; 32] },
         command: common(&a.command, &b.command, LONGEST_COMMAND),
+        effort: a.effort.filter(|_| a.effort == b.effort),
         ..a
     }
 }
@@ -274,6 +275,7 @@ mod tests {
                 time: None,
                 command: format!("compress --ratio {count}"),
                 tool_version: "0".into(),
+                effort: None,
             },
             layers: vec![Layer {
                 name: name.into(),

@@ -3,10 +3,10 @@
 //! Version 1.0 knows one rule of masses for all layers; a file whose layers differ states version
 //! 1.1 and a field that older programs refuse. The alpha-blend law came with version 1.3.
 
-use super::container::ALPHA_BLEND_SINCE;
+use super::container::{ALPHA_BLEND_SINCE, EFFORT_SINCE};
 use super::wire::Reader;
 use crate::math::each_axis;
-use crate::model::{LawKind, Mass, Metadata};
+use crate::model::{Effort, LawKind, Mass, Metadata};
 use crate::space::{Bounds, Cell};
 
 /// Why metadata cannot be read.
@@ -50,6 +50,7 @@ const TIME: u8 = 17;
 const COMMAND_LINE: u8 = 18;
 const TOOL: u8 = 19;
 const CORNER: u8 = 20;
+const EFFORT: u8 = 23;
 const LAYER_MASSES: u8 = 128;
 /// Fields of version 1.0.
 const FIRST_VERSION: std::ops::RangeInclusive<u8> = LAW..=TOOL;
@@ -81,11 +82,13 @@ impl LayerMasses {
 
 /// The lowest minor version that has what the section says.
 pub(crate) fn minor_version(section: &[u8], law: LawKind) -> u8 {
-    if law == LawKind::AlphaBlend {
-        return ALPHA_BLEND_SINCE;
-    }
-    let newer = fields(section).is_ok_and(|fields| fields.iter().any(|f| !FIRST_VERSION.contains(&f.0)));
-    u8::from(newer)
+    let tags: Vec<u8> = fields(section).map_or_else(|_| Vec::new(), |fields| fields.iter().map(|f| f.0).collect());
+    let newer = |tag: &u8| match *tag {
+        EFFORT => EFFORT_SINCE,
+        tag => u8::from(!FIRST_VERSION.contains(&tag)),
+    };
+    let since = tags.iter().map(newer).max().unwrap_or(0);
+    since.max(if law == LawKind::AlphaBlend { ALPHA_BLEND_SINCE } else { 0 })
 }
 
 /// The section's bytes: fields in the order of their tags. `layers` in the order of the file.
@@ -130,6 +133,13 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     if let Some(cell) = m.cell.filter(|c| c.origin != [0.0; 3]) {
         field(CORNER, &floats(cell.origin.iter()));
     }
+    if let Some(effort) = m.effort {
+        let number = match effort {
+            Effort::Fast => 1,
+            Effort::Default => 2,
+        };
+        field(EFFORT, &[number]);
+    }
     if let LayerMasses::Each(masses) = masses {
         let layer = |m: &Mass| {
             let flags = u8::from(m.is_weighted()) | u8::from(m.unit().is_some()) << 1;
@@ -170,6 +180,12 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
         time: real(TIME)?,
         command: string(COMMAND_LINE, need(COMMAND_LINE)?, COMMAND)?,
         tool_version: string(TOOL, need(TOOL)?, TEXT)?,
+        // What a newer program may call another effort is not known here.
+        effort: match get(EFFORT) {
+            Some([1]) => Some(Effort::Fast),
+            Some([2]) => Some(Effort::Default),
+            _ => None,
+        },
     };
     if m.count == 0 || !(m.mass > 0.0 && m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0)
     {
@@ -295,4 +311,44 @@ fn text(s: &str, longest: usize) -> &[u8] {
         end -= 1;
     }
     &s.as_bytes()[..end]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn metadata(effort: Option<Effort>) -> Metadata {
+        Metadata {
+            law: LawKind::OpticalDepth,
+            count: 8,
+            mass: 8.0,
+            bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
+            cell: None,
+            default_radius: 0.1,
+            default_opacity: 0.05,
+            source: "box".into(),
+            source_hash: [7; 32],
+            length_unit: None,
+            mass_unit: None,
+            comoving: None,
+            scale_factor: None,
+            hubble: None,
+            time: None,
+            command: String::new(),
+            tool_version: String::new(),
+            effort,
+        }
+    }
+
+    #[test]
+    fn efforts_come_back_and_others_say_nothing() {
+        let law = LawKind::OpticalDepth;
+        for (effort, minor) in [(None, 0), (Some(Effort::Fast), EFFORT_SINCE), (Some(Effort::Default), EFFORT_SINCE)] {
+            let section = write(&metadata(effort), &[Mass::Unknown]);
+            assert_eq!((read(&section).ok().unwrap().0.effort, minor_version(&section, law)), (effort, minor));
+        }
+        let mut later = write(&metadata(Some(Effort::Fast)), &[Mass::Unknown]);
+        *later.last_mut().unwrap() = 9;
+        assert_eq!(read(&later).ok().unwrap().0.effort, None);
+    }
 }

@@ -63,6 +63,8 @@ pub enum CertificateLevel {
     Quick,
     /// Also groups, of several draws, and models of halves of the particles against the other halves.
     Full,
+    /// What adds up over the blocks of a job, each measured by its own task: no process needs all particles.
+    Blocks,
 }
 
 impl CertificateLevel {
@@ -110,4 +112,15 @@ pub struct Baselines {
     /// Mean absolute error of the density contrast of a uniform density (whose correlation is 0): the
     /// mean of |delta| on the grid. An empty one has an error of 1.
     pub uniform_density_mae: f64,
+}
+
+impl LookScore {
+    /// Stands for scores of pictures that were not drawn.
+    pub const NOT_MEASURED: LookScore =
+        LookScore { masked_psnr: None, ssim: 0.0, noise_free_masked_psnr: None, noise_free_ssim: 0.0 };
+}
+
+impl PictureScore {
+    /// Stands for the score of a picture that was not drawn.
+    pub const NOT_MEASURED: PictureScore = PictureScore { masked_psnr: None, ssim: 0.0 };
 }

@@ -1,6 +1,7 @@
 //! What else a certificate may hold, each where it was measured.
 
-use super::Reached;
+use super::{Limit, Reached};
+use crate::space::Bounds;
 
 /// Sizes of cells that densities are compared in.
 pub const CELL_SIZES: usize = 3;
@@ -8,6 +9,10 @@ pub const CELL_SIZES: usize = 3;
 pub const BANDS: [f64; 7] = [1.0 / 32.0, 1.0 / 16.0, 1.0 / 8.0, 1.0 / 4.0, 1.0 / 2.0, 3.0 / 4.0, 1.0];
 /// Classes of group sizes: they begin at so many particles.
 pub const GROUP_CLASSES: [u64; 3] = [20, 50, 100];
+/// Layers of [`MassPower`] at most: the first of the file.
+pub const POWER_LAYERS: usize = 8;
+/// Particles up to which a snapshot's distances and groups are those of all; of larger ones those of a region ([`Sample`]).
+pub const SAMPLED_ABOVE: u64 = 3 << 20;
 
 /// Figures beside a certificate's first; since version 1.5 of files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -20,8 +25,44 @@ pub struct Measures {
     pub held_out: Option<HeldOut>,
     /// Groups matched by position, by class of size.
     pub groups: Option<[GroupClass; GROUP_CLASSES.len()]>,
+    /// P(k) of mass, where particles' masses are known and differ or there are several layers; since version 1.6.
+    pub mass_power: Option<MassPower>,
+    /// What distances, groups and halves are of where the snapshot is too large for all; since version 1.6.
+    pub sample: Option<Sample>,
+    /// Parts that the certificate was added up of, where no process had all particles: ParaView's pictures are then not
+    /// measured. Since version 1.6.
+    pub blocks: Option<u32>,
     /// What was asked for, and what the file reached; since version 1.6.
     pub goal: Option<Reached>,
+}
+
+/// A region that holds all the particles it has: groups and distances are found in it as in the whole.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Sample {
+    /// Particles in it.
+    pub particles: u64,
+    /// Where it lies, world units.
+    pub bounds: Bounds,
+}
+
+/// P(k) of mass: of the mixture itself against that of the particles, on the grid and up to the wave number of the
+/// certificate's other spectra.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct MassPower {
+    /// All layers together.
+    pub whole: PowerAgreement,
+    /// Each layer on its own, in the file's order; none where there is but one.
+    pub layers: [Option<PowerAgreement>; POWER_LAYERS],
+}
+
+/// How far one P(k) is another's.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PowerAgreement {
+    /// Largest |P / P(particles) - 1| of any shell in which the particles have power above the scatter of their shot
+    /// noise; `None` where there is no such shell.
+    pub largest_deviation: Option<f64>,
+    /// It is within 1 % in every such shell up to this wave number.
+    pub within_1_percent_to: Limit,
 }
 
 /// A model's density against its particles' in cells of one size, and a uniform density's error.
@@ -44,11 +85,11 @@ pub struct CellDensity {
 pub struct Spacing {
     /// Their median among the particles, world units.
     pub median: f64,
-    /// Their 10th percentile over the median: 0.5 of particles at random, 1 of a lattice.
+    /// Their 5th percentile over the median: 0.42 of particles at random, 1 of a lattice.
     pub regularity: f64,
     /// The median among those drawn.
     pub drawn_median: f64,
-    /// And their 10th percentile over it.
+    /// And their 5th percentile over it.
     pub drawn_regularity: f64,
 }
 

@@ -19,8 +19,11 @@ pub use columns::{Columns, MASS};
 pub use goal::{Goal, GoalKind, Reached};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
-pub use measures::{BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, Measures, Spacing, Transfer};
-pub use metadata::{Metadata, hex};
+pub use measures::{
+    BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, MassPower, Measures, POWER_LAYERS,
+    PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Transfer,
+};
+pub use metadata::{Effort, Metadata, hex};
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 pub use science::{Limit, Science, ScienceOf, per_length};

@@ -100,7 +100,7 @@ impl Science {
                 Limit::NotMeasured => "friends-of-friends groups: numbers not measured".into(),
                 Limit::Never => "friends-of-friends groups: their number is within 10 % at no size".into(),
                 Limit::At(n) => format!(
-                    "friends-of-friends groups ({of}): numbers within 10 % of the source's for groups of {n} particles and more"
+                    "friends-of-friends groups (of particles drawn by method `count`): numbers within 10 % of the source's for groups of {n} particles and more"
                 ),
             },
         ]

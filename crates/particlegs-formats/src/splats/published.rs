@@ -164,6 +164,7 @@ mod tests {
             time: None,
             command: "test".into(),
             tool_version: "0".into(),
+            effort: None,
         };
         let block = Block { bounds, count: n as u64, mass: n as f64, gaussians: g };
         let layers = vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: vec![block] }];

@@ -38,6 +38,7 @@ pub(super) fn describe(meta: &SnapshotMeta, known: &Known, options: &Options, bl
         time: meta.time,
         command: options.command.clone() + &blocks,
         tool_version: env!("CARGO_PKG_VERSION").to_string(),
+        effort: options.training.is_none().then_some(options.effort),
     }
 }
 

@@ -156,6 +156,7 @@ impl NewFile {
         let mut metadata = model.metadata.clone();
         metadata.command = format!("{} of: {}", options.command, metadata.command);
         metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
+        metadata.effort = None;
         let layer = layer.with(());
         let head = Layer { mass: layer.mass.without_weights(), ..layer.with(1) };
         let network = if options.training.alpha_blend.vizmapper { codec::VIZMAPPER_SECTION_BYTES } else { 0 };

@@ -3,18 +3,17 @@
 use super::{Options, Target, compress};
 use crate::Result;
 use crate::fit::Effort;
-use crate::model::{CertificateLevel, HeldOut, LawKind, Metadata, Model};
+use crate::model::{CertificateLevel, HeldOut, LawKind, Metadata, Model, SAMPLED_ABOVE};
 use crate::particles::{Particles, Selection, Storage};
 use crate::pieces::NoPieces;
 use crate::progress::Progress;
-use crate::score::{Halves, spectrum_options};
-use crate::stats::Domain;
+use crate::score::{Halves, Scope, spectrum_options};
 
-/// Particles whose halves are fitted: of fewer the halves say nothing, of more they take long.
-const PARTICLES: std::ops::RangeInclusive<usize> = 2000..=1 << 23;
+/// Particles whose halves are fitted: of fewer the halves say nothing.
+const LEAST: usize = 2000;
 
-/// Scores models of two random halves of the particles, of `seed`, by the other half; `None` for models that were trained,
-/// and numbers of particles outside [`PARTICLES`].
+/// Scores models of two random halves of the particles, of `seed`, by the other half, of a region's where the snapshot is
+/// large; `None` for models that were trained, and less than [`LEAST`] particles.
 ///
 /// # Errors
 /// As [`compress`].
@@ -24,19 +23,25 @@ pub(super) fn held_out(
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Option<HeldOut>> {
-    let m = &model.metadata;
-    let Some(effort) = fitted_with(m) else { return Ok(None) };
-    if !PARTICLES.contains(&particles.len()) {
-        return Ok(None);
+    let Some(effort) = fitted_with(&model.metadata) else { return Ok(None) };
+    match Scope::of(model, particles, seed, SAMPLED_ABOVE, progress)? {
+        Some(scope) if scope.particles.len() >= LEAST => of_scope(&scope, effort, seed, progress).map(Some),
+        _ => Ok(None),
     }
+}
+
+fn of_scope(scope: &Scope<'_>, effort: Effort, seed: u64, progress: &dyn Progress) -> Result<HeldOut> {
+    let (m, particles) = (&scope.model.metadata, &*scope.particles);
     let sample = Some(particles.len() as u64 / 2);
     let half = |left_out| {
         particles.select(Selection { sample, left_out, seed, ..Selection::all() }, &Storage::Memory, progress)
     };
     let halves = [half(false)?, half(true)?];
     let default_radius = m.bounds.default_radius(m.count);
+    // Gaussians that reach into a region from outside are not its own.
+    let share = particles.len() as f64 / m.count as f64;
     let options = Options {
-        target: Target::Gaussians((model.gaussians() as u64 / 2).max(1)),
+        target: Target::Gaussians(((scope.model.gaussians() as f64 * share / 2.0) as u64).max(1)),
         effort,
         radius: (m.default_radius != default_radius).then_some(m.default_radius),
         certificate: CertificateLevel::None,
@@ -45,19 +50,45 @@ pub(super) fn held_out(
     };
     let model_of = |half: &Particles| Ok::<_, crate::Error>(compress(half, &options, &mut NoPieces, progress)?.model);
     let models = [model_of(&halves[0])?, model_of(&halves[1])?];
-    let domain = Domain::of_particles(particles);
+    let domain = scope.domain;
     let spectrum = spectrum_options(&domain, particles.len());
     let [a, b] = &halves;
     let halves =
         Halves { particles: [a, b], models: [&models[0], &models[1]], domain: &domain, spectrum: &spectrum, seed };
-    halves.measure(progress).map(Some)
+    halves.measure(progress)
 }
 
-/// The effort that a model was fitted with, as its command tells; `None` where it was trained.
+/// The effort that a model was fitted with; `None` where it was trained or reduced.
 fn fitted_with(m: &Metadata) -> Option<Effort> {
+    m.effort.or_else(|| told_by_command(m))
+}
+
+/// Of files before version 1.6 the command alone tells.
+fn told_by_command(m: &Metadata) -> Option<Effort> {
     let told = |text: &str| m.command.contains(text);
     if m.law != LawKind::OpticalDepth || told("--train") || told(" of: ") {
         return None;
     }
     Some(if told("--effort fast") { Effort::Fast } else { Effort::Default })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::testing;
+
+    #[test]
+    fn the_field_tells_the_effort_and_the_command_where_there_is_none() {
+        let told = |command: &str, effort| Metadata {
+            command: command.into(),
+            effort,
+            ..testing::model_of(&[], [1.0; 3]).metadata
+        };
+        let of = |command: &str, effort| fitted_with(&told(command, effort));
+        assert_eq!(of("another program's", Some(Effort::Fast)), Some(Effort::Fast));
+        assert_eq!(of("compress --effort fast --seed 0", None), Some(Effort::Fast));
+        assert_eq!(of("compress --effort default --seed 0", None), Some(Effort::Default));
+        assert_eq!(of("compress --effort fast --train", None), None);
+        assert_eq!(of("simplify of: compress --effort fast", None), None);
+    }
 }

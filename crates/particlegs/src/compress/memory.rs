@@ -13,6 +13,8 @@ const REFINING: u64 = 250 << 20;
 const GAUSSIAN: u64 = 260;
 /// A Gaussian of the whole model while it is put together, decoded and measured.
 const DECODED: u64 = 160;
+/// Fields of 256 x 256 x 256 cells while a block is measured.
+const MEASURED: u64 = 400 << 20;
 /// A Gaussian of the whole model while coded blocks are copied: they and the file made of them.
 const COPIED: u64 = 16;
 
@@ -30,6 +32,8 @@ pub(crate) struct Load {
     /// Copies of a block's particles in memory: the fit's, and another where the block was read into
     /// memory.
     pub copies: u64,
+    /// Is a block measured by its own task?
+    pub measuring: bool,
 }
 
 impl Load {
@@ -82,7 +86,9 @@ impl Load {
         let share = |n: u64| (n as f64 / blocks.max(1) as f64 * 1.01) as u64;
         let gaussians = self.gaussians();
         let refining = REFINING.min(60 * share(self.count));
-        BASE + self.copies * share(self.raw_bytes) + GAUSSIAN * share(gaussians) + refining
+        let fit = self.copies * share(self.raw_bytes) + GAUSSIAN * share(gaussians) + refining;
+        let measured = if self.measuring { share(self.raw_bytes) + DECODED * share(gaussians) + MEASURED } else { 0 };
+        BASE + fit.max(measured)
     }
 
     /// Gaussians that the target will ask for.
@@ -109,6 +115,7 @@ mod tests {
             target: Target::Ratio(ratio),
             effort: Effort::Default,
             copies: 1,
+            measuring: false,
         };
         let blocks = [16u64, 4, 2, 1].map(|gib| load(290.0).blocks_within(gib << 30).unwrap());
         assert_eq!(blocks[0], 1);

@@ -87,7 +87,8 @@ impl Options {
     /// What decides the memory of `count` particles of `raw_bytes`; a process holds so many `copies` of a
     /// block's.
     pub(crate) fn load(&self, count: u64, raw_bytes: u64, copies: u64) -> Load {
-        Load { count, raw_bytes, target: self.target, effort: self.effort, copies }
+        let measuring = self.certificate == CertificateLevel::Blocks;
+        Load { count, raw_bytes, target: self.target, effort: self.effort, copies, measuring }
     }
 }
 

@@ -56,6 +56,10 @@ impl Plan {
             let what = "the alpha-blend law has one layer, and the snapshot several".into();
             return Err(Error::Argument { what, remedy: Remedy::ChooseSpecies });
         }
+        if alpha && options.certificate == CertificateLevel::Blocks {
+            let what = "models of the alpha-blend law do not add up: --certificate blocks is of the optical-depth law";
+            return Err(Error::argument(what));
+        }
         let known = Known { count: source.count(), bounds: survey.bounds, source_hash: survey.hash(source.origin) };
         let plan = Plan {
             target: options.target.check()?,

@@ -33,6 +33,7 @@ pub fn simplify(
     }
     metadata.command = format!("{command} of: {}", metadata.command);
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
+    metadata.effort = None;
     let raw_bytes = layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
     let mut layers: Vec<Layer<Block>> = layers.into_iter().map(|l| l.map(joined)).collect();
     // The smallest first: what they leave of their share goes to the larger.

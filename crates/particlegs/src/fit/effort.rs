@@ -3,22 +3,10 @@
 use super::partition::partition;
 use super::{PartitionOptions, RefineOptions, Store, refine};
 use crate::Result;
-use crate::model::Mixture;
+use crate::model::{Effort, Mixture};
 use crate::particles::Particles;
 use crate::pieces::{NoPieces, Pieces};
 use crate::progress::Progress;
-
-/// How much time to spend.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Effort {
-    /// A partition whose walls one iteration of expectation maximisation softens: for pictures; many small groups are
-    /// lost.
-    Fast,
-    /// Refined.
-    #[default]
-    Default,
-}
 
 /// What to fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +71,7 @@ impl<'a> Fitter<'a> {
         let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
         let cells = partition(store, options.gaussians, options.radius, how, progress)?;
         let (particles, gaussians) = (cells.store.len(), cells.cells.len());
-        let how = options.effort.refinement(particles, gaussians, options);
+        let how = refinement(particles, gaussians, options);
         let mixture = refine(&cells, options.radius, &how, pieces, progress)?;
         // What comes after takes less memory than refinement, but not always less than a partition.
         self.store = Some(cells.store);
@@ -91,41 +79,39 @@ impl<'a> Fitter<'a> {
     }
 }
 
-impl Effort {
-    /// The refinement that `particles` and `gaussians` allow, decided by cost alone (never by a
-    /// clock, so that results repeat).
-    pub(super) fn refinement(self, particles: usize, gaussians: usize, options: &FitOptions) -> RefineOptions {
-        /// Rounds at most: 8 lose 0.015 dB of the nine pictures of nbody128 at ratio 300 and 0.05 at large radii, 16 gain
-        /// no more than two fits differ by.
-        const MOST_ROUNDS: f64 = 12.0;
-        /// Particle visits by rounds, about 1 CPU-second a million.
-        const VISITS: f64 = 800e6;
-        let (pixel, seed) = (options.pixel, options.seed);
-        match self {
-            // Each iteration more gains 0.04 bits and 0.1 dB, and takes half as long as the partition.
-            Effort::Fast => RefineOptions {
-                cells_a_group: 2,
-                first_iterations: 1,
-                rounds: 0,
-                iterations: 0,
-                last_iterations: 0,
-                sample: 100.0,
+/// The refinement that `particles` and `gaussians` allow, decided by cost alone (never by a
+/// clock, so that results repeat).
+pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOptions) -> RefineOptions {
+    /// Rounds at most: 8 lose 0.015 dB of the nine pictures of nbody128 at ratio 300 and 0.05 at large radii, 16 gain
+    /// no more than two fits differ by.
+    const MOST_ROUNDS: f64 = 12.0;
+    /// Particle visits by rounds, about 1 CPU-second a million.
+    const VISITS: f64 = 800e6;
+    let (pixel, seed) = (options.pixel, options.seed);
+    match options.effort {
+        // Each iteration more gains 0.04 bits and 0.1 dB, and takes half as long as the partition.
+        Effort::Fast => RefineOptions {
+            cells_a_group: 2,
+            first_iterations: 1,
+            rounds: 0,
+            iterations: 0,
+            last_iterations: 0,
+            sample: 100.0,
+            pixel,
+            seed,
+        },
+        Effort::Default => {
+            let sample = 333.0;
+            let looked_at = (particles as f64).min(sample * gaussians as f64).max(1.0);
+            RefineOptions {
+                cells_a_group: 1,
+                first_iterations: 4,
+                rounds: (VISITS * options.share / looked_at).clamp(1.0, MOST_ROUNDS) as usize,
+                iterations: 3,
+                last_iterations: 2,
+                sample,
                 pixel,
                 seed,
-            },
-            Effort::Default => {
-                let sample = 333.0;
-                let looked_at = (particles as f64).min(sample * gaussians as f64).max(1.0);
-                RefineOptions {
-                    cells_a_group: 1,
-                    first_iterations: 4,
-                    rounds: (VISITS * options.share / looked_at).clamp(1.0, MOST_ROUNDS) as usize,
-                    iterations: 3,
-                    last_iterations: 2,
-                    sample,
-                    pixel,
-                    seed,
-                }
             }
         }
     }

@@ -30,8 +30,9 @@ mod simplify;
 mod split_merge;
 mod store;
 
+pub use crate::model::Effort;
 pub(crate) use effort::Fitter;
-pub use effort::{Effort, FitOptions, fit};
+pub use effort::{FitOptions, fit};
 pub(crate) use memory::memory_needed;
 pub(crate) use moments::Moments;
 use partition::{Partition, PartitionOptions};

@@ -1,5 +1,6 @@
 //! Refinement on the sample and on degenerate input, through the public interface.
 
+use crate::fit::effort::refinement;
 use crate::fit::partition::partition;
 use crate::fit::{Effort, FitOptions, PartitionOptions, RefineOptions, Store, fit, refine};
 use crate::math::{Random, Sym3};
@@ -148,7 +149,7 @@ fn degenerate_snapshots_are_fitted() {
 fn efforts_follow_the_cost() {
     let shared = |effort: Effort, share, particles, gaussians| {
         let options = FitOptions { gaussians, effort, radius: 1.0, pixel: 0.0, seed: 0, share };
-        effort.refinement(particles, gaussians, &options).rounds
+        refinement(particles, gaussians, &options).rounds
     };
     let rounds = |effort, particles, gaussians| shared(effort, 1.0, particles, gaussians);
     assert_eq!(rounds(Effort::Fast, 1 << 21, 19_000), 0);

@@ -3,7 +3,7 @@
 use super::manifest::Job;
 use crate::compress::{BlockContext, BlockParticles, Checkpoint, CodedBlock, OnStop, SizeMet, Store, do_block};
 use crate::model::hex;
-use crate::particles::Layered;
+use crate::particles::{Layered, Particles};
 use crate::progress::Progress;
 use crate::train::Limits;
 use crate::{Error, Result, codec};
@@ -62,6 +62,15 @@ impl Job {
         if let Some(report) = self.report(block)?
             && self.block_path(block, "pgs").metadata().is_ok_and(|m| m.len() == report.bytes)
         {
+            if !self.is_measured(block) {
+                let particles = self.gather(block, source, progress)?;
+                self.measure(
+                    block,
+                    &codec::read_file(&self.block_path(block, "pgs"), progress)?,
+                    &particles,
+                    progress,
+                )?;
+            }
             return Ok(report);
         }
         let mut checkpoint = Checkpoint::open(self.block_path(block, "checkpoint"), &self.id)?;
@@ -75,7 +84,7 @@ impl Job {
         let plan = &self.manifest.plan;
         let limits = Limits { scratch: Some(self.folder.clone()), ..Limits::default() };
         let context = BlockContext { plan, limits: &limits, on_stop: OnStop::GiveUp, progress };
-        let mut folder = Folder { job: self, source: Some(source), report: None };
+        let mut folder = Folder { job: self, source: Some(source), particles: None, report: None };
         if let Err(error) = do_block(&mut folder, block, plan.target, context, &mut checkpoint) {
             // What stopped the block is told; that its pieces could not be kept as well, only beside it.
             if let Err(e) = checkpoint.save() {
@@ -105,6 +114,8 @@ struct Folder<'a, F> {
     job: &'a Job,
     /// Opens the snapshot.
     source: Option<F>,
+    /// What is read of the block, to be measured on.
+    particles: Option<Particles>,
     /// What is said of the block that was kept.
     report: Option<BlockReport>,
 }
@@ -116,7 +127,10 @@ impl<F: FnOnce() -> Result<Layered>> Store for Folder<'_, F> {
         if particles.is_empty() {
             return Err(Error::input(&self.job.folder, format!("block {block} holds no particles")));
         }
-        Ok(BlockParticles::of(&particles, self.job.manifest.plan.metadata.law))
+        let own = BlockParticles::of(&particles, self.job.manifest.plan.metadata.law);
+        // Columns are shared, not copied.
+        self.particles = Some(particles);
+        Ok(own)
     }
 
     /// Writes the model file of the block, then its report.
@@ -125,6 +139,9 @@ impl<F: FnOnce() -> Result<Layered>> Store for Folder<'_, F> {
         let bytes = job.manifest.plan.block_file(&coded)?;
         codec::check(&bytes, "the block just coded", progress)?;
         output::write_bytes(&job.block_path(block, "pgs"), &bytes)?;
+        if let Some(particles) = self.particles.take() {
+            job.measure(block, &bytes, &particles, progress)?;
+        }
         let info = codec::read_info(&bytes, "the block just coded")?;
         let report = BlockReport {
             plan: hex(&job.id),

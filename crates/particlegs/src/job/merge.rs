@@ -9,15 +9,21 @@ use crate::progress::{Progress, Silent};
 use crate::{Error, Remedy, Result};
 
 impl Job {
-    /// Puts the file together: the same bytes whatever ran where and in what order. With `particles`
-    /// the decoded model is measured on them, as much as the level says, and the file holds the certificate.
+    /// Puts the file together: the same bytes whatever ran where and in what order. The decoded model is measured on
+    /// `particles`, as much as the level says, or by what the blocks' tasks measured, and the file holds the certificate.
     ///
     /// # Errors
     /// [`Error::Input`] naming blocks that are missing or broken, or where `particles` are not the
-    /// snapshot that was planned; [`Error::Unreachable`] where a size asked for cannot be met.
-    pub fn merge(&self, measured: Option<(&Particles, CertificateLevel)>, progress: &dyn Progress) -> Result<Vec<u8>> {
+    /// snapshot that was planned; [`Error::Unreachable`] where a size asked for cannot be met; [`Error::Argument`] for a
+    /// level that needs particles without any, or sums that were not planned.
+    pub fn merge(
+        &self,
+        level: CertificateLevel,
+        particles: Option<&Particles>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<u8>> {
         let plan = &self.manifest.plan;
-        if measured.is_some_and(|(p, _)| p.source_hash() != plan.metadata.source_hash) {
+        if particles.is_some_and(|p| p.source_hash() != plan.metadata.source_hash) {
             return Err(self.changed("its hash is another"));
         }
         self.check_done()?;
@@ -39,14 +45,20 @@ impl Job {
             ));
         }
         let file = |certificate: Option<&Certificate>| plan.file(&blocks, certificate);
-        let Some((particles, level)) = measured else {
-            // Looked at block by block, in less memory than the whole model takes.
-            let bytes = file(None)?;
-            codec::check(&bytes, "the merged file", progress)?;
-            return Ok(bytes);
+        let certificate = match level {
+            CertificateLevel::None => None,
+            CertificateLevel::Blocks => Some(self.added_up(progress)?),
+            CertificateLevel::Quick | CertificateLevel::Full => {
+                let needed = || Error::argument("this certificate is measured on the particles, which are not given");
+                let particles = particles.ok_or_else(needed)?;
+                let measure = Measure { particles, seed: plan.seed, level, memory: None, reached: None };
+                return Ok(Decoded::of(file, Some(measure), progress)?.bytes);
+            }
         };
-        let measure = Measure { particles, seed: plan.seed, level, memory: None, reached: None };
-        Ok(Decoded::of(file, Some(measure), progress)?.bytes)
+        // Looked at block by block, in less memory than the whole model takes.
+        let bytes = file(certificate.as_ref())?;
+        codec::check(&bytes, "the merged file", progress)?;
+        Ok(bytes)
     }
 
     /// Are all blocks done?
@@ -93,7 +105,8 @@ impl Job {
     pub(super) fn missing(&self) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for block in 0..self.manifest.plan.blocks {
-            if self.report(block)?.is_none() || !self.block_path(block, "pgs").is_file() {
+            let there = self.block_path(block, "pgs").is_file() && self.is_measured(block);
+            if self.report(block)?.is_none() || !there {
                 missing.push(block);
             }
         }

@@ -4,7 +4,7 @@
 //! hash of every run of particles. Where runs lie scattered over the blocks, [`Job::scatter`] copies
 //! chunks of the snapshot into buckets, one file a chunk (`bucket`); where they are together already,
 //! blocks read them where they are (`gather`). [`Job::block`] fits a block and writes a model file of
-//! its own, with a checkpoint on the way; [`Job::merge`] puts the file together: the same bytes as
+//! its own, with a checkpoint on the way, and where the plan says so what it measured of it (`sums`); [`Job::merge`] puts the file together: the same bytes as
 //! [`crate::compress::compress`] gives, whatever ran where and in what order.
 //!
 //! Every file appears whole or not at all, and names the plan that it belongs to.
@@ -19,6 +19,7 @@ mod plan;
 mod runs;
 mod scatter;
 mod status;
+mod sums;
 
 pub use block::BlockReport;
 pub use manifest::Job;

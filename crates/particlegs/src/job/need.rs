@@ -3,10 +3,14 @@
 use super::manifest::Job;
 use super::plan::BUCKETED;
 use crate::compress::Load;
+use crate::model::CertificateLevel;
 use crate::particles::RUN;
 
 /// Copies of a block's particles that a task holds: as gathered, and the fit's.
 pub(super) const COPIES: u64 = 2;
+
+/// Fields of 256 x 256 x 256 cells, two and as f64, while the blocks' sums are added up.
+const ADDED_UP: u64 = 500 << 20;
 
 impl Job {
     fn load(&self) -> Load {
@@ -17,6 +21,7 @@ impl Job {
             target: plan.target,
             effort: plan.effort,
             copies: COPIES,
+            measuring: plan.certificate == CertificateLevel::Blocks,
         }
     }
 
@@ -30,6 +35,9 @@ impl Job {
     /// Bytes of memory that the merge takes; where the model is measured, with all particles in memory.
     pub fn merge_bytes(&self) -> u64 {
         let plan = &self.manifest.plan;
+        if plan.certificate == CertificateLevel::Blocks {
+            return self.load().merge_bytes(false).saturating_add(ADDED_UP);
+        }
         let measured = plan.certificate.measures();
         let particles = if measured { plan.column_bytes() } else { 0 };
         self.load().merge_bytes(measured).saturating_add(particles)

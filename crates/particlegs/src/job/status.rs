@@ -55,7 +55,8 @@ impl Job {
             seconds: 0.0,
         };
         for block in 0..m.plan.blocks {
-            let report = self.report(block)?.filter(|_| self.block_path(block, "pgs").is_file());
+            let report =
+                self.report(block)?.filter(|_| self.block_path(block, "pgs").is_file() && self.is_measured(block));
             status.blocks.push(match &report {
                 Some(_) => State::Done,
                 None if self.block_path(block, "checkpoint").is_file() => State::Checkpointed,
@@ -110,6 +111,7 @@ impl Job {
 
     /// Decodes a block that is done; gives its particles.
     fn verify_block(&self, block: u32) -> Result<u64> {
+        self.check_sums(block)?;
         let path = self.block_path(block, "pgs");
         let mut particles = 0u64;
         for coded in self.done_block(block)?.layers.iter().flat_map(|l| &l.content) {

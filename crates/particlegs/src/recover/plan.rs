@@ -208,6 +208,7 @@ pub(super) mod tests {
             time: None,
             command: "test".into(),
             tool_version: "0".into(),
+            effort: None,
         };
         Model { metadata, layers, certificate: None }
     }

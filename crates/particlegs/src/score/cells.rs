@@ -29,21 +29,28 @@ pub(super) fn cell_densities(
     let [truth, other] = [Subject::Particles(particles), Subject::Model(model)];
     progress.begin("density in cells", 0);
     let of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, progress);
-    let mut pair = [of(truth)?, of(other)?].map(Masses::of);
+    let pair = [of(truth)?, of(other)?];
+    progress.end();
+    Ok(agreements(pair, particles.len()))
+}
+
+/// Of the fields on the grid of the smallest cells, the particles' and the model's; `particles` in all.
+pub(super) fn agreements(pair: [Field; 2], particles: usize) -> Option<[CellDensity; CELL_SIZES]> {
+    let grid = pair[0].grid;
+    let mut pair = pair.map(Masses::of);
     let mut found = Vec::with_capacity(CELL_SIZES);
     for size in 0..CELL_SIZES {
         if size > 0 {
             pair = pair.map(|cells| cells.coarser());
         }
         let edge = grid.side.iter().fold(0.0, |a: f64, s| a.max(*s)) * (1 << size) as f64;
-        found.push(compared(&pair, edge, particles.len()));
+        found.push(compared(&pair, edge, particles));
     }
-    progress.end();
-    Ok(found.try_into().ok())
+    found.try_into().ok()
 }
 
 /// The grid of the smallest cells, in whole numbers of the largest.
-fn finest(domain: &Domain, particles: usize) -> Option<Grid> {
+pub(super) fn finest(domain: &Domain, particles: usize) -> Option<Grid> {
     let edge = (SMALLEST * domain.spacing(particles)).max(domain.longest() / MOST_CELLS);
     let cells = each_axis(|k| COARSEST * (domain.length[k] / (edge * COARSEST as f64)).round().max(1.0) as usize);
     let enough = cells.iter().product::<usize>() >= 512;

@@ -3,12 +3,13 @@
 use super::cells::cell_densities;
 use super::evaluate::evaluate_against;
 use super::matched::Tally;
-use super::science::{drawn, linking, numbers_agree_from, science};
-use super::{LookScores, certificate_views, density_of};
+use super::science::{linking, mass_power, numbers_agree_from, science};
+use super::scope::Scope;
+use super::{Frame, Joined, LookScores, certificate_views, density_of};
 use crate::Result;
 use crate::model::{
     Baselines, Certificate, CertificateLevel, GROUP_CLASSES, GroupClass, Limit, LookBaselines, LookScore, Measures,
-    Model, OrbitBaselines, OrbitScore, PictureScore, Science, Spacing,
+    Model, OrbitBaselines, OrbitScore, PictureScore, SAMPLED_ABOVE, Science, Spacing,
 };
 use crate::particles::{Particles, check_box};
 use crate::picture::{Scores, Size};
@@ -18,9 +19,9 @@ use crate::stats::{Domain, NeighbourOptions, nearest_distances};
 use particlegs_core::math::each_axis;
 
 /// Picture size of certificates.
-const SIZE: Size = Size { width: 1920, height: 1080 };
+pub(super) const SIZE: Size = Size { width: 1920, height: 1080 };
 /// Cells of the density grid along the longest extent.
-const GRID: u16 = 50;
+pub(super) const GRID: u16 = 50;
 /// Particles whose nearest neighbour is sought.
 const NEIGHBOURS: usize = 20_000;
 /// Draws that groups are matched in.
@@ -47,6 +48,9 @@ pub fn certificate(
     progress: &dyn Progress,
 ) -> Result<Certificate> {
     let m = &model.metadata;
+    if level == CertificateLevel::Blocks {
+        return as_one_block(model, particles, seed, progress);
+    }
     check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
     let views = certificate_views(m, SIZE, seed);
     let truth = Reference::new(particles).within(memory.unwrap_or(u64::MAX));
@@ -69,20 +73,30 @@ pub fn certificate(
     });
     let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
     let domain = Domain::of_particles(particles);
-    let sample = drawn(model, particles, seed, progress)?;
-    let science = science(model, particles, sample.as_ref(), &domain, progress)?;
-    let groups = match &sample {
-        Some(first) if level == CertificateLevel::Full => matched(model, [particles, first], &domain, seed, progress)?,
+    let scope = Scope::of(model, particles, seed, SAMPLED_ABOVE, progress)?;
+    let first = scope.as_ref().map(|s| s.draw(seed, progress)).transpose()?.flatten();
+    let scope = scope.as_ref().zip(first.as_ref());
+    let whole = scope.and_then(|(s, first)| s.sample.is_none().then_some(first));
+    let science = science(model, particles, whole, &domain, progress)?;
+    let groups = match scope {
+        Some((scope, first)) if level == CertificateLevel::Full => matched(scope, first, seed, progress)?,
         _ => None,
     };
     let (numbers, groups) = groups.map_or((Limit::NotMeasured, None), |(numbers, classes)| (numbers, Some(classes)));
     let science = science.map(|s| Science { groups_within_10_percent_from: numbers, ..s });
     let measures = Measures {
         densities: cell_densities(model, particles, &domain, progress)?,
-        spacing: spacing(particles, sample.as_ref(), &domain, seed, progress)?,
+        spacing: scope.map(|(scope, first)| spacing(scope, first, seed, progress)).transpose()?,
         held_out: None,
         groups,
         goal: None,
+        blocks: None,
+        // Where wave numbers are none that a file holds, neither are these.
+        mass_power: match science {
+            Some(_) => mass_power(model, particles, &domain, progress)?,
+            None => None,
+        },
+        sample: scope.and_then(|s| s.0.sample),
     };
     Ok(Certificate {
         width: SIZE.width as u16,
@@ -98,42 +112,41 @@ pub fn certificate(
     })
 }
 
+/// What tasks measure of their blocks, of all as one.
+fn as_one_block(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Certificate> {
+    let frame = Frame::of(&model.metadata, seed);
+    let read = |_: u32, section| frame.measure(section, model, particles, progress);
+    Joined { frame: &frame, seed, parts: 1, read: &read }.certificate(progress)
+}
+
 /// Distances to the nearest neighbour among the particles and among those drawn.
-fn spacing(
-    particles: &Particles,
-    drawn: Option<&Particles>,
-    domain: &Domain,
-    seed: u64,
-    progress: &dyn Progress,
-) -> Result<Option<Spacing>> {
-    let Some(drawn) = drawn else { return Ok(None) };
+fn spacing(scope: &Scope<'_>, drawn: &Particles, seed: u64, progress: &dyn Progress) -> Result<Spacing> {
     let options = NeighbourOptions { sample: NEIGHBOURS, among_sample: false, seed };
     let of = |p: &Particles| {
-        let d = nearest_distances(p, domain, &options, progress)?;
+        let d = nearest_distances(p, &scope.domain, &options, progress)?;
         let regularity = if d.median > 0.0 { d.percentiles[1] / d.median } else { 0.0 };
         Ok::<_, crate::Error>((d.median, regularity))
     };
-    let ((median, regularity), (drawn_median, drawn_regularity)) = (of(particles)?, of(drawn)?);
-    Ok(Some(Spacing { median, regularity, drawn_median, drawn_regularity }))
+    let ((median, regularity), (drawn_median, drawn_regularity)) = (of(&scope.particles)?, of(drawn)?);
+    Ok(Spacing { median, regularity, drawn_median, drawn_regularity })
 }
 
 /// Groups of the particles against those of [`DRAWS`] draws, the first of which is there: from which size on that one's
 /// numbers agree, and all matched by position.
 fn matched(
-    model: &Model,
-    [particles, first]: [&Particles; 2],
-    domain: &Domain,
+    scope: &Scope<'_>,
+    first: &Particles,
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Option<(Limit, [GroupClass; GROUP_CLASSES.len()])>> {
-    let Some(linking) = linking(domain, particles.len()) else { return Ok(None) };
-    let truth = linking.groups(particles, progress)?;
+    let Some(linking) = linking(&scope.domain, scope.spacing) else { return Ok(None) };
+    let truth = linking.groups(&scope.particles, progress)?;
     let found = linking.groups(first, progress)?;
     let numbers = numbers_agree_from(&truth.sizes, &found.sizes);
     let mut tally = Tally::default();
     tally.add(&linking, &truth, &found)?;
     for draw in 1..DRAWS {
-        let Some(particles) = drawn(model, particles, seed.wrapping_add(draw), progress)? else { return Ok(None) };
+        let Some(particles) = scope.draw(seed.wrapping_add(draw), progress)? else { return Ok(None) };
         tally.add(&linking, &truth, &linking.groups(&particles, progress)?)?;
     }
     Ok(Some((numbers, tally.finish())))

@@ -48,6 +48,11 @@ impl DensityGrid {
         })
     }
 
+    /// Its cells.
+    pub(super) fn grid(&self) -> &Grid {
+        &self.0
+    }
+
     /// Mass in each cell, x slowest: every particle in the cell that holds it.
     ///
     /// # Errors

@@ -2,8 +2,8 @@
 //! once, and what cannot be measured is refused before anything is fitted.
 
 use super::cells::Cells;
-use super::science::{MOST_DRAWN, drawn, linking, spectrum_options};
-use super::{HeldOut, held_out_views};
+use super::science::{MOST_DRAWN, linking, spectrum_options};
+use super::{HeldOut, Scope, held_out_views};
 use crate::model::{GROUP_CLASSES, Goal, GoalKind, Metadata, Model, Reached};
 use crate::particles::Particles;
 use crate::picture::Size;
@@ -86,12 +86,21 @@ impl<'a> Gauge<'a> {
         Ok(Reached { goal: self.goal, reached })
     }
 
+    /// As many particles as there are, drawn from the model; `None` of too many, and where nothing can be drawn.
+    fn drawn(&self, model: &Model, draw: u64, progress: &dyn Progress) -> Result<Option<Particles>> {
+        if self.particles.len() as u64 > MOST_DRAWN {
+            return Ok(None);
+        }
+        let scope = Scope::of(model, self.particles, self.seed, MOST_DRAWN, progress)?;
+        scope.map_or(Ok(None), |scope| scope.draw(self.seed.wrapping_add(draw), progress))
+    }
+
     /// The worst of several draws: one may be lucky. The first is the certificate's.
     fn deviation_of_power(&self, truth: &TransformedOnce, model: &Model, progress: &dyn Progress) -> Result<f64> {
-        let of = |spectra: Spectra| spectra.largest_deviation().unwrap_or(f64::MAX).min(f64::MAX);
+        let of = |spectra: Spectra| spectra.largest_power_deviation().unwrap_or(f64::MAX);
         let mut largest = 0.0f64;
         for draw in 0..DRAWS {
-            let Some(sample) = drawn(model, self.particles, self.seed.wrapping_add(draw), progress)? else {
+            let Some(sample) = self.drawn(model, draw, progress)? else {
                 return Ok(of(truth.against(Subject::Model(model), progress)?));
             };
             largest = largest.max(of(truth.against(Subject::Particles(&sample), progress)?));
@@ -100,11 +109,13 @@ impl<'a> Gauge<'a> {
     }
 
     fn deviation_of_groups(&self, truth: &[u64], model: &Model, progress: &dyn Progress) -> Result<f64> {
-        let Some(linking) = linking(&self.domain, self.particles.len()) else { return Ok(f64::MAX) };
+        let Some(linking) = linking(&self.domain, self.domain.spacing(self.particles.len())) else {
+            return Ok(f64::MAX);
+        };
         let mut sizes = Vec::new();
         for draw in 0..DRAWS {
             // Where tails of Gaussians lie at the end of float32 nothing is drawn.
-            let Some(sample) = drawn(model, self.particles, self.seed.wrapping_add(draw), progress)? else {
+            let Some(sample) = self.drawn(model, draw, progress)? else {
                 return Ok(f64::MAX);
             };
             sizes.append(&mut linking.sizes(&sample, progress)?);
@@ -144,7 +155,7 @@ fn power_of(
     progress: &dyn Progress,
 ) -> Result<TransformedOnce> {
     let truth = TransformedOnce::new(Subject::Particles(particles), domain, options, progress)?;
-    if truth.against_itself(progress)?.largest_deviation().is_none() {
+    if truth.against_itself(progress)?.largest_power_deviation().is_none() {
         let what = format!("up to k = {} the particles have no power above the scatter of their noise", options.k_max);
         return Err(Error::argument(what));
     }
@@ -162,7 +173,7 @@ fn sizes_of(from: f64, particles: &Particles, domain: &Domain, progress: &dyn Pr
             "groups are counted among at most {MOST_DRAWN} particles, and there are {count}"
         )));
     }
-    let Some(linking) = linking(domain, particles.len()) else {
+    let Some(linking) = linking(domain, domain.spacing(particles.len())) else {
         return Err(Error::argument("groups cannot be counted: the box is thinner than links allow"));
     };
     let sizes = linking.sizes(particles, progress)?;

@@ -12,10 +12,13 @@ mod evaluate;
 mod goal;
 mod halves;
 mod held_out;
+mod joined;
 mod matched;
 mod mean;
 mod science;
+mod scope;
 mod scores;
+mod sums;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -31,10 +34,15 @@ pub use evaluate::evaluate;
 pub(crate) use evaluate::shot_noise;
 pub(crate) use goal::Gauge;
 pub(crate) use halves::Halves;
-use held_out::HeldOut;
+pub(crate) use held_out::HeldOut;
+pub(crate) use joined::Joined;
 use mean::mean;
+#[cfg(test)]
+use science::mass_power;
 pub(crate) use science::spectrum_options;
+pub(crate) use scope::Scope;
 pub use scores::{Evaluation, LookScores, MeanViewScores, ViewScores};
+pub(crate) use sums::{Frame, Section};
 use truth::Truth;
 pub use verdict::{Finding, Use, Word};
 use views::certificate_views;

@@ -4,23 +4,26 @@
 //! same file on every machine, and takes less than 500 MB beside the snapshot.
 
 use super::matched::Linking;
-use crate::model::{GROUP_CLASSES, Limit, Model, Science, ScienceOf};
+use crate::model::{
+    GROUP_CLASSES, Limit, MassPower, Model, POWER_LAYERS, PowerAgreement, SAMPLED_ABOVE, Science, ScienceOf,
+};
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::recover::draw;
 use crate::stats::{
-    Assignment, Domain, SpectrumOptions, Subject, longest_link, power_spectra, size_histogram, sizes_within,
+    Assignment, Domain, Grid, SpectrumOptions, Subject, longest_link, power_spectra, size_histogram, sizes_within,
 };
 use crate::{Error, Result};
 use std::f64::consts::PI;
 
-/// Particles up to which they are drawn from the model and searched for groups; of larger
-/// snapshots the mixture's own spectrum is measured. (4.2 million take 560 MiB, 2.1 million 304.)
-pub(super) const MOST_DRAWN: u64 = 3 << 20;
+/// Particles up to which as many are drawn from the model; of larger snapshots the mixture's own spectrum is measured.
+/// (4.2 million take 560 MiB, 2.1 million 304.)
+pub(super) const MOST_DRAWN: u64 = SAMPLED_ABOVE;
 /// Cells of the spectrum's grid along the longest edge: the power of 2 from twice the particles on
 /// that edge on, within these.
 const LEAST_CELLS: usize = 32;
 const MOST_CELLS: usize = 256;
+/// Cells of a grid that resolves the Gaussians, all axes together: 400 MB while particles are added up, 500 in all.
+const LARGEST_GRID: usize = 1 << 25;
 /// Wave numbers go to this share of the grid's Nyquist frequency, where what the window folds back
 /// is below a thousandth.
 const SHARE_OF_NYQUIST: f64 = 0.5;
@@ -40,7 +43,8 @@ pub(super) fn science(
     domain: &Domain,
     progress: &dyn Progress,
 ) -> Result<Option<Science>> {
-    let wave_numbers = [2.0 * PI / domain.longest(), spectrum_options(domain, particles.len()).k_max];
+    let options = options_for(domain, particles.len(), model);
+    let wave_numbers = [2.0 * PI / domain.longest(), options.k_max];
     if !wave_numbers.iter().all(|k| (*k as f32).is_normal()) {
         return Ok(None);
     }
@@ -48,32 +52,11 @@ pub(super) fn science(
         Some(drawn) => (ScienceOf::DrawnParticles, Subject::Particles(drawn)),
         None => (ScienceOf::Mixture, Subject::Model(model)),
     };
-    measure(of, [Subject::Particles(particles), other], domain, progress).map(Some)
+    measure(of, [Subject::Particles(particles), other], domain, &options, progress).map(Some)
 }
 
-/// As many particles as there are drawn from the model with `seed`; `None` of too many, too few, or where tails of Gaussians
-/// lie at the end of float32.
-///
-/// # Errors
-/// [`Error::Memory`], [`Error::Cancelled`].
-pub(super) fn drawn(
-    model: &Model,
-    particles: &Particles,
-    seed: u64,
-    progress: &dyn Progress,
-) -> Result<Option<Particles>> {
-    if !(2..=MOST_DRAWN).contains(&(particles.len() as u64)) {
-        return Ok(None);
-    }
-    match draw(model, seed, particles.origin, particles.weights().is_some(), progress) {
-        Err(Error::Input { .. }) => Ok(None),
-        drawn => drawn.map(Some),
-    }
-}
-
-/// How groups are linked; `None` where the box is thinner than links allow.
-pub(super) fn linking<'a>(domain: &'a Domain, particles: usize) -> Option<Linking<'a>> {
-    let spacing = domain.spacing(particles);
+/// How groups are linked, `spacing` being the particles' mean one; `None` where the box is thinner than links allow.
+pub(super) fn linking(domain: &Domain, spacing: f64) -> Option<Linking<'_>> {
     let length = LINKING * spacing;
     (length <= longest_link(domain)).then_some(Linking { domain, length, spacing })
 }
@@ -96,10 +79,82 @@ pub(crate) fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
     }
 }
 
+/// P(k) of mass, of all layers and of each, where masses are known and differ or there are several layers: of the
+/// mixture itself, to which no draw adds its noise.
+///
+/// # Errors
+/// [`Error::Memory`], [`Error::Cancelled`].
+pub(super) fn mass_power(
+    model: &Model,
+    particles: &Particles,
+    domain: &Domain,
+    progress: &dyn Progress,
+) -> Result<Option<MassPower>> {
+    let several = particles.layers().len() > 1;
+    if particles.weights().is_none() && !(several && particles.meta.particle_mass.is_some()) {
+        return Ok(None);
+    }
+    let options = options_for(domain, particles.len(), model);
+    let agreement = |p: &Particles, m: &Model| {
+        let spectra = power_spectra([Subject::Particles(p), Subject::Model(m)], domain, &options, progress)?;
+        let within =
+            if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(spectra.power_within(0.01)) };
+        Ok::<_, Error>(PowerAgreement {
+            largest_deviation: spectra.largest_power_deviation(),
+            within_1_percent_to: within,
+        })
+    };
+    let mut found = MassPower { whole: agreement(particles, model)?, layers: [None; POWER_LAYERS] };
+    if several {
+        for (place, layer) in found.layers.iter_mut().zip(&model.layers) {
+            let Some(own) = particles.layers().iter().find(|l| l.name == layer.name) else { continue };
+            let alone = Model { layers: vec![layer.clone()], certificate: None, metadata: model.metadata.clone() };
+            *place = Some(agreement(&particles.of_layer(own), &alone)?);
+        }
+    }
+    Ok(Some(found))
+}
+
+/// As [`spectrum_options`]; where the mixture's own spectrum is measured the grid also resolves its Gaussians, as far as
+/// memory goes: k to pi over their mean spacing. A certificate that the model has says what its grid was.
+fn options_for(domain: &Domain, particles: usize, model: &Model) -> SpectrumOptions {
+    let usual = spectrum_options(domain, particles);
+    if particles as u64 <= MOST_DRAWN {
+        return usual;
+    }
+    let stored = model.certificate.and_then(|c| c.science).map(|s| usize::from(s.spectrum_grid));
+    let cells = match stored.filter(|cells| (LEAST_CELLS..=LARGEST_GRID).contains(&Grid::new(domain, *cells).len())) {
+        Some(cells) => cells,
+        None => resolving(domain, [particles, model.gaussians()]).max(usual.cells),
+    };
+    let nyquist = PI * cells as f64 / domain.longest();
+    SpectrumOptions { cells, k_max: (PI / domain.spacing(particles)).min(SHARE_OF_NYQUIST * nyquist), ..usual }
+}
+
+/// Cells along the longest edge whose wave numbers go to pi over the mean spacing of the Gaussians, no further than that
+/// of the particles, and no more than [`LARGEST_GRID`].
+fn resolving(domain: &Domain, [particles, gaussians]: [usize; 2]) -> usize {
+    let cells = |n: usize| domain.longest() / (SHARE_OF_NYQUIST * domain.spacing(n));
+    let wanted =
+        (cells(gaussians).min(cells(particles)) * (1.0 - 1e-9)).ceil().clamp(1.0, f64::from(u16::MAX)) as usize;
+    // Numbers that transforms divide well.
+    let good = |n: &usize| {
+        [2, 3, 5].into_iter().fold(*n, |n, p| (0..16).fold(n, |n, _| if n % p == 0 { n / p } else { n })) == 1
+    };
+    let fits = |n: &usize| Grid::new(domain, *n).len() <= LARGEST_GRID;
+    let from_above = (wanted..2 * wanted).filter(good).find(fits);
+    from_above.or_else(|| (LEAST_CELLS..wanted).rev().filter(good).find(fits)).unwrap_or(LEAST_CELLS)
+}
+
 /// P(k) and r(k); groups are left out.
-fn measure(of: ScienceOf, pair: [Subject<'_>; 2], domain: &Domain, progress: &dyn Progress) -> Result<Science> {
-    let o = spectrum_options(domain, pair[0].count() as usize);
-    let spectra = power_spectra(pair, domain, &o, progress)?;
+fn measure(
+    of: ScienceOf,
+    pair: [Subject<'_>; 2],
+    domain: &Domain,
+    o: &SpectrumOptions,
+    progress: &dyn Progress,
+) -> Result<Science> {
+    let spectra = power_spectra(pair, domain, o, progress)?;
     let limit =
         |place: Option<f64>| if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(place) };
     Ok(Science {
@@ -126,6 +181,17 @@ pub(super) fn numbers_agree_from(truth: &[u64], drawn: &[u64]) -> Limit {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn large_grids_resolve_the_gaussians_and_stay_in_memory() {
+        let slab = Domain { min: [0.0; 3], length: [100.0, 400.0, 400.0], periodic: [true; 3] };
+        let cube = Domain { length: [400.0; 3], ..slab };
+        // 2.7 million Gaussians of 268 million particles: pi over a spacing of 1.81 wants 442 cells.
+        assert_eq!(resolving(&slab, [1 << 28, 2_700_000]), 450);
+        assert_eq!(resolving(&cube, [1 << 33, 1 << 24]), 320);
+        assert_eq!(resolving(&cube, [1 << 24, 1 << 26]), 320);
+        assert!(resolving(&cube, [1 << 24, 1]) < 16);
+    }
 
     #[test]
     fn grids_follow_from_counts_and_stay_small() {

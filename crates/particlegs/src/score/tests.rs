@@ -62,6 +62,7 @@ fn metadata(particles: &Particles) -> Metadata {
         time: None,
         command: String::new(),
         tool_version: String::new(),
+        effort: None,
     }
 }
 
@@ -177,4 +178,60 @@ fn stops_and_refusals() {
     assert!(evaluate(&model, &particles, &[], SIZE, &Silent).is_err());
     views[1].opacity = 2.0;
     assert!(evaluate(&model, &particles, &views, SIZE, &Silent).is_err());
+}
+
+/// Two species of different masses: each has its own P(k), and a layer whose Gaussians are wrong is told.
+#[test]
+fn power_of_mass_is_told_by_layer() {
+    let particles = sample();
+    let (n, half) = (particles.len(), particles.len() / 2);
+    let domain = crate::stats::Domain::of_particles(&particles);
+    assert!(mass_power(&tiny(&particles, 8), &particles, &domain, &Silent).unwrap().is_none());
+    // In the snapshot's order, which is not the file's.
+    let layer = |name: &str, content, each| Layer { name: name.into(), mass: Mass::Each(each), content };
+    let weights = (0..n).map(|i| if i < half { 4.0 } else { 1.0 }).collect();
+    let particles = particles
+        .with_weights(crate::particles::Column::owned(weights))
+        .with_layers(vec![layer("stars", 0..half, 4.0), layer("dm", half..n, 1.0)]);
+    let model_of = |cells: [usize; 2]| {
+        let own = |k: usize| {
+            let alone = particles.of_layer(&particles.layers()[k]);
+            let content = tiny(&alone, cells[k]).layers.remove(0).content;
+            Layer { content, ..layer_head(&particles.layers()[k]) }
+        };
+        Model { layers: vec![own(1), own(0)], ..tiny(&particles, 1) }
+    };
+    let [good, bad] = [[24, 24], [2, 24]].map(|cells| {
+        let found = mass_power(&model_of(cells), &particles, &domain, &Silent).unwrap().unwrap();
+        assert_eq!(found.layers.iter().flatten().count(), 2);
+        [found.whole, found.layers[0].unwrap(), found.layers[1].unwrap()].map(|p| p.within_1_percent_to.place())
+    });
+    assert!(good[1].is_some() && good[1] == bad[1], "{good:?} {bad:?}");
+    assert!(good[2] > bad[2] && good[0] > bad[0], "{good:?} {bad:?}");
+}
+
+fn layer_head(l: &Layer<std::ops::Range<usize>>) -> Layer<Vec<Block>> {
+    Layer { name: l.name.clone(), mass: l.mass, content: Vec::new() }
+}
+
+/// A region of a snapshot that is taken for too large has the particles that were asked for, and as many are drawn.
+#[test]
+fn large_snapshots_are_measured_in_a_region() {
+    let particles = sample();
+    let model = tiny(&particles, 24);
+    let mut corners = Vec::new();
+    for seed in [0, 5] {
+        let scope = Scope::of(&model, &particles, seed, 20_000, &Silent).unwrap().unwrap();
+        let (sample, n) = (scope.sample.unwrap(), scope.particles.len());
+        assert!((8_000..=20_500).contains(&n) && sample.particles == n as u64, "{n}");
+        let inside = |p: [f64; 3]| (0..3).all(|k| p[k] >= sample.bounds.min[k] && p[k] < sample.bounds.max[k]);
+        let there = (0..particles.len()).filter(|&i| inside(particles.position(i))).count();
+        assert!(there == n && (0..n).all(|i| inside(scope.particles.position(i))), "{there} {n}");
+        let drawn = scope.draw(7, &Silent).unwrap().unwrap();
+        assert!((drawn.len() as f64 / n as f64 - 1.0).abs() < 0.1, "{} {n}", drawn.len());
+        assert!((0..drawn.len()).all(|i| inside(drawn.position(i))) && scope.model.gaussians() < model.gaussians() / 4);
+        corners.push(sample.bounds.min);
+    }
+    assert!(corners[0] != corners[1]);
+    assert!(Scope::of(&model, &particles, 0, 1 << 20, &Silent).unwrap().unwrap().sample.is_none());
 }

@@ -7,7 +7,7 @@
 
 use super::Grid;
 use super::resolved::Resolved;
-use crate::math::Sym3;
+use crate::math::{Eigen, Sym3};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 
@@ -70,10 +70,12 @@ impl Splat {
         }
         let eigen = cov.eigen();
         let deviation = eigen.values.map(|v| v.max(0.0).sqrt());
-        if let Some(resolved) = Resolved::new(g, mean, cov, deviation[2], mass) {
+        let kernel = deviation[2].max(SMALLEST * cell).max(FLATTEST * deviation[0]);
+        let thick = eigen.values.map(|v| v.max(kernel * kernel));
+        let cov = if deviation[2] < kernel { &Sym3::from_eigen(&Eigen { values: thick, ..eigen }) } else { cov };
+        if let Some(resolved) = Resolved::new(g, mean, cov, kernel, mass) {
             return resolved.add_to(slab);
         }
-        let kernel = deviation[2].max(SMALLEST * cell).max(FLATTEST * deviation[0]);
         for k in 0..3 {
             nodes(&mut self.nodes[k], deviation[k] * deviation[k] - kernel * kernel, kernel);
         }

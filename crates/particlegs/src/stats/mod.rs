@@ -66,7 +66,7 @@ pub use report::{DensityReport, GroupReport, Statistics, XiByTransform};
 pub use sizes::SizeClass;
 pub(crate) use sizes::size_histogram;
 pub use spectrum::{Shell, Spectra};
-pub(crate) use spectrum::{SpectrumOptions, TransformedOnce, power_spectra};
+pub(crate) use spectrum::{SpectrumOptions, TransformedOnce, power_spectra, spectra_of};
 pub use subject::Subject;
 pub use summary::Summary;
 pub(crate) use summary::{FEWEST_GROUPS, largest_deviation_of_numbers, sizes_within};

@@ -1,8 +1,9 @@
-//! A Gaussian that the grid resolves: its density at the cells' centres.
+//! A Gaussian that the grid resolves, or cells of a half, a quarter or an eighth: its density at their centres.
 //!
 //! A cell's integral smooths by a box of variance 1/12; a Gaussian wider by that is the same to a few
 //! parts in ten thousand where its smallest deviation is near a cell or above. Along a row the
-//! exponent is a parabola, so that each cell costs two products.
+//! exponent is a parabola, so that each cell costs two products. Where the grid is too coarse its cells are
+//! divided, and what the parts hold is added up.
 
 use super::Grid;
 use super::gaussian::Slab;
@@ -17,8 +18,17 @@ const REACH: f64 = 5.0;
 /// ... where this share of their mass is inside.
 const INSIDE: f64 = 0.999_984_559_501_709;
 
-/// A Gaussian in units of cells.
+/// Cells are divided into at most so many along each axis, as a power of two.
+const MOST_HALVINGS: u32 = 3;
+/// Parts of cells that a Gaussian may reach: more are for coarser means.
+const MOST_PARTS: f64 = 4e6;
+
+/// A Gaussian in units of cells, or of the parts that they are divided into.
 pub(super) struct Resolved {
+    /// The grid of the parts.
+    fine: Grid,
+    /// Parts of a cell along an axis, as a power of two.
+    halvings: u32,
     mean: [f64; 3],
     /// Inverse of the covariance with the cells' variance.
     inverse: Sym3,
@@ -34,12 +44,14 @@ pub(super) struct Resolved {
 }
 
 impl Resolved {
-    /// `None` where the grid is too coarse for it, or it is many boxes wide.
-    pub fn new(g: &Grid, mean: [f64; 3], cov: &Sym3, smallest: f64, mass: f64) -> Option<Self> {
-        let coarsest = g.side[0].max(g.side[1]).max(g.side[2]);
-        if smallest.is_nan() || smallest < FINEST * coarsest {
-            return None;
-        }
+    /// `None` where the smallest parts are too coarse for it, or it is many boxes wide.
+    pub fn new(grid: &Grid, mean: [f64; 3], cov: &Sym3, smallest: f64, mass: f64) -> Option<Self> {
+        let coarsest = grid.side[0].max(grid.side[1]).max(grid.side[2]);
+        let enough = |h: &u32| smallest * f64::from(1u32 << h) >= FINEST * coarsest * (1.0 - 1e-9);
+        let halvings = (0..=MOST_HALVINGS).find(enough)?;
+        let parts = f64::from(1u32 << halvings);
+        let fine = Grid { side: grid.side.map(|s| s / parts), cells: grid.cells.map(|n| n << halvings), ..*grid };
+        let g = &fine;
         let [a, b, c] = g.side.map(f64::recip);
         let v = &cov.0;
         let within = 1.0 / 12.0;
@@ -70,17 +82,30 @@ impl Resolved {
         let projected = [xx - xz * xz / zz, xy - xz * yz / zz, yy - yz * yz / zz];
         let line = projected[0] - projected[1] * projected[1] / projected[2];
         let sound = zz > 0.0 && projected[2] > 0.0 && line > 0.0 && peak.is_finite();
-        sound.then_some(Resolved { mean: middle, inverse, projected, line, half: half[0], peak, step: (-zz).exp() })
+        // The ellipsoid's volume, 4/3 pi times its half-axes.
+        let few = halvings == 0 || 4.2 * REACH.powi(3) * det.sqrt() <= MOST_PARTS;
+        (sound && few).then_some(Resolved {
+            fine,
+            halvings,
+            mean: middle,
+            inverse,
+            projected,
+            line,
+            half: half[0],
+            peak,
+            step: (-zz).exp(),
+        })
     }
 
     /// Adds what lies in a slab.
     pub fn add_to(&self, slab: &mut Slab<'_>) {
-        let (g, planes, held) = (slab.grid, &slab.planes, &mut *slab.cells);
+        let (g, planes, held) = (&self.fine, &slab.planes, &mut *slab.cells);
         let [.., xz, _, yz, zz] = self.inverse.0;
         let [pxx, pxy, pyy] = self.projected;
         let most = REACH * REACH;
         for i in cells(self.mean[0], self.half) {
-            let Some(plane) = place(g, 0, i).filter(|p| planes.contains(p)) else { continue };
+            let plane = place(g, 0, i).map(|p| p >> self.halvings);
+            let Some(plane) = plane.filter(|p| planes.contains(p)) else { continue };
             let dx = i as f64 + 0.5 - self.mean[0];
             let left = most - self.line * dx * dx;
             if left <= 0.0 {
@@ -94,17 +119,18 @@ impl Resolved {
                     continue;
                 }
                 let middle = self.mean[2] - (xz * dx + yz * dy) / zz;
-                let row = g.index([plane - planes.start, line, 0]);
-                self.add_row(g, &mut held[row..row + g.cells[2]], middle, ((most - least) / zz).sqrt(), least);
+                let row = slab.grid.index([plane - planes.start, line >> self.halvings, 0]);
+                let row = &mut held[row..row + slab.grid.cells[2]];
+                self.add_row(row, middle, ((most - least) / zz).sqrt(), least);
             }
         }
     }
 
     /// One row along z about `middle`, where the exponent is -`least` / 2.
-    fn add_row(&self, g: &Grid, row: &mut [f64], middle: f64, half: f64, least: f64) {
-        let (zz, n) = (self.inverse.0[5], row.len() as i64);
-        let run = cells(middle, half);
-        let run = if g.periodic[2] { run } else { run.start.max(0)..run.end.min(n) };
+    fn add_row(&self, row: &mut [f64], middle: f64, half: f64, least: f64) {
+        let (zz, count) = (self.inverse.0[5], self.fine.cells[2]);
+        let (run, n) = (cells(middle, half), count as i64);
+        let run = if self.fine.periodic[2] { run } else { run.start.max(0)..run.end.min(n) };
         if run.is_empty() {
             return;
         }
@@ -113,9 +139,9 @@ impl Resolved {
         let mut ratio = (-zz * (dz + 0.5)).exp();
         let mut k = run.start.rem_euclid(n) as usize;
         for _ in run {
-            row[k] += value;
+            row[k >> self.halvings] += value;
             (value, ratio) = (value * ratio, ratio * self.step);
-            k = if k + 1 == row.len() { 0 } else { k + 1 };
+            k = if k + 1 == count { 0 } else { k + 1 };
         }
     }
 }

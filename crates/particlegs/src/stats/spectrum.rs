@@ -6,7 +6,7 @@
 //! V sum w^2 / (sum w)^2 subtracted.
 
 use super::transform::{Modes, transform, transform_bytes};
-use super::{Assignment, Domain, Grid, Subject, deposit, deposit_bytes, deposit_steps};
+use super::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::Result;
 use crate::parallel;
 use crate::progress::Progress;
@@ -74,13 +74,23 @@ pub(super) fn modes_of(
     progress: &dyn Progress,
 ) -> Result<Modes> {
     let scheme = if subject.particles().is_some() { o.assignment } else { Assignment::Ngp };
-    let first = transform(&deposit(subject, grid, scheme, 0.0, progress)?, most, progress)?;
-    let second = if o.interlaced {
-        Some(transform(&deposit(subject, grid, scheme, 0.5, progress)?, most, progress)?)
-    } else {
-        None
-    };
-    let mut modes = first;
+    let field = |moved: usize| deposit(subject, grid, scheme, 0.5 * moved as f64, progress);
+    modes_of_fields(&field, scheme, most, o, progress)
+}
+
+/// The same of the fields that `field` gives: as it is (0) and moved by half a cell (1).
+fn modes_of_fields(
+    field: &dyn Fn(usize) -> Result<Field>,
+    scheme: Assignment,
+    most: [usize; 3],
+    o: &SpectrumOptions,
+    progress: &dyn Progress,
+) -> Result<Modes> {
+    let first = field(0)?;
+    let grid = first.grid;
+    let mut modes = transform(&first, most, progress)?;
+    drop(first);
+    let second = if o.interlaced { Some(transform(&field(1)?, most, progress)?) } else { None };
     let (columns, depth) = modes.plane();
     let n = grid.cells.map(|n| n as f64);
     let window: [Vec<f64>; 3] = each_axis(|k| {
@@ -296,4 +306,25 @@ impl TransformedOnce {
         let pair = Pair { modes: [own, other], shot_noise: [self.shot_noise, shot_noise], grid: self.grid };
         spectra(&pair, &self.domain, &self.options, progress)
     }
+}
+
+/// Spectra of a mixture and particles whose fields were added up: `field` gives that of the particles (0) or the mixture
+/// (1), as it is (0) or moved by half a cell (1); `noise` is the particles' shot noise.
+///
+/// # Errors
+/// Those of `field`; [`crate::Error::Memory`], [`crate::Error::Cancelled`].
+pub(crate) fn spectra_of(
+    field: &dyn Fn(usize, usize) -> Result<Field>,
+    noise: f64,
+    domain: &Domain,
+    o: &SpectrumOptions,
+    progress: &dyn Progress,
+) -> Result<Spectra> {
+    let grid = Grid::new(domain, o.cells);
+    let most = mode_limits(&grid, domain, o.k_max);
+    let modes = |side: usize| {
+        let scheme = if side == 0 { o.assignment } else { Assignment::Ngp };
+        modes_of_fields(&|moved| field(side, moved), scheme, most, o, progress)
+    };
+    spectra(&Pair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, progress)
 }

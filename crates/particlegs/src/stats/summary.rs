@@ -67,7 +67,7 @@ impl Summary {
         Summary {
             density_correlation: density.map(|d| d.agreement.correlation),
             density_mean_absolute_error: density.map(|d| d.agreement.mean_absolute_error),
-            largest_power_deviation: spectra.map(|s| s.largest_deviation().unwrap_or(0.0)).filter(|d| d.is_finite()),
+            largest_power_deviation: spectra.and_then(Spectra::largest_power_deviation),
             power_within_1_percent_to: power_to(0.01),
             power_within_5_percent_to: power_to(0.05),
             power_within_10_percent_to: power_to(0.1),
@@ -102,10 +102,9 @@ impl Spectra {
         self.shells.iter().filter(move |s| s.power[0] > scatter(s))
     }
 
-    /// The largest |P / P_truth - 1| of any shell in which the truth has power above the scatter of its shot noise;
-    /// `None` where it has none anywhere.
-    pub fn largest_deviation(&self) -> Option<f64> {
-        self.judged().map(deviation).reduce(f64::max)
+    /// The largest |P_other / P_truth - 1| of the judged shells.
+    pub(crate) fn largest_power_deviation(&self) -> Option<f64> {
+        self.judged().map(deviation).reduce(f64::max).filter(|d| d.is_finite())
     }
 
     /// The last shell's k up to which every shell's P(k) is within `limit` of the truth's (0.01 = 1 %),

@@ -28,6 +28,7 @@ pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model 
         time: None,
         command: String::new(),
         tool_version: String::new(),
+        effort: None,
     };
     let block = Block { bounds, count, mass: count as f64, gaussians: m };
     let layer = Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] };

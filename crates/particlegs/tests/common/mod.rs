@@ -54,6 +54,7 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
         time: None,
         command: "particlegs compress nbody -o m.pgs".into(),
         tool_version: "0.1.0".into(),
+        effort: None,
     }
 }
 

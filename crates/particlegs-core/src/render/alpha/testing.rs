@@ -23,6 +23,7 @@ pub fn empty_model(bounds: Bounds, count: u64) -> Model {
         time: None,
         command: String::new(),
         tool_version: String::new(),
+        effort: None,
     };
     Model { metadata, layers: Vec::new(), certificate: None }
 }

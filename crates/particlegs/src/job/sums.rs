@@ -1,0 +1,160 @@
+//! `blocks/00000.sums`: what a block's task measured of its particles and its decoded model, to be added up.
+//!
+//! Little-endian: magic, the plan's id; the sections of [`Section::ALL`], one after the other; for each its u64 length and
+//! CRC-32; CRC-32 of all that is neither section nor this. One section is read without the others.
+
+use super::manifest::Job;
+use crate::model::{Certificate, CertificateLevel};
+use crate::particles::Particles;
+use crate::progress::Progress;
+use crate::score::{Frame, Joined, Section};
+use crate::{Error, Result, codec};
+use particlegs_files::input::open_file;
+use particlegs_files::output;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::PathBuf;
+
+const MAGIC: &[u8; 8] = b"PGSSUMS1";
+const HEAD: usize = 8 + 32;
+/// A section's length and checksum.
+const ENTRY: usize = 8 + 4;
+const TAIL: usize = ENTRY * Section::ALL.len() + 4;
+
+impl Job {
+    /// Is what the plan wants to be measured of a block there?
+    pub(super) fn is_measured(&self, block: u32) -> bool {
+        self.certificate() != CertificateLevel::Blocks || self.block_path(block, "sums").is_file()
+    }
+
+    /// Measures a block, `file` being the bytes of its model, where the plan wants it.
+    pub(super) fn measure(
+        &self,
+        block: u32,
+        file: &[u8],
+        particles: &Particles,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        if self.certificate() != CertificateLevel::Blocks {
+            return Ok(());
+        }
+        let plan = &self.manifest.plan;
+        let mut model = codec::decode_with(file, "the block just coded", progress)?;
+        // Drawn as a part of the whole.
+        model.metadata.bounds = plan.metadata.bounds;
+        let frame = Frame::of(&plan.metadata, plan.seed);
+        let mut failed = None;
+        progress.begin("measuring the block", 0);
+        let fill = |to: &mut dyn Write| {
+            to.write_all(MAGIC)?;
+            to.write_all(&self.id)?;
+            let mut tail = Vec::with_capacity(TAIL);
+            for section in Section::ALL {
+                let bytes = frame.measure(section, &model, particles, progress).map_err(|e| {
+                    failed = Some(e);
+                    std::io::Error::other("not measured")
+                })?;
+                tail.extend((bytes.len() as u64).to_le_bytes());
+                tail.extend(crc32fast::hash(&bytes).to_le_bytes());
+                to.write_all(&bytes)?;
+            }
+            tail.extend(self.checksum(&tail).to_le_bytes());
+            to.write_all(&tail)
+        };
+        let written = output::write_atomic(&self.block_path(block, "sums"), fill);
+        progress.end();
+        // What kept it from being measured says more than that nothing was written.
+        failed.map_or(written, Err)
+    }
+
+    /// Over what frames the sections.
+    fn checksum(&self, entries: &[u8]) -> u32 {
+        let mut h = crc32fast::Hasher::new();
+        h.update(MAGIC);
+        h.update(&self.id);
+        h.update(entries);
+        h.finalize()
+    }
+
+    /// The certificate that the blocks' sums make, in the order of their numbers.
+    pub(super) fn added_up(&self, progress: &dyn Progress) -> Result<Certificate> {
+        let plan = &self.manifest.plan;
+        if self.certificate() != CertificateLevel::Blocks {
+            return Err(Error::argument("the plan does not measure its blocks: plan with --certificate blocks"));
+        }
+        let frame = Frame::of(&plan.metadata, plan.seed);
+        let read = |block, section| Sums::open(self, block)?.read(section);
+        Joined { frame: &frame, seed: plan.seed, parts: plan.blocks, read: &read }.certificate(progress)
+    }
+
+    /// Reads a block's sums through, where the plan has them.
+    pub(super) fn check_sums(&self, block: u32) -> Result<()> {
+        if self.certificate() != CertificateLevel::Blocks {
+            return Ok(());
+        }
+        let mut sums = Sums::open(self, block)?;
+        Section::ALL.into_iter().try_for_each(|s| sums.read(s).map(drop))
+    }
+}
+
+/// A block's sums, opened.
+struct Sums<'a> {
+    job: &'a Job,
+    block: u32,
+    path: PathBuf,
+    file: File,
+    /// Place, length and checksum of each section.
+    entries: Vec<(u64, u64, u32)>,
+}
+
+impl<'a> Sums<'a> {
+    fn open(job: &'a Job, block: u32) -> Result<Self> {
+        let path = job.block_path(block, "sums");
+        let (file, length) = open_file(&path).map_err(|e| match e {
+            Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                Error::input_with(&path, "this block has not been measured yet", job.fit_again(block, false))
+            }
+            other => other,
+        })?;
+        let mut sums = Sums { job, block, path, file, entries: Vec::new() };
+        let tail = length.checked_sub(TAIL as u64).filter(|at| *at >= HEAD as u64);
+        let tail = tail.ok_or_else(|| sums.broken("half-written"))?;
+        let (head, rest) = (sums.at(0, HEAD)?, sums.at(tail, TAIL)?);
+        if head[..8] != MAGIC[..] || head[8..] != job.id {
+            return Err(sums.broken("of another plan"));
+        }
+        let (entries, crc) = rest.split_at(TAIL - 4);
+        let mut place = HEAD as u64;
+        for entry in entries.chunks_exact(ENTRY) {
+            let length = u64::from_le_bytes(std::array::from_fn(|b| entry[b]));
+            let end = place.checked_add(length).filter(|end| *end <= tail).ok_or_else(|| sums.broken("changed"))?;
+            sums.entries.push((place, length, u32::from_le_bytes(std::array::from_fn(|b| entry[8 + b]))));
+            place = end;
+        }
+        if place != tail || crc != job.checksum(entries).to_le_bytes() {
+            return Err(sums.broken("changed"));
+        }
+        Ok(sums)
+    }
+
+    fn read(&mut self, section: Section) -> Result<Vec<u8>> {
+        let number = Section::ALL.iter().position(|s| *s == section).unwrap_or(0);
+        let (place, length, crc) = self.entries[number];
+        let bytes = self.at(place, length as usize)?;
+        if crc32fast::hash(&bytes) == crc { Ok(bytes) } else { Err(self.broken("changed")) }
+    }
+
+    fn at(&mut self, place: u64, length: usize) -> Result<Vec<u8>> {
+        let mut bytes = vec![0; length];
+        let read = self.file.seek(SeekFrom::Start(place)).and_then(|_| self.file.read_exact(&mut bytes));
+        read.map_err(|e| match e.kind() {
+            std::io::ErrorKind::UnexpectedEof => self.broken("half-written"),
+            _ => Error::io(&self.path, e),
+        })?;
+        Ok(bytes)
+    }
+
+    fn broken(&self, what: &str) -> Error {
+        Error::input_with(&self.path, what, self.job.fit_again(self.block, true))
+    }
+}
