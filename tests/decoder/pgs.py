@@ -402,6 +402,7 @@ class Segment:
         g = min(max(g, 0.125), 8.0)
         numbers = self.shapes(g)
         step = 0.5 * steps["shape"] * g
+        step = min(step, 1.0) if block.spreads else step
         shape = [s * step for s in numbers]
         check(all(abs(s) <= 32 for s in shape), "a shape number beyond its range")
         columns = block.columns

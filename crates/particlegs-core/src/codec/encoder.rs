@@ -194,9 +194,9 @@ impl Encoder {
 
     /// Shape numbers, on half steps.
     fn shapes(&self, header: &BlockHeader, range: Range<usize>, factors: &[f64], leaves: &mut [Leaf]) {
-        let step = f64::from(header.steps[3]);
+        let steps: Vec<f64> = factors.iter().map(|f| 2.0 * header.shape_half_step(*f)).collect();
         let given = &self.logs.shape[5 * range.start..5 * range.end];
-        let shapes = halves(given.len(), PULL, |j| given[j] / (step * factors[j / 5]));
+        let shapes = halves(given.len(), PULL, |j| given[j] / steps[j / 5]);
         for (leaf, shape) in leaves.iter_mut().zip(shapes.chunks_exact(5)) {
             leaf.shape.copy_from_slice(shape);
         }

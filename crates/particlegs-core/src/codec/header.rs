@@ -213,10 +213,17 @@ impl BlockHeader {
         exp(f64::from(self.importance) * (f64::from(self.centre) - self.log_count(m)))
     }
 
+    /// Half a step of shape numbers: in the second coding at most 1, so that the coarsest steps leave Gaussians.
+    #[inline(always)]
+    pub(crate) fn shape_half_step(&self, factor: f64) -> f64 {
+        let step = 0.5 * f64::from(self.steps[3]) * factor;
+        if self.spreads.is_some() { step.min(1.0) } else { step }
+    }
+
     /// exp(2 S) of shape numbers whose steps have a factor: the covariance of radius 1; `None` where it is out of range.
     #[inline(always)]
     pub(crate) fn unit_covariance(&self, shape: [i32; 5], factor: f64) -> Option<Sym3> {
-        let step = 0.5 * f64::from(self.steps[3]) * factor;
+        let step = self.shape_half_step(factor);
         let five = shape.map(|s| f64::from(s) * step);
         if five.iter().any(|s| s.abs() > LARGEST_SHAPE) {
             return None;
