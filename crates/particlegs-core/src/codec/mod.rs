@@ -18,6 +18,7 @@ mod info;
 mod measures;
 mod merge;
 mod metadata;
+mod points;
 mod precision;
 mod predict;
 mod rans;
@@ -41,5 +42,6 @@ pub use file::{
 };
 pub use info::{BlockInfo, FileInfo, read_info};
 pub use merge::{Merge, blocks_hash, sums};
+pub use points::CodedPoints;
 pub use precision::Precision;
 pub use sums::whole_counts;

@@ -78,7 +78,8 @@ const STEP_CLASSES: usize = 12;
 /// Classes of the shape numbers already coded.
 const REACH_CLASSES: usize = 3;
 
-struct Models {
+/// The adaptive models of a walk.
+pub(super) struct Models {
     /// By count (2 to 15, then powers of two) and share.
     split: Vec<[Model<16>; 3]>,
     t: [Residual<32>; 3],
@@ -88,7 +89,7 @@ struct Models {
 }
 
 impl Models {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let split = |n: u32| {
             // Both ends of a split are likelier than the middle.
             let top = if n < 16 { n as usize } else { 15 };
@@ -114,7 +115,7 @@ impl Models {
 
     /// The number of the lower half's Gaussians.
     #[inline(always)]
-    fn split(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> Result<u32, OutOfRange> {
+    pub(super) fn split(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> Result<u32, OutOfRange> {
         let n = node.count;
         c.part(Part::Tree);
         if n < 16 {
@@ -133,7 +134,7 @@ impl Models {
 
 /// A value in `0 .. n`, `n` up to 2^60: the upper part as one uniform of at most 2^10, the rest plain.
 #[inline(always)]
-fn long_uniform(c: &mut impl Coder, n: u64, value: u64) -> u64 {
+pub(super) fn long_uniform(c: &mut impl Coder, n: u64, value: u64) -> u64 {
     let low = (64 - n.leading_zeros()).saturating_sub(10);
     let high = c.uniform(((n - 1) >> low) as u32 + 1, (value >> low) as u32);
     ((u64::from(high) << low) | c.long_bits(low, value & ((1 << low) - 1))).min(n - 1)

@@ -17,7 +17,10 @@ pub use certificate::{
 pub use columns::{Columns, MASS};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
-pub use measures::{BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, Measures, Spacing, Transfer};
+pub use measures::{
+    BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, LookPictures, Measures, PICTURE_OPACITIES,
+    PICTURE_RADII, PICTURE_SETTINGS, PictureScores, Pictures, PicturesAt, Spacing, Subset, Transfer,
+};
 pub use metadata::{Metadata, hex};
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
