@@ -13,8 +13,10 @@ mod halves;
 mod held_out;
 mod matched;
 mod mean;
+mod pictures;
 mod science;
 mod scores;
+mod subset;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -23,7 +25,7 @@ mod truth;
 mod verdict;
 mod views;
 
-pub(crate) use certify::certificate;
+pub(crate) use certify::Measure;
 use density::density_of;
 pub use evaluate::evaluate;
 #[cfg(test)]
