@@ -5,7 +5,7 @@ use crate::model::{CELL_SIZES, CellDensity, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::score::density::density_agreement;
-use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit};
+use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_steps};
 use particlegs_core::math::each_axis;
 
 /// Edge of the smallest cells in mean spacings: eight particles in a cell on average.
@@ -27,7 +27,7 @@ pub(super) fn cell_densities(
 ) -> Result<Option<[CellDensity; CELL_SIZES]>> {
     let Some(grid) = finest(domain, particles.len()) else { return Ok(None) };
     let [truth, other] = [Subject::Particles(particles), Subject::Model(model)];
-    progress.begin("density in cells", 0);
+    progress.begin("density in cells", deposit_steps(truth, &grid) + deposit_steps(other, &grid));
     let of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, progress);
     let mut pair = [of(truth)?, of(other)?].map(Cells::of);
     let mut found = Vec::with_capacity(CELL_SIZES);

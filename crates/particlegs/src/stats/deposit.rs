@@ -15,8 +15,10 @@ use std::ops::Range;
 
 /// Chunks of particles that are sorted by plane before any is deposited: bounds the memory.
 const BATCH: usize = 32;
-/// Planes that a task owns when Gaussians are deposited: fewer repeat more work at the seams.
+/// Tasks at most when Gaussians are deposited, and planes that one owns at least: thin slabs repeat what a Gaussian
+/// has along the other axes, once for every slab that it reaches.
 const MODEL_SLABS: usize = 32;
+const MODEL_PLANES: usize = 8;
 /// And when particles are.
 const SLABS: usize = 128;
 
@@ -72,14 +74,16 @@ pub fn deposit(
 }
 
 /// Steps of progress that a deposit makes: particles, or Gaussians of a model once a slab.
-pub(super) fn deposit_steps(subject: Subject<'_>, grid: &Grid) -> u64 {
+pub(crate) fn deposit_steps(subject: Subject<'_>, grid: &Grid) -> u64 {
     match subject {
         Subject::Particles(p) => p.len() as u64,
-        Subject::Model(m) => {
-            let depth = grid.cells[0].div_ceil(MODEL_SLABS).max(1);
-            m.gaussians() as u64 * grid.cells[0].div_ceil(depth) as u64
-        }
+        Subject::Model(m) => m.gaussians() as u64 * grid.cells[0].div_ceil(model_planes(grid)) as u64,
     }
+}
+
+/// Planes that a task owns when Gaussians are deposited.
+fn model_planes(grid: &Grid) -> usize {
+    grid.cells[0].div_ceil(MODEL_SLABS).max(MODEL_PLANES)
 }
 
 /// A particle in units of cells.
@@ -235,9 +239,7 @@ fn add_mixtures(
 ) -> Result<()> {
     let grid = field.grid;
     let moved = Grid { min: each_axis(|k| grid.min[k] - shift * grid.side[k]), ..grid };
-    let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(MODEL_SLABS).max(1));
-    let particles: f64 = parts.iter().flat_map(|m| &m.count).sum();
-    let in_slab = (particles / grid.cells[0].div_ceil(depth) as f64) as u64;
+    let (plane, depth) = (grid.cells[1] * grid.cells[2], model_planes(&grid));
     parallel::try_for_each(field.mass.chunks_mut(depth * plane).enumerate(), |(slab, out)| {
         let planes = slab * depth..slab * depth + out.len() / plane;
         // Sums of many small shares: f64, rounded once.
@@ -248,7 +250,7 @@ fn add_mixtures(
                 // A Gaussian as wide as the box takes milliseconds.
                 if i.is_multiple_of(8) {
                     progress.check()?;
-                    progress.advance((m.len() - i).min(256) as u64);
+                    progress.advance((m.len() - i).min(8) as u64);
                 }
                 let (mean, cov) = (m.mean_of(i), m.cov_of(i));
                 if slab.may_hold(mean, &cov) {
@@ -257,7 +259,6 @@ fn add_mixtures(
             }
         }
         out.iter_mut().zip(sum).for_each(|(o, s)| *o += s as f32);
-        progress.advance(in_slab);
         Ok(())
     })?;
     let total: f64 = parts.iter().flat_map(|m| (0..m.len()).map(|i| m.mass_of(i))).sum::<f64>() * unit_mass;
