@@ -173,6 +173,13 @@ def score(psnr, ssim):
     return [None if psnr == 65535 else psnr / 200, ssim / 32767]
 
 
+def score_or_none(psnr, ssim):
+    if ssim == -32768:
+        check(psnr == 65535, "a picture that was not drawn")
+        return [None, None]
+    return score(psnr, ssim)
+
+
 def settings(numbers):
     """Pictures at radii and opacities: the size, then setting by setting."""
     found = list(numbers[:2])
@@ -184,18 +191,14 @@ def settings(numbers):
             check(worst <= 2, "a worst view")
             found.append(worst)
             for k in range(0, 20, 2):
-                if k % 10 == 8 and scores[k + 1] == -32768:
-                    check(scores[k] == 65535, "a picture that was not drawn")
-                    found += [None, None]
-                else:
-                    found += score(*scores[k : k + 2])
+                found += (score_or_none if k % 10 == 8 else score)(*scores[k : k + 2])
     return found
 
 
 def subset(numbers):
     kept, size, *scores = numbers
     check(kept >= 1, "a subset")
-    return [kept, size] + [v for k in range(0, 18, 2) for v in score(*scores[k : k + 2])]
+    return [kept, size] + [v for k in range(0, 18, 2) for v in score_or_none(*scores[k : k + 2])]
 
 
 def statistics(content):

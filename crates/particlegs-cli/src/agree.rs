@@ -146,6 +146,8 @@ impl Figures {
         self.same("subset's bytes", [a.bytes, b.bytes]);
         for (orbit, (a, b)) in ["far", "mid", "near"].iter().zip(a.orbits.iter().zip(&b.orbits)) {
             for (look, (a, b)) in ["paraview", "paraview-no-fxaa", "expected"].iter().zip(a.iter().zip(b)) {
+                // A quick certificate has fewer.
+                let (Some(a), Some(b)) = (a, b) else { continue };
                 self.decibels(&format!("{orbit} {look} subset"), [a.masked_psnr, b.masked_psnr]);
                 self.real(&format!("{orbit} {look} subset SSIM"), [a.ssim, b.ssim], SIMILARITY, "0.002");
             }

@@ -397,7 +397,7 @@ fn pictures(c: &Certificate) -> String {
     let _ = writeln!(out, "  {:<6} {:<17}{names}  {names}", "orbit", "look");
     for (k, name) in ["far", "mid", "near"].iter().enumerate() {
         for (l, (look, score, baselines)) in looks(c, k).into_iter().enumerate() {
-            let subset = c.measures.subset.map(|s| s.orbits[k][l]);
+            let subset = c.measures.subset.and_then(|s| s.orbits[k][l]);
             let model = PictureScore { masked_psnr: score.masked_psnr, ssim: score.ssim };
             let best = PictureScore { masked_psnr: score.noise_free_masked_psnr, ssim: score.noise_free_ssim };
             let all =

@@ -74,7 +74,7 @@ fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
         line(5, size.into_iter().chain(p.settings.iter().flat_map(setting)).collect())?;
     }
     if let Some(s) = &m.subset {
-        let scores = s.orbits.iter().flatten().flat_map(|s| score(Some(*s)));
+        let scores = s.orbits.iter().flatten().flat_map(|s| score(*s));
         line(6, [s.kept, s.bytes].map(|v| Some(v as f64)).into_iter().chain(scores).collect())?;
     }
     Ok(())

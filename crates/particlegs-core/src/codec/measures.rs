@@ -66,7 +66,7 @@ pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
     }
     if let Some(s) = &m.subset {
         let counts = [s.kept, s.bytes].into_iter().flat_map(u64::to_le_bytes);
-        field(SUBSET, counts.chain(s.orbits.iter().flatten().flat_map(|s| score_bytes(Some(s)))).collect());
+        field(SUBSET, counts.chain(s.orbits.iter().flatten().flat_map(|s| score_bytes(s.as_ref()))).collect());
     }
     (!out.is_empty()).then_some(out)
 }
@@ -260,9 +260,9 @@ fn subset(r: &mut Reader<'_>) -> Result<Subset, String> {
     if kept == 0 {
         return Err("a subset of no particles".into());
     }
-    let mut orbits = [[PictureScore { masked_psnr: None, ssim: 0.0 }; 3]; 3];
+    let mut orbits = [[None; 3]; 3];
     for s in orbits.iter_mut().flatten() {
-        *s = score(r)?;
+        *s = score_or_none(r)?;
     }
     Ok(Subset { kept, bytes, orbits })
 }
@@ -321,7 +321,7 @@ mod tests {
             }),
             groups: Some([class(Some(1.0)), class(None), class(Some(0.5))]),
             pictures: Some(pictures_of(Some(score_of(24.5)))),
-            subset: Some(Subset { kept: 67_628, bytes: 83_832, orbits: [[score_of(25.0); 3]; 3] }),
+            subset: Some(Subset { kept: 67_628, bytes: 83_832, orbits: [[None, None, Some(score_of(25.0))]; 3] }),
         }
     }
 

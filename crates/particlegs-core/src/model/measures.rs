@@ -93,8 +93,9 @@ pub struct Subset {
     pub kept: u64,
     /// Bytes that their places take.
     pub bytes: u64,
-    /// Scores at the certificate's views, far, mid, near; each in `paraview`, `paraview-no-fxaa`, `expected`.
-    pub orbits: [[PictureScore; 3]; 3],
+    /// Scores at the certificate's views, far, mid, near; each in `paraview`, `paraview-no-fxaa`, `expected`. A quick
+    /// certificate has the last alone.
+    pub orbits: [[Option<PictureScore>; 3]; 3],
 }
 
 /// A model's density against its particles' in cells of one size, and a uniform density's error.

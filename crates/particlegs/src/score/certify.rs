@@ -105,11 +105,12 @@ impl Measure<'_> {
         let truth = Reference::new(self.particles).within(self.memory.unwrap_or(u64::MAX));
         let spacing = domain.spacing(self.particles.len());
         let thinned = Thinned::new(&truth, spacing, bytes, self.seed, progress)?;
-        let comparison = Comparison::new(model, &truth, thinned.as_ref());
+        let whole = self.level == CertificateLevel::Full;
+        let comparison = Comparison::new(model, &truth, thinned.as_ref().map(|t| (t, whole)));
         let evaluation = comparison.evaluate(&certificate_views(m, SIZE, self.seed), SIZE, progress)?;
         let orbits = each_axis(|k| {
             let v = &evaluation.views[k];
-            [&v.paraview, &v.paraview_no_fxaa, &v.expected].map(|s| picture_score(&s.subset.unwrap_or(s.all_black)))
+            [&v.paraview, &v.paraview_no_fxaa, &v.expected].map(|s| s.subset.as_ref().map(picture_score))
         });
         let subset = thinned.as_ref().map(|t| Subset { kept: t.kept, bytes: t.bytes, orbits });
         let pictures = match self.level {

@@ -2,7 +2,7 @@
 
 use super::Truth;
 use super::scores::{Evaluation, LookScores, ViewScores, gap};
-use super::subset::Thinned;
+use super::subset::{Seen, Thinned};
 use super::views::orbit_of;
 use crate::camera::{View, clipping_range};
 use crate::model::Model;
@@ -108,13 +108,14 @@ pub(super) struct Comparison<'a> {
     truth: &'a Reference<'a>,
     /// What the least of models would score.
     even: Even,
-    /// The particles' own rival.
-    subset: Option<&'a Thinned>,
+    /// The particles' own rival, and whether it is drawn in all looks.
+    subset: Option<(&'a Thinned, bool)>,
 }
 
 impl<'a> Comparison<'a> {
-    /// Of a model and the snapshot that `truth` draws; with a subset of its particles where that is to be scored.
-    pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<&'a Thinned>) -> Self {
+    /// Of a model and the snapshot that `truth` draws; with a subset of its particles where that is to be scored, in
+    /// all looks or in `expected` alone.
+    pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a Thinned, bool)>) -> Self {
         Comparison { scene: Scene::of(model), truth, even: Even::of(truth), subset }
     }
 
@@ -139,7 +140,7 @@ impl<'a> Comparison<'a> {
     pub fn draw(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Drawn> {
         let view = clipped(view, self.truth.bounds());
         let truth = Truth::draw(self.truth, &view, size, progress)?;
-        let subset = self.subset.map(|s| s.draw(self.truth, &view, size, progress)).transpose()?;
+        let subset = self.subset.map(|(s, whole)| s.draw(self.truth, &view, size, whole, progress)).transpose()?;
         progress.begin("model", 0);
         let tau = render::optical_depth(&self.scene, &view, size, progress)?;
         let even = uniform_box(&self.even.bounds, self.even.count, &view, size)?;
@@ -177,7 +178,7 @@ pub(super) struct Drawn {
     tau: Plane,
     /// The uniform box's.
     even: Plane,
-    subset: Option<Truth>,
+    subset: Option<Seen>,
 }
 
 impl Drawn {
@@ -195,7 +196,7 @@ impl Drawn {
             noise_free,
             all_black: of(&Gray8::black(target.size)),
             uniform_box: of(&self.truth.tones.of(&self.even, look)),
-            subset: self.subset.as_ref().map(|s| of(s.picture(look))),
+            subset: self.subset.as_ref().and_then(|s| s.picture(look)).map(of),
             gap: gap(noise_free, model),
             left_out: None,
             shot_noise: None,

@@ -13,8 +13,8 @@ use crate::picture::{Scores, Size};
 use crate::progress::Progress;
 use crate::splat::Look;
 
-/// Size of the pictures: half the certificate's, since large splats of millions of particles take their time.
-const SIZE: Size = Size { width: 960, height: 540 };
+/// Size of the pictures: a third of the certificate's, since large splats of millions of particles take their time.
+const SIZE: Size = Size { width: 640, height: 360 };
 
 /// One radius and opacity, in the model's own, from the orbits or from close up.
 struct Setting {

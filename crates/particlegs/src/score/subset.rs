@@ -6,10 +6,11 @@ use crate::camera::View;
 use crate::codec::CodedPoints;
 use crate::math::{Purpose, Random};
 use crate::particles::{Column, Particles, Positions};
-use crate::picture::Size;
+use crate::picture::{Gray8, Size};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::space::Bounds;
+use crate::splat::Look;
 use particlegs_core::math::each_axis;
 
 /// Particles come back this close to their places along every axis, in mean spacings.
@@ -30,6 +31,24 @@ pub struct Thinned {
     pub bytes: u64,
     /// Their radius, in the particles' own: sqrt(N / kept), so that as much light is covered.
     scale: f64,
+}
+
+/// The subset in one view.
+pub enum Seen {
+    /// In every look.
+    Whole(Box<Truth>),
+    /// In `expected` alone: ParaView's pictures of few large splats take as long as those of all particles.
+    Expected(Gray8),
+}
+
+impl Seen {
+    /// The picture in a look, where it was drawn.
+    pub fn picture(&self, look: Look) -> Option<&Gray8> {
+        match self {
+            Seen::Whole(truth) => Some(truth.picture(look)),
+            Seen::Expected(picture) => (look == Look::Expected).then_some(picture),
+        }
+    }
 }
 
 impl Thinned {
@@ -81,14 +100,24 @@ impl Thinned {
         }))
     }
 
-    /// Draws it where `truth` is drawn.
+    /// Draws it where `truth` is drawn, in all looks or in `expected` alone.
     ///
     /// # Errors
     /// As [`Truth::draw`].
-    pub fn draw(&self, truth: &Reference<'_>, view: &View, size: Size, progress: &dyn Progress) -> Result<Truth> {
+    pub fn draw(
+        &self,
+        truth: &Reference<'_>,
+        view: &View,
+        size: Size,
+        whole: bool,
+        progress: &dyn Progress,
+    ) -> Result<Seen> {
         let reference = Reference::with_bounds(&self.particles, *truth.bounds());
         let view = View { radius: view.radius * self.scale, ..view.clone() };
-        Truth::draw(&reference, &view, size, progress)
+        Ok(match whole {
+            true => Seen::Whole(Box::new(Truth::draw(&reference, &view, size, progress)?)),
+            false => Seen::Expected(reference.draw(&view, size, Look::Expected, progress)?),
+        })
     }
 }
 

@@ -156,7 +156,7 @@ fn pictures(c: &Certificate) -> Finding {
             "the file does not say what an empty picture or a uniform box scores".into(),
         );
     };
-    let subset = |k: usize| c.measures.subset.map(|s| s.orbits[k][2]);
+    let subset = |k: usize| c.measures.subset.and_then(|s| s.orbits[k][2]);
     let gains = c.orbits.iter().zip(&b.orbits).enumerate().filter_map(|(k, (o, b))| {
         let model = PictureScore { masked_psnr: o.expected.masked_psnr, ssim: o.expected.ssim };
         Gain::of(model, [b.expected.all_black, b.expected.uniform_box], subset(k))
@@ -428,9 +428,9 @@ mod tests {
         let c = certificate();
         let with = |psnr: f64| {
             let score = |v| PictureScore { masked_psnr: Some(v), ssim: 0.5 };
-            let mut orbits = [[score(20.0); 3]; 3];
+            let mut orbits = [[None, None, Some(score(20.0))]; 3];
             // One orbit is enough, and not the worst one.
-            orbits[2][2] = score(psnr);
+            orbits[2][2] = Some(score(psnr));
             let subset = Some(Subset { kept: 100, bytes: 1000, orbits });
             Certificate { measures: Measures { subset, ..Measures::default() }, ..c }
         };

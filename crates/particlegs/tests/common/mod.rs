@@ -85,7 +85,7 @@ pub fn measures() -> Measures {
     };
     let spacing = Spacing { median: 0.125, regularity: 0.5, drawn_median: 0.25, drawn_regularity: 0.375 };
     let score = PictureScore { masked_psnr: Some(26.5), ssim: 1.0 };
-    let subset = Subset { kept: 45_000, bytes: 80_000, orbits: [[score; 3]; 3] };
+    let subset = Subset { kept: 45_000, bytes: 80_000, orbits: [[Some(score); 3]; 3] };
     let densities = Some([0.8, 1.6, 3.2].map(density));
     Measures { densities, spacing: Some(spacing), subset: Some(subset), ..Measures::default() }
 }
