@@ -58,9 +58,27 @@ pub fn deposit(
     shift: f64,
     progress: &dyn Progress,
 ) -> Result<Field> {
+    deposit_again(subject, Field { grid: *grid, mass: Vec::new(), outside: 0.0 }, scheme, shift, progress)
+}
+
+/// [`deposit`] on the grid of a field that is no longer wanted, in its memory.
+///
+/// # Errors
+/// As [`deposit`].
+pub(super) fn deposit_again(
+    subject: Subject<'_>,
+    mut field: Field,
+    scheme: Assignment,
+    shift: f64,
+    progress: &dyn Progress,
+) -> Result<Field> {
     let particles = subject.particles().map_or(0, |p| p.len() as u64);
-    particlegs_files::memory::require("a density grid", deposit_bytes(grid, particles))?;
-    let mut field = Field { grid: *grid, mass: vec![0.0; grid.len()], outside: 0.0 };
+    particlegs_files::memory::require("a density grid", deposit_bytes(&field.grid, particles))?;
+    field.outside = 0.0;
+    match field.mass.len() {
+        0 => field.mass = vec![0.0; field.grid.len()],
+        _ => field.mass.fill(0.0),
+    }
     match subject {
         Subject::Particles(p) => add_particles(&mut field, p, scheme, shift, progress)?,
         Subject::Model(m) => {
@@ -137,33 +155,35 @@ fn add_particles(
 fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) -> Sorted {
     let mut buffer = ChunkBuffer::default();
     let chunk = p.chunk(range, &mut buffer);
-    let mut outside = 0.0;
     let scale = grid.side.map(f64::recip);
-    let mut records: Vec<Record> = Vec::with_capacity(chunk.len());
     let unit = p.meta.particle_mass.unwrap_or(1.0);
-    for i in 0..chunk.len() {
-        let weight = unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+    let weight = |i: usize| unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+    let cell = |i: usize| {
         let mut u: [f64; 3] =
             each_axis(|k| (f64::from(chunk.position[k][i]) + (p.origin[k] - grid.min[k])) * scale[k] + shift);
-        if (0..3).all(|k| place(grid, k, &mut u[k])) {
-            records.push((u, weight));
-        } else {
-            outside += weight;
+        (0..3).all(|k| place(grid, k, &mut u[k])).then_some(u)
+    };
+    // Counted first and computed again: quicker than records that are written twice.
+    let (mut start, mut outside) = (vec![0u32; grid.cells[0] + 1], 0.0);
+    for i in 0..chunk.len() {
+        match cell(i) {
+            Some(u) => start[u[0] as usize + 1] += 1,
+            None => outside += weight(i),
         }
     }
-    let mut start = vec![0u32; grid.cells[0] + 1];
-    records.iter().for_each(|r| start[r.0[0] as usize + 1] += 1);
     for i in 0..grid.cells[0] {
         start[i + 1] += start[i];
     }
     let mut next = start.clone();
-    let mut out = vec![([0.0; 3], 0.0); records.len()];
-    for r in records {
-        let at = &mut next[r.0[0] as usize];
-        out[*at as usize] = r;
-        *at += 1;
+    let mut records = vec![([0.0; 3], 0.0); start[grid.cells[0]] as usize];
+    for i in 0..chunk.len() {
+        if let Some(u) = cell(i) {
+            let at = &mut next[u[0] as usize];
+            records[*at as usize] = (u, weight(i));
+            *at += 1;
+        }
     }
-    Sorted { records: out, start, outside }
+    Sorted { records, start, outside }
 }
 
 /// Brings a coordinate into [0, cells), or says that it lies outside. An open grid's far end

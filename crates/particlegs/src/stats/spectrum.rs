@@ -5,6 +5,7 @@
 //! assignment's window, a power of sinc on each axis, is divided out, and the shot noise
 //! V sum w^2 / (sum w)^2 subtracted.
 
+use super::deposit::deposit_again;
 use super::transform::{Modes, transform, transform_bytes};
 use super::{Assignment, Domain, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::Result;
@@ -74,13 +75,13 @@ pub(super) fn modes_of(
     progress: &dyn Progress,
 ) -> Result<Modes> {
     let scheme = if subject.particles().is_some() { o.assignment } else { Assignment::Ngp };
-    let first = transform(&deposit(subject, grid, scheme, 0.0, progress)?, most, progress)?;
+    let field = deposit(subject, grid, scheme, 0.0, progress)?;
+    let mut modes = transform(&field, most, progress)?;
     let second = if o.interlaced {
-        Some(transform(&deposit(subject, grid, scheme, 0.5, progress)?, most, progress)?)
+        Some(transform(&deposit_again(subject, field, scheme, 0.5, progress)?, most, progress)?)
     } else {
         None
     };
-    let mut modes = first;
     let (columns, depth) = modes.plane();
     let n = grid.cells.map(|n| n as f64);
     let window: [Vec<f64>; 3] = each_axis(|k| {
