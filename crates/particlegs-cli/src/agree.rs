@@ -213,7 +213,8 @@ fn score_differs(a: &PictureScore, b: &PictureScore) -> bool {
         (a, b) => a.is_some() != b.is_some(),
     };
     // Not a number is never within.
-    apart || !((a.ssim - b.ssim).abs() <= SIMILARITY)
+    let alike = (a.ssim - b.ssim).abs() <= SIMILARITY;
+    apart || !alike
 }
 
 /// Decibels of the mean and of the worst view, then SSIM.

@@ -263,7 +263,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     }
     match &c.measures.subset {
         Some(s) => line(format!(
-            "subset: {} particles at random, in {} bytes as the model's, drawn with a radius of sqrt(N / kept)",
+            "subset: {} of the particles, at random, coded in {} bytes; drawn with radii times sqrt(N / kept)",
             s.kept, s.bytes
         )),
         None => line("random subset of the same bytes: not measured".into()),

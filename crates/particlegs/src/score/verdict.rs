@@ -13,6 +13,11 @@ use serde::Serialize;
 pub const PICTURES_HOLD: f64 = 6.0;
 /// And roughly from here on: seven tenths of its error.
 pub const PICTURES_ROUGHLY: f64 = 3.0;
+/// Pictures at a large radius hold here: a quarter of the error. Theirs are mostly bright, where trivial pictures err by
+/// a third of white: with half of that the filaments are wrong to the eye.
+pub const LARGE_HOLDS: f64 = 12.0;
+/// And roughly from here on.
+pub const LARGE_ROUGHLY: f64 = 6.0;
 /// The density holds from this correlation on, with at most [`DENSITY_ERROR_HOLDS`] of the error of the
 /// better trivial density.
 pub const DENSITY_HOLDS: f64 = 0.99;
@@ -105,11 +110,7 @@ impl Finding {
         let unit = metadata.length_unit.as_deref();
         let density = c.measures.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
         let groups = c.measures.groups.as_ref().map_or_else(|| groups(c.science.as_ref()), matched_groups);
-        let seen = [
-            pictures(c),
-            at_setting(c, Use::LargeRadius, |s| !s.close && s.radius > 1.0),
-            at_setting(c, Use::CloseUp, |s| s.close),
-        ];
+        let seen = [pictures(c), at_large_radius(c), close_up(c)];
         let rest = [density, spectrum(c, metadata), groups, spacing(c.measures.spacing.as_ref(), unit)];
         seen.into_iter().chain(rest).collect()
     }
@@ -166,11 +167,28 @@ fn pictures(c: &Certificate) -> Finding {
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
         return finding(Word::NotMeasured, "nothing is lit at the default radius and opacity".into());
     };
-    finding(worst.word(beaten), worst.in_words("worst orbit"))
+    finding(worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.in_words("worst orbit"))
+}
+
+/// At the largest radius and the default opacity.
+fn at_large_radius(c: &Certificate) -> Finding {
+    let limits = [LARGE_HOLDS, LARGE_ROUGHLY];
+    at_setting(c, Use::LargeRadius, |s| !s.close && s.radius > 1.0, limits, |s| format!("{} default radii", s.radius))
+}
+
+/// From within, at the default radius and opacity.
+fn close_up(c: &Certificate) -> Finding {
+    at_setting(c, Use::CloseUp, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from within".into())
 }
 
 /// The worst view of the first setting of a kind, which is at the default opacity.
-fn at_setting(c: &Certificate, of: Use, kind: impl Fn(&PicturesAt) -> bool) -> Finding {
+fn at_setting(
+    c: &Certificate,
+    of: Use,
+    kind: impl Fn(&PicturesAt) -> bool,
+    limits: [f64; 2],
+    name: impl Fn(&PicturesAt) -> String,
+) -> Finding {
     let finding = |word, why| Finding { of, word, why };
     let Some(at) = c.measures.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
         return finding(Word::NotMeasured, "not asked for (--certificate full), or an early file".into());
@@ -179,7 +197,7 @@ fn at_setting(c: &Certificate, of: Use, kind: impl Fn(&PicturesAt) -> bool) -> F
     let Some(gain) = Gain::of(model, [all_black, uniform_box], subset) else {
         return finding(Word::NotMeasured, "nothing is lit, or all is white".into());
     };
-    finding(gain.word(gain.subset_is_better), gain.in_words(&format!("worst view, {} default radii", at.radius)))
+    finding(gain.word(gain.subset_is_better, limits), gain.in_words(&format!("worst view, {}", name(at))))
 }
 
 /// How far a picture is above the better of the trivial ones.
@@ -217,11 +235,12 @@ impl Gain {
         })
     }
 
-    fn word(&self, beaten: bool) -> Word {
+    /// From which decibels on it holds, and roughly.
+    fn word(&self, beaten: bool, [hold, roughly]: [f64; 2]) -> Word {
         if !self.more_similar {
             return Word::DoesNot;
         }
-        graded(self.decibels >= PICTURES_HOLD && !beaten, self.decibels >= PICTURES_ROUGHLY)
+        graded(self.decibels >= hold && !beaten, self.decibels >= roughly)
     }
 
     fn in_words(&self, of: &str) -> String {
