@@ -150,6 +150,8 @@ def certificate(content):
 def measures(content):
     """Values by tag; those that are not there as None."""
     forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3, 8: "<Q6d", 9: "<I", 10: "<B3d"}
+    look = "B" + "Hh" * 10
+    pictures = {5: "<HH" + ("ffB" + look * 2) * 7, 6: "<QQ" + "Hh" * 9}
     at, last, found = 0, 0, {}
     while at < len(content):
         tag, length = struct.unpack_from("<BH", content, at)
@@ -173,7 +175,44 @@ def measures(content):
             numbers = struct.unpack(f"<{length // 4}f", value)
             check(all(math.isfinite(v) and (v >= 0 or v in ((-2,), (-1,))[i % 2]) for i, v in enumerate(numbers)), "P(k) by mass")
             found[tag] = [None if v == -2 else v for v in numbers]
+        elif tag in pictures:
+            check(length == struct.calcsize(pictures[tag]), "length of pictures")
+            numbers = struct.unpack(pictures[tag], value)
+            found[tag] = settings(numbers) if tag == 5 else subset(numbers)
     return found
+
+
+def score(psnr, ssim):
+    check(ssim != -32768, "SSIM")
+    return [None if psnr == 65535 else psnr / 200, ssim / 32767]
+
+
+def score_or_none(psnr, ssim):
+    if ssim == -32768:
+        check(psnr == 65535, "a picture that was not drawn")
+        return [None, None]
+    return score(psnr, ssim)
+
+
+def settings(numbers):
+    """Pictures at radii and opacities: the size, then setting by setting."""
+    found = list(numbers[:2])
+    for at in range(2, len(numbers), 45):
+        radius, opacity, close, *looks = numbers[at : at + 45]
+        check(0 < radius < math.inf and 0 < opacity <= 1 and close in (0, 1), "a setting")
+        found += [radius, opacity, close]
+        for worst, *scores in (looks[:21], looks[21:]):
+            check(worst <= 2, "a worst view")
+            found.append(worst)
+            for k in range(0, 20, 2):
+                found += (score_or_none if k % 10 == 8 else score)(*scores[k : k + 2])
+    return found
+
+
+def subset(numbers):
+    kept, size, *scores = numbers
+    check(kept >= 1, "a subset")
+    return [kept, size] + [v for k in range(0, 18, 2) for v in score_or_none(*scores[k : k + 2])]
 
 
 def statistics(content):

@@ -1,8 +1,8 @@
 //! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
 
 use particlegs::model::{
-    BANDS, Certificate, GROUP_CLASSES, GoalKind, Limit, LookBaselines, LookScore, MassPower, Measures, PowerAgreement,
-    Reached,
+    BANDS, Certificate, GROUP_CLASSES, GoalKind, Limit, LookBaselines, LookPictures, LookScore, MassPower, Measures,
+    PictureScore, Pictures, PowerAgreement, Reached, Subset,
 };
 use serde::Serialize;
 
@@ -150,6 +150,12 @@ impl Figures {
                 self.real(&format!("transfer function to {:.3} k_max", share), deviation, DENSITY, "0.001");
             }
         }
+        if let (Some(a), Some(b)) = (&a.subset, &b.subset) {
+            self.subset(a, b);
+        }
+        if let (Some(a), Some(b)) = (&a.pictures, &b.pictures) {
+            self.pictures(a, b);
+        }
         for ((from, a), b) in GROUP_CLASSES.iter().zip(a.groups.iter().flatten()).zip(b.groups.iter().flatten()) {
             let shares = [("number", a.number, b.number), ("completeness", a.completeness, b.completeness)];
             let more = [("purity", a.purity, b.purity), ("mass", a.mass, b.mass)];
@@ -181,6 +187,58 @@ impl Figures {
         }
     }
 
+    fn subset(&mut self, a: &Subset, b: &Subset) {
+        self.same("subset's particles", [a.kept, b.kept]);
+        self.same("subset's bytes", [a.bytes, b.bytes]);
+        for (orbit, (a, b)) in ["far", "mid", "near"].iter().zip(a.orbits.iter().zip(&b.orbits)) {
+            for (look, (a, b)) in ["paraview", "paraview-no-fxaa", "expected"].iter().zip(a.iter().zip(b)) {
+                // A quick certificate has fewer.
+                let (Some(a), Some(b)) = (a, b) else { continue };
+                self.decibels(&format!("{orbit} {look} subset"), [a.masked_psnr, b.masked_psnr]);
+                self.real(&format!("{orbit} {look} subset SSIM"), [a.ssim, b.ssim], SIMILARITY, "0.002");
+            }
+        }
+    }
+
+    fn same<T: ToString + PartialEq>(&mut self, name: &str, pair: [T; 2]) {
+        let differs = pair[0] != pair[1];
+        self.push(name, pair.map(|v| v.to_string()), "same", differs);
+    }
+
+    /// Mean and worst view's decibels and SSIM of a picture as one figure.
+    fn pictures(&mut self, a: &Pictures, b: &Pictures) {
+        self.same("size of pictures at settings", [a, b].map(|p| format!("{} x {}", p.width, p.height)));
+        for (a, b) in a.settings.iter().zip(&b.settings) {
+            let close = if b.close { " close" } else { "" };
+            let setting = format!("radius {}, opacity {:.4}{close}", b.radius, b.opacity);
+            let at = |p: &particlegs::model::PicturesAt| format!("{} {:.4} {}", p.radius, p.opacity, p.close);
+            self.same(&format!("{setting}: setting"), [at(a), at(b)]);
+            self.look_pictures(&format!("{setting}, paraview"), &a.paraview, &b.paraview);
+            self.look_pictures(&format!("{setting}, expected"), &a.expected, &b.expected);
+        }
+    }
+
+    fn look_pictures(&mut self, name: &str, a: &LookPictures, b: &LookPictures) {
+        self.same(&format!("{name}: worst view"), [a.worst_view, b.worst_view]);
+        let of = |l: &LookPictures| {
+            let rest = [
+                ("model", l.mean.model, l.worst.model),
+                ("noise-free", l.mean.noise_free, l.worst.noise_free),
+                ("all black", l.mean.all_black, l.worst.all_black),
+                ("uniform box", l.mean.uniform_box, l.worst.uniform_box),
+            ];
+            let rest = rest.map(|(what, mean, worst)| (what, Some([mean, worst])));
+            rest.into_iter().chain([("subset", l.mean.subset.zip(l.worst.subset).map(|(m, w)| [m, w]))])
+        };
+        for ((what, a), (_, b)) in of(a).zip(of(b)) {
+            let differs = match (a, b) {
+                (Some(a), Some(b)) => a.iter().zip(&b).any(|(a, b)| score_differs(a, b)),
+                (a, b) => a.is_some() != b.is_some(),
+            };
+            self.push(&format!("{name}: {what}"), [a, b].map(pair_in_words), "0.05, 0.002", differs);
+        }
+    }
+
     fn limit(&mut self, name: &str, a: Limit, b: Limit) {
         let within = match (a, b) {
             (Limit::At(a), Limit::At(b)) => (a - b).abs() <= SHARE * b,
@@ -193,6 +251,23 @@ impl Figures {
         };
         self.push(name, [a, b].map(words), "0.1 %", !within);
     }
+}
+
+fn score_differs(a: &PictureScore, b: &PictureScore) -> bool {
+    let apart = match (a.masked_psnr, b.masked_psnr) {
+        (Some(a), Some(b)) => (a - b).abs() > DECIBELS,
+        (a, b) => a.is_some() != b.is_some(),
+    };
+    // Not a number is never within.
+    let alike = (a.ssim - b.ssim).abs() <= SIMILARITY;
+    apart || !alike
+}
+
+/// Decibels of the mean and of the worst view, then SSIM.
+fn pair_in_words(pair: Option<[PictureScore; 2]>) -> String {
+    let Some([mean, worst]) = pair else { return "none".into() };
+    let [a, b] = [mean, worst].map(|s| s.masked_psnr.map_or_else(|| "-".into(), |v| format!("{v:.2}")));
+    format!("{a} {b} {:.3} {:.3}", mean.ssim, worst.ssim)
 }
 
 /// What no model's certificate can say, a line each: such a file was altered, or written by something
@@ -218,6 +293,12 @@ pub fn contradictions(c: &Certificate) -> Vec<String> {
                     "{name}: {v:.2} dB, where pictures of this size reach {most:.2} dB unless identical"
                 ));
             }
+        }
+    }
+    if let Some(p) = &c.measures.pictures {
+        let looks = p.settings.iter().flat_map(|s| [s.expected.mean, s.expected.worst]);
+        if looks.clone().any(|s| s.noise_free.masked_psnr.is_some() || s.noise_free.ssim < 1.0) {
+            found.push("at another radius or opacity: a noise-free picture that is not itself".into());
         }
     }
     if let Some(s) = &c.science {

@@ -8,8 +8,9 @@ use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
-    AlphaBlend, BANDS, Certificate, Effort, GROUP_CLASSES, LawKind, Layer, Limit, LookBaselines, LookScore, MassPower,
-    Measures, Metadata, PowerAgreement, Reached, VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
+    AlphaBlend, BANDS, Certificate, Effort, GROUP_CLASSES, LawKind, Layer, Limit, LookBaselines, LookPictures,
+    LookScore, MassPower, Measures, Metadata, PictureScore, PictureScores, Pictures, PowerAgreement, Reached,
+    VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
 };
 use particlegs::progress::Progress;
 use particlegs::score::{Finding, Use, Word};
@@ -259,6 +260,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
         out += &(wrapped("  ", &goal_in_words(goal, unit), 6) + "\n");
     }
     out += &pictures(c);
+    out += &c.measures.pictures.as_ref().map_or_else(String::new, settings);
     let mut line = |text: String| out += &(wrapped("  ", &text, 6) + "\n");
     line(format!("density on a grid of {} cells: correlation {:.5} (uniform 0)", c.grid, c.density_correlation));
     let uniform = c.baselines.map_or_else(|| "not measured".into(), |b| format!("{:.4}", b.uniform_density_mae));
@@ -266,6 +268,16 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     match &c.science {
         Some(science) => science.in_words(unit).into_iter().for_each(&mut line),
         None => line("power spectrum, cross-correlation, groups: not measured".into()),
+    }
+    match &c.measures.subset {
+        Some(s) => line(format!(
+            "subset: {} of the particles, at random, coded in {} bytes; drawn with radii times sqrt(N / kept)",
+            s.kept, s.bytes
+        )),
+        None => line("random subset of the same bytes: not measured".into()),
+    }
+    if c.measures.pictures.is_none() {
+        line("pictures at other radii and opacities, and from close up: not measured (--certificate full)".into());
     }
     measures(&c.measures, unit).into_iter().for_each(line);
     out
@@ -385,33 +397,97 @@ pub fn told(c: Option<&Certificate>, metadata: &Metadata, progress: &dyn Progres
     (text.trim_end().to_string(), v)
 }
 
-/// The scores of pictures, the model's beside the noise-free and the trivial ones.
+/// Widths of the columns of a table of pictures.
+const COLUMNS: [usize; 5] = [6, 6, 6, 7, 6];
+
+/// A row of columns.
+fn columns(values: [String; 5]) -> String {
+    let cells: Vec<String> = values.into_iter().zip(COLUMNS).map(|(v, width)| format!("{v:>width$}")).collect();
+    cells.join(" ")
+}
+
+/// The two lines of a table's head: what is compared.
+fn heads() -> [String; 2] {
+    let words = |w: [&str; 5]| columns(w.map(String::from));
+    [words(["", "noise-", "", "", ""]), words(["model", "free", "black", "uniform", "subset"])]
+}
+
+fn decibels(v: Option<f64>) -> String {
+    v.map_or_else(|| "-".to_string(), |v| format!("{v:.2}"))
+}
+
+/// The scores of pictures, the model's beside the noise-free, the trivial ones and the subset's.
 fn pictures(c: &Certificate) -> String {
-    let heads = ["model", "noise-free", "black", "uniform"];
-    let columns = |v: [String; 4]| format!("{:>7} {:>11} {:>7} {:>8}", v[0], v[1], v[2], v[3]);
-    let mut out = format!("{:26}{:>36} {:>36}\n", "", "masked PSNR in dB: ", "SSIM: ");
-    let names = columns(heads.map(String::from));
+    let [above, names] = heads();
+    let mut out = format!("{:26}{:>35}  {:>35}\n", "", "masked PSNR in dB: ", "SSIM: ");
+    let _ = writeln!(out, "{:26}{above}  {above}", "");
     let _ = writeln!(out, "  {:<6} {:<17}{names}  {names}", "orbit", "look");
     for (k, name) in ["far", "mid", "near"].iter().enumerate() {
-        for (look, score, baselines) in looks(c, k) {
+        for (l, (look, score, baselines)) in looks(c, k).into_iter().enumerate() {
             if c.measures.blocks.is_some() && look != "expected" {
                 let _ = writeln!(out, "  {name:<6} {look:<17}not measured (by blocks)");
                 continue;
             }
-            let (black, even) = (baselines.map(|b| b.all_black), baselines.map(|b| b.uniform_box));
-            let decibels = |v: Option<f64>| v.map_or_else(|| "-".to_string(), |v| format!("{v:.2}"));
-            let psnr = [
-                score.masked_psnr,
-                score.noise_free_masked_psnr,
-                black.and_then(|s| s.masked_psnr),
-                even.and_then(|s| s.masked_psnr),
-            ];
-            let ssim = [Some(score.ssim), Some(score.noise_free_ssim), black.map(|s| s.ssim), even.map(|s| s.ssim)];
-            let ssim = ssim.map(|v| v.map_or_else(|| "-".to_string(), |v| format!("{v:.4}")));
-            let _ = writeln!(out, "  {name:<6} {look:<17}{}  {}", columns(psnr.map(decibels)), columns(ssim));
+            let subset = c.measures.subset.and_then(|s| s.orbits[k][l]);
+            let model = PictureScore { masked_psnr: score.masked_psnr, ssim: score.ssim };
+            let best = PictureScore { masked_psnr: score.noise_free_masked_psnr, ssim: score.noise_free_ssim };
+            let all =
+                [Some(model), Some(best), baselines.map(|b| b.all_black), baselines.map(|b| b.uniform_box), subset];
+            let psnr = columns(all.map(|s| decibels(s.and_then(|s| s.masked_psnr))));
+            let ssim = columns(all.map(|s| s.map_or_else(|| "-".to_string(), |s| format!("{:.4}", s.ssim))));
+            let _ = writeln!(out, "  {name:<6} {look:<17}{psnr}  {ssim}");
         }
     }
     out
+}
+
+/// The scores at other radii and opacities, and from close up.
+fn settings(p: &Pictures) -> String {
+    let [above, names] = heads();
+    let mut out = format!(
+        "pictures of {} x {}, three views each (radius in default radii; close: from within)\n{:23}{:>35}  {:>21} {:>13}\n",
+        p.width, p.height, "", "masked PSNR in dB, mean: ", "of the worst view: ", "model's SSIM:"
+    );
+    let _ = writeln!(out, "{:23}{above}", "");
+    let _ = writeln!(
+        out,
+        "  {:>6} {:<7}{:<7}{names}  {:<7} {:>6} {:>6} {:>6} {:>6}",
+        "radius", "opacity", " look", "view", "model", "subset", "mean", "worst"
+    );
+    for s in &p.settings {
+        for (look, scores) in [("parav.", &s.paraview), ("expec.", &s.expected)] {
+            let radius = if s.close { "close".to_string() } else { format!("{}", s.radius) };
+            let of = |s: &PictureScores| {
+                let subset = s.subset.and_then(|s| s.masked_psnr);
+                [
+                    s.model.masked_psnr,
+                    s.noise_free.masked_psnr,
+                    s.all_black.masked_psnr,
+                    s.uniform_box.masked_psnr,
+                    subset,
+                ]
+            };
+            let (mean, worst) = (of(&scores.mean), of(&scores.worst));
+            let _ = writeln!(
+                out,
+                "  {radius:>6} {:<7.4} {look:<6}{}  {:<7} {:>6} {:>6} {:>6.3} {:>6.3}",
+                s.opacity,
+                columns(mean.map(decibels)),
+                view_name(scores, s.close),
+                decibels(worst[0]),
+                decibels(worst[4]),
+                scores.mean.model.ssim,
+                scores.worst.model.ssim
+            );
+        }
+    }
+    out
+}
+
+/// The worst view's name.
+fn view_name(scores: &LookPictures, close: bool) -> &'static str {
+    let names = if close { ["first", "second", "third"] } else { ["far", "mid", "near"] };
+    names[usize::from(scores.worst_view).min(2)]
 }
 
 /// The looks of an orbit: name, scores, and those of the trivial pictures where they were measured.

@@ -3,8 +3,8 @@
 
 use particlegs::codec;
 use particlegs::model::{
-    Block, CellDensity, Certificate, Effort, GoalKind, GroupClass, LawKind, Limit, Measures, Model, PowerAgreement,
-    Reached, Science, ScienceOf,
+    Block, CellDensity, Certificate, Effort, GoalKind, GroupClass, LawKind, Limit, LookPictures, Measures, Model,
+    PictureScore, PictureScores, PicturesAt, PowerAgreement, Reached, Science, ScienceOf,
 };
 use std::io::{BufWriter, Write};
 
@@ -70,6 +70,14 @@ fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
         };
         line(4, g.iter().flat_map(own).collect())?;
     }
+    if let Some(p) = &m.pictures {
+        let size = [p.width, p.height].map(|v| Some(f64::from(v)));
+        line(5, size.into_iter().chain(p.settings.iter().flat_map(setting)).collect())?;
+    }
+    if let Some(s) = &m.subset {
+        let scores = s.orbits.iter().flatten().flat_map(|s| score(*s));
+        line(6, [s.kept, s.bytes].map(|v| Some(v as f64)).into_iter().chain(scores).collect())?;
+    }
     if let Some(p) = &m.mass_power {
         let limit = |l: Limit| match l {
             Limit::NotMeasured => -1.0,
@@ -92,6 +100,22 @@ fn measures(m: &Measures, out: &mut dyn Write) -> std::io::Result<()> {
         line(10, [kind, goal.asked, goal.at, *reached].map(Some).to_vec())?;
     }
     Ok(())
+}
+
+fn setting(p: &PicturesAt) -> Vec<Option<f64>> {
+    let look = |l: &LookPictures| {
+        let of = |s: PictureScores| {
+            [Some(s.model), Some(s.noise_free), Some(s.all_black), Some(s.uniform_box), s.subset].map(score)
+        };
+        let scores = [l.mean, l.worst].into_iter().flat_map(of).flatten();
+        [Some(f64::from(l.worst_view))].into_iter().chain(scores).collect::<Vec<_>>()
+    };
+    let head = [Some(p.radius), Some(p.opacity), Some(f64::from(u8::from(p.close)))];
+    head.into_iter().chain(look(&p.paraview)).chain(look(&p.expected)).collect()
+}
+
+fn score(s: Option<PictureScore>) -> [Option<f64>; 2] {
+    [s.and_then(|s| s.masked_psnr), s.map(|s| s.ssim)]
 }
 
 fn statistics(s: &Science, out: &mut dyn Write) -> std::io::Result<()> {

@@ -203,7 +203,7 @@ fn certificates_add_up_over_blocks() {
 
     let model = codec::decode(&bytes, "the file").unwrap();
     let added = model.certificate.unwrap();
-    let whole = |level| certify(&model, &sample(), 3, level, None, &Silent).unwrap();
+    let whole = |level| certify(&model, 5000, &sample(), 3, level, &Silent).unwrap();
     let (one, quick) = (whole(CertificateLevel::Blocks), whole(CertificateLevel::Quick));
     assert_eq!((added.measures.blocks, one.measures.blocks), (Some(3), Some(1)));
     for other in [one, quick] {

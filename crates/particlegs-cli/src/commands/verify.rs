@@ -90,7 +90,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let of_several = source::is_of_several(&bytes, &model, &place)?;
     let measured_again = match a.snapshot.is_empty() {
         true => None,
-        false => Some(measure(&a, &model, of_several, &context)?),
+        false => Some(measure(&a, &model, &bytes, &context)?),
     };
     let stored = model.certificate;
     let both = stored.zip(measured_again);
@@ -126,9 +126,14 @@ pub fn run(a: Arguments) -> Result<()> {
 
 /// Writes the model's file anew, the same blocks with another certificate.
 fn store(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certificate>) -> Result<()> {
+    output::write_bytes(path, &with_certificate(path, bytes, model, certificate)?)
+}
+
+/// The same blocks with another certificate, or none.
+fn with_certificate(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certificate>) -> Result<Vec<u8>> {
     let layers = codec::coded_layers(bytes, &name_of(path))?;
     let network = model.vizmapper().map(|v| &**v);
-    output::write_bytes(path, &codec::assemble_with(&model.metadata, network, certificate, layers)?)
+    codec::assemble_with(&model.metadata, network, certificate, layers)
 }
 
 impl Report {
@@ -235,7 +240,9 @@ fn sums(model: &Model) -> (u64, f64) {
 }
 
 /// The certificate of the same views, measured now. An error where the snapshot is not the source.
-fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) -> Result<Certificate> {
+fn measure(a: &Arguments, model: &Model, bytes: &[u8], context: &Context) -> Result<Certificate> {
+    let of_several = source::is_of_several(bytes, model, &name_of(&a.model))?;
+    let without_certificate = with_certificate(&a.model, bytes, model, None)?.len() as u64;
     let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     let particles: Particles = a.opening.open_selected(&a.snapshot, subset, context)?;
     source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
@@ -248,11 +255,11 @@ fn measure(a: &Arguments, model: &Model, of_several: bool, context: &Context) ->
         (false, true) => CertificateLevel::Blocks,
         (false, false) => CertificateLevel::Quick,
     };
-    compress::certify(model, &particles, seed, level, None, context)
+    compress::certify(model, without_certificate, &particles, seed, level, context)
 }
 
 /// Is there a figure in it that a quick certificate does not have? Early files have numbers of groups.
 fn holds_all(c: &Certificate) -> bool {
     let numbers = c.science.is_some_and(|s| s.groups_within_10_percent_from != Limit::NotMeasured);
-    numbers || c.measures.held_out.is_some() || c.measures.groups.is_some()
+    numbers || c.measures.held_out.is_some() || c.measures.groups.is_some() || c.measures.pictures.is_some()
 }

@@ -1,6 +1,7 @@
 //! `render`, `reference`, `info` and `verify` as a user runs them.
 
 use crate::common::{fails, listing, particlegs, sample};
+use particlegs::codec;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -263,8 +264,20 @@ fn certificates_are_completed() {
     let bits = full["held_out"]["bits"].as_f64().unwrap();
     assert!(bits > 2.0 && bits < full["held_out"]["kernel_bits"].as_f64().unwrap(), "{full}");
     assert_eq!(full["groups"].as_array().map(Vec::len), Some(3));
-    // Measured again, whole, it agrees.
+    let settings = full["pictures"]["settings"].as_array().unwrap();
+    assert!(settings.len() == 7 && settings[6]["close"] == true && quick["pictures"].is_null(), "{full}");
+    assert!(settings[4]["expected"]["worst"]["subset"]["masked_psnr"].is_number(), "{full}");
+    // Measured again, whole, it agrees; a baseline that was altered does not.
     verify(&[]);
+    let bytes = std::fs::read(&path).unwrap();
+    let model = codec::decode(&bytes, "m").unwrap();
+    let mut forged = model.certificate.unwrap();
+    forged.measures.pictures.as_mut().unwrap().settings[4].paraview.worst.uniform_box.ssim -= 0.1;
+    let layers = codec::coded_layers(&bytes, "m").unwrap();
+    let other = dir.path().join("forged.pgs");
+    std::fs::write(&other, codec::assemble(&model.metadata, Some(&forged), layers).unwrap()).unwrap();
+    let mut c = particlegs();
+    fails(c.arg("verify").arg(&other).arg(sample()).args(some), 9, "opacity 0.0500, paraview: uniform box");
     let lattice = dir.path().join("lattice");
     std::fs::create_dir(&lattice).unwrap();
     for (k, axis) in ["xx", "yy", "zz"].iter().enumerate() {

@@ -55,6 +55,12 @@ fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
     forged("f.pgs", &|c| c.orbits[1].paraview.masked_psnr = Some(45.0));
     let mut c = particlegs();
     fails(c.current_dir(&dir).args(["verify", "f.pgs", "in"]), 9, "mid paraview is stored as 45.00 dB");
+    forged("s.pgs", &|c| c.measures.subset.as_mut().unwrap().orbits[2][2].as_mut().unwrap().masked_psnr = Some(3.0));
+    let mut c = particlegs();
+    fails(c.current_dir(&dir).args(["verify", "s.pgs", "in"]), 9, "near expected subset is stored as 3.00 dB");
+    forged("k.pgs", &|c| c.measures.subset.as_mut().unwrap().kept += 1);
+    let mut c = particlegs();
+    fails(c.current_dir(&dir).args(["verify", "k.pgs", "in"]), 9, "subset's particles is stored as");
     forged("g.pgs", &|c| c.orbits[1].expected.noise_free_masked_psnr = Some(40.0));
     let mut c = particlegs();
     fails(c.current_dir(&dir).args(["verify", "g.pgs"]), 9, "contradicts itself");

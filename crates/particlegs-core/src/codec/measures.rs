@@ -1,10 +1,12 @@
 //! The section `meas`: figures that not every certificate has, as tagged fields (docs/format.md, section 3).
 
+use super::certificate::{decibels, from_decibels, from_similarity, similarity};
 use super::container::{MASS_POWER_SINCE, MEASURES_SINCE};
 use super::wire::Reader;
 use crate::model::{
-    BANDS, CellDensity, Goal, GoalKind, GroupClass, HeldOut, Limit, MassPower, Measures, POWER_LAYERS, PowerAgreement,
-    Reached, Sample, Spacing, Transfer,
+    BANDS, CellDensity, Goal, GoalKind, GroupClass, HeldOut, Limit, LookPictures, MassPower, Measures,
+    PICTURE_SETTINGS, POWER_LAYERS, PictureScore, PictureScores, Pictures, PicturesAt, PowerAgreement, Reached, Sample,
+    Spacing, Subset, Transfer,
 };
 use crate::space::Bounds;
 
@@ -13,6 +15,8 @@ const DENSITIES: u8 = 1;
 const SPACING: u8 = 2;
 const HELD_OUT: u8 = 3;
 const GROUPS: u8 = 4;
+const PICTURES: u8 = 5;
+const SUBSET: u8 = 6;
 const MASS_POWER: u8 = 7;
 const SAMPLE: u8 = 8;
 const BLOCKS: u8 = 9;
@@ -30,16 +34,22 @@ const BLOCKS_BYTES: usize = 4;
 const GOAL_BYTES: usize = 1 + 3 * 8;
 /// Kinds of goals, in the order of their numbers from 1 on.
 const GOALS: [GoalKind; 4] = [GoalKind::Psnr, GoalKind::PowerSpectrum, GoalKind::Correlation, GoalKind::Groups];
+const SCORE_BYTES: usize = 2 + 2;
+const LOOK_PICTURES_BYTES: usize = 1 + 2 * 5 * SCORE_BYTES;
+const PICTURES_BYTES: usize = 2 + 2 + PICTURE_SETTINGS * (4 + 4 + 1 + 2 * LOOK_PICTURES_BYTES);
+const SUBSET_BYTES: usize = 8 + 8 + 9 * SCORE_BYTES;
 /// Stands for a share, and a deviation from 1, that there is none of.
 const NONE: f32 = -2.0;
+/// The SSIM of a picture that was not drawn.
+const NOT_DRAWN: i16 = i16::MIN;
 /// Stand for wave numbers that were not measured, and for nowhere, as in `stat`.
 const NOT_MEASURED: f32 = -1.0;
 const NEVER: f32 = 0.0;
 
 /// Bytes of the section with what a quick certificate holds, and a full one, without a goal.
-pub(crate) const QUICK_BYTES: usize = 2 * FIELD_BYTES + DENSITIES_BYTES + SPACING_BYTES;
+pub(crate) const QUICK_BYTES: usize = 3 * FIELD_BYTES + DENSITIES_BYTES + SPACING_BYTES + SUBSET_BYTES;
 /// See [`QUICK_BYTES`].
-pub(crate) const FULL_BYTES: usize = QUICK_BYTES + 2 * FIELD_BYTES + HELD_OUT_BYTES + GROUPS_BYTES;
+pub(crate) const FULL_BYTES: usize = QUICK_BYTES + 3 * FIELD_BYTES + HELD_OUT_BYTES + GROUPS_BYTES + PICTURES_BYTES;
 
 /// Bytes of the section of a certificate that is added up of blocks.
 pub(crate) const ADDED_UP_BYTES: usize = 2 * FIELD_BYTES + DENSITIES_BYTES + BLOCKS_BYTES;
@@ -77,6 +87,14 @@ pub(crate) fn write(m: &Measures) -> Option<Vec<u8>> {
     }
     if let Some(g) = &m.groups {
         field(GROUPS, g.iter().flat_map(class_bytes).collect());
+    }
+    if let Some(p) = &m.pictures {
+        let size = [p.width, p.height].into_iter().flat_map(u16::to_le_bytes);
+        field(PICTURES, size.chain(p.settings.iter().flat_map(setting_bytes)).collect());
+    }
+    if let Some(s) = &m.subset {
+        let counts = [s.kept, s.bytes].into_iter().flat_map(u64::to_le_bytes);
+        field(SUBSET, counts.chain(s.orbits.iter().flatten().flat_map(|s| score_bytes(s.as_ref()))).collect());
     }
     if let Some(p) = &m.mass_power {
         field(MASS_POWER, std::iter::once(&p.whole).chain(p.layers.iter().flatten()).flat_map(power_bytes).collect());
@@ -135,6 +153,26 @@ fn power_bytes(p: &PowerAgreement) -> Vec<u8> {
     optional(p.largest_deviation).into_iter().chain(limit.to_le_bytes()).collect()
 }
 
+fn setting_bytes(p: &PicturesAt) -> Vec<u8> {
+    let looks = [&p.paraview, &p.expected].into_iter().flat_map(look_bytes);
+    short(p.radius).into_iter().chain(short(p.opacity)).chain([u8::from(p.close)]).chain(looks).collect()
+}
+
+fn look_bytes(l: &LookPictures) -> Vec<u8> {
+    let of = |s: &PictureScores| {
+        let [model, noise_free, black, even] = [s.model, s.noise_free, s.all_black, s.uniform_box].map(Some);
+        [model, noise_free, black, even, s.subset]
+    };
+    let scores = of(&l.mean).into_iter().chain(of(&l.worst));
+    [l.worst_view].into_iter().chain(scores.flat_map(|s| score_bytes(s.as_ref()))).collect()
+}
+
+fn score_bytes(s: Option<&PictureScore>) -> [u8; SCORE_BYTES] {
+    let psnr = decibels(s.and_then(|s| s.masked_psnr)).to_le_bytes();
+    let ssim = s.map_or(NOT_DRAWN, |s| similarity(s.ssim)).to_le_bytes();
+    [psnr[0], psnr[1], ssim[0], ssim[1]]
+}
+
 /// Reads the section. Fields of unknown tags are skipped.
 pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
     let mut r = Reader::new(bytes);
@@ -153,6 +191,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Measures, String> {
             SPACING => found.spacing = Some(spacing(&mut value)?),
             HELD_OUT => found.held_out = Some(held_out(&mut value)?),
             GROUPS => found.groups = Some([class(&mut value)?, class(&mut value)?, class(&mut value)?]),
+            PICTURES => found.pictures = Some(pictures(&mut value)?),
+            SUBSET => found.subset = Some(subset(&mut value)?),
             MASS_POWER => found.mass_power = Some(mass_power(&mut value, length)?),
             SAMPLE => found.sample = Some(sample(&mut value)?),
             BLOCKS => found.blocks = Some(value.u32()?),
@@ -269,9 +309,95 @@ fn power(r: &mut Reader<'_>) -> Result<PowerAgreement, String> {
     Ok(PowerAgreement { largest_deviation, within_1_percent_to })
 }
 
+fn pictures(r: &mut Reader<'_>) -> Result<Pictures, String> {
+    let (width, height) = (r.u16()?, r.u16()?);
+    let mut settings = Vec::with_capacity(PICTURE_SETTINGS);
+    for _ in 0..PICTURE_SETTINGS {
+        settings.push(setting(r)?);
+    }
+    let settings = settings.try_into().map_err(|_| "settings of another number")?;
+    Ok(Pictures { width, height, settings })
+}
+
+fn setting(r: &mut Reader<'_>) -> Result<PicturesAt, String> {
+    let radius = real(r, f64::from(f32::MIN_POSITIVE), "a radius")?;
+    let opacity = real(r, f64::from(f32::MIN_POSITIVE), "an opacity")?;
+    if opacity > 1.0 {
+        return Err(format!("an opacity of {opacity}"));
+    }
+    let close = match r.u8()? {
+        from @ 0..2 => from == 1,
+        other => return Err(format!("views from {other}")),
+    };
+    Ok(PicturesAt { radius, opacity, close, paraview: look(r)?, expected: look(r)? })
+}
+
+fn look(r: &mut Reader<'_>) -> Result<LookPictures, String> {
+    let worst_view = r.u8()?;
+    if worst_view > 2 {
+        return Err(format!("a worst view {worst_view}"));
+    }
+    Ok(LookPictures { worst_view, mean: scores(r)?, worst: scores(r)? })
+}
+
+fn scores(r: &mut Reader<'_>) -> Result<PictureScores, String> {
+    Ok(PictureScores {
+        model: score(r)?,
+        noise_free: score(r)?,
+        all_black: score(r)?,
+        uniform_box: score(r)?,
+        subset: score_or_none(r)?,
+    })
+}
+
+fn score(r: &mut Reader<'_>) -> Result<PictureScore, String> {
+    Ok(PictureScore { masked_psnr: from_decibels(r.u16()?), ssim: from_similarity(r.u16()?)? })
+}
+
+/// A score, or none of a picture that was not drawn.
+fn score_or_none(r: &mut Reader<'_>) -> Result<Option<PictureScore>, String> {
+    match (r.u16()?, r.u16()?) {
+        (psnr, ssim) if ssim as i16 != NOT_DRAWN => {
+            Ok(Some(PictureScore { masked_psnr: from_decibels(psnr), ssim: from_similarity(ssim)? }))
+        }
+        (psnr, _) if from_decibels(psnr).is_none() => Ok(None),
+        (psnr, _) => Err(format!("{psnr} steps of a decibel of a picture that was not drawn")),
+    }
+}
+
+fn subset(r: &mut Reader<'_>) -> Result<Subset, String> {
+    let (kept, bytes) = (r.u64()?, r.u64()?);
+    if kept == 0 {
+        return Err("a subset of no particles".into());
+    }
+    let mut orbits = [[None; 3]; 3];
+    for s in orbits.iter_mut().flatten() {
+        *s = score_or_none(r)?;
+    }
+    Ok(Subset { kept, bytes, orbits })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn score_of(psnr: f64) -> PictureScore {
+        PictureScore { masked_psnr: Some(psnr), ssim: -1.0 }
+    }
+
+    fn pictures_of(subset: Option<PictureScore>) -> Pictures {
+        let none = PictureScore { masked_psnr: None, ssim: 1.0 };
+        let scores = |model| PictureScores {
+            model: score_of(model),
+            noise_free: none,
+            all_black: score_of(4.0),
+            uniform_box: score_of(11.0),
+            subset,
+        };
+        let look = LookPictures { worst_view: 2, mean: scores(23.5), worst: scores(22.0) };
+        let at = |radius| PicturesAt { radius, opacity: 0.5, close: radius == 0.5, paraview: look, expected: look };
+        Pictures { width: 960, height: 540, settings: [0.5, 1.0, 6.0, 0.5, 1.0, 6.0, 1.0].map(at) }
+    }
 
     fn measures() -> Measures {
         let density = |edge| CellDensity {
@@ -304,6 +430,8 @@ mod tests {
                 transfer,
             }),
             groups: Some([class(Some(1.0)), class(None), class(Some(0.5))]),
+            pictures: Some(pictures_of(Some(score_of(24.5)))),
+            subset: Some(Subset { kept: 67_628, bytes: 83_832, orbits: [[None, None, Some(score_of(25.0))]; 3] }),
             goal: None,
             mass_power: None,
             sample: None,
@@ -335,10 +463,13 @@ mod tests {
         let bytes = write(&all).unwrap();
         assert_eq!(bytes.len(), FULL_BYTES);
         assert_eq!(read(&bytes).unwrap(), all);
-        let quick = Measures { held_out: None, groups: None, ..all };
+        let quick = Measures { held_out: None, groups: None, pictures: None, ..all };
         let bytes = write(&quick).unwrap();
         assert_eq!((bytes.len(), read(&bytes).unwrap()), (QUICK_BYTES, quick));
         assert_eq!(write(&Measures::default()), None);
+        // Pictures without the subset's.
+        let alone = Measures { pictures: Some(pictures_of(None)), ..Measures::default() };
+        assert_eq!(read(&write(&alone).unwrap()).unwrap(), alone);
         // A field that is yet to be thought of.
         let later = [&bytes[..], &[200, 2, 0, 7, 7]].concat();
         assert_eq!(read(&later).unwrap(), quick);
@@ -386,6 +517,18 @@ mod tests {
         let mut nan = bytes.clone();
         nan[3..11].copy_from_slice(&f64::NAN.to_le_bytes());
         assert!(read(&nan).is_err());
+        let alone = write(&Measures { pictures: Some(pictures_of(None)), ..Measures::default() }).unwrap();
+        // Radius, opacity, where from, the worst view, a score beside a picture that was not drawn.
+        let last = alone.len() - 4;
+        for (at, byte) in [(10, 0xff), (14, 0x7f), (15, 2), (16, 3), (last, 0)] {
+            let mut forged = alone.clone();
+            forged[at] = byte;
+            assert!(read(&forged).is_err(), "{at}");
+        }
+        let subset = Measures { subset: measures().subset, ..Measures::default() };
+        let mut none_kept = write(&subset).unwrap();
+        none_kept[3..11].fill(0);
+        assert!(read(&none_kept).is_err());
         let mut longer = bytes;
         longer[1] += 1;
         assert!(read(&longer).is_err());

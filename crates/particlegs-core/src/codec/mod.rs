@@ -19,6 +19,7 @@ mod measures;
 mod merge;
 mod metadata;
 mod place;
+mod points;
 mod precision;
 mod predict;
 mod rans;
@@ -42,5 +43,6 @@ pub use file::{
 };
 pub use info::{BlockInfo, FileInfo, read_info};
 pub use merge::{Merge, blocks_hash, sums};
+pub use points::CodedPoints;
 pub use precision::Precision;
 pub use sums::whole_counts;

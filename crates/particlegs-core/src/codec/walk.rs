@@ -77,7 +77,7 @@ impl Script for Nothing {
 pub(crate) struct OutOfRange;
 
 /// The slowest adaptation of models, 1 / 2^SLOWEST of the way a symbol, and in the first coding.
-const SLOWEST: u32 = 9;
+pub(super) const SLOWEST: u32 = 9;
 const SLOWEST_FIRST: u32 = 7;
 /// Classes of the step factor that shape models of the first coding distinguish.
 const STEP_CLASSES: usize = 12;
@@ -88,9 +88,13 @@ const SPREADS: [f64; 12] = [0.1875, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 
 /// Shape numbers that the block's mean spread counts as, beside those of the Gaussian itself.
 const MEAN_WEIGHT: f64 = 5.0;
 
+/// The slowest adaptation of a block's models.
+fn slowest(h: &BlockHeader) -> u32 {
+    if h.spreads.is_some() { SLOWEST } else { SLOWEST_FIRST }
+}
+
 struct Models {
-    /// By count (2 to 15, then powers of two) and share.
-    split: Vec<[Model<16>; 3]>,
+    splits: Splits,
     t: Vec<Residual<32>>,
     m: Vec<Residual<32>>,
     w: Residual<32>,
@@ -99,7 +103,30 @@ struct Models {
 
 impl Models {
     fn new(h: &BlockHeader) -> Self {
-        let slowest = if h.spreads.is_some() { SLOWEST } else { SLOWEST_FIRST };
+        let slowest = slowest(h);
+        let splits = Splits::new(slowest);
+        let geometric = |n: usize| vec![Residual::geometric(slowest); n];
+        let w = Residual::geometric(slowest);
+        match h.spreads {
+            None => {
+                let shape = vec![Residual::geometric(slowest); 2 * STEP_CLASSES * REACH_CLASSES];
+                Models { splits, t: geometric(3), m: geometric(3), w, shape }
+            }
+            Some([t, m, _]) => {
+                let bell = |spread: f32| vec![Residual::bell(f64::from(spread), slowest)];
+                let shape = |class| Residual::bell(SPREADS[class / 2], slowest);
+                Models { splits, t: bell(t), m: bell(m), w, shape: (0..2 * SPREADS.len()).map(shape).collect() }
+            }
+        }
+    }
+}
+
+/// Models of how nodes fall apart: by count (2 to 15, then powers of two) and share.
+pub(super) struct Splits(Vec<[Model<16>; 3]>);
+
+impl Splits {
+    /// They settle at 1 / 2^slowest of the way a symbol.
+    pub(super) fn new(slowest: u32) -> Splits {
         let split = |n: u32| {
             // Both ends of a split are likelier than the middle.
             let top = if n < 16 { n as usize } else { 15 };
@@ -114,35 +141,22 @@ impl Models {
             });
             [0, 1, 2].map(|_| Model::from_weights(weights, slowest))
         };
-        let split = (2..16).chain([16, 32, 64, 128, 256]).map(split).collect();
-        let geometric = |n: usize| vec![Residual::geometric(slowest); n];
-        let w = Residual::geometric(slowest);
-        match h.spreads {
-            None => {
-                let shape = vec![Residual::geometric(slowest); 2 * STEP_CLASSES * REACH_CLASSES];
-                Models { split, t: geometric(3), m: geometric(3), w, shape }
-            }
-            Some([t, m, _]) => {
-                let bell = |spread: f32| vec![Residual::bell(f64::from(spread), slowest)];
-                let shape = |class| Residual::bell(SPREADS[class / 2], slowest);
-                Models { split, t: bell(t), m: bell(m), w, shape: (0..2 * SPREADS.len()).map(shape).collect() }
-            }
-        }
+        Splits((2..16).chain([16, 32, 64, 128, 256]).map(split).collect())
     }
 
     /// The number of the lower half's Gaussians.
     #[inline(always)]
-    fn split(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> Result<u32, OutOfRange> {
+    pub(super) fn code(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> Result<u32, OutOfRange> {
         let n = node.count;
         c.part(Part::Tree);
         if n < 16 {
-            let low = self.split[n as usize - 2][node.share as usize].code(c, low.min(n) as usize) as u32;
+            let low = self.0[n as usize - 2][node.share as usize].code(c, low.min(n) as usize) as u32;
             return if low <= n { Ok(low) } else { Err(OutOfRange) };
         }
         let class = 14 + (n.ilog2() - 4).min(4) as usize;
         let n1 = u64::from(n) + 1;
         let sixteenth = (u64::from(low.min(n)) * 16 / n1) as usize;
-        let sixteenth = self.split[class][node.share as usize].code(c, sixteenth) as u64;
+        let sixteenth = self.0[class][node.share as usize].code(c, sixteenth) as u64;
         let first = (sixteenth * n1).div_ceil(16);
         let size = ((sixteenth + 1) * n1).div_ceil(16) - first;
         Ok(first as u32 + long_uniform(c, size, u64::from(low).saturating_sub(first)) as u32)
@@ -151,7 +165,7 @@ impl Models {
 
 /// A value in `0 .. n`, `n` up to 2^60: the upper part as one uniform of at most 2^10, the rest plain.
 #[inline(always)]
-fn long_uniform(c: &mut impl Coder, n: u64, value: u64) -> u64 {
+pub(super) fn long_uniform(c: &mut impl Coder, n: u64, value: u64) -> u64 {
     let low = (64 - n.leading_zeros()).saturating_sub(10);
     let high = c.uniform(((n - 1) >> low) as u32 + 1, (value >> low) as u32);
     ((u64::from(high) << low) | c.long_bits(low, value & ((1 << low) - 1))).min(n - 1)
@@ -163,10 +177,10 @@ pub(crate) fn trunk(
     header: &BlockHeader,
     script: &mut impl Script,
 ) -> Result<Vec<Vec<Node>>, OutOfRange> {
-    let mut models = Models::new(header);
+    let mut splits = Splits::new(slowest(header));
     segments(header.gaussians, header.bounds.extent(), |node, _, _| {
         let low = script.split();
-        models.split(c, node, low)
+        splits.code(c, node, low)
     })
 }
 
@@ -207,7 +221,7 @@ fn kernel(
             }
             Some(axis) => {
                 let low = script.split();
-                let low = models.split(c, &node, low)?;
+                let low = models.splits.code(c, &node, low)?;
                 let [a, b] = node.halves(axis, low);
                 if b.count > 0 {
                     stack.push(b);

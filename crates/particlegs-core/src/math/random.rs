@@ -34,6 +34,8 @@ pub enum Purpose {
     HeldOutLook = u32::from_be_bytes(*b"hora"),
     /// Turns of the orbits of a certificate's views.
     CertificateTurn = u32::from_be_bytes(*b"cetu"),
+    /// Particles of the subset that a certificate compares with.
+    CertificateSubset = u32::from_be_bytes(*b"cesu"),
     /// The order of a training run's cameras.
     TrainingShuffle = u32::from_be_bytes(*b"trsh"),
     /// Radii and opacities of a training run's pictures.

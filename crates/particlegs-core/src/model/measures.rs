@@ -1,6 +1,6 @@
 //! What else a certificate may hold, each where it was measured.
 
-use super::{Limit, Reached};
+use super::{Limit, PictureScore, Reached};
 use crate::space::Bounds;
 
 /// Sizes of cells that densities are compared in.
@@ -14,6 +14,13 @@ pub const POWER_LAYERS: usize = 8;
 /// Particles up to which a snapshot's distances and groups are those of all; of larger ones those of a region ([`Sample`]).
 pub const SAMPLED_ABOVE: u64 = 3 << 20;
 
+/// Radii that pictures are measured at, in default radii: half of it, itself, and the reference pictures' large one.
+pub const PICTURE_RADII: [f64; 3] = [0.5, 1.0, 6.0];
+/// Opacities that pictures are measured at, in default opacities; 1 at most.
+pub const PICTURE_OPACITIES: [f64; 2] = [1.0, 10.0];
+/// Every radius at every opacity, and views from close up.
+pub const PICTURE_SETTINGS: usize = PICTURE_RADII.len() * PICTURE_OPACITIES.len() + 1;
+
 /// Figures beside a certificate's first; since version 1.5 of files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Measures {
@@ -25,6 +32,10 @@ pub struct Measures {
     pub held_out: Option<HeldOut>,
     /// Groups matched by position, by class of size.
     pub groups: Option<[GroupClass; GROUP_CLASSES.len()]>,
+    /// Pictures at other radii and opacities, and from close up; since version 1.6.
+    pub pictures: Option<Pictures>,
+    /// The particles' own best rival to the model; since version 1.6.
+    pub subset: Option<Subset>,
     /// P(k) of mass, where particles' masses are known and differ or there are several layers; since version 1.6.
     pub mass_power: Option<MassPower>,
     /// What distances, groups and halves are of where the snapshot is too large for all; since version 1.6.
@@ -63,6 +74,71 @@ pub struct PowerAgreement {
     pub largest_deviation: Option<f64>,
     /// It is within 1 % in every such shell up to this wave number.
     pub within_1_percent_to: Limit,
+}
+
+/// Pictures at several radii and opacities.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Pictures {
+    /// Their size.
+    pub width: u16,
+    /// Their size.
+    pub height: u16,
+    /// Radius by radius, opacity by opacity, from the three orbits; then from close up.
+    pub settings: [PicturesAt; PICTURE_SETTINGS],
+}
+
+/// Pictures at one radius and opacity, of three views.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PicturesAt {
+    /// Particle radius, in default radii.
+    pub radius: f64,
+    /// Opacity.
+    pub opacity: f64,
+    /// Where the views are from: the orbits, or within the particles.
+    pub close: bool,
+    /// Against `paraview`.
+    pub paraview: LookPictures,
+    /// Against `expected`.
+    pub expected: LookPictures,
+}
+
+/// The scores of three views in one look.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct LookPictures {
+    /// Which view has the lowest masked PSNR of the model: far, mid, near, or number 0, 1, 2 of those from close up.
+    pub worst_view: u8,
+    /// Means of the views' decibels and SSIM; views without a value are left out.
+    pub mean: PictureScores,
+    /// The worst view's.
+    pub worst: PictureScores,
+}
+
+/// A model's picture and those that it is compared with.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PictureScores {
+    /// The model's.
+    pub model: PictureScore,
+    /// All particles', without sampling noise.
+    pub noise_free: PictureScore,
+    /// An empty one.
+    pub all_black: PictureScore,
+    /// As many particles spread evenly over the box.
+    pub uniform_box: PictureScore,
+    /// The subset of [`Subset`]; `None` where there is none.
+    pub subset: Option<PictureScore>,
+}
+
+/// Particles chosen at random, coded to the bytes of the model's file and drawn larger: what the same bytes show
+/// without any model.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Subset {
+    /// Particles kept.
+    pub kept: u64,
+    /// Bytes that their places take.
+    pub bytes: u64,
+    /// Scores at the certificate's views, far, mid, near; each in `paraview`, `paraview-no-fxaa`, `expected`. A quick
+    /// certificate has the last alone.
+    pub orbits: [[Option<PictureScore>; 3]; 3],
 }
 
 /// A model's density against its particles' in cells of one size, and a uniform density's error.

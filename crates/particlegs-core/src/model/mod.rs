@@ -20,8 +20,9 @@ pub use goal::{Goal, GoalKind, Reached};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
 pub use measures::{
-    BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, MassPower, Measures, POWER_LAYERS,
-    PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Transfer,
+    BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, LookPictures, MassPower, Measures,
+    PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScores, Pictures, PicturesAt,
+    PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Subset, Transfer,
 };
 pub use metadata::{Effort, Metadata, hex};
 pub use mixture::{Block, Mixture, Model};

@@ -58,13 +58,38 @@ impl ColumnSums {
     }
 
     /// Sum of the similarity over one row of windows.
-    fn similarity(&self) -> f64 {
-        let mut sum = 0.0;
-        for x in 0..self.a.len() + 1 - WINDOW {
-            let of = |column: &[i32]| column[x..x + WINDOW].iter().sum::<i32>();
-            sum += window_similarity(of(&self.a), of(&self.b), of(&self.squares), of(&self.products));
+    fn similarity(&self, row: &mut Row) -> f64 {
+        let columns = [&self.a, &self.b, &self.squares, &self.products];
+        columns.into_iter().zip(&mut row.sums).for_each(|(column, sums)| window_sums(column, sums));
+        let [a, b, squares, products] = &row.sums;
+        // Many at a time, then added in their order.
+        let sums = a.iter().zip(b).zip(squares.iter().zip(products));
+        for (out, ((&a, &b), (&squares, &products))) in row.similarity.iter_mut().zip(sums) {
+            *out = window_similarity(a, b, squares, products);
         }
-        sum
+        row.similarity.iter().sum()
+    }
+}
+
+/// One row of windows.
+struct Row {
+    /// Sums over each window, of what [`ColumnSums`] has.
+    sums: [Vec<i32>; 4],
+    similarity: Vec<f64>,
+}
+
+impl Row {
+    fn new(windows: usize) -> Self {
+        Row { sums: [0; 4].map(|_| vec![0; windows]), similarity: vec![0.0; windows] }
+    }
+}
+
+/// Sums over seven neighbours.
+fn window_sums(column: &[i32], out: &mut [i32]) {
+    let n = out.len();
+    let c: [&[i32]; WINDOW] = std::array::from_fn(|k| &column[k..k + n]);
+    for (x, out) in out.iter_mut().enumerate() {
+        *out = c.iter().map(|c| c[x]).sum();
     }
 }
 
@@ -83,14 +108,14 @@ fn window_similarity(a: i32, b: i32, squares: i32, products: i32) -> f64 {
 fn band(a: &Gray8, b: &Gray8, rows: std::ops::Range<usize>) -> Vec<f64> {
     let width = a.size.width;
     let row = |y: usize| y * width..(y + 1) * width;
-    let mut sums = ColumnSums::new(width);
+    let (mut sums, mut windows) = (ColumnSums::new(width), Row::new(width + 1 - WINDOW));
     for y in rows.start..rows.start + WINDOW - 1 {
         sums.row(&a.data[row(y)], &b.data[row(y)], 1);
     }
     rows.map(|y| {
         let last = y + WINDOW - 1;
         sums.row(&a.data[row(last)], &b.data[row(last)], 1);
-        let similarity = sums.similarity();
+        let similarity = sums.similarity(&mut windows);
         sums.row(&a.data[row(y)], &b.data[row(y)], -1);
         similarity
     })

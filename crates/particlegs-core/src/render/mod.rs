@@ -39,4 +39,4 @@ pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
 pub use scene::Scene;
 pub use scratch::Scratch;
 pub use surface::surface_density;
-pub use tone::tone;
+pub use tone::{Tones, tone};

@@ -1,10 +1,10 @@
 //! What is drawn: the Gaussians, borrowed, and the bounds that clip where a view does not say.
 
 use super::alpha::Blend;
-use super::tone::tone;
-use crate::camera::{Normalisation, View};
+use super::tone::Tones;
+use crate::camera::Normalisation;
 use crate::model::{AlphaBlend, LawKind, Mixture, Model};
-use crate::picture::{Gray8, Plane, Size};
+use crate::picture::{Gray8, Plane};
 use crate::space::Bounds;
 use crate::splat::Look;
 
@@ -50,8 +50,8 @@ impl<'a> Scene<'a> {
 
     /// Grey levels of its optical depth ([`super::optical_depth`]) in a look. A scene of the
     /// alpha-blend law has the one look that it was trained on, whichever is asked for.
-    pub fn tone(&self, tau: &Plane, look: Look, view: &View, size: Size) -> Gray8 {
-        tone(tau, self.look(look), view.opacity, view.radius_pixels(size))
+    pub fn tone(&self, tau: &Plane, look: Look, tones: &Tones) -> Gray8 {
+        tones.of(tau, self.look(look))
     }
 
     /// The look that it is drawn in where this one is asked for.

@@ -139,7 +139,8 @@ fn rounding_between_stages_does_not_show() {
         assert!(a.iter().any(|v| *v > 0.1), "trial {trial}: nothing is seen");
         assert!(decibels > 95.0, "trial {trial}: {decibels:.1} dB");
         for look in [Look::Expected, Look::Paraview, Look::ParaviewNoFxaa] {
-            let [a, b] = [&exact, &found].map(|p| scene.tone(p, look, &view, wide).data);
+            let tones = Tones::new(view.opacity, view.radius_pixels(wide));
+            let [a, b] = [&exact, &found].map(|p| scene.tone(p, look, &tones).data);
             assert!(a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= 1), "trial {trial}, {look:?}");
         }
     }

@@ -3,6 +3,7 @@
 use crate::parallel;
 use crate::picture::{Gray8, Plane, Rows};
 use crate::splat::{FxaaMean, Look, Response, fxaa_blur};
+use std::sync::OnceLock;
 
 /// Grey levels of a noise-free plane of optical depth (the opacity integral, A1 of
 /// docs/law/depth.md), of all particles or of a model.
@@ -11,23 +12,48 @@ use crate::splat::{FxaaMean, Look, Response, fxaa_blur};
 /// noisy ParaView's picture would be and so what its rounding and FXAA do to the mean.
 /// Results do not depend on the number of threads.
 pub fn tone(tau: &Plane, look: Look, opacity: f64, radius_px: f64) -> Gray8 {
-    let mut out = Gray8::black(tau.size);
-    tone_rows(tau.clone().rows(), look, opacity, radius_px, &mut out.data);
-    out
+    Tones::new(opacity, radius_px).of(tau, look)
 }
 
 /// [`tone`] of rows, which are overwritten, into `out`.
-pub(crate) fn tone_rows(mut tau: Rows<'_>, look: Look, opacity: f64, radius_px: f64, out: &mut [u8]) {
-    match look {
-        Look::Expected => per_pixel(&tau, out, |t| 255.0 * -libm::expm1f(-t)),
-        Look::ParaviewNoFxaa => {
-            let response = Response::new(opacity);
-            per_pixel(&tau, out, |t| response.level(t));
-        }
-        Look::Paraview => {
-            let (response, mean) = (Response::new(opacity), FxaaMean::new(opacity, radius_px));
-            tau.each(|_, row| row.iter_mut().for_each(|t| *t = response.level(*t) * mean.ratio(*t)));
-            blurred(&tau, fxaa_blur(opacity, radius_px), out);
+pub(crate) fn tone_rows(tau: Rows<'_>, look: Look, opacity: f64, radius_px: f64, out: &mut [u8]) {
+    Tones::new(opacity, radius_px).rows(tau, look, out);
+}
+
+/// The tone curves of one opacity and splat radius: the response takes milliseconds, and is made once, where a
+/// look first asks for it.
+pub struct Tones {
+    opacity: f64,
+    radius_px: f64,
+    response: OnceLock<Response>,
+}
+
+impl Tones {
+    /// The curves that [`tone`] has for these.
+    pub fn new(opacity: f64, radius_px: f64) -> Self {
+        Tones { opacity, radius_px, response: OnceLock::new() }
+    }
+
+    /// [`tone`] in a look.
+    pub fn of(&self, tau: &Plane, look: Look) -> Gray8 {
+        let mut out = Gray8::black(tau.size);
+        self.rows(tau.clone().rows(), look, &mut out.data);
+        out
+    }
+
+    fn rows(&self, mut tau: Rows<'_>, look: Look, out: &mut [u8]) {
+        let response = || self.response.get_or_init(|| Response::new(self.opacity));
+        match look {
+            Look::Expected => per_pixel(&tau, out, |t| 255.0 * -libm::expm1f(-t)),
+            Look::ParaviewNoFxaa => {
+                let response = response();
+                per_pixel(&tau, out, |t| response.level(t));
+            }
+            Look::Paraview => {
+                let (response, mean) = (response(), FxaaMean::new(self.opacity, self.radius_px));
+                tau.each(|_, row| row.iter_mut().for_each(|t| *t = response.level(*t) * mean.ratio(*t)));
+                blurred(&tau, fxaa_blur(self.opacity, self.radius_px), out);
+            }
         }
     }
 }

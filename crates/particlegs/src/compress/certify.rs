@@ -5,62 +5,42 @@ use super::halves::held_out;
 use crate::model::{Certificate, CertificateLevel, Goal, Measures, Model, Reached};
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::score::Gauge;
-use crate::{Error, Result, codec, score};
+use crate::score::{Gauge, Measure};
+use crate::{Error, Result, codec};
 
 /// The name of a file in the making, in errors.
 const PLACE: &str = "the file just coded";
 
-/// What a decoded model is measured on.
-#[derive(Clone, Copy)]
-pub(crate) struct Measure<'a> {
-    /// The particles that it was made of.
-    pub particles: &'a Particles,
-    /// Seed of the views.
-    pub seed: u64,
-    /// How much is measured.
-    pub level: CertificateLevel,
-    /// Memory to stay within, bytes.
-    pub memory: Option<u64>,
-    /// What was asked for, and what was measured of it on this model.
-    pub reached: Option<Reached>,
-}
-
-impl Measure<'_> {
-    fn certificate(&self, model: &Model, progress: &dyn Progress) -> Result<Certificate> {
-        // The model and what is drawn of it take the rest.
-        let memory = self.memory.map(|m| m / 5);
-        let mut certificate = certify(model, self.particles, self.seed, self.level, memory, progress)?;
-        certificate.measures.goal = self.reached;
-        Ok(certificate)
-    }
-}
-
 /// Measures `model` against the snapshot that it was made from, as files of that level are measured when they are
-/// made, and what they say was asked for; the same seed measures the same. The model is best the decoded one. `memory` is what the pictures of all
-/// particles may take; what is measured does not depend on it.
+/// made, and what they say was asked for; the same seed measures the same. The model is best the decoded one; `bytes` are
+/// those of its file without a certificate, which are given to a subset of the particles, too.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
 /// [`crate::Error::Cancelled`].
 pub fn certify(
     model: &Model,
+    bytes: u64,
     particles: &Particles,
     seed: u64,
     level: CertificateLevel,
-    memory: Option<u64>,
     progress: &dyn Progress,
 ) -> Result<Certificate> {
-    let certificate = score::certificate(model, particles, seed, level, memory, progress)?;
-    let held_out = match level {
-        CertificateLevel::Full => held_out(model, particles, seed, progress)?,
-        _ => None,
-    };
-    let goal = match model.certificate.and_then(|c| c.measures.goal) {
+    let reached = match model.certificate.and_then(|c| c.measures.goal) {
         Some(stored) => reached_again(stored.goal, model, particles, seed, progress)?,
         None => None,
     };
-    Ok(Certificate { measures: Measures { held_out, goal, ..certificate.measures }, ..certificate })
+    complete(&Measure { particles, seed, level, memory: None, reached }, model, bytes, progress)
+}
+
+/// What one model's particles say of it, and where all is asked for what halves of them do.
+fn complete(measure: &Measure<'_>, model: &Model, bytes: u64, progress: &dyn Progress) -> Result<Certificate> {
+    let certificate = measure.certificate(model, bytes, progress)?;
+    let held_out = match measure.level {
+        CertificateLevel::Full => held_out(model, measure.particles, measure.seed, progress)?,
+        _ => None,
+    };
+    Ok(Certificate { measures: Measures { held_out, ..certificate.measures }, ..certificate })
 }
 
 /// `None` for a goal that cannot be measured of these particles: no file of theirs was made for it.
@@ -92,7 +72,7 @@ impl Decoded {
     /// Decodes what `file` gives for a certificate, at first none; measures it, and puts it together again.
     ///
     /// # Errors
-    /// Those of `file`, [`codec::decode_with`] and [`score::certificate`].
+    /// Those of `file`, [`codec::decode_with`] and those of [`certify`].
     pub fn of(
         file: impl Fn(Option<&Certificate>) -> Result<Vec<u8>>,
         measure: Option<Measure<'_>>,
@@ -102,7 +82,10 @@ impl Decoded {
         let mut bytes = file(None)?;
         let mut model = clock.time("decode", || codec::decode_with(&bytes, PLACE, progress))?;
         if let Some(measure) = measure {
-            let certificate = clock.time("certificate", || measure.certificate(&model, progress))?;
+            // The model and what is drawn of it take the rest of the memory.
+            let measure = Measure { memory: measure.memory.map(|m| m / 5), ..measure };
+            let without = bytes.len() as u64;
+            let certificate = clock.time("certificate", || complete(&measure, &model, without, progress))?;
             bytes = file(Some(&certificate))?;
             // What is told is what the file holds, rounded as it is there.
             model.certificate = codec::read_info(&bytes, PLACE)?.certificate;

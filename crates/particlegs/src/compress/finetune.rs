@@ -1,6 +1,6 @@
 //! A merged alpha-blend model trained further on the whole snapshot (paper section III-D).
 
-use super::certify::{Decoded, Measure};
+use super::certify::Decoded;
 use super::clock::Clock;
 use super::run::Compressed;
 use super::size::{Coded, SizeMet};
@@ -11,6 +11,7 @@ use crate::particles::Particles;
 use crate::pieces::{Pieces, Under};
 use crate::progress::Progress;
 use crate::reference::Reference;
+use crate::score::Measure;
 use crate::train::{AlphaConfig, Config, Defaults, Initial, Limits, Trained, TrainedRun, Training};
 use crate::{Error, Remedy, Result};
 

@@ -24,8 +24,8 @@ mod size;
 mod target;
 
 pub(crate) use block::{BlockContext, BlockParticles, CodedBlock, OnStop};
+pub(crate) use certify::Decoded;
 pub use certify::certify;
-pub(crate) use certify::{Decoded, Measure};
 pub use checkpoint::Checkpoint;
 pub(crate) use executor::{Store, do_block};
 pub use finetune::{FineTuning, finetune};

@@ -1,7 +1,7 @@
 //! From particles to a measured file, in one process.
 
 use super::block::{BlockContext, CodedBlock, OnStop};
-use super::certify::{Decoded, Measure};
+use super::certify::Decoded;
 use super::clock::Clock;
 use super::divided::Divided;
 use super::executor::do_blocks;
@@ -14,7 +14,7 @@ use crate::model::{Model, Reached};
 use crate::particles::{Layered, Particles, Storage, check_particles};
 use crate::pieces::Pieces;
 use crate::progress::Progress;
-use crate::score::Gauge;
+use crate::score::{Gauge, Measure};
 use crate::space::Bounds;
 use crate::train::TrainedRun;
 use crate::{Error, Result};

@@ -2,10 +2,11 @@
 
 use super::manifest::Job;
 use crate::codec;
-use crate::compress::{CodedBlock, Decoded, Measure};
+use crate::compress::{CodedBlock, Decoded};
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
 use crate::progress::{Progress, Silent};
+use crate::score::Measure;
 use crate::{Error, Remedy, Result};
 
 impl Job {

@@ -26,8 +26,13 @@ fn to_float(byte: u32) -> f32 {
 
 /// Blends fragments given in particle order; `peels` is how many peels are made and `rest` whether
 /// what they leave is blended (VTK stops early once a whole peel writes no back layer anywhere).
+#[inline(always)]
 pub(super) fn blend(depth: &[f32], alpha: &[f32], peels: usize, rest: bool) -> Blended {
     let (mut front, mut back, mut wrote) = (0u32, 0u32, 0u8);
+    if let ([_], [a]) = (depth, alpha) {
+        // Alone it is the first peel's front.
+        return Blended { level: if peels > 0 && *a > 0.0 { to_byte(to_float(to_byte(*a))) as u8 } else { 0 }, wrote };
+    }
     let (mut low, mut high) = extremes(depth);
     for peel in 0..peels.min(PEELS) {
         let step = peel_once(depth, alpha, front, [low, high]);
@@ -37,13 +42,16 @@ pub(super) fn blend(depth: &[f32], alpha: &[f32], peels: usize, rest: bool) -> B
         }
         front = step.front;
         [low, high] = step.next;
+        if low > high {
+            // Nothing is left between: further peels find nothing, and there is no rest.
+            break;
+        }
     }
-    if rest {
+    if rest && low <= high {
         for (&z, &a) in depth.iter().zip(alpha) {
-            if z >= low && z <= high {
-                let q = to_byte(a);
-                back = (q + mul8(back, 255 - q)).min(255);
-            }
+            // A byte of 0 leaves what is there.
+            let q = to_byte(a) * u32::from((z >= low) & (z <= high));
+            back = q + mul8(back, 255 - q);
         }
     }
     let (f, b) = (to_float(front), to_float(back));

@@ -6,6 +6,8 @@ use crate::picture::Gray8;
 
 const RELATIVE_THRESHOLD: f32 = 0.125;
 const HARD_THRESHOLD: f32 = 0.045;
+/// A range of so many levels is below [`HARD_THRESHOLD`], 11.5 levels, however luminosities are rounded.
+const FLAT: u8 = 11;
 const BLEND_LIMIT: f32 = 0.75;
 const SUBPIXEL_THRESHOLD: f32 = 0.25;
 const SEARCH_STEPS: i32 = 12;
@@ -31,7 +33,10 @@ pub fn fxaa(picture: &Gray8) -> Gray8 {
     let mut data = vec![0u8; picture.data.len()];
     parallel::for_each_chunk(&mut data, width.max(1), |row, out| {
         for (x, level) in out.iter_mut().enumerate() {
-            *level = image.filtered(x as i32, row as i32);
+            *level = match image.flat(x, row) {
+                Some(own) => own,
+                None => image.filtered(x as i32, row as i32),
+            };
         }
     });
     Gray8 { size: picture.size, data }
@@ -59,6 +64,20 @@ impl Image<'_> {
         let (w, h) = (self.picture.size.width, self.picture.size.height);
         let (x, y) = (x.clamp(0, w as i32 - 1) as usize, y.clamp(0, h as i32 - 1) as usize);
         self.picture.data[y * w + x]
+    }
+
+    /// The level of a pixel that differs so little from its four neighbours that nothing is done: luminosities rise with
+    /// levels, and no range of [`FLAT`] levels reaches the threshold.
+    #[inline]
+    fn flat(&self, x: usize, y: usize) -> Option<u8> {
+        let (w, h, d) = (self.picture.size.width, self.picture.size.height, &self.picture.data);
+        if x == 0 || y == 0 || x + 1 >= w || y + 1 >= h {
+            return None;
+        }
+        let at = y * w + x;
+        let five = [d[at], d[at - 1], d[at + 1], d[at - w], d[at + w]];
+        let (least, most) = five.iter().fold((u8::MAX, 0), |(lo, hi), &v| (v.min(lo), v.max(hi)));
+        (most - least <= FLAT).then_some(d[at])
     }
 
     fn lum(&self, x: i32, y: i32) -> f32 {

@@ -66,6 +66,8 @@ struct Scratch {
     next: Vec<usize>,
     depth: Vec<f32>,
     alpha: Vec<f32>,
+    /// Of one splat in one row.
+    shapes: Vec<f32>,
 }
 
 /// A band of rows of the picture, and the splats that reach it.
@@ -236,18 +238,23 @@ impl Scene<'_> {
                 band.splats(),
                 first_row + row,
                 &scratch.first[row * width..=end * width],
-                GatherInto { next: &mut scratch.next, depth: &mut scratch.depth, alpha: &mut scratch.alpha },
+                GatherInto {
+                    next: &mut scratch.next,
+                    depth: &mut scratch.depth,
+                    alpha: &mut scratch.alpha,
+                    shapes: &mut scratch.shapes,
+                },
             )?;
-            for pixel in row * width..end * width {
-                if pixel.is_multiple_of(width) {
-                    self.progress.check()?;
-                }
-                let (a, b) = ((scratch.first[pixel] - base) as usize, (scratch.first[pixel + 1] - base) as usize);
-                if a < b {
-                    let blended = blend(&scratch.depth[a..b], &scratch.alpha[a..b], peels, rest);
-                    out[pixel] = blended.level;
-                    wrote |= blended.wrote;
-                }
+            for row in row..end {
+                self.progress.check()?;
+                let pixels = row * width..(row + 1) * width;
+                let fragments = Fragments {
+                    first: &scratch.first[pixels.start..=pixels.end],
+                    base,
+                    depth: &scratch.depth,
+                    alpha: &scratch.alpha,
+                };
+                wrote |= blend_row(&fragments, peels, rest, &mut out[pixels]);
             }
             row = end;
         }
@@ -265,7 +272,8 @@ impl Scene<'_> {
     ) -> Result<()> {
         let width = self.size.width;
         let rows = first.len() / width;
-        let GatherInto { next, depth, alpha } = into;
+        let GatherInto { next, depth, alpha, shapes } = into;
+        let simd = self.progress.simd();
         let total = (first[first.len() - 1] - first[0]) as usize;
         next.clear();
         next.extend(first.iter().map(|f| (f - first[0]) as usize));
@@ -283,15 +291,23 @@ impl Scene<'_> {
             if quad.rows[1] <= first_row as i32 || quad.rows[0] >= (first_row + rows) as i32 {
                 continue;
             }
-            let planes = quad.planes();
+            let mut put = |row: usize, column: usize, shape: f32| {
+                let at = &mut next[(row - first_row) * width + column];
+                depth[*at] = splat.depth;
+                alpha[*at] = self.opacity * shape;
+                *at += 1;
+            };
+            if quad.is_one_pixel() {
+                let [column, row] = [quad.columns[0], quad.rows[0]];
+                let triangle = quad.triangle(column, row);
+                put(row as usize, column as usize, quad.planes(triangle).gaussian(column, row));
+                continue;
+            }
+            let planes = [quad.planes(0), quad.planes(1)];
             for_rows(&quad, first_row, rows, |row, [from, to]| {
-                for column in from..to {
-                    let at = &mut next[(row - first_row) * width + column];
-                    let triangle = quad.triangle(column as i32, row as i32);
-                    depth[*at] = splat.depth;
-                    alpha[*at] = self.opacity * planes[triangle].gaussian(column as i32, row as i32);
-                    *at += 1;
-                }
+                shapes.resize(shapes.len().max(to - from), 0.0);
+                quad.alphas(simd, &planes, row as i32, [from as i32, to as i32], shapes);
+                (from..to).zip(&*shapes).for_each(|(column, shape)| put(row, column, *shape));
             });
         }
         Ok(())
@@ -302,6 +318,31 @@ struct GatherInto<'a> {
     next: &'a mut Vec<usize>,
     depth: &'a mut Vec<f32>,
     alpha: &'a mut Vec<f32>,
+    shapes: &'a mut Vec<f32>,
+}
+
+/// Those of a row's pixels.
+struct Fragments<'a> {
+    /// How many stand before each pixel.
+    first: &'a [u64],
+    /// And before the first that is gathered.
+    base: u64,
+    depth: &'a [f32],
+    alpha: &'a [f32],
+}
+
+/// Levels of a row, and which peels wrote a back layer there.
+fn blend_row(f: &Fragments<'_>, peels: usize, rest: bool, out: &mut [u8]) -> u8 {
+    let mut wrote = 0;
+    for (pixel, out) in out.iter_mut().enumerate() {
+        let [a, b] = [pixel, pixel + 1].map(|p| (f.first[p] - f.base) as usize);
+        if a < b {
+            let blended = blend(&f.depth[a..b], &f.alpha[a..b], peels, rest);
+            *out = blended.level;
+            wrote |= blended.wrote;
+        }
+    }
+    wrote
 }
 
 /// Calls `work` with every covered row of `first..first + rows` and its covered columns.

@@ -4,6 +4,7 @@
 use super::project::Splat;
 use crate::picture::Size;
 use crate::splat::CUT_SIGMA;
+use fearless_simd::{Level, Simd, dispatch};
 
 /// Vertices snap to 1/256 of a pixel.
 const SUBPIXEL: f32 = 256.0;
@@ -13,6 +14,24 @@ const SUBPIXEL: f32 = 256.0;
 #[inline(always)]
 pub(super) fn snap(window: f32) -> i32 {
     ((window - 0.5) * SUBPIXEL).round_ties_even() as i32
+}
+
+/// 1.5 * 2^23: what is added to it is rounded to a whole number, ties to even, without a call.
+const ROUNDER: f32 = 12_582_912.0;
+/// What it does that for.
+const ROUNDS: f32 = 4_194_304.0;
+
+/// [`snap`] where code is not compiled for instructions that round.
+#[inline(always)]
+fn snap_one(window: f32) -> i32 {
+    let x = (window - 0.5) * SUBPIXEL;
+    if x.abs() < ROUNDS { whole(x) } else { x.round_ties_even() as i32 }
+}
+
+/// The nearest whole number of a number below [`ROUNDS`].
+#[inline(always)]
+fn whole(x: f32) -> i32 {
+    (x + ROUNDER).to_bits() as i32 - ROUNDER.to_bits() as i32
 }
 
 /// First pixel whose centre is at or right of a snapped coordinate.
@@ -57,23 +76,49 @@ impl Quad {
     /// The quad of a splat, or `None` where it covers no pixel centre.
     #[inline]
     pub fn new(s: &Splat, size: Size) -> Option<Quad> {
+        if s.is_aligned() { Self::straight(s, size) } else { Self::turned(s, size) }
+    }
+
+    /// A splat whose u is along x and v along y: as [`Quad::turned`] finds it, with half the work.
+    #[inline]
+    fn straight(s: &Splat, size: Size) -> Option<Quad> {
+        let (sx, sy) = (0.5 * size.width as f32, 0.5 * size.height as f32);
+        let [a, _, _, d] = s.axes;
+        let x = [-CUT, CUT].map(|u| (s.x + a * u) * sx + sx);
+        let y = [-CUT, CUT].map(|v| (s.y + d * v) * sy + sy);
+        let ([left, right], [bottom, top]) = (x.map(snap_one), y.map(snap_one));
+        let columns = [first_pixel(left).max(0), first_pixel(right).min(size.width as i32)];
+        let rows = [first_pixel(bottom).max(0), first_pixel(top).min(size.height as i32)];
+        (columns[0] < columns[1] && rows[0] < rows[1]).then_some(Quad {
+            corner: [[left, bottom], [right, bottom], [left, top], [right, top]],
+            aligned: true,
+            columns,
+            rows,
+            window: [[x[0], y[0]], [x[1], y[0]], [x[0], y[1]], [x[1], y[1]]],
+        })
+    }
+
+    fn turned(s: &Splat, size: Size) -> Option<Quad> {
         let (sx, sy) = (0.5 * size.width as f32, 0.5 * size.height as f32);
         let [a, b, c, d] = s.axes;
         let window = OFFSETS.map(|[u, v]| [(s.x + (a * u + b * v)) * sx + sx, (s.y + (c * u + d * v)) * sy + sy]);
-        let corner = window.map(|[x, y]| [snap(x), snap(y)]);
+        let corner = window.map(|[x, y]| [snap_one(x), snap_one(y)]);
         let span = |k: usize, most: usize| {
             let lo = corner.iter().map(|p| p[k]).min().unwrap_or(0);
             let hi = corner.iter().map(|p| p[k]).max().unwrap_or(0);
             [first_pixel(lo).max(0), first_pixel(hi).min(most as i32)]
         };
-        let aligned = s.is_aligned();
         let (mut columns, mut rows) = (span(0, size.width), span(1, size.height));
-        if !aligned {
-            // Which of the box's pixels are in, the edges tell; the far side may be one of them.
-            columns[1] = (columns[1] + 1).min(size.width as i32);
-            rows[1] = (rows[1] + 1).min(size.height as i32);
-        }
-        (columns[0] < columns[1] && rows[0] < rows[1]).then_some(Quad { corner, aligned, columns, rows, window })
+        // Which of the box's pixels are in, the edges tell; the far side may be one of them.
+        columns[1] = (columns[1] + 1).min(size.width as i32);
+        rows[1] = (rows[1] + 1).min(size.height as i32);
+        (columns[0] < columns[1] && rows[0] < rows[1]).then_some(Quad { corner, aligned: false, columns, rows, window })
+    }
+
+    /// Does it cover one pixel alone, surely?
+    #[inline]
+    pub fn is_one_pixel(&self) -> bool {
+        self.aligned && self.columns[1] - self.columns[0] == 1 && self.rows[1] - self.rows[0] == 1
     }
 
     /// Covered columns of a row, half-open.
@@ -103,11 +148,32 @@ impl Quad {
         })
     }
 
-    /// The planes of the strip's two triangles, below and above the diagonal.
+    /// The planes of one of the strip's two triangles, below or above the diagonal.
     #[inline]
-    pub fn planes(&self) -> [Planes; 2] {
+    pub fn planes(&self, triangle: usize) -> Planes {
         // The order matters to float32: the first vertex is the one that planes start from.
-        [self.planes_of([1, 2, 0]), self.planes_of([1, 3, 2])]
+        self.planes_of(if triangle == 0 { [1, 2, 0] } else { [1, 3, 2] })
+    }
+
+    /// Alphas of covered columns of a row, from `columns[0]` on.
+    #[inline]
+    pub fn alphas(&self, level: Level, planes: &[Planes; 2], row: i32, columns: [i32; 2], out: &mut [f32]) {
+        let mut from = columns[0];
+        while from < columns[1] {
+            let triangle = self.triangle(from, row);
+            // Along a row the diagonal is crossed once.
+            let mut to = from + 1;
+            while to < columns[1] && self.triangle(to, row) == triangle {
+                to += 1;
+            }
+            let part = &mut out[(from - columns[0]) as usize..(to - columns[0]) as usize];
+            if part.len() < WIDE {
+                planes[triangle].gaussians(row, from, part);
+            } else {
+                dispatch!(level, simd => gaussians_kernel(simd, &planes[triangle], row, from, part));
+            }
+            from = to;
+        }
     }
 
     fn planes_of(&self, t: [usize; 3]) -> Planes {
@@ -143,9 +209,23 @@ fn cross(a: [i32; 2], b: [i32; 2], c: [i32; 2]) -> i64 {
     d(0, b) * d(1, c) - d(1, b) * d(0, c)
 }
 
+/// Pixels from which on the vector kernel pays.
+const WIDE: usize = 8;
+
+#[inline(always)]
+fn gaussians_kernel<S: Simd>(_simd: S, planes: &Planes, row: i32, from: i32, out: &mut [f32]) {
+    planes.gaussians(row, from, out);
+}
+
 impl Planes {
+    /// [`Planes::gaussian`] at pixels of a row.
+    #[inline(always)]
+    fn gaussians(&self, row: i32, from: i32, out: &mut [f32]) {
+        out.iter_mut().enumerate().for_each(|(i, a)| *a = self.gaussian(from + i as i32, row));
+    }
+
     /// `exp(-(u^2 + v^2)/2)` at a pixel.
-    #[inline]
+    #[inline(always)]
     pub fn gaussian(&self, column: i32, row: i32) -> f32 {
         let (x, y) = (column as f32, row as f32);
         let at = |p: &PlaneOf| fma(p.dy, y, fma(p.dx, x, p.at_origin));
@@ -165,10 +245,11 @@ fn fma(a: f32, b: f32, c: f32) -> f32 {
 fn exp2(x: f32) -> f32 {
     const C: [f32; 6] = [1.0, 0.693_153_1, 0.240_153_62, 0.055_826_318, 0.008_989_34, 0.001_877_576_7];
     let x = x.max(-126.99999);
-    let whole = x.floor();
-    let f = x - whole;
+    let near = (x + ROUNDER) - ROUNDER;
+    let floor = if near > x { near - 1.0 } else { near };
+    let f = x - floor;
     let f2 = f * f;
     let even = fma(f2, fma(f2, C[4], C[2]), C[0]);
     let odd = fma(f2, fma(f2, C[5], C[3]), C[1]);
-    fma(odd, f, even) * f32::from_bits(((whole as i32 + 127) as u32) << 23)
+    fma(odd, f, even) * f32::from_bits(((whole(floor) + 127) as u32) << 23)
 }

@@ -4,7 +4,7 @@ use crate::model::{CELL_SIZES, CellDensity, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::score::density::density_agreement;
-use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes};
+use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 
@@ -27,7 +27,7 @@ pub(super) fn cell_densities(
 ) -> Result<Option<[CellDensity; CELL_SIZES]>> {
     let Some(grid) = finest(domain, particles.len()) else { return Ok(None) };
     let [truth, other] = [Subject::Particles(particles), Subject::Model(model)];
-    progress.begin("density in cells", 0);
+    progress.begin("density in cells", deposit_steps(truth, &grid) + deposit_steps(other, &grid));
     let of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, progress);
     let pair = [of(truth)?, of(other)?];
     progress.end();

@@ -1,15 +1,17 @@
 //! The certificate: what a model's file says was measured after decoding it.
 
 use super::cells::cell_densities;
-use super::evaluate::evaluate_against;
+use super::evaluate::Comparison;
 use super::matched::Tally;
+use super::pictures::pictures;
 use super::science::{linking, mass_power, numbers_agree_from, science};
 use super::scope::Scope;
-use super::{Frame, Joined, LookScores, certificate_views, density_of};
+use super::subset::Thinned;
+use super::{Evaluation, Frame, Joined, LookScores, certificate_views, density_of};
 use crate::Result;
 use crate::model::{
     Baselines, Certificate, CertificateLevel, GROUP_CLASSES, GroupClass, Limit, LookBaselines, LookScore, Measures,
-    Model, OrbitBaselines, OrbitScore, PictureScore, SAMPLED_ABOVE, Science, Spacing,
+    Model, OrbitBaselines, OrbitScore, PictureScore, Pictures, Reached, SAMPLED_ABOVE, Science, Spacing, Subset,
 };
 use crate::particles::{Particles, check_box};
 use crate::picture::{Scores, Size};
@@ -27,88 +29,135 @@ const NEIGHBOURS: usize = 20_000;
 /// Draws that groups are matched in.
 const DRAWS: u64 = 8;
 
-/// Measures `model` against the snapshot that it was made from: one frame of each orbit at the
-/// model's default radius and opacity, and the density on a grid of 50 cells along the longest
-/// extent, over the periodic box where there is one; what an empty picture, a uniform box and a uniform
-/// density score there; then P(k), r(k) and groups (`science`), densities in cells and distances, and where all is asked
-/// for groups matched by position. `seed`
-/// turns the views and draws the particles; measuring again with the certificate's own repeats it.
-/// The model is best the decoded one. `memory` is what the pictures of all particles may take; what is
-/// measured does not depend on it.
-///
-/// # Errors
-/// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
-/// [`crate::Error::Cancelled`].
-pub fn certificate(
-    model: &Model,
-    particles: &Particles,
-    seed: u64,
-    level: CertificateLevel,
-    memory: Option<u64>,
-    progress: &dyn Progress,
-) -> Result<Certificate> {
-    let m = &model.metadata;
-    if level == CertificateLevel::Blocks {
-        return as_one_block(model, particles, seed, progress);
+/// What a decoded model is measured on.
+#[derive(Clone, Copy)]
+pub(crate) struct Measure<'a> {
+    /// The particles that it was made of.
+    pub particles: &'a Particles,
+    /// Seed of the views.
+    pub seed: u64,
+    /// How much is measured.
+    pub level: CertificateLevel,
+    /// What the pictures of all particles may take, bytes; what is measured does not depend on it.
+    pub memory: Option<u64>,
+    /// What was asked for, and what was measured of it on this model.
+    pub reached: Option<Reached>,
+}
+
+impl Measure<'_> {
+    /// Measures `model`, best the decoded one, whose file has `bytes` without a certificate: pictures (`pictures_of`), and the
+    /// density on a grid of 50 cells along the longest extent, over the periodic box where there is one; what an empty
+    /// picture, a uniform box and a uniform density score there; then P(k), r(k) and groups (`science`), densities in cells and
+    /// distances, and where all is asked for groups matched by position. The seed turns the views and draws the
+    /// particles; measuring again with the certificate's own repeats it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
+    /// [`crate::Error::Cancelled`].
+    pub fn certificate(&self, model: &Model, bytes: u64, progress: &dyn Progress) -> Result<Certificate> {
+        let &Measure { particles, seed, level, .. } = self;
+        let m = &model.metadata;
+        if level == CertificateLevel::Blocks {
+            let certificate = as_one_block(model, particles, seed, progress)?;
+            let measures = Measures { goal: self.reached, ..certificate.measures };
+            return Ok(Certificate { measures, ..certificate });
+        }
+        check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
+        let domain = Domain::of_particles(particles);
+        let (evaluation, subset, pictures) = self.pictures_of(model, bytes, &domain, progress)?;
+        let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
+        let scope = Scope::of(model, particles, seed, SAMPLED_ABOVE, progress)?;
+        let first = scope.as_ref().map(|s| s.draw(seed, progress)).transpose()?.flatten();
+        let scope = scope.as_ref().zip(first.as_ref());
+        let whole = scope.and_then(|(s, first)| s.sample.is_none().then_some(first));
+        let science = science(model, particles, whole, &domain, progress)?;
+        let groups = match scope {
+            Some((scope, first)) if level == CertificateLevel::Full => matched(scope, first, seed, progress)?,
+            _ => None,
+        };
+        let (numbers, groups) =
+            groups.map_or((Limit::NotMeasured, None), |(numbers, classes)| (numbers, Some(classes)));
+        let science = science.map(|s| Science { groups_within_10_percent_from: numbers, ..s });
+        let measures = Measures {
+            densities: cell_densities(model, particles, &domain, progress)?,
+            spacing: scope.map(|(scope, first)| spacing(scope, first, seed, progress)).transpose()?,
+            held_out: None,
+            groups,
+            pictures,
+            subset,
+            goal: self.reached,
+            blocks: None,
+            // Where wave numbers are none that a file holds, neither are these.
+            mass_power: match science {
+                Some(_) => mass_power(model, particles, &domain, progress)?,
+                None => None,
+            },
+            sample: scope.and_then(|s| s.0.sample),
+        };
+        let baselines = Baselines { orbits: baselines(&evaluation), uniform_density_mae: uniform.mean_absolute_error };
+        Ok(Certificate {
+            width: SIZE.width as u16,
+            height: SIZE.height as u16,
+            seed,
+            orbits: orbits(&evaluation),
+            grid: GRID,
+            density_correlation: density.correlation,
+            density_mae: density.mean_absolute_error,
+            science,
+            baselines: Some(baselines),
+            measures,
+        })
     }
-    check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
-    let views = certificate_views(m, SIZE, seed);
-    let truth = Reference::new(particles).within(memory.unwrap_or(u64::MAX));
-    let evaluation = evaluate_against(model, &truth, &views, SIZE, progress)?;
-    let orbits = each_axis(|k| {
+
+    /// One frame of each orbit at the model's default radius and opacity; the subset of the same bytes there; where all is asked
+    /// for, other radii and opacities.
+    fn pictures_of(
+        &self,
+        model: &Model,
+        bytes: u64,
+        domain: &Domain,
+        progress: &dyn Progress,
+    ) -> Result<(Evaluation, Option<Subset>, Option<Pictures>)> {
+        let m = &model.metadata;
+        let truth = Reference::new(self.particles).within(self.memory.unwrap_or(u64::MAX));
+        let spacing = domain.spacing(self.particles.len());
+        let thinned = Thinned::new(&truth, spacing, bytes, self.seed, progress)?;
+        let whole = self.level == CertificateLevel::Full;
+        let comparison = Comparison::new(model, &truth, thinned.as_ref().map(|t| (t, whole)));
+        let evaluation = comparison.evaluate(&certificate_views(m, SIZE, self.seed), SIZE, progress)?;
+        let orbits = each_axis(|k| {
+            let v = &evaluation.views[k];
+            [&v.paraview, &v.paraview_no_fxaa, &v.expected].map(|s| s.subset.as_ref().map(picture_score))
+        });
+        let subset = thinned.as_ref().map(|t| Subset { kept: t.kept, bytes: t.bytes, orbits });
+        let pictures = match self.level {
+            CertificateLevel::Full => Some(pictures(&comparison, m, self.seed, progress)?),
+            _ => None,
+        };
+        Ok((evaluation, subset, pictures))
+    }
+}
+
+/// Far, mid, near.
+fn orbits(evaluation: &Evaluation) -> [OrbitScore; 3] {
+    each_axis(|k| {
         let v = &evaluation.views[k];
         OrbitScore {
             paraview: look_score(&v.paraview),
             paraview_no_fxaa: look_score(&v.paraview_no_fxaa),
             expected: look_score(&v.expected),
         }
-    });
-    let baselines = each_axis(|k| {
+    })
+}
+
+fn baselines(evaluation: &Evaluation) -> [OrbitBaselines; 3] {
+    each_axis(|k| {
         let v = &evaluation.views[k];
         OrbitBaselines {
             paraview: look_baselines(&v.paraview),
             paraview_no_fxaa: look_baselines(&v.paraview_no_fxaa),
             expected: look_baselines(&v.expected),
         }
-    });
-    let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
-    let domain = Domain::of_particles(particles);
-    let scope = Scope::of(model, particles, seed, SAMPLED_ABOVE, progress)?;
-    let first = scope.as_ref().map(|s| s.draw(seed, progress)).transpose()?.flatten();
-    let scope = scope.as_ref().zip(first.as_ref());
-    let whole = scope.and_then(|(s, first)| s.sample.is_none().then_some(first));
-    let science = science(model, particles, whole, &domain, progress)?;
-    let groups = match scope {
-        Some((scope, first)) if level == CertificateLevel::Full => matched(scope, first, seed, progress)?,
-        _ => None,
-    };
-    let (numbers, groups) = groups.map_or((Limit::NotMeasured, None), |(numbers, classes)| (numbers, Some(classes)));
-    let science = science.map(|s| Science { groups_within_10_percent_from: numbers, ..s });
-    let measures = Measures {
-        densities: cell_densities(model, particles, &domain, progress)?,
-        spacing: scope.map(|(scope, first)| spacing(scope, first, seed, progress)).transpose()?,
-        held_out: None,
-        groups,
-        goal: None,
-        blocks: None,
-        // Where wave numbers are none that a file holds, neither are these.
-        mass_power: match science {
-            Some(_) => mass_power(model, particles, &domain, progress)?,
-            None => None,
-        },
-        sample: scope.and_then(|s| s.0.sample),
-    };
-    Ok(Certificate {
-        width: SIZE.width as u16,
-        height: SIZE.height as u16,
-        seed,
-        orbits,
-        grid: GRID,
-        density_correlation: density.correlation,
-        density_mae: density.mean_absolute_error,
-        science,
-        baselines: Some(Baselines { orbits: baselines, uniform_density_mae: uniform.mean_absolute_error }),
-        measures,
     })
 }
 
@@ -153,12 +202,15 @@ fn matched(
 }
 
 fn look_baselines(s: &LookScores) -> LookBaselines {
-    let score = |f: &Scores| PictureScore { masked_psnr: f.masked_psnr, ssim: f.ssim.unwrap_or(0.0) };
-    LookBaselines { all_black: score(&s.all_black), uniform_box: score(&s.uniform_box) }
+    LookBaselines { all_black: picture_score(&s.all_black), uniform_box: picture_score(&s.uniform_box) }
+}
+
+// The size of certificates is larger than the window of SSIM, so it always has a value.
+fn picture_score(s: &Scores) -> PictureScore {
+    PictureScore { masked_psnr: s.masked_psnr, ssim: s.ssim.unwrap_or(0.0) }
 }
 
 fn look_score(s: &LookScores) -> LookScore {
-    // The size of certificates is larger than the window of SSIM, so it always has a value.
     LookScore {
         masked_psnr: s.model.masked_psnr,
         ssim: s.model.ssim.unwrap_or(0.0),

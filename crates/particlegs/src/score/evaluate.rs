@@ -2,14 +2,15 @@
 
 use super::Truth;
 use super::scores::{Evaluation, LookScores, ViewScores, gap};
+use super::subset::{Seen, Thinned};
 use super::views::orbit_of;
 use crate::camera::{View, clipping_range};
 use crate::model::Model;
 use crate::particles::Particles;
-use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit};
+use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit, ssim};
 use crate::progress::{Level, Progress};
 use crate::reference::{Reference, uniform_box};
-use crate::render::{self, Scene, tone};
+use crate::render::{self, Scene};
 use crate::space::Bounds;
 use crate::splat::Look;
 use crate::stats::Domain;
@@ -30,34 +31,16 @@ pub fn evaluate(
     size: Size,
     progress: &dyn Progress,
 ) -> Result<Evaluation> {
-    evaluate_against(model, &Reference::new(particles), views, size, progress)
-}
-
-/// [`evaluate`] with the snapshot's own pictures drawn by `truth`.
-pub(super) fn evaluate_against(
-    model: &Model,
-    truth: &Reference<'_>,
-    views: &[View],
-    size: Size,
-    progress: &dyn Progress,
-) -> Result<Evaluation> {
-    if views.is_empty() {
-        return Err(Error::argument("no views to score in"));
-    }
-    views.iter().try_for_each(|v| v.check(size))?;
-    let comparison = Comparison { scene: Scene::of(model), truth, even: Even::of(truth) };
-    let mut scored = Vec::with_capacity(views.len());
-    for (number, view) in views.iter().enumerate() {
-        let progress = InView { name: format!("{} ({}/{})", view.name, number + 1, views.len()), inner: progress };
-        scored.push(comparison.score(&clipped(view, truth.bounds()), size, &progress)?);
-    }
-    Ok(Evaluation::of(scored))
+    let truth = Reference::new(particles);
+    Comparison::new(model, &truth, None).evaluate(views, size, progress)
 }
 
 /// Progress that says which view a phase belongs to.
-struct InView<'a> {
-    name: String,
-    inner: &'a dyn Progress,
+pub(super) struct InView<'a> {
+    /// Of the view.
+    pub name: String,
+    /// Whom to tell.
+    pub inner: &'a dyn Progress,
 }
 
 impl Progress for InView<'_> {
@@ -118,55 +101,106 @@ impl Even {
 }
 
 /// A model beside its snapshot.
-struct Comparison<'a> {
+pub(super) struct Comparison<'a> {
     /// The model, ready to be drawn.
     scene: Scene<'a>,
     /// Draws the snapshot.
     truth: &'a Reference<'a>,
     /// What the least of models would score.
     even: Even,
+    /// The particles' own rival, and whether it is drawn in all looks.
+    subset: Option<(&'a Thinned, bool)>,
 }
 
-impl Comparison<'_> {
-    /// Scores a view.
-    fn score(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<ViewScores> {
-        let truth = Truth::draw(self.truth, view, size, progress)?;
-        progress.begin("model and scores", 0);
-        let tau = render::optical_depth(&self.scene, view, size, progress)?;
-        let even = uniform_box(&self.even.bounds, self.even.count, view, size)?;
-        let drawn = |look| self.scene.tone(&tau, look, view, size);
-        let scored = |look, drawn: &Gray8| look_scores(&truth, look, view, drawn, &even);
-        let no_fxaa = drawn(Look::ParaviewNoFxaa);
-        let target = truth.picture(Look::ParaviewNoFxaa);
-        let scores = ViewScores {
+impl<'a> Comparison<'a> {
+    /// Of a model and the snapshot that `truth` draws; with a subset of its particles where that is to be scored, in
+    /// all looks or in `expected` alone.
+    pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a Thinned, bool)>) -> Self {
+        Comparison { scene: Scene::of(model), truth, even: Even::of(truth), subset }
+    }
+
+    /// Scores of all looks in `views`.
+    pub fn evaluate(&self, views: &[View], size: Size, progress: &dyn Progress) -> Result<Evaluation> {
+        if views.is_empty() {
+            return Err(Error::argument("no views to score in"));
+        }
+        views.iter().try_for_each(|v| v.check(size))?;
+        let mut scored = Vec::with_capacity(views.len());
+        for (number, view) in views.iter().enumerate() {
+            let progress = InView { name: format!("{} ({}/{})", view.name, number + 1, views.len()), inner: progress };
+            let drawn = self.draw(view, size, &progress)?;
+            progress.begin("scores", 0);
+            scored.push(self.scores(view, &drawn));
+            progress.end();
+        }
+        Ok(Evaluation::of(scored))
+    }
+
+    /// Draws a view of all that is compared.
+    pub fn draw(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Drawn> {
+        let view = clipped(view, self.truth.bounds());
+        let truth = Truth::draw(self.truth, &view, size, progress)?;
+        let subset = self.subset.map(|(s, whole)| s.draw(self.truth, &view, size, whole, progress)).transpose()?;
+        progress.begin("model", 0);
+        let tau = render::optical_depth(&self.scene, &view, size, progress)?;
+        let even = uniform_box(&self.even.bounds, self.even.count, &view, size)?;
+        progress.end();
+        Ok(Drawn { truth, tau, even, subset })
+    }
+
+    /// The scores of one look.
+    pub fn look(&self, drawn: &Drawn, look: Look) -> LookScores {
+        drawn.scores(look, &self.scene.tone(&drawn.tau, look, &drawn.truth.tones))
+    }
+
+    fn scores(&self, view: &View, drawn: &Drawn) -> ViewScores {
+        let no_fxaa = self.scene.tone(&drawn.tau, Look::ParaviewNoFxaa, &drawn.truth.tones);
+        let target = drawn.truth.picture(Look::ParaviewNoFxaa);
+        ViewScores {
             name: view.name.clone(),
             orbit: orbit_of(view),
             radius: view.radius,
             opacity: view.opacity,
-            paraview: scored(Look::Paraview, &drawn(Look::Paraview)),
+            paraview: self.look(drawn, Look::Paraview),
             paraview_no_fxaa: LookScores {
-                shot_noise: Some(shot_noise(&tau, view.opacity, &no_fxaa, target)),
-                ..scored(Look::ParaviewNoFxaa, &no_fxaa)
+                shot_noise: Some(shot_noise(&drawn.tau, view.opacity, &no_fxaa, target)),
+                ..drawn.scores(Look::ParaviewNoFxaa, &no_fxaa)
             },
-            expected: scored(Look::Expected, &drawn(Look::Expected)),
-        };
-        progress.end();
-        Ok(scores)
+            expected: self.look(drawn, Look::Expected),
+        }
     }
 }
 
-fn look_scores(truth: &Truth, look: Look, view: &View, drawn: &Gray8, even: &Plane) -> LookScores {
-    let target = truth.picture(look);
-    let of = |picture: &Gray8| Scores::of(picture, target);
-    let (model, noise_free) = (of(drawn), of(&truth.noise_free(look, view, target.size)));
-    LookScores {
-        model,
-        noise_free,
-        all_black: of(&Gray8::black(target.size)),
-        uniform_box: of(&tone(even, look, view.opacity, view.radius_pixels(target.size))),
-        gap: gap(noise_free, model),
-        left_out: None,
-        shot_noise: None,
+/// One view of all that is compared.
+pub(super) struct Drawn {
+    truth: Truth,
+    /// The model's.
+    tau: Plane,
+    /// The uniform box's.
+    even: Plane,
+    subset: Option<Seen>,
+}
+
+impl Drawn {
+    fn scores(&self, look: Look, model: &Gray8) -> LookScores {
+        let target = self.truth.picture(look);
+        let of = |picture: &Gray8| Scores::of(picture, target);
+        let noise_free = match look {
+            // The target itself.
+            Look::Expected => Scores { psnr: None, masked_psnr: None, ssim: ssim(target, target) },
+            _ => of(&self.truth.noise_free(look)),
+        };
+        let model = of(model);
+        LookScores {
+            model,
+            noise_free,
+            all_black: of(&Gray8::black(target.size)),
+            uniform_box: of(&self.truth.tones.of(&self.even, look)),
+            subset: self.subset.as_ref().and_then(|s| s.picture(look)).map(of),
+            gap: gap(noise_free, model),
+            left_out: None,
+            shot_noise: None,
+        }
     }
 }
 

@@ -15,9 +15,11 @@ mod held_out;
 mod joined;
 mod matched;
 mod mean;
+mod pictures;
 mod science;
 mod scope;
 mod scores;
+mod subset;
 mod sums;
 #[cfg(test)]
 mod testing;
@@ -27,7 +29,7 @@ mod truth;
 mod verdict;
 mod views;
 
-pub(crate) use certify::certificate;
+pub(crate) use certify::Measure;
 use density::density_of;
 pub use evaluate::evaluate;
 #[cfg(test)]

@@ -16,6 +16,9 @@ pub struct LookScores {
     pub all_black: Scores,
     /// The noise-free picture of as many particles spread evenly over the box (docs/law/depth.md).
     pub uniform_box: Scores,
+    /// The scaled random subset of the same bytes, where a certificate has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub subset: Option<Scores>,
     /// Noise-free minus model; `None` where either has no value.
     #[serde(serialize_with = "decibels_alone")]
     pub gap: Scores,
@@ -55,6 +58,7 @@ impl LookScores {
             noise_free: mean_of(|s| s.noise_free),
             all_black: mean_of(|s| s.all_black),
             uniform_box: mean_of(|s| s.uniform_box),
+            subset: all.clone().any(|s| s.subset.is_some()).then(|| mean_scores(all.clone().filter_map(|s| s.subset))),
             gap: mean_of(|s| s.gap),
             left_out: Some(all.clone().filter(|s| s.model.masked_psnr.is_none()).count()),
             shot_noise: all.clone().any(|s| s.shot_noise.is_some()).then(|| mean(all.filter_map(|s| s.shot_noise))),
@@ -145,6 +149,7 @@ mod tests {
             noise_free: floor(Some(40.0)),
             all_black: floor(Some(10.0)),
             uniform_box: floor(Some(12.0)),
+            subset: None,
             gap: gap(floor(Some(40.0)), model),
             left_out: None,
             shot_noise: None,

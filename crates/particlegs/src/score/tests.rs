@@ -103,7 +103,9 @@ fn certificates_repeat_and_know_the_density() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
     let steps = Steps::default();
-    let c = certificate(&fine, &particles, 42, CertificateLevel::Full, None, &steps).unwrap();
+    let measure =
+        Measure { particles: &particles, seed: 42, level: CertificateLevel::Full, memory: None, reached: None };
+    let c = measure.certificate(&fine, 20_000, &steps).unwrap();
     assert_eq!((c.width, c.height, c.grid), (1920, 1080, 50));
     assert!(
         c.orbits.iter().all(|o| o.expected.masked_psnr > Some(20.0) && o.expected.noise_free_masked_psnr.is_none())
@@ -119,6 +121,18 @@ fn certificates_repeat_and_know_the_density() {
         assert!(model.masked_psnr > trivial.uniform_box.masked_psnr, "{trivial:?}");
         assert!(trivial.uniform_box.masked_psnr > trivial.all_black.masked_psnr, "{trivial:?}");
         assert!(model.ssim > trivial.all_black.ssim.max(trivial.uniform_box.ssim));
+    }
+    // So does the model the random subset of its bytes; larger splats lose less, and close views more.
+    let subset = c.measures.subset.unwrap();
+    assert!(subset.bytes <= 20_000 && subset.bytes > 19_900 && subset.kept > 5000, "{subset:?}");
+    assert!(subset.orbits.iter().zip(&c.orbits).all(|(s, o)| s[2].unwrap().masked_psnr < o.expected.masked_psnr));
+    for (at, s) in c.measures.pictures.unwrap().settings.iter().enumerate() {
+        assert_eq!(s.close, at == 6);
+        for look in [s.paraview, s.expected] {
+            assert!(look.worst.model.masked_psnr <= look.mean.model.masked_psnr, "{s:?}");
+            assert!(look.mean.model.masked_psnr > look.mean.uniform_box.masked_psnr || s.radius > 1.0, "{s:?}");
+            assert!(look.mean.subset.is_some() && look.mean.noise_free.ssim > 0.7, "{s:?}");
+        }
     }
     assert!(uniform.correlation.abs() < 1e-9);
     assert_eq!(uniform.mean_absolute_error, baselines.uniform_density_mae);

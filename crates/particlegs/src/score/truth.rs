@@ -5,7 +5,7 @@ use crate::camera::View;
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
 use crate::reference::{Reference, fxaa};
-use crate::render::tone;
+use crate::render::Tones;
 use crate::splat::Look;
 
 /// One view of all particles: ParaView's pictures, and the noise-free optical depth.
@@ -14,6 +14,8 @@ pub(super) struct Truth {
     paraview_no_fxaa: Gray8,
     expected: Gray8,
     tau: Plane,
+    /// The curves of the view.
+    pub tones: Tones,
 }
 
 impl Truth {
@@ -21,11 +23,13 @@ impl Truth {
     pub fn draw(particles: &Reference, view: &View, size: Size, progress: &dyn Progress) -> Result<Self> {
         let paraview_no_fxaa = particles.draw(view, size, Look::ParaviewNoFxaa, progress)?;
         let tau = particles.optical_depth(view, size, progress)?;
+        let tones = Tones::new(view.opacity, view.radius_pixels(size));
         Ok(Truth {
             paraview: fxaa(&paraview_no_fxaa),
             paraview_no_fxaa,
-            expected: tone(&tau, Look::Expected, view.opacity, view.radius_pixels(size)),
+            expected: tones.of(&tau, Look::Expected),
             tau,
+            tones,
         })
     }
 
@@ -40,7 +44,7 @@ impl Truth {
 
     /// The noise-free picture of all particles in a look: what a model gets that knows every
     /// particle but not the sampling noise of one shot.
-    pub fn noise_free(&self, look: Look, view: &View, size: Size) -> Gray8 {
-        tone(&self.tau, look, view.opacity, view.radius_pixels(size))
+    pub fn noise_free(&self, look: Look) -> Gray8 {
+        self.tones.of(&self.tau, look)
     }
 }

@@ -2,16 +2,22 @@
 //! told. The thresholds and their reasons: docs/guide/certificate.md.
 
 use crate::model::{
-    CellDensity, Certificate, GROUP_CLASSES, GroupClass, Limit, LookBaselines, LookScore, Metadata, Science, Spacing,
-    per_length,
+    CellDensity, Certificate, GROUP_CLASSES, GroupClass, Limit, Metadata, PictureScore, PictureScores, PicturesAt,
+    Science, Spacing, per_length,
 };
 use serde::Serialize;
 
-/// Pictures hold where the worst orbit's masked PSNR against the noise-free picture is this far above the
-/// better trivial picture, dB: half of its error.
+/// Pictures hold where the worst view's masked PSNR against the noise-free picture is this far above the
+/// better trivial picture, dB: half of its error, three quarters of its variance. The random subset of the same bytes
+/// must score less: else the particles themselves show as much.
 pub const PICTURES_HOLD: f64 = 6.0;
 /// And roughly from here on: seven tenths of its error.
 pub const PICTURES_ROUGHLY: f64 = 3.0;
+/// Pictures at a large radius hold here: a quarter of the error. Theirs are mostly bright, where trivial pictures err by
+/// a third of white: with half of that the filaments are wrong to the eye.
+pub const LARGE_HOLDS: f64 = 12.0;
+/// And roughly from here on.
+pub const LARGE_ROUGHLY: f64 = 6.0;
 /// The density holds from this correlation on, with at most [`DENSITY_ERROR_HOLDS`] of the error of the
 /// better trivial density.
 pub const DENSITY_HOLDS: f64 = 0.99;
@@ -46,6 +52,10 @@ pub const SPACING_ROUGHLY: f64 = 0.25;
 pub enum Use {
     /// Pictures at the default radius and opacity.
     Pictures,
+    /// Pictures of large splats.
+    LargeRadius,
+    /// Pictures from within the particles.
+    CloseUp,
     /// The density, above a size of cells.
     Density,
     /// P(k).
@@ -89,25 +99,34 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Judges the certificate of a model of `metadata`: pictures, density, power spectrum, groups and spacing, in this order.
+    /// Judges the certificate of a model of `metadata`: pictures (as they are, at a large radius, from close up), density, power
+    /// spectrum, groups and spacing, in this order.
     /// Without a certificate nothing is measured.
     pub fn verdict(certificate: Option<&Certificate>, metadata: &Metadata) -> Vec<Finding> {
         let Some(c) = certificate else {
             let none = |of| Finding { of, word: Word::NotMeasured, why: "the file has no certificate".into() };
-            return [Use::Pictures, Use::Density, Use::PowerSpectrum, Use::Groups, Use::Spacing].map(none).into();
+            return Use::ALL.map(none).into();
         };
         let unit = metadata.length_unit.as_deref();
         let density = c.measures.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
         let groups = c.measures.groups.as_ref().map_or_else(|| groups(c.science.as_ref()), matched_groups);
-        vec![pictures(c), density, spectrum(c, metadata), groups, spacing(c.measures.spacing.as_ref(), unit)]
+        let seen = [pictures(c), at_large_radius(c), close_up(c)];
+        let rest = [density, spectrum(c, metadata), groups, spacing(c.measures.spacing.as_ref(), unit)];
+        seen.into_iter().chain(rest).collect()
     }
 }
 
 impl Use {
+    /// All, as they are told.
+    const ALL: [Use; 7] =
+        [Use::Pictures, Use::LargeRadius, Use::CloseUp, Use::Density, Use::PowerSpectrum, Use::Groups, Use::Spacing];
+
     /// As it is printed.
     pub fn name(self) -> &'static str {
         match self {
             Use::Pictures => "pictures",
+            Use::LargeRadius => "large radius",
+            Use::CloseUp => "close up",
             Use::Density => "density",
             Use::PowerSpectrum => "power spectrum",
             Use::Groups => "groups",
@@ -138,17 +157,47 @@ fn pictures(c: &Certificate) -> Finding {
             "the file does not say what an empty picture or a uniform box scores".into(),
         );
     };
-    let gains: Vec<Gain> =
-        c.orbits.iter().zip(&b.orbits).filter_map(|(o, b)| Gain::of(&o.expected, &b.expected)).collect();
+    let subset = |k: usize| c.measures.subset.and_then(|s| s.orbits[k][2]);
+    let gains = c.orbits.iter().zip(&b.orbits).enumerate().filter_map(|(k, (o, b))| {
+        let model = PictureScore { masked_psnr: o.expected.masked_psnr, ssim: o.expected.ssim };
+        Gain::of(model, [b.expected.all_black, b.expected.uniform_box], subset(k))
+    });
+    let gains: Vec<Gain> = gains.collect();
+    let beaten = gains.iter().any(|g| g.subset_is_better);
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
         return finding(Word::NotMeasured, "nothing is lit at the default radius and opacity".into());
     };
-    let word = if !worst.more_similar {
-        Word::DoesNot
-    } else {
-        graded(worst.decibels >= PICTURES_HOLD, worst.decibels >= PICTURES_ROUGHLY)
+    finding(worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.in_words("worst orbit"))
+}
+
+/// At the largest radius and the default opacity.
+fn at_large_radius(c: &Certificate) -> Finding {
+    let limits = [LARGE_HOLDS, LARGE_ROUGHLY];
+    at_setting(c, Use::LargeRadius, |s| !s.close && s.radius > 1.0, limits, |s| format!("{} default radii", s.radius))
+}
+
+/// From within, at the default radius and opacity.
+fn close_up(c: &Certificate) -> Finding {
+    at_setting(c, Use::CloseUp, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from within".into())
+}
+
+/// The worst view of the first setting of a kind, which is at the default opacity.
+fn at_setting(
+    c: &Certificate,
+    of: Use,
+    kind: impl Fn(&PicturesAt) -> bool,
+    limits: [f64; 2],
+    name: impl Fn(&PicturesAt) -> String,
+) -> Finding {
+    let finding = |word, why| Finding { of, word, why };
+    let Some(at) = c.measures.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
+        return finding(Word::NotMeasured, "not asked for (--certificate full), or an early file".into());
     };
-    finding(word, worst.in_words())
+    let PictureScores { model, all_black, uniform_box, subset, .. } = at.expected.worst;
+    let Some(gain) = Gain::of(model, [all_black, uniform_box], subset) else {
+        return finding(Word::NotMeasured, "nothing is lit, or all is white".into());
+    };
+    finding(gain.word(gain.subset_is_better, limits), gain.in_words(&format!("worst view, {}", name(at))))
 }
 
 /// How far a picture is above the better of the trivial ones.
@@ -159,24 +208,50 @@ struct Gain {
     decibels: f64,
     /// Is its SSIM above both?
     more_similar: bool,
+    subset: Option<f64>,
+    /// Does the random subset of the same bytes score as much?
+    subset_is_better: bool,
 }
 
 impl Gain {
     /// `None` where a trivial picture is identical, or nothing is lit.
-    fn of(model: &LookScore, trivial: &LookBaselines) -> Option<Gain> {
-        let (black, even) = (trivial.all_black.masked_psnr?, trivial.uniform_box.masked_psnr?);
+    fn of(model: PictureScore, trivial: [PictureScore; 2], subset: Option<PictureScore>) -> Option<Gain> {
+        let [black, even] = [trivial[0].masked_psnr?, trivial[1].masked_psnr?];
         let (trivial_psnr, name) = if black >= even { (black, "an empty picture") } else { (even, "a uniform box") };
-        let similar = model.ssim > trivial.all_black.ssim.max(trivial.uniform_box.ssim);
+        let similar = model.ssim > trivial[0].ssim.max(trivial[1].ssim);
         // Identical pictures have no decibels.
         let decibels = model.masked_psnr.map_or(f64::INFINITY, |v| v - trivial_psnr);
         let more_similar = similar || model.masked_psnr.is_none();
-        Some(Gain { model: model.masked_psnr, trivial: trivial_psnr, name, decibels, more_similar })
+        let subset = subset.map(|s| s.masked_psnr.unwrap_or(f64::INFINITY));
+        let subset_is_better = subset.is_some_and(|s| model.masked_psnr.is_some_and(|v| s >= v));
+        Some(Gain {
+            model: model.masked_psnr,
+            trivial: trivial_psnr,
+            name,
+            decibels,
+            more_similar,
+            subset,
+            subset_is_better,
+        })
     }
 
-    fn in_words(&self) -> String {
+    /// From which decibels on it holds, and roughly.
+    fn word(&self, beaten: bool, [hold, roughly]: [f64; 2]) -> Word {
+        if !self.more_similar {
+            return Word::DoesNot;
+        }
+        graded(self.decibels >= hold && !beaten, self.decibels >= roughly)
+    }
+
+    fn in_words(&self, of: &str) -> String {
         let Some(model) = self.model else { return "identical to the noise-free picture".into() };
         let less = if self.more_similar { "" } else { ", with no better SSIM" };
-        format!("{model:.1} dB where {} scores {:.1}{less} (masked PSNR, worst orbit)", self.name, self.trivial)
+        let subset = match self.subset {
+            Some(s) if s.is_finite() => format!(" and a random subset of the same bytes {s:.1}"),
+            Some(_) => " and a random subset of the same bytes is identical".into(),
+            None => String::new(),
+        };
+        format!("{model:.1} dB where {} scores {:.1}{less}{subset} (masked PSNR, {of})", self.name, self.trivial)
     }
 }
 
@@ -325,7 +400,7 @@ fn graded(holds: bool, roughly: bool) -> Word {
 mod tests {
     use super::super::testing::certificate;
     use super::*;
-    use crate::model::{Baselines, HeldOut, Measures, PictureScore, Transfer};
+    use crate::model::{Baselines, HeldOut, LookPictures, Measures, Pictures, Subset, Transfer};
     use crate::stats::testing::model_of;
 
     fn boxed() -> Metadata {
@@ -365,6 +440,50 @@ mod tests {
         }
         assert_eq!(word(&dark, Use::Pictures), Word::NotMeasured);
         assert_eq!(word(&Certificate { baselines: None, ..c }, Use::Pictures), Word::NotMeasured);
+    }
+
+    #[test]
+    fn a_subset_that_shows_as_much_takes_a_word_away() {
+        let c = certificate();
+        let with = |psnr: f64| {
+            let score = |v| PictureScore { masked_psnr: Some(v), ssim: 0.5 };
+            let mut orbits = [[None, None, Some(score(20.0))]; 3];
+            // One orbit is enough, and not the worst one.
+            orbits[2][2] = Some(score(psnr));
+            let subset = Some(Subset { kept: 100, bytes: 1000, orbits });
+            Certificate { measures: Measures { subset, ..Measures::default() }, ..c }
+        };
+        assert_eq!([word(&with(30.4), Use::Pictures), word(&with(30.5), Use::Pictures)], [Word::Holds, Word::Roughly]);
+        assert!(finding(&with(25.0), Use::Pictures).why.contains("a random subset of the same bytes 20.0"));
+    }
+
+    #[test]
+    fn other_radii_and_close_views_are_judged_by_their_worst() {
+        let c = certificate();
+        let score = |v| PictureScore { masked_psnr: Some(v), ssim: v / 100.0 };
+        let scores = |model| PictureScores {
+            model: score(model),
+            noise_free: PictureScore { masked_psnr: None, ssim: 1.0 },
+            all_black: score(4.0),
+            uniform_box: score(11.0),
+            subset: Some(score(19.5)),
+        };
+        let at = |radius, close, worst| {
+            let look = LookPictures { worst_view: 1, mean: scores(40.0), worst: scores(worst) };
+            PicturesAt { radius, opacity: 0.05, close, paraview: look, expected: look }
+        };
+        let words = |large, close| {
+            let settings = [0.5, 0.5, 1.0, 1.0].map(|r| at(r, false, 12.0));
+            let [a, b, c4, d] = settings;
+            let settings = [a, b, c4, d, at(6.0, false, large), at(6.0, false, 12.0), at(1.0, true, close)];
+            let pictures = Some(Pictures { width: 960, height: 540, settings });
+            let c = Certificate { measures: Measures { pictures, ..Measures::default() }, ..c };
+            [word(&c, Use::LargeRadius), word(&c, Use::CloseUp)]
+        };
+        assert_eq!(words(24.0, 14.5), [Word::Holds, Word::Roughly]);
+        // Above the trivial ones, and no better than the subset.
+        assert_eq!(words(19.0, 13.0), [Word::Roughly, Word::DoesNot]);
+        assert_eq!([word(&c, Use::LargeRadius), word(&c, Use::CloseUp)], [Word::NotMeasured; 2]);
     }
 
     #[test]
@@ -446,14 +565,15 @@ mod tests {
         let halves = with(Measures { held_out: Some(held_out), ..Measures::default() });
         assert!(finding(&halves, Use::PowerSpectrum).why.contains("1 % up to k = 6.000"));
         let open = Metadata { cell: None, ..boxed() };
-        assert_eq!(Finding::verdict(Some(&c), &open)[2].word, Word::NotApplicable);
+        let found = Finding::verdict(Some(&c), &open);
+        assert_eq!(found.iter().find(|f| f.of == Use::PowerSpectrum).unwrap().word, Word::NotApplicable);
     }
 
     #[test]
     fn json_says_use_word_and_why() {
         let json = serde_json::to_value(Finding::verdict(None, &boxed())).unwrap();
-        assert_eq!(json[2]["use"], "power_spectrum");
-        assert_eq!(json[2]["word"], "not measured");
-        assert!(json[2]["why"].as_str().is_some_and(|w| !w.is_empty()));
+        assert_eq!((&json[1]["use"], &json[4]["use"]), (&"large_radius".into(), &"power_spectrum".into()));
+        assert_eq!(json[4]["word"], "not measured");
+        assert!(json[4]["why"].as_str().is_some_and(|w| !w.is_empty()));
     }
 }

@@ -1,7 +1,7 @@
 //! Seeded views: the three orbits, each spiral turned by a rotation of its own, so that training,
 //! held-out, evaluation and certificate views share no pose (docs/law/cameras.md, docs/law/scores.md).
 
-use crate::camera::{ORBITS, View, base_distance, clipping_range, spiral};
+use crate::camera::{Camera, ORBITS, View, base_distance, clipping_range, spiral};
 use crate::math::{Purpose, Random};
 use crate::model::Metadata;
 use crate::picture::Size;
@@ -9,6 +9,8 @@ use crate::picture::Size;
 /// Radius and opacity of the published views, in default radii and as such: lowest and highest.
 const RADIUS_RANGE: [f64; 2] = [0.25, 1.75];
 const OPACITY_RANGE: [f64; 2] = [0.0125, 0.0875];
+/// Distance of a view from close up, in base distances: most of the particles are beside the camera or behind it.
+const CLOSE: f64 = 0.15;
 
 /// Seeds of the turns and of the sampled radii and opacities, one pair a role.
 const EVALUATION: [Purpose; 2] = [Purpose::EvaluationTurn, Purpose::EvaluationLook];
@@ -28,8 +30,24 @@ pub fn held_out_views(model: &Metadata, size: Size, seed: u64, frames: usize) ->
 
 /// The certificate's: one an orbit, at the default radius and opacity.
 pub fn certificate_views(model: &Metadata, size: Size, seed: u64) -> Vec<View> {
-    let look = |_| (model.default_radius, model.default_opacity);
-    orbits(model, size, 1, |orbit| Random::of(Purpose::CertificateTurn, seed, orbit), look)
+    orbits(model, size, 1, |orbit| Random::of(Purpose::CertificateTurn, seed, orbit), |_| default_look(model))
+}
+
+/// The certificate's from close up: three, as near as the reference pictures' `inside`.
+pub fn close_views(model: &Metadata, size: Size, seed: u64) -> Vec<View> {
+    let turn = Some(Random::of(Purpose::CertificateTurn, seed, ORBITS.len() as u64).bits());
+    let distance = CLOSE * base_distance(&model.bounds, size);
+    let cameras = spiral(model.bounds.center(), distance, ORBITS.len(), turn);
+    let view = |(i, camera): (usize, Camera)| {
+        let clipping_range = Some(clipping_range(&model.bounds, &camera));
+        let (radius, opacity) = default_look(model);
+        View { name: format!("close_{i:02}"), camera: Camera { clipping_range, ..camera }, radius, opacity }
+    };
+    cameras.into_iter().enumerate().map(view).collect()
+}
+
+fn default_look(model: &Metadata) -> (f64, f64) {
+    (model.default_radius, model.default_opacity)
 }
 
 /// The orbit that a view is of by its name, which begins with it and `_`; else `other`.
@@ -80,17 +98,18 @@ mod tests {
     fn roles_share_no_pose_and_seeds_repeat() {
         let m = Metadata { default_radius: 0.016, ..model_of(&[], [50.0; 3]).metadata };
         let evaluation = |seed| evaluation_views(&m, SIZE, seed, 8);
-        let sets = [evaluation(42), held_out_views(&m, SIZE, 42, 8), certificate_views(&m, SIZE, 42)];
+        let close = close_views(&m, SIZE, 42);
+        let sets = [evaluation(42), held_out_views(&m, SIZE, 42, 8), certificate_views(&m, SIZE, 42), close];
         for v in sets.iter().flatten() {
             v.check(SIZE).unwrap();
             assert!((0.25..=1.75).contains(&(v.radius / 0.016)));
             assert!((0.0125..=0.0875).contains(&v.opacity));
         }
-        assert_eq!(sets.each_ref().map(Vec::len), [24, 24, 3]);
+        assert_eq!(sets.each_ref().map(Vec::len), [24, 24, 3, 3]);
         let mut poses: Vec<[u64; 3]> = sets.iter().flatten().map(|v| v.camera.position.map(f64::to_bits)).collect();
         poses.sort_unstable();
         poses.dedup();
-        assert_eq!(poses.len(), 51);
+        assert_eq!(poses.len(), 54);
         assert_eq!(sets[0], evaluation(42));
         assert_ne!(sets[0], evaluation(43));
         assert_eq!((sets[0][0].name.as_str(), sets[0][23].name.as_str()), ("far_00", "near_07"));

@@ -15,8 +15,10 @@ use std::ops::Range;
 
 /// Chunks of particles that are sorted by plane before any is deposited: bounds the memory.
 const BATCH: usize = 32;
-/// Planes that a task owns when Gaussians are deposited: fewer repeat more work at the seams.
+/// Tasks at most when Gaussians are deposited, and planes that one owns at least: thin slabs repeat what a Gaussian
+/// has along the other axes, once for every slab that it reaches.
 const MODEL_SLABS: usize = 32;
+const MODEL_PLANES: usize = 8;
 /// And when particles are.
 const SLABS: usize = 128;
 
@@ -56,9 +58,27 @@ pub fn deposit(
     shift: f64,
     progress: &dyn Progress,
 ) -> Result<Field> {
+    deposit_again(subject, Field { grid: *grid, mass: Vec::new(), outside: 0.0 }, scheme, shift, progress)
+}
+
+/// [`deposit`] on the grid of a field that is no longer wanted, in its memory.
+///
+/// # Errors
+/// As [`deposit`].
+pub(super) fn deposit_again(
+    subject: Subject<'_>,
+    mut field: Field,
+    scheme: Assignment,
+    shift: f64,
+    progress: &dyn Progress,
+) -> Result<Field> {
     let particles = subject.particles().map_or(0, |p| p.len() as u64);
-    particlegs_files::memory::require("a density grid", deposit_bytes(grid, particles))?;
-    let mut field = Field { grid: *grid, mass: vec![0.0; grid.len()], outside: 0.0 };
+    particlegs_files::memory::require("a density grid", deposit_bytes(&field.grid, particles))?;
+    field.outside = 0.0;
+    match field.mass.len() {
+        0 => field.mass = vec![0.0; field.grid.len()],
+        _ => field.mass.fill(0.0),
+    }
     match subject {
         Subject::Particles(p) => add_particles(&mut field, p, scheme, shift, progress)?,
         Subject::Model(m) => {
@@ -72,14 +92,16 @@ pub fn deposit(
 }
 
 /// Steps of progress that a deposit makes: particles, or Gaussians of a model once a slab.
-pub(super) fn deposit_steps(subject: Subject<'_>, grid: &Grid) -> u64 {
+pub(crate) fn deposit_steps(subject: Subject<'_>, grid: &Grid) -> u64 {
     match subject {
         Subject::Particles(p) => p.len() as u64,
-        Subject::Model(m) => {
-            let depth = grid.cells[0].div_ceil(MODEL_SLABS).max(1);
-            m.gaussians() as u64 * grid.cells[0].div_ceil(depth) as u64
-        }
+        Subject::Model(m) => m.gaussians() as u64 * grid.cells[0].div_ceil(model_planes(grid)) as u64,
     }
+}
+
+/// Planes that a task owns when Gaussians are deposited.
+fn model_planes(grid: &Grid) -> usize {
+    grid.cells[0].div_ceil(MODEL_SLABS).max(MODEL_PLANES)
 }
 
 /// A particle in units of cells.
@@ -133,33 +155,35 @@ fn add_particles(
 fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) -> Sorted {
     let mut buffer = ChunkBuffer::default();
     let chunk = p.chunk(range, &mut buffer);
-    let mut outside = 0.0;
     let scale = grid.side.map(f64::recip);
-    let mut records: Vec<Record> = Vec::with_capacity(chunk.len());
     let unit = p.meta.particle_mass.unwrap_or(1.0);
-    for i in 0..chunk.len() {
-        let weight = unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+    let weight = |i: usize| unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+    let cell = |i: usize| {
         let mut u: [f64; 3] =
             each_axis(|k| (f64::from(chunk.position[k][i]) + (p.origin[k] - grid.min[k])) * scale[k] + shift);
-        if (0..3).all(|k| place(grid, k, &mut u[k])) {
-            records.push((u, weight));
-        } else {
-            outside += weight;
+        (0..3).all(|k| place(grid, k, &mut u[k])).then_some(u)
+    };
+    // Counted first and computed again: quicker than records that are written twice.
+    let (mut start, mut outside) = (vec![0u32; grid.cells[0] + 1], 0.0);
+    for i in 0..chunk.len() {
+        match cell(i) {
+            Some(u) => start[u[0] as usize + 1] += 1,
+            None => outside += weight(i),
         }
     }
-    let mut start = vec![0u32; grid.cells[0] + 1];
-    records.iter().for_each(|r| start[r.0[0] as usize + 1] += 1);
     for i in 0..grid.cells[0] {
         start[i + 1] += start[i];
     }
     let mut next = start.clone();
-    let mut out = vec![([0.0; 3], 0.0); records.len()];
-    for r in records {
-        let at = &mut next[r.0[0] as usize];
-        out[*at as usize] = r;
-        *at += 1;
+    let mut records = vec![([0.0; 3], 0.0); start[grid.cells[0]] as usize];
+    for i in 0..chunk.len() {
+        if let Some(u) = cell(i) {
+            let at = &mut next[u[0] as usize];
+            records[*at as usize] = (u, weight(i));
+            *at += 1;
+        }
     }
-    Sorted { records: out, start, outside }
+    Sorted { records, start, outside }
 }
 
 /// Brings a coordinate into [0, cells), or says that it lies outside. An open grid's far end
@@ -235,9 +259,7 @@ fn add_mixtures(
 ) -> Result<()> {
     let grid = field.grid;
     let moved = Grid { min: each_axis(|k| grid.min[k] - shift * grid.side[k]), ..grid };
-    let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(MODEL_SLABS).max(1));
-    let particles: f64 = parts.iter().flat_map(|m| &m.count).sum();
-    let in_slab = (particles / grid.cells[0].div_ceil(depth) as f64) as u64;
+    let (plane, depth) = (grid.cells[1] * grid.cells[2], model_planes(&grid));
     parallel::try_for_each(field.mass.chunks_mut(depth * plane).enumerate(), |(slab, out)| {
         let planes = slab * depth..slab * depth + out.len() / plane;
         // Sums of many small shares: f64, rounded once.
@@ -248,7 +270,7 @@ fn add_mixtures(
                 // A Gaussian as wide as the box takes milliseconds.
                 if i.is_multiple_of(8) {
                     progress.check()?;
-                    progress.advance((m.len() - i).min(256) as u64);
+                    progress.advance((m.len() - i).min(8) as u64);
                 }
                 let (mean, cov) = (m.mean_of(i), m.cov_of(i));
                 if slab.may_hold(mean, &cov) {
@@ -257,7 +279,6 @@ fn add_mixtures(
             }
         }
         out.iter_mut().zip(sum).for_each(|(o, s)| *o += s as f32);
-        progress.advance(in_slab);
         Ok(())
     })?;
     let total: f64 = parts.iter().flat_map(|m| (0..m.len()).map(|i| m.mass_of(i))).sum::<f64>() * unit_mass;

@@ -5,6 +5,7 @@
 //! assignment's window, a power of sinc on each axis, is divided out, and the shot noise
 //! V sum w^2 / (sum w)^2 subtracted.
 
+use super::deposit::deposit_again;
 use super::transform::{Modes, transform, transform_bytes};
 use super::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::Result;
@@ -74,23 +75,26 @@ pub(super) fn modes_of(
     progress: &dyn Progress,
 ) -> Result<Modes> {
     let scheme = if subject.particles().is_some() { o.assignment } else { Assignment::Ngp };
-    let field = |moved: usize| deposit(subject, grid, scheme, 0.5 * moved as f64, progress);
+    let field = |moved: usize, spare: Option<Field>| match spare {
+        Some(field) => deposit_again(subject, field, scheme, 0.5 * moved as f64, progress),
+        None => deposit(subject, grid, scheme, 0.5 * moved as f64, progress),
+    };
     modes_of_fields(&field, scheme, most, o, progress)
 }
 
-/// The same of the fields that `field` gives: as it is (0) and moved by half a cell (1).
+/// The same of the fields that `field` gives: as it is (0) and moved by half a cell (1), which may take the first one's
+/// memory.
 fn modes_of_fields(
-    field: &dyn Fn(usize) -> Result<Field>,
+    field: &dyn Fn(usize, Option<Field>) -> Result<Field>,
     scheme: Assignment,
     most: [usize; 3],
     o: &SpectrumOptions,
     progress: &dyn Progress,
 ) -> Result<Modes> {
-    let first = field(0)?;
+    let first = field(0, None)?;
     let grid = first.grid;
     let mut modes = transform(&first, most, progress)?;
-    drop(first);
-    let second = if o.interlaced { Some(transform(&field(1)?, most, progress)?) } else { None };
+    let second = if o.interlaced { Some(transform(&field(1, Some(first))?, most, progress)?) } else { None };
     let (columns, depth) = modes.plane();
     let n = grid.cells.map(|n| n as f64);
     let window: [Vec<f64>; 3] = each_axis(|k| {
@@ -324,7 +328,7 @@ pub(crate) fn spectra_of(
     let most = mode_limits(&grid, domain, o.k_max);
     let modes = |side: usize| {
         let scheme = if side == 0 { o.assignment } else { Assignment::Ngp };
-        modes_of_fields(&|moved| field(side, moved), scheme, most, o, progress)
+        modes_of_fields(&|moved, _| field(side, moved), scheme, most, o, progress)
     };
     spectra(&Pair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, progress)
 }

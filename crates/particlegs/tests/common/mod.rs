@@ -4,7 +4,7 @@
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
     Baselines, Block, CellDensity, Certificate, LawKind, Limit, LookBaselines, LookScore, Measures, Metadata, Mixture,
-    OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf, Spacing,
+    OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf, Spacing, Subset,
 };
 use particlegs::space::{Bounds, Cell};
 
@@ -85,7 +85,10 @@ pub fn measures() -> Measures {
         uniform_mean_absolute_error: 1.5,
     };
     let spacing = Spacing { median: 0.125, regularity: 0.5, drawn_median: 0.25, drawn_regularity: 0.375 };
-    Measures { densities: Some([0.8, 1.6, 3.2].map(density)), spacing: Some(spacing), ..Measures::default() }
+    let score = PictureScore { masked_psnr: Some(26.5), ssim: 1.0 };
+    let subset = Subset { kept: 45_000, bytes: 80_000, orbits: [[Some(score); 3]; 3] };
+    let densities = Some([0.8, 1.6, 3.2].map(density));
+    Measures { densities, spacing: Some(spacing), subset: Some(subset), ..Measures::default() }
 }
 
 /// Values that the file holds.

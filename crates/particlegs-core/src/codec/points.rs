@@ -1,0 +1,164 @@
+//! Points alone, coded as a block codes its means: what a subset of the particles takes in bytes.
+
+use super::rans::{Coder, Recorder};
+use super::tree::{Cell, Node, Segment, Tree, segments};
+use super::walk::{OutOfRange, SLOWEST, Splits, long_uniform};
+use crate::math::each_axis;
+use crate::parallel;
+use crate::space::Bounds;
+
+/// Bounds, the number of points and the step: what a reader must know before the streams.
+const HEAD_BYTES: usize = 6 * 8 + 8 + 8;
+/// And the length of each stream.
+const LENGTH_BYTES: usize = 4;
+/// Levels along an edge of a cell at most.
+const MOST_LEVELS: f64 = (1u64 << 40) as f64;
+
+/// Points as a reader of their coded bytes has them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CodedPoints {
+    /// Their places, in the order of the tree.
+    pub position: [Vec<f64>; 3],
+    /// Bytes that they take, with what stands before the streams.
+    pub bytes: usize,
+}
+
+impl CodedPoints {
+    /// Codes points (one at least) within `bounds` so that each comes back within half a `step` along every axis:
+    /// the tree of boxes that a block's means are sorted into, with the same adaptive models, then the place in
+    /// its leaf as one of as many levels as steps fit there. The streams are made, not estimated.
+    pub fn of(points: &[Vec<f64>; 3], bounds: &Bounds, step: f64) -> CodedPoints {
+        let tree = Tree::build(points, bounds);
+        let lattice = Lattice { bounds, extent: bounds.extent(), step };
+        let mut above = Recorder::default();
+        let (mut splits, mut lows) = (Splits::new(SLOWEST), tree.trunk.iter());
+        let trunk = segments(tree.order.len() as u32, lattice.extent, |node, _, _| {
+            splits.code(&mut above, node, lows.next().copied().unwrap_or(0))
+        });
+        debug_assert!(trunk.is_ok(), "splits are those of the tree");
+        let starts = tree.lengths().into_iter().scan(0, |next, n| Some(std::mem::replace(next, *next + n)));
+        let parts = parallel::map(tree.segments.iter().zip(starts), |(segment, start)| {
+            let mut recorder = Recorder::default();
+            let mut position: [Vec<f64>; 3] = Default::default();
+            let of = |at: usize| each_axis(|k| points[k][tree.order[start + at] as usize]);
+            let walked = lattice.walk(&mut recorder, segment, of, |p| (0..3).for_each(|k| position[k].push(p[k])));
+            debug_assert!(walked.is_ok(), "splits are those of the tree");
+            (recorder.finish().len(), position)
+        });
+        let bytes = HEAD_BYTES + above.finish().len() + parts.iter().map(|p| LENGTH_BYTES + p.0).sum::<usize>();
+        let mut position: [Vec<f64>; 3] = Default::default();
+        for (_, part) in parts {
+            position.iter_mut().zip(part).for_each(|(all, part)| all.extend(part));
+        }
+        CodedPoints { position, bytes }
+    }
+}
+
+/// Where points may come to lie.
+struct Lattice<'a> {
+    bounds: &'a Bounds,
+    extent: [f64; 3],
+    step: f64,
+}
+
+impl Lattice<'_> {
+    /// A segment's splits and places; `sink` gets each point as a reader has it. What a reader reads, a writer takes
+    /// from the segment's splits and from `point`.
+    fn walk(
+        &self,
+        c: &mut impl Coder,
+        segment: &Segment,
+        point: impl Fn(usize) -> [f64; 3],
+        mut sink: impl FnMut([f64; 3]),
+    ) -> Result<(), OutOfRange> {
+        let (mut splits, mut lows, mut done) = (Splits::new(SLOWEST), segment.splits.iter(), 0);
+        let mut stack: Vec<Node> = segment.nodes.iter().rev().copied().collect();
+        while let Some(node) = stack.pop() {
+            match node.cell.axis(self.extent).filter(|_| node.count > 1) {
+                None => {
+                    for _ in 0..node.count {
+                        sink(self.place(c, &node.cell, point(done)));
+                        done += 1;
+                    }
+                }
+                Some(axis) => {
+                    let low = splits.code(c, &node, lows.next().copied().unwrap_or(0))?;
+                    let [a, b] = node.halves(axis, low);
+                    stack.extend([b, a].into_iter().filter(|n| n.count > 0));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A point's place within its leaf.
+    fn place(&self, c: &mut impl Coder, cell: &Cell, point: [f64; 3]) -> [f64; 3] {
+        let widths = cell.widths(self.extent);
+        each_axis(|k| {
+            let n = (widths[k] / self.step).ceil().clamp(1.0, MOST_LEVELS);
+            let low = cell.point(self.bounds, self.extent, k, 0.0);
+            let share = if widths[k] > 0.0 { (point[k] - low) / widths[k] } else { 0.0 };
+            let level = ((share * n) as u64).min(n as u64 - 1);
+            let level = if n > 1.0 { long_uniform(c, n as u64, level) } else { 0 };
+            cell.point(self.bounds, self.extent, k, (level as f64 + 0.5) / n)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rans::Player;
+    use super::*;
+    use crate::math::Random;
+
+    fn clumps(n: u64) -> [Vec<f64>; 3] {
+        each_axis(|k| {
+            (0..n)
+                .map(|i| {
+                    let centre = 50.0 * Random::new(1, k as u32, i / 40).uniform();
+                    (centre + 0.3 * Random::new(2, k as u32, i).normal()).clamp(0.0, 50.0)
+                })
+                .collect()
+        })
+    }
+
+    #[test]
+    fn points_come_back_within_half_a_step() {
+        let bounds = Bounds { min: [0.0; 3], max: [50.0; 3] };
+        // More than a segment's, and of one place.
+        for (points, step) in
+            [(clumps(80_000), 0.04), (clumps(3000), 1e-3), ([vec![7.0; 9], vec![7.0; 9], vec![0.0; 9]], 0.1)]
+        {
+            let tree = Tree::build(&points, &bounds);
+            let coded = CodedPoints::of(&points, &bounds, step);
+            assert_eq!(coded.position[2].len(), points[2].len());
+            for (at, &i) in tree.order.iter().enumerate() {
+                for k in 0..3 {
+                    let off = (coded.position[k][at] - points[k][i as usize]).abs();
+                    assert!(off <= 0.5 * step * (1.0 + 1e-9), "{off}");
+                }
+            }
+        }
+    }
+
+    /// A reader that has the stream alone finds the same places; so the bytes are enough.
+    #[test]
+    fn the_stream_is_enough() {
+        let (points, bounds) = (clumps(5000), Bounds { min: [0.0; 3], max: [50.0; 3] });
+        let tree = Tree::build(&points, &bounds);
+        let lattice = Lattice { bounds: &bounds, extent: bounds.extent(), step: 0.04 };
+        let mut recorder = Recorder::default();
+        let mut written = Vec::new();
+        let of = |at: usize| each_axis(|k| points[k][tree.order[at] as usize]);
+        assert!(lattice.walk(&mut recorder, &tree.segments[0], of, |p| written.push(p)).is_ok());
+        let stream = recorder.finish();
+        let blank = Segment { nodes: vec![Node::root(5000)], splits: Vec::new() };
+        let (mut player, mut read) = (Player::new(&stream).unwrap(), Vec::new());
+        assert!(lattice.walk(&mut player, &blank, |_| [0.0; 3], |p| read.push(p)).is_ok());
+        assert!(player.finished() && read == written);
+        // Less than evenly spread points of that precision take: log2(cells / n) + log2(e) bits.
+        let even = (1250f64.powi(3) / 5000.0).log2() + std::f64::consts::LOG2_E;
+        let bits = 8.0 * stream.len() as f64 / 5000.0;
+        assert!(bits < even - 2.0, "{bits} bits, evenly {even}");
+    }
+}

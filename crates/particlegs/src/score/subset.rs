@@ -1,0 +1,219 @@
+//! The particles' own rival to a model: as many of them, chosen at random, as its bytes hold, drawn larger.
+
+use super::Truth;
+use crate::Result;
+use crate::camera::View;
+use crate::codec::CodedPoints;
+use crate::math::{Purpose, Random};
+use crate::particles::{Column, Particles, Positions};
+use crate::picture::{Gray8, Size};
+use crate::progress::Progress;
+use crate::reference::Reference;
+use crate::space::Bounds;
+use crate::splat::Look;
+use particlegs_core::math::each_axis;
+
+/// Particles come back this close to their places along every axis, in mean spacings.
+const CLOSENESS: f64 = 0.05;
+/// Bits a particle that the search begins with: what those of a clustered snapshot take.
+const FIRST_GUESS: f64 = 14.0;
+/// Trials of a number at most; four are usual.
+const TRIALS: usize = 8;
+/// A subset is as large as the bytes where it leaves less than this share of them.
+const CLOSE_ENOUGH: f64 = 1e-3;
+
+/// A random subset as its coded bytes have it.
+pub struct Thinned {
+    particles: Particles,
+    /// Particles kept.
+    pub kept: u64,
+    /// Bytes that they take.
+    pub bytes: u64,
+    /// Their radius, in the particles' own: sqrt(N / kept), so that as much light is covered.
+    scale: f64,
+}
+
+/// The subset in one view.
+pub enum Seen {
+    /// In every look.
+    Whole(Box<Truth>),
+    /// In `expected` alone: ParaView's pictures of few large splats take as long as those of all particles.
+    Expected(Gray8),
+}
+
+impl Seen {
+    /// The picture in a look, where it was drawn.
+    pub fn picture(&self, look: Look) -> Option<&Gray8> {
+        match self {
+            Seen::Whole(truth) => Some(truth.picture(look)),
+            Seen::Expected(picture) => (look == Look::Expected).then_some(picture),
+        }
+    }
+}
+
+impl Thinned {
+    /// The most particles whose places, coded, take at most `bytes`, each within [`CLOSENESS`] of `spacing`. They are the
+    /// first of one random order of all particles: their number is sought along the secant of the coded size, which is
+    /// measured at every trial. `None` where not one fits.
+    ///
+    /// # Errors
+    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
+    pub fn new(
+        truth: &Reference<'_>,
+        spacing: f64,
+        bytes: u64,
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<Option<Self>> {
+        let (particles, bounds) = (truth.particles(), truth.bounds());
+        let n = particles.len();
+        progress.begin("subset of the same bytes", 0);
+        particlegs_files::memory::require("a subset of the particles", n as u64 / 8 + 2 * bytes)?;
+        let mut order = Order::new(n, seed);
+        let mut best: Option<(usize, CodedPoints)> = None;
+        let mut kept = share_of(n, 8.0 * bytes as f64 / FIRST_GUESS);
+        // What is known to be too many.
+        let mut above = n + 1;
+        for _ in 0..TRIALS {
+            progress.check()?;
+            let coded = coded(particles, bounds, order.first(kept), 2.0 * CLOSENESS * spacing);
+            let used = coded.bytes as f64;
+            if coded.bytes as u64 <= bytes {
+                best = Some((kept, coded));
+            } else {
+                above = kept;
+            }
+            let below = best.as_ref().map_or(0, |b| b.0);
+            let full = best.as_ref().is_some_and(|b| b.1.bytes as f64 >= (1.0 - CLOSE_ENOUGH) * bytes as f64);
+            if full || below + 1 >= above {
+                break;
+            }
+            // The coded size is nearly proportional to the number; a little less is aimed at than fits.
+            let next = share_of(n, kept as f64 * (1.0 - 0.3 * CLOSE_ENOUGH) * bytes as f64 / used);
+            kept = next.clamp(below + 1, above - 1);
+        }
+        progress.end();
+        Ok(best.map(|(kept, coded)| {
+            let scale = (n as f64 / kept as f64).sqrt();
+            let bytes = coded.bytes as u64;
+            Thinned { particles: as_particles(&coded, particles), kept: kept as u64, bytes, scale }
+        }))
+    }
+
+    /// Draws it where `truth` is drawn, in all looks or in `expected` alone.
+    ///
+    /// # Errors
+    /// As [`Truth::draw`].
+    pub fn draw(
+        &self,
+        truth: &Reference<'_>,
+        view: &View,
+        size: Size,
+        whole: bool,
+        progress: &dyn Progress,
+    ) -> Result<Seen> {
+        let reference = Reference::with_bounds(&self.particles, *truth.bounds());
+        let view = View { radius: view.radius * self.scale, ..view.clone() };
+        Ok(match whole {
+            true => Seen::Whole(Box::new(Truth::draw(&reference, &view, size, progress)?)),
+            false => Seen::Expected(reference.draw(&view, size, Look::Expected, progress)?),
+        })
+    }
+}
+
+fn share_of(n: usize, wanted: f64) -> usize {
+    (wanted as usize).clamp(1, n)
+}
+
+/// All particles in a random order, as far as it was asked for.
+struct Order {
+    random: Random,
+    taken: Vec<u64>,
+    order: Vec<usize>,
+    n: usize,
+}
+
+impl Order {
+    fn new(n: usize, seed: u64) -> Self {
+        let random = Random::of(Purpose::CertificateSubset, seed, 0);
+        Order { random, taken: vec![0; n.div_ceil(64)], order: Vec::new(), n }
+    }
+
+    /// The first `k`.
+    fn first(&mut self, k: usize) -> &[usize] {
+        while self.order.len() < k {
+            let i = ((u128::from(self.random.bits()) * self.n as u128) >> 64) as usize;
+            let (word, bit) = (&mut self.taken[i / 64], 1u64 << (i % 64));
+            if *word & bit == 0 {
+                *word |= bit;
+                self.order.push(i);
+            }
+        }
+        &self.order[..k]
+    }
+}
+
+fn coded(particles: &Particles, bounds: &Bounds, chosen: &[usize], step: f64) -> CodedPoints {
+    let mut points: [Vec<f64>; 3] = Default::default();
+    for &i in chosen {
+        let p = particles.position(i);
+        (0..3).for_each(|k| points[k].push(p[k]));
+    }
+    CodedPoints::of(&points, bounds, step)
+}
+
+/// About the origin of the particles that they are taken from.
+fn as_particles(coded: &CodedPoints, of: &Particles) -> Particles {
+    let columns: [Column; 3] =
+        each_axis(|k| Column::owned(coded.position[k].iter().map(|v| (v - of.origin[k]) as f32).collect()));
+    Particles::new(Positions::Columns(columns), of.origin, of.meta.clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    fn sample() -> Particles {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
+        Particles::open_raw(&[folder]).unwrap()
+    }
+
+    #[test]
+    fn as_many_are_kept_as_fit() {
+        let particles = sample();
+        let truth = Reference::new(&particles);
+        let of = |bytes, seed| Thinned::new(&truth, 0.78, bytes, seed, &Silent).unwrap();
+        for bytes in [2_000, 10_485, 200_000] {
+            let thin = of(bytes, 42).unwrap();
+            assert!(thin.bytes <= bytes && thin.bytes as f64 >= 0.99 * bytes as f64, "{} of {bytes}", thin.bytes);
+            assert_eq!(thin.particles.len() as u64, thin.kept);
+            assert!((thin.scale * thin.scale * thin.kept as f64 / 262_144.0 - 1.0).abs() < 1e-12);
+        }
+        let again = of(10_485, 42).unwrap();
+        assert_eq!(
+            (again.kept, again.particles.position(7)),
+            (of(10_485, 42).unwrap().kept, again.particles.position(7))
+        );
+        assert_ne!(of(10_485, 43).unwrap().particles.position(7), again.particles.position(7));
+        // All of them, and none.
+        assert_eq!(of(100_000_000, 1).unwrap().kept, 262_144);
+        assert!(of(60, 1).is_none());
+    }
+
+    /// Every particle kept is one of the snapshot's, as close as was said.
+    #[test]
+    fn those_kept_are_particles() {
+        let particles = sample();
+        let truth = Reference::new(&particles);
+        let thin = Thinned::new(&truth, 0.78, 1_000, 5, &Silent).unwrap().unwrap();
+        for i in 0..thin.particles.len() {
+            let p = thin.particles.position(i);
+            let near = (0..particles.len()).any(|j| {
+                let q = particles.position(j);
+                (0..3).all(|k| (p[k] - q[k]).abs() <= 0.05 * 0.78 + 1e-4)
+            });
+            assert!(near, "{p:?}");
+        }
+    }
+}
