@@ -145,7 +145,8 @@ proptest! {
         for i in 0..n {
             let mean = back.gaussians.mean_of(i);
             let j = partner(&b.gaussians, mean);
-            let reach = 20.0 * (0..3).map(|k| b.gaussians.cov[[0, 3, 5][k]][j].sqrt()).fold(0.0, f64::max);
+            let widest = |m: &Mixture, i: usize| [0, 3, 5].map(|k| m.cov_of(i).0[k].sqrt()).into_iter().fold(0.0, f64::max);
+            let reach = 20.0 * widest(&b.gaussians, j).max(widest(&back.gaussians, i));
             let near = |k: usize| (0..3).all(|d| (b.gaussians.mean[d][k] - mean[d]).abs() < reach);
             if (0..n).filter(|&k| near(k)).count() != 1 {
                 continue;

@@ -35,7 +35,7 @@ fn info_and_verify_say_what_it_is() {
     let dir = tempfile::tempdir().unwrap();
     let path = write(dir.path(), "m.pgs", 0..64, LawKind::AlphaBlend);
     let text = stdout(particlegs().arg("info").arg(&path));
-    assert!(text.contains("1.3, image law alpha-blend"), "{text}");
+    assert!(text.contains("1.6, image law alpha-blend"), "{text}");
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(
         words.contains(
