@@ -4,7 +4,7 @@
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
     Baselines, Block, CellDensity, Certificate, LawKind, Limit, LookBaselines, LookScore, Measures, Metadata, Mixture,
-    OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf, Spacing, Subset,
+    OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf, Spacing,
 };
 use particlegs::space::{Bounds, Cell};
 
@@ -74,7 +74,7 @@ pub fn certificate() -> Certificate {
     }
 }
 
-/// What a quick certificate has beside; values that the file holds.
+/// What a quick certificate of version 1.5 has beside; values that the file holds.
 pub fn measures() -> Measures {
     let density = |edge| CellDensity {
         edge,
@@ -84,10 +84,7 @@ pub fn measures() -> Measures {
         uniform_mean_absolute_error: 1.5,
     };
     let spacing = Spacing { median: 0.125, regularity: 0.5, drawn_median: 0.25, drawn_regularity: 0.375 };
-    let score = PictureScore { masked_psnr: Some(26.5), ssim: 1.0 };
-    let subset = Subset { kept: 45_000, bytes: 80_000, orbits: [[Some(score); 3]; 3] };
-    let densities = Some([0.8, 1.6, 3.2].map(density));
-    Measures { densities, spacing: Some(spacing), subset: Some(subset), ..Measures::default() }
+    Measures { densities: Some([0.8, 1.6, 3.2].map(density)), spacing: Some(spacing), ..Measures::default() }
 }
 
 /// Values that the file holds.
