@@ -1,8 +1,8 @@
 //! Floor 3: mixture to bytes and back (docs/format.md).
 //!
 //! A block's means are sorted into a tree of boxes (`tree`); sizes, counts, shapes (`shape`) and
-//! places are put on lattices (`trellis`); one walk (`walk`) codes them against predictions with
-//! adaptive models (`symbols`) and rANS (`rans`). Sections with checksums hold it all together;
+//! places (`place`) are put on lattices (`trellis`); one walk (`walk`) codes them against predictions with
+//! adaptive models (`symbols`) and rANS (`rans`); points alone are coded alike (`points`). Sections with checksums hold it all together;
 //! files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
 //! and grey levels in the places of counts and masses; its network has a section (`vizmapper`).
 

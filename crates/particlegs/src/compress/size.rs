@@ -16,8 +16,8 @@ const FITS: usize = 3;
 /// Step factors between these cost less than another fit gains.
 const CHEAP_STEP_FACTORS: std::ops::Range<f64> = 0.75..1.4;
 
-/// Bytes a Gaussian that lose least at a given size (docs/results/nbody128.md): cells of a partition
-/// are rounder and take fewer.
+/// Bytes a Gaussian that lose least at a given size: of nbody64 at eight ratios 3.75 to 4 score alike, 3.5 loses 0.03 dB;
+/// cells of a partition are rounder and take fewer.
 pub fn bytes_a_gaussian(effort: Effort) -> f64 {
     if effort == Effort::Fast { 3.2 } else { 3.85 }
 }
