@@ -64,7 +64,7 @@ pub(crate) fn gaussian_bytes(header: &BlockHeader) -> u64 {
     u64::from(header.gaussians) * each
 }
 
-/// Bytes that decoding a block takes beside its Gaussians, at most: nodes and forms of the segments at
+/// Bytes that decoding a block takes beside its Gaussians, at most: nodes of the segments at
 /// work, and remainders of counts.
 pub(crate) fn working_bytes(header: &BlockHeader) -> u64 {
     const A_GAUSSIAN: u64 = 32;

@@ -249,7 +249,7 @@ fn halves(count: usize, pull: f64, value: impl Fn(usize) -> f64) -> Vec<i32> {
         state.step(k);
         h
     };
-    quantise(count, 0.0, |i| Sample { pull, ..Sample::free(value(i)) }).into_iter().map(half).collect()
+    quantise(count, |i| Sample { pull, ..Sample::free(value(i)) }).into_iter().map(half).collect()
 }
 
 /// Fits the predictors of size and count, and the plain low bits of what they leave; returns its spread, in steps.

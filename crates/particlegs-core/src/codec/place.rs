@@ -35,13 +35,16 @@ pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> Target) ->
     let mut out = vec![[2; 3]; count];
     let mut state = State::default();
     let mut steps: Vec<Step> = Vec::with_capacity(3 * WINDOW.min(count));
+    let mut levels: Vec<[u64; 3]> = Vec::with_capacity(WINDOW.min(count));
     for start in (0..count).step_by(WINDOW) {
         let end = count.min(start + WINDOW);
         let mut ways = [Way { cost: f64::INFINITY, error: [0.0; 3] }; STATES];
         ways[state.number()].cost = 0.0;
         steps.clear();
+        levels.clear();
         for i in start..end {
             let target = target(i);
+            levels.push(target.levels);
             for axis in 0..3 {
                 if target.levels[axis] > 1 {
                     steps.push(choose(&mut ways, &target, axis));
@@ -54,8 +57,7 @@ pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> Target) ->
         state = State::of(best);
         let mut s = best;
         for i in (start..end).rev() {
-            let levels = target(i).levels;
-            for axis in (0..3).rev().filter(|&axis| levels[axis] > 1) {
+            for axis in (0..3).rev().filter(|&axis| levels[i - start][axis] > 1) {
                 let Some(step) = steps.pop() else { break };
                 let (from, index) = step[s];
                 s = usize::from(from);

@@ -35,23 +35,21 @@ impl State {
     }
 }
 
-/// A number to quantise: `value` in steps; allowed indices; what an error of one step costs.
+/// A number to quantise: `value` in steps; allowed indices. A squared error of one step costs 1.
 #[derive(Clone, Copy)]
 pub(crate) struct Sample {
     /// In steps.
     pub value: f64,
     /// Lowest and highest index.
     pub range: [i64; 2],
-    /// Cost of a squared error of one step.
-    pub weight: f64,
     /// Cost of a step away from 0: what its bits are worth.
     pub pull: f64,
 }
 
 impl Sample {
-    /// A number of unit cost on the whole lattice.
+    /// A number on the whole lattice.
     pub(crate) fn free(value: f64) -> Self {
-        Sample { value, range: [-(1 << 20), 1 << 20], weight: 1.0, pull: 0.0 }
+        Sample { value, range: [-(1 << 20), 1 << 20], pull: 0.0 }
     }
 }
 
@@ -68,8 +66,8 @@ pub(super) fn nearest(x: f64, parity: i64, range: [i64; 2]) -> Option<i64> {
     Some(k.clamp(lowest as f64, highest as f64) as i64)
 }
 
-/// The indices of least total cost (Viterbi), from `state` on. `offset` is where lattice 0 lies.
-pub(crate) fn quantise(count: usize, offset: f64, sample: impl Fn(usize) -> Sample) -> Vec<i64> {
+/// The indices of least total cost (Viterbi), from `state` on.
+pub(crate) fn quantise(count: usize, sample: impl Fn(usize) -> Sample) -> Vec<i64> {
     let mut out = Vec::with_capacity(count);
     let mut state = State::default();
     let mut back: Vec<[u8; 8]> = Vec::with_capacity(WINDOW.min(count));
@@ -80,7 +78,7 @@ pub(crate) fn quantise(count: usize, offset: f64, sample: impl Fn(usize) -> Samp
         cost[state.0 as usize] = 0.0;
         back.clear();
         for i in start..end {
-            back.push(advance(&mut cost, sample(i), offset));
+            back.push(advance(&mut cost, sample(i)));
         }
         let mut s = (0..8).min_by(|&a, &b| cost[a].total_cmp(&cost[b])).unwrap_or(0);
         state = State(s as u8);
@@ -88,7 +86,7 @@ pub(crate) fn quantise(count: usize, offset: f64, sample: impl Fn(usize) -> Samp
         for i in (start..end).rev() {
             let (from, parity) = (back[i - start][s] >> 1, i64::from(back[i - start][s] & 1));
             let given = sample(i);
-            let x = given.value - offset - 0.5 * f64::from(from & 1);
+            let x = given.value - 0.5 * f64::from(from & 1);
             out[i] = nearest(x, parity, given.range).unwrap_or(given.range[0]);
             s = from as usize;
         }
@@ -98,14 +96,14 @@ pub(crate) fn quantise(count: usize, offset: f64, sample: impl Fn(usize) -> Samp
 
 /// One step of the search: the cheapest way into each state, as 2 (state before) + parity.
 #[inline]
-fn advance(cost: &mut [f64; 8], sample: Sample, offset: f64) -> [u8; 8] {
+fn advance(cost: &mut [f64; 8], sample: Sample) -> [u8; 8] {
     // Both lattices, both parities.
     let price: [[f64; 2]; 2] = std::array::from_fn(|lattice| {
-        let x = sample.value - offset - 0.5 * lattice as f64;
+        let x = sample.value - 0.5 * lattice as f64;
         std::array::from_fn(|parity| match nearest(x, parity as i64, sample.range) {
             Some(k) => {
                 let error = x - k as f64;
-                sample.weight * error * error + sample.pull * (k as f64 + 0.5 * lattice as f64).abs()
+                error * error + sample.pull * (k as f64 + 0.5 * lattice as f64).abs()
             }
             None => f64::INFINITY,
         })
@@ -134,7 +132,7 @@ mod tests {
     #[test]
     fn error_is_a_decibel_below_rounding() {
         let values: Vec<f64> = (0..40_000).map(|i| Random::new(5, 0, i).uniform() * 1000.0).collect();
-        let indices = quantise(values.len(), 0.0, |i| Sample::free(values[i]));
+        let indices = quantise(values.len(), |i| Sample::free(values[i]));
         let mut state = State::default();
         let mut mse = 0.0;
         for (v, &k) in values.iter().zip(&indices) {
@@ -151,8 +149,7 @@ mod tests {
     fn ranges_are_kept() {
         let values: Vec<f64> = (0..1000).map(|i| Random::new(6, 0, i).uniform() * 3.0).collect();
         for top in 0..3 {
-            let indices =
-                quantise(values.len(), 0.25, |i| Sample { value: values[i], range: [0, top], weight: 1.0, pull: 0.0 });
+            let indices = quantise(values.len(), |i| Sample { value: values[i], range: [0, top], pull: 0.0 });
             assert!(indices.iter().all(|k| (0..=top).contains(k)));
         }
     }

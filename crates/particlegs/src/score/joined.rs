@@ -2,10 +2,11 @@
 
 use super::certify;
 use super::density::{DensityAgreement, density_agreement};
+use super::science::told;
 use super::sums::{Frame, Section, add_rows};
 use crate::model::{
-    Baselines, CELL_SIZES, CellDensity, Certificate, Limit, LookBaselines, LookScore, Measures, OrbitBaselines,
-    OrbitScore, PictureScore, Science, ScienceOf,
+    Baselines, CELL_SIZES, CellDensity, Certificate, LookBaselines, LookScore, Measures, OrbitBaselines, OrbitScore,
+    PictureScore, Science, ScienceOf,
 };
 use crate::picture::{Gray8, Plane, Scores};
 use crate::progress::Progress;
@@ -150,17 +151,6 @@ impl Joined<'_> {
         let noise = domain.volume() * squares / (mass * mass);
         let field = |side, moved| self.field(Section::Spectrum(side, moved), &grid, progress);
         let spectra = spectra_of(&field, noise, domain, o, progress)?;
-        let limit =
-            |place: Option<f64>| if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(place) };
-        Ok(Some(Science {
-            of: ScienceOf::Mixture,
-            spectrum_grid: o.cells as u16,
-            k_max: spectra.shells.last().map_or(0.0, |s| s.k),
-            power_within_1_percent_to: limit(spectra.power_within(0.01)),
-            power_within_5_percent_to: limit(spectra.power_within(0.05)),
-            r_above_0_99_to: limit(spectra.r_above(0.99)),
-            r_above_0_9_to: limit(spectra.r_above(0.9)),
-            groups_within_10_percent_from: Limit::NotMeasured,
-        }))
+        Ok(Some(told(ScienceOf::Mixture, o, &spectra)))
     }
 }

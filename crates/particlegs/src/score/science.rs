@@ -10,7 +10,8 @@ use crate::model::{
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::stats::{
-    Assignment, Domain, Grid, SpectrumOptions, Subject, longest_link, power_spectra, size_histogram, sizes_within,
+    Assignment, Domain, Grid, Spectra, SpectrumOptions, Subject, longest_link, power_spectra, size_histogram,
+    sizes_within,
 };
 use crate::{Error, Result};
 use std::f64::consts::PI;
@@ -154,10 +155,14 @@ fn measure(
     o: &SpectrumOptions,
     progress: &dyn Progress,
 ) -> Result<Science> {
-    let spectra = power_spectra(pair, domain, o, progress)?;
+    Ok(told(of, o, &power_spectra(pair, domain, o, progress)?))
+}
+
+/// What spectra say, groups apart.
+pub(super) fn told(of: ScienceOf, o: &SpectrumOptions, spectra: &Spectra) -> Science {
     let limit =
         |place: Option<f64>| if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(place) };
-    Ok(Science {
+    Science {
         of,
         spectrum_grid: o.cells as u16,
         k_max: spectra.shells.last().map_or(0.0, |s| s.k),
@@ -166,7 +171,7 @@ fn measure(
         r_above_0_99_to: limit(spectra.r_above(0.99)),
         r_above_0_9_to: limit(spectra.r_above(0.9)),
         groups_within_10_percent_from: Limit::NotMeasured,
-    })
+    }
 }
 
 /// From which size on numbers of groups agree; not measured where there are too few.
