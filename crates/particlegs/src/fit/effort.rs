@@ -97,6 +97,7 @@ pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOption
             first_iterations: 1,
             rounds: 0,
             iterations: 0,
+            settling: 0,
             last_iterations: 0,
             sample: 100.0,
             pixel,
@@ -108,9 +109,10 @@ pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOption
             let most = if looked_at < particles as f64 { MOST_ROUNDS_SAMPLED } else { MOST_ROUNDS };
             RefineOptions {
                 cells_a_group: 1,
-                first_iterations: 4,
+                first_iterations: 8,
                 rounds: (VISITS * options.share / looked_at).clamp(1.0, most) as usize,
                 iterations: 3,
+                settling: 8,
                 last_iterations: 2,
                 sample,
                 pixel,

@@ -31,13 +31,15 @@ pub(crate) struct RefineOptions {
     pub first_iterations: usize,
     /// Rounds of split and merge.
     pub rounds: usize,
-    /// EM iterations after each round.
+    /// EM iterations after each round but the last.
     pub iterations: usize,
-    /// EM iterations over all particles after the last round, where the rounds look at a sample.
+    /// EM iterations after the last round.
+    pub settling: usize,
+    /// EM iterations over all particles after that, where the rounds look at a sample.
     pub last_iterations: usize,
     /// Particles a Gaussian that the rounds look at.
     pub sample: f64,
-    /// A pixel of the pictures that the model is made for, world units (0: finer than a radius).
+    /// A pixel of the nearest pictures that the model is made for, world units (0: finer than a radius).
     pub pixel: f64,
     /// Seed of the sample.
     pub seed: u64,
@@ -47,18 +49,22 @@ pub(crate) struct RefineOptions {
 const BLOCK_PARTICLES: f64 = 4_000_000.0;
 const BLOCK_GAUSSIANS: usize = 1 << 16;
 
-/// In particle radii: the E step's floor, the focus's blur and the blur of split and merge. Found on
-/// N-body data at 50 to 2000 particles a Gaussian; the last trades large drawing radii (larger)
-/// against small ones.
-const FLOOR_RADII: f64 = 0.6;
+/// In particle radii: the E step's floor, the focus's blur and the blur of split and merge, before the last round and in
+/// it. Found on N-body data at 50 to 2000 particles a Gaussian; the blur of split and merge trades large drawing radii
+/// (larger) against small ones, and the last round's alone gains 0.01 dB of these for less of those.
+const FLOOR_RADII: f64 = 0.4;
 const FOCUS_BLUR_RADII: f64 = 3.0;
 const MOVE_BLUR_RADII: f64 = 6.0;
+const LAST_MOVE_BLUR_RADII: f64 = 5.0;
+/// Pixels of refinement's blurs, in those of the nearest pictures: the far orbit's. Where pixels are wider than splats
+/// (33.6 million particles in 1080 lines) 1 loses 0.02 dB far and mid, and gains nothing near.
+const PIXELS: f64 = 2.0;
 /// See [`Shape::focus`]. On nbody64 at ratio 300, focus 0, 0.6 and 1 (of Gaussians wider than 5 radii) give 4.362, 4.393,
 /// 4.374 bits a held-out particle on its halves, 22.93, 23.17, 22.88 dB at large radii and 32.13, 32.24, 32.22 dB at the
 /// default one: all of it swells P(k) by 1 %, none of it loses halo cores (mass 0.59 of the truth's, 0.83 with 1). From
 /// 3 radii on it keeps cores (0.90 with 0.6) and costs 0.01 bits and 0.1 dB at large radii. 0.75 gains 0.01 dB at the default
-/// radius, and loses 0.08 dB at large ones and 0.005 bits.
-const FOCUS: f64 = 0.68;
+/// radius, and loses 0.08 dB at large ones and 0.005 bits; 0.5 to 0.6 gain 0.02 dB at ratio 3000.
+const FOCUS: f64 = 0.63;
 /// See [`MoveOptions::likelihood`]: on a half of nbody64 at ratio 300, 0, 0.3, 1, 3 give 4.375, 4.393, 4.371, 4.334 bits a
 /// held-out particle, and 32.18, 32.22, 32.16, 32.10 dB on all of it; over four ratios 0.12 has the bits of 0.25 and 0.01 dB
 /// more.
@@ -83,7 +89,7 @@ pub(crate) fn refine(
     }
     let scaled = (radius * partition.store.scale).clamp(1e-9, 1e9);
     let shade = (options.rounds > 0).then(|| Shade::new(&partition.store.xyz, scaled));
-    let pixel = options.pixel * partition.store.scale;
+    let pixel = PIXELS * options.pixel * partition.store.scale;
     let refiner = Refiner { shade: shade.as_ref(), partition, radius: scaled, pixel, options, progress };
     let blocks = refiner.blocks();
     progress.begin("refining", (blocks.len() * (options.rounds + 2)) as u64);
@@ -196,12 +202,12 @@ impl Refiner<'_> {
     /// EM and rounds of split and merge; returns the shape that was expected of each Gaussian last.
     fn rounds(&self, cloud: Cloud<'_>, gaussians: &mut Gaussians) -> Result<Vec<Sym3>> {
         let options = self.options;
-        let moves = MoveOptions {
-            blur: Blur::of_sigma(picture_sigma(MOVE_BLUR_RADII * self.radius, self.pixel)),
+        let moves = |radii: f64| MoveOptions {
+            blur: Blur::of_sigma(picture_sigma(radii * self.radius, self.pixel)),
             shape: self.shape(),
             likelihood: LIKELIHOOD,
             ratio: 1.2,
-            share: 0.1,
+            share: 0.2,
         };
         let candidates = self.candidates(cloud.groups, gaussians);
         let mut expected = beside(gaussians);
@@ -210,16 +216,19 @@ impl Refiner<'_> {
         let (mut xyz, mut weight, mut groups);
         let mut cloud = cloud;
         let Some(shade) = self.shade else { return Ok(expected) };
-        for _ in 0..options.rounds {
+        for round in 1..=options.rounds {
+            let last = round == options.rounds;
             self.progress.check()?;
             (xyz, weight, groups) = regroup(cloud, &owner, gaussians.len());
             cloud = Cloud { xyz: &xyz, weight: weight.as_deref(), groups: &groups };
             let candidates = self.candidates(&groups, gaussians);
             expected = candidates.mean_shapes(gaussians);
+            let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
             let made = exchange(gaussians, &groups, cloud.xyz, &candidates, shade, moves);
             let candidates = candidates.after(&made, gaussians.len());
             made.iter().for_each(|m| expected[m.freed as usize] = expected[m.split as usize]);
-            owner = self.iterate(cloud, &candidates, gaussians, &expected, options.iterations.max(1))?;
+            let iterations = if last { options.settling } else { options.iterations };
+            owner = self.iterate(cloud, &candidates, gaussians, &expected, iterations.max(1))?;
             self.progress.advance(1);
         }
         Ok(expected)

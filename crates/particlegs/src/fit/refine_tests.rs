@@ -30,6 +30,7 @@ fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, pro
         first_iterations: 3,
         rounds,
         iterations: 2,
+        settling: 2,
         last_iterations: 2,
         sample,
         pixel: 0.0,
