@@ -360,7 +360,12 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
 /// A smooth model knows how dense it is at a place, and not how its particles keep apart.
 fn spacing(s: Option<&Spacing>, unit: Option<&str>) -> Finding {
     let finding = |word, why| Finding { of: Use::Spacing, word, why };
-    let Some(s) = s else { return finding(Word::NotMeasured, "too many particles, or an early file".into()) };
+    let Some(s) = s else {
+        return finding(
+            Word::NotMeasured,
+            "too many particles, a certificate added up from blocks, or an early file".into(),
+        );
+    };
     let within = |share: f64| {
         (s.drawn_median / s.median - 1.0).abs() <= share && (s.drawn_regularity - s.regularity).abs() <= share
     };
@@ -378,7 +383,7 @@ fn groups(science: Option<&Science>) -> Finding {
     match science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
         Limit::NotMeasured => finding(
             Word::NotMeasured,
-            "not asked for (--certificate full), too few groups, or too many particles".into(),
+            "not asked for (--certificate full), too few groups, too many particles, or added up from blocks".into(),
         ),
         Limit::Never => finding(Word::DoesNot, "numbers are within 10 % at no size".into()),
         Limit::At(n) => {
