@@ -12,7 +12,7 @@ mkdir -p "$out"
 
 measure() { # NAME OTHER, then stats's options
   local name=$1 other=$2; shift 2
-  [ -s "$out/$name/stats.json" ] || "$p" stats "$data" "$other" -o "$out/$name" --grid 50 --spectrum-grid 512 --quiet "$@" >/dev/null
+  [ -s "$out/$name/stats.json" ] || "$p" stats "$data" "$other" -o "$out/$name" --grid 50 --quiet "$@" >/dev/null
 }
 recover() { # MODEL METHOD
   rm -rf "$out/particles"
@@ -22,8 +22,8 @@ model() { # RATIO EFFORT
   local name="$1-$2"
   [ -s "$out/$name.pgs" ] || "$p" compress "$data" -o "$out/$name.pgs" --ratio "$1" --effort "$2" --certificate none \
     --json "$out/$name.json" --quiet >/dev/null
-  measure "$name-model" "$out/$name.pgs" --only density,spectrum --no-plots
-  if [ ! -s "$out/$name-count/stats.json" ]; then recover "$name" count; measure "$name-count" "$out/particles"; fi
+  measure "$name-model" "$out/$name.pgs" --only density,spectrum --spectrum-grid 512 --no-plots
+  if [ ! -s "$out/$name-count/stats.json" ]; then recover "$name" count; measure "$name-count" "$out/particles" --spectrum-grid 512; fi
   for method in spaced stratified; do
     [ -s "$out/$name-$method/stats.json" ] && continue
     recover "$name" "$method"
