@@ -2,8 +2,8 @@
 //!
 //! A block's means are sorted into a tree of boxes (`tree`); sizes, counts, shapes (`shape`) and
 //! places (`place`) are put on lattices (`trellis`); one walk (`walk`) codes them against predictions with
-//! adaptive models (`symbols`) and rANS (`rans`); points alone are coded alike (`points`). Sections with checksums hold it all together;
-//! files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
+//! adaptive models (`symbols`) and rANS (`rans`); points alone are coded alike (`points`). Sections with
+//! checksums hold it all together; files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
 //! and grey levels in the places of counts and masses; its network has a section (`vizmapper`).
 
 mod baselines;
