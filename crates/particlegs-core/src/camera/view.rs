@@ -63,6 +63,26 @@ impl Camera {
         norm(d)
     }
 
+    /// The line of sight through a pixel, whose centres have whole coordinates: where it starts, and its direction of
+    /// length 1. World units.
+    ///
+    /// # Errors
+    /// As [`Camera::frame`].
+    pub fn ray(&self, pixel: [f64; 2], size: Size) -> Result<([f64; 3], [f64; 3])> {
+        let Frame { axes: [right, up, back], position } = self.frame()?;
+        let focal = self.focal_pixels(size);
+        let x = (pixel[0] + 0.5 - 0.5 * size.width as f64) / focal;
+        let y = (0.5 * size.height as f64 - 0.5 - pixel[1]) / focal;
+        let aside = each_axis(|k| x * right[k] + y * up[k]);
+        Ok(match self.projection {
+            Projection::Orthographic { .. } => (each_axis(|k| position[k] + aside[k]), back.map(|v| -v)),
+            Projection::Perspective { .. } => {
+                let length = (1.0 + x * x + y * y).sqrt();
+                (position, each_axis(|k| (aside[k] - back[k]) / length))
+            }
+        })
+    }
+
     /// Pixels for a unit of x/z (perspective) or for a world unit (orthographic).
     pub fn focal_pixels(&self, size: Size) -> f64 {
         match self.projection {

@@ -10,6 +10,7 @@ mod metadata;
 mod mixture;
 mod network;
 mod science;
+mod sphere;
 pub mod vizmapper;
 
 pub use certificate::{
@@ -28,3 +29,4 @@ pub use metadata::{Effort, Metadata, hex};
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 pub use science::{Limit, Science, ScienceOf, per_length};
+pub use sphere::{Lump, Rules};

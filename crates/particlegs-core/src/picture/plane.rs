@@ -34,6 +34,23 @@ impl Plane {
     pub fn zeros(size: Size) -> Self {
         Plane { size, data: vec![0.0; size.pixels()] }
     }
+
+    /// A range of four decades at most that shows nearly all lit pixels: up to the 99.9th percentile, down to the
+    /// 1st or a ten-thousandth of the top.
+    pub fn log_range(&self) -> [f64; 2] {
+        let mut lit: Vec<f32> = self.data.iter().copied().filter(|v| *v > 0.0 && v.is_finite()).collect();
+        if lit.is_empty() {
+            return [1.0, 10.0];
+        }
+        let mut at = |share: f64| {
+            let place = ((lit.len() - 1) as f64 * share) as usize;
+            f64::from(*lit.select_nth_unstable_by(place, f32::total_cmp).1)
+        };
+        let hi = at(0.999);
+        let lo = at(0.01).max(hi * 1e-4).min(hi);
+        // A flat plane still gets a scale.
+        if hi / lo < 1.5 { [lo / 1.5, hi * 1.5] } else { [lo, hi] }
+    }
 }
 
 /// A picture in a caller's buffer, top row first.

@@ -98,7 +98,8 @@ fn depth<'a>(
         return alpha::optical_depth(blend, &scene.parts, view, size, scratch, progress);
     }
     let lens = Lens::optical(view, size, &scene.bounds)?;
-    let mut rows = sum(scene, &[lens], size, |m, _, i| m.count[i], scratch, progress)?;
+    let lenses: Vec<Lens> = scene.shifts.iter().map(|shift| lens.shifted(*shift)).collect();
+    let mut rows = sum(scene, &lenses, size, |m, _, i| m.count[i], scratch, progress)?;
     if matches!(view.camera.projection, Projection::Perspective { .. }) {
         grow_rows(&mut rows, &lens);
     }

@@ -62,8 +62,12 @@ impl Lens {
     /// [`Error::Argument`] where the camera has no direction.
     pub fn density(view: &DensityView, size: Size, shift: [f64; 3]) -> Result<Lens> {
         let (lens, length) = Lens::new(&view.camera, size, view.range)?;
-        let position = each_axis(|k| lens.position[k] - shift[k]);
-        Ok(Lens { position, unit: (lens.focal / length) * (lens.focal / length), ..lens })
+        Ok(Lens { unit: (lens.focal / length) * (lens.focal / length), ..lens.shifted(shift) })
+    }
+
+    /// The lens for a scene that is drawn at `shift` (world units) from where it is.
+    pub fn shifted(&self, shift: [f64; 3]) -> Lens {
+        Lens { position: each_axis(|k| self.position[k] - shift[k]), ..*self }
     }
 
     /// A camera that adds nothing yet, and its unit in world units.

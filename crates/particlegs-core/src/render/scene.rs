@@ -3,6 +3,7 @@
 use super::alpha::Blend;
 use super::tone::Tones;
 use crate::camera::Normalisation;
+use crate::math::each_axis;
 use crate::model::{AlphaBlend, LawKind, Mixture, Model};
 use crate::picture::{Gray8, Plane};
 use crate::space::Bounds;
@@ -17,18 +18,45 @@ pub struct Scene<'a> {
     pub(super) bounds: Bounds,
     /// What the alpha-blend law needs beside; `None` = the optical-depth law.
     pub(super) blend: Option<Blend<'a>>,
+    /// Where it is drawn, from where it is, world units.
+    pub(super) shifts: Vec<[f64; 3]>,
 }
 
 impl<'a> Scene<'a> {
     /// All blocks of all layers of a model, to be drawn by its law.
     pub fn of(model: &'a Model) -> Self {
         let parts = model.layers.iter().flat_map(|l| l.content.iter().map(|b| (&b.gaussians, l.mass.unit_or_one())));
-        Scene { parts: parts.collect(), bounds: model.metadata.bounds, blend: Blend::of(model) }
+        Scene { parts: parts.collect(), bounds: model.metadata.bounds, blend: Blend::of(model), shifts: vec![[0.0; 3]] }
+    }
+
+    /// The layers of a model that are `shown`, by their place; bounds stay those of the whole.
+    pub fn of_layers(model: &'a Model, shown: impl Fn(usize) -> bool) -> Self {
+        let layers = model.layers.iter().enumerate().filter(|(place, _)| shown(*place)).map(|(_, layer)| layer);
+        let parts = layers.flat_map(|l| l.content.iter().map(|b| (&b.gaussians, l.mass.unit_or_one())));
+        Scene { parts: parts.collect(), ..Scene::of(model) }
+    }
+
+    /// The same, repeated at these `shifts` (world units) from where it is: a periodic box and its images. Bounds
+    /// become those of all of them. Pictures of the optical-depth law alone are repeated.
+    pub fn repeated(mut self, shifts: Vec<[f64; 3]>) -> Self {
+        let own = self.bounds;
+        let moved = |s: &[f64; 3]| Bounds {
+            min: each_axis(|k| own.min[k] + s[k]),
+            max: each_axis(|k| own.max[k] + s[k]),
+        };
+        self.bounds = shifts.iter().map(moved).reduce(|a, b| a.union(&b)).unwrap_or(own);
+        self.shifts = shifts;
+        self
+    }
+
+    /// Bounds of what is drawn, world units.
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
     }
 
     /// One mixture of the optical-depth law, fitted to particles with these bounds.
     pub fn of_mixture(mixture: &'a Mixture, bounds: Bounds) -> Self {
-        Scene { parts: vec![(mixture, 1.0)], bounds, blend: None }
+        Scene { parts: vec![(mixture, 1.0)], bounds, blend: None, shifts: vec![[0.0; 3]] }
     }
 
     /// One mixture, to be drawn by its law, fitted to particles with these bounds, with default `radius`
@@ -40,7 +68,7 @@ impl<'a> Scene<'a> {
             radius,
             opacity,
         };
-        Scene { parts: vec![(mixture, 1.0)], bounds, blend: mixture.law.alpha_blend().map(blend) }
+        Scene { parts: vec![(mixture, 1.0)], bounds, blend: mixture.law.alpha_blend().map(blend), shifts: vec![[0.0; 3]] }
     }
 
     /// How its Gaussians become a picture.

@@ -6,6 +6,7 @@ use super::scene::Scene;
 use super::scratch::Scratch;
 use crate::Result;
 use crate::camera::DensityView;
+use crate::math::each_axis;
 use crate::model::Mixture;
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
@@ -20,6 +21,7 @@ pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, progress: 
     let lenses = view
         .copies(size, &scene.bounds, reach(scene))?
         .into_iter()
+        .flat_map(|own| scene.shifts.iter().map(move |s| each_axis(|k| own[k] + s[k])))
         .map(|shift| Lens::density(view, size, shift))
         .collect::<Result<Vec<_>>>()?;
     let mut scratch = Scratch::default();

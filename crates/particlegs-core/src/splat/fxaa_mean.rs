@@ -77,6 +77,11 @@ impl FxaaMean {
         FxaaMean { ratio, log2_tau: TAU.map(|t| libm::log2(t) as f32) }
     }
 
+    /// The curve: the logarithms to base 2 of rising depths, and its factors there.
+    pub fn nodes(&self) -> (&[f32], &[f32]) {
+        (&self.log2_tau, &self.ratio)
+    }
+
     /// The factor on the mean level at optical depth `tau`; the ends of the table hold beyond it.
     #[inline]
     pub fn ratio(&self, tau: f32) -> f32 {

@@ -39,6 +39,11 @@ impl Response {
         Response { levels }
     }
 
+    /// The table: levels at the depths `2^e (1 + k/64)`, e from -14 to 3, k from 0 to 63, and at 16.
+    pub fn levels(&self) -> &[f32] {
+        &self.levels
+    }
+
     /// Mean level (0 to 255, not rounded) at optical depth `tau` >= 0.
     #[inline]
     pub fn level(&self, tau: f32) -> f32 {

@@ -8,7 +8,7 @@
 use super::Grid;
 use super::resolved::Resolved;
 use crate::math::{Eigen, Sym3};
-use particlegs_core::math::each_axis;
+use particlegs_core::math::{each_axis, normal_share};
 use std::ops::Range;
 
 /// Lattice step in deviations of the round kernel: aliases are below exp(-2 pi^2 / 1.5^2) = 2e-4.
@@ -193,20 +193,6 @@ pub(super) fn shares(out: &mut Vec<(usize, f64)>, g: &Grid, k: usize, mean: f64,
             out.push((i as usize, share));
         }
     }
-}
-
-/// The share of a Gaussian of deviation `s` below `x`, to 1e-7 (Abramowitz and Stegun 7.1.26):
-/// a grid's cell needs no more, and it is called a hundred times a Gaussian.
-pub(super) fn normal_share(x: f64, s: f64) -> f64 {
-    if s <= 0.0 {
-        return if x > 0.0 { 1.0 } else { 0.0 };
-    }
-    let z = (x / s).abs() * std::f64::consts::FRAC_1_SQRT_2;
-    let t = 1.0 / (1.0 + 0.327_591_1 * z);
-    let poly =
-        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
-    let upper = 0.5 * poly * (-z * z).exp();
-    if x > 0.0 { 1.0 - upper } else { upper }
 }
 
 #[cfg(test)]

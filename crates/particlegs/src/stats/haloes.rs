@@ -1,7 +1,6 @@
 //! Density and enclosed mass about given centres: of particles by counting, of a mixture from its Gaussians.
 
 use super::points::Points;
-use super::sphere::{Lump, Rules};
 use super::{Domain, Subject};
 use crate::model::Model;
 use crate::parallel;
@@ -9,6 +8,7 @@ use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
+use particlegs_core::model::{Lump, Rules};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 

@@ -33,7 +33,6 @@ mod sizes;
 mod spectrum;
 #[cfg(test)]
 mod spectrum_tests;
-mod sphere;
 mod subject;
 mod summary;
 #[cfg(test)]

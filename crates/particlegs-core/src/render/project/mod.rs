@@ -215,6 +215,15 @@ impl Footprint {
     pub fn cov(&self) -> [f64; 3] {
         covariance([self.down, self.lean, self.across])
     }
+
+    /// What it adds at a point of the picture, in pixels.
+    pub fn at(&self, pixel: [f64; 2]) -> f64 {
+        let [dx, dy] = [0, 1].map(|k| pixel[k] - f64::from(self.mean[k]));
+        let [down, lean, across, sum] = [self.down, self.lean, self.across, self.sum].map(f64::from);
+        let aside = dx - lean * dy;
+        let peak = sum / (2.0 * std::f64::consts::PI * (down * across).sqrt());
+        peak * libm::exp(-0.5 * (dy * dy / down + aside * aside / across))
+    }
 }
 
 /// The footprints of Gaussians, of all their pieces.

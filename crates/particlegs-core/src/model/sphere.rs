@@ -4,9 +4,7 @@
 //! the two other axes are integrated by Gauss and Legendre's rule where the sphere's surface cuts through. Angles
 //! stand for coordinates there, y = c + r sin(a), so that the chord has no root at the sphere's edge.
 
-use super::gaussian::normal_share;
-use crate::math::Sym3;
-use particlegs_core::math::each_axis;
+use crate::math::{Sym3, each_axis, normal_share};
 use std::f64::consts::{PI, TAU};
 
 /// Gaussians end here, in deviations along each principal axis: 1e-4 of the mass lies beyond.
@@ -47,7 +45,10 @@ impl Lump {
         let center: [f64; 3] = each_axis(|k| (0..3).map(|j| self.axes[k][j] * offset[j]).sum());
         let distance = center.iter().map(|c| c * c).sum::<f64>().sqrt();
         // How far it reaches towards that place.
-        let along = (0..3).map(|k| (center[k] * self.deviation[k]).powi(2)).sum::<f64>().sqrt();
+        let along = (0..3).map(|k| {
+                let v = center[k] * self.deviation[k];
+                v * v
+            }).sum::<f64>().sqrt();
         let small = Small::new(center, self.deviation);
         let nearest = if distance > 0.0 { distance - TAIL * (along / distance) } else { 0.0 };
         for (to, r) in to.iter_mut().zip(radii) {
@@ -67,7 +68,8 @@ impl Lump {
         // The nearest and the furthest that there is of it from the centre along an axis, squared.
         let ends = |k: usize| {
             let (c, t) = (c[k].abs(), TAIL * s[k]);
-            ((c - t).max(0.0).powi(2), (c + t).powi(2))
+            let near = (c - t).max(0.0);
+            (near * near, (c + t) * (c + t))
         };
         let (second, third) = (ends(1), ends(2));
         let root = |square: f64| square.max(0.0).sqrt();
@@ -96,19 +98,25 @@ struct Small {
 impl Small {
     fn new(center: [f64; 3], deviation: [f64; 3]) -> Self {
         let sum = |of: fn(f64, f64) -> f64| (0..3).map(|k| of(center[k], deviation[k])).sum::<f64>();
-        let slopes = sum(|c, s| (c / (s * s)).powi(2));
+        let slopes = sum(|c, s| {
+            let v = c / (s * s);
+            v * v
+        });
         let widths = sum(|_, s| 1.0 / (s * s));
-        let exponent = -0.5 * sum(|c, s| (c / s).powi(2));
+        let exponent = -0.5 * sum(|c, s| {
+            let v = c / s;
+            v * v
+        });
         let peak = deviation.iter().map(|s| 1.0 / (TAU.sqrt() * s)).product::<f64>();
         Small {
             radius: SMALL / (slopes.sqrt() + widths.sqrt()),
-            density: peak * exponent.exp(),
+            density: peak * libm::exp(exponent),
             curvature: slopes - widths,
         }
     }
 
     fn share(&self, r: f64) -> f64 {
-        4.0 / 3.0 * PI * r.powi(3) * self.density * (1.0 + r * r / 10.0 * self.curvature)
+        4.0 / 3.0 * PI * r * r * r * self.density * (1.0 + r * r / 10.0 * self.curvature)
     }
 }
 
@@ -118,7 +126,7 @@ pub struct Rules([Vec<(f64, f64)>; RULES.len()]);
 /// Nodes and weights; the nodes are roots of the Legendre polynomial, by Newton's method.
 fn legendre(n: usize) -> Vec<(f64, f64)> {
     let node = |i: usize| {
-        let mut x = (PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+        let mut x = libm::cos(PI * (i as f64 + 0.75) / (n as f64 + 0.5));
         let mut slope = 1.0;
         for _ in 0..10 {
             let (mut last, mut value) = (1.0, x);
@@ -134,7 +142,14 @@ fn legendre(n: usize) -> Vec<(f64, f64)> {
     (0..n).map(node).collect()
 }
 
+impl Default for Rules {
+    fn default() -> Self {
+        Rules::new()
+    }
+}
+
 impl Rules {
+    /// All of them.
     pub fn new() -> Self {
         Rules(RULES.map(legendre))
     }
@@ -151,7 +166,7 @@ impl Rules {
         if r <= 0.0 {
             return 0.0;
         }
-        let angle = |x: f64| (x / r).clamp(-1.0, 1.0).asin();
+        let angle = |x: f64| libm::asin((x / r).clamp(-1.0, 1.0));
         let (low, high) = (angle(-TAIL * s - c), angle(TAIL * s - c));
         let piece = |low: f64, high: f64| {
             let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
@@ -159,10 +174,10 @@ impl Rules {
                 return 0.0;
             }
             let at = |(node, weight): &(f64, f64)| {
-                let sine = (middle + half * node).sin();
+                let sine = libm::sin(middle + half * node);
                 let cosine = (1.0 - sine * sine).max(0.0).sqrt();
                 let y = (c + r * sine) / s;
-                weight * cosine * (-0.5 * y * y).exp() * f(r * sine)
+                weight * cosine * libm::exp(-0.5 * y * y) * f(r * sine)
             };
             half * r / (TAU.sqrt() * s) * self.for_width(2.0 * half * r, s, least).iter().map(at).sum::<f64>()
         };
@@ -175,6 +190,7 @@ impl Rules {
 }
 
 #[cfg(test)]
+#[allow(clippy::disallowed_methods)]
 mod tests {
     use super::*;
     use crate::math::Random;

@@ -1,0 +1,60 @@
+//! What a page says of a model.
+
+use crate::answer::Answer;
+use particlegs_core::Result;
+use particlegs_core::model::{LawKind, Metadata, Model};
+use serde::Serialize;
+
+/// One model.
+#[derive(Serialize)]
+struct About<'a> {
+    metadata: &'a Metadata,
+    gaussians: usize,
+    /// Are masses known, so that densities have units?
+    has_masses: bool,
+    /// Unit of surface density.
+    mass: Option<f64>,
+    layers: Vec<AboutLayer<'a>>,
+    /// Can it be drawn by adding up footprints, as a graphics card does?
+    adds_up: bool,
+    /// Radii and opacities (lowest and highest) at which the certificate has pictures.
+    certified: Option<[[f64; 2]; 2]>,
+}
+
+#[derive(Serialize)]
+struct AboutLayer<'a> {
+    name: &'a str,
+    particles: u64,
+    gaussians: usize,
+}
+
+pub(crate) fn about(model: &Model) -> Result<Answer> {
+    let layers = model.layers.iter().map(|l| AboutLayer {
+        name: &l.name,
+        particles: l.count(),
+        gaussians: l.content.iter().map(|b| b.gaussians.len()).sum(),
+    });
+    Answer::of(&About {
+        metadata: &model.metadata,
+        gaussians: model.gaussians(),
+        has_masses: model.has_masses(),
+        mass: model.mass(),
+        layers: layers.collect(),
+        adds_up: model.metadata.law == LawKind::OpticalDepth,
+        certified: certified(model),
+    })
+}
+
+/// The settings with pictures, or the default ones alone.
+fn certified(model: &Model) -> Option<[[f64; 2]; 2]> {
+    let certificate = model.certificate.as_ref()?;
+    let m = &model.metadata;
+    let settings = certificate.measures.pictures.as_ref().map(|p| &p.settings);
+    let around = |of: &dyn Fn(usize) -> f64, default: f64| {
+        let values = (0..settings.map_or(0, |s| s.len())).map(of);
+        values.fold([default; 2], |[low, high], v| [low.min(v), high.max(v)])
+    };
+    let radius = |i: usize| settings.map_or(1.0, |s| f64::from(s[i].radius)) * m.default_radius;
+    let opacity = |i: usize| settings.map_or(1.0, |s| f64::from(s[i].opacity));
+    Some([around(&radius, m.default_radius), around(&opacity, m.default_opacity)])
+}

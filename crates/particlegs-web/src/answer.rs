@@ -1,0 +1,46 @@
+//! What the engine answers.
+
+use particlegs_core::Result;
+use serde::Serialize;
+
+/// JSON, and numbers behind it. As bytes: u32 length of the JSON, the JSON, padding to a multiple of 8, the numbers;
+/// an error is the JSON `{"error": "one line"}` without numbers.
+#[derive(Debug)]
+pub struct Answer {
+    /// The JSON.
+    pub json: String,
+    /// What it says of them.
+    pub numbers: Vec<u8>,
+}
+
+impl Answer {
+    /// `json` alone.
+    pub(crate) fn of(json: &impl Serialize) -> Result<Answer> {
+        Answer::with(json, Vec::new())
+    }
+
+    /// `json`, and numbers behind it.
+    pub(crate) fn with(json: &impl Serialize, numbers: Vec<u8>) -> Result<Answer> {
+        let json = serde_json::to_string(json).map_err(|e| particlegs_core::Error::argument(e.to_string()))?;
+        Ok(Answer { json, numbers })
+    }
+
+    /// A result; of an error its line.
+    pub(crate) fn or_error(result: Result<Answer>) -> Answer {
+        result.unwrap_or_else(|error| {
+            let json = serde_json::json!({ "error": error.to_string() }).to_string();
+            Answer { json, numbers: Vec::new() }
+        })
+    }
+
+    /// As bytes.
+    pub fn into_bytes(self) -> Vec<u8> {
+        let start = (4 + self.json.len()).next_multiple_of(8);
+        let mut bytes = Vec::with_capacity(start + self.numbers.len());
+        bytes.extend((self.json.len() as u32).to_le_bytes());
+        bytes.extend(self.json.as_bytes());
+        bytes.resize(start, 0);
+        bytes.extend(self.numbers);
+        bytes
+    }
+}

@@ -1,0 +1,156 @@
+//! The models that were opened, and answers about them.
+
+use crate::answer::Answer;
+use crate::clip::clipped;
+use crate::picture::{Painter, bytes, check};
+use crate::question::{Paint, Question, SceneOf, Style, What};
+use crate::strokes::strokes;
+use crate::{about, probe};
+use particlegs_core::math::each_axis;
+use particlegs_core::model::Model;
+use particlegs_core::picture::Colormap;
+use particlegs_core::progress::Silent;
+use particlegs_core::render::Scene;
+use particlegs_core::render::lens::Lens;
+use particlegs_core::space::Bounds;
+use particlegs_core::splat::Response;
+use particlegs_core::{Error, Result, codec};
+use serde_json::json;
+
+/// Decoded models, by the order in which they were opened, and what is kept between pictures.
+#[derive(Default)]
+pub struct Engine {
+    models: Vec<Opened>,
+    painter: Painter,
+}
+
+/// A model, and its part inside the box that was last asked for.
+struct Opened {
+    model: Model,
+    clipped: Option<(Bounds, Model)>,
+}
+
+impl Opened {
+    /// The model that a scene shows.
+    fn shown(&mut self, of: &SceneOf) -> &Model {
+        let Some(bounds) = of.clip else { return &self.model };
+        if self.clipped.as_ref().is_none_or(|(kept, _)| *kept != bounds) {
+            self.clipped = Some((bounds, clipped(&self.model, &bounds)));
+        }
+        self.clipped.as_ref().map_or(&self.model, |(_, part)| part)
+    }
+}
+
+impl SceneOf {
+    /// Is this layer drawn?
+    pub(crate) fn shows(&self, layer: usize) -> bool {
+        self.layers.as_ref().is_none_or(|l| l.get(layer).copied().unwrap_or(true))
+    }
+
+    fn scene<'a>(&self, model: &'a Model, shown: &dyn Fn(usize) -> bool) -> Scene<'a> {
+        Scene::of_layers(model, shown).repeated(self.shifts(model))
+    }
+
+    /// Where the box and its images are.
+    fn shifts(&self, model: &Model) -> Vec<[f64; 3]> {
+        let Some(cell) = model.metadata.cell.filter(|_| self.images) else { return vec![[0.0; 3]] };
+        let steps = |axis: usize| if cell.periodic[axis] { -1..=1 } else { 0..=0 };
+        let mut shifts = vec![[0.0; 3]];
+        for (i, j, k) in steps(0).flat_map(|i| steps(1).flat_map(move |j| steps(2).map(move |k| (i, j, k)))) {
+            if (i, j, k) != (0, 0, 0) {
+                let n = [f64::from(i), f64::from(j), f64::from(k)];
+                shifts.push(each_axis(|c| (0..3).map(|r| n[r] * cell.vectors[r][c]).sum()));
+            }
+        }
+        shifts
+    }
+
+    /// The lens of each image.
+    fn lenses(&self, model: &Model, style: Style) -> Result<Vec<Lens>> {
+        let scene = self.scene(model, &|_| true);
+        let lens = match style {
+            Style::Depth => Lens::optical(&self.view()?, self.size, scene.bounds())?,
+            Style::Density => Lens::density(&self.density_view(scene.bounds())?, self.size, [0.0; 3])?,
+        };
+        Ok(self.shifts(model).into_iter().map(|s| lens.shifted(s)).collect())
+    }
+}
+
+impl Engine {
+    /// Decodes a model file and keeps the model; the answer says what it is.
+    pub fn open(&mut self, file: &[u8]) -> Answer {
+        let opened = codec::decode_with(file, "the model", &Silent).and_then(|model| {
+            let answer = about::about(&model)?;
+            self.models.push(Opened { model, clipped: None });
+            Ok(answer)
+        });
+        Answer::or_error(opened)
+    }
+
+    /// Answers a question in JSON.
+    pub fn ask(&mut self, question: &[u8]) -> Answer {
+        let question = serde_json::from_slice(question).map_err(|e| Error::argument(format!("a question: {e}")));
+        Answer::or_error(question.and_then(|q: Question| self.answer(q)))
+    }
+
+    fn answer(&mut self, Question { model, what }: Question) -> Result<Answer> {
+        let Engine { models, painter } = self;
+        let number = models.len();
+        let none = || Error::argument(format!("there is no model {model}: {number} are open"));
+        let opened = models.get_mut(model).ok_or_else(none)?;
+        match what {
+            What::Picture { scene, paint } => picture(opened, painter, &scene, &paint),
+            What::Values { scene, style } => {
+                check(scene.size)?;
+                let model = opened.shown(&scene);
+                let plane = painter.plane(&scene.scene(model, &|l| scene.shows(l)), &scene, style)?;
+                Answer::with(&json!({ "range": plane.log_range() }), bytes(&plane))
+            }
+            What::Strokes { scene, style } => {
+                check(scene.size)?;
+                let model = opened.shown(&scene);
+                let lenses = scene.lenses(model, style)?;
+                strokes(model, |l| scene.shows(l), &lenses, scene.size, style == Style::Density)
+            }
+            What::Tone { opacity, radius_pixels } => tone(opacity, radius_pixels),
+            What::Colors { name } => {
+                let map: Colormap = name.parse().map_err(Error::argument)?;
+                let colors = (0..256).flat_map(|i| map.color(i as f32 / 255.0)).collect();
+                Answer::with(&json!({}), colors)
+            }
+            What::Probe { scene, pixel } => {
+                let model = opened.shown(&scene);
+                let lens = scene.lenses(model, Style::Depth)?[0];
+                let camera = scene.view()?.camera;
+                Answer::of(&probe::seen(model, &|l| scene.shows(l), (&camera, &lens, scene.size), pixel))
+            }
+            What::Sphere { center, radius, layers } => {
+                let shown = |l: usize| layers.as_ref().is_none_or(|s| s.get(l).copied().unwrap_or(true));
+                Answer::of(&probe::held(&opened.model, &shown, center, radius))
+            }
+            What::Gaussian { index } => {
+                let found = probe::gaussian(&opened.model, index);
+                let missing = || format!("there is no Gaussian {index}: the model has {}", opened.model.gaussians());
+                let (position, extent) = found.ok_or_else(|| Error::argument(missing()))?;
+                Answer::of(&json!({ "position": position, "extent": extent }))
+            }
+        }
+    }
+}
+
+fn picture(opened: &mut Opened, painter: &mut Painter, of: &SceneOf, paint: &Paint) -> Result<Answer> {
+    check(of.size)?;
+    let model = opened.shown(of);
+    let (pixels, range) = painter.picture(model, |shown| of.scene(model, shown), of, paint)?;
+    Answer::with(&json!({ "range": range }), pixels)
+}
+
+/// The tone curves of an opacity and a splat radius: levels at the depths of [`Response`]'s table, and the ratio and
+/// the blur of FXAA.
+fn tone(opacity: f64, radius_pixels: f64) -> Result<Answer> {
+    use particlegs_core::splat::{FxaaMean, fxaa_blur};
+    let levels = Response::new(opacity).levels().iter().flat_map(|v| v.to_le_bytes()).collect();
+    let mean = FxaaMean::new(opacity, radius_pixels);
+    let (depths, ratios) = mean.nodes();
+    Answer::with(&json!({ "depths": depths, "ratios": ratios, "blur": fxaa_blur(opacity, radius_pixels) }), levels)
+}

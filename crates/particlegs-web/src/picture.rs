@@ -1,0 +1,150 @@
+//! Pictures as a page shows them: RGBA, four bytes a pixel.
+
+use crate::question::{Paint, SceneOf, Style};
+use particlegs_core::Result;
+use particlegs_core::model::Model;
+use particlegs_core::picture::{Colormap, Pixels, Plane, Size};
+use particlegs_core::progress::Silent;
+use particlegs_core::render::{Scene, Scratch, Tones, optical_depth_into, surface_density};
+use particlegs_core::splat::Look;
+
+/// What is kept from picture to picture: buffers, and the tone curves of the last opacity and radius.
+#[derive(Default)]
+pub(crate) struct Painter {
+    scratch: Scratch,
+    tones: Option<([f64; 2], Tones)>,
+}
+
+impl Painter {
+    /// The plane behind a picture of a scene.
+    pub(crate) fn plane(&mut self, scene: &Scene<'_>, of: &SceneOf, style: Style) -> Result<Plane> {
+        match style {
+            Style::Density => surface_density(scene, &of.density_view(scene.bounds())?, of.size, &Silent),
+            Style::Depth => {
+                let mut plane = Plane::zeros(of.size);
+                let out = Pixels::new(of.size, &mut plane.data)?;
+                optical_depth_into(scene, &of.view()?, out, &mut self.scratch, &Silent)?;
+                Ok(plane)
+            }
+        }
+    }
+
+    /// A picture, and the range of its colours where it is of density.
+    pub(crate) fn picture<'a>(
+        &mut self,
+        model: &'a Model,
+        scene: impl Fn(&dyn Fn(usize) -> bool) -> Scene<'a>,
+        of: &SceneOf,
+        paint: &Paint,
+    ) -> Result<(Vec<u8>, Option<[f64; 2]>)> {
+        let shown = |layer: usize| of.shows(layer);
+        let Some(look) = paint.look else {
+            let plane = self.plane(&scene(&shown), of, Style::Density)?;
+            let range = paint.range.unwrap_or_else(|| plane.log_range());
+            return Ok((density(&plane, paint, range), Some(range)));
+        };
+        match &paint.colors {
+            Some(colors) if scene(&shown).law() == particlegs_core::model::LawKind::OpticalDepth => {
+                let layers = (0..model.layers.len()).filter(|l| shown(*l));
+                let planes = layers.map(|l| Ok((self.plane(&scene(&|i| i == l), of, Style::Depth)?, color(colors, l))));
+                let planes = planes.collect::<Result<Vec<_>>>()?;
+                let mut total = Plane::zeros(of.size);
+                for (plane, _) in &planes {
+                    total.data.iter_mut().zip(&plane.data).for_each(|(t, v)| *t += v);
+                }
+                let levels = self.levels((&scene(&shown), of), &total, look, paint.exposure)?;
+                Ok((mixed(&planes, &levels, paint.white), None))
+            }
+            _ => {
+                let scene = scene(&shown);
+                let plane = self.plane(&scene, of, Style::Depth)?;
+                let levels = self.levels((&scene, of), &plane, look, paint.exposure)?;
+                Ok((grey(&levels, paint.white), None))
+            }
+        }
+    }
+
+    fn levels(
+        &mut self,
+        (scene, of): (&Scene<'_>, &SceneOf),
+        tau: &Plane,
+        look: Look,
+        exposure: f32,
+    ) -> Result<Vec<u8>> {
+        let key = [of.opacity, of.view()?.radius_pixels(of.size)];
+        if self.tones.as_ref().is_none_or(|(of, _)| *of != key) {
+            self.tones = Some((key, Tones::new(key[0], key[1])));
+        }
+        let (_, tones) = self.tones.get_or_insert_with(|| (key, Tones::new(key[0], key[1])));
+        let mut levels = scene.tone(tau, look, tones).data;
+        if exposure != 0.0 {
+            let gain = exposure.clamp(-8.0, 8.0).exp2();
+            // The cast saturates.
+            levels.iter_mut().for_each(|v| *v = (f32::from(*v) * gain).round_ties_even() as u8);
+        }
+        Ok(levels)
+    }
+}
+
+/// White where a layer has no colour of its own.
+fn color(colors: &[[u8; 3]], layer: usize) -> [f32; 3] {
+    colors.get(layer).map_or([255.0; 3], |c| c.map(f32::from))
+}
+
+fn grey(levels: &[u8], white: bool) -> Vec<u8> {
+    let flip = if white { 255 } else { 0 };
+    levels.iter().flat_map(|v| [v ^ flip, v ^ flip, v ^ flip, 255]).collect()
+}
+
+/// The brightness of all together in the hue of what each adds to the depth.
+fn mixed(planes: &[(Plane, [f32; 3])], levels: &[u8], white: bool) -> Vec<u8> {
+    let mut out = Vec::with_capacity(4 * levels.len());
+    for (i, level) in levels.iter().enumerate() {
+        let (mut hue, mut sum) = ([0.0f32; 3], 0.0);
+        for (plane, color) in planes {
+            let tau = plane.data[i];
+            sum += tau;
+            (0..3).for_each(|k| hue[k] += color[k] * tau);
+        }
+        let share = f32::from(*level) / 255.0;
+        for h in hue {
+            let full = if sum > 0.0 { h / sum } else { 0.0 };
+            let v = if white { 255.0 - share * (255.0 - full) } else { share * full };
+            out.push(v.round() as u8);
+        }
+        out.push(255);
+    }
+    out
+}
+
+/// Logarithmic colours; what is empty has the first colour, or is white on white.
+fn density(plane: &Plane, paint: &Paint, [lo, hi]: [f64; 2]) -> Vec<u8> {
+    let map: Colormap = paint.colormap.parse().unwrap_or_default();
+    let (from, length) = (lo.ln() as f32, (hi / lo).ln() as f32);
+    let mut out = Vec::with_capacity(4 * plane.data.len());
+    for v in &plane.data {
+        let [r, g, b] = match *v > 0.0 {
+            true => map.color((v.ln() - from) / length),
+            false if paint.white => [255; 3],
+            false => map.color(0.0),
+        };
+        out.extend([r, g, b, 255]);
+    }
+    out
+}
+
+/// Little-endian bytes of a plane.
+pub(crate) fn bytes(plane: &Plane) -> Vec<u8> {
+    plane.data.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// Most pixels of a picture: 8K, and a margin.
+pub(crate) const MOST_PIXELS: usize = 1 << 26;
+
+/// Refuses pictures that memory would not hold.
+pub(crate) fn check(size: Size) -> Result<()> {
+    match size.width.checked_mul(size.height) {
+        Some(n) if n <= MOST_PIXELS => Ok(()),
+        _ => Err(particlegs_core::Error::argument(format!("a picture of {}x{} is too large", size.width, size.height))),
+    }
+}

@@ -1,0 +1,137 @@
+//! What a page asks.
+
+use particlegs_core::Result;
+use particlegs_core::camera::{Camera, DensityView, Projection, View};
+use particlegs_core::picture::Size;
+use particlegs_core::space::Bounds;
+use particlegs_core::splat::Look;
+use serde::Deserialize;
+
+/// A question about the model that was opened as number `model`.
+#[derive(Deserialize)]
+pub(crate) struct Question {
+    /// Which model, from 0.
+    #[serde(default)]
+    pub model: usize,
+    /// What is asked.
+    #[serde(flatten)]
+    pub what: What,
+}
+
+/// What is asked.
+#[derive(Deserialize)]
+#[serde(tag = "ask", rename_all = "kebab-case")]
+pub(crate) enum What {
+    /// A picture: RGBA, four bytes a pixel.
+    Picture { scene: SceneOf, paint: Paint },
+    /// The plane behind a picture: optical depth, or surface density, as f32.
+    Values { scene: SceneOf, style: Style },
+    /// The footprints of all Gaussians as a graphics card adds them up, 8 f32 each.
+    Strokes { scene: SceneOf, style: Style },
+    /// The tone curve of a view: 1153 f32 levels.
+    Tone { opacity: f64, radius_pixels: f64 },
+    /// 256 RGB triples.
+    Colors { name: String },
+    /// What is seen at a pixel.
+    Probe { scene: SceneOf, pixel: [f64; 2] },
+    /// Mass in a sphere.
+    Sphere { center: [f64; 3], radius: f64, #[serde(default)] layers: Option<Vec<bool>> },
+    /// Where Gaussian `index` is.
+    Gaussian { index: usize },
+}
+
+/// What is drawn, and from where.
+#[derive(Clone, Deserialize)]
+pub(crate) struct SceneOf {
+    /// Picture size, pixels.
+    pub size: Size,
+    /// The camera.
+    pub camera: CameraOf,
+    /// Particle radius, world units.
+    pub radius: f64,
+    /// Opacity.
+    pub opacity: f64,
+    /// Which layers are drawn; all where it is left out.
+    #[serde(default)]
+    pub layers: Option<Vec<bool>>,
+    /// Particles outside are left out, world units.
+    #[serde(default)]
+    pub clip: Option<Bounds>,
+    /// Is the periodic box repeated about itself?
+    #[serde(default)]
+    pub images: bool,
+}
+
+/// A camera, as views files have it.
+#[derive(Clone, Deserialize)]
+pub(crate) struct CameraOf {
+    position: [f64; 3],
+    focal_point: [f64; 3],
+    view_up: [f64; 3],
+    /// Vertical field of view, degrees ...
+    #[serde(default)]
+    fov_deg: Option<f64>,
+    /// ... or the picture's height, world units.
+    #[serde(default)]
+    height_world: Option<f64>,
+    #[serde(default)]
+    clipping_range: Option<[f64; 2]>,
+}
+
+/// What a plane holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Style {
+    /// Optical depth.
+    Depth,
+    /// Surface density, mass a world unit squared.
+    Density,
+}
+
+/// How a plane is coloured.
+#[derive(Clone, Deserialize)]
+pub(crate) struct Paint {
+    /// A look; `None` = surface density.
+    pub look: Option<Look>,
+    /// Dark on white?
+    #[serde(default)]
+    pub white: bool,
+    /// The colour map of density.
+    #[serde(default)]
+    pub colormap: String,
+    /// Densities of the first and the last colour; found where it is left out.
+    #[serde(default)]
+    pub range: Option<[f64; 2]>,
+    /// Stops by which grey levels are brightened.
+    #[serde(default)]
+    pub exposure: f32,
+    /// The colour of each layer, where layers are told apart.
+    #[serde(default)]
+    pub colors: Option<Vec<[u8; 3]>>,
+}
+
+impl SceneOf {
+    /// The view, checked.
+    pub(crate) fn view(&self) -> Result<View> {
+        let c = &self.camera;
+        let projection = match (c.height_world, c.fov_deg) {
+            (Some(height_world), _) => Projection::Orthographic { height_world },
+            (None, fov) => Projection::Perspective { fov_deg: fov.unwrap_or(particlegs_core::camera::FOV_DEG) },
+        };
+        let camera = Camera {
+            position: c.position,
+            focal_point: c.focal_point,
+            view_up: c.view_up,
+            projection,
+            clipping_range: c.clipping_range,
+        };
+        let view = View { name: "view".into(), camera, radius: self.radius, opacity: self.opacity };
+        view.check(self.size)?;
+        Ok(view)
+    }
+
+    /// The same camera for surface density.
+    pub(crate) fn density_view(&self, bounds: &Bounds) -> Result<DensityView> {
+        Ok(DensityView::of_view(&self.view()?, bounds))
+    }
+}

@@ -1,0 +1,95 @@
+//! What a graphics card adds up: every footprint as the stroke that the CPU's raster draws, on the plane that suits
+//! it ([`particlegs_core::render::bin::place`]), plane after plane.
+
+use crate::answer::Answer;
+use particlegs_core::Result;
+use particlegs_core::model::{Mixture, Model};
+use particlegs_core::picture::Size;
+use particlegs_core::render::bin::{Stroke, place};
+use particlegs_core::render::lens::Lens;
+use particlegs_core::render::project::project;
+use particlegs_core::render::raster::pyramid::{Level, PAD, levels};
+use serde::Serialize;
+
+/// Gaussians that go from stage to stage together.
+const BLOCK: usize = 64;
+
+/// What the card must know beside the strokes.
+#[derive(Serialize)]
+struct Planes {
+    /// Pixels drawn beyond each edge of a plane.
+    pad: usize,
+    /// Pixels for a unit of x/depth, and the pixel of the axis: splats widen away from it in perspective.
+    focal: f64,
+    center: [f64; 2],
+    perspective: bool,
+    /// Finest first.
+    planes: Vec<OnePlane>,
+}
+
+#[derive(Serialize)]
+struct OnePlane {
+    width: usize,
+    height: usize,
+    first: usize,
+    count: usize,
+}
+
+/// The strokes of the shown layers of a model through `lenses`, one for each image of the box; `mass` adds masses
+/// instead of counts.
+pub(crate) fn strokes(
+    model: &Model,
+    shown: impl Fn(usize) -> bool,
+    lenses: &[Lens],
+    size: Size,
+    mass: bool,
+) -> Result<Answer> {
+    let levels = levels(size);
+    let mut by_level: Vec<Vec<Stroke>> = levels.iter().map(|_| Vec::new()).collect();
+    for (_, layer) in model.layers.iter().enumerate().filter(|(place, _)| shown(*place)) {
+        let unit = layer.mass.unit_or_one();
+        for block in &layer.content {
+            let weight = |m: &Mixture, i| if mass { unit * m.mass_of(i) } else { m.count[i] };
+            for lens in lenses {
+                add(&block.gaussians, lens, &weight, &levels, &mut by_level);
+            }
+        }
+    }
+    let mut first = 0;
+    let planes = levels.iter().zip(&by_level).map(|(level, strokes)| {
+        let plane = OnePlane { width: level.size.width, height: level.size.height, first, count: strokes.len() };
+        first += strokes.len();
+        plane
+    });
+    let planes: Vec<OnePlane> = planes.collect();
+    let lens = &lenses[0];
+    let about = Planes { pad: PAD, focal: lens.focal, center: lens.center, perspective: lens.perspective, planes };
+    let mut numbers = Vec::with_capacity(32 * first);
+    for s in by_level.iter().flatten() {
+        for v in [s.x, s.y, s.slope, s.along, s.down, s.end, s.peak, s.half] {
+            numbers.extend(v.to_le_bytes());
+        }
+    }
+    Answer::with(&about, numbers)
+}
+
+fn add(
+    m: &Mixture,
+    lens: &Lens,
+    weight: &impl Fn(&Mixture, usize) -> f64,
+    levels: &[Level],
+    by_level: &mut [Vec<Stroke>],
+) {
+    let (mut gaussians, mut footprints) = (Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK));
+    for start in (0..m.len()).step_by(BLOCK) {
+        gaussians.clear();
+        footprints.clear();
+        let block = start..m.len().min(start + BLOCK);
+        let seen = block.map(|i| (i, weight(m, i))).filter(|(_, w)| *w > 0.0);
+        gaussians.extend(seen.filter_map(|(i, w)| lens.see(m, i, w)));
+        project(lens, &gaussians, &mut footprints);
+        for placed in footprints.iter().filter_map(|f| place(levels, f)) {
+            by_level[placed.level].push(placed.stroke);
+        }
+    }
+}

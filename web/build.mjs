@@ -1,0 +1,12 @@
+// Bundles the page's sources into crates/particlegs-view/assets (or the folder that is named).
+import { build } from "esbuild";
+import { readFile } from "node:fs/promises";
+
+const out = process.argv[2] ?? "../crates/particlegs-view/assets";
+for (const [name, entry] of [["viewer", "main"], ["worker", "worker"]]) {
+  await build({
+    entryPoints: [`src/${entry}.ts`], outfile: `${out}/${name}.js`, bundle: true, minify: true, format: "iife",
+    target: ["chrome109", "firefox115", "safari16.4"], legalComments: "none", charset: "utf8",
+  });
+}
+await build({ stdin: { contents: await readFile("src/viewer.css", "utf8"), loader: "css" }, outfile: `${out}/viewer.css`, minify: true });

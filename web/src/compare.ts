@@ -1,0 +1,93 @@
+// The model beside all of its particles: asked for when the camera rests, thrown away when it moves.
+
+import { h } from "./dom";
+import type { Page } from "./main";
+import type { Setup } from "./protocol";
+import { paintOf, sceneOf } from "./state";
+import { dex, difference, greys, maskedPsnr, painted, Split, Truth, type Shown, type TruthPicture } from "./truth";
+import { whole } from "./units";
+
+/** Milliseconds without a move after which the server is asked. */
+const REST = 250;
+
+export class Compare {
+  readonly element: HTMLElement;
+  private truth: Truth;
+  private split: Split | null = null;
+  private shown: Shown | null = null;
+  private score = h("p", { class: "hint", role: "status" });
+  private buttons: Record<Shown, HTMLButtonElement>;
+  private rest: ReturnType<typeof setTimeout> | undefined;
+
+  constructor(private page: Page, truth: NonNullable<Setup["truth"]>) {
+    this.truth = new Truth(truth.url);
+    const button = (shown: Shown, text: string) =>
+      h("button", { type: "button", text, "aria-pressed": "false", click: () => this.toggle(shown) });
+    this.buttons = { split: button("split", "Split"), difference: button("difference", "Difference") };
+    this.element = h("details", { open: true }, h("summary", { text: "All particles" }),
+      h("p", { class: "hint", text: `${truth.name}: ${whole(truth.particles)} particles, drawn by the server` }),
+      h("div", { class: "buttons" }, this.buttons.split, this.buttons.difference), this.score);
+  }
+
+  toggle(shown: Shown): void {
+    this.shown = this.shown === shown ? null : shown;
+    for (const name of ["split", "difference"] as const) this.buttons[name].setAttribute("aria-pressed", String(this.shown === name));
+    if (this.shown === null) {
+      this.truth.stop();
+      this.split?.remove();
+      this.split = null;
+      this.score.textContent = "";
+    } else {
+      this.split ??= new Split(this.page.panes[0].element);
+      this.moved();
+    }
+  }
+
+  /** The picture has changed: what was asked for is of no use. */
+  moved(): void {
+    if (this.shown === null) return;
+    this.truth.stop();
+    this.split?.clear();
+    this.score.textContent = "…";
+    clearTimeout(this.rest);
+    this.rest = setTimeout(() => {
+      this.ask().catch((error: unknown) => (this.score.textContent = error instanceof Error ? error.message : String(error)));
+    }, REST);
+  }
+
+  private async ask(): Promise<void> {
+    const { panes, state } = this.page;
+    const pane = panes[0];
+    const scene = sceneOf(state, pane.about, pane.size);
+    if (scene.clip || scene.layers || scene.images) {
+      this.score.textContent = "All particles are drawn whole: switch the clip box, slabs along axes, images and layers off to compare.";
+      return;
+    }
+    this.score.textContent = "drawing all particles …";
+    await this.truth.draw(scene, state, (picture, last) => {
+      void this.show(picture, last).catch((error: Error) => (this.score.textContent = error.message));
+    });
+  }
+
+  private async show(picture: TruthPicture, last: boolean): Promise<void> {
+    const { panes, state } = this.page;
+    const pane = panes[0];
+    const scene = sceneOf(state, pane.about, picture.size);
+    const density = picture.densities !== null;
+    const range = pane.range ?? [1, 10];
+    const paint = { ...paintOf(state), white: false, exposure: 0, colors: null };
+    const model = density
+      ? new Float32Array((await pane.values(scene, "density")).numbers)
+      : greys((await pane.picture(scene, paint)).numbers);
+    if (this.shown === "difference") {
+      this.split?.put(difference(model, (picture.densities ?? picture.levels)!, density, picture.size), true);
+    } else {
+      this.split?.put(painted(picture, state, await pane.map(state.colormap), range), false);
+    }
+    if (!last) return;
+    this.score.textContent = density
+      ? `RMS ${dex(model as Float32Array, picture.densities!, range[0]).toFixed(3)} dex where both are above the range's lower end`
+      : `masked PSNR ${maskedPsnr(model as Uint8Array, picture.levels!).toFixed(2)} dB`;
+    document.documentElement.dataset.compared = this.score.textContent;
+  }
+}

@@ -1,0 +1,48 @@
+// Questions that need more than a click, and the list of keys.
+
+import { h } from "./dom";
+import type { Key } from "./hand";
+
+/** A dialog with a form; resolves to the fields when it is accepted, to `null` when not. */
+export function ask(title: string, accept: string, ...fields: HTMLElement[]): Promise<HTMLFormElement | null> {
+  const form = h("form", { method: "dialog" },
+    h("h2", { text: title }), ...fields,
+    h("div", { class: "buttons" },
+      h("button", { value: "yes", text: accept }),
+      h("button", { value: "no", text: "Cancel", type: "button", click: () => dialog.close() })));
+  const dialog = h("dialog", { "aria-label": title }, form);
+  document.body.append(dialog);
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      resolve(dialog.returnValue === "yes" ? form : null);
+    });
+  });
+}
+
+/** Shows something to read until it is closed. */
+export function tell(title: string, ...content: HTMLElement[]): void {
+  const close = h("button", { text: "Close", value: "no" });
+  const dialog = h("dialog", { "aria-label": title },
+    h("form", { method: "dialog" }, h("h2", { text: title }), ...content, h("div", { class: "buttons" }, close)));
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
+}
+
+/** A labelled field of a form. */
+export function field(label: string, input: HTMLElement): HTMLElement {
+  return h("label", { class: "row" }, label, input);
+}
+
+/** All keys. */
+export function showKeys(keys: Key[]): void {
+  const mouse: [string, string][] = [
+    ["drag", "turn"], ["Shift drag, right drag, two fingers", "move"], ["wheel, pinch", "zoom to the pointer"],
+    ["click", "what is here"], ["double click", "look at what is here"],
+  ];
+  const rows = [...mouse, ...keys.map((k): [string, string] => [k.label, k.what])];
+  const table = h("table", {}, ...rows.map(([key, what]) => h("tr", {}, h("th", { text: key, scope: "row" }), h("td", { text: what }))));
+  tell("Mouse, touch and keys", table);
+}

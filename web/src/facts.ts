@@ -1,0 +1,46 @@
+// What the page says of a model: what it is, and what its certificate holds.
+
+import { h } from "./dom";
+import type { About, Seen, Verdict } from "./protocol";
+import { bytes, number, unitsOf, whole } from "./units";
+
+/** Name, particles, Gaussians, size, ratio. */
+export function line(about: About, size: number): string {
+  const m = about.metadata;
+  const raw = m.count * (about.has_masses && about.mass === null ? 16 : 12);
+  return `${whole(m.count)} particles, ${whole(about.gaussians)} Gaussians, ${bytes(size)}, ratio ${whole(raw / size)}`;
+}
+
+/** All of it, with the verdict. */
+export function facts(name: string, about: About, size: number, verdict: Verdict[] | undefined): HTMLElement {
+  const m = about.metadata;
+  const u = unitsOf(about);
+  const extent = m.bounds.max.map((v, k) => number(v - m.bounds.min[k])).join(" × ");
+  const rows: [string, string][] = [
+    ["Model", name], ["Source", m.source], ["Particles", whole(m.count)], ["Gaussians", whole(about.gaussians)],
+    ["Size", bytes(size)], ["Extent", `${extent} ${u.length}`],
+  ];
+  if (about.mass !== null) rows.push(["Mass", `${number(about.mass, 4)} ${u.mass}`]);
+  if (m.scale_factor !== null) rows.push(["Redshift", number(1 / m.scale_factor - 1)]);
+  if (m.time !== null) rows.push(["Time", number(m.time)]);
+  rows.push(["Law", m.law.replaceAll("_", " ")], ["Made by", `particlegs ${m.tool_version}`]);
+  const table = h("table", {}, ...rows.map(([k, v]) => h("tr", {}, h("th", { scope: "row", text: k }), h("td", { text: v }))));
+  return h("details", { id: "facts" }, h("summary", { text: "Model and certificate" }), table, verdicts(verdict));
+}
+
+function verdicts(verdict: Verdict[] | undefined): HTMLElement {
+  if (!verdict || verdict.length === 0) return h("p", { class: "hint", text: "This file has no certificate: nothing was measured on it." });
+  const mark: Record<string, string> = { holds: "✓", roughly: "≈", "does not": "✗" };
+  return h("ul", { class: "verdict" }, ...verdict.map((v) =>
+    h("li", { class: v.answer.replaceAll(" ", "-"), title: v.because },
+      h("b", { text: `${mark[v.answer] ?? "·"} ${v.use}: ` }), `${v.answer}`, h("small", { text: v.because }))));
+}
+
+/** What is under the pointer. */
+export function seenText(seen: Seen, about: About): string {
+  const u = unitsOf(about);
+  const at = seen.position.map((v) => number(v, 4)).join(", ");
+  const density = seen.density !== null ? `${number(seen.density)} ${u.density}` : `${number(seen.number_density)} ${u.number}`;
+  const layer = about.layers.length > 1 ? `, layer ${seen.layer}` : "";
+  return `at (${at})${u.length ? ` ${u.length}` : ""}${layer}: density ${density}; Gaussian #${seen.gaussian} of ${whole(seen.count)} particles`;
+}

@@ -1,0 +1,129 @@
+// What the page gives away when it is asked to.
+
+import { download, h } from "./dom";
+import { ask, field } from "./dialog";
+import { drawOverlay } from "./overlay";
+import type { Page } from "./main";
+import type { Size } from "./protocol";
+import { fromViewsFile, paintOf, sceneOf, toLink, viewsFile, type State } from "./state";
+import { canvasOf, npy, png, zip } from "./take";
+
+const SIZES: [string, Size][] = [
+  ["as on the screen", { width: 0, height: 0 }], ["1920 × 1080", { width: 1920, height: 1080 }],
+  ["3840 × 2160 (4K)", { width: 3840, height: 2160 }], ["7680 × 4320 (8K)", { width: 7680, height: 4320 }],
+];
+
+const stem = (page: Page): string => page.panes[0].name.replace(/\.pgs$/, "");
+
+/** The camera as text in a picture: the views file, the link, and what it is of. */
+function texts(page: Page, size: Size): Record<string, string> {
+  const about = page.panes[0].about;
+  return {
+    Software: `particlegs ${page.setup.version}`, Source: page.panes[0].name,
+    "particlegs:views": viewsFile(page.state, about, size), "particlegs:link": toLink(page.state),
+  };
+}
+
+/** A picture of a size with or without lines, as PNG. */
+async function drawn(page: Page, state: State, size: Size, lines: boolean): Promise<Uint8Array<ArrayBuffer>> {
+  const pane = page.panes[0];
+  const { numbers } = await pane.picture(sceneOf(state, pane.about, size), paintOf({ ...state, range: state.range ?? pane.range }));
+  const canvas = canvasOf(numbers, size);
+  if (lines) {
+    const over = new OffscreenCanvas(size.width, size.height);
+    drawOverlay(over.getContext("2d")!, state, pane.about, size, size.height / 720, pane.marked);
+    canvas.getContext("2d")!.drawImage(over, 0, 0);
+  }
+  return png(canvas, texts({ ...page, state }, size));
+}
+
+export async function givePng(page: Page): Promise<void> {
+  const sizes = h("select", { name: "size" }, ...SIZES.map(([text], i) => h("option", { value: i, text })));
+  const lines = h("input", { type: "checkbox", name: "lines" });
+  const form = await ask("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar as shown"));
+  if (!form) return;
+  const asked = SIZES[Number(sizes.value)][1];
+  const size = asked.width ? asked : page.panes[0].size;
+  page.say(`drawing ${size.width} × ${size.height} …`);
+  const bytes = await drawn(page, page.state, size, lines.checked);
+  download(`${stem(page)}.png`, [bytes], "image/png");
+  page.say("saved: the camera is in the picture as text");
+}
+
+export async function giveNpy(page: Page): Promise<void> {
+  const pane = page.panes[0];
+  const style = page.state.look === "density" ? "density" : "depth";
+  const { numbers } = await pane.values(sceneOf(page.state, pane.about, pane.size), style);
+  download(`${stem(page)}-${style}.npy`, npy(numbers, pane.size), "application/octet-stream");
+  page.say(style === "density" ? "saved surface densities, rows from the top" : "saved optical depths, rows from the top");
+}
+
+export function giveViews(page: Page): void {
+  const pane = page.panes[0];
+  download("views.json", [viewsFile(page.state, pane.about, pane.size)], "application/json");
+}
+
+export function takeViews(page: Page): void {
+  const input = h("input", { type: "file", accept: ".json,application/json" });
+  input.addEventListener("change", () => {
+    void input.files?.[0]?.text().then((text) => page.change(fromViewsFile(text, page.state)))
+      .catch((error: Error) => page.say(`${input.files?.[0]?.name}: ${error.message}`));
+  });
+  input.click();
+}
+
+/** Copies a text, or shows it to be copied. */
+async function copied(page: Page, what: string, text: string): Promise<void> {
+  try {
+    await navigator.clipboard.writeText(text);
+    page.say(`copied ${what}`);
+  } catch {
+    const area = h("textarea", { rows: 4, readonly: true, "aria-label": what });
+    area.value = text;
+    await ask(`Copy ${what}`, "Done", area);
+  }
+}
+
+export function giveLink(page: Page): Promise<void> {
+  return copied(page, "a link to this view", `${location.href.split("#")[0]}#${toLink(page.state)}`);
+}
+
+/** The command that draws the picture of the screen, from the views file that it names. */
+export function commandFor(page: Page): string {
+  const { state: s } = page;
+  const quoted = /^[\w./-]+$/.test(page.panes[0].name) ? page.panes[0].name : `'${page.panes[0].name.replaceAll("'", "'\\''")}'`;
+  const parts = [`particlegs render ${quoted} --views views.json --style ${s.look}`];
+  if (s.look === "density") {
+    parts.push(`--colormap ${s.colormap}`);
+    const range = s.range ?? page.panes[0].range;
+    if (range) parts.push(`--range ${range.map((v) => Number(v.toPrecision(6))).join(",")}`);
+  }
+  if (s.layers.includes(false)) {
+    parts.push(`--layer ${page.panes[0].about.layers.filter((_, i) => s.layers[i]).map((l) => l.name).join(",")}`);
+  }
+  return `${parts.join(" ")} -o picture.png`;
+}
+
+export async function giveCommand(page: Page): Promise<void> {
+  giveViews(page);
+  await copied(page, "the command (views.json is saved beside)", commandFor(page));
+}
+
+export async function giveTurn(page: Page): Promise<void> {
+  const frames = h("input", { type: "number", min: 2, max: 720, value: 72 });
+  const sizes = h("select", {}, ...SIZES.slice(0, 3).map(([text], i) => h("option", { value: i, text })));
+  const form = await ask("A turn as frames", "Draw", field("Frames", frames), field("Size", sizes));
+  if (!form) return;
+  const asked = SIZES[Number(sizes.value)][1];
+  const size = asked.width ? asked : page.panes[0].size;
+  const count = Math.max(2, Math.min(720, Math.round(Number(frames.value)) || 72));
+  const files: { name: string; bytes: Uint8Array<ArrayBuffer> }[] = [];
+  const start = page.state;
+  for (let i = 0; i < count; i++) {
+    const orbit = { ...start.orbit, azimuth: start.orbit.azimuth + (360 * i) / count };
+    files.push({ name: `frame_${String(i).padStart(4, "0")}.png`, bytes: await drawn(page, { ...start, orbit }, size, false) });
+    page.say(`frame ${i + 1} of ${count}`);
+  }
+  download(`${stem(page)}-turn.zip`, zip(files), "application/zip");
+  page.say("saved; joined by: ffmpeg -framerate 30 -i frame_%04d.png -pix_fmt yuv420p turn.mp4");
+}

@@ -1,0 +1,63 @@
+// The keys: everything that a hand can do.
+
+import { panned, turned, zoomed } from "./camera";
+import type { Key } from "./hand";
+import type { Page } from "./main";
+import type { Action } from "./panel";
+import { COLORMAPS, LOOKS, type State } from "./state";
+
+/** All keys of a page; `look` looks from an end of an axis: +x, -x, +y, -y, +z, -z. */
+export function keysOf(page: Page, act: (name: Action) => void, look: (which: number) => void): Key[] {
+  const size = () => page.panes[0].size;
+  const orbit = (o: State["orbit"]) => page.change({ orbit: o });
+  const step = (event: KeyboardEvent): [number, number] => {
+    const by = size().height / 36;
+    return [{ ArrowLeft: -by, ArrowRight: by }[event.key] ?? 0, { ArrowUp: -by, ArrowDown: by }[event.key] ?? 0];
+  };
+  const arrows = (event: KeyboardEvent) => {
+    const [dx, dy] = step(event);
+    orbit(event.shiftKey ? panned(page.state.orbit, -dx, -dy, size()) : turned(page.state.orbit, -dx, -dy, size()));
+  };
+  const zoom = (factor: number) => () => {
+    const { width, height } = size();
+    orbit(zoomed(page.state.orbit, factor, [width / 2, height / 2], size()));
+  };
+  const flip = (name: "white" | "box" | "axes" | "scale" | "images" | "byLayer") => () =>
+    page.change({ [name]: !page.state[name] });
+  const times = (name: "radius" | "opacity", factor: number) => () =>
+    page.change({ [name]: Math.min(name === "opacity" ? 1 : Infinity, page.state[name] * factor) });
+  const next = <T>(all: readonly T[], now: T): T => all[(all.indexOf(now) + 1) % all.length];
+  const key = (keys: string[], label: string, what: string, does: (event: KeyboardEvent) => void): Key =>
+    ({ keys, label, what, act: does });
+  return [
+    key(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"], "arrows", "turn by 5°; with Shift, move", arrows),
+    key(["+", "="], "+", "nearer", zoom(0.85)),
+    key(["-", "_"], "−", "farther", zoom(1 / 0.85)),
+    key(["r"], "r", "reset the camera", () => act("reset")),
+    key(["o"], "o", "orthographic or perspective", () =>
+      orbit({ ...page.state.orbit, orthographic: !page.state.orbit.orthographic })),
+    ...[..."xyz"].flatMap((name, i) => [
+      key([name], name, `look from +${name}`, () => look(2 * i)),
+      key([name.toUpperCase()], `Shift ${name}`, `look from −${name}`, () => look(2 * i + 1)),
+    ]),
+    key(["["], "[", "smaller radius", times("radius", 1 / 1.25)),
+    key(["]"], "]", "larger radius", times("radius", 1.25)),
+    key([","], ",", "less opacity", times("opacity", 1 / 1.25)),
+    key(["."], ".", "more opacity", times("opacity", 1.25)),
+    key(["l"], "l", "next look", () => page.change({ look: next(LOOKS, page.state.look) })),
+    key(["m"], "m", "next colour map", () =>
+      page.change({ colormap: next<string>(COLORMAPS, page.state.colormap), look: "density" })),
+    key(["w"], "w", "white or black ground", flip("white")),
+    key(["b"], "b", "box", flip("box")),
+    key(["a"], "a", "axes", flip("axes")),
+    key(["n"], "n", "scale bar", flip("scale")),
+    key(["i"], "i", "periodic images", flip("images")),
+    key(["k"], "k", "colours by layer", flip("byLayer")),
+    key(["t"], "t", "all particles beside the model", () => act("compare")),
+    key(["d"], "d", "difference from all particles", () => act("difference")),
+    key(["p"], "p", "save a PNG", () => act("png")),
+    key(["v"], "v", "save views.json", () => act("views")),
+    key(["c"], "c", "copy a link to this view", () => act("link")),
+    key(["?", "h"], "?", "this list", () => act("help")),
+  ];
+}

@@ -1,0 +1,207 @@
+// The page: starts the engine, opens the models, wires panes, panel, hand and keys to one state.
+
+import { ColorBar } from "./bar";
+import { h } from "./dom";
+import { showKeys } from "./dialog";
+import { facts, line, seenText } from "./facts";
+import { listen, listenToKeys } from "./hand";
+import { keysOf } from "./keys";
+import { Pane } from "./pane";
+import { panel, preset, target, type Action, type Desk } from "./panel";
+import type { Seen, Setup, Vec3 } from "./protocol";
+import { Remote } from "./remote";
+import { Compare } from "./compare";
+import { fromLink, home, initial, sceneOf, toLink, type State } from "./state";
+import { giveCommand, giveLink, giveNpy, givePng, giveTurn, giveViews, takeViews } from "./give";
+import { number, unitsOf, whole } from "./units";
+
+/** The page as its parts see it. */
+export interface Page { setup: Setup; remote: Remote; panes: Pane[]; state: State; change(part: Partial<State>): void; say(text: string): void }
+
+const setup = JSON.parse(document.getElementById("setup")!.textContent!) as Setup;
+const app = document.getElementById("app")!;
+const poster = document.getElementById("poster");
+const status = h("p", { id: "status", role: "status", text: "Decoding …" });
+const timing = h("p", { id: "timing" });
+const stage = h("div", { id: "stage" });
+const bar = new ColorBar();
+const title = h("h1", { text: setup.models.map((m) => m.name).join(" | ") });
+const subtitle = h("p", { id: "subtitle" });
+const fold = h("button", { type: "button", text: "Dials", "aria-expanded": "true", "aria-controls": "panel", click: () => folded() });
+const help = h("button", { type: "button", text: "?", "aria-label": "Keys and mouse", click: () => showKeys(keys) });
+const theme = h("button", { type: "button", text: "◐", "aria-label": "Dark or light page", click: () => turnTheme() });
+const head = h("header", {}, h("div", { class: "name" }, title, subtitle), h("div", { class: "buttons" }, fold, theme, help));
+app.append(head, h("div", { id: "view" }, stage, bar.element), h("footer", {}, status, timing));
+
+let keys: ReturnType<typeof keysOf> = [];
+
+function folded(): void {
+  const open = document.body.classList.toggle("folded");
+  fold.setAttribute("aria-expanded", String(!open));
+}
+
+function turnTheme(): void {
+  const root = document.documentElement;
+  const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+  root.dataset.theme = dark ? "light" : "dark";
+}
+
+/** One line that stays until the next. */
+function say(text: string): void {
+  status.textContent = text;
+}
+
+async function start(): Promise<void> {
+  if (matchMedia("(max-width: 700px)").matches) folded();
+  const remote = await Remote.start(setup);
+  const panes: Pane[] = [];
+  for (const [i, model] of setup.models.entries()) {
+    const about = await remote.open(model);
+    const pane = new Pane(remote, i, model.name, about);
+    stage.append(pane.element);
+    panes.push(pane);
+  }
+  stage.classList.toggle("many", panes.length > 1);
+  const about = panes[0].about;
+  subtitle.textContent = panes.map((p, i) => line(p.about, setup.models[i].bytes)).join(" | ");
+  const page: Page = { setup, remote, panes, state: initial(about, panes[0].size), change, say };
+  page.state = fromLink(location.hash.slice(1), page.state);
+  const compare = setup.truth ? new Compare(page, setup.truth) : null;
+  const desk: Desk = {
+    about, state: () => page.state, change, range: () => panes[0].range, act, goTo, canCompare: compare !== null,
+    models: panes.length,
+  };
+  const dials = panel(desk);
+  dials.element.append(...panes.map((p, i) => facts(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict)));
+  if (compare) dials.element.prepend(compare.element);
+  document.getElementById("view")!.append(dials.element);
+  keys = keysOf(page, act, (which) => change({ orbit: preset(page.state, which) }));
+  listenToKeys(keys);
+
+  let linked: ReturnType<typeof setTimeout> | undefined;
+  function change(part: Partial<State>): void {
+    page.state = { ...page.state, ...part };
+    document.body.classList.toggle("white", page.state.white);
+    panes.forEach((p) => p.show(page.state));
+    dials.refresh(page.state);
+    compare?.moved();
+    // Browsers refuse addresses that change a hundred times in ten seconds.
+    clearTimeout(linked);
+    linked = setTimeout(() => history.replaceState(null, "", `#${toLink(page.state)}`), 300);
+  }
+
+  function act(name: Action): void {
+    const acts: Record<Action, () => void | Promise<void>> = {
+      reset: () => change({ orbit: home(about, panes[0].size) }),
+      png: () => givePng(page), npy: () => giveNpy(page), views: () => giveViews(page), load: () => takeViews(page),
+      link: () => giveLink(page), command: () => giveCommand(page), turn: () => giveTurn(page),
+      compare: () => compare?.toggle("split"), difference: () => compare?.toggle("difference"), help: () => showKeys(keys),
+    };
+    Promise.resolve(acts[name]()).catch((error: unknown) => say(error instanceof Error ? error.message : String(error)));
+  }
+
+  function goTo(text: string): string | null {
+    const to = target(text);
+    if (!to) return "give a point as x, y, z or a Gaussian as #number";
+    if ("point" in to) {
+      lookAt(to.point);
+      return null;
+    }
+    remote.ask<{ position: Vec3; extent: number }>({ ask: "gaussian", model: 0, index: to.gaussian })
+      .then(({ json }) => lookAt(json.position), (error: Error) => say(error.message));
+    return null;
+  }
+
+  function lookAt(point: Vec3): void {
+    change({ orbit: { ...page.state.orbit, focal: point } });
+  }
+
+  async function seen(pane: Pane, pixel: [number, number]): Promise<Seen | null> {
+    const { width } = pane.size;
+    const per = width / pane.element.clientWidth;
+    const scene = sceneOf(page.state, pane.about, pane.size);
+    const at: [number, number] = [pixel[0] * per - 0.5, pixel[1] * per - 0.5];
+    return (await remote.ask<Seen | null>({ ask: "probe", model: pane.model, scene, pixel: at })).json;
+  }
+
+  async function clicked(pane: Pane, pixel: [number, number]): Promise<void> {
+    const found = await seen(pane, pixel);
+    pane.marked = null;
+    if (!found) {
+      pane.lines();
+      return say("nothing is here");
+    }
+    // A sphere that is easy to see: a fiftieth of the picture's height.
+    const radius = 0.04 * page.state.orbit.distance * Math.tan((15 * Math.PI) / 180) * 2;
+    pane.marked = { position: found.position, sphere: radius };
+    pane.lines();
+    const { json } = await remote.ask<{ count: number; mass: number | null }>(
+      { ask: "sphere", model: pane.model, center: found.position, radius, layers: page.state.layers });
+    const u = unitsOf(pane.about);
+    const held = json.mass !== null ? `${number(json.mass)} ${u.mass}` : `${whole(json.count)} particles`;
+    say(`${seenText(found, pane.about)}; ${held} within ${number(radius)}${u.length ? ` ${u.length}` : ""}`);
+  }
+
+  const failed = (error: unknown) => say(error instanceof Error ? error.message : String(error));
+  for (const pane of panes) {
+    listen(pane.element, {
+      orbit: () => page.state.orbit,
+      moved: (orbit) => change({ orbit }),
+      clicked: (pixel) => void clicked(pane, pixel).catch(failed),
+      centred: (pixel) => void seen(pane, pixel).then((s) => s && lookAt(s.position), failed),
+    });
+    pane.onerror = say;
+    pane.onframe = (full) => void framed(pane, full).catch(failed);
+  }
+
+  async function framed(pane: Pane, full: boolean): Promise<void> {
+    if (poster) poster.remove();
+    timing.textContent = `${pane.milliseconds.toFixed(0)} ms by ${pane.by}`;
+    if (pane !== panes[0]) return;
+    document.documentElement.dataset.frames = String(pane.frames);
+    if (full) document.documentElement.dataset.full = String(Number(document.documentElement.dataset.full ?? 0) + 1);
+    if (pane.frames === 1) {
+      performance.mark("first-picture");
+      say("");
+      setTimeout(() => void chooseBy(panes, () => change({})), 200);
+    }
+    if (page.state.look === "density" && pane.range) {
+      bar.show(pane.range, await pane.map(page.state.colormap), unitsOf(about).surface);
+      if (full) dials.refresh(page.state);
+    } else {
+      bar.hide();
+    }
+  }
+
+  new ResizeObserver(() => panes.forEach((p) => p.show(page.state))).observe(stage);
+  addEventListener("hashchange", () => {
+    const text = location.hash.slice(1);
+    if (text !== toLink(page.state)) change(fromLink(text, page.state));
+  });
+  Object.assign(globalThis, { particlegs: { page, change, toLink: () => toLink(page.state) } });
+  change({});
+}
+
+/** Takes the graphics card where it is faster than the CPU; says so where there is none that can. */
+async function chooseBy(panes: Pane[], redraw: () => void): Promise<void> {
+  const asked = new URLSearchParams(location.search).get("draw");
+  for (const pane of panes) {
+    try {
+      if (asked === "cpu") continue;
+      const card = pane.startCard();
+      if (asked === "gpu") pane.by = "GPU";
+      // Software that plays a graphics card is slower than the CPU's own renderer.
+      else if (!card.software) await pane.measure();
+    } catch (error) {
+      pane.by = "CPU";
+      say(`drawn by the CPU: ${error instanceof Error ? error.message : String(error)}`);
+    }
+  }
+  document.documentElement.dataset.by = panes[0].by;
+  redraw();
+}
+
+start().catch((error: unknown) => {
+  say(error instanceof Error ? error.message : String(error));
+  document.documentElement.dataset.failed = "true";
+});

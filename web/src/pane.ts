@@ -1,0 +1,208 @@
+// One model's picture: asks the engine, draws by the faster of the graphics card and the CPU, coarser in motion.
+
+import { h } from "./dom";
+import { GlRenderer } from "./gl";
+import { drawOverlay, type Marked } from "./overlay";
+import type { About, Paint, SceneOf, Size, Strokes, Tone } from "./protocol";
+import type { Remote } from "./remote";
+import { paintOf, sceneOf, type State } from "./state";
+
+/** Milliseconds of a frame in motion that the eye still takes for motion. */
+const SMOOTH = 30;
+/** Milliseconds without a change after which the picture is drawn in full. */
+const REST = 120;
+
+export type By = "CPU" | "GPU";
+
+export class Pane {
+  readonly element: HTMLElement;
+  readonly overlay = h("canvas", { class: "overlay", "aria-hidden": "true" });
+  readonly cpu = h("canvas", { class: "picture" });
+  readonly card = h("canvas", { class: "picture", hidden: true });
+  /** Of the last full picture. */
+  range: [number, number] | null = null;
+  by: By = "CPU";
+  milliseconds = 0;
+  frames = 0;
+  marked: Marked | null = null;
+  /** After every frame; `full` where nothing is left to draw. */
+  onframe: (full: boolean) => void = () => {};
+  onerror: (text: string) => void = () => {};
+
+  private state: State | null = null;
+  private changed = 0;
+  private drawn = -1;
+  private busy = false;
+  private rest: ReturnType<typeof setTimeout> | undefined;
+  private coarse = 1;
+  private gl: GlRenderer | null = null;
+  private tone: { key: string; curve: Tone; levels: Float32Array } | null = null;
+  private colors: { name: string; data: Uint8Array } | null = null;
+
+  constructor(private remote: Remote, readonly model: number, readonly name: string, readonly about: About) {
+    const label = `${name}: picture of the model. Drag to turn, arrow keys turn as well; press ? for all keys.`;
+    this.element = h("div", { class: "pane", tabindex: "0", role: "img", "aria-label": label }, this.cpu, this.card, this.overlay);
+  }
+
+  /** Device pixels of the picture. */
+  get size(): Size {
+    const { clientWidth, clientHeight } = this.element;
+    const ratio = Math.min(2, globalThis.devicePixelRatio || 1);
+    return { width: Math.max(16, Math.round(clientWidth * ratio)), height: Math.max(16, Math.round(clientHeight * ratio)) };
+  }
+
+  /** Shows a state, soon. */
+  show(state: State): void {
+    this.state = state;
+    this.changed++;
+    this.lines();
+    void this.loop();
+  }
+
+  /** Draws until the picture is that of the last state. */
+  private async loop(): Promise<void> {
+    if (this.busy) return;
+    this.busy = true;
+    try {
+      while (this.state && this.drawn !== this.changed) {
+        const now = this.changed;
+        const moving = this.frames > 0 && this.coarse > 1;
+        await this.frame(this.state, moving ? this.coarse : 1);
+        this.drawn = now;
+        clearTimeout(this.rest);
+        if (moving && this.changed === now) this.rest = setTimeout(() => void this.full(), REST);
+        this.onframe(!moving && this.changed === now);
+      }
+    } catch (error) {
+      this.drawn = this.changed;
+      this.onerror(error instanceof Error ? error.message : String(error));
+    } finally {
+      this.busy = false;
+    }
+  }
+
+  /** The same again in full. */
+  private async full(): Promise<void> {
+    if (this.busy || !this.state) return;
+    this.coarse = 1;
+    this.drawn = -1;
+    await this.loop();
+  }
+
+  private async frame(state: State, coarse: number): Promise<void> {
+    const { width, height } = this.size;
+    const size = { width: Math.ceil(width / coarse), height: Math.ceil(height / coarse) };
+    const began = performance.now();
+    const scene = sceneOf(state, this.about, size);
+    const paint = paintOf(state);
+    const card = this.by === "GPU" && this.gl && this.about.adds_up && !paint.colors ? this.gl : null;
+    const range = card ? await this.byCard(card, scene, paint) : await this.byCpu(scene, paint);
+    if (coarse === 1 || !this.range) this.range = range;
+    this.card.hidden = !card;
+    this.cpu.hidden = !!card;
+    this.frames++;
+    const took = performance.now() - began;
+    if (coarse === 1) {
+      this.milliseconds = took;
+      // In motion by two at most.
+      this.coarse = took > SMOOTH ? 2 : 1;
+    }
+  }
+
+  private async byCpu(scene: SceneOf, paint: Paint): Promise<[number, number] | null> {
+    const { json, numbers } = await this.picture(scene, paint);
+    const { width, height } = scene.size;
+    this.cpu.width = width;
+    this.cpu.height = height;
+    this.cpu.getContext("2d")!.putImageData(new ImageData(new Uint8ClampedArray(numbers), width, height), 0, 0);
+    return json.range;
+  }
+
+  /** Pixels of a picture by the CPU. */
+  picture(scene: SceneOf, paint: Paint) {
+    return this.remote.ask<{ range: [number, number] | null }>({ ask: "picture", model: this.model, scene, paint });
+  }
+
+  /** The plane behind a picture. */
+  values(scene: SceneOf, style: "depth" | "density") {
+    return this.remote.ask<{ range: [number, number] }>({ ask: "values", model: this.model, scene, style });
+  }
+
+  private async byCard(gl: GlRenderer, scene: SceneOf, paint: Paint): Promise<[number, number] | null> {
+    const style = paint.look === null ? "density" : "depth";
+    const { json, numbers } = await this.remote.ask<Strokes>({ ask: "strokes", model: this.model, scene, style });
+    const own = paint.range ? paint : { ...paint, range: paint.look === null ? await this.rangeOf(scene) : null };
+    const tone = paint.look === null || paint.look === "expected" ? null : await this.curve(scene);
+    const colors = paint.look === null ? await this.map(paint.colormap) : null;
+    gl.draw(numbers, { paint: own, strokes: json, tone, colors }, scene.size);
+    return own.range;
+  }
+
+  /** The range of colours that nearly all of a picture needs, from one of a quarter of its size. */
+  private async rangeOf(scene: SceneOf): Promise<[number, number]> {
+    const size = { width: Math.ceil(scene.size.width / 4), height: Math.ceil(scene.size.height / 4) };
+    return (await this.values({ ...scene, size }, "density")).json.range;
+  }
+
+  private async curve(scene: SceneOf): Promise<{ curve: Tone; levels: Float32Array }> {
+    const c = scene.camera;
+    const far = Math.hypot(...c.position.map((v, k) => v - c.focal_point[k]));
+    const per = c.height_world !== undefined
+      ? scene.size.height / c.height_world
+      : (0.5 * scene.size.height) / Math.tan(((c.fov_deg ?? 30) * Math.PI) / 360) / far;
+    const radius_pixels = scene.radius * per;
+    const key = `${scene.opacity} ${radius_pixels}`;
+    if (this.tone?.key !== key) {
+      const { json, numbers } = await this.remote.ask<Tone>(
+        { ask: "tone", model: this.model, opacity: scene.opacity, radius_pixels });
+      this.tone = { key, curve: json, levels: new Float32Array(numbers) };
+    }
+    return this.tone;
+  }
+
+  /** 256 colours. */
+  async map(name: string): Promise<Uint8Array> {
+    if (this.colors?.name !== name) {
+      const { numbers } = await this.remote.ask<object>({ ask: "colors", model: this.model, name });
+      this.colors = { name, data: new Uint8Array(numbers) };
+    }
+    return this.colors.data;
+  }
+
+  /** Makes the graphics card's renderer; throws where there is none that adds up. */
+  startCard(): GlRenderer {
+    this.gl ??= new GlRenderer(this.card);
+    return this.gl;
+  }
+
+  /** Draws the present state once by each, and keeps the faster. */
+  async measure(): Promise<void> {
+    if (!this.state || !this.about.adds_up || this.busy) return;
+    const gl = this.startCard();
+    const scene = sceneOf(this.state, this.about, this.size);
+    const paint = { ...paintOf(this.state), colors: null };
+    const timed = async (draw: () => Promise<unknown>) => {
+      await draw();
+      const began = performance.now();
+      await draw();
+      return performance.now() - began;
+    };
+    const cpu = await timed(() => this.picture(scene, paint));
+    const card = await timed(async () => {
+      await this.byCard(gl, scene, paint);
+      gl.finish();
+    });
+    this.by = card < cpu ? "GPU" : "CPU";
+    this.show(this.state);
+  }
+
+  /** Lines and words over the picture. */
+  lines(): void {
+    if (!this.state) return;
+    const { width, height } = this.size;
+    if (this.overlay.width !== width) this.overlay.width = width;
+    if (this.overlay.height !== height) this.overlay.height = height;
+    const unit = width / Math.max(1, this.element.clientWidth);
+    drawOverlay(this.overlay.getContext("2d")!, this.state, this.about, { width, height }, unit, this.marked);
+  }
+}

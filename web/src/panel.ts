@@ -1,0 +1,302 @@
+// The panel of dials: every control is a native input with a label.
+
+import { h } from "./dom";
+import type { About, Vec3 } from "./protocol";
+import { COLORMAPS, LAYER_COLORS, LOOKS, diagonal, type Slab, type State } from "./state";
+import { number, unitsOf } from "./units";
+
+/** What the panel asks of the page. */
+export interface Desk {
+  about: About;
+  state(): State;
+  change(part: Partial<State>): void;
+  /** The range that the picture has now. */
+  range(): [number, number] | null;
+  act(name: Action): void;
+  goTo(text: string): string | null;
+  canCompare: boolean;
+  models: number;
+}
+
+export type Action =
+  | "reset" | "png" | "npy" | "views" | "load" | "link" | "command" | "turn" | "compare" | "difference" | "help";
+
+type Refresh = (s: State) => void;
+
+/** The panel; the function brings its controls to a state. */
+export function panel(desk: Desk): { element: HTMLElement; refresh: Refresh } {
+  const parts = [particles(desk), looks(desk), layers(desk), space(desk), camera(desk), take(desk)];
+  const element = h("aside", { id: "panel", "aria-label": "Dials" }, ...parts.map((p) => p.element));
+  return { element, refresh: (s) => parts.forEach((p) => p.refresh(s)) };
+}
+
+interface Part { element: HTMLElement; refresh: Refresh }
+
+function section(title: string, open: boolean, ...rows: Part[]): Part {
+  const element = h("details", { open }, h("summary", { text: title }), ...rows.map((r) => r.element));
+  return { element, refresh: (s) => rows.forEach((r) => r.refresh(s)) };
+}
+
+/** A logarithmic slider with its value, the default marked, the certified range shaded. */
+function logarithmic(
+  label: string, unit: string, [low, high]: [number, number], home: number, certified: [number, number] | null,
+  get: (s: State) => number, set: (v: number) => void,
+): Part {
+  const id = `dial-${label.toLowerCase()}`;
+  const share = (v: number) => Math.log(v / low) / Math.log(high / low);
+  const slider = h("input", {
+    type: "range", id, min: 0, max: 1, step: "any", list: `${id}-default`,
+    input: () => set(low * (high / low) ** Number(slider.value)),
+  });
+  const field = h("input", {
+    type: "text", inputmode: "decimal", "aria-label": `${label}${unit ? ` in ${unit}` : ""}`,
+    change: () => {
+      const v = Number(field.value);
+      if (v > 0 && Number.isFinite(v)) set(label === "Opacity" ? Math.min(1, v) : v);
+    },
+  });
+  const percent = (v: number) => 100 * Math.max(0, Math.min(1, share(v)));
+  const track = h("span", { class: "track" });
+  const mark = h("span", { class: "default", title: `default: ${number(home)}` });
+  // Half a thumb of margin on either side.
+  const place = (p: number) => `calc(${p}% + ${8 - 0.16 * p}px)`;
+  mark.style.left = place(percent(home));
+  if (certified) {
+    const shade = h("span", { class: "certified", title: "radii and opacities that the certificate has pictures of" });
+    shade.style.left = place(percent(certified[0]));
+    shade.style.right = `calc(100% - ${place(percent(certified[1]))})`;
+    track.append(shade);
+  }
+  track.append(mark);
+  const element = h("div", { class: "dial" },
+    h("label", { for: id, text: unit ? `${label} (${unit})` : label }), field, h("span", { class: "slide" }, track, slider));
+  const refresh = (s: State) => {
+    const v = get(s);
+    slider.value = String(Math.max(0, Math.min(1, share(v))));
+    slider.setAttribute("aria-valuetext", `${number(v)} ${unit}`);
+    if (document.activeElement !== field) field.value = String(Number(v.toPrecision(4)));
+  };
+  return { element, refresh };
+}
+
+function select(label: string, names: readonly string[], get: (s: State) => string, set: (v: string) => void): Part {
+  const box = h("select", { change: () => set(box.value) }, ...names.map((n) => h("option", { value: n, text: n })));
+  return { element: h("label", { class: "row" }, label, box), refresh: (s) => (box.value = get(s)) };
+}
+
+function check(label: string, get: (s: State) => boolean, set: (on: boolean) => void, color?: string): Part {
+  const box = h("input", { type: "checkbox", change: () => set(box.checked) });
+  const swatch = h("span", { class: "swatch", hidden: color === undefined });
+  // Not as an attribute, which the page's security policy forbids.
+  swatch.style.background = color ?? "";
+  return { element: h("label", { class: "check" }, box, swatch, label), refresh: (s) => (box.checked = get(s)) };
+}
+
+function button(label: string, act: () => void, title?: string): HTMLButtonElement {
+  return h("button", { type: "button", text: label, title, click: act });
+}
+
+function fixed(element: HTMLElement): Part {
+  return { element, refresh: () => {} };
+}
+
+function particles(desk: Desk): Part {
+  const m = desk.about.metadata;
+  const radii: [number, number] = [m.default_radius / 32, m.default_radius * 256];
+  const certified = desk.about.certified;
+  const radius = logarithmic("Radius", unitsOf(desk.about).length.replace("comoving ", ""), radii, m.default_radius,
+    certified?.[0] ?? null, (s) => s.radius, (v) => desk.change({ radius: v }));
+  const opacity = logarithmic("Opacity", "", [0.001, 1], m.default_opacity, certified?.[1] ?? null, (s) => s.opacity,
+    (v) => desk.change({ opacity: v }));
+  const back = fixed(h("div", { class: "buttons" },
+    button("Defaults", () => desk.change({ radius: m.default_radius, opacity: m.default_opacity, exposure: 0 }))));
+  return section("Particles", true, radius, opacity, back);
+}
+
+function looks(desk: Desk): Part {
+  const look = select("Look", LOOKS, (s) => s.look, (v) => desk.change({ look: v as State["look"] }));
+  const slider = h("input", {
+    type: "range", min: -4, max: 4, step: 0.1, "aria-label": "Exposure in stops",
+    input: () => desk.change({ exposure: Number(slider.value) }),
+  });
+  const value = h("output", {});
+  const exposure: Part = {
+    element: h("div", { class: "dial brightness" }, h("span", { text: "Exposure (stops)" }), value, slider),
+    refresh: (s) => {
+      slider.value = String(s.exposure);
+      value.textContent = s.exposure > 0 ? `+${s.exposure.toFixed(1)}` : s.exposure.toFixed(1).replace("-", "−");
+    },
+  };
+  const white = check("White ground", (s) => s.white, (on) => desk.change({ white: on }));
+  const colormap = select("Colour map", COLORMAPS, (s) => s.colormap, (v) => desk.change({ colormap: v }));
+  const ends = [0, 1].map((k) => h("input", {
+    type: "text", inputmode: "decimal", "aria-label": k === 0 ? "Density of the first colour" : "Density of the last colour",
+    change: () => {
+      const range = ends.map((e) => Number(e.value)) as [number, number];
+      if (range[0] > 0 && range[1] > range[0] && Number.isFinite(range[1])) desk.change({ range });
+    },
+  }));
+  const range: Part = {
+    element: h("div", { class: "row" }, "Range", h("span", { class: "pair" }, ...ends)),
+    refresh: (s) => {
+      const now = s.range ?? desk.range();
+      ends.forEach((e, k) => {
+        if (document.activeElement !== e) e.value = now ? now[k].toPrecision(3) : "";
+      });
+    },
+  };
+  const hold = check("Fixed range", (s) => s.range !== null, (on) => desk.change({ range: on ? desk.range() : null }));
+  const parts = [look, exposure, white, colormap, range, hold];
+  const own = section("Look", true, ...parts);
+  const refresh = (s: State) => {
+    own.refresh(s);
+    const density = s.look === "density";
+    [colormap, range, hold].forEach((p) => (p.element.hidden = !density));
+    exposure.element.hidden = density;
+  };
+  return { element: own.element, refresh };
+}
+
+function layers(desk: Desk): Part {
+  const all = desk.about.layers;
+  const color = (i: number) => (LAYER_COLORS[i] ? `rgb(${LAYER_COLORS[i].join(" ")})` : "#fff");
+  const shown = all.map((layer, i) => check(layer.name, (s) => s.layers[i], (on) =>
+    desk.change({ layers: desk.state().layers.map((was, k) => (k === i ? on : was)) }), color(i)));
+  const by = check("Colours by layer", (s) => s.byLayer, (on) => desk.change({ byLayer: on }));
+  const own = section("Layers", all.length > 1, ...shown, by);
+  own.element.hidden = all.length < 2;
+  return own;
+}
+
+function space(desk: Desk): Part {
+  const b = desk.about.metadata.bounds;
+  const rows: Part[] = [];
+  const slabOf = (axis: Slab["axis"]): Slab => {
+    const k = "xyz".indexOf(axis);
+    const long = k < 0 ? diagonal(b) : b.max[k] - b.min[k];
+    return { axis, middle: k < 0 ? 0 : 0.5 * (b.min[k] + b.max[k]), thickness: 0.2 * long };
+  };
+  rows.push(select("Slab along", ["none", "x", "y", "z", "view"], (s) => s.slab?.axis ?? "none", (v) =>
+    desk.change({ slab: v === "none" ? null : slabOf(v as Slab["axis"]) })));
+  const bar = (label: string, low: (s: Slab) => number, high: (s: Slab) => number, key: "middle" | "thickness"): Part => {
+    const slider = h("input", {
+      type: "range", step: "any", "aria-label": `${label} of the slab`,
+      input: () => change(Number(slider.value)),
+    });
+    const field = h("input", {
+      type: "text", inputmode: "decimal", "aria-label": `${label} of the slab, as a number`,
+      change: () => Number.isFinite(Number(field.value)) && change(Number(field.value)),
+    });
+    const change = (v: number) => {
+      const slab = desk.state().slab;
+      if (slab && (key === "middle" || v > 0)) desk.change({ slab: { ...slab, [key]: v } });
+    };
+    const element = h("div", { class: "dial" }, h("span", { text: label }), field, slider);
+    return {
+      element,
+      refresh: (s) => {
+        element.hidden = !s.slab || (key === "middle" && s.slab.axis === "view");
+        if (!s.slab) return;
+        slider.min = String(low(s.slab));
+        slider.max = String(high(s.slab));
+        slider.value = String(s.slab[key]);
+        if (document.activeElement !== field) field.value = String(Number(s.slab[key].toPrecision(5)));
+      },
+    };
+  };
+  const axis = (s: Slab) => "xyz".indexOf(s.axis);
+  const long = (s: Slab) => (axis(s) < 0 ? diagonal(b) : b.max[axis(s)] - b.min[axis(s)] || 1);
+  rows.push(bar("Centre", (s) => (axis(s) < 0 ? 0 : b.min[axis(s)]), (s) => (axis(s) < 0 ? 1 : b.max[axis(s)]), "middle"));
+  rows.push(bar("Thickness", (s) => 0.002 * long(s), long, "thickness"));
+  rows.push(check("Clip box", (s) => s.clip !== null, (on) => desk.change({ clip: on ? structuredClone(b) : null })));
+  rows.push(clipFields(desk));
+  const cell = desk.about.metadata.cell;
+  if (cell?.periodic.includes(true) && desk.about.adds_up) {
+    rows.push(check("Periodic images", (s) => s.images, (on) => desk.change({ images: on })));
+  }
+  rows.push(check("Box", (s) => s.box, (on) => desk.change({ box: on })));
+  rows.push(check("Axes", (s) => s.axes, (on) => desk.change({ axes: on })));
+  rows.push(check("Scale bar", (s) => s.scale, (on) => desk.change({ scale: on })));
+  return section("Space", false, ...rows);
+}
+
+function clipFields(desk: Desk): Part {
+  const ends = ["min", "max"] as const;
+  const fields = ends.map((end) => [0, 1, 2].map((k) => {
+    const field = h("input", {
+      type: "text", inputmode: "decimal", "aria-label": `${end === "min" ? "Lowest" : "Highest"} ${"xyz"[k]} of the clip box`,
+      change: () => {
+        const clip = structuredClone(desk.state().clip);
+        if (!clip || !Number.isFinite(Number(field.value))) return;
+        clip[end][k] = Number(field.value);
+        if (clip.min[k] < clip.max[k]) desk.change({ clip });
+      },
+    });
+    return field;
+  }));
+  const rows = [0, 1, 2].map((k) => h("div", { class: "row" }, "xyz"[k], h("span", { class: "pair" }, fields[0][k], fields[1][k])));
+  const element = h("div", {}, ...rows);
+  return {
+    element,
+    refresh: (s) => {
+      element.hidden = !s.clip;
+      if (!s.clip) return;
+      ends.forEach((end, e) => fields[e].forEach((f, k) => {
+        if (document.activeElement !== f) f.value = String(Number(s.clip![end][k].toPrecision(6)));
+      }));
+    },
+  };
+}
+
+const PRESETS: [string, number, number][] =
+  [["+x", 90, 0], ["−x", -90, 0], ["+y", 0, 90], ["−y", 0, -90], ["+z", 0, 0], ["−z", 180, 0]];
+
+/** Looks from an end of an axis. */
+export function preset(s: State, which: number): State["orbit"] {
+  const [, azimuth, elevation] = PRESETS[which];
+  return { ...s.orbit, azimuth, elevation, roll: 0 };
+}
+
+function camera(desk: Desk): Part {
+  const from = h("div", { class: "buttons", role: "group", "aria-label": "Look from" },
+    ...PRESETS.map(([name], i) => h("button", {
+      type: "button", text: name, "aria-label": `Look from ${name}`, click: () => desk.change({ orbit: preset(desk.state(), i) }),
+    })));
+  const orthographic = check("Orthographic", (s) => s.orbit.orthographic, (on) =>
+    desk.change({ orbit: { ...desk.state().orbit, orthographic: on } }));
+  const answer = h("p", { class: "hint", role: "status" });
+  const field = h("input", { type: "text", placeholder: "x, y, z or #number", "aria-label": "Go to a point x, y, z or a Gaussian #number" });
+  const form = h("form", { class: "row", submit: (e) => {
+    e.preventDefault();
+    answer.textContent = desk.goTo(field.value) ?? "";
+  } }, field, h("button", { type: "submit", text: "Go" }));
+  const place = h("p", { class: "hint", id: "place" });
+  const own = section("Camera", false, fixed(from), orthographic, fixed(form), fixed(answer), fixed(place),
+    fixed(h("div", { class: "buttons" }, button("Reset", () => desk.act("reset")))));
+  return {
+    element: own.element,
+    refresh: (s) => {
+      own.refresh(s);
+      const f = s.orbit.focal.map((v) => number(v, 4)).join(", ");
+      place.textContent = `at ${f}; azimuth ${s.orbit.azimuth.toFixed(1)}°, elevation ${s.orbit.elevation.toFixed(1)}°, distance ${number(s.orbit.distance)}`;
+    },
+  };
+}
+
+function take(desk: Desk): Part {
+  const row = (...names: [string, Action, string][]) =>
+    fixed(h("div", { class: "buttons" }, ...names.map(([label, act, title]) => button(label, () => desk.act(act), title))));
+  return section("Take away", false,
+    row(["PNG …", "png", "The picture at any size"], ["NPY", "npy", "The values behind the picture, as numpy reads them"]),
+    row(["Link", "link", "Copies an address that restores this view"], ["Command", "command", "The command that makes this picture"]),
+    row(["views.json", "views", "The camera, as `render --views` reads it"], ["Open views.json …", "load", "Takes the camera of a views file"]),
+    row(["Turn …", "turn", "A turn about the vertical axis, as frames"]));
+}
+
+/** A point from text, or a Gaussian's number. */
+export function target(text: string): { point: Vec3 } | { gaussian: number } | null {
+  const one = /^#\s*(\d+)$/.exec(text.trim());
+  if (one) return { gaussian: Number(one[1]) };
+  const point = text.split(/[\s,;]+/).filter((t) => t !== "").map(Number);
+  return point.length === 3 && point.every(Number.isFinite) ? { point: point as Vec3 } : null;
+}

@@ -1,0 +1,91 @@
+// What the page, its worker and the engine (crates/particlegs-web) say to each other.
+
+export type Vec3 = [number, number, number];
+
+/** What the page was given: by the server, or inside the one file. */
+export interface Setup {
+  version: string;
+  served: boolean;
+  engine: Source;
+  models: (Source & { name: string; bytes: number; verdict?: Verdict[] })[];
+  truth: { url: string; name: string; particles: number } | null;
+}
+
+/** Bytes from the server, or from an element that holds them as base64. */
+export type Source = { url?: string; element?: string };
+
+/** How far a model serves a use, from its certificate. */
+export interface Verdict {
+  use: string;
+  answer: string;
+  because: string;
+}
+
+export interface Bounds { min: Vec3; max: Vec3 }
+
+export interface About {
+  metadata: {
+    law: string; count: number; mass: number; bounds: Bounds;
+    cell: { origin: Vec3; vectors: [Vec3, Vec3, Vec3]; periodic: [boolean, boolean, boolean] } | null;
+    default_radius: number; default_opacity: number; source: string;
+    length_unit: string | null; mass_unit: string | null; comoving: boolean | null; scale_factor: number | null;
+    time: number | null; command: string; tool_version: string;
+  };
+  gaussians: number;
+  has_masses: boolean;
+  mass: number | null;
+  layers: { name: string; particles: number; gaussians: number }[];
+  adds_up: boolean;
+  certified: [[number, number], [number, number]] | null;
+}
+
+export interface Size { width: number; height: number }
+
+/** A camera as views files have it. */
+export interface CameraOf {
+  position: Vec3; focal_point: Vec3; view_up: Vec3;
+  fov_deg?: number; height_world?: number; clipping_range?: [number, number];
+}
+
+export interface SceneOf {
+  size: Size; camera: CameraOf; radius: number; opacity: number;
+  layers?: boolean[]; clip?: Bounds; images?: boolean;
+}
+
+export type Look = "paraview" | "paraview-no-fxaa" | "expected";
+
+export interface Paint {
+  look: Look | null; white: boolean; colormap: string; range: [number, number] | null;
+  exposure: number; colors?: Vec3[] | null;
+}
+
+export interface Seen {
+  position: Vec3; gaussian: number; layer: string; count: number; mass: number | null;
+  deviations: Vec3; number_density: number; density: number | null;
+}
+
+export interface Strokes {
+  pad: number; focal: number; center: [number, number]; perspective: boolean;
+  planes: { width: number; height: number; first: number; count: number }[];
+}
+
+export interface Tone { depths: number[]; ratios: number[]; blur: number }
+
+export type Question =
+  | { ask: "picture"; model: number; scene: SceneOf; paint: Paint }
+  | { ask: "values"; model: number; scene: SceneOf; style: "depth" | "density" }
+  | { ask: "strokes"; model: number; scene: SceneOf; style: "depth" | "density" }
+  | { ask: "tone"; model: number; opacity: number; radius_pixels: number }
+  | { ask: "colors"; model: number; name: string }
+  | { ask: "probe"; model: number; scene: SceneOf; pixel: [number, number] }
+  | { ask: "sphere"; model: number; center: Vec3; radius: number; layers?: boolean[] }
+  | { ask: "gaussian"; model: number; index: number };
+
+/** To the worker, with a number that its reply repeats. */
+export type ToWorker = { id: number } & (
+  | { do: "start"; engine: ArrayBuffer; gzip: boolean }
+  | { do: "open"; bytes: ArrayBuffer }
+  | { do: "ask"; question: Question }
+);
+
+export type FromWorker = { id: number; error?: string; json?: unknown; numbers?: ArrayBuffer; milliseconds: number };

@@ -1,0 +1,188 @@
+// What is on the screen, as data: everything that a link restores.
+
+import { baseDistance, cameraOf, center, length, add, orbitOf, type Orbit } from "./camera";
+import type { About, Bounds, CameraOf, Look, Paint, SceneOf, Size, Vec3 } from "./protocol";
+
+export const LOOKS = ["paraview", "expected", "density"] as const;
+export const COLORMAPS = ["viridis", "inferno", "magma", "cividis", "grey"] as const;
+/** Colours that eyes of all kinds tell apart (Okabe and Ito 2008), light ones first. */
+export const LAYER_COLORS: Vec3[] =
+  [[240, 228, 66], [86, 180, 233], [230, 159, 0], [0, 158, 115], [204, 121, 167], [213, 94, 0], [0, 114, 178]];
+
+export interface Slab { axis: "x" | "y" | "z" | "view"; middle: number; thickness: number }
+
+export interface State {
+  orbit: Orbit;
+  radius: number;
+  opacity: number;
+  look: (typeof LOOKS)[number];
+  exposure: number;
+  colormap: string;
+  range: [number, number] | null;
+  white: boolean;
+  layers: boolean[];
+  byLayer: boolean;
+  slab: Slab | null;
+  clip: Bounds | null;
+  images: boolean;
+  box: boolean;
+  axes: boolean;
+  scale: boolean;
+}
+
+/** How a model is first seen: as `render` draws it without options. */
+export function initial(about: About, size: Size): State {
+  const m = about.metadata;
+  return {
+    orbit: home(about, size), radius: m.default_radius, opacity: m.default_opacity, look: "paraview", exposure: 0,
+    colormap: "inferno", range: null, white: false, layers: about.layers.map(() => true), byLayer: false, slab: null,
+    clip: null, images: false, box: false, axes: true, scale: true,
+  };
+}
+
+export function home(about: About, size: Size): Orbit {
+  const bounds = about.metadata.bounds;
+  const distance = baseDistance(bounds, size);
+  return { focal: center(bounds), azimuth: 0, elevation: 0, roll: 0, distance, orthographic: false };
+}
+
+export const diagonal = (b: Bounds): number => length(add(b.max, b.min, -1)) || 1;
+
+/** The camera of a state. */
+export function cameraFor(s: State, about: About): CameraOf {
+  const bounds = about.metadata.bounds;
+  const away = length(add(s.orbit.focal, center(bounds), -1));
+  const reach = away + (s.images ? 4 : 1.5) * diagonal(bounds);
+  return cameraOf(s.orbit, s.slab?.axis === "view" ? s.slab.thickness : null, reach);
+}
+
+/** The scene that the engine draws. */
+export function sceneOf(s: State, about: About, size: Size): SceneOf {
+  const scene: SceneOf = { size, camera: cameraFor(s, about), radius: s.radius, opacity: s.opacity, images: s.images };
+  if (s.layers.includes(false)) scene.layers = s.layers;
+  const clip = clipOf(s, about);
+  if (clip) scene.clip = clip;
+  return scene;
+}
+
+/** The box that particles must lie in: the clip box and a slab along an axis of the world. */
+function clipOf(s: State, about: About): Bounds | null {
+  const slab = s.slab && s.slab.axis !== "view" ? s.slab : null;
+  if (!s.clip && !slab) return null;
+  const b = about.metadata.bounds;
+  const margin = diagonal(b);
+  const clip: Bounds = s.clip
+    ? { min: [...s.clip.min], max: [...s.clip.max] }
+    : { min: b.min.map((v) => v - margin) as Vec3, max: b.max.map((v) => v + margin) as Vec3 };
+  if (slab) {
+    const k = "xyz".indexOf(slab.axis);
+    clip.min[k] = Math.max(clip.min[k], slab.middle - 0.5 * slab.thickness);
+    clip.max[k] = Math.min(clip.max[k], slab.middle + 0.5 * slab.thickness);
+  }
+  return clip;
+}
+
+export function paintOf(s: State): Paint {
+  return {
+    look: s.look === "density" ? null : (s.look as Look), white: s.white, colormap: s.colormap, exposure: s.exposure,
+    range: s.range, colors: s.byLayer ? LAYER_COLORS : null,
+  };
+}
+
+const digits = (v: number): string => String(Number(v.toPrecision(9)));
+
+/** The state as the part of an address behind `#`. */
+export function toLink(s: State): string {
+  const o = s.orbit;
+  const p = new URLSearchParams();
+  p.set("at", o.focal.map(digits).join(","));
+  p.set("from", [o.azimuth, o.elevation, o.roll, o.distance].map(digits).join(","));
+  p.set("radius", digits(s.radius));
+  p.set("opacity", digits(s.opacity));
+  p.set("look", s.look);
+  const flags: [string, boolean][] = [["orthographic", o.orthographic], ["white", s.white], ["bylayer", s.byLayer],
+    ["images", s.images], ["box", s.box]];
+  for (const [name, on] of flags) if (on) p.set(name, "1");
+  if (!s.axes) p.set("axes", "0");
+  if (!s.scale) p.set("scale", "0");
+  if (s.exposure !== 0) p.set("exposure", digits(s.exposure));
+  if (s.look === "density") p.set("colormap", s.colormap);
+  if (s.range) p.set("range", s.range.map(digits).join(","));
+  if (s.layers.includes(false)) p.set("layers", s.layers.map((on) => (on ? "1" : "0")).join(""));
+  if (s.slab) p.set("slab", `${s.slab.axis},${digits(s.slab.middle)},${digits(s.slab.thickness)}`);
+  if (s.clip) p.set("clip", [...s.clip.min, ...s.clip.max].map(digits).join(","));
+  return p.toString();
+}
+
+/** Numbers of a link, or nothing where they are not `count` finite ones. */
+function numbers(text: string | null, count: number): number[] | null {
+  const found = (text ?? "").split(",").map(Number);
+  return text !== null && found.length === count && found.every(Number.isFinite) ? found : null;
+}
+
+/** Takes what a link says that makes sense; the rest stays. */
+export function fromLink(text: string, s: State): State {
+  const p = new URLSearchParams(text);
+  const next: State = structuredClone(s);
+  const at = numbers(p.get("at"), 3);
+  if (at) next.orbit.focal = at as Vec3;
+  const from = numbers(p.get("from"), 4);
+  if (from && from[3] > 0) {
+    [next.orbit.azimuth, next.orbit.elevation, next.orbit.roll, next.orbit.distance] = from;
+    next.orbit.elevation = Math.max(-90, Math.min(90, next.orbit.elevation));
+  }
+  const one = (name: string, low: number, high: number, take: (v: number) => void) => {
+    const v = numbers(p.get(name), 1);
+    if (v && v[0] >= low && v[0] <= high) take(v[0]);
+  };
+  one("radius", 1e-300, 1e300, (v) => (next.radius = v));
+  one("opacity", 1e-6, 1, (v) => (next.opacity = v));
+  one("exposure", -8, 8, (v) => (next.exposure = v));
+  const look = LOOKS.find((l) => l === p.get("look"));
+  if (look) next.look = look;
+  const colormap = COLORMAPS.find((c) => c === p.get("colormap"));
+  if (colormap) next.colormap = colormap;
+  if (p.has("at")) {
+    next.orbit.orthographic = p.get("orthographic") === "1";
+    next.white = p.get("white") === "1";
+    next.byLayer = p.get("bylayer") === "1";
+    next.images = p.get("images") === "1";
+    next.box = p.get("box") === "1";
+    next.axes = p.get("axes") !== "0";
+    next.scale = p.get("scale") !== "0";
+  }
+  const range = numbers(p.get("range"), 2);
+  if (range && range[0] > 0 && range[1] > range[0]) next.range = range as [number, number];
+  const layers = p.get("layers");
+  if (layers && layers.length === s.layers.length) next.layers = [...layers].map((c) => c === "1");
+  const [axis, ...slab] = (p.get("slab") ?? "").split(",");
+  const of = numbers(slab.join(","), 2);
+  if (["x", "y", "z", "view"].includes(axis) && of && of[1] > 0) {
+    next.slab = { axis: axis as Slab["axis"], middle: of[0], thickness: of[1] };
+  }
+  const clip = numbers(p.get("clip"), 6);
+  if (clip) next.clip = { min: clip.slice(0, 3) as Vec3, max: clip.slice(3) as Vec3 };
+  return next;
+}
+
+/** A views file of one view, as `render --views` reads it. */
+export function viewsFile(s: State, about: About, size: Size): string {
+  const { position, focal_point, view_up, fov_deg, height_world, clipping_range } = cameraFor(s, about);
+  const view = {
+    name: "view", position, focal_point, view_up, radius: s.radius, opacity: s.opacity,
+    ...(height_world !== undefined ? { height_world } : {}), ...(clipping_range ? { clipping_range } : {}),
+  };
+  return JSON.stringify({ ...size, fov_deg: fov_deg ?? 30, views: [view] }, null, 2) + "\n";
+}
+
+/** The first view of a views file; throws where it is none. */
+export function fromViewsFile(text: string, s: State): State {
+  const view = (JSON.parse(text) as { views?: (CameraOf & { radius?: number; opacity?: number })[] }).views?.[0];
+  const places = [view?.position, view?.focal_point, view?.view_up];
+  if (!view || !places.every((p) => Array.isArray(p) && p.length === 3 && p.every(Number.isFinite))) {
+    throw new Error("this is no views file: it has no view with position, focal_point and view_up");
+  }
+  const radius = (view.radius ?? 0) > 0 ? view.radius! : s.radius;
+  const opacity = (view.opacity ?? 0) > 0 && view.opacity! <= 1 ? view.opacity! : s.opacity;
+  return { ...s, orbit: orbitOf(view), radius, opacity };
+}

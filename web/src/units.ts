@@ -1,0 +1,82 @@
+// Numbers and units as a journal prints them.
+
+import type { About } from "./protocol";
+
+const RAISED: Record<string, string> = {
+  "-": "⁻", "0": "⁰", "1": "¹", "2": "²", "3": "³", "4": "⁴", "5": "⁵", "6": "⁶", "7": "⁷", "8": "⁸", "9": "⁹",
+};
+
+/** Three digits or so; powers of ten where a number is large or small. */
+export function number(v: number, figures = 3): string {
+  if (!Number.isFinite(v)) return "–";
+  if (v === 0) return "0";
+  const e = Math.floor(Math.log10(Math.abs(v)));
+  if (e >= -3 && e < 5) return minus(String(Number(v.toPrecision(figures))));
+  const front = Number((v / 10 ** e).toPrecision(figures));
+  const power = [...String(e)].map((c) => RAISED[c]).join("");
+  return front === 1 ? `10${power}` : `${minus(String(front))} × 10${power}`;
+}
+
+const minus = (text: string): string => text.replace("-", "−");
+
+/** A whole number with thin spaces between thousands. */
+export const whole = (v: number): string => Math.round(v).toString().replace(/\B(?=(\d{3})+$)/g, "\u2009");
+
+/** Bytes in the units of storage. */
+export function bytes(n: number): string {
+  const units = ["B", "kB", "MB", "GB", "TB"];
+  const e = Math.min(units.length - 1, Math.max(0, Math.floor(Math.log10(Math.max(1, n)) / 3)));
+  return `${number(n / 1000 ** e)} ${units[e]}`;
+}
+
+/** `Mpc/h` as `Mpc h⁻¹`. */
+export function tidy(unit: string): string {
+  const [above, ...below] = unit.split("/").map((u) => u.trim().replace(/[()]/g, ""));
+  const power = (u: string) => {
+    const [, name, n] = /^(.*?)(\d*)$/.exec(u) ?? [u, u, ""];
+    return `${name}⁻${n ? [...n].map((c) => RAISED[c]).join("") : "¹"}`;
+  };
+  return [above, ...below.map(power)].join(" ");
+}
+
+export interface Units {
+  /** Of length; empty where it is not known. */
+  length: string;
+  mass: string;
+  /** Of surface density. */
+  surface: string;
+  /** Of number and mass density. */
+  number: string;
+  density: string;
+}
+
+export function unitsOf(about: About): Units {
+  const m = about.metadata;
+  const comoving = m.comoving ? "comoving " : "";
+  const plain = m.length_unit ? tidy(m.length_unit) : "";
+  const mass = about.has_masses ? tidy(m.mass_unit ?? "mass") : "particles";
+  const per = (power: string) => (plain ? `(${plain})⁻${power}` : `length⁻${power}`);
+  return {
+    length: plain ? comoving + plain : "", mass, surface: `${mass} ${per("²")}`,
+    number: `particles ${per("³")}`, density: `${mass} ${per("³")}`,
+  };
+}
+
+/** The largest 1, 2 or 5 times a power of ten that is not above `v`. */
+export function roundBelow(v: number): number {
+  const base = 10 ** Math.floor(Math.log10(v));
+  return (v >= 5 * base ? 5 : v >= 2 * base ? 2 : 1) * base;
+}
+
+/** Ticks of a logarithmic axis. */
+export function logTicks(lo: number, hi: number): number[] {
+  const fronts = Math.log10(hi / lo) > 2.5 ? [1] : [1, 2, 5];
+  const found: number[] = [];
+  for (let d = Math.floor(Math.log10(lo)); d <= Math.ceil(Math.log10(hi)); d++) {
+    for (const f of fronts) {
+      const v = f * 10 ** d;
+      if (v >= lo * (1 - 1e-9) && v <= hi * (1 + 1e-9)) found.push(v);
+    }
+  }
+  return found.length >= 2 ? found : [lo, hi];
+}

@@ -1,0 +1,58 @@
+// The worker: the engine, and one question after another.
+
+import type { FromWorker, ToWorker } from "./protocol";
+
+interface Exports {
+  memory: WebAssembly.Memory;
+  room(length: number): number;
+  release(at: number, length: number): void;
+  open(at: number, length: number): bigint;
+  ask(at: number, length: number): bigint;
+}
+
+let engine: Exports | undefined;
+
+/** Hands bytes to an entry of the engine; gives what it answers: JSON, and numbers behind it. */
+function call(entry: "open" | "ask", bytes: Uint8Array): { json: unknown; numbers: ArrayBuffer } {
+  if (!engine) throw new Error("the engine has not started");
+  const at = engine.room(bytes.length);
+  // The address first: room may have moved the memory.
+  new Uint8Array(engine.memory.buffer, at, bytes.length).set(bytes);
+  const packed = BigInt.asUintN(64, engine[entry](at, bytes.length));
+  const [address, length] = [Number(packed & 0xffffffffn), Number(packed >> 32n)];
+  const view = new DataView(engine.memory.buffer, address, length);
+  const text = 4 + view.getUint32(0, true);
+  const json = JSON.parse(new TextDecoder().decode(new Uint8Array(engine.memory.buffer, address + 4, text - 4)));
+  const start = Math.min(length, Math.ceil(text / 8) * 8);
+  const numbers = engine.memory.buffer.slice(address + start, address + length);
+  engine.release(address, length);
+  if (json !== null && typeof json === "object" && "error" in json) throw new Error(String(json.error));
+  return { json, numbers };
+}
+
+async function start(bytes: ArrayBuffer, gzip: boolean): Promise<void> {
+  const stream = new Blob([bytes]).stream();
+  const module = gzip ? await new Response(stream.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer() : bytes;
+  const { instance } = await WebAssembly.instantiate(module, {});
+  engine = instance.exports as unknown as Exports;
+}
+
+self.onmessage = async ({ data }: MessageEvent<ToWorker>) => {
+  const began = performance.now();
+  const reply: FromWorker = { id: data.id, milliseconds: 0 };
+  try {
+    if (data.do === "start") {
+      await start(data.engine, data.gzip);
+    } else {
+      const bytes = data.do === "open"
+        ? new Uint8Array(data.bytes)
+        : new TextEncoder().encode(JSON.stringify(data.question));
+      Object.assign(reply, call(data.do, bytes));
+    }
+  } catch (error) {
+    // A trap leaves the instance as it is: what it did is lost, and the next question may do.
+    reply.error = error instanceof Error ? error.message : String(error);
+  }
+  reply.milliseconds = performance.now() - began;
+  (self as unknown as Worker).postMessage(reply, reply.numbers ? [reply.numbers] : []);
+};
