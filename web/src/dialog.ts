@@ -25,7 +25,7 @@ export function ask(title: string, accept: string, ...fields: HTMLElement[]): Pr
 export function tell(title: string, ...content: HTMLElement[]): void {
   const close = h("button", { text: "Close", value: "no" });
   const dialog = h("dialog", { "aria-label": title },
-    h("form", { method: "dialog" }, h("h2", { text: title }), ...content, h("div", { class: "buttons" }, close)));
+    h("form", { method: "dialog" }, h("h2", { text: title, tabindex: "-1", autofocus: true }), ...content, h("div", { class: "buttons" }, close)));
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);
   dialog.showModal();

@@ -11,7 +11,7 @@ import { panel, preset, target, type Action, type Desk } from "./panel";
 import type { Seen, Setup, Vec3 } from "./protocol";
 import { Remote } from "./remote";
 import { Compare } from "./compare";
-import { fromLink, home, initial, sceneOf, toLink, type State } from "./state";
+import { fromLink, home, initial, paintOf, sceneOf, toLink, type State } from "./state";
 import { giveCommand, giveLink, giveNpy, givePng, giveTurn, giveViews, takeViews } from "./give";
 import { number, unitsOf, whole } from "./units";
 
@@ -31,7 +31,9 @@ const fold = h("button", { type: "button", text: "Dials", "aria-expanded": "true
 const help = h("button", { type: "button", text: "?", "aria-label": "Keys and mouse", click: () => showKeys(keys) });
 const theme = h("button", { type: "button", text: "◐", "aria-label": "Dark or light page", click: () => turnTheme() });
 const head = h("header", {}, h("div", { class: "name" }, title, subtitle), h("div", { class: "buttons" }, fold, theme, help));
-app.append(head, h("div", { id: "view" }, stage, bar.element), h("footer", {}, status, timing));
+const shell = h("aside", { id: "panel", "aria-label": "Dials" });
+if (poster) stage.append(poster);
+app.append(head, h("div", { id: "view" }, stage, bar.element, shell), h("footer", {}, status, timing));
 
 let keys: ReturnType<typeof keysOf> = [];
 
@@ -74,7 +76,7 @@ async function start(): Promise<void> {
   const dials = panel(desk);
   dials.element.append(...panes.map((p, i) => facts(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict)));
   if (compare) dials.element.prepend(compare.element);
-  document.getElementById("view")!.append(dials.element);
+  shell.replaceWith(dials.element);
   keys = keysOf(page, act, (which) => change({ orbit: preset(page.state, which) }));
   listenToKeys(keys);
 
@@ -178,7 +180,10 @@ async function start(): Promise<void> {
     const text = location.hash.slice(1);
     if (text !== toLink(page.state)) change(fromLink(text, page.state));
   });
-  Object.assign(globalThis, { particlegs: { page, change, toLink: () => toLink(page.state) } });
+  // For scripts: the page, and the CPU's picture of a state.
+  const pixels = async (state: State) =>
+    new Uint8Array((await panes[0].picture(sceneOf(state, about, panes[0].size), paintOf(state))).numbers);
+  Object.assign(globalThis, { particlegs: { page, change, pixels, toLink: () => toLink(page.state) } });
   change({});
 }
 

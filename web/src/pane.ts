@@ -9,6 +9,8 @@ import { paintOf, sceneOf, type State } from "./state";
 
 /** Milliseconds of a frame in motion that the eye still takes for motion. */
 const SMOOTH = 30;
+/** More Gaussians than this are first drawn coarsely. */
+const LARGE = 300_000;
 /** Milliseconds without a change after which the picture is drawn in full. */
 const REST = 120;
 
@@ -40,6 +42,7 @@ export class Pane {
   private colors: { name: string; data: Uint8Array } | null = null;
 
   constructor(private remote: Remote, readonly model: number, readonly name: string, readonly about: About) {
+    this.coarse = about.gaussians > LARGE ? 2 : 1;
     const label = `${name}: picture of the model. Drag to turn, arrow keys turn as well; press ? for all keys.`;
     this.element = h("div", { class: "pane", tabindex: "0", role: "img", "aria-label": label }, this.cpu, this.card, this.overlay);
   }
@@ -66,7 +69,7 @@ export class Pane {
     try {
       while (this.state && this.drawn !== this.changed) {
         const now = this.changed;
-        const moving = this.frames > 0 && this.coarse > 1;
+        const moving = this.coarse > 1;
         await this.frame(this.state, moving ? this.coarse : 1);
         this.drawn = now;
         clearTimeout(this.rest);
@@ -93,7 +96,7 @@ export class Pane {
     const { width, height } = this.size;
     const size = { width: Math.ceil(width / coarse), height: Math.ceil(height / coarse) };
     const began = performance.now();
-    const scene = sceneOf(state, this.about, size);
+    const scene = { ...sceneOf(state, this.about, size), coarse: coarse > 1 };
     const paint = paintOf(state);
     const card = this.by === "GPU" && this.gl && this.about.adds_up && !paint.colors ? this.gl : null;
     const range = card ? await this.byCard(card, scene, paint) : await this.byCpu(scene, paint);

@@ -141,7 +141,7 @@ function looks(desk: Desk): Part {
     refresh: (s) => {
       const now = s.range ?? desk.range();
       ends.forEach((e, k) => {
-        if (document.activeElement !== e) e.value = now ? now[k].toPrecision(3) : "";
+        if (document.activeElement !== e) e.value = now ? String(Number(now[k].toPrecision(3))) : "";
       });
     },
   };

@@ -49,7 +49,7 @@ export interface CameraOf {
 
 export interface SceneOf {
   size: Size; camera: CameraOf; radius: number; opacity: number;
-  layers?: boolean[]; clip?: Bounds; images?: boolean;
+  layers?: boolean[]; clip?: Bounds; images?: boolean; coarse?: boolean;
 }
 
 export type Look = "paraview" | "paraview-no-fxaa" | "expected";

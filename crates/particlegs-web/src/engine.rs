@@ -2,6 +2,7 @@
 
 use crate::answer::Answer;
 use crate::clip::clipped;
+use crate::coarse::coarse;
 use crate::picture::{Painter, bytes, check};
 use crate::question::{Paint, Question, SceneOf, Style, What};
 use crate::strokes::strokes;
@@ -24,20 +25,32 @@ pub struct Engine {
     painter: Painter,
 }
 
-/// A model, and its part inside the box that was last asked for.
+/// A model, whole and for motion.
 struct Opened {
+    whole: Part,
+    coarse: Option<Part>,
+}
+
+/// A model, and what of it lies inside the box that was last asked for.
+struct Part {
     model: Model,
     clipped: Option<(Bounds, Model)>,
 }
 
 impl Opened {
+    fn new(model: Model) -> Self {
+        let part = |model| Part { model, clipped: None };
+        Opened { coarse: coarse(&model).map(part), whole: part(model) }
+    }
+
     /// The model that a scene shows.
     fn shown(&mut self, of: &SceneOf) -> &Model {
-        let Some(bounds) = of.clip else { return &self.model };
-        if self.clipped.as_ref().is_none_or(|(kept, _)| *kept != bounds) {
-            self.clipped = Some((bounds, clipped(&self.model, &bounds)));
+        let part = self.coarse.as_mut().filter(|_| of.coarse).unwrap_or(&mut self.whole);
+        let Some(bounds) = of.clip else { return &part.model };
+        if part.clipped.as_ref().is_none_or(|(kept, _)| *kept != bounds) {
+            part.clipped = Some((bounds, clipped(&part.model, &bounds)));
         }
-        self.clipped.as_ref().map_or(&self.model, |(_, part)| part)
+        part.clipped.as_ref().map_or(&part.model, |(_, inside)| inside)
     }
 }
 
@@ -81,7 +94,7 @@ impl Engine {
     pub fn open(&mut self, file: &[u8]) -> Answer {
         let opened = codec::decode_with(file, "the model", &Silent).and_then(|model| {
             let answer = about::about(&model)?;
-            self.models.push(Opened { model, clipped: None });
+            self.models.push(Opened::new(model));
             Ok(answer)
         });
         Answer::or_error(opened)
@@ -126,11 +139,11 @@ impl Engine {
             }
             What::Sphere { center, radius, layers } => {
                 let shown = |l: usize| layers.as_ref().is_none_or(|s| s.get(l).copied().unwrap_or(true));
-                Answer::of(&probe::held(&opened.model, &shown, center, radius))
+                Answer::of(&probe::held(&opened.whole.model, &shown, center, radius))
             }
             What::Gaussian { index } => {
-                let found = probe::gaussian(&opened.model, index);
-                let missing = || format!("there is no Gaussian {index}: the model has {}", opened.model.gaussians());
+                let found = probe::gaussian(&opened.whole.model, index);
+                let missing = || format!("there is no Gaussian {index}: the model has {}", opened.whole.model.gaussians());
                 let (position, extent) = found.ok_or_else(|| Error::argument(missing()))?;
                 Answer::of(&json!({ "position": position, "extent": extent }))
             }

@@ -5,6 +5,7 @@
 mod about;
 mod answer;
 mod clip;
+mod coarse;
 mod engine;
 mod picture;
 mod probe;

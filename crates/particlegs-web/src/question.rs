@@ -57,6 +57,9 @@ pub(crate) struct SceneOf {
     /// Particles outside are left out, world units.
     #[serde(default)]
     pub clip: Option<Bounds>,
+    /// Is it drawn in fewer Gaussians, for motion?
+    #[serde(default)]
+    pub coarse: bool,
     /// Is the periodic box repeated about itself?
     #[serde(default)]
     pub images: bool,

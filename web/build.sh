@@ -1,0 +1,45 @@
+#!/usr/bin/env bash
+# Builds what a page is made of into crates/particlegs-view/assets: the engine (crates/particlegs-web compiled to
+# WebAssembly) and the bundled sources of this folder. With --check it builds elsewhere and compares: scripts and
+# style always, the engine where the compiler is the one that made the committed one.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+root=$PWD
+assets=crates/particlegs-view/assets
+out=$assets
+if [ "${1:-}" = --check ]; then
+    out=$(mktemp -d)
+    trap 'rm -rf "$out"' EXIT
+fi
+
+if ! rustup target list --installed | grep -qx wasm32-unknown-unknown; then
+    rustup target add wasm32-unknown-unknown
+fi
+# Paths of this machine stay out of the messages in the module.
+cargo=${CARGO_HOME:-$HOME/.cargo}
+flags="-C target-feature=+simd128 --remap-path-prefix $cargo=/cargo --remap-path-prefix $root=/particlegs"
+RUSTFLAGS=$flags cargo build --quiet --locked -p particlegs-web --profile web --target wasm32-unknown-unknown \
+    --target-dir target/web
+gzip -9 -n -c target/web/wasm32-unknown-unknown/web/particlegs_web.wasm > "$out/engine.wasm.gz"
+
+cd web
+npm ci --silent --no-audit --no-fund
+npx tsc --noEmit
+case $out in /*) node build.mjs "$out" ;; *) node build.mjs "../$out" ;; esac
+cd ..
+
+compiler=$(rustc --version)
+if [ "$out" = "$assets" ]; then
+    echo "$compiler" > "$assets/engine.txt"
+    wc -c "$assets"/*
+    exit
+fi
+for name in viewer.js worker.js viewer.css; do
+    cmp "$out/$name" "$assets/$name" || { echo "$assets/$name is not what web/build.sh makes: run it and commit" >&2; exit 1; }
+done
+if [ "$compiler" = "$(cat "$assets/engine.txt")" ]; then
+    cmp <(gzip -dc "$out/engine.wasm.gz") <(gzip -dc "$assets/engine.wasm.gz") ||
+        { echo "$assets/engine.wasm.gz is not what web/build.sh makes: run it and commit" >&2; exit 1; }
+else
+    echo "the engine was made by $(cat "$assets/engine.txt"), this is $compiler: built, not compared"
+fi
