@@ -13,6 +13,7 @@ use crate::page::{Snapshot, served};
 use crate::truth::desk;
 use connection::Listening;
 use door::Door;
+pub use door::Token;
 use guard::{Guard, is_loopback};
 use hyper::body::Bytes;
 use particlegs::progress::Progress;
@@ -37,8 +38,8 @@ pub struct Options {
     pub proxies: Vec<String>,
     /// This machine's own name: it counts where other machines can reach the server.
     pub node: Option<String>,
-    /// The secret in the address: at least 32 letters and digits; `None` = 128 random bits.
-    pub token: Option<String>,
+    /// The secret in the address.
+    pub token: Token,
     /// What a client may cost.
     pub limits: Limits,
 }
@@ -104,16 +105,15 @@ impl Server {
     /// Listens. From now on clients can connect, and wait.
     ///
     /// # Errors
-    /// [`Error::Argument`] for an address that cannot be listened at, or a token that could be guessed.
+    /// [`Error::Argument`] for an address that cannot be listened at.
     pub fn bind(options: Options) -> Result<Self> {
         let Options { host, port, proxies, node, token, limits } = options;
-        let door = Door::new(token)?;
         let listener = listen(&host, port)?;
         let address = listener.local_addr().map_err(|e| Error::io(&host, e))?;
         let widened = !is_loopback(address.ip());
         let names = [Some(host), node.clone().filter(|_| widened)].into_iter().flatten();
         let guard = Guard::new(widened, names, &proxies);
-        Ok(Server { listener, address, door, guard, node, limits })
+        Ok(Server { listener, address, door: Door::new(token), guard, node, limits })
     }
 
     /// The port that it listens at.
@@ -152,7 +152,7 @@ impl Server {
     /// [`Error::Io`] where the system has no random numbers.
     pub fn url_for_once(&self) -> Result<String> {
         let token = self.door.for_once()?;
-        Ok(self.url().replace(self.door.token(), &token).trim_end_matches('/').to_string())
+        Ok(self.url().replace(self.door.token(), token.as_str()).trim_end_matches('/').to_string())
     }
 
     /// The server's secret in the address.
