@@ -63,8 +63,20 @@ impl Question {
         if !((1..=LARGEST_SIDE).contains(&width) && (1..=LARGEST_SIDE).contains(&height)) {
             return Err(Error::argument(format!("a size of {width}x{height} is outside 1 to {LARGEST_SIDE} pixels")));
         }
-        question.view()?.check(question.size())?;
+        question.check()?;
         Ok(question)
+    }
+
+    /// As pictures are checked; but an orthographic window may begin at the eye.
+    fn check(&self) -> Result<()> {
+        let mut view = self.view()?;
+        if let (Some(_), Some([near, far])) = (self.camera.height, self.camera.clipping_range) {
+            if !(near >= 0.0 && near < far && far.is_finite()) {
+                return Err(Error::argument(format!("clipping range {near} to {far} is not 0 <= near < far")));
+            }
+            view.camera.clipping_range = None;
+        }
+        view.check(self.size())
     }
 
     fn size(&self) -> Size {
