@@ -115,6 +115,11 @@ impl Context {
         KEEPS.store(true, Ordering::SeqCst);
     }
 
+    /// With nothing shown of the work any more: it goes on until it is stopped.
+    pub fn without_progress(self) -> Self {
+        Context { meter: None, ..self }
+    }
+
     /// What the command reads and writes.
     pub fn outputs(&self) -> MutexGuard<'_, Outputs> {
         self.outputs.lock().unwrap_or_else(|e| e.into_inner())

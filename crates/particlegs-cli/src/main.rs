@@ -39,6 +39,7 @@ mod target_args;
 mod train_args;
 mod train_log;
 mod view_args;
+mod viewed;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
 use std::process::ExitCode;

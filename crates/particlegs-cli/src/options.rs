@@ -127,6 +127,16 @@ const RULES: &[Rule] = &[
         why: |g| (!g.has("snapshot")).then_some(("the snapshot, and none is given", "name it behind the model")),
     },
     Rule {
+        commands: &["view"],
+        options: OPENING,
+        why: |g| (!g.has("particles")).then_some(("the snapshot, and none is given", "name it by --snapshot")),
+    },
+    Rule {
+        commands: &["view"],
+        options: &["region", "every", "sample", "left_out"],
+        why: |g| (!g.has("particles")).then_some(("the snapshot, and none is given", "name it by --snapshot")),
+    },
+    Rule {
         commands: &["verify"],
         options: SELECTION,
         why: |g| (!g.has("snapshot")).then_some(("the snapshot, and none is given", "name it behind the model")),

@@ -19,6 +19,7 @@ mod simplify;
 mod stats;
 mod status;
 mod verify;
+mod view;
 
 use clap::Subcommand;
 use particlegs::Result;
@@ -56,6 +57,8 @@ pub enum Command {
     Reference(reference::Arguments),
     /// Draw pictures of a model.
     Render(render::Arguments),
+    /// Look at models in a browser.
+    View(view::Arguments),
     /// Compare statistics: density, P(k), xi(r), groups, neighbours.
     Stats(stats::Arguments),
     /// Describe a model file or a snapshot.
@@ -85,6 +88,7 @@ pub fn run(command: Command) -> Result<()> {
         Command::Convert(a) => convert::run(a),
         Command::Reference(a) => reference::run(&a),
         Command::Render(a) => render::run(&a),
+        Command::View(a) => view::run(a),
         Command::Stats(a) => stats::run(a),
         Command::Info(a) => info::run(a),
         Command::Verify(a) => verify::run(a),

@@ -23,4 +23,5 @@ mod stats;
 mod targets;
 mod train;
 mod verdict;
+mod view;
 mod views;

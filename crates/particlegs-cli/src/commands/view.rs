@@ -1,0 +1,242 @@
+//! `particlegs view MODEL... [--snapshot SNAP]`.
+
+use crate::common::{Common, Context};
+use crate::printable::one_line;
+use crate::remedies::of_option;
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
+use crate::viewed::Viewed;
+use clap::{Args, ValueHint};
+use particlegs::Result;
+use particlegs::particles::Particles;
+use particlegs::progress::Progress;
+use particlegs::reference::Reference;
+use particlegs_view::page::Snapshot;
+use particlegs_view::server::{Event, Limits, Options, Server, Shown, Token};
+use particlegs_view::tunnel::{self, Session};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Arguments.
+#[derive(Args)]
+#[command(
+    after_help = "\
+Examples:
+  particlegs view model.pgs
+  particlegs view model.pgs --snapshot snapshot/
+  particlegs view a.pgs b.pgs --no-open --port 8317",
+    after_long_help = "\
+Examples:
+  particlegs view model.pgs
+  particlegs view model.pgs --snapshot snapshot/
+  particlegs view model.pgs --snapshot x.f32 --snapshot y.f32 --snapshot z.f32
+  particlegs view a.pgs b.pgs --no-open --port 8317
+  particlegs view model.pgs --no-open --allow-host hub.example.org
+
+The address that is printed has a secret in it, a new one each time; PARTICLEGS_TOKEN, 32 or more letters and digits,
+chooses it. docs/guide/view.md describes SSH, Open OnDemand and jupyter-server-proxy."
+)]
+pub struct Arguments {
+    /// Model files; several are shown side by side with one camera.
+    #[arg(required = true, value_name = "MODEL", value_hint = ValueHint::FilePath)]
+    models: Vec<PathBuf>,
+    /// Snapshot to compare with: its first file, its folder, or its raw columns, one option each.
+    ///
+    /// All its particles are drawn beside the model, from the same camera.
+    #[arg(long = "snapshot", value_name = "SNAP", value_hint = ValueHint::AnyPath)]
+    particles: Vec<PathBuf>,
+    /// Port to listen at; 0 takes any that is free [default: 8317, or any where that is taken].
+    #[arg(long, value_name = "P")]
+    port: Option<u16>,
+    /// Address or name to listen at; all but loopback addresses let other machines in.
+    #[arg(long, value_name = "H", default_value = "127.0.0.1")]
+    host: String,
+    /// Name of a proxy that leads to the page, as its address in the browser has it; may be repeated.
+    #[arg(long, value_name = "NAME")]
+    allow_host: Vec<String>,
+    /// Do not start a browser.
+    #[arg(long)]
+    no_open: bool,
+    /// End after so many minutes without a request [default: never].
+    #[arg(long, value_name = "MINUTES", value_parser = clap::value_parser!(u64).range(1..))]
+    idle: Option<u64>,
+    #[command(flatten)]
+    snapshot: SnapshotArgs,
+    #[command(flatten)]
+    selection: SelectionArgs,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    url: &'a str,
+    /// The same from other machines.
+    url_elsewhere: Option<&'a str>,
+    host: &'a str,
+    port: u16,
+    token: &'a str,
+    /// What to run on the user's own machine, in an SSH session.
+    ssh: Option<&'a str>,
+    models: Vec<Named<'a>>,
+    snapshot: Option<Named<'a>>,
+}
+
+#[derive(Serialize)]
+struct Named<'a> {
+    name: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gaussians: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    particles: Option<u64>,
+}
+
+/// Serves the page until it is told to end.
+pub fn run(a: Arguments) -> Result<()> {
+    let context = a.common.clone().start()?;
+    context.reads(a.models.iter().chain(&a.particles).map(PathBuf::as_path), false)?;
+    let server = listen(&a, &context)?;
+    let mut viewed = Viewed::read(&a.models, &context)?;
+    let particles = a.particles(&context)?;
+    let reference = particles.as_ref().map(Reference::new);
+    let truth = reference.as_ref().map(|r| (a.named(r), r));
+    announce(&a, &server, &viewed, truth.as_ref().map(|t| &t.0), &context)?;
+    if !a.no_open {
+        open(&server, &context)?;
+    }
+    let quiet = a.common.quiet;
+    let tell = |text: &str| {
+        if !quiet {
+            eprintln!("{}", one_line(text));
+        }
+    };
+    // The page shows what goes on from here.
+    let context = context.without_progress();
+    let models = viewed.take_files();
+    let poster = |bytes: &[u8]| viewed.poster(bytes, &context, &tell);
+    let poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)> =
+        if viewed.has_poster() { Some(&poster) } else { None };
+    server.serve(Shown { models, truth, poster }, &context, &|event| tell(&in_words(&event)))
+}
+
+fn listen(a: &Arguments, context: &Context) -> Result<Server> {
+    let minutes = |m: u64| Duration::from_secs(m.saturating_mul(60));
+    let limits = Limits { idle: a.idle.map(minutes), ..Limits::default() };
+    let server = Server::bind(Options {
+        host: a.host.clone(),
+        port: a.port,
+        proxies: a.allow_host.clone(),
+        node: node(),
+        token: token()?,
+        limits,
+    })?;
+    if server.is_widened() {
+        context.message(&format!(
+            "warning: --host {}: other machines can reach the page, and whoever knows its address sees the models; \
+             what goes over the network is not encrypted",
+            a.host
+        ));
+    }
+    Ok(server)
+}
+
+/// The secret that the user chose, else a random one.
+fn token() -> Result<Token> {
+    const VARIABLE: &str = "PARTICLEGS_TOKEN";
+    match std::env::var_os(VARIABLE) {
+        None => Token::random(),
+        Some(chosen) => Token::chosen(chosen.to_string_lossy().into_owned()).map_err(|e| of_option(VARIABLE, e)),
+    }
+}
+
+impl Arguments {
+    /// The snapshot's particles, opened as `reference` opens them.
+    fn particles(&self, context: &Context) -> Result<Option<Particles>> {
+        if self.particles.is_empty() {
+            return Ok(None);
+        }
+        let subset = Subset { selection: &self.selection, window: &WindowArgs::default(), seed: self.common.seed };
+        self.snapshot.open_selected(&self.particles, subset, context).map(Some)
+    }
+
+    /// What the page calls the snapshot: the name of its first file or folder.
+    fn named(&self, reference: &Reference<'_>) -> Snapshot {
+        let first = self.particles.first().map_or(Path::new(""), |p| p);
+        let whole = std::path::absolute(first).unwrap_or_else(|_| first.to_path_buf());
+        let name = whole.file_name().unwrap_or(first.as_os_str()).to_string_lossy().into_owned();
+        Snapshot { name, particles: reference.particles().len() as u64 }
+    }
+}
+
+/// Prints where the page is.
+fn announce(
+    a: &Arguments,
+    server: &Server,
+    viewed: &Viewed,
+    snapshot: Option<&Snapshot>,
+    context: &Context,
+) -> Result<()> {
+    let variable = |name: &str| std::env::var(name).ok();
+    let (connection, user) = (variable("SSH_CONNECTION"), variable("USER").or_else(|| variable("LOGNAME")));
+    let node = node();
+    let session = Session { connection: connection.as_deref(), user: user.as_deref(), node: node.as_deref() };
+    let ssh = tunnel::line(session, server.port()).filter(|_| !server.is_widened());
+    let (url, elsewhere) = (server.url(), server.url_elsewhere());
+    let mut text = url.clone();
+    if let Some(elsewhere) = &elsewhere {
+        text += &format!("\n{elsewhere}");
+    }
+    if let Some(ssh) = &ssh {
+        text += &format!("\nOn your own machine run this, then open the address there:\n{ssh}");
+    }
+    text += "\nCtrl-C ends it.";
+    let report = Report {
+        url: &url,
+        url_elsewhere: elsewhere.as_deref(),
+        host: &a.host,
+        port: server.port(),
+        token: server.token(),
+        ssh: ssh.as_deref(),
+        models: viewed.names().map(|(name, n)| Named { name, gaussians: Some(n as u64), particles: None }).collect(),
+        snapshot: snapshot.map(|s| Named { name: &s.name, gaussians: None, particles: Some(s.particles) }),
+    };
+    context.finish(&text, &report)
+}
+
+/// Starts the user's browser, where there is a screen that it can appear on.
+fn open(server: &Server, context: &Context) -> Result<()> {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
+    let screen = !cfg!(all(unix, not(target_os = "macos")))
+        || ["DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"].into_iter().any(is_set);
+    if is_set("SSH_CONNECTION") || !screen {
+        return Ok(());
+    }
+    if open::that_detached(server.url_for_once()?).is_err() {
+        context.message("no browser could be started: open the address");
+    }
+    Ok(())
+}
+
+/// What the terminal says of it.
+fn in_words(event: &Event) -> String {
+    match event {
+        Event::RefusedHost(name) => {
+            format!("refused: a request for host {name}; if a proxy of yours sent it, add `--allow-host {name}`")
+        }
+        Event::RefusedOrigin => {
+            "refused: a request from a page of another site; if that is your proxy's, name it by `--allow-host`".into()
+        }
+    }
+}
+
+/// This machine's name.
+#[cfg(unix)]
+fn node() -> Option<String> {
+    let name = rustix::system::uname().nodename().to_string_lossy().into_owned();
+    Some(name).filter(|n| !n.is_empty())
+}
+
+#[cfg(not(unix))]
+fn node() -> Option<String> {
+    std::env::var("COMPUTERNAME").ok()
+}

@@ -1,0 +1,104 @@
+//! The models that a page shows: read and looked at before a browser opens.
+
+use crate::common::Context;
+use crate::inputs;
+use particlegs::model::Model;
+use particlegs::{Error, Result, codec};
+use particlegs_files::input::name_of;
+use particlegs_view::poster;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Gaussians of a file at most for it to be decoded before the page is there: a quarter of a second. Of larger ones
+/// the checksums are checked, which find whatever storage and networks do to a file.
+const DECODED_FIRST: usize = 500_000;
+
+/// Models to show.
+pub struct Viewed {
+    files: Vec<File>,
+    /// The only one, where it is worth a poster and decoded already.
+    decoded: Mutex<Option<Model>>,
+}
+
+struct File {
+    name: String,
+    /// As given: errors name it.
+    place: String,
+    bytes: Vec<u8>,
+    gaussians: usize,
+}
+
+impl Viewed {
+    /// Reads the files; none that is not whole is shown.
+    ///
+    /// # Errors
+    /// Those of [`inputs::model`] and of [`codec::decode_with`].
+    pub fn read(paths: &[PathBuf], context: &Context) -> Result<Self> {
+        let names = names(paths);
+        let mut viewed = Viewed { files: Vec::with_capacity(paths.len()), decoded: Mutex::default() };
+        for (path, name) in paths.iter().zip(names) {
+            let (bytes, place) = (inputs::model(path, context)?, name_of(path));
+            let info = codec::read_info(&bytes, &place)?;
+            let gaussians = info.layers.iter().flat_map(|l| &l.content).map(|b| b.gaussians as usize).sum();
+            if gaussians <= DECODED_FIRST {
+                let model = codec::decode_with(&bytes, &place, context)?;
+                let kept = (paths.len() == 1 && poster::wanted(gaussians)).then_some(model);
+                viewed.decoded = Mutex::new(kept);
+            }
+            viewed.files.push(File { name, place, bytes, gaussians });
+        }
+        Ok(viewed)
+    }
+
+    /// What the page calls each, and its number of Gaussians.
+    pub fn names(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.files.iter().map(|f| (&f.name[..], f.gaussians))
+    }
+
+    /// Their names and bytes, to be served.
+    pub fn take_files(&mut self) -> Vec<(String, Vec<u8>)> {
+        self.files.iter_mut().map(|f| (f.name.clone(), std::mem::take(&mut f.bytes))).collect()
+    }
+
+    /// Is there a model that takes the page long enough for a poster? Of several none is the whole page.
+    pub fn has_poster(&self) -> bool {
+        matches!(&self.files[..], [only] if poster::wanted(only.gaussians))
+    }
+
+    /// The poster of the only model, from its bytes where it is not decoded yet. What fails is told, and the page
+    /// goes without.
+    pub fn poster(&self, bytes: &[u8], context: &Context, tell: &dyn Fn(&str)) -> Option<Vec<u8>> {
+        let place = self.files.first().map_or("", |f| &f.place);
+        let decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let model = decoded.map_or_else(|| codec::decode_with(bytes, place, context), Ok);
+        match model.and_then(|model| poster::draw(&model, poster::LARGE, context)) {
+            Ok(png) => Some(png),
+            Err(Error::Cancelled) => None,
+            Err(other) => {
+                tell(&format!("warning: {other}"));
+                None
+            }
+        }
+    }
+}
+
+/// What the page calls the files: by their names, by their paths where two have one name.
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    let name =
+        |path: &Path| path.file_name().filter(|_| path != Path::new("-")).map(|n| n.to_string_lossy().into_owned());
+    let short: Vec<String> = paths.iter().map(|p| name(p).unwrap_or_else(|| name_of(p))).collect();
+    let unique = |n: &String| short.iter().filter(|other| *other == n).count() == 1;
+    paths.iter().zip(&short).map(|(path, n)| if unique(n) { n.clone() } else { name_of(path) }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_the_models_apart() {
+        let named = |paths: &[&str]| names(&paths.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(named(&["runs/a.pgs", "b.pgs", "-"]), ["a.pgs", "b.pgs", "standard input"]);
+        assert_eq!(named(&["x/m.pgs", "y/m.pgs", "z.pgs"]), ["x/m.pgs", "y/m.pgs", "z.pgs"]);
+    }
+}

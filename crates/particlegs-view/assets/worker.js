@@ -1,0 +1,2 @@
+"use strict";
+self.onmessage = (asked) => self.postMessage(asked.data);

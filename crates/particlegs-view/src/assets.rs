@@ -1,0 +1,34 @@
+//! The page's own parts, as they are committed in `assets/`.
+
+/// Its style sheet.
+pub const STYLE: &str = include_str!("../assets/viewer.css");
+/// Its program: one classic script.
+pub const SCRIPT: &str = include_str!("../assets/viewer.js");
+/// The source of the worker that decodes and draws: a page from disk can start one from a Blob alone.
+pub const WORKER: &str = include_str!("../assets/worker.js");
+/// The engine, compiled to WebAssembly, by gzip.
+pub const ENGINE: &[u8] = include_bytes!("../assets/engine.wasm.gz");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::markup;
+    use flate2::read::GzDecoder;
+    use std::io::Read;
+
+    /// What stands inside an element is not escaped: nothing in it may end the element, begin a comment or another
+    /// script, or be changed by a browser before it is hashed.
+    #[test]
+    fn every_part_can_stand_inside_its_element() {
+        for (name, text) in [("viewer.css", STYLE), ("viewer.js", SCRIPT), ("worker.js", WORKER)] {
+            assert!(markup::can_stand_inside(text), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_engine_is_webassembly() {
+        let mut engine = Vec::new();
+        GzDecoder::new(ENGINE).read_to_end(&mut engine).unwrap();
+        assert_eq!(engine[..8], *b"\0asm\x01\0\0\0");
+    }
+}

@@ -1,0 +1,51 @@
+//! Text inside HTML, whatever is in it.
+
+use serde::Serialize;
+
+/// Text between tags or in a quoted attribute.
+pub fn text(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// JSON inside a script element: no `<` that could end it.
+pub fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("plain data").replace('<', "\\u003c")
+}
+
+/// Can the text stand inside a script or style element as it is, the same bytes to the browser? It must not end the
+/// element, nor begin what HTML calls an escaped script, and line ends must be the ones that browsers keep.
+#[cfg(test)]
+pub fn can_stand_inside(text: &str) -> bool {
+    let lower = text.to_ascii_lowercase();
+    let no = ["</script", "</style", "<!--", "<script", "\r", "\0"];
+    no.iter().all(|n| !lower.contains(n))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_ends_the_element_that_it_stands_in() {
+        assert_eq!(text("a<b>&\"'ä"), "a&lt;b&gt;&amp;&quot;&#39;ä");
+        let hostile = "</script><script>alert(1)</script><!-- \" \u{2028}";
+        let json = json(&hostile);
+        assert!(!json.contains('<'));
+        assert_eq!(serde_json::from_str::<String>(&json).unwrap(), hostile);
+        for bad in ["x</SCRIPT >", "<!-- ", "a\r\n", "<ScRiPt"] {
+            assert!(!can_stand_inside(bad), "{bad}");
+        }
+        assert!(can_stand_inside("if (a < b && c > d) x = '<p>';\n"));
+    }
+}

@@ -1,0 +1,191 @@
+//! The page as one HTML file: the same in both ways in, from disk or from the server.
+//!
+//! The script finds everything by id: `setup` says which models there are and where the bytes are, `worker` is the
+//! worker's source, `app` is empty and the script's. From disk, models and engine are in the page as base64; served,
+//! they are fetched by relative addresses, so that a proxy may put the page anywhere.
+
+use crate::{assets, markup, poster};
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use particlegs::progress::Progress;
+use particlegs::{Result, codec};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+/// A model file to show.
+#[derive(Clone, Copy, Debug)]
+pub struct ModelFile<'a> {
+    /// What the page calls it: the file's name.
+    pub name: &'a str,
+    /// The file's bytes.
+    pub bytes: &'a [u8],
+}
+
+/// The snapshot whose pictures a server draws beside the model's.
+#[derive(Clone, Debug)]
+pub struct Snapshot {
+    /// What the page calls it.
+    pub name: String,
+    /// Particles that are drawn.
+    pub particles: u64,
+}
+
+/// A page, and what a browser may do in it.
+#[derive(Clone, Debug)]
+pub struct Page {
+    /// The HTML.
+    pub html: String,
+    /// The Content-Security-Policy that it states, for the header.
+    pub policy: String,
+}
+
+/// One file that shows the models offline, opened from disk: at most 1.35 times the models, and the shell.
+///
+/// Each model is decoded once, so that a page that is written can show what it holds. A single model of more than
+/// [`poster::MORE_THAN`] Gaussians has its picture in the page, for it takes a moment to decode.
+///
+/// # Errors
+/// As [`codec::decode_with`]; [`particlegs::Error::Memory`], [`particlegs::Error::Cancelled`].
+pub fn offline(models: &[ModelFile<'_>], progress: &dyn Progress) -> Result<Vec<u8>> {
+    let mut poster = None;
+    for file in models {
+        let model = codec::decode_with(file.bytes, file.name, progress)?;
+        if models.len() == 1 && poster::wanted(model.gaussians()) {
+            poster = Some(poster::draw(&model, poster::SMALL, progress)?);
+        }
+        progress.check()?;
+    }
+    let coded: u64 = models.iter().map(|m| 4 * (m.bytes.len() as u64).div_ceil(3)).sum();
+    progress.require_memory("the page", coded + (coded >> 3))?;
+    let poster = poster.map(|png| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)));
+    let setup = Setup::new(models.iter().map(|m| (m.name, m.bytes.len())), None, false);
+    let mut page = Builder::new(&setup, poster.as_deref());
+    for (i, model) in models.iter().enumerate() {
+        page.data(&format!("model-{i}"), model.bytes);
+    }
+    page.data("engine", assets::ENGINE);
+    Ok(page.finish().html.into_bytes())
+}
+
+/// The page that a server hands out, for models of these names and bytes; with a poster where it draws one.
+pub fn served<'a>(
+    models: impl IntoIterator<Item = (&'a str, usize)>,
+    snapshot: Option<&'a Snapshot>,
+    poster: bool,
+) -> Page {
+    Builder::new(&Setup::new(models, snapshot, true), poster.then_some("poster")).finish()
+}
+
+/// What the script is told.
+#[derive(Serialize)]
+struct Setup<'a> {
+    version: &'static str,
+    models: Vec<SetupModel<'a>>,
+    engine: Place,
+    truth: Option<SetupTruth<'a>>,
+    served: bool,
+}
+
+#[derive(Serialize)]
+struct SetupModel<'a> {
+    name: &'a str,
+    bytes: usize,
+    #[serde(flatten)]
+    place: Place,
+}
+
+#[derive(Serialize)]
+struct SetupTruth<'a> {
+    url: &'static str,
+    name: &'a str,
+    particles: u64,
+}
+
+/// Where bytes are.
+#[derive(Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Place {
+    /// At an address relative to the page's.
+    Url(String),
+    /// In the page, in the element of this id.
+    Element(String),
+}
+
+impl<'a> Setup<'a> {
+    fn new(
+        models: impl IntoIterator<Item = (&'a str, usize)>,
+        snapshot: Option<&'a Snapshot>,
+        served: bool,
+    ) -> Setup<'a> {
+        let at = |i| if served { Place::Url(format!("model/{i}")) } else { Place::Element(format!("model-{i}")) };
+        let models = models.into_iter().enumerate().map(|(i, (name, bytes))| SetupModel { name, bytes, place: at(i) });
+        Setup {
+            version: env!("CARGO_PKG_VERSION"),
+            models: models.collect(),
+            engine: if served { Place::Url("engine".into()) } else { Place::Element("engine".into()) },
+            truth: snapshot.map(|s| SetupTruth { url: "truth", name: &s.name, particles: s.particles }),
+            served,
+        }
+    }
+
+    fn title(&self) -> String {
+        self.models.iter().map(|m| m.name).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The HTML on its way.
+struct Builder {
+    html: String,
+    policy: String,
+}
+
+impl Builder {
+    /// Up to the worker's source. `poster` is the address of the picture.
+    fn new(setup: &Setup<'_>, poster: Option<&str>) -> Self {
+        let (title, policy) = (markup::text(&setup.title()), policy(setup.served));
+        let poster = poster.map(|src| format!("<img id=\"poster\" alt=\"{title}\" src=\"{src}\">"));
+        // The empty icon keeps browsers from asking for one.
+        let html = format!(
+            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <meta name=\"referrer\" content=\"no-referrer\">\n<title>{title}</title>\n\
+             <link rel=\"icon\" href=\"data:,\">\n<style>{style}</style>\n</head>\n<body>\n\
+             <main id=\"app\">{poster}</main>\n<script type=\"application/json\" id=\"setup\">{setup}</script>\n\
+             <script type=\"text/plain\" id=\"worker\">{worker}</script>\n",
+            policy = markup::text(&policy),
+            style = assets::STYLE,
+            poster = poster.unwrap_or_default(),
+            setup = markup::json(setup),
+            worker = assets::WORKER,
+        );
+        Builder { html, policy }
+    }
+
+    /// Bytes for the script, as base64.
+    fn data(&mut self, id: &str, bytes: &[u8]) {
+        self.html.reserve(4 * bytes.len().div_ceil(3) + 100);
+        self.html += &format!("<script type=\"application/octet-stream\" id=\"{id}\">");
+        BASE64_STANDARD.encode_string(bytes, &mut self.html);
+        self.html += "</script>\n";
+    }
+
+    /// The script comes last, when everything is there.
+    fn finish(mut self) -> Page {
+        self.html += "<script>";
+        self.html += assets::SCRIPT;
+        self.html += "</script>\n</body>\n</html>\n";
+        Page { html: self.html, policy: self.policy }
+    }
+}
+
+/// What a browser may do: run this one script, WebAssembly and workers made of a Blob, and ask this server alone.
+fn policy(served: bool) -> String {
+    let hash = |text: &str| format!("'sha256-{}'", BASE64_STANDARD.encode(Sha256::digest(text.as_bytes())));
+    let (script, style) = (hash(assets::SCRIPT), hash(assets::STYLE));
+    let (images, connect) = if served { (" 'self'", " connect-src 'self';") } else { ("", "") };
+    format!(
+        "default-src 'none'; script-src {script} 'wasm-unsafe-eval'; style-src {style}; worker-src blob:; \
+         img-src data: blob:{images};{connect} base-uri 'none'; form-action 'none'"
+    )
+}

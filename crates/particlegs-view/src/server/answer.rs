@@ -1,0 +1,42 @@
+//! Answers, and the headers that every one has.
+
+use http_body_util::Full;
+use hyper::body::Bytes;
+use hyper::header::{self, HeaderName, HeaderValue};
+use hyper::{Response, StatusCode};
+
+/// What goes back.
+pub type Answer = Response<Full<Bytes>>;
+
+/// What no answer of ours is for: to be guessed at, kept, framed by other sites or used by their pages.
+const ALWAYS: [(HeaderName, &str); 6] = [
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (header::CACHE_CONTROL, "no-store"),
+    (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
+    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    (header::CONTENT_SECURITY_POLICY, "default-src 'none'; frame-ancestors 'none'"),
+];
+
+/// Bytes of a type.
+pub fn bytes(kind: &'static str, bytes: Bytes) -> Answer {
+    let mut answer = Response::new(Full::new(bytes));
+    let headers = answer.headers_mut();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(kind));
+    ALWAYS.into_iter().for_each(|(name, value)| drop(headers.insert(name, HeaderValue::from_static(value))));
+    answer
+}
+
+/// A line that says why there is nothing else.
+pub fn refusal(status: StatusCode, why: &str) -> Answer {
+    let line: String = why.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let mut answer = bytes("text/plain; charset=utf-8", Bytes::from(line + "\n"));
+    *answer.status_mut() = status;
+    answer
+}
+
+/// An answer with one more header, or with another value of one.
+pub fn with(mut answer: Answer, name: HeaderName, value: HeaderValue) -> Answer {
+    answer.headers_mut().insert(name, value);
+    answer
+}

@@ -1,0 +1,218 @@
+//! Connections and requests, bounded in number, size and time.
+
+use super::answer::{Answer, refusal, with};
+use super::door::{Door, Opens};
+use super::guard::{Guard, Refusal};
+use super::table::{Place, Table};
+use super::{Event, Limits};
+use http_body_util::{BodyExt, LengthLimitError, Limited};
+use hyper::body::Incoming;
+use hyper::header::{self, HeaderMap, HeaderName, HeaderValue};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Request, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use std::collections::HashSet;
+use std::convert::Infallible;
+use std::net::TcpListener;
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::net::TcpStream;
+use tokio::sync::Semaphore;
+use tokio::time::{sleep, timeout};
+
+/// Time between two looks at whether to end.
+const TICK: Duration = Duration::from_millis(100);
+/// Bytes of a request's head and of its body at most, and lines of the head.
+const MOST_HEAD: usize = 16 << 10;
+const MOST_BODY: usize = 16 << 10;
+const MOST_LINES: usize = 64;
+/// Bytes that a connection holds on their way at most, beside what it sends.
+const BUFFER: usize = 64 << 10;
+/// Refused names that are told: a scanner could think of any number.
+const MOST_TOLD: usize = 16;
+
+/// A server with all that it serves.
+pub struct Listening {
+    pub listener: TcpListener,
+    pub guard: Guard,
+    pub door: Door,
+    pub limits: Limits,
+    pub table: Table,
+}
+
+/// What all connections share.
+struct Shared {
+    guard: Guard,
+    door: Door,
+    limits: Limits,
+    table: Table,
+    events: Sender<Event>,
+    told: Mutex<HashSet<Event>>,
+    /// When somebody last asked, or was answered.
+    asked: Mutex<Instant>,
+}
+
+impl Listening {
+    /// Serves until it is stopped or left alone for long.
+    pub fn serve(self, progress: &dyn Progress, tell: &dyn Fn(Event)) -> Result<()> {
+        let Listening { listener, guard, door, limits, table } = self;
+        let fault = |e| Error::io("the server", e);
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build().map_err(fault)?;
+        listener.set_nonblocking(true).map_err(fault)?;
+        let (events, happened) = channel();
+        let (told, asked) = (Mutex::default(), Mutex::new(Instant::now()));
+        let shared = Arc::new(Shared { guard, door, limits, table, events, told, asked });
+        runtime.block_on(async {
+            let listener = tokio::net::TcpListener::from_std(listener).map_err(fault)?;
+            let seats = Arc::new(Semaphore::new(limits.connections));
+            let nobody_is_there = || seats.available_permits() == limits.connections;
+            while !(progress.cancelled() || nobody_is_there() && shared.is_left_alone()) {
+                happened.try_iter().for_each(tell);
+                // Whoever finds no seat waits in the system's queue.
+                let Ok(Ok(seat)) = timeout(TICK, Arc::clone(&seats).acquire_owned()).await else { continue };
+                match timeout(TICK, listener.accept()).await {
+                    Ok(Ok((stream, _))) => {
+                        let shared = Arc::clone(&shared);
+                        tokio::spawn(async move {
+                            shared.converse(stream).await;
+                            drop(seat);
+                        });
+                    }
+                    // The client is gone again, or there are too many files: the next one may do better.
+                    Ok(Err(_)) => sleep(TICK).await,
+                    Err(_) => {}
+                }
+            }
+            Ok(())
+        })
+    }
+}
+
+impl Shared {
+    /// One connection, from its first request to its last.
+    async fn converse(self: Arc<Self>, stream: TcpStream) {
+        let limits = self.limits;
+        // Small answers are whole: nothing is gained by waiting for more.
+        let _ = stream.set_nodelay(true);
+        let service = service_fn(move |request| {
+            let shared = Arc::clone(&self);
+            async move {
+                shared.is_asked();
+                let answer = shared.answer(request).await;
+                shared.is_asked();
+                Ok::<_, Infallible>(answer)
+            }
+        });
+        let mut protocol = http1::Builder::new();
+        protocol
+            .timer(TokioTimer::new())
+            .header_read_timeout(limits.head)
+            .max_headers(MOST_LINES)
+            .max_header_size(MOST_HEAD)
+            .max_buf_size(BUFFER);
+        // A client that breaks the rules or goes away is the client's affair.
+        let _ = timeout(limits.connection, protocol.serve_connection(TokioIo::new(stream), service)).await;
+    }
+
+    async fn answer(&self, request: Request<Incoming>) -> Answer {
+        if let Err(refused) = self.guarded(&request) {
+            return self.refused(refused);
+        }
+        let path = request.uri().path().to_string();
+        let path = path.strip_prefix('/').unwrap_or(&path);
+        let (key, rest) = path.split_once('/').map_or((path, None), |(key, rest)| (key, Some(rest)));
+        let found = match (self.door.opens(key), rest) {
+            (Opens::Everything, Some(rest)) => self.table.find(rest),
+            (Opens::Everything, None) | (Opens::Once, None | Some("")) => return self.to_the_page(rest.is_some()),
+            _ => None,
+        };
+        let Some(place) = found else {
+            return refusal(StatusCode::NOT_FOUND, "nothing is here: open the address that the command printed");
+        };
+        let (methods, allowed) = place.methods();
+        if !methods.contains(request.method()) {
+            let answer = refusal(StatusCode::METHOD_NOT_ALLOWED, &format!("here is answered to {allowed} alone"));
+            return with(answer, header::ALLOW, HeaderValue::from_static(allowed));
+        }
+        match place {
+            Place::Truth => self.truth(request).await,
+            place => self.table.get(place, request.headers()).await,
+        }
+    }
+
+    /// By an address that a proxy in between does not make wrong.
+    fn to_the_page(&self, within: bool) -> Answer {
+        let to = format!("{}{}/", if within { "../" } else { "" }, self.door.token());
+        let answer = refusal(StatusCode::SEE_OTHER, "the page has an address of its own");
+        // A token is letters and digits.
+        HeaderValue::from_str(&to).map_or(answer.clone(), |to| with(answer, header::LOCATION, to))
+    }
+
+    fn guarded(&self, request: &Request<Incoming>) -> std::result::Result<(), Refusal> {
+        // A whole URL instead of a path is for proxies.
+        if request.uri().authority().is_some() {
+            return Err(Refusal::Host(None));
+        }
+        let headers = request.headers();
+        let host = only(headers, header::HOST).map_err(|()| Refusal::Host(None))?;
+        let origin = only(headers, header::ORIGIN).map_err(|()| Refusal::Origin)?;
+        self.guard.check(host, origin)
+    }
+
+    fn refused(&self, refused: Refusal) -> Answer {
+        let (event, why) = match refused {
+            Refusal::Host(None) => {
+                return refusal(StatusCode::BAD_REQUEST, "the request does not say which host it asks");
+            }
+            Refusal::Host(Some(name)) => {
+                let why = format!("this server does not go by the name {name}; where it runs is said how it can");
+                (Event::RefusedHost(name), why)
+            }
+            Refusal::Origin => (Event::RefusedOrigin, "pages of other sites are not answered".to_string()),
+        };
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if told.len() < MOST_TOLD && told.insert(event.clone()) {
+            // The other end is there as long as connections are.
+            let _ = self.events.send(event);
+        }
+        refusal(StatusCode::FORBIDDEN, &why)
+    }
+
+    async fn truth(&self, request: Request<Incoming>) -> Answer {
+        let kind = only(request.headers(), header::CONTENT_TYPE).ok().flatten().unwrap_or_default();
+        if !kind.split(';').next().is_some_and(|k| k.trim().eq_ignore_ascii_case("application/json")) {
+            return refusal(StatusCode::UNSUPPORTED_MEDIA_TYPE, "a picture is asked for by application/json");
+        }
+        match timeout(self.limits.body, Limited::new(request.into_body(), MOST_BODY).collect()).await {
+            Ok(Ok(body)) => self.table.truth(&body.to_bytes()).await,
+            Ok(Err(e)) if e.is::<LengthLimitError>() => {
+                refusal(StatusCode::PAYLOAD_TOO_LARGE, &format!("more than {MOST_BODY} bytes do not ask for a picture"))
+            }
+            Ok(Err(_)) => refusal(StatusCode::BAD_REQUEST, "the request breaks off"),
+            Err(_) => refusal(StatusCode::REQUEST_TIMEOUT, "the request takes too long"),
+        }
+    }
+
+    fn is_asked(&self) {
+        *self.asked.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
+    }
+
+    fn is_left_alone(&self) -> bool {
+        let asked = *self.asked.lock().unwrap_or_else(PoisonError::into_inner);
+        self.limits.idle.is_some_and(|idle| asked.elapsed() >= idle)
+    }
+}
+
+/// A header that may stand once, as text.
+fn only(headers: &HeaderMap, name: HeaderName) -> std::result::Result<Option<&str>, ()> {
+    let mut values = headers.get_all(name).iter();
+    match (values.next(), values.next()) {
+        (None, _) => Ok(None),
+        (Some(value), None) => value.to_str().map(Some).map_err(|_| ()),
+        _ => Err(()),
+    }
+}

@@ -1,0 +1,120 @@
+//! The secret in the address: without it nothing is there.
+
+use particlegs::{Error, Result};
+use std::sync::{Mutex, PoisonError};
+
+/// Characters of a token that a user chooses, at least.
+const SHORTEST: usize = 32;
+/// Characters at most: an address has to hold it.
+const LONGEST: usize = 256;
+
+/// The secret of an address.
+#[derive(Clone, Debug)]
+pub struct Token(String);
+
+impl Token {
+    /// One of the user's.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for one that could be guessed, or does not fit an address.
+    pub fn chosen(token: String) -> Result<Self> {
+        let fits = (SHORTEST..=LONGEST).contains(&token.len()) && token.bytes().all(|b| b.is_ascii_alphanumeric());
+        let what = format!("a token is {SHORTEST} to {LONGEST} letters and digits, and no others");
+        if fits { Ok(Token(token)) } else { Err(Error::argument(what)) }
+    }
+
+    /// 128 random bits.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the system has no random numbers.
+    pub fn random() -> Result<Self> {
+        let mut bits = [0; 16];
+        getrandom::fill(&mut bits).map_err(|e| Error::io("random numbers", std::io::Error::other(e.to_string())))?;
+        Ok(Token(bits.iter().map(|byte| format!("{byte:02x}")).collect()))
+    }
+
+    /// Its letters and digits.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+
+    /// Compares in a time that does not tell how far they agree.
+    fn is(&self, key: &str) -> bool {
+        let pairs = self.0.bytes().zip(key.bytes());
+        self.0.len() == key.len() && pairs.fold(0, |differ, (x, y)| differ | (x ^ y)) == 0
+    }
+}
+
+/// The secrets.
+pub struct Door {
+    token: Token,
+    /// One that opens once, and leads to the other.
+    once: Mutex<Option<Token>>,
+}
+
+/// What the first part of a path opens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Opens {
+    /// The server.
+    Everything,
+    /// The way to the token, this time.
+    Once,
+    /// Nothing.
+    Nothing,
+}
+
+impl Door {
+    pub fn new(token: Token) -> Self {
+        Door { token, once: Mutex::default() }
+    }
+
+    pub fn token(&self) -> &str {
+        self.token.as_str()
+    }
+
+    /// A new token that opens once; the one before it opens nothing any more.
+    pub fn for_once(&self) -> Result<Token> {
+        let token = Token::random()?;
+        *self.once.lock().unwrap_or_else(PoisonError::into_inner) = Some(token.clone());
+        Ok(token)
+    }
+
+    /// What `key` opens; the token for once is used up by it.
+    pub fn opens(&self, key: &str) -> Opens {
+        if self.token.is(key) {
+            return Opens::Everything;
+        }
+        let mut once = self.once.lock().unwrap_or_else(PoisonError::into_inner);
+        match once.take_if(|token| token.is(key)) {
+            Some(_) => Opens::Once,
+            None => Opens::Nothing,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tokens_are_random_and_open_as_often_as_they_should() {
+        let [door, other] = [(); 2].map(|()| Door::new(Token::random().unwrap()));
+        assert_eq!((door.token().len(), door.token() == other.token()), (32, false));
+        for wrong in ["", "0", other.token(), &door.token()[1..], &format!("{}0", door.token())] {
+            assert_eq!(door.opens(wrong), Opens::Nothing, "{wrong}");
+        }
+        let once = door.for_once().unwrap();
+        let known = |key: &str| [(); 2].map(|()| door.opens(key));
+        assert_eq!(known(once.as_str()), [Opens::Once, Opens::Nothing]);
+        assert_eq!(known(door.token()), [Opens::Everything; 2]);
+    }
+
+    #[test]
+    fn tokens_that_could_be_guessed_or_do_not_fit_an_address_are_refused() {
+        let chosen = "0123456789abcdefABCDEF0123456789";
+        assert_eq!(Token::chosen(chosen.into()).unwrap().as_str(), chosen);
+        for bad in ["", "secret", &chosen[1..], &format!("{chosen}/"), &format!("{chosen}ä"), &"a".repeat(257)] {
+            assert!(Token::chosen(bad.to_string()).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Every address behind the token, and what is there. There are no others: nothing is looked up in a file system.
+
+use super::answer::{Answer, bytes, refusal, with};
+use crate::assets;
+use crate::page::Page;
+use crate::truth::Question;
+use crate::truth::desk::Desk;
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
+use hyper::body::Bytes;
+use hyper::header::{self, HeaderMap, HeaderValue};
+use hyper::{Method, StatusCode};
+use particlegs::{Error, Result};
+use std::io::{Read, Write};
+use std::sync::Arc;
+use tokio::sync::watch;
+
+/// What there is.
+pub struct Table {
+    page: Packed,
+    policy: HeaderValue,
+    engine: Packed,
+    models: Vec<Bytes>,
+    /// `None` without a poster; within, `None` until it is drawn, then what was drawn.
+    poster: Option<watch::Receiver<Option<Option<Bytes>>>>,
+    desk: Option<Arc<Desk>>,
+}
+
+/// Where the poster is hung up when it is drawn.
+pub struct Hang(watch::Sender<Option<Option<Bytes>>>);
+
+impl Hang {
+    /// Hangs it up, or says that there will be none.
+    pub fn up(self, poster: Option<Vec<u8>>) {
+        self.0.send_replace(Some(poster.map(Bytes::from)));
+    }
+}
+
+/// Bytes that shrink, in both forms.
+struct Packed {
+    plain: Bytes,
+    gzip: Bytes,
+}
+
+/// An address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    Page,
+    Engine,
+    Poster,
+    Model(usize),
+    Truth,
+}
+
+impl Table {
+    /// With the page and the models' bytes; with a place for a poster, and a desk for pictures of all particles,
+    /// where there are such.
+    pub fn new(page: &Page, models: Vec<Bytes>, poster: bool, desk: Option<Arc<Desk>>) -> Result<(Self, Hang)> {
+        let fault = |e| Error::io("the page", e);
+        let (hang, hung) = watch::channel(None);
+        // Within the page nothing but the page frames itself; a notebook's page of the same site may frame it.
+        let policy = HeaderValue::from_str(&format!("{}; frame-ancestors 'self'", page.policy));
+        let table = Table {
+            page: Packed::of_plain(&page.html).map_err(fault)?,
+            policy: policy.map_err(|e| fault(std::io::Error::other(e)))?,
+            engine: Packed::of_gzip(assets::ENGINE).map_err(fault)?,
+            models,
+            poster: poster.then_some(hung),
+            desk,
+        };
+        Ok((table, Hang(hang)))
+    }
+
+    /// What a path behind the token names.
+    pub fn find(&self, path: &str) -> Option<Place> {
+        match path {
+            "" => Some(Place::Page),
+            "engine" => Some(Place::Engine),
+            "poster" => self.poster.is_some().then_some(Place::Poster),
+            "truth" => self.desk.is_some().then_some(Place::Truth),
+            _ => {
+                let number = path.strip_prefix("model/")?;
+                (0..self.models.len()).find(|i| i.to_string() == number).map(Place::Model)
+            }
+        }
+    }
+
+    /// The answer to a GET.
+    pub async fn get(&self, place: Place, headers: &HeaderMap) -> Answer {
+        match place {
+            Place::Page => {
+                let answer = self.page.answer("text/html; charset=utf-8", headers);
+                with(answer, header::CONTENT_SECURITY_POLICY, self.policy.clone())
+            }
+            Place::Engine => self.engine.answer("application/wasm", headers),
+            Place::Model(i) => bytes("application/octet-stream", self.models[i].clone()),
+            Place::Poster => self.poster().await,
+            Place::Truth => refusal(StatusCode::METHOD_NOT_ALLOWED, "pictures are asked for by POST"),
+        }
+    }
+
+    /// Waits until it is drawn.
+    async fn poster(&self) -> Answer {
+        let Some(mut hung) = self.poster.clone() else {
+            return refusal(StatusCode::NOT_FOUND, "there is no poster");
+        };
+        let drawn = hung.wait_for(Option::is_some).await.ok().and_then(|poster| poster.clone().flatten());
+        match drawn {
+            Some(png) => bytes("image/png", png),
+            None => refusal(StatusCode::NOT_FOUND, "there is no poster"),
+        }
+    }
+
+    /// The answer to a question for a picture of all particles.
+    pub async fn truth(&self, json: &[u8]) -> Answer {
+        let Some(desk) = &self.desk else {
+            return refusal(StatusCode::NOT_FOUND, "there is no snapshot");
+        };
+        let question = match Question::read(json) {
+            Ok(question) => question,
+            Err(wrong) => return refusal(StatusCode::BAD_REQUEST, &wrong.to_string()),
+        };
+        match desk.ask(question).answer().await {
+            Ok(picture) => bytes("application/octet-stream", picture.into()),
+            Err(Error::Cancelled) => refusal(StatusCode::CONFLICT, "given up: another picture was asked for"),
+            Err(wrong @ Error::Argument { .. }) => refusal(StatusCode::BAD_REQUEST, &wrong.to_string()),
+            Err(wrong @ Error::Memory { .. }) => refusal(StatusCode::UNPROCESSABLE_ENTITY, &wrong.to_string()),
+            Err(wrong) => refusal(StatusCode::INTERNAL_SERVER_ERROR, &wrong.to_string()),
+        }
+    }
+}
+
+impl Place {
+    /// The methods that it is asked by.
+    pub fn methods(self) -> (&'static [Method], &'static str) {
+        match self {
+            Place::Truth => (&[Method::POST], "POST"),
+            _ => (&[Method::GET, Method::HEAD], "GET, HEAD"),
+        }
+    }
+}
+
+impl Packed {
+    fn of_plain(text: &str) -> std::io::Result<Self> {
+        let mut packer = GzEncoder::new(Vec::new(), Compression::default());
+        packer.write_all(text.as_bytes())?;
+        Ok(Packed { plain: Bytes::from(text.to_string()), gzip: packer.finish()?.into() })
+    }
+
+    fn of_gzip(gzip: &'static [u8]) -> std::io::Result<Self> {
+        let mut plain = Vec::new();
+        GzDecoder::new(gzip).read_to_end(&mut plain)?;
+        Ok(Packed { plain: plain.into(), gzip: Bytes::from_static(gzip) })
+    }
+
+    fn answer(&self, kind: &'static str, headers: &HeaderMap) -> Answer {
+        let answer = if takes_gzip(headers) {
+            let gzip = HeaderValue::from_static("gzip");
+            with(bytes(kind, self.gzip.clone()), header::CONTENT_ENCODING, gzip)
+        } else {
+            bytes(kind, self.plain.clone())
+        };
+        with(answer, header::VARY, HeaderValue::from_static("accept-encoding"))
+    }
+}
+
+/// Does the client take gzip, by name and not at the weight of nothing?
+fn takes_gzip(headers: &HeaderMap) -> bool {
+    let lists = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|v| v.to_str().ok());
+    lists.flat_map(|list| list.split(',')).any(|coding| {
+        let mut parts = coding.split(';').map(str::trim);
+        let named = parts.next().is_some_and(|name| name.eq_ignore_ascii_case("gzip"));
+        let weight = parts.find_map(|p| p.strip_prefix("q=")).map_or(Ok(1.0), str::parse::<f64>);
+        named && weight.is_ok_and(|w| w > 0.0)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gzip_where_the_client_takes_it() {
+        let takes = |value: &'static str| {
+            takes_gzip(&HeaderMap::from_iter([(header::ACCEPT_ENCODING, HeaderValue::from_static(value))]))
+        };
+        assert!(takes("gzip") && takes("br, gzip, zstd") && takes("GZIP;q=0.5"));
+        assert!(
+            !takes("") && !takes("br") && !takes("gzip;q=0") && !takes("gzip;q=x") && !takes_gzip(&HeaderMap::new())
+        );
+    }
+}

@@ -1,0 +1,109 @@
+//! One thread draws; whoever asks last is answered.
+
+use super::Question;
+use particlegs::progress::{Level, Progress};
+use particlegs::reference::Reference;
+use particlegs::{Error, Result};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use tokio::sync::oneshot;
+
+/// A question on its way to the thread.
+struct Job {
+    question: Question,
+    given_up: Arc<AtomicBool>,
+    answer: oneshot::Sender<Result<Vec<u8>>>,
+}
+
+/// Where connections ask.
+pub struct Desk {
+    jobs: Mutex<Option<Sender<Job>>>,
+    /// Of the question that was asked last.
+    last: Mutex<Arc<AtomicBool>>,
+}
+
+/// Where the questions come to.
+pub struct Painter {
+    jobs: Receiver<Job>,
+}
+
+/// A desk, and what its thread takes.
+pub fn open() -> (Desk, Painter) {
+    let (sender, jobs) = channel();
+    (Desk { jobs: Mutex::new(Some(sender)), last: Mutex::default() }, Painter { jobs })
+}
+
+/// An answer that is waited for; whoever lets go of it gives the picture up.
+pub struct Ticket {
+    given_up: Arc<AtomicBool>,
+    answer: oneshot::Receiver<Result<Vec<u8>>>,
+}
+
+impl Desk {
+    /// Asks; what was asked before is given up.
+    pub fn ask(&self, question: Question) -> Ticket {
+        let (sender, answer) = oneshot::channel();
+        let given_up = Arc::<AtomicBool>::default();
+        // One lock for both, so that the last in the queue is the one that is not given up.
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        last.store(true, Ordering::Relaxed);
+        *last = Arc::clone(&given_up);
+        if let Some(jobs) = &*self.jobs.lock().unwrap_or_else(PoisonError::into_inner) {
+            // Without a thread to take it the answer is that there is none.
+            let _ = jobs.send(Job { question, given_up: Arc::clone(&given_up), answer: sender });
+        }
+        Ticket { given_up, answer }
+    }
+
+    /// Gives up what is being drawn, and takes no more: the thread ends.
+    pub fn close(&self) {
+        self.jobs.lock().unwrap_or_else(PoisonError::into_inner).take();
+        self.last.lock().unwrap_or_else(PoisonError::into_inner).store(true, Ordering::Relaxed);
+    }
+}
+
+impl Ticket {
+    /// The picture's bytes; [`Error::Cancelled`] where another was asked for meanwhile.
+    pub async fn answer(mut self) -> Result<Vec<u8>> {
+        (&mut self.answer).await.unwrap_or(Err(Error::Cancelled))
+    }
+}
+
+impl Drop for Ticket {
+    fn drop(&mut self) {
+        self.given_up.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Painter {
+    /// Draws what is asked for until the desk is closed.
+    pub fn work(self, reference: &Reference<'_>, progress: &dyn Progress) {
+        for Job { question, given_up, answer } in self.jobs {
+            let watched = Watched { progress, given_up: &given_up };
+            let drawn = watched.check().and_then(|()| question.draw(reference, &watched));
+            // Nobody may be waiting any more.
+            let _ = answer.send(drawn);
+        }
+    }
+}
+
+/// The command's own side of long work, given up with the picture. What is drawn for a page is not told elsewhere.
+struct Watched<'a> {
+    progress: &'a dyn Progress,
+    given_up: &'a AtomicBool,
+}
+
+impl Progress for Watched<'_> {
+    fn cancelled(&self) -> bool {
+        self.given_up.load(Ordering::Relaxed) || self.progress.cancelled()
+    }
+
+    fn simd(&self) -> Level {
+        self.progress.simd()
+    }
+
+    fn available_memory(&self) -> Option<u64> {
+        self.progress.available_memory()
+    }
+}
