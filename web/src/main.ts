@@ -11,7 +11,7 @@ import { panel, preset, target, type Action, type Desk } from "./panel";
 import type { Seen, Setup, Vec3 } from "./protocol";
 import { Remote } from "./remote";
 import { Compare } from "./compare";
-import { fromLink, home, initial, paintOf, sceneOf, toLink, type State } from "./state";
+import { cameraFor, fromLink, home, initial, paintOf, sceneOf, toLink, type State } from "./state";
 import { giveCommand, giveLink, giveNpy, givePng, giveTurn, giveViews, takeViews } from "./give";
 import { number, unitsOf, whole } from "./units";
 
@@ -183,7 +183,8 @@ async function start(): Promise<void> {
   // For scripts: the page, and the CPU's picture of a state.
   const pixels = async (state: State) =>
     new Uint8Array((await panes[0].picture(sceneOf(state, about, panes[0].size), paintOf(state))).numbers);
-  Object.assign(globalThis, { particlegs: { page, change, pixels, toLink: () => toLink(page.state) } });
+  const camera = () => cameraFor(page.state, about);
+  Object.assign(globalThis, { particlegs: { page, change, pixels, camera, toLink: () => toLink(page.state) } });
   change({});
 }
 

@@ -1,0 +1,109 @@
+// What the tests of the page share: the browser, the program, models, and pictures compared.
+import { spawn, spawnSync } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import path from "node:path";
+import { fileURLToPath, pathToFileURL } from "node:url";
+
+const require = createRequire(new URL("../../web/package.json", import.meta.url));
+const { chromium } = require("playwright-core");
+export const axe = require.resolve("axe-core/axe.min.js");
+
+const root = fileURLToPath(new URL("../..", import.meta.url));
+const program = path.resolve(root, process.env.PARTICLEGS ?? "target/debug/particlegs");
+export const sample = path.join(root, "samples/nbody64");
+export const work = mkdtempSync(path.join(tmpdir(), "particlegs-browser-"));
+process.on("exit", () => rmSync(work, { recursive: true, force: true }));
+
+/** Runs the program; throws with what it says where it fails. */
+export function run(...args) {
+  const r = spawnSync(program, args, { encoding: "utf8", cwd: work });
+  if (r.status !== 0) throw new Error(`particlegs ${args.join(" ")}: ${r.stderr}`);
+  return r.stdout;
+}
+
+/** Models and pages, made once. */
+export function prepare() {
+  run("compress", sample, "-o", "m.pgs", "--ratio", "300", "--quiet");
+  run("compress", sample, "-o", "n.pgs", "--ratio", "1000", "--certificate", "none", "--quiet");
+  run("export", "m.pgs", "-o", "page.html", "--quiet");
+}
+
+export const page = (query = "", hash = "") => `${pathToFileURL(path.join(work, "page.html"))}${query}${hash}`;
+
+/** Serves models until `stop` is called. */
+export async function serve(...args) {
+  const child = spawn(program, ["view", "--no-open", "--port", "0", ...args], { cwd: work, stdio: ["ignore", "pipe", "inherit"] });
+  const url = await new Promise((resolve, reject) => {
+    let text = "";
+    child.stdout.on("data", (d) => {
+      text += d;
+      const found = /http:\/\/\S+/.exec(text);
+      if (found) resolve(found[0]);
+    });
+    child.on("exit", (code) => reject(new Error(`view ended with ${code}`)));
+  });
+  const stop = () => new Promise((resolve) => {
+    child.on("exit", resolve);
+    child.kill("SIGINT");
+  });
+  return { url, stop };
+}
+
+/** A browser whose graphics card is software. */
+export function browser() {
+  return chromium.launch({
+    executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+  });
+}
+
+/**
+ * Opens a page and waits for its picture. `said` gathers warnings and errors of the console, `asked` the addresses
+ * that it requested.
+ */
+export async function open(b, url, options = {}) {
+  const tab = await b.newPage({ viewport: { width: 1280, height: 720 }, colorScheme: "dark", ...options });
+  const [said, asked] = [[], []];
+  tab.on("console", (m) => ["error", "warning"].includes(m.type()) && said.push(m.text()));
+  tab.on("pageerror", (e) => said.push(e.message));
+  tab.on("request", (r) => asked.push(r.url()));
+  await tab.goto(url);
+  await tab.waitForFunction(() => document.documentElement.dataset.full || document.documentElement.dataset.failed);
+  return { tab, said, asked };
+}
+
+/** Waits until the graphics card draws. */
+export const byCard = (tab) => tab.waitForFunction(() => document.documentElement.dataset.by === "GPU");
+
+/** Changes the state and waits for the full picture of it; then gives its pixels and the CPU's own, as RGBA. */
+export async function pictures(tab, part) {
+  return tab.evaluate(async (part) => {
+    const { page, change, pixels } = globalThis.particlegs;
+    const full = () => document.documentElement.dataset.full;
+    const before = full();
+    change(typeof part === "string" ? {} : part);
+    while (full() === before) await new Promise((r) => setTimeout(r, 20));
+    const pane = page.panes[0];
+    const { width, height } = pane.size;
+    const canvas = pane.by === "GPU" ? pane.card : pane.cpu;
+    const copy = new OffscreenCanvas(width, height).getContext("2d");
+    copy.drawImage(canvas, 0, 0);
+    const shown = copy.getImageData(0, 0, width, height).data;
+    const state = { ...page.state, range: page.state.range ?? pane.range };
+    const cpu = await pixels(state);
+    let [sum, lit, beyond, worst] = [0, 0, 0, 0];
+    for (let i = 0; i < shown.length; i += 4) {
+      const isLit = shown[i] > 2 || cpu[i] > 2 || shown[i + 1] > 2 || cpu[i + 1] > 2;
+      for (let k = 0; k < 3; k++) {
+        const e = Math.abs(shown[i + k] - cpu[i + k]);
+        worst = Math.max(worst, e);
+        if (e > 2) beyond++;
+        if (isLit) [sum, lit] = [sum + e * e, lit + 1];
+      }
+    }
+    const psnr = sum === 0 ? Infinity : 10 * Math.log10(255 ** 2 / (sum / lit));
+    return { psnr, worst, within: 1 - beyond / (0.75 * shown.length), lit: lit / (0.75 * shown.length) };
+  }, part);
+}

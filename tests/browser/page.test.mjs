@@ -1,0 +1,263 @@
+// The page as a person uses it, in a real browser.
+import assert from "node:assert/strict";
+import { readFileSync, writeFileSync } from "node:fs";
+import path from "node:path";
+import { after, before, test } from "node:test";
+import { axe, browser, byCard, open, page, pictures, prepare, run, serve, work } from "./common.mjs";
+
+let b;
+before(async () => {
+  prepare();
+  b = await browser();
+});
+after(() => b?.close());
+
+/** Five cameras, the last from inside. */
+const CAMERAS = [
+  { azimuth: 0, elevation: 0, distance: 1 }, { azimuth: 40, elevation: 25, distance: 1 },
+  { azimuth: -120, elevation: -50, distance: 0.5 }, { azimuth: 75, elevation: 10, distance: 0.25 },
+  { azimuth: 200, elevation: 5, distance: 0.04 },
+];
+/** Masked PSNR in dB that the canvas reaches against the CPU at distances 1, 0.5, 0.25 and inside. */
+const LEAST = (distance) => (distance >= 1 ? 70 : distance >= 0.5 ? 62 : distance >= 0.25 ? 58 : 55);
+
+/** The state of the page, and the part of it that a camera is. */
+const orbitOf = (tab, c) => tab.evaluate((c) => {
+  const { page } = globalThis.particlegs;
+  const home = page.panes[0].about.metadata.bounds;
+  const focal = home.min.map((v, k) => (v + home.max[k]) / 2);
+  const base = (globalThis.particlegs.base ??= page.state.orbit.distance);
+  return { ...page.state.orbit, focal, azimuth: c.azimuth, elevation: c.elevation, distance: base * c.distance };
+}, c);
+
+test("from disk: one file, no request, no warning, and as much as is promised", async () => {
+  const { tab, said, asked } = await open(b, page());
+  assert.deepEqual(said, []);
+  assert.deepEqual(asked.filter((u) => !u.startsWith("file:") && !u.startsWith("blob:") && !u.startsWith("data:")), []);
+  const [html, model] = ["page.html", "m.pgs"].map((f) => readFileSync(path.join(work, f)).length);
+  assert.ok(html - 1.35 * model < 600_000, `${html} bytes`);
+  assert.match(await tab.textContent("#subtitle"), /262\u2009144 particles/);
+  await tab.close();
+});
+
+test("the CPU's picture in the page is that of the command, to the last bit", async () => {
+  const { tab } = await open(b, page("?draw=cpu"));
+  const views = await tab.evaluate(() => {
+    const { position, focal_point, view_up } = globalThis.particlegs.camera();
+    const { page } = globalThis.particlegs;
+    const { width, height } = page.panes[0].size;
+    return { width, height, fov_deg: 30, views: [{ name: "view", position, focal_point, view_up, radius: page.state.radius, opacity: page.state.opacity }] };
+  });
+  writeFileSync(path.join(work, "views.json"), JSON.stringify(views));
+  for (const look of ["paraview", "expected"]) {
+    run("render", "m.pgs", "--views", "views.json", "--style", look, "-o", "command.png", "--force", "--quiet");
+    const command = readFileSync(path.join(work, "command.png")).toString("base64");
+    const differing = await tab.evaluate(async ([look, command]) => {
+      const image = await createImageBitmap(await (await fetch(`data:image/png;base64,${command}`)).blob()).catch(() => null);
+      const bitmap = image ?? (await new Promise((resolve, reject) => {
+        const i = new Image();
+        i.onload = () => resolve(i);
+        i.onerror = reject;
+        i.src = `data:image/png;base64,${command}`;
+      }));
+      const { page, pixels } = globalThis.particlegs;
+      const { width, height } = page.panes[0].size;
+      const c = new OffscreenCanvas(width, height).getContext("2d");
+      c.drawImage(bitmap, 0, 0);
+      const theirs = c.getImageData(0, 0, width, height).data;
+      const ours = await pixels({ ...page.state, look });
+      return ours.reduce((n, v, i) => n + (v === theirs[i] ? 0 : 1), 0);
+    }, [look, command]);
+    assert.equal(differing, 0, look);
+  }
+  await tab.close();
+});
+
+test("the graphics card's picture is the CPU's", { timeout: 240_000 }, async () => {
+  const { tab, said } = await open(b, page("?draw=gpu"));
+  await byCard(tab);
+  const radius = await tab.evaluate(() => globalThis.particlegs.page.state.radius);
+  for (const look of ["paraview", "expected", "density"]) {
+    for (const camera of CAMERAS) {
+      for (const times of camera.distance === 1 ? [1, 4, 32] : [1]) {
+        const orbit = await orbitOf(tab, camera);
+        const r = await pictures(tab, { look, orbit, radius: radius * times, range: null });
+        const what = `${look} ${JSON.stringify(camera)} radius x ${times}: ${JSON.stringify(r)}`;
+        assert.ok(r.lit > 0.02, what);
+        assert.ok(r.psnr >= LEAST(camera.distance), what);
+        assert.ok(r.within >= 0.999, what);
+      }
+    }
+  }
+  assert.deepEqual(said, []);
+  await tab.close();
+});
+
+test("what the graphics card leaves to the engine, it draws as the CPU does: slabs, clip boxes, images, white ground", async () => {
+  const { tab } = await open(b, page("?draw=gpu"));
+  await byCard(tab);
+  const bounds = await tab.evaluate(() => globalThis.particlegs.page.panes[0].about.metadata.bounds);
+  const middle = 0.5 * (bounds.min[2] + bounds.max[2]);
+  const long = bounds.max[2] - bounds.min[2];
+  for (const part of [
+    { slab: { axis: "z", middle, thickness: 0.2 * long } }, { slab: { axis: "view", middle: 0, thickness: 0.2 * long } },
+    { slab: null, clip: { min: bounds.min, max: [bounds.max[0], middle, middle] } }, { clip: null, images: true },
+    { images: false, white: true }, { exposure: 1.5 },
+  ]) {
+    const r = await pictures(tab, part);
+    assert.ok(r.lit > 0.005 && r.psnr >= 60 && r.within >= 0.999, `${JSON.stringify(part)}: ${JSON.stringify(r)}`);
+  }
+  await tab.close();
+});
+
+test("dials and keys change the picture, and a link restores it", async () => {
+  const { tab } = await open(b, page("?draw=cpu"));
+  const state = () => tab.evaluate(() => structuredClone(globalThis.particlegs.page.state));
+  const before = await state();
+  await tab.fill("input[aria-label^='Radius in']", String(2 * before.radius));
+  await tab.press("input[aria-label^='Radius in']", "Enter");
+  await tab.selectOption("label:has-text('Look') select", "density");
+  await tab.selectOption("label:has-text('Colour map') select", "viridis");
+  await tab.focus(".pane");
+  for (const key of ["ArrowLeft", "+", "o", "b", "]", "Shift+X"]) await tab.keyboard.press(key);
+  const now = await state();
+  assert.ok(Math.abs(now.radius / before.radius - 2.5) < 1e-6, `${now.radius}`);
+  assert.equal(now.look, "density");
+  assert.equal(now.colormap, "viridis");
+  assert.equal(now.orbit.azimuth, -90);
+  assert.ok(now.orbit.orthographic && now.box && now.orbit.distance < before.orbit.distance);
+  const r = await pictures(tab, {});
+  assert.equal(r.worst, 0);
+  const link = await tab.evaluate(() => globalThis.particlegs.toLink());
+  await tab.close();
+  const again = await open(b, page("", `#${link}`));
+  assert.equal(await again.tab.evaluate(() => globalThis.particlegs.toLink()), link);
+  await again.tab.close();
+});
+
+test("what it gives away can be read: PNG with its camera, NPY, views.json that render draws", async () => {
+  const { tab } = await open(b, page("?draw=cpu"));
+  const saved = async (act, name) => {
+    const [download] = await Promise.all([tab.waitForEvent("download"), act()]);
+    await download.saveAs(path.join(work, name));
+    return readFileSync(path.join(work, name));
+  };
+  await tab.focus(".pane");
+  const png = await saved(async () => {
+    await tab.keyboard.press("p");
+    await tab.selectOption("dialog select", "1");
+    await tab.click("dialog button[value=yes]");
+  }, "saved.png");
+  assert.equal(png.readUInt32BE(16), 1920);
+  assert.ok(png.includes("particlegs:views") && png.includes("focal_point"));
+  await tab.evaluate(() => document.querySelectorAll("details").forEach((d) => (d.open = true)));
+  const npy = await saved(() => tab.click("text=NPY"), "values.npy");
+  const head = npy.subarray(10, 10 + npy.readUInt16LE(8)).toString();
+  const [, h, w] = /\((\d+), (\d+)\)/.exec(head).map(Number);
+  assert.equal(npy.length, 10 + npy.readUInt16LE(8) + 4 * w * h);
+  const views = JSON.parse((await saved(() => tab.click("text='views.json'"), "taken.json")).toString());
+  assert.equal(views.views.length, 1);
+  run("render", "m.pgs", "--views", "taken.json", "-o", "again.png", "--force", "--quiet");
+  await tab.close();
+});
+
+test("a click says what is there, and a sphere about it sums the particles", async () => {
+  const { tab } = await open(b, page("?draw=cpu"));
+  await tab.mouse.click(480, 360);
+  await tab.waitForFunction(() => /within/.test(document.getElementById("status").textContent));
+  assert.match(await tab.textContent("#status"), /density .* Gaussian #\d+ of .* particles; .* within/);
+  const whole = await tab.evaluate(async () => {
+    const { page } = globalThis.particlegs;
+    const { bounds, count } = page.panes[0].about.metadata;
+    const center = bounds.min.map((v, k) => (v + bounds.max[k]) / 2);
+    const { json } = await page.remote.ask({ ask: "sphere", model: 0, center, radius: 1e3 });
+    return json.count / count;
+  });
+  assert.ok(Math.abs(whole - 1) < 1e-6, `${whole}`);
+  await tab.close();
+});
+
+test("served: all particles beside the model, two models with one camera, and no request elsewhere", { timeout: 120_000 }, async () => {
+  const server = await serve("m.pgs", "n.pgs", "--snapshot", path.resolve("samples/nbody64"));
+  try {
+    const { tab, said, asked } = await open(b, server.url);
+    assert.equal(await tab.locator(".pane").count(), 2);
+    await tab.focus(".pane");
+    await tab.keyboard.press("t");
+    await tab.waitForFunction(() => /PSNR/.test(document.documentElement.dataset.compared ?? ""));
+    const psnr = Number(/([\d.]+) dB/.exec(await tab.evaluate(() => document.documentElement.dataset.compared))[1]);
+    assert.ok(psnr > 25 && psnr < 60, `${psnr}`);
+    await tab.focus(".divider");
+    await tab.keyboard.press("ArrowRight");
+    assert.equal(await tab.getAttribute(".divider", "aria-valuenow"), "52");
+    const origin = new URL(server.url).origin;
+    assert.deepEqual(asked.filter((u) => !u.startsWith(origin) && !u.startsWith("blob:") && !u.startsWith("data:")), []);
+    assert.deepEqual(said, []);
+    await tab.close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test("without float planes the CPU draws, and the page says so", async () => {
+  const tab = await b.newPage();
+  await tab.addInitScript(() => {
+    const own = WebGL2RenderingContext.prototype.getExtension;
+    WebGL2RenderingContext.prototype.getExtension = function (name) {
+      return name === "EXT_color_buffer_float" ? null : own.call(this, name);
+    };
+  });
+  await tab.goto(page());
+  await tab.waitForFunction(() => /drawn by the CPU/.test(document.getElementById("status")?.textContent ?? ""));
+  const r = await pictures(tab, {});
+  assert.equal(r.worst, 0);
+  await tab.close();
+});
+
+test("readers and keyboards reach everything: axe finds nothing serious", async () => {
+  for (const colorScheme of ["dark", "light"]) {
+    for (const viewport of [{ width: 1280, height: 720 }, { width: 390, height: 844 }]) {
+      const { tab } = await open(b, page("?draw=cpu", "#look=density"), { colorScheme, viewport });
+      // Past the page's security policy, as a reader is.
+      await tab.evaluate(() => document.querySelectorAll("details").forEach((d) => (d.open = true)));
+      await tab.evaluate(readFileSync(axe, "utf8"));
+      const found = await tab.evaluate(async () => (await globalThis.axe.run()).violations
+        .filter((v) => ["serious", "critical"].includes(v.impact)).map((v) => `${v.id}: ${v.nodes.map((n) => n.html).join(" ")}`));
+      assert.deepEqual(found, [], `${colorScheme} ${viewport.width}`);
+      await tab.close();
+    }
+  }
+});
+
+test("Tab comes by every control", async () => {
+  const { tab } = await open(b, page("?draw=cpu"));
+  await tab.evaluate(() => document.querySelectorAll("details").forEach((d) => (d.open = true)));
+  const all = await tab.evaluate(() => [...document.querySelectorAll("button, input, select, summary, .pane")]
+    .filter((e) => e.checkVisibility()).length);
+  const seen = await tab.evaluate(() => (document.activeElement?.blur(), 0));
+  const reached = new Set([seen]);
+  for (let i = 0; i < all + 5; i++) {
+    await tab.keyboard.press("Tab");
+    reached.add(await tab.evaluate(() => {
+      const e = document.activeElement;
+      e.dataset.reached = "true";
+      return 0;
+    }));
+  }
+  const missed = await tab.evaluate(() => [...document.querySelectorAll("button, input, select, summary, .pane")]
+    .filter((e) => e.checkVisibility() && !e.dataset.reached).map((e) => e.outerHTML.slice(0, 120)));
+  assert.deepEqual(missed, []);
+  await tab.close();
+});
+
+test("a file that is no model is said, and nothing is drawn", async () => {
+  const html = readFileSync(path.join(work, "page.html"), "utf8");
+  const broken = html.replace(/(id="model-0">.{200})..../, "$1AAAA");
+  assert.notEqual(broken, html);
+  writeFileSync(path.join(work, "broken.html"), broken);
+  const tab = await b.newPage();
+  await tab.goto(page().replace("page.html", "broken.html"));
+  await tab.waitForFunction(() => document.documentElement.dataset.failed);
+  assert.match(await tab.textContent("#status"), /the model/);
+  await tab.close();
+});

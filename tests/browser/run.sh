@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# The page in a real browser: Chromium without a window, its graphics card in software.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+
+as_root=''
+if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
+missing=()
+command -v chromium >/dev/null || missing+=(chromium)
+command -v node >/dev/null || missing+=(nodejs)
+command -v npm >/dev/null || missing+=(npm)
+if [ ${#missing[@]} != 0 ]; then
+    $as_root apt-get update -qq
+    $as_root apt-get install -y -qq --no-install-recommends "${missing[@]}"
+fi
+
+web/build.sh --check
+cargo build --quiet --locked -p particlegs-cli
+node --test --test-concurrency=1 tests/browser/*.test.mjs
