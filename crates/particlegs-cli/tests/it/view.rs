@@ -387,6 +387,34 @@ fn pictures_of_all_particles_are_those_of_reference() {
     assert!(serving.truth(&q).body != slab);
 }
 
+/// A share of the particles stands for all of them.
+#[test]
+fn coarse_pictures_are_of_fewer_particles() {
+    let dir = tempfile::tempdir().unwrap();
+    let serving = of_the_sample(dir.path());
+    let draw = |look: &str, share: f64| {
+        let mut q = long();
+        (q["look"], q["share"], q["radius"]) = (json!(look), json!(share), json!(0.1));
+        (q["width"], q["height_pixels"], q["opacity"]) = (json!(96), json!(96), json!(0.2));
+        let answer = serving.truth(&q);
+        assert_eq!(answer.status, 200, "{}", answer.text());
+        answer.body
+    };
+    for look in ["paraview", "paraview-no-fxaa", "expected"] {
+        let (whole, half) = (draw(look, 1.0), draw(look, 0.5));
+        let mean = |p: &[u8]| p.iter().map(|&v| f64::from(v)).sum::<f64>() / p.len() as f64;
+        let difference = whole.iter().zip(&half).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / 96.0 / 96.0;
+        assert!(whole != half && (mean(&whole) - mean(&half)).abs() < 0.05 * mean(&whole), "{look}");
+        assert!(mean(&whole) > 20.0 && difference < 0.2 * mean(&whole), "{look}: {difference} of {}", mean(&whole));
+        assert!(draw(look, 0.5) == half, "the same particles again");
+    }
+    let sum = |share| {
+        let bytes = draw("density", share);
+        bytes.chunks_exact(4).map(|v| f64::from(f32::from_le_bytes(v.try_into().unwrap()))).sum::<f64>()
+    };
+    assert!((sum(0.1) / sum(1.0) - 1.0).abs() < 0.02, "{} and {}", sum(0.1), sum(1.0));
+}
+
 #[test]
 fn wrong_questions_are_told_in_a_line() {
     let dir = tempfile::tempdir().unwrap();
@@ -402,6 +430,8 @@ fn wrong_questions_are_told_in_a_line() {
         (json!(null), "not a picture"),
         (json!({}), "missing field"),
         (set(&["look"], json!("pretty\n\u{1b}[2J")), "unknown variant"),
+        (set(&["share"], json!(0)), "a share of 0 is outside"),
+        (set(&["share"], json!(1.5)), "a share of 1.5 is outside"),
         (set(&["width"], json!(0)), "outside 1 to 4096"),
         (set(&["height_pixels"], json!(4097)), "outside 1 to 4096"),
         (set(&["width"], json!(1e300)), "invalid"),
