@@ -22,7 +22,7 @@ pub fn line(session: Session<'_>, port: u16) -> Option<String> {
     line_from(session, port, |address| UdpSocket::bind((address, 0)).is_ok())
 }
 
-/// [`line`], where `is_here` tells the addresses of this machine.
+/// [`line()`], where `is_here` tells the addresses of this machine.
 fn line_from(session: Session<'_>, port: u16, is_here: impl Fn(IpAddr) -> bool) -> Option<String> {
     let server = session.connection?.split_whitespace().nth(2)?.parse::<IpAddr>().ok()?;
     let of_user = |host: &str| session.user.map_or(host.to_string(), |user| format!("{user}@{host}"));

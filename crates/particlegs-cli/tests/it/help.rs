@@ -177,7 +177,9 @@ fn own_options(command: &str) -> Vec<String> {
 
 #[test]
 fn the_guides_describe_every_option() {
-    for (command, guide) in [("render", "pictures.md"), ("reference", "pictures.md"), ("stats", "statistics.md")] {
+    let guides =
+        [("render", "pictures.md"), ("reference", "pictures.md"), ("stats", "statistics.md"), ("view", "view.md")];
+    for (command, guide) in guides {
         let page = page(guide);
         for option in own_options(command) {
             assert!(page.contains(&option), "{guide} does not name {option} of `{command}`");

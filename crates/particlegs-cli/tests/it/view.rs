@@ -29,7 +29,7 @@ struct Serving {
 }
 
 impl Serving {
-    fn new(prepare: impl FnOnce(&mut Command)) -> Self {
+    fn new(prepare: impl FnOnce(&mut Command) -> &mut Command) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_particlegs"));
         command.args(["view", "--no-open", "--port", "0"]).env_remove("SSH_CONNECTION").env_remove("PARTICLEGS_TOKEN");
         prepare(&mut command);
@@ -42,7 +42,7 @@ impl Serving {
     }
 
     fn of(model: &Path) -> Self {
-        Self::new(|c| drop(c.arg(model)))
+        Self::new(|c| c.arg(model))
     }
 
     /// `127.0.0.1:PORT`, and the path with the token.
@@ -145,7 +145,7 @@ fn the_page_and_all_that_it_needs_are_served() {
     let dir = tempfile::tempdir().unwrap();
     let [model, particles] = subjects(dir.path());
     let bytes = std::fs::read(&model).unwrap();
-    let serving = Serving::new(|c| drop(c.arg(&model).arg(&model).arg("--snapshot").arg(&particles)));
+    let serving = Serving::new(|c| c.arg(&model).arg(&model).arg("--snapshot").arg(&particles));
     let page = serving.get("");
     assert_eq!((page.status, page.header("content-type")), (200, Some("text/html; charset=utf-8")));
     let policy = page.header("content-security-policy").unwrap();
@@ -272,7 +272,7 @@ fn others_find_nothing() {
 fn huge_and_broken_requests_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let [model, particles] = subjects(dir.path());
-    let serving = Serving::new(|c| drop(c.arg(&model).arg("--snapshot").arg(&particles)));
+    let serving = Serving::new(|c| c.arg(&model).arg("--snapshot").arg(&particles));
     let (host, token) = serving.parts();
     let long = "x".repeat(1 << 20);
     for head in [
@@ -323,7 +323,7 @@ fn pictures_of_all_particles_are_those_of_reference() {
     let dir = tempfile::tempdir().unwrap();
     let [model, particles] = subjects(dir.path());
     // In a box that repeats, for orthographic windows.
-    let serving = Serving::new(|c| drop(c.arg(&model).arg("--snapshot").arg(&particles).args(["--box", "3"])));
+    let serving = Serving::new(|c| c.arg(&model).arg("--snapshot").arg(&particles).args(["--box", "3"]));
     let reference = |arguments: &[&str], out: &Path| {
         let mut c = particlegs();
         c.arg("reference")
@@ -387,11 +387,39 @@ fn pictures_of_all_particles_are_those_of_reference() {
     assert!(serving.truth(&q).body != slab);
 }
 
+/// A share of the particles stands for all of them.
+#[test]
+fn coarse_pictures_are_of_fewer_particles() {
+    let dir = tempfile::tempdir().unwrap();
+    let serving = of_the_sample(dir.path());
+    let draw = |look: &str, share: f64| {
+        let mut q = long();
+        (q["look"], q["share"], q["radius"]) = (json!(look), json!(share), json!(0.1));
+        (q["width"], q["height_pixels"], q["opacity"]) = (json!(96), json!(96), json!(0.2));
+        let answer = serving.truth(&q);
+        assert_eq!(answer.status, 200, "{}", answer.text());
+        answer.body
+    };
+    for look in ["paraview", "paraview-no-fxaa", "expected"] {
+        let (whole, half) = (draw(look, 1.0), draw(look, 0.5));
+        let mean = |p: &[u8]| p.iter().map(|&v| f64::from(v)).sum::<f64>() / p.len() as f64;
+        let difference = whole.iter().zip(&half).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / 96.0 / 96.0;
+        assert!(whole != half && (mean(&whole) - mean(&half)).abs() < 0.05 * mean(&whole), "{look}");
+        assert!(mean(&whole) > 20.0 && difference < 0.2 * mean(&whole), "{look}: {difference} of {}", mean(&whole));
+        assert!(draw(look, 0.5) == half, "the same particles again");
+    }
+    let sum = |share| {
+        let bytes = draw("density", share);
+        bytes.chunks_exact(4).map(|v| f64::from(f32::from_le_bytes(v.try_into().unwrap()))).sum::<f64>()
+    };
+    assert!((sum(0.1) / sum(1.0) - 1.0).abs() < 0.02, "{} and {}", sum(0.1), sum(1.0));
+}
+
 #[test]
 fn wrong_questions_are_told_in_a_line() {
     let dir = tempfile::tempdir().unwrap();
     let [model, particles] = subjects(dir.path());
-    let serving = Serving::new(|c| drop(c.arg(&model).arg("--snapshot").arg(&particles)));
+    let serving = Serving::new(|c| c.arg(&model).arg("--snapshot").arg(&particles));
     let set = |place: &[&str], value: Value| {
         let mut q = question("paraview");
         let at = place.iter().fold(&mut q, |q, key| &mut q[*key]);
@@ -402,6 +430,8 @@ fn wrong_questions_are_told_in_a_line() {
         (json!(null), "not a picture"),
         (json!({}), "missing field"),
         (set(&["look"], json!("pretty\n\u{1b}[2J")), "unknown variant"),
+        (set(&["share"], json!(0)), "a share of 0 is outside"),
+        (set(&["share"], json!(1.5)), "a share of 1.5 is outside"),
         (set(&["width"], json!(0)), "outside 1 to 4096"),
         (set(&["height_pixels"], json!(4097)), "outside 1 to 4096"),
         (set(&["width"], json!(1e300)), "invalid"),
@@ -438,7 +468,7 @@ fn long() -> Value {
 /// The bundled sample, drawn as itself and by a model of another.
 fn of_the_sample(dir: &Path) -> Serving {
     let [model, _] = subjects(dir);
-    Serving::new(|c| drop(c.arg(&model).arg("--snapshot").arg(sample())))
+    Serving::new(|c| c.arg(&model).arg("--snapshot").arg(sample()))
 }
 
 #[test]
@@ -562,7 +592,7 @@ fn it_says_where_the_page_is() {
     let report = dir.path().join("view.json");
     let serving = Serving::new(|c| {
         c.arg(&model).arg("--json").arg(&report).env("PARTICLEGS_TOKEN", chosen).env("USER", "ada");
-        c.env("SSH_CONNECTION", "203.0.113.9 51022 127.0.0.1 22");
+        c.env("SSH_CONNECTION", "203.0.113.9 51022 127.0.0.1 22")
     });
     let port = serving.parts().0.rsplit(':').next().unwrap().to_string();
     assert_eq!(serving.url, format!("http://127.0.0.1:{port}/{chosen}/"));
@@ -579,7 +609,7 @@ fn it_says_where_the_page_is() {
 fn other_machines_are_let_in_with_a_warning_and_proxies_by_name() {
     let dir = tempfile::tempdir().unwrap();
     let [model, _] = subjects(dir.path());
-    let serving = Serving::new(|c| drop(c.arg(&model).args(["--host", "0.0.0.0", "--allow-host", "hub.example.org"])));
+    let serving = Serving::new(|c| c.arg(&model).args(["--host", "0.0.0.0", "--allow-host", "hub.example.org"]));
     // The address to open is one of this machine.
     assert!(serving.url.starts_with("http://127.0.0.1:"), "{}", serving.url);
     for (host, origin, status) in [

@@ -1,7 +1,7 @@
 //! The page for one user's browser: loopback by default, behind a token, with a fixed table of what there is.
 //!
-//! [`guard`] tells requests of other sites, [`door`] the token, [`table`] knows every address and its answer,
-//! [`connection`] bounds what a client may cost. One thread serves; pictures of all particles are drawn by another.
+//! `guard` tells requests of other sites, `door` the token, `table` knows every address and its answer,
+//! `connection` bounds what a client may cost. One thread serves; pictures of all particles are drawn by another.
 
 mod answer;
 mod connection;

@@ -1,6 +1,7 @@
 //! One thread draws; whoever asks last is answered.
 
 use super::Question;
+use particlegs::particles::{Particles, Selection, Storage};
 use particlegs::progress::{Level, Progress};
 use particlegs::reference::Reference;
 use particlegs::{Error, Result};
@@ -8,6 +9,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::oneshot;
+
+/// Which particles coarse pictures are drawn of: the same ones again.
+const SEED: u64 = 42;
 
 /// A question on its way to the thread.
 struct Job {
@@ -79,12 +83,39 @@ impl Drop for Ticket {
 impl Painter {
     /// Draws what is asked for until the desk is closed.
     pub fn work(self, reference: &Reference<'_>, progress: &dyn Progress) {
+        let mut subject = Subject { all: reference, some: None };
         for Job { question, given_up, answer } in self.jobs {
             let watched = Watched { progress, given_up: &given_up };
-            let drawn = watched.check().and_then(|()| question.draw(reference, &watched));
+            let drawn = watched.check().and_then(|()| subject.draw(&question, &watched));
             // Nobody may be waiting any more.
             let _ = answer.send(drawn);
         }
+    }
+}
+
+/// All particles, and the few that coarse pictures were last drawn of.
+struct Subject<'a> {
+    all: &'a Reference<'a>,
+    some: Option<Particles>,
+}
+
+impl Subject<'_> {
+    fn draw(&mut self, question: &Question, progress: &dyn Progress) -> Result<Vec<u8>> {
+        let particles = self.all.particles();
+        let number = question.particles(particles.len());
+        if number == particles.len() {
+            return question.draw(self.all, progress);
+        }
+        // Others go before the new ones come.
+        let some = match self.some.take().filter(|some| some.len() == number) {
+            Some(some) => some,
+            None => {
+                let sample = Selection { sample: Some(number as u64), seed: SEED, ..Selection::all() };
+                particles.select(sample, &Storage::Memory, progress)?
+            }
+        };
+        let reference = Reference::with_bounds(self.some.insert(some), *self.all.bounds());
+        question.draw_some(&reference, particles.len() as f64 / number as f64, progress)
     }
 }
 

@@ -1,9 +1,10 @@
 //! What the page asks for: a camera, a look, a size, as JSON.
 
 use particlegs::camera::{Camera, DensityView, Projection, View};
-use particlegs::picture::Size;
+use particlegs::picture::{Plane, Size};
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
+use particlegs::render::tone;
 use particlegs::splat::Look;
 use particlegs::{Error, Result};
 use serde::Deserialize;
@@ -24,6 +25,9 @@ pub struct Question {
     /// Does an orthographic surface density repeat a periodic box? As `reference` does unless told not to.
     #[serde(default = "yes")]
     periodic: bool,
+    /// Share of the particles to draw, for a picture that is there sooner.
+    #[serde(default = "all")]
+    share: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -51,6 +55,10 @@ fn yes() -> bool {
     true
 }
 
+fn all() -> f64 {
+    1.0
+}
+
 impl Question {
     /// Reads the JSON and checks every number.
     ///
@@ -62,6 +70,9 @@ impl Question {
         let (width, height) = (question.width, question.height_pixels);
         if !((1..=LARGEST_SIDE).contains(&width) && (1..=LARGEST_SIDE).contains(&height)) {
             return Err(Error::argument(format!("a size of {width}x{height} is outside 1 to {LARGEST_SIDE} pixels")));
+        }
+        if !(question.share > 0.0 && question.share <= 1.0) {
+            return Err(Error::argument(format!("a share of {} is outside (0, 1]", question.share)));
         }
         question.check()?;
         Ok(question)
@@ -77,6 +88,11 @@ impl Question {
             view.camera.clipping_range = None;
         }
         view.check(self.size())
+    }
+
+    /// How many of so many particles are to be drawn.
+    pub(super) fn particles(&self, all: usize) -> usize {
+        ((self.share * all as f64).round() as usize).clamp(1, all.max(1))
     }
 
     fn size(&self) -> Size {
@@ -116,22 +132,48 @@ impl Question {
     /// # Errors
     /// Those of [`Reference::draw`] and [`Reference::surface_density`].
     pub fn draw(&self, reference: &Reference<'_>, progress: &dyn Progress) -> Result<Vec<u8>> {
-        let (view, size) = (self.view()?, self.size());
-        let look = match self.look {
-            AskedLook::Paraview => Look::Paraview,
-            AskedLook::ParaviewNoFxaa => Look::ParaviewNoFxaa,
-            AskedLook::Expected => Look::Expected,
-            AskedLook::Density => return self.density(&view, reference, progress),
-        };
-        Ok(reference.draw(&view, size, look, progress)?.data)
+        match self.look.of_grey() {
+            Some(look) => Ok(reference.draw(&self.view()?, self.size(), look, progress)?.data),
+            None => Ok(as_bytes(&self.density(reference, progress)?)),
+        }
     }
 
-    fn density(&self, view: &View, reference: &Reference<'_>, progress: &dyn Progress) -> Result<Vec<u8>> {
-        let mut asked = DensityView::of_view(view, reference.bounds());
-        if self.camera.height.is_some() && self.periodic {
-            asked.wrap = reference.particles().meta.cell.filter(|c| c.periodic.contains(&true));
-        }
-        let plane = reference.surface_density(&asked, self.size(), progress)?;
-        Ok(plane.data.iter().flat_map(|v| v.to_le_bytes()).collect())
+    /// [`Question::draw`] where `some` holds but a few of the particles, each for `many`: the picture that all of
+    /// them may be expected to give, without the noise of single splats that ParaView's looks have.
+    pub(super) fn draw_some(&self, some: &Reference<'_>, many: f64, progress: &dyn Progress) -> Result<Vec<u8>> {
+        let for_all = |mut plane: Plane| {
+            plane.data.iter_mut().for_each(|v| *v = (f64::from(*v) * many) as f32);
+            plane
+        };
+        let Some(look) = self.look.of_grey() else {
+            return Ok(as_bytes(&for_all(self.density(some, progress)?)));
+        };
+        let (view, size) = (self.view()?, self.size());
+        let tau = for_all(some.optical_depth(&view, size, progress)?);
+        Ok(tone(&tau, look, view.opacity, view.radius_pixels(size)).data)
     }
+
+    fn density(&self, reference: &Reference<'_>, progress: &dyn Progress) -> Result<Plane> {
+        let mut view = DensityView::of_view(&self.view()?, reference.bounds());
+        if self.camera.height.is_some() && self.periodic {
+            view.wrap = reference.particles().meta.cell.filter(|c| c.periodic.contains(&true));
+        }
+        reference.surface_density(&view, self.size(), progress)
+    }
+}
+
+impl AskedLook {
+    /// The look in grey levels; `None` for surface density.
+    fn of_grey(self) -> Option<Look> {
+        match self {
+            AskedLook::Paraview => Some(Look::Paraview),
+            AskedLook::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
+            AskedLook::Expected => Some(Look::Expected),
+            AskedLook::Density => None,
+        }
+    }
+}
+
+fn as_bytes(plane: &Plane) -> Vec<u8> {
+    plane.data.iter().flat_map(|v| v.to_le_bytes()).collect()
 }

@@ -1,0 +1,197 @@
+//! What clients may cost: silent, slow and many ones, and none at all.
+
+use particlegs::progress::Progress;
+use particlegs_view::server::{Event, Limits, Options, Server, Shown, Token};
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// The caller's side: it can stop the server.
+#[derive(Default)]
+struct Caller(AtomicBool);
+
+impl Progress for Caller {
+    fn cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+const SHORT: Duration = Duration::from_millis(300);
+
+fn limits() -> Limits {
+    Limits { head: SHORT, body: SHORT, ..Limits::default() }
+}
+
+/// A server of one model, `model`, while `client` talks to it; and what it told.
+fn while_serving(
+    limits: Limits,
+    poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)>,
+    client: impl FnOnce(&Client) + Send,
+) -> Vec<Event> {
+    let (host, token) = ("127.0.0.1".into(), Token::random().unwrap());
+    let server = Server::bind(Options { host, port: Some(0), proxies: vec![], node: None, token, limits }).unwrap();
+    let urls = [server.url(), server.url_for_once().unwrap()];
+    let address = format!("127.0.0.1:{}", server.port());
+    let path = |url: &str| url.strip_prefix(&format!("http://{address}")).unwrap().to_string();
+    let client_side = Client { path: path(&urls[0]), once: path(&urls[1]), address: address.clone() };
+    let (caller, told) = (Caller::default(), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        let talking = scope.spawn(|| {
+            let _stop = Stop(&caller);
+            client(&client_side);
+        });
+        let shown = Shown { models: vec![("m.pgs".into(), b"model".to_vec())], truth: None, poster };
+        server.serve(shown, &caller, &|event| told.lock().unwrap().push(event)).unwrap();
+        if let Err(panic) = talking.join() {
+            std::panic::resume_unwind(panic);
+        }
+    });
+    told.into_inner().unwrap()
+}
+
+/// Stops the server whatever becomes of the client, so that a failing test ends.
+struct Stop<'a>(&'a Caller);
+
+impl Drop for Stop<'_> {
+    fn drop(&mut self) {
+        self.0.0.store(true, Ordering::Relaxed);
+    }
+}
+
+struct Client {
+    address: String,
+    path: String,
+    once: String,
+}
+
+impl Client {
+    fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(&self.address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        stream
+    }
+
+    fn get(&self, path: &str) -> String {
+        let mut stream = self.connect();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", self.address).unwrap();
+        read(stream)
+    }
+}
+
+fn read(mut stream: TcpStream) -> String {
+    let mut bytes = Vec::new();
+    let _ = stream.read_to_end(&mut bytes);
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+fn is_ok(answer: &str) -> bool {
+    answer.starts_with("HTTP/1.1 200")
+}
+
+#[test]
+fn silent_and_slow_clients_are_left() {
+    while_serving(limits(), None, |client| {
+        let start = Instant::now();
+        // One says nothing, one stops in the middle of its head, one sends a byte now and then.
+        let silent = client.connect();
+        let mut halting = client.connect();
+        write!(halting, "GET {} HTTP/1.1\r\nHost:", client.path).unwrap();
+        let mut slow = client.connect();
+        let mut sent = 0;
+        while slow.write_all(b"G").is_ok() && sent < 100 {
+            sent += 1;
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert!(!is_ok(&read(silent)) && !is_ok(&read(halting)) && sent < 100);
+        assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+        assert!(is_ok(&client.get(&client.path)));
+    });
+}
+
+#[test]
+fn many_connections_wait_and_do_not_keep_others_out() {
+    let few = Limits { connections: 4, ..limits() };
+    while_serving(few, None, |client| {
+        let silent: Vec<TcpStream> = (0..12).map(|_| client.connect()).collect();
+        // Behind three rounds of those.
+        assert!(is_ok(&client.get(&format!("{}model/0", client.path))));
+        drop(silent);
+    });
+}
+
+#[test]
+fn a_connection_may_ask_again_and_again_for_its_time() {
+    let brief = Limits { connection: 3 * SHORT, ..limits() };
+    while_serving(brief, None, |client| {
+        let (mut stream, start) = (client.connect(), Instant::now());
+        let request = format!("GET {}model/0 HTTP/1.1\r\nHost: {}\r\n\r\n", client.path, client.address);
+        let mut answers = 0;
+        let mut buffer = [0; 4096];
+        while stream.write_all(request.as_bytes()).is_ok() {
+            match stream.read(&mut buffer) {
+                Ok(n) if n > 0 => answers += 1,
+                _ => break,
+            }
+            std::thread::sleep(SHORT / 6);
+        }
+        assert!(answers > 3, "{answers}");
+        assert!(start.elapsed() > 2 * SHORT && start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
+    });
+}
+
+#[test]
+fn left_alone_it_ends() {
+    let idle = Limits { idle: Some(SHORT), ..limits() };
+    let (host, token) = ("127.0.0.1".into(), Token::random().unwrap());
+    let server =
+        Server::bind(Options { host, port: Some(0), proxies: vec![], node: None, token, limits: idle }).unwrap();
+    let start = Instant::now();
+    let shown = Shown { models: vec![], truth: None, poster: None };
+    server.serve(shown, &Caller::default(), &|_| {}).unwrap();
+    assert!(start.elapsed() >= SHORT && start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+}
+
+#[test]
+fn the_way_for_once_leads_to_the_page_once() {
+    while_serving(limits(), None, |client| {
+        let first = client.get(&client.once);
+        assert!(first.starts_with("HTTP/1.1 303") && first.contains(&format!("location: {}\r\n", &client.path[1..])));
+        assert!(client.get(&client.once).starts_with("HTTP/1.1 404"));
+        assert!(is_ok(&client.get(&client.path)));
+    });
+}
+
+#[test]
+fn a_poster_is_waited_for() {
+    let slow = |bytes: &[u8]| {
+        std::thread::sleep(SHORT);
+        Some([b"poster of ", bytes].concat())
+    };
+    while_serving(limits(), Some(&slow), |client| {
+        let start = Instant::now();
+        assert!(is_ok(&client.get(&client.path)) && start.elapsed() < SHORT, "the page does not wait for it");
+        let answer = client.get(&format!("{}poster", client.path));
+        assert!(is_ok(&answer) && answer.contains("image/png") && answer.ends_with("poster of model"), "{answer}");
+    });
+    while_serving(limits(), Some(&|_| None), |client| {
+        assert!(client.get(&format!("{}poster", client.path)).starts_with("HTTP/1.1 404"));
+    });
+}
+
+#[test]
+fn refused_names_are_told_once_and_not_without_end() {
+    let told = while_serving(limits(), None, |client| {
+        for i in 0..60 {
+            let mut stream = client.connect();
+            let host = format!("site{}.example", i / 2);
+            write!(stream, "GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+            assert!(read(stream).starts_with("HTTP/1.1 403"));
+        }
+        // The loop looks at what happened before it takes the next one in.
+        std::thread::sleep(SHORT);
+    });
+    assert_eq!(told.len(), 16, "{told:?}");
+    assert_eq!(told[0], Event::RefusedHost("site0.example".into()));
+}

@@ -1,0 +1,139 @@
+//! The page as a file: small, whole, and what its policy says.
+
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use particlegs::camera::{View, base_distance, spherical_camera};
+use particlegs::picture::Size;
+use particlegs::progress::{Progress, Silent};
+use particlegs::render::{Scene, draw};
+use particlegs::splat::Look;
+use particlegs::{Error, codec};
+use particlegs_view::page::{ModelFile, Snapshot, offline, served};
+use particlegs_view::poster;
+use sha2::{Digest, Sha256};
+
+/// A model file of real particles.
+const MODEL: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.6.pgs");
+const OTHER: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.3.pgs");
+
+fn page(models: &[ModelFile<'_>]) -> String {
+    String::from_utf8(offline(models, &Silent).unwrap()).unwrap()
+}
+
+/// What stands in the element of an id.
+fn element<'a>(html: &'a str, id: &str) -> &'a str {
+    let after = html.split_once(&format!("id=\"{id}\">")).unwrap_or_else(|| panic!("no element {id}")).1;
+    after.split_once("</script>").unwrap().0
+}
+
+fn setup(html: &str) -> serde_json::Value {
+    serde_json::from_str(element(html, "setup")).unwrap()
+}
+
+#[test]
+fn a_page_is_the_models_and_a_shell() {
+    let shell = page(&[]).len();
+    for models in [&[MODEL][..], &[MODEL, OTHER], &[MODEL; 20]] {
+        let files: Vec<ModelFile<'_>> = models.iter().map(|bytes| ModelFile { name: "model.pgs", bytes }).collect();
+        let html = page(&files);
+        let bytes: usize = models.iter().map(|m| m.len()).sum();
+        // What the page says of each model beside its bytes: a name, a number, two tags.
+        let most = (1.35 * bytes as f64) as usize + shell + 200 * models.len();
+        assert!(html.len() <= most, "{} of {bytes} and a shell of {shell}", html.len());
+        for (i, model) in models.iter().enumerate() {
+            assert_eq!(BASE64_STANDARD.decode(element(&html, &format!("model-{i}"))).unwrap(), *model);
+            assert_eq!(setup(&html)["models"][i]["element"], format!("model-{i}"));
+            assert_eq!(setup(&html)["models"][i]["bytes"], model.len());
+        }
+        assert_eq!(setup(&html)["engine"]["element"], "engine");
+        assert_eq!(BASE64_STANDARD.decode(element(&html, "engine")).unwrap()[..2], [0x1f, 0x8b]);
+        assert_eq!((setup(&html)["served"].as_bool(), setup(&html)["truth"].is_null()), (Some(false), true));
+    }
+}
+
+/// A browser runs what the policy's hashes say, and nothing else.
+#[test]
+fn the_policy_names_the_script_and_the_style_that_are_there() {
+    let offline = page(&[ModelFile { name: "model.pgs", bytes: MODEL }]);
+    let snapshot = Snapshot { name: "snapshot".into(), particles: 7 };
+    let served = served([("model.pgs", 9)], Some(&snapshot), true);
+    assert_eq!(setup(&served.html)["truth"]["particles"], 7);
+    assert!(served.html.contains("<img id=\"poster\" alt=\"model.pgs\" src=\"poster\">"));
+    for (html, is_served) in [(&offline, false), (&served.html, true)] {
+        let stated = html.split_once("Content-Security-Policy\" content=\"").unwrap().1.split_once('"').unwrap().0;
+        let stated = stated.replace("&#39;", "'");
+        let between = |from: &str, to: &str| {
+            let after = html.rsplit_once(from).unwrap().1;
+            let hash = BASE64_STANDARD.encode(Sha256::digest(after.split_once(to).unwrap().0.as_bytes()));
+            format!("'sha256-{hash}'")
+        };
+        let (script, style) = (between("<script>", "</script>"), between("<style>", "</style>"));
+        let directive = |name: &str| {
+            let found = stated.split("; ").find_map(|d| d.strip_prefix(name)?.strip_prefix(' '));
+            found.map(str::to_string)
+        };
+        assert_eq!(directive("default-src").as_deref(), Some("'none'"));
+        assert_eq!(directive("script-src"), Some(format!("{script} 'wasm-unsafe-eval'")));
+        assert_eq!(directive("style-src"), Some(style));
+        assert_eq!(directive("worker-src").as_deref(), Some("blob:"));
+        assert_eq!(directive("connect-src").is_some(), is_served);
+        for never in ["'unsafe-eval'", "'unsafe-inline'", "*", "http"] {
+            assert!(!stated.contains(never), "{never} in {stated}");
+        }
+        // One script is run; the others are data.
+        assert_eq!((html.matches("<script>").count(), html.matches("<style>").count()), (1, 1));
+        assert!(!html.contains(" on") || !html.contains("onload="), "no handlers in attributes");
+        assert!(!html.contains("src=\"http") && !html.contains("href=\"http"), "nothing from elsewhere");
+    }
+    assert!(served.policy.contains("connect-src 'self'"));
+}
+
+#[test]
+fn hostile_names_stay_names() {
+    let names = [
+        "</script><script>alert(1)</script>",
+        "</title><img src=x onerror=alert(1)>",
+        "\"><b>' & <!-- <script>",
+        "\u{202e}\u{2028}\0\u{7}名前.pgs",
+    ];
+    let plain = page(&[ModelFile { name: "plain", bytes: MODEL }]);
+    let count = |html: &str, what: &str| html.to_ascii_lowercase().matches(what).count();
+    for name in names {
+        let html = page(&[ModelFile { name, bytes: MODEL }]);
+        for what in ["<script", "</script", "<title", "</title", "<img", "<b>", "<!--"] {
+            assert_eq!(count(&html, what), count(&plain, what), "{what} of {name:?}");
+        }
+        assert_eq!(setup(&html)["models"][0]["name"], name);
+    }
+}
+
+#[test]
+fn a_page_of_a_broken_model_is_not_made() {
+    let mut broken = MODEL.to_vec();
+    broken[MODEL.len() / 2] ^= 1;
+    let made = offline(&[ModelFile { name: "broken.pgs", bytes: &broken }], &Silent);
+    assert!(matches!(made, Err(Error::Corrupt { ref place, .. }) if place.starts_with("broken.pgs")), "{made:?}");
+    struct Stopped;
+    impl Progress for Stopped {
+        fn cancelled(&self) -> bool {
+            true
+        }
+    }
+    assert!(matches!(offline(&[ModelFile { name: "m", bytes: MODEL }], &Stopped), Err(Error::Cancelled)));
+}
+
+/// The poster is the picture that the command draws of the first view.
+#[test]
+fn the_poster_is_the_default_view() {
+    let model = codec::decode(MODEL, "model").unwrap();
+    let (m, size) = (&model.metadata, Size { width: 96, height: 54 });
+    let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));
+    let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
+    let expected = draw(&Scene::of(&model), &view, size, Look::Paraview, &Silent).unwrap();
+    let png = poster::draw(&model, size, &Silent).unwrap();
+    let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    assert!(expected.data.iter().any(|&v| v > 9) && pixels == expected.data);
+    assert!(!poster::wanted(100_000) && poster::wanted(100_001));
+}
