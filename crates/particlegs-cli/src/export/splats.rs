@@ -7,7 +7,6 @@
 //! that of a peak `1 / sqrt(d^T S^-1 d)` Carlson's `R_F` of the eigenvalues of `S^-1`. The splat has the
 //! covariance `S` and the opacity `1 - exp(-tau)`.
 
-use crate::common::Context;
 use particlegs::math::Sym3;
 use particlegs::model::{AlphaBlend, Law, LawKind, Mixture, Model};
 use particlegs::progress::Progress;
@@ -36,7 +35,7 @@ pub struct Faint {
 /// # Errors
 /// [`Error::Argument`] for a radius or an opacity out of range, and for a Gaussian that is not a number;
 /// [`Error::Cancelled`].
-pub fn as_splats(mut model: Model, radius: f64, opacity: f64, context: &Context) -> Result<(Model, Faint)> {
+pub fn as_splats(mut model: Model, radius: f64, opacity: f64, progress: &dyn Progress) -> Result<(Model, Faint)> {
     if !(radius.is_finite() && radius > 0.0) {
         return Err(Error::argument(format!("--radius {radius} is not a length above 0")));
     }
@@ -45,7 +44,7 @@ pub fn as_splats(mut model: Model, radius: f64, opacity: f64, context: &Context)
     }
     if model.metadata.law == LawKind::OpticalDepth {
         for block in model.layers.iter_mut().flat_map(|l| &mut l.content) {
-            context.check()?;
+            progress.check()?;
             blended(&mut block.gaussians, radius, opacity)?;
         }
         model.metadata.law = LawKind::AlphaBlend;
@@ -172,6 +171,38 @@ mod tests {
             }
             let ours = mean_peak(count, opacity, wide.deviations_and_turn().0.map(|d| d / radius));
             assert!((ours / mean - 1.0).abs() < 0.02, "{ours} {mean}");
+        }
+    }
+
+    /// The splats of the sample's model, blended, against the picture that they approximate: the law that this
+    /// program draws alpha-blend models by, so that what viewers do otherwise is not in it.
+    #[test]
+    fn blended_splats_look_like_the_optical_depth() {
+        use particlegs::camera::{View, base_distance, spherical_camera};
+        use particlegs::compress::{Options, Target, compress};
+        use particlegs::model::CertificateLevel;
+        use particlegs::particles::Particles;
+        use particlegs::picture::{Size, masked_psnr};
+        use particlegs::pieces::NoPieces;
+        use particlegs::progress::Silent;
+        use particlegs::render::{Scene, draw};
+        use particlegs::splat::Look;
+
+        let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
+        let particles = Particles::open_raw(&[sample.into()]).unwrap();
+        let (certificate, effort) = (CertificateLevel::None, particlegs::model::Effort::Fast);
+        let options = Options { target: Target::Gaussians(4000), certificate, effort, ..Options::default() };
+        let model = compress(&particles, &options, &mut NoPieces, &Silent).unwrap().model;
+        let (m, size) = (&model.metadata, Size { width: 480, height: 270 });
+        let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, size));
+        for (opacity, least) in [(0.05, 28.0), (0.5, 25.0)] {
+            let view = View { name: "view".into(), camera, radius: m.default_radius, opacity };
+            let wanted = draw(&Scene::of(&model), &view, size, Look::Expected, &Silent).unwrap();
+            let (splats, faint) = as_splats(model.clone(), m.default_radius, opacity, &Silent).unwrap();
+            let got = draw(&Scene::of(&splats), &view, size, Look::Expected, &Silent).unwrap();
+            let score = masked_psnr(&wanted, &got).unwrap_or(f64::INFINITY);
+            eprintln!("opacity {opacity}: {score:.2} dB, {faint:?}");
+            assert!(score > least, "{opacity}: {score} dB");
         }
     }
 }
