@@ -123,8 +123,9 @@ fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {
     match (kind.group(), law) {
         (Group::Splats, LawKind::OpticalDepth) => &[
             "optical depth is approximated by alpha blending at the radius r and opacity a stated here: each Gaussian has \
-             covariance C + r^2 1 and peak opacity 1 - exp(-tau), tau its optical depth at the centre, averaged over the \
-             directions of view; neither can be changed any more",
+             the peak opacity 1 - exp(-tau), tau its optical depth at the centre averaged over the directions of view, and \
+             the covariance C + r^2 1 times Ein(tau) / (1 - exp(-tau)), so that it hides as much; neither r nor a can be \
+             changed any more",
             "viewers widen splats by a fraction of a pixel and leave out what is fainter than 1/255: small Gaussians \
              far away look brighter, many faint ones vanish",
             "ParaView's rounded blending and FXAA",
