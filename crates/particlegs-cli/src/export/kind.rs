@@ -1,5 +1,6 @@
 //! The formats that a model is exported in.
 
+use super::Notes;
 use clap::ValueEnum;
 use particlegs::{Error, Result};
 use particlegs_files::output;
@@ -102,19 +103,18 @@ impl Kind {
 
     /// What may be in the place of such a file.
     pub fn file(self) -> output::Kind {
-        /// The first line of a text begins so, whatever its letters' case.
         const fn kept(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> output::Kind {
             output::Kind { name, kept: true, is }
         }
         match self {
             Kind::Ply => kept("a PLY", |_, head| head.starts_with(b"ply")),
             Kind::Glb => kept("a binary glTF", |_, head| head.starts_with(b"glTF")),
-            Kind::Gltf => kept("a glTF", |_, head| holds(head, "\"asset\"")),
+            Kind::Gltf => kept("a glTF", |_, head| holds(head, "\"accessors\"") || holds(head, "\"asset\"")),
             Kind::Npy => kept("a NumPy array", |_, head| head.starts_with(b"\x93NUMPY")),
             Kind::Vti => kept("a VTK ImageData", |_, head| holds(head, "\"ImageData\"")),
             Kind::Fits => kept("a FITS", |_, head| head.starts_with(b"SIMPLE  =")),
             Kind::Npz => kept("a NumPy archive", |_, head| head.starts_with(b"PK")),
-            Kind::Csv => kept("a table of Gaussians", |_, head| holds(head, "covariance_xx")),
+            Kind::Csv => kept("a table of Gaussians", |_, head| head.starts_with(Notes::BEGIN.as_bytes())),
         }
     }
 

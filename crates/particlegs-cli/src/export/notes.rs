@@ -17,6 +17,9 @@ pub struct Notes {
 }
 
 impl Notes {
+    /// How a table of text begins.
+    pub const BEGIN: &str = "# written by particlegs ";
+
     /// Of a model of some name in a format.
     pub fn new(kind: Kind, model: &Model, name: &str) -> Notes {
         let m = &model.metadata;
