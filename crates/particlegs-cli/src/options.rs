@@ -1,8 +1,9 @@
 //! Options that would do nothing: one table of which option means something beside which other. An option
 //! that is given and means nothing is refused by name, for a result without it would mislead.
 
-use clap::ArgMatches;
+use crate::export::{self, Group};
 use clap::parser::ValueSource;
+use clap::{ArgMatches, ValueEnum};
 use particlegs::{Error, Result};
 use particlegs_formats::Kind;
 use std::path::Path;
@@ -214,6 +215,27 @@ const RULES: &[Rule] = &[
         options: &["spectrum_assignment", "no_interlacing"],
         why: |g| g.is("convention", "paper").then_some(("--convention correct: the published table has its own", "")),
     },
+    Rule {
+        commands: &["export"],
+        options: &["radius", "opacity", "color", "colormap", "range"],
+        why: |g| {
+            (g.exports() != Some(Group::Splats))
+                .then_some(("splats: it needs an output that ends in .ply, .glb or .gltf", ""))
+        },
+    },
+    Rule {
+        commands: &["export"],
+        options: &["colormap", "range"],
+        why: |g| (!g.is("color", "density")).then_some(("--color density", "add --color density, or leave it away")),
+    },
+    Rule {
+        commands: &["export"],
+        options: &["grid", "cell"],
+        why: |g| {
+            (g.exports() != Some(Group::Grid))
+                .then_some(("density on a grid: it needs an output that ends in .npy, .vti or .fits", ""))
+        },
+    },
 ];
 
 /// Refuses the first option on the command line that would do nothing.
@@ -267,6 +289,13 @@ impl Given<'_> {
 
     fn trains(&self) -> bool {
         ["fast", "best", "paper"].iter().any(|p| self.is("train", p)) || self.has("config") || self.has("print_config")
+    }
+
+    /// What `export` is to write; `None` where that is not clear, which is told of later.
+    fn exports(&self) -> Option<Group> {
+        let asked = self.words("kind").first().and_then(|name| export::Kind::from_str(name, false).ok());
+        let out = self.paths("output").into_iter().next()?;
+        export::Kind::of(&out, asked).ok().map(export::Kind::group)
     }
 
     /// Is --only given, without any of these measures?

@@ -225,6 +225,35 @@ impl Context {
         Ok(bytes)
     }
 
+    /// Writes a file and what describes it beside it, both or neither. Where one is `kept` they are only looked
+    /// whether they are the same.
+    ///
+    /// # Errors
+    /// As [`Context::write_snapshot`].
+    pub fn write_described(
+        &self,
+        path: &Path,
+        (beside, description): (&Path, &[u8]),
+        kept: bool,
+        write: impl FnOnce(&Path) -> Result<u64>,
+    ) -> Result<u64> {
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let set = FileSet::in_folder(folder)?;
+        let staged = |place: &Path| set.path().join(place.file_name().unwrap_or("file".as_ref()));
+        let bytes = write(&staged(path))?;
+        output::write_bytes(&staged(beside), description)?;
+        if !kept {
+            return set.finish().map(|_| bytes);
+        }
+        for place in [path, beside] {
+            if !(place.exists() && same_files(&staged(place), place)?) {
+                return Err(self.refused(place));
+            }
+        }
+        self.message(&format!("{}: is there already, and the same", path.display()));
+        Ok(bytes)
+    }
+
     /// Writes several files into `folder`, all of them or none; gives their paths.
     ///
     /// # Errors

@@ -145,7 +145,7 @@ fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &Context) -> Resul
     }
     context.writes_new(&a.output, &PARTICLES)?;
     let decoded = codec::decode_with(bytes, &name_of(model), context)?;
-    let bytes = write_splats(&decoded, &a.output, context)?;
+    let bytes = write_splats(&decoded, None, &[], &a.output, context)?;
     if decoded.vizmapper().is_some() {
         context.message("note: the VizMapper is left out: a PLY file holds splats only");
     }

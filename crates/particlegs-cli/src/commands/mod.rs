@@ -6,6 +6,7 @@ mod completions;
 mod compress;
 mod convert;
 mod eval;
+mod export;
 mod finetune;
 mod info;
 mod man;
@@ -51,6 +52,8 @@ pub enum Command {
     Simplify(simplify::Arguments),
     /// Draw synthetic particles from a model.
     Recover(recover::Arguments),
+    /// Write a model for other viewers: splats, density grids, tables.
+    Export(export::Arguments),
     /// Convert a snapshot to another format; tile, crop or subsample it.
     Convert(convert::Arguments),
     /// Draw pictures of all particles of a snapshot.
@@ -85,6 +88,7 @@ pub fn run(command: Command) -> Result<()> {
         Command::Finetune(a) => finetune::run(a),
         Command::Simplify(a) => simplify::run(a),
         Command::Recover(a) => recover::run(a),
+        Command::Export(a) => export::run(a),
         Command::Convert(a) => convert::run(a),
         Command::Reference(a) => reference::run(&a),
         Command::Render(a) => render::run(&a),

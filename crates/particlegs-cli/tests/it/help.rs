@@ -68,8 +68,19 @@ fn the_version_is_the_programs() {
 /// Every command that writes takes `-o`, `--output` and `--out`.
 #[test]
 fn outputs_have_one_spelling() {
-    let writers =
-        ["compress", "plan", "merge", "finetune", "simplify", "recover", "convert", "reference", "render", "stats"];
+    let writers = [
+        "compress",
+        "plan",
+        "merge",
+        "finetune",
+        "simplify",
+        "recover",
+        "convert",
+        "export",
+        "reference",
+        "render",
+        "stats",
+    ];
     for name in writers {
         assert!(printed(&[name, "-h"]).contains("-o, --output"), "{name}");
         for option in ["-o", "--output", "--out"] {
@@ -83,7 +94,7 @@ fn outputs_have_one_spelling() {
 /// Layers of a model are `--layer` everywhere; what becomes a layer is `--layers-by`.
 #[test]
 fn layers_have_one_spelling() {
-    for name in ["render", "recover"] {
+    for name in ["render", "recover", "export"] {
         assert!(printed(&[name, "-h"]).contains("--layer <NAME,...>"), "{name}");
     }
     for name in ["compress", "plan", "info", "convert", "eval"] {
@@ -106,6 +117,7 @@ fn completions_offer_the_values() {
         "viridis inferno magma cividis grey",
         "hdf5 genericio npy npz ply",
         "raw npy hdf5 vtp lammps",
+        "ply glb gltf npy vti fits npz csv",
         "fast default",
         "none fast best paper",
         "optical-depth alpha-blend",

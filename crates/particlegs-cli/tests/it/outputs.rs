@@ -16,6 +16,8 @@ enum Writes {
     Model,
     /// A snapshot in one file, likewise.
     Particles,
+    /// A model for other viewers, likewise.
+    Export,
     /// A snapshot in a folder, likewise.
     Columns,
     /// A job's folder, likewise.
@@ -50,6 +52,14 @@ const CASES: &[Case] = &[
     case("convert snap -o OUT", Writes::Columns, ""),
     case("recover m.pgs -o OUT", Writes::Columns, ""),
     case("recover m.pgs -o OUT --form npy", Writes::Columns, ""),
+    case("export m.pgs -o OUT", Writes::Export, "ply"),
+    case("export m.pgs -o OUT", Writes::Export, "glb"),
+    case("export m.pgs -o OUT", Writes::Export, "gltf"),
+    case("export m.pgs -o OUT --grid 8", Writes::Export, "npy"),
+    case("export m.pgs -o OUT --grid 8", Writes::Export, "vti"),
+    case("export m.pgs -o OUT --grid 8", Writes::Export, "fits"),
+    case("export m.pgs -o OUT", Writes::Export, "npz"),
+    case("export m.pgs -o OUT", Writes::Export, "csv"),
     case("plan snap -o OUT --blocks 2 --certificate none", Writes::Job, ""),
     case("render m.pgs --out OUT --size 64x48", Writes::Within("view.png"), ""),
     case("render m.pgs --out OUT --size 64x48 --style density", Writes::Within("view.png"), ""),
@@ -70,11 +80,11 @@ const CASES: &[Case] = &[
 
 impl Case {
     fn is_file(&self) -> bool {
-        matches!(self.writes, Writes::Model | Writes::Particles | Writes::Json)
+        matches!(self.writes, Writes::Model | Writes::Particles | Writes::Export | Writes::Json)
     }
 
     fn has_force(&self) -> bool {
-        matches!(self.writes, Writes::Model | Writes::Particles | Writes::Columns | Writes::Job)
+        matches!(self.writes, Writes::Model | Writes::Particles | Writes::Export | Writes::Columns | Writes::Job)
     }
 
     fn out(&self, folder: &Path) -> PathBuf {
@@ -231,7 +241,7 @@ fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_fo
         let again = w.run(&mut w.command(case.words, &out));
         match (case.writes, again.status.code()) {
             (Writes::Json | Writes::Within(_), Some(0)) => {}
-            (Writes::Model | Writes::Particles | Writes::Columns | Writes::Job, Some(0)) => {
+            (Writes::Model | Writes::Particles | Writes::Export | Writes::Columns | Writes::Job, Some(0)) => {
                 assert_eq!(contents(folder.path()), first);
             }
             (_, code) => panic!("{}: {code:?} {}", case.words, String::from_utf8_lossy(&again.stderr)),
@@ -244,6 +254,7 @@ fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_fo
             Writes::Model => Some("simplify n.pgs -o OUT --gaussians 2 --force"),
             Writes::Particles => Some("convert other -o OUT --force"),
             Writes::Columns => Some("convert other -o OUT --force"),
+            Writes::Export => Some("export n.pgs -o OUT --force"),
             _ => Some("plan other -o OUT --blocks 3 --certificate none --force"),
         };
         let replaced = w.run(&mut w.command(other.unwrap(), &out));
@@ -311,6 +322,7 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
         let to: &[&str] = match (case.writes, case.ending) {
             (Writes::Particles, "dump") => &["--to", "lammps"],
             (Writes::Particles, ending) => &["--to", ending],
+            (Writes::Export, ending) => &["--kind", ending],
             _ => &[],
         };
         w.demand(case, "a device", &null, to, 0);

@@ -2,6 +2,9 @@
 
 use crate::math::each_axis;
 
+/// Variances below this share of a matrix's trace are taken as that where their roots or logarithms are wanted.
+const FLATTEST: f64 = 1e-12;
+
 /// A symmetric 3x3 matrix by its upper triangle: xx, xy, xz, yy, yz, zz.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sym3(pub [f64; 6]);
@@ -105,9 +108,44 @@ impl Sym3 {
         Eigen { values: order.map(|k| a[k][k]), vectors: order.map(|k| [v[0][k], v[1][k], v[2][k]]) }
     }
 
+    /// Of a covariance: its three standard deviations, the largest first and none of them 0, and the turn that
+    /// takes x, y and z to their axes, as a unit quaternion w, x, y, z.
+    pub fn deviations_and_turn(&self) -> ([f64; 3], [f64; 4]) {
+        // Scaled first: squares of very small or large lengths keep their digits.
+        let size = self.trace().max(f64::MIN_POSITIVE);
+        let e = self.scale(1.0 / size).eigen();
+        let least = e.values[0].max(f64::MIN_POSITIVE) * FLATTEST;
+        let deviations = e.values.map(|v| v.max(least).sqrt() * size.sqrt());
+        let [a, b, mut c] = e.vectors;
+        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        // Axes have no sign: a turn has to be right-handed.
+        if (0..3).map(|k| cross[k] * c[k]).sum::<f64>() < 0.0 {
+            c = c.map(|v| -v);
+        }
+        (deviations, quaternion([a, b, c]))
+    }
+
     /// Sum of `values[k]` times the outer products of `vectors[k]`.
     pub fn from_eigen(e: &Eigen) -> Sym3 {
         (0..3).fold(Sym3::default(), |s, k| s.add(&Sym3::outer(e.vectors[k]).scale(e.values[k])))
+    }
+}
+
+/// The turn whose columns are the axes, by the largest of the four components (Shepperd 1978).
+fn quaternion([a, b, c]: [[f64; 3]; 3]) -> [f64; 4] {
+    let trace = a[0] + b[1] + c[2];
+    let squares = [trace, 2.0 * a[0] - trace, 2.0 * b[1] - trace, 2.0 * c[2] - trace];
+    let largest = (0..4).fold(0, |l, k| if squares[k] > squares[l] { k } else { l });
+    let twice = (1.0 + squares[largest]).max(0.0).sqrt();
+    let over = |v: f64| v / (2.0 * twice.max(f64::MIN_POSITIVE));
+    let (x, y, z) = (b[2] - c[1], c[0] - a[2], a[1] - b[0]);
+    let (xy, xz, yz) = (a[1] + b[0], a[2] + c[0], b[2] + c[1]);
+    let half = 0.5 * twice;
+    match largest {
+        0 => [half, over(x), over(y), over(z)],
+        1 => [over(x), half, over(xy), over(xz)],
+        2 => [over(y), over(xy), half, over(yz)],
+        _ => [over(z), over(xz), over(yz), half],
     }
 }
 
@@ -162,5 +200,31 @@ mod tests {
             let x = m.inverse().unwrap().apply(m.apply([1.0, 2.0, 3.0]));
             prop_assert!((x[0] - 1.0).abs() + (x[1] - 2.0).abs() + (x[2] - 3.0).abs() < 1e-9);
         }
+    }
+
+    /// R S S R^T of a unit quaternion.
+    fn covariance(deviations: [f64; 3], [w, x, y, z]: [f64; 4]) -> Sym3 {
+        let columns = [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
+            [2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)],
+            [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ];
+        (0..3).fold(Sym3::default(), |s, k| s.add(&Sym3::outer(columns[k]).scale(deviations[k] * deviations[k])))
+    }
+
+    #[test]
+    fn turns_of_every_kind_are_right() {
+        for cov in [[3.0, 2.0, 1.0], [1.0, 2.0, 3.0], [1.0, 3.0, 2.0], [2.0, 3.0, 1.0], [2.0, 1.0, 3.0], [1.0; 3]] {
+            for size in [1e-180, 1.0, 1e150] {
+                let cov = Sym3([cov[0], 0.1, -0.2, cov[1], 0.3, cov[2]]).scale(size);
+                let (deviations, turn) = cov.deviations_and_turn();
+                assert!((turn.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-12);
+                // Squares of small deviations would lose their digits.
+                let back = covariance(deviations.map(|d| d / size.sqrt()), turn);
+                assert!((0..6).all(|k| (back.0[k] - cov.0[k] / size).abs() < 1e-12), "{cov:?} {back:?}");
+            }
+        }
+        let (deviations, turn) = Sym3::default().deviations_and_turn();
+        assert!(deviations.iter().all(|d| *d > 0.0) && turn.iter().all(|v| v.is_finite()));
     }
 }

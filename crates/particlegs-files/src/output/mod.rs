@@ -8,6 +8,7 @@
 mod folder;
 mod identity;
 mod kind;
+mod npy;
 mod place;
 mod placed;
 mod plan;
@@ -18,6 +19,7 @@ mod temporary;
 
 pub use folder::WholeFolder;
 pub use kind::Kind;
+pub use npy::npy_header;
 pub use placed::PlacedFile;
 pub use plan::{Input, Outputs};
 pub use scratch::scratch_file;

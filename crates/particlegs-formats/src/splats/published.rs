@@ -3,7 +3,6 @@
 //! (Kerbl et al. 2023, `gaussian_model.py`, `save_ply`; docs/law/published.md, "Evaluation").
 
 use particlegs::camera::Normalisation;
-use particlegs::math::Sym3;
 use particlegs::model::{AlphaBlend, LawKind, Mixture, Model};
 use particlegs::progress::Progress;
 use particlegs::{Error, Remedy, Result};
@@ -21,33 +20,42 @@ const PROPERTIES: [&str; 17] = [
 const HARMONIC: f64 = 0.282_094_791_773_878_14;
 /// Gaussians between two looks at whether to stop.
 const RUN: usize = 1 << 14;
-/// Variances below this share of a Gaussian's largest are written as that: f32 holds no log of 0.
-const FLATTEST: f64 = 1e-12;
 
 /// Writes the Gaussians of an alpha-blend model to `out`, layer by layer and block by block, in the
 /// frame that it was trained in: `(x - centre) * scale` of the comments in the file's head. The
 /// network is not in it: PLY files hold Gaussians alone, at the default radius and opacity.
 ///
-/// Properties, all float32: place; a normal of zeros; three equal colours `(grey - 0.5) / 0.2821`;
-/// logit of the opacity; logarithms of the three standard deviations, the largest first; their axes
-/// as a quaternion (w, x, y, z). Returns the bytes written.
+/// Properties, all float32: place; a normal of zeros; three equal colours `(grey - 0.5) / 0.2821`, or those of
+/// `colors`, red, green and blue in 0 to 1 a Gaussian; logit of the opacity; logarithms of the three standard
+/// deviations, the largest first; their axes as a quaternion (w, x, y, z). `comments` are further lines of
+/// the head. Returns the bytes written.
 ///
 /// # Errors
-/// [`Error::Argument`] for a model of another law, whose Gaussians have no opacity; [`Error::Io`];
-/// [`Error::Cancelled`].
-pub fn write_splats(model: &Model, out: &Path, progress: &dyn Progress) -> Result<u64> {
+/// [`Error::Argument`] for a model of another law, whose Gaussians have no opacity, and for as many colours as
+/// there are no Gaussians; [`Error::Io`]; [`Error::Cancelled`].
+pub fn write_splats(
+    model: &Model,
+    colors: Option<&[[f32; 3]]>,
+    comments: &[String],
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<u64> {
     if model.metadata.law != LawKind::AlphaBlend {
         let what = format!("a model of the {} law has no opacities to write as splats", model.metadata.law.name());
         return Err(Error::Argument { what, remedy: Remedy::DrawParticles });
     }
+    if colors.is_some_and(|c| c.len() != model.gaussians()) {
+        return Err(Error::argument("there must be one colour for each Gaussian"));
+    }
     let frame = Normalisation::of(&model.metadata.bounds);
-    let head = head(model.gaussians(), &frame);
+    let head = head(model.gaussians(), &frame, comments);
     let bytes = head.len() as u64 + AlphaBlend::PLY_BYTES * model.gaussians() as u64;
     if let Some(folder) = out.parent().filter(|f| !f.as_os_str().is_empty()) {
         check_space_in(folder, bytes)?;
     }
     progress.begin("writing splats", model.gaussians() as u64);
     let mut stopped = Ok(());
+    let mut colors = colors.map(|c| c.iter());
     let written = write_atomic(out, |w| {
         w.write_all(head.as_bytes())?;
         for block in model.blocks() {
@@ -57,7 +65,10 @@ pub fn write_splats(model: &Model, out: &Path, progress: &dyn Progress) -> Resul
                     return Err(std::io::ErrorKind::Interrupted.into());
                 }
                 let end = block.gaussians.len().min(start + RUN);
-                (start..end).try_for_each(|i| write_one(w, &block.gaussians, i, &frame))?;
+                for i in start..end {
+                    let color = colors.as_mut().and_then(Iterator::next);
+                    write_one(w, &block.gaussians, i, color, &frame)?;
+                }
                 progress.advance((end - start) as u64);
             }
         }
@@ -69,65 +80,40 @@ pub fn write_splats(model: &Model, out: &Path, progress: &dyn Progress) -> Resul
     Ok(bytes)
 }
 
-fn head(gaussians: usize, frame: &Normalisation) -> String {
+fn head(gaussians: usize, frame: &Normalisation, comments: &[String]) -> String {
     let [x, y, z] = frame.center;
     let properties: String = PROPERTIES.iter().map(|name| format!("property float {name}\n")).collect();
+    // A line is a comment's end.
+    let comments: String = comments.iter().flat_map(|c| c.lines()).map(|line| format!("comment {line}\n")).collect();
     format!(
         "ply\nformat binary_little_endian 1.0\ncomment particlegs: (world - center) * scale\ncomment center {x} {y} {z}\n\
-         comment scale {}\nelement vertex {gaussians}\n{properties}end_header\n",
+         comment scale {}\n{comments}element vertex {gaussians}\n{properties}end_header\n",
         frame.scale
     )
 }
 
-fn write_one(w: &mut dyn Write, g: &Mixture, i: usize, frame: &Normalisation) -> std::io::Result<()> {
+fn write_one(
+    w: &mut dyn Write,
+    g: &Mixture,
+    i: usize,
+    color: Option<&[f32; 3]>,
+    frame: &Normalisation,
+) -> std::io::Result<()> {
     let (opacity, grey) = g.law.alpha_blend().map_or((0.5, 0.5), |s| (s.opacity[i], s.grey[i]));
     let mean = g.mean_of(i);
     let place: [f64; 3] = std::array::from_fn(|k| (mean[k] - frame.center[k]) * frame.scale);
-    let color = (grey - 0.5) / HARMONIC;
+    let color = color.map_or([grey; 3], |c| c.map(f64::from)).map(|v| (v - 0.5) / HARMONIC);
     let logit = opacity.ln() - (-opacity).ln_1p();
-    let (scales, rotation) = axes(&g.cov_of(i), frame.scale);
-    let numbers = place.into_iter().chain([0.0; 3]).chain([color; 3]).chain([logit]).chain(scales).chain(rotation);
+    let (deviations, turn) = g.cov_of(i).deviations_and_turn();
+    let scales = deviations.map(|d| d.ln() + frame.scale.ln());
+    let numbers = place.into_iter().chain([0.0; 3]).chain(color).chain([logit]).chain(scales).chain(turn);
     numbers.into_iter().try_for_each(|v| w.write_all(&(v as f32).to_le_bytes()))
-}
-
-/// Logarithms of the deviations in units of 1 / `scale`, and the axes as a quaternion w, x, y, z.
-fn axes(cov: &Sym3, scale: f64) -> ([f64; 3], [f64; 4]) {
-    // Scaled first: squares of very small or large lengths keep their digits.
-    let size = cov.trace().max(f64::MIN_POSITIVE);
-    let e = cov.scale(1.0 / size).eigen();
-    let least = e.values[0].max(f64::MIN_POSITIVE) * FLATTEST;
-    let scales = e.values.map(|v| 0.5 * (v.max(least).ln() + size.ln()) + scale.ln());
-    let [a, b, mut c] = e.vectors;
-    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    // Axes have no sign: a turn has to be right-handed.
-    if (0..3).map(|k| cross[k] * c[k]).sum::<f64>() < 0.0 {
-        c = c.map(|v| -v);
-    }
-    (scales, quaternion([a, b, c]))
-}
-
-/// The turn whose columns are the axes, by the largest of the four components (Shepperd 1978).
-fn quaternion([a, b, c]: [[f64; 3]; 3]) -> [f64; 4] {
-    let trace = a[0] + b[1] + c[2];
-    let squares = [trace, 2.0 * a[0] - trace, 2.0 * b[1] - trace, 2.0 * c[2] - trace];
-    let largest = (0..4).fold(0, |l, k| if squares[k] > squares[l] { k } else { l });
-    let twice = (1.0 + squares[largest]).max(0.0).sqrt();
-    let over = |v: f64| v / (2.0 * twice.max(f64::MIN_POSITIVE));
-    let (x, y, z) = (b[2] - c[1], c[0] - a[2], a[1] - b[0]);
-    let (xy, xz, yz) = (a[1] + b[0], a[2] + c[0], b[2] + c[1]);
-    let half = 0.5 * twice;
-    match largest {
-        0 => [half, over(x), over(y), over(z)],
-        1 => [over(x), half, over(xy), over(xz)],
-        2 => [over(y), over(xy), half, over(yz)],
-        _ => [over(z), over(xz), over(yz), half],
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::math::Random;
+    use particlegs::math::{Random, Sym3};
     use particlegs::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
     use particlegs::particles::Storage;
     use particlegs::progress::Silent;
@@ -178,7 +164,7 @@ mod tests {
         let m = model(200);
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("m.ply");
-        let bytes = write_splats(&m, &path, &Silent).unwrap();
+        let bytes = write_splats(&m, None, &[], &path, &Silent).unwrap();
         let file = std::fs::read(&path).unwrap();
         assert_eq!((file.len() as u64, AlphaBlend::PLY_BYTES), (bytes, 68));
         let body = &file[file.len() - 200 * 68..];
@@ -223,15 +209,26 @@ mod tests {
     }
 
     #[test]
-    fn turns_of_every_kind_are_right() {
-        for cov in [[3.0, 2.0, 1.0], [1.0, 2.0, 3.0], [1.0, 3.0, 2.0], [2.0, 3.0, 1.0], [2.0, 1.0, 3.0], [1.0; 3]] {
-            let cov = Sym3([cov[0], 0.0, 0.0, cov[1], 0.0, cov[2]]);
-            let (scales, q) = axes(&cov, 1.0);
-            let back = covariance(scales, q);
-            assert!((0..6).all(|k| (back.0[k] - cov.0[k]).abs() < 1e-12), "{cov:?} {back:?}");
+    fn colours_and_comments_are_written_and_read_over() {
+        let m = model(3);
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("m.ply");
+        let colors = [[1.0, 0.0, 0.5], [0.25; 3], [0.0, 1.0, 0.0]];
+        write_splats(&m, Some(&colors), &["one\nelement vertex 7".into(), "two".into()], &path, &Silent).unwrap();
+        let file = std::fs::read(&path).unwrap();
+        let text = String::from_utf8_lossy(&file);
+        assert!(text.contains("comment one\ncomment element vertex 7\ncomment two\nelement vertex 3\n"), "{text}");
+        let body = &file[file.len() - 3 * 68..];
+        for (record, color) in body.chunks_exact(68).zip(&colors) {
+            for k in 0..3 {
+                let at = 24 + 4 * k;
+                let dc = f64::from(f32::from_le_bytes(record[at..at + 4].try_into().unwrap()));
+                assert!((0.5 + HARMONIC * dc - f64::from(color[k])).abs() < 1e-6);
+            }
         }
-        let (scales, q) = axes(&Sym3::default(), 2.0);
-        assert!(scales.iter().chain(&q).all(|v| v.is_finite()));
+        assert_eq!(crate::Choice::default().read(&[path], &Storage::Memory, &Silent).unwrap().len(), 3);
+        let two = write_splats(&m, Some(&colors[..2]), &[], &dir.path().join("n.ply"), &Silent);
+        assert!(matches!(two, Err(Error::Argument { .. })));
     }
 
     #[test]
@@ -239,7 +236,7 @@ mod tests {
         let mut m = model(3);
         m.metadata.law = LawKind::OpticalDepth;
         let dir = tempfile::tempdir().unwrap();
-        assert!(matches!(write_splats(&m, &dir.path().join("m.ply"), &Silent), Err(Error::Argument { .. })));
+        assert!(matches!(write_splats(&m, None, &[], &dir.path().join("m.ply"), &Silent), Err(Error::Argument { .. })));
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
     }
 }

@@ -4,7 +4,7 @@ use super::select::Run;
 use super::{Particles, SnapshotMeta};
 use crate::model::Layer;
 use crate::{Error, Result};
-use particlegs_files::output::{PlacedFile, WholeFolder, check_space, write_at};
+use particlegs_files::output::{PlacedFile, WholeFolder, check_space, npy_header, write_at};
 use std::fs::File;
 use std::io::Write;
 use std::ops::Range;
@@ -80,7 +80,7 @@ impl SnapshotWriter {
                 "name a folder instead",
             ));
         }
-        let header = if form == RawForm::Columns { Vec::new() } else { npy_header(count) };
+        let header = if form == RawForm::Columns { Vec::new() } else { npy_header("<f4", &[count, 3]) };
         let bytes = count.saturating_mul(if weighted { 16 } else { 12 }).saturating_add(header.len() as u64);
         let target = match form {
             RawForm::Npy => {
@@ -146,19 +146,6 @@ fn folder(out: &Path, names: &[&'static str], bytes: u64, header: &[u8]) -> Resu
     let files = check_space(folder.path(), bytes).and_then(|()| names.iter().map(create).collect());
     let files: Vec<_> = files.map_err(|e: std::io::Error| Error::io(out, e))?;
     Ok(Target::Folder(folder, files))
-}
-
-/// Header of a little-endian f32 array of shape (count, 3), padded to a multiple of 64 bytes.
-fn npy_header(count: u64) -> Vec<u8> {
-    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({count}, 3), }}");
-    while (10 + text.len() + 1) % 64 != 0 {
-        text.push(' ');
-    }
-    text.push('\n');
-    let mut header = b"\x93NUMPY\x01\x00".to_vec();
-    header.extend((text.len() as u16).to_le_bytes());
-    header.extend(text.as_bytes());
-    header
 }
 
 /// meta.json in the form that opening a folder reads; unknown things are left out.

@@ -1,0 +1,299 @@
+//! `particlegs export MODEL -o OUT`.
+
+use crate::common::{Common, Context};
+use crate::export::{
+    Cells, ColorBy, Coloring, Density, Faint, Group, Kind, Notes, as_splats, colormaps, write_as_splats, write_density,
+    write_gaussians,
+};
+use crate::inputs::{self, path_as_text};
+use crate::outputs::ForceArgs;
+use clap::{Args, ValueHint};
+use particlegs::model::{LawKind, Model};
+use particlegs::picture::Colormap;
+use particlegs::progress::Progress;
+use particlegs::{Error, Result, codec};
+use particlegs_files::input::name_of;
+use particlegs_files::output::is_stream;
+use serde::Serialize;
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Arguments.
+#[derive(Args)]
+#[command(
+    after_help = "\
+Particles: `recover` draws them from the model, `convert` writes them in every format.
+
+Examples:
+  particlegs export M.pgs -o splats.ply --color density
+  particlegs export M.pgs -o density.vti --grid 256
+  particlegs export M.pgs -o gaussians.npz",
+    after_long_help = "\
+What is lost, which every file says of itself:
+  .ply .glb .gltf   splats for viewers that sort and blend. Of an optical-depth model they approximate
+                    the picture at one radius and opacity; counts, masses and the box are left out
+  .npy .vti .fits   mass, or number, per volume, averaged over each cell: what is smaller than a cell
+  .npz .csv         nothing of the Gaussians; blocks, certificate, the network of an alpha-blend model
+
+Particles: `recover` draws them from the model, `convert` writes them in every format:
+  particlegs recover M.pgs -o particles && particlegs convert particles -o particles.hdf5
+
+Examples:
+  particlegs export M.pgs -o splats.ply                       # as 3-D Gaussian splatting stores them
+  particlegs export M.pgs -o splats.glb --color layer         # glTF with KHR_gaussian_splatting
+  particlegs export M.pgs -o splats.ply --opacity 0.5 --color density --colormap viridis
+  particlegs export M.pgs -o density.npy --grid 256           # and density.json beside it
+  particlegs export M.pgs -o density.vti --cell 0.5           # for ParaView
+  particlegs export M.pgs -o density.fits --layer dm
+  particlegs export M.pgs -o gaussians.npz                    # means, covariances, counts, masses
+  particlegs export M.pgs -o - --kind csv | head
+
+docs/guide/export.md describes every file."
+)]
+pub struct Arguments {
+    /// Model file.
+    #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
+    model: PathBuf,
+    /// File to write; its ending says what: .ply .glb .gltf .npy .vti .fits .npz .csv.
+    #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::FilePath)]
+    output: PathBuf,
+    /// What to write, where the ending does not tell.
+    #[arg(long, value_enum, value_name = "KIND")]
+    kind: Option<Kind>,
+    /// Layers to write, by the names that `info` lists, or `all`.
+    #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
+    layers: Vec<String>,
+    #[command(flatten)]
+    splats: SplatArgs,
+    #[command(flatten)]
+    grid: GridArgs,
+    #[command(flatten)]
+    force: ForceArgs,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// How splats look.
+#[derive(Args)]
+#[command(next_help_heading = "Splats (.ply, .glb, .gltf)")]
+struct SplatArgs {
+    /// Particle radius in world units [default: the model's].
+    #[arg(long, value_name = "R")]
+    radius: Option<f64>,
+    /// Particle opacity, in (0, 1] [default: the model's].
+    #[arg(long, value_name = "A")]
+    opacity: Option<f64>,
+    /// What colours say.
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = ColorBy::Grey)]
+    color: ColorBy,
+    /// Colour map of --color density.
+    #[arg(long, value_name = "NAME", default_value = "inferno", value_parser = colormaps())]
+    colormap: Colormap,
+    /// Densities of the first and the last colour [default: of 1 % and 99 % of the Gaussians].
+    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1)]
+    range: Option<Vec<f64>>,
+}
+
+/// How fine a grid is.
+#[derive(Args)]
+#[command(next_help_heading = "Density on a grid (.npy, .vti, .fits)")]
+struct GridArgs {
+    /// Cells along the longest edge of the box [default: 128].
+    #[arg(long, value_name = "N", conflicts_with = "cell")]
+    grid: Option<usize>,
+    /// Edge of a cell in world units, rounded so that cells fill the box.
+    #[arg(long, value_name = "SIZE")]
+    cell: Option<f64>,
+}
+
+/// What was written.
+#[derive(Serialize)]
+struct Report {
+    #[serde(serialize_with = "path_as_text")]
+    output: PathBuf,
+    kind: &'static str,
+    gaussians: usize,
+    bytes: u64,
+    seconds: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    splats: Option<SplatReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    grid: Option<GridReport>,
+    /// What the format does not keep.
+    lost: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct SplatReport {
+    radius: f64,
+    opacity: f64,
+    /// Shares that 8-bit viewers leave out.
+    fainter_than_viewers_draw: Faint,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    color_range: Option<[f64; 2]>,
+}
+
+#[derive(Serialize)]
+struct GridReport {
+    cells: [usize; 3],
+    origin: [f64; 3],
+    cell: [f64; 3],
+    periodic: [bool; 3],
+    unit: String,
+    total: f64,
+    outside: f64,
+}
+
+/// A model on its way out.
+struct Export<'a> {
+    a: &'a Arguments,
+    kind: Kind,
+    kept: bool,
+    notes: Notes,
+    context: &'a Context,
+}
+
+/// Exports.
+pub fn run(a: Arguments) -> Result<()> {
+    let context = a.common.clone().start()?;
+    context.reads([a.model.as_path()], a.force.force)?;
+    let kind = match Kind::of(&a.output, a.kind) {
+        Ok(kind) => kind,
+        // That it is an input or another output matters more.
+        Err(error) => return context.writes(&a.output, &crate::outputs::PARTICLES).and(Err(error)),
+    };
+    let kept = context.writes(&a.output, &kind.file())?;
+    let start = Instant::now();
+    let bytes = inputs::model(&a.model, &context)?;
+    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
+    drop(bytes);
+    let model = if a.layers == ["all"] { model } else { model.only(&a.layers)? };
+    let name = a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let notes = Notes::new(kind, &model, &name);
+    let mut report = Report {
+        output: a.output.clone(),
+        kind: kind.ending(),
+        gaussians: model.gaussians(),
+        bytes: 0,
+        seconds: 0.0,
+        splats: None,
+        grid: None,
+        lost: notes.lost.clone(),
+    };
+    let mut export = Export { a: &a, kind, kept, notes, context: &context };
+    match kind.group() {
+        Group::Splats => export.splats(model, &mut report)?,
+        Group::Grid => export.grid(&model, &mut report)?,
+        Group::Gaussians => {
+            report.bytes = context
+                .write_snapshot(&a.output, kept, |out| write_gaussians(kind, &model, &export.notes, out, &context))?;
+        }
+    }
+    report.seconds = start.elapsed().as_secs_f64();
+    context.finish(&report.in_words(), &report)
+}
+
+impl Export<'_> {
+    fn splats(&mut self, model: Model, report: &mut Report) -> Result<()> {
+        let (a, context, m) = (&self.a.splats, self.context, &model.metadata);
+        if m.law == LawKind::AlphaBlend && (a.radius.is_some() || a.opacity.is_some()) {
+            let what =
+                "--radius and --opacity belong to optical-depth models: this alpha-blend model is written as trained";
+            return Err(Error::argument(what));
+        }
+        let range = match a.range.as_deref() {
+            None => None,
+            Some(&[low, high]) => Some([low, high]),
+            Some(_) => return Err(Error::argument("--range takes LO,HI with 0 < LO < HI")),
+        };
+        let (radius, opacity) = (a.radius.unwrap_or(m.default_radius), a.opacity.unwrap_or(m.default_opacity));
+        // Beside the model: colours, and for glTF its arrays.
+        context.require_memory("splats", 40 * model.gaussians() as u64)?;
+        let coloring = Coloring::new(&model, a.color, a.colormap, range)?;
+        let notes = &mut self.notes;
+        notes.set("radius", radius);
+        notes.set("opacity", opacity);
+        notes.say(format!("particles of radius {radius} and opacity {opacity}"));
+        coloring.describe(&model, a.color, a.colormap, notes);
+        let (splats, faint) = as_splats(model, radius, opacity, context)?;
+        notes.set("fainter_than_viewers_draw", json!(faint));
+        report.bytes = context.write_snapshot(&self.a.output, self.kept, |out| {
+            write_as_splats(self.kind, &splats, coloring.colors.as_deref(), &self.notes, out, context)
+        })?;
+        if faint.particles > 0.01 {
+            context.message(&format!(
+                "note: {:.0} % of the Gaussians, with {:.0} % of the particles, are fainter than 1/255, which viewers \
+                 leave out; a larger --opacity or --radius shows them",
+                100.0 * faint.gaussians,
+                100.0 * faint.particles
+            ));
+        }
+        report.splats =
+            Some(SplatReport { radius, opacity, fainter_than_viewers_draw: faint, color_range: coloring.range });
+        Ok(())
+    }
+
+    fn grid(&mut self, model: &Model, report: &mut Report) -> Result<()> {
+        let (a, context) = (self.a, self.context);
+        if model.metadata.law == LawKind::AlphaBlend {
+            let what = "an alpha-blend model has no density: its splats hold opacities, not masses".to_string();
+            let hint = "draw particles with `recover`, or write its splats (.ply) or Gaussians (.npz)".to_string();
+            return Err(Error::Argument { what, remedy: hint.into() });
+        }
+        let beside = (self.kind == Kind::Npy && !is_stream(&a.output)?).then(|| a.output.with_extension("json"));
+        let mut kept = self.kept;
+        if let Some(beside) = &beside {
+            kept |= context.writes(beside, &Kind::description())?;
+        }
+        let cells = match (a.grid.grid, a.grid.cell) {
+            (_, Some(side)) => Cells::OfSide(side),
+            (Some(n), None) => Cells::Along(n),
+            (None, None) => Cells::default(),
+        };
+        let density = Density::of(model, cells, context)?;
+        let grid = &density.grid;
+        let said = GridReport {
+            cells: grid.cells,
+            origin: grid.min,
+            cell: grid.side,
+            periodic: grid.periodic,
+            unit: density.unit.clone(),
+            total: density.total,
+            outside: density.outside,
+        };
+        self.notes.set("density", json!(said));
+        self.notes
+            .say(format!("{} in all cells, {} beyond them; unit of density: {}", said.total, said.outside, said.unit));
+        let write = |out: &std::path::Path| write_density(self.kind, &density, &self.notes, out, context);
+        report.bytes = match beside {
+            None => context.write_snapshot(&a.output, kept, write)?,
+            Some(beside) => {
+                let mut all = self.notes.json();
+                all["values"] = "float32, little-endian; the first index is x, the last z".into();
+                all["quantity"] = "density".into();
+                let mut text = serde_json::to_vec_pretty(&all).expect("plain data");
+                text.push(b'\n');
+                context.write_described(&a.output, (&beside, &text), kept, write)?
+            }
+        };
+        report.grid = Some(said);
+        Ok(())
+    }
+}
+
+impl Report {
+    /// A line of what there is.
+    fn in_words(&self) -> String {
+        let what = match (&self.grid, &self.splats) {
+            (Some(g), _) => {
+                let [x, y, z] = g.cells;
+                format!("{x} x {y} x {z} cells, {} in all, in {}", g.total as f32, g.unit)
+            }
+            (None, Some(_)) => format!("{} splats", self.gaussians),
+            (None, None) => format!("{} Gaussians", self.gaussians),
+        };
+        let (out, megabytes) = (self.output.display(), self.bytes as f64 / 1e6);
+        format!("{out}: {what}, {megabytes:.1} MB, in {:.2} s", self.seconds)
+    }
+}

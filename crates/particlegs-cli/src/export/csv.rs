@@ -1,0 +1,84 @@
+//! The Gaussians as a table of text: a line each, units in the names of the columns.
+
+use super::gaussians::{One, all, has_opacities};
+use super::{Notes, RUN, written};
+use crate::common::Context;
+use crate::printable::one_line;
+use particlegs::Result;
+use particlegs::model::Model;
+use std::path::Path;
+
+const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];
+
+/// Writes them.
+///
+/// # Errors
+/// Those of [`written`].
+pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context) -> Result<u64> {
+    let names: Vec<String> = model.layers.iter().map(|l| quoted(&l.name)).collect();
+    let [masses, opacities] = [model.has_masses(), has_opacities(model)];
+    // A number takes about ten letters.
+    let expected = 120 * model.gaussians() as u64;
+    written(out, expected, context, |sink| {
+        for line in notes.lines() {
+            sink.put(format!("# {line}\n").as_bytes())?;
+        }
+        sink.put(head(model).as_bytes())?;
+        let mut run = String::new();
+        for (number, one) in all(model).enumerate() {
+            row(&mut run, &one, masses, opacities);
+            run += &names[one.layer];
+            run.push('\n');
+            if (number + 1).is_multiple_of(RUN) {
+                sink.check()?;
+                sink.put(run.as_bytes())?;
+                run.clear();
+            }
+        }
+        sink.put(run.as_bytes())
+    })
+}
+
+/// The names of the columns.
+fn head(model: &Model) -> String {
+    let m = &model.metadata;
+    let unit = |unit: &Option<String>, power: &str| match unit.as_deref().map(one_line) {
+        None => String::new(),
+        Some(u) if !power.is_empty() && u.contains(['/', ' ']) => format!(" [({u}){power}]"),
+        Some(u) => format!(" [{u}{power}]"),
+    };
+    let mut names: Vec<String> = ["x", "y", "z"].iter().map(|k| format!("{k}{}", unit(&m.length_unit, ""))).collect();
+    names.extend(COVARIANCES.iter().map(|k| format!("covariance_{k}{}", unit(&m.length_unit, "^2"))));
+    names.push("count".into());
+    if model.has_masses() {
+        names.push(format!("mass{}", unit(&m.mass_unit, "")));
+    }
+    if has_opacities(model) {
+        names.extend(["opacity".into(), "grey".into()]);
+    }
+    names.push("layer".into());
+    let names: Vec<String> = names.iter().map(|n| quoted(n)).collect();
+    names.join(",") + "\n"
+}
+
+/// The numbers of a Gaussian, each with a comma behind it: as many digits as give the same number again.
+fn row(out: &mut String, one: &One<'_>, masses: bool, opacities: bool) {
+    let mut buffer = zmij::Buffer::new();
+    let mean = one.of.mean_of(one.i);
+    let numbers = mean.into_iter().chain(one.of.cov_of(one.i).0).chain([one.of.count[one.i]]);
+    let numbers = numbers.chain(masses.then(|| one.mass())).chain(one.splat().into_iter().filter(|_| opacities));
+    for number in numbers {
+        let text = buffer.format(number);
+        *out += text.strip_suffix(".0").unwrap_or(text);
+        out.push(',');
+    }
+}
+
+/// In quotes where a comma, a quote or a comment's sign would be taken for the table's own (RFC 4180).
+fn quoted(text: &str) -> String {
+    let text = one_line(text);
+    match text.contains([',', '"', '#', ';', '\t']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.into_owned(),
+    }
+}

@@ -1,0 +1,128 @@
+//! A model's density on a grid, integrated over its cells.
+
+use crate::common::Context;
+use particlegs::model::Model;
+use particlegs::progress::Progress;
+use particlegs::stats::{Assignment, Domain, Grid, Subject, deposit};
+use particlegs::{Error, Result};
+
+/// Cells along an axis at most.
+const MOST: usize = 65_536;
+/// Cells along the longest edge where nobody says.
+const USUAL: usize = 128;
+
+/// How fine a grid is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cells {
+    /// So many cells along the longest edge.
+    Along(usize),
+    /// Cells of about this length.
+    OfSide(f64),
+}
+
+impl Default for Cells {
+    fn default() -> Self {
+        Cells::Along(USUAL)
+    }
+}
+
+impl Cells {
+    /// The grid over a domain. Cells of a given length become as long as divides the box.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for no cell, and for more along an axis than 65 536.
+    fn over(self, domain: &Domain) -> Result<Grid> {
+        match self {
+            Cells::Along(n) if (1..=MOST).contains(&n) => Ok(Grid::new(domain, n)),
+            Cells::Along(n) => Err(Error::argument(format!("--grid {n} is outside 1 to {MOST}"))),
+            Cells::OfSide(side) if side.is_finite() && side > 0.0 => {
+                let cells = domain.length.map(|l| (l / side).round().max(1.0));
+                if let Some(n) = cells.iter().find(|n| **n > MOST as f64) {
+                    let what = format!("--cell {side} makes {n:.0} cells along an axis: more than {MOST}");
+                    return Err(Error::argument(what));
+                }
+                Ok(Grid::stretched(domain, cells.map(|n| n as usize)))
+            }
+            Cells::OfSide(side) => Err(Error::argument(format!("--cell {side} is not a length above 0"))),
+        }
+    }
+}
+
+/// Density in cells.
+pub struct Density {
+    /// The grid.
+    pub grid: Grid,
+    /// Mass, or number, per volume in each cell; x slowest.
+    pub values: Vec<f32>,
+    /// Its unit.
+    pub unit: String,
+    /// Mass, or number, in all cells.
+    pub total: f64,
+    /// What lies beyond the open edges of the grid.
+    pub outside: f64,
+}
+
+impl Density {
+    /// Of all layers of a model, over its periodic box, or its bounds where it has none.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for cells out of range, and where some layers have masses and others none;
+    /// [`Error::Memory`] before any is taken; [`Error::Cancelled`].
+    pub fn of(model: &Model, cells: Cells, context: &Context) -> Result<Density> {
+        let known = model.layers.iter().filter(|l| l.mass != particlegs::model::Mass::Unknown).count();
+        if known > 0 && known < model.layers.len() {
+            let what = "some layers have masses and others do not: their sum is no density".to_string();
+            return Err(Error::Argument { what, remedy: "choose layers by --layer; `info` lists them".into() });
+        }
+        let domain = Domain::of_model(model);
+        let grid = cells.over(&domain)?;
+        let subject = Subject::Model(model);
+        context.begin("density", 0);
+        let field = deposit(subject, &grid, Assignment::Ngp, 0.0, context)?;
+        context.end();
+        let total = field.mass.iter().map(|m| f64::from(*m)).sum();
+        let volume: f64 = grid.side.iter().product();
+        let mut values = field.mass;
+        values.iter_mut().for_each(|v| *v = (f64::from(*v) / volume) as f32);
+        if values.iter().any(|v| !v.is_finite()) || volume.is_nan() {
+            return Err(Error::argument("the density in the file's units does not fit into float32"));
+        }
+        Ok(Density { grid, values, unit: density_unit(model), total, outside: field.outside })
+    }
+
+    /// Runs of values with x fastest, as VTK and FITS have them, some planes across z at a time.
+    pub fn for_each_run(&self, mut write: impl FnMut(&[f32]) -> std::io::Result<()>) -> std::io::Result<()> {
+        /// Values held at once, where a plane has no more.
+        const HELD: usize = 1 << 22;
+        let [nx, ny, nz] = self.grid.cells;
+        let planes = (HELD / (nx * ny)).clamp(1, nz);
+        let mut run = vec![0f32; planes * nx * ny];
+        for first in (0..nz).step_by(planes) {
+            let number = planes.min(nz - first);
+            for i in 0..nx {
+                for j in 0..ny {
+                    let row = (i * ny + j) * nz + first;
+                    for (k, v) in self.values[row..row + number].iter().enumerate() {
+                        run[(k * ny + j) * nx + i] = *v;
+                    }
+                }
+            }
+            write(&run[..number * nx * ny])?;
+        }
+        Ok(())
+    }
+}
+
+/// Unit of density, in ASCII: `Msun/h / (Mpc/h)^3`, or particles where no mass is known.
+pub fn density_unit(model: &Model) -> String {
+    let m = &model.metadata;
+    let mass = match model.has_masses() {
+        true => m.mass_unit.as_deref().unwrap_or("mass"),
+        false => "particles",
+    };
+    match m.length_unit.as_deref() {
+        None => format!("{mass} / length^3"),
+        Some(l) if l.contains(['/', ' ']) => format!("{mass} / ({l})^3"),
+        Some(l) => format!("{mass} / {l}^3"),
+    }
+}

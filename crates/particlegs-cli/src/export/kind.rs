@@ -1,0 +1,155 @@
+//! The formats that a model is exported in.
+
+use super::Notes;
+use clap::ValueEnum;
+use particlegs::{Error, Result};
+use particlegs_files::output;
+use std::path::Path;
+
+/// A format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Kind {
+    /// Splats as 3-D Gaussian splatting stores them (PLY).
+    Ply,
+    /// Splats as binary glTF 2.0 with KHR_gaussian_splatting.
+    Glb,
+    /// The same as text, with its numbers inside.
+    Gltf,
+    /// Density on a grid: NumPy array, and a JSON beside it.
+    Npy,
+    /// Density on a grid: VTK ImageData, for ParaView.
+    Vti,
+    /// Density on a grid: FITS cube.
+    Fits,
+    /// The Gaussians themselves: NumPy archive.
+    Npz,
+    /// The Gaussians themselves: a table of text.
+    Csv,
+}
+
+/// What a format holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// Splats that are sorted and blended.
+    Splats,
+    /// Density in cells.
+    Grid,
+    /// Means, covariances, counts.
+    Gaussians,
+}
+
+impl Kind {
+    /// The ending that means it.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Kind::Ply => "ply",
+            Kind::Glb => "glb",
+            Kind::Gltf => "gltf",
+            Kind::Npy => "npy",
+            Kind::Vti => "vti",
+            Kind::Fits => "fits",
+            Kind::Npz => "npz",
+            Kind::Csv => "csv",
+        }
+    }
+
+    /// What it holds.
+    pub fn group(self) -> Group {
+        match self {
+            Kind::Ply | Kind::Glb | Kind::Gltf => Group::Splats,
+            Kind::Npy | Kind::Vti | Kind::Fits => Group::Grid,
+            Kind::Npz | Kind::Csv => Group::Gaussians,
+        }
+    }
+
+    /// The format that an output's ending means, or the one that is asked for.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where neither tells, or they differ.
+    pub fn of(out: &Path, asked: Option<Kind>) -> Result<Kind> {
+        let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let ending = match ending.as_deref() {
+            Some("fit") => Some("fits"),
+            other => other,
+        };
+        let meant = Kind::value_variants().iter().copied().find(|k| Some(k.ending()) == ending);
+        match (meant, asked) {
+            (Some(meant), Some(asked)) if meant != asked => {
+                let what =
+                    format!("{}: its ending means {}, and --kind {}", out.display(), meant.ending(), asked.ending());
+                Err(Error::Argument { what, remedy: "leave --kind away, or name another file".into() })
+            }
+            (Some(kind), _) | (None, Some(kind)) => Ok(kind),
+            (None, None) => Err(Error::Argument {
+                what: format!("{}: its ending does not say what to write", out.display()),
+                remedy: Self::hint(ending.unwrap_or_default()).into(),
+            }),
+        }
+    }
+
+    /// What to do where an ending means none of these.
+    fn hint(ending: &str) -> String {
+        let particles = ["hdf5", "h5", "vtp", "dump", "lammpstrj", "f32", "xyz", "vtu", "vtk"];
+        let pictures = ["png", "pdf", "svg", "jpg", "webp"];
+        if particles.contains(&ending) {
+            return "draw particles with `recover`, then write them with `convert`".into();
+        }
+        if pictures.contains(&ending) {
+            return "draw pictures with `render`".into();
+        }
+        let all: Vec<String> = Kind::value_variants().iter().map(|k| format!(".{}", k.ending())).collect();
+        format!("use one of {}, or --kind", all.join(", "))
+    }
+
+    /// What may be in the place of such a file.
+    pub fn file(self) -> output::Kind {
+        const fn kept(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> output::Kind {
+            output::Kind { name, kept: true, is }
+        }
+        match self {
+            Kind::Ply => kept("a PLY", |_, head| head.starts_with(b"ply")),
+            Kind::Glb => kept("a binary glTF", |_, head| head.starts_with(b"glTF")),
+            Kind::Gltf => kept("a glTF", |_, head| holds(head, "\"accessors\"") || holds(head, "\"asset\"")),
+            Kind::Npy => kept("a NumPy array", |_, head| head.starts_with(b"\x93NUMPY")),
+            Kind::Vti => kept("a VTK ImageData", |_, head| holds(head, "\"ImageData\"")),
+            Kind::Fits => kept("a FITS", |_, head| head.starts_with(b"SIMPLE  =")),
+            Kind::Npz => kept("a NumPy archive", |_, head| head.starts_with(b"PK")),
+            Kind::Csv => kept("a table of Gaussians", |_, head| head.starts_with(Notes::BEGIN.as_bytes())),
+        }
+    }
+
+    /// What may be in the place of the description beside an array.
+    pub fn description() -> output::Kind {
+        output::Kind {
+            name: "the description of a density",
+            kept: true,
+            is: |_, head| head.trim_ascii_start().starts_with(b"{") && holds(head, "\"density\""),
+        }
+    }
+}
+
+/// Does a file's beginning hold these words?
+fn holds(head: &[u8], words: &str) -> bool {
+    String::from_utf8_lossy(head).contains(words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ending_says_what_is_written() {
+        let of = |out: &str, asked: Option<Kind>| Kind::of(Path::new(out), asked);
+        for kind in Kind::value_variants() {
+            assert_eq!(of(&format!("a.b/x.{}", kind.ending().to_uppercase()), None).unwrap(), *kind);
+            assert_eq!(of(&format!("x.{}", kind.ending()), Some(*kind)).unwrap(), *kind);
+            assert_eq!(of("-", Some(*kind)).unwrap(), *kind);
+        }
+        assert_eq!(of("x.fit", None).unwrap(), Kind::Fits);
+        assert!(of("x.ply", Some(Kind::Csv)).is_err());
+        for (out, words) in [("x", ".npz"), ("-", "--kind"), ("x.hdf5", "`recover`"), ("x.png", "`render`")] {
+            let error = of(out, None).unwrap_err();
+            assert!(error.remedy().to_string().contains(words), "{out}: {}", error.remedy());
+        }
+    }
+}

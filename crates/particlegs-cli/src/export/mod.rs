@@ -1,0 +1,135 @@
+//! Models as files that other programs open. One file a format; what every format says of itself is in
+//! `notes`, and what the formats of one group share is in `splats` and `colors`, `grid`, `gaussians`.
+
+mod colors;
+mod csv;
+mod fits;
+mod gaussians;
+mod gltf;
+mod grid;
+mod kind;
+mod notes;
+mod npz;
+mod splats;
+mod vti;
+
+pub use colors::{ColorBy, Coloring, colormaps};
+pub use grid::{Cells, Density};
+pub use kind::{Group, Kind};
+pub use notes::Notes;
+pub use splats::{Faint, as_splats};
+
+use crate::common::Context;
+use particlegs::Result;
+use particlegs::model::Model;
+use particlegs::progress::Progress;
+use particlegs_files::output::{check_space_in, npy_header, scratch_folder, write_atomic};
+use particlegs_formats::write_splats;
+use std::io::Write;
+use std::path::Path;
+
+/// Values between two looks at whether to stop.
+const RUN: usize = 1 << 14;
+
+/// Writes a file from its beginning to its end, and counts its bytes.
+struct Sink<'a> {
+    to: &'a mut dyn Write,
+    bytes: u64,
+    context: &'a Context,
+}
+
+impl Sink<'_> {
+    /// Adds bytes.
+    fn put(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        self.bytes += bytes.len() as u64;
+        self.to.write_all(bytes)
+    }
+
+    /// An error where the user wants to stop.
+    fn check(&self) -> std::io::Result<()> {
+        self.context.check().map_err(|_| std::io::ErrorKind::Interrupted.into())
+    }
+}
+
+impl Write for Sink<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.put(bytes).map(|()| bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.to.flush()
+    }
+}
+
+/// A file of about `expected` bytes, whole or not at all; its bytes.
+///
+/// # Errors
+/// [`particlegs::Error::Io`], for a disk without room before anything is written;
+/// [`particlegs::Error::Cancelled`].
+fn written(
+    out: &Path,
+    expected: u64,
+    context: &Context,
+    fill: impl FnOnce(&mut Sink<'_>) -> std::io::Result<()>,
+) -> Result<u64> {
+    check_space_in(&scratch_folder(out), expected)?;
+    let mut bytes = 0;
+    let done = write_atomic(out, |to| {
+        let mut sink = Sink { to, bytes: 0, context };
+        fill(&mut sink)?;
+        bytes = sink.bytes;
+        Ok(())
+    });
+    // What was asked for says more than that writing was interrupted.
+    context.check()?;
+    done.map(|()| bytes)
+}
+
+/// The splats of a model that [`as_splats`] made, as PLY or glTF.
+///
+/// # Errors
+/// Those of [`write_splats`] and of glTF.
+pub fn write_as_splats(
+    kind: Kind,
+    model: &Model,
+    colors: Option<&[[f32; 3]]>,
+    notes: &Notes,
+    out: &Path,
+    context: &Context,
+) -> Result<u64> {
+    match kind {
+        Kind::Glb => gltf::write(model, colors, notes, out, gltf::Form::Binary, context),
+        Kind::Gltf => gltf::write(model, colors, notes, out, gltf::Form::Text, context),
+        _ => write_splats(model, colors, &notes.lines(), out, context),
+    }
+}
+
+/// A density in one of the formats of grids.
+///
+/// # Errors
+/// [`particlegs::Error::Io`]; [`particlegs::Error::Cancelled`].
+pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, context: &Context) -> Result<u64> {
+    match kind {
+        Kind::Vti => vti::write(density, notes, out, context),
+        Kind::Fits => fits::write(density, notes, out, context),
+        _ => written(out, 4 * density.values.len() as u64, context, |sink| {
+            sink.put(&npy_header("<f4", &density.grid.cells.map(|n| n as u64)))?;
+            for run in density.values.chunks(RUN) {
+                sink.check()?;
+                sink.put(&run.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())?;
+            }
+            Ok(())
+        }),
+    }
+}
+
+/// A model's Gaussians as a table.
+///
+/// # Errors
+/// [`particlegs::Error::Io`]; [`particlegs::Error::Cancelled`].
+pub fn write_gaussians(kind: Kind, model: &Model, notes: &Notes, out: &Path, context: &Context) -> Result<u64> {
+    match kind {
+        Kind::Csv => csv::write(model, notes, out, context),
+        _ => npz::write(model, notes, out, context),
+    }
+}

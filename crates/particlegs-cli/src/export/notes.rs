@@ -1,0 +1,173 @@
+//! What an exported file says of itself: where it is from, and what is lost.
+
+use super::{Group, Kind};
+use crate::printable::one_line;
+use particlegs::camera::Normalisation;
+use particlegs::model::{LawKind, Model};
+use serde_json::{Map, Value, json};
+
+/// What a file says of itself.
+pub struct Notes {
+    /// The model, its snapshot, its units, for programs.
+    pub facts: Map<String, Value>,
+    /// The same for people, a line each.
+    words: Vec<String>,
+    /// What the format does not keep, a sentence each.
+    pub lost: Vec<String>,
+}
+
+impl Notes {
+    /// How a table of text begins.
+    pub const BEGIN: &str = "# written by particlegs ";
+
+    /// Of a model of some name in a format.
+    pub fn new(kind: Kind, model: &Model, name: &str) -> Notes {
+        let m = &model.metadata;
+        let lost = lost(kind, m.law).iter().map(|s| s.to_string()).collect();
+        let mut notes = Notes { facts: facts(model, name), words: words(model, name), lost };
+        if kind.group() == Group::Splats {
+            let frame = Normalisation::of(&m.bounds);
+            notes.set("frame", "(world - center) * scale, y up");
+            notes.set("center", json!(frame.center));
+            notes.set("scale", json!(frame.scale));
+        }
+        notes
+    }
+
+    /// Adds a fact for programs.
+    pub fn set(&mut self, key: &str, value: impl Into<Value>) {
+        self.facts.insert(key.into(), value.into());
+    }
+
+    /// Adds a line for people.
+    pub fn say(&mut self, line: String) {
+        self.words.push(line);
+    }
+
+    /// A text among the facts.
+    pub fn text(&self, key: &str) -> Option<&str> {
+        self.facts.get(key).and_then(Value::as_str)
+    }
+
+    /// A number among the facts.
+    pub fn number(&self, key: &str) -> Option<f64> {
+        self.facts.get(key).and_then(Value::as_f64)
+    }
+
+    /// All of it as JSON.
+    pub fn json(&self) -> Value {
+        let mut all = self.facts.clone();
+        all.insert("lost".into(), self.lost.clone().into());
+        all.into()
+    }
+
+    /// All of it as lines of ASCII for people.
+    pub fn lines(&self) -> Vec<String> {
+        let lost = self.lost.iter().map(|what| format!("lost: {what}"));
+        self.words.iter().cloned().chain(lost).map(|line| ascii(&line)).collect()
+    }
+}
+
+/// What is known about a model; unknown things are left out.
+fn facts(model: &Model, name: &str) -> Map<String, Value> {
+    let m = &model.metadata;
+    let layers = model.layers.iter().map(|l| json!({ "name": l.name, "particles": l.count() }));
+    let all = json!({
+        "made_by": concat!("particlegs ", env!("CARGO_PKG_VERSION"), ", export"),
+        "model": name,
+        "source": m.source,
+        "law": m.law.name(),
+        "particles": m.count,
+        "gaussians": model.gaussians(),
+        "layers": layers.collect::<Value>(),
+        "mass": model.mass(),
+        "length_unit": m.length_unit,
+        "mass_unit": m.mass_unit.as_ref().filter(|_| model.has_masses()),
+        "comoving": m.comoving,
+        "scale_factor": m.scale_factor,
+        "hubble": m.hubble,
+        "time": m.time,
+        "bounds": m.bounds,
+        "cell": m.cell,
+    });
+    let Value::Object(all) = all else { return Map::new() };
+    all.into_iter().filter(|(_, value)| !value.is_null()).collect()
+}
+
+/// The same in words.
+fn words(model: &Model, name: &str) -> Vec<String> {
+    let m = &model.metadata;
+    let version = env!("CARGO_PKG_VERSION");
+    let mut lines = vec![
+        format!("written by particlegs {version}, export, from the model {name} of {}", m.source),
+        format!("{} particles as {} Gaussians of the {} law", m.count, model.gaussians(), m.law.name()),
+    ];
+    let layers: Vec<String> = model.layers.iter().map(|l| format!("{} ({})", l.name, l.count())).collect();
+    if layers.len() > 1 {
+        lines.push(format!("layers (particles): {}", layers.join(", ")));
+    }
+    let comoving = if m.comoving == Some(true) { ", comoving" } else { "" };
+    lines.push(format!("lengths in {}{comoving}", m.length_unit.as_deref().unwrap_or("a unit that is not stated")));
+    if model.has_masses() {
+        lines.push(format!("masses in {}", m.mass_unit.as_deref().unwrap_or("a unit that is not stated")));
+    }
+    lines.extend(m.cell.as_ref().map(|cell| format!("box {}", cell.in_words())));
+    lines
+}
+
+/// On one line, with an escape for what is not ASCII: many heads hold nothing else.
+pub fn ascii(text: &str) -> String {
+    let escape = |c: char| if c.is_ascii() { c.to_string() } else { c.escape_default().to_string() };
+    one_line(text).chars().map(escape).collect()
+}
+
+/// What a format does not keep of a model.
+fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {
+    match (kind.group(), law) {
+        (Group::Splats, LawKind::OpticalDepth) => &[
+            "optical depth is approximated by alpha blending at the radius r and opacity a stated here: each Gaussian has \
+             the peak opacity 1 - exp(-tau), tau its optical depth at the centre averaged over the directions of view, and \
+             the covariance C + r^2 1 times Ein(tau) / (1 - exp(-tau)), so that it hides as much; neither r nor a can be \
+             changed any more",
+            "viewers widen splats by a fraction of a pixel and leave out what is fainter than 1/255: small Gaussians \
+             far away look brighter, many faint ones vanish",
+            "ParaView's rounded blending and FXAA",
+            "counts, masses, the periodic box and the certificate",
+        ],
+        (Group::Splats, LawKind::AlphaBlend) => &[
+            "the VizMapper: radius and opacity can no longer be changed",
+            "the model was trained with a low-pass of one square pixel whose opacity is made up for; viewers widen splats \
+             by 0.3 square pixels, most without that: small Gaussians far away look brighter",
+            "counts, the periodic box and the certificate",
+        ],
+        (Group::Grid, _) => &[
+            "values are the density averaged over each cell: what is smaller than a cell, and which layer it is of",
+            "cells of Gaussians that are turned against the grid are right to about one part in a hundred; their sum is kept",
+            "the certificate: how good the model is, and from which size of cells on",
+        ],
+        (Group::Gaussians, LawKind::OpticalDepth) => {
+            &["nothing of the Gaussians; their blocks, and the certificate: how good the model is"]
+        }
+        (Group::Gaussians, LawKind::AlphaBlend) => {
+            &["nothing of the Gaussians; the VizMapper, their blocks, and the certificate: how good the model is"]
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_ascii_and_single() {
+        let lost = vec!["this".to_string()];
+        let mut notes = Notes { facts: Map::new(), words: Vec::new(), lost };
+        notes.say("of a\nb \u{1b}[31m Größe".into());
+        notes.set("particles", 7);
+        let lines = notes.lines();
+        assert_eq!(lines.len(), 2);
+        assert!(lines.iter().all(|l| l.bytes().all(|b| (b' '..=b'~').contains(&b))), "{lines:?}");
+        assert_eq!(lines[1], "lost: this");
+        assert_eq!((&notes.json()["lost"][0], &notes.json()["particles"]), (&"this".into(), &7.into()));
+    }
+}
