@@ -32,8 +32,8 @@ function verdicts(verdict: Verdict[] | undefined): HTMLElement {
   if (!verdict || verdict.length === 0) return h("p", { class: "hint", text: "This file has no certificate: nothing was measured on it." });
   const mark: Record<string, string> = { holds: "✓", roughly: "≈", "does not": "✗" };
   return h("ul", { class: "verdict" }, ...verdict.map((v) =>
-    h("li", { class: v.answer.replaceAll(" ", "-"), title: v.because },
-      h("b", { text: `${mark[v.answer] ?? "·"} ${v.use}: ` }), `${v.answer}`, h("small", { text: v.because }))));
+    h("li", {},
+      h("b", { text: `${mark[v.word] ?? "·"} ${v.use.replaceAll("_", " ")}` }), `: ${v.word}`, h("small", { text: v.why }))));
 }
 
 /** What is under the pointer. */

@@ -17,8 +17,8 @@ export type Source = { url?: string; element?: string };
 /** How far a model serves a use, from its certificate. */
 export interface Verdict {
   use: string;
-  answer: string;
-  because: string;
+  word: string;
+  why: string;
 }
 
 export interface Bounds { min: Vec3; max: Vec3 }

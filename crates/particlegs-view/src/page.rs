@@ -8,6 +8,7 @@ use crate::{assets, markup, poster};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use particlegs::progress::Progress;
+use particlegs::score::Finding;
 use particlegs::{Result, codec};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -19,6 +20,15 @@ pub struct ModelFile<'a> {
     pub name: &'a str,
     /// The file's bytes.
     pub bytes: &'a [u8],
+}
+
+impl ModelFile<'_> {
+    /// What its certificate says that it is good for; nothing where it has none.
+    fn verdict(&self) -> Vec<Finding> {
+        let info = codec::read_info(self.bytes, self.name).ok();
+        let certified = info.filter(|i| i.certificate.is_some());
+        certified.map_or_else(Vec::new, |i| Finding::verdict(i.certificate.as_ref(), &i.metadata))
+    }
 }
 
 /// The snapshot whose pictures a server draws beside the model's.
@@ -58,7 +68,7 @@ pub fn offline(models: &[ModelFile<'_>], progress: &dyn Progress) -> Result<Vec<
     let coded: u64 = models.iter().map(|m| 4 * (m.bytes.len() as u64).div_ceil(3)).sum();
     progress.require_memory("the page", coded + (coded >> 3))?;
     let poster = poster.map(|png| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)));
-    let setup = Setup::new(models.iter().map(|m| (m.name, m.bytes.len())), None, false);
+    let setup = Setup::new(models.iter().copied(), None, false);
     let mut page = Builder::new(&setup, poster.as_deref());
     for (i, model) in models.iter().enumerate() {
         page.data(&format!("model-{i}"), model.bytes);
@@ -67,9 +77,9 @@ pub fn offline(models: &[ModelFile<'_>], progress: &dyn Progress) -> Result<Vec<
     Ok(page.finish().html.into_bytes())
 }
 
-/// The page that a server hands out, for models of these names and bytes; with a poster where it draws one.
+/// The page that a server hands out, for these models; with a poster where it draws one.
 pub fn served<'a>(
-    models: impl IntoIterator<Item = (&'a str, usize)>,
+    models: impl IntoIterator<Item = ModelFile<'a>>,
     snapshot: Option<&'a Snapshot>,
     poster: bool,
 ) -> Page {
@@ -90,6 +100,7 @@ struct Setup<'a> {
 struct SetupModel<'a> {
     name: &'a str,
     bytes: usize,
+    verdict: Vec<Finding>,
     #[serde(flatten)]
     place: Place,
 }
@@ -113,12 +124,17 @@ enum Place {
 
 impl<'a> Setup<'a> {
     fn new(
-        models: impl IntoIterator<Item = (&'a str, usize)>,
+        models: impl IntoIterator<Item = ModelFile<'a>>,
         snapshot: Option<&'a Snapshot>,
         served: bool,
     ) -> Setup<'a> {
         let at = |i| if served { Place::Url(format!("model/{i}")) } else { Place::Element(format!("model-{i}")) };
-        let models = models.into_iter().enumerate().map(|(i, (name, bytes))| SetupModel { name, bytes, place: at(i) });
+        let models = models.into_iter().enumerate().map(|(i, file)| SetupModel {
+            name: file.name,
+            bytes: file.bytes.len(),
+            verdict: file.verdict(),
+            place: at(i),
+        });
         Setup {
             version: env!("CARGO_PKG_VERSION"),
             models: models.collect(),

@@ -56,7 +56,7 @@ fn a_page_is_the_models_and_a_shell() {
 fn the_policy_names_the_script_and_the_style_that_are_there() {
     let offline = page(&[ModelFile { name: "model.pgs", bytes: MODEL }]);
     let snapshot = Snapshot { name: "snapshot".into(), particles: 7 };
-    let served = served([("model.pgs", 9)], Some(&snapshot), true);
+    let served = served([ModelFile { name: "model.pgs", bytes: MODEL }], Some(&snapshot), true);
     assert_eq!(setup(&served.html)["truth"]["particles"], 7);
     assert!(served.html.contains("<img id=\"poster\" alt=\"model.pgs\" src=\"poster\">"));
     for (html, is_served) in [(&offline, false), (&served.html, true)] {

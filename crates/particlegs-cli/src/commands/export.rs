@@ -13,7 +13,8 @@ use particlegs::picture::Colormap;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
-use particlegs_files::output::is_stream;
+use particlegs_files::output::{is_stream, write_bytes};
+use particlegs_view::page::{ModelFile, offline};
 use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
@@ -26,6 +27,7 @@ use std::time::Instant;
 Particles: `recover` draws them from the model, `convert` writes them in every format.
 
 Examples:
+  particlegs export M.pgs -o page.html
   particlegs export M.pgs -o splats.ply --color density
   particlegs export M.pgs -o density.vti --grid 256
   particlegs export M.pgs -o gaussians.npz",
@@ -35,11 +37,13 @@ What is lost, which every file says of itself:
                     the picture at one radius and opacity; counts, masses and the box are left out
   .npy .vti .fits   mass, or number, per volume, averaged over each cell: what is smaller than a cell
   .npz .csv         nothing of the Gaussians; blocks, certificate, the network of an alpha-blend model
+  .html             nothing: the page holds the file
 
 Particles: `recover` draws them from the model, `convert` writes them in every format:
   particlegs recover M.pgs -o particles && particlegs convert particles -o particles.hdf5
 
 Examples:
+  particlegs export M.pgs -o page.html                        # opens in any browser, offline
   particlegs export M.pgs -o splats.ply                       # as 3-D Gaussian splatting stores them
   particlegs export M.pgs -o splats.glb --color layer         # glTF with KHR_gaussian_splatting
   particlegs export M.pgs -o splats.ply --opacity 0.5 --color density --colormap viridis
@@ -55,7 +59,7 @@ pub struct Arguments {
     /// Model file.
     #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// File to write; its ending says what: .ply .glb .gltf .npy .vti .fits .npz .csv.
+    /// File to write; its ending says what: .html .ply .glb .gltf .npy .vti .fits .npz .csv.
     #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::FilePath)]
     output: PathBuf,
     /// What to write, where the ending does not tell.
@@ -166,10 +170,9 @@ pub fn run(a: Arguments) -> Result<()> {
     let kept = context.writes(&a.output, &kind.file())?;
     let start = Instant::now();
     let bytes = inputs::model(&a.model, &context)?;
-    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
-    drop(bytes);
-    let model = if a.layers == ["all"] { model } else { model.only(&a.layers)? };
     let name = a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
+    let model = if a.layers == ["all"] { model } else { model.only(&a.layers)? };
     let notes = Notes::new(kind, &model, &name);
     let mut report = Report {
         output: a.output.clone(),
@@ -185,6 +188,7 @@ pub fn run(a: Arguments) -> Result<()> {
     match kind.group() {
         Group::Splats => export.splats(model, &mut report)?,
         Group::Grid => export.grid(&model, &mut report)?,
+        Group::Page => report.bytes = export.page(&name, &bytes)?,
         Group::Gaussians => {
             report.bytes = context
                 .write_snapshot(&a.output, kept, |out| write_gaussians(kind, &model, &export.notes, out, &context))?;
@@ -195,6 +199,19 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 impl Export<'_> {
+    /// The page, which holds the file as it is.
+    fn page(&self, name: &str, bytes: &[u8]) -> Result<u64> {
+        if self.a.layers != ["all"] {
+            let what = "--layer does not go with a page: it holds the whole file, and switches layers itself";
+            return Err(Error::argument(what));
+        }
+        let html = offline(&[ModelFile { name, bytes }], self.context)?;
+        self.context.write_snapshot(&self.a.output, self.kept, |out| {
+            write_bytes(out, &html)?;
+            Ok(html.len() as u64)
+        })
+    }
+
     fn splats(&mut self, model: Model, report: &mut Report) -> Result<()> {
         let (a, context, m) = (&self.a.splats, self.context, &model.metadata);
         if m.law == LawKind::AlphaBlend && (a.radius.is_some() || a.opacity.is_some()) {
@@ -291,6 +308,7 @@ impl Report {
                 format!("{x} x {y} x {z} cells, {} in all, in {}", g.total as f32, g.unit)
             }
             (None, Some(_)) => format!("{} splats", self.gaussians),
+            (None, None) if self.kind == Kind::Html.ending() => format!("a page of {} Gaussians", self.gaussians),
             (None, None) => format!("{} Gaussians", self.gaussians),
         };
         let (out, megabytes) = (self.output.display(), self.bytes as f64 / 1e6);

@@ -25,6 +25,8 @@ pub enum Kind {
     Npz,
     /// The Gaussians themselves: a table of text.
     Csv,
+    /// A page that shows the model in any browser, offline: one file.
+    Html,
 }
 
 /// What a format holds.
@@ -36,6 +38,8 @@ pub enum Group {
     Grid,
     /// Means, covariances, counts.
     Gaussians,
+    /// The model file itself, and what shows it.
+    Page,
 }
 
 impl Kind {
@@ -50,6 +54,7 @@ impl Kind {
             Kind::Fits => "fits",
             Kind::Npz => "npz",
             Kind::Csv => "csv",
+            Kind::Html => "html",
         }
     }
 
@@ -59,6 +64,7 @@ impl Kind {
             Kind::Ply | Kind::Glb | Kind::Gltf => Group::Splats,
             Kind::Npy | Kind::Vti | Kind::Fits => Group::Grid,
             Kind::Npz | Kind::Csv => Group::Gaussians,
+            Kind::Html => Group::Page,
         }
     }
 
@@ -114,6 +120,7 @@ impl Kind {
             Kind::Vti => kept("a VTK ImageData", |_, head| holds(head, "\"ImageData\"")),
             Kind::Fits => kept("a FITS", |_, head| head.starts_with(b"SIMPLE  =")),
             Kind::Npz => kept("a NumPy archive", |_, head| head.starts_with(b"PK")),
+            Kind::Html => kept("an HTML page", |_, head| head.starts_with(b"<!doctype html>")),
             Kind::Csv => kept("a table of Gaussians", |_, head| head.starts_with(Notes::BEGIN.as_bytes())),
         }
     }

@@ -145,6 +145,7 @@ fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {
             "cells of Gaussians that are turned against the grid are right to about one part in a hundred; their sum is kept",
             "the certificate: how good the model is, and from which size of cells on",
         ],
+        (Group::Page, _) => &[],
         (Group::Gaussians, LawKind::OpticalDepth) => {
             &["nothing of the Gaussians; their blocks, and the certificate: how good the model is"]
         }

@@ -9,7 +9,7 @@ mod door;
 mod guard;
 mod table;
 
-use crate::page::{Snapshot, served};
+use crate::page::{ModelFile, Snapshot, served};
 use crate::truth::desk;
 use connection::Listening;
 use door::Door;
@@ -166,7 +166,7 @@ impl Server {
     /// [`Error::Io`] where the system refuses what serving needs.
     pub fn serve(self, shown: Shown<'_>, progress: &dyn Progress, tell: &dyn Fn(Event)) -> Result<()> {
         let Shown { models, truth, poster } = shown;
-        let named = models.iter().map(|(name, bytes)| (&name[..], bytes.len()));
+        let named = models.iter().map(|(name, bytes)| ModelFile { name, bytes });
         let page = served(named, truth.as_ref().map(|t| &t.0), poster.is_some());
         let (desk, painter) = truth.as_ref().map(|_| desk::open()).unzip();
         let desk = desk.map(Arc::new);
