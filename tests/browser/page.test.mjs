@@ -50,7 +50,7 @@ test("the CPU's picture in the page is that of the command, to the last bit", as
   });
   writeFileSync(path.join(work, "views.json"), JSON.stringify(views));
   for (const look of ["paraview", "expected"]) {
-    run("render", "m.pgs", "--views", "views.json", "--style", look, "-o", "command.png", "--force", "--quiet");
+    run("render", "m.pgs", "--views", "views.json", "--style", look, "-o", "command.png", "--quiet");
     const command = readFileSync(path.join(work, "command.png")).toString("base64");
     const differing = await tab.evaluate(async ([look, command]) => {
       const image = await createImageBitmap(await (await fetch(`data:image/png;base64,${command}`)).blob()).catch(() => null);
@@ -157,7 +157,7 @@ test("what it gives away can be read: PNG with its camera, NPY, views.json that 
   assert.equal(npy.length, 10 + npy.readUInt16LE(8) + 4 * w * h);
   const views = JSON.parse((await saved(() => tab.click("text='views.json'"), "taken.json")).toString());
   assert.equal(views.views.length, 1);
-  run("render", "m.pgs", "--views", "taken.json", "-o", "again.png", "--force", "--quiet");
+  run("render", "m.pgs", "--views", "taken.json", "-o", "again.png", "--quiet");
   await tab.close();
 });
 
