@@ -537,6 +537,31 @@ fn ctrl_c_ends_it_while_a_picture_is_drawn() {
     assert_eq!((out.trim(), &said[..]), ("Ctrl-C ends it.", ""));
 }
 
+/// The poster of a large model is what `render` draws of the first view.
+#[test]
+#[ignore = "slow"]
+fn a_large_model_has_a_poster() {
+    let dir = tempfile::tempdir().unwrap();
+    let (model, picture) = (dir.path().join("large.pgs"), dir.path().join("large.png"));
+    let made = ["--gaussians", "101000", "--effort", "fast", "--certificate=none", "--quiet"];
+    particlegs().arg("compress").arg(sample()).args(made).arg("-o").arg(&model).assert().success();
+    particlegs()
+        .arg("render")
+        .arg(&model)
+        .args(["--size", "1280x720", "--quiet", "-o"])
+        .arg(&picture)
+        .assert()
+        .success();
+    let serving = Serving::of(&model);
+    assert!(serving.get("").text().contains("<img id=\"poster\" alt=\"large.pgs\" src=\"poster\">"));
+    let poster = serving.get("poster");
+    assert_eq!((poster.status, poster.header("content-type")), (200, Some("image/png")));
+    let served = dir.path().join("served.png");
+    std::fs::write(&served, poster.body).unwrap();
+    let pixels = |path: &Path| particlegs::picture::read_png(path).unwrap();
+    assert!(pixels(&served) == pixels(&picture));
+}
+
 #[test]
 fn names_cannot_break_the_page() {
     let dir = tempfile::tempdir().unwrap();
