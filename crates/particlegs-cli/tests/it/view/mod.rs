@@ -4,7 +4,7 @@ mod refused;
 mod serving;
 mod truth;
 
-use crate::common::{fails, particlegs, sample};
+use crate::common::{fails, particlegs, sample, waited};
 use serde_json::{Value, json};
 use serving::{Serving, subjects};
 use std::path::Path;
@@ -162,4 +162,39 @@ fn other_machines_are_let_in_with_a_warning_and_proxies_by_name() {
     let (code, _, said) = serving.end("-INT");
     assert_eq!(code, Some(0));
     assert!(said.starts_with("warning: --host 0.0.0.0: other machines can reach the page"), "{said}");
+}
+
+/// A browser is started where it can appear, with an address that leads to the page once.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_browser_is_started_by_a_way_for_once() {
+    use std::os::unix::fs::PermissionsExt;
+    let dir = tempfile::tempdir().unwrap();
+    let [model, _] = subjects(dir.path());
+    let (browser, opened) = (dir.path().join("xdg-open"), dir.path().join("opened"));
+    let script = format!("#!/bin/sh\nprintf %s \"$1\" > '{0}.part' && mv '{0}.part' '{0}'\n", opened.display());
+    std::fs::write(&browser, script).unwrap();
+    std::fs::set_permissions(&browser, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", dir.path().display(), std::env::var("PATH").unwrap());
+    let serving = Serving::new(|c| c.arg(&model).env("PATH", &path).env("DISPLAY", ":7"));
+    waited("the browser", || opened.exists());
+    let once = std::fs::read_to_string(&opened).unwrap();
+    let (host, token) = serving.parts();
+    let way = once.strip_prefix(&format!("http://{host}")).unwrap_or_else(|| panic!("{once}"));
+    assert!(!once.contains(token.trim_matches('/')), "{once}");
+    let get = || serving.raw(format!("GET {way} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").as_bytes());
+    let first = get();
+    assert_eq!((first.status, first.header("location")), (303, Some(&token[1..])));
+    assert_eq!(get().status, 404);
+    // None in an SSH session, nor where it is not wanted.
+    for (name, value, argument) in
+        [("SSH_CONNECTION", "203.0.113.9 1 127.0.0.1 22", "--quiet"), ("A", "b", "--no-open")]
+    {
+        std::fs::remove_file(&opened).unwrap_or_default();
+        let serving =
+            Serving::new(|c| c.arg(&model).arg(argument).env(name, value).env("PATH", &path).env("DISPLAY", ":7"));
+        assert_eq!(serving.get("").status, 200);
+        assert_eq!(serving.end("-INT").0, Some(0));
+        assert!(!opened.exists(), "{name}");
+    }
 }

@@ -31,7 +31,14 @@ pub struct Serving {
 impl Serving {
     pub fn new(prepare: impl FnOnce(&mut Command) -> &mut Command) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_particlegs"));
-        command.args(["view", "--no-open", "--port", "0"]).env_remove("SSH_CONNECTION").env_remove("PARTICLEGS_TOKEN");
+        command.args(["view", "--port", "0"]);
+        // Neither a screen to open a browser on, nor anything else of the session that the tests run in.
+        for name in ["SSH_CONNECTION", "PARTICLEGS_TOKEN", "DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"] {
+            command.env_remove(name);
+        }
+        if cfg!(not(target_os = "linux")) {
+            command.arg("--no-open");
+        }
         prepare(&mut command);
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut rest = BufReader::new(child.stdout.take().unwrap());
