@@ -2,22 +2,14 @@
 
 use crate::common::Context;
 use crate::inputs;
-use particlegs::model::Model;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_view::poster;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
-
-/// Gaussians of a file at most for it to be decoded before the page is there: a quarter of a second. Of larger ones
-/// the checksums are checked, which find whatever storage and networks do to a file.
-const DECODED_FIRST: usize = 500_000;
 
 /// Models to show.
 pub struct Viewed {
     files: Vec<File>,
-    /// The only one, where it is worth a poster and decoded already.
-    decoded: Mutex<Option<Model>>,
 }
 
 struct File {
@@ -29,25 +21,24 @@ struct File {
 }
 
 impl Viewed {
-    /// Reads the files; none that is not whole is shown.
+    /// Reads the files; none that is not whole is shown. Small ones are decoded. Of those that would keep the page
+    /// waiting the checksums are checked, which find whatever storage and networks do to a file.
     ///
     /// # Errors
-    /// Those of [`inputs::model`] and of [`codec::decode_with`].
+    /// Those of [`inputs::model`] and of [`codec::check`].
     pub fn read(paths: &[PathBuf], context: &Context) -> Result<Self> {
         let names = names(paths);
-        let mut viewed = Viewed { files: Vec::with_capacity(paths.len()), decoded: Mutex::default() };
+        let mut files = Vec::with_capacity(paths.len());
         for (path, name) in paths.iter().zip(names) {
             let (bytes, place) = (inputs::model(path, context)?, name_of(path));
             let info = codec::read_info(&bytes, &place)?;
             let gaussians = info.layers.iter().flat_map(|l| &l.content).map(|b| b.gaussians as usize).sum();
-            if gaussians <= DECODED_FIRST {
-                let model = codec::decode_with(&bytes, &place, context)?;
-                let kept = (paths.len() == 1 && poster::wanted(gaussians)).then_some(model);
-                viewed.decoded = Mutex::new(kept);
+            if !poster::wanted(gaussians) {
+                codec::check(&bytes, &place, context)?;
             }
-            viewed.files.push(File { name, place, bytes, gaussians });
+            files.push(File { name, place, bytes, gaussians });
         }
-        Ok(viewed)
+        Ok(Viewed { files })
     }
 
     /// What the page calls each, and its number of Gaussians.
@@ -65,12 +56,10 @@ impl Viewed {
         matches!(&self.files[..], [only] if poster::wanted(only.gaussians))
     }
 
-    /// The poster of the only model, from its bytes where it is not decoded yet. What fails is told, and the page
-    /// goes without.
+    /// The poster of the only model, from its bytes. What fails is told, and the page goes without.
     pub fn poster(&self, bytes: &[u8], context: &Context, tell: &dyn Fn(&str)) -> Option<Vec<u8>> {
         let place = self.files.first().map_or("", |f| &f.place);
-        let decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let model = decoded.map_or_else(|| codec::decode_with(bytes, place, context), Ok);
+        let model = codec::decode_with(bytes, place, context);
         match model.and_then(|model| poster::draw(&model, poster::LARGE, context)) {
             Ok(png) => Some(png),
             Err(Error::Cancelled) => None,

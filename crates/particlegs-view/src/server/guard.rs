@@ -62,6 +62,11 @@ impl Guard {
     }
 }
 
+/// Is it a host's name or address, and nothing beside?
+pub fn is_name(text: &str) -> bool {
+    authority(text).is_some_and(|a| a.port.is_none())
+}
+
 /// Can this address be reached from this machine alone?
 pub fn is_loopback(address: IpAddr) -> bool {
     match address {
@@ -144,6 +149,16 @@ mod tests {
         for origin in others {
             assert_eq!(own().check(host, Some(origin)), Err(Refusal::Origin), "{origin}");
         }
+    }
+
+    #[test]
+    fn names_are_told_from_addresses_in_a_browser() {
+        assert!(["hub.example.org", "node17", "192.0.2.1", "[2001:db8::1]"].into_iter().all(is_name));
+        assert!(
+            !["https://hub.example.org", "hub.example.org/user", "hub.example.org:443", "*", ""]
+                .into_iter()
+                .any(is_name)
+        );
     }
 
     #[test]

@@ -105,9 +105,14 @@ impl Server {
     /// Listens. From now on clients can connect, and wait.
     ///
     /// # Errors
-    /// [`Error::Argument`] for an address that cannot be listened at.
+    /// [`Error::Argument`] for an address that cannot be listened at, or a proxy that is no host's name.
     pub fn bind(options: Options) -> Result<Self> {
         let Options { host, port, proxies, node, token, limits } = options;
+        if let Some(no_name) = proxies.iter().find(|name| !guard::is_name(name)) {
+            let what = format!("`{no_name}` is not the name of a host");
+            let remedy = "give the name alone, such as hub.example.org".into();
+            return Err(Error::Argument { what, remedy });
+        }
         let listener = listen(&host, port)?;
         let address = listener.local_addr().map_err(|e| Error::io(&host, e))?;
         let widened = !is_loopback(address.ip());

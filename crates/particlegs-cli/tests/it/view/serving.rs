@@ -1,0 +1,150 @@
+//! The command as it serves, and a client that sends what it likes.
+
+use crate::common::{particlegs, signal, snapshot};
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A few particles on a spiral, and a model of them.
+pub fn subjects(dir: &Path) -> [PathBuf; 2] {
+    let along = |f: fn(f32) -> f32| (0..3000).map(|i| f(i as f32 / 3000.0)).collect::<Vec<f32>>();
+    let columns = [along(|t| (19.0 * t).cos() * t), along(|t| t), along(|t| (19.0 * t).sin() * t)];
+    let (particles, model) = (dir.join("spiral"), dir.join("spiral.pgs"));
+    snapshot(&particles, &columns);
+    let mut c = particlegs();
+    c.arg("compress").arg(&particles).arg("-o").arg(&model);
+    c.args(["--gaussians", "40", "--effort", "fast", "--certificate=none", "--quiet"]).assert().success();
+    [model, particles]
+}
+
+/// The command, serving.
+pub struct Serving {
+    pub child: Child,
+    /// What it printed first.
+    pub url: String,
+    rest: BufReader<std::process::ChildStdout>,
+}
+
+impl Serving {
+    pub fn new(prepare: impl FnOnce(&mut Command) -> &mut Command) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_particlegs"));
+        command.args(["view", "--port", "0"]);
+        // Neither a screen to open a browser on, nor anything else of the session that the tests run in.
+        for name in ["SSH_CONNECTION", "PARTICLEGS_TOKEN", "DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"] {
+            command.env_remove(name);
+        }
+        if cfg!(not(target_os = "linux")) {
+            command.arg("--no-open");
+        }
+        prepare(&mut command);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut rest = BufReader::new(child.stdout.take().unwrap());
+        let mut url = String::new();
+        rest.read_line(&mut url).unwrap();
+        assert!(url.starts_with("http://"), "{url}");
+        Serving { child, url: url.trim().to_string(), rest }
+    }
+
+    pub fn of(model: &Path) -> Self {
+        Self::new(|c| c.arg(model))
+    }
+
+    /// `127.0.0.1:PORT`, and the path with the token.
+    pub fn parts(&self) -> (&str, &str) {
+        let rest = self.url.strip_prefix("http://").unwrap();
+        rest.split_at(rest.find('/').unwrap())
+    }
+
+    pub fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(self.parts().0).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream
+    }
+
+    /// What comes back for bytes sent as they are.
+    pub fn raw(&self, request: &[u8]) -> Answer {
+        let mut stream = self.connect();
+        // It may be refused before all of it is sent.
+        let _ = stream.write_all(request);
+        Answer::read(stream)
+    }
+
+    /// `METHOD` of a path behind the token, with further lines of the head.
+    pub fn ask(&self, method: &str, path: &str, head: &str, body: &[u8]) -> Answer {
+        self.raw(&self.request(method, path, head, body))
+    }
+
+    pub fn request(&self, method: &str, path: &str, head: &str, body: &[u8]) -> Vec<u8> {
+        let (host, token) = self.parts();
+        let host = if head.contains("Host:") { String::new() } else { format!("Host: {host}\r\n") };
+        let start = format!(
+            "{method} {token}{path} HTTP/1.1\r\n{host}Connection: close\r\nContent-Length: {}\r\n{head}\r\n",
+            body.len()
+        );
+        [start.as_bytes(), body].concat()
+    }
+
+    pub fn get(&self, path: &str) -> Answer {
+        self.ask("GET", path, "", b"")
+    }
+
+    pub fn truth(&self, question: &Value) -> Answer {
+        self.raw(&self.question(question))
+    }
+
+    pub fn question(&self, question: &Value) -> Vec<u8> {
+        let origin = format!("Content-Type: application/json\r\nOrigin: http://{}\r\n", self.parts().0);
+        self.request("POST", "truth", &origin, question.to_string().as_bytes())
+    }
+
+    /// Ends it by a signal: its exit code, and what it printed beside the address.
+    pub fn end(mut self, name: &str) -> (Option<i32>, String, String) {
+        signal(&self.child, name);
+        let start = Instant::now();
+        let code = self.child.wait().unwrap().code();
+        assert!(start.elapsed() < Duration::from_secs(5), "it took {:?} to end", start.elapsed());
+        let (mut out, mut err) = (String::new(), String::new());
+        self.rest.read_to_string(&mut out).unwrap();
+        self.child.stderr.take().unwrap().read_to_string(&mut err).unwrap();
+        assert!(!err.contains("panicked"), "{err}");
+        (code, out, err)
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What a request got.
+pub struct Answer {
+    pub status: u16,
+    /// In lower case.
+    pub head: String,
+    pub body: Vec<u8>,
+}
+
+impl Answer {
+    pub fn read(mut stream: TcpStream) -> Self {
+        let mut bytes = Vec::new();
+        // A connection that is cut says no more.
+        let _ = stream.read_to_end(&mut bytes);
+        let end = bytes.windows(4).position(|w| w == b"\r\n\r\n").map_or(bytes.len(), |at| at + 4);
+        let head = String::from_utf8(bytes[..end].to_vec()).unwrap();
+        let status = head.get(9..12).map_or(0, |code| code.parse().unwrap());
+        Answer { status, head: head.to_ascii_lowercase(), body: bytes[end..].to_vec() }
+    }
+
+    pub fn text(&self) -> &str {
+        std::str::from_utf8(&self.body).unwrap()
+    }
+
+    pub fn header(&self, name: &str) -> Option<&str> {
+        self.head.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(": "))
+    }
+}

@@ -1,0 +1,240 @@
+//! Pictures of all particles: the ones that `reference` draws, and given up when nobody waits for them.
+
+use super::serving::{Answer, Serving, subjects};
+use crate::common::{particlegs, sample, waited};
+use serde_json::{Value, json};
+use std::io::Write;
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::Child;
+use std::time::{Duration, Instant};
+
+/// A question for the spiral, in every look but for what `change` says.
+fn question(look: &str) -> Value {
+    json!({
+        "camera": {
+            "position": [2.5, 1.25, 3.125], "focal_point": [0.1, 0.5, 0.0], "view_up": [0.0, 1.0, 0.0],
+            "fov_deg": 30.0, "height": null, "clipping_range": null
+        },
+        "radius": 0.012, "opacity": 0.3, "look": look, "width": 160, "height_pixels": 90
+    })
+}
+
+#[test]
+fn pictures_of_all_particles_are_those_of_reference() {
+    let dir = tempfile::tempdir().unwrap();
+    let [model, particles] = subjects(dir.path());
+    // In a box that repeats, for orthographic windows.
+    let serving = Serving::new(|c| c.arg(&model).arg("--snapshot").arg(&particles).args(["--box", "3"]));
+    let reference = |arguments: &[&str], out: &Path| {
+        let mut c = particlegs();
+        c.arg("reference")
+            .arg(&particles)
+            .args(["--box", "3"])
+            .args(arguments)
+            .arg("-o")
+            .arg(out)
+            .arg("--quiet")
+            .assert()
+            .success();
+    };
+    let q = question("paraview");
+    let views = json!({"width": 160, "height": 90, "fov_deg": 30.0, "views": [{
+        "name": "view", "position": q["camera"]["position"], "focal_point": q["camera"]["focal_point"],
+        "view_up": q["camera"]["view_up"], "radius": q["radius"], "opacity": q["opacity"]}]});
+    let file = dir.path().join("views.json");
+    std::fs::write(&file, views.to_string()).unwrap();
+    let file = file.to_str().unwrap();
+    for look in ["paraview", "paraview-no-fxaa", "expected"] {
+        let png = dir.path().join(format!("{look}.png"));
+        reference(&["--views", file, "--style", look], &png);
+        let answer = serving.truth(&question(look));
+        assert_eq!(answer.status, 200, "{}", answer.text());
+        let truth = particlegs::picture::read_png(&png).unwrap().data;
+        assert!(truth.iter().any(|&v| v > 20) && answer.body == truth, "{look}");
+    }
+    let folder = dir.path().join("sigma");
+    reference(&["--views", file, "--style", "density", "--raw"], &folder);
+    let sigma = std::fs::read(folder.join("view.f32")).unwrap();
+    assert!(sigma.iter().any(|&b| b > 0) && serving.truth(&question("density")).body == sigma);
+    // An orthographic window, by the camera that `reference` reports.
+    let (report, folder) = (dir.path().join("report.json"), dir.path().join("slab"));
+    let window = [
+        "--style",
+        "density",
+        "--raw",
+        "--projection",
+        "orthographic",
+        "--size",
+        "160x90",
+        "--azimuth",
+        "20",
+        "--width",
+        "7",
+    ];
+    reference(&[&window[..], &["--json", report.to_str().unwrap()]].concat(), &folder);
+    let report: Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    let camera = &report["views"][0];
+    let mut q = question("density");
+    q["camera"] = json!({
+        "position": camera["position"], "focal_point": camera["focal_point"], "view_up": camera["view_up"],
+        "height": camera["height_world"], "clipping_range": camera["clipping_range"]
+    });
+    let slab = std::fs::read(folder.join("view.f32")).unwrap();
+    let answer = serving.truth(&q);
+    assert_eq!(answer.status, 200, "{}", answer.text());
+    assert!(slab.iter().any(|&b| b > 0) && answer.body == slab);
+    // The copies are in it, and only where they are wanted.
+    q["periodic"] = json!(false);
+    assert!(serving.truth(&q).body != slab);
+}
+
+/// A share of the particles stands for all of them.
+#[test]
+fn coarse_pictures_are_of_fewer_particles() {
+    let dir = tempfile::tempdir().unwrap();
+    let serving = of_the_sample(dir.path());
+    let draw = |look: &str, share: f64| {
+        let mut q = long();
+        (q["look"], q["share"], q["radius"]) = (json!(look), json!(share), json!(0.1));
+        (q["width"], q["height_pixels"], q["opacity"]) = (json!(96), json!(96), json!(0.2));
+        let answer = serving.truth(&q);
+        assert_eq!(answer.status, 200, "{}", answer.text());
+        answer.body
+    };
+    for look in ["paraview", "paraview-no-fxaa", "expected"] {
+        let (whole, half) = (draw(look, 1.0), draw(look, 0.5));
+        let mean = |p: &[u8]| p.iter().map(|&v| f64::from(v)).sum::<f64>() / p.len() as f64;
+        let difference = whole.iter().zip(&half).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / 96.0 / 96.0;
+        assert!(whole != half && (mean(&whole) - mean(&half)).abs() < 0.05 * mean(&whole), "{look}");
+        assert!(mean(&whole) > 20.0 && difference < 0.2 * mean(&whole), "{look}: {difference} of {}", mean(&whole));
+        assert!(draw(look, 0.5) == half, "the same particles again");
+    }
+    let sum = |share| {
+        let bytes = draw("density", share);
+        bytes.chunks_exact(4).map(|v| f64::from(f32::from_le_bytes(v.try_into().unwrap()))).sum::<f64>()
+    };
+    assert!((sum(0.1) / sum(1.0) - 1.0).abs() < 0.02, "{} and {}", sum(0.1), sum(1.0));
+}
+
+#[test]
+fn wrong_questions_are_told_in_a_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let [model, particles] = subjects(dir.path());
+    let serving = Serving::new(|c| c.arg(&model).arg("--snapshot").arg(&particles));
+    let set = |place: &[&str], value: Value| {
+        let mut q = question("paraview");
+        let at = place.iter().fold(&mut q, |q, key| &mut q[*key]);
+        *at = value;
+        q
+    };
+    for (wrong, says) in [
+        (json!(null), "not a picture"),
+        (json!({}), "missing field"),
+        (set(&["look"], json!("pretty\n\u{1b}[2J")), "unknown variant"),
+        (set(&["share"], json!(0)), "a share of 0 is outside"),
+        (set(&["share"], json!(1.5)), "a share of 1.5 is outside"),
+        (set(&["width"], json!(0)), "outside 1 to 4096"),
+        (set(&["height_pixels"], json!(4097)), "outside 1 to 4096"),
+        (set(&["width"], json!(1e300)), "invalid"),
+        (set(&["radius"], json!(-1.0)), "radius -1 must be positive"),
+        (set(&["radius"], json!(null)), "needs a radius"),
+        (set(&["opacity"], json!(2)), "opacity 2 is outside"),
+        (set(&["camera", "position"], json!([0.1, 0.5, 0.0])), "stands at its focal point"),
+        (set(&["camera", "view_up"], json!([0, 0, 0])), "view_up"),
+        (set(&["camera", "fov_deg"], json!(180)), "field of view"),
+        (set(&["camera", "fov_deg"], json!(null)), "either fov_deg or height"),
+        (set(&["camera", "height"], json!(1)), "either fov_deg or height"),
+        (set(&["camera", "clipping_range"], json!([2, 1])), "clipping range"),
+    ] {
+        let answer = serving.truth(&wrong);
+        assert!(answer.status == 400 && answer.text().contains(says), "{wrong}: {} {}", answer.status, answer.text());
+        assert!(answer.text().lines().count() == 1 && !answer.text().contains('\u{1b}'), "{}", answer.text());
+    }
+    let mut flat = question("expected");
+    flat["camera"]["fov_deg"] = json!(null);
+    flat["camera"]["height"] = json!(1.0);
+    assert!(serving.truth(&flat).text().contains("orthographic in the look density alone"));
+    assert_eq!(serving.truth(&question("expected")).status, 200);
+}
+
+/// A picture that takes minutes: large splats of a quarter of a million particles in 16 million pixels.
+fn long() -> Value {
+    json!({
+        "camera": {"position": [12.5, 12.5, 60.0], "focal_point": [12.5, 12.5, 12.5], "view_up": [0.0, 1.0, 0.0],
+            "fov_deg": 30.0},
+        "radius": 2.0, "opacity": 0.5, "look": "paraview", "width": 4096, "height_pixels": 4096
+    })
+}
+
+/// The bundled sample, drawn as itself and by a model of another.
+fn of_the_sample(dir: &Path) -> Serving {
+    let [model, _] = subjects(dir);
+    Serving::new(|c| c.arg(&model).arg("--snapshot").arg(sample()))
+}
+
+#[test]
+fn a_newer_picture_gives_the_older_up() {
+    let dir = tempfile::tempdir().unwrap();
+    let serving = of_the_sample(dir.path());
+    let start = Instant::now();
+    let older: Vec<TcpStream> = (0..3)
+        .map(|_| {
+            let mut stream = serving.connect();
+            stream.write_all(&serving.question(&long())).unwrap();
+            stream
+        })
+        .collect();
+    std::thread::sleep(Duration::from_millis(300));
+    let mut small = long();
+    (small["width"], small["height_pixels"], small["radius"]) = (json!(64), json!(64), json!(0.01));
+    let answer = serving.truth(&small);
+    assert_eq!((answer.status, answer.body.len()), (200, 64 * 64));
+    for stream in older {
+        let answer = Answer::read(stream);
+        assert!(answer.status == 409 && answer.text().contains("another picture"), "{}", answer.text());
+    }
+    assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
+}
+
+/// Processor time that a process has taken, in ticks of the kernel.
+#[cfg(target_os = "linux")]
+fn ticks(child: &Child) -> u64 {
+    let stat = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
+    let fields: Vec<&str> = stat.rsplit_once(')').unwrap().1.split_whitespace().collect();
+    fields[11].parse::<u64>().unwrap() + fields[12].parse::<u64>().unwrap()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_closed_connection_gives_its_picture_up() {
+    let dir = tempfile::tempdir().unwrap();
+    let serving = of_the_sample(dir.path());
+    let before = ticks(&serving.child);
+    let mut stream = serving.connect();
+    stream.write_all(&serving.question(&long())).unwrap();
+    waited("the drawing", || ticks(&serving.child) > before + 20);
+    drop(stream);
+    let mut last = (Instant::now(), ticks(&serving.child));
+    waited("the drawing to end", || {
+        if last.0.elapsed() < Duration::from_millis(300) {
+            return false;
+        }
+        let now = ticks(&serving.child);
+        let done = now <= last.1 + 1;
+        last = (Instant::now(), now);
+        done
+    });
+}
+
+#[test]
+fn ctrl_c_ends_it_while_a_picture_is_drawn() {
+    let dir = tempfile::tempdir().unwrap();
+    let serving = of_the_sample(dir.path());
+    let mut stream = serving.connect();
+    stream.write_all(&serving.question(&long())).unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    let (code, out, said) = serving.end("-INT");
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!((out.trim(), &said[..]), ("Ctrl-C ends it.", ""));
+}
