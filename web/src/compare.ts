@@ -20,7 +20,7 @@ export class Compare {
   private rest: ReturnType<typeof setTimeout> | undefined;
 
   constructor(private page: Page, truth: NonNullable<Setup["truth"]>) {
-    this.truth = new Truth(truth.url);
+    this.truth = new Truth(truth.url, truth.particles);
     const button = (shown: Shown, text: string) =>
       h("button", { type: "button", text, "aria-pressed": "false", click: () => this.toggle(shown) });
     this.buttons = { split: button("split", "Split"), difference: button("difference", "Difference") };

@@ -161,6 +161,7 @@ async function start(): Promise<void> {
     timing.textContent = `${pane.milliseconds.toFixed(0)} ms by ${pane.by}`;
     if (pane !== panes[0]) return;
     document.documentElement.dataset.frames = String(pane.frames);
+    if (full && !document.documentElement.dataset.full) performance.mark("full-picture");
     if (full) document.documentElement.dataset.full = String(Number(document.documentElement.dataset.full ?? 0) + 1);
     if (pane.frames === 1) {
       performance.mark("first-picture");

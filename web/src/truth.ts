@@ -7,6 +7,9 @@ import type { State } from "./state";
 /** Levels (of 255) above which a pixel counts as lit, in either picture (docs/law/scores.md). */
 const LIT = 2.5;
 
+/** Particles of the first, coarse picture. */
+const MOST_AT_FIRST = 2e6;
+
 export type Shown = "split" | "difference";
 
 /** A picture of all particles: grey levels, or densities. */
@@ -15,7 +18,7 @@ export interface TruthPicture { size: Size; levels: Uint8Array | null; densities
 export class Truth {
   private running: AbortController | null = null;
 
-  constructor(private url: string) {}
+  constructor(private url: string, private particles: number) {}
 
   /** Stops what is being drawn. */
   stop(): void {
@@ -27,11 +30,14 @@ export class Truth {
   async draw(scene: SceneOf, state: State, each: (picture: TruthPicture, last: boolean) => void): Promise<void> {
     this.stop();
     const own = (this.running = new AbortController());
-    for (const share of [4, 1]) {
-      const size = { width: Math.ceil(scene.size.width / share), height: Math.ceil(scene.size.height / share) };
+    for (const coarse of [4, 1]) {
+      const size = { width: Math.ceil(scene.size.width / coarse), height: Math.ceil(scene.size.height / coarse) };
+      // A small picture needs no more particles than it has room for.
+      const share = coarse > 1 ? Math.min(1, MOST_AT_FIRST / this.particles) : 1;
       const camera = { fov_deg: null, height: scene.camera.height_world ?? null, clipping_range: null, ...scene.camera };
       const body = JSON.stringify({
         camera, radius: scene.radius, opacity: scene.opacity, look: state.look, width: size.width, height_pixels: size.height,
+        share,
       });
       let answer: Response;
       try {
@@ -47,7 +53,7 @@ export class Truth {
       const density = state.look === "density";
       each({
         size, levels: density ? null : new Uint8Array(bytes), densities: density ? new Float32Array(bytes) : null,
-      }, share === 1);
+      }, coarse === 1);
     }
   }
 }
