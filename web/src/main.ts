@@ -176,7 +176,12 @@ async function start(): Promise<void> {
     }
   }
 
-  new ResizeObserver(() => panes.forEach((p) => p.show(page.state))).observe(stage);
+  let sizes = panes.map((p) => `${p.size.width}x${p.size.height}`).join();
+  new ResizeObserver(() => {
+    const now = panes.map((p) => `${p.size.width}x${p.size.height}`).join();
+    if (now !== sizes) panes.forEach((p) => p.show(page.state));
+    sizes = now;
+  }).observe(stage);
   addEventListener("hashchange", () => {
     const text = location.hash.slice(1);
     if (text !== toLink(page.state)) change(fromLink(text, page.state));
