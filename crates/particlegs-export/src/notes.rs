@@ -1,7 +1,6 @@
 //! What an exported file says of itself: where it is from, and what is lost.
 
 use super::{Group, Kind};
-use crate::printable::one_line;
 use particlegs::camera::Normalisation;
 use particlegs::model::{LawKind, Model};
 use serde_json::{Map, Value, json};
@@ -117,8 +116,17 @@ fn words(model: &Model, name: &str) -> Vec<String> {
 
 /// On one line, with an escape for what is not ASCII: many heads hold nothing else.
 pub fn ascii(text: &str) -> String {
-    let escape = |c: char| if c.is_ascii() { c.to_string() } else { c.escape_default().to_string() };
-    one_line(text).chars().map(escape).collect()
+    escaped(text, |c| c == ' ' || c.is_ascii_graphic())
+}
+
+/// Other people's text on one line: letters and numbers of every script as they are, an escape for what could move
+/// a cursor or turn the direction of what follows.
+pub fn one_line(text: &str) -> String {
+    escaped(text, |c| c == ' ' || c.is_ascii_graphic() || c.is_alphanumeric() || "⁻¹²³·☉⊙°".contains(c))
+}
+
+fn escaped(text: &str, plain: impl Fn(char) -> bool) -> String {
+    text.chars().map(|c| if plain(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
 /// What a format does not keep of a model.
