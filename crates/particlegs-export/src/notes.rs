@@ -143,7 +143,7 @@ fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {
             "counts, masses, the periodic box and the certificate",
         ],
         (Group::Splats, LawKind::AlphaBlend) => &[
-            "the VizMapper: radius and opacity can no longer be changed",
+            "the VizMapper: the radius and opacity stated here can no longer be changed",
             "the model was trained with a low-pass of one square pixel whose opacity is made up for; viewers widen splats \
              by 0.3 square pixels, most without that: small Gaussians far away look brighter",
             "counts, the periodic box and the certificate",

@@ -208,9 +208,11 @@ pub fn run(a: Arguments) -> Result<()> {
 impl Export<'_> {
     fn splats(&mut self, model: Model, report: &mut Report) -> Result<()> {
         let (a, context, m) = (&self.a.splats, self.context, &model.metadata);
-        if m.law == LawKind::AlphaBlend && (a.radius.is_some() || a.opacity.is_some()) {
-            let what =
-                "--radius and --opacity belong to optical-depth models: this alpha-blend model is written as trained";
+        if m.law == LawKind::AlphaBlend
+            && model.vizmapper().is_none()
+            && let Some(option) = a.radius.map(|_| "--radius").or(a.opacity.map(|_| "--opacity"))
+        {
+            let what = format!("{option} does nothing here: this alpha-blend model has no VizMapper that follows it");
             return Err(Error::argument(what));
         }
         let range = match a.range.as_deref() {
