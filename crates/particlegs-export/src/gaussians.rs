@@ -1,6 +1,6 @@
 //! What the tables of Gaussians share.
 
-use particlegs::model::{Block, LawKind, Layer, Mixture, Model};
+use particlegs::model::{LawKind, Mixture, Model};
 
 /// A Gaussian of a layer.
 pub struct One<'a> {
