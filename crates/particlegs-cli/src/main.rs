@@ -15,7 +15,6 @@ mod density_args;
 mod density_file;
 mod drawn;
 mod emit;
-mod export;
 mod fit_args;
 mod info_model;
 mod info_snapshot;

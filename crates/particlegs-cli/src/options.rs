@@ -1,10 +1,10 @@
 //! Options that would do nothing: one table of which option means something beside which other. An option
 //! that is given and means nothing is refused by name, for a result without it would mislead.
 
-use crate::export::{self, Group};
+use clap::ArgMatches;
 use clap::parser::ValueSource;
-use clap::{ArgMatches, ValueEnum};
 use particlegs::{Error, Result};
+use particlegs_export::{Group, Kind as Exported};
 use particlegs_formats::Kind;
 use std::path::Path;
 
@@ -232,7 +232,8 @@ const RULES: &[Rule] = &[
         commands: &["export"],
         options: &["grid", "cell"],
         why: |g| {
-            (g.exports() != Some(Group::Grid))
+            g.exports()
+                .is_some_and(|e| e != Group::Grid)
                 .then_some(("density on a grid: it needs an output that ends in .npy, .vti or .fits", ""))
         },
     },
@@ -293,9 +294,9 @@ impl Given<'_> {
 
     /// What `export` is to write; `None` where that is not clear, which is told of later.
     fn exports(&self) -> Option<Group> {
-        let asked = self.words("kind").first().and_then(|name| export::Kind::from_str(name, false).ok());
+        let asked = self.words("kind").first().and_then(|name| name.parse().ok());
         let out = self.paths("output").into_iter().next()?;
-        export::Kind::of(&out, asked).ok().map(export::Kind::group)
+        Exported::of(&out, asked).ok().map(Exported::group)
     }
 
     /// Is --only given, without any of these measures?

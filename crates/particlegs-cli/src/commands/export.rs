@@ -1,23 +1,25 @@
 //! `particlegs export MODEL -o OUT`.
 
 use crate::common::{Common, Context};
-use crate::export::{
-    Cells, ColorBy, Coloring, Density, Faint, Group, Kind, Notes, as_splats, colormaps, write_as_splats, write_density,
-    write_gaussians,
-};
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use particlegs::model::{LawKind, Model};
 use particlegs::picture::Colormap;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
+use particlegs_export::{
+    Cells, ColorBy, Coloring, Density, Faint, Group, Kind, Notes, as_splats, write_as_splats, write_density,
+    write_gaussians,
+};
 use particlegs_files::input::name_of;
 use particlegs_files::output::{is_stream, write_bytes};
 use particlegs_view::page::{ModelFile, offline};
 use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::time::Instant;
 
 /// Arguments.
@@ -29,8 +31,7 @@ Particles: `recover` draws them from the model, `convert` writes them in every f
 Examples:
   particlegs export M.pgs -o page.html
   particlegs export M.pgs -o splats.ply --color density
-  particlegs export M.pgs -o density.vti --grid 256
-  particlegs export M.pgs -o gaussians.npz",
+  particlegs export M.pgs -o density.vti --grid 256",
     after_long_help = "\
 What is lost, which every file says of itself:
   .ply .glb .gltf   splats for viewers that sort and blend. Of an optical-depth model they approximate
@@ -59,11 +60,13 @@ pub struct Arguments {
     /// Model file.
     #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
     model: PathBuf,
-    /// File to write; its ending says what: .html .ply .glb .gltf .npy .vti .fits .npz .csv.
+    /// File to write: .html .ply .glb .gltf .npy .vti .fits .npz .csv.
+    ///
+    /// Its ending says what is written.
     #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::FilePath)]
     output: PathBuf,
     /// What to write, where the ending does not tell.
-    #[arg(long, value_enum, value_name = "KIND")]
+    #[arg(long, value_name = "KIND", value_parser = named::<Kind>(Kind::ALL.map(Kind::ending)))]
     kind: Option<Kind>,
     /// Layers to write, by the names that `info` lists, or `all`.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
@@ -89,13 +92,13 @@ struct SplatArgs {
     #[arg(long, value_name = "A")]
     opacity: Option<f64>,
     /// What colours say.
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = ColorBy::Grey)]
+    #[arg(long, value_name = "WHAT", default_value = "grey", value_parser = named::<ColorBy>(ColorBy::ALL.map(ColorBy::name)))]
     color: ColorBy,
     /// Colour map of --color density.
-    #[arg(long, value_name = "NAME", default_value = "inferno", value_parser = colormaps())]
+    #[arg(long, value_name = "NAME", default_value = "inferno", hide_short_help = true, value_parser = named::<Colormap>(Colormap::ALL.map(Colormap::name)))]
     colormap: Colormap,
     /// Densities of the first and the last colour [default: of 1 % and 99 % of the Gaussians].
-    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1)]
+    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     range: Option<Vec<f64>>,
 }
 
@@ -109,6 +112,14 @@ struct GridArgs {
     /// Edge of a cell in world units, rounded so that cells fill the box.
     #[arg(long, value_name = "SIZE")]
     cell: Option<f64>,
+}
+
+/// One of several by its name, so that help and completion list them.
+fn named<T>(names: impl Into<PossibleValuesParser>) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err = String> + Clone + Send + Sync + 'static,
+{
+    names.into().try_map(|name| name.parse::<T>())
 }
 
 /// What was written.
@@ -214,9 +225,11 @@ impl Export<'_> {
 
     fn splats(&mut self, model: Model, report: &mut Report) -> Result<()> {
         let (a, context, m) = (&self.a.splats, self.context, &model.metadata);
-        if m.law == LawKind::AlphaBlend && (a.radius.is_some() || a.opacity.is_some()) {
-            let what =
-                "--radius and --opacity belong to optical-depth models: this alpha-blend model is written as trained";
+        if m.law == LawKind::AlphaBlend
+            && model.vizmapper().is_none()
+            && let Some(option) = a.radius.map(|_| "--radius").or(a.opacity.map(|_| "--opacity"))
+        {
+            let what = format!("{option} does nothing here: this alpha-blend model has no VizMapper that follows it");
             return Err(Error::argument(what));
         }
         let range = match a.range.as_deref() {

@@ -122,6 +122,41 @@ impl<'a> Blend<'a> {
     }
 }
 
+impl Model {
+    /// An alpha-blend model as its network bends it for a particle radius (world units) and an opacity: without a
+    /// network, and drawn so at whatever radius and opacity. A model without a network stays as it is.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the first Gaussian of a block that is not a number; [`Error::Cancelled`].
+    pub fn bent(mut self, radius: f64, opacity: f64, progress: &dyn Progress) -> Result<Model> {
+        let Some(vizmapper) = self.vizmapper().cloned() else { return Ok(self) };
+        let m = &self.metadata;
+        let (frame, usual) = (Normalisation::of(&m.bounds), [m.default_radius, m.default_opacity]);
+        let blend = Blend { vizmapper: None, frame, radius: usual[0], opacity: usual[1] };
+        let setting = Setting { radius: radius / usual[0], opacity: opacity / usual[1] };
+        let network = (Network::new(&vizmapper), vizmapper.ranges);
+        for m in self.layers.iter_mut().flat_map(|l| &mut l.content).map(|b| &mut b.gaussians) {
+            let runs = (0..m.len()).step_by(RUN).map(|start| start..m.len().min(start + RUN));
+            let bent = parallel::try_map(runs, |range| {
+                progress.check()?;
+                blend
+                    .run(progress.simd(), m, range, setting, Some(&network))
+                    .map_err(|(i, what)| Error::argument(format!("Gaussian {i}: {what}")))
+            })?;
+            for (i, g) in bent.into_iter().flatten().enumerate() {
+                (0..6).for_each(|k| m.cov[k][i] = g.cov.0[k] / (frame.scale * frame.scale));
+                if let Some(own) = m.law.alpha_blend_mut() {
+                    own.opacity[i] = g.opacity;
+                }
+            }
+            if let Some(own) = m.law.alpha_blend_mut() {
+                own.vizmapper = None;
+            }
+        }
+        Ok(self)
+    }
+}
+
 /// ln(o / (1 - o)).
 fn logit(opacity: f64) -> f64 {
     libm::log(opacity / (1.0 - opacity))

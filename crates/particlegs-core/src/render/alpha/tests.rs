@@ -252,6 +252,22 @@ fn models_are_drawn_by_their_law() {
     }
 }
 
+/// What the network makes of a model for a view, kept: drawn at any radius and opacity, it is that view.
+#[test]
+fn a_bent_model_needs_no_network() {
+    let m = model(200, Some(crate::model::vizmapper::twin::stirred(2)));
+    let mut v = world_view(&m);
+    let wanted = render::draw(&Scene::of(&m), &v, SIZE, Look::Expected, &Silent).unwrap();
+    let plain = m.clone().bent(v.radius, v.opacity, &Silent).unwrap();
+    assert!(plain.vizmapper().is_none());
+    v.radius = 0.5;
+    let got = render::draw(&Scene::of(&plain), &v, SIZE, Look::Expected, &Silent).unwrap();
+    let far = wanted.data.iter().zip(&got.data).filter(|(a, b)| a.abs_diff(**b) > 1);
+    assert!(far.count() <= 2);
+    assert_ne!(plain, model(200, None));
+    assert_eq!(model(20, None).bent(1.0, 0.5, &Silent).unwrap(), model(20, None));
+}
+
 #[test]
 fn faults_are_named() {
     let fault =

@@ -1,11 +1,11 @@
 //! The Gaussians as a table of text: a line each, units in the names of the columns.
 
 use super::gaussians::{One, all, has_opacities};
+use super::notes::one_line;
 use super::{Notes, RUN, written};
-use crate::common::Context;
-use crate::printable::one_line;
 use particlegs::Result;
 use particlegs::model::Model;
+use particlegs::progress::Progress;
 use std::path::Path;
 
 const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];
@@ -14,12 +14,12 @@ const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];
 ///
 /// # Errors
 /// Those of [`written`].
-pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context) -> Result<u64> {
+pub fn write(model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let names: Vec<String> = model.layers.iter().map(|l| quoted(&l.name)).collect();
     let [masses, opacities] = [model.has_masses(), has_opacities(model)];
     // A number takes about ten letters.
     let expected = 120 * model.gaussians() as u64;
-    written(out, expected, context, |sink| {
+    written(out, expected, progress, |sink| {
         for line in notes.lines() {
             sink.put(format!("# {line}\n").as_bytes())?;
         }
@@ -79,6 +79,6 @@ fn quoted(text: &str) -> String {
     let text = one_line(text);
     match text.contains([',', '"', '#', ';', '\t']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.into_owned(),
+        false => text,
     }
 }

@@ -1,13 +1,12 @@
 //! The formats that a model is exported in.
 
 use super::Notes;
-use clap::ValueEnum;
 use particlegs::{Error, Result};
 use particlegs_files::output;
 use std::path::Path;
 
 /// A format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Splats as 3-D Gaussian splatting stores them (PLY).
     Ply,
@@ -43,7 +42,11 @@ pub enum Group {
 }
 
 impl Kind {
-    /// The ending that means it.
+    /// All of them.
+    pub const ALL: [Kind; 8] =
+        [Kind::Ply, Kind::Glb, Kind::Gltf, Kind::Npy, Kind::Vti, Kind::Fits, Kind::Npz, Kind::Csv];
+
+    /// The ending that means it, its name on the command line too.
     pub fn ending(self) -> &'static str {
         match self {
             Kind::Ply => "ply",
@@ -78,7 +81,7 @@ impl Kind {
             Some("fit") => Some("fits"),
             other => other,
         };
-        let meant = Kind::value_variants().iter().copied().find(|k| Some(k.ending()) == ending);
+        let meant = Kind::ALL.into_iter().find(|k| Some(k.ending()) == ending);
         match (meant, asked) {
             (Some(meant), Some(asked)) if meant != asked => {
                 let what =
@@ -103,7 +106,7 @@ impl Kind {
         if pictures.contains(&ending) {
             return "draw pictures with `render`".into();
         }
-        let all: Vec<String> = Kind::value_variants().iter().map(|k| format!(".{}", k.ending())).collect();
+        let all: Vec<String> = Kind::ALL.iter().map(|k| format!(".{}", k.ending())).collect();
         format!("use one of {}, or --kind", all.join(", "))
     }
 
@@ -140,6 +143,14 @@ fn holds(head: &[u8], words: &str) -> bool {
     String::from_utf8_lossy(head).contains(words)
 }
 
+impl std::str::FromStr for Kind {
+    type Err = String;
+
+    fn from_str(name: &str) -> std::result::Result<Self, String> {
+        Self::ALL.into_iter().find(|k| k.ending() == name).ok_or_else(|| format!("`{name}` is no kind of export"))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -147,7 +158,7 @@ mod tests {
     #[test]
     fn the_ending_says_what_is_written() {
         let of = |out: &str, asked: Option<Kind>| Kind::of(Path::new(out), asked);
-        for kind in Kind::value_variants() {
+        for kind in &Kind::ALL {
             assert_eq!(of(&format!("a.b/x.{}", kind.ending().to_uppercase()), None).unwrap(), *kind);
             assert_eq!(of(&format!("x.{}", kind.ending()), Some(*kind)).unwrap(), *kind);
             assert_eq!(of("-", Some(*kind)).unwrap(), *kind);

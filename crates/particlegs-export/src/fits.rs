@@ -3,8 +3,8 @@
 
 use super::notes::ascii;
 use super::{Density, Notes, written};
-use crate::common::Context;
 use particlegs::Result;
+use particlegs::progress::Progress;
 use std::path::Path;
 
 /// Bytes of a card, and of a block of cards or numbers.
@@ -22,10 +22,10 @@ const UNITS: [&str; 14] =
 ///
 /// # Errors
 /// Those of [`written`].
-pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context) -> Result<u64> {
+pub fn write(density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let head = head(density, notes);
     let bytes = 4 * density.values.len() as u64;
-    written(out, head.len() as u64 + bytes.next_multiple_of(BLOCK), context, |sink| {
+    written(out, head.len() as u64 + bytes.next_multiple_of(BLOCK), progress, |sink| {
         sink.put(&head)?;
         density.for_each_run(|run| {
             sink.check()?;

@@ -2,7 +2,6 @@
 
 use super::Notes;
 use super::grid::density_unit;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use particlegs::math::Sym3;
 use particlegs::model::{Layer, Mixture, Model};
 use particlegs::picture::Colormap;
@@ -10,7 +9,7 @@ use particlegs::{Error, Result};
 use serde_json::{Map, json};
 
 /// What colours say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColorBy {
     /// Grey levels, as in pictures: white, or those that an alpha-blend model was trained to.
     Grey,
@@ -20,9 +19,26 @@ pub enum ColorBy {
     Density,
 }
 
-/// The colour maps by name, so that help and completion list them.
-pub fn colormaps() -> impl TypedValueParser<Value = Colormap> {
-    PossibleValuesParser::new(Colormap::ALL.map(Colormap::name)).try_map(|name| name.parse::<Colormap>())
+impl ColorBy {
+    /// All of them.
+    pub const ALL: [ColorBy; 3] = [ColorBy::Grey, ColorBy::Layer, ColorBy::Density];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            ColorBy::Grey => "grey",
+            ColorBy::Layer => "layer",
+            ColorBy::Density => "density",
+        }
+    }
+}
+
+impl std::str::FromStr for ColorBy {
+    type Err = String;
+
+    fn from_str(name: &str) -> std::result::Result<Self, String> {
+        Self::ALL.into_iter().find(|c| c.name() == name).ok_or_else(|| format!("`{name}` is nothing that colours say"))
+    }
 }
 
 /// Colours of the layers in turn: Okabe and Ito's, which colour-blind eyes tell apart, without black.

@@ -1,6 +1,6 @@
 //! What the tables of Gaussians share.
 
-use particlegs::model::{Block, LawKind, Layer, Mixture, Model};
+use particlegs::model::{LawKind, Mixture, Model};
 
 /// A Gaussian of a layer.
 pub struct One<'a> {
@@ -28,12 +28,10 @@ impl One<'_> {
 
 /// All of them, layer by layer and block by block.
 pub fn all(model: &Model) -> impl Iterator<Item = One<'_>> {
-    let of_layer = |(layer, l): (usize, &'_ Layer<Vec<Block>>)| (layer, l.mass.unit_or_one());
-    model.layers.iter().enumerate().flat_map(move |(number, l)| {
-        let (layer, unit) = of_layer((number, l));
-        l.content
-            .iter()
-            .flat_map(move |b| (0..b.gaussians.len()).map(move |i| One { of: &b.gaussians, i, layer, unit }))
+    model.layers.iter().enumerate().flat_map(|(layer, l)| {
+        let unit = l.mass.unit_or_one();
+        let of = move |g| (0..Mixture::len(g)).map(move |i| One { of: g, i, layer, unit });
+        l.content.iter().flat_map(move |b| of(&b.gaussians))
     })
 }
 

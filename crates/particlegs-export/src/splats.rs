@@ -33,7 +33,8 @@ pub struct Faint {
 }
 
 /// The model as one of the alpha-blend law, for particles of this radius and opacity, and what of it is
-/// fainter than viewers draw. An alpha-blend model stays as it is.
+/// fainter than viewers draw. An alpha-blend model stays as it is at its own radius and opacity, and is bent by its
+/// network for others.
 ///
 /// # Errors
 /// [`Error::Argument`] for a radius or an opacity out of range, and for a Gaussian that is not a number;
@@ -51,6 +52,8 @@ pub fn as_splats(mut model: Model, radius: f64, opacity: f64, progress: &dyn Pro
             blended(&mut block.gaussians, radius, opacity)?;
         }
         model.metadata.law = LawKind::AlphaBlend;
+    } else if (radius, opacity) != (model.metadata.default_radius, model.metadata.default_opacity) {
+        model = model.bent(radius, opacity, progress)?;
     }
     let faint = faint(&model);
     Ok((model, faint))

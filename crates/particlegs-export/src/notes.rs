@@ -1,7 +1,6 @@
 //! What an exported file says of itself: where it is from, and what is lost.
 
 use super::{Group, Kind};
-use crate::printable::one_line;
 use particlegs::camera::Normalisation;
 use particlegs::model::{LawKind, Model};
 use serde_json::{Map, Value, json};
@@ -117,8 +116,17 @@ fn words(model: &Model, name: &str) -> Vec<String> {
 
 /// On one line, with an escape for what is not ASCII: many heads hold nothing else.
 pub fn ascii(text: &str) -> String {
-    let escape = |c: char| if c.is_ascii() { c.to_string() } else { c.escape_default().to_string() };
-    one_line(text).chars().map(escape).collect()
+    escaped(text, |c| c == ' ' || c.is_ascii_graphic())
+}
+
+/// Other people's text on one line: letters and numbers of every script as they are, an escape for what could move
+/// a cursor or turn the direction of what follows.
+pub fn one_line(text: &str) -> String {
+    escaped(text, |c| c == ' ' || c.is_ascii_graphic() || c.is_alphanumeric() || "⁻¹²³·☉⊙°".contains(c))
+}
+
+fn escaped(text: &str, plain: impl Fn(char) -> bool) -> String {
+    text.chars().map(|c| if plain(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
 /// What a format does not keep of a model.
@@ -135,7 +143,7 @@ fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {
             "counts, masses, the periodic box and the certificate",
         ],
         (Group::Splats, LawKind::AlphaBlend) => &[
-            "the VizMapper: radius and opacity can no longer be changed",
+            "the VizMapper: the radius and opacity stated here can no longer be changed",
             "the model was trained with a low-pass of one square pixel whose opacity is made up for; viewers widen splats \
              by 0.3 square pixels, most without that: small Gaussians far away look brighter",
             "counts, the periodic box and the certificate",

@@ -1,6 +1,5 @@
 //! A model's density on a grid, integrated over its cells.
 
-use crate::common::Context;
 use particlegs::model::Model;
 use particlegs::progress::Progress;
 use particlegs::stats::{Assignment, Domain, Grid, Subject, deposit};
@@ -68,7 +67,7 @@ impl Density {
     /// # Errors
     /// [`Error::Argument`] for cells out of range, and where some layers have masses and others none;
     /// [`Error::Memory`] before any is taken; [`Error::Cancelled`].
-    pub fn of(model: &Model, cells: Cells, context: &Context) -> Result<Density> {
+    pub fn of(model: &Model, cells: Cells, progress: &dyn Progress) -> Result<Density> {
         let known = model.layers.iter().filter(|l| l.mass != particlegs::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
             let what = "some layers have masses and others do not: their sum is no density".to_string();
@@ -77,9 +76,9 @@ impl Density {
         let domain = Domain::of_model(model);
         let grid = cells.over(&domain)?;
         let subject = Subject::Model(model);
-        context.begin("density", 0);
-        let field = deposit(subject, &grid, Assignment::Ngp, 0.0, context)?;
-        context.end();
+        progress.begin("density", 0);
+        let field = deposit(subject, &grid, Assignment::Ngp, 0.0, progress)?;
+        progress.end();
         let total = field.mass.iter().map(|m| f64::from(*m)).sum();
         let volume: f64 = grid.side.iter().product();
         let mut values = field.mass;

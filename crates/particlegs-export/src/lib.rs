@@ -1,5 +1,6 @@
 //! Models as files that other programs open. One file a format; what every format says of itself is in
 //! `notes`, and what the formats of one group share is in `splats` and `colors`, `grid`, `gaussians`.
+//! docs/guide/export.md says what a user finds in them.
 
 mod colors;
 mod csv;
@@ -13,13 +14,12 @@ mod npz;
 mod splats;
 mod vti;
 
-pub use colors::{ColorBy, Coloring, colormaps};
+pub use colors::{ColorBy, Coloring};
 pub use grid::{Cells, Density};
 pub use kind::{Group, Kind};
 pub use notes::Notes;
 pub use splats::{Faint, as_splats};
 
-use crate::common::Context;
 use particlegs::Result;
 use particlegs::model::Model;
 use particlegs::progress::Progress;
@@ -35,7 +35,7 @@ const RUN: usize = 1 << 14;
 struct Sink<'a> {
     to: &'a mut dyn Write,
     bytes: u64,
-    context: &'a Context,
+    progress: &'a dyn Progress,
 }
 
 impl Sink<'_> {
@@ -47,7 +47,7 @@ impl Sink<'_> {
 
     /// An error where the user wants to stop.
     fn check(&self) -> std::io::Result<()> {
-        self.context.check().map_err(|_| std::io::ErrorKind::Interrupted.into())
+        self.progress.check().map_err(|_| std::io::ErrorKind::Interrupted.into())
     }
 }
 
@@ -69,19 +69,19 @@ impl Write for Sink<'_> {
 fn written(
     out: &Path,
     expected: u64,
-    context: &Context,
+    progress: &dyn Progress,
     fill: impl FnOnce(&mut Sink<'_>) -> std::io::Result<()>,
 ) -> Result<u64> {
     check_space_in(&scratch_folder(out), expected)?;
     let mut bytes = 0;
     let done = write_atomic(out, |to| {
-        let mut sink = Sink { to, bytes: 0, context };
+        let mut sink = Sink { to, bytes: 0, progress };
         fill(&mut sink)?;
         bytes = sink.bytes;
         Ok(())
     });
     // What was asked for says more than that writing was interrupted.
-    context.check()?;
+    progress.check()?;
     done.map(|()| bytes)
 }
 
@@ -95,12 +95,12 @@ pub fn write_as_splats(
     colors: Option<&[[f32; 3]]>,
     notes: &Notes,
     out: &Path,
-    context: &Context,
+    progress: &dyn Progress,
 ) -> Result<u64> {
     match kind {
-        Kind::Glb => gltf::write(model, colors, notes, out, gltf::Form::Binary, context),
-        Kind::Gltf => gltf::write(model, colors, notes, out, gltf::Form::Text, context),
-        _ => write_splats(model, colors, &notes.lines(), out, context),
+        Kind::Glb => gltf::write(model, colors, notes, out, gltf::Form::Binary, progress),
+        Kind::Gltf => gltf::write(model, colors, notes, out, gltf::Form::Text, progress),
+        _ => write_splats(model, colors, &notes.lines(), out, progress),
     }
 }
 
@@ -108,11 +108,11 @@ pub fn write_as_splats(
 ///
 /// # Errors
 /// [`particlegs::Error::Io`]; [`particlegs::Error::Cancelled`].
-pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, context: &Context) -> Result<u64> {
+pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     match kind {
-        Kind::Vti => vti::write(density, notes, out, context),
-        Kind::Fits => fits::write(density, notes, out, context),
-        _ => written(out, 4 * density.values.len() as u64, context, |sink| {
+        Kind::Vti => vti::write(density, notes, out, progress),
+        Kind::Fits => fits::write(density, notes, out, progress),
+        _ => written(out, 4 * density.values.len() as u64, progress, |sink| {
             sink.put(&npy_header("<f4", &density.grid.cells.map(|n| n as u64)))?;
             for run in density.values.chunks(RUN) {
                 sink.check()?;
@@ -127,9 +127,9 @@ pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, c
 ///
 /// # Errors
 /// [`particlegs::Error::Io`]; [`particlegs::Error::Cancelled`].
-pub fn write_gaussians(kind: Kind, model: &Model, notes: &Notes, out: &Path, context: &Context) -> Result<u64> {
+pub fn write_gaussians(kind: Kind, model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     match kind {
-        Kind::Csv => csv::write(model, notes, out, context),
-        _ => npz::write(model, notes, out, context),
+        Kind::Csv => csv::write(model, notes, out, progress),
+        _ => npz::write(model, notes, out, progress),
     }
 }
