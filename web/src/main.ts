@@ -55,7 +55,9 @@ function say(text: string): void {
 
 async function start(): Promise<void> {
   if (matchMedia("(max-width: 700px)").matches) folded();
+  performance.mark("script");
   const remote = await Remote.start(setup);
+  performance.mark("engine");
   const panes: Pane[] = [];
   for (const [i, model] of setup.models.entries()) {
     const about = await remote.open(model);
@@ -63,6 +65,7 @@ async function start(): Promise<void> {
     stage.append(pane.element);
     panes.push(pane);
   }
+  performance.mark("opened");
   stage.classList.toggle("many", panes.length > 1);
   const about = panes[0].about;
   subtitle.textContent = panes.map((p, i) => line(p.about, setup.models[i].bytes)).join(" | ");

@@ -14,11 +14,7 @@ const ROWS: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 
 /// The model's part inside `bounds`.
 pub(crate) fn clipped(model: &Model, bounds: &Bounds) -> Model {
-    let mut model = model.clone();
-    for block in model.layers.iter_mut().flat_map(|l| &mut l.content) {
-        block.gaussians = inside(&block.gaussians, bounds);
-    }
-    model
+    model.with_gaussians(|m| inside(m, bounds))
 }
 
 fn inside(m: &Mixture, bounds: &Bounds) -> Mixture {

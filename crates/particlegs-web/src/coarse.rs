@@ -13,11 +13,7 @@ pub(crate) fn coarse(model: &Model) -> Option<Model> {
     if run < 2 || model.metadata.law != LawKind::OpticalDepth {
         return None;
     }
-    let mut model = model.clone();
-    for block in model.layers.iter_mut().flat_map(|l| &mut l.content) {
-        block.gaussians = joined(&block.gaussians, run);
-    }
-    Some(model)
+    Some(model.with_gaussians(|m| joined(m, run)))
 }
 
 fn joined(m: &Mixture, run: usize) -> Mixture {

@@ -140,6 +140,13 @@ impl Model {
         self.layers.iter().all(|l| l.mass != Mass::Unknown)
     }
 
+    /// The same of other Gaussians, block by block; what is said of the particles stays.
+    pub fn with_gaussians(&self, of: impl Fn(&Mixture) -> Mixture) -> Self {
+        let block = |b: &Block| Block { gaussians: of(&b.gaussians), ..*b };
+        let layers = self.layers.iter().map(|l| l.with(l.content.iter().map(block).collect())).collect();
+        Model { metadata: self.metadata.clone(), layers, certificate: self.certificate.clone() }
+    }
+
     /// The model of some layers alone. Bounds, radius, opacity and all that is known stay those of
     /// the whole snapshot, so that pictures of layers match; the certificate is of the whole, and
     /// goes.
