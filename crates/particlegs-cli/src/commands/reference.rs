@@ -5,7 +5,7 @@ use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::drawing::finish::Finish;
 use crate::drawing::provenance::{Provenance, Source};
-use crate::drawing::run::{self, Target};
+use crate::drawing::run::{self, Job, Target};
 use crate::drawing::{Painter, Seen};
 use crate::drawn::Drawn;
 use crate::figure::args::FigureArgs;
@@ -183,7 +183,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let finish = Finish { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };
     let target = Target { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let painter = Drawing { reference, style: a.style, subject: &subject, context: &context };
-    let drawn = run::draw(&painter, &finish, &set, range, &target, &context)?;
+    let drawn = Job { painter: &painter, finish: &finish, set: &set, range, context: &context }.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
     let radii = set.views.iter().map(|v| (!density).then(|| v.radius_pixels(set.size)));
     let rate = |d: &Drawn| count as f64 / d.seconds().max(1e-9);

@@ -5,7 +5,7 @@ use crate::density_args::{DensityArgs, Quantities};
 use crate::drawing::finish::Finish;
 use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{Provenance, Source};
-use crate::drawing::run::{self, Target};
+use crate::drawing::run::{self, Job, Target};
 use crate::drawing::{Painter, Seen, layers};
 use crate::drawn::Drawn;
 use crate::figure::args::{Background, FigureArgs};
@@ -269,7 +269,8 @@ pub fn run(a: &Arguments) -> Result<()> {
         }
         _ => {
             let first = painters.first().ok_or_else(|| Error::argument("no model is given"))?;
-            let report = run::draw(first, &finish, &set, asked.range, &target, &context)?;
+            let report = Job { painter: first, finish: &finish, set: &set, range: asked.range, context: &context }
+                .draw(&target)?;
             let text = report.text();
             (report.views, text, report.range)
         }

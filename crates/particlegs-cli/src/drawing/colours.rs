@@ -32,14 +32,21 @@ pub fn common_range(ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64;
     [lo.max(hi * DECADES), hi]
 }
 
-/// The colour of a share of the range, on a ground: on white a map is reversed, so that much is dark.
+/// Share of a range over which colours on white grow out of the paper.
+const FADE: f32 = 0.15;
+
+/// The colour of a share of the range, on a ground: on white a map is reversed and begins at white, so that nothing is
+/// paper and much is dark.
 pub fn colour(map: Colormap, ground: Ground, t: f32) -> [u8; 3] {
     // A value that is no number has the first colour either way.
-    let t = t.clamp(0.0, 1.0);
-    map.color(match ground {
-        Ground::Black => t,
-        Ground::White => 1.0 - if t.is_nan() { 0.0 } else { t },
-    })
+    let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
+    match ground {
+        Ground::Black => map.color(t),
+        Ground::White => {
+            let share = (t / FADE).min(1.0);
+            map.color(1.0 - t).map(|v| (255.0 + (f32::from(v) - 255.0) * share).round() as u8)
+        }
+    }
 }
 
 /// What is seen as a picture.
@@ -103,6 +110,8 @@ mod tests {
         assert_eq!(of(Seen::Layers(gray(), hues()), Ground::Black).pixel(0, 0), [0; 3]);
         let plane = || Plane { size, data: vec![0.0, 10.0, f32::NAN] };
         let [a, b, c] = [0, 1, 2].map(|x| of(Seen::Density(plane()), Ground::White).pixel(x, 0)[0]);
+        let of_map = |t| colour(Colormap::Viridis, Ground::White, t);
+        assert_eq!((of_map(0.0), of_map(1.0)), ([255; 3], Colormap::Viridis.color(0.0)));
         assert!(a == 255 && (120..136).contains(&b) && c == 255, "{a} {b} {c}");
     }
 }

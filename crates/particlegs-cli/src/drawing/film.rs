@@ -129,7 +129,7 @@ impl Film {
         // Sides of an even number of pixels, which the coders need.
         let even = "crop=trunc(iw/2)*2:trunc(ih/2)*2";
         let coder: &[&str] = match self.form {
-            Form::Mp4 => &["-c:v", "libx264", "-crf", "18", "-preset", "medium", "-movflags", "+faststart"],
+            Form::Mp4 => &["-c:v", "libx264", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"],
             _ => &[
                 "-c:v",
                 "libvpx-vp9",

@@ -3,6 +3,7 @@
 use super::colours::common_range;
 use super::finish::Finish;
 use super::gif::{self, Coded};
+use super::run::Job;
 use super::{Painter, Seen};
 use crate::common::Context;
 use crate::figure::Image;
@@ -39,7 +40,7 @@ pub struct Into<'a> {
 ///
 /// # Errors
 /// Those of drawing.
-pub fn one_range(painter: &dyn Painter, finish: &Finish<'_>, set: &ViewSet, context: &Context) -> Result<[f64; 2]> {
+fn one_range(painter: &dyn Painter, finish: &Finish<'_>, set: &ViewSet, context: &Context) -> Result<[f64; 2]> {
     context.begin("one range for all frames", set.views.len() as u64);
     let of = |view: &View| {
         let range = finish.range_of(&painter.draw(view, set.size)?);
@@ -63,14 +64,8 @@ fn each<T: Send>(painter: &dyn Painter, views: &[View], of: impl Fn(&View) -> Re
 ///
 /// # Errors
 /// Those of drawing and writing.
-pub fn draw(
-    painter: &dyn Painter,
-    finish: &Finish<'_>,
-    set: &ViewSet,
-    range: Option<[f64; 2]>,
-    into: &Into<'_>,
-    context: &Context,
-) -> Result<Frames> {
+pub fn draw(job: &Job<'_>, into: &Into<'_>) -> Result<Frames> {
+    let Job { painter, finish, set, range, context } = *job;
     let (density, count) = (finish.about.colormap.is_some(), set.views.len());
     let range = match (range, density) {
         (None, true) => Some(one_range(painter, finish, set, context)?),

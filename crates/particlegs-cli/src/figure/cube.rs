@@ -59,7 +59,7 @@ pub fn edges(camera: &Camera, size: Size, bounds: &Bounds, cell: Option<&Cell>) 
     Ok((lines, names(&sides, size)))
 }
 
-/// Each axis' name beside the lowest of its edges, away from the middle of all.
+/// Each axis' name beside the outermost of its edges, away from the middle of all.
 fn names(sides: &[Vec<[[f64; 2]; 2]>; 3], size: Size) -> Vec<([f64; 2], String)> {
     let middle = |l: &[[f64; 2]; 2]| [0.5 * (l[0][0] + l[1][0]), 0.5 * (l[0][1] + l[1][1])];
     let all: Vec<[f64; 2]> = sides.iter().flatten().map(middle).collect();
@@ -70,10 +70,11 @@ fn names(sides: &[Vec<[[f64; 2]; 2]>; 3], size: Size) -> Vec<([f64; 2], String)>
     for (side, name) in sides.iter().zip(["x", "y", "z"]) {
         // Of an axis that is seen end on there is nothing to name.
         let long = |l: &&[[f64; 2]; 2]| ((l[0][0] - l[1][0]) / shape).hypot(l[0][1] - l[1][1]) > 0.05;
+        // The edge farthest from the middle, of those as far the lowest, then the leftmost: names stand outside the box.
         let out = |l: &[[f64; 2]; 2]| {
             let m = middle(l);
-            // The lowest, and of those as low the leftmost.
-            1e3 * (m[1] * 1e3).round() - m[0]
+            let far = ((m[0] - center[0]) / shape).hypot(m[1] - center[1]);
+            far + 0.2 * m[1] - 1e-3 * m[0]
         };
         let Some(line) = side.iter().filter(long).max_by(|a, b| out(a).total_cmp(&out(b))) else { continue };
         let m = middle(line);

@@ -53,7 +53,7 @@ pub fn layout(figure: &Figure, em: f64, room: Room) -> Result<Sheet> {
                 margins = Margins::of(figure, em, [w * scale, h * scale]);
             }
             scale = (total - margins.across(columns)) / (columns as f64 * w);
-            if !(scale * w >= 2.0 * em) {
+            if scale * w < 2.0 * em {
                 let what = format!("a figure {total:.0} points wide has no room for letters of {em} points");
                 return Err(Error::Argument {
                     what,
@@ -121,7 +121,7 @@ impl Margins {
             .iter()
             .map(|p| {
                 let [x, y] = p.axes.as_ref()?;
-                Some([ticks::even(x.low, x.high, w / (4.2 * em)), ticks::even(y.low, y.high, h / (2.2 * em))])
+                Some([ticks::even(x.low, x.high, w / (3.4 * em)), ticks::even(y.low, y.high, h / (2.2 * em))])
             })
             .collect();
         let widest = |k: usize| {

@@ -145,10 +145,12 @@ fn write(page: &mut Rgb8, words: &Words) {
         outline.draw(|gx, gy, cover| {
             let (cx, cy) =
                 (corner.x as i64 + i64::from(gx) - covered.left, corner.y as i64 + i64::from(gy) - covered.top);
-            if cx >= 0 && cy >= 0 && (cx as usize) < covered.width {
-                if let Some(here) = covered.cover.get_mut(cy as usize * covered.width + cx as usize) {
-                    *here = (*here + cover).clamp(0.0, 1.0);
-                }
+            if cx >= 0
+                && cy >= 0
+                && (cx as usize) < covered.width
+                && let Some(here) = covered.cover.get_mut(cy as usize * covered.width + cx as usize)
+            {
+                *here = (*here + cover).clamp(0.0, 1.0);
             }
         });
     }

@@ -1,6 +1,6 @@
 //! Where ticks stand and what they say: one number style for all axes and bars.
 
-use crate::annotate::text::number;
+use crate::annotate::text::{number, superscript};
 
 /// Ticks of an axis.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -37,7 +37,11 @@ pub fn logarithmic(lo: f64, hi: f64) -> Ticks {
         values = (0..16).map(|i| (first + f64::from(i)) * step).filter(inside).collect();
         minor.clear();
     }
-    let major = values.iter().map(|v| (share(*v), number(*v))).collect();
+    // Decades as powers wherever one of them would be long.
+    let decade = |v: &f64| (v.log10() - v.log10().round()).abs() < 1e-9;
+    let powers = values.iter().all(decade) && values.iter().any(|v| !(0.1..1000.0).contains(v));
+    let label = |v: f64| if powers { format!("10{}", superscript(v.log10().round() as i32)) } else { number(v) };
+    let major = values.iter().map(|v| (share(*v), label(*v))).collect();
     minor.retain(|m| values.iter().all(|v| (v / m - 1.0).abs() > 1e-6));
     Ticks { major, minor: minor.into_iter().map(share).collect() }
 }
@@ -79,6 +83,14 @@ mod tests {
             assert!(ticks.major.len() >= 2, "{lo} {hi}: {ticks:?}");
             assert!(ticks.major.iter().map(|t| t.0).chain(ticks.minor).all(|s| (0.0..=1.0).contains(&s)));
         }
+    }
+
+    #[test]
+    fn decades_have_one_style() {
+        let labels = |lo, hi| logarithmic(lo, hi).major.into_iter().map(|t| t.1).collect::<Vec<_>>();
+        assert_eq!(labels(5.0, 2e4), ["10¹", "10²", "10³", "10⁴"]);
+        assert_eq!(labels(0.5, 200.0), ["1", "10", "100"]);
+        assert_eq!(labels(1.0, 10.0), ["1", "2", "5", "10"]);
     }
 
     #[test]

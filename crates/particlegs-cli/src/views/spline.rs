@@ -31,7 +31,7 @@ mod tests {
 
     #[test]
     fn it_passes_through_keys_and_stays_between_them() {
-        let keys = [1.0, 4.0, 4.0, -2.0, -2.5, 7.0];
+        let keys: [f64; 6] = [1.0, 4.0, 4.0, -2.0, -2.5, 7.0];
         for i in 0..5 {
             let (low, high) = (keys[i].min(keys[i + 1]), keys[i].max(keys[i + 1]));
             assert!((at(&keys, i, 0.0) - keys[i]).abs() < 1e-12 && (at(&keys, i, 1.0) - keys[i + 1]).abs() < 1e-12);

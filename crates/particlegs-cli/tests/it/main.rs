@@ -6,6 +6,7 @@ mod common;
 mod compress;
 mod convert;
 mod eval;
+mod figures;
 mod formats;
 mod help;
 mod inputs;
