@@ -135,12 +135,13 @@ impl Margins {
         if figure.panels.iter().any(|p| p.caption.is_some()) {
             each[1] = 1.6 * em;
         }
-        let pad = 0.5 * em;
-        let mut all = [pad; 4];
+        let outside = figure.place == Place::Outside;
+        let about = figure.title.is_some() || !figure.legend.is_empty() || each != [0.0; 4] || figure.panels.len() > 1;
+        // Where everything stands on the picture there is no page about it.
+        let mut all = [if outside || about { 0.5 * em } else { 0.0 }; 4];
         if figure.title.is_some() {
             all[1] += 1.6 * em;
         }
-        let outside = figure.place == Place::Outside;
         if let Some(bar) = figure.bar.as_ref().filter(|_| outside) {
             all[2] += bar_width(bar, em);
         }

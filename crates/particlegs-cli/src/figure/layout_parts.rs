@@ -140,7 +140,7 @@ impl Pen<'_> {
             Place::Outside => {
                 let y = at.bottom() + 1.3 * em;
                 let ink = self.figure.page.ink();
-                self.length([at.x, y], long, thick, ink);
+                self.length([at.x, y], long, thick, 0.0, ink);
                 let room = at.w - long - 0.6 * em;
                 let own = font::width(&scale.label, em);
                 // Beside its bar; where that is too narrow, as small as it need be.
@@ -165,19 +165,22 @@ impl Pen<'_> {
                 let (x, y) = (at.x + em, at.bottom() - em);
                 let rim = if self.fine { 0.1 * em } else { (0.1 * em).round().max(1.0) };
                 let (ink, paper) = (self.figure.ground.ink(), self.figure.ground.paper());
-                self.length([x - rim, y], long + 2.0 * rim, thick + 2.0 * rim, paper);
-                self.length([x, y], long, thick, ink);
+                self.length([x, y], long, thick, rim, paper);
+                self.length([x, y], long, thick, 0.0, ink);
                 self.on_picture(&scale.label, [x, y - 0.7 * em], Anchor::Start);
             }
         }
     }
 
-    /// A bar with marks at its ends, so that the length reads exactly.
-    fn length(&mut self, at: [f64; 2], long: f64, thick: f64, ink: Ink) {
-        let [x, y] = at;
-        self.marks.push(Mark::Fill(Area { x, y: y - 0.5 * thick, w: long, h: thick }, ink));
-        for x in [x, x + long - 0.5 * thick] {
-            self.marks.push(Mark::Fill(Area { x, y: y - 1.25 * thick, w: 0.5 * thick, h: 2.5 * thick }, ink));
+    /// A bar with marks at its ends, so that the length reads exactly; all of it wider by a rim.
+    fn length(&mut self, [x, y]: [f64; 2], long: f64, thick: f64, rim: f64, ink: Ink) {
+        let mut part = |x: f64, y: f64, w: f64, h: f64| {
+            let area = Area { x: x - rim, y: y - rim, w: w + 2.0 * rim, h: h + 2.0 * rim };
+            self.marks.push(Mark::Fill(area, ink));
+        };
+        part(x, y - 0.5 * thick, long, thick);
+        for end in [x, x + long - 0.5 * thick] {
+            part(end, y - 1.25 * thick, 0.5 * thick, 2.5 * thick);
         }
     }
 

@@ -63,7 +63,7 @@ fn a_figure_has_its_labels_as_text_and_its_picture_as_it_is() {
     let svg = String::from_utf8(s.bytes("f.svg")).unwrap();
     assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"));
     assert!(svg.contains("width=\"238.11pt\""), "84 mm");
-    for text in [">x (Mpc h⁻¹)<", ">y (Mpc h⁻¹)<", ">A &lt; B<", "font-size=\"8\"", ">0<", ">5<"] {
+    for text in [">x (Mpc h⁻¹)<", ">y (Mpc h⁻¹)<", ">A &lt; B<", "font-size=\"8\"", ">4<", ">6<"] {
         assert!(svg.contains(text), "{text}");
     }
     // One title of the one bar, and two pictures: the density and the bar's colours.
@@ -181,11 +181,15 @@ fn figures_that_cannot_be_are_refused() {
     fails(&mut s.render(&["a.pgs", "-o", "x.pdf", "--axes", "frame"]), 2, "--projection orthographic");
     let narrow = ["x.pdf", "--figure-width", "10mm", "--font-size", "20"];
     fails(&mut s.render(&[&DENSITY[..], &narrow].concat()), 2, "no room");
-    fails(&mut s.render(&["a.pgs", "-o", "x.png", "--depth", "-1"]), 2, "--depth -1");
+    fails(&mut s.render(&["a.pgs", "-o", "x.png", "--depth=-1"]), 2, "--depth -1");
     fails(&mut s.render(&["a.pgs", "-o", "x.png", "--center", "1,2"]), 2, "--center takes");
     s.render(&["a.pgs", "-o", "x.png", "--figure-width", "84"]).assert().failure().code(2);
     s.render(&["a.pgs"]).assert().failure().code(2);
     assert!(!s.at("x.png").exists() && !s.at("x.pdf").exists());
+    // Bars on the picture leave it the size that was asked for.
+    s.draws(&[&DENSITY[..], &["z.png", "--colorbar", "inside"]].concat());
+    let size = particlegs::picture::read_png(&s.at("z.png")).unwrap().size;
+    assert_eq!([size.width, size.height], [60, 60]);
     // A view whose focal point is beside the particles has no length to tell.
     s.draws(&["a.pgs", "-o", "x.svg", "--center", "90,0,0", "--distance", "5", "--size", "40x30"]);
     assert!(!String::from_utf8(s.bytes("x.svg")).unwrap().contains("Mpc"));
