@@ -136,9 +136,10 @@ impl Margins {
             each[1] = 1.6 * em;
         }
         let outside = figure.place == Place::Outside;
+        let bars = figure.bar.is_some() || figure.panels.iter().any(|p| p.scale.is_some());
         let about = figure.title.is_some() || !figure.legend.is_empty() || each != [0.0; 4] || figure.panels.len() > 1;
         // Where everything stands on the picture there is no page about it.
-        let mut all = [if outside || about { 0.5 * em } else { 0.0 }; 4];
+        let mut all = [if outside && bars || about { 0.5 * em } else { 0.0 }; 4];
         if figure.title.is_some() {
             all[1] += 1.6 * em;
         }

@@ -47,9 +47,10 @@ fn picture(page: &mut Rgb8, area: Area, image: &Image) {
     let (size, [across, down]) = (image.size(), [columns.len(), rows.len()]);
     for (j, y) in rows.enumerate() {
         let row = j * size.height / down.max(1);
-        for (i, x) in columns.clone().enumerate() {
-            let column = if across == size.width { i } else { i * size.width / across };
-            page.data[y * page.size.width + x] = image.pixel(column, row);
+        let to = &mut page.data[y * page.size.width..][columns.clone()];
+        match image {
+            Image::Color(c) if across == size.width => to.copy_from_slice(&c.data[row * across..][..across]),
+            _ => to.iter_mut().enumerate().for_each(|(i, p)| *p = image.pixel(i * size.width / across, row)),
         }
     }
 }
