@@ -1,8 +1,9 @@
 //! Pictures in a JSON report: cameras by the keys of a views file, so that `--views` reads the report.
 
 use crate::inputs::path_as_text;
-use particlegs::camera::{Camera, DensityView, Projection, View};
-use serde::Serialize;
+use crate::view_args::Subject;
+use particlegs::camera::{Projection, View};
+use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
 /// A picture that was drawn.
@@ -20,44 +21,33 @@ pub struct Drawn {
     height_world: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     clipping_range: Option<[f64; 2]>,
-    /// Radius, world units, and opacity of the particles; surface density has none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    radius: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    opacity: Option<f64>,
+    /// Radius, world units, and opacity of the particles; a surface density does not depend on them.
+    radius: f64,
+    opacity: f64,
     seconds: f64,
-    #[serde(serialize_with = "path_as_text")]
-    path: PathBuf,
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "some_path")]
+    path: Option<PathBuf>,
 }
 
 impl Drawn {
-    /// A picture of particles.
-    pub fn of_view(view: &View, seconds: f64, path: PathBuf) -> Self {
-        let drawn = Drawn::of_camera(&view.name, &view.camera, seconds, path);
-        Drawn { radius: Some(view.radius), opacity: Some(view.opacity), ..drawn }
-    }
-
-    /// A picture of surface density.
-    pub fn of_density(view: &DensityView, seconds: f64, path: PathBuf) -> Self {
-        let drawn = Drawn::of_camera(&view.name, &view.camera, seconds, path);
-        Drawn { clipping_range: Some(view.range), ..drawn }
-    }
-
-    fn of_camera(name: &str, camera: &Camera, seconds: f64, path: PathBuf) -> Self {
+    /// The picture of a view; no path where it is a frame that went into a film.
+    pub fn of_view(view: &View, subject: &Subject, seconds: f64, path: Option<PathBuf>) -> Self {
+        let camera = &view.camera;
         let (fov_deg, height_world) = match camera.projection {
             Projection::Perspective { fov_deg } => (Some(fov_deg), None),
             Projection::Orthographic { height_world } => (None, Some(height_world)),
         };
+        let range = subject.density.then(|| subject.density_view(view).range);
         Drawn {
-            name: name.to_string(),
+            name: view.name.clone(),
             position: camera.position,
             focal_point: camera.focal_point,
             view_up: camera.view_up,
             fov_deg,
             height_world,
-            clipping_range: camera.clipping_range,
-            radius: None,
-            opacity: None,
+            clipping_range: range.or(camera.clipping_range),
+            radius: view.radius,
+            opacity: view.opacity,
             seconds,
             path,
         }
@@ -77,4 +67,8 @@ impl Drawn {
     pub fn seconds(&self) -> f64 {
         self.seconds
     }
+}
+
+fn some_path<S: Serializer>(path: &Option<PathBuf>, to: S) -> Result<S::Ok, S::Error> {
+    path_as_text(path.as_deref().unwrap_or(std::path::Path::new("")), to)
 }

@@ -107,7 +107,7 @@ fn fill(template: &str, values: &[(&str, String)]) -> String {
 }
 
 /// One word for a POSIX shell.
-fn shell_word(text: &str) -> String {
+pub fn shell_word(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:,@%=".contains(c);
     if !text.is_empty() && text.chars().all(plain) {
         return text.to_string();

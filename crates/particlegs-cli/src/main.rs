@@ -13,8 +13,10 @@ mod compared_density;
 mod cut_short;
 mod density_args;
 mod density_file;
+mod drawing;
 mod drawn;
 mod emit;
+mod figure;
 mod fit_args;
 mod info_model;
 mod info_snapshot;
@@ -40,6 +42,7 @@ mod train_args;
 mod train_log;
 mod view_args;
 mod viewed;
+mod views;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
 use std::process::ExitCode;

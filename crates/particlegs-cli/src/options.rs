@@ -1,6 +1,7 @@
 //! Options that would do nothing: one table of which option means something beside which other. An option
 //! that is given and means nothing is refused by name, for a result without it would mislead.
 
+use crate::figure::output::FileKind;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 use particlegs::{Error, Result};
@@ -33,20 +34,26 @@ const OPENING: &[&str] = &[
 /// What of it is kept.
 const SELECTION: &[&str] = &["region", "every", "sample", "center", "width"];
 
+/// What is about a picture, and its colours.
+const FIGURE: &[&str] = &[
+    "colormap",
+    "range",
+    "no_annotations",
+    "colorbar",
+    "background",
+    "axes",
+    "scale_bar",
+    "title",
+    "figure_width",
+    "font_size",
+    "dpi",
+    "video",
+];
+
 const RULES: &[Rule] = &[
     Rule {
-        commands: &["reference"],
-        options: &["center", "width"],
-        why: |g| {
-            let hint =
-                "choose particles with --region x0,x1,y0,y1,z0,z1, or draw --style density --projection orthographic";
-            (!g.density())
-                .then_some(("--style density: it is the window of its pictures and selects no particles", hint))
-        },
-    },
-    Rule {
         commands: &["render", "reference"],
-        options: &["colormap", "range", "projection", "center", "width", "depth", "raw", "no_annotations"],
+        options: &["colormap", "range", "raw"],
         why: |g| (!g.density()).then_some(("--style density", "add --style density, or leave it away")),
     },
     Rule {
@@ -56,17 +63,33 @@ const RULES: &[Rule] = &[
     },
     Rule {
         commands: &["render", "reference"],
+        options: &["no_annotations", "colorbar"],
+        why: |g| {
+            let bars = g.density() || g.draws_page() || g.has("panels") || g.has("color_by_layer");
+            let bars = bars || g.has("scale_bar") || g.has("figure_width");
+            (!bars).then_some(("--style density, PDF and SVG, and --scale-bar: nothing else has bars", ""))
+        },
+    },
+    Rule {
+        commands: &["render", "reference"],
         options: &["radius", "opacity"],
-        why: |g| g.density().then_some(("the other styles: a surface density has no particle radius or opacity", "")),
+        why: |g| {
+            let density = g.is("style", "density");
+            density.then_some(("the other styles: a surface density has no particle radius or opacity", ""))
+        },
+    },
+    Rule {
+        commands: &["render"],
+        options: &["color_by_layer"],
+        why: |g| {
+            let density = g.is("style", "density");
+            density
+                .then_some(("the other styles: a density has colours of its own", "draw one layer with --layer NAME"))
+        },
     },
     Rule {
         commands: &["render", "reference"],
-        options: &["center", "width", "depth"],
-        why: |g| (!g.is("projection", "orthographic")).then_some(("--projection orthographic", "")),
-    },
-    Rule {
-        commands: &["render", "reference"],
-        options: &["views", "distance"],
+        options: &["distance"],
         why: |g| {
             let hint = "choose the window with --azimuth, --elevation, --center, --width and --depth";
             g.is("projection", "orthographic").then_some(("perspective pictures", hint))
@@ -74,7 +97,12 @@ const RULES: &[Rule] = &[
     },
     Rule {
         commands: &["render", "reference"],
-        options: &["colormap", "range", "no_annotations"],
+        options: &["distance"],
+        why: |g| g.has("width").then_some(("pictures without --width, which says how near the camera is", "")),
+    },
+    Rule {
+        commands: &["render", "reference"],
+        options: FIGURE,
         why: |g| g.has("raw").then_some(("pictures: --raw writes values", "")),
     },
     Rule {
@@ -284,8 +312,15 @@ impl Given<'_> {
         self.words(id).iter().any(|v| v == value)
     }
 
+    /// Is a surface density drawn, or perhaps: of a picture to be drawn alike it is not known yet?
     fn density(&self) -> bool {
-        self.is("style", "density")
+        self.is("style", "density") || self.has("like") && !self.has("style")
+    }
+
+    /// Is the output a page with its own room about the picture?
+    fn draws_page(&self) -> bool {
+        let kind = self.paths("out").first().and_then(|p| FileKind::of(p));
+        kind.is_some_and(|k| k != FileKind::Png)
     }
 
     fn trains(&self) -> bool {

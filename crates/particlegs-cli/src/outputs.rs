@@ -58,6 +58,18 @@ pub const SVG: Kind = Kind {
     is: |_, head| head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg"),
 };
 
+/// A page.
+pub const PDF: Kind = Kind { name: "a PDF", kept: false, is: |_, head| head.starts_with(b"%PDF-") };
+
+/// Films.
+pub const GIF: Kind = Kind { name: "a GIF", kept: false, is: |_, head| head.starts_with(b"GIF8") };
+/// In the container of ISO 14496-12.
+pub const MP4: Kind =
+    Kind { name: "an MP4 film", kept: false, is: |_, head| head.get(4..8).is_some_and(|b| b == b"ftyp") };
+/// In the container of Matroska.
+pub const WEBM: Kind =
+    Kind { name: "a WebM film", kept: false, is: |_, head| head.starts_with(&[0x1a, 0x45, 0xdf, 0xa3]) };
+
 /// Surface density as raw values: what describes them lies beside them.
 pub const VALUES: Kind = Kind {
     name: "raw values of a surface density",

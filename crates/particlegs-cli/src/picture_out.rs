@@ -1,7 +1,8 @@
 //! Where pictures go: a folder with one file a view, or the one file that is named.
 
 use crate::common::Context;
-use crate::outputs::PNG;
+use crate::figure::output::FileKind;
+use crate::outputs::{PDF, PNG, SVG};
 use particlegs::{Error, Result};
 use particlegs_files::output;
 use std::path::{Path, PathBuf};
@@ -16,16 +17,15 @@ pub enum PictureOut {
 }
 
 impl PictureOut {
-    /// What an output means for so many views; a name that ends in `.png` is the one picture's, and so is
-    /// a stream. Makes the folder. `raw` values need a folder.
+    /// What an output means for so many views; a name that ends in `.png`, `.pdf` or `.svg` is the one picture's, and so
+    /// is a stream. Makes the folder. `raw` values need a folder.
     ///
     /// # Errors
     /// [`Error::Argument`] for one name and several views, or a file that is no picture; [`Error::Io`].
     pub fn new(out: &Path, views: usize, raw: bool, context: &Context) -> Result<Self> {
-        let ends_as_png = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
-        let is_picture = ends_as_png && !out.is_dir() || output::is_stream(out)?;
+        let is_picture = FileKind::of(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
-            let what = format!("{} is a file, and its name does not end in .png", out.display());
+            let what = format!("{} is a file, and its name does not end in .png, .pdf or .svg", out.display());
             return Err(Error::Argument { what, remedy: "name a folder, or a picture NAME.png".into() });
         }
         if !is_picture {
@@ -49,7 +49,12 @@ impl PictureOut {
     /// Those of [`Context::writes`].
     pub fn pictures<'a>(&self, names: impl Iterator<Item = &'a str>, context: &Context) -> Result<Vec<PathBuf>> {
         let paths: Vec<PathBuf> = names.map(|name| self.picture(name)).collect();
-        paths.iter().try_for_each(|path| context.writes(path, &PNG).map(drop))?;
+        let kind = match self.kind() {
+            FileKind::Png => PNG,
+            FileKind::Pdf => PDF,
+            FileKind::Svg => SVG,
+        };
+        paths.iter().try_for_each(|path| context.writes(path, &kind).map(drop))?;
         Ok(paths)
     }
 
@@ -58,6 +63,14 @@ impl PictureOut {
         match self {
             PictureOut::Folder(folder) => folder.join(format!("{view}.png")),
             PictureOut::File(file) => file.clone(),
+        }
+    }
+
+    /// What its files are.
+    pub fn kind(&self) -> FileKind {
+        match self {
+            PictureOut::Folder(_) => FileKind::Png,
+            PictureOut::File(file) => FileKind::of(file).unwrap_or(FileKind::Png),
         }
     }
 

@@ -1,17 +1,25 @@
-//! What `compress --pictures` writes: truth beside model beside error, and the surface density.
+//! What `compress --pictures` and `eval --pictures` write: truth beside model beside error, and the surface density.
 
-use crate::annotate::{DensityPicture, PanelImage, ScaleBar, annotate_density, panels};
+use crate::annotate::text::number;
 use crate::density_args::Quantities;
+use crate::drawing::Seen;
+use crate::drawing::finish::Finish;
+use crate::drawing::provenance::{Provenance, Source};
+use crate::figure::args::FigureArgs;
+use crate::figure::output::{FileKind, bytes};
+use crate::figure::ticks::Ticks;
+use crate::figure::{Bar, Figure, Image, Panel};
+use crate::view_args::Subject;
 use particlegs::Result;
 use particlegs::camera::{DensityView, View, Window, base_distance, spherical_camera};
-use particlegs::model::Model;
+use particlegs::model::{Model, hex};
 use particlegs::particles::Particles;
-use particlegs::picture::{Colormap, Size, masked_psnr, write_png};
+use particlegs::picture::{Colormap, Gray8, Rgb8, Size, diverging, masked_psnr};
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::{self, Scene};
 use particlegs::splat::Look;
-use particlegs_files::output::FileSet;
+use particlegs_files::output::{FileSet, write_bytes};
 use std::path::{Path, PathBuf};
 
 /// One panel.
@@ -22,6 +30,8 @@ const DENSITY_HEIGHTS: [f64; 2] = [300.0, 2400.0];
 /// Where the camera stands: degrees, and times the base distance.
 const ANGLES: [f64; 2] = [30.0, 20.0];
 const DISTANCE: f64 = 0.85;
+/// Height of letters, for pictures that are shown at half their size.
+const LETTERS: f64 = 9.0;
 
 /// The pictures of a folder.
 pub fn paths(folder: &Path) -> [PathBuf; 2] {
@@ -29,12 +39,54 @@ pub fn paths(folder: &Path) -> [PathBuf; 2] {
 }
 
 /// Writes them, both or none; the paths written. Their places have been looked at before.
+///
+/// # Errors
+/// Those of drawing and writing.
 pub fn write(folder: &Path, model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<Vec<PathBuf>> {
     let set = FileSet::in_folder(folder)?;
     let [compared, summed] = paths(set.path());
     comparison(&compared, model, particles, progress)?;
     density(&summed, model, progress)?;
     set.finish()
+}
+
+/// A figure is finished alike by all.
+fn finish<'a>(model: &Model, args: &'a FigureArgs, quantities: &'a Quantities, subject: &'a Subject) -> Finish<'a> {
+    let m = &model.metadata;
+    let style = if subject.density { "density" } else { "paraview" };
+    let about = Provenance {
+        particlegs: env!("CARGO_PKG_VERSION").into(),
+        of: vec![Source { name: m.source.clone(), blake3: hex(&m.source_hash) }],
+        style: style.into(),
+        layers: Vec::new(),
+        color_by_layer: false,
+        colormap: subject.density.then(|| Colormap::default().name().into()),
+        range: None,
+        unit: subject.density.then(|| quantities.unit()),
+        background: None,
+        views: serde_json::Value::Null,
+    };
+    Finish { args, colormap: Colormap::default(), quantities, subject, legend: Vec::new(), about }
+}
+
+fn subject(model: &Model, density: bool) -> Subject {
+    let m = &model.metadata;
+    let (bounds, cell) = (m.bounds, m.cell);
+    Subject { bounds, cell, radius: m.default_radius, opacity: m.default_opacity, density }
+}
+
+fn figure_args() -> FigureArgs {
+    FigureArgs {
+        colorbar: None,
+        background: None,
+        axes: None,
+        scale_bar: true,
+        title: None,
+        figure_width: None,
+        font_size: Some(LETTERS),
+        dpi: Some(200.0),
+        no_annotations: false,
+    }
 }
 
 fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<()> {
@@ -49,41 +101,98 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
     let truth = Reference::with_bounds(particles, m.bounds).draw(&view, PANEL, Look::Paraview, progress)?;
     let drawn = render::draw(&Scene::of(model), &view, PANEL, Look::Paraview, progress)?;
     let score = masked_psnr(&truth, &drawn).map_or("identical".into(), |s| format!("masked PSNR {s:.1} dB"));
-    let captions =
-        [format!("{} particles, as ParaView draws them", m.count), format!("{} Gaussians, {score}", model.gaussians())];
-    let picture = panels(&[
-        (&captions[0], PanelImage::Gray(&truth)),
-        (&captions[1], PanelImage::Gray(&drawn)),
-        ("error: model - truth", PanelImage::Error { truth: &truth, model: &drawn }),
-    ]);
-    write_png(path, picture.size, picture.data.as_flattened())
+    let captions = [
+        format!("{} particles, as ParaView draws them", grouped(m.count)),
+        format!("{} Gaussians, {score}", grouped(model.gaussians() as u64)),
+        "error: model − truth".to_string(),
+    ];
+    let (error, bar) = error(&truth, &drawn);
+    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), subject(model, false));
+    let finish = finish(model, &args, &quantities, &subject);
+    let range = [1.0, 10.0];
+    let mut panels = [truth, drawn]
+        .map(|gray| finish.panel(Seen::Levels(gray), &view, range, FileKind::Png))
+        .into_iter()
+        .collect::<Result<Vec<Panel>>>()?;
+    panels.push(Panel { scale: panels[0].scale.clone(), ..Panel::plain(error) });
+    for (panel, caption) in panels.iter_mut().zip(captions) {
+        panel.caption = Some(caption);
+    }
+    let figure = Figure { bar: Some(bar), ..finish.figure(panels, 3, range) };
+    write_bytes(path, &bytes(&figure, &args, FileKind::Png, &finish.about(&[view], PANEL, range)?)?)
+}
+
+/// A number with thin gaps between thousands.
+fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, c) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) && digits.len() > 4 {
+            out.push('\u{a0}');
+        }
+        out.push(c);
+    }
+    out
+}
+
+/// The signed difference, red where the model is brighter and blue where it is darker, with its bar.
+fn error(truth: &Gray8, model: &Gray8) -> (Image, Bar) {
+    let differences: Vec<i32> =
+        truth.data.iter().zip(&model.data).map(|(t, m)| i32::from(*m) - i32::from(*t)).collect();
+    let reach = reach(&differences);
+    let data = differences.iter().map(|&d| diverging(d as f32 / reach)).collect();
+    let signed = |v: f32| format!("{}{}", if v > 0.0 { "+" } else { "" }, number(f64::from(v)));
+    let major = [-1.0f32, -0.5, 0.0, 0.5, 1.0].map(|t| (0.5 + 0.5 * f64::from(t), signed(t * reach)));
+    let bar = Bar {
+        title: "difference (grey levels)".into(),
+        colours: (0..=255).map(|i| diverging(2.0 * i as f32 / 255.0 - 1.0)).collect(),
+        ticks: Ticks { major: major.to_vec(), minor: Vec::new() },
+    };
+    (Image::Color(Rgb8 { size: truth.size, data }), bar)
+}
+
+/// A round number of levels that nearly all (99.9 %) of the lit differences stay within.
+fn reach(differences: &[i32]) -> f32 {
+    let mut sizes: Vec<i32> = differences.iter().map(|d| d.abs()).filter(|d| *d > 0).collect();
+    sizes.sort_unstable();
+    let high = sizes.get(sizes.len().saturating_sub(1 + sizes.len() / 1000)).copied().unwrap_or(0);
+    [4, 10, 20, 40, 100, 200].into_iter().find(|r| *r >= high).unwrap_or(256) as f32
 }
 
 fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let m = &model.metadata;
-    let quantities = Quantities::of_model(model);
+    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), subject(model, true));
     let extent = m.bounds.extent_nonzero();
     let height = DENSITY_WIDTH as f64 * (extent[1] / extent[0]);
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();
     let size = Size { width: DENSITY_WIDTH, height: height as usize };
     let width = extent[0].max(extent[1] * DENSITY_WIDTH as f64 / height);
     let window = Window { center: m.bounds.center(), angles_deg: [0.0; 2], width, depth: None };
-    let view = DensityView::orthographic("density", &window, size, &m.bounds, m.cell)?;
-    let plane = render::surface_density(&Scene::of(model), &view, size, progress)?;
-    let picture = annotate_density(
-        &plane,
-        &DensityPicture {
-            colormap: Colormap::default(),
-            range: None,
-            unit: quantities.unit(),
-            scale_bar: ScaleBar {
-                world_per_pixel: width / DENSITY_WIDTH as f64,
-                unit: m.length_unit.clone().unwrap_or_default(),
-                comoving: m.comoving == Some(true),
-                note: String::new(),
-            },
-            annotations: true,
-        },
-    );
-    write_png(path, picture.size, picture.data.as_flattened())
+    let seen = DensityView::orthographic("density", &window, size, &m.bounds, m.cell)?;
+    let plane = render::surface_density(&Scene::of(model), &seen, size, progress)?;
+    let mut camera = seen.camera;
+    camera.clipping_range = Some(seen.range);
+    let view = View { name: "density".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
+    finish(model, &args, &quantities, &subject).write(path, Seen::Density(plane), &view, None, FileKind::Png)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_have_their_sign_and_a_round_reach() {
+        let size = Size { width: 4, height: 1 };
+        let gray = |data: [u8; 4]| Gray8 { size, data: data.to_vec() };
+        let (image, bar) = error(&gray([100; 4]), &gray([100, 103, 96, 100]));
+        let [same, brighter, darker] = [0, 1, 2].map(|x| image.pixel(x, 0));
+        assert!(same == [0; 3] && brighter[0] > brighter[2] && darker[2] > darker[0]);
+        assert_eq!(bar.ticks.major[4].1, "+4");
+        assert_eq!([reach(&[0, 0]), reach(&[7; 100])], [4.0, 10.0]);
+    }
+
+    #[test]
+    fn thousands_stand_apart() {
+        assert_eq!([2633, 20_000, 2_097_152].map(grouped), ["2633", "20\u{a0}000", "2\u{a0}097\u{a0}152"]);
+    }
 }

@@ -1,6 +1,7 @@
 //! Statistics as pictures: one figure each, and the central slices.
 
-use crate::annotate::{PanelImage, panels};
+use crate::figure::ticks::logarithmic;
+use crate::figure::{self, Bar, Ground, Image, Panel, Place, Room};
 use crate::plots::{Curve, Figure, write};
 use particlegs::Result;
 use particlegs::model::per_length;
@@ -42,7 +43,7 @@ pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()
     if let Some(d) = &s.density {
         write(folder, &pdf(d))?;
         for axis in 0..3 {
-            let picture = slices(d, axis);
+            let picture = slices(d, axis)?;
             let path = folder.join(format!("slice_{}.png", ["x", "y", "z"][axis]));
             write_png(&path, picture.size, picture.data.as_flattened())?;
         }
@@ -272,8 +273,11 @@ fn halo_profile(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
     })
 }
 
+/// Height of letters about slices, pixels.
+const SLICE_LETTERS: f64 = 16.0;
+
 /// Truth and other side by side, the logarithm of density from a tenth to a thousand times the mean.
-fn slices(d: &DensityReport, axis: usize) -> Rgb8 {
+fn slices(d: &DensityReport, axis: usize) -> Result<Rgb8> {
     let [columns, rows] = [[1, 2], [0, 2], [0, 1]][axis].map(|k: usize| d.cells[k]);
     // About 480 pixels along the longer side, cells as squares of pixels; the first axis across.
     let scale = (480 / columns.max(rows).max(1)).max(1);
@@ -285,8 +289,26 @@ fn slices(d: &DensityReport, axis: usize) -> Rgb8 {
         };
         Rgb8 { size, data: (0..size.pixels()).map(pixel).collect() }
     };
-    let [left, right] = d.slices[axis].each_ref().map(picture);
-    panels(&[("truth", PanelImage::Color(&left)), ("other", PanelImage::Color(&right))])
+    let panel = |(values, name): (&Vec<f32>, &str)| Panel {
+        caption: Some(name.to_string()),
+        ..Panel::plain(Image::Color(picture(values)))
+    };
+    let bar = Bar {
+        title: "density / mean".into(),
+        colours: (0..=255).map(|i| Colormap::Inferno.color(i as f32 / 255.0)).collect(),
+        ticks: logarithmic(0.1, 1000.0),
+    };
+    let whole = figure::Figure {
+        title: None,
+        panels: d.slices[axis].iter().zip(["truth", "other"]).map(panel).collect(),
+        columns: 2,
+        bar: Some(bar),
+        legend: Vec::new(),
+        place: Place::Outside,
+        page: Ground::White,
+        ground: Ground::Black,
+    };
+    figure::raster(&figure::layout(&whole, SLICE_LETTERS, Room::Pixels)?)
 }
 
 #[cfg(test)]

@@ -3,10 +3,12 @@
 
 use crate::common::Context;
 use crate::outputs::JSON;
-use clap::{Args, ValueHint};
-use particlegs::camera::{View, ViewSet, ViewsFile, base_distance, spherical_camera};
+use crate::views::window::{self, Fit};
+use clap::{Args, ValueEnum, ValueHint};
+use particlegs::camera::{Camera, DensityView, Projection, View, ViewSet, ViewsFile, Window, base_distance};
+use particlegs::camera::{FOV_DEG, spherical_camera};
 use particlegs::picture::Size;
-use particlegs::space::Bounds;
+use particlegs::space::{Bounds, Cell};
 use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
 use std::path::PathBuf;
@@ -34,7 +36,8 @@ pub struct ViewArgs {
     pub elevation: f64,
     /// Distance of the camera from the centre, in base distances.
     ///
-    /// 1 is 0.65 of the distance of ParaView's Reset Camera (docs/guide/pictures.md).
+    /// 1 is 0.65 of the distance of ParaView's Reset Camera (docs/guide/pictures.md); with --fit, that at which all
+    /// that is fitted is just in the picture.
     #[arg(long, value_name = "D", default_value_t = 1.0, conflicts_with = "views")]
     pub distance: f64,
     /// Particle radius in world units [default: the view's, else the default].
@@ -50,6 +53,49 @@ pub struct ViewArgs {
     /// Picture size in pixels [default: the views file's, else 1920x1080].
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<Size>,
+    /// Projection of the camera.
+    #[arg(
+        long,
+        value_enum,
+        value_name = "NAME",
+        default_value_t = Lines::Perspective,
+        hide_short_help = true,
+        conflicts_with = "views"
+    )]
+    pub projection: Lines,
+    /// Centre of the picture, world units [default: the centre of the bounds].
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true,
+        hide_short_help = true,
+        conflicts_with = "views"
+    )]
+    pub center: Option<Vec<f64>>,
+    /// Width of the picture in world units [default: the box].
+    ///
+    /// In perspective the width at the centre, in place of --distance.
+    #[arg(long, value_name = "W", hide_short_help = true, conflicts_with = "views")]
+    pub width: Option<f64>,
+    /// Depth of the slab about the centre, world units [default: everything].
+    ///
+    /// Particles count whose centres are in it. An orthographic density shows one periodic box by default.
+    #[arg(long, value_name = "D", hide_short_help = true, conflicts_with = "views")]
+    pub depth: Option<f64>,
+    /// What has to be in the picture whole, as tightly as it can be.
+    #[arg(long, value_enum, value_name = "WHAT", hide_short_help = true, conflicts_with_all = ["views", "width"])]
+    pub fit: Option<Fit>,
+}
+
+/// The lines of sight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Lines {
+    /// Lines of sight through the eye.
+    Perspective,
+    /// Parallel lines of sight; a density repeats a periodic box.
+    Orthographic,
 }
 
 /// What a snapshot or a model says about how to look at it.
@@ -57,24 +103,36 @@ pub struct ViewArgs {
 pub struct Subject {
     /// Bounds of the whole snapshot, world units.
     pub bounds: Bounds,
+    /// Its cell, where it has one.
+    pub cell: Option<Cell>,
     /// Default particle radius, world units.
     pub radius: f64,
     /// Default opacity.
     pub opacity: f64,
+    /// Is its surface density drawn?
+    pub density: bool,
 }
 
 impl ViewArgs {
-    /// The views, every one checked.
+    /// The views, every one checked. `turned` = azimuths that a view is turned by, all of which have to fit.
     ///
     /// # Errors
     /// [`Error::Input`] or [`Error::Io`] for a views file that cannot be used; [`Error::Argument`]
     /// for a number outside its range.
-    pub fn resolve(&self, subject: &Subject, context: &Context) -> Result<ViewSet> {
-        let mut file = match &self.views {
+    pub fn resolve(&self, subject: &Subject, turned: &[f64], context: &Context) -> Result<ViewSet> {
+        let ViewsFile(mut set) = match &self.views {
             Some(path) => ViewsFile::read(path, context)?,
-            None => ViewsFile(self.one_view(subject)?),
+            None => ViewsFile(self.one_view(subject, turned)?),
         };
-        let ViewsFile(set) = &mut file;
+        self.apply(&mut set)?;
+        Ok(set)
+    }
+
+    /// What is said of size, radius and opacity, in place of what views say.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a number outside its range.
+    pub fn apply(&self, set: &mut ViewSet) -> Result<()> {
         if let Some(size) = self.size {
             set.size = size;
         }
@@ -83,14 +141,22 @@ impl ViewArgs {
             view.opacity = self.opacity.unwrap_or(view.opacity);
             view.check(set.size)?;
         }
-        if let Some(path) = &self.save_views {
-            context.writes(path, &JSON)?;
-            write_bytes(path, file.text()?.as_bytes())?;
-        }
-        Ok(file.0)
+        Ok(())
     }
 
-    fn one_view(&self, subject: &Subject) -> Result<ViewSet> {
+    /// Writes the views that are drawn, where that is asked for.
+    ///
+    /// # Errors
+    /// Those of [`Context::writes`], and of writing.
+    pub fn save(&self, set: &ViewSet, context: &Context) -> Result<()> {
+        if let Some(path) = &self.save_views {
+            context.writes(path, &JSON)?;
+            write_bytes(path, ViewsFile(set.clone()).text()?.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    fn one_view(&self, subject: &Subject, turned: &[f64]) -> Result<ViewSet> {
         if !(self.distance > 0.0 && self.distance.is_finite()) {
             return Err(Error::argument(format!("--distance {} must be positive", self.distance)));
         }
@@ -99,11 +165,101 @@ impl ViewArgs {
                 return Err(Error::argument(format!("--{name} {degrees} is not a finite angle")));
             }
         }
+        for (name, length) in [("width", self.width), ("depth", self.depth)] {
+            if let Some(l) = length.filter(|l| !(*l > 0.0 && l.is_finite())) {
+                return Err(Error::argument(format!("--{name} {l} must be positive: a {name} of world units")));
+            }
+        }
         let size = self.size.unwrap_or(Size { width: 1920, height: 1080 });
-        let distance = self.distance * base_distance(&subject.bounds, size);
-        let camera = spherical_camera(subject.bounds.center(), self.azimuth, self.elevation, distance);
+        let center = match self.center.as_deref() {
+            Some([x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => [*x, *y, *z],
+            Some(_) => return Err(Error::argument("--center takes X,Y,Z, each a finite number")),
+            None if self.fit == Some(Fit::Box) => window::center(&window::corners(Fit::Box, subject)?),
+            None => subject.bounds.center(),
+        };
+        let camera = match self.projection {
+            Lines::Perspective => self.perspective(subject, center, size, turned)?,
+            Lines::Orthographic => self.orthographic(subject, center, size, turned)?,
+        };
         let view = View { name: "view".into(), camera, radius: subject.radius, opacity: subject.opacity };
         Ok(ViewSet { size, views: vec![view] })
+    }
+
+    fn perspective(&self, subject: &Subject, center: [f64; 3], size: Size, turned: &[f64]) -> Result<Camera> {
+        let slope = (0.5 * FOV_DEG.to_radians()).tan();
+        let aspect = size.width as f64 / size.height as f64;
+        let distance = match (self.width, self.fit) {
+            (Some(width), _) => 0.5 * width / (slope * aspect),
+            (None, Some(fit)) => {
+                let corners = window::corners(fit, subject)?;
+                self.distance * window::distance(&corners, center, self.directions(turned), [slope * aspect, slope])?
+            }
+            (None, None) => self.distance * base_distance(&subject.bounds, size),
+        };
+        let mut camera = spherical_camera(center, self.azimuth, self.elevation, distance);
+        if let Some(depth) = self.depth {
+            let near = (distance - 0.5 * depth).max(1e-3 * distance);
+            camera.clipping_range = Some([near, distance + 0.5 * depth]);
+        }
+        Ok(camera)
+    }
+
+    fn orthographic(&self, subject: &Subject, center: [f64; 3], size: Size, turned: &[f64]) -> Result<Camera> {
+        let angles = [self.azimuth, self.elevation];
+        let width = match (self.width, self.fit) {
+            (Some(width), _) => width,
+            (None, Some(fit)) => window::width(&window::corners(fit, subject)?, center, self.directions(turned), size)?,
+            (None, None) => {
+                let widths = self.directions(turned).map(|[a, e]| {
+                    let frame = spherical_camera([0.0; 3], a, e, 1.0).frame()?;
+                    Ok(window::default_width(&frame, subject, size))
+                });
+                let widths = widths.collect::<Result<Vec<f64>>>()?;
+                let fold = |with: fn(f64, f64) -> f64| widths.iter().copied().reduce(with).unwrap_or(1.0);
+                // All that is turned stays in the picture; of what repeats the picture stays full.
+                if subject.repeats() { fold(f64::min) } else { fold(f64::max) }
+            }
+        };
+        let window = Window { center, angles_deg: angles, width, depth: self.depth };
+        let view = DensityView::orthographic("view", &window, size, &subject.bounds, subject.cell)?;
+        // A picture of particles shows what there is, all of it unless a depth is asked for.
+        let range = (subject.density || self.depth.is_some()).then_some(view.range);
+        Ok(Camera { clipping_range: range, ..view.camera })
+    }
+
+    /// Azimuth and elevation of every direction that is looked along.
+    fn directions(&self, turned: &[f64]) -> impl Iterator<Item = [f64; 2]> {
+        let more = if turned.is_empty() { &[0.0][..] } else { turned };
+        more.iter().map(|by| [self.azimuth + by, self.elevation])
+    }
+
+    /// What a user should know of the window: that no width was given and what was taken for it.
+    pub fn note(&self, subject: &Subject, set: &ViewSet, unit: &str) -> Option<String> {
+        let chosen = self.views.is_some() || self.width.is_some() || self.fit.is_some();
+        if chosen || self.projection == Lines::Perspective || subject.repeats() {
+            return None;
+        }
+        let Projection::Orthographic { height_world } = set.views.first()?.camera.projection else { return None };
+        let width = crate::annotate::text::number(height_world * set.size.width as f64 / set.size.height as f64);
+        let width = format!("{width} {unit}");
+        Some(format!(
+            "note: no --width and no periodic box: the window is what the particles' bounds take, {} across",
+            width.trim()
+        ))
+    }
+}
+
+impl Subject {
+    /// Does it fill windows by copies of a periodic box?
+    pub fn repeats(&self) -> bool {
+        self.density && self.cell.is_some()
+    }
+
+    /// A view of its surface density; an orthographic window is filled by copies of a periodic cell.
+    pub fn density_view(&self, view: &View) -> DensityView {
+        let parallel = matches!(view.camera.projection, Projection::Orthographic { .. });
+        let wrap = self.cell.filter(|c| parallel && c.periodic.contains(&true));
+        DensityView { wrap, ..DensityView::of_view(view, &self.bounds) }
     }
 }
 

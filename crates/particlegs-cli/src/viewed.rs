@@ -53,7 +53,7 @@ impl Viewed {
 
     /// Is there a model that takes the page long enough for a poster? Of several none is the whole page.
     pub fn has_poster(&self) -> bool {
-        matches!(&self.files[..], [only] if poster::wanted(only.gaussians))
+        matches!(&self.files[..], [only] if poster::wanted(only.gaussians) && only.gaussians <= poster::SERVED_UP_TO)
     }
 
     /// The poster of the only model, from its bytes. What fails is told, and the page goes without.

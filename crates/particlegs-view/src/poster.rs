@@ -10,8 +10,8 @@ use particlegs::{Error, Result};
 
 /// Models of so many Gaussians at most are drawn by the page as soon as a poster would be there.
 pub const MORE_THAN: usize = 100_000;
-/// Those of more take a server as long to decode and to draw as they take the page, and cores from it.
-pub const LESS_THAN: usize = 1_000_000;
+/// Of larger ones a server draws none: it would take as long to decode and to draw as the page, and cores from it.
+pub const SERVED_UP_TO: usize = 1_000_000;
 /// Size inside a page, where every byte is sent.
 pub const SMALL: Size = Size { width: 640, height: 360 };
 /// Size from a server: that of a page's own first picture on a small screen.
@@ -19,7 +19,7 @@ pub const LARGE: Size = Size { width: 1280, height: 720 };
 
 /// Is a model of so many Gaussians worth a poster?
 pub fn wanted(gaussians: usize) -> bool {
-    gaussians > MORE_THAN && gaussians < LESS_THAN
+    gaussians > MORE_THAN
 }
 
 /// A grey PNG of the view that a page opens with: azimuth 0, elevation 0, distance 1, the model's own radius and

@@ -1,9 +1,3 @@
-//! What is drawn on pictures: colour bars, scale bars and captions.
+//! Text on pictures, and numbers as pictures have them.
 
-mod bar;
-mod density;
-mod panels;
 pub mod text;
-
-pub use density::{DensityPicture, ScaleBar, annotate_density};
-pub use panels::{PanelImage, panels};

@@ -1,65 +1,15 @@
-//! Anti-aliased text on pictures, in a subset of DejaVu Sans (licence beside it in assets/).
+//! The letters of pictures, a subset of DejaVu Sans (licence beside it in assets/), and numbers as they have them.
 
-use ab_glyph::{Font, FontRef, PxScale, ScaleFont};
-use particlegs::picture::Rgb8;
+use ab_glyph::FontRef;
 use std::sync::OnceLock;
 
-/// The embedded font: a subset of DejaVu Sans, TrueType.
+/// The bytes of the embedded font: a subset of DejaVu Sans, TrueType.
+pub const FONT: &[u8] = include_bytes!("../../assets/DejaVuSans-subset.ttf");
+
+/// The embedded font.
 pub fn font() -> &'static FontRef<'static> {
     static PARSED: OnceLock<FontRef<'static>> = OnceLock::new();
-    let bytes = include_bytes!("../../assets/DejaVuSans-subset.ttf");
-    PARSED.get_or_init(|| FontRef::try_from_slice(bytes).expect("the embedded font is whole"))
-}
-
-/// A text's box in pixels for a font of `height` pixels (ascent to descent).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Extent {
-    /// Pixels across, rounded up.
-    pub width: usize,
-    /// Pixels down, rounded up.
-    pub height: usize,
-}
-
-/// The room that `text` takes.
-pub fn extent(text: &str, height: f32) -> Extent {
-    let scaled = font().as_scaled(PxScale::from(height));
-    let mut width = 0.0;
-    let mut last = None;
-    for c in text.chars() {
-        let id = scaled.glyph_id(c);
-        width += last.map_or(0.0, |l| scaled.kern(l, id)) + scaled.h_advance(id);
-        last = Some(id);
-    }
-    Extent { width: width.ceil() as usize + 1, height: height.ceil() as usize + 1 }
-}
-
-/// Blends `text` over the picture with its box's top left corner at (`x`, `y`); what lies outside
-/// the picture is not drawn.
-pub fn draw(picture: &mut Rgb8, text: &str, x: i64, y: i64, height: f32, color: [u8; 3]) {
-    let scaled = font().as_scaled(PxScale::from(height));
-    let size = picture.size;
-    let mut pen = x as f32;
-    let mut last = None;
-    for c in text.chars() {
-        let id = scaled.glyph_id(c);
-        pen += last.map_or(0.0, |l| scaled.kern(l, id));
-        let glyph = id.with_scale_and_position(height, ab_glyph::point(pen, y as f32 + scaled.ascent()));
-        pen += scaled.h_advance(id);
-        last = Some(id);
-        let Some(outline) = font().outline_glyph(glyph) else { continue };
-        let corner = outline.px_bounds().min;
-        outline.draw(|gx, gy, cover| {
-            let (px, py) = (corner.x as i64 + i64::from(gx), corner.y as i64 + i64::from(gy));
-            if px >= 0 && py >= 0 && (px as usize) < size.width && (py as usize) < size.height {
-                let pixel = &mut picture.data[py as usize * size.width + px as usize];
-                let cover = cover.clamp(0.0, 1.0);
-                *pixel = [0, 1, 2].map(|k| {
-                    let (below, above) = (f32::from(pixel[k]), f32::from(color[k]));
-                    (below + (above - below) * cover).round() as u8
-                });
-            }
-        });
-    }
+    PARSED.get_or_init(|| FontRef::try_from_slice(FONT).expect("the embedded font is whole"))
 }
 
 /// A number as people write it in pictures: `0.02`, `300`, `10⁻⁷`, `2×10⁹`.
@@ -105,7 +55,7 @@ pub fn superscript(n: i32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::picture::Size;
+    use ab_glyph::Font;
 
     #[test]
     fn numbers_read_well() {
@@ -126,23 +76,6 @@ mod tests {
     fn every_symbol_has_a_glyph() {
         for c in "0123456789⁰¹²³⁴⁵⁶⁷⁸⁹⁻−×Σ☉⊙()/. abcXYZ|±".chars() {
             assert_ne!(font().glyph_id(c).0, 0, "{c}");
-        }
-    }
-
-    #[test]
-    fn text_stays_in_its_box() {
-        for height in [9.0, 14.0, 40.0] {
-            let text = "Σ [10¹⁰ M☉/h]";
-            let box_ = extent(text, height);
-            let size = Size { width: box_.width + 20, height: box_.height + 20 };
-            let mut p = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };
-            draw(&mut p, text, 10, 10, height, [255; 3]);
-            for (i, v) in p.data.iter().enumerate() {
-                let (x, y) = (i % size.width, i / size.width);
-                let inside = (9..=10 + box_.width).contains(&x) && (9..=10 + box_.height).contains(&y);
-                assert!(inside || *v == [0; 3], "{x} {y}");
-            }
-            assert!(p.data.iter().any(|v| v[0] > 128));
         }
     }
 }

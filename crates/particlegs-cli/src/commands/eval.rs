@@ -2,6 +2,8 @@
 
 use crate::common::{Common, Context};
 use crate::inputs;
+use crate::outputs::PNG;
+use crate::pictures;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
@@ -25,7 +27,8 @@ must clearly beat (docs/guide/certificate.md).
 Examples:
   particlegs eval model.pgs snapshot
   particlegs eval model.pgs snapshot --frames 80 --json scores.json
-  particlegs eval model.pgs snapshot --views views.json")]
+  particlegs eval model.pgs snapshot --views views.json
+  particlegs eval model.pgs snapshot --pictures pictures")]
 pub struct Arguments {
     /// Model file.
     #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
@@ -46,6 +49,9 @@ pub struct Arguments {
     /// Picture size in pixels.
     #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, conflicts_with = "views")]
     size: Size,
+    /// Folder for pictures: snapshot, model and error side by side, surface density.
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pictures: Option<PathBuf>,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
@@ -76,6 +82,10 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let inputs = a.input.iter().map(PathBuf::as_path).chain([a.model.as_path()]).chain(a.views.as_deref());
     context.reads(inputs, false)?;
+    if let Some(folder) = &a.pictures {
+        context.makes_folder(folder)?;
+        pictures::paths(folder).iter().try_for_each(|p| context.writes(p, &PNG).map(drop))?;
+    }
     let bytes = inputs::model(&a.model, &context)?;
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     let subset = Subset { selection: &a.selection, window: &a.window, seed: context.common.seed };
@@ -90,7 +100,13 @@ pub fn run(a: Arguments) -> Result<()> {
     let (views, size, views_from) = views(&a, &model, &context)?;
     let evaluation = score::evaluate(&model, &particles, &views, size, &context)?;
     let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
-    context.finish(&table(&report), &report)
+    context.finish(&table(&report), &report)?;
+    if let Some(folder) = &a.pictures {
+        for path in pictures::write(folder, &model, &particles, &context)? {
+            context.message(&format!("wrote {}", path.display()));
+        }
+    }
+    Ok(())
 }
 
 /// The views, their size, and where they are from in words.

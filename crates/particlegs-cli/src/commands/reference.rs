@@ -3,14 +3,23 @@
 use crate::annotate::text::number;
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
+use crate::drawing::finish::Finish;
+use crate::drawing::provenance::{Provenance, Source};
+use crate::drawing::run::{self, Job, Target};
+use crate::drawing::{Painter, Seen};
 use crate::drawn::Drawn;
-use crate::picture_out::PictureOut;
+use crate::figure::args::FigureArgs;
+use crate::figure::output::FileKind;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::view_args::{Subject, ViewArgs};
+use crate::views::sequence_args::SequenceArgs;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
-use particlegs::picture::write_png;
+use particlegs::camera::{View, ViewSet};
+use particlegs::model::hex;
+use particlegs::picture::Size;
+use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::splat::{DEFAULT_OPACITY, Look};
 use serde::Serialize;
@@ -37,14 +46,25 @@ pub struct Arguments {
     /// Snapshot: its first file, its folder, or raw columns x y z (w).
     #[arg(required = true, value_name = "IN")]
     input: Vec<PathBuf>,
-    /// Folder for the pictures, NAME.png for each view; or, of one view, the picture to write.
-    #[arg(long = "output", short, alias = "out", value_name = "DIR|NAME.png", value_hint = ValueHint::AnyPath)]
-    out: PathBuf,
+    /// Folder for the pictures, NAME.png for each view; or, of one view, the picture to write: NAME.png, .pdf or .svg.
+    #[arg(
+        long = "output",
+        short,
+        alias = "out",
+        value_name = "DIR|FILE",
+        value_hint = ValueHint::AnyPath,
+        required_unless_present = "video"
+    )]
+    out: Option<PathBuf>,
     /// What to draw.
     #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
     style: Style,
     #[command(flatten)]
     view: ViewArgs,
+    #[command(flatten)]
+    sequence: SequenceArgs,
+    #[command(flatten)]
+    figure: FigureArgs,
     #[command(flatten)]
     density: DensityArgs,
     /// Spread each particle over the sphere that reaches its K-th nearest other particle [default: points].
@@ -88,7 +108,8 @@ enum Style {
 struct DrawnParticles {
     #[serde(flatten)]
     drawn: Drawn,
-    radius_px: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    radius_px: Option<f64>,
     particles_per_second: f64,
 }
 
@@ -96,106 +117,130 @@ struct DrawnParticles {
 struct Report {
     style: String,
     particles: u64,
-    width: usize,
-    height: usize,
-    fov_deg: Option<f64>,
-    views: Vec<DrawnParticles>,
-}
-
-#[derive(Serialize)]
-struct DensityReport {
-    style: &'static str,
-    particles: u64,
     /// Neighbours that each particle is spread over, and how long they took to find.
+    #[serde(skip_serializing_if = "Option::is_none")]
     smooth: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     smooth_seconds: Option<f64>,
     width: usize,
     height: usize,
     fov_deg: Option<f64>,
-    views: Vec<Drawn>,
+    /// Values of the first and last colour, where all pictures have one range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    range: Option<[f64; 2]>,
+    views: Vec<DrawnParticles>,
 }
 
 /// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    context.reads(a.input.iter().map(PathBuf::as_path).chain(a.view.views.as_deref()), false)?;
+    let files = [&a.view.views, &a.sequence.path].into_iter().flatten();
+    context.reads(a.input.iter().chain(files).map(PathBuf::as_path), false)?;
+    let range = a.density.asked_range()?;
     let subset = Subset { selection: &a.selection, window: &WindowArgs::default(), seed: a.common.seed };
     let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
-    let reference = Reference::new(&particles);
+    let mut reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
-    if a.style == Style::Density {
-        return densities(a, reference, &context);
+    let (density, cell) = (a.style == Style::Density, particles.meta.cell);
+    let radius = bounds.default_radius(count);
+    let subject = Subject { bounds, cell, radius, opacity: DEFAULT_OPACITY, density };
+    let quantities = Quantities::of_particles(&particles, a.smooth);
+    let set = run::views(&a.view, &a.sequence, &subject, &context)?;
+    let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
+    let resolved = a.figure.resolved(set.size, kind, 1).filter(|_| a.view.size.is_none());
+    let set = ViewSet { size: resolved.unwrap_or(set.size), ..set };
+    let unit = particles.meta.length_unit.clone().unwrap_or_default();
+    if let Some(note) = a.view.note(&subject, &set, &unit) {
+        context.message(&note);
     }
-    let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
-    let set = a.view.resolve(&subject, &context)?;
-    let out = PictureOut::new(&a.out, set.views.len(), false, &context)?;
-    let paths = out.pictures(set.views.iter().map(|v| &v.name[..]), &context)?;
+    a.figure.note_missing(&[], &context);
     let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
-    let (width, height) = (set.size.width, set.size.height);
-    let mut report = Report { style, particles: count, width, height, fov_deg: None, views: Vec::new() };
-    let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
-    for (view, path) in set.views.iter().zip(paths) {
+    let (mut smooth_seconds, mut text) = (None, String::new());
+    if let Some(neighbours) = a.smooth {
         let started = Instant::now();
-        let picture = match a.style {
-            Style::Paraview => reference.draw(view, set.size, Look::Paraview, &context),
-            Style::ParaviewNoFxaa => reference.draw(view, set.size, Look::ParaviewNoFxaa, &context),
-            Style::Expected => reference.draw(view, set.size, Look::Expected, &context),
-            Style::Response => reference.response(view, set.size, Look::ParaviewNoFxaa, &context),
-            // Density has left above.
-            Style::ResponseFxaa | Style::Density => reference.response(view, set.size, Look::Paraview, &context),
-        };
+        reference = reference.smoothed(neighbours, &context)?;
         let seconds = started.elapsed().as_secs_f64();
-        let written = picture.and_then(|picture| write_png(&path, picture.size, &picture.data));
-        context.says_what_is_there(&a.out, report.views.len(), set.views.len(), written)?;
-        let (radius_px, rate) = (view.radius_pixels(set.size), count as f64 / seconds);
-        text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {:>14}", view.name, number(rate));
-        let drawn = Drawn::of_view(view, seconds, path);
-        report.fov_deg = drawn.fov_deg();
-        report.views.push(DrawnParticles { drawn, radius_px, particles_per_second: rate });
+        smooth_seconds = Some(seconds);
+        text = format!("{:<16} {seconds:>9.3}\n", format!("({neighbours} neighbours)"));
     }
+    let colormap = a.density.colormap.unwrap_or_default();
+    let ground = a.figure.background.and_then(|b| Some(b.to_possible_value()?.get_name().to_string()));
+    let name = a.input.first().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
+    let about = Provenance {
+        particlegs: env!("CARGO_PKG_VERSION").into(),
+        of: vec![Source { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
+        style: style.clone(),
+        layers: Vec::new(),
+        color_by_layer: false,
+        colormap: density.then(|| colormap.name().into()),
+        range: None,
+        unit: density.then(|| quantities.unit()),
+        background: ground,
+        views: serde_json::Value::Null,
+    };
+    let (args, quantities) = (&a.figure, &quantities);
+    let finish = Finish { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };
+    let target = Target { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
+    let painter = Drawing { reference, style: a.style, subject: &subject, context: &context };
+    let drawn = Job { painter: &painter, finish: &finish, set: &set, range, context: &context }.draw(&target)?;
+    text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
+    let radii = set.views.iter().map(|v| (!density).then(|| v.radius_pixels(set.size)));
+    let rate = |d: &Drawn| count as f64 / d.seconds().max(1e-9);
+    let fov_deg = drawn.views.iter().find_map(Drawn::fov_deg);
+    let of = |(drawn, radius_px)| DrawnParticles { particles_per_second: rate(&drawn), drawn, radius_px };
+    let report = Report {
+        style,
+        particles: count,
+        smooth: a.smooth,
+        smooth_seconds,
+        width: set.size.width,
+        height: set.size.height,
+        fov_deg,
+        range: drawn.range,
+        views: drawn.views.into_iter().zip(radii).map(of).collect(),
+    };
     context.finish(&text, &report)
 }
 
-/// Draws the surface density of every view.
-fn densities(a: &Arguments, mut reference: Reference<'_>, context: &Context) -> Result<()> {
-    let (particles, bounds) = (reference.particles(), *reference.bounds());
-    let count = particles.len() as u64;
-    let subject = Subject { bounds, radius: bounds.default_radius(count), opacity: DEFAULT_OPACITY };
-    let quantities = Quantities::of_particles(particles, a.smooth);
-    let (size, views) = a.density.views(&a.view, &subject, &quantities, context)?;
-    let out = PictureOut::new(&a.out, views.len(), a.density.raw, context)?;
-    a.density.plan(&out, &views, context)?;
-    let (smooth, width, height) = (a.smooth, size.width, size.height);
-    let mut report = DensityReport {
-        style: "density",
-        particles: count,
-        smooth,
-        smooth_seconds: None,
-        width,
-        height,
-        fov_deg: None,
-        views: Vec::new(),
-    };
-    let mut text = format!("{:<16} {:>9}", "view", "seconds");
-    if let Some(neighbours) = a.smooth {
-        let started = Instant::now();
-        let smoothed = reference.smoothed(neighbours, context);
-        reference = context.says_what_is_there(&a.out, 0, views.len(), smoothed)?;
-        let seconds = started.elapsed().as_secs_f64();
-        report.smooth_seconds = Some(seconds);
-        text += &format!("\n{:<16} {seconds:>9.3}", format!("({neighbours} neighbours)"));
+/// What is printed of pictures of particles.
+fn rows(set: &ViewSet, drawn: &[Drawn], count: u64) -> String {
+    let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
+    for (view, drawn) in set.views.iter().zip(drawn) {
+        let (radius_px, seconds) = (view.radius_pixels(set.size), drawn.seconds());
+        let rate = number(count as f64 / seconds.max(1e-9));
+        text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {rate:>14}", view.name);
     }
-    for view in &views {
-        let started = Instant::now();
-        let plane = reference.surface_density(view, size, context);
-        let seconds = started.elapsed().as_secs_f64();
-        let drawn = plane.and_then(|plane| a.density.write(&out, view, &plane, &quantities));
-        let path = context.says_what_is_there(&a.out, report.views.len(), views.len(), drawn)?;
-        text += &format!("\n{:<16} {seconds:>9.3}", view.name);
-        let drawn = Drawn::of_density(view, seconds, path);
-        report.fov_deg = drawn.fov_deg();
-        report.views.push(drawn);
+    text
+}
+
+/// A snapshot, ready to be drawn.
+struct Drawing<'a> {
+    reference: Reference<'a>,
+    style: Style,
+    subject: &'a Subject,
+    context: &'a Context,
+}
+
+impl Painter for Drawing<'_> {
+    fn draw(&self, view: &View, size: Size) -> Result<Seen> {
+        let (all, context) = (&self.reference, self.context as &dyn Progress);
+        let levels = match self.style {
+            Style::Paraview => all.draw(view, size, Look::Paraview, context),
+            Style::ParaviewNoFxaa => all.draw(view, size, Look::ParaviewNoFxaa, context),
+            Style::Expected => all.draw(view, size, Look::Expected, context),
+            Style::Response => all.response(view, size, Look::ParaviewNoFxaa, context),
+            Style::ResponseFxaa => all.response(view, size, Look::Paraview, context),
+            Style::Density => {
+                let view = self.subject.density_view(view);
+                return Ok(Seen::Density(all.surface_density(&view, size, context)?));
+            }
+        };
+        levels.map(Seen::Levels)
     }
-    context.finish(&text, &report)
+
+    /// Each picture takes all threads, and memory of the snapshot's order.
+    fn side_by_side(&self) -> bool {
+        false
+    }
 }

@@ -1,21 +1,30 @@
-//! `particlegs render MODEL --style S --out DIR`.
+//! `particlegs render MODEL... --style S -o OUT`.
 
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
+use crate::drawing::finish::Finish;
+use crate::drawing::panels::Panels;
+use crate::drawing::provenance::{Provenance, Source};
+use crate::drawing::run::{self, Job, Target};
+use crate::drawing::{Painter, Seen, layers};
 use crate::drawn::Drawn;
+use crate::figure::args::{Background, FigureArgs};
+use crate::figure::output::FileKind;
 use crate::inputs;
 use crate::picture_out::PictureOut;
 use crate::view_args::{Subject, ViewArgs};
+use crate::views::sequence_args::SequenceArgs;
 use clap::{Args, ValueEnum, ValueHint};
+use particlegs::camera::{View, ViewSet};
 use particlegs::model::{LawKind, Model};
-use particlegs::picture::write_png;
-use particlegs::render::{Scene, draw, surface_density};
+use particlegs::picture::{Colormap, Gray8, Pixels, Size};
+use particlegs::progress::Progress;
+use particlegs::render::{Scene, Scratch, draw_into, surface_density};
 use particlegs::splat::Look;
-use particlegs::{Error, Result, codec};
+use particlegs::{Error, Result, codec, parallel};
 use particlegs_files::input::name_of;
 use serde::Serialize;
-use std::path::PathBuf;
-use std::time::Instant;
+use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
@@ -24,7 +33,8 @@ use std::time::Instant;
 Examples:
   particlegs render model.pgs -o pictures
   particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near.png
-  particlegs render model.pgs --style density --colormap magma -o sigma",
+  particlegs render model.pgs --style density --projection orthographic -o fig.pdf
+  particlegs render model.pgs --turntable 120 --video turn.mp4",
     after_long_help = "\
 Examples:
   particlegs render model.pgs -o pictures
@@ -34,25 +44,63 @@ Examples:
   particlegs render model.pgs --azimuth 30 --save-views view.json -o pictures
   particlegs render model.pgs --style density --colormap magma -o sigma
   particlegs render model.pgs --layer PartType4 -o stars
-  particlegs render model.pgs --style density --projection orthographic --width 30 --depth 5 -o slab
+  particlegs render model.pgs --style density --projection orthographic --width 30 --depth 5 -o slab.pdf
+  particlegs render a.pgs b.pgs --panels --style density --background white -o compared.pdf
+  particlegs render model.pgs --like published.png -o again.png
+  particlegs render model.pgs --turntable 120 --video turn.mp4
+  particlegs render model.pgs --path keys.json --frames 300 --video flight.webm -o frames
 
-docs/guide/pictures.md describes styles, cameras and views files."
+docs/guide/pictures.md describes styles, cameras, figures, films and views files."
 )]
 pub struct Arguments {
-    /// Model file.
-    #[arg(value_name = "MODEL", value_hint = ValueHint::FilePath)]
-    model: PathBuf,
-    /// Folder for the pictures, NAME.png for each view; or, of one view, the picture to write.
-    #[arg(long = "output", short, alias = "out", value_name = "DIR|NAME.png", value_hint = ValueHint::AnyPath)]
-    out: PathBuf,
-    /// What to draw.
-    #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
-    style: Style,
+    /// Model file, or, with --panels, several.
+    #[arg(required = true, value_name = "MODEL", value_hint = ValueHint::FilePath)]
+    models: Vec<PathBuf>,
+    /// Folder for the pictures, NAME.png for each view; or, of one view, the picture to write: NAME.png, .pdf or .svg.
+    #[arg(
+        long = "output",
+        short,
+        alias = "out",
+        value_name = "DIR|FILE",
+        value_hint = ValueHint::AnyPath,
+        required_unless_present = "video"
+    )]
+    out: Option<PathBuf>,
+    /// What to draw [default: paraview].
+    #[arg(long, value_enum, value_name = "STYLE")]
+    style: Option<Style>,
     /// Layers to draw, by the names that `info` lists, or `all`.
-    #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
-    layers: Vec<String>,
+    #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
+    layers: Option<Vec<String>>,
+    /// Tell layers apart by colour: hues mixed by optical depth, levels as without colours.
+    #[arg(long, hide_short_help = true)]
+    color_by_layer: bool,
+    /// Draw the view of a picture that this program wrote: its camera, style, colours and range.
+    ///
+    /// What else is given on the command line takes the place of what the picture says.
+    #[arg(
+        long,
+        value_name = "PNG",
+        hide_short_help = true,
+        value_hint = ValueHint::FilePath,
+        conflicts_with_all = ["views", "path", "azimuth", "elevation", "distance", "projection", "center", "width", "depth", "fit"]
+    )]
+    like: Option<PathBuf>,
+    /// Draw all models and views into one figure, with one range and one colour bar.
+    #[arg(long, hide_short_help = true, conflicts_with_all = ["turntable", "path", "video", "raw"])]
+    panels: bool,
+    /// Panels in a row [default: those of one view; of one model up to three].
+    #[arg(long, value_name = "N", hide_short_help = true, requires = "panels")]
+    columns: Option<usize>,
+    /// Captions of the panels, row by row [default: names of models and views].
+    #[arg(long, value_name = "TEXT,...", value_delimiter = ',', hide_short_help = true, requires = "panels")]
+    captions: Vec<String>,
     #[command(flatten)]
     view: ViewArgs,
+    #[command(flatten)]
+    sequence: SequenceArgs,
+    #[command(flatten)]
+    figure: FigureArgs,
     #[command(flatten)]
     density: DensityArgs,
     #[command(flatten)]
@@ -60,9 +108,10 @@ pub struct Arguments {
 }
 
 /// The styles that a model can be drawn in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 enum Style {
     /// As ParaView draws the particles, without their shot noise.
+    #[default]
     Paraview,
     /// The same without antialiasing (FXAA).
     ParaviewNoFxaa,
@@ -79,91 +128,248 @@ struct Report {
     width: usize,
     height: usize,
     fov_deg: Option<f64>,
+    /// Values of the first and last colour, where all pictures have one range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    range: Option<[f64; 2]>,
     views: Vec<Drawn>,
+}
+
+impl Style {
+    fn name(self) -> String {
+        self.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default()
+    }
+
+    /// The look of a picture; none of a density.
+    fn look(self) -> Option<Look> {
+        match self {
+            Style::Paraview => Some(Look::Paraview),
+            Style::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
+            Style::Expected => Some(Look::Expected),
+            Style::Density => None,
+        }
+    }
+}
+
+/// A model that was read, and what names it.
+struct Read {
+    model: Model,
+    source: Source,
+}
+
+/// What the options say, with what a picture says that is to be drawn alike.
+struct Asked {
+    style: Style,
+    layers: Vec<String>,
+    color_by_layer: bool,
+    colormap: Colormap,
+    range: Option<[f64; 2]>,
+    figure: FigureArgs,
+    /// The view of that picture.
+    like: Option<ViewSet>,
+}
+
+impl Asked {
+    fn of(a: &Arguments, context: &Context) -> Result<Asked> {
+        let mut asked = Asked {
+            style: a.style.unwrap_or_default(),
+            layers: a.layers.clone().unwrap_or_else(|| vec!["all".into()]),
+            color_by_layer: a.color_by_layer,
+            colormap: a.density.colormap.unwrap_or_default(),
+            range: a.density.asked_range()?,
+            figure: a.figure.clone(),
+            like: None,
+        };
+        let Some(path) = &a.like else { return Ok(asked) };
+        let (told, set) = Provenance::read(path, context)?;
+        let unknown = |what: &str, name: &str| Error::input(path, format!("its {what} `{name}` is not known"));
+        if a.style.is_none() {
+            let hint = "choose one with --style";
+            let no_style =
+                || Error::input_with(path, format!("no model can be drawn in its style `{}`", told.style), hint);
+            asked.style = Style::from_str(&told.style, false).map_err(|_| no_style())?;
+        }
+        if a.layers.is_none() && !told.layers.is_empty() {
+            asked.layers = told.layers;
+        }
+        asked.color_by_layer |= told.color_by_layer && asked.style != Style::Density;
+        if let (None, Some(name)) = (a.density.colormap, &told.colormap) {
+            asked.colormap = name.parse().map_err(|_| unknown("colour map", name))?;
+        }
+        if asked.style == Style::Density {
+            asked.range = asked.range.or(told.range.filter(|r| r[0] > 0.0 && r[1] > r[0]));
+        }
+        if let (None, Some(name)) = (asked.figure.background, &told.background) {
+            asked.figure.background = Some(Background::from_str(name, false).map_err(|_| unknown("ground", name))?);
+        }
+        asked.like = Some(set);
+        Ok(asked)
+    }
 }
 
 /// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    context.reads([a.model.as_path()].into_iter().chain(a.view.views.as_deref()), false)?;
-    let bytes = inputs::model(&a.model, &context)?;
-    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
-    let model = if a.layers == ["all"] { model } else { model.only(&a.layers)? };
+    let files = [&a.view.views, &a.sequence.path, &a.like].into_iter().flatten();
+    context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
+    let asked = Asked::of(a, &context)?;
+    let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
+    if read.len() > 1 && !a.panels {
+        let what = format!("{} models are given, and one is drawn", read.len());
+        return Err(Error::Argument { what, remedy: "draw them into one figure with --panels".into() });
+    }
+    let Some(Read { model, .. }) = read.first() else { return Err(Error::argument("no model is given")) };
     let m = &model.metadata;
-    let subject = Subject { bounds: m.bounds, radius: m.default_radius, opacity: m.default_opacity };
-    let mut report = Report {
-        style: a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default(),
-        gaussians: model.gaussians(),
-        width: 0,
-        height: 0,
-        fov_deg: None,
-        views: Vec::new(),
+    let density = asked.style == Style::Density;
+    let (bounds, cell) = (m.bounds, m.cell);
+    let subject = Subject { bounds, cell, radius: m.default_radius, opacity: m.default_opacity, density };
+    let quantities = Quantities::of_model(model);
+    let painters = read.iter().map(|r| Drawing::new(r, &asked, &subject, &context)).collect::<Result<Vec<_>>>()?;
+    let set = match asked.like.clone() {
+        Some(mut set) => {
+            a.view.apply(&mut set)?;
+            let set = a.sequence.frames(set)?;
+            a.view.save(&set, &context)?;
+            set
+        }
+        None => run::views(&a.view, &a.sequence, &subject, &context)?,
     };
-    let look = match a.style {
-        Style::Paraview => Some(Look::Paraview),
-        Style::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
-        Style::Expected => Some(Look::Expected),
-        Style::Density => None,
+    let panels = a.panels.then(|| Panels {
+        painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p as &dyn Painter)).collect(),
+        captions: a.captions.clone(),
+        columns: a.columns,
+    });
+    let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
+    let columns = panels.as_ref().map_or(1, |p| p.columns(set.views.len()));
+    let resolved = asked.figure.resolved(set.size, kind, columns).filter(|_| a.view.size.is_none());
+    let set = ViewSet { size: resolved.unwrap_or(set.size), ..set };
+    let unit = m.length_unit.clone().unwrap_or_default();
+    if let Some(note) = a.view.note(&subject, &set, &unit).filter(|_| asked.like.is_none()) {
+        context.message(&note);
+    }
+    asked.figure.note_missing(&a.captions, &context);
+    let finish = Finish {
+        args: &asked.figure,
+        colormap: asked.colormap,
+        quantities: &quantities,
+        subject: &subject,
+        legend: legend(&asked, model),
+        about: about(&asked, &read, &quantities),
     };
-    match look {
-        Some(look) => pictures(a, &model, &subject, look, &context, &mut report)?,
-        None => densities(a, &model, &subject, &context, &mut report)?,
-    }
-    report.fov_deg = report.views.first().and_then(Drawn::fov_deg);
-    let mut text = format!("{:<16} {:>9}", "view", "seconds");
-    for v in &report.views {
-        text += &format!("\n{:<16} {:>9.3}", v.name(), v.seconds());
-    }
+    let target = Target { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
+    let (drawn, text, range) = match (&panels, &a.out) {
+        (Some(panels), Some(out)) => {
+            let started = std::time::Instant::now();
+            let out = PictureOut::new(out, 1, false, &context)?;
+            out.pictures(["panels"].into_iter(), &context)?;
+            let (path, range) = panels.draw(&finish, &set, asked.range, &out, &context)?;
+            let seconds = started.elapsed().as_secs_f64() / set.views.len() as f64;
+            let of = |v: &View| Drawn::of_view(v, &subject, seconds, Some(path.clone()));
+            let text = format!("{}: {} panels", path.display(), panels.painters.len() * set.views.len());
+            (set.views.iter().map(of).collect(), text, range)
+        }
+        _ => {
+            let first = painters.first().ok_or_else(|| Error::argument("no model is given"))?;
+            let report = Job { painter: first, finish: &finish, set: &set, range: asked.range, context: &context }
+                .draw(&target)?;
+            let text = report.text();
+            (report.views, text, report.range)
+        }
+    };
+    let report = Report {
+        style: asked.style.name(),
+        gaussians: read.iter().map(|r| r.model.gaussians()).sum(),
+        width: set.size.width,
+        height: set.size.height,
+        fov_deg: drawn.iter().find_map(Drawn::fov_deg),
+        range,
+        views: drawn,
+    };
     context.finish(&text, &report)
 }
 
-fn pictures(
-    a: &Arguments,
-    model: &Model,
-    subject: &Subject,
-    look: Look,
-    context: &Context,
-    report: &mut Report,
-) -> Result<()> {
-    let set = a.view.resolve(subject, context)?;
-    let out = PictureOut::new(&a.out, set.views.len(), false, context)?;
-    let paths = out.pictures(set.views.iter().map(|v| &v.name[..]), context)?;
-    (report.width, report.height) = (set.size.width, set.size.height);
-    let scene = Scene::of(model);
-    for (view, path) in set.views.iter().zip(paths) {
-        let started = Instant::now();
-        let mut seconds = 0.0;
-        let drawn = draw(&scene, view, set.size, look, context).and_then(|picture| {
-            seconds = started.elapsed().as_secs_f64();
-            write_png(&path, picture.size, &picture.data)
-        });
-        context.says_what_is_there(&a.out, report.views.len(), set.views.len(), drawn)?;
-        report.views.push(Drawn::of_view(view, seconds, path));
-    }
-    Ok(())
+fn read(path: &Path, asked: &Asked, context: &Context) -> Result<Read> {
+    let bytes = inputs::model(path, context)?;
+    let name = name_of(path);
+    let model = codec::decode_with(&bytes, &name, context)?;
+    let model = if asked.layers == ["all"] { model } else { model.only(&asked.layers)? };
+    let file = path.file_name().map_or(name, |n| n.to_string_lossy().into_owned());
+    let hash = particlegs::model::hex(blake3::hash(&bytes).as_bytes());
+    Ok(Read { model, source: Source { name: file, blake3: hash } })
 }
 
-fn densities(a: &Arguments, model: &Model, subject: &Subject, context: &Context, report: &mut Report) -> Result<()> {
-    if model.metadata.law == LawKind::AlphaBlend {
-        let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
-        let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
-        return Err(Error::Argument { what, remedy: hint.into() });
+/// A file's name without its ending.
+fn stem(name: &str) -> String {
+    Path::new(name).file_stem().map_or(name.to_string(), |s| s.to_string_lossy().into_owned())
+}
+
+fn legend(asked: &Asked, model: &Model) -> Vec<(String, [u8; 3])> {
+    match asked.color_by_layer {
+        true => model.layers.iter().enumerate().map(|(i, l)| (l.name.clone(), layers::colour_of(i))).collect(),
+        false => Vec::new(),
     }
-    let quantities = Quantities::of_model(model);
-    let (size, views) = a.density.views(&a.view, subject, &quantities, context)?;
-    let out = PictureOut::new(&a.out, views.len(), a.density.raw, context)?;
-    a.density.plan(&out, &views, context)?;
-    (report.width, report.height) = (size.width, size.height);
-    let scene = Scene::of(model);
-    for view in &views {
-        let started = Instant::now();
-        let mut seconds = 0.0;
-        let drawn = surface_density(&scene, view, size, context).and_then(|plane| {
-            seconds = started.elapsed().as_secs_f64();
-            a.density.write(&out, view, &plane, &quantities)
-        });
-        let path = context.says_what_is_there(&a.out, report.views.len(), views.len(), drawn)?;
-        report.views.push(Drawn::of_density(view, seconds, path));
+}
+
+/// What files say of themselves; views and range are each picture's.
+fn about(asked: &Asked, read: &[Read], quantities: &Quantities) -> Provenance {
+    let density = asked.style == Style::Density;
+    let ground = asked.figure.background.and_then(|b| Some(b.to_possible_value()?.get_name().to_string()));
+    Provenance {
+        particlegs: env!("CARGO_PKG_VERSION").into(),
+        of: read.iter().map(|r| r.source.clone()).collect(),
+        style: asked.style.name(),
+        layers: if asked.layers == ["all"] { Vec::new() } else { asked.layers.clone() },
+        color_by_layer: asked.color_by_layer,
+        colormap: density.then(|| asked.colormap.name().into()),
+        range: None,
+        unit: density.then(|| quantities.unit()),
+        background: ground,
+        views: serde_json::Value::Null,
     }
-    Ok(())
+}
+
+/// A model, ready to be drawn.
+struct Drawing<'a> {
+    scene: Scene<'a>,
+    /// Each layer alone, where colours tell them apart.
+    layers: Vec<Model>,
+    look: Option<Look>,
+    subject: &'a Subject,
+    scratch: parallel::Scratch<Scratch>,
+    context: &'a Context,
+}
+
+impl<'a> Drawing<'a> {
+    fn new(read: &'a Read, asked: &Asked, subject: &'a Subject, context: &'a Context) -> Result<Self> {
+        let look = asked.style.look();
+        if look.is_none() && read.model.metadata.law == LawKind::AlphaBlend {
+            let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
+            let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
+            return Err(Error::Argument { what, remedy: hint.into() });
+        }
+        let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
+        let scene = Scene::of(&read.model);
+        Ok(Drawing { scene, layers, look, subject, scratch: parallel::Scratch::default(), context })
+    }
+}
+
+impl Painter for Drawing<'_> {
+    fn draw(&self, view: &View, size: Size) -> Result<Seen> {
+        let Some(look) = self.look else {
+            let view = self.subject.density_view(view);
+            return Ok(Seen::Density(surface_density(&self.scene, &view, size, self.context)?));
+        };
+        if !self.layers.is_empty() {
+            return layers::draw(&self.layers, view, size, look, self.context);
+        }
+        self.context.require_memory("a picture", size.pixels() as u64)?;
+        let mut picture = Gray8::black(size);
+        self.scratch.with(|scratch| {
+            draw_into(&self.scene, view, look, Pixels::new(size, &mut picture.data)?, scratch, self.context)
+        })?;
+        Ok(Seen::Levels(picture))
+    }
+
+    fn side_by_side(&self) -> bool {
+        true
+    }
 }

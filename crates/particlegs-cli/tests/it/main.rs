@@ -7,6 +7,7 @@ mod compress;
 mod convert;
 mod eval;
 mod export;
+mod figures;
 mod formats;
 mod help;
 mod inputs;

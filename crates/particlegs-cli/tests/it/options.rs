@@ -24,17 +24,17 @@ fn options_that_do_nothing_are_refused_by_name() {
     let cases: Vec<(Vec<&str>, &str)> = vec![
         (render(&["--colormap", "magma"]), "--colormap"),
         (render(&["--range", "1,2"]), "--range"),
-        (render(&["--projection", "orthographic"]), "--projection"),
-        (render(&["--center", "1,1,1"]), "--center"),
-        (render(&["--width", "3"]), "--width"),
-        (render(&["--depth", "3"]), "--depth"),
+        (render(&["--projection", "orthographic", "--distance", "2"]), "--distance"),
+        (render(&["--width", "3", "--distance", "2"]), "--distance"),
+        (render(&["--colorbar", "inside"]), "--colorbar"),
+        (render(&["--video", "v.mp4"]), "--video"),
+        (render(&["--style", "density", "--color-by-layer"]), "--color-by-layer"),
+        (render(&["--style", "density", "--raw", "--title", "t"]), "--title"),
         (render(&["--raw"]), "--raw"),
         (render(&["--no-annotations"]), "--no-annotations"),
-        (reference(&["--center", "1,1,1", "--width", "2"]), "selects no particles"),
         (reference(&["--colormap", "magma"]), "--colormap"),
         (render(&["--style", "density", "--opacity", "0.1"]), "--opacity"),
         (render(&["--style", "density", "--radius", "0.1"]), "--radius"),
-        (render(&["--style", "density", "--width", "3"]), "--projection orthographic"),
         (render(&["--style", "density", "--projection", "orthographic", "--distance", "2"]), "--distance"),
         (render(&["--style", "density", "--raw", "--no-annotations"]), "--no-annotations"),
         (on(&["compress", "in", "-o", "x.pgs"], &["--resume"]), "--resume"),
@@ -76,6 +76,20 @@ fn options_that_mean_something_are_taken() {
     run(&[&["render", "m.pgs", "-o", "d", "--projection", "orthographic", "--width", "3"], &density[..]].concat());
     run(&[&["render", "m.pgs", "--output", "e", "--raw"], &density[..]].concat());
     run(&[&["render", "m.pgs", "--out", "f", "--colormap", "magma", "--no-annotations"], &density[..]].concat());
+    run(&[
+        "render",
+        "m.pgs",
+        "-o",
+        "g.pdf",
+        "--no-annotations",
+        "--size",
+        "64x36",
+        "--center",
+        "1,1,1",
+        "--depth",
+        "3",
+    ]);
+    run(&["reference", "in", "-o", "h", "--size", "64x36", "--center", "1,1,1", "--width", "3"]);
     run(&["info", "in", "--box", "8", "--no-bounds"]);
     run(&["merge", "m.pgs", "--out", "merged.pgs"]);
     run(&["stats", "in", "m.pgs", "--output", "s", "--only", "density", "--grid", "8", "--no-plots"]);

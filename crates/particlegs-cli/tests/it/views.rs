@@ -71,9 +71,36 @@ fn a_report_of_surface_density_says_its_window() {
     let view = &report["views"][0];
     assert_eq!(view["height_world"], 1.0);
     assert!(view["clipping_range"][1].as_f64().unwrap() > 0.0 && view["fov_deg"].is_null());
+}
+
+/// A window, and a slab in perspective, are drawn again from what was saved, to the byte, in every look.
+#[test]
+fn saved_windows_draw_the_same_pictures() {
+    let dir = tempfile::tempdir().unwrap();
+    let [model, _] = subjects(dir.path());
+    let at = |name: &str| dir.path().join(name);
+    let draw = |style: &str, out: &str, more: &[&str]| {
+        let mut c = particlegs();
+        c.arg("render").arg(&model).args(["--style", style, "--quiet", "-o"]).arg(at(out)).args(more);
+        c.assert().success();
+        std::fs::read(at(out)).unwrap()
+    };
+    let (saved, report) = (at("saved.json"), at("report.json"));
+    let [saved, report] = [&saved, &report].map(|p| p.to_str().unwrap());
+    let window = ["--width", "1.2", "--depth", "0.4", "--center", "0.1,0.5,0", "--azimuth", "20", "--size", "60x40"];
+    for style in ["paraview", "expected", "density"] {
+        for projection in ["orthographic", "perspective"] {
+            let keep = ["--projection", projection, "--save-views", saved, "--json", report];
+            let first = draw(style, "a.png", &[&window[..], &keep].concat());
+            for file in [saved, report] {
+                assert!(draw(style, "b.png", &["--views", file]) == first, "{style} {projection} {file}");
+            }
+            // The slab leaves something away.
+            let whole: Vec<&str> = window.iter().copied().filter(|o| !["--depth", "0.4"].contains(o)).collect();
+            assert!(draw(style, "c.png", &[&whole[..], &["--projection", projection]].concat()) != first);
+        }
+    }
     let mut c = particlegs();
-    c.arg("render").arg(&model).args(["--style", "density", "--projection", "orthographic", "--save-views"]);
-    c.arg(dir.path().join("views.json")).arg("-o").arg(dir.path().join("slab"));
-    fails(&mut c, 2, "perspective views only");
-    assert!(!dir.path().join("views.json").exists());
+    c.arg("render").arg(&model).args(["--fit", "box", "-o"]).arg(at("d.png"));
+    fails(&mut c, 2, "no simulation box is known");
 }

@@ -152,8 +152,10 @@ impl View {
             }
             _ => {}
         }
+        // Parallel lines of sight may begin at the eye.
+        let parallel = matches!(c.projection, Projection::Orthographic { .. });
         if let Some([near, far]) = c.clipping_range
-            && !(near > 0.0 && far > near && far.is_finite())
+            && !((near > 0.0 || parallel && near == 0.0) && far > near && far.is_finite())
         {
             return fail(format!("clipping range {near} to {far} is not 0 < near < far"));
         }

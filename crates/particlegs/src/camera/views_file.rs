@@ -24,7 +24,8 @@ pub struct ViewsFile(
 struct FileForm {
     width: usize,
     height: usize,
-    fov_deg: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fov_deg: Option<f64>,
     views: Vec<ViewForm>,
 }
 
@@ -36,33 +37,35 @@ struct ViewForm {
     view_up: [f64; 3],
     radius: f64,
     opacity: f64,
+    /// Of a view in perspective that has not the file's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fov_deg: Option<f64>,
+    /// Of an orthographic view.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    height_world: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     clipping_range: Option<[f64; 2]>,
 }
 
-impl From<&View> for ViewForm {
-    fn from(v: &View) -> Self {
-        let Camera { position, focal_point, view_up, clipping_range, .. } = v.camera;
+impl ViewForm {
+    /// A view of a file with this field of view.
+    fn new(v: &View, of_file: Option<f64>) -> Self {
+        let Camera { position, focal_point, view_up, clipping_range, projection } = v.camera;
         let (name, radius, opacity) = (v.name.clone(), v.radius, v.opacity);
-        ViewForm { name, position, focal_point, view_up, radius, opacity, clipping_range }
+        let (fov_deg, height_world) = match projection {
+            Projection::Perspective { fov_deg } => (Some(fov_deg).filter(|f| Some(*f) != of_file), None),
+            Projection::Orthographic { height_world } => (None, Some(height_world)),
+        };
+        ViewForm { name, position, focal_point, view_up, radius, opacity, fov_deg, height_world, clipping_range }
     }
 }
 
-/// The field of view that all have in common, degrees.
-fn fov_deg(views: &[View]) -> Result<f64> {
-    let mut angles = views.iter().map(|v| match v.camera.projection {
-        Projection::Perspective { fov_deg } => Ok(fov_deg),
-        Projection::Orthographic { .. } => {
-            Err(Error::argument(format!("view `{}`: a views file holds perspective views only", v.name)))
-        }
-    });
-    let first = angles.next().unwrap_or(Ok(super::FOV_DEG))?;
-    for angle in angles {
-        if angle? != first {
-            return Err(Error::argument("the views of one file have one field of view; these have several"));
-        }
-    }
-    Ok(first)
+/// The field of view of the first perspective view, degrees.
+fn fov_deg(views: &[View]) -> Option<f64> {
+    views.iter().find_map(|v| match v.camera.projection {
+        Projection::Perspective { fov_deg } => Some(fov_deg),
+        Projection::Orthographic { .. } => None,
+    })
 }
 
 impl ViewsFile {
@@ -72,13 +75,19 @@ impl ViewsFile {
     /// [`Error::Io`] where it cannot be read; [`Error::Input`] where it is no views file, holds no view,
     /// two of one name, a name that no file can have, or a number outside its range; [`Error::Cancelled`].
     pub fn read(path: &Path, progress: &dyn Progress) -> Result<Self> {
-        let text = read_whole(path, FORM, progress)?;
+        Self::of_bytes(&read_whole(path, FORM, progress)?, path)
+    }
+
+    /// [`ViewsFile::read`] of a views file's bytes, which `path` names in errors.
+    ///
+    /// # Errors
+    /// As [`ViewsFile::read`].
+    pub fn of_bytes(text: &[u8], path: &Path) -> Result<Self> {
         let form: FileForm =
-            serde_json::from_slice(&text).map_err(|e| Error::input(path, format!("not a views file: {e}")))?;
-        let set = ViewSet {
-            size: Size { width: form.width, height: form.height },
-            views: form.views.into_iter().map(|v| view(v, form.fov_deg)).collect(),
-        };
+            serde_json::from_slice(text).map_err(|e| Error::input(path, format!("not a views file: {e}")))?;
+        let views = form.views.into_iter().map(|v| view(v, form.fov_deg).map_err(|what| Error::input(path, what)));
+        let set =
+            ViewSet { size: Size { width: form.width, height: form.height }, views: views.collect::<Result<_>>()? };
         if set.views.is_empty() {
             return Err(Error::input(path, "a views file without views"));
         }
@@ -99,15 +108,15 @@ impl ViewsFile {
     /// Its text, which [`ViewsFile::read`] reads back without a difference.
     ///
     /// # Errors
-    /// [`Error::Argument`] for an orthographic view and for views of different angles: the file has one
-    /// field of view.
+    /// [`Error::Argument`] for a number that JSON cannot hold.
     pub fn text(&self) -> Result<String> {
         let ViewsFile(set) = self;
+        let fov_deg = fov_deg(&set.views);
         let form = FileForm {
             width: set.size.width,
             height: set.size.height,
-            fov_deg: fov_deg(&set.views)?,
-            views: set.views.iter().map(ViewForm::from).collect(),
+            fov_deg,
+            views: set.views.iter().map(|v| ViewForm::new(v, fov_deg)).collect(),
         };
         serde_json::to_string_pretty(&form).map(|text| text + "\n").map_err(|e| Error::argument(e.to_string()))
     }
@@ -125,19 +134,20 @@ fn fault_of_name(name: &str) -> Option<&'static str> {
     }
 }
 
-fn view(v: ViewForm, fov_deg: f64) -> View {
-    View {
-        name: v.name,
-        camera: Camera {
-            position: v.position,
-            focal_point: v.focal_point,
-            view_up: v.view_up,
-            projection: Projection::Perspective { fov_deg },
-            clipping_range: v.clipping_range,
-        },
-        radius: v.radius,
-        opacity: v.opacity,
-    }
+/// A view of a file with this field of view, or why it is none.
+fn view(v: ViewForm, of_file: Option<f64>) -> std::result::Result<View, String> {
+    let projection = match (v.height_world, v.fov_deg.or(of_file)) {
+        (Some(height_world), _) if v.fov_deg.is_none() => Projection::Orthographic { height_world },
+        (None, Some(fov_deg)) => Projection::Perspective { fov_deg },
+        (None, None) => {
+            let what = "it has neither fov_deg (perspective) nor height_world (orthographic): its window is missing";
+            return Err(format!("view `{}`: {what}", v.name));
+        }
+        (Some(_), _) => return Err(format!("view `{}`: it has both fov_deg and height_world", v.name)),
+    };
+    let (position, focal_point, view_up) = (v.position, v.focal_point, v.view_up);
+    let camera = Camera { position, focal_point, view_up, projection, clipping_range: v.clipping_range };
+    Ok(View { name: v.name, camera, radius: v.radius, opacity: v.opacity })
 }
 
 #[cfg(test)]
@@ -161,7 +171,11 @@ mod tests {
             let view = |(i, (position, focal_point)): (usize, &([f64; 3], [f64; 3]))| {
                 let (radius, opacity, near) = looks[i];
                 let clipping_range = near.map(|n| [n, 3.0 * n]);
-                let projection = Projection::Perspective { fov_deg };
+                let projection = match i % 3 {
+                    0 => Projection::Perspective { fov_deg },
+                    1 => Projection::Perspective { fov_deg: 0.5 * fov_deg },
+                    _ => Projection::Orthographic { height_world: radius },
+                };
                 let camera = Camera {
                     position: *position, focal_point: *focal_point, view_up: [0.1, 0.7, 0.3], projection, clipping_range,
                 };
@@ -184,15 +198,33 @@ mod tests {
     }
 
     #[test]
-    fn what_a_views_file_cannot_say_is_refused() {
-        let camera = super::super::spherical_camera([0.0; 3], 10.0, 20.0, 5.0);
-        let view = View { name: "a".into(), camera, radius: 1.0, opacity: 0.5 };
-        let with = |projection: Projection| View { camera: Camera { projection, ..camera }, ..view.clone() };
-        let size = Size { width: 4, height: 3 };
-        let set = |views: Vec<View>| ViewsFile(ViewSet { size, views }).text();
-        assert!(set(vec![view.clone(), view.clone()]).is_ok());
-        assert!(set(vec![view.clone(), with(Projection::Perspective { fov_deg: 40.0 })]).is_err());
-        assert!(set(vec![with(Projection::Orthographic { height_world: 1.0 })]).is_err());
+    fn a_view_without_a_window_says_so() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let read = |of_file: serde_json::Value, more: serde_json::Value| {
+            let mut view = serde_json::json!({
+                "name": "a", "position": [0, 0, 9], "focal_point": [0, 0, 0], "view_up": [0, 1, 0],
+                "radius": 0.1, "opacity": 0.5, "clipping_range": [0.0, 20.0],
+            });
+            view.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+            let text = serde_json::json!({ "width": 8, "height": 8, "fov_deg": of_file, "views": [view] });
+            std::fs::write(file.path(), text.to_string()).unwrap();
+            ViewsFile::read(file.path(), &Silent).map_err(|e| e.to_string())
+        };
+        let none = serde_json::Value::Null;
+        let height = serde_json::json!({ "height_world": 5.0 });
+        for of_file in [none.clone(), 30.0.into()] {
+            let set = read(of_file, height.clone()).unwrap();
+            assert_eq!(set.0.views[0].camera.projection, Projection::Orthographic { height_world: 5.0 });
+        }
+        let fails = |of_file, more, text: &str| {
+            let said = read(of_file, more).unwrap_err();
+            assert!(said.contains(text), "{said}");
+        };
+        fails(none.clone(), serde_json::json!({}), "its window is missing");
+        fails(none.clone(), serde_json::json!({ "height_world": 5.0, "fov_deg": 30.0 }), "both");
+        fails(none.clone(), serde_json::json!({ "height_world": -5.0 }), "must be positive");
+        // A perspective view begins in front of the eye.
+        fails(none, serde_json::json!({ "fov_deg": 30.0 }), "clipping range");
     }
 
     /// The guide's example is a views file, and its table names every key of one.
@@ -204,10 +236,10 @@ mod tests {
         std::fs::write(file.path(), example).unwrap();
         let set = ViewsFile::read(file.path(), &Silent).unwrap();
         let written: serde_json::Value = serde_json::from_str(&set.text().unwrap()).unwrap();
-        let inside = written["views"].as_array().unwrap().iter().find(|v| v.get("clipping_range").is_some()).unwrap();
-        let keys = written.as_object().unwrap().keys().chain(inside.as_object().unwrap().keys());
-        assert!(keys.clone().count() == 11);
-        keys.for_each(|key| assert!(page.contains(&format!("`{key}`")), "{key}"));
+        let views = written["views"].as_array().unwrap().iter().flat_map(|v| v.as_object().unwrap().keys());
+        let keys: std::collections::BTreeSet<&String> = written.as_object().unwrap().keys().chain(views).collect();
+        assert_eq!(keys.len(), 12);
+        keys.iter().for_each(|key| assert!(page.contains(&format!("`{key}`")), "{key}"));
     }
 
     fn refusal(name: &str) -> Option<String> {

@@ -1,0 +1,117 @@
+//! From what is seen to colours: grey levels, densities by the logarithm, layers by hue.
+
+use super::Seen;
+use crate::figure::{Ground, Image};
+use particlegs::parallel;
+use particlegs::picture::{Colormap, Plane, Rgb8};
+
+/// Decades that a range of its own has at most.
+const DECADES: f64 = 1e-4;
+
+/// A range of four decades at most that shows nearly all lit pixels: up to the 99.9th percentile,
+/// down to the 1st or a ten-thousandth of the top.
+pub fn log_range(plane: &Plane) -> Option<[f64; 2]> {
+    let mut lit: Vec<f32> = plane.data.iter().copied().filter(|v| *v > 0.0 && v.is_finite()).collect();
+    if lit.is_empty() {
+        return None;
+    }
+    let mut at = |share: f64| {
+        let place = ((lit.len() - 1) as f64 * share) as usize;
+        f64::from(*lit.select_nth_unstable_by(place, f32::total_cmp).1)
+    };
+    let hi = at(0.999);
+    let lo = at(0.01).max(hi * DECADES).min(hi);
+    // A flat plane still gets a scale.
+    Some(if hi / lo < 1.5 { [lo / 1.5, hi * 1.5] } else { [lo, hi] })
+}
+
+/// One range for all: from the lowest to the highest, of four decades at most.
+pub fn common_range(ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64; 2] {
+    let both = ranges.into_iter().flatten().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+    let [lo, hi] = both.unwrap_or([1.0, 10.0]);
+    [lo.max(hi * DECADES), hi]
+}
+
+/// Share of a range over which colours on white grow out of the paper.
+const FADE: f32 = 0.15;
+
+/// The colour of a share of the range, on a ground: on white a map is reversed and begins at white, so that nothing is
+/// paper and much is dark.
+pub fn colour(map: Colormap, ground: Ground, t: f32) -> [u8; 3] {
+    // A value that is no number has the first colour either way.
+    let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
+    match ground {
+        Ground::Black => map.color(t),
+        Ground::White => {
+            let share = (t / FADE).min(1.0);
+            map.color(1.0 - t).map(|v| (255.0 + (f32::from(v) - 255.0) * share).round() as u8)
+        }
+    }
+}
+
+/// What is seen as a picture.
+pub fn image(seen: Seen, map: Colormap, [lo, hi]: [f64; 2], ground: Ground) -> Image {
+    match seen {
+        Seen::Levels(gray) => match ground {
+            Ground::Black => Image::Gray(gray),
+            Ground::White => Image::Gray(gray).inverted(),
+        },
+        Seen::Density(plane) => {
+            let (from, length) = (lo.ln() as f32, (hi / lo).ln() as f32);
+            let color = |i: usize| {
+                let v = plane.data[i];
+                colour(map, ground, if v > 0.0 { (v.ln() - from) / length } else { 0.0 })
+            };
+            Image::Color(Rgb8 { size: plane.size, data: parallel::map_range(plane.data.len(), color) })
+        }
+        Seen::Layers(gray, hues) => {
+            let pixel = |i: usize| {
+                let level = u32::from(gray.data[i]);
+                hues[i].map(|h| match ground {
+                    Ground::Black => ((u32::from(h) * level + 127) / 255) as u8,
+                    // Ink that takes from white what the layer's colour lacks.
+                    Ground::White => 255 - ((u32::from(255 - h) * level + 127) / 255) as u8,
+                })
+            };
+            Image::Color(Rgb8 { size: gray.size, data: parallel::map_range(gray.data.len(), pixel) })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use particlegs::picture::{Gray8, Size};
+
+    #[test]
+    fn the_range_ignores_specks() {
+        let size = Size { width: 100, height: 100 };
+        let mut plane = Plane { size, data: (0..10_000).map(|i| 1.0 + (i % 100) as f32).collect() };
+        plane.data[5] = 1e30;
+        plane.data[6] = 1e-30;
+        let [lo, hi] = log_range(&plane).unwrap();
+        assert!(lo >= 1.0 && hi <= 101.0);
+        assert_eq!(log_range(&Plane::zeros(size)), None);
+        assert_eq!(common_range([None, Some([3.0, 5.0]), Some([2.0, 4.0])]), [2.0, 5.0]);
+        assert_eq!(common_range([Some([1e-9, 1.0]), Some([0.5, 10.0])]), [1e-3, 10.0]);
+        assert_eq!(common_range([None]), [1.0, 10.0]);
+    }
+
+    #[test]
+    fn white_grounds_have_dark_ink() {
+        let size = Size { width: 3, height: 1 };
+        let gray = || Gray8 { size, data: vec![0, 100, 255] };
+        let of = |seen, ground| image(seen, Colormap::Grey, [1.0, 100.0], ground);
+        assert_eq!(of(Seen::Levels(gray()), Ground::White).bytes(), [255, 155, 0]);
+        assert_eq!(of(Seen::Levels(gray()), Ground::Black).bytes(), [0, 100, 255]);
+        let hues = || vec![[255, 0, 51]; 3];
+        let layers = of(Seen::Layers(gray(), hues()), Ground::White);
+        assert_eq!((layers.pixel(0, 0), layers.pixel(2, 0)), ([255; 3], [255, 0, 51]));
+        assert_eq!(of(Seen::Layers(gray(), hues()), Ground::Black).pixel(0, 0), [0; 3]);
+        let plane = || Plane { size, data: vec![0.0, 10.0, f32::NAN] };
+        let [a, b, c] = [0, 1, 2].map(|x| of(Seen::Density(plane()), Ground::White).pixel(x, 0)[0]);
+        let of_map = |t| colour(Colormap::Viridis, Ground::White, t);
+        assert_eq!((of_map(0.0), of_map(1.0)), ([255; 3], Colormap::Viridis.color(0.0)));
+        assert!(a == 255 && (120..136).contains(&b) && c == 255, "{a} {b} {c}");
+    }
+}

@@ -1,0 +1,180 @@
+//! Frames joined to a film: by ffmpeg where it is installed, a GIF by ourselves.
+
+use super::gif::{self, Coded};
+use crate::common::Context;
+use crate::outputs::{GIF, MP4, WEBM};
+use crate::picture_out::PictureOut;
+use crate::views::path::digits;
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use particlegs_files::output::FileSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// A film by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// H.264, which everything plays.
+    Mp4,
+    /// VP9.
+    Webm,
+    /// Without any program.
+    Gif,
+}
+
+/// A film to be made.
+pub struct Film {
+    path: PathBuf,
+    /// What it is.
+    pub form: Form,
+    /// Frames a second.
+    pub fps: u32,
+    /// Where its frames are, if they are files.
+    frames: Option<PathBuf>,
+    /// Are they removed when the film is there?
+    passing: bool,
+}
+
+/// What became of a film.
+pub enum Made {
+    /// It is there.
+    Whole,
+    /// The frames are there, and this line joins them.
+    Frames {
+        /// Why.
+        why: String,
+        /// For a shell.
+        line: String,
+    },
+}
+
+impl Film {
+    /// A film, and where its frames go: the folder that is named, or one beside the film.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a name with another ending; those of [`Context::writes`].
+    pub fn plan(path: &Path, fps: u32, out: Option<&Path>, context: &Context) -> Result<Film> {
+        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let (form, kind) = match &ending[..] {
+            "mp4" => (Form::Mp4, &MP4),
+            "webm" => (Form::Webm, &WEBM),
+            "gif" => (Form::Gif, &GIF),
+            _ => {
+                let what = format!("--video {}: its name does not end in .mp4, .webm or .gif", path.display());
+                return Err(Error::argument(what));
+            }
+        };
+        context.writes(path, kind)?;
+        let beside = || {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            path.with_file_name(format!("{stem}-frames"))
+        };
+        let frames = match (out, form) {
+            (Some(folder), _) => Some(folder.to_path_buf()),
+            (None, Form::Gif) => None,
+            (None, _) => Some(beside()),
+        };
+        Ok(Film { path: path.to_path_buf(), form, fps, frames, passing: out.is_none() })
+    }
+
+    /// The film's own path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Do its frames go when it is there?
+    pub fn is_passing(&self) -> bool {
+        self.passing
+    }
+
+    /// The folder of the frames, where they are files.
+    pub fn frames(&self) -> Option<&Path> {
+        self.frames.as_deref()
+    }
+
+    /// Joins the frames.
+    ///
+    /// # Errors
+    /// Those of writing; [`Error::Cancelled`].
+    pub fn join(&self, gif: &[Coded], out: Option<&PictureOut>, names: &[String], context: &Context) -> Result<Made> {
+        if self.form == Form::Gif {
+            gif::write(&self.path, gif)?;
+            return Ok(Made::Whole);
+        }
+        let folder = self.frames.as_deref().unwrap_or(Path::new("."));
+        let set = FileSet::in_folder(parent(&self.path))?;
+        let staged = set.path().join(self.path.file_name().unwrap_or_default());
+        context.begin("joining frames by ffmpeg", 0);
+        let ran = run(&self.arguments(folder, names.len(), &staged));
+        context.end();
+        context.check()?;
+        if let Err(why) = ran {
+            let arguments = self.arguments(folder, names.len(), &self.path);
+            return Ok(Made::Frames { why, line: line(&arguments) });
+        }
+        set.finish()?;
+        if let Some(out) = out.filter(|_| self.passing) {
+            // What is left does no harm.
+            names.iter().for_each(|name| drop(std::fs::remove_file(out.picture(name))));
+            let _ = std::fs::remove_dir(folder);
+        }
+        Ok(Made::Whole)
+    }
+
+    /// What ffmpeg is told.
+    fn arguments(&self, folder: &Path, frames: usize, to: &Path) -> Vec<String> {
+        let folder = folder.to_string_lossy().replace('%', "%%");
+        let pattern = format!("{folder}/frame_%0{}d.png", digits(frames));
+        let fps = self.fps.to_string();
+        // Sides of an even number of pixels, which the coders need.
+        let even = "crop=trunc(iw/2)*2:trunc(ih/2)*2";
+        let coder: &[&str] = match self.form {
+            Form::Mp4 => &["-c:v", "libx264", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"],
+            _ => &[
+                "-c:v",
+                "libvpx-vp9",
+                "-crf",
+                "30",
+                "-b:v",
+                "0",
+                "-row-mt",
+                "1",
+                "-deadline",
+                "good",
+                "-cpu-used",
+                "4",
+            ],
+        };
+        let lead = ["-v", "error", "-nostdin", "-y", "-framerate", &fps, "-i", &pattern, "-vf", even];
+        let end = ["-pix_fmt", "yuv420p"];
+        let path = to.to_string_lossy().into_owned();
+        // A name that begins with a dash is none of an option.
+        let path = if path.starts_with('-') { format!("./{path}") } else { path };
+        lead.iter().chain(coder).chain(&end).map(|a| a.to_string()).chain([path]).collect()
+    }
+}
+
+fn parent(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Runs ffmpeg; why it failed, where it did.
+fn run(arguments: &[String]) -> std::result::Result<(), String> {
+    let ran = Command::new("ffmpeg").args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).output();
+    match ran {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err("ffmpeg is not installed".into()),
+        Err(e) => Err(format!("ffmpeg cannot be run: {e}")),
+        Ok(out) if out.status.success() => Ok(()),
+        Ok(out) => {
+            let said = String::from_utf8_lossy(&out.stderr);
+            let last = said.lines().rfind(|l| !l.trim().is_empty()).unwrap_or("it says nothing");
+            Err(format!("ffmpeg failed: {last}"))
+        }
+    }
+}
+
+/// The command for a shell.
+fn line(arguments: &[String]) -> String {
+    let words = arguments.iter().map(|a| crate::emit::shell_word(a));
+    std::iter::once("ffmpeg".to_string()).chain(words).collect::<Vec<_>>().join(" ")
+}

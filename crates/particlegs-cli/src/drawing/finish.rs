@@ -1,0 +1,204 @@
+//! What is seen, made a picture or a figure, and written.
+
+use super::Seen;
+use super::colours::{self, common_range, log_range};
+use super::provenance::Provenance;
+use crate::annotate::text::number;
+use crate::density_args::Quantities;
+use crate::figure::args::{Axes, FigureArgs};
+use crate::figure::output::{self, FileKind};
+use crate::figure::png_file::{self, About, Effort};
+use crate::figure::ticks::{logarithmic, round_below};
+use crate::figure::units::{journal, labelled};
+use crate::figure::{Bar, Figure, Image, Panel, ScaleBar, cube};
+use crate::view_args::Subject;
+use particlegs::Result;
+use particlegs::camera::{Projection, View};
+use particlegs::picture::{Colormap, Size};
+use particlegs_files::output::write_bytes;
+use std::path::Path;
+
+/// A scale bar is at most so long, in shares of the picture's width.
+const LONGEST_BAR: f64 = 0.22;
+
+/// How what is seen is finished: one for all pictures of a command.
+pub struct Finish<'a> {
+    /// What stands about pictures.
+    pub args: &'a FigureArgs,
+    /// Colours of a density.
+    pub colormap: Colormap,
+    /// Units.
+    pub quantities: &'a Quantities,
+    /// Bounds and cell.
+    pub subject: &'a Subject,
+    /// What layers' colours stand for.
+    pub legend: Vec<(String, [u8; 3])>,
+    /// What is said inside files; its views and range are each picture's.
+    pub about: Provenance,
+}
+
+/// Why there is no scale bar.
+type NoScale = &'static str;
+
+impl Finish<'_> {
+    /// The range that a density's colours have where none is given.
+    pub fn range_of(&self, seen: &Seen) -> Option<[f64; 2]> {
+        if let Seen::Density(plane) = seen { log_range(plane) } else { None }
+    }
+
+    /// World units a pixel, and what is to be said of them.
+    fn world_per_pixel(&self, view: &View, size: Size) -> std::result::Result<(f64, &'static str), NoScale> {
+        let (camera, focal) = (&view.camera, view.camera.focal_pixels(size));
+        match camera.projection {
+            Projection::Orthographic { .. } => Ok((1.0 / focal, "")),
+            Projection::Perspective { .. } => {
+                // A length is told at the focal point: where no particle is near it, it would be of nothing.
+                let b = &self.subject.bounds;
+                let inside = (0..3).all(|k| {
+                    let room = 1e-6 * (b.max[k] - b.min[k]).abs();
+                    (b.min[k] - room..=b.max[k] + room).contains(&camera.focal_point[k])
+                });
+                if !inside {
+                    return Err("the point that the camera looks at lies outside the particles");
+                }
+                Ok((camera.distance() / focal, "at the centre"))
+            }
+        }
+    }
+
+    fn scale(&self, view: &View, size: Size) -> std::result::Result<ScaleBar, NoScale> {
+        let (world, note) = self.world_per_pixel(view, size)?;
+        let width = world * size.width as f64;
+        if !(width > 0.0 && width.is_finite()) {
+            return Err("the picture has no width in world units");
+        }
+        let length = round_below(LONGEST_BAR * width);
+        let unit = journal(self.quantities.length_unit().unwrap_or_default());
+        let unit = if unit.is_empty() { "(unit not known)".into() } else { unit };
+        let comoving = if self.quantities.is_comoving() { "comoving" } else { "" };
+        let notes = [comoving, note].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(", ");
+        let notes = if notes.is_empty() { String::new() } else { format!(" ({notes})") };
+        Ok(ScaleBar { share: length / width, label: format!("{} {unit}{notes}", number(length)) })
+    }
+
+    /// Why a view has no scale bar where one is drawn, in words.
+    pub fn note(&self, view: &View, size: Size, kind: FileKind) -> Option<String> {
+        let wanted = self.args.has_scale(self.has_bars(), kind) && !self.has_frame();
+        let why = self.scale(view, size).err().filter(|_| wanted)?;
+        Some(format!("note: view `{}` has no scale bar: {why}", view.name))
+    }
+
+    fn has_frame(&self) -> bool {
+        self.args.axes == Some(Axes::Frame)
+    }
+
+    fn has_bars(&self) -> bool {
+        self.about.colormap.is_some() || !self.legend.is_empty()
+    }
+
+    /// Is a file of this kind more than the picture?
+    pub fn is_figure(&self, kind: FileKind) -> bool {
+        self.args.is_figure(self.has_bars(), kind)
+    }
+
+    /// A picture with what is about it.
+    ///
+    /// # Errors
+    /// [`particlegs::Error::Argument`] for coordinates about a perspective picture.
+    pub fn panel(&self, seen: Seen, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
+        let mut panel = Panel::plain(colours::image(seen, self.colormap, range, self.args.ground()));
+        let size = panel.image.size();
+        if self.args.has_scale(self.has_bars(), kind) {
+            panel.scale = self.scale(view, size).ok();
+        }
+        match self.args.axes {
+            Some(Axes::Frame) => {
+                let unit = journal(self.quantities.length_unit().unwrap_or_default());
+                panel.axes = Some(crate::figure::axes::about(&view.camera, size, &unit)?);
+            }
+            Some(Axes::Cube) => {
+                (panel.lines, panel.names) =
+                    cube::edges(&view.camera, size, &self.subject.bounds, self.subject.cell.as_ref())?;
+            }
+            Some(Axes::None) | None => {}
+        }
+        Ok(panel)
+    }
+
+    /// Panels as a figure with one colour bar.
+    pub fn figure(&self, panels: Vec<Panel>, columns: usize, range: [f64; 2]) -> Figure {
+        let shown = self.about.colormap.is_some() && self.args.has_bar();
+        let ground = self.args.ground();
+        let bar = shown.then(|| Bar {
+            title: labelled("Σ", &journal(&self.quantities.unit())),
+            colours: (0..256).map(|i| colours::colour(self.colormap, ground, i as f32 / 255.0)).collect(),
+            ticks: logarithmic(range[0], range[1]),
+        });
+        let legend = if self.args.no_annotations { Vec::new() } else { self.legend.clone() };
+        let (title, place, page) = (self.args.title.clone(), self.args.place(), self.args.page());
+        Figure { title, panels, columns, bar, legend, place, page, ground }
+    }
+
+    /// What a file says of itself.
+    ///
+    /// # Errors
+    /// Those of [`Provenance::text`].
+    pub fn about(&self, views: &[View], size: Size, range: [f64; 2]) -> Result<About> {
+        let range = self.about.colormap.is_some().then_some(range);
+        let views: Vec<View> = views.iter().map(|v| self.spelled_out(v)).collect();
+        let of = Provenance { range, ..self.about.clone() };
+        Ok(About {
+            title: self.args.title.clone(),
+            software: format!("particlegs {}", of.particlegs),
+            provenance: of.text(&views, size)?,
+            dpi: self.args.dpi,
+        })
+    }
+
+    /// A view with the clipping range that is drawn: another model's bounds would have others.
+    fn spelled_out(&self, view: &View) -> View {
+        let mut camera = view.camera;
+        let perspective = matches!(camera.projection, Projection::Perspective { .. });
+        if camera.clipping_range.is_none() && perspective {
+            camera.clipping_range = Some(particlegs::camera::clipping_range(&self.subject.bounds, &camera));
+        }
+        View { camera, ..view.clone() }
+    }
+
+    /// A picture as it is shown in a film: the figure's pixels.
+    ///
+    /// # Errors
+    /// Those of [`Finish::panel`] and of drawing.
+    pub fn pixels(&self, seen: Seen, view: &View, range: [f64; 2]) -> Result<(Image, Option<f64>)> {
+        if !self.is_figure(FileKind::Png) {
+            let image = colours::image(seen, self.colormap, range, self.args.ground());
+            return Ok((image, self.args.dpi));
+        }
+        let panel = self.panel(seen, view, range, FileKind::Png)?;
+        output::pixels(&self.figure(vec![panel], 1, range), self.args)
+    }
+
+    /// Writes the picture of a view.
+    ///
+    /// # Errors
+    /// Those of drawing and of writing.
+    pub fn write(&self, path: &Path, seen: Seen, view: &View, range: Option<[f64; 2]>, kind: FileKind) -> Result<()> {
+        let range = range.unwrap_or_else(|| common_range([self.range_of(&seen)]));
+        let size = match &seen {
+            Seen::Levels(g) | Seen::Layers(g, _) => g.size,
+            Seen::Density(p) => p.size,
+        };
+        let about = self.about(std::slice::from_ref(view), size, range)?;
+        let bytes = match kind {
+            FileKind::Png => {
+                let (image, dpi) = self.pixels(seen, view, range)?;
+                png_file::coded(&image, &About { dpi, ..about }, Effort::Small)?
+            }
+            _ => {
+                let panel = self.panel(seen, view, range, kind)?;
+                output::bytes(&self.figure(vec![panel], 1, range), self.args, kind, &about)?
+            }
+        };
+        write_bytes(path, &bytes)
+    }
+}

@@ -1,0 +1,112 @@
+//! Frames of a film: drawn, coded and written side by side; where colours have a range, one range for all.
+
+use super::colours::common_range;
+use super::finish::Finish;
+use super::gif::{self, Coded};
+use super::run::Job;
+use super::{Painter, Seen};
+use crate::common::Context;
+use crate::figure::Image;
+use crate::figure::png_file::{About, Effort, coded};
+use crate::picture_out::PictureOut;
+use particlegs::camera::{View, ViewSet};
+use particlegs::progress::Progress;
+use particlegs::{Error, Result, parallel};
+use particlegs_files::output::write_bytes;
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+/// What was drawn.
+pub struct Frames {
+    /// Seconds that each frame took, coding and writing with it.
+    pub seconds: Vec<f64>,
+    /// Frames of a GIF, where one is made.
+    pub gif: Vec<Coded>,
+    /// The range of all.
+    pub range: Option<[f64; 2]>,
+}
+
+/// Where frames go.
+pub struct Into<'a> {
+    /// A folder of PNGs.
+    pub files: Option<&'a PictureOut>,
+    /// Frames a second of a GIF that they are coded for.
+    pub gif: Option<u32>,
+}
+
+/// The range that all of these views have in common: each is drawn once for it.
+///
+/// # Errors
+/// Those of drawing.
+fn one_range(painter: &dyn Painter, finish: &Finish<'_>, set: &ViewSet, context: &Context) -> Result<[f64; 2]> {
+    context.begin("one range for all frames", set.views.len() as u64);
+    let of = |view: &View| {
+        let range = finish.range_of(&painter.draw(view, set.size)?);
+        context.advance(1);
+        Ok(range)
+    };
+    let ranges = each(painter, &set.views, of);
+    context.end();
+    Ok(common_range(ranges?))
+}
+
+/// Work on every view, side by side where the painter allows it.
+fn each<T: Send>(painter: &dyn Painter, views: &[View], of: impl Fn(&View) -> Result<T> + Sync) -> Result<Vec<T>> {
+    match painter.side_by_side() {
+        true => parallel::try_map_range(views.len(), |i| of(&views[i])),
+        false => views.iter().map(of).collect(),
+    }
+}
+
+/// Draws all frames. After an error no frame that follows is begun; those that are there are whole.
+///
+/// # Errors
+/// Those of drawing and writing.
+pub fn draw(job: &Job<'_>, into: &Into<'_>) -> Result<Frames> {
+    let Job { painter, finish, set, range, context } = *job;
+    let (density, count) = (finish.about.colormap.is_some(), set.views.len());
+    let range = match (range, density) {
+        (None, true) => Some(one_range(painter, finish, set, context)?),
+        (range, _) => range,
+    };
+    let shown = range.unwrap_or([1.0, 10.0]);
+    let written = AtomicUsize::new(0);
+    let size = Mutex::new(None);
+    context.begin("drawing frames", count as u64);
+    let frame = |view: &View| {
+        context.check()?;
+        let started = Instant::now();
+        let seen: Seen = painter.draw(view, set.size)?;
+        let (image, dpi) = finish.pixels(seen, view, shown)?;
+        of_one_size(&size, &image)?;
+        if let Some(out) = into.files {
+            let about = About { dpi, ..finish.about(std::slice::from_ref(view), set.size, shown)? };
+            write_bytes(&out.picture(&view.name), &coded(&image, &about, Effort::Quick)?)?;
+            written.fetch_add(1, Ordering::Relaxed);
+        }
+        let gif = into.gif.map(|fps| gif::coded(image, fps)).transpose()?;
+        context.advance(1);
+        Ok((started.elapsed().as_secs_f64(), gif))
+    };
+    let all = each(painter, &set.views, frame);
+    context.end();
+    let folder = into.files.map_or(PathBuf::new(), |out| out.folder().to_path_buf());
+    let all = context.says_what_is_there(&folder, written.into_inner(), count, all)?;
+    let (seconds, gif): (Vec<f64>, Vec<Option<Coded>>) = all.into_iter().unzip();
+    Ok(Frames { seconds, gif: gif.into_iter().flatten().collect(), range })
+}
+
+/// Frames of one film are of one size: labels that grow would change it.
+fn of_one_size(first: &Mutex<Option<particlegs::picture::Size>>, image: &Image) -> Result<()> {
+    let size = *first.lock().unwrap_or_else(|e| e.into_inner()).get_or_insert(image.size());
+    if size == image.size() {
+        return Ok(());
+    }
+    let what = "the frames' labels have different widths, and the frames different sizes".to_string();
+    Err(Error::Argument {
+        what,
+        remedy: "leave labels away with --no-annotations, or put them --colorbar inside".into(),
+    })
+}

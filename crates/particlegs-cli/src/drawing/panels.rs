@@ -1,0 +1,94 @@
+//! Several pictures in one figure: one range, one colour bar.
+
+use super::Painter;
+use super::colours::common_range;
+use super::finish::Finish;
+use crate::common::Context;
+use crate::figure::output;
+use crate::picture_out::PictureOut;
+use particlegs::camera::ViewSet;
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use particlegs_files::output::write_bytes;
+use std::path::PathBuf;
+
+/// More pictures than a figure has.
+const MOST: usize = 100;
+
+/// What is drawn beside one another, and how.
+pub struct Panels<'a> {
+    /// What is drawn, each with its name.
+    pub painters: Vec<(String, &'a dyn Painter)>,
+    /// What stands above the pictures, in place of names.
+    pub captions: Vec<String>,
+    /// Pictures in a row.
+    pub columns: Option<usize>,
+}
+
+impl Panels<'_> {
+    /// Pictures in a row: those of one view, or, of one model, up to three.
+    pub fn columns(&self, views: usize) -> usize {
+        let own = if self.painters.len() > 1 { self.painters.len() } else { views.min(3) };
+        self.columns.unwrap_or(own).clamp(1, self.painters.len() * views)
+    }
+
+    /// Draws every view of everything into one figure; the range that they have in common.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for too many pictures, or captions that are not as many; those of drawing and writing.
+    pub fn draw(
+        &self,
+        finish: &Finish<'_>,
+        set: &ViewSet,
+        range: Option<[f64; 2]>,
+        out: &PictureOut,
+        context: &Context,
+    ) -> Result<(PathBuf, Option<[f64; 2]>)> {
+        let count = self.painters.len() * set.views.len();
+        if count > MOST {
+            return Err(Error::argument(format!("{count} panels are too many for one figure: {MOST} at most")));
+        }
+        if !self.captions.is_empty() && self.captions.len() != count {
+            let what = format!("--captions has {} captions, and there are {count} panels", self.captions.len());
+            return Err(Error::argument(what));
+        }
+        let bytes = count as u64 * set.size.pixels() as u64 * 4;
+        context.require_memory("panels", 2 * bytes)?;
+        let density = finish.about.colormap.is_some();
+        let mut seen = Vec::with_capacity(count);
+        for view in &set.views {
+            for (_, painter) in &self.painters {
+                seen.push(painter.draw(view, set.size)?);
+            }
+        }
+        let range = match (range, density) {
+            (None, true) => Some(common_range(seen.iter().map(|s| finish.range_of(s)))),
+            (range, _) => range,
+        };
+        let shown = range.unwrap_or([1.0, 10.0]);
+        let mut panels = Vec::with_capacity(count);
+        for (i, seen) in seen.into_iter().enumerate() {
+            let view = &set.views[i / self.painters.len()];
+            let mut panel = finish.panel(seen, view, shown, out.kind())?;
+            panel.caption = (!finish.args.no_annotations).then(|| self.caption(i, set)).filter(|c| !c.is_empty());
+            panels.push(panel);
+        }
+        let path = out.picture("panels");
+        let about = finish.about(&set.views, set.size, shown)?;
+        let figure = finish.figure(panels, self.columns(set.views.len()), shown);
+        write_bytes(&path, &output::bytes(&figure, finish.args, out.kind(), &about)?)?;
+        Ok((path, range))
+    }
+
+    fn caption(&self, i: usize, set: &ViewSet) -> String {
+        if let Some(given) = self.captions.get(i) {
+            return given.clone();
+        }
+        let (name, view) = (&self.painters[i % self.painters.len()].0, &set.views[i / self.painters.len()].name);
+        match (self.painters.len(), set.views.len()) {
+            (_, 1) => name.clone(),
+            (1, _) => view.clone(),
+            _ => format!("{name}, {view}"),
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! What a picture is of, as text inside it: enough to draw the same view again, of this model or another.
+
+use crate::figure::png_file;
+use particlegs::camera::{View, ViewSet, ViewsFile};
+use particlegs::picture::Size;
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::Path;
+
+/// What a picture is of.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Provenance {
+    /// The program's version.
+    pub particlegs: String,
+    /// What was drawn, one for each panel's file.
+    pub of: Vec<Source>,
+    /// The look.
+    pub style: String,
+    /// Layers that were drawn, or `all`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub layers: Vec<String>,
+    /// Were they told apart by colour?
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub color_by_layer: bool,
+    /// Colour map of a density.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colormap: Option<String>,
+    /// Values of its first and last colour.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<[f64; 2]>,
+    /// Its unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Ground of the picture, where it is chosen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub background: Option<String>,
+    /// A views file: the cameras, with every default filled in.
+    pub views: Value,
+}
+
+/// A file that was drawn.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Source {
+    /// Its name without its folder.
+    pub name: String,
+    /// BLAKE3 of a model file, or the hash of a snapshot's particles that models name.
+    pub blake3: String,
+}
+
+impl Provenance {
+    /// With these views, as text.
+    ///
+    /// # Errors
+    /// Those of [`ViewsFile::text`].
+    pub fn text(&self, views: &[View], size: Size) -> Result<String> {
+        let file = ViewsFile(ViewSet { size, views: views.to_vec() }).text()?;
+        let plain = |e: serde_json::Error| Error::argument(e.to_string());
+        let views = serde_json::from_str(&file).map_err(plain)?;
+        serde_json::to_string(&Provenance { views, ..self.clone() }).map_err(plain)
+    }
+
+    /// Of a picture that is there, with its view.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] for what is no picture of ours, or one of several views; those of
+    /// [`ViewsFile::of_bytes`].
+    pub fn read(path: &Path, progress: &dyn Progress) -> Result<(Provenance, ViewSet)> {
+        let text = png_file::provenance(path, progress)?;
+        let told: Provenance = serde_json::from_str(&text)
+            .map_err(|e| Error::input(path, format!("what it says of itself cannot be read: {e}")))?;
+        let ViewsFile(set) = ViewsFile::of_bytes(told.views.to_string().as_bytes(), path)?;
+        if set.views.len() != 1 {
+            return Err(Error::input(path, format!("it is a figure of {} views; --like takes one", set.views.len())));
+        }
+        Ok((told, set))
+    }
+}

@@ -1,0 +1,174 @@
+//! The way from views to files that `render` and `reference` share: which views, which files, one after the other or as
+//! frames, and the report.
+
+use super::film::{Film, Form, Made};
+use super::finish::Finish;
+use super::frames::{self, Into};
+use super::{Painter, Seen};
+use crate::common::Context;
+use crate::density_args::DensityArgs;
+use crate::drawn::Drawn;
+use crate::figure::output::FileKind;
+use crate::picture_out::PictureOut;
+use crate::view_args::{Subject, ViewArgs};
+use crate::views::sequence_args::SequenceArgs;
+use particlegs::camera::ViewSet;
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use std::path::Path;
+use std::time::Instant;
+
+/// What was drawn, for a report.
+pub struct Report {
+    /// The pictures.
+    pub views: Vec<Drawn>,
+    /// The range of all, where they have one.
+    pub range: Option<[f64; 2]>,
+    /// Lines about the film, for people.
+    pub lines: Vec<String>,
+}
+
+/// Where pictures go.
+pub struct Target<'a> {
+    /// The folder or the picture; none where a film alone is written.
+    pub out: Option<&'a Path>,
+    /// Colours and values of a density.
+    pub density: &'a DensityArgs,
+    /// Frames and film.
+    pub sequence: &'a SequenceArgs,
+}
+
+/// The views that the options say, with key frames made a path.
+///
+/// # Errors
+/// Those of [`ViewArgs::resolve`] and [`SequenceArgs::frames`].
+pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &Subject, context: &Context) -> Result<ViewSet> {
+    let set = match of.key_frames(context)? {
+        Some(mut keys) => {
+            args.apply(&mut keys)?;
+            keys
+        }
+        None => args.resolve(subject, &of.turns(), context)?,
+    };
+    let set = of.frames(set)?;
+    args.save(&set, context)?;
+    Ok(set)
+}
+
+/// What is drawn, and how.
+pub struct Job<'a> {
+    /// What can be drawn.
+    pub painter: &'a dyn Painter,
+    /// How it is finished.
+    pub finish: &'a Finish<'a>,
+    /// The views.
+    pub set: &'a ViewSet,
+    /// The range that is asked for.
+    pub range: Option<[f64; 2]>,
+    /// Where progress is told.
+    pub context: &'a Context,
+}
+
+impl Job<'_> {
+    /// Draws views into files.
+    ///
+    /// # Errors
+    /// Those of drawing and writing.
+    pub fn draw(&self, target: &Target<'_>) -> Result<Report> {
+        let Job { finish, set, context, .. } = *self;
+        let film = target.sequence.video.as_deref();
+        let film = film.map(|path| Film::plan(path, target.sequence.fps, target.out, context)).transpose()?;
+        let folder = target.out.or(film.as_ref().and_then(Film::frames));
+        let raw = target.density.raw;
+        let out = folder.map(|path| PictureOut::new(path, set.views.len(), raw, context)).transpose()?;
+        if film.as_ref().is_some_and(|f| f.form != Form::Gif) && !matches!(out, Some(PictureOut::Folder(_))) {
+            let what = "--video joins the frames of a folder, and -o names a picture".to_string();
+            return Err(Error::Argument { what, remedy: "name a folder, or leave -o away".into() });
+        }
+        if let Some(out) = &out {
+            match raw {
+                true => target.density.plan_raw(out, &set.views, context)?,
+                false => drop(out.pictures(set.views.iter().map(|v| &v.name[..]), context)?),
+            }
+        }
+        let kind = out.as_ref().map_or(FileKind::Png, PictureOut::kind);
+        if let Some(note) = set.views.first().filter(|_| !raw).and_then(|v| finish.note(v, set.size, kind)) {
+            context.message(&note);
+        }
+        if target.sequence.is_asked_for() && !raw {
+            return self.sequence(film.as_ref(), out.as_ref());
+        }
+        let Some(out) = out else { return Err(Error::argument("name an output with -o")) };
+        self.one_by_one(&out, target.density)
+    }
+
+    fn one_by_one(&self, out: &PictureOut, density: &DensityArgs) -> Result<Report> {
+        let Job { painter, finish, set, range, context } = *self;
+        let mut views = Vec::with_capacity(set.views.len());
+        for view in &set.views {
+            let started = Instant::now();
+            let mut seconds = 0.0;
+            let drawn = painter.draw(view, set.size).and_then(|seen| {
+                seconds = started.elapsed().as_secs_f64();
+                match seen {
+                    Seen::Density(plane) if density.raw => {
+                        density.write_raw(out, &finish.subject.density_view(view), &plane, finish.quantities)
+                    }
+                    seen => {
+                        let path = out.picture(&view.name);
+                        finish.write(&path, seen, view, range, out.kind()).map(|()| path)
+                    }
+                }
+            });
+            let folder = match out {
+                PictureOut::File(file) => file,
+                PictureOut::Folder(folder) => folder,
+            };
+            let path = context.says_what_is_there(folder, views.len(), set.views.len(), drawn)?;
+            views.push(Drawn::of_view(view, finish.subject, seconds, Some(path)));
+        }
+        Ok(Report { views, range, lines: Vec::new() })
+    }
+
+    fn sequence(&self, film: Option<&Film>, out: Option<&PictureOut>) -> Result<Report> {
+        let Job { finish, set, context, .. } = *self;
+        let started = Instant::now();
+        let gif = film.filter(|f| f.form == Form::Gif).map(|f| f.fps);
+        let drawn = frames::draw(self, &Into { files: out, gif })?;
+        let mut lines = vec![format!("{} frames in {:.2} s", set.views.len(), started.elapsed().as_secs_f64())];
+        let mut passing = false;
+        if let Some(film) = film {
+            let started = Instant::now();
+            let names: Vec<String> = set.views.iter().map(|v| v.name.clone()).collect();
+            match film.join(&drawn.gif, out, &names, context)? {
+                Made::Whole => {
+                    passing = film.is_passing();
+                    let seconds = started.elapsed().as_secs_f64();
+                    lines.push(format!("{} written in {seconds:.2} s", film.path().display()));
+                }
+                Made::Frames { why, line } => {
+                    context.message(&format!("{why}: the frames are kept, and this line joins them"));
+                    lines.push(line);
+                }
+            }
+        }
+        let path = |name: &str| out.filter(|_| !passing).map(|o| o.picture(name));
+        let with_seconds = set.views.iter().zip(&drawn.seconds);
+        let views = with_seconds.map(|(v, s)| Drawn::of_view(v, finish.subject, *s, path(&v.name))).collect();
+        Ok(Report { views, range: drawn.range, lines })
+    }
+}
+
+impl Report {
+    /// A row for each picture, or, of a film, what became of it.
+    pub fn text(&self) -> String {
+        if !self.lines.is_empty() {
+            return self.lines.join("\n");
+        }
+        let mut text = format!("{:<16} {:>9}", "view", "seconds");
+        for v in &self.views {
+            text += &format!("\n{:<16} {:>9.3}", v.name(), v.seconds());
+        }
+        text
+    }
+}

@@ -1,0 +1,267 @@
+//! The parts of a figure as marks: a picture with its axes and lines, scale bars, the colour bar, the legend.
+
+use super::Image;
+use super::font::{self, CAPITALS};
+use super::panel::{Bar, Figure, Panel, Place};
+use super::sheet::{Anchor, Area, Ink, Mark, Words};
+use super::ticks::Ticks;
+use particlegs::picture::{Rgb8, Size};
+
+/// In ems: from the pictures to the bar, its width, ticks, room before labels, and before the title.
+const TO_BAR: f64 = 0.8;
+const BAR: f64 = 0.9;
+const TICK: f64 = 0.35;
+const SPACE: f64 = 0.25;
+/// How dark the edges of a box are on a picture.
+const EDGES: f64 = 0.6;
+
+/// Has a picture axes?
+pub fn drawn_axes(panel: &Panel) -> bool {
+    panel.axes.is_some()
+}
+
+/// Room that a colour bar takes beside the pictures.
+pub fn bar_width(bar: &Bar, em: f64) -> f64 {
+    let labels = bar.ticks.major.iter().map(|(_, l)| font::width(l, em)).fold(0.0, f64::max);
+    labels + (TO_BAR + BAR + TICK + 2.0 * SPACE + 1.1) * em
+}
+
+/// Adds marks for a figure.
+pub struct Pen<'a> {
+    /// The figure.
+    pub figure: &'a Figure,
+    /// Height of an em.
+    pub em: f64,
+    /// What is drawn so far.
+    pub marks: &'a mut Vec<Mark>,
+    /// May lines be thinner than a unit?
+    pub fine: bool,
+}
+
+impl Pen<'_> {
+    fn thin(&self) -> f64 {
+        if self.fine { 0.06 * self.em } else { (self.em / 16.0).round().max(1.0) }
+    }
+
+    fn line(&mut self, points: Vec<[f64; 2]>, ink: Ink) {
+        let width = self.thin();
+        self.marks.push(Mark::Line { points, width, ink, opacity: 1.0 });
+    }
+
+    fn words(&mut self, text: &str, at: [f64; 2], anchor: Anchor) {
+        let ink = self.figure.page.ink();
+        let words = Words { text: text.into(), at, em: self.em, ink, anchor, turned: false, rim: None };
+        self.marks.push(Mark::Words(words));
+    }
+
+    /// Text that is set smaller where it is too long, down to a half.
+    pub fn words_within(&mut self, text: &str, at: [f64; 2], em: f64, anchor: Anchor, room: f64) {
+        let em = em * (room / font::width(text, em).max(1e-9)).clamp(0.5, 1.0);
+        let ink = self.figure.page.ink();
+        self.marks.push(Mark::Words(Words { text: text.into(), at, em, ink, anchor, turned: false, rim: None }));
+    }
+
+    /// Text on a picture.
+    fn on_picture(&mut self, text: &str, at: [f64; 2], anchor: Anchor) {
+        let (ink, rim) = (self.figure.ground.ink(), Some(self.figure.ground.paper()));
+        let words = Words { text: text.into(), at, em: self.em, ink, anchor, turned: false, rim };
+        self.marks.push(Mark::Words(words));
+    }
+
+    /// A picture, its caption, what is drawn on it and its axes.
+    pub fn panel(&mut self, panel: &Panel, at: Area, above: f64, ticks: Option<&[Ticks; 2]>) {
+        let em = self.em;
+        self.marks.push(Mark::Picture(at, panel.image.clone()));
+        let place = |p: [f64; 2]| [at.x + p[0] * at.w, at.y + p[1] * at.h];
+        for [from, to] in &panel.lines {
+            let (width, ink) = (self.thin(), self.figure.ground.ink());
+            self.marks.push(Mark::Line { points: vec![place(*from), place(*to)], width, ink, opacity: EDGES });
+        }
+        for (p, name) in &panel.names {
+            let [x, y] = place(*p);
+            let half = 0.5 * font::width(name, em);
+            let x = x.clamp(at.x + half + 0.2 * em, (at.right() - half - 0.2 * em).max(at.x + half));
+            self.on_picture(name, [x, (y + 0.3 * em).clamp(at.y + em, at.bottom() - 0.3 * em)], Anchor::Middle);
+        }
+        if panel.axes.is_some() || self.figure.page == self.figure.ground {
+            let ink = if panel.axes.is_some() { self.figure.page.ink() } else { [128; 3] };
+            let (x, y, r, b) = (at.x, at.y, at.right(), at.bottom());
+            self.line(vec![[x, y], [r, y], [r, b], [x, b], [x, y]], ink);
+        }
+        if let Some(caption) = &panel.caption {
+            let base = at.y - if above > 1.6 * em { above - 1.2 * em } else { 0.45 * em };
+            self.words_within(caption, [at.x + 0.5 * at.w, base], em, Anchor::Middle, at.w);
+        }
+        if let (Some([x, y]), Some(ticks)) = (&panel.axes, ticks) {
+            self.axes(at, [&x.label, &y.label], ticks);
+        }
+    }
+
+    fn axes(&mut self, at: Area, labels: [&str; 2], ticks: &[Ticks; 2]) {
+        let (em, ink) = (self.em, self.figure.page.ink());
+        let tick = TICK * em;
+        for share in &ticks[0].minor {
+            let x = at.x + share * at.w;
+            self.line(vec![[x, at.bottom()], [x, at.bottom() + 0.5 * tick]], ink);
+        }
+        for (share, label) in &ticks[0].major {
+            let x = at.x + share * at.w;
+            self.line(vec![[x, at.bottom()], [x, at.bottom() + tick]], ink);
+            self.words(label, [x, at.bottom() + tick + 1.0 * em], Anchor::Middle);
+        }
+        let mut widest = 0.0f64;
+        for share in &ticks[1].minor {
+            let y = at.bottom() - share * at.h;
+            self.line(vec![[at.x, y], [at.x - 0.5 * tick, y]], ink);
+        }
+        for (share, label) in &ticks[1].major {
+            let y = at.bottom() - share * at.h;
+            self.line(vec![[at.x, y], [at.x - tick, y]], ink);
+            self.words(label, [at.x - tick - SPACE * em, y + 0.5 * CAPITALS * em], Anchor::End);
+            widest = widest.max(font::width(label, em));
+        }
+        self.words(labels[0], [at.x + 0.5 * at.w, at.bottom() + tick + 2.3 * em], Anchor::Middle);
+        let x = at.x - tick - widest - (SPACE + 0.6) * em;
+        self.turned(labels[1], [x, at.y + 0.5 * at.h]);
+    }
+
+    fn turned(&mut self, text: &str, at: [f64; 2]) {
+        let (em, ink) = (self.em, self.figure.page.ink());
+        let words = Words { text: text.into(), at, em, ink, anchor: Anchor::Middle, turned: true, rim: None };
+        self.marks.push(Mark::Words(words));
+    }
+
+    /// A scale bar under its picture, or on it.
+    pub fn scale(&mut self, panel: &Panel, at: Area) {
+        let Some(scale) = &panel.scale else { return };
+        let (em, long) = (self.em, scale.share * at.w);
+        let thick = if self.fine { 0.16 * em } else { (em / 6.0).round().max(2.0) };
+        match self.figure.place {
+            Place::Outside => {
+                let y = at.bottom() + 1.3 * em;
+                let ink = self.figure.page.ink();
+                self.length([at.x, y], long, thick, 0.0, ink);
+                let room = at.w - long - 0.6 * em;
+                let own = font::width(&scale.label, em);
+                // Beside its bar; where that is too narrow, as small as it need be.
+                let em = if self.fine { em * (room / own).clamp(0.6, 1.0) } else { em };
+                let place = [at.x + long + 0.6 * self.em, y + 0.5 * CAPITALS * em];
+                let words = Words {
+                    text: scale.label.clone(),
+                    at: place,
+                    em,
+                    ink,
+                    anchor: Anchor::Start,
+                    turned: false,
+                    rim: None,
+                };
+                self.marks.push(Mark::Words(words));
+            }
+            Place::Inside => {
+                let label = font::width(&scale.label, em);
+                if at.h < 5.0 * em || at.w < label.max(long) + 2.0 * em {
+                    return;
+                }
+                let (x, y) = (at.x + em, at.bottom() - em);
+                let rim = if self.fine { 0.1 * em } else { (0.1 * em).round().max(1.0) };
+                let (ink, paper) = (self.figure.ground.ink(), self.figure.ground.paper());
+                self.length([x, y], long, thick, rim, paper);
+                self.length([x, y], long, thick, 0.0, ink);
+                self.on_picture(&scale.label, [x, y - 0.7 * em], Anchor::Start);
+            }
+        }
+    }
+
+    /// A bar with marks at its ends, so that the length reads exactly; all of it wider by a rim.
+    fn length(&mut self, [x, y]: [f64; 2], long: f64, thick: f64, rim: f64, ink: Ink) {
+        let mut part = |x: f64, y: f64, w: f64, h: f64| {
+            let area = Area { x: x - rim, y: y - rim, w: w + 2.0 * rim, h: h + 2.0 * rim };
+            self.marks.push(Mark::Fill(area, ink));
+        };
+        part(x, y - 0.5 * thick, long, thick);
+        for end in [x, x + long - 0.5 * thick] {
+            part(end, y - 1.25 * thick, 0.5 * thick, 2.5 * thick);
+        }
+    }
+
+    /// The colour bar: beside all pictures, or on the last.
+    pub fn bar(&mut self, all: Area, last: Area, right: f64) {
+        let Some(bar) = &self.figure.bar else { return };
+        let em = self.em;
+        let outside = self.figure.place == Place::Outside;
+        let strip = match outside {
+            true => Area { x: all.right() + right + TO_BAR * em, y: all.y, w: BAR * em, h: all.h },
+            false => Area { x: last.right() - (BAR + 1.0) * em, y: last.y + 2.2 * em, w: BAR * em, h: 0.6 * last.h },
+        };
+        let title = font::width(&bar.title, em);
+        if !outside && (last.h < 12.0 * em || last.w < title + 2.0 * em) {
+            return;
+        }
+        let strip = if self.fine { strip } else { Area { x: strip.x.round(), y: strip.y.round(), ..strip } };
+        self.marks.push(Mark::Picture(strip, column(&bar.colours)));
+        let ink = if outside { self.figure.page.ink() } else { self.figure.ground.ink() };
+        let (x, y, r, b) = (strip.x, strip.y, strip.right(), strip.bottom());
+        self.line(vec![[x, y], [r, y], [r, b], [x, b], [x, y]], ink);
+        // Ticks point away from the pictures, or, on one, into it.
+        let (edge, away) = if outside { (r, 1.0) } else { (x, -1.0) };
+        for share in &bar.ticks.minor {
+            let y = b - share * strip.h;
+            self.line(vec![[edge, y], [edge + away * 0.5 * TICK * em, y]], ink);
+        }
+        let mut free = f64::INFINITY;
+        for (share, label) in &bar.ticks.major {
+            let y = b - share * strip.h;
+            self.line(vec![[edge, y], [edge + away * TICK * em, y]], ink);
+            // Labels that would touch are left out.
+            if y + 0.6 * em > free {
+                continue;
+            }
+            free = y - 0.6 * em;
+            let at = [edge + away * (TICK + SPACE) * em, y + 0.5 * CAPITALS * em];
+            match outside {
+                true => self.words(label, at, Anchor::Start),
+                false => self.on_picture(label, at, Anchor::End),
+            }
+        }
+        match outside {
+            true => {
+                let x = all.right() + right + bar_width(bar, em) - 0.3 * em;
+                self.turned(&bar.title, [x, strip.y + 0.5 * strip.h]);
+            }
+            false => self.on_picture(&bar.title, [last.right() - em, last.y + 1.4 * em], Anchor::End),
+        }
+    }
+
+    /// Squares of colour with what each stands for, in rows that end at `bottom`.
+    pub fn legend(&mut self, all: Area, bottom: f64) {
+        let em = self.em;
+        let mut rows: Vec<Vec<(f64, &str, Ink)>> = Vec::new();
+        let mut used = f64::INFINITY;
+        for (name, ink) in &self.figure.legend {
+            let own = font::width(name, em) + 2.4 * em;
+            if used + own > all.w && (used > 0.0 || rows.is_empty()) {
+                rows.push(Vec::new());
+                used = 0.0;
+            }
+            if let Some(row) = rows.last_mut() {
+                row.push((used, name, *ink));
+            }
+            used += own;
+        }
+        let count = rows.len();
+        for (i, row) in rows.into_iter().enumerate() {
+            let base = bottom - (count - 1 - i) as f64 * 1.5 * em - 0.2 * em;
+            for (x, name, ink) in row {
+                let square = Area { x: all.x + x, y: base - CAPITALS * em, w: CAPITALS * em, h: CAPITALS * em };
+                self.marks.push(Mark::Fill(square, ink));
+                self.words(name, [all.x + x + 1.1 * em, base], Anchor::Start);
+            }
+        }
+    }
+}
+
+/// Colours from below to above, as a picture one pixel wide.
+fn column(colours: &[Ink]) -> Image {
+    let size = Size { width: 1, height: colours.len() };
+    Image::Color(Rgb8 { size, data: colours.iter().rev().copied().collect() })
+}

@@ -1,0 +1,29 @@
+//! Pictures as figures: what stands about and on a picture, laid out once and written as PNG, SVG or PDF.
+//!
+//! A [`Figure`] says what is to be seen; [`layout`] places it on a [`Sheet`], a list of marks in one unit; `raster`,
+//! `svg` and `pdf` write a sheet.
+
+pub mod args;
+pub mod axes;
+pub mod cube;
+mod font;
+mod image;
+mod layout;
+mod layout_parts;
+pub mod output;
+mod panel;
+mod pdf;
+mod pdf_font;
+pub mod png_file;
+mod raster;
+mod sheet;
+mod svg;
+pub mod ticks;
+pub mod units;
+
+pub use image::Image;
+pub use layout::{Room, layout};
+#[cfg(test)]
+pub use panel::Axis;
+pub use panel::{Bar, Figure, Ground, Panel, Place, ScaleBar};
+pub use raster::raster;

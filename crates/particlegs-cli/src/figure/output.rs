@@ -1,0 +1,74 @@
+//! A figure as the bytes of a file.
+
+use super::args::FigureArgs;
+use super::pdf::pdf;
+use super::png_file::{About, Effort, coded};
+use super::svg::svg;
+use super::{Figure, Image, Room, layout, raster};
+use particlegs::Result;
+use std::path::Path;
+
+/// What a file is, by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// Pixels.
+    Png,
+    /// A page.
+    Pdf,
+    /// A drawing.
+    Svg,
+}
+
+impl FileKind {
+    /// By the ending of a name.
+    pub fn of(path: &Path) -> Option<FileKind> {
+        let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+        match &ending[..] {
+            "png" => Some(FileKind::Png),
+            "pdf" => Some(FileKind::Pdf),
+            "svg" => Some(FileKind::Svg),
+            _ => None,
+        }
+    }
+}
+
+/// A figure as pixels, and their number an inch where its width on paper is chosen.
+///
+/// # Errors
+/// Those of [`layout`] and [`raster`].
+pub fn pixels(figure: &Figure, args: &FigureArgs) -> Result<(Image, Option<f64>)> {
+    let size = figure.panels.first().map(|p| p.image.size());
+    let Some(points) = args.figure_width else {
+        let em = size.map_or(11.0, |s| args.pixels(s));
+        return Ok((Image::Color(raster(&layout(figure, em, Room::Pixels)?)?), args.dpi));
+    };
+    // Letters are so high on paper: how many pixels that is depends on the figure's, which depend on the letters.
+    let letters = args.letters();
+    layout(figure, letters, Room::Width(points))?;
+    let mut em = 11.0;
+    let mut sheet = layout(figure, em, Room::Pixels)?;
+    for _ in 0..12 {
+        em = (letters * sheet.width / points).clamp(1.0, 2000.0);
+        sheet = layout(figure, em, Room::Pixels)?;
+    }
+    let page = raster(&sheet)?;
+    let dpi = page.size.width as f64 / (points / 72.0);
+    Ok((Image::Color(page), Some(dpi)))
+}
+
+/// The bytes of a figure's file.
+///
+/// # Errors
+/// Those of [`layout`] and [`raster`]; [`particlegs::Error::Memory`].
+pub fn bytes(figure: &Figure, args: &FigureArgs, kind: FileKind, about: &About) -> Result<Vec<u8>> {
+    if kind == FileKind::Png {
+        let (image, dpi) = pixels(figure, args)?;
+        return coded(&image, &About { dpi, ..about.clone() }, Effort::Small);
+    }
+    let points = args.points(kind).unwrap_or(72.0);
+    let sheet = layout(figure, args.letters(), Room::Width(points))?;
+    match kind {
+        FileKind::Svg => Ok(svg(&sheet, about)?.into_bytes()),
+        _ => pdf(&sheet, about),
+    }
+}

@@ -1,0 +1,117 @@
+//! What a figure shows, before it is placed.
+
+use super::Image;
+use super::sheet::Ink;
+use super::ticks::Ticks;
+
+/// Paper and ink.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ground {
+    /// Dark on white.
+    White,
+    /// Light on black.
+    Black,
+}
+
+impl Ground {
+    /// The colour of the page.
+    pub fn paper(self) -> Ink {
+        match self {
+            Ground::White => [255; 3],
+            Ground::Black => [0; 3],
+        }
+    }
+
+    /// The colour of lines and letters on it.
+    pub fn ink(self) -> Ink {
+        match self {
+            Ground::White => [0; 3],
+            Ground::Black => [235; 3],
+        }
+    }
+}
+
+/// Where bars stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Beside the pictures.
+    Outside,
+    /// On the pictures.
+    Inside,
+}
+
+/// A figure.
+#[derive(Clone, Debug)]
+pub struct Figure {
+    /// Above everything.
+    pub title: Option<String>,
+    /// The pictures, row by row. All have one size.
+    pub panels: Vec<Panel>,
+    /// Pictures in a row.
+    pub columns: usize,
+    /// The colour bar of all.
+    pub bar: Option<Bar>,
+    /// What colours stand for.
+    pub legend: Vec<(String, Ink)>,
+    /// Where bars stand.
+    pub place: Place,
+    /// The page about the pictures.
+    pub page: Ground,
+    /// The pictures' own ground, for what is drawn on them.
+    pub ground: Ground,
+}
+
+/// A picture of a figure.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// The picture.
+    pub image: Image,
+    /// Above it.
+    pub caption: Option<String>,
+    /// What a length in it means.
+    pub scale: Option<ScaleBar>,
+    /// Coordinates along its edges: across, and upwards.
+    pub axes: Option<[Axis; 2]>,
+    /// Lines on it in shares of its width and height: the edges of a box.
+    pub lines: Vec<[[f64; 2]; 2]>,
+    /// Names on it, in the same shares.
+    pub names: Vec<([f64; 2], String)>,
+}
+
+impl Panel {
+    /// A picture with nothing about it.
+    pub fn plain(image: Image) -> Panel {
+        Panel { image, caption: None, scale: None, axes: None, lines: Vec::new(), names: Vec::new() }
+    }
+}
+
+/// A scale bar.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScaleBar {
+    /// Its length as a share of the picture's width.
+    pub share: f64,
+    /// What it says.
+    pub label: String,
+}
+
+/// Coordinates along an edge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Its name with its unit.
+    pub label: String,
+    /// From the left, or from below.
+    pub low: f64,
+    /// To the right, or above.
+    pub high: f64,
+}
+
+/// A colour bar.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bar {
+    /// What it shows, with its unit.
+    pub title: String,
+    /// Colours from the lowest value to the highest.
+    pub colours: Vec<Ink>,
+    /// Ticks.
+    pub ticks: Ticks,
+}

@@ -1,0 +1,296 @@
+//! Figures, films and panels, and what a picture says of itself.
+
+use crate::common::{fails, listing, particlegs, snapshot};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// A model of particles on a spiral, with units, a box and two layers where `species` says so.
+fn model(dir: &Path, name: &str, turns: f32, gaussians: &str) -> PathBuf {
+    let along = |f: &dyn Fn(f32) -> f32| (0..3000).map(|i| f(i as f32 / 3000.0)).collect::<Vec<f32>>();
+    let columns = [
+        along(&|t| 5.0 + 4.0 * (turns * t).cos() * t),
+        along(&|t| 1.0 + 8.0 * t),
+        along(&|t| 5.0 + 4.0 * (turns * t).sin() * t),
+        along(&|t| if t < 0.5 { 1.0 } else { 3.0 }),
+    ];
+    let (particles, model) = (dir.join(format!("{name}-in")), dir.join(format!("{name}.pgs")));
+    snapshot(&particles, &columns);
+    std::fs::write(particles.join("meta.json"), r#"{"box": 10, "length_unit": "Mpc/h"}"#).unwrap();
+    let mut c = particlegs();
+    c.arg("compress").arg(&particles).arg("-o").arg(&model).args(["--gaussians", gaussians, "--layers-by", "mass"]);
+    c.args(["--effort", "fast", "--certificate=none", "--quiet"]).assert().success();
+    model
+}
+
+struct Scene {
+    dir: tempfile::TempDir,
+}
+
+impl Scene {
+    fn new() -> Scene {
+        let dir = tempfile::tempdir().unwrap();
+        model(dir.path(), "a", 19.0, "40");
+        Scene { dir }
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.at(name)).unwrap()
+    }
+
+    fn render(&self, more: &[&str]) -> assert_cmd::Command {
+        let mut c = particlegs();
+        c.current_dir(self.dir.path()).arg("render").args(more).arg("--quiet");
+        c
+    }
+
+    fn draws(&self, more: &[&str]) -> Value {
+        let out = self.render(more).args(["--json", "-"]).output().unwrap();
+        assert!(out.status.success(), "{more:?}: {}", String::from_utf8_lossy(&out.stderr));
+        serde_json::from_slice(&out.stdout).unwrap()
+    }
+}
+
+const DENSITY: [&str; 8] = ["a.pgs", "--style", "density", "--projection", "orthographic", "--size", "60x60", "-o"];
+
+#[test]
+fn a_figure_has_its_labels_as_text_and_its_picture_as_it_is() {
+    let s = Scene::new();
+    s.draws(&[&DENSITY[..], &["f.svg", "--axes", "frame", "--title", "A < B"]].concat());
+    let svg = String::from_utf8(s.bytes("f.svg")).unwrap();
+    assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"));
+    assert!(svg.contains("width=\"238.11pt\""), "84 mm");
+    for text in [">x (Mpc h⁻¹)<", ">y (Mpc h⁻¹)<", ">A &lt; B<", "font-size=\"8\"", ">4<", ">6<"] {
+        assert!(svg.contains(text), "{text}");
+    }
+    // One title of the one bar, and two pictures: the density and the bar's colours.
+    assert_eq!(svg.matches(">Σ (").count(), 1);
+    assert_eq!(svg.matches("data:image/png;base64,").count(), 2);
+    assert!(svg.contains("<metadata>{&quot;particlegs&quot;"));
+    s.draws(&[&DENSITY[..], &["f.pdf", "--figure-width", "50mm", "--font-size", "6"]].concat());
+    let pdf = String::from_utf8_lossy(&s.bytes("f.pdf")).into_owned();
+    assert!(pdf.starts_with("%PDF-") && pdf.contains("/FontFile2") && pdf.contains("/ToUnicode"));
+    assert!(pdf.contains("/MediaBox [0 0 141.73"), "50 mm");
+    // The same figure has the same bytes.
+    s.draws(&[&DENSITY[..], &["g.pdf", "--figure-width", "50mm", "--font-size", "6", "--threads", "1"]].concat());
+    assert!(s.bytes("f.pdf") == s.bytes("g.pdf"));
+}
+
+#[test]
+fn a_picture_is_drawn_alike_from_what_it_says() {
+    let s = Scene::new();
+    let views: [&[&str]; 4] = [
+        &["--azimuth", "33.3", "--elevation", "-12", "--radius", "0.03", "--opacity", "0.3", "--size", "80x50"],
+        &["--style", "density", "--colormap", "viridis", "--size", "80x50", "--background", "white"],
+        &["--style", "density", "--projection", "orthographic", "--depth", "2", "--size", "50x50"],
+        &["--style", "expected", "--color-by-layer", "--distance", "0.6", "--size", "80x50"],
+    ];
+    for view in views {
+        s.draws(&[&["a.pgs", "-o", "a.png"], view].concat());
+        s.draws(&["a.pgs", "-o", "b.png", "--like", "a.png"]);
+        assert!(s.bytes("a.png") == s.bytes("b.png"), "{view:?}");
+    }
+    // Of another model it is the same view.
+    model(s.dir.path(), "b", 7.0, "60");
+    let first = s.draws(&["a.pgs", "-o", "a.png", "--azimuth", "33", "--width", "4", "--size", "80x50"]);
+    let other = s.draws(&["b.pgs", "-o", "b.png", "--like", "a.png"]);
+    for key in ["position", "focal_point", "view_up", "fov_deg", "radius", "opacity"] {
+        assert_eq!(first["views"][0][key], other["views"][0][key], "{key}");
+    }
+    assert!(s.bytes("a.png") != s.bytes("b.png"));
+    // Pictures without that text, and what is no picture, are refused.
+    std::fs::write(s.at("no.png"), [&s.bytes("a.png")[..40], b"more"].concat()).unwrap();
+    fails(&mut s.render(&["a.pgs", "-o", "c.png", "--like", "no.png"]), 3, "does not say what it is a picture of");
+    fails(&mut s.render(&["a.pgs", "-o", "c.png", "--like", "a.pgs"]), 3, "a.pgs");
+    fails(&mut s.render(&["a.pgs", "-o", "a.png", "--like", "a.png"]), 8, "is an input");
+    assert!(!s.at("c.png").exists());
+}
+
+#[test]
+fn panels_have_one_range_and_one_bar() {
+    let s = Scene::new();
+    model(s.dir.path(), "b", 7.0, "60");
+    let look = ["--style", "density", "--size", "60x40"];
+    let range = |names: &[&str], out: &str, more: &[&str]| {
+        let report = s.draws(&[names, &look[..], &["-o", out], more].concat());
+        [0, 1].map(|k| report["range"][k].as_f64().unwrap())
+    };
+    let alone = ["a.pgs", "b.pgs"].map(|m| range(&[m], "one.svg", &["--panels"]));
+    let both = range(&["a.pgs", "b.pgs"], "two.svg", &["--panels"]);
+    assert_eq!(both[1], alone[0][1].max(alone[1][1]));
+    assert!(both[0] <= alone[0][0].max(alone[1][0]) && alone[0] != alone[1]);
+    let svg = String::from_utf8(s.bytes("two.svg")).unwrap();
+    assert_eq!((svg.matches(">Σ (").count(), svg.matches("data:image/png").count()), (1, 3));
+    assert!(svg.contains(">a</text>") && svg.contains(">b</text>"));
+    range(&["a.pgs", "b.pgs"], "two.pdf", &["--panels", "--captions", "before,after", "--columns", "1"]);
+    fails(&mut s.render(&["a.pgs", "b.pgs", "-o", "x.png"]), 2, "2 models are given");
+    fails(&mut s.render(&["a.pgs", "b.pgs", "-o", "x.png", "--panels", "--captions", "one"]), 2, "2 panels");
+    let one = s.draws(&["a.pgs", "--style", "density", "--size", "60x40", "-o", "x", "--panels"]);
+    assert!(one["views"].as_array().unwrap().len() == 1 && s.at("x/panels.png").exists());
+}
+
+#[test]
+fn a_turn_begins_with_its_view_and_has_one_range() {
+    let s = Scene::new();
+    let turn = ["--turntable", "5", "--size", "48x30", "--elevation", "15"];
+    let report = s.draws(&[&["a.pgs", "-o", "frames", "--save-views", "keys.json"], &turn[..]].concat());
+    let names: Vec<String> = (0..5).map(|i| format!("frame_000{i}.png")).collect();
+    assert_eq!(listing(&s.at("frames")), names);
+    assert_eq!(report["views"].as_array().unwrap().len(), 5);
+    s.draws(&["a.pgs", "-o", "first.png", "--size", "48x30", "--elevation", "15"]);
+    let pixels = |name: &str| particlegs::picture::read_png(&s.at(name)).unwrap();
+    assert_eq!(pixels("frames/frame_0000.png"), pixels("first.png"));
+    assert!(pixels("frames/frame_0001.png") != pixels("first.png"));
+    // The frames are those of the views that are saved, and the same with other threads.
+    s.draws(&["a.pgs", "-o", "again", "--views", "keys.json"]);
+    s.draws(&[&["a.pgs", "-o", "alone", "--threads", "1"], &turn[..]].concat());
+    for name in &names {
+        assert_eq!(pixels(&format!("again/{name}")), pixels(&format!("frames/{name}")));
+        assert!(s.bytes(&format!("alone/{name}")) == s.bytes(&format!("frames/{name}")));
+    }
+    let density = s.draws(&["a.pgs", "-o", "sigma", "--style", "density", "--turntable", "3", "--size", "48x30"]);
+    assert!(density["range"][1].as_f64() > density["range"][0].as_f64());
+    // A path through the turn's views passes through them.
+    s.draws(&["a.pgs", "-o", "path", "--path", "keys.json", "--frames", "9"]);
+    assert_eq!(listing(&s.at("path")).len(), 9);
+    assert_eq!(pixels("path/frame_0004.png"), pixels("frames/frame_0002.png"));
+    fails(&mut s.render(&["a.pgs", "-o", "x", "--views", "keys.json", "--turntable", "3"]), 2, "turns one view");
+    fails(&mut s.render(&["a.pgs", "-o", "x.png", "--turntable", "3"]), 2, "names one picture");
+    fails(&mut s.render(&["a.pgs", "-o", "x", "--turntable", "3", "--video", "x.avi"]), 2, ".mp4, .webm or .gif");
+}
+
+/// Where ffmpeg is not to be found the frames are kept, and the line that joins them is the result.
+#[test]
+fn without_ffmpeg_frames_are_kept() {
+    let s = Scene::new();
+    let film = ["a.pgs", "--turntable", "2", "--size", "32x20", "--video", "turn.mp4"];
+    let out = s.render(&film).env("PATH", s.dir.path()).output().unwrap();
+    let said = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(out.status.success() && said.contains("ffmpeg -v error"), "{said}");
+    assert!(said.contains("turn-frames/frame_%04d.png") && said.trim_end().ends_with("turn.mp4"), "{said}");
+    assert_eq!(listing(&s.at("turn-frames")), ["frame_0000.png", "frame_0001.png"]);
+    assert!(!s.at("turn.mp4").exists());
+}
+
+#[test]
+fn figures_that_cannot_be_are_refused() {
+    let s = Scene::new();
+    fails(&mut s.render(&["a.pgs", "-o", "x.pdf", "--axes", "frame"]), 2, "--projection orthographic");
+    let narrow = ["x.pdf", "--figure-width", "10mm", "--font-size", "20"];
+    fails(&mut s.render(&[&DENSITY[..], &narrow].concat()), 2, "no room");
+    fails(&mut s.render(&["a.pgs", "-o", "x.png", "--depth=-1"]), 2, "--depth -1");
+    fails(&mut s.render(&["a.pgs", "-o", "x.png", "--center", "1,2"]), 2, "--center takes");
+    s.render(&["a.pgs", "-o", "x.png", "--figure-width", "84"]).assert().failure().code(2);
+    s.render(&["a.pgs"]).assert().failure().code(2);
+    assert!(!s.at("x.png").exists() && !s.at("x.pdf").exists());
+    // Bars on the picture leave it the size that was asked for.
+    s.draws(&[&DENSITY[..], &["z.png", "--colorbar", "inside"]].concat());
+    let size = particlegs::picture::read_png(&s.at("z.png")).unwrap().size;
+    assert_eq!([size.width, size.height], [60, 60]);
+    // A view whose focal point is beside the particles has no length to tell.
+    s.draws(&["a.pgs", "-o", "x.svg", "--center", "90,0,0", "--distance", "5", "--size", "40x30"]);
+    assert!(!String::from_utf8(s.bytes("x.svg")).unwrap().contains("Mpc"));
+    s.draws(&["a.pgs", "-o", "y.svg", "--size", "40x30"]);
+    assert!(String::from_utf8(s.bytes("y.svg")).unwrap().contains(" Mpc h⁻¹ (at the centre)</text>"));
+}
+
+/// Of a GIF by the words of its specification (version 89a): size, and the colours of every frame's pixels.
+fn decoded(file: &[u8]) -> ([usize; 2], Vec<Vec<[u8; 3]>>) {
+    assert!(file.starts_with(b"GIF89a"));
+    let word = |at: usize| usize::from(file[at]) + 256 * usize::from(file[at + 1]);
+    let palette = |at: usize, flags: u8| -> Vec<[u8; 3]> {
+        let count = if flags & 0x80 != 0 { 2usize << (flags & 7) } else { 0 };
+        file[at..at + 3 * count].chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect()
+    };
+    let all = palette(13, file[10]);
+    let (mut at, mut frames) = (13 + 3 * all.len(), Vec::new());
+    // Sub-blocks from a place on, and where they end.
+    let blocks = |mut at: usize| {
+        let mut data = Vec::new();
+        while file[at] > 0 {
+            data.extend_from_slice(&file[at + 1..][..usize::from(file[at])]);
+            at += 1 + usize::from(file[at]);
+        }
+        (data, at + 1)
+    };
+    loop {
+        match file[at] {
+            0x21 => at = blocks(at + 2).1,
+            0x2c => {
+                assert_eq!([word(at + 5), word(at + 7)], [word(6), word(8)], "whole frames");
+                let own = palette(at + 10, file[at + 9]);
+                at += 10 + 3 * own.len();
+                let colours = if own.is_empty() { &all } else { &own };
+                let (data, end) = blocks(at + 1);
+                let pixels = unpacked(&data, u32::from(file[at]));
+                frames.push(pixels.into_iter().map(|p| colours[usize::from(p)]).collect());
+                at = end;
+            }
+            0x3b => return ([word(6), word(8)], frames),
+            other => panic!("block {other:#x}"),
+        }
+    }
+}
+
+/// LZW with codes that grow, the least significant bit first.
+fn unpacked(data: &[u8], least: u32) -> Vec<u8> {
+    let (clear, end) = (1usize << least, (1usize << least) + 1);
+    let fresh = || -> Vec<Vec<u8>> { (0..end + 1).map(|c| if c < clear { vec![c as u8] } else { vec![] }).collect() };
+    let (mut table, mut last, mut out) = (fresh(), Vec::new(), Vec::new());
+    let (mut bit, mut width) = (0usize, least + 1);
+    loop {
+        let code =
+            (0..width as usize).map(|i| usize::from(data[(bit + i) / 8] >> ((bit + i) % 8) & 1) << i).sum::<usize>();
+        bit += width as usize;
+        if code == clear {
+            (table, last, width) = (fresh(), Vec::new(), least + 1);
+            continue;
+        }
+        if code == end {
+            return out;
+        }
+        let entry = match table.get(code) {
+            Some(entry) => entry.clone(),
+            None => [&last[..], &last[..1]].concat(),
+        };
+        out.extend_from_slice(&entry);
+        if !last.is_empty() && table.len() < 4096 {
+            table.push([&last[..], &entry[..1]].concat());
+        }
+        if table.len() == 1 << width && width < 12 {
+            width += 1;
+        }
+        last = entry;
+    }
+}
+
+#[test]
+fn a_gif_has_the_frames_pixels() {
+    let s = Scene::new();
+    s.draws(&["a.pgs", "--turntable", "4", "--size", "64x40", "--video", "turn.gif", "-o", "frames"]);
+    let (size, frames) = decoded(&s.bytes("turn.gif"));
+    assert_eq!((size, frames.len()), ([64, 40], 4));
+    for (i, frame) in frames.iter().enumerate() {
+        let png = particlegs::picture::read_png(&s.at(&format!("frames/frame_000{i}.png"))).unwrap();
+        assert!(png.data.iter().zip(frame).all(|(level, p)| *p == [*level; 3]), "{i}");
+    }
+    // Alone, a GIF leaves no frames behind.
+    s.draws(&[
+        "a.pgs",
+        "--turntable",
+        "2",
+        "--size",
+        "64x40",
+        "--style",
+        "density",
+        "--video",
+        "sigma.gif",
+        "--fps",
+        "10",
+    ]);
+    assert_eq!(decoded(&s.bytes("sigma.gif")).1.len(), 2);
+    assert!(!s.at("sigma-frames").exists());
+}

@@ -1,0 +1,14 @@
+#!/usr/bin/env bash
+# The pictures of the README and the guide, made of the bundled sample: docs/images/{sample,density}.png and turn.gif.
+# Usage: scripts/readme-pictures.sh [PARTICLEGS]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+p=${1:-target/release/particlegs}
+out=$(mktemp -d)
+trap 'rm -rf "$out"' EXIT
+"$p" compress samples/nbody64 -o "$out/nbody64.pgs" --pictures "$out" --certificate none --quiet >/dev/null
+cp "$out/comparison.png" docs/images/sample.png
+cp "$out/density.png" docs/images/density.png
+"$p" render "$out/nbody64.pgs" --turntable 36 --elevation 20 --fit box --axes cube --opacity 0.15 \
+    --size 320x240 --video docs/images/turn.gif --fps 12 --quiet >/dev/null
+ls -l docs/images/sample.png docs/images/density.png docs/images/turn.gif
