@@ -1,4 +1,4 @@
-// How fast the page is: node tests/browser/bench.mjs MODEL... prints a table. Chromium is started before the clock.
+// How fast the page is: node tests/browser/bench.mjs MODEL... prints a table. No graphics card; Chromium is started before the clock.
 import { spawn } from "node:child_process";
 import path from "node:path";
 import { browser } from "./common.mjs";
@@ -15,6 +15,7 @@ async function once(b, model) {
   const url = await new Promise((resolve) => server.stdout.on("data", (d) => /http\S+/.exec(d) && resolve(/http\S+/.exec(d)[0])));
   await tab.goto(`${url}?draw=cpu`);
   await tab.waitForFunction(() => document.documentElement.dataset.full, { timeout: 120_000 });
+  if (process.env.MARKS) console.error(await tab.evaluate(() => performance.getEntriesByType("mark").map((m) => `${m.name} ${m.startTime.toFixed(0)}`).join(", ") + ` from ${performance.timeOrigin}`), began);
   const marks = await tab.evaluate(() => ["first-picture", "full-picture"].map((n) => performance.timeOrigin + performance.getEntriesByName(n)[0].startTime));
   const found = await tab.evaluate(async () => {
     const { page, change } = globalThis.particlegs;
@@ -46,7 +47,7 @@ async function once(b, model) {
   return { first: marks[0] - began, full: marks[1] - began, ...found };
 }
 
-const b = await browser();
+const b = await browser(false);
 console.log("| model | picture | first picture, ms | against the full one, dB | full picture, ms | frames/s turning | still, ms |\n|---|---|---|---|---|---|---|");
 for (const model of process.argv.slice(2)) {
   const all = [];

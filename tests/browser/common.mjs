@@ -51,11 +51,11 @@ export async function serve(...args) {
   return { url, stop };
 }
 
-/** A browser whose graphics card is software. */
-export function browser() {
+/** A browser whose graphics card is software; or one without. */
+export function browser(card = true) {
   return chromium.launch({
     executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
-    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+    args: ["--no-sandbox", ...(card ? ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"] : ["--disable-gpu"])],
   });
 }
 

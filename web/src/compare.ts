@@ -82,7 +82,7 @@ export class Compare {
     if (this.shown === "difference") {
       this.split?.put(difference(model, (picture.densities ?? picture.levels)!, density, picture.size), true);
     } else {
-      this.split?.put(painted(picture, state, await pane.map(state.colormap), range), false);
+      this.split?.put(painted(picture, state, await pane.map(state.colormap, state.white), range), false);
     }
     if (!last) return;
     this.score.textContent = density

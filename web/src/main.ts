@@ -172,7 +172,7 @@ async function start(): Promise<void> {
       setTimeout(() => void chooseBy(panes, () => change({})), 200);
     }
     if (page.state.look === "density" && pane.range) {
-      bar.show(pane.range, await pane.map(page.state.colormap), unitsOf(about).surface);
+      bar.show(pane.range, await pane.map(page.state.colormap, page.state.white), unitsOf(about).surface);
       if (full) dials.refresh(page.state);
     } else {
       bar.hide();

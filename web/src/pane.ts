@@ -39,7 +39,7 @@ export class Pane {
   private coarse = 1;
   private gl: GlRenderer | null = null;
   private tone: { key: string; curve: Tone; levels: Float32Array } | null = null;
-  private colors: { name: string; data: Uint8Array } | null = null;
+  private colors: { key: string; data: Uint8Array } | null = null;
 
   constructor(private remote: Remote, readonly model: number, readonly name: string, readonly about: About) {
     this.coarse = about.gaussians > LARGE ? 2 : 1;
@@ -136,7 +136,7 @@ export class Pane {
     const { json, numbers } = await this.remote.ask<Strokes>({ ask: "strokes", model: this.model, scene, style });
     const own = paint.range ? paint : { ...paint, range: paint.look === null ? await this.rangeOf(scene) : null };
     const tone = paint.look === null || paint.look === "expected" ? null : await this.curve(scene);
-    const colors = paint.look === null ? await this.map(paint.colormap) : null;
+    const colors = paint.look === null ? await this.map(paint.colormap, paint.white) : null;
     gl.draw(numbers, { paint: own, strokes: json, tone, colors }, scene.size);
     return own.range;
   }
@@ -163,11 +163,12 @@ export class Pane {
     return this.tone;
   }
 
-  /** 256 colours. */
-  async map(name: string): Promise<Uint8Array> {
-    if (this.colors?.name !== name) {
-      const { numbers } = await this.remote.ask<object>({ ask: "colors", model: this.model, name });
-      this.colors = { name, data: new Uint8Array(numbers) };
+  /** 256 colours, for black or white ground. */
+  async map(name: string, white: boolean): Promise<Uint8Array> {
+    const key = `${name} ${white}`;
+    if (this.colors?.key !== key) {
+      const { numbers } = await this.remote.ask<object>({ ask: "colors", model: this.model, name, white });
+      this.colors = { key, data: new Uint8Array(numbers) };
     }
     return this.colors.data;
   }

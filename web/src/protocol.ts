@@ -76,7 +76,7 @@ export type Question =
   | { ask: "values"; model: number; scene: SceneOf; style: "depth" | "density" }
   | { ask: "strokes"; model: number; scene: SceneOf; style: "depth" | "density" }
   | { ask: "tone"; model: number; opacity: number; radius_pixels: number }
-  | { ask: "colors"; model: number; name: string }
+  | { ask: "colors"; model: number; name: string; white: boolean }
   | { ask: "probe"; model: number; scene: SceneOf; pixel: [number, number] }
   | { ask: "sphere"; model: number; center: Vec3; radius: number; layers?: boolean[] }
   | { ask: "gaussian"; model: number; index: number };

@@ -165,7 +165,7 @@ void main() {
   if (density == 1) {
     float t = v > 0. ? (log(v) - range.x) / range.y : 0.;
     vec3 c = texelFetch(colors, ivec2(int(clamp(floor(255. * t + 0.5), 0., 255.)), 0), 0).rgb;
-    color = vec4(white == 1 && !(v > 0.) ? vec3(1.) : c, 1.);
+    color = vec4(c, 1.);
     return;
   }
   if (blur > 0.) {

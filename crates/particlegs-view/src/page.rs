@@ -123,11 +123,7 @@ enum Place {
 }
 
 impl<'a> Setup<'a> {
-    fn new(
-        models: impl IntoIterator<Item = ModelFile<'a>>,
-        snapshot: Option<&'a Snapshot>,
-        served: bool,
-    ) -> Setup<'a> {
+    fn new(models: impl IntoIterator<Item = ModelFile<'a>>, snapshot: Option<&'a Snapshot>, served: bool) -> Setup<'a> {
         let at = |i| if served { Place::Url(format!("model/{i}")) } else { Place::Element(format!("model-{i}")) };
         let models = models.into_iter().enumerate().map(|(i, file)| SetupModel {
             name: file.name,

@@ -54,7 +54,7 @@ fn certified(model: &Model) -> Option<[[f64; 2]; 2]> {
         let values = (0..settings.map_or(0, |s| s.len())).map(of);
         values.fold([default; 2], |[low, high], v| [low.min(v), high.max(v)])
     };
-    let radius = |i: usize| settings.map_or(1.0, |s| f64::from(s[i].radius)) * m.default_radius;
-    let opacity = |i: usize| settings.map_or(1.0, |s| f64::from(s[i].opacity));
+    let radius = |i: usize| settings.map_or(1.0, |s| s[i].radius) * m.default_radius;
+    let opacity = |i: usize| settings.map_or(1.0, |s| s[i].opacity);
     Some([around(&radius, m.default_radius), around(&opacity, m.default_opacity)])
 }

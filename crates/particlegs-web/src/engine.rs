@@ -3,7 +3,7 @@
 use crate::answer::Answer;
 use crate::clip::clipped;
 use crate::coarse::coarse;
-use crate::picture::{Painter, bytes, check};
+use crate::picture::{Painter, UNLIT, bytes, check, color_on};
 use crate::question::{Paint, Question, SceneOf, Style, What};
 use crate::strokes::strokes;
 use crate::{about, probe};
@@ -117,7 +117,7 @@ impl Engine {
                 check(scene.size)?;
                 let model = opened.shown(&scene);
                 let plane = painter.plane(&scene.scene(model, &|l| scene.shows(l)), &scene, style)?;
-                Answer::with(&json!({ "range": plane.log_range() }), bytes(&plane))
+                Answer::with(&json!({ "range": plane.log_range().unwrap_or(UNLIT) }), bytes(&plane))
             }
             What::Strokes { scene, style } => {
                 check(scene.size)?;
@@ -126,9 +126,9 @@ impl Engine {
                 strokes(model, |l| scene.shows(l), &lenses, scene.size, style == Style::Density)
             }
             What::Tone { opacity, radius_pixels } => tone(opacity, radius_pixels),
-            What::Colors { name } => {
+            What::Colors { name, white } => {
                 let map: Colormap = name.parse().map_err(Error::argument)?;
-                let colors = (0..256).flat_map(|i| map.color(i as f32 / 255.0)).collect();
+                let colors = (0..256).flat_map(|i| color_on(map, white, i as f32 / 255.0)).collect();
                 Answer::with(&json!({}), colors)
             }
             What::Probe { scene, pixel } => {
@@ -143,7 +143,8 @@ impl Engine {
             }
             What::Gaussian { index } => {
                 let found = probe::gaussian(&opened.whole.model, index);
-                let missing = || format!("there is no Gaussian {index}: the model has {}", opened.whole.model.gaussians());
+                let missing =
+                    || format!("there is no Gaussian {index}: the model has {}", opened.whole.model.gaussians());
                 let (position, extent) = found.ok_or_else(|| Error::argument(missing()))?;
                 Answer::of(&json!({ "position": position, "extent": extent }))
             }

@@ -8,6 +8,9 @@ use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, Scratch, Tones, optical_depth_into, surface_density};
 use particlegs_core::splat::Look;
 
+/// The range of a picture in which nothing is lit.
+pub(crate) const UNLIT: [f64; 2] = [1.0, 10.0];
+
 /// What is kept from picture to picture: buffers, and the tone curves of the last opacity and radius.
 #[derive(Default)]
 pub(crate) struct Painter {
@@ -40,7 +43,7 @@ impl Painter {
         let shown = |layer: usize| of.shows(layer);
         let Some(look) = paint.look else {
             let plane = self.plane(&scene(&shown), of, Style::Density)?;
-            let range = paint.range.unwrap_or_else(|| plane.log_range());
+            let range = paint.range.or_else(|| plane.log_range()).unwrap_or(UNLIT);
             return Ok((density(&plane, paint, range), Some(range)));
         };
         match &paint.colors {
@@ -117,20 +120,21 @@ fn mixed(planes: &[(Plane, [f32; 3])], levels: &[u8], white: bool) -> Vec<u8> {
     out
 }
 
-/// Logarithmic colours; what is empty has the first colour, or is white on white.
+/// Logarithmic colours; what is empty has the first.
 fn density(plane: &Plane, paint: &Paint, [lo, hi]: [f64; 2]) -> Vec<u8> {
     let map: Colormap = paint.colormap.parse().unwrap_or_default();
     let (from, length) = (lo.ln() as f32, (hi / lo).ln() as f32);
     let mut out = Vec::with_capacity(4 * plane.data.len());
     for v in &plane.data {
-        let [r, g, b] = match *v > 0.0 {
-            true => map.color((v.ln() - from) / length),
-            false if paint.white => [255; 3],
-            false => map.color(0.0),
-        };
+        let [r, g, b] = color_on(map, paint.white, if *v > 0.0 { (v.ln() - from) / length } else { 0.0 });
         out.extend([r, g, b, 255]);
     }
     out
+}
+
+/// The colour of a share of the range on black or white.
+pub(crate) fn color_on(map: Colormap, white: bool, t: f32) -> [u8; 3] {
+    if white { map.on_white(t) } else { map.color(t) }
 }
 
 /// Little-endian bytes of a plane.

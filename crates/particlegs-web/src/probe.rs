@@ -46,7 +46,9 @@ struct Place<'a> {
 fn places<'a>(model: &'a Model, shown: &'a dyn Fn(usize) -> bool) -> impl Iterator<Item = (usize, Place<'a>)> {
     let all = model.layers.iter().enumerate().flat_map(|(layer, l)| {
         let unit = l.mass.unit_or_one();
-        l.content.iter().flat_map(move |b| (0..b.gaussians.len()).map(move |i| Place { layer, unit, m: &b.gaussians, i }))
+        l.content
+            .iter()
+            .flat_map(move |b| (0..b.gaussians.len()).map(move |i| Place { layer, unit, m: &b.gaussians, i }))
     });
     all.enumerate().filter(|(_, p)| shown(p.layer))
 }

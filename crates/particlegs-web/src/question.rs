@@ -31,11 +31,16 @@ pub(crate) enum What {
     /// The tone curve of a view: 1153 f32 levels.
     Tone { opacity: f64, radius_pixels: f64 },
     /// 256 RGB triples.
-    Colors { name: String },
+    Colors { name: String, white: bool },
     /// What is seen at a pixel.
     Probe { scene: SceneOf, pixel: [f64; 2] },
     /// Mass in a sphere.
-    Sphere { center: [f64; 3], radius: f64, #[serde(default)] layers: Option<Vec<bool>> },
+    Sphere {
+        center: [f64; 3],
+        radius: f64,
+        #[serde(default)]
+        layers: Option<Vec<bool>>,
+    },
     /// Where Gaussian `index` is.
     Gaussian { index: usize },
 }

@@ -3,27 +3,10 @@
 use super::Seen;
 use crate::figure::{Ground, Image};
 use particlegs::parallel;
-use particlegs::picture::{Colormap, Plane, Rgb8};
+use particlegs::picture::{Colormap, Rgb8};
 
-/// Decades that a range of its own has at most.
+/// Decades that a common range has at most, as one of its own ([`particlegs::picture::Plane::log_range`]).
 const DECADES: f64 = 1e-4;
-
-/// A range of four decades at most that shows nearly all lit pixels: up to the 99.9th percentile,
-/// down to the 1st or a ten-thousandth of the top.
-pub fn log_range(plane: &Plane) -> Option<[f64; 2]> {
-    let mut lit: Vec<f32> = plane.data.iter().copied().filter(|v| *v > 0.0 && v.is_finite()).collect();
-    if lit.is_empty() {
-        return None;
-    }
-    let mut at = |share: f64| {
-        let place = ((lit.len() - 1) as f64 * share) as usize;
-        f64::from(*lit.select_nth_unstable_by(place, f32::total_cmp).1)
-    };
-    let hi = at(0.999);
-    let lo = at(0.01).max(hi * DECADES).min(hi);
-    // A flat plane still gets a scale.
-    Some(if hi / lo < 1.5 { [lo / 1.5, hi * 1.5] } else { [lo, hi] })
-}
 
 /// One range for all: from the lowest to the highest, of four decades at most.
 pub fn common_range(ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64; 2] {
@@ -32,20 +15,11 @@ pub fn common_range(ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64;
     [lo.max(hi * DECADES), hi]
 }
 
-/// Share of a range over which colours on white grow out of the paper.
-const FADE: f32 = 0.15;
-
-/// The colour of a share of the range, on a ground: on white a map is reversed and begins at white, so that nothing is
-/// paper and much is dark.
+/// The colour of a share of the range, on a ground.
 pub fn colour(map: Colormap, ground: Ground, t: f32) -> [u8; 3] {
-    // A value that is no number has the first colour either way.
-    let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
     match ground {
         Ground::Black => map.color(t),
-        Ground::White => {
-            let share = (t / FADE).min(1.0);
-            map.color(1.0 - t).map(|v| (255.0 + (f32::from(v) - 255.0) * share).round() as u8)
-        }
+        Ground::White => map.on_white(t),
     }
 }
 
@@ -81,7 +55,7 @@ pub fn image(seen: Seen, map: Colormap, [lo, hi]: [f64; 2], ground: Ground) -> I
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::picture::{Gray8, Size};
+    use particlegs::picture::{Gray8, Plane, Size};
 
     #[test]
     fn the_range_ignores_specks() {
@@ -89,9 +63,9 @@ mod tests {
         let mut plane = Plane { size, data: (0..10_000).map(|i| 1.0 + (i % 100) as f32).collect() };
         plane.data[5] = 1e30;
         plane.data[6] = 1e-30;
-        let [lo, hi] = log_range(&plane).unwrap();
+        let [lo, hi] = plane.log_range().unwrap();
         assert!(lo >= 1.0 && hi <= 101.0);
-        assert_eq!(log_range(&Plane::zeros(size)), None);
+        assert_eq!(Plane::zeros(size).log_range(), None);
         assert_eq!(common_range([None, Some([3.0, 5.0]), Some([2.0, 4.0])]), [2.0, 5.0]);
         assert_eq!(common_range([Some([1e-9, 1.0]), Some([0.5, 10.0])]), [1e-3, 10.0]);
         assert_eq!(common_range([None]), [1.0, 10.0]);

@@ -1,7 +1,7 @@
 //! What is seen, made a picture or a figure, and written.
 
 use super::Seen;
-use super::colours::{self, common_range, log_range};
+use super::colours::{self, common_range};
 use super::provenance::Provenance;
 use crate::annotate::text::number;
 use crate::density_args::Quantities;
@@ -43,7 +43,7 @@ type NoScale = &'static str;
 impl Finish<'_> {
     /// The range that a density's colours have where none is given.
     pub fn range_of(&self, seen: &Seen) -> Option<[f64; 2]> {
-        if let Seen::Density(plane) = seen { log_range(plane) } else { None }
+        if let Seen::Density(plane) = seen { plane.log_range() } else { None }
     }
 
     /// World units a pixel, and what is to be said of them.

@@ -144,7 +144,7 @@ impl Model {
     pub fn with_gaussians(&self, of: impl Fn(&Mixture) -> Mixture) -> Self {
         let block = |b: &Block| Block { gaussians: of(&b.gaussians), ..*b };
         let layers = self.layers.iter().map(|l| l.with(l.content.iter().map(block).collect())).collect();
-        Model { metadata: self.metadata.clone(), layers, certificate: self.certificate.clone() }
+        Model { metadata: self.metadata.clone(), layers, certificate: self.certificate }
     }
 
     /// The model of some layers alone. Bounds, radius, opacity and all that is known stay those of

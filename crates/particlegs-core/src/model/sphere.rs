@@ -45,10 +45,13 @@ impl Lump {
         let center: [f64; 3] = each_axis(|k| (0..3).map(|j| self.axes[k][j] * offset[j]).sum());
         let distance = center.iter().map(|c| c * c).sum::<f64>().sqrt();
         // How far it reaches towards that place.
-        let along = (0..3).map(|k| {
+        let along = (0..3)
+            .map(|k| {
                 let v = center[k] * self.deviation[k];
                 v * v
-            }).sum::<f64>().sqrt();
+            })
+            .sum::<f64>()
+            .sqrt();
         let small = Small::new(center, self.deviation);
         let nearest = if distance > 0.0 { distance - TAIL * (along / distance) } else { 0.0 };
         for (to, r) in to.iter_mut().zip(radii) {
@@ -103,10 +106,11 @@ impl Small {
             v * v
         });
         let widths = sum(|_, s| 1.0 / (s * s));
-        let exponent = -0.5 * sum(|c, s| {
-            let v = c / s;
-            v * v
-        });
+        let exponent = -0.5
+            * sum(|c, s| {
+                let v = c / s;
+                v * v
+            });
         let peak = deviation.iter().map(|s| 1.0 / (TAU.sqrt() * s)).product::<f64>();
         Small {
             radius: SMALL / (slopes.sqrt() + widths.sqrt()),

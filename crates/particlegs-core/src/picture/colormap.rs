@@ -52,6 +52,19 @@ impl Colormap {
     }
 }
 
+/// Share of a range over which colours on white grow out of the paper.
+const FADE: f32 = 0.15;
+
+impl Colormap {
+    /// The colour of `t` in [0, 1] on white paper: the map is reversed and begins at white, so that nothing is paper
+    /// and much is dark. Outside, that of the nearer end; what is no number has the first colour.
+    pub fn on_white(self, t: f32) -> [u8; 3] {
+        let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
+        let share = (t / FADE).min(1.0);
+        self.color(1.0 - t).map(|v| (255.0 + (f32::from(v) - 255.0) * share).round() as u8)
+    }
+}
+
 impl FromStr for Colormap {
     type Err = String;
 

@@ -36,11 +36,11 @@ impl Plane {
     }
 
     /// A range of four decades at most that shows nearly all lit pixels: up to the 99.9th percentile, down to the
-    /// 1st or a ten-thousandth of the top.
-    pub fn log_range(&self) -> [f64; 2] {
+    /// 1st or a ten-thousandth of the top. `None` where nothing is lit.
+    pub fn log_range(&self) -> Option<[f64; 2]> {
         let mut lit: Vec<f32> = self.data.iter().copied().filter(|v| *v > 0.0 && v.is_finite()).collect();
         if lit.is_empty() {
-            return [1.0, 10.0];
+            return None;
         }
         let mut at = |share: f64| {
             let place = ((lit.len() - 1) as f64 * share) as usize;
@@ -49,7 +49,7 @@ impl Plane {
         let hi = at(0.999);
         let lo = at(0.01).max(hi * 1e-4).min(hi);
         // A flat plane still gets a scale.
-        if hi / lo < 1.5 { [lo / 1.5, hi * 1.5] } else { [lo, hi] }
+        Some(if hi / lo < 1.5 { [lo / 1.5, hi * 1.5] } else { [lo, hi] })
     }
 }
 

@@ -40,10 +40,8 @@ impl<'a> Scene<'a> {
     /// become those of all of them. Pictures of the optical-depth law alone are repeated.
     pub fn repeated(mut self, shifts: Vec<[f64; 3]>) -> Self {
         let own = self.bounds;
-        let moved = |s: &[f64; 3]| Bounds {
-            min: each_axis(|k| own.min[k] + s[k]),
-            max: each_axis(|k| own.max[k] + s[k]),
-        };
+        let moved =
+            |s: &[f64; 3]| Bounds { min: each_axis(|k| own.min[k] + s[k]), max: each_axis(|k| own.max[k] + s[k]) };
         self.bounds = shifts.iter().map(moved).reduce(|a, b| a.union(&b)).unwrap_or(own);
         self.shifts = shifts;
         self
@@ -68,7 +66,12 @@ impl<'a> Scene<'a> {
             radius,
             opacity,
         };
-        Scene { parts: vec![(mixture, 1.0)], bounds, blend: mixture.law.alpha_blend().map(blend), shifts: vec![[0.0; 3]] }
+        Scene {
+            parts: vec![(mixture, 1.0)],
+            bounds,
+            blend: mixture.law.alpha_blend().map(blend),
+            shifts: vec![[0.0; 3]],
+        }
     }
 
     /// How its Gaussians become a picture.
