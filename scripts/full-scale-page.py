@@ -27,6 +27,11 @@ def seconds(v):
     return f"{v:.0f}" if v >= 20 else f"{v:.1f}"
 
 
+def told(name):
+    """A run's name; those before certificates had measures are of an earlier fit."""
+    return name if "measures" in R[name]["certificate"] else name + " (earlier fit)"
+
+
 def run_table(names):
     row("run", "Gaussians", "bytes", "wall, s", "CPU, s", *(p + ", s" for p in PHASES), "peak anonymous, MiB")
     row(*["---"] * (6 + len(PHASES)))
@@ -34,7 +39,7 @@ def run_table(names):
         if name in R:
             r = R[name]
             phases = [seconds(r["seconds_by_phase"].get(p, 0)) for p in PHASES]
-            row(name, f'{r["gaussians"]:,}', f'{r["model_bytes"]:,}', seconds(r["wall_seconds"]), seconds(r["cpu_seconds"]),
+            row(told(name), f'{r["gaussians"]:,}', f'{r["model_bytes"]:,}', seconds(r["wall_seconds"]), seconds(r["cpu_seconds"]),
                 *phases, r["peak_anonymous_mib"])
 
 
@@ -49,7 +54,7 @@ def score_table(names):
                     s = orbit[look]
                     beside = s["noise_free_masked_psnr"]
                     cells.append(f'{s["masked_psnr"]:.2f}' + (f" ({beside:.2f})" if beside else ""))
-            row(name, *cells)
+            row(told(name), *cells)
 
 
 FULL = [f"ratio-{r}-blocks-{b}" for r in (290, 65, 3000) for b in (1, 8)]

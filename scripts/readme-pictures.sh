@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The pictures of the README and the guide, made of the bundled sample: docs/images/{sample,density}.png and turn.gif.
+# The pictures of the README and the guide, made of the bundled sample: docs/images/{sample,density}.png, turn.gif and,
+# where Chromium is and `npm ci` was done in web/, page-*.png.
 # Usage: scripts/readme-pictures.sh [PARTICLEGS]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -11,4 +12,5 @@ cp "$out/comparison.png" docs/images/sample.png
 cp "$out/density.png" docs/images/density.png
 "$p" render "$out/nbody64.pgs" --turntable 36 --elevation 20 --fit box --axes cube --opacity 0.15 \
     --size 320x240 --video docs/images/turn.gif --fps 12 --quiet >/dev/null
-ls -l docs/images/sample.png docs/images/density.png docs/images/turn.gif
+PARTICLEGS=$p node tests/browser/screenshots.mjs docs/images
+ls -l docs/images/{sample,density,page-density,page-split}.png docs/images/turn.gif

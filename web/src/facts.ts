@@ -7,8 +7,7 @@ import { bytes, number, unitsOf, whole } from "./units";
 /** Name, particles, Gaussians, size, ratio. */
 export function line(about: About, size: number): string {
   const m = about.metadata;
-  const raw = m.count * (about.has_masses && about.mass === null ? 16 : 12);
-  return `${whole(m.count)} particles, ${whole(about.gaussians)} Gaussians, ${bytes(size)}, ratio ${whole(raw / size)}`;
+  return `${whole(m.count)} particles, ${whole(about.gaussians)} Gaussians, ${bytes(size)}, ratio ${number(about.raw_bytes / size)}`;
 }
 
 /** All of it, with the verdict. */

@@ -61,11 +61,6 @@ export class GlRenderer {
     this.check();
   }
 
-  /** Bits of a float of the planes. */
-  get bits(): number {
-    return this.format.type === this.gl.FLOAT ? 32 : 16;
-  }
-
   /** Draws strokes, and leaves the picture in the canvas. */
   draw(numbers: ArrayBuffer, { paint, strokes, tone, colors }: Toning, size: Size): void {
     const { gl } = this;

@@ -73,8 +73,7 @@ async function start(): Promise<void> {
   page.state = fromLink(location.hash.slice(1), page.state);
   const compare = setup.truth ? new Compare(page, setup.truth) : null;
   const desk: Desk = {
-    about, state: () => page.state, change, range: () => panes[0].range, act, goTo, canCompare: compare !== null,
-    models: panes.length,
+    about, state: () => page.state, change, range: () => panes[0].range, act, goTo,
   };
   const dials = panel(desk);
   dials.element.append(...panes.map((p, i) => facts(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict)));
@@ -86,6 +85,8 @@ async function start(): Promise<void> {
   let linked: ReturnType<typeof setTimeout> | undefined;
   function change(part: Partial<State>): void {
     page.state = { ...page.state, ...part };
+    // The alpha-blend law has one look, and no masses.
+    if (!panes.every((p) => p.about.adds_up)) page.state.look = "paraview";
     document.body.classList.toggle("white", page.state.white);
     panes.forEach((p) => p.show(page.state));
     dials.refresh(page.state);

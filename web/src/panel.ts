@@ -14,8 +14,6 @@ export interface Desk {
   range(): [number, number] | null;
   act(name: Action): void;
   goTo(text: string): string | null;
-  canCompare: boolean;
-  models: number;
 }
 
 export type Action =
@@ -114,7 +112,7 @@ function particles(desk: Desk): Part {
 }
 
 function looks(desk: Desk): Part {
-  const look = select("Look", LOOKS, (s) => s.look, (v) => desk.change({ look: v as State["look"] }));
+  const look = select("Look", desk.about.adds_up ? LOOKS : ["paraview"], (s) => s.look, (v) => desk.change({ look: v as State["look"] }));
   const slider = h("input", {
     type: "range", min: -4, max: 4, step: 0.1, "aria-label": "Exposure in stops",
     input: () => desk.change({ exposure: Number(slider.value) }),

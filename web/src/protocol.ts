@@ -34,6 +34,7 @@ export interface About {
   gaussians: number;
   has_masses: boolean;
   mass: number | null;
+  raw_bytes: number;
   layers: { name: string; particles: number; gaussians: number }[];
   adds_up: boolean;
   certified: [[number, number], [number, number]] | null;

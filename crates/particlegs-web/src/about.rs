@@ -12,8 +12,10 @@ struct About<'a> {
     gaussians: usize,
     /// Are masses known, so that densities have units?
     has_masses: bool,
-    /// Unit of surface density.
+    /// Of all particles, where it is known.
     mass: Option<f64>,
+    /// Bytes of the particles as float32 columns.
+    raw_bytes: u64,
     layers: Vec<AboutLayer<'a>>,
     /// Can it be drawn by adding up footprints, as a graphics card does?
     adds_up: bool,
@@ -39,6 +41,7 @@ pub(crate) fn about(model: &Model) -> Result<Answer> {
         gaussians: model.gaussians(),
         has_masses: model.has_masses(),
         mass: model.mass(),
+        raw_bytes: model.layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum(),
         layers: layers.collect(),
         adds_up: model.metadata.law == LawKind::OpticalDepth,
         certified: certified(model),
