@@ -37,8 +37,8 @@ fn a_page_is_the_models_and_a_shell() {
         let files: Vec<ModelFile<'_>> = models.iter().map(|bytes| ModelFile { name: "model.pgs", bytes }).collect();
         let html = page(&files);
         let bytes: usize = models.iter().map(|m| m.len()).sum();
-        // What the page says of each model beside its bytes: a name, a number, two tags.
-        let most = (1.35 * bytes as f64) as usize + shell + 200 * models.len();
+        // What the page says of each model beside its bytes: a name, a number, a verdict, two tags.
+        let most = (1.35 * bytes as f64) as usize + shell + 1200 * models.len();
         assert!(html.len() <= most, "{} of {bytes} and a shell of {shell}", html.len());
         for (i, model) in models.iter().enumerate() {
             assert_eq!(BASE64_STANDARD.decode(element(&html, &format!("model-{i}"))).unwrap(), *model);
