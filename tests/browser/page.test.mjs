@@ -30,6 +30,22 @@ const orbitOf = (tab, c) => tab.evaluate((c) => {
   return { ...page.state.orbit, focal, azimuth: c.azimuth, elevation: c.elevation, distance: base * c.distance };
 }, c);
 
+/** The first channel of a PNG, as the browser decodes it. */
+const greys = (tab, png) => tab.evaluate(async (base64) => {
+  const image = new Image();
+  image.src = `data:image/png;base64,${base64}`;
+  await image.decode();
+  const c = new OffscreenCanvas(image.width, image.height).getContext("2d");
+  c.drawImage(image, 0, 0);
+  return [...c.getImageData(0, 0, image.width, image.height).data].filter((_, i) => i % 4 === 0);
+}, png.toString("base64"));
+
+/** Pixels in which two PNGs differ. */
+async function differing(tab, a, b) {
+  const [x, y] = [await greys(tab, a), await greys(tab, b)];
+  return x.length === y.length ? x.reduce((n, v, i) => n + (v === y[i] ? 0 : 1), 0) : Infinity;
+}
+
 test("from disk: one file, no request, no warning, and as much as is promised", async () => {
   const { tab, said, asked } = await open(b, page());
   assert.deepEqual(said, []);
@@ -51,24 +67,13 @@ test("the CPU's picture in the page is that of the command, to the last bit", as
   writeFileSync(path.join(work, "views.json"), JSON.stringify(views));
   for (const look of ["paraview", "expected"]) {
     run("render", "m.pgs", "--views", "views.json", "--style", look, "-o", "command.png", "--quiet");
-    const command = readFileSync(path.join(work, "command.png")).toString("base64");
-    const differing = await tab.evaluate(async ([look, command]) => {
-      const image = await createImageBitmap(await (await fetch(`data:image/png;base64,${command}`)).blob()).catch(() => null);
-      const bitmap = image ?? (await new Promise((resolve, reject) => {
-        const i = new Image();
-        i.onload = () => resolve(i);
-        i.onerror = reject;
-        i.src = `data:image/png;base64,${command}`;
-      }));
+    const ours = await tab.evaluate(async (look) => {
       const { page, pixels } = globalThis.particlegs;
-      const { width, height } = page.panes[0].size;
-      const c = new OffscreenCanvas(width, height).getContext("2d");
-      c.drawImage(bitmap, 0, 0);
-      const theirs = c.getImageData(0, 0, width, height).data;
-      const ours = await pixels({ ...page.state, look });
-      return ours.reduce((n, v, i) => n + (v === theirs[i] ? 0 : 1), 0);
-    }, [look, command]);
-    assert.equal(differing, 0, look);
+      return [...(await pixels({ ...page.state, look }))].filter((_, i) => i % 4 === 0);
+    }, look);
+    const command = await greys(tab, readFileSync(path.join(work, "command.png")));
+    const other = ours.reduce((n, v, i) => n + (v === command[i] ? 0 : 1), 0);
+    assert.equal(other, 0, look);
   }
   await tab.close();
 });
@@ -90,6 +95,39 @@ test("the graphics card's picture is the CPU's", { timeout: 240_000 }, async () 
     }
   }
   assert.deepEqual(said, []);
+  await tab.close();
+});
+
+test("the graphics card's densities are the CPU's to 0.01 dex", async () => {
+  const { tab } = await open(b, page("?draw=gpu", "#look=density"));
+  await byCard(tab);
+  await pictures(tab, { orbit: await orbitOf(tab, CAMERAS[1]) });
+  const worst = await tab.evaluate(async () => {
+    const pane = globalThis.particlegs.page.panes[0];
+    const { page } = globalThis.particlegs;
+    const scene = { size: pane.size, camera: globalThis.particlegs.camera(), radius: page.state.radius, opacity: page.state.opacity };
+    const [card, cpu] = [pane.startCard().values(), new Float32Array((await pane.values(scene, "density")).numbers)];
+    // Below the range's lower end nothing is seen.
+    let [worst, lit] = [0, 0];
+    for (let i = 0; i < cpu.length; i++) {
+      if (cpu[i] < pane.range[0]) continue;
+      lit++;
+      worst = Math.max(worst, Math.abs(Math.log10(card[i] / cpu[i])));
+    }
+    return { worst, lit: lit / cpu.length };
+  });
+  assert.ok(worst.lit > 0.1 && worst.worst < 0.01, JSON.stringify(worst));
+  await tab.close();
+});
+
+test("a graphics card that fails leaves the picture to the CPU", async () => {
+  const { tab } = await open(b, page("?draw=gpu"));
+  await byCard(tab);
+  await tab.evaluate(() => globalThis.particlegs.page.panes[0].card.getContext("webgl2").getExtension("WEBGL_lose_context").loseContext());
+  const r = await pictures(tab, { opacity: 0.1 });
+  assert.equal(r.worst, 0);
+  assert.ok(r.lit > 0.02);
+  assert.match(await tab.textContent("#status"), /drawn by the CPU/);
   await tab.close();
 });
 
@@ -149,7 +187,9 @@ test("what it gives away can be read: PNG with its camera, NPY, views.json that 
     await tab.click("dialog button[value=yes]");
   }, "saved.png");
   assert.equal(png.readUInt32BE(16), 1920);
-  assert.ok(png.includes("particlegs:views") && png.includes("focal_point"));
+  // What the picture says of itself draws it again, by the command, to the last bit.
+  run("render", "m.pgs", "--like", "saved.png", "-o", "like.png", "--no-annotations", "--quiet");
+  assert.equal(await differing(tab, png, readFileSync(path.join(work, "like.png"))), 0);
   await tab.evaluate(() => document.querySelectorAll("details").forEach((d) => (d.open = true)));
   const npy = await saved(() => tab.click("text=NPY"), "values.npy");
   const head = npy.subarray(10, 10 + npy.readUInt16LE(8)).toString();

@@ -75,7 +75,7 @@ export class Compare {
     const scene = sceneOf(state, pane.about, picture.size);
     const density = picture.densities !== null;
     const range = pane.range ?? [1, 10];
-    const paint = { ...paintOf(state), white: false, exposure: 0, colors: null };
+    const paint = { ...paintOf(state), white: false, exposure: 0, by_layer: false };
     const model = density
       ? new Float32Array((await pane.values(scene, "density")).numbers)
       : greys((await pane.picture(scene, paint)).numbers);

@@ -15,13 +15,19 @@ const SIZES: [string, Size][] = [
 
 const stem = (page: Page): string => page.panes[0].name.replace(/\.pgs$/, "");
 
-/** The camera as text in a picture: the views file, the link, and what it is of. */
+/** What a picture is of, as text in it: as `render --like` reads it, and the link. */
 function texts(page: Page, size: Size): Record<string, string> {
-  const about = page.panes[0].about;
-  return {
-    Software: `particlegs ${page.setup.version}`, Source: page.panes[0].name,
-    "particlegs:views": viewsFile(page.state, about, size), "particlegs:link": toLink(page.state),
+  const { state: s, panes: [pane], setup: { version } } = page;
+  const density = s.look === "density";
+  const provenance = {
+    particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], style: s.look,
+    layers: s.layers.includes(false) ? pane.about.layers.filter((_, i) => s.layers[i]).map((l) => l.name) : [],
+    color_by_layer: s.byLayer && !density,
+    ...(density ? { colormap: s.colormap, range: s.range ?? pane.range } : {}),
+    ...(s.white ? { background: "white" } : {}),
+    views: JSON.parse(viewsFile(s, pane.about, size)) as unknown,
   };
+  return { Software: `particlegs ${version}`, particlegs: JSON.stringify(provenance), "particlegs:link": toLink(s) };
 }
 
 /** A picture of a size with or without lines, as PNG. */
@@ -101,7 +107,12 @@ export function commandFor(page: Page): string {
   if (s.layers.includes(false)) {
     parts.push(`--layer ${page.panes[0].about.layers.filter((_, i) => s.layers[i]).map((l) => l.name).join(",")}`);
   }
-  return `${parts.join(" ")} -o picture.png`;
+  if (s.byLayer && s.look !== "density") parts.push("--color-by-layer");
+  if (s.white) parts.push("--background white");
+  const left = [s.clip && "the clip box", s.slab && s.slab.axis !== "view" && "the slab", s.images && "periodic images",
+    s.exposure !== 0 && "the exposure"].filter((t) => t);
+  const note = left.length > 0 ? `   # without ${left.join(", ")}` : "";
+  return `${parts.join(" ")} --no-annotations -o picture.png${note}`;
 }
 
 export async function giveCommand(page: Page): Promise<void> {

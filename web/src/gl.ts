@@ -76,6 +76,16 @@ export class GlRenderer {
     if (gl.getError() !== gl.NO_ERROR) throw new Unable("the graphics card reported an error");
   }
 
+  /** Levels (of looks) or densities of the last picture, rows from the top. */
+  values(): Float32Array {
+    const { gl, levels } = this;
+    if (!levels) return new Float32Array();
+    this.into(levels);
+    const all = new Float32Array(4 * levels.width * levels.height);
+    gl.readPixels(0, 0, levels.width, levels.height, gl.RGBA, gl.FLOAT, all);
+    return all.filter((_, i) => i % 4 === 0);
+  }
+
   /** Waits until all is drawn. */
   finish(): void {
     this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, new Uint8Array(4));

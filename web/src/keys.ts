@@ -4,7 +4,7 @@ import { panned, turned, zoomed } from "./camera";
 import type { Key } from "./hand";
 import type { Page } from "./main";
 import type { Action } from "./panel";
-import { COLORMAPS, LOOKS, type State } from "./state";
+import { LOOKS, type State } from "./state";
 
 /** All keys of a page; `look` looks from an end of an axis: +x, -x, +y, -y, +z, -z. */
 export function keysOf(page: Page, act: (name: Action) => void, look: (which: number) => void): Key[] {
@@ -46,7 +46,7 @@ export function keysOf(page: Page, act: (name: Action) => void, look: (which: nu
     key(["."], ".", "more opacity", times("opacity", 1.25)),
     key(["l"], "l", "next look", () => page.change({ look: next(LOOKS, page.state.look) })),
     key(["m"], "m", "next colour map", () =>
-      page.change({ colormap: next<string>(COLORMAPS, page.state.colormap), look: "density" })),
+      page.change({ colormap: next(page.panes[0].about.colormaps, page.state.colormap), look: "density" })),
     key(["w"], "w", "white or black ground", flip("white")),
     key(["b"], "b", "box", flip("box")),
     key(["a"], "a", "axes", flip("axes")),

@@ -85,6 +85,7 @@ async function start(): Promise<void> {
   let linked: ReturnType<typeof setTimeout> | undefined;
   function change(part: Partial<State>): void {
     page.state = { ...page.state, ...part };
+    if (!about.colormaps.includes(page.state.colormap)) page.state.colormap = "inferno";
     // The alpha-blend law has one look, and no masses.
     if (!panes.every((p) => p.about.adds_up)) page.state.look = "paraview";
     document.body.classList.toggle("white", page.state.white);

@@ -98,8 +98,19 @@ export class Pane {
     const began = performance.now();
     const scene = { ...sceneOf(state, this.about, size), coarse: coarse > 1 };
     const paint = paintOf(state);
-    const card = this.by === "GPU" && this.gl && this.about.adds_up && !paint.colors ? this.gl : null;
-    const range = card ? await this.byCard(card, scene, paint) : await this.byCpu(scene, paint);
+    let card = this.by === "GPU" && this.about.adds_up && !paint.by_layer ? this.gl : null;
+    let range: [number, number] | null = null;
+    if (card) {
+      try {
+        range = await this.byCard(card, scene, paint);
+      } catch (error) {
+        // A lost context, or more than the card holds: never a black page.
+        card = this.gl = null;
+        this.by = "CPU";
+        this.onerror(`drawn by the CPU: ${error instanceof Error ? error.message : String(error)}`);
+      }
+    }
+    if (!card) range = await this.byCpu(scene, paint);
     if (coarse === 1 || !this.range) this.range = range;
     this.card.hidden = !card;
     this.cpu.hidden = !!card;
@@ -184,7 +195,7 @@ export class Pane {
     if (!this.state || !this.about.adds_up || this.busy) return;
     const gl = this.startCard();
     const scene = sceneOf(this.state, this.about, this.size);
-    const paint = { ...paintOf(this.state), colors: null };
+    const paint = { ...paintOf(this.state), by_layer: false };
     const timed = async (draw: () => Promise<unknown>) => {
       await draw();
       const began = performance.now();

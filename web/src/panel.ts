@@ -2,7 +2,7 @@
 
 import { h } from "./dom";
 import type { About, Vec3 } from "./protocol";
-import { COLORMAPS, LAYER_COLORS, LOOKS, diagonal, type Slab, type State } from "./state";
+import { LOOKS, diagonal, type Slab, type State } from "./state";
 import { number, unitsOf } from "./units";
 
 /** What the panel asks of the page. */
@@ -126,7 +126,7 @@ function looks(desk: Desk): Part {
     },
   };
   const white = check("White ground", (s) => s.white, (on) => desk.change({ white: on }));
-  const colormap = select("Colour map", COLORMAPS, (s) => s.colormap, (v) => desk.change({ colormap: v }));
+  const colormap = select("Colour map", desk.about.colormaps, (s) => s.colormap, (v) => desk.change({ colormap: v }));
   const ends = [0, 1].map((k) => h("input", {
     type: "text", inputmode: "decimal", "aria-label": k === 0 ? "Density of the first colour" : "Density of the last colour",
     change: () => {
@@ -157,7 +157,7 @@ function looks(desk: Desk): Part {
 
 function layers(desk: Desk): Part {
   const all = desk.about.layers;
-  const color = (i: number) => (LAYER_COLORS[i] ? `rgb(${LAYER_COLORS[i].join(" ")})` : "#fff");
+  const color = (i: number) => `rgb(${all[i].color.join(" ")})`;
   const shown = all.map((layer, i) => check(layer.name, (s) => s.layers[i], (on) =>
     desk.change({ layers: desk.state().layers.map((was, k) => (k === i ? on : was)) }), color(i)));
   const by = check("Colours by layer", (s) => s.byLayer, (on) => desk.change({ byLayer: on }));

@@ -31,11 +31,13 @@ export interface About {
     length_unit: string | null; mass_unit: string | null; comoving: boolean | null; scale_factor: number | null;
     time: number | null; command: string; tool_version: string;
   };
+  blake3: string;
+  colormaps: string[];
   gaussians: number;
   has_masses: boolean;
   mass: number | null;
   raw_bytes: number;
-  layers: { name: string; particles: number; gaussians: number }[];
+  layers: { name: string; particles: number; gaussians: number; color: Vec3 }[];
   adds_up: boolean;
   certified: [[number, number], [number, number]] | null;
 }
@@ -57,7 +59,7 @@ export type Look = "paraview" | "paraview-no-fxaa" | "expected";
 
 export interface Paint {
   look: Look | null; white: boolean; colormap: string; range: [number, number] | null;
-  exposure: number; colors?: Vec3[] | null;
+  exposure: number; by_layer: boolean;
 }
 
 export interface Seen {

@@ -4,11 +4,6 @@ import { baseDistance, cameraOf, center, length, add, orbitOf, type Orbit } from
 import type { About, Bounds, CameraOf, Look, Paint, SceneOf, Size, Vec3 } from "./protocol";
 
 export const LOOKS = ["paraview", "expected", "density"] as const;
-export const COLORMAPS = ["viridis", "inferno", "magma", "cividis", "grey"] as const;
-/** Colours that eyes of all kinds tell apart (Okabe and Ito 2008), light ones first. */
-export const LAYER_COLORS: Vec3[] =
-  [[240, 228, 66], [86, 180, 233], [230, 159, 0], [0, 158, 115], [204, 121, 167], [213, 94, 0], [0, 114, 178]];
-
 export interface Slab { axis: "x" | "y" | "z" | "view"; middle: number; thickness: number }
 
 export interface State {
@@ -85,7 +80,7 @@ function clipOf(s: State, about: About): Bounds | null {
 export function paintOf(s: State): Paint {
   return {
     look: s.look === "density" ? null : (s.look as Look), white: s.white, colormap: s.colormap, exposure: s.exposure,
-    range: s.range, colors: s.byLayer ? LAYER_COLORS : null,
+    range: s.range, by_layer: s.byLayer,
   };
 }
 
@@ -140,8 +135,8 @@ export function fromLink(text: string, s: State): State {
   one("exposure", -8, 8, (v) => (next.exposure = v));
   const look = LOOKS.find((l) => l === p.get("look"));
   if (look) next.look = look;
-  const colormap = COLORMAPS.find((c) => c === p.get("colormap"));
-  if (colormap) next.colormap = colormap;
+  const colormap = p.get("colormap");
+  if (colormap && /^[a-z]+$/.test(colormap)) next.colormap = colormap;
   if (p.has("at")) {
     next.orbit.orthographic = p.get("orthographic") === "1";
     next.white = p.get("white") === "1";

@@ -4,7 +4,7 @@ use super::Notes;
 use super::grid::density_unit;
 use particlegs::math::Sym3;
 use particlegs::model::{Layer, Mixture, Model};
-use particlegs::picture::Colormap;
+use particlegs::picture::{Colormap, Rgb8};
 use particlegs::{Error, Result};
 use serde_json::{Map, json};
 
@@ -41,9 +41,6 @@ impl std::str::FromStr for ColorBy {
     }
 }
 
-/// Colours of the layers in turn: Okabe and Ito's, which colour-blind eyes tell apart, without black.
-const LAYERS: [[u8; 3]; 7] =
-    [[86, 180, 233], [230, 159, 0], [0, 158, 115], [240, 228, 66], [213, 94, 0], [204, 121, 167], [0, 114, 178]];
 /// Shares of the Gaussians whose densities have the first and the last colour.
 const ENDS: [f64; 2] = [0.01, 0.99];
 
@@ -70,7 +67,7 @@ impl Coloring {
             ColorBy::Grey => Ok(Coloring { colors: None, range: None }),
             ColorBy::Layer => {
                 let of = |(i, layer): (usize, &Layer<Vec<_>>)| {
-                    let color = LAYERS[i % LAYERS.len()].map(|v| f32::from(v) / 255.0);
+                    let color = Rgb8::layer_color(i).map(|v| f32::from(v) / 255.0);
                     greys(layer).map(move |grey| color.map(|v| v * grey)).collect::<Vec<_>>()
                 };
                 Ok(Coloring { colors: Some(model.layers.iter().enumerate().flat_map(of).collect()), range: None })
@@ -91,8 +88,7 @@ impl Coloring {
     /// Says what they mean.
     pub fn describe(&self, model: &Model, by: ColorBy, map: Colormap, notes: &mut Notes) {
         if by == ColorBy::Layer {
-            let code =
-                |i: usize| LAYERS[i % LAYERS.len()].iter().fold(String::from("#"), |s, v| s + &format!("{v:02x}"));
+            let code = |i: usize| Rgb8::layer_color(i).iter().fold(String::from("#"), |s, v| s + &format!("{v:02x}"));
             let colors: Vec<(String, String)> =
                 model.layers.iter().enumerate().map(|(i, l)| (l.name.clone(), code(i))).collect();
             let words: Vec<String> = colors.iter().map(|(name, code)| format!("{name} {code}")).collect();

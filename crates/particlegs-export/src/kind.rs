@@ -43,8 +43,8 @@ pub enum Group {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Kind; 8] =
-        [Kind::Ply, Kind::Glb, Kind::Gltf, Kind::Npy, Kind::Vti, Kind::Fits, Kind::Npz, Kind::Csv];
+    pub const ALL: [Kind; 9] =
+        [Kind::Html, Kind::Ply, Kind::Glb, Kind::Gltf, Kind::Npy, Kind::Vti, Kind::Fits, Kind::Npz, Kind::Csv];
 
     /// The ending that means it, its name on the command line too.
     pub fn ending(self) -> &'static str {

@@ -2,13 +2,18 @@
 
 use crate::answer::Answer;
 use particlegs_core::Result;
-use particlegs_core::model::{LawKind, Metadata, Model};
+use particlegs_core::model::{LawKind, Metadata, Model, hex};
+use particlegs_core::picture::{Colormap, Rgb8};
 use serde::Serialize;
 
 /// One model.
 #[derive(Serialize)]
 struct About<'a> {
     metadata: &'a Metadata,
+    /// BLAKE3 of the file.
+    blake3: String,
+    /// The names of colour maps.
+    colormaps: Vec<&'static str>,
     gaussians: usize,
     /// Are masses known, so that densities have units?
     has_masses: bool,
@@ -28,16 +33,20 @@ struct AboutLayer<'a> {
     name: &'a str,
     particles: u64,
     gaussians: usize,
+    color: [u8; 3],
 }
 
-pub(crate) fn about(model: &Model) -> Result<Answer> {
-    let layers = model.layers.iter().map(|l| AboutLayer {
+pub(crate) fn about(model: &Model, file: &[u8]) -> Result<Answer> {
+    let layers = model.layers.iter().enumerate().map(|(place, l)| AboutLayer {
+        color: Rgb8::layer_color(place),
         name: &l.name,
         particles: l.count(),
         gaussians: l.content.iter().map(|b| b.gaussians.len()).sum(),
     });
     Answer::of(&About {
         metadata: &model.metadata,
+        blake3: hex(blake3::hash(file).as_bytes()),
+        colormaps: Colormap::ALL.iter().map(|c| c.name()).collect(),
         gaussians: model.gaussians(),
         has_masses: model.has_masses(),
         mass: model.mass(),

@@ -93,7 +93,7 @@ impl Engine {
     /// Decodes a model file and keeps the model; the answer says what it is.
     pub fn open(&mut self, file: &[u8]) -> Answer {
         let opened = codec::decode_with(file, "the model", &Silent).and_then(|model| {
-            let answer = about::about(&model)?;
+            let answer = about::about(&model, file)?;
             self.models.push(Opened::new(model));
             Ok(answer)
         });

@@ -2,8 +2,8 @@
 
 use crate::question::{Paint, SceneOf, Style};
 use particlegs_core::Result;
-use particlegs_core::model::Model;
-use particlegs_core::picture::{Colormap, Pixels, Plane, Size};
+use particlegs_core::model::{LawKind, Model};
+use particlegs_core::picture::{Colormap, Gray8, Pixels, Plane, Rgb8, Size};
 use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, Scratch, Tones, optical_depth_into, surface_density};
 use particlegs_core::splat::Look;
@@ -46,17 +46,19 @@ impl Painter {
             let range = paint.range.or_else(|| plane.log_range()).unwrap_or(UNLIT);
             return Ok((density(&plane, paint, range), Some(range)));
         };
-        match &paint.colors {
-            Some(colors) if scene(&shown).law() == particlegs_core::model::LawKind::OpticalDepth => {
-                let layers = (0..model.layers.len()).filter(|l| shown(*l));
-                let planes = layers.map(|l| Ok((self.plane(&scene(&|i| i == l), of, Style::Depth)?, color(colors, l))));
+        match paint.by_layer {
+            true if scene(&shown).law() == LawKind::OpticalDepth => {
+                let layers: Vec<usize> = (0..model.layers.len()).filter(|l| shown(*l)).collect();
+                let planes = layers.iter().map(|l| self.plane(&scene(&|i| i == *l), of, Style::Depth));
                 let planes = planes.collect::<Result<Vec<_>>>()?;
                 let mut total = Plane::zeros(of.size);
-                for (plane, _) in &planes {
+                for plane in &planes {
                     total.data.iter_mut().zip(&plane.data).for_each(|(t, v)| *t += v);
                 }
                 let levels = self.levels((&scene(&shown), of), &total, look, paint.exposure)?;
-                Ok((mixed(&planes, &levels, paint.white), None))
+                let hues = Rgb8::layer_hues(&planes.iter().zip(layers).collect::<Vec<_>>());
+                let tinted = Rgb8::tinted(&Gray8 { size: of.size, data: levels }, &hues, paint.white);
+                Ok((tinted.data.into_iter().flat_map(|[r, g, b]| [r, g, b, 255]).collect(), None))
             }
             _ => {
                 let scene = scene(&shown);
@@ -89,35 +91,9 @@ impl Painter {
     }
 }
 
-/// White where a layer has no colour of its own.
-fn color(colors: &[[u8; 3]], layer: usize) -> [f32; 3] {
-    colors.get(layer).map_or([255.0; 3], |c| c.map(f32::from))
-}
-
 fn grey(levels: &[u8], white: bool) -> Vec<u8> {
     let flip = if white { 255 } else { 0 };
     levels.iter().flat_map(|v| [v ^ flip, v ^ flip, v ^ flip, 255]).collect()
-}
-
-/// The brightness of all together in the hue of what each adds to the depth.
-fn mixed(planes: &[(Plane, [f32; 3])], levels: &[u8], white: bool) -> Vec<u8> {
-    let mut out = Vec::with_capacity(4 * levels.len());
-    for (i, level) in levels.iter().enumerate() {
-        let (mut hue, mut sum) = ([0.0f32; 3], 0.0);
-        for (plane, color) in planes {
-            let tau = plane.data[i];
-            sum += tau;
-            (0..3).for_each(|k| hue[k] += color[k] * tau);
-        }
-        let share = f32::from(*level) / 255.0;
-        for h in hue {
-            let full = if sum > 0.0 { h / sum } else { 0.0 };
-            let v = if white { 255.0 - share * (255.0 - full) } else { share * full };
-            out.push(v.round() as u8);
-        }
-        out.push(255);
-    }
-    out
 }
 
 /// Logarithmic colours; what is empty has the first.

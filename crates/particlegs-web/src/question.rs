@@ -113,9 +113,9 @@ pub(crate) struct Paint {
     /// Stops by which grey levels are brightened.
     #[serde(default)]
     pub exposure: f32,
-    /// The colour of each layer, where layers are told apart.
+    /// Are layers told apart by colour?
     #[serde(default)]
-    pub colors: Option<Vec<[u8; 3]>>,
+    pub by_layer: bool,
 }
 
 impl SceneOf {

@@ -17,7 +17,7 @@ use crate::views::sequence_args::SequenceArgs;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{View, ViewSet};
 use particlegs::model::{LawKind, Model};
-use particlegs::picture::{Colormap, Gray8, Pixels, Size};
+use particlegs::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
 use particlegs::progress::Progress;
 use particlegs::render::{Scene, Scratch, draw_into, surface_density};
 use particlegs::splat::Look;
@@ -304,7 +304,7 @@ fn stem(name: &str) -> String {
 
 fn legend(asked: &Asked, model: &Model) -> Vec<(String, [u8; 3])> {
     match asked.color_by_layer {
-        true => model.layers.iter().enumerate().map(|(i, l)| (l.name.clone(), layers::colour_of(i))).collect(),
+        true => model.layers.iter().enumerate().map(|(i, l)| (l.name.clone(), Rgb8::layer_color(i))).collect(),
         false => Vec::new(),
     }
 }

@@ -38,17 +38,7 @@ pub fn image(seen: Seen, map: Colormap, [lo, hi]: [f64; 2], ground: Ground) -> I
             };
             Image::Color(Rgb8 { size: plane.size, data: parallel::map_range(plane.data.len(), color) })
         }
-        Seen::Layers(gray, hues) => {
-            let pixel = |i: usize| {
-                let level = u32::from(gray.data[i]);
-                hues[i].map(|h| match ground {
-                    Ground::Black => ((u32::from(h) * level + 127) / 255) as u8,
-                    // Ink that takes from white what the layer's colour lacks.
-                    Ground::White => 255 - ((u32::from(255 - h) * level + 127) / 255) as u8,
-                })
-            };
-            Image::Color(Rgb8 { size: gray.size, data: parallel::map_range(gray.data.len(), pixel) })
-        }
+        Seen::Layers(gray, hues) => Image::Color(Rgb8::tinted(&gray, &hues, ground == Ground::White)),
     }
 }
 

@@ -449,3 +449,17 @@ fn an_array_and_its_description_stay_together() {
     let printed = export(&path, Path::new("-"), &["--kind", "npy", "--grid", "8", "-q"]).assert().success();
     assert_eq!(printed.get_output().stdout, first[0]);
 }
+
+/// The page holds the file as it is; it has no use for what changes splats and grids.
+#[test]
+fn a_page_holds_the_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = write(dir.path(), LawKind::OpticalDepth);
+    let out = dir.path().join("page.html");
+    export(&model, &out, &[]).assert().success();
+    let html = std::fs::read_to_string(&out).unwrap();
+    assert!(html.starts_with("<!doctype html>") && html.contains("id=\"model-0\"") && html.contains("m.pgs"));
+    for options in [&["--layer", "dm"][..], &["--grid", "8"], &["--color", "density"], &["--radius", "1"]] {
+        fails(&mut export(&model, &dir.path().join("other.html"), options), 2, options[0]);
+    }
+}

@@ -114,7 +114,7 @@ fn quiet_is_q_everywhere() {
 fn completions_offer_the_values() {
     let script = printed(&["completions", "bash"]);
     for values in [
-        "viridis inferno magma cividis grey",
+        "viridis inferno magma cividis ember arctic thermal ice grey",
         "hdf5 genericio npy npz ply",
         "raw npy hdf5 vtp lammps",
         "ply glb gltf npy vti fits npz csv",

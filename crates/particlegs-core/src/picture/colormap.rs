@@ -2,9 +2,10 @@
 
 use std::str::FromStr;
 
-/// viridis, inferno and magma (CC0, Smith and van der Walt), cividis (Nuñez, Anderton and Renslow,
-/// CC0), one after the other.
-const TABLES: &[u8; 4 * 768] = include_bytes!("../../assets/colormaps.rgb");
+/// viridis, inferno and magma (CC0, Smith and van der Walt), cividis (Nuñez, Anderton and Renslow, CC0), ember and
+/// arctic (CMasher, van der Velden 2020, BSD 3-clause), thermal and ice (cmocean, Thyng et al. 2016, MIT), one after
+/// the other.
+const TABLES: &[u8; 8 * 768] = include_bytes!("../../assets/colormaps.rgb");
 
 /// How numbers become colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,14 +19,31 @@ pub enum Colormap {
     Magma,
     /// Blue to yellow, for colour-blind eyes too.
     Cividis,
+    /// Black over red to orange.
+    Ember,
+    /// Black over blue to white.
+    Arctic,
+    /// Dark blue over red to yellow.
+    Thermal,
+    /// Nearly black over blue to white.
+    Ice,
     /// Black to white.
     Grey,
 }
 
 impl Colormap {
     /// All maps.
-    pub const ALL: [Colormap; 5] =
-        [Colormap::Viridis, Colormap::Inferno, Colormap::Magma, Colormap::Cividis, Colormap::Grey];
+    pub const ALL: [Colormap; 9] = [
+        Colormap::Viridis,
+        Colormap::Inferno,
+        Colormap::Magma,
+        Colormap::Cividis,
+        Colormap::Ember,
+        Colormap::Arctic,
+        Colormap::Thermal,
+        Colormap::Ice,
+        Colormap::Grey,
+    ];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -34,6 +52,10 @@ impl Colormap {
             Colormap::Inferno => "inferno",
             Colormap::Magma => "magma",
             Colormap::Cividis => "cividis",
+            Colormap::Ember => "ember",
+            Colormap::Arctic => "arctic",
+            Colormap::Thermal => "thermal",
+            Colormap::Ice => "ice",
             Colormap::Grey => "grey",
         }
     }

@@ -1,6 +1,7 @@
 //! Floor 1: planes of floats and of grey levels, colour maps, scores of one picture against another.
 
 mod colormap;
+mod layers;
 mod plane;
 mod score;
 mod score_density;
