@@ -459,7 +459,7 @@ fn a_page_holds_the_file() {
     export(&model, &out, &[]).assert().success();
     let html = std::fs::read_to_string(&out).unwrap();
     assert!(html.starts_with("<!doctype html>") && html.contains("id=\"model-0\"") && html.contains("m.pgs"));
-    for options in [&["--layer", "dm"][..], &["--grid", "8"], &["--color", "density"], &["--radius", "1"]] {
+    for options in [&["--layer", "particles"][..], &["--grid", "8"], &["--color", "density"], &["--radius", "1"]] {
         fails(&mut export(&model, &dir.path().join("other.html"), options), 2, options[0]);
     }
 }
