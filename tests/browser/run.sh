@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The page in a real browser: Chromium without a window, its graphics card in software.
+# The page in real browsers without a window: Chromium, whose graphics card is software, and Firefox.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -7,6 +7,7 @@ as_root=''
 if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
 missing=()
 command -v chromium >/dev/null || missing+=(chromium)
+command -v firefox-esr >/dev/null || missing+=(firefox-esr)
 command -v node >/dev/null || missing+=(nodejs)
 command -v npm >/dev/null || missing+=(npm)
 if [ ${#missing[@]} != 0 ]; then
