@@ -1,0 +1,98 @@
+//! The engine's answers, held to the library that it stands on; and what it says to questions that make no sense.
+
+use particlegs_core::camera::{View, base_distance, spherical_camera};
+use particlegs_core::codec;
+use particlegs_core::picture::Size;
+use particlegs_core::progress::Silent;
+use particlegs_core::render::{Scene, draw};
+use particlegs_core::splat::Look;
+use particlegs_web::{Answer, Engine};
+use serde_json::{Value, json};
+
+const MODEL: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.6.pgs");
+const SIZE: Size = Size { width: 64, height: 48 };
+
+fn ask(engine: &mut Engine, question: &Value) -> Answer {
+    engine.ask(question.to_string().as_bytes())
+}
+
+fn error(answer: &Answer) -> String {
+    let said: Value = serde_json::from_str(&answer.json).unwrap();
+    said["error"].as_str().unwrap_or_default().to_string()
+}
+
+/// The fixture, opened; its default view, and the question for it.
+fn opened() -> (Engine, View, Value) {
+    let model = codec::decode(MODEL, "the model").unwrap();
+    let m = &model.metadata;
+    let camera = spherical_camera(m.bounds.center(), 20.0, 30.0, base_distance(&m.bounds, SIZE));
+    let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
+    let scene = json!({
+        "size": SIZE, "radius": view.radius, "opacity": view.opacity,
+        "camera": {
+            "position": camera.position, "focal_point": camera.focal_point, "view_up": camera.view_up, "fov_deg": 30.0,
+        },
+    });
+    let mut engine = Engine::default();
+    assert_eq!(error(&engine.open(MODEL)), "");
+    (engine, view, scene)
+}
+
+#[test]
+fn its_picture_is_the_renderers() {
+    let (mut engine, view, scene) = opened();
+    let model = codec::decode(MODEL, "the model").unwrap();
+    for look in Look::ALL {
+        let paint = json!({ "look": look, "white": false });
+        let answer = ask(&mut engine, &json!({ "ask": "picture", "scene": scene, "paint": paint }));
+        let picture = draw(&Scene::of(&model), &view, SIZE, look, &Silent).unwrap();
+        let greys: Vec<u8> = answer.numbers.chunks_exact(4).map(|p| p[0]).collect();
+        assert!(greys == picture.data && greys.iter().any(|v| *v > 0), "{look:?}");
+    }
+}
+
+#[test]
+fn a_sphere_and_a_clip_box_hold_all_there_is() {
+    let (mut engine, _, mut scene) = opened();
+    let count = codec::decode(MODEL, "the model").unwrap().metadata.count as f64;
+    let sphere = ask(&mut engine, &json!({ "ask": "sphere", "center": [0, 0, 0], "radius": 1e9 }));
+    let held: Value = serde_json::from_str(&sphere.json).unwrap();
+    assert!((held["count"].as_f64().unwrap() / count - 1.0).abs() < 1e-9, "{held}");
+    let values = |engine: &mut Engine, scene: &Value| {
+        let answer = ask(engine, &json!({ "ask": "values", "scene": scene, "style": "depth" }));
+        assert_eq!(error(&answer), "");
+        answer.numbers.chunks_exact(4).map(|v| f64::from(f32::from_le_bytes(v.try_into().unwrap()))).sum::<f64>()
+    };
+    let whole = values(&mut engine, &scene);
+    scene["clip"] = json!({ "min": [-1e9, -1e9, -1e9], "max": [1e9, 1e9, 1e9] });
+    assert!((values(&mut engine, &scene) / whole - 1.0).abs() < 1e-6);
+    scene["clip"] = json!({ "min": [1e8, 1e8, 1e8], "max": [1e9, 1e9, 1e9] });
+    assert_eq!(values(&mut engine, &scene), 0.0);
+}
+
+#[test]
+fn what_makes_no_sense_is_an_error_and_the_engine_goes_on() {
+    let (mut engine, _, scene) = opened();
+    assert!(error(&engine.open(&MODEL[..100])).contains("the model"));
+    assert!(error(&engine.ask(b"no question")).contains("a question"));
+    let with = |change: &dyn Fn(&mut Value)| {
+        let mut scene = scene.clone();
+        change(&mut scene);
+        json!({ "ask": "values", "scene": scene, "style": "density" })
+    };
+    let odd = [
+        json!({ "ask": "values", "model": 7, "scene": scene, "style": "depth" }),
+        json!({ "ask": "gaussian", "index": 1_000_000 }),
+        json!({ "ask": "colors", "name": "mud", "white": false }),
+        with(&|s| s["size"] = json!({ "width": 1_000_000, "height": 1_000_000 })),
+        with(&|s| s["size"] = json!({ "width": 0, "height": 9 })),
+        with(&|s| s["radius"] = json!(-1.0)),
+        with(&|s| s["camera"]["view_up"] = json!([0, 0, 0])),
+        with(&|s| s["camera"]["fov_deg"] = json!(400.0)),
+    ];
+    for question in odd {
+        assert_ne!(error(&ask(&mut engine, &question)), "", "{question}");
+    }
+    let good = ask(&mut engine, &json!({ "ask": "strokes", "scene": scene, "style": "depth" }));
+    assert!(error(&good).is_empty() && !good.numbers.is_empty() && good.numbers.len() % 32 == 0);
+}
