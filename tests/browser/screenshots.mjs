@@ -19,7 +19,7 @@ async function shot(name, hash, options, act = async () => {}) {
 const at = (azimuth, elevation, distance) => `at=12.5,12.5,12.5&from=${azimuth},${elevation},0,${distance}`;
 await shot("page-density", `${at(35, 20, 46)}&look=density&box=1`, { colorScheme: "dark" }, async (tab) => {
   await tab.click("summary:has-text('Model and certificate')");
-  await tab.evaluate(() => document.getElementById("facts").scrollIntoView());
+  await tab.evaluate(() => document.querySelector(".facts").scrollIntoView());
 });
 await shot("page-split", at(20, 10, 42), { colorScheme: "light" }, async (tab) => {
   await tab.keyboard.press("t");

@@ -11,7 +11,7 @@ export function line(about: About, size: number): string {
 }
 
 /** All of it, with the verdict. */
-export function facts(name: string, about: About, size: number, verdict: Verdict[] | undefined): HTMLElement {
+export function facts(name: string, about: About, size: number, verdict: Verdict[] | undefined, named: boolean): HTMLElement {
   const m = about.metadata;
   const u = unitsOf(about);
   const extent = m.bounds.max.map((v, k) => number(v - m.bounds.min[k])).join(" × ");
@@ -24,7 +24,7 @@ export function facts(name: string, about: About, size: number, verdict: Verdict
   if (m.time !== null) rows.push(["Time", number(m.time)]);
   rows.push(["Law", m.law.replaceAll("_", " ")], ["Made by", `particlegs ${m.tool_version}`]);
   const table = h("table", {}, ...rows.map(([k, v]) => h("tr", {}, h("th", { scope: "row", text: k }), h("td", { text: v }))));
-  return h("details", { id: "facts" }, h("summary", { text: "Model and certificate" }), table, verdicts(verdict));
+  return h("details", { class: "facts" }, h("summary", { text: named ? `${name} and its certificate` : "Model and certificate" }), table, verdicts(verdict));
 }
 
 function verdicts(verdict: Verdict[] | undefined): HTMLElement {

@@ -76,11 +76,17 @@ async function start(): Promise<void> {
     about, state: () => page.state, change, range: () => panes[0].range, act, goTo,
   };
   const dials = panel(desk);
-  dials.element.append(...panes.map((p, i) => facts(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict)));
+  dials.element.append(...panes.map((p, i) => facts(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict, panes.length > 1)));
   if (compare) dials.element.prepend(compare.element);
   shell.replaceWith(dials.element);
   keys = keysOf(page, act, (which) => change({ orbit: preset(page.state, which) }));
   listenToKeys(keys);
+
+  /** All panes in the range of the first, which the colour bar has. */
+  function showAll(): void {
+    panes[0].show(page.state);
+    panes.slice(1).forEach((p) => p.show({ ...page.state, range: page.state.range ?? panes[0].range }));
+  }
 
   let linked: ReturnType<typeof setTimeout> | undefined;
   function change(part: Partial<State>): void {
@@ -89,7 +95,7 @@ async function start(): Promise<void> {
     // The alpha-blend law has one look, and no masses.
     if (!panes.every((p) => p.about.adds_up)) page.state.look = "paraview";
     document.body.classList.toggle("white", page.state.white);
-    panes.forEach((p) => p.show(page.state));
+    showAll();
     dials.refresh(page.state);
     compare?.moved();
     // Browsers refuse addresses that change a hundred times in ten seconds.
@@ -173,6 +179,10 @@ async function start(): Promise<void> {
       say("");
       setTimeout(() => void chooseBy(panes, () => change({})), 200);
     }
+    const shared = panes[1]?.shownRange;
+    if (full && shared !== undefined && page.state.look === "density" && String(shared) !== String(pane.range)) {
+      panes.slice(1).forEach((p) => p.show({ ...page.state, range: page.state.range ?? pane.range }));
+    }
     if (page.state.look === "density" && pane.range) {
       bar.show(pane.range, await pane.map(page.state.colormap, page.state.white), unitsOf(about).surface);
       if (full) dials.refresh(page.state);
@@ -184,7 +194,7 @@ async function start(): Promise<void> {
   let sizes = panes.map((p) => `${p.size.width}x${p.size.height}`).join();
   new ResizeObserver(() => {
     const now = panes.map((p) => `${p.size.width}x${p.size.height}`).join();
-    if (now !== sizes) panes.forEach((p) => p.show(page.state));
+    if (now !== sizes) showAll();
     sizes = now;
   }).observe(stage);
   addEventListener("hashchange", () => {

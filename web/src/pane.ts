@@ -44,7 +44,13 @@ export class Pane {
   constructor(private remote: Remote, readonly model: number, readonly name: string, readonly about: About) {
     this.coarse = about.gaussians > LARGE ? 2 : 1;
     const label = `${name}: picture of the model. Drag to turn, arrow keys turn as well; press ? for all keys.`;
-    this.element = h("div", { class: "pane", tabindex: "0", role: "img", "aria-label": label }, this.cpu, this.card, this.overlay);
+    this.element = h("div", { class: "pane", tabindex: "0", role: "img", "aria-label": label },
+      this.cpu, this.card, this.overlay, h("div", { class: "pane-name", "aria-hidden": "true", text: name }));
+  }
+
+  /** The range that it was told to have; `undefined` before the first. */
+  get shownRange(): [number, number] | null | undefined {
+    return this.state?.range;
   }
 
   /** Device pixels of the picture. */
