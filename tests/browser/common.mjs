@@ -86,8 +86,12 @@ export async function pictures(tab, part) {
     change(typeof part === "string" ? {} : part);
     while (full() === before) await new Promise((r) => setTimeout(r, 20));
     const pane = page.panes[0];
+    // The colour bar may have made the picture narrower, which is then drawn again.
+    const rests = () => !pane.busy && pane.drawn === pane.changed
+      && (pane.drew === "GPU" ? pane.card : pane.cpu).width === pane.size.width;
+    for (let calm = 0; calm < 15; calm = rests() ? calm + 1 : 0) await new Promise((r) => setTimeout(r, 20));
     const { width, height } = pane.size;
-    const canvas = pane.by === "GPU" ? pane.card : pane.cpu;
+    const canvas = pane.drew === "GPU" ? pane.card : pane.cpu;
     const copy = new OffscreenCanvas(width, height).getContext("2d");
     copy.drawImage(canvas, 0, 0);
     const shown = copy.getImageData(0, 0, width, height).data;

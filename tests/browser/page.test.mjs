@@ -124,6 +124,8 @@ test("a graphics card that fails leaves the picture to the CPU", async () => {
   const { tab } = await open(b, page("?draw=gpu"));
   await byCard(tab);
   await tab.evaluate(() => globalThis.particlegs.page.panes[0].card.getContext("webgl2").getExtension("WEBGL_lose_context").loseContext());
+  // At once, without a change.
+  await tab.waitForFunction(() => globalThis.particlegs.page.panes[0].drew === "CPU");
   const r = await pictures(tab, { opacity: 0.1 });
   assert.equal(r.worst, 0);
   assert.ok(r.lit > 0.02);
@@ -171,6 +173,24 @@ test("dials and keys change the picture, and a link restores it", async () => {
   const again = await open(b, page("", `#${link}`));
   assert.equal(await again.tab.evaluate(() => globalThis.particlegs.toLink()), link);
   await again.tab.close();
+});
+
+test("a link in an open page restores all of its view, and dialogs keep the keys to themselves", async () => {
+  const { tab } = await open(b, page("?draw=cpu"));
+  const link = await tab.evaluate(() => globalThis.particlegs.toLink());
+  const now = await tab.evaluate(async (link) => {
+    const { change, toLink } = globalThis.particlegs;
+    change({ exposure: 2, range: [1, 10], hidden: ["none"], slab: { axis: "x", middle: 1, thickness: 2 } });
+    await new Promise((r) => setTimeout(r, 600));
+    location.hash = link;
+    await new Promise((r) => setTimeout(r, 600));
+    return toLink();
+  }, link);
+  assert.equal(now, link);
+  for (const key of ["?", "?", "p", "w"]) await tab.keyboard.press(key);
+  assert.equal(await tab.locator("dialog[open]").count(), 1);
+  assert.equal(await tab.evaluate(() => globalThis.particlegs.page.state.white), false);
+  await tab.close();
 });
 
 test("what it gives away can be read: PNG with its camera, NPY, views.json that render draws", async () => {

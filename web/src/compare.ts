@@ -18,6 +18,8 @@ export class Compare {
   private score = h("p", { class: "hint", role: "status" });
   private buttons: Record<Shown, HTMLButtonElement>;
   private rest: ReturnType<typeof setTimeout> | undefined;
+  /** Counts what makes a picture on its way out of date. */
+  private turn = 0;
 
   constructor(private page: Page, truth: NonNullable<Setup["truth"]>) {
     this.truth = new Truth(truth.url, truth.particles);
@@ -31,6 +33,8 @@ export class Compare {
 
   toggle(shown: Shown): void {
     this.shown = this.shown === shown ? null : shown;
+    this.turn++;
+    clearTimeout(this.rest);
     for (const name of ["split", "difference"] as const) this.buttons[name].setAttribute("aria-pressed", String(this.shown === name));
     if (this.shown === null) {
       this.truth.stop();
@@ -46,6 +50,7 @@ export class Compare {
   /** The picture has changed: what was asked for is of no use. */
   moved(): void {
     if (this.shown === null) return;
+    this.turn++;
     this.truth.stop();
     this.split?.clear();
     this.score.textContent = "…";
@@ -70,6 +75,7 @@ export class Compare {
   }
 
   private async show(picture: TruthPicture, last: boolean): Promise<void> {
+    const own = this.turn;
     const { panes, state } = this.page;
     const pane = panes[0];
     const scene = sceneOf(state, pane.about, picture.size);
@@ -79,10 +85,12 @@ export class Compare {
     const model = density
       ? new Float32Array((await pane.values(scene, "density")).numbers)
       : greys((await pane.picture(scene, paint)).numbers);
+    const colors = await pane.map(state.colormap, state.white);
+    if (own !== this.turn) return;
     if (this.shown === "difference") {
       this.split?.put(difference(model, (picture.densities ?? picture.levels)!, density, picture.size), true);
     } else {
-      this.split?.put(painted(picture, state, await pane.map(state.colormap, state.white), range), false);
+      this.split?.put(painted(picture, state, colors, range), false);
     }
     if (!last) return;
     this.score.textContent = density

@@ -21,7 +21,7 @@ function texts(page: Page, size: Size): Record<string, string> {
   const density = s.look === "density";
   const provenance = {
     particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], style: s.look,
-    layers: s.layers.includes(false) ? pane.about.layers.filter((_, i) => s.layers[i]).map((l) => l.name) : [],
+    layers: s.hidden.length > 0 ? pane.about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n)) : [],
     color_by_layer: s.byLayer && !density,
     ...(density ? { colormap: s.colormap, range: s.range ?? pane.range } : {}),
     ...(s.white ? { background: "white" } : {}),
@@ -94,19 +94,21 @@ export function giveLink(page: Page): Promise<void> {
   return copied(page, "a link to this view", `${location.href.split("#")[0]}#${toLink(page.state)}`);
 }
 
+/** A word as a shell takes it whole: names come from files, and may hold anything. */
+const quoted = (word: string): string => (/^[\w./,][\w./,-]*$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
+
 /** The command that draws the picture of the screen, from the views file that it names. */
 export function commandFor(page: Page): string {
   const { state: s } = page;
-  const quoted = /^[\w./-]+$/.test(page.panes[0].name) ? page.panes[0].name : `'${page.panes[0].name.replaceAll("'", "'\\''")}'`;
-  const parts = [`particlegs render ${quoted} --views views.json --style ${s.look}`];
+  const [{ name, about }] = page.panes;
+  const parts = [`particlegs render ${quoted(name.startsWith("-") ? `./${name}` : name)} --views views.json --style ${s.look}`];
   if (s.look === "density") {
     parts.push(`--colormap ${s.colormap}`);
     const range = s.range ?? page.panes[0].range;
     if (range) parts.push(`--range ${range.map((v) => Number(v.toPrecision(6))).join(",")}`);
   }
-  if (s.layers.includes(false)) {
-    parts.push(`--layer ${page.panes[0].about.layers.filter((_, i) => s.layers[i]).map((l) => l.name).join(",")}`);
-  }
+  const shown = about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n));
+  if (shown.length < about.layers.length) parts.push(`--layer ${quoted(shown.join(","))}`);
   if (s.byLayer && s.look !== "density") parts.push("--color-by-layer");
   if (s.white) parts.push("--background white");
   const left = [s.clip && "the clip box", s.slab && s.slab.axis !== "view" && "the slab", s.images && "periodic images",

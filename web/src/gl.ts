@@ -27,6 +27,8 @@ export class Unable extends Error {}
 export class GlRenderer {
   readonly name: string;
   readonly software: boolean;
+  /** Are the planes of half floats? */
+  readonly half: boolean;
   private gl: WebGL2RenderingContext;
   private format: { internal: number; type: number };
   private programs: Record<keyof typeof shaders, Program>;
@@ -47,6 +49,7 @@ export class GlRenderer {
     this.software = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(this.name);
     if (!gl.getExtension("EXT_color_buffer_float")) throw new Unable("this graphics card has no float planes");
     const full = gl.getExtension("EXT_float_blend") !== null;
+    this.half = !full;
     this.format = full
       ? { internal: gl.R32F, type: gl.FLOAT }
       : { internal: gl.R16F, type: gl.HALF_FLOAT };

@@ -79,6 +79,8 @@ export interface Key { keys: string[]; label: string; what: string; act: (event:
 /** Acts on keys anywhere but in fields that take text. */
 export function listenToKeys(keys: Key[]): void {
   document.addEventListener("keydown", (event) => {
+    // A dialog has the keys to itself.
+    if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
     const target = event.target as HTMLElement;
     const typing = target.matches("input:not([type=checkbox]):not([type=radio]), select, textarea, [role=separator]");
     if (event.metaKey || event.altKey || event.ctrlKey || (typing && event.key !== "Escape")) return;

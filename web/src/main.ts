@@ -72,8 +72,9 @@ async function start(): Promise<void> {
   const page: Page = { setup, remote, panes, state: initial(about, panes[0].size), change, say };
   page.state = fromLink(location.hash.slice(1), page.state);
   const compare = setup.truth ? new Compare(page, setup.truth) : null;
+  const named = panes.flatMap((p) => p.about.layers).filter((l, i, all) => all.findIndex((o) => o.name === l.name) === i);
   const desk: Desk = {
-    about, state: () => page.state, change, range: () => panes[0].range, act, goTo,
+    about, layers: named, state: () => page.state, change, range: () => panes[0].range, act, goTo,
   };
   const dials = panel(desk);
   dials.element.append(...panes.map((p, i) => facts(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict, panes.length > 1)));
@@ -148,8 +149,9 @@ async function start(): Promise<void> {
     const radius = 0.04 * page.state.orbit.distance * Math.tan((15 * Math.PI) / 180) * 2;
     pane.marked = { position: found.position, sphere: radius };
     pane.lines();
+    const { layers, clip } = sceneOf(page.state, pane.about, pane.size);
     const { json } = await remote.ask<{ count: number; mass: number | null }>(
-      { ask: "sphere", model: pane.model, center: found.position, radius, layers: page.state.layers });
+      { ask: "sphere", model: pane.model, center: found.in_box, radius, layers, clip });
     const u = unitsOf(pane.about);
     const held = json.mass !== null ? `${number(json.mass)} ${u.mass}` : `${whole(json.count)} particles`;
     say(`${seenText(found, pane.about)}; ${held} within ${number(radius)}${u.length ? ` ${u.length}` : ""}`);
@@ -169,7 +171,7 @@ async function start(): Promise<void> {
 
   async function framed(pane: Pane, full: boolean): Promise<void> {
     if (poster) poster.remove();
-    timing.textContent = `${pane.milliseconds.toFixed(0)} ms by ${pane.by}`;
+    if (pane === panes[0]) timing.textContent = `${pane.milliseconds.toFixed(0)} ms by ${pane.drew}`;
     if (pane !== panes[0]) return;
     document.documentElement.dataset.frames = String(pane.frames);
     if (full && !document.documentElement.dataset.full) performance.mark("full-picture");
@@ -194,12 +196,15 @@ async function start(): Promise<void> {
   let sizes = panes.map((p) => `${p.size.width}x${p.size.height}`).join();
   new ResizeObserver(() => {
     const now = panes.map((p) => `${p.size.width}x${p.size.height}`).join();
-    if (now !== sizes) showAll();
+    if (now !== sizes) {
+      showAll();
+      compare?.moved();
+    }
     sizes = now;
   }).observe(stage);
   addEventListener("hashchange", () => {
     const text = location.hash.slice(1);
-    if (text !== toLink(page.state)) change(fromLink(text, page.state));
+    if (text !== toLink(page.state)) change(fromLink(text, initial(about, panes[0].size)));
   });
   // For scripts: the page, and the CPU's picture of a state.
   const pixels = async (state: State) =>

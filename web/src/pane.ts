@@ -23,7 +23,9 @@ export class Pane {
   readonly card = h("canvas", { class: "picture", hidden: true });
   /** Of the last full picture. */
   range: [number, number] | null = null;
+  /** What it is to be drawn by, and what drew the last picture. */
   by: By = "CPU";
+  drew: By = "CPU";
   milliseconds = 0;
   frames = 0;
   marked: Marked | null = null;
@@ -43,6 +45,13 @@ export class Pane {
 
   constructor(private remote: Remote, readonly model: number, readonly name: string, readonly about: About) {
     this.coarse = about.gaussians > LARGE ? 2 : 1;
+    // A driver that is reset, a machine that slept: never a black picture.
+    this.card.addEventListener("webglcontextlost", () => {
+      this.gl = null;
+      this.by = "CPU";
+      this.onerror("drawn by the CPU: the graphics card was lost");
+      if (this.state) this.show(this.state);
+    });
     const label = `${name}: picture of the model. Drag to turn, arrow keys turn as well; press ? for all keys.`;
     this.element = h("div", { class: "pane", tabindex: "0", role: "img", "aria-label": label },
       this.cpu, this.card, this.overlay, h("div", { class: "pane-name", "aria-hidden": "true", text: name }));
@@ -72,9 +81,10 @@ export class Pane {
   private async loop(): Promise<void> {
     if (this.busy) return;
     this.busy = true;
+    let now = this.changed;
     try {
       while (this.state && this.drawn !== this.changed) {
-        const now = this.changed;
+        now = this.changed;
         const moving = this.coarse > 1;
         await this.frame(this.state, moving ? this.coarse : 1);
         this.drawn = now;
@@ -83,11 +93,13 @@ export class Pane {
         this.onframe(!moving && this.changed === now);
       }
     } catch (error) {
-      this.drawn = this.changed;
+      this.drawn = now;
       this.onerror(error instanceof Error ? error.message : String(error));
     } finally {
       this.busy = false;
     }
+    // What came in during a frame that failed.
+    if (this.state && this.drawn !== this.changed) void this.loop();
   }
 
   /** The same again in full. */
@@ -105,6 +117,8 @@ export class Pane {
     const scene = { ...sceneOf(state, this.about, size), coarse: coarse > 1 };
     const paint = paintOf(state);
     let card = this.by === "GPU" && this.about.adds_up && !paint.by_layer ? this.gl : null;
+    // Half floats end at 65504, which densities pass.
+    if (card?.half && paint.look === null) card = null;
     let range: [number, number] | null = null;
     if (card) {
       try {
@@ -120,6 +134,7 @@ export class Pane {
     if (coarse === 1 || !this.range) this.range = range;
     this.card.hidden = !card;
     this.cpu.hidden = !!card;
+    this.drew = card ? "GPU" : "CPU";
     this.frames++;
     const took = performance.now() - began;
     if (coarse === 1) {
@@ -198,8 +213,10 @@ export class Pane {
 
   /** Draws the present state once by each, and keeps the faster. */
   async measure(): Promise<void> {
-    if (!this.state || !this.about.adds_up || this.busy) return;
+    if (!this.about.adds_up) return;
     const gl = this.startCard();
+    // Not beside a frame, nor while the picture is still to be drawn in full.
+    while (this.busy || !this.state || this.drawn !== this.changed) await new Promise((r) => setTimeout(r, 100));
     const scene = sceneOf(this.state, this.about, this.size);
     const paint = { ...paintOf(this.state), by_layer: false };
     const timed = async (draw: () => Promise<unknown>) => {

@@ -8,6 +8,8 @@ import { number, unitsOf } from "./units";
 /** What the panel asks of the page. */
 export interface Desk {
   about: About;
+  /** Of all models, by name. */
+  layers: About["layers"];
   state(): State;
   change(part: Partial<State>): void;
   /** The range that the picture has now. */
@@ -156,10 +158,9 @@ function looks(desk: Desk): Part {
 }
 
 function layers(desk: Desk): Part {
-  const all = desk.about.layers;
-  const color = (i: number) => `rgb(${all[i].color.join(" ")})`;
-  const shown = all.map((layer, i) => check(layer.name, (s) => s.layers[i], (on) =>
-    desk.change({ layers: desk.state().layers.map((was, k) => (k === i ? on : was)) }), color(i)));
+  const all = desk.layers;
+  const shown = all.map(({ name, color }) => check(name, (s) => !s.hidden.includes(name), (on) =>
+    desk.change({ hidden: desk.state().hidden.filter((n) => n !== name).concat(on ? [] : [name]) }), `rgb(${color.join(" ")})`));
   const by = check("Colours by layer", (s) => s.byLayer, (on) => desk.change({ byLayer: on }));
   const own = section("Layers", all.length > 1, ...shown, by);
   own.element.hidden = all.length < 2;

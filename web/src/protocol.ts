@@ -63,7 +63,7 @@ export interface Paint {
 }
 
 export interface Seen {
-  position: Vec3; gaussian: number; layer: string; count: number; mass: number | null;
+  position: Vec3; in_box: Vec3; gaussian: number; layer: string; count: number; mass: number | null;
   deviations: Vec3; number_density: number; density: number | null;
 }
 
@@ -81,7 +81,7 @@ export type Question =
   | { ask: "tone"; model: number; opacity: number; radius_pixels: number }
   | { ask: "colors"; model: number; name: string; white: boolean }
   | { ask: "probe"; model: number; scene: SceneOf; pixel: [number, number] }
-  | { ask: "sphere"; model: number; center: Vec3; radius: number; layers?: boolean[] }
+  | { ask: "sphere"; model: number; center: Vec3; radius: number; layers?: boolean[]; clip?: Bounds }
   | { ask: "gaussian"; model: number; index: number };
 
 /** To the worker, with a number that its reply repeats. */

@@ -7,10 +7,14 @@ export interface Reply<T> { json: T; numbers: ArrayBuffer; milliseconds: number 
 type Message = ToWorker extends infer M ? (M extends ToWorker ? Omit<M, "id"> : never) : never;
 
 export class Remote {
-  private waiting = new Map<number, { done: (r: FromWorker) => void }>();
+  private waiting = new Map<number, { done: (r: FromWorker) => void; failed: (error: Error) => void }>();
   private next = 0;
 
   private constructor(private worker: Worker) {
+    worker.onerror = worker.onmessageerror = () => {
+      this.waiting.forEach((w) => w.failed(new Error("the worker that decodes and draws has failed: load the page again")));
+      this.waiting.clear();
+    };
     worker.onmessage = ({ data }: MessageEvent<FromWorker>) => {
       this.waiting.get(data.id)?.done(data);
       this.waiting.delete(data.id);
@@ -41,7 +45,7 @@ export class Remote {
     const id = this.next++;
     return new Promise((resolve, reject) => {
       const done = (r: FromWorker) => (r.error === undefined ? resolve(r) : reject(new Error(r.error)));
-      this.waiting.set(id, { done });
+      this.waiting.set(id, { done, failed: reject });
       this.worker.postMessage({ ...message, id }, transfer);
     });
   }

@@ -1,6 +1,6 @@
 // What is on the screen, as data: everything that a link restores.
 
-import { baseDistance, cameraOf, center, length, add, orbitOf, type Orbit } from "./camera";
+import { FOV, baseDistance, cameraOf, center, length, add, orbitOf, type Orbit } from "./camera";
 import type { About, Bounds, CameraOf, Look, Paint, SceneOf, Size, Vec3 } from "./protocol";
 
 export const LOOKS = ["paraview", "expected", "density"] as const;
@@ -15,7 +15,8 @@ export interface State {
   colormap: string;
   range: [number, number] | null;
   white: boolean;
-  layers: boolean[];
+  /** Names of the layers that are not drawn. */
+  hidden: string[];
   byLayer: boolean;
   slab: Slab | null;
   clip: Bounds | null;
@@ -30,7 +31,7 @@ export function initial(about: About, size: Size): State {
   const m = about.metadata;
   return {
     orbit: home(about, size), radius: m.default_radius, opacity: m.default_opacity, look: "paraview", exposure: 0,
-    colormap: "inferno", range: null, white: false, layers: about.layers.map(() => true), byLayer: false, slab: null,
+    colormap: "inferno", range: null, white: false, hidden: [], byLayer: false, slab: null,
     clip: null, images: false, box: false, axes: true, scale: true,
   };
 }
@@ -54,7 +55,7 @@ export function cameraFor(s: State, about: About): CameraOf {
 /** The scene that the engine draws. */
 export function sceneOf(s: State, about: About, size: Size): SceneOf {
   const scene: SceneOf = { size, camera: cameraFor(s, about), radius: s.radius, opacity: s.opacity, images: s.images };
-  if (s.layers.includes(false)) scene.layers = s.layers;
+  if (s.hidden.length > 0) scene.layers = about.layers.map((l) => !s.hidden.includes(l.name));
   const clip = clipOf(s, about);
   if (clip) scene.clip = clip;
   return scene;
@@ -103,7 +104,7 @@ export function toLink(s: State): string {
   if (s.exposure !== 0) p.set("exposure", digits(s.exposure));
   if (s.look === "density") p.set("colormap", s.colormap);
   if (s.range) p.set("range", s.range.map(digits).join(","));
-  if (s.layers.includes(false)) p.set("layers", s.layers.map((on) => (on ? "1" : "0")).join(""));
+  s.hidden.forEach((name) => p.append("hidden", name));
   if (s.slab) p.set("slab", `${s.slab.axis},${digits(s.slab.middle)},${digits(s.slab.thickness)}`);
   if (s.clip) p.set("clip", [...s.clip.min, ...s.clip.max].map(digits).join(","));
   return p.toString();
@@ -148,8 +149,7 @@ export function fromLink(text: string, s: State): State {
   }
   const range = numbers(p.get("range"), 2);
   if (range && range[0] > 0 && range[1] > range[0]) next.range = range as [number, number];
-  const layers = p.get("layers");
-  if (layers && layers.length === s.layers.length) next.layers = [...layers].map((c) => c === "1");
+  next.hidden = p.getAll("hidden");
   const [axis, ...slab] = (p.get("slab") ?? "").split(",");
   const of = numbers(slab.join(","), 2);
   if (["x", "y", "z", "view"].includes(axis) && of && of[1] > 0) {
@@ -172,12 +172,23 @@ export function viewsFile(s: State, about: About, size: Size): string {
 
 /** The first view of a views file; throws where it is none. */
 export function fromViewsFile(text: string, s: State): State {
-  const view = (JSON.parse(text) as { views?: (CameraOf & { radius?: number; opacity?: number })[] }).views?.[0];
+  type OneView = CameraOf & { radius?: number; opacity?: number };
+  const file = JSON.parse(text) as { fov_deg?: number; views?: OneView[] };
+  const view = file.views?.[0];
   const places = [view?.position, view?.focal_point, view?.view_up];
   if (!view || !places.every((p) => Array.isArray(p) && p.length === 3 && p.every(Number.isFinite))) {
     throw new Error("this is no views file: it has no view with position, focal_point and view_up");
   }
   const radius = (view.radius ?? 0) > 0 ? view.radius! : s.radius;
   const opacity = (view.opacity ?? 0) > 0 && view.opacity! <= 1 ? view.opacity! : s.opacity;
-  return { ...s, orbit: orbitOf(view), radius, opacity };
+  const orbit = orbitOf(view);
+  // The page has one field of view: the eye stands where the point looked at is as large in the picture.
+  const fov = view.fov_deg ?? file.fov_deg ?? FOV;
+  if (view.height_world === undefined) orbit.distance *= Math.tan((fov * Math.PI) / 360) / Math.tan((FOV * Math.PI) / 360);
+  if (!(orbit.distance > 0 && Number.isFinite(orbit.distance))) {
+    throw new Error("this views file has a camera that looks at nothing: its distance, field of view or height_world");
+  }
+  const range = view.clipping_range;
+  const slab: Slab | null = range ? { axis: "view", middle: 0, thickness: range[1] - range[0] } : s.slab?.axis === "view" ? null : s.slab;
+  return { ...s, orbit, radius, opacity, slab };
 }

@@ -6,18 +6,25 @@
 use particlegs_core::math::{Sym3, each_axis, normal_share};
 use particlegs_core::model::{Mixture, Model};
 use particlegs_core::space::Bounds;
+use std::cell::{Cell, RefCell};
 
 /// Gaussians of which less is left are dropped.
 const LEAST: f64 = 1e-5;
 /// Where x, y and z stand in a covariance's rows.
 const ROWS: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 
-/// The model's part inside `bounds`.
-pub(crate) fn clipped(model: &Model, bounds: &Bounds) -> Model {
-    model.with_gaussians(|m| inside(m, bounds))
+/// The model's part inside `bounds`, and the number in the model of each Gaussian that is left.
+pub(crate) fn clipped(model: &Model, bounds: &Bounds) -> (Model, Vec<usize>) {
+    let (numbers, before) = (RefCell::new(Vec::new()), Cell::new(0));
+    let part = model.with_gaussians(|m| {
+        let kept = inside(m, bounds, |i| numbers.borrow_mut().push(before.get() + i));
+        before.set(before.get() + m.len());
+        kept
+    });
+    (part, numbers.into_inner())
 }
 
-fn inside(m: &Mixture, bounds: &Bounds) -> Mixture {
+fn inside(m: &Mixture, bounds: &Bounds, mut keep: impl FnMut(usize)) -> Mixture {
     let mut kept = Mixture::new(m.masses().is_some());
     for i in 0..m.len() {
         let (mut mean, mut cov, mut share) = (m.mean_of(i), m.cov_of(i), 1.0);
@@ -28,6 +35,7 @@ fn inside(m: &Mixture, bounds: &Bounds) -> Mixture {
             }
         }
         if share >= LEAST {
+            keep(i);
             kept.push(mean, cov, m.count[i] * share, m.mass_of(i) * share);
         }
     }
@@ -71,7 +79,7 @@ mod tests {
         let mut m = Mixture::new(false);
         m.push([1.0, 2.0, 3.0], cov, 1000.0, 1000.0);
         let bounds = Bounds { min: [0.0, -1e9, -1e9], max: [2.5, 1e9, 1e9] };
-        let found = inside(&m, &bounds);
+        let found = inside(&m, &bounds, |_| ());
         let mut random = Random::new(7, 0, 0);
         let (mut n, mut sum, mut square) = (0.0, [0.0; 3], [0.0; 6]);
         const DRAWN: usize = 400_000;
@@ -105,7 +113,7 @@ mod tests {
         m.push([0.3, 0.1, 0.2], Sym3([1.0, 0.4, 0.1, 0.7, 0.0, 0.0]), 10.0, 10.0);
         let part = |min: f64, max: f64| {
             let bounds = Bounds { min: [-50.0, min, -50.0], max: [50.0, max, 50.0] };
-            inside(&m, &bounds).count.iter().sum::<f64>()
+            inside(&m, &bounds, |_| ()).count.iter().sum::<f64>()
         };
         assert!((part(-50.0, 0.5) + part(0.5, 50.0) - 10.0).abs() < 1e-5);
         assert_eq!(part(20.0, 50.0), 0.0);

@@ -34,7 +34,7 @@ struct Opened {
 /// A model, and what of it lies inside the box that was last asked for.
 struct Part {
     model: Model,
-    clipped: Option<(Bounds, Model)>,
+    clipped: Option<(Bounds, Model, Vec<usize>)>,
 }
 
 impl Opened {
@@ -45,12 +45,24 @@ impl Opened {
 
     /// The model that a scene shows.
     fn shown(&mut self, of: &SceneOf) -> &Model {
-        let part = self.coarse.as_mut().filter(|_| of.coarse).unwrap_or(&mut self.whole);
-        let Some(bounds) = of.clip else { return &part.model };
-        if part.clipped.as_ref().is_none_or(|(kept, _)| *kept != bounds) {
-            part.clipped = Some((bounds, clipped(&part.model, &bounds)));
+        self.coarse.as_mut().filter(|_| of.coarse).unwrap_or(&mut self.whole).inside(of.clip)
+    }
+}
+
+impl Part {
+    /// What of it lies inside a box.
+    fn inside(&mut self, bounds: Option<Bounds>) -> &Model {
+        let Some(bounds) = bounds else { return &self.model };
+        if self.clipped.as_ref().is_none_or(|(kept, ..)| *kept != bounds) {
+            let (part, numbers) = clipped(&self.model, &bounds);
+            self.clipped = Some((bounds, part, numbers));
         }
-        part.clipped.as_ref().map_or(&part.model, |(_, inside)| inside)
+        self.clipped.as_ref().map_or(&self.model, |(_, inside, _)| inside)
+    }
+
+    /// The number in the file of Gaussian `i` of what [`Part::inside`] gave last.
+    fn number(&self, i: usize, bounds: Option<Bounds>) -> usize {
+        self.clipped.as_ref().filter(|_| bounds.is_some()).map_or(i, |(_, _, numbers)| numbers[i])
     }
 }
 
@@ -132,14 +144,18 @@ impl Engine {
                 Answer::with(&json!({}), colors)
             }
             What::Probe { scene, pixel } => {
-                let model = opened.shown(&scene);
-                let lens = scene.lenses(model, Style::Depth)?[0];
+                let model = opened.whole.inside(scene.clip);
+                let images: Vec<_> = scene.lenses(model, Style::Depth)?.into_iter().zip(scene.shifts(model)).collect();
                 let camera = scene.view()?.camera;
-                Answer::of(&probe::seen(model, &|l| scene.shows(l), (&camera, &lens, scene.size), pixel))
+                let mut seen = probe::seen(model, &|l| scene.shows(l), (&camera, &images, scene.size), pixel);
+                if let Some(seen) = &mut seen {
+                    seen.number_in(&opened.whole.model, opened.whole.number(seen.gaussian, scene.clip));
+                }
+                Answer::of(&seen)
             }
-            What::Sphere { center, radius, layers } => {
+            What::Sphere { center, radius, layers, clip } => {
                 let shown = |l: usize| layers.as_ref().is_none_or(|s| s.get(l).copied().unwrap_or(true));
-                Answer::of(&probe::held(&opened.whole.model, &shown, center, radius))
+                Answer::of(&probe::held(opened.whole.inside(clip), &shown, center, radius))
             }
             What::Gaussian { index } => {
                 let found = probe::gaussian(&opened.whole.model, index);

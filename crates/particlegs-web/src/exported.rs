@@ -1,10 +1,17 @@
 //! The WebAssembly module's functions. Memory is handed over by address and length; one instance has one [`Engine`].
 
-use crate::Engine;
-use std::cell::RefCell;
+use crate::{Answer, Engine};
+use std::cell::UnsafeCell;
 
 thread_local! {
-    static ENGINE: RefCell<Engine> = RefCell::default();
+    static ENGINE: UnsafeCell<Engine> = UnsafeCell::default();
+}
+
+/// What the engine answers. No borrow is kept over the call: a trap, which unwinds nothing, would leave it behind, and
+/// every later question would trap as well.
+fn answered(by: impl FnOnce(&mut Engine) -> Answer) -> u64 {
+    // SAFETY: one thread, and no answer asks the engine again.
+    ENGINE.with(|engine| packed(by(unsafe { &mut *engine.get() }).into_bytes()))
 }
 
 /// Room for `length` bytes, which [`open`] or [`ask`] takes back.
@@ -31,7 +38,7 @@ pub unsafe extern "C" fn release(at: *mut u8, length: usize) {
 pub unsafe extern "C" fn open(at: *mut u8, length: usize) -> u64 {
     // SAFETY: the caller's promise.
     let bytes = unsafe { Vec::from_raw_parts(at, length, length) };
-    ENGINE.with_borrow_mut(|engine| packed(engine.open(&bytes).into_bytes()))
+    answered(|engine| engine.open(&bytes))
 }
 
 /// Answers a question.
@@ -42,7 +49,7 @@ pub unsafe extern "C" fn open(at: *mut u8, length: usize) -> u64 {
 pub unsafe extern "C" fn ask(at: *mut u8, length: usize) -> u64 {
     // SAFETY: the caller's promise.
     let bytes = unsafe { Vec::from_raw_parts(at, length, length) };
-    ENGINE.with_borrow_mut(|engine| packed(engine.ask(&bytes).into_bytes()))
+    answered(|engine| engine.ask(&bytes))
 }
 
 /// Address in the low 32 bits, length in the others.

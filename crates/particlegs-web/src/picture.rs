@@ -47,7 +47,7 @@ impl Painter {
             return Ok((density(&plane, paint, range), Some(range)));
         };
         match paint.by_layer {
-            true if scene(&shown).law() == LawKind::OpticalDepth => {
+            true if scene(&shown).law() == LawKind::OpticalDepth && (0..model.layers.len()).any(shown) => {
                 let layers: Vec<usize> = (0..model.layers.len()).filter(|l| shown(*l)).collect();
                 let planes = layers.iter().map(|l| self.plane(&scene(&|i| i == *l), of, Style::Depth));
                 let planes = planes.collect::<Result<Vec<_>>>()?;

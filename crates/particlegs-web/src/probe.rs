@@ -12,10 +12,12 @@ use serde::Serialize;
 /// is densest.
 #[derive(Serialize)]
 pub(crate) struct Seen {
-    /// World units.
+    /// World units; in an image of the box, where that image is.
     position: [f64; 3],
+    /// The same in the box itself.
+    in_box: [f64; 3],
     /// Its number in the file, all layers counted on.
-    gaussian: usize,
+    pub(crate) gaussian: usize,
     layer: String,
     /// Particles that it stands for, and their mass where it is known.
     count: f64,
@@ -26,6 +28,9 @@ pub(crate) struct Seen {
     number_density: f64,
     density: Option<f64>,
 }
+
+/// A depth that nobody sees, at whatever opacity.
+const UNSEEN: f64 = 1e-6;
 
 /// What a sphere holds.
 #[derive(Serialize)]
@@ -59,44 +64,64 @@ fn invertible(cov: Sym3, least: f64) -> Option<Sym3> {
     widened.inverse()
 }
 
-/// What the picture shows at `pixel`; `None` where it is empty.
+impl Seen {
+    /// Says which Gaussian of the whole model it is, of which it may be a part.
+    pub(crate) fn number_in(&mut self, whole: &Model, number: usize) {
+        self.gaussian = number;
+        if let Some((_, p)) = places(whole, &|_| true).nth(number) {
+            self.count = p.m.count[p.i];
+            self.mass = self.mass.map(|_| p.unit * p.m.mass_of(p.i));
+            self.deviations = deviations(&p.m.cov_of(p.i));
+        }
+    }
+}
+
+fn deviations(cov: &Sym3) -> [f64; 3] {
+    cov.eigen().values.map(|v| v.max(0.0).sqrt())
+}
+
+/// What the picture shows at `pixel`, of the box and its images, each with its lens and shift; `None` where it is empty.
 pub(crate) fn seen(
     model: &Model,
     shown: &dyn Fn(usize) -> bool,
-    (camera, lens, size): (&Camera, &Lens, Size),
+    (camera, images, size): (&Camera, &[(Lens, [f64; 3])], Size),
     pixel: [f64; 2],
 ) -> Option<Seen> {
-    let mut best = (0.0, 0);
+    let mut best = (0.0, 0, [0.0; 3]);
     let mut footprints = Vec::new();
     for (number, p) in places(model, shown) {
-        let Some(g) = lens.see(p.m, p.i, p.m.count[p.i]) else { continue };
-        footprints.clear();
-        project(lens, &[g], &mut footprints);
-        let adds: f64 = footprints.iter().map(|f| f.at(pixel)).sum();
-        if adds > best.0 {
-            best = (adds, number);
+        for (lens, shift) in images {
+            let Some(g) = lens.see(p.m, p.i, p.m.count[p.i]) else { continue };
+            footprints.clear();
+            project(lens, &[g], &mut footprints);
+            let adds: f64 = footprints.iter().map(|f| f.at(pixel)).sum();
+            if adds > best.0 {
+                best = (adds, number, *shift);
+            }
         }
     }
-    let (adds, number) = best;
-    if adds <= 0.0 {
+    let (adds, number, shift) = best;
+    if adds < UNSEEN {
         return None;
     }
     let (_, p) = places(model, shown).find(|(n, _)| *n == number)?;
-    let (from, along) = camera.ray(pixel, size).ok()?;
+    let (eye, along) = camera.ray(pixel, size).ok()?;
+    let from = each_axis(|k| eye[k] - shift[k]);
     let (mean, cov) = (p.m.mean_of(p.i), p.m.cov_of(p.i));
     let inverse = invertible(cov, model.metadata.default_radius)?;
     let to = inverse.apply(each_axis(|k| mean[k] - from[k]));
     let t = (0..3).map(|k| along[k] * to[k]).sum::<f64>() / inverse.quadratic(along);
-    let position = each_axis(|k| from[k] + t * along[k]);
-    let [number_density, density] = densities(model, shown, position);
+    let in_box = each_axis(|k| from[k] + t * along[k]);
+    let [number_density, density] = densities(model, shown, in_box);
     let known = model.has_masses();
     Some(Seen {
-        position,
+        position: each_axis(|k| in_box[k] + shift[k]),
+        in_box,
         gaussian: number,
         layer: model.layers[p.layer].name.clone(),
         count: p.m.count[p.i],
         mass: known.then(|| p.unit * p.m.mass_of(p.i)),
-        deviations: cov.eigen().values.map(|v| v.max(0.0).sqrt()),
+        deviations: deviations(&cov),
         number_density,
         density: known.then_some(density),
     })

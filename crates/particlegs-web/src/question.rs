@@ -40,6 +40,8 @@ pub(crate) enum What {
         radius: f64,
         #[serde(default)]
         layers: Option<Vec<bool>>,
+        #[serde(default)]
+        clip: Option<Bounds>,
     },
     /// Where Gaussian `index` is.
     Gaussian { index: usize },

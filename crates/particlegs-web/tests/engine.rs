@@ -94,5 +94,46 @@ fn what_makes_no_sense_is_an_error_and_the_engine_goes_on() {
         assert_ne!(error(&ask(&mut engine, &question)), "", "{question}");
     }
     let good = ask(&mut engine, &json!({ "ask": "strokes", "scene": scene, "style": "depth" }));
-    assert!(error(&good).is_empty() && !good.numbers.is_empty() && good.numbers.len() % 32 == 0);
+    assert!(error(&good).is_empty() && !good.numbers.is_empty() && good.numbers.len().is_multiple_of(32));
+}
+
+/// Nothing is drawn of no layers, in whatever colours.
+#[test]
+fn a_model_without_a_shown_layer_is_black() {
+    let (mut engine, _, mut scene) = opened();
+    scene["layers"] = json!([false]);
+    for by_layer in [false, true] {
+        let paint = json!({ "look": "expected", "by_layer": by_layer });
+        let answer = ask(&mut engine, &json!({ "ask": "picture", "scene": scene, "paint": paint }));
+        assert_eq!(error(&answer), "");
+        assert!(answer.numbers.chunks_exact(4).all(|p| p == [0, 0, 0, 255]));
+    }
+}
+
+/// What is seen at a pixel has its number in the file, cut or in an image of the box.
+#[test]
+fn what_is_seen_is_named_as_in_the_file() {
+    let (mut engine, _, scene) = opened();
+    let bounds = codec::decode(MODEL, "the model").unwrap().metadata.bounds;
+    let middle = bounds.center();
+    let mut cut = scene.clone();
+    cut["clip"] = json!({ "min": bounds.min, "max": [bounds.max[0], bounds.max[1], middle[2]] });
+    let mut named = 0;
+    for scene in [&scene, &cut] {
+        for (x, y) in (4..60).step_by(8).flat_map(|x| (4..44).step_by(8).map(move |y| (x, y))) {
+            let answer = ask(&mut engine, &json!({ "ask": "probe", "scene": scene, "pixel": [x, y] }));
+            let seen: Value = serde_json::from_str(&answer.json).unwrap();
+            let Some(number) = seen["gaussian"].as_u64() else { continue };
+            let answer = ask(&mut engine, &json!({ "ask": "gaussian", "index": number }));
+            let found: Value = serde_json::from_str(&answer.json).unwrap();
+            let at = |v: &Value, k: usize| v[k].as_f64().unwrap();
+            let far =
+                (0..3).map(|k| (at(&seen["position"], k) - at(&found["position"], k)).powi(2)).sum::<f64>().sqrt();
+            let extent = found["extent"].as_f64().unwrap();
+            // A pixel is 0.12 world units wide.
+            assert!(far < 8.0 * extent + 0.4, "{x} {y}: {far} from a Gaussian of {extent}");
+            named += 1;
+        }
+    }
+    assert!(named > 10, "{named}");
 }
