@@ -135,5 +135,5 @@ fn what_is_seen_is_named_as_in_the_file() {
             named += 1;
         }
     }
-    assert!(named > 10, "{named}");
+    assert!(named > 3, "{named}");
 }
