@@ -77,9 +77,7 @@ impl Painter {
         exposure: f32,
     ) -> Result<Vec<u8>> {
         let key = [of.opacity, of.view()?.radius_pixels(of.size)];
-        if self.tones.as_ref().is_none_or(|(of, _)| *of != key) {
-            self.tones = Some((key, Tones::new(key[0], key[1])));
-        }
+        self.tones = self.tones.take().filter(|(of, _)| *of == key);
         let (_, tones) = self.tones.get_or_insert_with(|| (key, Tones::new(key[0], key[1])));
         let mut levels = scene.tone(tau, look, tones).data;
         if exposure != 0.0 {
