@@ -2,7 +2,7 @@
 
 use super::Precision;
 use super::container::Section;
-use super::file::parts;
+use super::file::{Parts, parts};
 use super::header::BlockHeader;
 use crate::Result;
 use crate::model::{Certificate, Layer, Metadata, VizMapper};
@@ -46,22 +46,28 @@ pub struct BlockInfo {
 /// # Errors
 /// As [`super::decode`], streams apart.
 pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
-    let parts = parts(bytes, place)?;
-    let block = |(section, h): &(Section<'_>, BlockHeader)| BlockInfo {
-        bounds: h.bounds,
-        count: h.count,
-        mass: h.mass,
-        gaussians: h.gaussians,
-        bytes: section.bytes.len() as u64,
-        precision: Precision::of_header(h.steps, h.importance),
-    };
-    let layers = parts.layers.iter().map(|part| part.with(part.content.iter().map(block).collect()));
-    Ok(FileInfo {
-        version: [bytes[8], bytes[9]],
-        layers: layers.collect(),
-        metadata: parts.metadata,
-        certificate: parts.certificate,
-        vizmapper: parts.network.map(|n| n.1),
-        bytes: bytes.len() as u64,
-    })
+    Ok(FileInfo::of(parts(bytes, place)?, bytes))
+}
+
+impl FileInfo {
+    /// Of the parts of a file.
+    pub(super) fn of(parts: Parts<'_>, file: &[u8]) -> FileInfo {
+        let block = |(section, h): &(Section<'_>, BlockHeader)| BlockInfo {
+            bounds: h.bounds,
+            count: h.count,
+            mass: h.mass,
+            gaussians: h.gaussians,
+            bytes: section.bytes.len() as u64,
+            precision: Precision::of_header(h.steps, h.importance),
+        };
+        let layers = parts.layers.iter().map(|part| part.with(part.content.iter().map(block).collect()));
+        FileInfo {
+            version: [file[8], file[9]],
+            layers: layers.collect(),
+            metadata: parts.metadata,
+            certificate: parts.certificate,
+            vizmapper: parts.network.map(|n| n.1),
+            bytes: file.len() as u64,
+        }
+    }
 }
