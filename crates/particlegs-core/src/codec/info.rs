@@ -5,7 +5,7 @@ use super::container::Section;
 use super::file::{Parts, parts};
 use super::header::BlockHeader;
 use crate::Result;
-use crate::model::{Certificate, Layer, Metadata, VizMapper};
+use crate::model::{Certificate, Layer, Mass, Metadata, VizMapper};
 
 /// What a file says without its Gaussians being decoded.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,6 +50,18 @@ pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
 }
 
 impl FileInfo {
+    /// Number of Gaussians.
+    pub fn gaussians(&self) -> usize {
+        self.layers.iter().flat_map(|l| &l.content).map(|b| b.gaussians as usize).sum()
+    }
+
+    /// Mass of all particles in the unit of mass, where it is known.
+    pub fn mass(&self) -> Option<f64> {
+        let mass = |l: &Layer<Vec<BlockInfo>>| l.mass.unit_or_one() * l.content.iter().map(|b| b.mass).sum::<f64>();
+        let known = self.layers.iter().all(|l| l.mass != Mass::Unknown);
+        known.then(|| self.layers.iter().map(mass).sum())
+    }
+
     /// Of the parts of a file.
     pub(super) fn of(parts: Parts<'_>, file: &[u8]) -> FileInfo {
         let block = |(section, h): &(Section<'_>, BlockHeader)| BlockInfo {
