@@ -176,7 +176,8 @@ async function start(): Promise<void> {
 
   async function framed(pane: Pane, full: boolean): Promise<void> {
     if (poster) poster.remove();
-    if (pane === panes[0]) timing.textContent = `${pane.milliseconds.toFixed(0)} ms by ${pane.drew}`;
+    // Pictures of what is decoded by now are not timed.
+    if (pane === panes[0] && pane.milliseconds > 0) timing.textContent = `${pane.milliseconds.toFixed(0)} ms by ${pane.drew}`;
     if (pane !== panes[0]) return;
     document.documentElement.dataset.frames = String(pane.frames);
     if (pane.frames === 1) performance.mark("first-picture");

@@ -185,15 +185,16 @@ impl BlockDecoder {
         read
     }
 
-    /// What stands for a segment that was not read: its boxes, each as one Gaussian of the variance of particles
-    /// spread evenly over it, with its share of the block's particles by the number of its Gaussians.
+    /// What stands for a segment that was not read: its boxes, each as one Gaussian with its share of the block's
+    /// particles by the number of its Gaussians. Its variance is that of a linear interpolation between boxes, so that
+    /// boxes of one density beside each other look like one.
     pub(crate) fn boxes(&self, segment: usize) -> Mixture {
         let header = &self.header;
         let extent = header.bounds.extent();
         let mut boxes = Mixture::new(header.weighted);
         for node in &self.segments[segment].nodes {
             let mean = each_axis(|k| node.cell.point(&header.bounds, extent, k, 0.5));
-            let [x, y, z] = node.cell.widths(extent).map(|w| w * w / 12.0);
+            let [x, y, z] = node.cell.widths(extent).map(|w| w * w / 6.0);
             let share = f64::from(node.count) / f64::from(header.gaussians);
             boxes.push(mean, Sym3([x, 0.0, 0.0, y, 0.0, z]), share * header.count as f64, share * header.mass);
         }
