@@ -39,6 +39,8 @@ struct Sketch {
     part: Part,
     /// Gaussians that are joined into one.
     run: usize,
+    /// Pieces that were read and are still boxes here: nothing is joined that is not drawn.
+    read: Vec<usize>,
 }
 
 /// A model, and what of it lies inside the box that was last asked for.
@@ -88,8 +90,9 @@ impl Opened {
             let Whole { full, coarse } = self.whole()?;
             return Ok(coarse.as_mut().filter(|_| of.coarse).unwrap_or(full).inside(of.clip));
         }
-        let sketch = self.opening.as_mut().and_then(|o| o.sketch.as_mut());
-        sketch.map(|s| s.part.inside(of.clip)).ok_or_else(|| Error::argument("there is nothing of the model yet"))
+        let opening = self.opening.as_mut();
+        let drawn = opening.and_then(|o| o.sketch.as_mut().map(|s| s.sharpened(&o.decoder).inside(of.clip)));
+        drawn.ok_or_else(|| Error::argument("there is nothing of the model yet"))
     }
 
     /// All of it; what is left is decoded now.
@@ -124,7 +127,7 @@ impl Opening {
             self.decoder.read(piece)?;
             self.decoded += self.decoder.gaussians(piece);
             if let Some(sketch) = &mut self.sketch {
-                sketch.sharpen(piece, &self.decoder);
+                sketch.read.push(piece);
             }
         }
         let all = self.decoder.info().gaussians();
@@ -146,16 +149,21 @@ impl Sketch {
             layer.with(boxes.map(|gaussians| Block { bounds, count: 0, mass: 0.0, gaussians }).collect())
         });
         let model = Model { layers: layers.collect(), metadata: info.metadata.clone(), certificate: None };
-        Some(Sketch { part: Part::new(model), run })
+        Some(Sketch { part: Part::new(model), run, read: Vec::new() })
     }
 
-    /// Puts the Gaussians of a piece that was read in the place of its boxes.
-    fn sharpen(&mut self, piece: usize, decoder: &Decoder<'_>) {
-        let mut blocks = self.part.model.layers.iter_mut().flat_map(|l| &mut l.content);
-        if let (Some(block), Some(read)) = (blocks.nth(piece), decoder.so_far(piece)) {
-            block.gaussians = joined(&read, self.run);
+    /// With the Gaussians of all pieces that were read in the place of their boxes.
+    fn sharpened(&mut self, decoder: &Decoder<'_>) -> &mut Part {
+        if !self.read.is_empty() {
+            let mut blocks: Vec<&mut Block> = self.part.model.layers.iter_mut().flat_map(|l| &mut l.content).collect();
+            for piece in self.read.drain(..) {
+                if let Some(read) = decoder.so_far(piece) {
+                    blocks[piece].gaussians = joined(&read, self.run);
+                }
+            }
+            self.part.clipped = None;
         }
-        self.part.clipped = None;
+        &mut self.part
     }
 }
 

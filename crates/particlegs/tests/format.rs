@@ -347,6 +347,8 @@ fn pieces_of_a_model_are_read_on_their_own() {
         assert!(boxes.len() < 100 && (0..read.len()).all(|i| (0..boxes.len()).any(|b| inside(i, b))), "{p}");
     }
     assert!((count(&decoder) / all - 1.0).abs() < 0.02, "{}", count(&decoder) / all);
+    let mass: f64 = (0..pieces).map(|p| decoder.so_far(p).unwrap().masses().unwrap().iter().sum::<f64>()).sum();
+    assert!((mass / m.metadata.mass - 1.0).abs() < 0.02, "{mass} {}", m.metadata.mass);
     let order = whole.blocks().flat_map(|b| b.gaussians.mean[0].clone());
     assert!((0..pieces).flat_map(|p| decoder.so_far(p).unwrap().mean[0].clone()).eq(order));
 }

@@ -123,8 +123,8 @@ impl<'a> Decoder<'a> {
         Ok(())
     }
 
-    /// What there is of a piece, to be drawn: its Gaussians where it was read (their counts are not whole yet, and
-    /// their masses are in proportion alone), else the boxes that they lie in, each as one Gaussian of the particles
+    /// What there is of a piece, to be drawn: its Gaussians where it was read (their counts are not whole yet, and sums
+    /// are not yet the blocks' to the last digit), else the boxes that they lie in, each as one Gaussian of the particles
     /// that it may hold. `None` of the alpha-blend law.
     pub fn so_far(&self, piece: usize) -> Option<Mixture> {
         let Piece { block, segment, read } = self.pieces[piece];

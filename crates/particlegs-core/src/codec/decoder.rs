@@ -172,17 +172,21 @@ impl BlockDecoder {
         segments.iter().zip(columns).map(segment).collect()
     }
 
-    /// Gaussians of a segment that was read. Their counts are not whole yet, and their masses are in proportion alone.
+    /// Gaussians of a segment that was read, of the optical-depth law. Their counts are not whole yet, and neither sums
+    /// of counts nor of masses are the block's to the last digit.
     pub(crate) fn read_so_far(&self, segment: usize) -> Mixture {
         let first: usize = (0..segment).map(|s| self.gaussians(s)).sum();
         let all = first..first + self.gaussians(segment);
-        let mut read = Mixture::new(self.header.weighted);
-        for i in all {
-            let weight = if self.header.weighted { self.weight[i] } else { 1.0 };
-            let (mean, cov) = (each_axis(|k| self.mean[k][i]), std::array::from_fn(|k| self.cov[k][i]));
-            read.push(mean, Sym3(cov), self.count[i], self.count[i] * weight);
+        let part = |column: &Vec<f64>| column[all.clone()].to_vec();
+        let count = part(&self.count);
+        let mut columns = crate::model::Columns::default();
+        if self.header.weighted {
+            // Weights are relative to the mean of the block's particles.
+            let mean = self.header.mass / self.header.count as f64;
+            columns.set(MASS, count.iter().zip(&self.weight[all.clone()]).map(|(c, w)| c * w * mean).collect());
         }
-        read
+        let (mean, cov) = (self.mean.each_ref().map(part), self.cov.each_ref().map(part));
+        Mixture { mean, cov, count, columns, law: Law::OpticalDepth }
     }
 
     /// What stands for a segment that was not read: its boxes, each as one Gaussian with its share of the block's
