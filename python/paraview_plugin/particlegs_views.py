@@ -1,0 +1,315 @@
+"""Views of models in ParaView: particles as the paper draws them, and a model's own picture beside them."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCamera, vtkImageMapper, vtkRenderer
+
+import particlegs_reader
+from particlegs_reader import read_model, report
+
+if TYPE_CHECKING:
+    from particlegs import Camera, Model
+
+# The paper's picture: radius of a particle in mean spacings, and its opacity.
+RADIUS_IN_SPACINGS = 0.0406
+OPACITY = 0.05
+# `particlegs render` stands at this share of the distance that Reset Camera chooses.
+SHARE_OF_RESET = 0.65
+FIELD_OF_VIEW = 30.0
+# While the view is turned a picture may take so long, seconds; else it is drawn coarser.
+TURNING = 0.1
+
+
+def default_radius(bounds: np.ndarray, number: float) -> float:
+    """Give the paper's radius of a particle.
+
+    Parameters
+    ----------
+    bounds : ndarray, (2, 3)
+        Lowest and highest corner of the particles, world units.
+    number : float
+        How many particles there are.
+
+    Returns
+    -------
+    float
+        0.0406 of the mean spacing (V / N)^(1/3), world units; an extent of zero counts as the largest one.
+    """
+    extent = np.asarray(bounds[1], dtype=np.float64) - np.asarray(bounds[0], dtype=np.float64)
+    extent = np.where(extent > 0.0, extent, max(extent.max(), 1e-30))
+    return float(RADIUS_IN_SPACINGS * np.cbrt(extent.prod() / max(number, 1.0)))
+
+
+class Picture:
+    """A model's own picture of what a renderer's camera sees, drawn anew whenever the renderer draws.
+
+    Parameters
+    ----------
+    model : particlegs.Model
+    renderer : vtkRenderer
+        The picture covers whatever it draws.
+    radius, opacity : float, optional
+        Of a particle; the model's defaults otherwise. Both may be set at any time.
+    style : str
+        `paraview`, `paraview-no-fxaa` or `expected`.
+    like : representation proxy, optional
+        A Point Gaussian representation whose radius and opacity are followed, in place of the two above.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        renderer: vtkRenderer,
+        *,
+        radius: float | None = None,
+        opacity: float | None = None,
+        style: str = "paraview",
+        like: Any = None,
+    ) -> None:
+        self.model, self.renderer, self.style, self.like = model, renderer, style, like
+        self.radius = model.radius if radius is None else radius
+        self.opacity = model.opacity if opacity is None else opacity
+        self.pixels = np.zeros((1, 1), dtype=np.uint8)
+        self._asked: object = None
+        self._seconds_a_pixel = 0.0
+        self._mapper = vtkImageMapper()
+        self._mapper.SetColorWindow(255.0)
+        self._mapper.SetColorLevel(127.5)
+        self._actor = vtkActor2D()
+        self._actor.SetMapper(self._mapper)
+        renderer.AddActor2D(self._actor)
+        self._observer = renderer.AddObserver("StartEvent", self._draw)
+
+    def remove(self) -> None:
+        """Take the picture out of its renderer."""
+        self.renderer.RemoveObserver(self._observer)
+        self.renderer.RemoveActor2D(self._actor)
+
+    def _draw(self, *_: object) -> None:
+        try:
+            self._update()
+        except Exception as error:  # An exception in an observer would be a traceback in ParaView.
+            self._actor.VisibilityOff()
+            report(error)
+
+    def _update(self) -> None:
+        """Draw where the camera, the size, the radius or the opacity is another than before."""
+        if self.like is not None:
+            self.radius, self.opacity = float(self.like.GaussianRadius), float(self.like.Opacity)
+        # Of all tiles, where the view is drawn in tiles.
+        width, height = self.renderer.GetSize()
+        coarse = self._coarseness(width * height, self.renderer.GetRenderWindow().GetDesiredUpdateRate())
+        size = (max(1, width // coarse), max(1, height // coarse))
+        camera = camera_of(self.renderer.GetActiveCamera())
+        at = (camera.position, camera.focal_point, camera.view_up, camera.fov_deg, camera.height)
+        asked = (at, size, self.radius, self.opacity, self.style)
+        if asked == self._asked:
+            return
+        begun = time.perf_counter()
+        drawn = self.model.render(camera=camera, size=size, radius=self.radius, opacity=self.opacity, style=self.style)
+        self._seconds_a_pixel = (time.perf_counter() - begun) / (size[0] * size[1])
+        self.pixels, self._asked = grey_levels(drawn), asked
+        self._show((width, height), coarse)
+
+    def _coarseness(self, pixels: int, update_rate: float) -> int:
+        """Tell how many pixels share one while the view is turned, along an edge."""
+        if update_rate < 1.0:
+            return 1
+        return int(np.clip(np.ceil(np.sqrt(self._seconds_a_pixel * pixels / TURNING)), 1, 8))
+
+    def _show(self, size: tuple[int, int], coarse: int) -> None:
+        """Hand the pixels to the actor, the bottom row first, each as often as it stands for."""
+        columns, rows = (np.minimum(np.arange(n) // coarse, most - 1) for n, most in zip(size, self.pixels.shape[::-1]))
+        image = vtkImageData()
+        image.SetDimensions(*size, 1)
+        whole = self.pixels[::-1][np.ix_(rows, columns)]
+        image.GetPointData().SetScalars(numpy_to_vtk(whole.ravel(), deep=True))
+        self._mapper.SetInputData(image)
+        self._actor.VisibilityOn()
+
+
+def grey_levels(drawn: np.ndarray) -> np.ndarray:
+    """Turn what `Model.render` gives into (h, w) levels of uint8."""
+    if drawn.dtype == np.uint8:
+        return drawn
+    return np.clip(np.rint(drawn), 0, 255).astype(np.uint8)
+
+
+def camera_of(camera: vtkCamera) -> Camera:
+    """Give VTK's camera as the package has it; its clipping range follows from the model's bounds."""
+    import particlegs
+
+    at = (camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp())
+    if camera.GetParallelProjection():
+        return particlegs.Camera(*at, height=2.0 * camera.GetParallelScale())
+    return particlegs.Camera(*at, fov_deg=camera.GetViewAngle())
+
+
+# ParaView's proxies: what follows needs ParaView.
+
+
+def dress(view: Any) -> None:
+    """Make a render view as the paper's pictures have it: black, without ornaments, ParaView's blending and FXAA."""
+    for name, value in {
+        "UseColorPaletteForBackground": 0,
+        "BackgroundColorMode": "Single Color",
+        "Background": [0.0, 0.0, 0.0],
+        "OrientationAxesVisibility": 0,
+        "CenterAxesVisibility": 0,
+        "UseFXAA": 1,
+    }.items():
+        if name in view.ListProperties():
+            setattr(view, name, value)
+
+
+def point_gaussian(
+    source: Any, view: Any, *, radius: float | None = None, opacity: float | None = None
+) -> Any:
+    """Show particles as the paper draws them.
+
+    Parameters
+    ----------
+    source : source proxy or output port
+        Points.
+    view : render view proxy
+    radius : float, optional
+        Of a particle, world units; 0.0406 of the mean spacing by default.
+    opacity : float, optional
+        At the centre of a particle; 0.05 by default.
+
+    Returns
+    -------
+    representation proxy
+    """
+    from paraview import simple
+
+    source.UpdatePipeline()
+    about = source.GetDataInformation()
+    number, bounds = about.GetNumberOfPoints(), np.reshape(about.GetBounds(), (3, 2)).T
+    if number == 0:
+        raise ValueError("the source has no points to draw")
+    shown = simple.Show(source, view)
+    shown.SetRepresentationType("Point Gaussian")
+    shown.SetScalarColoring(None, 0)
+    radius = default_radius(bounds, number) if radius is None else radius
+    for name, value in {
+        "AmbientColor": [1.0, 1.0, 1.0],
+        "DiffuseColor": [1.0, 1.0, 1.0],
+        "ShaderPreset": "Gaussian Blur",
+        "Emissive": 0,
+        "ScaleByArray": 0,
+        "OpacityByArray": 0,
+        "GaussianRadius": radius,
+        "Opacity": OPACITY if opacity is None else opacity,
+    }.items():
+        if name in shown.ListProperties():
+            setattr(shown, name, value)
+    return shown
+
+
+def place_camera(view: Any, bounds: np.ndarray, azimuth: float, elevation: float, distance: float) -> None:
+    """Place a view's camera as `particlegs render --azimuth --elevation --distance` does.
+
+    Parameters
+    ----------
+    view : render view proxy
+    bounds : ndarray, (2, 3)
+        Of the particles, world units.
+    azimuth, elevation : float
+        Degrees.
+    distance : float
+        In base distances: 1 is 0.65 of what Reset Camera chooses.
+    """
+    centre = np.mean(bounds, axis=0)
+    a, e = np.radians(azimuth), np.radians(elevation)
+    direction = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
+    half = np.linalg.norm(np.subtract(bounds[1], bounds[0])) / 2.0 or 1.0
+    away = distance * SHARE_OF_RESET * half / np.sin(np.radians(FIELD_OF_VIEW / 2.0))
+    # ParaView would place it anew at the first picture.
+    from paraview import simple
+
+    getattr(simple, "_DisableFirstRenderCameraReset", bool)()
+    view.CameraViewAngle = FIELD_OF_VIEW
+    view.CameraFocalPoint = list(centre)
+    view.CameraPosition = list(centre + away * direction)
+    view.CameraViewUp = [0.0, 0.0, 1.0] if abs(direction[1]) > 0.95 else [0.0, 1.0, 0.0]
+    view.CenterOfRotation = list(centre)
+
+
+# Pictures by the views that they are in: ParaView's proxies do not keep Python objects.
+_pictures: dict[int, Picture] = {}
+
+
+def show_picture(model: Model | str, view: Any, **options: Any) -> Picture:
+    """Draw a model's own picture over a render view, for whatever camera that has.
+
+    Parameters
+    ----------
+    model : particlegs.Model or str
+        A model, or the path of one.
+    view : render view proxy
+    **options
+        Of `Picture`.
+
+    Returns
+    -------
+    Picture
+    """
+    hide_picture(view)
+    dress(view)
+    # The picture has its own antialiasing.
+    view.UseFXAA = 0
+    found = read_model(model) if isinstance(model, str) else model
+    picture = Picture(found, view.SMProxy.GetRenderer(), **options)
+    _pictures[view.SMProxy.GetGlobalID()] = picture
+    return picture
+
+
+def hide_picture(view: Any) -> None:
+    """Take a model's picture out of a view, where there is one."""
+    picture = _pictures.pop(view.SMProxy.GetGlobalID(), None)
+    if picture is not None:
+        picture.remove()
+
+
+def is_model(source: Any) -> bool:
+    """Tell whether a source is this plug-in's reader."""
+    return source.SMProxy.GetXMLName() == particlegs_reader.ParticlegsReader.__name__
+
+
+def compare(reader: Any, truth: Any, truth_view: Any, picture_view: Any) -> Picture:
+    """Show particles as Point Gaussian in one view and a model's picture in another, with one camera.
+
+    Radius and opacity of the picture follow those of the particles' representation.
+
+    Parameters
+    ----------
+    reader : source proxy
+        A model that this plug-in has read.
+    truth : source proxy or output port
+        All particles.
+    truth_view, picture_view : render view proxies
+
+    Returns
+    -------
+    Picture
+    """
+    from paraview import simple
+
+    dress(truth_view)
+    shown = point_gaussian(truth, truth_view)
+    # Nothing is seen of it: it gives the view what Reset Camera looks for.
+    extent = simple.Show(reader, picture_view)
+    extent.SetRepresentationType("Outline")
+    extent.Opacity = 0.0
+    picture = show_picture(reader.FileName, picture_view, like=shown)
+    shown.SMProxy.AddObserver("PropertyModifiedEvent", lambda *_: simple.Render(picture_view))
+    link = f"particlegs {picture_view.SMProxy.GetGlobalID()}"
+    simple.AddCameraLink(truth_view, picture_view, link)
+    return picture
