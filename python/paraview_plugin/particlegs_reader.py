@@ -67,7 +67,9 @@ METHODS = ("count", "volume", "ellipsoid", "grid", "stratified", "spaced")
 # VTK's order of a symmetric tensor, and of a tensor as such.
 SYMMETRIC = ("XX", "YY", "ZZ", "XY", "YZ", "XZ")
 TENSOR = ("XX", "XY", "XZ", "YX", "YY", "YZ", "ZX", "ZY", "ZZ")
-AXES = ("X", "Y", "Z")
+
+# Gaussians of a single particle may have no extent in some direction: their density stays finite.
+LEAST_VOLUME = 1e-30
 
 
 # Models
@@ -92,15 +94,27 @@ def read_model(path: str) -> Model:
     OSError, particlegs.Error
         Where the file cannot be read or holds no model.
     """
+    package()
+    return _read(os.fspath(path), *stamp(path))
+
+
+def package() -> Any:
+    """Import the package `particlegs`.
+
+    Raises
+    ------
+    RuntimeError
+        Where it is missing from this Python, with what to do.
+    """
     try:
-        import particlegs  # noqa: F401
+        import particlegs
     except ImportError as missing:
         version = ".".join(map(str, sys.version_info[:2]))
         raise RuntimeError(
             f"the package particlegs is missing from ParaView's Python {version} ({missing}): "
             "pip install --target DIR particlegs, and start ParaView with PYTHONPATH=DIR"
         ) from None
-    return _read(os.fspath(path), *stamp(path))
+    return particlegs
 
 
 def stamp(path: str) -> tuple[int, int]:
@@ -111,9 +125,7 @@ def stamp(path: str) -> tuple[int, int]:
 
 @functools.lru_cache(maxsize=4)
 def _read(path: str, _changed: int, _length: int) -> Model:
-    import particlegs
-
-    return particlegs.read(path)
+    return package().read(path)
 
 
 def one_line(error: BaseException) -> str:
@@ -253,9 +265,8 @@ def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlock
         of_points.AddArray(column("covariance", six, SYMMETRIC))
         of_points.AddArray(column("sqrt_covariance", roots.reshape(-1, 9), TENSOR))
         of_points.AddArray(column("standard_deviations", deviations, ("1", "2", "3")))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            density = counts / ((2.0 * np.pi) ** 1.5 * deviations.prod(axis=1))
-        of_points.AddArray(column("number_density", density))
+        volumes = (2.0 * np.pi) ** 1.5 * deviations.prod(axis=1)
+        of_points.AddArray(column("number_density", counts / np.maximum(volumes, LEAST_VOLUME)))
         of_points.SetActiveScalars("counts")
         of_points.SetActiveTensors("sqrt_covariance")
         index = blocks.GetNumberOfBlocks()
@@ -407,7 +418,14 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
     def __init__(self) -> None:
         super().__init__(nInputPorts=0, nOutputPorts=3, outputType=PORTS[GAUSSIANS])
         self._path: str | None = None
-        self._options: dict[str, Any] = dict(recover=False, number=0, method=0, seed=42, density=False, cells=128)
+        self._options: dict[str, Any] = {
+            "recover": False,
+            "number": 0,
+            "method": 0,
+            "seed": 42,
+            "density": False,
+            "cells": 128,
+        }
         self._layers = vtkDataArraySelection()
         self._layers.AddObserver("ModifiedEvent", lambda *_: self._listing or self.Modified())
         self._listing = False
@@ -587,6 +605,10 @@ def load() -> None:
     """
     from paraview import simple
 
+    folder = os.path.dirname(os.path.abspath(__file__))
+    if folder not in sys.path:
+        # For macros, which find the views beside this file.
+        sys.path.append(folder)
     simple.LoadPlugin(os.path.abspath(__file__), remote=False, ns=vars(simple))
 
 

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCamera, vtkImageMapper, vtkRenderer
 
 import particlegs_reader
-from particlegs_reader import read_model, report
+from particlegs_reader import package, read_model, report
 
 if TYPE_CHECKING:
-    from particlegs import Camera, Model
+    from particlegs import Camera, Model, Snapshot
 
 # The paper's picture: radius of a particle in mean spacings, and its opacity.
 RADIUS_IN_SPACINGS = 0.0406
@@ -106,7 +107,7 @@ class Picture:
         width, height = self.renderer.GetSize()
         coarse = self._coarseness(width * height, self.renderer.GetRenderWindow().GetDesiredUpdateRate())
         size = (max(1, width // coarse), max(1, height // coarse))
-        camera = camera_of(self.renderer.GetActiveCamera())
+        camera = camera_of(self.renderer.GetActiveCamera(), self.renderer.GetRenderWindow().GetTileScale()[1])
         at = (camera.position, camera.focal_point, camera.view_up, camera.fov_deg, camera.height)
         asked = (at, size, self.radius, self.opacity, self.style)
         if asked == self._asked:
@@ -135,20 +136,31 @@ class Picture:
 
 
 def grey_levels(drawn: np.ndarray) -> np.ndarray:
-    """Turn what `Model.render` gives into (h, w) levels of uint8."""
+    """Turn what `Model.render` gives, (h, w) levels or shares of one, into levels of uint8."""
     if drawn.dtype == np.uint8:
         return drawn
-    return np.clip(np.rint(drawn), 0, 255).astype(np.uint8)
+    return np.rint(255.0 * np.clip(drawn, 0.0, 1.0)).astype(np.uint8)
 
 
-def camera_of(camera: vtkCamera) -> Camera:
-    """Give VTK's camera as the package has it; its clipping range follows from the model's bounds."""
-    import particlegs
+def camera_of(camera: vtkCamera, tiles: int = 1) -> Camera:
+    """Give VTK's camera as the package has it; its clipping range follows from the model's bounds.
 
+    Parameters
+    ----------
+    camera : vtkCamera
+    tiles : int
+        How many tiles the picture is high: VTK narrows the camera to one of them.
+
+    Returns
+    -------
+    particlegs.Camera
+    """
     at = (camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp())
     if camera.GetParallelProjection():
-        return particlegs.Camera(*at, height=2.0 * camera.GetParallelScale())
-    return particlegs.Camera(*at, fov_deg=camera.GetViewAngle())
+        return package().Camera(*at, height=2.0 * tiles * camera.GetParallelScale())
+    # The whole numbers of degrees that people choose come back as such.
+    angle = 2.0 * np.degrees(np.arctan(tiles * np.tan(np.radians(camera.GetViewAngle()) / 2.0)))
+    return package().Camera(*at, fov_deg=camera.GetViewAngle() if tiles == 1 else round(float(angle), 9))
 
 
 # ParaView's proxies: what follows needs ParaView.
@@ -168,9 +180,7 @@ def dress(view: Any) -> None:
             setattr(view, name, value)
 
 
-def point_gaussian(
-    source: Any, view: Any, *, radius: float | None = None, opacity: float | None = None
-) -> Any:
+def point_gaussian(source: Any, view: Any, *, radius: float | None = None, opacity: float | None = None) -> Any:
     """Show particles as the paper draws them.
 
     Parameters
@@ -213,6 +223,13 @@ def point_gaussian(
     return shown
 
 
+def keep_camera() -> None:
+    """Keep ParaView from placing cameras anew at a view's first picture."""
+    from paraview import simple
+
+    getattr(simple, "_DisableFirstRenderCameraReset", bool)()
+
+
 def place_camera(view: Any, bounds: np.ndarray, azimuth: float, elevation: float, distance: float) -> None:
     """Place a view's camera as `particlegs render --azimuth --elevation --distance` does.
 
@@ -231,10 +248,7 @@ def place_camera(view: Any, bounds: np.ndarray, azimuth: float, elevation: float
     direction = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
     half = np.linalg.norm(np.subtract(bounds[1], bounds[0])) / 2.0 or 1.0
     away = distance * SHARE_OF_RESET * half / np.sin(np.radians(FIELD_OF_VIEW / 2.0))
-    # ParaView would place it anew at the first picture.
-    from paraview import simple
-
-    getattr(simple, "_DisableFirstRenderCameraReset", bool)()
+    keep_camera()
     view.CameraViewAngle = FIELD_OF_VIEW
     view.CameraFocalPoint = list(centre)
     view.CameraPosition = list(centre + away * direction)
@@ -286,7 +300,8 @@ def is_model(source: Any) -> bool:
 def compare(reader: Any, truth: Any, truth_view: Any, picture_view: Any) -> Picture:
     """Show particles as Point Gaussian in one view and a model's picture in another, with one camera.
 
-    Radius and opacity of the picture follow those of the particles' representation.
+    Radius and opacity of the picture follow those of the particles' representation. The camera is that of
+    `truth_view`.
 
     Parameters
     ----------
@@ -310,6 +325,92 @@ def compare(reader: Any, truth: Any, truth_view: Any, picture_view: Any) -> Pict
     extent.Opacity = 0.0
     picture = show_picture(reader.FileName, picture_view, like=shown)
     shown.SMProxy.AddObserver("PropertyModifiedEvent", lambda *_: simple.Render(picture_view))
+    keep_camera()
+    for name in ("Position", "FocalPoint", "ViewUp", "ViewAngle", "ParallelProjection", "ParallelScale"):
+        setattr(picture_view, f"Camera{name}", getattr(truth_view, f"Camera{name}"))
+    picture_view.CenterOfRotation = truth_view.CenterOfRotation
     link = f"particlegs {picture_view.SMProxy.GetGlobalID()}"
     simple.AddCameraLink(truth_view, picture_view, link)
     return picture
+
+
+# From ParaView to models
+
+MASSES = ("masses", "mass", "Masses", "Mass")
+
+
+def snapshot_of(data: Any, *, name: str, box: Any = None) -> Snapshot:
+    """Take particles out of a VTK data set.
+
+    Parameters
+    ----------
+    data : vtkDataSet
+        Its points are the particles; the point data of a name in `MASSES`, where there is one, are their masses; the
+        field datum `box` its periodic box, and `length_unit` and `mass_unit` the units.
+    name : str
+        Of the snapshot.
+    box : optional
+        As `particlegs.Snapshot` has it, in place of what the data say.
+
+    Returns
+    -------
+    particlegs.Snapshot
+    """
+    if not hasattr(data, "GetPoint") or data.GetNumberOfPoints() == 0:
+        raise ValueError(f"{name} has no points to compress")
+    points = data.GetPoints() if hasattr(data, "GetPoints") else None
+    if points is None:
+        raise ValueError(f"{name} is a grid, not particles")
+    known: dict[str, Any] = {"name": name, "box": box}
+    for mass in MASSES:
+        if data.GetPointData().HasArray(mass):
+            known["masses"] = vtk_to_numpy(data.GetPointData().GetArray(mass))
+            break
+    fields = data.GetFieldData()
+    if box is None and fields.HasArray("box"):
+        known["box"] = vtk_to_numpy(fields.GetArray("box")).squeeze()
+    for field, argument in (("length_unit", "units"), ("mass_unit", "mass_units")):
+        if fields.HasArray(field):
+            known[argument] = fields.GetAbstractArray(field).GetValue(0)
+    return package().Snapshot(vtk_to_numpy(points.GetData()), **known)
+
+
+def file_of(source: Any) -> str:
+    """Find the file that a source, or what it was made of, has read."""
+    while source is not None:
+        for name in ("FileName", "FileNames"):
+            if name in source.ListProperties():
+                value = getattr(source, name)
+                path = value if isinstance(value, str) else next(iter(value), "")
+                if path:
+                    return path
+        source = getattr(source, "Input", None)
+    raise ValueError("the source was not read from a file: save it as .vtp, open that, and select it")
+
+
+def compress_source(source: Any, **options: Any) -> str:
+    """Compress the particles of a source to a `.pgs` beside its file.
+
+    Parameters
+    ----------
+    source : source proxy
+    **options
+        Of `particlegs.compress`, and `box`.
+
+    Returns
+    -------
+    str
+        The path of the model. A file that is there already is left alone: `FileExistsError`.
+    """
+    from paraview import servermanager
+
+    file = file_of(source)
+    stem = os.path.splitext(file)[0]
+    path = f"{stem}.pgs"
+    if os.path.exists(path):
+        raise FileExistsError(f"{path} is there already: move it away first")
+    source.UpdatePipeline()
+    data = servermanager.Fetch(source)
+    snapshot = snapshot_of(data, name=os.path.basename(stem), box=options.pop("box", None))
+    package().compress(snapshot, **options).save(path)
+    return path

@@ -9,7 +9,9 @@ from paraview import print_error, simple
 try:
     import particlegs_views
 except ImportError:
-    print_error("particlegs: load the plug-in particlegs_reader.py first, or start ParaView with its folder in PYTHONPATH")
+    print_error(
+        "particlegs: load the plug-in particlegs_reader.py first, or start ParaView with its folder in PYTHONPATH"
+    )
 else:
     source = simple.GetActiveSource()
     if source is None:
