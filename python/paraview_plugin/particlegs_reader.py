@@ -12,12 +12,13 @@ import inspect
 import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import (
+    vtkCommand,
     vtkDataArray,
     vtkDataArraySelection,
     vtkOutputWindow,
@@ -37,6 +38,8 @@ from vtkmodules.vtkCommonExecutionModel import (
     vtkDemandDrivenPipeline,
     vtkStreamingDemandDrivenPipeline,
 )
+
+Method = Literal["count", "volume", "ellipsoid", "grid", "stratified", "spaced"]
 
 if TYPE_CHECKING:
     from particlegs import Grid, Model, Snapshot
@@ -62,7 +65,7 @@ paraview_plugin_version = "0.1.0"
 
 GAUSSIANS, PARTICLES, DENSITY = range(3)
 PORTS = ("vtkMultiBlockDataSet", "vtkPolyData", "vtkImageData")
-METHODS = ("count", "volume", "ellipsoid", "grid", "stratified", "spaced")
+METHODS: tuple[Method, ...] = ("count", "volume", "ellipsoid", "grid", "stratified", "spaced")
 
 # VTK's order of a symmetric tensor, and of a tensor as such.
 SYMMETRIC = ("XX", "YY", "ZZ", "XY", "YZ", "XZ")
@@ -142,7 +145,7 @@ def report(error: BaseException) -> None:
     try:
         from paraview import print_error
     except ImportError:
-        vtkOutputWindow.GetInstance().DisplayErrorText(one_line(error) + "\n")
+        vtkOutputWindow.GetInstance().DisplayErrorText(one_line(error))
     else:
         print_error(one_line(error))
 
@@ -165,12 +168,13 @@ def annotate(data: vtkDataObject, facts: Mapping[str, object]) -> None:
         if fact is None:
             continue
         if isinstance(fact, str):
-            array = vtkStringArray()
-            array.SetName(name)
-            array.InsertNextValue(fact)
+            text = vtkStringArray()
+            text.SetName(name)
+            text.InsertNextValue(fact)
+            data.GetFieldData().AddArray(text)
         else:
-            array = column(name, np.atleast_1d(np.asarray(fact, dtype=np.float64)))
-        data.GetFieldData().AddArray(array)
+            numbers = np.atleast_1d(np.asarray(fact, dtype=np.float64))
+            data.GetFieldData().AddArray(column(name, numbers))
 
 
 def facts_of(model: Model) -> dict[str, object]:
@@ -427,7 +431,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             "cells": 128,
         }
         self._layers = vtkDataArraySelection()
-        self._layers.AddObserver("ModifiedEvent", lambda *_: self._listing or self.Modified())
+        self._layers.AddObserver(vtkCommand.ModifiedEvent, self._layers_changed)
         self._listing = False
         self._made: dict[int, tuple[object, vtkDataObject]] = {}
         self._said: object = None
@@ -497,16 +501,18 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
 
     def RequestInformation(self, _request: Any, _inputs: Any, outputs: Any) -> int:
         """Find the layers, and the extent of the grid where one is wanted."""
-        extent = (0, -1) * 3
+        extent: tuple[int, ...] = (0, -1) * 3
         try:
             if self._path:
                 model = read_model(self._path)
                 self._list_layers(model)
-                extent = self._make(DENSITY).GetExtent()
+                image = self._make(DENSITY)
+                assert isinstance(image, vtkImageData)
+                extent = image.GetExtent()
         except Exception as error:
             self._tell(error)
-        image = outputs.GetInformationObject(DENSITY)
-        image.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), extent, 6)
+        about = outputs.GetInformationObject(DENSITY)
+        about.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), extent, 6)
         for port in (GAUSSIANS, PARTICLES):
             outputs.GetInformationObject(port).Set(vtkAlgorithm.CAN_HANDLE_PIECE_REQUEST(), 1)
         return 1
@@ -529,6 +535,10 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             except Exception as error:
                 self._tell(error)
         return 1
+
+    def _layers_changed(self, *_: object) -> None:
+        if not self._listing:
+            self.Modified()
 
     def _list_layers(self, model: Model) -> None:
         """Name the layers that may be chosen; those that were chosen before stay as they were."""
@@ -563,7 +573,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         if port == GAUSSIANS:
             return gaussians_of(model, layers)
         if layers == []:
-            return (None, vtkPolyData, vtkImageData)[port]()
+            return vtkPolyData() if port == PARTICLES else vtkImageData()
         if port == PARTICLES:
             if not o["recover"]:
                 return vtkPolyData()

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkCommand
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCamera, vtkImageMapper, vtkRenderer
 
@@ -16,6 +17,7 @@ from particlegs_reader import package, read_model, report
 
 if TYPE_CHECKING:
     from particlegs import Camera, Model, Snapshot
+
 
 # The paper's picture: radius of a particle in mean spacings, and its opacity.
 RADIUS_IN_SPACINGS = 0.0406
@@ -70,7 +72,7 @@ class Picture:
         *,
         radius: float | None = None,
         opacity: float | None = None,
-        style: str = "paraview",
+        style: Literal["paraview", "paraview-no-fxaa", "expected"] = "paraview",
         like: Any = None,
     ) -> None:
         self.model, self.renderer, self.style, self.like = model, renderer, style, like
@@ -84,13 +86,13 @@ class Picture:
         self._mapper.SetColorLevel(127.5)
         self._actor = vtkActor2D()
         self._actor.SetMapper(self._mapper)
-        renderer.AddActor2D(self._actor)
-        self._observer = renderer.AddObserver("StartEvent", self._draw)
+        renderer.AddViewProp(self._actor)
+        self._observer = renderer.AddObserver(vtkCommand.StartEvent, self._draw)
 
     def remove(self) -> None:
         """Take the picture out of its renderer."""
         self.renderer.RemoveObserver(self._observer)
-        self.renderer.RemoveActor2D(self._actor)
+        self.renderer.RemoveViewProp(self._actor)
 
     def _draw(self, *_: object) -> None:
         try:
@@ -112,10 +114,12 @@ class Picture:
         asked = (at, size, self.radius, self.opacity, self.style)
         if asked == self._asked:
             return
+        # Also where it fails: an error is said once.
+        self._asked = asked
         begun = time.perf_counter()
         drawn = self.model.render(camera=camera, size=size, radius=self.radius, opacity=self.opacity, style=self.style)
         self._seconds_a_pixel = (time.perf_counter() - begun) / (size[0] * size[1])
-        self.pixels, self._asked = grey_levels(drawn), asked
+        self.pixels = grey_levels(drawn)
         self._show((width, height), coarse)
 
     def _coarseness(self, pixels: int, update_rate: float) -> int:
@@ -158,9 +162,9 @@ def camera_of(camera: vtkCamera, tiles: int = 1) -> Camera:
     at = (camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp())
     if camera.GetParallelProjection():
         return package().Camera(*at, height=2.0 * tiles * camera.GetParallelScale())
-    # The whole numbers of degrees that people choose come back as such.
+    # Whoever takes a picture narrows the angle and widens it again: without the last digits it is what it was.
     angle = 2.0 * np.degrees(np.arctan(tiles * np.tan(np.radians(camera.GetViewAngle()) / 2.0)))
-    return package().Camera(*at, fov_deg=camera.GetViewAngle() if tiles == 1 else round(float(angle), 9))
+    return package().Camera(*at, fov_deg=round(float(angle), 5))
 
 
 # ParaView's proxies: what follows needs ParaView.
