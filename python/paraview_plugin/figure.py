@@ -26,7 +26,7 @@ import particlegs_views as views
 INK = {"black": [0.85, 0.85, 0.85], "white": [0.0, 0.0, 0.0]}
 PAPER = {"black": [0.0, 0.0, 0.0], "white": [1.0, 1.0, 1.0]}
 # Pictures with axes about the particles are taken from so many times as far away.
-WITH_AXES = 1.5
+WITH_AXES = 1.25
 PICTURES = ("ellipsoids", "recovered", "density", "compared")
 
 
@@ -47,7 +47,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--azimuth", type=float, default=30.0, help="degrees about the vertical axis [default: 30]")
     parser.add_argument("--elevation", type=float, default=20.0, help="degrees above the horizon [default: 20]")
     parser.add_argument(
-        "--distance", type=float, default=1.0, help="as `particlegs render` has it; smaller is nearer [default: 1]"
+        "--distance", type=float, default=1.2, help="as `particlegs render` has it; smaller is nearer [default: 1.2]"
     )
     parser.add_argument("--radius", type=float, help="of a particle, world units [default: the model's]")
     parser.add_argument("--opacity", type=float, help="of a particle [default: the model's]")
@@ -99,6 +99,14 @@ class Scene:
         return f"\naxes in {self.model.length_unit}" if self.model.length_unit else ""
 
     @property
+    def extent(self) -> str:
+        """What a caption says of pictures without axes."""
+        lengths = np.ptp(self.bounds, axis=0) if self.model.box is None else np.linalg.norm(self.model.box, axis=-1)
+        if np.ptp(lengths) < 1e-3 * np.max(lengths):
+            lengths = lengths[:1]
+        return f"\nbox {' x '.join(f'{length:.4g}' for length in lengths)} {self.model.length_unit or ''}".rstrip()
+
+    @property
     def radius(self) -> float:
         """Radius of a particle, world units."""
         return self.options.radius or self.model.radius
@@ -133,6 +141,7 @@ class Scene:
         words.WindowLocation = "Lower Left Corner"
         words.FontSize = self.letters()
         words.Color = ink
+        words.Justification = "Left"
 
     def axes(self, view: Any, ink: list[float]) -> None:
         """Draw coordinates about the particles."""
@@ -246,7 +255,8 @@ def recovered(scene: Scene) -> None:
     port = simple.OutputPort(scene.reader, particlegs_reader.PARTICLES)
     views.point_gaussian(port, view, radius=scene.radius, opacity=scene.opacity)
     number = port.GetDataInformation().GetNumberOfPoints()
-    scene.caption(view, f"{number:,} synthetic particles, recovered by method {scene.options.method}", INK["black"])
+    words = f"{number:,} synthetic particles, recovered by method {scene.options.method}"
+    scene.caption(view, words + scene.extent, INK["black"])
     scene.save("recovered", view)
 
 
@@ -306,14 +316,14 @@ def compared(scene: Scene) -> None:
     picture.like.GaussianRadius, picture.like.Opacity = scene.radius, scene.opacity
     number = truth.GetDataInformation().GetNumberOfPoints()
     kind = "all {:,} particles" if scene.options.snapshot else "{:,} synthetic particles"
-    scene.caption(truth_view, f"{kind.format(number)}, Point Gaussian", INK["black"])
+    scene.caption(truth_view, f"{kind.format(number)}, Point Gaussian{scene.extent}", INK["black"])
     layout = simple.CreateLayout("compared")
     layout.SplitHorizontal(0, 0.5)
     layout.AssignView(1, truth_view)
     layout.AssignView(2, picture_view)
     width, height = scene.size
     layout.SetSize(2 * width, height)
-    words = f"model of {scene.model.nbytes / 1000:,.0f} kB, ratio {scene.model.ratio:.0f}"
+    words = f"the model: {scene.model.nbytes / 1000:,.0f} kB, ratio {scene.model.ratio:.0f}"
     scene.caption(picture_view, words, INK["black"])
     scene.save("compared", layout, (2 * width, height))
 
