@@ -366,10 +366,11 @@ PROPERTIES = """
   <BooleanDomain name="bool"/>
   <Documentation>Draw SYNTHETIC particles from the model, on the second output.</Documentation>
 </IntVectorProperty>
-<IdTypeVectorProperty name="NumberOfParticles" label="Number Of Particles" command="SetNumberOfParticles"
+<IntVectorProperty name="NumberOfParticles" label="Number Of Particles" command="SetNumberOfParticles"
     number_of_elements="1" default_values="0">
+  <IntRangeDomain name="range" min="0"/>
   <Documentation>How many; 0: as many as the model was made from.</Documentation>
-</IdTypeVectorProperty>
+</IntVectorProperty>
 <IntVectorProperty name="Method" command="SetMethod" number_of_elements="1" default_values="0">
   <EnumerationDomain name="enum">{methods}</EnumerationDomain>
   <Documentation>How particles are drawn, by the names of `particlegs recover`.</Documentation>
@@ -619,7 +620,7 @@ def load() -> None:
     if folder not in sys.path:
         # For macros, which find the views beside this file.
         sys.path.append(folder)
-    simple.LoadPlugin(os.path.abspath(__file__), remote=False, ns=vars(simple))
+    simple.LoadPlugin(os.path.abspath(__file__), remote=True, ns=vars(simple))
 
 
 if __name__ == "__main__":
