@@ -118,7 +118,7 @@ class Scene:
 
     def letters(self, share: float = 0.022) -> int:
         """Size of letters for the pictures' height."""
-        return max(9, round(share * self.size[1]))
+        return max(6, round(share * self.size[1]))
 
     def view(self, away: float = 1.0) -> Any:
         """Make a view with the camera of all pictures, or one that stands so many times as far away."""
