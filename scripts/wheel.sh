@@ -1,0 +1,74 @@
+#!/usr/bin/env bash
+# Makes the wheel of the package `particlegs` for Linux: the extension and, as its script, the command itself (no Python
+# starts for it), both linked by zig against a glibc of 2012, so that any manylinux2014 system takes them. Says what it
+# weighs, holds it to its bounds and its tags, and tries it in fresh environments (try-wheel.sh).
+# Usage: scripts/wheel.sh [FOLDER [TARGET]]
+#   FOLDER  where to put it (default: dist)
+#   TARGET  default: this machine's, such as x86_64-unknown-linux-gnu; another machine's wheel is made and not tried
+# maturin, zig and auditwheel come from PyPI into target/.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+folder=${1:-dist}
+machine=$(uname -m)
+target=${2:-$machine-unknown-linux-gnu}
+mkdir -p "$folder"
+folder=$(cd "$folder" && pwd)
+built=$(cargo metadata --format-version 1 --no-deps --locked | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+
+tools=$built/wheel-tools
+wanted='maturin==1.16.0 ziglang==0.17.1 cargo-zigbuild==0.24.0 auditwheel==6.8.2 abi3audit==0.0.26'
+if [ "$(cat "$tools/installed" 2>/dev/null)" != "$wanted" ]; then
+    rm -rf "$tools"
+    python3 -m venv "$tools"
+    # shellcheck disable=SC2086
+    "$tools/bin/python" -m pip install --quiet --disable-pip-version-check $wanted
+    echo "$wanted" >"$tools/installed"
+fi
+PATH=$tools/bin:$PATH
+
+separator=$'\x1f'
+flags=(-C strip=symbols "--remap-path-prefix=$PWD=." "--remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo"
+    "--remap-path-prefix=$(rustc --print sysroot)=rust")
+encoded=$(printf "%s$separator" "${flags[@]}")
+export CARGO_ENCODED_RUSTFLAGS=${encoded%"$separator"} CARGO_INCREMENTAL=0
+
+# The command lies where maturin looks for what a wheel has beside its package, for as long as that takes.
+cargo zigbuild --profile dist --locked --target "$target.2.17" --package particlegs-cli --bin particlegs
+beside=python/particlegs._particlegs.data
+work=$(mktemp -d)
+trap 'rm -rf "$beside" "$work"' EXIT
+rm -rf "$beside"
+mkdir -p "$beside/scripts"
+cp "$built/$target/dist/particlegs" "$beside/scripts/particlegs"
+(cd python && maturin build --release --locked --zig --target "$target" --compatibility manylinux2014 \
+    --compression-level 9 --out "$work")
+
+wheel=$(echo "$work"/*.whl)
+mv "$wheel" "$folder/"
+wheel=$folder/${wheel##*/}
+auditwheel show "$wheel"
+abi3audit --strict "$wheel"
+python3 - "$wheel" <<'CHECK'
+import sys
+import zipfile
+
+MB = 1_000_000
+entries = zipfile.ZipFile(sys.argv[1]).infolist()
+command = [e for e in entries if e.filename.endswith(".data/scripts/particlegs")]
+if len(command) != 1 or not command[0].external_attr >> 16 & 0o111:
+    sys.exit("the wheel has no command, or it may not be run")
+for entry in sorted(entries, key=lambda e: -e.compress_size)[:5]:
+    print(f"{entry.compress_size:9d} of {entry.file_size:9d}  {entry.filename}")
+whole = sum(e.compress_size for e in entries)
+package = whole - command[0].compress_size
+print(f"the wheel: {whole / MB:.2f} MB, without the command {package / MB:.2f} MB")
+if whole > 8 * MB or package > 4 * MB:
+    sys.exit("that is more than 8 MB, or 4 MB without the command")
+CHECK
+echo "$wheel"
+if [ "${target%%-*}" = "$machine" ]; then
+    scripts/try-wheel.sh "$wheel"
+else
+    echo "not tried: this machine is $machine" >&2
+fi
