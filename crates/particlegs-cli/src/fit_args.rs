@@ -51,7 +51,6 @@ impl FitArgs {
 
     /// The options of a job in one block, in memory. The subset's seed is theirs, too.
     pub fn options(&self, snapshot: &SnapshotArgs, subset: Subset<'_>) -> Result<Options> {
-        let seed = subset.seed;
         for (name, value) in [("--radius", self.radius), ("--opacity", self.opacity)] {
             if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
                 return Err(Error::argument(format!("{name} must be positive")));
@@ -60,33 +59,25 @@ impl FitArgs {
         if self.opacity.is_some_and(|a| a > 1.0) {
             return Err(Error::argument("--opacity must be above 0 and at most 1"));
         }
-        let (effort, name) = match self.effort {
-            EffortArg::Fast => (Effort::Fast, "fast"),
-            EffortArg::Default => (Effort::Default, "default"),
+        let effort = match self.effort {
+            EffortArg::Fast => Effort::Fast,
+            EffortArg::Default => Effort::Default,
         };
-        let (target, asked) = match self.goal.target()? {
+        let target = match self.goal.target()? {
             Some(goal) => goal,
             None => self.target.target()?,
         };
-        let mut command = format!("compress{asked} --effort {name} --seed {seed}");
-        command += &self.train.text()?;
-        command += &snapshot.text();
-        command += &subset.selection.text(subset.window);
-        for (option, value) in [("radius", self.radius), ("opacity", self.opacity)] {
-            if let Some(v) = value {
-                command += &format!(" --{option} {v}");
-            }
-        }
-        Ok(Options {
+        let options = Options {
             target,
             effort,
             radius: self.radius,
             opacity: self.opacity,
             training: self.train.config()?,
-            seed,
+            seed: subset.seed,
             certificate: self.certificate.level(),
-            command,
             ..Options::default()
-        })
+        };
+        let command = options.in_command(&self.train.text()?, &snapshot.choice_of(subset)?.in_command());
+        Ok(Options { command, ..options })
     }
 }

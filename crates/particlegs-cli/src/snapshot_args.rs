@@ -156,25 +156,10 @@ impl SnapshotArgs {
         self.choice_of(subset)?.read_later(paths, progress)
     }
 
-    fn choice_of(&self, subset: Subset<'_>) -> Result<Choice> {
+    /// What is read of it.
+    pub fn choice_of(&self, subset: Subset<'_>) -> Result<Choice> {
         let selection = subset.selection.selection(subset.window, subset.seed)?;
         Ok(Choice { selection: Some(selection), ..self.choice()? })
-    }
-
-    /// As stored in a model's command: which particles are read, and as what. The box, units and particles
-    /// left out stand in its metadata.
-    pub fn text(&self) -> String {
-        let mut text = String::new();
-        let mut option = |name: &str, value: Option<String>| {
-            value.iter().for_each(|v| text += &format!(" --{name} {v}"));
-        };
-        option("format", self.format.clone());
-        option("particle-type", (!self.particle_type.is_empty()).then(|| self.particle_type.join(",")));
-        option("positions", self.positions.clone());
-        option("weights", self.weights.clone());
-        option("frame", self.frame.map(|f| f.to_string()));
-        option("layers-by", (self.layers_by == LayersBy::Mass).then(|| "mass".into()));
-        text
     }
 
     /// What to read.
@@ -209,52 +194,17 @@ impl SnapshotArgs {
 impl SelectionArgs {
     /// What to keep.
     pub fn selection(&self, window: &WindowArgs, seed: u64) -> Result<Selection> {
-        let crop = match (self.region.as_deref(), window.center.as_deref(), window.width.as_deref()) {
-            (None, None, _) => None,
-            (Some(&[x0, x1, y0, y1, z0, z1]), ..) => Some(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }),
-            (None, Some(&[x, y, z]), Some(&[w])) => Some(about([x, y, z], [w; 3])),
-            (None, Some(&[x, y, z]), Some(&[wx, wy, wz])) => Some(about([x, y, z], [wx, wy, wz])),
+        let kept = match (self.region.as_deref(), window.center.as_deref(), window.width.as_deref()) {
+            (None, None, _) => Selection::all(),
+            (Some(&[x0, x1, y0, y1, z0, z1]), ..) => {
+                Selection { crop: Some(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }), ..Selection::all() }
+            }
+            (None, Some(&[x, y, z]), Some(&[w])) => Selection::window([x, y, z], [w; 3]),
+            (None, Some(&[x, y, z]), Some(&[wx, wy, wz])) => Selection::window([x, y, z], [wx, wy, wz]),
             (Some(_), ..) => return Err(Error::argument("--region takes six numbers x0,x1,y0,y1,z0,z1")),
             _ => return Err(Error::argument("a window takes --center X,Y,Z and --width W or Wx,Wy,Wz")),
         };
-        if let Some(b) = crop
-            && !(0..3).all(|k| b.min[k] < b.max[k] && b.max[k].is_finite() && b.min[k].is_finite())
-        {
-            return Err(Error::argument(
-                "the region must be finite, with its lower bound below its upper bound on each axis",
-            ));
-        }
-        Ok(Selection {
-            crop,
-            wrap: window.center.is_some(),
-            every: self.every,
-            sample: self.sample,
-            left_out: self.left_out,
-            seed,
-        })
-    }
-
-    /// As stored in a model's command.
-    pub fn text(&self, window: &WindowArgs) -> String {
-        let join = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
-        let mut text = String::new();
-        for (name, value) in [("region", &self.region), ("center", &window.center), ("width", &window.width)] {
-            value.iter().for_each(|v| text += &format!(" --{name} {}", join(v)));
-        }
-        if self.every != 1 {
-            text += &format!(" --every {}", self.every);
-        }
-        self.sample.iter().for_each(|n| text += &format!(" --sample {n}"));
-        if self.left_out {
-            text += " --left-out";
-        }
-        text
-    }
-}
-
-fn about(center: [f64; 3], width: [f64; 3]) -> Bounds {
-    Bounds {
-        min: std::array::from_fn(|k| center[k] - 0.5 * width[k]),
-        max: std::array::from_fn(|k| center[k] + 0.5 * width[k]),
+        let (every, sample, left_out) = (self.every, self.sample, self.left_out);
+        Selection { every, sample, left_out, seed, ..kept }.check()
     }
 }

@@ -33,17 +33,18 @@ pub fn with_default(ratio: Arg, default: &str) -> Arg {
 }
 
 impl TargetArgs {
-    /// The target, and how the file's command says it.
+    /// The target.
     ///
     /// # Errors
     /// [`particlegs::Error::Argument`] for what cannot be.
-    pub fn target(&self) -> Result<(Target, String)> {
-        Ok(match (self.ratio, &self.size, self.gaussians) {
-            (Some(r), ..) => (Target::Ratio(r).check()?, format!(" --ratio {r}")),
-            (_, Some(s), _) => (Target::Size(parse_bytes(s)?).check()?, format!(" --size {s}")),
-            (.., Some(k)) => (Target::Gaussians(k).check()?, format!(" --gaussians {k}")),
-            _ => (Target::Default, String::new()),
-        })
+    pub fn target(&self) -> Result<Target> {
+        match (self.ratio, &self.size, self.gaussians) {
+            (Some(r), ..) => Target::Ratio(r),
+            (_, Some(s), _) => Target::Size(parse_bytes(s)?),
+            (.., Some(k)) => Target::Gaussians(k),
+            _ => Target::Default,
+        }
+        .check()
     }
 }
 
@@ -112,23 +113,22 @@ pub struct GoalArgs {
 }
 
 impl GoalArgs {
-    /// The target, and how the file's command says it; `None` where no quality is asked for.
+    /// The target; `None` where no quality is asked for.
     ///
     /// # Errors
     /// [`Error::Argument`] for what cannot be.
-    pub fn target(&self) -> Result<Option<(Target, String)>> {
+    pub fn target(&self) -> Result<Option<Target>> {
         if let Some(d) = self.psnr {
-            return Ok(Some((Target::Psnr(d).check()?, format!(" --psnr {d}"))));
+            return Target::Psnr(d).check().map(Some);
         }
         let goals = [
-            (GoalKind::PowerSpectrum, "max-pk-error", self.max_pk_error, "k-max", self.k_max),
-            (GoalKind::Correlation, "min-correlation", self.min_correlation, "cell", self.cell),
-            (GoalKind::Groups, "groups-within", self.groups_within, "from", self.from.map(|n| n as f64)),
+            (GoalKind::PowerSpectrum, "--max-pk-error", self.max_pk_error, self.k_max),
+            (GoalKind::Correlation, "--min-correlation", self.min_correlation, self.cell),
+            (GoalKind::Groups, "--groups-within", self.groups_within, self.from.map(|n| n as f64)),
         ];
-        let given = |(kind, name, asked, place, at)| {
+        let given = |(kind, name, asked, at)| {
             let (asked, at) = (Option::<f64>::zip(asked, at))?;
-            let target = Target::Goal(Goal { kind, asked, at }).check().map_err(|e| of_option(&format!("--{name}"), e));
-            Some(target.map(|target| (target, format!(" --{name} {asked} --{place} {at}"))))
+            Some(Target::Goal(Goal { kind, asked, at }).check().map_err(|e| of_option(name, e)))
         };
         goals.into_iter().find_map(given).transpose()
     }

@@ -198,6 +198,20 @@ pub fn set_threads(threads: usize) -> Result<(), String> {
     if threads == 1 { Ok(()) } else { Err("built without threads".into()) }
 }
 
+/// `work` on so many threads of its own, which end with it: what is left of it is not the process's.
+///
+/// # Errors
+/// Where the system has not so many.
+pub fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> Result<R, String> {
+    #[cfg(feature = "threads")]
+    {
+        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())?;
+        Ok(pool.install(work))
+    }
+    #[cfg(not(feature = "threads"))]
+    if threads == 1 { Ok(work()) } else { Err("built without threads".into()) }
+}
+
 /// Adds bytes to a hash.
 pub fn hash(hasher: &mut blake3::Hasher, bytes: &[u8]) {
     #[cfg(feature = "threads")]

@@ -33,16 +33,16 @@ impl Cells {
     fn over(self, domain: &Domain) -> Result<Grid> {
         match self {
             Cells::Along(n) if (1..=MOST).contains(&n) => Ok(Grid::new(domain, n)),
-            Cells::Along(n) => Err(Error::argument(format!("--grid {n} is outside 1 to {MOST}"))),
+            Cells::Along(n) => Err(Error::argument(format!("{n} cells along an edge are outside 1 to {MOST}"))),
             Cells::OfSide(side) if side.is_finite() && side > 0.0 => {
                 let cells = domain.length.map(|l| (l / side).round().max(1.0));
                 if let Some(n) = cells.iter().find(|n| **n > MOST as f64) {
-                    let what = format!("--cell {side} makes {n:.0} cells along an axis: more than {MOST}");
+                    let what = format!("cells of {side} are {n:.0} along an axis: more than {MOST}");
                     return Err(Error::argument(what));
                 }
                 Ok(Grid::stretched(domain, cells.map(|n| n as usize)))
             }
-            Cells::OfSide(side) => Err(Error::argument(format!("--cell {side} is not a length above 0"))),
+            Cells::OfSide(side) => Err(Error::argument(format!("cells of {side}: not a length above 0"))),
         }
     }
 }
@@ -71,7 +71,7 @@ impl Density {
         let known = model.layers.iter().filter(|l| l.mass != particlegs::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
             let what = "some layers have masses and others do not: their sum is no density".to_string();
-            return Err(Error::Argument { what, remedy: "choose layers by --layer; `info` lists them".into() });
+            return Err(Error::Argument { what, remedy: "choose layers that all have masses, or none".into() });
         }
         let domain = Domain::of_model(model);
         let grid = cells.over(&domain)?;

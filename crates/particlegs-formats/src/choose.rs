@@ -47,6 +47,27 @@ impl Choice {
         FORMATS.iter().map(|f| f.name)
     }
 
+    /// As a model file's command says it: which particles are read, and as what. Box, units and particles that are left
+    /// out stand in its metadata.
+    pub fn in_command(&self) -> String {
+        let weights = match &self.weights {
+            Weights::Auto => None,
+            Weights::None => Some("none".to_string()),
+            Weights::Field(name) => Some(name.clone()),
+        };
+        let mut text = String::new();
+        let mut option = |name: &str, value: Option<String>| {
+            value.iter().for_each(|v| text += &format!(" --{name} {v}"));
+        };
+        option("format", self.format.clone());
+        option("particle-type", (!self.species.is_empty()).then(|| self.species.join(",")));
+        option("positions", self.positions.clone());
+        option("weights", weights);
+        option("frame", self.frame.map(|f| f.to_string()));
+        option("layers-by", self.by_mass.then(|| "mass".into()));
+        text + &self.selection.map(|s| s.in_command()).unwrap_or_default()
+    }
+
     /// What the user states, over what the files say; gives notes for the user.
     fn state(&self, meta: &mut SnapshotMeta) -> Result<Vec<String>> {
         meta.state(self.box_lengths, [self.length_unit.as_deref(), self.mass_unit.as_deref()])

@@ -11,6 +11,7 @@
 //! taken; nothing here panics on any input.
 
 mod affine;
+mod array;
 mod ascii;
 mod axes;
 mod cache;
@@ -44,6 +45,7 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
+pub use array::Array;
 pub use choose::Choice;
 pub use kind::Kind;
 pub use registry::Format;

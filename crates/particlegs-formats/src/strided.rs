@@ -14,6 +14,8 @@ pub enum Bytes {
     Mapped(Arc<Mmap>),
     /// In memory.
     Owned(Arc<Vec<u8>>),
+    /// In memory, of another owner.
+    Lent(Arc<dyn AsRef<[u8]> + Send + Sync>),
 }
 
 impl Deref for Bytes {
@@ -23,6 +25,7 @@ impl Deref for Bytes {
         match self {
             Bytes::Mapped(map) => map,
             Bytes::Owned(bytes) => bytes,
+            Bytes::Lent(owner) => (**owner).as_ref(),
         }
     }
 }

@@ -129,8 +129,8 @@ pub fn run(a: Arguments) -> Result<()> {
 
 impl Arguments {
     fn options(&self, out: &Path, start: Instant) -> Result<FineTuning> {
-        let (target, asked) = self.target.target()?;
-        let seed = self.common.seed;
+        let target = self.target.target()?;
+        let (asked, seed) = (target.in_command(), self.common.seed);
         Ok(FineTuning {
             target,
             training: self.tune.config(Config::fine_tuning(), LAW)?,

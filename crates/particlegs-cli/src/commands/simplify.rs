@@ -52,8 +52,8 @@ struct Report {
 
 /// Simplifies.
 pub fn run(a: Arguments) -> Result<()> {
-    let (target, asked) = a.target.target()?;
-    let command = format!("simplify{asked}");
+    let target = a.target.target()?;
+    let command = format!("simplify{}", target.in_command());
     let context = a.common.start()?;
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;

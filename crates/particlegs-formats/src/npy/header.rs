@@ -189,7 +189,7 @@ fn record(descr: &[Literal]) -> Result<Element, String> {
 }
 
 /// A type as `<f4`: byte order, letter, bytes.
-fn scalar(text: &str) -> Result<Scalar, String> {
+pub fn scalar(text: &str) -> Result<Scalar, String> {
     let unknown = || format!("its type `{}` is not known", text.escape_default());
     let mut chars = text.chars();
     let big_endian = match chars.next().ok_or_else(unknown)? {

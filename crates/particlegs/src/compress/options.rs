@@ -63,6 +63,17 @@ impl Options {
         self.training.as_ref().map_or(LawKind::OpticalDepth, |t| t.law)
     }
 
+    /// The command that asks for this, as files say it ([`Options::command`]): `training` is what is trained, `read` what
+    /// is read of the snapshot, as options of the command.
+    pub fn in_command(&self, training: &str, read: &str) -> String {
+        let (asked, effort, seed) = (self.target.in_command(), self.effort.name(), self.seed);
+        let mut command = format!("compress{asked} --effort {effort} --seed {seed}{training}{read}");
+        for (option, value) in [("radius", self.radius), ("opacity", self.opacity)] {
+            value.iter().for_each(|v| command += &format!(" --{option} {v}"));
+        }
+        command
+    }
+
     /// The number of blocks in which `particles` are fitted in this process.
     ///
     /// # Errors

@@ -47,6 +47,24 @@ impl Target {
         }
     }
 
+    /// As a model file's command says it: ` --ratio 300`; nothing where nothing was asked for.
+    pub fn in_command(self) -> String {
+        let goal = |g: Goal| match g.kind {
+            GoalKind::Psnr => format!(" --psnr {}", g.asked),
+            GoalKind::PowerSpectrum => format!(" --max-pk-error {} --k-max {}", g.asked, g.at),
+            GoalKind::Correlation => format!(" --min-correlation {} --cell {}", g.asked, g.at),
+            GoalKind::Groups => format!(" --groups-within {} --from {}", g.asked, g.at),
+        };
+        match self {
+            Target::Default => String::new(),
+            Target::Ratio(r) => format!(" --ratio {r}"),
+            Target::Size(bytes) => format!(" --size {bytes}B"),
+            Target::Gaussians(k) => format!(" --gaussians {k}"),
+            Target::Psnr(d) => format!(" --psnr {d}"),
+            Target::Goal(g) => goal(g),
+        }
+    }
+
     /// The figure to reach, where the number of Gaussians is searched for one.
     pub fn goal(self) -> Option<Goal> {
         match self {

@@ -42,6 +42,51 @@ impl Selection {
         Selection { crop: None, wrap: false, every: 1, sample: None, left_out: false, seed: 0 }
     }
 
+    /// Keeps the particles in a window about a point, across the periodic boundary.
+    pub fn window(center: [f64; 3], width: [f64; 3]) -> Self {
+        let (min, max) = (each_axis(|k| center[k] - 0.5 * width[k]), each_axis(|k| center[k] + 0.5 * width[k]));
+        Selection { crop: Some(Bounds { min, max }), wrap: true, ..Selection::all() }
+    }
+
+    /// Checks the region.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where it is empty or not finite.
+    pub fn check(self) -> Result<Self> {
+        let fine = |b: &Bounds| (0..3).all(|k| b.min[k] < b.max[k] && b.max[k].is_finite() && b.min[k].is_finite());
+        if self.crop.as_ref().is_none_or(fine) {
+            return Ok(self);
+        }
+        let what = "the region must be finite, with its lower bound below its upper bound on each axis";
+        Err(Error::argument(what))
+    }
+
+    /// As a model file's command says it: ` --region 0,5,0,5,0,5 --every 2`; the seed stands there anyway.
+    pub fn in_command(&self) -> String {
+        let join = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        // To twelve digits: what a user wrote, less what halving a width made of it.
+        let plain = |v: f64| format!("{v:.11e}").parse().unwrap_or(v);
+        let mut text = String::new();
+        match self.crop {
+            Some(b) if self.wrap => {
+                let center: [f64; 3] = each_axis(|k| plain(0.5 * (b.min[k] + b.max[k])));
+                let width: [f64; 3] = each_axis(|k| plain(b.max[k] - b.min[k]));
+                let width = if width == [width[0]; 3] { &width[..1] } else { &width[..] };
+                text += &format!(" --center {} --width {}", join(&center), join(width));
+            }
+            Some(b) => text += &format!(" --region {}", join(&[0, 1, 2].map(|k| [b.min[k], b.max[k]]).concat())),
+            None => {}
+        }
+        if self.every != 1 {
+            text += &format!(" --every {}", self.every);
+        }
+        self.sample.iter().for_each(|n| text += &format!(" --sample {n}"));
+        if self.left_out {
+            text += " --left-out";
+        }
+        text
+    }
+
     /// Does it keep all as they are?
     pub fn is_all(&self) -> bool {
         *self == Selection { seed: self.seed, ..Selection::all() }

@@ -8,7 +8,7 @@ use particlegs_core::math::each_axis;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 
-/// A run of f32 that is owned or lies in a mapped file.
+/// A run of f32 that is owned, lies in a mapped file or is lent.
 #[derive(Clone)]
 pub enum Column {
     /// `len` floats from `offset` of floats in memory.
@@ -29,6 +29,15 @@ pub enum Column {
         /// Floats.
         len: usize,
     },
+    /// `len` floats from `offset` of floats that another owner holds, such as an array of Python's.
+    Lent {
+        /// The owner.
+        owner: Arc<dyn AsRef<[f32]> + Send + Sync>,
+        /// First of them.
+        offset: usize,
+        /// Floats.
+        len: usize,
+    },
 }
 
 impl Column {
@@ -38,12 +47,20 @@ impl Column {
         Column::Owned { values: Arc::new(values), offset: 0, len }
     }
 
+    /// All values of another owner, where they lie.
+    pub fn lent(owner: Arc<dyn AsRef<[f32]> + Send + Sync>) -> Self {
+        let len = (*owner).as_ref().len();
+        Column::Lent { owner, offset: 0, len }
+    }
+
     /// A part of it, which must lie inside; nothing is copied.
     pub fn slice(&self, range: Range<usize>) -> Self {
         assert!(range.start <= range.end && range.end <= self.len(), "a part of the column");
         let mut part = self.clone();
         match &mut part {
-            Column::Owned { offset, len, .. } => (*offset, *len) = (*offset + range.start, range.len()),
+            Column::Owned { offset, len, .. } | Column::Lent { offset, len, .. } => {
+                (*offset, *len) = (*offset + range.start, range.len());
+            }
             Column::Mapped { offset, len, .. } => (*offset, *len) = (*offset + 4 * range.start, range.len()),
         }
         part
@@ -57,6 +74,7 @@ impl Deref for Column {
         match self {
             Column::Owned { values, offset, len } => &values[*offset..*offset + *len],
             Column::Mapped { map, offset, len } => bytemuck::cast_slice(&map[*offset..*offset + 4 * *len]),
+            Column::Lent { owner, offset, len } => &(**owner).as_ref()[*offset..*offset + *len],
         }
     }
 }

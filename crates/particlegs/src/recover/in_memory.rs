@@ -1,10 +1,11 @@
 //! Particles drawn into memory, to be measured.
 
-use super::Method;
 use super::draw::{Rules, Scratch};
+use super::job::meta_of;
 use super::plan::Plan;
+use super::{Method, Options};
 use crate::Result;
-use crate::model::Model;
+use crate::model::{Mass, Model};
 use crate::parallel;
 use crate::particles::{Column, Particles, Positions, Run, SnapshotMeta};
 use crate::progress::Progress;
@@ -13,6 +14,27 @@ use particlegs_files::memory::require;
 /// Runs drawn at once: bounds what is held beside the particles.
 const BATCH: u64 = 32;
 
+impl Options {
+    /// The particles that [`super::recover`] writes by these options, in memory: about 0, in the model's layers, with
+    /// the weights that these have.
+    ///
+    /// # Errors
+    /// As [`super::recover`], but for those of files.
+    pub fn draw(&self, model: Model, progress: &dyn Progress) -> Result<Particles> {
+        self.check()?;
+        let metadata = model.metadata.clone();
+        let plan = Plan::new(model, self.particles, self.method)?;
+        require("drawn particles", plan.total.saturating_mul(16))?;
+        let rules = Rules::new(self.method, self.scale, self.seed, &metadata, &plan, progress.simd());
+        let [x, y, z, w] = columns(&plan, &rules, plan.weighted(), &|_| 1.0, progress)?;
+        let layers = plan.described();
+        let meta = meta_of(&metadata, &layers);
+        let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), [0.0; 3], meta);
+        let drawn = if plan.weighted() { drawn.with_weights(Column::owned(w)) } else { drawn };
+        Ok(drawn.with_layers(layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect()))
+    }
+}
+
 /// As many particles as `model` stands for, by [`Method::Count`]: those that [`super::recover`]
 /// writes with this seed, as f32 relative to `origin`. Each has its mass as weight where `weighted`
 /// is set, else none.
@@ -20,12 +42,32 @@ const BATCH: u64 = 32;
 /// # Errors
 /// [`crate::Error::Input`] where positions do not fit into float32, [`crate::Error::Memory`],
 /// [`crate::Error::Cancelled`].
-pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress: &dyn Progress) -> Result<Particles> {
+pub(crate) fn draw(
+    model: &Model,
+    seed: u64,
+    origin: [f64; 3],
+    weighted: bool,
+    progress: &dyn Progress,
+) -> Result<Particles> {
     require("drawn particles", model.metadata.count.saturating_mul(16))?;
     let moved = moved(model, origin);
     let (metadata, plan) = (moved.metadata.clone(), Plan::new(moved, None, Method::Count)?);
     let mut rules = Rules::new(Method::Count, 1.0, seed, &metadata, &plan, progress.simd());
     rules.weighted = weighted;
+    let [x, y, z, w] = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), progress)?;
+    let meta = SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() };
+    let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
+    Ok(if weighted { drawn.with_weights(Column::owned(w)) } else { drawn })
+}
+
+/// Columns x, y, z and perhaps weights, each times what its layer's masses give.
+fn columns(
+    plan: &Plan,
+    rules: &Rules,
+    weighted: bool,
+    unit: &(dyn Fn(Mass) -> f64 + Sync),
+    progress: &dyn Progress,
+) -> Result<[Vec<f32>; 4]> {
     let mut columns = [0, 1, 2, 3].map(|k| Vec::with_capacity(if k < 3 || weighted { plan.total as usize } else { 0 }));
     progress.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<Scratch>::default();
@@ -35,8 +77,8 @@ pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress
             let (layer, number, range) = plan.run(id);
             let mut run = Run::default();
             spaces.with(|scratch| rules.fill(layer, number, range, scratch, &mut run))?;
-            let mass = layer.layer.mass.unit_or_one() as f32;
-            run.columns[3].iter_mut().for_each(|w| *w *= mass);
+            let unit = unit(layer.layer.mass) as f32;
+            run.columns[3].iter_mut().for_each(|w| *w *= unit);
             progress.advance(run.columns[0].len() as u64);
             Ok(run.columns)
         })?;
@@ -45,10 +87,7 @@ pub fn draw(model: &Model, seed: u64, origin: [f64; 3], weighted: bool, progress
         }
     }
     progress.end();
-    let [x, y, z, w] = columns;
-    let meta = SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() };
-    let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
-    Ok(if weighted { drawn.with_weights(Column::owned(w)) } else { drawn })
+    Ok(columns)
 }
 
 /// The model about another origin, without what drawing does not need.
@@ -70,7 +109,7 @@ fn moved(model: &Model, origin: [f64; 3]) -> Model {
 #[cfg(test)]
 mod tests {
     use super::super::plan::tests::model;
-    use super::super::{Options, recover};
+    use super::super::recover;
     use super::*;
     use crate::particles::RawForm;
     use crate::progress::Silent;
@@ -92,6 +131,12 @@ mod tests {
         recover(m.clone(), [0; 32], &options, &out, &Silent).unwrap();
         let written = Particles::open_raw(&["xx.f32", "yy.f32", "zz.f32"].map(|n| out.join(n))).unwrap();
         assert_eq!(drawn.len(), 100_307);
+        let whole = options.draw(m.clone(), &Silent).unwrap();
+        assert!((0..drawn.len()).all(|i| whole.position(i) == written.position(i)));
+        assert_eq!(
+            whole.layers().iter().map(|l| l.content.clone()).collect::<Vec<_>>(),
+            [0..100_007, 100_007..100_307]
+        );
         assert!((0..drawn.len()).all(|i| drawn.position(i) == written.position(i)) && drawn.weights().is_none());
         // About an origin far away they are the same, but for rounding.
         let far = draw(&m, 5, [-1000.0, 0.0, 500.0], false, &Silent).unwrap();

@@ -4,13 +4,14 @@ use super::Method;
 use super::draw::{Rules, Scratch};
 use super::notes::notes;
 use super::plan::Plan;
-use crate::model::Model;
+use crate::model::{Layer, Metadata, Model};
 use crate::parallel;
 use crate::particles::{Described, Particles, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::memory::require;
+use std::ops::Range;
 use std::path::Path;
 
 /// How to draw.
@@ -31,9 +32,22 @@ pub struct Options {
 }
 
 impl Options {
+    /// Checks the numbers.
+    pub(super) fn check(&self) -> Result<()> {
+        if self.scale > 0.0 && self.scale.is_finite() {
+            return Ok(());
+        }
+        Err(Error::argument(format!("a scale of {} is not positive", self.scale)))
+    }
+
     /// Number of particles that are drawn from `model`.
     pub fn total(&self, model: &Model) -> u64 {
         self.particles.unwrap_or_else(|| model.layers.iter().map(|l| l.count()).sum())
+    }
+
+    /// What particles drawn from `model` by these options are: the keys that meta.json has beside box and units.
+    pub fn notes(&self, model: &Model, model_hash: [u8; 32]) -> serde_json::Value {
+        notes(&model.metadata, model.certificate.as_ref(), model_hash, self, self.total(model)).into()
     }
 
     /// Are the particles that [`recover`] would draw from `model` by these options in the folder `out`, as far as
@@ -76,9 +90,7 @@ pub fn recover(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<u64> {
-    if !(options.scale > 0.0 && options.scale.is_finite()) {
-        return Err(Error::argument(format!("a scale of {} is not positive", options.scale)));
-    }
+    options.check()?;
     require("drawing", (parallel::threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
     let (metadata, certificate) = (model.metadata.clone(), model.certificate);
     let plan = Plan::new(model, options.particles, options.method)?;
@@ -99,8 +111,21 @@ pub fn recover(
         Ok::<_, Error>(())
     })?;
     let layers = plan.described();
+    let meta = meta_of(&metadata, &layers);
+    writer.finish(&Described {
+        meta: &meta,
+        layers,
+        order: "layer by layer, Gaussian by Gaussian",
+        notes: notes(&metadata, certificate.as_ref(), model_hash, options, plan.total),
+    })?;
+    progress.end();
+    Ok(plan.total * if weighted { 16 } else { 12 })
+}
+
+/// What is known about particles drawn from a model, in these layers.
+pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> SnapshotMeta {
     let one = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
-    let meta = SnapshotMeta {
+    SnapshotMeta {
         name: format!("{} (synthetic)", metadata.source),
         cell: metadata.cell,
         length_unit: metadata.length_unit.clone(),
@@ -110,15 +135,7 @@ pub fn recover(
         scale_factor: metadata.scale_factor,
         hubble: metadata.hubble,
         time: metadata.time,
-    };
-    writer.finish(&Described {
-        meta: &meta,
-        layers,
-        order: "layer by layer, Gaussian by Gaussian",
-        notes: notes(&metadata, certificate.as_ref(), model_hash, options, plan.total),
-    })?;
-    progress.end();
-    Ok(plan.total * if weighted { 16 } else { 12 })
+    }
 }
 
 /// Bytes before the triples of a positions.npy.

@@ -19,6 +19,6 @@ mod spaced;
 mod stratified;
 mod wrap;
 
-pub use in_memory::draw;
+pub(crate) use in_memory::draw;
 pub use job::{Options, recover};
 pub use method::Method;

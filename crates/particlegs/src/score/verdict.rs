@@ -191,7 +191,7 @@ fn at_setting(
 ) -> Finding {
     let finding = |word, why| Finding { of, word, why };
     let Some(at) = c.measures.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
-        return finding(Word::NotMeasured, "not asked for (--certificate full), or an early file".into());
+        return finding(Word::NotMeasured, "of no full certificate, or of an early file".into());
     };
     let PictureScores { model, all_black, uniform_box, subset, .. } = at.expected.worst;
     let Some(gain) = Gain::of(model, [all_black, uniform_box], subset) else {
@@ -383,7 +383,7 @@ fn groups(science: Option<&Science>) -> Finding {
     match science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
         Limit::NotMeasured => finding(
             Word::NotMeasured,
-            "not asked for (--certificate full), too few groups, too many particles, or added up from blocks".into(),
+            "no full certificate, too few groups, too many particles, or added up from blocks".into(),
         ),
         Limit::Never => finding(Word::DoesNot, "numbers are within 10 % at no size".into()),
         Limit::At(n) => {

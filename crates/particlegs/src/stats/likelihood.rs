@@ -23,6 +23,8 @@ const REACH: f64 = 6.0;
 const NEEDLE: f64 = 5.0;
 /// The neighbour that a kernel estimate reaches to.
 const KERNEL_NEIGHBOURS: usize = 16;
+/// Points whose density is summed at once: 8 bytes each for every run of Gaussians.
+const AT_ONCE: usize = 1 << 17;
 /// Runs of Gaussians that are summed apart, so that sums do not depend on threads.
 const RUNS: usize = 64;
 
@@ -68,19 +70,12 @@ pub fn likelihood(
     let places: Vec<[f64; 3]> = chosen.iter().map(|i| domain.local(particles.position(*i as usize))).collect();
     let points = Points::new(&places, domain, 0.0)?;
     let (n, volume) = (points.position.len(), domain.volume());
-    let bells: Vec<Bell> = mixtures.iter().flat_map(|m| (0..m.len()).map(|i| Bell::new(m, i, domain))).collect();
-    let runs: Vec<&[Bell]> = bells.chunks(bells.len().div_ceil(RUNS).max(1)).collect();
-    let parts = parallel::try_map(runs, |run| {
-        progress.check()?;
-        let mut density = vec![0f64; n];
-        run.iter().for_each(|bell| bell.add(&points, &mut density));
-        progress.advance(1);
-        Ok::<_, Error>(density)
-    })?;
+    let bells: Vec<Bell> =
+        mixtures.iter().flat_map(|m| (0..m.len()).map(|i| Bell::new(m, i, m.count[i], domain))).collect();
+    let densities = densities(&bells, &points, progress)?;
     progress.end();
     // Relative to uniform.
-    let ratio = |i: usize| volume / total * parts.iter().map(|p| p[i]).sum::<f64>();
-    let ratios: Vec<f64> = (0..n).map(ratio).collect();
+    let ratios: Vec<f64> = densities.iter().map(|d| volume / total * d).collect();
     let bits: Vec<f64> = ratios.iter().map(|r| ((1.0 - UNIFORM) * r + UNIFORM).log2()).collect();
     let mean = bits.iter().sum::<f64>() / n as f64;
     let variance = bits.iter().map(|b| (b - mean) * (b - mean)).sum::<f64>() / n as f64;
@@ -122,19 +117,64 @@ pub(crate) fn kernel_bits(
     Ok(parts.iter().sum::<f64>() / places.len().max(1) as f64)
 }
 
+impl Domain {
+    /// The density of a model's mixture at `places` of the world, in this domain, where it repeats with its images:
+    /// mass a volume in the model's units, or particles where no mass is known. Nothing is averaged. Beyond six standard
+    /// deviations along its longest axis a Gaussian adds nothing.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a place that is not finite, [`Error::Memory`], [`Error::Cancelled`].
+    pub fn density_at(&self, model: &Model, places: &[[f64; 3]], progress: &dyn Progress) -> Result<Vec<f64>> {
+        if let Some(i) = places.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
+            return Err(Error::argument(format!("point {i} is not finite")));
+        }
+        let mut bells = Vec::with_capacity(model.gaussians());
+        for layer in &model.layers {
+            for m in layer.content.iter().map(|b| &b.gaussians) {
+                let mass = |i| layer.mass.unit_or_one() * m.mass_of(i);
+                bells.extend((0..m.len()).map(|i| Bell::new(m, i, mass(i), self)));
+            }
+        }
+        progress.begin("density", (places.len().div_ceil(AT_ONCE) * RUNS) as u64);
+        let mut all = vec![0.0; places.len()];
+        for (places, all) in places.chunks(AT_ONCE).zip(all.chunks_mut(AT_ONCE)) {
+            let local: Vec<[f64; 3]> = places.iter().map(|p| self.local(*p)).collect();
+            let points = Points::new(&local, self, 0.0)?;
+            let densities = densities(&bells, &points, progress)?;
+            points.index.iter().zip(densities).for_each(|(i, density)| all[*i as usize] = density);
+        }
+        progress.end();
+        Ok(all)
+    }
+}
+
+/// The sum of Gaussians at points, in the order of [`Points::position`].
+fn densities(bells: &[Bell], points: &Points, progress: &dyn Progress) -> Result<Vec<f64>> {
+    let n = points.position.len();
+    let parts = parallel::try_map(bells.chunks(bells.len().div_ceil(RUNS).max(1)), |run| {
+        progress.check()?;
+        let mut density = vec![0f64; n];
+        run.iter().for_each(|bell| bell.add(points, &mut density));
+        progress.advance(1);
+        Ok::<_, Error>(density)
+    })?;
+    Ok((0..n).map(|i| parts.iter().map(|p| p[i]).sum()).collect())
+}
+
 /// A Gaussian as its density is evaluated.
 struct Bell {
     /// Relative to the domain's corner, within it where it repeats.
     mean: [f64; 3],
     inverse: Sym3,
-    /// Particles a volume at the mean.
+    /// Particles, or mass, a volume at the mean.
     peak: f64,
     reach: f64,
     needle: bool,
 }
 
 impl Bell {
-    fn new(m: &Mixture, i: usize, domain: &Domain) -> Bell {
+    /// Gaussian `i` of a mixture, of `amount` particles or mass.
+    fn new(m: &Mixture, i: usize, amount: f64, domain: &Domain) -> Bell {
         let mut eigen = m.cov_of(i).eigen();
         // Coded widths may be zero: no narrower than a millionth of the box.
         let least = (1e-6 * domain.longest()).powi(2);
@@ -144,7 +184,7 @@ impl Bell {
         Bell {
             mean: domain.local(each_axis(|k| m.mean[k][i])),
             inverse: Sym3::from_eigen(&eigen),
-            peak: m.count[i] / (TAU.powi(3) * longest * middle * shortest).sqrt(),
+            peak: amount / (TAU.powi(3) * longest * middle * shortest).sqrt(),
             reach: REACH * longest.sqrt(),
             needle: longest > NEEDLE * NEEDLE * middle,
         }
@@ -196,5 +236,20 @@ mod tests {
         let model = model_of(&[([0.5; 3], needle, 1000.0)], BOX.length);
         let found = likelihood(&model, &cloud(1000, 0.03, 3), &BOX, 1, &Silent).unwrap();
         assert!((found.bits - UNIFORM.log2()).abs() < 0.01 && found.missed == 1.0 && found.needles == 1.0);
+    }
+
+    #[test]
+    fn the_density_at_points_is_the_sum_of_the_gaussians() {
+        let round = Sym3::scaled_identity(0.05f64.powi(2));
+        let model = model_of(&[([0.02, 0.5, 0.5], round, 1000.0), ([0.5; 3], round, 500.0)], BOX.length);
+        // On the first mean, on the second, across the seam from the first, nowhere near.
+        let places = [[0.02, 0.5, 0.5], [0.5; 3], [0.97, 0.5, 0.5], [0.5, 0.0, 0.0]];
+        let found = BOX.density_at(&model, &places, &Silent).unwrap();
+        let peak = (TAU * 0.05f64.powi(2)).powf(-1.5);
+        for (got, want) in found.iter().zip([1000.0 * peak, 500.0 * peak, 1000.0 * peak * (-0.5f64).exp(), 0.0]) {
+            assert!((got - want).abs() <= 1e-9 * peak * 1000.0, "{got} {want}");
+        }
+        assert!(BOX.density_at(&model, &[[0.0, f64::NAN, 0.0]], &Silent).is_err());
+        assert!(BOX.density_at(&model, &[], &Silent).unwrap().is_empty());
     }
 }

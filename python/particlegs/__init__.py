@@ -1,0 +1,50 @@
+"""Particle snapshots as small files that draw the picture ParaView would draw.
+
+A snapshot of particles becomes a mixture of Gaussians with masses, some hundred times smaller, which draws
+pictures from any side at any particle radius and opacity, and gives densities, statistics and synthetic particles.
+
+>>> import particlegs as pg
+>>> snap = pg.open("snap_099.0.hdf5", species="dm")
+>>> model = pg.compress(snap, ratio=300)
+>>> model.save("snap.pgs")
+>>> image = model.render(azimuth=30, elevation=20)
+
+Functions
+---------
+open, read, compress, stats
+
+Classes
+-------
+Snapshot, Model, Gaussians, Camera, Map, Grid, Stats
+
+Exceptions
+----------
+InputError, ModelError, UnreachableError; MemoryError, OSError, FileExistsError and KeyboardInterrupt as usual.
+"""
+
+from ._arrays import Grid, Map
+from ._camera import Camera
+from ._compress import compress
+from ._model import Gaussians, Model, read
+from ._particlegs import InputError, ModelError, UnreachableError, __version__
+from ._snapshot import Snapshot, formats, open
+from ._stats import Stats, stats
+
+__all__ = [
+    "Camera",
+    "Gaussians",
+    "Grid",
+    "InputError",
+    "Map",
+    "Model",
+    "ModelError",
+    "Snapshot",
+    "Stats",
+    "UnreachableError",
+    "__version__",
+    "compress",
+    "formats",
+    "open",
+    "read",
+    "stats",
+]

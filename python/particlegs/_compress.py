@@ -1,0 +1,134 @@
+"""Compression."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+
+from . import _coerce, _particlegs
+from ._model import Model
+from ._particlegs import InputError
+from ._snapshot import Snapshot, as_snapshot
+
+
+def compress(
+    snapshot,
+    *,
+    ratio=None,
+    size=None,
+    gaussians=None,
+    psnr=None,
+    max_pk_error=None,
+    k_max=None,
+    min_correlation=None,
+    cell=None,
+    groups_within=None,
+    from_size=None,
+    effort="default",
+    radius=None,
+    opacity=None,
+    train=None,
+    law=None,
+    certificate="quick",
+    memory=None,
+    blocks=None,
+    scratch=None,
+    box=None,
+    seed=42,
+    threads=None,
+    progress=None,
+) -> Model:
+    """Makes a model of particles: the same file, to the byte, as the command makes by the same options.
+
+    Parameters
+    ----------
+    snapshot : Snapshot or array_like, shape (n, 3)
+        The particles.
+    ratio : float, optional
+        Raw bytes (12 a particle, 16 with weights) over the file's. One target at most; 300 by default, less for small
+        snapshots.
+    size : int or str, optional
+        Bytes of the file, such as ``"11MB"``.
+    gaussians : int, optional
+        Number of Gaussians.
+    psnr : float, optional
+        Masked PSNR to reach, dB; like the next three it is searched for by up to eight fits.
+    max_pk_error, k_max : float or str, float
+        Largest error of P(k), such as ``"1%"``, up to a wave number.
+    min_correlation, cell : float, float
+        Correlation of densities in cells of this edge.
+    groups_within, from_size : float or str, int
+        Numbers of groups within this share, from this size on.
+    effort : {"default", "fast"}
+        Time spent on the fit.
+    radius, opacity : float, optional
+        Particle radius (world units) and opacity to store as the defaults.
+    train : {"fast", "best", "paper"}, optional
+        Train on pictures of the particles.
+    law : {"optical-depth", "alpha-blend"}, optional
+        The image law to train for.
+    certificate : {"none", "quick", "full"}
+        How much of the decoded model is measured and stored.
+    memory : int or str, optional
+        Memory to stay within, such as ``"2GiB"``; larger snapshots are fitted block by block.
+    blocks : int, optional
+        Number of blocks.
+    scratch : path, optional
+        Folder for the scratch files of `memory`.
+    box : optional
+        As for `Snapshot`; for positions alone.
+    seed : int
+        The same input, options and seed give the same bytes, whatever the threads.
+    threads : int, optional
+        Threads; all that the process may use by default.
+    progress : bool or callable, optional
+        True for a bar of tqdm's, or a function of (phase, done, total). An exception that it raises stops the work.
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    UnreachableError
+        For a target that cannot be reached.
+    MemoryError
+        Before anything is taken that there is not.
+    KeyboardInterrupt
+        By Ctrl-C, within half a second; nothing is left.
+    """
+    goals = [
+        ("max_pk_error", max_pk_error, "k_max", k_max),
+        ("min_correlation", min_correlation, "cell", cell),
+        ("groups_within", groups_within, "from_size", from_size),
+    ]
+    goal = None
+    for name, asked, beside, at in goals:
+        if (asked is None) != (at is None):
+            raise InputError(f"{name} and {beside} go together")
+        if asked is not None:
+            if goal is not None:
+                raise InputError(f"only one target can be met: {goal[0]} or {name}")
+            goal = (name, _coerce.share(asked), float(at))
+    asked = {
+        "ratio": ratio,
+        "size": _coerce.bytes_of(size),
+        "gaussians": gaussians,
+        "psnr": psnr,
+        "goal": goal,
+        "effort": effort,
+        "radius": radius,
+        "opacity": opacity,
+        "train": train,
+        "law": law,
+        "certificate": certificate,
+        "memory": _coerce.bytes_of(memory),
+        "blocks": blocks,
+        "seed": seed,
+    }
+    if box is not None and isinstance(snapshot, Snapshot):
+        raise InputError("the box is the snapshot's: give it to Snapshot or open")
+    particles = as_snapshot(snapshot, **({} if box is None else {"box": box}))
+    folder = os.fspath(scratch) if scratch is not None else (tempfile.gettempdir() if memory is not None else None)
+    native = _particlegs.compress(particles._native, asked, folder, threads, _coerce.progress(progress))
+    return Model._of(native)

@@ -1,0 +1,83 @@
+//! NumPy's arrays as the library's columns: where they lie, held for as long as they are used.
+
+use crate::errors::InputError;
+use numpy::{PyArrayDescrMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use particlegs::particles::Column;
+use particlegs_formats::Array;
+use pyo3::prelude::*;
+use std::sync::Arc;
+
+/// Memory of an array. The array is kept alive, and nothing here writes to it; whoever writes to it meanwhile from
+/// Python changes the particles.
+struct Held {
+    start: *const u8,
+    bytes: usize,
+    _owner: Py<PyAny>,
+}
+
+// SAFETY: the memory is read alone, and Python's object is only dropped, which takes the lock where it is needed.
+unsafe impl Send for Held {}
+// SAFETY: as above.
+unsafe impl Sync for Held {}
+
+impl AsRef<[u8]> for Held {
+    fn as_ref(&self) -> &[u8] {
+        // SAFETY: the owner keeps the memory, all of which lies within the array.
+        unsafe { std::slice::from_raw_parts(self.start, self.bytes) }
+    }
+}
+
+impl AsRef<[f32]> for Held {
+    fn as_ref(&self) -> &[f32] {
+        // SAFETY: made of aligned native f32 alone ([`column`]).
+        unsafe { std::slice::from_raw_parts(self.start.cast(), self.bytes / 4) }
+    }
+}
+
+/// A C-contiguous, aligned array of native float32, of any shape, as one run of numbers; nothing is copied.
+pub fn column(array: &PyReadonlyArrayDyn<'_, f32>) -> PyResult<Column> {
+    if !array.is_c_contiguous() {
+        return Err(InputError::new_err("the array is not contiguous"));
+    }
+    let values = array.as_slice().map_err(|e| InputError::new_err(e.to_string()))?;
+    let held = Held {
+        start: values.as_ptr().cast(),
+        bytes: std::mem::size_of_val(values),
+        _owner: array.as_any().clone().unbind(),
+    };
+    // No numbers need no memory, and may have none.
+    Ok(if values.is_empty() { Column::owned(Vec::new()) } else { Column::lent(Arc::new(held)) })
+}
+
+/// An (n, 3) array of any numbers, byte order and positive strides, where it lies.
+pub fn rows(array: &Bound<'_, PyUntypedArray>) -> PyResult<Array> {
+    let (shape, strides) = (array.shape(), array.strides());
+    let ([rows, 3], [row, axis]) = (shape, strides) else {
+        return Err(InputError::new_err("positions must have the shape (n, 3)"));
+    };
+    let size = array.dtype().itemsize();
+    let (Ok(row_bytes), Ok(axis_bytes)) = (usize::try_from(*row), usize::try_from(*axis)) else {
+        return Err(InputError::new_err("positions with negative strides"));
+    };
+    let bytes = match rows {
+        0 => 0,
+        n => (n - 1) * row_bytes + 2 * axis_bytes + size,
+    };
+    // SAFETY: the data pointer of a live array.
+    let start = unsafe { (*array.as_array_ptr()).fields.data.cast::<u8>().cast_const() };
+    let dtype: String = array.dtype().getattr("str")?.extract()?;
+    Ok(Array {
+        bytes: Arc::new(Held { start, bytes, _owner: array.as_any().clone().unbind() }),
+        rows: *rows as u64,
+        dtype,
+        first: [0, axis_bytes as u64, 2 * axis_bytes as u64],
+        stride: row_bytes as u64,
+    })
+}
+
+/// Points of an (n, 3) float64 array.
+pub fn points(array: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
+    let [_, 3] = array.shape() else { return Err(InputError::new_err("points must have the shape (n, 3)")) };
+    let values = array.as_slice().map_err(|e| InputError::new_err(e.to_string()))?;
+    Ok(values.as_chunks().0.to_vec())
+}

@@ -1,0 +1,88 @@
+//! Files of every format that the command reads.
+
+use crate::errors::OrRaise;
+use crate::snapshot::Snapshot;
+use crate::work::How;
+use particlegs::particles::{Selection, Storage};
+use particlegs::space::Bounds;
+use particlegs_formats::{Choice, Weights};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// What to read, as Python gives it; names are those of the command.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Asked {
+    format: Option<String>,
+    species: Vec<String>,
+    positions: Option<String>,
+    /// `auto`, `none` or a field.
+    weights: String,
+    frame: Option<u64>,
+    by_mass: bool,
+    box_lengths: Option<[f64; 3]>,
+    length_unit: Option<String>,
+    mass_unit: Option<String>,
+    skip_invalid: bool,
+    region: Option<[f64; 6]>,
+    center: Option<[f64; 3]>,
+    width: Option<[f64; 3]>,
+    every: u64,
+    sample: Option<u64>,
+    left_out: bool,
+    seed: u64,
+}
+
+impl Asked {
+    fn choice(self) -> particlegs::Result<Choice> {
+        let kept = match (self.region, self.center, self.width) {
+            (Some([x0, x1, y0, y1, z0, z1]), ..) => {
+                Selection { crop: Some(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] }), ..Selection::all() }
+            }
+            (None, Some(center), Some(width)) => Selection::window(center, width),
+            _ => Selection::all(),
+        };
+        let Asked { every, sample, left_out, seed, .. } = self;
+        Ok(Choice {
+            format: self.format,
+            frame: self.frame,
+            species: self.species,
+            positions: self.positions,
+            weights: match &self.weights[..] {
+                "auto" => Weights::Auto,
+                "none" => Weights::None,
+                field => Weights::Field(field.into()),
+            },
+            by_mass: self.by_mass,
+            skip_invalid: self.skip_invalid,
+            box_lengths: self.box_lengths,
+            length_unit: self.length_unit,
+            mass_unit: self.mass_unit,
+            selection: Some(Selection { every, sample, left_out, seed, ..kept }.check()?),
+            ..Choice::default()
+        })
+    }
+}
+
+/// Opens a snapshot.
+#[pyfunction]
+#[pyo3(signature = (paths, asked, scratch=None, threads=None, progress=None))]
+pub fn open(
+    py: Python<'_>,
+    paths: Vec<PathBuf>,
+    asked: Asked,
+    scratch: Option<PathBuf>,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Snapshot> {
+    let choice = asked.choice().or_raise()?;
+    let storage = scratch.map_or(Storage::Memory, Storage::Disk);
+    let particles = How { threads, progress }.run(py, |progress| choice.read(&paths, &storage, progress))?;
+    Ok(Snapshot::of(particles, choice.in_command()))
+}
+
+/// Names of the formats that are read.
+#[pyfunction]
+pub fn formats() -> Vec<&'static str> {
+    Choice::formats().collect()
+}

@@ -1,0 +1,150 @@
+//! Compression, by the command's options.
+
+use crate::errors::{InputError, OrRaise};
+use crate::model::Model;
+use crate::snapshot::Snapshot;
+use crate::work::How;
+use particlegs::compress::{Options, Target, compress as run};
+use particlegs::fit::Effort;
+use particlegs::model::{CertificateLevel, Goal, GoalKind, LawKind};
+use particlegs::particles::Storage;
+use particlegs::pieces::NoPieces;
+use particlegs::train::{Config, Preset};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// What is asked for, as Python gives it; names are those of the command.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Asked {
+    ratio: Option<f64>,
+    size: Option<u64>,
+    gaussians: Option<u64>,
+    psnr: Option<f64>,
+    /// Which figure, what it is to be, and at what wave number, edge or number.
+    goal: Option<(String, f64, f64)>,
+    effort: String,
+    radius: Option<f64>,
+    opacity: Option<f64>,
+    train: Option<String>,
+    law: Option<String>,
+    certificate: String,
+    memory: Option<u64>,
+    blocks: Option<u32>,
+    seed: u64,
+}
+
+impl Asked {
+    fn target(&self) -> PyResult<Target> {
+        let targets = [
+            self.ratio.map(Target::Ratio),
+            self.size.map(Target::Size),
+            self.gaussians.map(Target::Gaussians),
+            self.psnr.map(Target::Psnr),
+            self.goal.as_ref().map(|(kind, asked, at)| goal(kind, *asked, *at)).transpose()?,
+        ];
+        let mut targets = targets.into_iter().flatten();
+        match (targets.next(), targets.next()) {
+            (None, _) => Ok(Target::Default),
+            (Some(one), None) => one.check().or_raise(),
+            _ => Err(InputError::new_err("only one target can be met: one of ratio, size, gaussians, psnr or a goal")),
+        }
+    }
+
+    fn training(&self) -> PyResult<Option<Config>> {
+        let preset = match self.train.as_deref() {
+            None => match self.law {
+                None => return Ok(None),
+                Some(_) => return Err(InputError::new_err("law= needs train=")),
+            },
+            Some("fast") => Preset::Fast,
+            Some("best") => Preset::Best,
+            Some("paper") => Preset::Paper,
+            Some(other) => return Err(one_of("train", other, &["fast", "best", "paper"])),
+        };
+        let law = match self.law.as_deref() {
+            None | Some("optical-depth") => LawKind::OpticalDepth,
+            Some("alpha-blend") => LawKind::AlphaBlend,
+            Some(other) => return Err(one_of("law", other, &["optical-depth", "alpha-blend"])),
+        };
+        Ok(Some(Config::preset(preset, law)))
+    }
+
+    /// As the file says it.
+    fn training_in_command(&self) -> String {
+        let law = if self.law.as_deref() == Some("alpha-blend") { " --law alpha-blend" } else { "" };
+        self.train.as_ref().map(|preset| format!(" --train {preset}{law}")).unwrap_or_default()
+    }
+
+    fn options(&self, read: &str) -> PyResult<Options> {
+        let options = Options {
+            target: self.target()?,
+            effort: match &self.effort[..] {
+                "default" => Effort::Default,
+                "fast" => Effort::Fast,
+                other => return Err(one_of("effort", other, &["default", "fast"])),
+            },
+            radius: positive("radius", self.radius)?,
+            opacity: positive("opacity", self.opacity)?,
+            training: self.training()?,
+            seed: self.seed,
+            blocks: self.blocks,
+            memory: self.memory,
+            certificate: match &self.certificate[..] {
+                "none" => CertificateLevel::None,
+                "quick" => CertificateLevel::Quick,
+                "full" => CertificateLevel::Full,
+                other => return Err(one_of("certificate", other, &["none", "quick", "full"])),
+            },
+            ..Options::default()
+        };
+        if options.opacity.is_some_and(|a| a > 1.0) {
+            return Err(InputError::new_err("opacity must be above 0 and at most 1"));
+        }
+        let command = options.in_command(&self.training_in_command(), read);
+        Ok(Options { command, ..options })
+    }
+}
+
+fn goal(kind: &str, asked: f64, at: f64) -> PyResult<Target> {
+    let kind = match kind {
+        "max_pk_error" => GoalKind::PowerSpectrum,
+        "min_correlation" => GoalKind::Correlation,
+        "groups_within" => GoalKind::Groups,
+        other => return Err(one_of("goal", other, &["max_pk_error", "min_correlation", "groups_within"])),
+    };
+    Ok(Target::Goal(Goal { kind, asked, at }))
+}
+
+fn positive(name: &str, value: Option<f64>) -> PyResult<Option<f64>> {
+    match value {
+        Some(v) if !(v > 0.0 && v.is_finite()) => Err(InputError::new_err(format!("{name} must be positive"))),
+        value => Ok(value),
+    }
+}
+
+/// The exception for a name that there is not.
+fn one_of(name: &str, given: &str, there: &[&str]) -> PyErr {
+    InputError::new_err(format!("{name}=\"{given}\": there are {}", there.join(", ")))
+}
+
+/// Compresses a snapshot.
+#[pyfunction]
+#[pyo3(signature = (snapshot, asked, scratch=None, threads=None, progress=None))]
+pub fn compress(
+    py: Python<'_>,
+    snapshot: &Snapshot,
+    asked: Asked,
+    scratch: Option<PathBuf>,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Model> {
+    let mut options = asked.options(&snapshot.read)?;
+    if let (Some(folder), Some(_)) = (scratch, options.memory) {
+        options.storage = Storage::Disk(folder);
+    }
+    let particles = &*snapshot.particles;
+    let name = particles.meta.name.clone();
+    let made = How { threads, progress }.run(py, |progress| run(particles, &options, &mut NoPieces, progress))?;
+    Ok(Model::new(made.bytes, made.model, name))
+}

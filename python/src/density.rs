@@ -1,0 +1,81 @@
+//! Densities of a model: in cells, at points.
+
+use crate::arrays;
+use crate::errors::InputError;
+use crate::work::How;
+use numpy::ndarray::{ArrayD, IxDyn};
+use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArrayDyn};
+use particlegs::model::{LawKind, Mass, Model};
+use particlegs::stats::Domain;
+use particlegs_export::{Cells, Density};
+use pyo3::prelude::*;
+
+/// Refuses models without densities, and layers whose sum is none.
+pub fn refuse_without_masses(model: &Model, shown: &[bool]) -> PyResult<()> {
+    if model.metadata.law == LawKind::AlphaBlend {
+        let what = "an alpha-blend model has no density: its splats hold opacities, not masses; draw particles from \
+                    it with Model.recover";
+        return Err(InputError::new_err(what));
+    }
+    let layers: Vec<_> = model.layers.iter().zip(shown).filter(|(_, shown)| **shown).map(|(l, _)| l.mass).collect();
+    let known = layers.iter().filter(|m| **m != Mass::Unknown).count();
+    if known > 0 && known < layers.len() {
+        let what = "some layers have masses and others do not: their sum is no density; choose layers by layers=";
+        return Err(InputError::new_err(what));
+    }
+    Ok(())
+}
+
+fn unit(model: &Model, power: &str) -> String {
+    let m = &model.metadata;
+    let mass = match model.has_masses() {
+        true => m.mass_unit.as_deref().unwrap_or("mass"),
+        false => "particles",
+    };
+    match m.length_unit.as_deref() {
+        None => format!("{mass} / length{power}"),
+        Some(l) if l.contains(['/', ' ']) => format!("{mass} / ({l}){power}"),
+        Some(l) => format!("{mass} / {l}{power}"),
+    }
+}
+
+/// Unit of densities: `Msun/h / (Mpc/h)^3`.
+pub fn volume_unit(model: &Model) -> String {
+    unit(model, "^3")
+}
+
+/// Unit of surface densities.
+pub fn surface_unit(model: &Model) -> String {
+    unit(model, "^2")
+}
+
+/// Density in cells: values, the grid's corner, the sides of a cell, the mass beyond the grid.
+pub fn grid<'py>(
+    py: Python<'py>,
+    model: &Model,
+    cells: usize,
+    threads: Option<usize>,
+) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
+    refuse_without_masses(model, &vec![true; model.layers.len()])?;
+    let how = How::quietly(threads);
+    let density = how.run(py, |progress| Density::of(model, Cells::Along(cells), progress))?;
+    let values: Vec<f64> = density.values.iter().map(|v| f64::from(*v)).collect();
+    let array = ArrayD::from_shape_vec(IxDyn(&density.grid.cells), values);
+    let array = array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py);
+    Ok((array, density.grid.min, density.grid.side, density.outside))
+}
+
+/// Density at points, (n,).
+pub fn at<'py>(
+    py: Python<'py>,
+    model: &Model,
+    points: &PyReadonlyArrayDyn<'py, f64>,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    refuse_without_masses(model, &vec![true; model.layers.len()])?;
+    let points = arrays::points(points)?;
+    let values =
+        How::quietly(threads).run(py, |progress| Domain::of_model(model).density_at(model, &points, progress))?;
+    let array = ArrayD::from_shape_vec(IxDyn(&[values.len()]), values);
+    Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py))
+}

@@ -1,0 +1,33 @@
+//! Python's face of the library. What a user sees is written in Python (`python/particlegs`); here arrays are handed
+//! over without copies, work runs without the interpreter's lock, and errors become exceptions.
+//!
+//! `work` is the one way in which anything long runs; `arrays` the one in which numbers come in.
+
+mod arrays;
+mod choice;
+mod compress;
+mod density;
+mod errors;
+mod gaussians;
+mod model;
+mod pictures;
+mod snapshot;
+mod stats;
+mod work;
+
+use pyo3::prelude::*;
+
+/// The native half of `particlegs`; import `particlegs` instead.
+#[pymodule]
+fn _particlegs(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    errors::add(py, m)?;
+    m.add_class::<snapshot::Snapshot>()?;
+    m.add_class::<model::Model>()?;
+    m.add_class::<gaussians::Gaussians>()?;
+    m.add_function(wrap_pyfunction!(choice::open, m)?)?;
+    m.add_function(wrap_pyfunction!(choice::formats, m)?)?;
+    m.add_function(wrap_pyfunction!(compress::compress, m)?)?;
+    m.add_function(wrap_pyfunction!(stats::stats, m)?)?;
+    Ok(())
+}

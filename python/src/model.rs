@@ -1,0 +1,298 @@
+//! A model: its bytes, its Gaussians, and what is made of them.
+
+use crate::density;
+use crate::errors::{InputError, OrRaise};
+use crate::gaussians::Gaussians;
+use crate::pictures::{self, CameraArgs, Looking};
+use crate::snapshot::Snapshot;
+use crate::work::How;
+use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
+use particlegs::camera::View;
+use particlegs::model::{LawKind, Layer};
+use particlegs::particles::RawForm;
+use particlegs::picture::{Gray8, Pixels, Plane, Size};
+use particlegs::recover::{Method, Options};
+use particlegs::render::{Scene, Scratch, draw_into, optical_depth_into, surface_density};
+use particlegs::score::Finding;
+use particlegs::{codec, parallel};
+use particlegs_files::output;
+use particlegs_view::page::{ModelFile, offline};
+use particlegs_view::poster;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// A model; never changed.
+#[pyclass(frozen, subclass, module = "particlegs._particlegs")]
+pub struct Model {
+    bytes: Vec<u8>,
+    model: particlegs::model::Model,
+    name: String,
+    scratch: parallel::Scratch<Scratch>,
+    gaussians: OnceLock<Py<Gaussians>>,
+}
+
+/// Refuses to write where something is.
+pub fn refuse(path: &Path, overwrite: bool) -> PyResult<()> {
+    if overwrite || path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    let what = format!("{}: is there already; overwrite=True replaces it", path.display());
+    Err(pyo3::exceptions::PyFileExistsError::new_err(what))
+}
+
+impl Model {
+    pub fn new(bytes: Vec<u8>, model: particlegs::model::Model, name: String) -> Self {
+        Model { bytes, model, name, scratch: parallel::Scratch::default(), gaussians: OnceLock::new() }
+    }
+
+    pub fn inner(&self) -> &particlegs::model::Model {
+        &self.model
+    }
+
+    fn looking(&self) -> Looking {
+        let m = &self.model.metadata;
+        Looking { bounds: m.bounds, cell: m.cell, usual: [m.default_radius, m.default_opacity] }
+    }
+
+    /// Which layers are drawn; all without names.
+    fn shown(&self, names: Option<&[String]>) -> PyResult<Vec<bool>> {
+        let Some(names) = names else { return Ok(vec![true; self.model.layers.len()]) };
+        let there = |n: &String| self.model.layers.iter().any(|l| l.name == *n);
+        if let Some(missing) = names.iter().find(|n| !there(n)) {
+            let all: Vec<&str> = self.model.layers.iter().map(|l| &l.name[..]).collect();
+            return Err(InputError::new_err(format!("no layer \"{missing}\": there are {}", all.join(", "))));
+        }
+        Ok(self.model.layers.iter().map(|l| names.contains(&l.name)).collect())
+    }
+
+    /// The model of some layers; a copy where they are not all.
+    fn only(&self, names: Option<&[String]>) -> PyResult<std::borrow::Cow<'_, particlegs::model::Model>> {
+        Ok(match names {
+            None => std::borrow::Cow::Borrowed(&self.model),
+            Some(names) => std::borrow::Cow::Owned(self.model.clone().only(names).or_raise()?),
+        })
+    }
+
+    fn surface_density(
+        &self,
+        py: Python<'_>,
+        (shown, view, size): (&[bool], &View, Size),
+        threads: Option<usize>,
+    ) -> PyResult<Plane> {
+        density::refuse_without_masses(&self.model, shown)?;
+        let view = self.looking().density_view(view);
+        let scene = Scene::of_layers(&self.model, |l| shown[l]);
+        How::quietly(threads).run(py, |progress| surface_density(&scene, &view, size, progress))
+    }
+}
+
+#[pymethods]
+impl Model {
+    /// Decodes the bytes of a model file.
+    #[new]
+    #[pyo3(signature = (bytes, name, threads=None))]
+    fn decode(py: Python<'_>, bytes: Vec<u8>, name: String, threads: Option<usize>) -> PyResult<Self> {
+        let model = How::quietly(threads).run(py, |progress| codec::decode_with(&bytes, &name, progress))?;
+        Ok(Model::new(bytes, model, name))
+    }
+
+    /// Reads a model file.
+    #[staticmethod]
+    #[pyo3(signature = (path, threads=None))]
+    fn read(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Self> {
+        let place = path.display().to_string();
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_else(|| place.clone());
+        let (bytes, model) = How::quietly(threads).run(py, |progress| {
+            let source = particlegs_files::input::Source::open(&path, progress)?;
+            let bytes = codec::read_source(source, &place)?;
+            let model = codec::decode_with(&bytes, &place, progress)?;
+            Ok((bytes, model))
+        })?;
+        Ok(Model::new(bytes, model, name))
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    #[getter]
+    fn nbytes(&self) -> usize {
+        self.bytes.len()
+    }
+
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.bytes)
+    }
+
+    /// Writes the file, whole or not at all.
+    #[pyo3(signature = (path, overwrite=false))]
+    fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
+        refuse(&path, overwrite)?;
+        output::write_bytes(&path, &self.bytes).or_raise()
+    }
+
+    /// What the file says, as JSON: metadata, layers, certificate, verdict.
+    #[getter]
+    fn told(&self) -> String {
+        let m = &self.model;
+        let layer = |l: &Layer<Vec<particlegs::model::Block>>| {
+            serde_json::json!({
+                "name": l.name, "particles": l.count(), "particle_mass": l.mass.unit(),
+                "weighted": l.mass.is_weighted(), "blocks": l.content.len(),
+                "gaussians": l.content.iter().map(|b| b.gaussians.len()).sum::<usize>(),
+            })
+        };
+        let raw_bytes: u64 = m.layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
+        serde_json::json!({
+            "metadata": m.metadata,
+            "mass": m.mass(),
+            "gaussians": m.gaussians(),
+            "raw_bytes": raw_bytes,
+            "layers": m.layers.iter().map(layer).collect::<Vec<_>>(),
+            "certificate": m.certificate,
+            "verdict": Finding::verdict(m.certificate.as_ref(), &m.metadata),
+            "density_unit": density::volume_unit(m),
+            "surface_density_unit": density::surface_unit(m),
+        })
+        .to_string()
+    }
+
+    #[getter]
+    fn gaussians(slf: &Bound<'_, Self>) -> PyResult<Py<Gaussians>> {
+        let (py, this) = (slf.py(), slf.get());
+        if let Some(there) = this.gaussians.get() {
+            return Ok(there.clone_ref(py));
+        }
+        let made = Py::new(py, py.detach(|| Gaussians::of(&this.model)))?;
+        Ok(this.gaussians.get_or_init(|| made).clone_ref(py))
+    }
+
+    /// A picture: 8-bit levels, or brightness in [0, 1] of the style `expected`.
+    #[pyo3(signature = (style, size, camera, radius=None, opacity=None, layers=None, threads=None))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        style: &str,
+        size: (usize, usize),
+        camera: CameraArgs,
+        radius: Option<f64>,
+        opacity: Option<f64>,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
+        let view = self.looking().view(&camera, size, radius, opacity).or_raise()?;
+        let shown = self.shown(layers.as_deref())?;
+        let scene = Scene::of_layers(&self.model, |l| shown[l]);
+        let how = How::quietly(threads);
+        match look {
+            Some(look) => {
+                let mut picture = Gray8::black(size);
+                how.run(py, |progress| {
+                    let out = Pixels::new(size, &mut picture.data)?;
+                    self.scratch.with(|scratch| draw_into(&scene, &view, look, out, scratch, progress))
+                })?;
+                pictures::levels(py, picture)
+            }
+            None => {
+                let mut plane = Plane::zeros(size);
+                how.run(py, |progress| {
+                    let out = Pixels::new(size, &mut plane.data)?;
+                    self.scratch.with(|scratch| optical_depth_into(&scene, &view, out, scratch, progress))
+                })?;
+                pictures::brightness(py, &plane)
+            }
+        }
+    }
+
+    /// Mass, or particles, an area along the lines of sight, averaged over each pixel.
+    #[pyo3(signature = (size, camera, layers=None, threads=None))]
+    fn density<'py>(
+        &self,
+        py: Python<'py>,
+        size: (usize, usize),
+        camera: CameraArgs,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let size = Size { width: size.0, height: size.1 };
+        let view = self.looking().view(&camera, size, None, None).or_raise()?;
+        let shown = self.shown(layers.as_deref())?;
+        pictures::plane(py, &self.surface_density(py, (&shown, &view, size), threads)?)
+    }
+
+    /// Density in cells, with the grid's corner, the sides of a cell, and the mass beyond the grid.
+    #[pyo3(signature = (cells, layers=None, threads=None))]
+    fn density_grid<'py>(
+        &self,
+        py: Python<'py>,
+        cells: usize,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
+        density::grid(py, &*self.only(layers.as_deref())?, cells, threads)
+    }
+
+    /// Density at points.
+    #[pyo3(signature = (points, layers=None, threads=None))]
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArrayDyn<'py, f64>,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        density::at(py, &*self.only(layers.as_deref())?, &points, threads)
+    }
+
+    /// Synthetic particles.
+    #[pyo3(signature = (n, method, scale, seed, layers=None, threads=None, progress=None))]
+    fn recover(
+        &self,
+        py: Python<'_>,
+        n: Option<u64>,
+        method: &str,
+        scale: f64,
+        seed: u64,
+        layers: Option<Vec<String>>,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Snapshot> {
+        let methods =
+            [Method::Count, Method::Volume, Method::Ellipsoid, Method::Grid, Method::Stratified, Method::Spaced];
+        let method = methods.into_iter().find(|m| m.name() == method).ok_or_else(|| {
+            let there = methods.map(Method::name).join(", ");
+            InputError::new_err(format!("method=\"{method}\": there are {there}"))
+        })?;
+        let options =
+            Options { particles: n, method, scale, seed, form: RawForm::Columns, model_name: self.name.clone() };
+        let model = self.only(layers.as_deref())?.into_owned();
+        let notes = options.notes(&model, codec::file_hash(&self.bytes)).to_string();
+        let drawn = How { threads, progress }.run(py, |progress| options.draw(model, progress))?;
+        Ok(Snapshot { drawn: Some(notes), ..Snapshot::of(drawn, String::new()) })
+    }
+
+    /// A page that shows the model in any browser, offline.
+    #[pyo3(signature = (threads=None))]
+    fn to_html(&self, py: Python<'_>, threads: Option<usize>) -> PyResult<String> {
+        let file = ModelFile { name: &self.name, bytes: &self.bytes };
+        let page = How::quietly(threads).run(py, |progress| offline(&[file], progress))?;
+        String::from_utf8(page).map_err(|e| InputError::new_err(e.to_string()))
+    }
+
+    /// A small picture of the whole, PNG.
+    fn poster<'py>(&self, py: Python<'py>, size: (usize, usize)) -> PyResult<Bound<'py, PyBytes>> {
+        let size = Size { width: size.0, height: size.1 };
+        pictures::check(size).or_raise()?;
+        let png = How::quietly(None).run(py, |progress| poster::draw(&self.model, size, progress))?;
+        Ok(PyBytes::new(py, &png))
+    }
+
+    #[getter]
+    fn is_alpha_blend(&self) -> bool {
+        self.model.metadata.law == LawKind::AlphaBlend
+    }
+}

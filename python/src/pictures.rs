@@ -1,0 +1,160 @@
+//! Where a picture is looked at from, and pictures as arrays.
+
+use crate::errors::InputError;
+use numpy::ndarray::Array2;
+use numpy::{PyArray2, ToPyArray};
+use particlegs::camera::{Camera, DensityView, Projection, View, Window, base_distance, spherical_camera};
+use particlegs::picture::{Gray8, Plane, Size};
+use particlegs::space::{Bounds, Cell};
+use particlegs::splat::Look;
+use particlegs::{Error, Result};
+use pyo3::prelude::*;
+
+/// A camera, as Python gives it: by angles, or whole.
+#[derive(FromPyObject)]
+pub enum CameraArgs {
+    #[pyo3(transparent)]
+    Whole(Whole),
+    #[pyo3(transparent)]
+    Angles(Angles),
+}
+
+/// Position, focal point, view up, and one of field of view (degrees) and height (world units).
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Whole {
+    position: [f64; 3],
+    focal_point: [f64; 3],
+    view_up: [f64; 3],
+    fov_deg: Option<f64>,
+    height: Option<f64>,
+    clipping_range: Option<[f64; 2]>,
+}
+
+/// As the command has it: angles in degrees, a distance in multiples of that from which all is seen, or a window.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Angles {
+    azimuth: f64,
+    elevation: f64,
+    distance: f64,
+    center: Option<[f64; 3]>,
+    /// World units across of an orthographic picture.
+    width: Option<f64>,
+    depth: Option<f64>,
+}
+
+/// What is looked at.
+pub struct Looking {
+    pub bounds: Bounds,
+    pub cell: Option<Cell>,
+    /// Radius and opacity where none is asked for.
+    pub usual: [f64; 2],
+}
+
+impl Looking {
+    /// The view, checked.
+    pub fn view(&self, args: &CameraArgs, size: Size, radius: Option<f64>, opacity: Option<f64>) -> Result<View> {
+        check(size)?;
+        let camera = match args {
+            CameraArgs::Whole(w) => w.camera()?,
+            CameraArgs::Angles(a) => self.turned(a, size)?,
+        };
+        let [usual_radius, usual_opacity] = self.usual;
+        let view = View {
+            name: "view".into(),
+            camera,
+            radius: radius.unwrap_or(usual_radius),
+            opacity: opacity.unwrap_or(usual_opacity),
+        };
+        view.check(size)?;
+        Ok(view)
+    }
+
+    fn turned(&self, a: &Angles, size: Size) -> Result<Camera> {
+        let center = a.center.unwrap_or(self.bounds.center());
+        if center.iter().chain([&a.azimuth, &a.elevation]).any(|v| !v.is_finite()) {
+            return Err(Error::argument("the centre or an angle is not finite"));
+        }
+        if let Some(width) = a.width {
+            let window = Window { center, angles_deg: [a.azimuth, a.elevation], width, depth: a.depth };
+            let view = DensityView::orthographic("view", &window, size, &self.bounds, self.cell)?;
+            // A picture of particles shows all there is unless a depth is asked for.
+            return Ok(Camera { clipping_range: a.depth.map(|_| view.range), ..view.camera });
+        }
+        if !(a.distance > 0.0 && a.distance.is_finite()) {
+            return Err(Error::argument(format!("a distance of {} must be positive", a.distance)));
+        }
+        let distance = a.distance * base_distance(&self.bounds, size);
+        Ok(spherical_camera(center, a.azimuth, a.elevation, distance))
+    }
+
+    /// The view of a density; an orthographic one is filled by copies of a periodic cell.
+    pub fn density_view(&self, view: &View) -> DensityView {
+        let parallel = matches!(view.camera.projection, Projection::Orthographic { .. });
+        let wrap = self.cell.filter(|c| parallel && c.periodic.contains(&true));
+        DensityView { wrap, ..DensityView::of_view(view, &self.bounds) }
+    }
+}
+
+impl Whole {
+    fn camera(&self) -> Result<Camera> {
+        let projection = match (self.fov_deg, self.height) {
+            (Some(fov_deg), None) => Projection::Perspective { fov_deg },
+            (None, Some(height_world)) => Projection::Orthographic { height_world },
+            _ => return Err(Error::argument("a camera has either a field of view or a height")),
+        };
+        Ok(Camera {
+            position: self.position,
+            focal_point: self.focal_point,
+            view_up: self.view_up,
+            projection,
+            clipping_range: self.clipping_range,
+        })
+    }
+}
+
+/// Refuses pictures that nobody can mean.
+pub fn check(size: Size) -> Result<()> {
+    let fine = |n: usize| (1..=32_768).contains(&n);
+    if fine(size.width) && fine(size.height) {
+        return Ok(());
+    }
+    Err(Error::argument(format!("a picture of {} x {} pixels: 1 to 32768 each", size.width, size.height)))
+}
+
+/// The look of a style; `None` = brightness without rounding.
+pub fn look(style: &str) -> PyResult<Option<Look>> {
+    Ok(match style {
+        "paraview" => Some(Look::Paraview),
+        "paraview-no-fxaa" => Some(Look::ParaviewNoFxaa),
+        "expected" => None,
+        other => {
+            let what = format!("style \"{other}\": there are \"paraview\", \"paraview-no-fxaa\" and \"expected\"");
+            return Err(InputError::new_err(what));
+        }
+    })
+}
+
+/// 8-bit levels, (height, width).
+pub fn levels(py: Python<'_>, picture: Gray8) -> PyResult<Bound<'_, PyAny>> {
+    Ok(array(py, picture.size, picture.data)?.into_any())
+}
+
+/// `1 - exp(-tau)` of an optical depth, (height, width).
+pub fn brightness<'py>(py: Python<'py>, depth: &Plane) -> PyResult<Bound<'py, PyAny>> {
+    Ok(array(py, depth.size, depth.data.iter().map(|tau| -(-tau).exp_m1()).collect())?.into_any())
+}
+
+/// Values of a picture, (height, width).
+pub fn array<T: numpy::Element>(py: Python<'_>, size: Size, values: Vec<T>) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let array = Array2::from_shape_vec((size.height, size.width), values);
+    Ok(numpy::IntoPyArray::into_pyarray(array.map_err(|e| InputError::new_err(e.to_string()))?, py))
+}
+
+/// float64 values of a plane, (height, width).
+pub fn plane<'py>(py: Python<'py>, plane: &Plane) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let values = plane.data.iter().map(|v| f64::from(*v)).collect();
+    let array = Array2::from_shape_vec((plane.size.height, plane.size.width), values);
+    Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.to_pyarray(py))
+}

@@ -1,0 +1,270 @@
+//! Particles: arrays handed over, a file that was opened, or what was drawn from a model.
+
+use crate::arrays;
+use crate::errors::{InputError, OrRaise};
+use crate::pictures::{self, CameraArgs, Looking};
+use crate::work::How;
+use numpy::ndarray::ArrayView;
+use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
+use particlegs::model::Layer;
+use particlegs::particles::{Kept, Layered, Particles, Positions, Selection, SnapshotMeta, Storage, Tiling};
+use particlegs::picture::Size;
+use particlegs::reference::Reference;
+use particlegs::space::Cell;
+use particlegs_formats::Writer;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Particles, read or handed over; never changed.
+#[pyclass(frozen, subclass, module = "particlegs._particlegs")]
+pub struct Snapshot {
+    pub particles: Arc<Particles>,
+    /// What was read of the files, as a model's command says it.
+    pub read: String,
+    /// What drawn particles are, as JSON; `None` of others.
+    pub drawn: Option<String>,
+}
+
+impl Snapshot {
+    /// Particles of files.
+    pub fn of(particles: Particles, read: String) -> Self {
+        Snapshot { particles: Arc::new(particles), read, drawn: None }
+    }
+}
+
+/// What is known of particles beside them, as Python gives it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Known {
+    name: String,
+    cell: Option<([f64; 3], [[f64; 3]; 3], [bool; 3])>,
+    length_unit: Option<String>,
+    mass_unit: Option<String>,
+    particle_mass: Option<f64>,
+    comoving: Option<bool>,
+    scale_factor: Option<f64>,
+    hubble: Option<f64>,
+    time: Option<f64>,
+}
+
+impl Known {
+    pub fn meta(self) -> PyResult<SnapshotMeta> {
+        let cell = |(origin, vectors, periodic): ([f64; 3], _, _)| {
+            let cell = Cell { origin, vectors, periodic };
+            if cell.inverse().is_none() || origin.iter().any(|v| !v.is_finite()) {
+                return Err(InputError::new_err("the box must be finite and have a volume"));
+            }
+            Ok(cell)
+        };
+        if self.particle_mass.is_some_and(|m| !(m > 0.0 && m.is_finite())) {
+            return Err(InputError::new_err("the mass of a particle must be positive and finite"));
+        }
+        Ok(SnapshotMeta {
+            name: self.name,
+            cell: self.cell.map(cell).transpose()?,
+            length_unit: self.length_unit,
+            mass_unit: self.mass_unit,
+            particle_mass: self.particle_mass,
+            comoving: self.comoving,
+            scale_factor: self.scale_factor,
+            hubble: self.hubble,
+            time: self.time,
+        })
+    }
+}
+
+/// Positions as they came.
+enum Given {
+    InPlace(Positions),
+    Rows(particlegs_formats::Array),
+}
+
+impl Given {
+    fn of(positions: &Bound<'_, PyAny>) -> PyResult<Given> {
+        if let Ok(columns) = positions.cast::<PyTuple>() {
+            let column = |i: usize| arrays::column(&columns.get_item(i)?.extract::<PyReadonlyArrayDyn<'_, f32>>()?);
+            let columns = [column(0)?, column(1)?, column(2)?];
+            if columns.iter().any(|c| c.len() != columns[0].len()) {
+                return Err(InputError::new_err("x, y and z must have one length"));
+            }
+            return Ok(Given::InPlace(Positions::Columns(columns)));
+        }
+        if let Ok(triples) = positions.extract::<PyReadonlyArrayDyn<'_, f32>>()
+            && matches!(triples.as_array().shape(), [_, 3])
+            && let Ok(column) = arrays::column(&triples)
+        {
+            return Ok(Given::InPlace(Positions::Triples(column)));
+        }
+        arrays::rows(positions.cast::<PyUntypedArray>()?).map(Given::Rows)
+    }
+}
+
+#[pymethods]
+impl Snapshot {
+    /// Of arrays: an (n, 3) array of numbers, or a tuple of three contiguous float32 columns.
+    #[new]
+    #[pyo3(signature = (positions, weights, known, skip_invalid=false, threads=None))]
+    fn new(
+        py: Python<'_>,
+        positions: &Bound<'_, PyAny>,
+        weights: Option<PyReadonlyArrayDyn<'_, f32>>,
+        known: Known,
+        skip_invalid: bool,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        let (given, meta) = (Given::of(positions)?, known.meta()?);
+        let weights = weights.map(|w| arrays::column(&w)).transpose()?;
+        let particles = How::quietly(threads).run(py, move |progress| {
+            let particles = match given {
+                Given::InPlace(positions) => Particles::new(positions, [0.0; 3], meta),
+                Given::Rows(array) => {
+                    let reader = array.reader(meta)?;
+                    Layered::new(vec![(Particles::ONE_LAYER.into(), reader)])?.load(&Storage::Memory, progress)?
+                }
+            };
+            let name = particles.meta.name.clone();
+            if particles.is_empty() {
+                return Err(particlegs::Error::input(&name, "no particles"));
+            }
+            let particles = match weights {
+                Some(w) if w.len() != particles.len() => {
+                    let what = format!("{} weights of {} particles", w.len(), particles.len());
+                    return Err(particlegs::Error::input(&name, what));
+                }
+                Some(weights) => particles.with_weights(weights),
+                None => particles,
+            };
+            let drop = skip_invalid.then_some(&Storage::Memory);
+            Ok(particles.checked(&name, drop)?.settle_masses())
+        })?;
+        Ok(Snapshot::of(particles, String::new()))
+    }
+
+    fn __len__(&self) -> usize {
+        self.particles.len()
+    }
+
+    /// Positions about `origin`, float32, (n, 3): a read-only view where they lie so, else a copy.
+    #[getter]
+    fn local_positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let (py, this) = (slf.py(), slf.get());
+        match &this.particles.positions {
+            Positions::Triples(t) => view(slf.as_any(), t, &[this.particles.len(), 3]),
+            Positions::Columns(c) => {
+                let columns = c.each_ref().map(|c| &c[..]);
+                let triples = py.detach(|| {
+                    let mut triples = Vec::with_capacity(3 * columns[0].len());
+                    (0..columns[0].len()).for_each(|i| triples.extend(columns.map(|c| c[i])));
+                    triples
+                });
+                PyArray::from_vec(py, triples).reshape([this.particles.len(), 3]).map(|a| a.to_dyn().clone())
+            }
+        }
+    }
+
+    /// What positions are about, world units.
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.particles.origin
+    }
+
+    /// Weights, float32, (n,): a read-only view; `None` where all count alike.
+    #[getter]
+    fn weights<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
+        let weights = slf.get().particles.weights();
+        weights.map(|w| view(slf.as_any(), w, &[w.len()])).transpose()
+    }
+
+    /// The lowest and the highest corner.
+    #[pyo3(signature = (threads=None))]
+    fn bounds(&self, py: Python<'_>, threads: Option<usize>) -> PyResult<[[f64; 3]; 2]> {
+        let bounds = How::quietly(threads).run(py, |_| Ok(self.particles.bounds()))?;
+        Ok([bounds.min, bounds.max])
+    }
+
+    /// Name, first particle, end, mass of a particle (or of weight 1) where it is known, has weights?
+    #[getter]
+    fn layers(&self) -> Vec<(String, usize, usize, Option<f64>, bool)> {
+        let told = |l: &Layer<std::ops::Range<usize>>| {
+            (l.name.clone(), l.content.start, l.content.end, l.mass.unit(), l.mass.is_weighted())
+        };
+        self.particles.layers().iter().map(told).collect()
+    }
+
+    /// What is known of the particles, as JSON.
+    #[getter]
+    fn metadata(&self) -> String {
+        serde_json::to_string(&self.particles.meta).expect("plain data")
+    }
+
+    /// What drawn particles are, as JSON.
+    #[getter]
+    fn drawn(&self) -> Option<&str> {
+        self.drawn.as_deref()
+    }
+
+    /// Writes them in a format that the name's ending means; gives the bytes.
+    #[pyo3(signature = (path, overwrite=false, threads=None, progress=None))]
+    fn save(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        overwrite: bool,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<u64> {
+        crate::model::refuse(&path, overwrite)?;
+        let particles = &self.particles;
+        How { threads, progress }.run(py, |progress| {
+            let kept = Kept::new(particles, Tiling::single(), Selection::all(), progress)?;
+            Writer::of(&path, None)?.write(&kept, &path, progress)
+        })
+    }
+
+    /// A picture of all particles by ParaView's own rules, or free of noise.
+    #[pyo3(signature = (style, size, camera, radius=None, opacity=None, threads=None))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        style: &str,
+        size: (usize, usize),
+        camera: CameraArgs,
+        radius: Option<f64>,
+        opacity: Option<f64>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
+        let particles = &*self.particles;
+        let reference = How::quietly(threads).run(py, |_| Ok(Reference::new(particles)))?;
+        let bounds = *reference.bounds();
+        let usual = [bounds.default_radius(particles.len() as u64), 0.05];
+        let looking = Looking { bounds, cell: particles.meta.cell, usual };
+        let view = looking.view(&camera, size, radius, opacity).or_raise()?;
+        let how = How::quietly(threads);
+        match look {
+            Some(look) => {
+                let picture = how.run(py, |progress| reference.draw(&view, size, look, progress))?;
+                pictures::levels(py, picture)
+            }
+            None => {
+                let plane = how.run(py, |progress| reference.optical_depth(&view, size, progress))?;
+                pictures::brightness(py, &plane)
+            }
+        }
+    }
+}
+
+/// A read-only array of values that `owner` keeps.
+pub fn view<'py, T: numpy::Element>(
+    owner: &Bound<'py, PyAny>,
+    values: &[T],
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let values = ArrayView::from_shape(shape, values).map_err(|e| InputError::new_err(e.to_string()))?;
+    // SAFETY: the owner is frozen: what it holds neither moves nor changes while the array keeps it alive.
+    let array = unsafe { PyArray::borrow_from_array(&values, owner.clone()) };
+    array.getattr("flags")?.setattr("writeable", false)?;
+    Ok(array)
+}

@@ -1,0 +1,133 @@
+//! Statistics of particles or a model against others.
+
+use crate::errors::InputError;
+use crate::model::Model;
+use crate::snapshot::Snapshot;
+use crate::work::How;
+use particlegs::stats::{Assignment, Convention, Measure, StatsOptions, Subject, compare};
+use pyo3::prelude::*;
+
+/// What is measured, as Python gives it; names are those of the command.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Asked {
+    only: Vec<String>,
+    convention: String,
+    grid: usize,
+    assignment: String,
+    spectrum_grid: usize,
+    spectrum_assignment: String,
+    interlacing: bool,
+    k_max: Option<f64>,
+    separations: Option<[f64; 2]>,
+    pairs: u64,
+    rdf_max: Option<f64>,
+    profile_bins: usize,
+    centers: Option<Vec<[f64; 3]>>,
+    halo_radius: Option<f64>,
+    halo_bins: usize,
+    linking: f64,
+    aperture: f64,
+    neighbours: usize,
+    open: bool,
+    seed: u64,
+}
+
+impl Asked {
+    fn options(self) -> PyResult<StatsOptions> {
+        let measures = match self.only.is_empty() {
+            true => Measure::ALL.to_vec(),
+            false => self.only.iter().map(|name| measure(name)).collect::<PyResult<_>>()?,
+        };
+        let centers = self.centers.map(|all| all.into_iter().map(|c| (c, None)).collect());
+        Ok(StatsOptions {
+            measures,
+            convention: match &self.convention[..] {
+                "correct" => Convention::Correct,
+                "paper" => Convention::Paper,
+                other => return Err(unknown("convention", other)),
+            },
+            open: self.open,
+            cells: self.grid,
+            assignment: assignment(&self.assignment)?,
+            spectrum_cells: self.spectrum_grid,
+            spectrum_assignment: assignment(&self.spectrum_assignment)?,
+            interlaced: self.interlacing,
+            k_max: self.k_max,
+            separations: self.separations,
+            pair_budget: self.pairs,
+            rdf_max: self.rdf_max,
+            profile_bins: self.profile_bins,
+            centers,
+            halo_radius: self.halo_radius,
+            halo_bins: self.halo_bins,
+            linking: self.linking,
+            aperture: self.aperture,
+            neighbour_sample: self.neighbours,
+            seed: self.seed,
+            ..StatsOptions::default()
+        })
+    }
+}
+
+fn unknown(what: &str, name: &str) -> PyErr {
+    InputError::new_err(format!("{what} \"{name}\" is not known"))
+}
+
+fn assignment(name: &str) -> PyResult<Assignment> {
+    match name {
+        "ngp" => Ok(Assignment::Ngp),
+        "cic" => Ok(Assignment::Cic),
+        "tsc" => Ok(Assignment::Tsc),
+        other => Err(unknown("assignment", other)),
+    }
+}
+
+fn measure(name: &str) -> PyResult<Measure> {
+    Ok(match name {
+        "density" => Measure::Density,
+        "spectrum" => Measure::Spectrum,
+        "pairs" => Measure::Pairs,
+        "groups" => Measure::Groups,
+        "neighbours" => Measure::Neighbours,
+        "moments" => Measure::Moments,
+        "likelihood" => Measure::Likelihood,
+        "rdf" => Measure::Rdf,
+        "profile" => Measure::Profile,
+        "haloes" => Measure::Haloes,
+        other => return Err(unknown("measure", other)),
+    })
+}
+
+/// A snapshot, or a model.
+#[derive(FromPyObject)]
+pub enum Source<'py> {
+    Snapshot(Bound<'py, Snapshot>),
+    Model(Bound<'py, Model>),
+}
+
+impl Source<'_> {
+    fn subject(&self) -> Subject<'_> {
+        match self {
+            Source::Snapshot(s) => Subject::Particles(&s.get().particles),
+            Source::Model(m) => Subject::Model(m.get().inner()),
+        }
+    }
+}
+
+/// Measures `other` against `truth`; the result as JSON, as the command writes it.
+#[pyfunction]
+#[pyo3(signature = (truth, other, asked, threads=None, progress=None))]
+pub fn stats(
+    py: Python<'_>,
+    truth: Source<'_>,
+    other: Source<'_>,
+    asked: Asked,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let options = asked.options()?;
+    let (truth, other) = (truth.subject(), other.subject());
+    let found = How { threads, progress }.run(py, |progress| compare(truth, other, &options, progress))?;
+    Ok(serde_json::to_string(&found).expect("plain data"))
+}
