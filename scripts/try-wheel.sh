@@ -35,6 +35,7 @@ for python in "${pythons[@]}"; do
             cd "$work/away"
             PATH=$work/env/bin:/usr/bin:/bin
             particlegs compress nbody64 -o command.pgs --effort fast --quiet >/dev/null
+            [ "$(particlegs --version)" = "particlegs $(python -c 'import particlegs; print(particlegs.__version__)')" ]
             python "$here/scripts/try-wheel.py"
             python "$here/scripts/import-time.py" --at-most 0.2
         )
