@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
 # Tries a static binary where there is nothing else: an empty folder as root directory, without libraries, /dev, /proc or
 # a network's files, with the bundled sample beside it. Prints what the model's bytes hash to: every build makes the same.
-# Usage: scripts/try-binary.sh BINARY
-# RUN_IN names another way into the folder than `chroot` (as root) or `unshare` (as a user).
+# Usage: scripts/try-binary.sh BINARY [EMULATOR]
+#   EMULATOR  a static one, where the binary is another machine's, such as qemu-aarch64-static
+# Enters the folder by `chroot` as root, as a user by `unshare`.
 set -euo pipefail
-binary=${1:?usage: scripts/try-binary.sh BINARY}
+binary=$(realpath "${1:?usage: scripts/try-binary.sh BINARY [EMULATOR]}")
+emulator=${2:-}
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 root=$(mktemp -d)
@@ -18,10 +20,14 @@ trap finish EXIT
 mkdir "$root/sample" "$root/out"
 cp "$binary" "$root/particlegs"
 cp samples/nbody64/* "$root/sample/"
-if [ "$(id -u)" = 0 ]; then way='chroot'; else way='unshare --map-root-user --root'; fi
-# shellcheck disable=SC2206
-way=(${RUN_IN:-$way})
-way=(env -i PATH="$PATH" "${way[@]}" "$root" /particlegs)
+way=(unshare --map-root-user --root)
+if [ "$(id -u)" = 0 ]; then way=(chroot); fi
+way=(env -i PATH="$PATH" "${way[@]}" "$root")
+if [ -n "$emulator" ]; then
+    cp "$emulator" "$root/emulator"
+    way+=(/emulator)
+fi
+way+=(/particlegs)
 inside() { timeout 120 "${way[@]}" "$@"; }
 failed() {
     echo "$*" >&2
@@ -34,7 +40,7 @@ said=$(inside info /sample)
 inside compress /sample -o /out/sample.pgs --effort fast --quiet >/dev/null
 inside verify /out/sample.pgs /sample --quiet >/dev/null
 inside render /out/sample.pgs --azimuth 30 --elevation 20 --size 640x360 -o /out/sample.png --quiet >/dev/null
-[ "$(head -c 4 "$root/out/sample.png" | tail -c 3)" = PNG ] || failed '`render` wrote no PNG'
+[ "$(head -c 4 "$root/out/sample.png" | tail -c 3)" = PNG ] || failed "\`render\` wrote no PNG"
 
 # The page, asked for from outside; its address stands on the first line that has one.
 "${way[@]}" view /out/sample.pgs --no-open --port 0 >"$root/out/said" 2>&1 &
@@ -47,7 +53,7 @@ for _ in $(seq 100); do
 done
 [ -n "$address" ] || failed "\`view\` says no address: $(cat "$root/out/said")"
 curl --fail --silent --show-error --noproxy '*' --max-time 20 "$address" -o "$root/out/page.html"
-grep -qi '<canvas\|<script' "$root/out/page.html" || failed '`view` answered with no page'
+grep -qi '<canvas\|<script' "$root/out/page.html" || failed "\`view\` answered with no page"
 kill "$server"
 wait "$server" || failed "\`view\` ended with an error: $(cat "$root/out/said")"
 server=''

@@ -25,7 +25,7 @@ for python in "${pythons[@]}"; do
     # 1.24 has wheels for Python 3.8 to 3.11.
     if "$python" -c 'import sys; sys.exit(sys.version_info >= (3, 12))'; then numpys+=' numpy==1.24.*'; fi
     for numpy in $numpys; do
-        rm -rf "$work"/*
+        rm -rf "$work/env" "$work/away"
         "$python" -m venv "$work/env"
         "$work/env/bin/python" -m pip install --quiet --disable-pip-version-check --only-binary :all: "$numpy" "$wheel"
         # Away from the tree, whose folder python/ must not be what is imported, and without the tree's PATH.

@@ -9,13 +9,13 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
+# shellcheck source=scripts/handed-out.sh
+. scripts/handed-out.sh
+
 folder=${1:-dist}
-machine=$(uname -m)
 target=${2:-$machine-unknown-linux-gnu}
 mkdir -p "$folder"
 folder=$(cd "$folder" && pwd)
-built=$(cargo metadata --format-version 1 --no-deps --locked | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
-
 tools=$built/wheel-tools
 wanted='maturin==1.16.0 ziglang==0.17.1 cargo-zigbuild==0.24.0 auditwheel==6.8.2 abi3audit==0.0.26'
 if [ "$(cat "$tools/installed" 2>/dev/null)" != "$wanted" ]; then
@@ -27,11 +27,8 @@ if [ "$(cat "$tools/installed" 2>/dev/null)" != "$wanted" ]; then
 fi
 PATH=$tools/bin:$PATH
 
-separator=$'\x1f'
-flags=(-C strip=symbols "--remap-path-prefix=$PWD=." "--remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo"
-    "--remap-path-prefix=$(rustc --print sysroot)=rust")
-encoded=$(printf "%s$separator" "${flags[@]}")
-export CARGO_ENCODED_RUSTFLAGS=${encoded%"$separator"} CARGO_INCREMENTAL=0
+# shellcheck disable=SC2119
+compile_with
 
 # The command lies where maturin looks for what a wheel has beside its package, for as long as that takes.
 cargo zigbuild --profile dist --locked --target "$target.2.17" --package particlegs-cli --bin particlegs
