@@ -1,12 +1,9 @@
 # shellcheck shell=bash disable=SC2034
 # Sourced by what makes files that are handed out, after a `cd` to the root: $built, where cargo puts what it builds;
-# $machine; $command_flags, the command's own; and `compile_with FLAG...`, which gives rustc those flags and the ones that every such file has.
+# $machine; and `compile_with FLAG...`, which gives rustc those flags and the ones that every such file has.
 machine=$(uname -m)
 built=$(cargo metadata --format-version 1 --no-deps --locked | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
 export CARGO_INCREMENTAL=0
-
-# The command ends at a panic (its profile), and says where: nothing in it is unwound.
-command_flags=(-C force-unwind-tables=no)
 
 compile_with() {
     # Where sources lie is no part of what they make. Stripped here, as Cargo forgets it of packages with settings of

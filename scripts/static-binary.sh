@@ -22,7 +22,7 @@ build=build
 if [ "$architecture" != "$machine" ]; then build=zigbuild; fi
 
 # A static glibc does not find getrandom by its name, which is how that crate looks for it, and there may be no /dev.
-compile_with "${command_flags[@]}" -C target-feature=+crt-static --cfg 'getrandom_backend="linux_getrandom"'
+compile_with -C target-feature=+crt-static --cfg 'getrandom_backend="linux_getrandom"'
 cargo "$build" --profile dist --locked --target "$target" --package particlegs-cli --bin particlegs
 
 binary=$built/$target/dist/particlegs
