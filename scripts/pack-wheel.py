@@ -17,7 +17,7 @@ MB = 1_000_000
 def pack(made: Path, packed: Path) -> None:
     """The same members in the same order, with their modes and dates."""
     packed.parent.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(made) as members, zopfli.ZipFile(packed, "w", numiterations=10) as out:
+    with zipfile.ZipFile(made) as members, zopfli.ZipFile(packed, "w", iterations=15, block_splitting_max=0) as out:
         for member in members.infolist():
             data = members.read(member)
             # What says where in the first file it lies stays behind.
