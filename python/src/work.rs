@@ -79,7 +79,9 @@ impl How {
             if let Some(now) = told.phases.last_mut()
                 && std::mem::take(&mut now.moved)
             {
-                let event = (now.name.clone(), now.done, now.total);
+                // What was announced may turn out to be less than what there is to do.
+                let total = if now.total == 0 { 0 } else { now.total.max(now.done) };
+                let event = (now.name.clone(), now.done, total);
                 told.events.push_back(event);
             }
             (std::mem::take(&mut told.events), std::mem::take(&mut told.messages))

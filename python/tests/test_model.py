@@ -30,7 +30,7 @@ def test_pictures(model):
     picture = model.render(20, 10, **shape)
     assert picture.shape == (90, 160) and picture.dtype == np.uint8 and picture.max() > 50
     bright = model.render(20, 10, style="expected", **shape)
-    assert bright.dtype == np.float32 and 0 <= bright.min() and 0.1 < bright.max() <= 1
+    assert bright.dtype == np.float32 and bright.min() >= 0 and 0.1 < bright.max() <= 1
     density = model.render(20, 10, style="density", **shape)
     assert density.dtype == np.float64 and density.extent is None and density.unit.endswith("(Mpc/h)^2")
     more = model.render(20, 10, style="expected", opacity=0.2, **shape)
@@ -163,10 +163,11 @@ def test_what_a_notebook_shows(model, tmp_path):
 
 def test_several_layers(tmp_path):
     rng = np.random.default_rng(6)
-    for name, n in (("xx", 0), ("yy", 1), ("zz", 2)):
+    for name in ("xx", "yy", "zz"):
         rng.random(3000, dtype=np.float32).tofile(tmp_path / f"{name}.f32")
     (tmp_path / "meta.json").write_text(
-        '{"layers": [{"name": "dm", "particles": 2000, "particle_mass": 2.0}, {"name": "gas", "particles": 1000, "particle_mass": 1.0}]}'
+        '{"layers": [{"name": "dm", "particles": 2000, "particle_mass": 2.0},'
+        ' {"name": "gas", "particles": 1000, "particle_mass": 1.0}]}'
     )
     snap = pg.open(tmp_path)
     assert list(snap.layers) == ["dm", "gas"], snap.layers
@@ -175,5 +176,8 @@ def test_several_layers(tmp_path):
     gas = model.density_grid(8, layers=["gas"])
     assert abs((gas.sum() * gas.cell_volume + gas.outside) / 1000 - 1) < 1e-6
     assert list(model.gaussians.layers) == ["dm", "gas"]
-    whole, part = model.render(style="expected", size=(64, 36)), model.render(style="expected", size=(64, 36), layers=["gas"])
+    whole, part = (
+        model.render(style="expected", size=(64, 36)),
+        model.render(style="expected", size=(64, 36), layers=["gas"]),
+    )
     assert part.sum() < whole.sum()
