@@ -50,7 +50,9 @@ def unit_of(values: Any) -> Optional[str]:
 
 def bare(values: Any) -> Any:
     """The numbers alone, where they lie."""
-    return values.value if hasattr(values, "unit") and hasattr(values, "value") else values
+    if carried(values) is None:
+        return values
+    return values.view(np.ndarray) if isinstance(values, np.ndarray) else getattr(values, "value", values)
 
 
 def bare_in(values: Any, unit: Optional[Any], what: str) -> Any:

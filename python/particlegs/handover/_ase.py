@@ -59,7 +59,7 @@ def to_ase(snapshot: Snapshot, symbols: Any = "X") -> Any:
     """
     ase = needed("ase")
     scale = factor(snapshot.length_unit, ANGSTROM, "positions", "Angstrom")
-    each = None if snapshot.masses is None else mass_of_each(snapshot)
+    each = mass_of_each(snapshot)
     if each is not None:
         each = each * factor(snapshot.mass_unit, DALTON, "masses", "Da")
     box, origin = snapshot.box, snapshot.origin

@@ -81,8 +81,6 @@ def snapshot_to_astropy(snapshot: Snapshot) -> Any:
     masses = snapshot.masses
     if masses is not None:
         table["mass"] = units.Quantity(np.broadcast_to(masses, (len(snapshot),)), mass)
-    elif snapshot.weights is not None:
-        table["weight"] = np.array(snapshot.weights)
     box, origin = snapshot.box, snapshot.origin
     if box is not None:
         table.meta.update(box=units.Quantity(box, length), origin=units.Quantity(origin, length))

@@ -67,8 +67,8 @@ def without_h(unit: str, hubble: Optional[float]) -> tuple[str, float]:
 
 
 def mass_of_each(snapshot: Snapshot) -> Optional[Float64]:
-    """The mass of each particle, (n,), or its weight where masses are not known; None where all count alike."""
-    masses = snapshot.weights if snapshot.masses is None else snapshot.masses
+    """The mass of each particle, (n,); None where masses are not known."""
+    masses = snapshot.masses
     return None if masses is None else np.broadcast_to(np.asarray(masses, dtype=np.float64), (len(snapshot),))
 
 

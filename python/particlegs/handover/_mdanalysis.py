@@ -62,7 +62,7 @@ def to_mdanalysis(snapshot: Snapshot) -> Any:
     scale = factor(snapshot.length_unit, ANGSTROM, "positions", "Angstrom")
     universe = mda.Universe.empty(len(snapshot), trajectory=True)
     universe.atoms.positions = np.asarray(snapshot.positions, dtype=np.float64) * scale
-    each = None if snapshot.masses is None else mass_of_each(snapshot)
+    each = mass_of_each(snapshot)
     if each is not None:
         universe.add_TopologyAttr("masses", each * factor(snapshot.mass_unit, DALTON, "masses", "Da"))
     types = np.empty(len(snapshot), dtype=object)

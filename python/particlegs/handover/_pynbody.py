@@ -72,8 +72,7 @@ def to_pynbody(snapshot: Snapshot, family: str = "dm") -> Any:
     Returns
     -------
     pynbody.snapshot.SimSnap
-        With ``pos``, ``mass`` (1 where masses are not known, and the weights where there are some), and the box,
-        scale factor and h as properties.
+        With ``pos``, ``mass`` (1 where masses are not known), and the box, scale factor and h as properties.
 
     Raises
     ------

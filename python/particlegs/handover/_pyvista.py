@@ -62,14 +62,14 @@ def to_pyvista(snapshot: Snapshot) -> Any:
     Returns
     -------
     pyvista.PolyData
-        Points with a vertex each, ``mass`` (or ``weight``) where there is one, ``layer`` as a number, the units as
-        field data. Drawn as ParaView's Point Gaussian by ``style="points_gaussian"``.
+        Points with a vertex each, ``mass`` where it is known, ``layer`` as a number, the units as field data. Drawn as
+        ParaView's Point Gaussian by ``style="points_gaussian"``.
     """
     pyvista = needed("pyvista")
     data = pyvista.PolyData(np.array(snapshot.positions))
     each = mass_of_each(snapshot)
     if each is not None:
-        data.point_data["weight" if snapshot.masses is None else "mass"] = np.array(each)
+        data.point_data["mass"] = np.array(each)
     layer = np.zeros(len(snapshot), dtype=np.uint8)
     for number, part in enumerate(snapshot.layers.values()):
         layer[part] = number

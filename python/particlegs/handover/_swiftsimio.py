@@ -58,7 +58,6 @@ def from_swiftsimio(
 def to_swiftsimio(
     snapshot: Snapshot,
     path: Path,
-    species: str = "dark_matter",
     *,
     hubble: Optional[float] = None,
     overwrite: bool = False,
@@ -69,8 +68,6 @@ def to_swiftsimio(
     ----------
     path : path
         The file.
-    species : str
-        The species that the particles are written as.
     hubble : float, optional
         Value of h of units such as ``Mpc/h``; the snapshot's by default.
     overwrite : bool
@@ -79,7 +76,8 @@ def to_swiftsimio(
     Returns
     -------
     swiftsimio.SWIFTDataset
-        With coordinates (Mpc), masses (Msun), numbers from 1, and velocities of 0, which particlegs does not hold.
+        Dark matter: with coordinates (Mpc), masses (Msun), numbers from 1, and velocities of 0, which particlegs does
+        not hold.
 
     Raises
     ------
@@ -91,7 +89,7 @@ def to_swiftsimio(
     swiftsimio, unyt = needed("swiftsimio"), needed("unyt")
     where = os.fspath(path)
     box, each = right_box(snapshot, "SWIFT"), mass_of_each(snapshot)
-    if box is None or snapshot.masses is None or each is None:
+    if box is None or each is None:
         raise InputError("a file of SWIFT takes a box and masses: state them by box= and masses=")
     if snapshot.length_unit is None or snapshot.mass_unit is None:
         raise InputError("a file of SWIFT takes units: state them by units= and mass_units=")
@@ -109,7 +107,7 @@ def to_swiftsimio(
     # A file that says comoving holds positions at the time's scale.
     length = length if metadata["comoving"] is not False else length / a
     writer = swiftsimio.Writer(boxsize=array(box * length, unyt.Mpc, 1), scale_factor=a)
-    part = getattr(writer, species)
+    part = writer.dark_matter
     part.coordinates = array(positions * length, unyt.Mpc, 1)
     part.velocities = array(np.zeros_like(positions), unyt.km / unyt.s, 0)
     part.masses = array(np.array(each) * mass, unyt.Msun, 0)

@@ -81,8 +81,8 @@ def to_yt(snapshot: Snapshot, *, hubble: Optional[float] = None, **options: Any)
     Returns
     -------
     yt.frontends.stream.data_structures.StreamParticlesDataset
-        Particles of the type ``io`` with ``particle_mass`` (1 where masses are not known, and the weights where there
-        are some). Comoving lengths stay comoving: the data set is not cosmological. Positions that no unit was stated
+        Particles of the type ``io`` with ``particle_mass`` (1 where masses are not known). Comoving lengths stay
+        comoving: the data set is not cosmological. Positions that no unit was stated
         of are in cm, as yt has them.
 
     Raises
