@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any, ClassVar, Optional
 
 import numpy as np
@@ -60,6 +61,11 @@ class _Placed(_Floats):
             setattr(self, name, value)
 
 
+def _printed(unit: str) -> str:
+    """A unit with powers as matplotlib raises them."""
+    return re.sub(r"\^([0-9]+)", r"$^\1$", unit)
+
+
 class Map(_Placed):
     """Values over a plane, float64, shape (height, width), rows from the top.
 
@@ -82,6 +88,14 @@ class Map(_Placed):
     unit: str
     length_unit: Optional[str]
     axes: Optional[tuple[str, str]]
+
+    @property
+    def pixel_area(self) -> float:
+        """Area of a pixel, unit of length squared; ``m.sum() * m.pixel_area`` is the mass in the window."""
+        if self.extent is None:
+            raise ValueError("the pixels of a perspective picture have no common area")
+        left, right, bottom, top = self.extent
+        return (right - left) * (top - bottom) / self.size
 
     def plot(
         self,
@@ -131,7 +145,9 @@ class Map(_Placed):
             ax.set_xlabel(f"{across} ({of})")
             ax.set_ylabel(f"{up} ({of})")
         if colorbar:
-            ax.figure.colorbar(image, ax=ax, label=f"surface density ({self.unit})")
+            # As tall as the map, whatever the figure's shape.
+            beside = ax.inset_axes((1.03, 0.0, 0.045, 1.0))
+            ax.figure.colorbar(image, cax=beside, label=f"surface density ({_printed(self.unit)})")
         return image
 
     to_astropy = handover.to_astropy

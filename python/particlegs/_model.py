@@ -142,7 +142,7 @@ class Model:
         return Gaussians(self._native.gaussians)
 
     @property
-    def certificate(self) -> Optional[dict[str, Any]]:
+    def certificate(self) -> Union[dict[str, Any], Any]:
         """What was measured of the decoded file when it was made, as a dict; None where nothing was."""
         certificate: Optional[dict[str, Any]] = self._said["certificate"]
         return certificate

@@ -1,12 +1,13 @@
 """The native half of the package; import `particlegs` instead."""
 
+import builtins
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, Callable, Optional, Union, final
 
 import numpy as np
 from numpy.typing import NDArray
-from typing_extensions import TypeAlias
+from typing_extensions import TypeAlias, disjoint_base
 
 __version__: str
 
@@ -24,6 +25,7 @@ class ModelError(InputError):
 class UnreachableError(ValueError):
     """A size or quality that cannot be reached with this snapshot."""
 
+@disjoint_base
 class Snapshot:
     def __new__(
         cls,
@@ -78,15 +80,16 @@ class Gaussians:
     @property
     def layer_ranges(self) -> list[tuple[str, int, int]]: ...
 
+@disjoint_base
 class Model:
-    def __new__(cls, bytes_: bytes, /, name: str, threads: Optional[int] = None) -> Model: ...
+    def __new__(cls, bytes: builtins.bytes, name: str, threads: Optional[int] = None) -> Model: ...
     @staticmethod
     def read(path: _Path, threads: Optional[int] = None) -> Model: ...
     @property
     def name(self) -> str: ...
     @property
     def nbytes(self) -> int: ...
-    def to_bytes(self) -> bytes: ...
+    def to_bytes(self) -> builtins.bytes: ...
     def save(self, path: _Path, overwrite: bool = False) -> None: ...
     @property
     def told(self) -> str: ...
@@ -129,7 +132,7 @@ class Model:
         progress: _Progress = None,
     ) -> Snapshot: ...
     def to_html(self, threads: Optional[int] = None) -> str: ...
-    def poster(self, size: tuple[int, int]) -> bytes: ...
+    def poster(self, size: tuple[int, int]) -> builtins.bytes: ...
     @property
     def is_alpha_blend(self) -> bool: ...
 

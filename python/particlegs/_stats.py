@@ -13,7 +13,7 @@ from . import _coerce, _particlegs
 from ._measured import Correlation, Groups, Likelihood, Panel, Power, RadialDistribution
 from ._model import Model
 from ._snapshot import Snapshot, as_snapshot
-from ._types import Assignment, Convention, Float64, Names, Progress
+from ._types import Assignment, Convention, Float64, Names, Numbers, Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,6 +32,8 @@ def _numbers(values: Iterable[Optional[float]]) -> Float64:
 
 class Stats:
     """What was measured: attributes for the common measures, `data` for all.
+
+    Measures that were not asked for, or could not be made, are None: `power`, `xi`, `rdf`, `groups`, `likelihood`.
 
     Attributes
     ----------
@@ -54,7 +56,7 @@ class Stats:
         return {name: value for name, value in self.data["summary"].items() if value is not None}
 
     @property
-    def power(self) -> Optional[Power]:
+    def power(self) -> Union[Power, Any]:
         """Power spectra: ``k``, ``truth``, ``other``, ``ratio``, ``r``, ``modes`` as arrays; None where not measured.
 
         `k` in 1 over the unit of length, powers in the unit of length cubed, shot noise subtracted.
@@ -75,7 +77,7 @@ class Stats:
         )
 
     @property
-    def xi(self) -> Optional[Correlation]:
+    def xi(self) -> Union[Correlation, Any]:
         """Two-point correlation by pair counts: ``r``, ``truth``, ``other``, ``ratio``; None where not measured."""
         found = self.data["xi_by_pairs"]
         if found is None:
@@ -90,7 +92,7 @@ class Stats:
         )
 
     @property
-    def rdf(self) -> Optional[RadialDistribution]:
+    def rdf(self) -> Union[RadialDistribution, Any]:
         """Radial distribution function: ``r`` and ``truth``, ``other``; None where not measured."""
         found = self.data["rdf"]
         if found is None:
@@ -101,7 +103,7 @@ class Stats:
         )
 
     @property
-    def groups(self) -> Optional[Groups]:
+    def groups(self) -> Union[Groups, Any]:
         """Friends-of-friends groups: ``size``, ``truth``, ``other``, ``ratio``; None where not measured."""
         found = self.data["groups"]
         if found is None:
@@ -116,7 +118,7 @@ class Stats:
         )
 
     @property
-    def likelihood(self) -> Optional[Likelihood]:
+    def likelihood(self) -> Union[Likelihood, Any]:
         """Bits a particle under the model, with their error; None where not measured."""
         found = self.data["likelihood"]
         return None if found is None else Likelihood(**found)
@@ -151,10 +153,9 @@ class Stats:
     def _panels(self) -> list[Panel]:
         """What was measured that is drawn."""
         unit = self.length_unit or "length"
-        whole = f"({unit})" if "/" in unit else unit
         panels = []
         if (p := self.power) is not None:
-            k_label, p_label = f"k (1/{whole})", f"P(k) ({whole}$^3$)"
+            k_label, p_label = f"k ({_inverse(unit)})", f"P(k) ({_cubed(unit)})"
             panels.append(Panel(p.k, p.truth, p.other, p.ratio, k_label, p_label, "log"))
         if (x := self.xi) is not None:
             panels.append(Panel(x.r, x.truth, x.other, x.ratio, f"r ({unit})", "ξ(r)", "log"))
@@ -172,23 +173,49 @@ class Stats:
         return f"<Stats: {figures}>"
 
 
+def _inverse(unit: str) -> str:
+    """1 over a unit: ``h/Mpc`` of ``Mpc/h``."""
+    above, _, below = unit.partition("/")
+    return f"{below or 1}/{above}"
+
+
+def _cubed(unit: str) -> str:
+    """A unit cubed."""
+    above, _, below = unit.partition("/")
+    return f"{above}$^3$/{below}$^3$" if below else f"{above}$^3$"
+
+
+def _label_decades(axis: Any, x: Numbers) -> None:
+    """Ticks of a logarithmic axis that do not run into each other: 1, 2, 5 of few decades, powers of ten of many."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_minor_formatter(NullFormatter())
+    lit = np.asarray(x)[np.asarray(x) > 0]
+    if lit.size and np.log10(lit.max() / lit.min()) < 2.0:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
 def _draw(panel: Panel, above: Any, below: Any, labels: tuple[str, str]) -> None:
     """Draws two curves, and their ratio below."""
     x, ratio = panel.x, panel.ratio
-    above.plot(x, panel.truth, color="black", label=labels[0])
-    above.plot(x, panel.other, color="tab:orange", linestyle="--", label=labels[1])
+    marker = "." if len(x) < 40 else ""
+    above.plot(x, panel.truth, color="black", marker=marker, label=labels[0])
+    above.plot(x, panel.other, color="tab:orange", marker=marker, linestyle="--", label=labels[1])
     above.set_xscale(panel.scale)
-    above.set_yscale(panel.scale)
+    if panel.scale == "log":
+        above.set_yscale("log", nonpositive="mask")
+        _label_decades(below.xaxis, x)
     above.set_ylabel(panel.y_label)
     above.legend(frameon=False)
     below.axhspan(0.99, 1.01, color="0.85", zorder=0)
     below.axhline(1.0, color="0.5", linewidth=0.8)
-    below.plot(x, ratio, color="tab:orange")
+    below.plot(x, ratio, color="tab:orange", marker=marker)
     finite = ratio[np.isfinite(ratio)]
     reach = min(1.0, max(0.03, 1.1 * np.max(np.abs(finite - 1.0)))) if finite.size else 0.1
     below.set_ylim(1.0 - reach, 1.0 + reach)
     below.set_xlabel(panel.x_label)
-    below.set_ylabel(f"{labels[1]} / {labels[0]}")
+    below.set_ylabel(f"{labels[1]} /\n{labels[0]}")
 
 
 def stats(

@@ -138,7 +138,7 @@ def test_plots(snap, model, tmp_path):
     found = pg.stats(snap, model, only=["spectrum"], spectrum_grid=64)
     figure = found.plot()
     figure.savefig(tmp_path / "stats.png")
-    assert [axis.get_xlabel() for axis in figure.axes][1] == "k (1/(Mpc/h))"
+    assert [axis.get_xlabel() for axis in figure.axes][1] == "k (h/Mpc)"
     sigma = model.density_map(shape=(64, 64))
     _, ax = plt.subplots()
     image = sigma.plot(ax)
