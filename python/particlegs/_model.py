@@ -153,13 +153,7 @@ class Model:
 
         The word is ``holds``, ``roughly``, ``does not`` or ``not measured``.
         """
-        # The library says what would help by the command's option.
-        asked = {"--certificate full": 'certificate="full"'}
-        said = [dict(finding) for finding in self._said["verdict"]]
-        for finding in said:
-            for option, argument in asked.items():
-                finding["why"] = finding["why"].replace(option, argument)
-        return said
+        return [dict(finding) for finding in self._said["verdict"]]
 
     @property
     def verdict(self) -> str:

@@ -76,6 +76,15 @@ def test_columns_of_quantities_and_the_unit_asked_for():
     assert np.allclose(snap.box, 10_000 * np.eye(3))
 
 
+def test_chunks_in_the_unit_asked_for():
+    u, _ = quantities()
+    snap = pg.Snapshot.from_chunks((ROWS[i : i + 100] * u.Mpc for i in range(0, 500, 100)), units="kpc", box=10 * u.Mpc)
+    assert np.allclose(snap.positions, ROWS * 1000, rtol=1e-6)
+    assert np.allclose(snap.box, 10_000 * np.eye(3))
+    with pytest.raises(pg.InputError, match="state by units="):
+        pg.Snapshot.from_chunks([ROWS * u.Mpc])
+
+
 def test_masses_in_the_unit_asked_for():
     u, _ = quantities()
     snap = pg.Snapshot(ROWS, masses=3.0 * u.kg, mass_units="g")

@@ -56,6 +56,19 @@ def test_maps_hold_the_mass(model):
     assert part.extent == (0, 10, 2.5, 7.5)
 
 
+def test_pixels_have_an_area(model):
+    sigma = model.density_map(width=10, shape=(20, 40))
+    assert sigma.pixel_area == pytest.approx((10 / 40) ** 2)
+    with pytest.raises(ValueError):
+        _ = model.render(style="density", size=(16, 9)).pixel_area
+
+
+def test_the_verdict_speaks_of_arguments(model):
+    assert {f["word"] for f in model.findings} <= {"holds", "roughly", "does not", "not measured"}
+    assert "not measured" in model.verdict
+    assert "--" not in model.verdict
+
+
 def test_maps_lie_the_right_way_round():
     # A clump at the upper right of the plane x, y, another at small x alone.
     rng = np.random.default_rng(1)
