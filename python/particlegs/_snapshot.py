@@ -30,6 +30,16 @@ def _refuse_mixed(moment: dict[str, Any], box: Any) -> None:
         )
 
 
+def _within_float32(masses: Any) -> tuple[Any, Optional[float]]:
+    """Masses as weights; those that float32 cannot hold, such as of haloes in grams, relative to their mean."""
+    numbers = _units.plain(masses, "masses")
+    reach = np.finfo(np.float32)
+    if numbers.size == 0 or (numbers.max() <= reach.max and numbers.min() >= reach.tiny):
+        return numbers, None
+    mean = float(numbers.mean(dtype=np.float64))
+    return (numbers / mean, mean) if np.isfinite(mean) and numbers.min() > 0 else (numbers, None)
+
+
 class Snapshot:
     """Particles: arrays, a file that was opened, or what was drawn from a model.
 
@@ -98,7 +108,7 @@ class Snapshot:
             elif weights is not None:
                 raise InputError("give weights, or a mass for each particle, not both")
             else:
-                weights = masses
+                weights, each = _within_float32(masses)
         known = {
             "name": str(name),
             "cell": _coerce.cell(box, pbc, origin, unit),
@@ -216,7 +226,10 @@ class Snapshot:
             return layers[0][3]
         masses = np.empty(len(self))
         for _, first, end, unit, weighted in layers:
-            masses[first:end] = weights[first:end] * (unit or 1.0) if weighted and weights is not None else unit
+            if weighted and weights is not None:
+                masses[first:end] = np.multiply(weights[first:end], unit or 1.0, dtype=np.float64)
+            else:
+                masses[first:end] = unit
         return masses
 
     @property

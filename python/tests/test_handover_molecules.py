@@ -24,6 +24,23 @@ def test_atoms_of_ase_come_in():
     assert slab.periodic == (True, True, False)
 
 
+def test_units_that_are_asked_for():
+    ase, mda = pytest.importorskip("ase"), pytest.importorskip("MDAnalysis")
+    atoms = ase.Atoms("H90", positions=ROWS, cell=TILTED, pbc=True, celldisp=(1, 0, 0))
+    universe = mda.Universe.empty(90, trajectory=True)
+    universe.atoms.positions = ROWS
+    universe.dimensions = [10, 10, 10, 90, 90, 90]
+    snap = pg.Snapshot.from_ase(atoms, units="nm", mass_units="g/mol")
+    assert (snap.length_unit, snap.mass_unit) == ("nm", "g/mol")
+    assert np.allclose(snap.box, TILTED / 10)
+    assert np.allclose(snap.origin, [0.1, 0, 0])
+    for found in (snap, pg.Snapshot.from_mdanalysis(universe, units="nm")):
+        assert np.allclose(found.positions, ROWS / 10, atol=1e-6)
+    assert np.allclose(found.box, np.eye(3))
+    with pytest.raises(pg.InputError, match="cannot be converted"):
+        pg.Snapshot.from_ase(atoms, units="Mpc")
+
+
 def test_atoms_of_ase_go_and_come_back():
     pytest.importorskip("ase")
     masses = np.linspace(1, 16, 90)

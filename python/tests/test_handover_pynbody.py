@@ -53,6 +53,16 @@ def test_arrays_of_pynbody_come_in():
     assert np.allclose(snap.box, 10 * np.eye(3))
 
 
+def test_units_that_are_asked_for():
+    sim = pg.Snapshot(ROWS, units="kpc", box=10, masses=2.0, mass_units="Msun").to_pynbody()
+    snap = pg.Snapshot.from_pynbody(sim, units="Mpc", mass_units="kg")
+    assert np.allclose(snap.positions, ROWS / 1000, rtol=1e-6)
+    assert np.allclose(snap.box, 0.01 * np.eye(3))
+    assert snap.masses == pytest.approx(2 * 1.98841e30, rel=1e-3)
+    with pytest.raises(pg.InputError, match="cannot be converted"):
+        pg.Snapshot.from_pynbody(sim, units="kg")
+
+
 def test_what_pynbody_does_not_know():
     for box in ([10, 10, 20], [10, 10, 10, 90, 90, 60]):
         with pytest.raises(pg.InputError):

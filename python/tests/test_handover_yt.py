@@ -59,6 +59,7 @@ def test_particles_come_back():
     assert np.allclose(np.diag(back.box), [10, 10, 20])
     assert back.periodic == (True, True, True)
     assert pg.Snapshot.from_yt(ds).length_unit in ("Mpc", "kpc")
+    assert np.allclose(np.sort(pg.Snapshot.from_yt(ds, mass_units="kg").masses), MASSES * 1.98841e30, rtol=1e-4)
     assert pg.Snapshot.from_yt(ds, masses=None).masses is None
 
 

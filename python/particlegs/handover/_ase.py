@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._common import ANGSTROM, DALTON, factor, mass_of_each, needed
+from ._common import ANGSTROM, DALTON, factor, from_molecules, mass_of_each, needed
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -29,13 +29,14 @@ def from_ase(cls: type[Snapshot], /, atoms: Any, **known: Unpack[Known]) -> Snap
     -------
     Snapshot
     """
+    scale, heavier = from_molecules(known)
     said: dict[str, Any] = {"units": "Angstrom", "name": atoms.get_chemical_formula()}
     if atoms.cell.rank > 0:
         lengths = atoms.cell.lengths()
-        said.update(box=np.asarray(atoms.cell.complete()), pbc=[bool(p) for p in atoms.pbc & (lengths > 0)])
-        said["origin"] = atoms.get_celldisp().ravel()
-    said.update(masses=atoms.get_masses(), mass_units="Da")
-    return cls(atoms.get_positions(), **{**said, **known})
+        said.update(box=np.asarray(atoms.cell.complete()) * scale, pbc=[bool(p) for p in atoms.pbc & (lengths > 0)])
+        said["origin"] = atoms.get_celldisp().ravel() * scale
+    said.update(masses=atoms.get_masses() * heavier, mass_units="Da")
+    return cls(atoms.get_positions() * scale, **{**said, **known})
 
 
 def to_ase(snapshot: Snapshot, symbols: Any = "X") -> Any:

@@ -12,6 +12,7 @@ from .._types import Float64
 
 if TYPE_CHECKING:
     from .._snapshot import Snapshot
+    from .._types import Known
 
 #: Angstrom in a unit of length, as molecular dynamicists call them.
 ANGSTROM = {"Angstrom": 1.0, "angstrom": 1.0, "A": 1.0, "Å": 1.0, "nm": 10.0, "pm": 0.01, "Bohr": 0.529177210903}
@@ -49,6 +50,12 @@ def factor(unit: Optional[str], table: dict[str, float], what: str, to: str) -> 
     if unit not in table:
         raise InputError(f"{what} in {unit} cannot be converted to {to}: there are {', '.join(table)}")
     return table[unit]
+
+
+def from_molecules(known: Known) -> tuple[float, float]:
+    """The factors that take Angstrom and Da to the units that are asked for."""
+    length = factor(known.get("units"), ANGSTROM, "positions", "Angstrom")
+    return 1.0 / length, 1.0 / factor(known.get("mass_units"), DALTON, "masses", "Da")
 
 
 def without_h(unit: str, hubble: Optional[float]) -> tuple[str, float]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._particlegs import InputError
 from .._types import Float64
-from ._common import ANGSTROM, DALTON, factor, mass_of_each, needed
+from ._common import ANGSTROM, DALTON, factor, from_molecules, mass_of_each, needed
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -34,14 +34,15 @@ def from_mdanalysis(cls: type[Snapshot], /, group: Any, **known: Unpack[Known]) 
         Periodic along all vectors of the box; MDAnalysis does not know others.
     """
     atoms = group.atoms
+    scale, heavier = from_molecules(known)
     step = atoms.universe.trajectory.ts
     said: dict[str, Any] = {"units": "Angstrom", "time": float(step.time)}
     if atoms.dimensions is not None:
-        said["box"] = np.asarray(atoms.dimensions, dtype=np.float64)
+        said["box"] = np.asarray(atoms.dimensions, dtype=np.float64) * ([scale] * 3 + [1.0] * 3)
     each = getattr(atoms, "masses", None)
     if each is not None and np.all(each > 0):
-        said.update(masses=each, mass_units="Da")
-    return cls(atoms.positions, **{**said, **known})
+        said.update(masses=each * heavier, mass_units="Da")
+    return cls(atoms.positions * np.float32(scale), **{**said, **known})
 
 
 def to_mdanalysis(snapshot: Snapshot) -> Any:

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 
-from .._units import carried, text_of
+from .._units import carried
 from ._common import mass_of_each, needed, right_box
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from .._snapshot import Snapshot
-    from .._types import Known, Numbers
+    from .._types import Known
 
 
 def from_pynbody(cls: type[Snapshot], /, sim: Any, **known: Unpack[Known]) -> Snapshot:
@@ -33,32 +33,31 @@ def from_pynbody(cls: type[Snapshot], /, sim: Any, **known: Unpack[Known]) -> Sn
         In the units of `sim`, without powers of ten: ``1e10 Msol h**-1`` become ``Msun/h``. The box begins at 0, or
         at minus half its length where positions are below 0, as pynbody wraps them.
     """
-    positions, unit = _in_whole_units(sim["pos"])
+    positions = _in_whole_units(sim["pos"])
+    unit = carried(positions)
     properties = sim.properties
     said: dict[str, Any] = {"scale_factor": properties.get("a"), "hubble": properties.get("h")}
     if unit is not None:
-        said.update(units=text_of(unit), comoving=" a" in str(unit))
+        said["comoving"] = " a" in str(unit)
     if "mass" in sim.loadable_keys() or "mass" in sim.keys():  # noqa: SIM118
-        masses, mass_unit = _in_whole_units(sim["mass"])
+        masses = _in_whole_units(sim["mass"])
         if np.all(masses > 0):
-            said.update(masses=masses, mass_units=None if mass_unit is None else text_of(mass_unit))
+            said["masses"] = masses
     box = properties.get("boxsize")
     if box is not None:
         length = float(box.in_units(unit, **sim.conversion_context())) if hasattr(box, "in_units") else float(box)
         low = positions.min() < -1e-6 * length
-        said.update(box=length, origin=[-0.5 * length if low else 0.0] * 3)
+        corner = -0.5 * length if low else 0.0
+        array = needed("pynbody.array").SimArray
+        said.update(box=array([length] * 3, unit), origin=array([corner] * 3, unit))
     return cls(positions, **{**said, **known})
 
 
-def _in_whole_units(values: Any) -> tuple[Numbers, Optional[Any]]:
-    """Values in their unit without its power of ten, and the unit."""
-    unit = carried(values)
-    if unit is None:
-        return np.asarray(values).view(np.ndarray), None
-    whole = needed("pynbody.units").Unit(re.sub(r"^[0-9.]+(e[+-]?[0-9]+)? (?=\S)", "", str(unit)))
-    if str(whole) == str(unit):
-        return np.asarray(values).view(np.ndarray), whole
-    return np.asarray(values.in_units(whole)).view(np.ndarray), whole
+def _in_whole_units(values: Any) -> Any:
+    """Values in their unit without its power of ten."""
+    unit = str(carried(values))
+    whole = re.sub(r"^[0-9.]+(e[+-]?[0-9]+)? (?=\S)", "", unit)
+    return values if whole == unit else values.in_units(whole)
 
 
 def to_pynbody(snapshot: Snapshot, family: str = "dm") -> Any:

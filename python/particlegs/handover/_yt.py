@@ -63,7 +63,7 @@ def from_yt(
             scale_factor=1.0 / (1.0 + ds.current_redshift), hubble=float(ds.hubble_constant), comoving="cm" in unit
         )
     if (kind, "particle_mass") in ds.derived_field_list:
-        said.update(masses=particles[kind, "particle_mass"].to_value("Msun"), mass_units="Msun")
+        said["masses"] = particles[kind, "particle_mass"].to("Msun")
     said = {**said, **known, "units": text_of(unit)}
     return cls(particles[kind, "particle_position"].to_value(unit), **said)
 
