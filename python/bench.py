@@ -52,8 +52,9 @@ def pictures(command, snapshot, folder, runs=15):
     """
     for _ in range(runs):
         ours.append(float(python(code, model)))
-        draw = [command, "render", model, "--azimuth", "30", "--elevation", "20", "-o", folder / "q", "--quiet", "--json", "-"]
-        theirs.append(json.loads(subprocess.run(draw, check=True, capture_output=True).stdout)["views"][0]["seconds"])
+        draw = [command, "render", model, "--azimuth", "30", "--elevation", "20", "-o", folder / "q"]
+        said = subprocess.run([*draw, "--quiet", "--json", "-"], check=True, capture_output=True).stdout
+        theirs.append(json.loads(said)["views"][0]["seconds"])
     return ours, theirs
 
 
@@ -117,6 +118,7 @@ def interrupted(snapshot, runs=16):
 
 
 def main():
+    """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--command", type=pathlib.Path, required=True)
     parser.add_argument("--snapshot", type=pathlib.Path, required=True)
@@ -128,16 +130,16 @@ def main():
         folder = pathlib.Path(folder)
         ours, theirs = pictures(o.command, o.snapshot, folder, o.runs)
         ratio = statistics.median(a / b for a, b in zip(ours, theirs))
-        print("picture at 1080p:", said(ours, "s", 4), "here;", said(theirs, "s", 4), f"by the command; ratio {ratio:.2f}")
+        print("picture at 1080p:", said(ours, "s", 4), "here;", said(theirs, "s", 4), "by the command")
+        print(f"    ratio {ratio:.2f}")
         stops = interrupted(o.snapshot)
         print("Ctrl-C to the end:", said([t for t, _ in stops], "s"), "the longest in:", max(stops)[1])
         if o.particles:
             ours, theirs = peaks(o.command, o.particles, folder)
             array = 12 * o.particles
-            print(
-                f"{o.particles} positions: peak {ours / 1e9:.2f} GB with the array of {array / 1e9:.2f} GB; the command with "
-                f"the mapped file {theirs / 1e9:.2f} GB; (ours - the command's own) / array {(ours - (theirs - array)) / array:.2f}"
-            )
+            print(f"{o.particles} positions, an array of {array / 1e9:.2f} GB: peak {ours / 1e9:.2f} GB")
+            print(f"    of the command, which maps the file: {theirs / 1e9:.2f} GB")
+            print(f"    less what the command takes beside the array, over the array: {(ours - theirs + array) / array:.2f}")
 
 
 if __name__ == "__main__":
