@@ -87,28 +87,32 @@ def peaks(command, particles, folder):
     return int(python(code, particles, "compress", "-")), theirs
 
 
-def interrupted(snapshot, runs=7):
-    """Seconds from SIGINT to the end of the work, at moments spread over a fit."""
+def interrupted(snapshot, runs=16):
+    """Seconds from SIGINT to the end of the work, at moments spread over a fit, with the phase that was on."""
     code = """
         import sys, time, particlegs as pg
         snap = pg.open(sys.argv[1])
+        phases = []
+        def told(phase, done, total):
+            phases.append(phase)
         print("ready", flush=True)
         try:
-            pg.compress(snap, ratio=100)
+            pg.compress(snap, ratio=100, progress=told)
         except KeyboardInterrupt:
-            print(time.time())
+            print(time.time(), phases[-1] if phases else "", sep=";")
     """
     seconds = []
     for i in range(runs):
         run = [sys.executable, "-c", textwrap.dedent(code), str(snapshot)]
         process = subprocess.Popen(run, stdout=subprocess.PIPE, text=True)
         process.stdout.readline()
-        time.sleep(0.3 + 1.1 * i)
+        time.sleep(0.2 + 0.8 * i)
         sent = time.time()
         process.send_signal(signal.SIGINT)
         rest = process.communicate()[0].strip()
         if rest:
-            seconds.append(float(rest) - sent)
+            ended, phase = rest.split(";")
+            seconds.append((float(ended) - sent, phase))
     return seconds
 
 
@@ -125,7 +129,8 @@ def main():
         ours, theirs = pictures(o.command, o.snapshot, folder, o.runs)
         ratio = statistics.median(a / b for a, b in zip(ours, theirs))
         print("picture at 1080p:", said(ours, "s", 4), "here;", said(theirs, "s", 4), f"by the command; ratio {ratio:.2f}")
-        print("Ctrl-C to the end:", said(interrupted(o.snapshot), "s"))
+        stops = interrupted(o.snapshot)
+        print("Ctrl-C to the end:", said([t for t, _ in stops], "s"), "the longest in:", max(stops)[1])
         if o.particles:
             ours, theirs = peaks(o.command, o.particles, folder)
             array = 12 * o.particles
