@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The Python package: built, installed into an environment of its own, checked, and held to the command.
+# The Python package on a fresh machine: built into an environment of its own, and everything that a change of
+# it passes (check.sh), with the packages that particles are handed to, and the plug-in for ParaView under plain VTK.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 # shellcheck source=tests/common.sh
@@ -8,16 +9,14 @@ cd "$(dirname "$0")/../.."
 environment=$target/python
 if [ ! -x "$environment/bin/python" ]; then "$python" -m venv "$environment"; fi
 pip=("$environment/bin/python" -m pip install --quiet --disable-pip-version-check)
-"${pip[@]}" -r python/tests/requirements.txt
+"${pip[@]}" maturin==1.16.0 h5py vtk -r python/tests/requirements.txt -r python/tests/requirements-handover.txt
 
 cd python
 cargo fmt --check
-# One build for both: what the linter has checked is not checked again for the wheel.
 export CARGO_TARGET_DIR=$target/python-native
-"$environment/bin/maturin" build --quiet --locked --release --out "$environment/wheels" --interpreter "$environment/bin/python"
-"${pip[@]}" --force-reinstall --no-deps "$environment"/wheels/*.whl
-"$environment/bin/ruff" check .
-"$environment/bin/ruff" format --check .
-# The package that is installed, not the sources beside it.
-cd tests
-PARTICLEGS=$particlegs "$environment/bin/python" -m pytest -q -p no:cacheprovider .
+cargo clippy --quiet --release --locked -- -D warnings
+VIRTUAL_ENV=$environment "$environment/bin/maturin" develop --quiet --locked --release
+
+export PYTHON=$environment/bin/python PARTICLEGS=$particlegs
+./check.sh
+"$PYTHON" -m pytest -q paraview_plugin/tests

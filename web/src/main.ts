@@ -106,6 +106,8 @@ async function start(): Promise<void> {
     compare?.moved();
     // Browsers refuse addresses that change a hundred times in ten seconds.
     clearTimeout(linked);
+    // A page within another, such as a notebook's, has no address of its own.
+    if (location.protocol === "about:") return;
     linked = setTimeout(() => history.replaceState(null, "", `#${toLink(page.state)}`), 300);
   }
 
