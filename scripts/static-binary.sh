@@ -21,8 +21,9 @@ architecture=${target%%-*}
 build=build
 if [ "$architecture" != "$machine" ]; then build=zigbuild; fi
 
-# A static glibc does not find getrandom by its name, which is how that crate looks for it, and there may be no /dev.
-compile_with -C target-feature=+crt-static --cfg 'getrandom_backend="linux_getrandom"'
+# Random numbers by the system call: a static glibc does not find its function by name, a static musl has lost it where
+# only the standard library's weak wish for it is left after all units became one, and there may be no /dev.
+compile_with -C target-feature=+crt-static --cfg 'getrandom_backend="linux_raw"'
 cargo "$build" --profile dist --locked --target "$target" --package particlegs-cli --bin particlegs
 
 binary=$built/$target/dist/particlegs
