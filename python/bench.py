@@ -139,7 +139,8 @@ def main():
             array = 12 * o.particles
             print(f"{o.particles} positions, an array of {array / 1e9:.2f} GB: peak {ours / 1e9:.2f} GB")
             print(f"    of the command, which maps the file: {theirs / 1e9:.2f} GB")
-            print(f"    less what the command takes beside the array, over the array: {(ours - theirs + array) / array:.2f}")
+            share = (ours - theirs + array) / array
+            print(f"    less what the command takes beside the array, over the array: {share:.2f}")
 
 
 if __name__ == "__main__":
