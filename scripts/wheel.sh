@@ -44,7 +44,12 @@ export CARGO_PROFILE_RELEASE_LTO=fat
 
 made=$(echo "$work"/*.whl)
 python scripts/pack-wheel.py "$made" "$work/packed"
-auditwheel show "$work/packed"/*.whl
+# Of everything in it, the command too, where maturin looks at the extension alone.
+auditwheel show "$work/packed"/*.whl | tee "$work/audited"
+tr '\n' ' ' <"$work/audited" | grep -q "platform tag: \"manylinux_2_17_${target%%-*}\"" || {
+    echo 'the wheel needs a newer system than manylinux2014' >&2
+    exit 1
+}
 abi3audit --strict "$work/packed"/*.whl
 wheel=$folder/${made##*/}
 mv "$work/packed/${made##*/}" "$wheel"
