@@ -119,7 +119,7 @@ fn what_cannot_be_done_is_refused_before_the_work() {
     refused("a.npy", &["--grid", "65536"], 7, "a density grid needs about");
     refused("a.vti", &["--cell", "1e-9"], 2, "more than 65536");
     for size in ["0", "-1", "nan", "inf"] {
-        refused("a.fits", &[&format!("--cell={size}")], 2, "is not a length above 0");
+        refused("a.fits", &[&format!("--cell={size}")], 2, "not a length above 0");
     }
     for (option, values) in [("radius", ["0", "-1", "nan", "inf"]), ("opacity", ["0", "-1", "nan", "1.5"])] {
         for value in values {
