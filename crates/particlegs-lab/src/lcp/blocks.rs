@@ -1,5 +1,6 @@
 //! Particles sorted by blocks, eight of which make a superblock, as four streams of differences.
 
+use super::LARGEST_EDGE;
 use super::bins::{Bins, Grid};
 
 /// The four streams.
@@ -62,7 +63,8 @@ impl Blocks {
         let (m, b) = (superblocks(grid, edge), i64::from(edge));
         let all: i64 = self.counts.iter().try_fold(0i64, |n, c| n.checked_add(*c).filter(|_| *c > 0))?;
         let whole = self.starts.len() == self.counts.len() && self.octants.len() == self.places.len();
-        if !whole || edge == 0 || all != self.octants.len() as i64 || all != grid.particles as i64 {
+        let edges = 1..=1 << LARGEST_EDGE;
+        if !whole || !edges.contains(&edge) || all != self.octants.len() as i64 || all != grid.particles as i64 {
             return None;
         }
         let mut bins = Vec::with_capacity(self.octants.len());
@@ -78,13 +80,14 @@ impl Blocks {
                 if *o != 0 {
                     place = 0;
                 }
-                octant += o;
+                octant = octant.checked_add(*o)?;
                 place = place.checked_add(*r)?;
                 if !(0..8).contains(&octant) || !(0..b.pow(3)).contains(&place) {
                     return None;
                 }
                 let d = [place % b, place / b % b, place / b / b];
-                let bin = |k: usize| u32::try_from((2 * s[k] as i64 + (octant >> k & 1)) * b + d[k]).ok();
+                let block = |k: usize| i64::try_from(s[k]).ok()?.checked_mul(2)?.checked_add(octant >> k & 1);
+                let bin = |k: usize| u32::try_from(block(k)?.checked_mul(b)?.checked_add(d[k])?).ok();
                 bins.push([bin(0)?, bin(1)?, bin(2)?]);
             }
         }

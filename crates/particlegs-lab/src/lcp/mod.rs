@@ -101,9 +101,9 @@ fn binned(bytes: &[u8]) -> Option<Columns> {
     let bins = blocks.bins(&grid, edge)?;
     let mut all = grid.centres(&bins);
     for (k, column) in all.iter_mut().enumerate() {
-        let mut at = 0;
+        let mut at = 0i64;
         for step in next()? {
-            at += step;
+            at = at.checked_add(step)?;
             let i = usize::try_from(at / 2).ok().filter(|i| at >= 0 && *i < bins.len())?;
             column[i] = grid.moved(k, bins[i][k], at % 2 == 1);
         }
