@@ -11,7 +11,7 @@ pictures from any side at any particle radius and opacity, and gives densities, 
 
 Functions
 ---------
-open, read, compress, stats
+open, read, compress, stats, formats
 
 Classes
 -------
@@ -25,9 +25,11 @@ InputError, ModelError, UnreachableError; MemoryError, OSError, FileExistsError 
 from ._arrays import Grid, Map
 from ._camera import Camera
 from ._compress import compress
-from ._model import Gaussians, Model, read
+from ._gaussians import Gaussians
+from ._model import Model, read
+from ._open import formats, open
 from ._particlegs import InputError, ModelError, UnreachableError, __version__
-from ._snapshot import Snapshot, formats, open
+from ._snapshot import Snapshot
 from ._stats import Stats, stats
 
 __all__ = [

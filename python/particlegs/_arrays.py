@@ -2,32 +2,45 @@
 
 from __future__ import annotations
 
+import re
+from typing import TYPE_CHECKING, Any, ClassVar, Optional
+
 import numpy as np
 
+from . import handover
+from ._types import Extent, Three
 
-class _Placed(np.ndarray):
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
+    from typing_extensions import Self
+
+_Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+
+class _Placed(_Floats):
     """An array with names of its own; parts of it are plain arrays where the place no longer fits."""
 
-    _names: tuple[str, ...] = ()
+    _names: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
-    def _of(cls, values, **named):
+    def _of(cls, values: Any, **named: Any) -> Self:
         array = np.asarray(values).view(cls)
         for name in cls._names:
             setattr(array, name, named[name])
         return array
 
-    def __array_finalize__(self, other):
+    def __array_finalize__(self, other: Any) -> None:
         for name in self._names:
             setattr(self, name, getattr(other, name, None))
 
-    def __getitem__(self, index):
+    def __getitem__(self, index: Any) -> Any:
         part = super().__getitem__(index)
         if isinstance(part, _Placed) and part.shape != self.shape:
             return part.view(np.ndarray)
         return part
 
-    def __array_wrap__(self, array, context=None, return_scalar=False):
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
         if array.ndim == 0:
             return array[()]
         if array.shape != self.shape:
@@ -37,14 +50,20 @@ class _Placed(np.ndarray):
             setattr(placed, name, getattr(self, name))
         return placed
 
-    def __reduce__(self):
-        build, arguments, state = super().__reduce__()
+    def __reduce__(self) -> Any:
+        made: Any = super().__reduce__()
+        build, arguments, state = made
         return build, arguments, (state, {name: getattr(self, name) for name in self._names})
 
-    def __setstate__(self, state):
+    def __setstate__(self, state: Any) -> None:
         super().__setstate__(state[0])
         for name, value in state[1].items():
             setattr(self, name, value)
+
+
+def _printed(unit: str) -> str:
+    """A unit with powers as matplotlib raises them."""
+    return re.sub(r"\^([0-9]+)", r"$^\1$", unit)
 
 
 class Map(_Placed):
@@ -65,7 +84,29 @@ class Map(_Placed):
 
     _names = ("extent", "unit", "length_unit", "axes")
 
-    def plot(self, ax=None, *, cmap="inferno", vmin=None, vmax=None, colorbar=True, **options):
+    extent: Optional[Extent]
+    unit: str
+    length_unit: Optional[str]
+    axes: Optional[tuple[str, str]]
+
+    @property
+    def pixel_area(self) -> float:
+        """Area of a pixel, unit of length squared; ``m.sum() * m.pixel_area`` is the mass in the window."""
+        if self.extent is None:
+            raise ValueError("the pixels of a perspective picture have no common area")
+        left, right, bottom, top = self.extent
+        return (right - left) * (top - bottom) / self.size
+
+    def plot(
+        self,
+        ax: Optional[Axes] = None,
+        *,
+        cmap: str = "inferno",
+        vmin: Optional[float] = None,
+        vmax: Optional[float] = None,
+        colorbar: bool = True,
+        **options: Any,
+    ) -> AxesImage:
         """Draws the map in logarithmic colours with axes, units and a colour bar.
 
         Parameters
@@ -96,15 +137,20 @@ class Map(_Placed):
         norm = LogNorm(low, max(top, low * 1.0001))
         shown = np.maximum(values, low)
         image = ax.imshow(shown, extent=self.extent, cmap=cmap, norm=norm, **options)
-        if self.extent is None:
+        if self.extent is None or self.axes is None:
             ax.set_axis_off()
         else:
             of = self.length_unit or "data units"
-            ax.set_xlabel(f"{self.axes[0]} ({of})")
-            ax.set_ylabel(f"{self.axes[1]} ({of})")
+            across, up = self.axes
+            ax.set_xlabel(f"{across} ({of})")
+            ax.set_ylabel(f"{up} ({of})")
         if colorbar:
-            ax.figure.colorbar(image, ax=ax, label=f"surface density ({self.unit})")
+            # As tall as the map, whatever the figure's shape.
+            beside = ax.inset_axes((1.03, 0.0, 0.045, 1.0))
+            ax.figure.colorbar(image, cax=beside, label=f"surface density ({_printed(self.unit)})")
         return image
+
+    to_astropy = handover.to_astropy
 
 
 class Grid(_Placed):
@@ -120,11 +166,27 @@ class Grid(_Placed):
         Unit of the values, such as ``Msun/h / (Mpc/h)^3``.
     length_unit : str or None
         Unit of origin and spacing.
+    periodic : tuple of bool
+        Along which axes the grid repeats.
+    hubble : float or None
+        Value of h in the units, where it is known.
     outside : float
         Mass (or particles) that lies beyond open edges of the grid; 0 of a periodic box.
     """
 
-    _names = ("origin", "spacing", "unit", "length_unit", "outside")
+    _names = ("origin", "spacing", "unit", "length_unit", "periodic", "hubble", "outside")
+
+    origin: Three
+    spacing: Three
+    unit: str
+    length_unit: Optional[str]
+    periodic: tuple[bool, bool, bool]
+    hubble: Optional[float]
+    outside: float
+
+    to_astropy = handover.to_astropy
+    to_pyvista = handover.grid_to_pyvista
+    to_yt = handover.grid_to_yt
 
     @property
     def cell_volume(self) -> float:

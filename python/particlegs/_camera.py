@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Optional
+from dataclasses import dataclass
+from typing import Any, Optional
 
+import numpy as np
+
+from . import _coerce, _units
 from ._particlegs import InputError
+from ._types import Three
 
 
-def point(value, what):
-    """Three finite numbers."""
-    try:
-        numbers = tuple(float(v) for v in value)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what} must be three numbers") from error
-    if len(numbers) != 3:
+def point(value: Any, what: str, unit: Optional[str] = None) -> Three:
+    """Three numbers, in a unit of length."""
+    if np.ndim(value) != 1:
         raise InputError(f"{what} must be three numbers")
-    return numbers
+    x, y, z = _coerce.lengths(value, unit, what)
+    return x, y, z
 
 
 @dataclass(frozen=True)
@@ -39,14 +40,14 @@ class Camera:
         Nearest and farthest distance of particles that are drawn; all by default.
     """
 
-    position: tuple = field()
-    focal_point: tuple = field()
-    view_up: tuple = (0.0, 1.0, 0.0)
+    position: Three
+    focal_point: Three
+    view_up: Three = (0.0, 1.0, 0.0)
     fov_deg: Optional[float] = None
     height: Optional[float] = None
-    clipping_range: Optional[tuple] = None
+    clipping_range: Optional[tuple[float, float]] = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("position", "focal_point", "view_up"):
             object.__setattr__(self, name, point(getattr(self, name), name))
         if self.fov_deg is not None and self.height is not None:
@@ -54,10 +55,12 @@ class Camera:
         if self.fov_deg is None and self.height is None:
             object.__setattr__(self, "fov_deg", 30.0)
         if self.clipping_range is not None:
-            near, far = self.clipping_range
-            object.__setattr__(self, "clipping_range", (float(near), float(far)))
+            range_ = np.asarray(self.clipping_range, dtype=np.float64)
+            if range_.shape != (2,):
+                raise InputError("clipping_range takes the nearest and the farthest distance")
+            object.__setattr__(self, "clipping_range", (float(range_[0]), float(range_[1])))
 
-    def _native(self):
+    def _native(self) -> dict[str, Any]:
         return {
             "position": self.position,
             "focal_point": self.focal_point,
@@ -68,17 +71,25 @@ class Camera:
         }
 
 
-def native(camera, azimuth, elevation, distance, center, width, depth):
-    """A camera, or the angles and the window that stand for one."""
+def native(
+    camera: Optional[Camera],
+    angles: tuple[float, float, float],
+    center: Any,
+    width: Any,
+    depth: Any,
+    unit: Optional[str],
+) -> dict[str, Any]:
+    """A camera, or azimuth, elevation and distance, and the window in a unit of length, that stand for one."""
     if camera is not None:
         if not isinstance(camera, Camera):
             raise TypeError("camera must be a particlegs.Camera")
         return camera._native()
+    azimuth, elevation, distance = (float(v) for v in angles)
     return {
-        "azimuth": float(azimuth),
-        "elevation": float(elevation),
-        "distance": float(distance),
-        "center": None if center is None else point(center, "center"),
-        "width": None if width is None else float(width),
-        "depth": None if depth is None else float(depth),
+        "azimuth": azimuth,
+        "elevation": elevation,
+        "distance": distance,
+        "center": None if center is None else point(center, "center", unit),
+        "width": None if width is None else _units.number_in(width, unit, "width"),
+        "depth": None if depth is None else _units.number_in(depth, unit, "depth"),
     }

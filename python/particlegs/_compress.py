@@ -4,39 +4,43 @@ from __future__ import annotations
 
 import os
 import tempfile
+from typing import Any, Optional, Union
+
+from numpy.typing import ArrayLike
 
 from . import _coerce, _particlegs
 from ._model import Model
 from ._particlegs import InputError
 from ._snapshot import Snapshot, as_snapshot
+from ._types import CertificateLevel, Effort, Law, Path, Progress, Training
 
 
 def compress(
-    snapshot,
+    snapshot: Union[Snapshot, ArrayLike],
     *,
-    ratio=None,
-    size=None,
-    gaussians=None,
-    psnr=None,
-    max_pk_error=None,
-    k_max=None,
-    min_correlation=None,
-    cell=None,
-    groups_within=None,
-    from_size=None,
-    effort="default",
-    radius=None,
-    opacity=None,
-    train=None,
-    law=None,
-    certificate="quick",
-    memory=None,
-    blocks=None,
-    scratch=None,
-    box=None,
-    seed=42,
-    threads=None,
-    progress=None,
+    ratio: Optional[float] = None,
+    size: Union[int, str, None] = None,
+    gaussians: Optional[int] = None,
+    psnr: Optional[float] = None,
+    max_pk_error: Union[float, str, None] = None,
+    k_max: Optional[float] = None,
+    min_correlation: Optional[float] = None,
+    cell: Optional[float] = None,
+    groups_within: Union[float, str, None] = None,
+    from_size: Optional[int] = None,
+    effort: Effort = "default",
+    radius: Optional[float] = None,
+    opacity: Optional[float] = None,
+    train: Optional[Training] = None,
+    law: Optional[Law] = None,
+    certificate: CertificateLevel = "quick",
+    memory: Union[int, str, None] = None,
+    blocks: Optional[int] = None,
+    scratch: Optional[Path] = None,
+    box: Any = None,
+    seed: int = 42,
+    threads: Optional[int] = None,
+    progress: Progress = None,
 ) -> Model:
     """Makes a model of particles: the same file, to the byte, as the command makes by the same options.
 
@@ -97,7 +101,7 @@ def compress(
     KeyboardInterrupt
         By Ctrl-C, within half a second; nothing is left.
     """
-    goals = [
+    goals: list[tuple[str, Union[float, str, None], str, Optional[float]]] = [
         ("max_pk_error", max_pk_error, "k_max", k_max),
         ("min_correlation", min_correlation, "cell", cell),
         ("groups_within", groups_within, "from_size", from_size),
@@ -106,11 +110,11 @@ def compress(
     for name, asked, beside, at in goals:
         if (asked is None) != (at is None):
             raise InputError(f"{name} and {beside} go together")
-        if asked is not None:
+        if asked is not None and at is not None:
             if goal is not None:
                 raise InputError(f"only one target can be met: {goal[0]} or {name}")
             goal = (name, _coerce.share(asked), float(at))
-    asked = {
+    options = {
         "ratio": ratio,
         "size": _coerce.bytes_of(size),
         "gaussians": gaussians,
@@ -128,7 +132,7 @@ def compress(
     }
     if box is not None and isinstance(snapshot, Snapshot):
         raise InputError("the box is the snapshot's: give it to Snapshot or open")
-    particles = as_snapshot(snapshot, **({} if box is None else {"box": box}))
+    particles = as_snapshot(snapshot, box=box)
     folder = os.fspath(scratch) if scratch is not None else (tempfile.gettempdir() if memory is not None else None)
-    native = _particlegs.compress(particles._native, asked, folder, threads, _coerce.progress(progress))
+    native = _particlegs.compress(particles._native, options, folder, threads, _coerce.progress(progress))
     return Model._of(native)

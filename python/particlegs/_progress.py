@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any, Optional
+
 
 class Bar:
     """A bar of tqdm's for the phase that is on, told of by (phase, done, total)."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         from tqdm.auto import tqdm
 
         self._tqdm = tqdm
-        self._bar = None
-        self._phase = None
+        self._bar: Any = None
+        self._phase: Optional[str] = None
 
-    def __call__(self, phase, done, total):
+    def __call__(self, phase: str, done: int, total: int) -> None:
         if phase != self._phase or self._bar is None:
             self.close()
             self._bar = self._tqdm(total=total or None, desc=phase, unit="", leave=False, dynamic_ncols=True)
@@ -22,7 +24,7 @@ class Bar:
         if total and done >= total:
             self.close()
 
-    def close(self):
+    def close(self) -> None:
         """Takes the bar away."""
         if self._bar is not None:
             self._bar.close()

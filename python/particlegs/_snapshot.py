@@ -4,13 +4,40 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from . import _coerce, _particlegs
+from . import _coerce, _particlegs, _units, handover
+from ._camera import Camera
 from ._camera import native as native_camera
 from ._particlegs import InputError
-from ._particlegs import formats as _formats
+from ._types import Bytes8, Drawing, Float32, Float64, Known, Numbers, Path, PictureStyle, Progress
+
+if TYPE_CHECKING:
+    from typing_extensions import Self, Unpack
+
+
+def _refuse_mixed(moment: dict[str, Any], box: Any) -> None:
+    """Refuses physical positions in a comoving box, and the other way round."""
+    other = _units.moment_of(box)
+    if moment and other and moment["comoving"] != other["comoving"] and moment["scale_factor"] != 1.0:
+        said = ["physical", "comoving"]
+        raise InputError(
+            f"positions are {said[moment['comoving']]} and the box is {said[other['comoving']]}: convert one of them"
+        )
+
+
+def _within_float32(masses: Any) -> tuple[Any, Optional[float]]:
+    """Masses as weights; those that float32 cannot hold, such as of haloes in grams, relative to their mean."""
+    numbers = _units.plain(masses, "masses")
+    reach = np.finfo(np.float32)
+    if numbers.size == 0 or (numbers.max() <= reach.max and numbers.min() >= reach.tiny):
+        return numbers, None
+    mean = float(numbers.mean(dtype=np.float64))
+    return (numbers / mean, mean) if np.isfinite(mean) and numbers.min() > 0 else (numbers, None)
 
 
 class Snapshot:
@@ -22,19 +49,20 @@ class Snapshot:
         Positions in any real type, byte order and strides. float32 is used where it lies: (n, 3) contiguous, or three
         contiguous columns; the memory must not change while the snapshot is in use. Values of more digits are kept
         relative to an origin near the data where they lie far from 0. Arrays with units (astropy, unyt, yt,
-        swiftsimio) bring their unit of length.
+        swiftsimio, pynbody) bring their unit of length, and those of swiftsimio the moment.
     weights : array_like, shape (n,), optional
         Weights of the particles, above 0, relative to `masses` where that is one number.
     masses : float or array_like, shape (n,), optional
         The mass of every particle, or of each.
     box : float, array_like of 3, 6 or (3, 3), optional
         Simulation cell: its length, three lengths, three lengths and three angles (degrees), or cell vectors by rows.
+        A box (or an origin) of another unit than the positions' is converted to theirs.
     pbc : bool or three of them
         Does the box repeat, along which of its vectors?
     origin : array_like, shape (3,), optional
         Lowest corner of the box; 0 by default.
     units, mass_units : str, optional
-        Units of length and mass as text, such as ``"Mpc/h"`` and ``"Msun/h"``.
+        Units of length and mass as text, such as ``"Mpc/h"`` and ``"Msun/h"``. Arrays of other units are converted.
     name : str
         What pictures and files call it.
     comoving, scale_factor, hubble, time : optional
@@ -45,74 +73,78 @@ class Snapshot:
     Raises
     ------
     InputError
-        For wrong shapes, no particles, values that are not finite, a box without volume.
+        For wrong shapes, no particles, values that are not finite, a box without volume, units that do not fit.
     """
 
     def __init__(
         self,
-        positions,
+        positions: Any,
         *,
-        weights=None,
-        masses=None,
-        box=None,
-        pbc=True,
-        origin=None,
-        units=None,
-        mass_units=None,
-        name="particles",
-        comoving=None,
-        scale_factor=None,
-        hubble=None,
-        time=None,
-        skip_invalid=False,
-        threads=None,
-    ):
-        places, unit = _coerce.positions(positions)
+        weights: Optional[ArrayLike] = None,
+        masses: Any = None,
+        box: Any = None,
+        pbc: Union[bool, Sequence[bool]] = True,
+        origin: Any = None,
+        units: Optional[str] = None,
+        mass_units: Optional[str] = None,
+        name: str = "particles",
+        comoving: Optional[bool] = None,
+        scale_factor: Optional[float] = None,
+        hubble: Optional[float] = None,
+        time: Optional[float] = None,
+        skip_invalid: bool = False,
+        threads: Optional[int] = None,
+    ) -> None:
+        moment = _units.moment_of(positions)
+        _refuse_mixed(moment, box)
+        places, unit = _coerce.positions(positions, units)
+        if masses is not None and mass_units is None:
+            masses, mass_units = _units.named(masses)
         each = None
         if masses is not None:
-            mass_units = mass_units or _coerce.unit_of(masses)
+            masses = _units.bare_in(masses, mass_units, "masses")
             if np.ndim(masses) == 0:
-                each = float(getattr(masses, "value", masses))
+                each = float(masses)
             elif weights is not None:
                 raise InputError("give weights, or a mass for each particle, not both")
             else:
-                weights = masses
+                weights, each = _within_float32(masses)
         known = {
             "name": str(name),
-            "cell": _coerce.cell(box, pbc, origin),
-            "length_unit": units or unit,
+            "cell": _coerce.cell(box, pbc, origin, unit),
+            "length_unit": units if units is not None or unit is None else _units.text_of(unit),
             "mass_unit": mass_units,
             "particle_mass": each,
-            "comoving": comoving,
-            "scale_factor": scale_factor,
+            "comoving": moment.get("comoving") if comoving is None else bool(comoving),
+            "scale_factor": moment.get("scale_factor") if scale_factor is None else float(scale_factor),
             "hubble": hubble,
             "time": time,
         }
-        column = None if weights is None else _coerce.column(weights, "weights")
+        column = None if weights is None else _coerce.column(_units.bare(weights), "weights")
         self._native = _particlegs.Snapshot(places, column, known, skip_invalid, threads)
         if box is not None:
             self._check_box(threads)
 
-    def _check_box(self, threads):
+    def _check_box(self, threads: Optional[int]) -> None:
         """Refuses an orthogonal box that the particles are half as long again as: one of another unit, most likely."""
         vectors, (low, high) = self.box, np.array(self._native.bounds(threads))
-        if not np.all(vectors == np.diag(np.diag(vectors))):
+        if vectors is None or not _coerce.is_right(vectors):
             return
         for axis, extent, length, repeats in zip("xyz", high - low, np.diag(vectors), self.periodic):
             if repeats and extent > 1.5 * length:
                 raise InputError(
-                    f"the particles reach over {extent:g} along {axis}, and the box is {length:g} long: check the unit of "
-                    "length and the box"
+                    f"the particles reach over {extent:g} along {axis}, and the box is {length:g} long: "
+                    "check the unit of length and the box"
                 )
 
     @classmethod
-    def _of(cls, native):
+    def _of(cls, native: _particlegs.Snapshot) -> Self:
         snapshot = cls.__new__(cls)
         snapshot._native = native
         return snapshot
 
     @classmethod
-    def from_chunks(cls, chunks, *, folder=None, **known):
+    def from_chunks(cls, chunks: Iterable[Any], *, folder: Optional[Path] = None, **known: Unpack[Known]) -> Self:
         """Particles that come chunk by chunk and need not fit into memory.
 
         Parameters
@@ -129,19 +161,22 @@ class Snapshot:
         -------
         Snapshot
         """
-        files, weighted, rows = [], None, 0
+        files: list[Any] = []
+        weighted, rows = False, 0
         for chunk in chunks:
             pair = isinstance(chunk, tuple) and len(chunk) == 2
-            places, weights = chunk if pair else (chunk, None)
-            if weighted is None:
+            given, weights = chunk if pair else (chunk, None)
+            if not files:
                 weighted = weights is not None
-                files = [tempfile.TemporaryFile(dir=folder) for _ in range(4 if weighted else 3)]
+                files = [tempfile.TemporaryFile(dir=folder) for _ in range(4 if weighted else 3)]  # noqa: SIM115
             if weighted != (weights is not None):
                 raise InputError("every chunk has weights, or none has")
-            places, _ = _coerce.positions(places)
+            places, unit = _coerce.positions(given, known.get("units"))
+            if unit is not None and known.get("units") is None:
+                raise InputError("chunks that carry a unit of length: state by units= which they are to have")
             columns = list(places) if isinstance(places, tuple) else [places[:, k] for k in range(3)]
             if weighted:
-                columns.append(_coerce.column(weights, "weights"))
+                columns.append(_coerce.column(_units.bare(weights), "weights"))
                 if len(columns[3]) != len(columns[0]):
                     raise InputError(f"{len(columns[3])} weights of {len(columns[0])} particles")
             for file, column in zip(files, columns):
@@ -156,32 +191,33 @@ class Snapshot:
             file.close()
         return cls(tuple(maps[:3]), weights=maps[3] if weighted else None, **known)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self._native)
 
     @property
-    def metadata(self) -> dict:
+    def metadata(self) -> dict[str, Any]:
         """What is known of the particles: name, cell, units, moment."""
-        return json.loads(self._native.metadata)
+        metadata: dict[str, Any] = json.loads(self._native.metadata)
+        return metadata
 
     @property
     def name(self) -> str:
         """What it is called."""
-        return self.metadata["name"]
+        return str(self.metadata["name"])
 
     @property
-    def positions(self) -> np.ndarray:
-        """Positions, (n, 3): a read-only float32 array where they lie so, float64 where they are kept about an origin."""
+    def positions(self) -> Numbers:
+        """Positions, (n, 3), unit of length: read-only float32 where they lie so, float64 about a far origin."""
         local, origin = self._native.local_positions, np.array(self._native.origin)
         return local if not origin.any() else local.astype(np.float64) + origin
 
     @property
-    def weights(self):
+    def weights(self) -> Optional[Float32]:
         """Weights, float32, (n,), read-only; None where all particles count alike."""
         return self._native.weights
 
     @property
-    def masses(self):
+    def masses(self) -> Union[float, Float64, None]:
         """Masses: one number, an array (n,) of float64, or None where they are not known."""
         weights, layers = self.weights, self._native.layers
         if any(unit is None and not weighted for _, _, _, unit, weighted in layers):
@@ -190,46 +226,52 @@ class Snapshot:
             return layers[0][3]
         masses = np.empty(len(self))
         for _, first, end, unit, weighted in layers:
-            masses[first:end] = (weights[first:end] * (unit or 1.0)) if weighted else unit
+            if weighted and weights is not None:
+                masses[first:end] = np.multiply(weights[first:end], unit or 1.0, dtype=np.float64)
+            else:
+                masses[first:end] = unit
         return masses
 
     @property
-    def layers(self) -> dict:
+    def layers(self) -> dict[str, slice]:
         """Species or classes of mass: names and the particles of each, as slices."""
         return {name: slice(first, end) for name, first, end, _, _ in self._native.layers}
 
     @property
-    def bounds(self) -> np.ndarray:
+    def bounds(self) -> Float64:
         """The lowest and the highest corner, (2, 3)."""
         return np.array(self._native.bounds())
 
     @property
-    def box(self):
+    def box(self) -> Optional[Float64]:
         """Cell vectors by rows, (3, 3), or None."""
         cell = self.metadata["cell"]
         return None if cell is None else np.array(cell["vectors"])
 
     @property
-    def origin(self):
+    def origin(self) -> Optional[Float64]:
         """Lowest corner of the box, (3,), or None."""
         cell = self.metadata["cell"]
         return None if cell is None else np.array(cell["origin"])
 
     @property
-    def periodic(self) -> tuple:
+    def periodic(self) -> tuple[bool, bool, bool]:
         """Along which cell vectors the box repeats."""
         cell = self.metadata["cell"]
-        return (False,) * 3 if cell is None else tuple(cell["periodic"])
+        a, b, c = (False, False, False) if cell is None else cell["periodic"]
+        return bool(a), bool(b), bool(c)
 
     @property
-    def length_unit(self):
+    def length_unit(self) -> Optional[str]:
         """Unit of length, as text, or None."""
-        return self.metadata["length_unit"]
+        unit: Optional[str] = self.metadata["length_unit"]
+        return unit
 
     @property
-    def mass_unit(self):
+    def mass_unit(self) -> Optional[str]:
         """Unit of mass, as text, or None."""
-        return self.metadata["mass_unit"]
+        unit: Optional[str] = self.metadata["mass_unit"]
+        return unit
 
     @property
     def synthetic(self) -> bool:
@@ -237,26 +279,47 @@ class Snapshot:
         return self._native.drawn is not None
 
     @property
-    def notes(self) -> dict:
+    def notes(self) -> dict[str, Any]:
         """What drawn particles are, of which model, and what they are good for; empty of others."""
-        return json.loads(self._native.drawn or "{}")
+        notes: dict[str, Any] = json.loads(self._native.drawn or "{}")
+        return notes
 
+    @overload
     def render(
         self,
-        azimuth=0.0,
-        elevation=0.0,
-        distance=1.0,
+        azimuth: float = ...,
+        elevation: float = ...,
+        distance: float = ...,
         *,
-        style="paraview",
-        size=(1920, 1080),
-        radius=None,
-        opacity=None,
-        center=None,
-        width=None,
-        depth=None,
-        camera=None,
-        threads=None,
-    ):
+        style: PictureStyle = ...,
+        **drawing: Unpack[Drawing],
+    ) -> Bytes8: ...
+    @overload
+    def render(
+        self,
+        azimuth: float = ...,
+        elevation: float = ...,
+        distance: float = ...,
+        *,
+        style: Literal["expected"],
+        **drawing: Unpack[Drawing],
+    ) -> Float32: ...
+    def render(
+        self,
+        azimuth: float = 0.0,
+        elevation: float = 0.0,
+        distance: float = 1.0,
+        *,
+        style: str = "paraview",
+        size: tuple[int, int] = (1920, 1080),
+        radius: Optional[float] = None,
+        opacity: Optional[float] = None,
+        center: Optional[ArrayLike] = None,
+        width: Optional[float] = None,
+        depth: Optional[float] = None,
+        camera: Optional[Camera] = None,
+        threads: Optional[int] = None,
+    ) -> Numbers:
         """The picture of all particles: the reference that a model's picture is measured by.
 
         Takes the same arguments as `Model.render`. The default radius is 0.0406 of the mean spacing, the default
@@ -267,10 +330,19 @@ class Snapshot:
         numpy.ndarray, shape (height, width)
             uint8, or float32 in [0, 1] of the style ``"expected"``.
         """
-        looking = native_camera(camera, azimuth, elevation, distance, center, width, depth)
-        return self._native.render(style, tuple(size), looking, radius, opacity, threads)
+        unit = self.length_unit
+        looking = native_camera(camera, (azimuth, elevation, distance), center, width, depth, unit)
+        radius = None if radius is None else _units.number_in(radius, unit, "radius")
+        return self._native.render(style, _coerce.size_of(size), looking, radius, opacity, threads)
 
-    def save(self, path, *, overwrite=False, threads=None, progress=None) -> int:
+    def save(
+        self,
+        path: Path,
+        *,
+        overwrite: bool = False,
+        threads: Optional[int] = None,
+        progress: Progress = None,
+    ) -> int:
         """Writes the particles in the format that the name's ending means.
 
         Parameters
@@ -288,13 +360,27 @@ class Snapshot:
         """
         return self._native.save(path, overwrite, threads, _coerce.progress(progress))
 
-    def __repr__(self):
+    from_ase = classmethod(handover.from_ase)
+    from_mdanalysis = classmethod(handover.from_mdanalysis)
+    from_pynbody = classmethod(handover.from_pynbody)
+    from_pyvista = classmethod(handover.from_pyvista)
+    from_swiftsimio = classmethod(handover.from_swiftsimio)
+    from_yt = classmethod(handover.from_yt)
+    to_ase = handover.to_ase
+    to_astropy = handover.snapshot_to_astropy
+    to_mdanalysis = handover.to_mdanalysis
+    to_pynbody = handover.to_pynbody
+    to_pyvista = handover.to_pyvista
+    to_swiftsimio = handover.to_swiftsimio
+    to_yt = handover.to_yt
+
+    def __repr__(self) -> str:
         unit = f" {self.length_unit}" if self.length_unit else ""
         what = "synthetic particles" if self.synthetic else "particles"
         box = self.box
         if box is None:
             where = "no box"
-        elif np.all(box == np.diag(np.diag(box))):
+        elif _coerce.is_right(box):
             where = "box " + " x ".join(f"{v:g}" for v in np.diag(box)) + unit
         else:
             where = "tilted box"
@@ -302,109 +388,6 @@ class Snapshot:
         return f"<Snapshot {self.name!r}: {len(self)} {what}, {where}; {layers}>"
 
 
-def open(  # noqa: A001
-    paths,
-    *,
-    species=None,
-    format=None,  # noqa: A002
-    positions=None,
-    weights="auto",
-    frame=None,
-    layers_by="species",
-    box=None,
-    units=None,
-    mass_units=None,
-    skip_invalid=False,
-    region=None,
-    center=None,
-    width=None,
-    every=1,
-    sample=None,
-    left_out=False,
-    seed=42,
-    scratch=None,
-    threads=None,
-    progress=None,
-) -> Snapshot:
-    """Opens a snapshot of any format that the command reads.
-
-    Parameters
-    ----------
-    paths : path or several
-        The snapshot's first file, its folder, or raw columns x, y, z (and weights).
-    species : str, int or several, optional
-        Particle types by name, number or alias (``"dm"``, ``1``); all by default, each a layer.
-    format : str, optional
-        Name of the format where the content does not tell; `formats` lists them.
-    positions, weights : str, optional
-        Fields of positions and weights; ``weights=None`` counts particles alike, ``"auto"`` takes the masses of a
-        species whose masses differ.
-    frame : int, optional
-        Frame of a trajectory, from 0; the last by default.
-    layers_by : {"species", "mass"}
-        What becomes a layer.
-    box : float or three, optional
-        Lengths of the periodic box; replaces those in the file.
-    units, mass_units : str, optional
-        Units of length and mass; replace those in the file.
-    skip_invalid : bool
-        Leave out particles with NaN or infinite values instead of refusing the file.
-    region : six floats, optional
-        Keep ``x0 <= x < x1, y0 <= y < y1, z0 <= z < z1``, given as ``(x0, x1, y0, y1, z0, z1)``.
-    center, width : array_like, optional
-        Keep a window about a point, across the periodic boundary.
-    every : int
-        Then keep the first of every so many.
-    sample : int, optional
-        Then keep so many, drawn at random by `seed`; with `left_out` those that the draw leaves out.
-    scratch : path, optional
-        Folder for columns that have to be converted, instead of memory.
-    threads : int, optional
-        Threads; all that the process may use by default. Results do not depend on them.
-    progress : bool or callable, optional
-        True for a bar of tqdm's, or a function of (phase, done, total). An exception that it raises stops the work.
-
-    Returns
-    -------
-    Snapshot
-    """
-    lengths = None
-    if box is not None:
-        lengths = np.broadcast_to(np.asarray(box, dtype=np.float64), (3,)).tolist()
-    if (center is None) != (width is None):
-        raise InputError("a window takes center and width")
-    if region is not None and center is not None:
-        raise InputError("give a region, or a window about a centre, not both")
-    if layers_by not in ("species", "mass"):
-        raise InputError(f'layers_by="{layers_by}": there are species and mass')
-    asked = {
-        "format": format,
-        "species": _coerce.texts(species),
-        "positions": positions,
-        "weights": "none" if weights is None else str(weights),
-        "frame": frame,
-        "by_mass": layers_by == "mass",
-        "box_lengths": lengths,
-        "length_unit": units,
-        "mass_unit": mass_units,
-        "skip_invalid": skip_invalid,
-        "region": None if region is None else [float(v) for v in region],
-        "center": None if center is None else [float(v) for v in center],
-        "width": None if width is None else np.broadcast_to(np.asarray(width, dtype=np.float64), (3,)).tolist(),
-        "every": every,
-        "sample": sample,
-        "left_out": left_out,
-        "seed": seed,
-    }
-    native = _particlegs.open(_coerce.paths(paths), asked, scratch, threads, _coerce.progress(progress))
-    return Snapshot._of(native)
-
-
-def formats() -> list:
-    """Names of the formats that `open` reads."""
-    return _formats()
-
-
-def as_snapshot(given, **known) -> Snapshot:
+def as_snapshot(given: Union[Snapshot, ArrayLike], box: Any = None) -> Snapshot:
     """A snapshot, or one of positions."""
-    return given if isinstance(given, Snapshot) else Snapshot(given, **known)
+    return given if isinstance(given, Snapshot) else Snapshot(given, box=box)

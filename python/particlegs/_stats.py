@@ -3,28 +3,37 @@
 from __future__ import annotations
 
 import json
-from types import SimpleNamespace
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import _coerce, _particlegs
+from ._measured import Correlation, Groups, Likelihood, Panel, Power, RadialDistribution
 from ._model import Model
-from ._snapshot import as_snapshot
+from ._snapshot import Snapshot, as_snapshot
+from ._types import Assignment, Convention, Float64, Names, Numbers, Progress
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-def _middle(edges):
+def _middle(edges: ArrayLike) -> Float64:
     """Geometric middles of bins."""
-    edges = np.asarray(edges)
-    return np.sqrt(edges[:-1] * edges[1:])
+    both = np.asarray(edges, dtype=np.float64)
+    return np.asarray(np.sqrt(both[:-1] * both[1:]))
 
 
-def _numbers(values):
+def _numbers(values: Iterable[Optional[float]]) -> Float64:
     """Floats, with NaN where nothing is known."""
     return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
 
 
 class Stats:
     """What was measured: attributes for the common measures, `data` for all.
+
+    Measures that were not asked for, or could not be made, are None: `power`, `xi`, `rdf`, `groups`, `likelihood`.
 
     Attributes
     ----------
@@ -36,18 +45,18 @@ class Stats:
         Unit of lengths.
     """
 
-    def __init__(self, data, length_unit):
+    def __init__(self, data: dict[str, Any], length_unit: Optional[str]) -> None:
         self.data = data
-        self.notes = list(data["notes"])
+        self.notes: list[str] = list(data["notes"])
         self.length_unit = length_unit
 
     @property
-    def summary(self) -> dict:
+    def summary(self) -> dict[str, Any]:
         """One figure a question, those alone that were measured."""
         return {name: value for name, value in self.data["summary"].items() if value is not None}
 
     @property
-    def power(self):
+    def power(self) -> Union[Power, Any]:
         """Power spectra: ``k``, ``truth``, ``other``, ``ratio``, ``r``, ``modes`` as arrays; None where not measured.
 
         `k` in 1 over the unit of length, powers in the unit of length cubed, shot noise subtracted.
@@ -57,24 +66,24 @@ class Stats:
             return None
         shells = spectra["shells"]
         power = np.array([_numbers(s["power"]) for s in shells])
-        return SimpleNamespace(
+        return Power(
             k=_numbers(s["k"] for s in shells),
             modes=np.array([s["modes"] for s in shells]),
             truth=power[:, 0],
             other=power[:, 1],
             ratio=_numbers(s["ratio"] for s in shells),
             r=_numbers(s["r"] for s in shells),
-            shot_noise=tuple(spectra["shot_noise"]),
+            shot_noise=(float(spectra["shot_noise"][0]), float(spectra["shot_noise"][1])),
         )
 
     @property
-    def xi(self):
+    def xi(self) -> Union[Correlation, Any]:
         """Two-point correlation by pair counts: ``r``, ``truth``, ``other``, ``ratio``; None where not measured."""
         found = self.data["xi_by_pairs"]
         if found is None:
             return None
         truth, other = found["counts"]
-        return SimpleNamespace(
+        return Correlation(
             r=_middle(truth["edges"]),
             edges=_numbers(truth["edges"]),
             truth=_numbers(truth["xi"]),
@@ -83,25 +92,25 @@ class Stats:
         )
 
     @property
-    def rdf(self):
+    def rdf(self) -> Union[RadialDistribution, Any]:
         """Radial distribution function: ``r`` and ``truth``, ``other``; None where not measured."""
         found = self.data["rdf"]
         if found is None:
             return None
         edges = _numbers(found["edges"])
-        return SimpleNamespace(
+        return RadialDistribution(
             r=0.5 * (edges[:-1] + edges[1:]), truth=_numbers(found["g"][0]), other=_numbers(found["g"][1])
         )
 
     @property
-    def groups(self):
-        """Friends-of-friends groups: ``size`` (least of a class), ``truth``, ``other``, ``ratio``; None where not measured."""
+    def groups(self) -> Union[Groups, Any]:
+        """Friends-of-friends groups: ``size``, ``truth``, ``other``, ``ratio``; None where not measured."""
         found = self.data["groups"]
         if found is None:
             return None
         classes = found["histogram"]
         numbers = np.array([c["groups"] for c in classes], dtype=np.float64).reshape(-1, 2)
-        return SimpleNamespace(
+        return Groups(
             size=np.array([c["from"] for c in classes]),
             truth=numbers[:, 0],
             other=numbers[:, 1],
@@ -109,99 +118,132 @@ class Stats:
         )
 
     @property
-    def likelihood(self):
+    def likelihood(self) -> Union[Likelihood, Any]:
         """Bits a particle under the model, with their error; None where not measured."""
         found = self.data["likelihood"]
-        return None if found is None else SimpleNamespace(**found)
+        return None if found is None else Likelihood(**found)
 
-    def plot(self, figure=None):
+    def plot(self, figure: Optional[Figure] = None, *, labels: tuple[str, str] = ("truth", "model")) -> Figure:
         """Draws what was measured: power spectra, correlation, groups, g(r); each with its ratio.
 
         Parameters
         ----------
         figure : matplotlib.figure.Figure, optional
             Where to draw; a new figure by default.
+        labels : (str, str)
+            What to call the truth, and what is compared with it.
 
         Returns
         -------
         matplotlib.figure.Figure
+            Lengths and wave numbers in the truth's unit of length; the grey band of a ratio is 1 %.
         """
         import matplotlib.pyplot as plt
 
-        unit = self.length_unit or "length"
-        inverse = f"1/({unit})" if "/" in unit else f"1/{unit}"
-        panels = []
-        if self.power is not None:
-            p = self.power
-            volume = f"({unit})$^3$" if "/" in unit else f"{unit}$^3$"
-            panels.append((p.k, p.truth, p.other, p.ratio, f"k ({inverse})", f"P(k) ({volume})", "log"))
-        if self.xi is not None:
-            x = self.xi
-            panels.append((x.r, x.truth, x.other, x.ratio, f"r ({unit})", "ξ(r)", "log"))
-        if self.groups is not None:
-            g = self.groups
-            panels.append((g.size, g.truth, g.other, g.ratio, "particles a group", "groups", "log"))
-        if self.rdf is not None and len(panels) < 4:
-            d = self.rdf
-            with np.errstate(divide="ignore", invalid="ignore"):
-                panels.append((d.r, d.truth, d.other, d.other / d.truth, f"r ({unit})", "g(r)", "linear"))
+        panels = self._panels()
         if not panels:
             raise ValueError("nothing was measured that is drawn: power spectra, correlations, groups or g(r)")
         figure = figure or plt.figure(figsize=(4.2 * len(panels), 4.4), layout="constrained")
-        axes = figure.subplots(
-            2, len(panels), squeeze=False, sharex="col", gridspec_kw={"height_ratios": [2.2, 1]}
-        )
-        for (x, truth, other, ratio, x_label, y_label, scale), (above, below) in zip(panels, axes.T):
-            above.plot(x, truth, color="black", label="truth")
-            above.plot(x, other, color="tab:orange", linestyle="--", label="model")
-            if scale == "log":
-                above.set_xscale("log")
-                above.set_yscale("log")
-            above.set_ylabel(y_label)
-            below.axhspan(0.99, 1.01, color="0.85", zorder=0)
-            below.axhline(1.0, color="0.5", linewidth=0.8)
-            below.plot(x, ratio, color="tab:orange")
-            finite = ratio[np.isfinite(ratio)]
-            reach = min(1.0, max(0.03, 1.1 * np.max(np.abs(finite - 1.0)))) if finite.size else 0.1
-            below.set_ylim(1.0 - reach, 1.0 + reach)
-            below.set_xlabel(x_label)
-            below.set_ylabel("model / truth")
-            above.legend(frameon=False)
+        heights = {"height_ratios": [2.2, 1]}
+        axes = figure.subplots(2, len(panels), squeeze=False, sharex="col", gridspec_kw=heights)
+        for panel, (above, below) in zip(panels, axes.T):
+            _draw(panel, above, below, labels)
         return figure
 
-    def __repr__(self):
+    def _panels(self) -> list[Panel]:
+        """What was measured that is drawn."""
+        unit = self.length_unit or "length"
+        panels = []
+        if (p := self.power) is not None:
+            k_label, p_label = f"k ({_inverse(unit)})", f"P(k) ({_cubed(unit)})"
+            panels.append(Panel(p.k, p.truth, p.other, p.ratio, k_label, p_label, "log"))
+        if (x := self.xi) is not None:
+            panels.append(Panel(x.r, x.truth, x.other, x.ratio, f"r ({unit})", "ξ(r)", "log"))
+        if (g := self.groups) is not None:
+            panels.append(Panel(g.size, g.truth, g.other, g.ratio, "particles a group", "groups", "log"))
+        if (d := self.rdf) is not None and len(panels) < 4:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                panels.append(Panel(d.r, d.truth, d.other, d.other / d.truth, f"r ({unit})", "g(r)", "linear"))
+        return panels
+
+    def __repr__(self) -> str:
         figures = ", ".join(
             f"{name}={value:.4g}" for name, value in self.summary.items() if isinstance(value, (int, float))
         )
         return f"<Stats: {figures}>"
 
 
+def _inverse(unit: str) -> str:
+    """1 over a unit: ``h/Mpc`` of ``Mpc/h``."""
+    above, _, below = unit.partition("/")
+    return f"{below or 1}/{above}"
+
+
+def _cubed(unit: str) -> str:
+    """A unit cubed."""
+    above, _, below = unit.partition("/")
+    return f"{above}$^3$/{below}$^3$" if below else f"{above}$^3$"
+
+
+def _label_decades(axis: Any, x: Numbers) -> None:
+    """Ticks of a logarithmic axis that do not run into each other: 1, 2, 5 of few decades, powers of ten of many."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_minor_formatter(NullFormatter())
+    lit = np.asarray(x)[np.asarray(x) > 0]
+    if lit.size and np.log10(lit.max() / lit.min()) < 2.0:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def _draw(panel: Panel, above: Any, below: Any, labels: tuple[str, str]) -> None:
+    """Draws two curves, and their ratio below."""
+    x, ratio = panel.x, panel.ratio
+    marker = "." if len(x) < 40 else ""
+    above.plot(x, panel.truth, color="black", marker=marker, label=labels[0])
+    above.plot(x, panel.other, color="tab:orange", marker=marker, linestyle="--", label=labels[1])
+    above.set_xscale(panel.scale)
+    if panel.scale == "log":
+        above.set_yscale("log", nonpositive="mask")
+        _label_decades(below.xaxis, x)
+    above.set_ylabel(panel.y_label)
+    above.legend(frameon=False)
+    below.axhspan(0.99, 1.01, color="0.85", zorder=0)
+    below.axhline(1.0, color="0.5", linewidth=0.8)
+    below.plot(x, ratio, color="tab:orange", marker=marker)
+    finite = ratio[np.isfinite(ratio)]
+    reach = min(1.0, max(0.03, 1.1 * np.max(np.abs(finite - 1.0)))) if finite.size else 0.1
+    below.set_ylim(1.0 - reach, 1.0 + reach)
+    below.set_xlabel(panel.x_label)
+    below.set_ylabel(f"{labels[1]} /\n{labels[0]}")
+
+
 def stats(
-    truth,
-    other,
+    truth: Union[Snapshot, Model, ArrayLike],
+    other: Union[Snapshot, Model, ArrayLike],
     *,
-    only=(),
-    convention="correct",
-    grid=256,
-    assignment="ngp",
-    spectrum_grid=256,
-    spectrum_assignment="tsc",
-    interlacing=True,
-    k_max=None,
-    separations=None,
-    pairs=300_000_000,
-    rdf_max=None,
-    profile_bins=200,
-    centers=None,
-    halo_radius=None,
-    halo_bins=20,
-    linking=0.2,
-    aperture=0.128,
-    neighbours=500_000,
-    open=False,  # noqa: A002
-    seed=42,
-    threads=None,
-    progress=None,
+    only: Names = (),
+    convention: Convention = "correct",
+    grid: int = 256,
+    assignment: Assignment = "ngp",
+    spectrum_grid: int = 256,
+    spectrum_assignment: Assignment = "tsc",
+    interlacing: bool = True,
+    k_max: Optional[float] = None,
+    separations: Optional[Sequence[float]] = None,
+    pairs: int = 300_000_000,
+    rdf_max: Optional[float] = None,
+    profile_bins: int = 200,
+    centers: Optional[ArrayLike] = None,
+    halo_radius: Optional[float] = None,
+    halo_bins: int = 20,
+    linking: float = 0.2,
+    aperture: float = 0.128,
+    neighbours: int = 500_000,
+    open: bool = False,  # noqa: A002
+    seed: int = 42,
+    threads: Optional[int] = None,
+    progress: Progress = None,
 ) -> Stats:
     """Measures particles or a model against others.
 
@@ -220,14 +262,28 @@ def stats(
         Cells along the longest edge, of the density and of P(k).
     assignment, spectrum_assignment : {"ngp", "cic", "tsc"}
         Mass assignment.
+    interlacing : bool
+        Measure P(k) on two grids half a cell apart, against aliasing.
     k_max : float, optional
-        Largest wave number; the particles' Nyquist frequency by default.
+        Largest wave number, 1 over the unit of length; the particles' Nyquist frequency by default.
     separations : (float, float), optional
-        Smallest and largest separation of xi(r).
+        Smallest and largest separation of xi(r), unit of length.
+    pairs : int
+        Pairs that are counted at most for xi(r); more are sampled.
+    rdf_max : float, optional
+        Largest distance of g(r), unit of length.
+    profile_bins : int
+        Bins of the profiles along the axes.
+    halo_radius : float, optional
+        Radius of the haloes' profiles, unit of length.
+    halo_bins : int
+        Bins of the haloes' profiles.
     centers : array_like, shape (n, 3), optional
         Centres of haloes; the truth's largest groups by default.
     linking, aperture : float
         Linking length of groups and radius of the apertures about their centres, in mean spacings.
+    neighbours : int
+        Particles whose nearest neighbours are looked for.
     open : bool
         Treat no axis as periodic.
     seed, threads, progress
@@ -237,6 +293,7 @@ def stats(
     -------
     Stats
     """
+    sides = [s if isinstance(s, Model) else as_snapshot(s) for s in (truth, other)]
     asked = {
         "only": _coerce.texts(only),
         "convention": convention,
@@ -250,7 +307,7 @@ def stats(
         "pairs": pairs,
         "rdf_max": rdf_max,
         "profile_bins": profile_bins,
-        "centers": None if centers is None else _coerce.points(centers).tolist(),
+        "centers": None if centers is None else _coerce.points(centers, sides[0].length_unit).tolist(),
         "halo_radius": halo_radius,
         "halo_bins": halo_bins,
         "linking": linking,
@@ -259,7 +316,5 @@ def stats(
         "open": open,
         "seed": seed,
     }
-    sides = [s if isinstance(s, Model) else as_snapshot(s) for s in (truth, other)]
-    natives = [s._native for s in sides]
-    found = _particlegs.stats(*natives, asked, threads, _coerce.progress(progress))
+    found = _particlegs.stats(sides[0]._native, sides[1]._native, asked, threads, _coerce.progress(progress))
     return Stats(json.loads(found), sides[0].length_unit)

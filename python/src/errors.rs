@@ -70,7 +70,11 @@ pub fn exception(error: &Error) -> PyErr {
         Error::Memory { .. } | Error::Bound { .. } => PyMemoryError::new_err(said),
         Error::Io { place, source } => match source.raw_os_error() {
             // With its number Python picks FileNotFoundError, PermissionError and the like.
-            Some(number) => PyOSError::new_err((number, source.to_string(), place.clone())),
+            Some(number) => {
+                let said = source.to_string();
+                let said = said.split(" (os error").next().unwrap_or_default().to_string();
+                PyOSError::new_err((number, said, place.clone()))
+            }
             None if source.kind() == std::io::ErrorKind::NotFound => {
                 pyo3::exceptions::PyFileNotFoundError::new_err(said)
             }

@@ -279,7 +279,7 @@ impl Model {
     #[pyo3(signature = (threads=None))]
     fn to_html(&self, py: Python<'_>, threads: Option<usize>) -> PyResult<String> {
         let file = ModelFile { name: &self.name, bytes: &self.bytes };
-        let page = How::quietly(threads).run(py, |progress| offline(&[file], progress))?;
+        let page = How::quietly(threads).run(py, |progress| offline(&[(file, &self.model)], progress))?;
         String::from_utf8(page).map_err(|e| InputError::new_err(e.to_string()))
     }
 

@@ -79,7 +79,9 @@ impl How {
             if let Some(now) = told.phases.last_mut()
                 && std::mem::take(&mut now.moved)
             {
-                let event = (now.name.clone(), now.done, now.total);
+                // Some work ends up to a step beyond what was foreseen.
+                let done = if now.total > 0 { now.done.min(now.total) } else { now.done };
+                let event = (now.name.clone(), done, now.total);
                 told.events.push_back(event);
             }
             (std::mem::take(&mut told.events), std::mem::take(&mut told.messages))

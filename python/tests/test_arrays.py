@@ -88,6 +88,14 @@ def test_masses_and_weights(rows):
     assert pg.Snapshot(rows).masses is None
 
 
+def test_masses_that_float32_cannot_hold(rows):
+    for scale in (1e43, 1e-44):
+        own = np.linspace(1, 2, 1000) * scale
+        assert np.allclose(pg.Snapshot(rows, masses=own).masses, own, rtol=1e-6, atol=0)
+    with pytest.raises(pg.InputError):
+        pg.Snapshot(rows, masses=np.append(np.full(999, 1e43), -1.0))
+
+
 def test_boxes(rows):
     boxes = {
         "a length": (2.0, np.diag([2.0] * 3)),

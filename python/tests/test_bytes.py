@@ -9,12 +9,18 @@ import particlegs as pg
 
 CASES = {
     "plain": ([], {}),
-    "ratio and seed": (["--ratio", "100", "--seed", "7", "--certificate", "none"], {"ratio": 100, "seed": 7, "certificate": "none"}),
+    "ratio and seed": (
+        ["--ratio", "100", "--seed", "7", "--certificate", "none"],
+        {"ratio": 100, "seed": 7, "certificate": "none"},
+    ),
     "size and radius": (
         ["--size", "40kB", "--radius", "0.02", "--opacity", "0.1", "--effort", "fast"],
         {"size": "40kB", "radius": 0.02, "opacity": 0.1, "effort": "fast"},
     ),
-    "number": (["--gaussians", "500", "--effort", "fast", "--certificate", "none"], {"gaussians": 500, "effort": "fast", "certificate": "none"}),
+    "number": (
+        ["--gaussians", "500", "--effort", "fast", "--certificate", "none"],
+        {"gaussians": 500, "effort": "fast", "certificate": "none"},
+    ),
     "memory": (
         ["--ratio", "200", "--blocks", "3", "--effort", "fast", "--certificate", "none"],
         {"ratio": 200, "blocks": 3, "effort": "fast", "certificate": "none"},
@@ -24,7 +30,11 @@ CASES = {
 
 def made_by_command(command, inputs, options, folder):
     out = folder / "m.pgs"
-    subprocess.run([command, "compress", *map(str, inputs), "-o", str(out), "--quiet", "--force", *options], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [command, "compress", *map(str, inputs), "-o", str(out), "--quiet", "--force", *options],
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
     return out.read_bytes()
 
 
@@ -64,7 +74,20 @@ def test_threads_do_not_matter(snap):
 def test_pictures_and_particles_are_those_of_the_command(command, model, tmp_path):
     model.save(tmp_path / "m.pgs")
     subprocess.run(
-        [command, "render", tmp_path / "m.pgs", "--azimuth", "30", "--elevation", "20", "--size", "320x180", "-o", tmp_path / "p.png", "--quiet"],
+        [
+            command,
+            "render",
+            tmp_path / "m.pgs",
+            "--azimuth",
+            "30",
+            "--elevation",
+            "20",
+            "--size",
+            "320x180",
+            "-o",
+            tmp_path / "p.png",
+            "--quiet",
+        ],
         check=True,
         stdout=subprocess.DEVNULL,
     )
@@ -73,7 +96,9 @@ def test_pictures_and_particles_are_those_of_the_command(command, model, tmp_pat
     drawn = matplotlib.imread(tmp_path / "p.png")
     drawn = np.round((drawn if drawn.ndim == 2 else drawn[..., 0]) * 255).astype(np.uint8)
     assert np.array_equal(drawn, picture)
-    subprocess.run([command, "recover", tmp_path / "m.pgs", "-o", tmp_path / "r", "--quiet"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [command, "recover", tmp_path / "m.pgs", "-o", tmp_path / "r", "--quiet"], check=True, stdout=subprocess.DEVNULL
+    )
     parts = model.recover()
     for k, axis in enumerate("xyz"):
         written = np.fromfile(tmp_path / "r" / f"{axis}{axis}.f32", dtype="<f4")

@@ -30,7 +30,7 @@ def test_pictures(model):
     picture = model.render(20, 10, **shape)
     assert picture.shape == (90, 160) and picture.dtype == np.uint8 and picture.max() > 50
     bright = model.render(20, 10, style="expected", **shape)
-    assert bright.dtype == np.float32 and 0 <= bright.min() and 0.1 < bright.max() <= 1
+    assert bright.dtype == np.float32 and bright.min() >= 0 and 0.1 < bright.max() <= 1
     density = model.render(20, 10, style="density", **shape)
     assert density.dtype == np.float64 and density.extent is None and density.unit.endswith("(Mpc/h)^2")
     more = model.render(20, 10, style="expected", opacity=0.2, **shape)
@@ -54,6 +54,19 @@ def test_maps_hold_the_mass(model):
         assert np.isclose(sigma.sum() * (25 / 128) ** 2, mass, rtol=1e-4)
     part = model.density_map(center=(5, 5, 5), width=10, depth=10, shape=(50, 100))
     assert part.extent == (0, 10, 2.5, 7.5)
+
+
+def test_pixels_have_an_area(model):
+    sigma = model.density_map(width=10, shape=(20, 40))
+    assert sigma.pixel_area == pytest.approx((10 / 40) ** 2)
+    with pytest.raises(ValueError):
+        _ = model.render(style="density", size=(16, 9)).pixel_area
+
+
+def test_the_verdict_speaks_of_arguments(model):
+    assert {f["word"] for f in model.findings} <= {"holds", "roughly", "does not", "not measured"}
+    assert "not measured" in model.verdict
+    assert "--" not in model.verdict
 
 
 def test_maps_lie_the_right_way_round():
@@ -138,7 +151,7 @@ def test_plots(snap, model, tmp_path):
     found = pg.stats(snap, model, only=["spectrum"], spectrum_grid=64)
     figure = found.plot()
     figure.savefig(tmp_path / "stats.png")
-    assert [axis.get_xlabel() for axis in figure.axes][1] == "k (1/(Mpc/h))"
+    assert [axis.get_xlabel() for axis in figure.axes][1] == "k (h/Mpc)"
     sigma = model.density_map(shape=(64, 64))
     _, ax = plt.subplots()
     image = sigma.plot(ax)
@@ -163,10 +176,11 @@ def test_what_a_notebook_shows(model, tmp_path):
 
 def test_several_layers(tmp_path):
     rng = np.random.default_rng(6)
-    for name, n in (("xx", 0), ("yy", 1), ("zz", 2)):
+    for name in ("xx", "yy", "zz"):
         rng.random(3000, dtype=np.float32).tofile(tmp_path / f"{name}.f32")
     (tmp_path / "meta.json").write_text(
-        '{"layers": [{"name": "dm", "particles": 2000, "particle_mass": 2.0}, {"name": "gas", "particles": 1000, "particle_mass": 1.0}]}'
+        '{"layers": [{"name": "dm", "particles": 2000, "particle_mass": 2.0},'
+        ' {"name": "gas", "particles": 1000, "particle_mass": 1.0}]}'
     )
     snap = pg.open(tmp_path)
     assert list(snap.layers) == ["dm", "gas"], snap.layers
@@ -175,5 +189,8 @@ def test_several_layers(tmp_path):
     gas = model.density_grid(8, layers=["gas"])
     assert abs((gas.sum() * gas.cell_volume + gas.outside) / 1000 - 1) < 1e-6
     assert list(model.gaussians.layers) == ["dm", "gas"]
-    whole, part = model.render(style="expected", size=(64, 36)), model.render(style="expected", size=(64, 36), layers=["gas"])
+    whole, part = (
+        model.render(style="expected", size=(64, 36)),
+        model.render(style="expected", size=(64, 36), layers=["gas"]),
+    )
     assert part.sum() < whole.sum()

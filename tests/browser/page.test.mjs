@@ -78,6 +78,52 @@ test("the CPU's picture in the page is that of the command, to the last bit", as
   await tab.close();
 });
 
+test("a large model is drawn while it is decoded, as soon as the view is moved, and is the same in the end", async () => {
+  run("compress", path.resolve("samples/nbody64"), "-o", "large.pgs", "--gaussians", "120000", "--effort", "fast", "--certificate", "none", "--quiet");
+  run("export", "large.pgs", "-o", "large.html", "--quiet");
+  const tab = await b.newPage({ viewport: { width: 1280, height: 720 } });
+  // A worker that is asked to decode when the test says so.
+  await tab.addInitScript(() => {
+    const held = [];
+    globalThis.goOn = (all) => {
+      if (all) globalThis.free = true;
+      held.splice(0, all ? Infinity : 1).forEach((send) => send());
+    };
+    const post = Worker.prototype.postMessage;
+    Worker.prototype.postMessage = function (message, transfer) {
+      const send = () => post.call(this, message, transfer);
+      if (message.question?.ask === "decode" && !globalThis.free) held.push(send);
+      else send();
+    };
+  });
+  await tab.goto(page().replace("page.html", "large.html") + "?draw=cpu");
+  const status = (text) => tab.waitForFunction((t) => document.getElementById("status")?.textContent === t, text);
+  await tab.waitForFunction(() => /^Decoding: [1-9]0 %$/.test(document.getElementById("status")?.textContent));
+  const seen = () => tab.evaluate(() => {
+    const { page } = globalThis.particlegs;
+    const { cpu, frames } = page.panes[0];
+    const data = cpu.getContext("2d").getImageData(0, 0, cpu.width, cpu.height).data;
+    let lit = 0;
+    for (let i = 0; i < data.length; i += 4) if (data[i] > 2) lit++;
+    const { full } = document.documentElement.dataset;
+    return { frames, full, lit: lit / (cpu.width * cpu.height), poster: !!document.getElementById("poster") };
+  });
+  // The poster is better than what there is; but not of another view.
+  assert.deepEqual(await seen(), { frames: 0, full: undefined, lit: 0, poster: true });
+  await tab.keyboard.press("ArrowLeft");
+  await tab.waitForFunction(() => document.documentElement.dataset.frames === "1");
+  const early = await seen();
+  assert.ok(!early.full && !early.poster && early.lit > 0.02, JSON.stringify(early));
+  await tab.evaluate(() => globalThis.goOn(false));
+  await tab.keyboard.press("ArrowLeft");
+  await tab.evaluate(() => globalThis.goOn(true));
+  await tab.waitForFunction(() => document.documentElement.dataset.full);
+  await status("");
+  const r = await pictures(tab, {});
+  assert.ok(r.worst === 0 && r.lit > 0.02, JSON.stringify(r));
+  await tab.close();
+});
+
 test("the graphics card's picture is the CPU's", { timeout: 240_000 }, async () => {
   const { tab, said } = await open(b, page("?draw=gpu"));
   await byCard(tab);

@@ -91,6 +91,9 @@ async function copied(page: Page, what: string, text: string): Promise<void> {
 }
 
 export function giveLink(page: Page): Promise<void> {
+  if (location.protocol === "about:") {
+    return Promise.reject(new Error("this page lies within another and has no address: save it as a page of its own first"));
+  }
   return copied(page, "a link to this view", `${location.href.split("#")[0]}#${toLink(page.state)}`);
 }
 

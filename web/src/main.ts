@@ -48,6 +48,9 @@ function turnTheme(): void {
   root.dataset.theme = dark ? "light" : "dark";
 }
 
+/** Milliseconds of decoding from which on a picture is shown before it ends. */
+const LONG = 500;
+
 /** One line that stays until the next. */
 function say(text: string): void {
   status.textContent = text;
@@ -60,8 +63,10 @@ async function start(): Promise<void> {
   performance.mark("engine");
   const panes: Pane[] = [];
   for (const [i, model] of setup.models.entries()) {
-    const about = await remote.open(model);
-    const pane = new Pane(remote, i, model.name, about);
+    const { json: { about, decoded }, milliseconds } = await remote.open(model);
+    // A poster, or a moment, is better than what there is by now.
+    const waits = poster !== null || milliseconds / decoded < LONG;
+    const pane = new Pane(remote, i, model.name, about, decoded, waits);
     stage.append(pane.element);
     panes.push(pane);
   }
@@ -101,6 +106,8 @@ async function start(): Promise<void> {
     compare?.moved();
     // Browsers refuse addresses that change a hundred times in ten seconds.
     clearTimeout(linked);
+    // A page within another, such as a notebook's, has no address of its own.
+    if (location.protocol === "about:") return;
     linked = setTimeout(() => history.replaceState(null, "", `#${toLink(page.state)}`), 300);
   }
 
@@ -171,16 +178,16 @@ async function start(): Promise<void> {
 
   async function framed(pane: Pane, full: boolean): Promise<void> {
     if (poster) poster.remove();
-    if (pane === panes[0]) timing.textContent = `${pane.milliseconds.toFixed(0)} ms by ${pane.drew}`;
+    // Pictures of what is decoded by now are not timed.
+    if (pane === panes[0] && pane.milliseconds > 0) timing.textContent = `${pane.milliseconds.toFixed(0)} ms by ${pane.drew}`;
     if (pane !== panes[0]) return;
     document.documentElement.dataset.frames = String(pane.frames);
-    if (full && !document.documentElement.dataset.full) performance.mark("full-picture");
-    if (full) document.documentElement.dataset.full = String(Number(document.documentElement.dataset.full ?? 0) + 1);
-    if (pane.frames === 1) {
-      performance.mark("first-picture");
-      say("");
+    if (pane.frames === 1) performance.mark("first-picture");
+    if (full && !document.documentElement.dataset.full) {
+      performance.mark("full-picture");
       setTimeout(() => void chooseBy(panes, () => change({})), 200);
     }
+    if (full) document.documentElement.dataset.full = String(Number(document.documentElement.dataset.full ?? 0) + 1);
     const shared = panes[1]?.shownRange;
     if (full && shared !== undefined && page.state.look === "density" && String(shared) !== String(pane.range)) {
       panes.slice(1).forEach((p) => p.show({ ...page.state, range: page.state.range ?? pane.range }));
@@ -212,6 +219,14 @@ async function start(): Promise<void> {
   const camera = () => cameraFor(page.state, about);
   Object.assign(globalThis, { particlegs: { page, change, pixels, camera, toLink: () => toLink(page.state) } });
   change({});
+  for (const pane of panes) await pane.decode((share) => decoding(pane, share));
+
+  /** Says how far a pane is, in steps that a reader's voice can follow; what was said meanwhile stays. */
+  function decoding(pane: Pane, share: number): void {
+    const text = share < 1 ? `Decoding${panes.length > 1 ? ` ${pane.name}` : ""}: ${10 * Math.floor(10 * share)} %` : "";
+    const ours = status.textContent === "" || status.textContent!.startsWith("Decoding");
+    if (ours && status.textContent !== text) say(text);
+  }
 }
 
 /** Takes the graphics card where it is faster than the CPU; says so where there is none that can. */
@@ -230,7 +245,8 @@ async function chooseBy(panes: Pane[], redraw: () => void): Promise<void> {
     }
   }
   document.documentElement.dataset.by = panes[0].by;
-  redraw();
+  // The processor has drawn already; who is measured draws.
+  if (asked === "gpu") redraw();
 }
 
 start().catch((error: unknown) => {

@@ -3,14 +3,14 @@
 import { h } from "./dom";
 import { GlRenderer } from "./gl";
 import { drawOverlay, type Marked } from "./overlay";
-import type { About, Paint, SceneOf, Size, Strokes, Tone } from "./protocol";
+import type { About, OpenedModel, Paint, SceneOf, Size, Strokes, Tone } from "./protocol";
 import type { Remote } from "./remote";
 import { paintOf, sceneOf, type State } from "./state";
 
 /** Milliseconds of a frame in motion that the eye still takes for motion. */
 const SMOOTH = 30;
-/** More Gaussians than this are first drawn coarsely. */
-const LARGE = 300_000;
+/** Milliseconds between two pictures of what is decoded by now. */
+const SKETCH = 400;
 /** Milliseconds without a change after which the picture is drawn in full. */
 const REST = 120;
 
@@ -39,12 +39,21 @@ export class Pane {
   private busy = false;
   private rest: ReturnType<typeof setTimeout> | undefined;
   private coarse = 1;
+  /** When a state came in last, and when the last frame ended. */
+  private touched = 0;
+  private ended = 0;
   private gl: GlRenderer | null = null;
   private tone: { key: string; curve: Tone; levels: Float32Array } | null = null;
   private colors: { key: string; data: Uint8Array } | null = null;
 
-  constructor(private remote: Remote, readonly model: number, readonly name: string, readonly about: About) {
-    this.coarse = about.gaussians > LARGE ? 2 : 1;
+  /**
+   * `decoded` is the share of the model that is decoded. Where its first picture `waits` for the rest, nothing is drawn
+   * before, unless the view is moved.
+   */
+  constructor(
+    private remote: Remote, readonly model: number, readonly name: string, readonly about: About,
+    private decoded: number, private waits: boolean,
+  ) {
     // A driver that is reset, a machine that slept: never a black picture.
     this.card.addEventListener("webglcontextlost", () => {
       this.gl = null;
@@ -71,10 +80,30 @@ export class Pane {
 
   /** Shows a state, soon. */
   show(state: State): void {
+    const first = this.state === null;
     this.state = state;
-    this.changed++;
+    this.touched = performance.now();
     this.lines();
+    if (!(first && this.waits && this.decoded < 1)) this.redraw();
+  }
+
+  private redraw(): void {
+    this.changed++;
     void this.loop();
+  }
+
+  /** Decodes what is left of the model, step by step, so that pictures come between; `onstep` is told the share. */
+  async decode(onstep: (share: number) => void): Promise<void> {
+    if (this.decoded === 1) return onstep(1);
+    while (this.decoded < 1) {
+      onstep(this.decoded);
+      if (this.frames > 0 && !this.busy && performance.now() - this.ended > SKETCH) this.redraw();
+      this.decoded = (await this.remote.ask<OpenedModel>({ ask: "decode", model: this.model })).json.decoded;
+    }
+    onstep(1);
+    // In full at once, unless a hand is at it.
+    this.coarse = performance.now() - this.touched < REST && this.frames > 0 ? 2 : 1;
+    if (this.state) this.redraw();
   }
 
   /** Draws until the picture is that of the last state. */
@@ -85,11 +114,13 @@ export class Pane {
     try {
       while (this.state && this.drawn !== this.changed) {
         now = this.changed;
-        const moving = this.coarse > 1;
-        await this.frame(this.state, moving ? this.coarse : 1);
+        const whole = this.decoded === 1;
+        const moving = this.coarse > 1 || !whole;
+        await this.frame(this.state, moving ? 2 : 1);
         this.drawn = now;
+        this.ended = performance.now();
         clearTimeout(this.rest);
-        if (moving && this.changed === now) this.rest = setTimeout(() => void this.full(), REST);
+        if (moving && whole && this.changed === now) this.rest = setTimeout(() => void this.full(), REST);
         this.onframe(!moving && this.changed === now);
       }
     } catch (error) {
@@ -216,7 +247,7 @@ export class Pane {
     if (!this.about.adds_up) return;
     const gl = this.startCard();
     // Not beside a frame, nor while the picture is still to be drawn in full.
-    while (this.busy || !this.state || this.drawn !== this.changed) await new Promise((r) => setTimeout(r, 100));
+    while (this.busy || !this.state || this.decoded < 1 || this.drawn !== this.changed) await new Promise((r) => setTimeout(r, 100));
     const scene = sceneOf(this.state, this.about, this.size);
     const paint = { ...paintOf(this.state), by_layer: false };
     const timed = async (draw: () => Promise<unknown>) => {

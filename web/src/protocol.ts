@@ -74,7 +74,11 @@ export interface Strokes {
 
 export interface Tone { depths: number[]; ratios: number[]; blur: number }
 
+/** A model that was opened, and the share of its Gaussians that is decoded by now. */
+export interface OpenedModel { about: About; decoded: number }
+
 export type Question =
+  | { ask: "decode"; model: number }
   | { ask: "picture"; model: number; scene: SceneOf; paint: Paint }
   | { ask: "values"; model: number; scene: SceneOf; style: "depth" | "density" }
   | { ask: "strokes"; model: number; scene: SceneOf; style: "depth" | "density" }

@@ -1,6 +1,6 @@
 // The worker as the page sees it: questions and promises.
 
-import type { About, FromWorker, Question, Setup, Source, ToWorker } from "./protocol";
+import type { FromWorker, OpenedModel, Question, Setup, Source, ToWorker } from "./protocol";
 
 export interface Reply<T> { json: T; numbers: ArrayBuffer; milliseconds: number }
 
@@ -31,14 +31,14 @@ export class Remote {
     return remote;
   }
 
-  async open(source: Source): Promise<About> {
+  /** Begins to decode a model; `decode` goes on. */
+  async open(source: Source): Promise<Reply<OpenedModel>> {
     const bytes = await bytesOf(source);
-    return (await this.send({ do: "open", bytes }, [bytes])).json as About;
+    return replied(await this.send({ do: "open", bytes }, [bytes]));
   }
 
   async ask<T>(question: Question): Promise<Reply<T>> {
-    const { json, numbers, milliseconds } = await this.send({ do: "ask", question }, []);
-    return { json: json as T, numbers: numbers ?? new ArrayBuffer(0), milliseconds };
+    return replied(await this.send({ do: "ask", question }, []));
   }
 
   private send(message: Message, transfer: Transferable[]): Promise<FromWorker> {
@@ -50,6 +50,9 @@ export class Remote {
     });
   }
 }
+
+const replied = <T>({ json, numbers, milliseconds }: FromWorker): Reply<T> =>
+  ({ json: json as T, numbers: numbers ?? new ArrayBuffer(0), milliseconds });
 
 /** The bytes of a source. */
 export async function bytesOf({ url, element }: Source): Promise<ArrayBuffer> {

@@ -3,6 +3,7 @@
 use crate::allotted;
 use crate::printable::one_line;
 use crate::progress::Meter;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use particlegs::parallel;
 use particlegs::progress::{Level, Progress};
@@ -10,6 +11,7 @@ use particlegs::{Error, Result};
 use particlegs_files::memory;
 use particlegs_files::output::Outputs;
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock};
 use std::time::{Duration, Instant};
@@ -37,6 +39,14 @@ pub struct Common {
     /// The same input, options and seed give the same bytes.
     #[arg(long, value_name = "N", default_value_t = 42, hide_short_help = true)]
     pub seed: u64,
+}
+
+/// One of several by its name, so that help and completion list them.
+pub fn named<T>(names: impl Into<PossibleValuesParser>) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err = String> + Clone + Send + Sync + 'static,
+{
+    names.into().try_map(|name| name.parse::<T>())
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);

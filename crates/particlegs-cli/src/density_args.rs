@@ -1,11 +1,11 @@
 //! Surface density on the command line: colours, and values in place of pictures. Shared by `render` and `reference`.
 
-use crate::common::Context;
+use crate::common::{Context, named};
 use crate::density_file::{self, Means};
 use crate::outputs::{JSON, VALUES};
 use crate::picture_out::PictureOut;
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 use particlegs::camera::{DensityView, Projection, View};
 use particlegs::model::Model;
 use particlegs::particles::Particles;
@@ -28,9 +28,9 @@ pub struct DensityArgs {
     pub raw: bool,
 }
 
-/// The colour maps by name, so that help and completion list them.
-fn colormaps() -> impl TypedValueParser<Value = Colormap> {
-    PossibleValuesParser::new(Colormap::ALL.map(Colormap::name)).try_map(|name| name.parse::<Colormap>())
+/// The colour maps by name.
+pub fn colormaps() -> impl TypedValueParser<Value = Colormap> {
+    named(Colormap::ALL.map(Colormap::name))
 }
 
 /// What a snapshot or a model says about its masses and lengths, and what a density of it is.

@@ -97,7 +97,7 @@ fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> LayerReport<'_> {
 }
 
 fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
-    let gaussians: u64 = info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum();
+    let gaussians = info.gaussians() as u64;
     let layer_bytes = |l: &Layer<Vec<BlockInfo>>| {
         let count = l.content.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));
         count.saturating_mul(l.mass.particle_bytes())

@@ -7,6 +7,7 @@
 use crate::{assets, markup, poster};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
+use particlegs::model::Model;
 use particlegs::progress::Progress;
 use particlegs::score::Finding;
 use particlegs::{Result, codec};
@@ -51,26 +52,24 @@ pub struct Page {
 
 /// One file that shows the models offline, opened from disk: at most 1.35 times the models, and the shell.
 ///
-/// Each model is decoded once, so that a page that is written can show what it holds. A single model of more than
-/// [`poster::MORE_THAN`] Gaussians has its picture in the page, for it takes a moment to decode.
+/// Beside each file stands what it was decoded to, so that a page that is written can show what it holds. A single model
+/// of more than [`poster::MORE_THAN`] Gaussians has its picture in the page, for it takes a moment to decode.
 ///
 /// # Errors
-/// As [`codec::decode_with`]; [`particlegs::Error::Memory`], [`particlegs::Error::Cancelled`].
-pub fn offline(models: &[ModelFile<'_>], progress: &dyn Progress) -> Result<Vec<u8>> {
-    let mut poster = None;
-    for file in models {
-        let model = codec::decode_with(file.bytes, file.name, progress)?;
-        if models.len() == 1 && poster::wanted(model.gaussians()) {
-            poster = Some(poster::draw(&model, poster::SMALL, progress)?);
-        }
-        progress.check()?;
-    }
-    let coded: u64 = models.iter().map(|m| 4 * (m.bytes.len() as u64).div_ceil(3)).sum();
+/// [`particlegs::Error::Memory`], [`particlegs::Error::Cancelled`].
+pub fn offline(models: &[(ModelFile<'_>, &Model)], progress: &dyn Progress) -> Result<Vec<u8>> {
+    progress.check()?;
+    let poster = match models {
+        [(_, model)] if poster::wanted(model.gaussians()) => Some(poster::draw(model, poster::SMALL, progress)?),
+        _ => None,
+    };
+    let files = || models.iter().map(|(file, _)| *file);
+    let coded: u64 = files().map(|m| 4 * (m.bytes.len() as u64).div_ceil(3)).sum();
     progress.require_memory("the page", coded + (coded >> 3))?;
     let poster = poster.map(|png| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)));
-    let setup = Setup::new(models.iter().copied(), None, false);
+    let setup = Setup::new(files(), None, false);
     let mut page = Builder::new(&setup, poster.as_deref());
-    for (i, model) in models.iter().enumerate() {
+    for (i, model) in files().enumerate() {
         page.data(&format!("model-{i}"), model.bytes);
     }
     page.data("engine", assets::ENGINE);

@@ -1,14 +1,13 @@
 //! What a page says of a model.
 
-use crate::answer::Answer;
-use particlegs_core::Result;
-use particlegs_core::model::{LawKind, Metadata, Model, hex};
+use particlegs_core::codec::FileInfo;
+use particlegs_core::model::{LawKind, Metadata, hex};
 use particlegs_core::picture::{Colormap, Rgb8};
 use serde::Serialize;
 
-/// One model.
+/// One model, as its file says without its Gaussians.
 #[derive(Serialize)]
-struct About<'a> {
+pub(crate) struct About<'a> {
     metadata: &'a Metadata,
     /// BLAKE3 of the file.
     blake3: String,
@@ -36,31 +35,34 @@ struct AboutLayer<'a> {
     color: [u8; 3],
 }
 
-pub(crate) fn about(model: &Model, file: &[u8]) -> Result<Answer> {
-    let layers = model.layers.iter().enumerate().map(|(place, l)| AboutLayer {
-        color: Rgb8::layer_color(place),
-        name: &l.name,
-        particles: l.count(),
-        gaussians: l.content.iter().map(|b| b.gaussians.len()).sum(),
-    });
-    Answer::of(&About {
-        metadata: &model.metadata,
-        blake3: hex(blake3::hash(file).as_bytes()),
-        colormaps: Colormap::ALL.iter().map(|c| c.name()).collect(),
-        gaussians: model.gaussians(),
-        has_masses: model.has_masses(),
-        mass: model.mass(),
-        raw_bytes: model.layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum(),
-        layers: layers.collect(),
-        adds_up: model.metadata.law == LawKind::OpticalDepth,
-        certified: certified(model),
-    })
+impl<'a> About<'a> {
+    pub(crate) fn new(info: &'a FileInfo, file: &[u8]) -> Self {
+        let layers = info.layers.iter().enumerate().map(|(place, l)| AboutLayer {
+            color: Rgb8::layer_color(place),
+            name: &l.name,
+            particles: l.content.iter().map(|b| b.count).sum(),
+            gaussians: l.content.iter().map(|b| b.gaussians as usize).sum(),
+        });
+        let layers: Vec<AboutLayer<'_>> = layers.collect();
+        About {
+            metadata: &info.metadata,
+            blake3: hex(blake3::hash(file).as_bytes()),
+            colormaps: Colormap::ALL.iter().map(|c| c.name()).collect(),
+            gaussians: info.gaussians(),
+            has_masses: info.mass().is_some(),
+            mass: info.mass(),
+            raw_bytes: layers.iter().zip(&info.layers).map(|(a, l)| a.particles * l.mass.particle_bytes()).sum(),
+            layers,
+            adds_up: info.metadata.law == LawKind::OpticalDepth,
+            certified: certified(info),
+        }
+    }
 }
 
 /// The settings with pictures, or the default ones alone.
-fn certified(model: &Model) -> Option<[[f64; 2]; 2]> {
-    let certificate = model.certificate.as_ref()?;
-    let m = &model.metadata;
+fn certified(info: &FileInfo) -> Option<[[f64; 2]; 2]> {
+    let certificate = info.certificate.as_ref()?;
+    let m = &info.metadata;
     let settings = certificate.measures.pictures.as_ref().map(|p| &p.settings);
     let around = |of: &dyn Fn(usize) -> f64, default: f64| {
         let values = (0..settings.map_or(0, |s| s.len())).map(of);

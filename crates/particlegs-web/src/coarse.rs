@@ -7,16 +7,20 @@ use particlegs_core::model::{LawKind, Mixture, Model};
 /// Gaussians that are drawn while a hand waits, about.
 const MOST: usize = 60_000;
 
-/// The model in at most about [`MOST`] Gaussians; `None` where it has no more, or is not of the optical-depth law.
+/// How many Gaussians of a model of so many are joined into one; `None` where it has no more than [`MOST`], or is not of
+/// the optical-depth law.
+pub(crate) fn run(gaussians: usize, law: LawKind) -> Option<usize> {
+    Some(gaussians.div_ceil(MOST)).filter(|run| *run > 1 && law == LawKind::OpticalDepth)
+}
+
+/// The model in about [`MOST`] Gaussians.
 pub(crate) fn coarse(model: &Model) -> Option<Model> {
-    let run = model.gaussians().div_ceil(MOST);
-    if run < 2 || model.metadata.law != LawKind::OpticalDepth {
-        return None;
-    }
+    let run = run(model.gaussians(), model.metadata.law)?;
     Some(model.with_gaussians(|m| joined(m, run)))
 }
 
-fn joined(m: &Mixture, run: usize) -> Mixture {
+/// Runs of `run` Gaussians, each as one.
+pub(crate) fn joined(m: &Mixture, run: usize) -> Mixture {
     let mut to = Mixture::new(m.masses().is_some());
     for start in (0..m.len()).step_by(run) {
         let all = start..m.len().min(start + run);

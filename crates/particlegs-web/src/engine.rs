@@ -1,69 +1,28 @@
 //! The models that were opened, and answers about them.
 
+use crate::about::About;
 use crate::answer::Answer;
-use crate::clip::clipped;
-use crate::coarse::coarse;
+use crate::opened::Opened;
 use crate::picture::{Painter, UNLIT, bytes, check, color_on};
+use crate::probe;
 use crate::question::{Paint, Question, SceneOf, Style, What};
 use crate::strokes::strokes;
-use crate::{about, probe};
+use particlegs_core::codec::Decoder;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::Model;
 use particlegs_core::picture::Colormap;
 use particlegs_core::progress::Silent;
 use particlegs_core::render::Scene;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::space::Bounds;
 use particlegs_core::splat::Response;
-use particlegs_core::{Error, Result, codec};
+use particlegs_core::{Error, Result};
 use serde_json::json;
 
-/// Decoded models, by the order in which they were opened, and what is kept between pictures.
+/// Models, by the order in which they were opened, and what is kept between pictures.
 #[derive(Default)]
 pub struct Engine {
     models: Vec<Opened>,
     painter: Painter,
-}
-
-/// A model, whole and for motion.
-struct Opened {
-    whole: Part,
-    coarse: Option<Part>,
-}
-
-/// A model, and what of it lies inside the box that was last asked for.
-struct Part {
-    model: Model,
-    clipped: Option<(Bounds, Model, Vec<usize>)>,
-}
-
-impl Opened {
-    fn new(model: Model) -> Self {
-        let part = |model| Part { model, clipped: None };
-        Opened { coarse: coarse(&model).map(part), whole: part(model) }
-    }
-
-    /// The model that a scene shows.
-    fn shown(&mut self, of: &SceneOf) -> &Model {
-        self.coarse.as_mut().filter(|_| of.coarse).unwrap_or(&mut self.whole).inside(of.clip)
-    }
-}
-
-impl Part {
-    /// What of it lies inside a box.
-    fn inside(&mut self, bounds: Option<Bounds>) -> &Model {
-        let Some(bounds) = bounds else { return &self.model };
-        if self.clipped.as_ref().is_none_or(|(kept, ..)| *kept != bounds) {
-            let (part, numbers) = clipped(&self.model, &bounds);
-            self.clipped = Some((bounds, part, numbers));
-        }
-        self.clipped.as_ref().map_or(&self.model, |(_, inside, _)| inside)
-    }
-
-    /// The number in the file of Gaussian `i` of what [`Part::inside`] gave last.
-    fn number(&self, i: usize, bounds: Option<Bounds>) -> usize {
-        self.clipped.as_ref().filter(|_| bounds.is_some()).map_or(i, |(_, _, numbers)| numbers[i])
-    }
 }
 
 impl SceneOf {
@@ -102,12 +61,15 @@ impl SceneOf {
 }
 
 impl Engine {
-    /// Decodes a model file and keeps the model; the answer says what it is.
-    pub fn open(&mut self, file: &[u8]) -> Answer {
-        let opened = codec::decode_with(file, "the model", &Silent).and_then(|model| {
-            let answer = about::about(&model, file)?;
-            self.models.push(Opened::new(model));
-            Ok(answer)
+    /// Begins to decode a model file, and keeps the model; the answer says what it is. Small models are whole then,
+    /// others after as many of `Decode` questions as they need.
+    pub fn open(&mut self, file: Vec<u8>) -> Answer {
+        let opened = Decoder::new(file, "the model", &Silent).and_then(|decoder| {
+            let about = json!(About::new(decoder.info(), decoder.file()));
+            let mut opened = Opened::new(decoder);
+            let decoded = opened.step()?;
+            self.models.push(opened);
+            Answer::of(&json!({ "about": about, "decoded": decoded }))
         });
         Answer::or_error(opened)
     }
@@ -124,16 +86,17 @@ impl Engine {
         let none = || Error::argument(format!("there is no model {model}: {number} are open"));
         let opened = models.get_mut(model).ok_or_else(none)?;
         match what {
+            What::Decode => Answer::of(&json!({ "decoded": opened.step()? })),
             What::Picture { scene, paint } => picture(opened, painter, &scene, &paint),
             What::Values { scene, style } => {
                 check(scene.size)?;
-                let model = opened.shown(&scene);
+                let model = opened.shown(&scene)?;
                 let plane = painter.plane(&scene.scene(model, &|l| scene.shows(l)), &scene, style)?;
                 Answer::with(&json!({ "range": plane.log_range().unwrap_or(UNLIT) }), bytes(&plane))
             }
             What::Strokes { scene, style } => {
                 check(scene.size)?;
-                let model = opened.shown(&scene);
+                let model = opened.shown(&scene)?;
                 let lenses = scene.lenses(model, style)?;
                 strokes(model, |l| scene.shows(l), &lenses, scene.size, style == Style::Density)
             }
@@ -144,23 +107,24 @@ impl Engine {
                 Answer::with(&json!({}), colors)
             }
             What::Probe { scene, pixel } => {
-                let model = opened.whole.inside(scene.clip);
+                let full = opened.full()?;
+                let model = full.inside(scene.clip);
                 let images: Vec<_> = scene.lenses(model, Style::Depth)?.into_iter().zip(scene.shifts(model)).collect();
                 let camera = scene.view()?.camera;
                 let mut seen = probe::seen(model, &|l| scene.shows(l), (&camera, &images, scene.size), pixel);
                 if let Some(seen) = &mut seen {
-                    seen.number_in(&opened.whole.model, opened.whole.number(seen.gaussian, scene.clip));
+                    seen.number_in(&full.model, full.number(seen.gaussian, scene.clip));
                 }
                 Answer::of(&seen)
             }
             What::Sphere { center, radius, layers, clip } => {
                 let shown = |l: usize| layers.as_ref().is_none_or(|s| s.get(l).copied().unwrap_or(true));
-                Answer::of(&probe::held(opened.whole.inside(clip), &shown, center, radius))
+                Answer::of(&probe::held(opened.full()?.inside(clip), &shown, center, radius))
             }
             What::Gaussian { index } => {
-                let found = probe::gaussian(&opened.whole.model, index);
-                let missing =
-                    || format!("there is no Gaussian {index}: the model has {}", opened.whole.model.gaussians());
+                let model = &opened.full()?.model;
+                let found = probe::gaussian(model, index);
+                let missing = || format!("there is no Gaussian {index}: the model has {}", model.gaussians());
                 let (position, extent) = found.ok_or_else(|| Error::argument(missing()))?;
                 Answer::of(&json!({ "position": position, "extent": extent }))
             }
@@ -170,7 +134,7 @@ impl Engine {
 
 fn picture(opened: &mut Opened, painter: &mut Painter, of: &SceneOf, paint: &Paint) -> Result<Answer> {
     check(of.size)?;
-    let model = opened.shown(of);
+    let model = opened.shown(of)?;
     let (pixels, range) = painter.picture(model, |shown| of.scene(model, shown), of, paint)?;
     Answer::with(&json!({ "range": range }), pixels)
 }

@@ -30,7 +30,7 @@ pub unsafe extern "C" fn release(at: *mut u8, length: usize) {
     drop(unsafe { Box::from_raw(std::ptr::slice_from_raw_parts_mut(at, length)) });
 }
 
-/// Decodes the model file at `at` and keeps the model.
+/// Begins to decode the model file at `at`, and keeps the model.
 ///
 /// # Safety
 /// `at` comes from [`room`], with its length, and is handed over.
@@ -38,7 +38,7 @@ pub unsafe extern "C" fn release(at: *mut u8, length: usize) {
 pub unsafe extern "C" fn open(at: *mut u8, length: usize) -> u64 {
     // SAFETY: the caller's promise.
     let bytes = unsafe { Vec::from_raw_parts(at, length, length) };
-    answered(|engine| engine.open(&bytes))
+    answered(|engine| engine.open(bytes))
 }
 
 /// Answers a question.

@@ -7,6 +7,7 @@ mod answer;
 mod clip;
 mod coarse;
 mod engine;
+mod opened;
 mod picture;
 mod probe;
 mod question;

@@ -22,6 +22,8 @@ pub(crate) struct Question {
 #[derive(Deserialize)]
 #[serde(tag = "ask", rename_all = "kebab-case")]
 pub(crate) enum What {
+    /// Decodes a step more of the model: which share of it is decoded.
+    Decode,
     /// A picture: RGBA, four bytes a pixel.
     Picture { scene: SceneOf, paint: Paint },
     /// The plane behind a picture: optical depth, or surface density, as f32.
@@ -64,7 +66,8 @@ pub(crate) struct SceneOf {
     /// Particles outside are left out, world units.
     #[serde(default)]
     pub clip: Option<Bounds>,
-    /// Is it drawn in fewer Gaussians, for motion?
+    /// Is it drawn in fewer Gaussians, for motion, or of what is decoded by now? Whatever else is asked of a model
+    /// decodes all of it.
     #[serde(default)]
     pub coarse: bool,
     /// Is the periodic box repeated about itself?

@@ -34,7 +34,7 @@ fn opened() -> (Engine, View, Value) {
         },
     });
     let mut engine = Engine::default();
-    assert_eq!(error(&engine.open(MODEL)), "");
+    assert_eq!(error(&engine.open(MODEL.to_vec())), "");
     (engine, view, scene)
 }
 
@@ -73,7 +73,7 @@ fn a_sphere_and_a_clip_box_hold_all_there_is() {
 #[test]
 fn what_makes_no_sense_is_an_error_and_the_engine_goes_on() {
     let (mut engine, _, scene) = opened();
-    assert!(error(&engine.open(&MODEL[..100])).contains("the model"));
+    assert!(error(&engine.open(MODEL[..100].to_vec())).contains("the model"));
     assert!(error(&engine.ask(b"no question")).contains("a question"));
     let with = |change: &dyn Fn(&mut Value)| {
         let mut scene = scene.clone();

@@ -8,6 +8,7 @@ use particlegs::Error;
 use particlegs::codec::{self, Encoder, Precision};
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{Block, Certificate, CertificateLevel, Layer, Mass, Measures, Mixture, Model};
+use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use proptest::prelude::*;
 
@@ -307,6 +308,49 @@ fn large_blocks_come_in_segments() {
         assert_eq!(pool.install(|| Encoder::new(&b).unwrap().encode(&Precision::BALANCED)), bytes);
         assert_eq!(pool.install(|| codec::decode_block(&bytes, "b").unwrap()), back);
     }
+}
+
+/// In any order, some or all, one after the other or several at once; and what there is of a model meanwhile.
+#[test]
+fn pieces_of_a_model_are_read_on_their_own() {
+    let alone = |seed, x| block(mixture(500, seed, x, 5.0, true));
+    let m = model(vec![alone(1, 0.0), block(mixture(70_000, 8, 20.0, 50.0, true)), alone(2, 90.0)], true);
+    let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
+    let whole = codec::decode(&bytes, "m").unwrap();
+    let new = || codec::Decoder::new(&bytes[..], "m", &Silent).unwrap();
+    let pieces = new().pieces();
+    assert!((4..=5).contains(&pieces), "{pieces}");
+    assert_eq!((0..pieces).map(|p| new().gaussians(p)).sum::<usize>(), whole.gaussians());
+    for read in [vec![], vec![2], vec![3, 0], (0..pieces).rev().collect()] {
+        let mut decoder = new();
+        read.iter().for_each(|&p| decoder.read(p).unwrap());
+        assert_eq!(decoder.finish().unwrap(), whole, "{read:?}");
+    }
+    let mut decoder = new();
+    assert_eq!(decoder.info(), &codec::read_info(&bytes, "m").unwrap());
+    let count =
+        |d: &codec::Decoder<'_>| -> f64 { (0..pieces).map(|p| d.so_far(p).unwrap().count.iter().sum::<f64>()).sum() };
+    let all = m.metadata.count as f64;
+    assert!((count(&decoder) / all - 1.0).abs() < 1e-9);
+    for p in 0..pieces {
+        let boxes = decoder.so_far(p).unwrap();
+        decoder.read(p).unwrap();
+        let read = decoder.so_far(p).unwrap();
+        assert_eq!((read.len(), decoder.layer(p)), (decoder.gaussians(p), 0));
+        // Each lies in one of the boxes, whose half width is the root of 1.5 variances.
+        let inside = |i: usize, b: usize| {
+            (0..3).all(|k| {
+                let off = read.mean[k][i] - boxes.mean[k][b];
+                off.abs() <= (1.5 * boxes.cov[[0, 3, 5][k]][b]).sqrt() * 1.000_001
+            })
+        };
+        assert!(boxes.len() < 100 && (0..read.len()).all(|i| (0..boxes.len()).any(|b| inside(i, b))), "{p}");
+    }
+    assert!((count(&decoder) / all - 1.0).abs() < 0.02, "{}", count(&decoder) / all);
+    let mass: f64 = (0..pieces).map(|p| decoder.so_far(p).unwrap().masses().unwrap().iter().sum::<f64>()).sum();
+    assert!((mass / m.metadata.mass - 1.0).abs() < 0.02, "{mass} {}", m.metadata.mass);
+    let order = whole.blocks().flat_map(|b| b.gaussians.mean[0].clone());
+    assert!((0..pieces).flat_map(|p| decoder.so_far(p).unwrap().mean[0].clone()).eq(order));
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! `particlegs export MODEL -o OUT`.
 
-use crate::common::{Common, Context};
+use crate::common::{Common, Context, named};
+use crate::density_args::colormaps;
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use particlegs::model::{LawKind, Model};
 use particlegs::picture::Colormap;
@@ -19,7 +19,6 @@ use particlegs_view::page::{ModelFile, offline};
 use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
-use std::str::FromStr;
 use std::time::Instant;
 
 /// Arguments.
@@ -95,7 +94,7 @@ struct SplatArgs {
     #[arg(long, value_name = "WHAT", default_value = "grey", value_parser = named::<ColorBy>(ColorBy::ALL.map(ColorBy::name)))]
     color: ColorBy,
     /// Colour map of --color density.
-    #[arg(long, value_name = "NAME", default_value = "inferno", hide_short_help = true, value_parser = named::<Colormap>(Colormap::ALL.map(Colormap::name)))]
+    #[arg(long, value_name = "NAME", default_value = "inferno", hide_short_help = true, value_parser = colormaps())]
     colormap: Colormap,
     /// Densities of the first and the last colour [default: of 1 % and 99 % of the Gaussians].
     #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
@@ -112,14 +111,6 @@ struct GridArgs {
     /// Edge of a cell in world units, rounded so that cells fill the box.
     #[arg(long, value_name = "SIZE")]
     cell: Option<f64>,
-}
-
-/// One of several by its name, so that help and completion list them.
-fn named<T>(names: impl Into<PossibleValuesParser>) -> impl TypedValueParser<Value = T>
-where
-    T: FromStr<Err = String> + Clone + Send + Sync + 'static,
-{
-    names.into().try_map(|name| name.parse::<T>())
 }
 
 /// What was written.
@@ -199,7 +190,7 @@ pub fn run(a: Arguments) -> Result<()> {
     match kind.group() {
         Group::Splats => export.splats(model, &mut report)?,
         Group::Grid => export.grid(&model, &mut report)?,
-        Group::Page => report.bytes = export.page(&name, &bytes)?,
+        Group::Page => report.bytes = export.page(ModelFile { name: &name, bytes: &bytes }, &model)?,
         Group::Gaussians => {
             report.bytes = context
                 .write_snapshot(&a.output, kept, |out| write_gaussians(kind, &model, &export.notes, out, &context))?;
@@ -211,12 +202,12 @@ pub fn run(a: Arguments) -> Result<()> {
 
 impl Export<'_> {
     /// The page, which holds the file as it is.
-    fn page(&self, name: &str, bytes: &[u8]) -> Result<u64> {
+    fn page(&self, file: ModelFile<'_>, model: &Model) -> Result<u64> {
         if self.a.layers != ["all"] {
             let what = "--layer does not go with a page: it holds the whole file, and switches layers itself";
             return Err(Error::argument(what));
         }
-        let html = offline(&[ModelFile { name, bytes }], self.context)?;
+        let html = offline(&[(file, model)], self.context)?;
         self.context.write_snapshot(&self.a.output, self.kept, |out| {
             write_bytes(out, &html)?;
             Ok(html.len() as u64)

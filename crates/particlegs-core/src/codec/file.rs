@@ -7,13 +7,9 @@ use super::container::{
 use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
-use super::{Encoder, Precision, baselines, certificate, decoder, measures, metadata, science, vizmapper};
-use crate::model::{
-    Block, Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Model, SAMPLED_ABOVE, VizMapper,
-};
-use crate::progress::{Progress, Silent};
+use super::{Encoder, Precision, baselines, certificate, measures, metadata, science, vizmapper};
+use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Model, SAMPLED_ABOVE, VizMapper};
 use crate::{Error, Result, parallel};
-use std::sync::Arc;
 
 /// Place of the minor version in a file.
 const MINOR_AT: usize = 9;
@@ -307,77 +303,10 @@ fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// [`decode_with`], silently.
-///
-/// # Errors
-/// As [`decode_with`].
-pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
-    decode_with(bytes, place, &Silent)
-}
-
-/// Reads a whole file. `place` names it in errors. A small file may stand for many Gaussians: memory is
-/// asked for before they are decoded.
-///
-/// # Errors
-/// [`Error::Corrupt`] where the bytes contradict docs/format.md; [`Error::Compatibility`] for a
-/// newer version or a feature that this program does not know; [`Error::Memory`].
-pub fn decode_with(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<Model> {
-    let parts = parts(bytes, place)?;
-    progress.require_memory("decoding the model", decoding_bytes(&parts))?;
-    let mut layers = Vec::with_capacity(parts.layers.len());
-    let vizmapper = parts.network.map(|n| Arc::new(n.1));
-    for Layer { name, mass, content } in parts.layers {
-        let mut decoded = Vec::with_capacity(content.len());
-        for (section, _) in content {
-            let mut block = section_block(&section, place, progress)?;
-            if let Some(columns) = block.gaussians.law.alpha_blend_mut() {
-                columns.vizmapper = vizmapper.clone();
-            }
-            decoded.push(block);
-        }
-        layers.push(Layer { name, mass, content: decoded });
-    }
-    Ok(Model { metadata: parts.metadata, layers, certificate: parts.certificate })
-}
-
-/// Bytes that decoding takes beside the file: all Gaussians, and the work on the largest block.
-fn decoding_bytes(parts: &Parts<'_>) -> u64 {
-    let headers = || parts.layers.iter().flat_map(|l| l.content.iter().map(|b| &b.1));
-    let work = headers().map(decoder::working_bytes).max().unwrap_or(0);
-    headers().map(decoder::gaussian_bytes).sum::<u64>() + work
-}
-
-fn section_block(section: &Section<'_>, place: &str, progress: &dyn Progress) -> Result<Block> {
-    let at = |what: String| Error::corrupt(place, format!("block at byte {}: {what}", section.offset));
-    decoder::block(section.bytes, progress).map_err(|fault| fault.at(at))
-}
-
-/// Decodes one coded block.
-///
-/// # Errors
-/// [`Error::Corrupt`]; [`Error::Memory`].
-pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
-    decoder::block(bytes, &Silent).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
-}
-
-/// Can a file be read again, to its last Gaussian? Its blocks are decoded one after the other, and
-/// nothing is kept. What is written has passed this, or [`decode`].
-///
-/// # Errors
-/// As [`decode_with`].
-pub fn check(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<()> {
-    let parts = parts(bytes, place)?;
-    parts.layers.iter().flat_map(|l| &l.content).try_for_each(|(section, header)| {
-        progress
-            .require_memory("decoding the model", decoder::gaussian_bytes(header) + decoder::working_bytes(header))?;
-        section_block(section, place, progress).map(drop)
-    })
-}
-
 /// The coded blocks of a file, to be merged or copied ([`assemble`]).
 ///
 /// # Errors
-/// As [`decode`], streams apart.
+/// As [`super::decode`], streams apart.
 pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
     Ok(coded_file(bytes, place)?.layers)
 }

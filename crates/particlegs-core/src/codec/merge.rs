@@ -5,7 +5,8 @@
 //! metadata is either equal in all parts, or computed anew from the blocks, or combined by an
 //! operation that is associative, commutative and takes a value with itself to itself.
 
-use super::file::{CodedFile, CodedLayer, check, coded_file, order_key, put_together};
+use super::decode::check;
+use super::file::{CodedFile, CodedLayer, coded_file, order_key, put_together};
 use super::header::BlockHeader;
 use super::sums::compensated;
 use crate::model::Metadata;

@@ -9,6 +9,7 @@
 mod baselines;
 mod certificate;
 mod container;
+mod decode;
 mod decoder;
 mod encoder;
 mod exact;
@@ -35,11 +36,12 @@ mod walk;
 mod wire;
 
 pub use container::{HEAD_BYTES, is_model, other_length, promised_length};
+pub use decode::{Decoder, check, decode, decode_block, decode_with};
 pub use encoder::Encoder;
 pub use file::MOST_LAYERS;
 pub use file::{
-    CodedLayer, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, check, coded_layers, decode, decode_block,
-    decode_with, encode, file_hash, read_metadata, size_without_blocks,
+    CodedLayer, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, encode, file_hash, read_metadata,
+    size_without_blocks,
 };
 pub use info::{BlockInfo, FileInfo, read_info};
 pub use merge::{Merge, blocks_hash, sums};

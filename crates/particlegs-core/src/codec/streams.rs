@@ -3,15 +3,16 @@
 
 use super::tree::SEGMENT;
 use super::wire::Reader;
+use std::ops::Range;
 
-/// The streams of a block.
-pub(crate) struct Streams<'a> {
+/// Where the streams of a block lie in its bytes.
+pub(crate) struct Streams {
     /// Of the tree above the segments; `None` for a block of one segment without a table.
-    pub trunk: Option<&'a [u8]>,
+    pub trunk: Option<Range<usize>>,
     /// One a segment. Without a table the padding is still at the end of the only one.
-    pub segments: Vec<&'a [u8]>,
+    pub segments: Vec<Range<usize>>,
     /// What follows the last stream.
-    pub padding: &'a [u8],
+    pub padding: Range<usize>,
 }
 
 /// Has a block of so many Gaussians a table?
@@ -31,12 +32,13 @@ pub(crate) fn write(gaussians: u32, trunk: &[u8], segments: &[Vec<u8>], out: &mu
     segments.iter().for_each(|s| out.extend(s));
 }
 
-/// Takes what follows the header apart; nothing is reserved that the bytes do not hold.
-pub(crate) fn read(gaussians: u32, bytes: &[u8]) -> Result<Streams<'_>, String> {
+/// Takes what follows the header, which ends at byte `header`, apart; nothing is reserved that the bytes do not hold.
+pub(crate) fn read(gaussians: u32, block: &[u8], header: usize) -> Result<Streams, String> {
     if !has_table(gaussians) {
-        return Ok(Streams { trunk: None, segments: vec![bytes], padding: &[] });
+        let end = block.len();
+        return Ok(Streams { trunk: None, segments: std::iter::once(header..end).collect(), padding: end..end });
     }
-    let mut r = Reader::new(bytes);
+    let mut r = Reader::new(&block[header..]);
     let count = r.u32()?;
     // Two segments that follow each other hold more than one may.
     let most = 2 * (gaussians / SEGMENT) + 1;
@@ -45,9 +47,13 @@ pub(crate) fn read(gaussians: u32, bytes: &[u8]) -> Result<Streams<'_>, String> 
     }
     let trunk = r.u32()?;
     let lengths = (0..count).map(|_| r.u32()).collect::<Result<Vec<u32>, String>>()?;
-    let mut stream = |length: u32| r.take(length as usize);
+    let mut stream = |length: u32| -> Result<Range<usize>, String> {
+        let start = header + r.position();
+        let bytes = r.take(length as usize)?;
+        Ok(start..start + bytes.len())
+    };
     let trunk = stream(trunk)?;
-    let segments = lengths.into_iter().map(stream).collect::<Result<Vec<&[u8]>, String>>()?;
-    let padding = &bytes[r.position()..];
+    let segments = lengths.into_iter().map(&mut stream).collect::<Result<Vec<_>, String>>()?;
+    let padding = header + r.position()..block.len();
     Ok(Streams { trunk: Some(trunk), segments, padding })
 }

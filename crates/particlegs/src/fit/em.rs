@@ -9,7 +9,8 @@ use super::em_kernel::{self, Group, SUMS, Scratch, Sums, Whitened};
 use super::prior::{MeanShape, Prior};
 use crate::math::Sym3;
 use crate::parallel;
-use crate::{Result, progress::Progress};
+use crate::progress::Progress;
+use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 
@@ -107,24 +108,34 @@ const TASK: usize = 64;
 impl Candidates {
     /// Finds each group's candidates among Gaussians with a count above zero. `floor` is added to every
     /// variance, scaled units squared.
-    pub(crate) fn find(groups: &Groups, gaussians: &Gaussians, reach: Reach, floor: f64) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub(crate) fn find(
+        groups: &Groups,
+        gaussians: &Gaussians,
+        reach: Reach,
+        floor: f64,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let floor = Sym3::scaled_identity(floor);
         let items = parallel::map_range(gaussians.len(), |j| {
             Ellipsoid::new(gaussians.mean[j], gaussians.cov[j].add(&floor), gaussians.count[j])
         });
         let tree = OverlapTree::new(&items);
         let scratch = parallel::Scratch::<Vec<_>>::default();
-        let lists = parallel::map_range(groups.range.len(), |g| {
+        let lists = parallel::try_map_range(groups.range.len(), |g| {
             if groups.range[g].is_empty() {
-                return Vec::new();
+                return Ok(Vec::new());
             }
+            progress.check()?;
             let group = Ellipsoid::new(groups.mean[g], groups.cov[g].add(&floor), 1.0);
-            scratch.with(|found| {
+            Ok::<_, Error>(scratch.with(|found| {
                 tree.nearest(&group, reach, found);
                 found.iter().map(|f| f.1).collect()
-            })
-        });
-        Self::from_lists(&lists, gaussians.len())
+            }))
+        })?;
+        Ok(Self::from_lists(&lists, gaussians.len()))
     }
 
     fn from_lists(lists: &[Vec<u32>], gaussians: usize) -> Self {
@@ -465,7 +476,7 @@ mod tests {
             let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };
             let wanted = Wanted { likelihood: true, ..Wanted::default() };
             let reach = Reach { most: 8, beyond: 1e9 };
-            let candidates = Candidates::find(&groups, &gaussians, reach, PLAIN.floor);
+            let candidates = Candidates::find(&groups, &gaussians, reach, PLAIN.floor, &Silent).unwrap();
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
                 let e = expect(cloud, &candidates, &gaussians, PLAIN, wanted, &Silent).unwrap();
@@ -487,7 +498,8 @@ mod tests {
         let mut gaussians = Gaussians::default();
         gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
         let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04, prior: Prior::NONE };
-        let candidates = Candidates::find(&groups, &gaussians, Reach { most: 4, beyond: 9.0 }, shape.floor);
+        let candidates =
+            Candidates::find(&groups, &gaussians, Reach { most: 4, beyond: 9.0 }, shape.floor, &Silent).unwrap();
         for _ in 0..10 {
             let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };
             let e = expect(cloud, &candidates, &gaussians, shape, Wanted::default(), &Silent).unwrap();

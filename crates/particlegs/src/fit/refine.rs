@@ -165,7 +165,7 @@ impl Refiner<'_> {
             let expected = self.rounds(cloud, &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
             if self.options.last_iterations > 0 {
-                let candidates = self.candidates(&groups, &gaussians);
+                let candidates = self.candidates(&groups, &gaussians)?;
                 self.iterate(whole, &candidates, &mut gaussians, &expected, self.options.last_iterations)?;
             }
         } else {
@@ -176,8 +176,8 @@ impl Refiner<'_> {
         Ok(gaussians)
     }
 
-    fn candidates(&self, groups: &Groups, gaussians: &Gaussians) -> Candidates {
-        Candidates::find(groups, gaussians, Reach { most: 24, beyond: 14.0 }, self.shape().floor)
+    fn candidates(&self, groups: &Groups, gaussians: &Gaussians) -> Result<Candidates> {
+        Candidates::find(groups, gaussians, Reach { most: 24, beyond: 14.0 }, self.shape().floor, self.progress)
     }
 
     /// EM with fixed candidates and expected shapes; whose each particle is.
@@ -209,7 +209,7 @@ impl Refiner<'_> {
             ratio: 1.2,
             share: 0.2,
         };
-        let candidates = self.candidates(cloud.groups, gaussians);
+        let candidates = self.candidates(cloud.groups, gaussians)?;
         let mut expected = beside(gaussians);
         let mut owner = self.iterate(cloud, &candidates, gaussians, &expected, options.first_iterations.max(1))?;
         self.progress.advance(1);
@@ -221,10 +221,10 @@ impl Refiner<'_> {
             self.progress.check()?;
             (xyz, weight, groups) = regroup(cloud, &owner, gaussians.len());
             cloud = Cloud { xyz: &xyz, weight: weight.as_deref(), groups: &groups };
-            let candidates = self.candidates(&groups, gaussians);
+            let candidates = self.candidates(&groups, gaussians)?;
             expected = candidates.mean_shapes(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
-            let made = exchange(gaussians, &groups, cloud.xyz, &candidates, shade, moves);
+            let made = exchange(gaussians, (&groups, cloud.xyz), &candidates, shade, moves, self.progress)?;
             let candidates = candidates.after(&made, gaussians.len());
             made.iter().for_each(|m| expected[m.freed as usize] = expected[m.split as usize]);
             let iterations = if last { options.settling } else { options.iterations };

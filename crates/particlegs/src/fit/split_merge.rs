@@ -7,8 +7,10 @@ use super::em::{Candidates, Gaussians, Groups, Move, Shape};
 use super::gain::{Blob, Blur};
 use super::prior::SPHERE;
 use super::shade::Shade;
+use crate::Result;
 use crate::math::Sym3;
 use crate::parallel;
+use crate::progress::Progress;
 use particlegs_core::math::each_axis;
 
 /// Bins of the cut along an axis.
@@ -117,20 +119,23 @@ struct Merge {
 }
 
 /// Pairs the best splits with the cheapest merges, and makes them. `groups` are the Gaussians' own
-/// particles (group j is Gaussian j's), `candidates` whom each may merge with. A dead Gaussian is
+/// particles (group j is Gaussian j's), with their places, `candidates` whom each may merge with. A dead Gaussian is
 /// a merge that costs nothing.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`]; the Gaussians stay as they are.
 pub(crate) fn exchange(
     gaussians: &mut Gaussians,
-    groups: &Groups,
-    xyz: &[[f32; 3]],
+    groups: (&Groups, &[[f32; 3]]),
     candidates: &Candidates,
     shade: &Shade,
     options: MoveOptions,
-) -> Vec<Move> {
-    let mut splits = best_splits(groups, xyz, shade, &options);
+    progress: &dyn Progress,
+) -> Result<Vec<Move>> {
+    let mut splits = best_splits(groups, shade, &options, progress)?;
     let all = splits.iter().fold((0.0, 0.0), |s, x| (s.0 + x.gain.picture, s.1 + x.gain.likelihood));
     let per_nat = if all.1 > 0.0 { options.likelihood * all.0 / all.1 } else { 0.0 };
-    let mut merges = cheapest_merges(gaussians, candidates, shade, &options, per_nat);
+    let mut merges = cheapest_merges(gaussians, candidates, (shade, per_nat), &options, progress)?;
     splits.sort_unstable_by(|a, b| b.gain.weighted(per_nat).total_cmp(&a.gain.weighted(per_nat)).then(a.at.cmp(&b.at)));
     merges.sort_unstable_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))));
     let most = ((options.share * gaussians.len() as f64) as usize).max(1);
@@ -153,7 +158,7 @@ pub(crate) fn exchange(
         apply(gaussians, at, &split.parts, merge.a as usize, merge.b as usize);
         made.push(Move { split: split.at, kept: merge.a, freed: merge.b });
     }
-    made
+    Ok(made)
 }
 
 fn blob(g: &Gaussians, j: usize) -> Blob {
@@ -180,10 +185,15 @@ fn apply(g: &mut Gaussians, at: usize, parts: &(Blob, Blob), a: usize, b: usize)
     place(g, b, &part(&parts.1, 1.0 - share), mass * (1.0 - share));
 }
 
-fn best_splits(groups: &Groups, xyz: &[[f32; 3]], shade: &Shade, options: &MoveOptions) -> Vec<Split> {
+fn best_splits(
+    (groups, xyz): (&Groups, &[[f32; 3]]),
+    shade: &Shade,
+    options: &MoveOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<Split>> {
     let Shape { prior, floor, .. } = options.shape;
     let fitted = |b: &Blob| Blob { cov: prior.most_probable(&b.cov, b.count, &SPHERE), ..*b };
-    let splits = parallel::map_range(groups.range.len(), |j| {
+    let split = |j: usize| {
         let points = &xyz[groups.range[j].clone()];
         let whole = Blob { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
         let axis = whole.cov.eigen().vectors[0];
@@ -191,18 +201,19 @@ fn best_splits(groups: &Groups, xyz: &[[f32; 3]], shade: &Shade, options: &MoveO
         let picture = options.blur.difference(&whole, &a, &b) * shade.at(whole.mean);
         let likelihood = likelihood_gain(&fitted(&whole), &fitted(&a), &fitted(&b), floor);
         Some(Split { gain: Gain { picture, likelihood }, at: j as u32, parts: (a, b) })
-    });
-    splits.into_iter().flatten().collect()
+    };
+    let splits = parallel::try_map_range(groups.range.len(), |j| progress.check().map(|()| split(j)))?;
+    Ok(splits.into_iter().flatten().collect())
 }
 
 fn cheapest_merges(
     g: &Gaussians,
     candidates: &Candidates,
-    shade: &Shade,
+    (shade, per_nat): (&Shade, f64),
     options: &MoveOptions,
-    per_nat: f64,
-) -> Vec<Merge> {
-    let merges = parallel::map_range(g.len(), |j| {
+    progress: &dyn Progress,
+) -> Result<Vec<Merge>> {
+    let cheapest = |j: usize| {
         let me = blob(g, j);
         if me.count == 0.0 {
             return Some(Merge { cost: 0.0, a: j as u32, b: j as u32 });
@@ -217,6 +228,7 @@ fn cheapest_merges(
         };
         let others = candidates.of(j).iter().filter(|&&n| n as usize != j);
         others.map(|&n| merge(n)).min_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))))
-    });
-    merges.into_iter().flatten().collect()
+    };
+    let merges = parallel::try_map_range(g.len(), |j| progress.check().map(|()| cheapest(j)))?;
+    Ok(merges.into_iter().flatten().collect())
 }

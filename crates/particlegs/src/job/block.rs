@@ -149,7 +149,7 @@ impl<F: FnOnce() -> Result<Layered>> Store for Folder<'_, F> {
             model: blake3::hash(&bytes).to_hex().to_string(),
             bytes: bytes.len() as u64,
             particles: info.metadata.count,
-            gaussians: info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum(),
+            gaussians: info.gaussians() as u64,
             step_factor: coded.step_factor,
             size_met: coded.size_met,
             seconds: coded.clock.seconds().into_iter().map(|(phase, s)| (phase.into(), s)).collect(),

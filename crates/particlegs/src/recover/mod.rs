@@ -5,7 +5,7 @@
 //! that threads do not matter: `normals` makes standard normals many at once, `draw` places them
 //! by the [`Method`], `wrap` takes them into the periodic box. [`recover`] streams the runs to disk
 //! and writes beside them what they are: synthetic, of which file, and good for what (`notes`);
-//! [`draw`] keeps them in memory, to be measured.
+//! [`Options::draw`] keeps them in memory.
 
 mod draw;
 mod in_memory;

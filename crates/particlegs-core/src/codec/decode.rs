@@ -1,0 +1,195 @@
+//! Model files to models, whole or piece by piece.
+
+use super::container::{SECTION_BYTES, Section};
+use super::decoder::{self, BlockDecoder};
+use super::file::{Parts, parts};
+use super::header::BlockHeader;
+use super::info::FileInfo;
+use crate::model::{Block, LawKind, Mixture, Model};
+use crate::progress::{Progress, Silent};
+use crate::{Error, Result, parallel};
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// [`decode_with`], silently.
+///
+/// # Errors
+/// As [`decode_with`].
+pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
+    decode_with(bytes, place, &Silent)
+}
+
+/// Reads a whole file. `place` names it in errors. A small file may stand for many Gaussians: memory is
+/// asked for before they are decoded.
+///
+/// # Errors
+/// [`Error::Corrupt`] where the bytes contradict docs/format.md; [`Error::Compatibility`] for a
+/// newer version or a feature that this program does not know; [`Error::Memory`].
+pub fn decode_with(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<Model> {
+    Decoder::new(bytes, place, progress)?.finish()
+}
+
+/// A model file on its way to its model, for who wants to see what there is of it meanwhile. Its pieces (segments of
+/// blocks, of 65 536 Gaussians at most unless they cannot be told apart) are read on their own, in any order:
+/// [`Decoder::finish`] gives the same model whichever were read before.
+pub struct Decoder<'a> {
+    file: Cow<'a, [u8]>,
+    place: String,
+    info: FileInfo,
+    /// Those of all layers, in their order.
+    blocks: Vec<BlockUnderWay>,
+    pieces: Vec<Piece>,
+}
+
+struct BlockUnderWay {
+    layer: usize,
+    /// Of the section's head in the file, as errors have it; and the block's bytes.
+    offset: usize,
+    bytes: Range<usize>,
+    decoder: BlockDecoder,
+}
+
+struct Piece {
+    block: usize,
+    segment: usize,
+    read: bool,
+}
+
+impl<'a> Decoder<'a> {
+    /// Reads everything but the Gaussians, and takes the memory that they need.
+    ///
+    /// # Errors
+    /// As [`decode_with`].
+    pub fn new(file: impl Into<Cow<'a, [u8]>>, place: &str, progress: &dyn Progress) -> Result<Self> {
+        let file = file.into();
+        let parts = parts(&file, place)?;
+        progress.require_memory("decoding the model", decoding_bytes(&parts))?;
+        let (mut blocks, mut pieces) = (Vec::new(), Vec::new());
+        for (layer, part) in parts.layers.iter().enumerate() {
+            for (section, _) in &part.content {
+                let decoder = BlockDecoder::new(section.bytes, progress)
+                    .map_err(|fault| fault.at(|what| corrupt(place, section.offset, what)))?;
+                pieces.extend((0..decoder.len()).map(|segment| Piece { block: blocks.len(), segment, read: false }));
+                let start = section.offset + SECTION_BYTES;
+                let bytes = start..start + section.bytes.len();
+                blocks.push(BlockUnderWay { layer, offset: section.offset, bytes, decoder });
+            }
+        }
+        let info = FileInfo::of(parts, &file);
+        Ok(Decoder { place: place.into(), info, blocks, pieces, file })
+    }
+
+    /// What the file says without its Gaussians.
+    pub fn info(&self) -> &FileInfo {
+        &self.info
+    }
+
+    /// The file.
+    pub fn file(&self) -> &[u8] {
+        &self.file
+    }
+
+    /// Number of pieces.
+    pub fn pieces(&self) -> usize {
+        self.pieces.len()
+    }
+
+    /// Gaussians of a piece.
+    ///
+    /// # Panics
+    /// For a piece that there is not, as the other methods.
+    pub fn gaussians(&self, piece: usize) -> usize {
+        let Piece { block, segment, .. } = self.pieces[piece];
+        self.blocks[block].decoder.gaussians(segment)
+    }
+
+    /// The layer that a piece belongs to.
+    pub fn layer(&self, piece: usize) -> usize {
+        self.blocks[self.pieces[piece].block].layer
+    }
+
+    /// Reads a piece.
+    ///
+    /// # Errors
+    /// [`Error::Corrupt`].
+    pub fn read(&mut self, piece: usize) -> Result<()> {
+        let Decoder { file, place, blocks, pieces, .. } = self;
+        let Piece { block, segment, read } = &mut pieces[piece];
+        let block = &mut blocks[*block];
+        let mut segments = block.decoder.segments(&file[block.bytes.clone()]);
+        segments.swap_remove(*segment).read().map_err(|what| corrupt(place, block.offset, what))?;
+        *read = true;
+        Ok(())
+    }
+
+    /// What there is of a piece, to be drawn: its Gaussians where it was read (their counts are not whole yet, and sums
+    /// are not yet the blocks' to the last digit), else the boxes that they lie in, each as one Gaussian of the particles
+    /// that it may hold. `None` of the alpha-blend law.
+    pub fn so_far(&self, piece: usize) -> Option<Mixture> {
+        let Piece { block, segment, read } = self.pieces[piece];
+        let decoder = &self.blocks[block].decoder;
+        let shaded = self.info.metadata.law == LawKind::AlphaBlend;
+        (!shaded).then(|| if read { decoder.read_so_far(segment) } else { decoder.boxes(segment) })
+    }
+
+    /// Reads the pieces that are left, on several threads, and gives the model.
+    ///
+    /// # Errors
+    /// [`Error::Corrupt`].
+    pub fn finish(mut self) -> Result<Model> {
+        let Decoder { file, place, blocks, pieces, .. } = &mut self;
+        let segments = blocks.iter_mut().flat_map(|b| {
+            let offset = b.offset;
+            b.decoder.segments(&file[b.bytes.clone()]).into_iter().map(move |s| (offset, s))
+        });
+        let left = segments.zip(pieces).filter(|(_, piece)| !piece.read).map(|(segment, _)| segment);
+        parallel::try_for_each(left, |(offset, s)| s.read().map_err(|what| corrupt(place, offset, what)))?;
+        let vizmapper = self.info.vizmapper.map(Arc::new);
+        let mut decoded = self.blocks.into_iter().map(|b| {
+            let mut block = b.decoder.finish();
+            if let Some(columns) = block.gaussians.law.alpha_blend_mut() {
+                columns.vizmapper = vizmapper.clone();
+            }
+            block
+        });
+        let layers = self.info.layers.into_iter().map(|l| l.map(|c| decoded.by_ref().take(c.len()).collect()));
+        Ok(Model { layers: layers.collect(), metadata: self.info.metadata, certificate: self.info.certificate })
+    }
+}
+
+/// An error of the block whose section begins at byte `offset`.
+fn corrupt(place: &str, offset: usize, what: String) -> Error {
+    Error::corrupt(place, format!("block at byte {offset}: {what}"))
+}
+
+/// Bytes that decoding takes beside the file: all Gaussians, and the work on the largest block.
+fn decoding_bytes(parts: &Parts<'_>) -> u64 {
+    let headers = || parts.layers.iter().flat_map(|l| l.content.iter().map(|b| &b.1));
+    let work = headers().map(decoder::working_bytes).max().unwrap_or(0);
+    headers().map(decoder::gaussian_bytes).sum::<u64>() + work
+}
+
+/// Decodes one coded block.
+///
+/// # Errors
+/// [`Error::Corrupt`]; [`Error::Memory`].
+pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
+    decoder::block(bytes, &Silent).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
+}
+
+/// Can a file be read again, to its last Gaussian? Its blocks are decoded one after the other, and
+/// nothing is kept. What is written has passed this, or [`decode`].
+///
+/// # Errors
+/// As [`decode_with`].
+pub fn check(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<()> {
+    let parts = parts(bytes, place)?;
+    let sound = |(section, header): &(Section<'_>, BlockHeader)| {
+        progress
+            .require_memory("decoding the model", decoder::gaussian_bytes(header) + decoder::working_bytes(header))?;
+        let block = decoder::block(section.bytes, progress);
+        block.map(drop).map_err(|fault| fault.at(|what| corrupt(place, section.offset, what)))
+    };
+    parts.layers.iter().flat_map(|l| &l.content).try_for_each(sound)
+}

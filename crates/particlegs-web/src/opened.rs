@@ -1,0 +1,189 @@
+//! Models as they were opened: on their way, and whole.
+
+use crate::clip::clipped;
+use crate::coarse::{coarse, joined, run};
+use crate::question::SceneOf;
+use particlegs_core::codec::Decoder;
+use particlegs_core::model::{Block, Model};
+use particlegs_core::space::Bounds;
+use particlegs_core::{Error, Result};
+
+/// Gaussians that are decoded in a step, at least, where there are so many: some tens of milliseconds.
+const STEP: usize = 1 << 15;
+
+/// A model, as far as it was decoded.
+pub(crate) struct Opened {
+    opening: Option<Opening>,
+    /// Or the line that says why it will not be.
+    whole: std::result::Result<Whole, String>,
+}
+
+/// All of a model; and for motion, where that is less.
+struct Whole {
+    full: Part,
+    coarse: Option<Part>,
+}
+
+/// A model on its way.
+struct Opening {
+    decoder: Decoder<'static>,
+    /// Pieces that are left, the next one last.
+    left: Vec<usize>,
+    /// Gaussians that were decoded.
+    decoded: usize,
+    sketch: Option<Sketch>,
+}
+
+/// What stands for a model that is on its way: a block for each piece.
+struct Sketch {
+    part: Part,
+    /// Gaussians that are joined into one.
+    run: usize,
+    /// Pieces that were read and are still boxes here: nothing is joined that is not drawn.
+    read: Vec<usize>,
+}
+
+/// A model, and what of it lies inside the box that was last asked for.
+pub(crate) struct Part {
+    pub model: Model,
+    clipped: Option<(Bounds, Model, Vec<usize>)>,
+}
+
+impl Opened {
+    /// A model nothing of which is decoded yet.
+    pub(crate) fn new(decoder: Decoder<'static>) -> Self {
+        // Pieces that follow each other lie beside each other: by the reversed bits of its number the next one is far
+        // from those before it, and the picture grows sharper everywhere.
+        let mut left: Vec<usize> = (0..decoder.pieces()).collect();
+        left.sort_by_key(|piece| std::cmp::Reverse(piece.reverse_bits()));
+        let sketch = Sketch::new(&decoder);
+        let opening = Some(Opening { decoder, left, decoded: 0, sketch });
+        Opened { opening, whole: Err("the model could not be decoded".into()) }
+    }
+
+    /// Decodes a step more; gives the share of the Gaussians that were decoded, 1 where the model is whole.
+    ///
+    /// # Errors
+    /// [`Error::Corrupt`], as of every other question from then on.
+    pub(crate) fn step(&mut self) -> Result<f64> {
+        if let Some(opening) = &mut self.opening {
+            match opening.step() {
+                Ok(share) if share < 1.0 => return Ok(share),
+                Ok(_) => {}
+                Err(error) => {
+                    self.opening = None;
+                    self.whole = Err(error.to_string());
+                    return Err(error);
+                }
+            }
+        }
+        self.whole().map(|_| 1.0)
+    }
+
+    /// The model that a scene shows: what there is of it, where it is drawn for motion; else all of it.
+    ///
+    /// # Errors
+    /// As [`Opened::full`].
+    pub(crate) fn shown(&mut self, of: &SceneOf) -> Result<&Model> {
+        let sketched = of.coarse && self.opening.as_ref().is_some_and(|o| o.sketch.is_some());
+        if !sketched {
+            let Whole { full, coarse } = self.whole()?;
+            return Ok(coarse.as_mut().filter(|_| of.coarse).unwrap_or(full).inside(of.clip));
+        }
+        let opening = self.opening.as_mut();
+        let drawn = opening.and_then(|o| o.sketch.as_mut().map(|s| s.sharpened(&o.decoder).inside(of.clip)));
+        drawn.ok_or_else(|| Error::argument("there is nothing of the model yet"))
+    }
+
+    /// All of it; what is left is decoded now.
+    ///
+    /// # Errors
+    /// [`Error::Corrupt`], and its line from then on.
+    pub(crate) fn full(&mut self) -> Result<&mut Part> {
+        Ok(&mut self.whole()?.full)
+    }
+
+    fn whole(&mut self) -> Result<&mut Whole> {
+        if let Some(Opening { decoder, .. }) = self.opening.take() {
+            self.whole = decoder.finish().map(Whole::new).map_err(|e| e.to_string());
+        }
+        self.whole.as_mut().map_err(|line| Error::argument(line.clone()))
+    }
+}
+
+impl Whole {
+    fn new(model: Model) -> Self {
+        Whole { coarse: coarse(&model).map(Part::new), full: Part::new(model) }
+    }
+}
+
+impl Opening {
+    /// Decodes [`STEP`] Gaussians more, to the end of a piece; gives the share of all that were.
+    fn step(&mut self) -> Result<f64> {
+        let enough = self.decoded + STEP;
+        while self.decoded < enough
+            && let Some(piece) = self.left.pop()
+        {
+            self.decoder.read(piece)?;
+            self.decoded += self.decoder.gaussians(piece);
+            if let Some(sketch) = &mut self.sketch {
+                sketch.read.push(piece);
+            }
+        }
+        let all = self.decoder.info().gaussians();
+        Ok(if self.left.is_empty() { 1.0 } else { self.decoded as f64 / all as f64 })
+    }
+}
+
+impl Sketch {
+    /// All pieces as boxes; `None` where the model is decoded in a step, or drawn in no fewer Gaussians for motion.
+    fn new(decoder: &Decoder<'_>) -> Option<Sketch> {
+        let info = decoder.info();
+        let run = run(info.gaussians(), info.metadata.law).filter(|_| decoder.pieces() > 1)?;
+        let mut pieces = (0..decoder.pieces()).peekable();
+        let bounds = info.metadata.bounds;
+        let layers = info.layers.iter().enumerate().map(|(place, layer)| {
+            let own = std::iter::from_fn(|| pieces.next_if(|p| decoder.layer(*p) == place));
+            let boxes = own.filter_map(|piece| decoder.so_far(piece));
+            // What is said of the particles is not drawn.
+            layer.with(boxes.map(|gaussians| Block { bounds, count: 0, mass: 0.0, gaussians }).collect())
+        });
+        let model = Model { layers: layers.collect(), metadata: info.metadata.clone(), certificate: None };
+        Some(Sketch { part: Part::new(model), run, read: Vec::new() })
+    }
+
+    /// With the Gaussians of all pieces that were read in the place of their boxes.
+    fn sharpened(&mut self, decoder: &Decoder<'_>) -> &mut Part {
+        if !self.read.is_empty() {
+            let mut blocks: Vec<&mut Block> = self.part.model.layers.iter_mut().flat_map(|l| &mut l.content).collect();
+            for piece in self.read.drain(..) {
+                if let Some(read) = decoder.so_far(piece) {
+                    blocks[piece].gaussians = joined(&read, self.run);
+                }
+            }
+            self.part.clipped = None;
+        }
+        &mut self.part
+    }
+}
+
+impl Part {
+    fn new(model: Model) -> Self {
+        Part { model, clipped: None }
+    }
+
+    /// What of it lies inside a box.
+    pub(crate) fn inside(&mut self, bounds: Option<Bounds>) -> &Model {
+        let Some(bounds) = bounds else { return &self.model };
+        if self.clipped.as_ref().is_none_or(|(kept, ..)| *kept != bounds) {
+            let (part, numbers) = clipped(&self.model, &bounds);
+            self.clipped = Some((bounds, part, numbers));
+        }
+        self.clipped.as_ref().map_or(&self.model, |(_, inside, _)| inside)
+    }
+
+    /// The number in the file of Gaussian `i` of what [`Part::inside`] gave last.
+    pub(crate) fn number(&self, i: usize, bounds: Option<Bounds>) -> usize {
+        self.clipped.as_ref().filter(|_| bounds.is_some()).map_or(i, |(_, _, numbers)| numbers[i])
+    }
+}

@@ -1,0 +1,627 @@
+"""ParaView plug-in: `.pgs` models of particles as Gaussians, as particles, as a density and as their own picture.
+
+Load this file in ParaView (Tools, Manage Plugins, Load New), or run it as a script there, which also works where
+the plug-in manager cannot load any plug-in (ParaView 5.11 under Python 3.11 or newer). The package `particlegs`
+has to be importable by ParaView's Python. Everything but the registration runs under plain VTK as well.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+from vtkmodules.vtkCommonCore import (
+    vtkCommand,
+    vtkDataArray,
+    vtkDataArraySelection,
+    vtkOutputWindow,
+    vtkPoints,
+    vtkStringArray,
+)
+from vtkmodules.vtkCommonDataModel import (
+    vtkCellArray,
+    vtkCompositeDataSet,
+    vtkDataObject,
+    vtkImageData,
+    vtkMultiBlockDataSet,
+    vtkPolyData,
+)
+from vtkmodules.vtkCommonExecutionModel import (
+    vtkAlgorithm,
+    vtkDemandDrivenPipeline,
+    vtkStreamingDemandDrivenPipeline,
+)
+
+Method = Literal["count", "volume", "ellipsoid", "grid", "stratified", "spaced"]
+
+if TYPE_CHECKING:
+    from particlegs import Grid, Model, Snapshot
+
+if not hasattr(inspect, "getargspec"):
+    # ParaView 5.11's decorators import it, and Python 3.11 took it away. They ask for `args` alone.
+    inspect.getargspec = inspect.getfullargspec  # type: ignore[attr-defined]
+
+try:
+    from paraview.util.vtkAlgorithm import smhint, smproperty, smproxy
+except ImportError:
+
+    class _Undecorated:
+        """Stands for ParaView's decorators under plain VTK: they leave what they decorate as it is."""
+
+        def __getattr__(self, _name: str) -> Callable[..., Callable[[Any], Any]]:
+            return lambda *_args, **_options: lambda decorated: decorated
+
+    smhint = smproperty = smproxy = _Undecorated()
+
+paraview_plugin_name = "particlegs"
+paraview_plugin_version = "0.1.0"
+
+GAUSSIANS, PARTICLES, DENSITY = range(3)
+PORTS = ("vtkMultiBlockDataSet", "vtkPolyData", "vtkImageData")
+METHODS: tuple[Method, ...] = ("count", "volume", "ellipsoid", "grid", "stratified", "spaced")
+
+# VTK's order of a symmetric tensor, and of a tensor as such.
+SYMMETRIC = ("XX", "YY", "ZZ", "XY", "YZ", "XZ")
+TENSOR = ("XX", "XY", "XZ", "YX", "YY", "YZ", "ZX", "ZY", "ZZ")
+
+# Gaussians of a single particle may have no extent in some direction: their density stays finite.
+LEAST_VOLUME = 1e-30
+
+
+# Models
+
+
+def read_model(path: str) -> Model:
+    """Read a model file, once for as long as it stays the same.
+
+    Parameters
+    ----------
+    path : str
+        A `.pgs` file.
+
+    Returns
+    -------
+    particlegs.Model
+
+    Raises
+    ------
+    RuntimeError
+        Where the package is missing from this Python.
+    OSError, particlegs.Error
+        Where the file cannot be read or holds no model.
+    """
+    package()
+    return _read(os.fspath(path), *stamp(path))
+
+
+def package() -> Any:
+    """Import the package `particlegs`.
+
+    Raises
+    ------
+    RuntimeError
+        Where it is missing from this Python, with what to do.
+    """
+    try:
+        import particlegs
+    except ImportError as missing:
+        version = ".".join(map(str, sys.version_info[:2]))
+        raise RuntimeError(
+            f"the package particlegs is missing from ParaView's Python {version} ({missing}): "
+            "pip install --target DIR particlegs, and start ParaView with PYTHONPATH=DIR"
+        ) from None
+    return particlegs
+
+
+def stamp(path: str) -> tuple[int, int]:
+    """Tell whether a file is still the one that was read: time of its last change (ns) and length (bytes)."""
+    about = os.stat(path)
+    return about.st_mtime_ns, about.st_size
+
+
+@functools.lru_cache(maxsize=4)
+def _read(path: str, _changed: int, _length: int) -> Model:
+    return package().read(path)
+
+
+def one_line(error: BaseException) -> str:
+    """Say an error in one line, with its kind only where its words alone would not tell."""
+    words = " ".join(str(error).split())
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        words = f"{error.filename}: {error.strerror}"
+    plain = isinstance(error, (OSError, RuntimeError, ValueError, MemoryError)) and words
+    return f"particlegs: {words if plain else f'{type(error).__name__}: {words}'}"
+
+
+def report(error: BaseException) -> None:
+    """Show an error as one line in ParaView's window of messages, or VTK's."""
+    try:
+        from paraview import print_error
+    except ImportError:
+        vtkOutputWindow.GetInstance().DisplayErrorText(one_line(error))
+    else:
+        print_error(one_line(error))
+
+
+# From models to data sets
+
+
+def column(name: str, values: np.ndarray, components: Iterable[str] = ()) -> vtkDataArray:
+    """Make a named VTK array of (n,) or (n, c) numbers; they are copied."""
+    array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+    array.SetName(name)
+    for index, component in enumerate(components):
+        array.SetComponentName(index, component)
+    return array
+
+
+def annotate(data: vtkDataObject, facts: Mapping[str, object]) -> None:
+    """Add texts and numbers to the field data; what is None is left out."""
+    for name, fact in facts.items():
+        if fact is None:
+            continue
+        if isinstance(fact, str):
+            text = vtkStringArray()
+            text.SetName(name)
+            text.InsertNextValue(fact)
+            data.GetFieldData().AddArray(text)
+        else:
+            numbers = np.atleast_1d(np.asarray(fact, dtype=np.float64))
+            data.GetFieldData().AddArray(column(name, numbers))
+
+
+def facts_of(model: Model) -> dict[str, object]:
+    """List what every output says of its model, by field names."""
+    return {
+        "model": model.name,
+        "length_unit": model.length_unit,
+        "mass_unit": model.mass_unit,
+        "particles": model.count,
+        "box": model.box,
+        "default_radius": model.radius,
+        "default_opacity": model.opacity,
+        "verdict": str(model.verdict),
+    }
+
+
+def vertices(points: np.ndarray) -> vtkPolyData:
+    """Make points with a vertex each.
+
+    Parameters
+    ----------
+    points : ndarray, (n, 3)
+        World units; float32 stays float32.
+
+    Returns
+    -------
+    vtkPolyData
+    """
+    positions, cells, data = vtkPoints(), vtkCellArray(), vtkPolyData()
+    positions.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
+    n = len(points)
+    if n < 2**31 - 1:
+        offsets, ids = (numpy_to_vtk(np.arange(n + more, dtype=np.int32), deep=True) for more in (1, 0))
+    else:
+        offsets, ids = (numpy_to_vtkIdTypeArray(np.arange(n + more), deep=True) for more in (1, 0))
+    cells.SetData(offsets, ids)
+    data.SetPoints(positions)
+    data.SetVerts(cells)
+    return data
+
+
+def square_roots(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Take the symmetric square roots of covariances.
+
+    Parameters
+    ----------
+    covariances : ndarray, (n, 3, 3)
+        Symmetric; world units squared.
+
+    Returns
+    -------
+    roots : ndarray, (n, 3, 3)
+        Symmetric, with `root @ root` the covariance; world units.
+    deviations : ndarray, (n, 3)
+        Their eigenvalues, the standard deviations along the principal axes, the largest first.
+    """
+    values, axes = np.linalg.eigh(covariances)
+    deviations = np.sqrt(np.clip(values, 0.0, None))
+    return np.einsum("nik,nk,njk->nij", axes, deviations, axes), deviations[:, ::-1]
+
+
+def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlockDataSet:
+    """Make a block of points for each layer, a point for each Gaussian.
+
+    Parameters
+    ----------
+    model : particlegs.Model
+    layers : list of str, optional
+        Names of the layers that are wanted; all by default.
+
+    Returns
+    -------
+    vtkMultiBlockDataSet
+        Named blocks with the point data `counts`, `masses` (where there are any), `covariance` (`SYMMETRIC`),
+        `sqrt_covariance` (`TENSOR`, the active tensors), `standard_deviations` and `number_density` at the mean.
+    """
+    gaussians = model.gaussians
+    blocks = vtkMultiBlockDataSet()
+    annotate(blocks, facts_of(model))
+    for name, rows in gaussians.layers.items():
+        if layers is not None and name not in layers:
+            continue
+        covariances, counts = gaussians.covariances[rows], gaussians.counts[rows]
+        roots, deviations = square_roots(covariances)
+        block = vertices(np.asarray(gaussians.means[rows], dtype=np.float64))
+        annotate(block, {"layer": name, **facts_of(model)})
+        of_points = block.GetPointData()
+        of_points.AddArray(column("counts", counts))
+        if gaussians.masses is not None:
+            of_points.AddArray(column("masses", gaussians.masses[rows]))
+        six = covariances[:, (0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2)]
+        of_points.AddArray(column("covariance", six, SYMMETRIC))
+        of_points.AddArray(column("sqrt_covariance", roots.reshape(-1, 9), TENSOR))
+        of_points.AddArray(column("standard_deviations", deviations, ("1", "2", "3")))
+        volumes = (2.0 * np.pi) ** 1.5 * deviations.prod(axis=1)
+        of_points.AddArray(column("number_density", counts / np.maximum(volumes, LEAST_VOLUME)))
+        of_points.SetActiveScalars("counts")
+        of_points.SetActiveTensors("sqrt_covariance")
+        index = blocks.GetNumberOfBlocks()
+        blocks.SetBlock(index, block)
+        blocks.GetMetaData(index).Set(vtkCompositeDataSet.NAME(), name)
+    return blocks
+
+
+def particles_of(snapshot: Snapshot, facts: Mapping[str, object]) -> vtkPolyData:
+    """Make points of particles.
+
+    Parameters
+    ----------
+    snapshot : particlegs.Snapshot
+    facts : mapping
+        What the field data say beside; see `annotate`.
+
+    Returns
+    -------
+    vtkPolyData
+        Vertices with the point data `masses` and `weights` where there are any, and `layer` where there are several;
+        float64 where float32 could not hold the origin.
+    """
+    positions = snapshot.positions
+    if np.any(snapshot.origin):
+        positions = positions + np.asarray(snapshot.origin, dtype=np.float64)
+    data = vertices(positions)
+    of_points = data.GetPointData()
+    for name, values in (("masses", snapshot.masses), ("weights", snapshot.weights)):
+        if values is not None:
+            of_points.AddArray(column(name, np.broadcast_to(values, len(positions))))
+    if len(snapshot.layers) > 1:
+        layer = np.zeros(len(positions), dtype=np.int32)
+        for number, rows in enumerate(snapshot.layers.values()):
+            layer[rows] = number
+        of_points.AddArray(column("layer", layer))
+    annotate(data, {**facts, "layers": ", ".join(snapshot.layers)})
+    return data
+
+
+def density_of(grid: Grid, facts: Mapping[str, object]) -> vtkImageData:
+    """Make an image with the averages over cells as the cell data `density`, float64.
+
+    Parameters
+    ----------
+    grid : particlegs.Grid
+        [i, j, k] along x, y, z.
+    facts : mapping
+        What the field data say beside; see `annotate`.
+
+    Returns
+    -------
+    vtkImageData
+        Field data `unit` and `total`, the sum over cells times a cell's volume.
+    """
+    image = vtkImageData()
+    image.SetOrigin(*map(float, grid.origin))
+    image.SetSpacing(*map(float, grid.spacing))
+    image.SetDimensions(*(int(n) + 1 for n in grid.shape))
+    values = np.asarray(grid)
+    image.GetCellData().SetScalars(column("density", values.ravel(order="F")))
+    total = float(values.sum() * np.prod(grid.spacing))
+    annotate(image, {**facts, "unit": grid.unit, "total": total})
+    return image
+
+
+# The reader
+
+
+class _Stopped(Exception):
+    """The user stopped the work."""
+
+
+PROPERTIES = """
+<OutputPort name="Gaussians" index="0"/>
+<OutputPort name="Recovered particles" index="1"/>
+<OutputPort name="Density" index="2"/>
+<StringVectorProperty name="FileName" command="SetFileName" number_of_elements="1" panel_visibility="never">
+  <FileListDomain name="files"/>
+  <Documentation>Model file that particlegs wrote.</Documentation>
+</StringVectorProperty>
+<StringVectorProperty name="LayersInfo" command="GetLayers" number_of_elements_per_command="2"
+    information_only="1" si_class="vtkSIDataArraySelectionProperty"/>
+<StringVectorProperty name="Layers" command="GetLayers" information_property="LayersInfo" repeat_command="1"
+    number_of_elements_per_command="2" element_types="2 0" si_class="vtkSIDataArraySelectionProperty">
+  <ArraySelectionDomain name="array_list">
+    <RequiredProperties><Property function="ArrayList" name="LayersInfo"/></RequiredProperties>
+  </ArraySelectionDomain>
+  <Documentation>Layers of the model, on all outputs.</Documentation>
+</StringVectorProperty>
+<IntVectorProperty name="RecoverParticles" label="Recover Particles" command="SetRecoverParticles"
+    number_of_elements="1" default_values="0">
+  <BooleanDomain name="bool"/>
+  <Documentation>Draw SYNTHETIC particles from the model, on the second output.</Documentation>
+</IntVectorProperty>
+<IntVectorProperty name="NumberOfParticles" label="Number Of Particles" command="SetNumberOfParticles"
+    number_of_elements="1" default_values="0">
+  <IntRangeDomain name="range" min="0"/>
+  <Documentation>How many; 0: as many as the model was made from.</Documentation>
+</IntVectorProperty>
+<IntVectorProperty name="Method" command="SetMethod" number_of_elements="1" default_values="0">
+  <EnumerationDomain name="enum">{methods}</EnumerationDomain>
+  <Documentation>How particles are drawn, by the names of `particlegs recover`.</Documentation>
+</IntVectorProperty>
+<IntVectorProperty name="Seed" command="SetSeed" number_of_elements="1" default_values="42"
+    panel_visibility="advanced">
+  <IntRangeDomain name="range" min="0"/>
+  <Documentation>Seed of the draws: the same one draws the same particles.</Documentation>
+</IntVectorProperty>
+<IntVectorProperty name="ComputeDensity" label="Compute Density" command="SetComputeDensity"
+    number_of_elements="1" default_values="0">
+  <BooleanDomain name="bool"/>
+  <Documentation>Average the density over the cells of a grid, on the third output.</Documentation>
+</IntVectorProperty>
+<IntVectorProperty name="Resolution" command="SetResolution" number_of_elements="1" default_values="128">
+  <IntRangeDomain name="range" min="1" max="4096"/>
+  <Documentation>Cells along the longest edge of the grid.</Documentation>
+</IntVectorProperty>
+<Property name="Refresh" command="Refresh" panel_visibility="never"/>
+<PropertyGroup label="Recovered Particles (synthetic)">
+  <Property name="RecoverParticles"/><Property name="NumberOfParticles"/><Property name="Method"/>
+  <Property name="Seed"/>
+</PropertyGroup>
+<PropertyGroup label="Density">
+  <Property name="ComputeDensity"/><Property name="Resolution"/>
+</PropertyGroup>
+""".format(methods="".join(f'<Entry value="{i}" text="{name}"/>' for i, name in enumerate(METHODS)))
+
+
+@smproxy.reader(
+    name="ParticlegsReader",
+    label="Particlegs Reader",
+    extensions="pgs",
+    file_description="particlegs models",
+    support_reload=False,
+)
+@smhint.xml('<ReloadFiles property="Refresh"/>')
+@smhint.xml('<RepresentationType view="RenderView" port="1" type="Point Gaussian"/>')
+@smproperty.xml(PROPERTIES)
+class ParticlegsReader(VTKPythonAlgorithmBase):
+    """Reads a `.pgs` model.
+
+    Output 0 has the Gaussians, a block of points for each layer; output 1 particles drawn from them, where
+    `SetRecoverParticles` asks for them; output 2 the density on a grid, where `SetComputeDensity` does. The two
+    are to be asked for because ParaView brings all outputs of a source up to date before it shows one of them.
+    Each is computed again only when something that it depends on has changed. In parallel the first process has
+    all.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(nInputPorts=0, nOutputPorts=3, outputType=PORTS[GAUSSIANS])
+        self._path: str | None = None
+        self._options: dict[str, Any] = {
+            "recover": False,
+            "number": 0,
+            "method": 0,
+            "seed": 42,
+            "density": False,
+            "cells": 128,
+        }
+        self._layers = vtkDataArraySelection()
+        self._layers.AddObserver(vtkCommand.ModifiedEvent, self._layers_changed)
+        self._listing = False
+        self._made: dict[int, tuple[object, vtkDataObject]] = {}
+        self._said: object = None
+
+    # Properties
+
+    def SetFileName(self, path: str | None) -> None:
+        """Set the model file."""
+        if path != self._path:
+            self._path = path
+            self._layers.RemoveAllArrays()
+            self.Modified()
+
+    def GetLayers(self) -> vtkDataArraySelection:
+        """Give the layers, by name, that are read."""
+        return self._layers
+
+    def SetRecoverParticles(self, wanted: int) -> None:
+        """Say whether the second output has particles."""
+        self._set("recover", bool(wanted))
+
+    def SetNumberOfParticles(self, number: int) -> None:
+        """Set how many particles are drawn; 0 for as many as the model was made from."""
+        self._set("number", int(number))
+
+    def SetMethod(self, method: int) -> None:
+        """Set how particles are drawn: a place in `METHODS`."""
+        self._set("method", int(method))
+
+    def SetSeed(self, seed: int) -> None:
+        """Set the seed of the draws."""
+        self._set("seed", int(seed))
+
+    def SetComputeDensity(self, wanted: int) -> None:
+        """Say whether the third output has a density."""
+        self._set("density", bool(wanted))
+
+    def SetResolution(self, cells: int) -> None:
+        """Set the number of cells along the longest edge."""
+        self._set("cells", int(cells))
+
+    def Refresh(self) -> None:
+        """Read the file again, where it has changed."""
+        self.Modified()
+
+    def _set(self, option: str, value: Any) -> None:
+        if self._options[option] != value:
+            self._options[option] = value
+            self.Modified()
+
+    # The pipeline
+
+    def FillOutputPortInformation(self, port: int, info: Any) -> int:
+        """Tell the type of an output."""
+        info.Set(vtkDataObject.DATA_TYPE_NAME(), PORTS[port])
+        return 1
+
+    def ProcessRequest(self, request: Any, inputs: Any, outputs: Any) -> int:
+        """Answer a request of the pipeline, for data on the output alone that asks."""
+        if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_NOT_GENERATED()):
+            asking = request.Get(vtkDemandDrivenPipeline.FROM_OUTPUT_PORT())
+            for port in range(3):
+                if asking >= 0 and port != asking:
+                    outputs.GetInformationObject(port).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
+            return 1
+        return super().ProcessRequest(request, inputs, outputs)
+
+    def RequestInformation(self, _request: Any, _inputs: Any, outputs: Any) -> int:
+        """Find the layers, and the extent of the grid where one is wanted."""
+        extent: tuple[int, ...] = (0, -1) * 3
+        try:
+            if self._path:
+                model = read_model(self._path)
+                self._list_layers(model)
+                image = self._make(DENSITY)
+                assert isinstance(image, vtkImageData)
+                extent = image.GetExtent()
+        except Exception as error:
+            self._tell(error)
+        about = outputs.GetInformationObject(DENSITY)
+        about.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), extent, 6)
+        for port in (GAUSSIANS, PARTICLES):
+            outputs.GetInformationObject(port).Set(vtkAlgorithm.CAN_HANDLE_PIECE_REQUEST(), 1)
+        return 1
+
+    def RequestData(self, request: Any, _inputs: Any, outputs: Any) -> int:
+        """Make the data of the output that asks; empty data and one line of error where that fails."""
+        asking = request.Get(vtkDemandDrivenPipeline.FROM_OUTPUT_PORT())
+        for port in range(3) if asking < 0 else (asking,):
+            about = outputs.GetInformationObject(port)
+            output = about.Get(vtkDataObject.DATA_OBJECT())
+            output.Initialize()
+            if about.Get(vtkStreamingDemandDrivenPipeline.UPDATE_PIECE_NUMBER()) > 0:
+                continue
+            try:
+                if not self._path:
+                    raise ValueError("no file is chosen: set FileName to a .pgs file")
+                output.ShallowCopy(self._make(port))
+            except _Stopped:
+                pass
+            except Exception as error:
+                self._tell(error)
+        return 1
+
+    def _layers_changed(self, *_: object) -> None:
+        if not self._listing:
+            self.Modified()
+
+    def _list_layers(self, model: Model) -> None:
+        """Name the layers that may be chosen; those that were chosen before stay as they were."""
+        self._listing = True
+        for layer in model.layers:
+            self._layers.AddArray(layer["name"])
+        self._listing = False
+
+    def _make(self, port: int) -> vtkDataObject:
+        """Make what an output has, or hand over what was made of the same."""
+        assert self._path is not None
+        chosen = [self._layers.GetArrayName(i) for i in range(self._layers.GetNumberOfArrays())]
+        layers = [name for name in chosen if self._layers.ArrayIsEnabled(name)]
+        o = self._options
+        depends = (
+            (),
+            (o["recover"], o["number"], o["method"], o["seed"]),
+            (o["density"], o["cells"]),
+        )[port]
+        key = (self._path, stamp(self._path), tuple(layers), depends)
+        known = self._made.get(port)
+        if known is None or known[0] != key:
+            model = read_model(self._path)
+            some = None if len(layers) == len(chosen) else layers
+            self._made.pop(port, None)
+            self._made[port] = known = (key, self._compute(port, model, some))
+        return known[1]
+
+    def _compute(self, port: int, model: Model, layers: list[str] | None) -> vtkDataObject:
+        """Compute what an output has."""
+        o = self._options
+        if port == GAUSSIANS:
+            return gaussians_of(model, layers)
+        if layers == []:
+            return vtkPolyData() if port == PARTICLES else vtkImageData()
+        if port == PARTICLES:
+            if not o["recover"]:
+                return vtkPolyData()
+            method = METHODS[o["method"]]
+            snapshot = model.recover(
+                o["number"] or None, method, seed=o["seed"], layers=layers, progress=self._progress
+            )
+            words = f"drawn from the model {model.name} by method {method}, seed {o['seed']}: not simulated"
+            return particles_of(snapshot, {"SYNTHETIC": words, **facts_of(model)})
+        if not o["density"]:
+            return vtkImageData()
+        return density_of(model.density_grid(o["cells"], layers=layers), facts_of(model))
+
+    def _progress(self, _phase: str, done: int, total: int) -> None:
+        if total > 0:
+            self.UpdateProgress(min(1.0, done / total))
+        if self.GetAbortExecute():
+            raise _Stopped
+
+    def _tell(self, error: Exception) -> None:
+        """Report an error once for as long as nothing is changed."""
+        words = (one_line(error), self.GetMTime())
+        if words == self._said:
+            return
+        self._said = words
+        report(error)
+
+
+# In scripts
+
+
+def load() -> None:
+    """Load this plug-in into the ParaView that runs this Python, whatever version.
+
+    Raises
+    ------
+    RuntimeError
+        Where ParaView refuses it.
+    """
+    from paraview import simple
+
+    folder = os.path.dirname(os.path.abspath(__file__))
+    if folder not in sys.path:
+        # For macros, which find the views beside this file.
+        sys.path.append(folder)
+    simple.LoadPlugin(os.path.abspath(__file__), remote=True, ns=vars(simple))
+
+
+if __name__ == "__main__":
+    load()

@@ -1,0 +1,40 @@
+"""What the tests of the ParaView plug-in share: models, and the plug-in's folder on the path."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import particlegs
+import pytest
+
+PLUGIN = Path(__file__).resolve().parents[1]
+SAMPLE = PLUGIN.parents[1] / "samples" / "nbody64"
+sys.path.insert(0, str(PLUGIN))
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a folder for models."""
+    return tmp_path_factory.mktemp("models")
+
+
+@pytest.fixture(scope="session")
+def sample(folder: Path) -> Path:
+    """Make a model of the bundled snapshot: periodic, one layer, no masses."""
+    path = folder / "sample.pgs"
+    particlegs.compress(particlegs.open(SAMPLE), ratio=300, effort="fast").save(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def cloud(folder: Path) -> Path:
+    """Make a model of a turned ellipsoidal cloud far from the origin, with masses and one Gaussian."""
+    random = np.random.default_rng(7)
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    points = random.normal(size=(20_000, 3)) * (3.0, 1.0, 0.4) @ turn + (50.0, -20.0, 10.0)
+    snapshot = particlegs.Snapshot(points, masses=np.full(20_000, 2.5), units="kpc", mass_units="Msun")
+    path = folder / "cloud.pgs"
+    particlegs.compress(snapshot, gaussians=1).save(path)
+    return path

@@ -1,0 +1,74 @@
+"""The Gaussians of a model."""
+
+from __future__ import annotations
+
+from typing import Optional
+
+from . import _particlegs, handover
+from ._types import Float64
+
+
+class Gaussians:
+    """The Gaussians of a model as read-only arrays, layer by layer.
+
+    Attributes
+    ----------
+    means : numpy.ndarray, float64, shape (n, 3)
+        World units.
+    covariances : numpy.ndarray, float64, shape (n, 3, 3)
+        World units squared.
+    counts : numpy.ndarray, float64, shape (n,)
+        Particles that each stands for; whole numbers.
+    masses : numpy.ndarray, float64, shape (n,), or None
+        Mass of each, in the model's unit; None where masses are not known.
+    opacities, grey_levels : numpy.ndarray, float64, shape (n,), or None
+        Of alpha-blend models alone.
+    layers : dict of str to slice
+        The Gaussians of each layer.
+    """
+
+    def __init__(self, native: _particlegs.Gaussians) -> None:
+        self._native = native
+
+    to_pyvista = handover.gaussians_to_pyvista
+
+    def __len__(self) -> int:
+        return len(self._native)
+
+    @property
+    def means(self) -> Float64:
+        """Means, (n, 3), world units."""
+        return self._native.means
+
+    @property
+    def covariances(self) -> Float64:
+        """Covariances, (n, 3, 3), world units squared."""
+        return self._native.covariances
+
+    @property
+    def counts(self) -> Float64:
+        """Particles that each stands for, (n,)."""
+        return self._native.counts
+
+    @property
+    def masses(self) -> Optional[Float64]:
+        """Masses, (n,), or None where they are not known."""
+        return self._native.masses
+
+    @property
+    def opacities(self) -> Optional[Float64]:
+        """Opacities of an alpha-blend model, (n,); None of others."""
+        return self._native.opacities
+
+    @property
+    def grey_levels(self) -> Optional[Float64]:
+        """Grey levels of an alpha-blend model, (n,); None of others."""
+        return self._native.grey_levels
+
+    @property
+    def layers(self) -> dict[str, slice]:
+        """The Gaussians of each layer, as slices."""
+        return {name: slice(first, end) for name, first, end in self._native.layer_ranges}
+
+    def __repr__(self) -> str:
+        return f"<Gaussians: {len(self)} in {len(self.layers)} layer(s)>"

@@ -1,0 +1,136 @@
+"""What statistics give: one class a measure, of arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ._types import Float64, Numbers
+
+
+@dataclass(frozen=True)
+class Power:
+    """Power spectra by shells of wave numbers, shot noise subtracted.
+
+    Attributes
+    ----------
+    k : numpy.ndarray, float64, shape (n,)
+        Wave numbers, 1 over the unit of length.
+    modes : numpy.ndarray, shape (n,)
+        Modes in each shell.
+    truth, other : numpy.ndarray, float64, shape (n,)
+        Power, unit of length cubed.
+    ratio : numpy.ndarray, float64, shape (n,)
+        That of the other over the truth's.
+    r : numpy.ndarray, float64, shape (n,)
+        Correlation of the phases, at most 1.
+    shot_noise : tuple of float
+        What was subtracted: of the truth, of the other.
+    """
+
+    k: Float64
+    modes: Numbers
+    truth: Float64
+    other: Float64
+    ratio: Float64
+    r: Float64
+    shot_noise: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Two-point correlation by pair counts.
+
+    Attributes
+    ----------
+    r : numpy.ndarray, float64, shape (n,)
+        Geometric middles of the bins, unit of length.
+    edges : numpy.ndarray, float64, shape (n + 1,)
+        Edges of the bins, unit of length.
+    truth, other, ratio : numpy.ndarray, float64, shape (n,)
+        xi(r) of both, and that of the other over the truth's.
+    """
+
+    r: Float64
+    edges: Float64
+    truth: Float64
+    other: Float64
+    ratio: Float64
+
+
+@dataclass(frozen=True)
+class RadialDistribution:
+    """Radial distribution functions g(r).
+
+    Attributes
+    ----------
+    r : numpy.ndarray, float64, shape (n,)
+        Middles of the bins, unit of length.
+    truth, other : numpy.ndarray, float64, shape (n,)
+        g(r) of both.
+    """
+
+    r: Float64
+    truth: Float64
+    other: Float64
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Friends-of-friends groups by classes of size.
+
+    Attributes
+    ----------
+    size : numpy.ndarray, shape (n,)
+        The least particles of a class.
+    truth, other, ratio : numpy.ndarray, float64, shape (n,)
+        Groups of both, and the other's over the truth's.
+    """
+
+    size: Numbers
+    truth: Float64
+    other: Float64
+    ratio: Float64
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """The likelihood of particles under a model.
+
+    Attributes
+    ----------
+    bits : float
+        Bits a particle over a uniform density; 0 is no better.
+    error : float
+        Standard error of `bits`.
+    sampled : int
+        Particles scored.
+    missed : float
+        Share of them where the model's density is below a thousandth of the uniform one.
+    volume : float
+        Volume of the box, unit of length cubed.
+    gaussians : int
+        Gaussians of the model.
+    needles : float
+        Share of them whose longest axis is more than five times the middle one.
+    """
+
+    bits: float
+    error: float
+    sampled: int
+    missed: float
+    volume: float
+    gaussians: int
+    needles: float
+
+
+class Panel(NamedTuple):
+    """Two curves and their ratio, to be drawn."""
+
+    x: Numbers
+    truth: Float64
+    other: Float64
+    ratio: Float64
+    x_label: str
+    y_label: str
+    scale: str

@@ -1,0 +1,115 @@
+"""Snapshots from files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any, Literal, Optional, Union
+
+from numpy.typing import ArrayLike
+
+from . import _coerce, _particlegs
+from ._particlegs import InputError
+from ._snapshot import Snapshot
+from ._types import Path, Progress
+
+
+def open(  # noqa: A001
+    paths: Union[Path, Sequence[Path]],
+    *,
+    species: Union[str, int, Sequence[Union[str, int]], None] = None,
+    format: Optional[str] = None,  # noqa: A002
+    positions: Optional[str] = None,
+    weights: Optional[str] = "auto",
+    frame: Optional[int] = None,
+    layers_by: Literal["species", "mass"] = "species",
+    box: Any = None,
+    units: Optional[str] = None,
+    mass_units: Optional[str] = None,
+    skip_invalid: bool = False,
+    region: Optional[Sequence[float]] = None,
+    center: Optional[ArrayLike] = None,
+    width: Optional[ArrayLike] = None,
+    every: int = 1,
+    sample: Optional[int] = None,
+    left_out: bool = False,
+    seed: int = 42,
+    scratch: Optional[Path] = None,
+    threads: Optional[int] = None,
+    progress: Progress = None,
+) -> Snapshot:
+    """Opens a snapshot of any format that the command reads.
+
+    Parameters
+    ----------
+    paths : path or several
+        The snapshot's first file, its folder, or raw columns x, y, z (and weights).
+    species : str, int or several, optional
+        Particle types by name, number or alias (``"dm"``, ``1``); all by default, each a layer.
+    format : str, optional
+        Name of the format where the content does not tell; `formats` lists them.
+    positions, weights : str, optional
+        Fields of positions and weights; ``weights=None`` counts particles alike, ``"auto"`` takes the masses of a
+        species whose masses differ.
+    frame : int, optional
+        Frame of a trajectory, from 0; the last by default.
+    layers_by : {"species", "mass"}
+        What becomes a layer.
+    box : float or three, optional
+        Lengths of the periodic box; replaces those in the file.
+    units, mass_units : str, optional
+        Units of length and mass; replace those in the file.
+    skip_invalid : bool
+        Leave out particles with NaN or infinite values instead of refusing the file.
+    region : six floats, optional
+        Keep ``x0 <= x < x1, y0 <= y < y1, z0 <= z < z1``, given as ``(x0, x1, y0, y1, z0, z1)``.
+    center, width : array_like, optional
+        Keep a window about a point, across the periodic boundary.
+    every : int
+        Then keep the first of every so many.
+    sample : int, optional
+        Then keep so many, drawn at random by `seed`; with `left_out` those that the draw leaves out.
+    scratch : path, optional
+        Folder for columns that have to be converted, instead of memory.
+    threads : int, optional
+        Threads; all that the process may use by default. Results do not depend on them.
+    progress : bool or callable, optional
+        True for a bar of tqdm's, or a function of (phase, done, total). An exception that it raises stops the work.
+
+    Returns
+    -------
+    Snapshot
+    """
+    if (center is None) != (width is None):
+        raise InputError("a window takes center and width")
+    if region is not None and center is not None:
+        raise InputError("give a region, or a window about a centre, not both")
+    if layers_by not in ("species", "mass"):
+        raise InputError(f'layers_by="{layers_by}": there are species and mass')
+    asked = {
+        "format": format,
+        "species": _coerce.texts(species),
+        "positions": positions,
+        "weights": "none" if weights is None else str(weights),
+        "frame": frame,
+        "by_mass": layers_by == "mass",
+        "box_lengths": None if box is None else _coerce.lengths(box, units, "the box"),
+        "length_unit": units,
+        "mass_unit": mass_units,
+        "skip_invalid": skip_invalid,
+        "region": None if region is None else [float(v) for v in region],
+        "center": None if center is None else _coerce.lengths(center, units, "center"),
+        "width": None if width is None else _coerce.lengths(width, units, "width"),
+        "every": every,
+        "sample": sample,
+        "left_out": left_out,
+        "seed": seed,
+    }
+    folder = None if scratch is None else os.fspath(scratch)
+    native = _particlegs.open(_coerce.paths(paths), asked, folder, threads, _coerce.progress(progress))
+    return Snapshot._of(native)
+
+
+def formats() -> list[str]:
+    """Names of the formats that `open` reads."""
+    return _particlegs.formats()

@@ -1,0 +1,160 @@
+"""The native half of the package; import `particlegs` instead."""
+
+import builtins
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from typing import Any, Callable, Optional, Union, final
+
+import numpy as np
+from numpy.typing import NDArray
+from typing_extensions import TypeAlias, disjoint_base
+
+__version__: str
+
+_Path: TypeAlias = Union[str, PathLike[str]]
+_Progress: TypeAlias = Optional[Callable[[str, int, int], object]]
+_Camera: TypeAlias = Mapping[str, Any]
+_Asked: TypeAlias = Mapping[str, Any]
+
+class InputError(ValueError):
+    """A snapshot, model or argument that cannot be used as it is."""
+
+class ModelError(InputError):
+    """A model file that is corrupt, or of a version that is not known."""
+
+class UnreachableError(ValueError):
+    """A size or quality that cannot be reached with this snapshot."""
+
+@disjoint_base
+class Snapshot:
+    def __new__(
+        cls,
+        positions: Union[NDArray[Any], tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]],
+        weights: Optional[NDArray[np.float32]],
+        known: _Asked,
+        skip_invalid: bool = False,
+        threads: Optional[int] = None,
+    ) -> Snapshot: ...
+    def __len__(self) -> int: ...
+    @property
+    def local_positions(self) -> NDArray[np.float32]: ...
+    @property
+    def origin(self) -> list[float]: ...
+    @property
+    def weights(self) -> Optional[NDArray[np.float32]]: ...
+    def bounds(self, threads: Optional[int] = None) -> list[list[float]]: ...
+    @property
+    def layers(self) -> list[tuple[str, int, int, Optional[float], bool]]: ...
+    @property
+    def metadata(self) -> str: ...
+    @property
+    def drawn(self) -> Optional[str]: ...
+    def save(
+        self, path: _Path, overwrite: bool = False, threads: Optional[int] = None, progress: _Progress = None
+    ) -> int: ...
+    def render(
+        self,
+        style: str,
+        size: tuple[int, int],
+        camera: _Camera,
+        radius: Optional[float] = None,
+        opacity: Optional[float] = None,
+        threads: Optional[int] = None,
+    ) -> NDArray[Any]: ...
+
+@final
+class Gaussians:
+    def __len__(self) -> int: ...
+    @property
+    def means(self) -> NDArray[np.float64]: ...
+    @property
+    def covariances(self) -> NDArray[np.float64]: ...
+    @property
+    def counts(self) -> NDArray[np.float64]: ...
+    @property
+    def masses(self) -> Optional[NDArray[np.float64]]: ...
+    @property
+    def opacities(self) -> Optional[NDArray[np.float64]]: ...
+    @property
+    def grey_levels(self) -> Optional[NDArray[np.float64]]: ...
+    @property
+    def layer_ranges(self) -> list[tuple[str, int, int]]: ...
+
+@disjoint_base
+class Model:
+    def __new__(cls, bytes: builtins.bytes, name: str, threads: Optional[int] = None) -> Model: ...
+    @staticmethod
+    def read(path: _Path, threads: Optional[int] = None) -> Model: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def nbytes(self) -> int: ...
+    def to_bytes(self) -> builtins.bytes: ...
+    def save(self, path: _Path, overwrite: bool = False) -> None: ...
+    @property
+    def told(self) -> str: ...
+    @property
+    def gaussians(self) -> Gaussians: ...
+    def render(
+        self,
+        style: str,
+        size: tuple[int, int],
+        camera: _Camera,
+        radius: Optional[float] = None,
+        opacity: Optional[float] = None,
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
+    ) -> NDArray[Any]: ...
+    def density(
+        self,
+        size: tuple[int, int],
+        camera: _Camera,
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
+    ) -> NDArray[np.float64]: ...
+    def density_grid(
+        self, cells: int, layers: Optional[Sequence[str]] = None, threads: Optional[int] = None
+    ) -> tuple[NDArray[np.float64], list[float], list[float], float]: ...
+    def at(
+        self,
+        points: NDArray[np.float64],
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
+    ) -> NDArray[np.float64]: ...
+    def recover(
+        self,
+        n: Optional[int],
+        method: str,
+        scale: float,
+        seed: int,
+        layers: Optional[Sequence[str]] = None,
+        threads: Optional[int] = None,
+        progress: _Progress = None,
+    ) -> Snapshot: ...
+    def to_html(self, threads: Optional[int] = None) -> str: ...
+    def poster(self, size: tuple[int, int]) -> builtins.bytes: ...
+    @property
+    def is_alpha_blend(self) -> bool: ...
+
+def open(
+    paths: Sequence[str],
+    asked: _Asked,
+    scratch: Optional[_Path] = None,
+    threads: Optional[int] = None,
+    progress: _Progress = None,
+) -> Snapshot: ...
+def formats() -> list[str]: ...
+def compress(
+    snapshot: Snapshot,
+    asked: _Asked,
+    scratch: Optional[_Path] = None,
+    threads: Optional[int] = None,
+    progress: _Progress = None,
+) -> Model: ...
+def stats(
+    truth: Union[Snapshot, Model],
+    other: Union[Snapshot, Model],
+    asked: _Asked,
+    threads: Optional[int] = None,
+    progress: _Progress = None,
+) -> str: ...

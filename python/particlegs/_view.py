@@ -1,0 +1,84 @@
+"""What a notebook shows of a model: a picture with a table, and the viewer."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ._files import whole
+from ._types import Path
+
+if TYPE_CHECKING:
+    from ._model import Model
+
+
+class View:
+    """A page that shows a model, in a notebook's cell.
+
+    Attributes
+    ----------
+    page : str
+        The page, HTML.
+    height : int
+        Pixels of the cell.
+    """
+
+    def __init__(self, page: str, height: int) -> None:
+        self.page = page
+        self.height = height
+
+    def save(self, path: Path, *, overwrite: bool = False) -> None:
+        """Writes the page: one file that works offline."""
+        with whole(path, overwrite) as begun, open(begun, "w", encoding="utf-8") as file:
+            file.write(self.page)
+            file.flush()
+
+    def __repr__(self) -> str:
+        return f"<View: a page of {len(self.page):,} bytes; a notebook shows it>"
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe title="particlegs viewer" style="width:100%;height:{self.height}px;border:0" '
+            f'srcdoc="{html.escape(self.page, quote=True)}"></iframe>'
+        )
+
+
+def _rows(model: Model) -> Iterator[tuple[str, str]]:
+    """What is told of a model: names and values."""
+    scale_factor, unit = model.metadata["scale_factor"], model.length_unit or ""
+    low, high = model.bounds
+    size = " x ".join(f"{v:.4g}" for v in high - low)
+    yield "particles", f"{model.count:,}"
+    yield "Gaussians", f"{len(model.gaussians):,}"
+    yield "file", f"{model.nbytes:,} bytes, ratio {model.ratio:.0f}"
+    yield "extent", f"{size} {unit}".strip()
+    if len(model.layers) > 1:
+        yield "layers", ", ".join(layer["name"] for layer in model.layers)
+    if model.mass is not None:
+        yield "mass", f"{model.mass:.4g} {model.mass_unit or ''}".strip()
+    if scale_factor:
+        yield "redshift", f"{1.0 / scale_factor - 1.0:.3g}"
+    words: dict[str, list[str]] = {}
+    for finding in model.findings:
+        words.setdefault(finding["word"], []).append(finding["use"].replace("_", " "))
+    for word in ("holds", "roughly", "does not", "not measured"):
+        if word in words:
+            yield word, ", ".join(words[word])
+
+
+def summary(model: Model, png: bytes) -> str:
+    """A picture of 480 x 270 pixels and a table, as HTML."""
+    picture = base64.b64encode(png).decode()
+    left = "style='text-align:left'"
+    rows = "".join(
+        f"<tr><th {left}>{html.escape(name)}</th><td {left}>{html.escape(value)}</td></tr>"
+        for name, value in _rows(model)
+    )
+    name = html.escape(model.name)
+    return (
+        "<div style='display:flex;gap:1em;align-items:flex-start;flex-wrap:wrap'>"
+        f"<img width='480' height='270' alt='{name}: picture of the model' src='data:image/png;base64,{picture}'>"
+        f"<table><caption style='text-align:left;font-weight:bold'>{name}</caption>{rows}</table></div>"
+    )

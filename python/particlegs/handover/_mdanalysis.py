@@ -1,0 +1,90 @@
+"""MDAnalysis: groups of atoms and universes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Optional
+
+import numpy as np
+
+from .._particlegs import InputError
+from .._types import Float64
+from ._common import ANGSTROM, DALTON, factor, from_molecules, mass_of_each, needed
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from .._snapshot import Snapshot
+    from .._types import Known
+
+
+def from_mdanalysis(cls: type[Snapshot], /, group: Any, **known: Unpack[Known]) -> Snapshot:
+    """Takes the atoms of MDAnalysis at its current frame: positions and box (Angstrom), masses (Da), time (ps).
+
+    Parameters
+    ----------
+    group : MDAnalysis.AtomGroup or MDAnalysis.Universe
+        The atoms, or all of them.
+    **known
+        As for `Snapshot`; in place of what the atoms say. ``masses=None`` counts all atoms alike, and so do atoms some
+        of which have no mass.
+
+    Returns
+    -------
+    Snapshot
+        Periodic along all vectors of the box; MDAnalysis does not know others.
+    """
+    atoms = group.atoms
+    scale, heavier = from_molecules(known)
+    step = atoms.universe.trajectory.ts
+    said: dict[str, Any] = {"units": "Angstrom", "time": float(step.time)}
+    if atoms.dimensions is not None:
+        said["box"] = np.asarray(atoms.dimensions, dtype=np.float64) * ([scale] * 3 + [1.0] * 3)
+    each = getattr(atoms, "masses", None)
+    if each is not None and np.all(each > 0):
+        said.update(masses=each * heavier, mass_units="Da")
+    return cls(atoms.positions * np.float32(scale), **{**said, **known})
+
+
+def to_mdanalysis(snapshot: Snapshot) -> Any:
+    """Hands the particles to MDAnalysis.
+
+    Returns
+    -------
+    MDAnalysis.Universe
+        One frame: positions and box in Angstrom (from Angstrom, nm, pm or Bohr; plain numbers are taken as they are),
+        masses in Da where they are known, the layers as types.
+
+    Raises
+    ------
+    InputError
+        For units that are none of molecules; for a box whose vectors MDAnalysis cannot say by lengths and angles.
+    """
+    mda = needed("MDAnalysis")
+    scale = factor(snapshot.length_unit, ANGSTROM, "positions", "Angstrom")
+    universe = mda.Universe.empty(len(snapshot), trajectory=True)
+    universe.atoms.positions = np.asarray(snapshot.positions, dtype=np.float64) * scale
+    each = mass_of_each(snapshot)
+    if each is not None:
+        universe.add_TopologyAttr("masses", each * factor(snapshot.mass_unit, DALTON, "masses", "Da"))
+    types = np.empty(len(snapshot), dtype=object)
+    for name, part in snapshot.layers.items():
+        types[part] = name
+    universe.add_TopologyAttr("types", types)
+    if any(snapshot.periodic):
+        universe.dimensions = _dimensions(snapshot, scale)
+    return universe
+
+
+def _dimensions(snapshot: Snapshot, scale: float) -> Optional[Float64]:
+    """Lengths and angles of the box."""
+    vectors = snapshot.box
+    if vectors is None:
+        return None
+    mdamath = needed("MDAnalysis.lib.mdamath")
+    dimensions = np.asarray(mdamath.triclinic_box(*(vectors * scale)), dtype=np.float64)
+    told = mdamath.triclinic_vectors(dimensions, dtype=np.float64)
+    if not np.allclose(told, vectors * scale, atol=1e-4 * np.abs(vectors * scale).max()):
+        raise InputError(
+            "MDAnalysis has the first vector of a box along x, the second in the plane of x and y: not this one"
+        )
+    return dimensions

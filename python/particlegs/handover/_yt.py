@@ -1,0 +1,160 @@
+"""yt: data sets of particles and of grids."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Optional
+
+import numpy as np
+
+from .._particlegs import InputError
+from .._units import text_of
+from ._common import mass_of_each, needed, right_box, without_h
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from .._arrays import Grid
+    from .._snapshot import Snapshot
+    from .._types import Known
+
+
+def from_yt(
+    cls: type[Snapshot],
+    /,
+    data: Any,
+    particle_type: Optional[str] = None,
+    **known: Unpack[Known],
+) -> Snapshot:
+    """Takes the particles of yt: positions, masses, box, scale factor and h.
+
+    Parameters
+    ----------
+    data : yt.data_objects.static_output.Dataset, or a data container
+        What ``yt.load`` gives, or a part of it such as a region or a sphere.
+    particle_type : str, optional
+        ``"all"`` by default; see ``ds.particle_types``.
+    **known
+        As for `Snapshot`; in place of what the data say. ``masses=None`` counts all particles alike. `units` names
+        what positions are converted to: comoving Mpc/h of a cosmological data set by default, else a unit that the
+        domain is not much longer than.
+
+    Returns
+    -------
+    Snapshot
+    """
+    ds = data if hasattr(data, "all_data") else data.ds
+    particles = data.all_data() if hasattr(data, "all_data") else data
+    kind = particle_type or ("all" if "all" in ds.particle_types else ds.particle_types[0])
+    if (kind, "particle_position") not in ds.derived_field_list:
+        raise InputError(f'there are no particles of the type "{kind}": {", ".join(sorted(ds.particle_types))}')
+    cosmological = bool(ds.cosmological_simulation)
+    unit = known.get("units") or (
+        "Mpccm/h" if cosmological else ds.get_smallest_appropriate_unit(ds.domain_width.max())
+    )
+    said: dict[str, Any] = {
+        "box": ds.domain_width.to_value(unit),
+        "pbc": [bool(p) for p in ds.periodicity],
+        "origin": ds.domain_left_edge.to_value(unit),
+        "name": str(ds),
+        "time": float(ds.current_time.to_value("Myr")),
+    }
+    if cosmological:
+        said.update(
+            scale_factor=1.0 / (1.0 + ds.current_redshift), hubble=float(ds.hubble_constant), comoving="cm" in unit
+        )
+    if (kind, "particle_mass") in ds.derived_field_list:
+        said["masses"] = particles[kind, "particle_mass"].to("Msun")
+    said = {**said, **known, "units": text_of(unit)}
+    return cls(particles[kind, "particle_position"].to_value(unit), **said)
+
+
+def to_yt(snapshot: Snapshot, *, hubble: Optional[float] = None, **options: Any) -> Any:
+    """Hands the particles to yt.
+
+    Parameters
+    ----------
+    hubble : float, optional
+        Value of h of units such as ``Mpc/h``; the snapshot's by default.
+    **options
+        For ``yt.load_particles``, in place of what the snapshot says: ``length_unit``, ``mass_unit``, ``bbox``, ...
+
+    Returns
+    -------
+    yt.frontends.stream.data_structures.StreamParticlesDataset
+        Particles of the type ``io`` with ``particle_mass`` (1 where masses are not known). Comoving lengths stay
+        comoving: the data set is not cosmological. Positions that no unit was stated
+        of are in cm, as yt has them.
+
+    Raises
+    ------
+    InputError
+        For a tilted box, or a unit that yt does not know.
+    """
+    yt = needed("yt")
+    positions, each = np.asarray(snapshot.positions, dtype=np.float64), mass_of_each(snapshot)
+    data = {("io", f"particle_position_{axis}"): positions[:, k].copy() for k, axis in enumerate("xyz")}
+    data["io", "particle_mass"] = np.ones(len(snapshot)) if each is None else np.array(each)
+    h = snapshot.metadata["hubble"] if hubble is None else hubble
+    said: dict[str, Any] = {"dataset_name": snapshot.name}
+    for name, unit in (("length_unit", snapshot.length_unit), ("mass_unit", snapshot.mass_unit)):
+        if unit is not None and name not in options:
+            said[name] = _quantity(unit, h)
+    box, origin = right_box(snapshot, "yt"), snapshot.origin
+    if box is not None and origin is not None:
+        inside = (positions >= origin) & (positions < origin + box)
+        if not inside.all():
+            for k, axis in enumerate("xyz"):
+                at = origin[k] + np.mod(positions[:, k] - origin[k], box[k])
+                data["io", f"particle_position_{axis}"] = at if snapshot.periodic[k] else positions[:, k].copy()
+        said.update(bbox=np.stack([origin, origin + box], axis=1), periodicity=snapshot.periodic)
+    else:
+        low, high = snapshot.bounds
+        margin = 1e-6 * np.maximum(high - low, np.max(high - low) * 1e-3 + 1e-300)
+        said.update(bbox=np.stack([low - margin, high + margin], axis=1), periodicity=(False, False, False))
+    return yt.load_particles(data, **{**said, **options})
+
+
+def grid_to_yt(grid: Grid, **options: Any) -> Any:
+    """Hands the density to yt.
+
+    Parameters
+    ----------
+    **options
+        For ``yt.load_uniform_grid``, in place of what the grid says: ``length_unit``, ``periodicity``, ...
+
+    Returns
+    -------
+    yt.frontends.stream.data_structures.StreamDataset
+        With the field ``("stream", "density")``, or ``("stream", "number_density")`` where masses are not known.
+        Comoving lengths stay comoving; lengths that no unit was stated of are in cm, as yt has them.
+
+    Raises
+    ------
+    InputError
+        For a unit that yt does not know, or one with h where its value is not known.
+    """
+    yt = needed("yt")
+    above = grid.unit.partition(" / ")[0]
+    field, mass = ("number_density", "1") if above == "particles" else ("density", "code_mass")
+    said: dict[str, Any] = {"dataset_name": "density", "periodicity": grid.periodic}
+    if grid.length_unit is not None:
+        said["length_unit"] = _quantity(grid.length_unit, grid.hubble)
+    if above not in ("particles", "mass"):
+        said["mass_unit"] = _quantity(above, grid.hubble)
+    low = np.asarray(grid.origin)
+    high = low + np.asarray(grid.spacing) * grid.shape
+    # The names of yt's fields: masses by code_mass, so that its own conversions hold.
+    data = {field: (np.array(grid, subok=False), f"{mass}/code_length**3")}
+    said["bbox"] = np.stack([low, high], axis=1)
+    return yt.load_uniform_grid(data, np.array(grid.shape), **{**said, **options})
+
+
+def _quantity(unit: str, hubble: Optional[float]) -> tuple[float, str]:
+    """A unit as yt takes it."""
+    name, factor = without_h(unit, hubble)
+    unyt = needed("unyt")
+    try:
+        unyt.Unit(name)
+    except Exception as error:
+        raise InputError(f'yt does not know the unit "{unit}": state it by length_unit= or mass_unit=') from error
+    return factor, name

@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# The Python package on a fresh machine: built into an environment of its own, and everything that a change of
+# it passes (check.sh), with the packages that particles are handed to, and the plug-in for ParaView under plain VTK.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+# shellcheck source=tests/common.sh
+. tests/common.sh
+
+environment=$target/python
+if [ ! -x "$environment/bin/python" ]; then "$python" -m venv "$environment"; fi
+pip=("$environment/bin/python" -m pip install --quiet --disable-pip-version-check)
+"${pip[@]}" maturin==1.16.0 h5py vtk -r python/tests/requirements.txt -r python/tests/requirements-handover.txt
+
+cd python
+cargo fmt --check
+export CARGO_TARGET_DIR=$target/python-native
+cargo clippy --quiet --release --locked -- -D warnings
+VIRTUAL_ENV=$environment "$environment/bin/maturin" develop --quiet --locked --release
+
+export PYTHON=$environment/bin/python PARTICLEGS=$particlegs
+./check.sh
+"$PYTHON" -m pytest -q paraview_plugin/tests

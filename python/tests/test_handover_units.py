@@ -1,0 +1,163 @@
+"""Units that arrays carry come in, are converted where they differ, and are refused where they do not fit."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import particlegs as pg
+from particlegs import _units
+
+ROWS = np.random.default_rng(1).random((500, 3)) * 10
+
+
+def test_nothing_of_others_is_imported():
+    others = ["yt", "pynbody", "swiftsimio", "pyvista", "MDAnalysis", "ase", "astropy", "unyt", "matplotlib", "tqdm"]
+    script = f"import sys, particlegs; print([m for m in {others} if m in sys.modules])"
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "[]"
+
+
+def test_a_package_that_is_not_there_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ase", None)
+    with pytest.raises(ImportError, match="pip install ase"):
+        pg.Snapshot(ROWS, units="Angstrom").to_ase()
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"),
+    [
+        ("Mpc / littleh", "Mpc/h"),
+        ("Mpc a h**-1", "Mpc/h"),
+        ("kpc a", "kpc"),
+        ("Mpccm/h", "Mpc/h"),
+        ("kpccm", "kpc"),
+        ("solMass", "Msun"),
+        ("Msol h**-1", "Msun/h"),
+        ("cm", "cm"),
+        ("angstrom", "Angstrom"),
+        ("NoUnit()", None),
+        ("dimensionless", None),
+    ],
+)
+def test_names(theirs, ours):
+    assert _units.text_of(theirs) == ours
+
+
+def quantities():
+    units = pytest.importorskip("astropy.units")
+    return units, units.Quantity
+
+
+def test_quantities_come_in():
+    u, _ = quantities()
+    snap = pg.Snapshot(ROWS * u.Mpc, masses=np.full(500, 2.0) * 1e10 * u.Msun, box=10_000 * u.kpc)
+    assert snap.length_unit == "Mpc"
+    assert snap.mass_unit == "Msun"
+    assert snap.masses == pytest.approx(2e10)
+    assert np.allclose(snap.box, 10 * np.eye(3))
+    assert np.allclose(snap.positions, ROWS, atol=1e-6)
+
+
+def test_float32_quantities_are_used_where_they_lie():
+    u, quantity = quantities()
+    rows = ROWS.astype(np.float32)
+    snap = pg.Snapshot(quantity(rows, u.Mpc, copy=False), box=10 * u.Mpc)
+    assert np.shares_memory(snap.positions, rows)
+
+
+def test_columns_of_quantities_and_the_unit_asked_for():
+    u, _ = quantities()
+    columns = [ROWS[:, 0] * u.Mpc, ROWS[:, 1] * 1000 * u.kpc, ROWS[:, 2] * u.Mpc]
+    snap = pg.Snapshot(columns, units="kpc", box=10 * u.Mpc, origin=(0, 0, 0) * u.Mpc)
+    assert snap.length_unit == "kpc"
+    assert np.allclose(snap.positions, ROWS * 1000, rtol=1e-6)
+    assert np.allclose(snap.box, 10_000 * np.eye(3))
+
+
+def test_chunks_in_the_unit_asked_for():
+    u, _ = quantities()
+    snap = pg.Snapshot.from_chunks((ROWS[i : i + 100] * u.Mpc for i in range(0, 500, 100)), units="kpc", box=10 * u.Mpc)
+    assert np.allclose(snap.positions, ROWS * 1000, rtol=1e-6)
+    assert np.allclose(snap.box, 10_000 * np.eye(3))
+    with pytest.raises(pg.InputError, match="state by units="):
+        pg.Snapshot.from_chunks([ROWS * u.Mpc])
+
+
+def test_masses_in_the_unit_asked_for():
+    u, _ = quantities()
+    snap = pg.Snapshot(ROWS, masses=3.0 * u.kg, mass_units="g")
+    assert (snap.masses, snap.mass_unit) == (3000.0, "g")
+    scaled = pg.Snapshot(ROWS, masses=3.0 * u.Unit("1e10 Msun"))
+    assert scaled.masses == pytest.approx(3e10)
+    assert scaled.mass_unit == "Msun"
+
+
+def test_units_that_do_not_fit_are_refused():
+    u, _ = quantities()
+    for known in (
+        {"box": 10 * u.s},
+        {"box": 10 * u.Mpc, "units": "Mpc/h"},
+        {"masses": 1 * u.Mpc, "mass_units": "Msun"},
+        {"units": "furlongs"},
+    ):
+        with pytest.raises(pg.InputError, match="cannot be converted to"):
+            pg.Snapshot(ROWS * u.Mpc, **known)
+    with pytest.raises(pg.InputError, match="state it by units="):
+        pg.Snapshot(ROWS, box=10 * u.Mpc)
+    with pytest.raises(pg.InputError, match="state it by units="):
+        pg.Snapshot([ROWS[:, 0], ROWS[:, 1] * u.Mpc, ROWS[:, 2]])
+
+
+def test_what_a_model_is_asked_for_in_units():
+    u, _ = quantities()
+    model = pg.compress(pg.Snapshot(ROWS, units="Mpc", box=10), gaussians=20, certificate="none")
+    point = [[5.0, 5.0, 5.0]]
+    assert model.at(point * u.Mpc) == model.at(point)
+    assert model.at(np.array(point) * 1000 * u.kpc) == pytest.approx(model.at(point))
+    window = model.density_map(center=(5000, 5000, 5000) * u.kpc, width=4 * u.Mpc, depth=2000 * u.kpc, shape=(16, 16))
+    plain = model.density_map(center=(5, 5, 5), width=4, depth=2, shape=(16, 16))
+    assert window.extent == plain.extent
+    assert np.allclose(window, plain)
+    size = {"size": (32, 18)}
+    assert np.array_equal(model.render(width=5000 * u.kpc, **size), model.render(width=5, **size))
+    assert np.array_equal(model.render(radius=100 * u.kpc, **size), model.render(radius=0.1, **size))
+    for asked in ({"width": 4 * u.s}, {"center": (1, 2, 3) * u.kg}):
+        with pytest.raises(pg.InputError):
+            model.render(**asked, **size)
+
+
+def test_densities_go_out_as_quantities():
+    u, _ = quantities()
+    cosmology = pytest.importorskip("astropy.cosmology.units")
+    snap = pg.Snapshot(ROWS, units="Mpc/h", masses=2.0, mass_units="Msun/h", box=10)
+    model = pg.compress(snap, gaussians=20, certificate="none")
+    sigma = model.density_map(shape=(32, 32)).to_astropy()
+    cell = (10 * u.Mpc / cosmology.littleh / 32) ** 2
+    assert (sigma.sum() * cell).to_value(u.Msun / cosmology.littleh) == pytest.approx(1000, rel=1e-4)
+    rho = model.density_grid(16).to_astropy()
+    assert rho.unit == u.Msun * cosmology.littleh**2 / u.Mpc**3
+    assert rho.shape == (16, 16, 16)
+    counts = pg.compress(pg.Snapshot(ROWS, units="nm", box=10), gaussians=20, certificate="none")
+    assert counts.density_grid(8).to_astropy().unit == u.nm**-3
+    bare = pg.compress(pg.Snapshot(ROWS, box=10), gaussians=20, certificate="none")
+    strange = pg.compress(pg.Snapshot(ROWS, units="sigma", box=10), gaussians=20, certificate="none")
+    for model in (bare, strange):
+        with pytest.raises(pg.InputError):
+            model.density_grid(8).to_astropy()
+
+
+def test_particles_go_out_as_a_table_and_come_back():
+    u, _ = quantities()
+    masses = np.linspace(1, 2, 500)
+    snap = pg.Snapshot(ROWS, units="kpc", masses=masses, mass_units="Msun", box=10, scale_factor=0.5, name="halo")
+    table = snap.to_astropy()
+    assert table["position"].unit == u.kpc
+    assert table["mass"].unit == u.Msun
+    assert table.meta["scale_factor"] == 0.5
+    back = pg.Snapshot(table["position"], masses=table["mass"], box=table.meta["box"])
+    assert np.allclose(back.positions, ROWS, atol=1e-6)
+    assert np.allclose(back.masses, masses, rtol=1e-6)
+    assert (back.length_unit, back.mass_unit) == ("kpc", "Msun")
+    assert np.array_equal(back.box, snap.box)
