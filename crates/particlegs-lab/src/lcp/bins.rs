@@ -3,6 +3,9 @@
 use super::LARGEST_RANGE;
 use crate::Columns;
 
+/// Half bins along an axis: fewer.
+const MOST_BINS: f64 = 4_294_967_296.0;
+
 /// What a decoder knows of the bins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
@@ -62,7 +65,7 @@ impl Grid {
             high: axes(28),
         };
         let fine = grid.bound > 0.0 && grid.low.iter().chain(&grid.high).all(|v| v.is_finite());
-        (fine && grid.count().iter().all(|n| *n < 4_294_967_296.0)).then_some((grid, rest))
+        (fine && grid.count().iter().all(|n| *n < MOST_BINS)).then_some((grid, rest))
     }
 }
 
@@ -75,8 +78,9 @@ impl Bins {
         let ends = particles.each_ref().map(ends);
         let grid = Grid { particles: n, bound, low: ends.map(|e| e[0]), high: ends.map(|e| e[1]) };
         let count = grid.count();
-        let range = count.map(|c| c * bound);
-        if n == 0 || count.iter().any(|c| !(*c < 4_294_967_296.0)) || range.iter().any(|r| *r > LARGEST_RANGE) {
+        // None is NaN: coordinates that are not finite have no range.
+        let fine = count.iter().all(|c| *c < MOST_BINS && c * bound <= LARGEST_RANGE);
+        if n == 0 || !fine {
             return None;
         }
         let mut of = vec![[0u32; 3]; n];
