@@ -62,7 +62,7 @@ impl SceneOf {
 
 impl Engine {
     /// Begins to decode a model file, and keeps the model; the answer says what it is. Small models are whole then,
-    /// others after as many of `Decode` questions as they need.
+    /// others after as many `Decode` questions as they need.
     pub fn open(&mut self, file: Vec<u8>) -> Answer {
         let opened = Decoder::new(file, "the model", &Silent).and_then(|decoder| {
             let about = json!(About::new(decoder.info(), decoder.file()));

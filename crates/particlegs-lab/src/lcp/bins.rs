@@ -1,0 +1,109 @@
+//! Coordinates as numbers of bins of twice the bound.
+
+use super::LARGEST_RANGE;
+use crate::Columns;
+
+/// Half bins along an axis: fewer.
+const MOST_BINS: f64 = 4_294_967_296.0;
+
+/// What a decoder knows of the bins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Particles.
+    pub particles: usize,
+    /// Half a bin.
+    pub bound: f64,
+    /// The lowest coordinate along each axis.
+    pub low: [f32; 3],
+    /// The highest.
+    pub high: [f32; 3],
+}
+
+/// Particles in bins.
+pub struct Bins {
+    /// What they are bins of.
+    pub grid: Grid,
+    /// Range over bound, along each axis.
+    pub count: [f64; 3],
+    /// The bin of each particle.
+    pub of: Vec<[u32; 3]>,
+    /// Particles along each axis that rounding puts beyond the bound, and whether they lie above the centre.
+    pub exceptions: [Vec<(u32, bool)>; 3],
+}
+
+impl Grid {
+    /// The centre of a bin.
+    fn centre(&self, axis: usize, bin: u32) -> f64 {
+        f64::from(self.low[axis]) + (2.0 * f64::from(bin) + 1.0) * self.bound
+    }
+
+    /// A coordinate moved from its bin's centre by the bound.
+    pub fn moved(&self, axis: usize, bin: u32, up: bool) -> f32 {
+        (self.centre(axis, bin) + if up { self.bound } else { -self.bound }) as f32
+    }
+
+    /// Coordinates of the bins' centres.
+    pub fn centres(&self, bins: &[[u32; 3]]) -> Columns {
+        [0, 1, 2].map(|k| bins.iter().map(|b| self.centre(k, b[k]) as f32).collect())
+    }
+
+    /// Range over bound, along each axis.
+    pub fn count(&self) -> [f64; 3] {
+        [0, 1, 2].map(|k| (f64::from(self.high[k]) - f64::from(self.low[k])) / self.bound)
+    }
+
+    /// Reads what [`Bins::write`] wrote, and gives what follows.
+    pub fn read(bytes: &[u8]) -> Option<(Grid, &[u8])> {
+        let (head, rest) = bytes.split_first_chunk::<40>()?;
+        let word = |at: usize| <[u8; 4]>::try_from(&head[at..at + 4]).expect("four bytes");
+        let long = |at: usize| <[u8; 8]>::try_from(&head[at..at + 8]).expect("eight bytes");
+        let axes = |at: usize| [0, 1, 2].map(|k| f32::from_le_bytes(word(at + 4 * k)));
+        let grid = Grid {
+            particles: usize::try_from(u64::from_le_bytes(long(0))).ok()?,
+            bound: f64::from_le_bytes(long(8)),
+            low: axes(16),
+            high: axes(28),
+        };
+        let fine = grid.bound > 0.0 && grid.low.iter().chain(&grid.high).all(|v| v.is_finite());
+        (fine && grid.count().iter().all(|n| *n < MOST_BINS)).then_some((grid, rest))
+    }
+}
+
+impl Bins {
+    /// Particles in bins of twice the bound; `None` where there would be too many, or the range is too large.
+    pub fn of(particles: &Columns, bound: f64) -> Option<Bins> {
+        let n = particles[0].len();
+        let ends =
+            |c: &Vec<f32>| c.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, v| [e[0].min(*v), e[1].max(*v)]);
+        let ends = particles.each_ref().map(ends);
+        let grid = Grid { particles: n, bound, low: ends.map(|e| e[0]), high: ends.map(|e| e[1]) };
+        let count = grid.count();
+        // None is NaN: coordinates that are not finite have no range.
+        let fine = count.iter().all(|c| *c < MOST_BINS && c * bound <= LARGEST_RANGE);
+        if n == 0 || !fine {
+            return None;
+        }
+        let mut of = vec![[0u32; 3]; n];
+        let mut exceptions = [Vec::new(), Vec::new(), Vec::new()];
+        for k in 0..3 {
+            let low = f64::from(grid.low[k]);
+            for (i, v) in particles[k].iter().enumerate() {
+                let v = f64::from(*v);
+                of[i][k] = (((v - low) / bound).floor() / 2.0).floor() as u32;
+                let centre = f64::from(grid.centre(k, of[i][k]) as f32);
+                if (centre - v).abs() > bound {
+                    exceptions[k].push((i as u32, v > centre));
+                }
+            }
+        }
+        Some(Bins { grid, count, of, exceptions })
+    }
+
+    /// Writes what a decoder needs to know.
+    pub fn write(&self, out: &mut Vec<u8>) {
+        let Grid { particles, bound, low, high } = &self.grid;
+        out.extend((*particles as u64).to_le_bytes());
+        out.extend(bound.to_le_bytes());
+        low.iter().chain(high).for_each(|v| out.extend(v.to_le_bytes()));
+    }
+}

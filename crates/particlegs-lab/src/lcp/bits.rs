@@ -1,0 +1,56 @@
+//! Bits, the lowest of each byte first.
+
+/// Bits being written.
+#[derive(Default)]
+pub struct Writer {
+    bytes: Vec<u8>,
+    held: u64,
+    bits: u32,
+}
+
+impl Writer {
+    /// Appends the lowest `bits` (56 at most) of a value.
+    pub fn put(&mut self, value: u64, bits: u32) {
+        self.held |= value << self.bits;
+        self.bits += bits;
+        while self.bits >= 8 {
+            self.bytes.push(self.held as u8);
+            self.held >>= 8;
+            self.bits -= 8;
+        }
+    }
+
+    /// The bytes; the last is filled with zeros.
+    pub fn finish(mut self) -> Vec<u8> {
+        if self.bits > 0 {
+            self.bytes.push(self.held as u8);
+        }
+        self.bytes
+    }
+}
+
+/// Bits being read.
+pub struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// From the first.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Reader { bytes, at: 0 }
+    }
+
+    /// The next bit; `None` at the end.
+    pub fn bit(&mut self) -> Option<bool> {
+        let byte = self.bytes.get(self.at / 8)?;
+        let bit = byte >> (self.at % 8) & 1 == 1;
+        self.at += 1;
+        Some(bit)
+    }
+
+    /// The next `bits` (64 at most).
+    pub fn take(&mut self, bits: u32) -> Option<u64> {
+        (0..bits).try_fold(0, |value, i| Some(value | u64::from(self.bit()?) << i))
+    }
+}

@@ -1,0 +1,107 @@
+//! A plain optimal code of integers: its tree in preorder, then their codes.
+
+use super::bits::{Reader, Writer};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
+
+/// Depth that no tree of fewer than 2^32 values passes, and the longest code that is written at once.
+const DEEPEST: u32 = 56;
+
+/// A node: its two children, or a symbol.
+enum Node {
+    Inner(usize, usize),
+    Leaf(u64),
+}
+
+/// Values less their smallest, coded; `None` where a code would be too long.
+pub fn write(values: &[u64], symbol_bits: u32) -> Option<Vec<u8>> {
+    let mut counts = BTreeMap::new();
+    values.iter().for_each(|v| *counts.entry(*v).or_insert(0u64) += 1);
+    let mut nodes: Vec<Node> = counts.keys().map(|s| Node::Leaf(*s)).collect();
+    let mut heap: BinaryHeap<_> = counts.values().enumerate().map(|(i, n)| Reverse((*n, i))).collect();
+    while heap.len() > 1 {
+        let (Reverse((a, first)), Reverse((b, second))) = (heap.pop()?, heap.pop()?);
+        nodes.push(Node::Inner(first, second));
+        heap.push(Reverse((a + b, nodes.len() - 1)));
+    }
+    let mut out = Writer::default();
+    let mut codes = std::collections::HashMap::new();
+    // The tree, and the code of each leaf on the way.
+    let mut open = vec![(nodes.len() - 1, 0u64, 0u32)];
+    while let Some((node, code, length)) = open.pop() {
+        match nodes[node] {
+            Node::Leaf(symbol) => {
+                out.put(1, 1);
+                put(&mut out, symbol, symbol_bits);
+                codes.insert(symbol, (code, length));
+            }
+            Node::Inner(first, second) => {
+                if length == DEEPEST {
+                    return None;
+                }
+                out.put(0, 1);
+                open.push((second, code | 1 << length, length + 1));
+                open.push((first, code, length + 1));
+            }
+        }
+    }
+    for v in values {
+        let (code, length) = codes[v];
+        out.put(code, length);
+    }
+    Some(out.finish())
+}
+
+fn put(out: &mut Writer, value: u64, bits: u32) {
+    let low = bits.min(32);
+    out.put(value & ((1 << low) - 1), low);
+    out.put(value >> low & ((1 << (bits - low)) - 1), bits - low);
+}
+
+/// `count` values again; `None` for bytes that [`write`] did not make.
+pub fn read(bytes: &[u8], count: usize, symbol_bits: u32) -> Option<Vec<u64>> {
+    let mut bits = Reader::new(bytes);
+    // Children of inner nodes as indices; leaves as symbols.
+    let mut nodes: Vec<Node> = Vec::new();
+    // Inner nodes that lack children, with what is known of them.
+    let mut open: Vec<(usize, Option<usize>)> = Vec::new();
+    loop {
+        let index = nodes.len();
+        let leaf = bits.bit()?;
+        nodes.push(if leaf { Node::Leaf(bits.take(symbol_bits)?) } else { Node::Inner(0, 0) });
+        if !leaf {
+            if open.len() > DEEPEST as usize {
+                return None;
+            }
+            open.push((index, None));
+            continue;
+        }
+        let mut done = index;
+        loop {
+            match open.pop() {
+                None => {
+                    let root = 0;
+                    return (0..count).map(|_| symbol(&nodes, root, &mut bits)).collect();
+                }
+                Some((parent, None)) => {
+                    open.push((parent, Some(done)));
+                    break;
+                }
+                Some((parent, Some(first))) => {
+                    nodes[parent] = Node::Inner(first, done);
+                    done = parent;
+                }
+            }
+        }
+    }
+}
+
+fn symbol(nodes: &[Node], root: usize, bits: &mut Reader<'_>) -> Option<u64> {
+    let mut node = root;
+    loop {
+        match nodes[node] {
+            Node::Leaf(symbol) => return Some(symbol),
+            Node::Inner(first, second) => node = if bits.bit()? { second } else { first },
+        }
+    }
+}

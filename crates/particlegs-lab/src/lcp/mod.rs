@@ -1,0 +1,152 @@
+//! LCP-S, the single-frame coder of LCP (arXiv 2411.00761, SIGMOD 2025): bins, blocks, four streams of integers,
+//! entropy coding and zstd. The order of the particles is not kept.
+//!
+//! Blocks: every edge that the authors' program tries on a sample is tried here on all particles, and the best is kept.
+
+mod bins;
+mod bits;
+mod blocks;
+mod huffman;
+mod stream;
+
+use crate::{Baseline, Coded, Columns};
+use bins::Bins;
+use blocks::Blocks;
+use particlegs::{Error, Result, parallel};
+use zstd_rs::{CompressionConfig, Compressor, Decompressor};
+
+/// The largest range of an axis that is cut into bins, data units.
+const LARGEST_RANGE: f64 = 1e6;
+/// Bins of an axis that blocks are not searched for: fewer.
+const FEW_BINS: f64 = 16.0;
+/// Blocks along an axis at most, and the largest edge's logarithm.
+const MOST_BLOCKS: f64 = 200_000.0;
+const LARGEST_EDGE: u32 = 16;
+
+/// The coder.
+pub struct Lcp;
+
+impl Baseline for Lcp {
+    fn name(&self) -> &'static str {
+        "LCP"
+    }
+
+    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+        if !(bound > 0.0 && bound.is_finite()) {
+            return Err(Error::argument(format!("a bound of {bound} is not positive and finite")));
+        }
+        let Some(bins) = Bins::of(particles, bound) else { return Ok(raw(particles)) };
+        let coded = parallel::map(edges(&bins), |edge| of_edge(&bins, edge));
+        let best = coded.into_iter().min_by_key(|c| c.bytes.len()).expect("one edge at least");
+        Ok(best)
+    }
+
+    fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+        let wrong = || Error::input("LCP", "not what this coder made");
+        let plain = unpacked(bytes).ok_or_else(wrong)?;
+        match plain.split_first() {
+            Some((&RAW, rest)) => columns(rest).ok_or_else(wrong),
+            Some((&BINNED, rest)) => binned(rest).ok_or_else(wrong),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+const RAW: u8 = 0;
+const BINNED: u8 = 1;
+
+/// Edges of blocks to try, in bins.
+fn edges(bins: &Bins) -> Vec<u32> {
+    if bins.count.iter().all(|n| *n <= FEW_BINS) {
+        return vec![1];
+    }
+    let smallest = bins.count.iter().copied().fold(f64::INFINITY, f64::min).max(1.0);
+    let largest = bins.count.iter().copied().fold(0.0, f64::max);
+    let top = (smallest.log2().ceil() as u32).min(LARGEST_EDGE);
+    let low = (0..top).find(|i| largest / f64::from(1 << i) / 2.0 <= MOST_BLOCKS).unwrap_or(top);
+    (low..=top).map(|i| 1 << i).collect()
+}
+
+fn of_edge(bins: &Bins, edge: u32) -> Coded {
+    let (blocks, order) = Blocks::of(bins, edge);
+    let mut plain = vec![BINNED];
+    bins.write(&mut plain);
+    plain.extend(edge.to_le_bytes());
+    for stream in [&blocks.starts, &blocks.counts, &blocks.octants, &blocks.places] {
+        stream::write(stream, &mut plain);
+    }
+    let mut at = vec![0u32; order.len()];
+    order.iter().enumerate().for_each(|(to, from)| at[*from as usize] = to as u32);
+    for exceptions in &bins.exceptions {
+        let mut moved: Vec<i64> =
+            exceptions.iter().map(|(i, up)| 2 * i64::from(at[*i as usize]) + i64::from(*up)).collect();
+        moved.sort_unstable();
+        let mut last = 0;
+        moved.iter_mut().for_each(|v| (last, *v) = (*v, *v - last));
+        stream::write(&moved, &mut plain);
+    }
+    Coded { bytes: packed(&plain), order: Some(order) }
+}
+
+fn binned(bytes: &[u8]) -> Option<Columns> {
+    let (grid, rest) = bins::Grid::read(bytes)?;
+    let (edge, mut rest) = rest.split_first_chunk::<4>()?;
+    let edge = u32::from_le_bytes(*edge);
+    let mut next = || {
+        let (values, after) = stream::read(rest, grid.particles)?;
+        rest = after;
+        Some(values)
+    };
+    let blocks = Blocks { starts: next()?, counts: next()?, octants: next()?, places: next()? };
+    let bins = blocks.bins(&grid, edge)?;
+    let mut all = grid.centres(&bins);
+    for (k, column) in all.iter_mut().enumerate() {
+        let mut at = 0i64;
+        for step in next()? {
+            at = at.checked_add(step)?;
+            let i = usize::try_from(at / 2).ok().filter(|i| at >= 0 && *i < bins.len())?;
+            column[i] = grid.moved(k, bins[i][k], at % 2 == 1);
+        }
+    }
+    Some(all)
+}
+
+/// What is not cut into bins.
+fn raw(particles: &Columns) -> Coded {
+    let values = particles.iter().flatten().flat_map(|v| v.to_le_bytes());
+    let plain: Vec<u8> = std::iter::once(RAW).chain(values).collect();
+    Coded { bytes: packed(&plain), order: None }
+}
+
+fn columns(bytes: &[u8]) -> Option<Columns> {
+    let (values, rest) = bytes.as_chunks::<4>();
+    let n = values.len() / 3;
+    let column = |k: usize| values[k * n..(k + 1) * n].iter().map(|v| f32::from_le_bytes(*v)).collect();
+    (rest.is_empty() && values.len() == 3 * n).then(|| [0, 1, 2].map(column))
+}
+
+/// zstd with the raw length before it.
+fn packed(plain: &[u8]) -> Vec<u8> {
+    let mut bytes = (plain.len() as u64).to_le_bytes().to_vec();
+    bytes.extend(zstd(plain));
+    bytes
+}
+
+/// A frame of zstd, level 3.
+fn zstd(plain: &[u8]) -> Vec<u8> {
+    let mut frame = Vec::new();
+    let made = Compressor::new(CompressionConfig::DEFAULT).and_then(|mut c| c.compress(plain, None, &mut frame));
+    made.expect("a preset, and memory to write to");
+    frame
+}
+
+fn unpacked(bytes: &[u8]) -> Option<Vec<u8>> {
+    let (length, frame) = bytes.split_first_chunk::<8>()?;
+    let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
+    let mut plain = Vec::new();
+    Decompressor::new().decompress(frame, None, length, &mut plain).ok()?;
+    (plain.len() == length).then_some(plain)
+}
+
+#[cfg(test)]
+mod tests;
