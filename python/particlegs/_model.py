@@ -263,13 +263,19 @@ class Model:
         unit, names, pixels = self.length_unit, _coerce.names(layers), _coerce.size_of(size)
         looking = native_camera(camera, (azimuth, elevation, distance), center, width, depth, unit)
         if style == "density":
-            return self._map(self._native.density(pixels, looking, names, threads), None, None)
+            return self._map(self._native.density(pixels, looking, names, threads), None, None, names)
         radius = None if radius is None else _units.number_in(radius, unit, "radius")
         return self._native.render(style, pixels, looking, radius, opacity, names, threads)
 
-    def _map(self, values: Float64, extent: Optional[Extent], axes: Optional[tuple[str, str]]) -> Map:
-        unit, length = self._said["surface_density_unit"], self.length_unit
-        return Map._of(values, extent=extent, unit=unit, length_unit=length, axes=axes)
+    def _map(
+        self,
+        values: Float64,
+        extent: Optional[Extent],
+        axes: Optional[tuple[str, str]],
+        layers: Optional[list[str]],
+    ) -> Map:
+        unit = self._native.density_unit(2, layers)
+        return Map._of(values, extent=extent, unit=unit, length_unit=self.length_unit, axes=axes)
 
     def density_map(
         self,
@@ -307,8 +313,9 @@ class Model:
             float64, with `extent` and `unit`; a periodic box fills the window with its copies.
         """
         window = Window.of(self, center, width, depth, axis, shape)
-        values = self._native.density(window.pixels, window.camera, _coerce.names(layers), threads)
-        return self._map(values, window.extent, window.axes)
+        names = _coerce.names(layers)
+        values = self._native.density(window.pixels, window.camera, names, threads)
+        return self._map(values, window.extent, window.axes, names)
 
     # Numbers.
 
@@ -336,7 +343,7 @@ class Model:
             values,
             origin=tuple(origin),
             spacing=tuple(spacing),
-            unit=self._said["density_unit"],
+            unit=self._native.density_unit(3, names),
             length_unit=self.length_unit,
             periodic=self.periodic,
             hubble=self.metadata["hubble"],

@@ -26,29 +26,6 @@ pub fn refuse_without_masses(model: &Model, shown: &[bool]) -> PyResult<()> {
     Ok(())
 }
 
-fn unit(model: &Model, power: &str) -> String {
-    let m = &model.metadata;
-    let mass = match model.has_masses() {
-        true => m.mass_unit.as_deref().unwrap_or("mass"),
-        false => "particles",
-    };
-    match m.length_unit.as_deref() {
-        None => format!("{mass} / length{power}"),
-        Some(l) if l.contains(['/', ' ']) => format!("{mass} / ({l}){power}"),
-        Some(l) => format!("{mass} / {l}{power}"),
-    }
-}
-
-/// Unit of densities: `Msun/h / (Mpc/h)^3`.
-pub fn volume_unit(model: &Model) -> String {
-    unit(model, "^3")
-}
-
-/// Unit of surface densities.
-pub fn surface_unit(model: &Model) -> String {
-    unit(model, "^2")
-}
-
 /// Density in cells: values, the grid's corner, the sides of a cell, the mass beyond the grid.
 pub fn grid<'py>(
     py: Python<'py>,

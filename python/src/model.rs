@@ -8,13 +8,14 @@ use crate::snapshot::Snapshot;
 use crate::work::How;
 use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs::camera::View;
-use particlegs::model::{LawKind, Layer};
+use particlegs::model::{LawKind, Layer, Mass};
 use particlegs::particles::RawForm;
 use particlegs::picture::{Gray8, Pixels, Plane, Size};
 use particlegs::recover::{Method, Options};
 use particlegs::render::{Scene, Scratch, draw_into, optical_depth_into, surface_density};
 use particlegs::score::Finding;
 use particlegs::{codec, parallel};
+use particlegs_export::density_unit;
 use particlegs_files::output;
 use particlegs_view::page::{ModelFile, offline};
 use particlegs_view::poster;
@@ -154,8 +155,6 @@ impl Model {
             "layers": m.layers.iter().map(layer).collect::<Vec<_>>(),
             "certificate": m.certificate,
             "verdict": Finding::verdict(m.certificate.as_ref(), &m.metadata),
-            "density_unit": density::volume_unit(m),
-            "surface_density_unit": density::surface_unit(m),
         })
         .to_string()
     }
@@ -190,18 +189,23 @@ impl Model {
         let how = How::quietly(threads);
         match look {
             Some(look) => {
-                let mut picture = Gray8::black(size);
-                how.run(py, |progress| {
+                let picture = how.run(py, |progress| {
+                    progress.require_memory("a picture", size.pixels() as u64)?;
+                    let mut picture = Gray8::black(size);
                     let out = Pixels::new(size, &mut picture.data)?;
-                    self.scratch.with(|scratch| draw_into(&scene, &view, look, out, scratch, progress))
+                    self.scratch.with(|scratch| draw_into(&scene, &view, look, out, scratch, progress))?;
+                    Ok(picture)
                 })?;
                 pictures::levels(py, picture)
             }
             None => {
-                let mut plane = Plane::zeros(size);
-                how.run(py, |progress| {
+                let plane = how.run(py, |progress| {
+                    // The depth, and the brightness made of it.
+                    progress.require_memory("a picture", 8 * size.pixels() as u64)?;
+                    let mut plane = Plane::zeros(size);
                     let out = Pixels::new(size, &mut plane.data)?;
-                    self.scratch.with(|scratch| optical_depth_into(&scene, &view, out, scratch, progress))
+                    self.scratch.with(|scratch| optical_depth_into(&scene, &view, out, scratch, progress))?;
+                    Ok(plane)
                 })?;
                 pictures::brightness(py, &plane)
             }
@@ -222,6 +226,14 @@ impl Model {
         let view = self.looking().view(&camera, size, None, None).or_raise()?;
         let shown = self.shown(layers.as_deref())?;
         pictures::plane(py, &self.surface_density(py, (&shown, &view, size), threads)?)
+    }
+
+    /// Unit of densities of some layers: by area (2) or volume (3).
+    #[pyo3(signature = (power, layers=None))]
+    fn density_unit(&self, power: u8, layers: Option<Vec<String>>) -> PyResult<String> {
+        let shown = self.shown(layers.as_deref())?;
+        let mut masses = self.model.layers.iter().zip(shown).filter(|(_, shown)| *shown).map(|(l, _)| l.mass);
+        Ok(density_unit(&self.model.metadata, masses.all(|m| m != Mass::Unknown), power))
     }
 
     /// Density in cells, with the grid's corner, the sides of a cell, and the mass beyond the grid.

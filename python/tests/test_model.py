@@ -174,6 +174,18 @@ def test_what_a_notebook_shows(model, tmp_path):
         view.save(tmp_path / "page.html")
 
 
+def test_units_are_those_of_the_layers_that_count(tmp_path):
+    for name in ("xx", "yy", "zz"):
+        np.random.default_rng(ord(name[0])).random(3000, dtype=np.float32).tofile(tmp_path / f"{name}.f32")
+    layers = '[{"name": "dm", "particles": 2000, "particle_mass": 2.0}, {"name": "tracers", "particles": 1000}]'
+    (tmp_path / "meta.json").write_text(f'{{"layers": {layers}}}')
+    model = pg.compress(pg.open(tmp_path, units="kpc", mass_units="Msun"), gaussians=40, certificate="none")
+    assert model.density_map(shape=(4, 4), layers=["dm"]).unit == "Msun / kpc^2"
+    assert model.density_grid(4, layers=["tracers"]).unit == "particles / kpc^3"
+    with pytest.raises(pg.InputError, match="choose layers"):
+        model.density_grid(4)
+
+
 def test_several_layers(tmp_path):
     rng = np.random.default_rng(6)
     for name in ("xx", "yy", "zz"):

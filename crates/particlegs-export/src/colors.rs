@@ -96,7 +96,7 @@ impl Coloring {
             notes.set("colors", colors.into_iter().map(|(name, code)| (name, code.into())).collect::<Map<_, _>>());
         }
         if let Some([low, high]) = self.range {
-            let (map, unit) = (map.name(), density_unit(model));
+            let (map, unit) = (map.name(), density_unit(&model.metadata, model.has_masses(), 3));
             notes.say(format!("colours: {map}, logarithmic, from {low} to {high} {unit}, each Gaussian's own density"));
             notes.set(
                 "colors",

@@ -1,6 +1,6 @@
 //! A model's density on a grid, integrated over its cells.
 
-use particlegs::model::Model;
+use particlegs::model::{Metadata, Model};
 use particlegs::progress::Progress;
 use particlegs::stats::{Assignment, Domain, Grid, Subject, deposit};
 use particlegs::{Error, Result};
@@ -86,7 +86,13 @@ impl Density {
         if values.iter().any(|v| !v.is_finite()) || volume.is_nan() {
             return Err(Error::argument("the density in the file's units does not fit into float32"));
         }
-        Ok(Density { grid, values, unit: density_unit(model), total, outside: field.outside })
+        Ok(Density {
+            grid,
+            values,
+            unit: density_unit(&model.metadata, model.has_masses(), 3),
+            total,
+            outside: field.outside,
+        })
     }
 
     /// Runs of values with x fastest, as VTK and FITS have them, some planes across z at a time.
@@ -112,16 +118,15 @@ impl Density {
     }
 }
 
-/// Unit of density, in ASCII: `Msun/h / (Mpc/h)^3`, or particles where no mass is known.
-pub fn density_unit(model: &Model) -> String {
-    let m = &model.metadata;
-    let mass = match model.has_masses() {
+/// Unit of mass where it is known, else of particles, by a power of length, in ASCII: `Msun/h / (Mpc/h)^3`.
+pub fn density_unit(m: &Metadata, masses_known: bool, power: u8) -> String {
+    let mass = match masses_known {
         true => m.mass_unit.as_deref().unwrap_or("mass"),
         false => "particles",
     };
     match m.length_unit.as_deref() {
-        None => format!("{mass} / length^3"),
-        Some(l) if l.contains(['/', ' ']) => format!("{mass} / ({l})^3"),
-        Some(l) => format!("{mass} / {l}^3"),
+        None => format!("{mass} / length^{power}"),
+        Some(l) if l.contains(['/', ' ']) => format!("{mass} / ({l})^{power}"),
+        Some(l) => format!("{mass} / {l}^{power}"),
     }
 }
