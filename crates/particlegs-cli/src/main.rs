@@ -3,6 +3,8 @@
 mod agree;
 mod allotted;
 mod annotate;
+#[cfg(feature = "lab")]
+mod bench_files;
 mod canvas;
 mod centres;
 mod certificate_args;

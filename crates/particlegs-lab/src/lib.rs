@@ -1,8 +1,17 @@
-//! What models are measured against.
+//! What models are measured against, and the experiments that do it.
 //!
 //! [`Baseline`] is a compressor with an absolute bound on every coordinate; [`lcp`] is written from its paper.
+//! [`experiments`] measure models beside them: each gives [`found::Found`], tables, plots and pictures as data, which
+//! [`report`] puts into files. A [`lab::Lab`] keeps results by the hash of what they were made from.
 
+pub mod experiments;
+pub mod found;
+pub mod lab;
 pub mod lcp;
+pub mod plot;
+pub mod report;
+pub mod store;
+pub mod views;
 
 use particlegs::Result;
 

@@ -1,5 +1,7 @@
 //! One file a command.
 
+#[cfg(feature = "lab")]
+mod bench;
 mod block;
 mod compare;
 mod completions;
@@ -68,6 +70,9 @@ pub enum Command {
     Info(info::Arguments),
     /// Check that a model file or a job is intact, and measure its scores again.
     Verify(verify::Arguments),
+    /// Measure models beside other compressors: every table and figure.
+    #[cfg(feature = "lab")]
+    Bench(bench::Arguments),
     /// Print the completion script of a shell.
     Completions(completions::Arguments),
     /// Write manual pages.
@@ -96,6 +101,8 @@ pub fn run(command: Command) -> Result<()> {
         Command::Stats(a) => stats::run(a),
         Command::Info(a) => info::run(a),
         Command::Verify(a) => verify::run(a),
+        #[cfg(feature = "lab")]
+        Command::Bench(a) => bench::run(&a),
         Command::Completions(a) => completions::run(&a),
         Command::Man(a) => man::run(&a),
     }

@@ -1,0 +1,104 @@
+//! What experiments found, as files of a folder.
+
+use crate::canvas::Canvas;
+use crate::common::Context;
+use crate::figure::png_file::{About, Effort, coded};
+use crate::figure::{self, Figure, Ground, Image, Panel, Place, Room};
+use particlegs::picture::{Rgb8, Size, write_png};
+use particlegs::{Error, Result};
+use particlegs_files::output::write_bytes;
+use particlegs_lab::found::{Pictures, Plot};
+use particlegs_lab::plot;
+use particlegs_lab::report::{Provenance, Section, csv, html, markdown};
+use std::path::{Path, PathBuf};
+
+/// What says that a folder holds results.
+const RESULTS: &str = "results.json";
+
+/// The folder of kept results in a folder that is new, empty or of results.
+pub fn folder(output: &Path, context: &Context) -> Result<PathBuf> {
+    let io = |e| Error::io(output, e);
+    if output.is_dir() {
+        let names: Vec<_> = std::fs::read_dir(output).map_err(io)?.filter_map(|e| Some(e.ok()?.file_name())).collect();
+        if !(names.is_empty() || names.iter().any(|n| n == RESULTS || n == "kept")) {
+            let place = output.display().to_string();
+            return Err(Error::input(place, "is not empty and has no results of bench: name another folder"));
+        }
+    }
+    context.makes_folder(output)?;
+    let kept = output.join("kept");
+    std::fs::create_dir_all(&kept).map_err(|e| Error::io(&kept, e))?;
+    Ok(kept)
+}
+
+/// Writes report.html, results.json, a page an experiment, and its tables and figures.
+pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Result<()> {
+    let figures = output.join("figures");
+    std::fs::create_dir_all(&figures).map_err(|e| Error::io(&figures, e))?;
+    let mut drawn = std::collections::BTreeMap::new();
+    for found in sections.iter().filter_map(|s| s.found.as_ref().ok()) {
+        for table in &found.tables {
+            write_bytes(&figures.join(format!("{}.csv", table.name)), csv(table).as_bytes())?;
+        }
+        found.plots.iter().try_for_each(|p| write_plot(&figures, p))?;
+        for p in &found.pictures {
+            let bytes = joined(p)?;
+            write_bytes(&figures.join(format!("{}.png", p.name)), &bytes)?;
+            drawn.insert(p.name.clone(), bytes);
+        }
+    }
+    for s in sections {
+        let page = markdown(s, provenance, "figures");
+        write_bytes(&output.join(format!("{}.md", s.experiment.name)), page.as_bytes())?;
+    }
+    let page = html(sections, provenance, &|p| drawn.get(&p.name).cloned().unwrap_or_default());
+    write_bytes(&output.join("report.html"), page.as_bytes())?;
+    write_bytes(&output.join(RESULTS), results(sections, provenance).as_bytes())
+}
+
+fn results(sections: &[Section], provenance: &Provenance) -> String {
+    let experiments: serde_json::Map<_, _> = sections
+        .iter()
+        .map(|s| {
+            let found = match &s.found {
+                Ok(found) => serde_json::to_value(found).unwrap_or_default(),
+                Err(why) => serde_json::json!({ "not_measured": why }),
+            };
+            (s.experiment.name.to_string(), found)
+        })
+        .collect();
+    let all = serde_json::json!({ "made_by": provenance, "experiments": experiments });
+    serde_json::to_string_pretty(&all).unwrap_or_default() + "\n"
+}
+
+fn write_plot(folder: &Path, p: &Plot) -> Result<()> {
+    let Some(svg) = plot::svg(p) else { return Ok(()) };
+    write_bytes(&folder.join(format!("{}.svg", p.name)), svg.as_bytes())?;
+    let size = Size { width: plot::SIZE.0 as usize, height: plot::SIZE.1 as usize };
+    let mut png = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };
+    plot::draw(Canvas::new(&mut png), p);
+    write_png(&folder.join(format!("{}.png", p.name)), size, png.data.as_flattened())
+}
+
+/// Height of the letters under pictures, pixels.
+const LETTERS: f64 = 15.0;
+
+/// The pictures side by side with what each is, as a PNG.
+fn joined(p: &Pictures) -> Result<Vec<u8>> {
+    let panel = |(caption, picture): &(String, Rgb8)| Panel {
+        caption: Some(caption.clone()),
+        ..Panel::plain(Image::Color(picture.clone()))
+    };
+    let figure = Figure {
+        title: None,
+        panels: p.panels.iter().map(panel).collect(),
+        columns: p.columns,
+        bar: None,
+        legend: Vec::new(),
+        place: Place::Outside,
+        page: Ground::White,
+        ground: Ground::Black,
+    };
+    let page = figure::raster(&figure::layout(&figure, LETTERS, Room::Pixels)?)?;
+    coded(&Image::Color(page), &About::default(), Effort::Small)
+}

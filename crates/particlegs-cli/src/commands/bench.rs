@@ -1,0 +1,202 @@
+//! `particlegs bench NAME SNAPSHOT... -o DIR`.
+
+use crate::bench_files;
+use crate::common::{Common, Context};
+use crate::snapshot_args::SnapshotArgs;
+use crate::view_args::parse_size;
+use clap::{Args, ValueHint};
+use particlegs::picture::Size;
+use particlegs::{Error, Result, parallel};
+use particlegs_lab::experiments::{self, EXPERIMENTS, Experiment};
+use particlegs_lab::lab::{Lab, Settings, Snapshot};
+use particlegs_lab::report::{Provenance, Section};
+use std::path::{Path, PathBuf};
+
+/// Arguments.
+#[derive(Args)]
+#[command(after_help = "\
+`list` says what experiments there are, and which tables and figures of the paper they make; `all` does those that
+train no models, with --training all. Results are kept in DIR/kept by the hash of what they were made from: a command
+that was interrupted goes on where it was, and what was measured is not measured again.
+
+DIR has report.html, one page that needs nothing else; results.json; tables as CSV; figures as SVG and PNG; and a page
+of Markdown an experiment.
+
+Examples:
+  particlegs bench list
+  particlegs bench all samples/nbody64 -o measured --quick
+  particlegs bench rate-distortion snapshot -o measured --python venv/bin/python
+  particlegs bench all snapshot others/* -o measured")]
+pub struct Arguments {
+    /// Experiment, `all`, or `list`.
+    #[arg(value_name = "NAME")]
+    name: String,
+    /// Snapshots, each its first file or its folder: the first is measured, and compared with the others.
+    #[arg(value_name = "SNAPSHOT", required_unless_present = "listed", value_hint = ValueHint::AnyPath)]
+    snapshots: Vec<PathBuf>,
+    /// Folder for results.
+    #[arg(short, long, value_name = "DIR", required_unless_present = "listed", value_hint = ValueHint::DirPath)]
+    output: Option<PathBuf>,
+    /// Small pictures, few sizes, one view an orbit: to see that all of it runs.
+    #[arg(long)]
+    quick: bool,
+    /// With `all`: also the experiments that train models, which take hours.
+    #[arg(long)]
+    training: bool,
+    /// Python with the packages of lab/requirements.txt: SZ3, ZFP, VTK.
+    ///
+    /// Without it what they would measure is left out, and said to be.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::ExecutablePath)]
+    python: Option<PathBuf>,
+    /// Views per orbit [default: 2; 1 with --quick].
+    #[arg(long, value_name = "N", hide_short_help = true)]
+    frames: Option<usize>,
+    /// Picture size in pixels [default: 1920x1080; 640x360 with --quick].
+    #[arg(long, value_name = "WxH", value_parser = parse_size, hide_short_help = true)]
+    size: Option<Size>,
+    /// Ratios of raw bytes to bytes of a file.
+    #[arg(long, value_name = "R,R,...", value_delimiter = ',', num_args = 1, hide_short_help = true)]
+    ratios: Option<Vec<f64>>,
+    /// Seeds, where a draw or a start is random [default: 3; 2 with --quick].
+    #[arg(long, value_name = "N", hide_short_help = true)]
+    seeds: Option<usize>,
+    #[command(flatten)]
+    snapshot: SnapshotArgs,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Does experiments and writes what they found.
+pub fn run(a: &Arguments) -> Result<()> {
+    if a.name == "list" {
+        return crate::report::line(list().trim_end());
+    }
+    let chosen = experiments::named(&a.name, a.training)?;
+    let settings = a.settings()?;
+    let (Some(output), false) = (&a.output, a.snapshots.is_empty()) else {
+        return Err(Error::argument("a snapshot and a folder for the results (-o DIR) are needed"));
+    };
+    let context = a.common.clone().start()?;
+    context.reads(a.snapshots.iter().map(PathBuf::as_path), false)?;
+    let kept = bench_files::folder(output, &context)?;
+    let snapshots = a.open(&context)?;
+    let lab = Lab::new(settings, &kept, &context);
+    let provenance = a.provenance(&lab, &snapshots);
+    let sections = experiment_by_experiment(&chosen, &lab, &snapshots)?;
+    bench_files::write(output, &sections, &provenance)?;
+    report(&sections, output, &context)
+}
+
+fn list() -> String {
+    let row = |e: &Experiment| {
+        let paper = if e.paper.is_empty() { "not in the paper" } else { e.paper };
+        let trains = if e.trains { "; trains models" } else { "" };
+        format!("{:<20} {}\n{:<20} ({paper}{trains})\n", e.name, e.title, "")
+    };
+    EXPERIMENTS.iter().map(row).collect()
+}
+
+/// Does them; one that fails is reported, and the others are done.
+fn experiment_by_experiment(
+    chosen: &[&'static Experiment],
+    lab: &Lab<'_>,
+    snapshots: &[Snapshot],
+) -> Result<Vec<Section>> {
+    lab.progress.begin("experiments", chosen.iter().map(|e| e.weight).sum());
+    let mut sections = Vec::new();
+    for experiment in chosen {
+        lab.progress.begin(experiment.name, 0);
+        let found = match (experiment.run)(lab, snapshots) {
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            Err(e) => {
+                lab.progress.message(&format!("{}: {e}", experiment.name));
+                Err(e.to_string())
+            }
+            Ok(found) => Ok(found),
+        };
+        sections.push(Section { experiment, found });
+        lab.progress.end();
+        lab.progress.advance(experiment.weight);
+    }
+    lab.progress.end();
+    Ok(sections)
+}
+
+impl Arguments {
+    fn settings(&self) -> Result<Settings> {
+        let program = std::env::current_exe().map_err(|e| Error::io(Path::new("this program"), e))?;
+        let mut s = Settings::new(self.quick, program);
+        (s.training, s.seed, s.python) = (self.training, self.common.seed, self.python.clone());
+        s.size = self.size.unwrap_or(s.size);
+        s.frames = self.frames.unwrap_or(s.frames);
+        s.seeds = self.seeds.unwrap_or(s.seeds);
+        s.ratios = self.ratios.clone().unwrap_or(s.ratios);
+        s.ratios.sort_by(f64::total_cmp);
+        for (option, value, most) in [("--frames", s.frames, 1000), ("--seeds", s.seeds, 100)] {
+            if value == 0 || value > most {
+                return Err(Error::argument(format!("{option} {value} is outside 1 to {most}")));
+            }
+        }
+        match s.ratios.iter().find(|r| !(**r > 1.0 && r.is_finite())) {
+            Some(r) => Err(Error::argument(format!("--ratios: {r} is not above 1"))),
+            None => Ok(s),
+        }
+    }
+
+    /// Opens every snapshot; names are those of files and folders.
+    fn open(&self, context: &Context) -> Result<Vec<Snapshot>> {
+        let open = |path: &PathBuf| {
+            let particles = self.snapshot.choice()?.read(
+                std::slice::from_ref(path),
+                &particlegs::particles::Storage::Memory,
+                context,
+            )?;
+            let name = path.file_stem().map_or("snapshot".into(), |n| n.to_string_lossy().into_owned());
+            Ok(Snapshot::new(name, path.clone(), particles))
+        };
+        self.snapshots.iter().map(open).collect()
+    }
+
+    fn provenance(&self, lab: &Lab<'_>, snapshots: &[Snapshot]) -> Provenance {
+        let s = &lab.settings;
+        let names: Vec<&str> = snapshots.iter().map(|s| s.name.as_str()).collect();
+        let quick = if s.quick { " --quick" } else { "" };
+        let training = if s.training { " --training" } else { "" };
+        let command = format!(
+            "particlegs bench {} {}{quick}{training} --size {}x{} --frames {} --seeds {} --seed {}",
+            self.name,
+            names.join(" "),
+            s.size.width,
+            s.size.height,
+            s.frames,
+            s.seeds,
+            s.seed
+        );
+        let mut p = Provenance::new(command, parallel::threads());
+        p.seeds = [s.seed, s.seeds as u64];
+        p.snapshots = snapshots.iter().map(|s| (s.name.clone(), s.particles.len() as u64, s.hash.clone())).collect();
+        p
+    }
+}
+
+/// What was found where; fails where every experiment failed.
+fn report(sections: &[Section], output: &Path, context: &Context) -> Result<()> {
+    let mut text = String::new();
+    for s in sections {
+        let words = match &s.found {
+            Ok(f) => {
+                format!("{} tables, {} plots, {} sets of pictures", f.tables.len(), f.plots.len(), f.pictures.len())
+            }
+            Err(why) => format!("not measured: {why}"),
+        };
+        text += &format!("{}: {words}\n", s.experiment.name);
+    }
+    text += &format!("{}", output.join("report.html").display());
+    let failed: Vec<&str> = sections.iter().filter(|s| s.found.is_err()).map(|s| s.experiment.name).collect();
+    if failed.len() == sections.len() {
+        let why = sections.iter().find_map(|s| s.found.as_ref().err().cloned()).unwrap_or_default();
+        return Err(Error::argument(format!("nothing was measured: {why}")));
+    }
+    let value = serde_json::json!({ "report": output.join("report.html").to_string_lossy(), "failed": failed });
+    context.finish(&text, &value)
+}

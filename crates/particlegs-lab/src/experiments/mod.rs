@@ -1,0 +1,41 @@
+//! The experiments, each a file: what it measures, and its tables and figures.
+
+mod rate_distortion;
+
+use crate::found::Found;
+use crate::lab::{Lab, Snapshot};
+use particlegs::{Error, Result};
+
+/// An experiment.
+pub struct Experiment {
+    /// What it is asked for by.
+    pub name: &'static str,
+    /// What it measures, in a line.
+    pub title: &'static str,
+    /// The tables and figures of the paper that it makes, by their labels there.
+    pub paper: &'static str,
+    /// Does it train models?
+    pub trains: bool,
+    /// About how long it takes of all, in shares of the whole: for the time that is left.
+    pub weight: u64,
+    /// Does it. The first snapshot is the one that is measured; those after it are what it is compared over.
+    pub run: fn(&Lab<'_>, &[Snapshot]) -> Result<Found>,
+}
+
+/// All of them, in the order of a report.
+pub const EXPERIMENTS: &[Experiment] = &[rate_distortion::EXPERIMENT];
+
+/// The experiments that a name stands for: one, or `all` that the settings allow.
+///
+/// # Errors
+/// [`Error::Argument`] for a name that there is not.
+pub fn named(name: &str, training: bool) -> Result<Vec<&'static Experiment>> {
+    if name == "all" {
+        return Ok(EXPERIMENTS.iter().filter(|e| training || !e.trains).collect());
+    }
+    let found = EXPERIMENTS.iter().find(|e| e.name == name).map(|e| vec![e]);
+    found.ok_or_else(|| {
+        let names: Vec<&str> = EXPERIMENTS.iter().map(|e| e.name).collect();
+        Error::argument(format!("no experiment {name:?}: all, {}", names.join(", ")))
+    })
+}

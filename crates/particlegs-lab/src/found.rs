@@ -1,0 +1,268 @@
+//! What an experiment found, as plain data: tables, plots, pictures, and what a reader must know.
+
+use particlegs::picture::Rgb8;
+use serde::Serialize;
+
+/// What an experiment found.
+#[derive(Debug, Default, Serialize)]
+pub struct Found {
+    /// Tables, in the order of reading.
+    pub tables: Vec<Table>,
+    /// Plots.
+    pub plots: Vec<Plot>,
+    /// Pictures side by side.
+    pub pictures: Vec<Pictures>,
+    /// What a reader must know: how it was measured, what was left out and why.
+    pub notes: Vec<String>,
+}
+
+/// A table.
+#[derive(Debug, Serialize)]
+pub struct Table {
+    /// File name without its ending.
+    pub name: String,
+    /// What stands above it.
+    pub title: String,
+    /// Heads of the columns, with units.
+    pub columns: Vec<String>,
+    /// Rows, as long as `columns`.
+    pub rows: Vec<Vec<Cell>>,
+}
+
+impl Table {
+    /// Without rows.
+    pub fn new(name: &str, title: impl Into<String>, columns: &[&str]) -> Self {
+        let columns = columns.iter().map(|c| (*c).to_string()).collect();
+        Table { name: name.into(), title: title.into(), columns, rows: Vec::new() }
+    }
+
+    /// Adds a row.
+    pub fn row(&mut self, cells: impl IntoIterator<Item = Cell>) {
+        let row: Vec<Cell> = cells.into_iter().collect();
+        debug_assert_eq!(row.len(), self.columns.len(), "{}", self.name);
+        self.rows.push(row);
+    }
+}
+
+/// A cell of a table.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Cell {
+    /// Words.
+    Text(String),
+    /// A number with so many digits after the point.
+    Number {
+        /// The number.
+        value: f64,
+        /// Digits after the point.
+        digits: usize,
+    },
+    /// The median of several, and the smallest and largest.
+    Spread {
+        /// Median.
+        value: f64,
+        /// Smallest and largest.
+        range: [f64; 2],
+        /// Digits after the point.
+        digits: usize,
+    },
+    /// Nothing was measured.
+    Empty,
+}
+
+impl Cell {
+    /// Words.
+    pub fn text(words: impl Into<String>) -> Cell {
+        Cell::Text(words.into())
+    }
+
+    /// A number; nothing where there is none.
+    pub fn number(value: impl Into<Option<f64>>, digits: usize) -> Cell {
+        value.into().filter(|v| v.is_finite()).map_or(Cell::Empty, |value| Cell::Number { value, digits })
+    }
+
+    /// A whole number.
+    pub fn count(value: u64) -> Cell {
+        Cell::number(value as f64, 0)
+    }
+
+    /// The median of values of several seeds with their range; one value alone is a number.
+    pub fn spread(values: &[f64], digits: usize) -> Cell {
+        match Spread::of(values) {
+            None => Cell::Empty,
+            Some(s) if values.len() == 1 => Cell::number(s.median, digits),
+            Some(s) => Cell::Spread { value: s.median, range: [s.low, s.high], digits },
+        }
+    }
+
+    /// As it stands in a table of text.
+    pub fn in_words(&self) -> String {
+        match self {
+            Cell::Text(words) => words.clone(),
+            Cell::Number { value, digits } => grouped(*value, *digits),
+            Cell::Spread { value, range: [low, high], digits } => {
+                format!("{} ({} to {})", grouped(*value, *digits), grouped(*low, *digits), grouped(*high, *digits))
+            }
+            Cell::Empty => "–".into(),
+        }
+    }
+
+    /// As it stands in a file of values: every digit, nothing where nothing was measured.
+    pub fn plain(&self) -> String {
+        match self {
+            Cell::Text(words) => words.clone(),
+            Cell::Number { value, .. } | Cell::Spread { value, .. } => value.to_string(),
+            Cell::Empty => String::new(),
+        }
+    }
+
+    /// Is it a number?
+    pub fn is_number(&self) -> bool {
+        matches!(self, Cell::Number { .. } | Cell::Spread { .. })
+    }
+}
+
+/// Whole numbers of five digits and more in groups of three.
+fn grouped(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let (whole, rest) = text.split_at(text.find('.').unwrap_or(text.len()));
+    let (sign, whole) = whole.strip_prefix('-').map_or(("", whole), |w| ("-", w));
+    if whole.len() < 5 {
+        return text;
+    }
+    let digits: Vec<&str> =
+        (0..whole.len()).rev().step_by(3).map(|end| &whole[(end + 1).saturating_sub(3)..=end]).collect();
+    format!("{sign}{}{rest}", digits.into_iter().rev().collect::<Vec<_>>().join(","))
+}
+
+/// The median of some values, and how far they lie apart.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// Median; of an even number the mean of the two in the middle.
+    pub median: f64,
+    /// Smallest.
+    pub low: f64,
+    /// Largest.
+    pub high: f64,
+}
+
+impl Spread {
+    /// Of values; `None` where there is none that is finite.
+    pub fn of(values: &[f64]) -> Option<Spread> {
+        let mut v: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        v.sort_by(f64::total_cmp);
+        let (first, last) = (*v.first()?, *v.last()?);
+        let median = 0.5 * (v[(v.len() - 1) / 2] + v[v.len() / 2]);
+        Some(Spread { median, low: first, high: last })
+    }
+}
+
+/// One pair of axes with curves.
+#[derive(Clone, Debug, Serialize)]
+pub struct Plot {
+    /// File name without its ending.
+    pub name: String,
+    /// What stands above it.
+    pub title: String,
+    /// Below it, with its unit.
+    pub x: Axis,
+    /// Beside it.
+    pub y: Axis,
+    /// Curves.
+    pub series: Vec<Series>,
+    /// Horizontal lines with their names.
+    pub levels: Vec<(String, f64)>,
+}
+
+/// An axis of a plot.
+#[derive(Clone, Debug, Serialize)]
+pub struct Axis {
+    /// What it shows, with its unit.
+    pub label: String,
+    /// Logarithmic?
+    pub log: bool,
+    /// Ends; `None` = as the values have it.
+    pub range: Option<[f64; 2]>,
+}
+
+impl Axis {
+    /// In equal steps.
+    pub fn linear(label: impl Into<String>) -> Axis {
+        Axis { label: label.into(), log: false, range: None }
+    }
+
+    /// In equal factors.
+    pub fn logarithmic(label: impl Into<String>) -> Axis {
+        Axis { label: label.into(), log: true, range: None }
+    }
+}
+
+/// A curve.
+#[derive(Clone, Debug, Serialize)]
+pub struct Series {
+    /// Its name in the legend.
+    pub name: String,
+    /// Colour and mark: what is the same thing in several plots has the same.
+    pub style: usize,
+    /// Broken line?
+    pub dashed: bool,
+    /// Points in order.
+    pub points: Vec<Point>,
+}
+
+/// A point of a curve.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Point {
+    /// Place along the horizontal axis.
+    pub x: f64,
+    /// Value.
+    pub y: f64,
+    /// Smallest and largest value, where there are several.
+    pub range: Option<[f64; 2]>,
+}
+
+impl Point {
+    /// Of one value.
+    pub fn new(x: f64, y: f64) -> Point {
+        Point { x, y, range: None }
+    }
+
+    /// Of values of several seeds; `None` without one.
+    pub fn spread(x: f64, values: &[f64]) -> Option<Point> {
+        let s = Spread::of(values)?;
+        Some(Point { x, y: s.median, range: (values.len() > 1).then_some([s.low, s.high]) })
+    }
+}
+
+/// Pictures of one size side by side.
+#[derive(Debug, Serialize)]
+pub struct Pictures {
+    /// File name without its ending.
+    pub name: String,
+    /// What stands above them.
+    pub title: String,
+    /// What they show, for a reader who has no other text.
+    pub caption: String,
+    /// How many stand beside each other.
+    pub columns: usize,
+    /// What stands under each, and the picture.
+    #[serde(skip)]
+    pub panels: Vec<(String, Rgb8)>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_grouped_and_spreads_told() {
+        let said = [0.0, 1234.0, 12345.0, -1_234_567.0].map(|v| Cell::number(v, 0).in_words());
+        assert_eq!(said, ["0", "1234", "12,345", "-1,234,567"]);
+        assert_eq!(Cell::number(12345.678, 2).in_words(), "12,345.68");
+        assert_eq!(Cell::spread(&[3.0, 1.0, 2.0], 1).in_words(), "2.0 (1.0 to 3.0)");
+        assert_eq!(Cell::spread(&[4.0], 1), Cell::number(4.0, 1));
+        assert_eq!(Cell::number(f64::NAN, 1), Cell::Empty);
+        assert_eq!(Cell::number(None, 1).plain(), "");
+        assert_eq!(Spread::of(&[1.0, 2.0, f64::INFINITY, 4.0, 8.0]).unwrap().median, 3.0);
+    }
+}

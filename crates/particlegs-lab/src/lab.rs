@@ -1,0 +1,203 @@
+//! What experiments share: settings, snapshots, kept results, models and the pictures that they are scored by.
+
+use crate::store::Store;
+use particlegs::codec;
+use particlegs::compress::{Compressed, Options, Target, compress};
+use particlegs::fit::Effort;
+use particlegs::model::{CertificateLevel, Model};
+use particlegs::particles::Particles;
+use particlegs::picture::Size;
+use particlegs::pieces::NoPieces;
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// What is measured, and how finely.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Small pictures, few ratios, one frame an orbit: to see that all of it runs.
+    pub quick: bool,
+    /// Also experiments that train models.
+    pub training: bool,
+    /// Pixels of the pictures that are scored.
+    pub size: Size,
+    /// Views an orbit.
+    pub frames: usize,
+    /// Raw bytes over bytes of a file, rising.
+    pub ratios: Vec<f64>,
+    /// The first seed.
+    pub seed: u64,
+    /// Seeds, where a draw or a start is random.
+    pub seeds: usize,
+    /// A Python that has the packages of other compressors and renderers.
+    pub python: Option<PathBuf>,
+    /// This program, where whole commands are measured.
+    pub program: PathBuf,
+}
+
+impl Settings {
+    /// The settings of `--quick`, or the full ones.
+    pub fn new(quick: bool, program: PathBuf) -> Settings {
+        let (size, frames, seeds) = match quick {
+            true => (Size { width: 640, height: 360 }, 1, 2),
+            false => (Size { width: 1920, height: 1080 }, 2, 3),
+        };
+        let ratios = match quick {
+            true => vec![50.0, 263.0, 1000.0],
+            false => vec![20.0, 50.0, 100.0, 263.0, 500.0, 1000.0, 2000.0, 5000.0],
+        };
+        Settings { quick, training: false, size, frames, ratios, seed: 42, seeds, python: None, program }
+    }
+
+    /// The seeds.
+    pub fn seeds(&self) -> impl Iterator<Item = u64> {
+        let first = self.seed;
+        (0..self.seeds as u64).map(move |i| first + i)
+    }
+}
+
+/// A snapshot that is measured.
+pub struct Snapshot {
+    /// Its name in tables.
+    pub name: String,
+    /// Where it lies.
+    pub path: PathBuf,
+    /// Its particles.
+    pub particles: Particles,
+    /// BLAKE3 of its positions, in hexadecimal digits.
+    pub hash: String,
+}
+
+impl Snapshot {
+    /// Of particles from `path`.
+    pub fn new(name: String, path: PathBuf, particles: Particles) -> Snapshot {
+        let hash = hash_of(&particles);
+        Snapshot { name, path, particles, hash }
+    }
+
+    /// Positions in columns, as other compressors take them, relative to nothing.
+    pub fn columns(&self) -> [Vec<f32>; 3] {
+        let p = &self.particles;
+        [0, 1, 2].map(|k| (0..p.len()).map(|i| p.position(i)[k] as f32).collect())
+    }
+
+    /// Mean spacing of the particles in their box, world units.
+    pub fn spacing(&self) -> f64 {
+        particlegs::stats::Domain::of_particles(&self.particles).spacing(self.particles.len())
+    }
+}
+
+fn hash_of(particles: &Particles) -> String {
+    let mut hasher = blake3::Hasher::new();
+    let mut run = Vec::new();
+    for i in 0..particles.len() {
+        particles.position(i).iter().for_each(|v| run.extend_from_slice(&v.to_le_bytes()));
+        if run.len() >= 1 << 20 {
+            hasher.update(&run);
+            run.clear();
+        }
+    }
+    hasher.update(&run);
+    hasher.finalize().to_hex().as_str()[..32].to_string()
+}
+
+/// Where experiments are done.
+pub struct Lab<'a> {
+    /// How.
+    pub settings: Settings,
+    /// Kept results.
+    pub store: Store,
+    /// Whom to tell.
+    pub progress: &'a dyn Progress,
+}
+
+/// How a model is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Recipe {
+    /// What the file is to meet.
+    pub target: Target,
+    /// Time for quality.
+    pub effort: Effort,
+    /// Blocks that are fitted on their own.
+    pub blocks: u32,
+    /// Seed of the fit.
+    pub seed: u64,
+}
+
+impl Recipe {
+    /// A file of raw bytes over `ratio`, by the default fit.
+    pub fn ratio(ratio: f64, seed: u64) -> Recipe {
+        Recipe { target: Target::Ratio(ratio), effort: Effort::Default, blocks: 1, seed }
+    }
+
+    /// The options of `compress`.
+    pub fn options(&self) -> Options {
+        Options {
+            target: self.target,
+            effort: self.effort,
+            blocks: Some(self.blocks),
+            seed: self.seed,
+            certificate: CertificateLevel::None,
+            ..Options::default()
+        }
+    }
+}
+
+/// A model file and what it decodes to.
+pub struct Made {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// What it decodes to.
+    pub model: Model,
+    /// Wall-clock seconds of the compression.
+    pub seconds: f64,
+}
+
+impl<'a> Lab<'a> {
+    /// Keeps results in `folder`, which is there.
+    pub fn new(settings: Settings, folder: &Path, progress: &'a dyn Progress) -> Self {
+        Lab { settings, store: Store::new(folder), progress }
+    }
+
+    /// The model of a snapshot by a recipe: kept, or made now.
+    ///
+    /// # Errors
+    /// Those of [`compress`]; [`Error::Io`].
+    pub fn model(&self, snapshot: &Snapshot, recipe: &Recipe) -> Result<Made> {
+        self.made(&(&snapshot.hash, recipe), || {
+            compress(&snapshot.particles, &recipe.options(), &mut NoPieces, self.progress)
+        })
+    }
+
+    /// A model by whatever way, kept by what it was made from.
+    ///
+    /// # Errors
+    /// Those of `make`; [`Error::Io`].
+    pub fn made(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<Compressed>) -> Result<Made> {
+        let seconds = std::cell::Cell::new(0.0);
+        let bytes = self.store.bytes("model", inputs, "pgs", || {
+            let (done, took) = timed(make)?;
+            seconds.set(took);
+            Ok(done.bytes)
+        })?;
+        let seconds = self.store.result("model-seconds", inputs, || Ok(seconds.get()))?;
+        let model = codec::decode_with(&bytes, "the model", self.progress)?;
+        Ok(Made { bytes, model, seconds })
+    }
+}
+
+/// What work gives, and its wall-clock seconds.
+///
+/// # Errors
+/// Those of the work.
+pub fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
+    let start = std::time::Instant::now();
+    let done = work()?;
+    Ok((done, start.elapsed().as_secs_f64()))
+}
+
+/// Of experiments that need another program or package: what is missing.
+pub fn missing(what: &str, remedy: &str) -> Error {
+    Error::argument(format!("{what} is missing: {remedy}"))
+}

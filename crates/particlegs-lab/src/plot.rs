@@ -1,0 +1,272 @@
+//! Plots on any backend of plotters: curves with bars, logarithmic axes, named levels, a legend beside the axes.
+
+use crate::found::{Axis, Plot, Series};
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
+use plotters::prelude::*;
+
+/// Pixels of a plot, across and down.
+pub const SIZE: (u32, u32) = (1000, 560);
+/// Pixels of the legend, across.
+const LEGEND: u32 = 270;
+const INK: RGBColor = RGBColor(40, 40, 40);
+/// Colours that people who see few colours tell apart (Okabe and Ito 2008), and two greys.
+const COLOURS: [RGBColor; 9] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(120, 80, 40),
+    RGBColor(110, 110, 110),
+    RGBColor(40, 40, 40),
+];
+
+/// The plot as SVG; `None` where it has no point to show.
+pub fn svg(plot: &Plot) -> Option<String> {
+    let mut text = String::new();
+    draw(SVGBackend::with_string(&mut text, SIZE), plot)?;
+    Some(text)
+}
+
+/// Draws it; `None` where it has no point to show.
+pub fn draw<B: DrawingBackend>(backend: B, plot: &Plot) -> Option<()> {
+    let x = Scale::of(&plot.x, points(plot).map(|p| p.0))?;
+    let y = Scale::of(&plot.y, points(plot).flat_map(|p| p.1).chain(plot.levels.iter().map(|l| l.1)))?;
+    let root = backend.into_drawing_area();
+    root.fill(&WHITE).ok()?;
+    let (axes, legend) = root.split_horizontally(SIZE.0 - LEGEND);
+    curves(&axes, plot, x, y)?;
+    names(&legend, plot)?;
+    root.present().ok()
+}
+
+/// Places along the horizontal axis, with the values there and the ends of their bars.
+fn points(plot: &Plot) -> impl Iterator<Item = (f64, Vec<f64>)> + '_ {
+    let all = plot.series.iter().flat_map(|s| &s.points);
+    all.map(|p| (p.x, p.range.into_iter().flatten().chain([p.y]).collect()))
+}
+
+/// An axis with its ends, of values or of their logarithms.
+#[derive(Clone, Copy)]
+struct Scale {
+    log: bool,
+    low: f64,
+    high: f64,
+}
+
+impl Scale {
+    fn of(axis: &Axis, values: impl Iterator<Item = f64>) -> Option<Scale> {
+        let place = |v: f64| if axis.log { v.log10() } else { v };
+        let placed = values.filter(|v| v.is_finite() && (!axis.log || *v > 0.0)).map(place);
+        let (low, high) = placed.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        if let Some([a, b]) = axis.range {
+            return Some(Scale { log: axis.log, low: place(a), high: place(b) });
+        }
+        let room = if low == high { 0.1 * low.abs().max(1.0) } else { 0.04 * (high - low) };
+        (low <= high).then_some(Scale { log: axis.log, low: low - room, high: high + room })
+    }
+
+    /// Where a value stands; `None` where it does not.
+    fn place(&self, v: f64) -> Option<f64> {
+        let placed = if self.log { v.log10() } else { v };
+        (placed.is_finite() && placed >= self.low && placed <= self.high).then_some(placed)
+    }
+
+    fn ticks(self) -> Ticks {
+        Ticks(self)
+    }
+}
+
+/// Ticks of our own: 1, 2, 5 of each decade where the axis is logarithmic and short.
+struct Ticks(Scale);
+
+impl Ranged for Ticks {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
+        let share = (value - self.0.low) / (self.0.high - self.0.low);
+        from + (share * f64::from(to - from)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        let Scale { log, low, high } = self.0;
+        if !log {
+            return plotters::coord::types::RangedCoordf64::from(low..high).key_points(hint);
+        }
+        let steps: &[f64] = if high - low > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+        (low.floor() as i32..=high.ceil() as i32)
+            .flat_map(|decade| steps.iter().map(move |s| f64::from(decade) + s.log10()))
+            .filter(|v| *v >= low && *v <= high)
+            .collect()
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.0.low..self.0.high
+    }
+}
+
+impl ValueFormatter<f64> for Ticks {
+    fn format_ext(&self, value: &f64) -> String {
+        let (v, length) = match self.0.log {
+            true => (10f64.powf(*value), f64::INFINITY),
+            false => (*value, self.0.high - self.0.low),
+        };
+        label(v, length)
+    }
+}
+
+/// As few digits as tell the ticks of an axis of some length apart.
+fn label(v: f64, length: f64) -> String {
+    let size = v.abs();
+    if size < 1e-12 {
+        return "0".into();
+    }
+    if !(1e-4..1e7).contains(&size) {
+        return format!("{v:.0e}");
+    }
+    let digits = (2 - size.min(length).log10().floor() as i32).clamp(0, 6) as usize;
+    let text = format!("{v:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
+}
+
+type Area<B> = DrawingArea<B, Shift>;
+
+fn colour(style: usize) -> RGBColor {
+    COLOURS[style % COLOURS.len()]
+}
+
+fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) -> Option<()> {
+    let mut chart = ChartBuilder::on(area)
+        .margin(14)
+        .caption(&plot.title, ("sans-serif", 21))
+        .x_label_area_size(54)
+        .y_label_area_size(74)
+        .build_cartesian_2d(x.ticks(), y.ticks())
+        .ok()?;
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .label_style(("sans-serif", 15))
+        .axis_desc_style(("sans-serif", 17))
+        .x_desc(&plot.x.label)
+        .y_desc(&plot.y.label)
+        .draw()
+        .ok()?;
+    for (i, (_, level)) in plot.levels.iter().enumerate() {
+        if let Some(v) = y.place(*level) {
+            let ends = [(x.low, v), (x.high, v)];
+            chart.draw_series(DashedLineSeries::new(ends, 2 + 4 * i as u32, 4, INK.mix(0.7).into())).ok()?;
+        }
+    }
+    for s in &plot.series {
+        let (ink, shown) = (colour(s.style), placed(s, x, y));
+        match s.dashed {
+            true => {
+                chart.draw_series(DashedLineSeries::new(shown.clone(), 8, 5, ink.stroke_width(2))).ok().map(drop)?
+            }
+            false => chart.draw_series(LineSeries::new(shown.clone(), ink.stroke_width(2))).ok().map(drop)?,
+        }
+        for p in &s.points {
+            let ends = p.range.map(|r| r.map(|v| y.place(v)));
+            if let (Some(at), Some([Some(low), Some(high)])) = (x.place(p.x), ends) {
+                chart.draw_series([PathElement::new(vec![(at, low), (at, high)], ink.stroke_width(2))]).ok()?;
+            }
+        }
+        for at in shown {
+            chart.draw_series([at].map(|at| EmptyElement::at(at) + mark(s.style, (0, 0)))).ok()?;
+        }
+    }
+    Some(())
+}
+
+/// Points that the axes can show.
+fn placed(s: &Series, x: Scale, y: Scale) -> Vec<(f64, f64)> {
+    s.points.iter().filter_map(|p| Some((x.place(p.x)?, y.place(p.y)?))).collect()
+}
+
+/// A mark: circles, squares, triangles in turn, so that colour is not all that tells curves apart.
+fn mark(style: usize, (x, y): (i32, i32)) -> Polygon<(i32, i32)> {
+    let corners: &[(i32, i32)] = match style % 4 {
+        0 => &[
+            (-4, -1),
+            (-3, -3),
+            (-1, -4),
+            (1, -4),
+            (3, -3),
+            (4, -1),
+            (4, 1),
+            (3, 3),
+            (1, 4),
+            (-1, 4),
+            (-3, 3),
+            (-4, 1),
+        ],
+        1 => &[(-4, -4), (4, -4), (4, 4), (-4, 4)],
+        2 => &[(0, -5), (5, 4), (-5, 4)],
+        _ => &[(0, -5), (5, 0), (0, 5), (-5, 0)],
+    };
+    Polygon::new(corners.iter().map(|(a, b)| (x + a, y + b)).collect::<Vec<_>>(), colour(style).filled())
+}
+
+/// The legend: curves in the order of the plot, then levels.
+fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot) -> Option<()> {
+    let font = ("sans-serif", 15).into_font().color(&INK);
+    let mut at = 58;
+    for s in &plot.series {
+        let line = |from, to| PathElement::new(vec![(from, at + 8), (to, at + 8)], colour(s.style).stroke_width(2));
+        match s.dashed {
+            true => [line(6, 14), line(20, 28)].iter().try_for_each(|l| area.draw(l)).ok()?,
+            false => area.draw(&line(4, 30)).ok()?,
+        }
+        area.draw(&mark(s.style, (17, at + 8))).ok()?;
+        area.draw(&Text::new(s.name.clone(), (38, at), font.clone())).ok()?;
+        at += 24;
+    }
+    for (i, (name, level)) in plot.levels.iter().enumerate() {
+        let (step, mut from) = (2 + 4 * i as i32, 4);
+        while from < 30 {
+            area.draw(&PathElement::new(vec![(from, at + 8), ((from + step).min(30), at + 8)], INK.mix(0.7))).ok()?;
+            from += step + 4;
+        }
+        area.draw(&Text::new(format!("{name} ({})", label(*level, 100.0)), (38, at), font.clone())).ok()?;
+        at += 24;
+    }
+    Some(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::found::Point;
+
+    fn plot(points: Vec<Point>) -> Plot {
+        Plot {
+            name: "p".into(),
+            title: "Quality by size".into(),
+            x: Axis::logarithmic("ratio"),
+            y: Axis::linear("masked PSNR, dB"),
+            series: vec![Series { name: "model".into(), style: 1, dashed: false, points }],
+            levels: vec![("noise-free".into(), 33.5)],
+        }
+    }
+
+    #[test]
+    fn what_can_be_shown_is_drawn() {
+        let text =
+            svg(&plot(vec![Point::new(20.0, 31.0), Point::spread(300.0, &[29.0, 30.0, 30.5]).unwrap()])).unwrap();
+        for said in ["Quality by size", "ratio", "masked PSNR, dB", "model", "noise-free (33.5)", ">100<", ">20<"] {
+            assert!(text.contains(said), "{said}");
+        }
+        assert!(svg(&plot(vec![Point::new(-1.0, f64::NAN)])).is_none());
+    }
+
+    #[test]
+    fn ticks_are_short() {
+        let said = [0.5, 20.0, 5000.0, 1e7, 0.0].map(|v| label(v, f64::INFINITY));
+        assert_eq!(said, ["0.5", "20", "5000", "1e7", "0"]);
+        assert_eq!(label(31.25, 2.0), "31.25");
+    }
+}

@@ -1,0 +1,50 @@
+//! Tables as comma-separated values (RFC 4180).
+
+use crate::found::{Cell, Table};
+
+/// The table: a line of heads, then rows; a number of several seeds has its smallest and largest in columns of their
+/// own.
+pub fn csv(table: &Table) -> String {
+    let spread: Vec<bool> = (0..table.columns.len())
+        .map(|c| table.rows.iter().any(|row| matches!(row.get(c), Some(Cell::Spread { .. }))))
+        .collect();
+    let mut text = String::new();
+    let heads = table.columns.iter().zip(&spread).flat_map(|(head, spread)| match spread {
+        true => vec![head.clone(), format!("{head}: smallest"), format!("{head}: largest")],
+        false => vec![head.clone()],
+    });
+    line(&mut text, heads);
+    for row in &table.rows {
+        let cells = row.iter().zip(&spread).flat_map(|(cell, spread)| match (cell, spread) {
+            (Cell::Spread { range: [low, high], .. }, _) => vec![cell.plain(), low.to_string(), high.to_string()],
+            (_, true) => vec![cell.plain(), cell.plain(), cell.plain()],
+            (_, false) => vec![cell.plain()],
+        });
+        line(&mut text, cells);
+    }
+    text
+}
+
+fn line(text: &mut String, cells: impl Iterator<Item = String>) {
+    let quoted = |cell: String| match cell.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", cell.replace('"', "\"\"")),
+        false => cell,
+    };
+    *text += &cells.map(quoted).collect::<Vec<_>>().join(",");
+    *text += "\n";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_quoted_and_spreads_have_columns() {
+        let mut table = Table::new("t", "T", &["method", "dB, masked"]);
+        table.row([Cell::text("a \"b\""), Cell::spread(&[1.0, 2.0, 4.0], 1)]);
+        table.row([Cell::text("c"), Cell::number(3.5, 1)]);
+        let lines: Vec<String> = csv(&table).lines().map(str::to_string).collect();
+        assert_eq!(lines[0], "method,\"dB, masked\",\"dB, masked: smallest\",\"dB, masked: largest\"");
+        assert_eq!(lines[1..], ["\"a \"\"b\"\"\",2,1,4".to_string(), "c,3.5,3.5,3.5".to_string()]);
+    }
+}

@@ -1,0 +1,103 @@
+//! The whole report as one page: text, tables, figures and pictures in it, nothing fetched.
+
+use super::{Provenance, Section};
+use crate::found::{Cell, Found, Pictures, Table};
+use crate::plot;
+use base64::Engine;
+
+const STYLE: &str = include_str!("style.css");
+
+/// The page. `png` writes a picture's file.
+pub fn html(sections: &[Section], provenance: &Provenance, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
+    let mut text = format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+         <title>particlegs: measured</title><style>{STYLE}</style></head><body><main>\n<h1>particlegs: measured</h1>\n<ul class=\"from\">"
+    );
+    for line in provenance.in_words() {
+        text += &format!("<li>{}</li>", code(&line));
+    }
+    text += "</ul>\n<nav><ol>";
+    for s in sections {
+        text += &format!("<li><a href=\"#{}\">{}</a></li>", s.experiment.name, escaped(s.experiment.title));
+    }
+    text += "</ol></nav>\n";
+    sections.iter().for_each(|s| text += &section(s, png));
+    text + "</main></body></html>\n"
+}
+
+fn section(s: &Section, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
+    let e = s.experiment;
+    let paper = if e.paper.is_empty() { String::new() } else { format!("; of the paper: {}", e.paper) };
+    let mut text = format!(
+        "<section id=\"{}\"><h2>{}</h2>\n<p class=\"how\"><code>particlegs bench {}</code>{}</p>\n",
+        e.name,
+        escaped(e.title),
+        e.name,
+        escaped(&paper)
+    );
+    match &s.found {
+        Ok(found) => text += &body(found, png),
+        Err(why) => text += &format!("<p class=\"failed\">Not measured: {}</p>\n", escaped(why)),
+    }
+    text + "</section>\n"
+}
+
+fn body(found: &Found, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
+    let mut text = String::new();
+    for note in &found.notes {
+        text += &format!("<p>{}</p>\n", code(note));
+    }
+    for p in &found.plots {
+        if let Some(svg) = plot::svg(p) {
+            text += &format!("<figure>{svg}</figure>\n");
+        }
+    }
+    found.tables.iter().for_each(|t| text += &table(t));
+    for p in &found.pictures {
+        let data = base64::engine::general_purpose::STANDARD.encode(png(p));
+        text += &format!(
+            "<figure><figcaption><strong>{}</strong></figcaption><img alt=\"{}\" src=\"data:image/png;base64,{data}\">\
+             <figcaption>{}</figcaption></figure>\n",
+            escaped(&p.title),
+            escaped(&p.title),
+            escaped(&p.caption)
+        );
+    }
+    text
+}
+
+fn table(t: &Table) -> String {
+    let mut text = format!("<div class=\"table\"><table><caption>{}</caption><thead><tr>", escaped(&t.title));
+    let numbers = |c: usize| t.rows.iter().any(|row| row[c].is_number());
+    let class = |c: usize| if numbers(c) { " class=\"n\"" } else { "" };
+    for (c, head) in t.columns.iter().enumerate() {
+        text += &format!("<th{}>{}</th>", class(c), escaped(head));
+    }
+    text += "</tr></thead><tbody>\n";
+    for row in &t.rows {
+        let cell = |(c, cell): (usize, &Cell)| format!("<td{}>{}</td>", class(c), escaped(&cell.in_words()));
+        text += &format!("<tr>{}</tr>\n", row.iter().enumerate().map(cell).collect::<String>());
+    }
+    text + "</tbody></table></div>\n"
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// Escaped, with what stands between backticks as code.
+fn code(text: &str) -> String {
+    let parts = escaped(text);
+    let marked = |(i, part): (usize, &str)| if i % 2 == 1 { format!("<code>{part}</code>") } else { part.to_string() };
+    parts.split('`').enumerate().map(marked).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_escaped() {
+        assert_eq!(code("a < `b & c`"), "a &lt; <code>b &amp; c</code>");
+    }
+}

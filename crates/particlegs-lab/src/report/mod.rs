@@ -1,0 +1,22 @@
+//! What was found, as files: tables of values, pages of Markdown, one page of HTML that needs nothing else.
+
+mod csv;
+mod html;
+mod markdown;
+mod provenance;
+
+pub use csv::csv;
+pub use html::html;
+pub use markdown::markdown;
+pub use provenance::Provenance;
+
+use crate::experiments::Experiment;
+use crate::found::Found;
+
+/// An experiment that was done.
+pub struct Section {
+    /// Which.
+    pub experiment: &'static Experiment,
+    /// What it found, or why it did not.
+    pub found: Result<Found, String>,
+}

@@ -1,0 +1,72 @@
+//! Where results are from.
+
+use serde::Serialize;
+
+/// The program, the machine and the command that made results.
+#[derive(Clone, Debug, Serialize)]
+pub struct Provenance {
+    /// Of the program.
+    pub version: String,
+    /// The commit that it was built from, where it was built in a repository.
+    pub commit: Option<String>,
+    /// As it was given.
+    pub command: String,
+    /// Processor, as the system names it.
+    pub processor: Option<String>,
+    /// Threads that are used.
+    pub threads: usize,
+    /// Memory of the machine, bytes.
+    pub memory_bytes: Option<u64>,
+    /// Operating system and architecture.
+    pub system: String,
+    /// Snapshots: name, particles, hash.
+    pub snapshots: Vec<(String, u64, String)>,
+    /// First seed, and how many.
+    pub seeds: [u64; 2],
+    /// Versions of what else took part.
+    pub others: Vec<String>,
+}
+
+impl Provenance {
+    /// Of this program on this machine, for `command`.
+    pub fn new(command: String, threads: usize) -> Provenance {
+        Provenance {
+            version: env!("CARGO_PKG_VERSION").into(),
+            commit: option_env!("PARTICLEGS_COMMIT").map(str::to_string),
+            command,
+            processor: line_of("/proc/cpuinfo", "model name"),
+            threads,
+            memory_bytes: line_of("/proc/meminfo", "MemTotal")
+                .and_then(|v| Some(1024 * v.split(' ').next()?.parse::<u64>().ok()?)),
+            system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            snapshots: Vec::new(),
+            seeds: [0, 0],
+            others: Vec::new(),
+        }
+    }
+
+    /// As a reader is told.
+    pub fn in_words(&self) -> Vec<String> {
+        let commit = self.commit.as_ref().map_or(String::new(), |c| format!(", commit {c}"));
+        let memory = self.memory_bytes.map_or(String::new(), |b| format!(", {:.0} GiB", b as f64 / 1073741824.0));
+        let processor = self.processor.as_deref().unwrap_or("processor not known");
+        let mut lines = vec![
+            format!("Command: `{}`", self.command),
+            format!("particlegs {}{commit}", self.version),
+            format!("Machine: {processor}, {} threads{memory}, {}", self.threads, self.system),
+            format!("Seeds: {} from {} on", self.seeds[1], self.seeds[0]),
+        ];
+        for (name, particles, hash) in &self.snapshots {
+            lines.push(format!("Snapshot {name}: {particles} particles, BLAKE3 {hash}"));
+        }
+        lines.extend(self.others.iter().cloned());
+        lines
+    }
+}
+
+/// What a file of `name : value` lines says.
+fn line_of(path: &str, name: &str) -> Option<String> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let line = text.lines().find(|l| l.starts_with(name))?;
+    Some(line.split_once(':')?.1.trim().to_string())
+}

@@ -1,0 +1,113 @@
+//! Results kept by the hash of what they were made from, so that work that was interrupted goes on where it was.
+
+use particlegs::{Error, Result};
+use particlegs_files::output::write_bytes;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+
+/// Raised where results of the same inputs come to mean something else: what was kept is then not used any more.
+const VERSION: u32 = 1;
+
+/// A folder of results.
+pub struct Store {
+    folder: PathBuf,
+}
+
+impl Store {
+    /// In a folder that is there.
+    pub fn new(folder: &Path) -> Store {
+        Store { folder: folder.to_path_buf() }
+    }
+
+    /// The file of a result: its kind and the hash of its inputs. Inputs are what the result depends on and nothing
+    /// else: hashes of data, options, seeds.
+    pub fn path(&self, kind: &str, inputs: &impl Serialize, ending: &str) -> PathBuf {
+        let text = serde_json::to_vec(&(VERSION, kind, inputs)).unwrap_or_default();
+        let hash = blake3::hash(&text).to_hex();
+        self.folder.join(format!("{kind}-{}.{ending}", &hash.as_str()[..24]))
+    }
+
+    /// Bytes that are there, or are made and kept.
+    ///
+    /// # Errors
+    /// Those of `make`; [`Error::Io`].
+    pub fn bytes(
+        &self,
+        kind: &str,
+        inputs: &impl Serialize,
+        ending: &str,
+        make: impl FnOnce() -> Result<Vec<u8>>,
+    ) -> Result<Vec<u8>> {
+        let path = self.path(kind, inputs, ending);
+        match std::fs::read(&path) {
+            Ok(bytes) => return Ok(bytes),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+            Err(e) => return Err(Error::io(&path, e)),
+        }
+        let bytes = make()?;
+        write_bytes(&path, &bytes)?;
+        Ok(bytes)
+    }
+
+    /// A result that is there, or is made and kept. What cannot be read, of another version or damaged, is made again.
+    ///
+    /// # Errors
+    /// As [`Store::bytes`].
+    pub fn result<T: Serialize + DeserializeOwned>(
+        &self,
+        kind: &str,
+        inputs: &impl Serialize,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        let path = self.path(kind, inputs, "json");
+        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| serde_json::from_slice::<Kept<T>>(&text).ok()) {
+            return Ok(kept.result);
+        }
+        let result = make()?;
+        let text = serde_json::to_vec_pretty(&Written { inputs, result: &result })
+            .map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
+        write_bytes(&path, &text)?;
+        Ok(result)
+    }
+
+    /// Is a result there?
+    pub fn has(&self, kind: &str, inputs: &impl Serialize) -> bool {
+        self.path(kind, inputs, "json").exists()
+    }
+}
+
+/// The form of a file: what the result was made from stands beside it.
+#[derive(Serialize)]
+struct Written<'a, K, T> {
+    inputs: &'a K,
+    result: &'a T,
+}
+
+#[derive(serde::Deserialize)]
+struct Kept<T> {
+    result: T,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_result_is_made_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::new(dir.path());
+        let ask = |inputs: &(u32, &str), value: f64| store.result("score", inputs, || Ok(value)).unwrap();
+        assert_eq!(ask(&(1, "a"), 2.5), 2.5);
+        // Kept; other inputs are other results.
+        assert_eq!((ask(&(1, "a"), 9.0), ask(&(2, "a"), 9.0)), (2.5, 9.0));
+        assert!(store.has("score", &(1, "a")) && !store.has("score", &(3, "a")));
+        // Damaged: made again.
+        std::fs::write(store.path("score", &(1, "a"), "json"), b"{").unwrap();
+        assert_eq!(ask(&(1, "a"), 4.0), 4.0);
+        let failed = store.result::<f64>("score", &(7, "a"), || Err(Error::Cancelled));
+        assert!(failed.is_err() && !store.has("score", &(7, "a")));
+        assert_eq!(store.bytes("model", &1, "pgs", || Ok(vec![1, 2])).unwrap(), [1, 2]);
+        assert_eq!(store.bytes("model", &1, "pgs", || Ok(vec![])).unwrap(), [1, 2]);
+    }
+}

@@ -1,0 +1,129 @@
+//! The pictures that everything is scored by: all particles in the views of three orbits, drawn once and kept.
+
+use crate::lab::{Lab, Snapshot};
+use particlegs::Result;
+use particlegs::camera::{View, clipping_range};
+use particlegs::model::Metadata;
+use particlegs::picture::{Gray8, Scores, Size, read_png, write_png};
+use particlegs::reference::Reference;
+use particlegs::render::{Scene, draw};
+use particlegs::score::evaluation_views;
+use particlegs::space::Bounds;
+use particlegs::splat::Look;
+use serde::{Deserialize, Serialize};
+
+/// Views with the picture of all particles in each, as ParaView draws it.
+pub struct Truth {
+    /// The views, each with a clipping range: the particles' own, for every picture of the view.
+    pub views: Vec<View>,
+    /// Pixels.
+    pub size: Size,
+    /// Bounds of the particles.
+    pub bounds: Bounds,
+    /// Pictures, one a view.
+    pub pictures: Vec<Gray8>,
+}
+
+/// The scores of one picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// The view.
+    pub view: String,
+    /// dB over all pixels; `None` where the pictures are the same.
+    pub psnr: Option<f64>,
+    /// dB over lit pixels.
+    pub masked: Option<f64>,
+    /// Structural similarity.
+    pub ssim: Option<f64>,
+}
+
+impl Truth {
+    /// In the views that models are scored on: `frames` an orbit, radius and opacity drawn from the published ranges
+    /// (paper, section 5.1).
+    ///
+    /// # Errors
+    /// Those of drawing; [`particlegs::Error::Io`].
+    pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, metadata: &Metadata) -> Result<Truth> {
+        let s = &lab.settings;
+        Truth::in_views(lab, snapshot, evaluation_views(metadata, s.size, s.seed, s.frames))
+    }
+
+    /// In given views.
+    ///
+    /// # Errors
+    /// As [`Truth::of`].
+    pub fn in_views(lab: &Lab<'_>, snapshot: &Snapshot, mut views: Vec<View>) -> Result<Truth> {
+        let (reference, size) = (Reference::new(&snapshot.particles), lab.settings.size);
+        for view in &mut views {
+            let range = clipping_range(reference.bounds(), &view.camera);
+            view.camera.clipping_range.get_or_insert(range);
+        }
+        let pictures = views
+            .iter()
+            .map(|view| {
+                kept_picture(lab, &("truth", &snapshot.hash, told(view, size)), || {
+                    reference.draw(view, size, Look::Paraview, lab.progress)
+                })
+            })
+            .collect::<Result<_>>()?;
+        Ok(Truth { bounds: *reference.bounds(), views, size, pictures })
+    }
+
+    /// Scores of the pictures that `draw` gives for each view.
+    ///
+    /// # Errors
+    /// Those of `draw`.
+    pub fn score(&self, mut draw: impl FnMut(&View) -> Result<Gray8>) -> Result<Vec<Score>> {
+        let of = |(view, truth): (&View, &Gray8)| {
+            let Scores { psnr, masked_psnr: masked, ssim } = Scores::of(&draw(view)?, truth);
+            Ok(Score { view: view.name.clone(), psnr, masked, ssim })
+        };
+        self.views.iter().zip(&self.pictures).map(of).collect()
+    }
+
+    /// Scores of a model.
+    ///
+    /// # Errors
+    /// Those of drawing.
+    pub fn of_model(&self, lab: &Lab<'_>, model: &particlegs::model::Model) -> Result<Vec<Score>> {
+        let scene = Scene::of(model);
+        self.score(|view| draw(&scene, view, self.size, Look::Paraview, lab.progress))
+    }
+}
+
+/// A view as what a result depends on.
+pub fn told(view: &View, size: Size) -> String {
+    format!("{view:?} {size:?}")
+}
+
+/// A picture that is there, or is drawn and kept.
+///
+/// # Errors
+/// Those of `draw`; [`particlegs::Error::Io`].
+pub fn kept_picture(lab: &Lab<'_>, inputs: &impl Serialize, draw: impl FnOnce() -> Result<Gray8>) -> Result<Gray8> {
+    let path = lab.store.path("picture", inputs, "png");
+    if path.exists() {
+        return read_png(&path);
+    }
+    let picture = draw()?;
+    write_png(&path, picture.size, &picture.data)?;
+    Ok(picture)
+}
+
+/// The orbit of a view, by its name.
+pub fn orbit(view: &str) -> &str {
+    view.split('_').next().unwrap_or(view)
+}
+
+/// The mean over orbits of the mean over an orbit's views, of one figure; `None` where a view has none.
+pub fn mean(scores: &[Score], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
+    let values: Option<Vec<f64>> = scores.iter().map(pick).collect();
+    let values = values.filter(|v| !v.is_empty())?;
+    Some(values.iter().sum::<f64>() / values.len() as f64)
+}
+
+/// The mean over the views of one orbit.
+pub fn mean_of(scores: &[Score], of: &str, pick: fn(&Score) -> Option<f64>) -> Option<f64> {
+    let own: Vec<Score> = scores.iter().filter(|s| orbit(&s.view) == of).cloned().collect();
+    mean(&own, pick)
+}
