@@ -1,11 +1,13 @@
 //! What experiments share: settings, snapshots, kept results, models and the pictures that they are scored by.
 
+use crate::external::External;
 use crate::store::Store;
+use crate::{Baseline, Columns};
 use particlegs::codec;
 use particlegs::compress::{Compressed, Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Model};
-use particlegs::particles::Particles;
+use particlegs::particles::{Column, Particles, Positions, Selection, Storage};
 use particlegs::picture::Size;
 use particlegs::pieces::NoPieces;
 use particlegs::progress::Progress;
@@ -65,21 +67,25 @@ pub struct Snapshot {
     pub path: PathBuf,
     /// Its particles.
     pub particles: Particles,
-    /// BLAKE3 of its positions, in hexadecimal digits.
+    /// The beginning of the hash that models of it carry, in hexadecimal digits.
     pub hash: String,
 }
 
 impl Snapshot {
     /// Of particles from `path`.
     pub fn new(name: String, path: PathBuf, particles: Particles) -> Snapshot {
-        let hash = hash_of(&particles);
+        let hash = blake3::Hash::from_bytes(particles.source_hash()).to_hex()[..24].to_string();
         Snapshot { name, path, particles, hash }
     }
 
-    /// Positions in columns, as other compressors take them, relative to nothing.
-    pub fn columns(&self) -> [Vec<f32>; 3] {
-        let p = &self.particles;
-        [0, 1, 2].map(|k| (0..p.len()).map(|i| p.position(i)[k] as f32).collect())
+    /// Two random halves of the particles, the same for the same seed.
+    ///
+    /// # Errors
+    /// [`Error::Memory`], [`Error::Cancelled`].
+    pub fn halves(&self, seed: u64, progress: &dyn Progress) -> Result<[Particles; 2]> {
+        let half = Selection { sample: Some(self.particles.len() as u64 / 2), seed, ..Selection::all() };
+        let taken = |selection| self.particles.select(selection, &Storage::Memory, progress);
+        Ok([taken(half)?, taken(Selection { left_out: true, ..half })?])
     }
 
     /// Mean spacing of the particles in their box, world units.
@@ -88,18 +94,14 @@ impl Snapshot {
     }
 }
 
-fn hash_of(particles: &Particles) -> String {
-    let mut hasher = blake3::Hasher::new();
-    let mut run = Vec::new();
-    for i in 0..particles.len() {
-        particles.position(i).iter().for_each(|v| run.extend_from_slice(&v.to_le_bytes()));
-        if run.len() >= 1 << 20 {
-            hasher.update(&run);
-            run.clear();
-        }
-    }
-    hasher.update(&run);
-    hasher.finalize().to_hex().as_str()[..32].to_string()
+/// Positions in columns, as compressors take them.
+pub fn columns_of(p: &Particles) -> Columns {
+    [0, 1, 2].map(|k| (0..p.len()).map(|i| p.position(i)[k] as f32).collect())
+}
+
+/// Particles of columns, in the box of others.
+pub fn particles_of(columns: Columns, like: &Particles) -> Particles {
+    Particles::new(Positions::Columns(columns.map(Column::owned)), [0.0; 3], like.meta.clone())
 }
 
 /// Where experiments are done.
@@ -108,6 +110,8 @@ pub struct Lab<'a> {
     pub settings: Settings,
     /// Kept results.
     pub store: Store,
+    /// Other compressors: those that need nothing else, and those of the settings' Python.
+    pub baselines: Vec<Box<dyn Baseline>>,
     /// Whom to tell.
     pub progress: &'a dyn Progress,
 }
@@ -156,8 +160,19 @@ pub struct Made {
 
 impl<'a> Lab<'a> {
     /// Keeps results in `folder`, which is there.
-    pub fn new(settings: Settings, folder: &Path, progress: &'a dyn Progress) -> Self {
-        Lab { settings, store: Store::new(folder), progress }
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a Python that cannot be started or lacks packages.
+    pub fn new(settings: Settings, folder: &Path, progress: &'a dyn Progress) -> Result<Self> {
+        let external = settings.python.as_deref().map(External::start).transpose()?;
+        let baselines = crate::baselines(external.as_ref());
+        Ok(Lab { settings, store: Store::new(folder), baselines, progress })
+    }
+
+    /// What is not measured for want of a Python; nothing where there is one.
+    pub fn left_out(&self) -> Option<String> {
+        let words = "SZ3 and ZFP were not measured: they take a Python with their libraries (`--python`).";
+        self.settings.python.is_none().then(|| words.into())
     }
 
     /// The model of a snapshot by a recipe: kept, or made now.
@@ -195,9 +210,4 @@ pub fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
     let start = std::time::Instant::now();
     let done = work()?;
     Ok((done, start.elapsed().as_secs_f64()))
-}
-
-/// Of experiments that need another program or package: what is missing.
-pub fn missing(what: &str, remedy: &str) -> Error {
-    Error::argument(format!("{what} is missing: {remedy}"))
 }

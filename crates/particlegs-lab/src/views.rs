@@ -4,6 +4,7 @@ use crate::lab::{Lab, Snapshot};
 use particlegs::Result;
 use particlegs::camera::{View, clipping_range};
 use particlegs::model::Metadata;
+use particlegs::particles::Particles;
 use particlegs::picture::{Gray8, Scores, Size, read_png, write_png};
 use particlegs::reference::Reference;
 use particlegs::render::{Scene, draw};
@@ -69,6 +70,12 @@ impl Truth {
         Ok(Truth { bounds: *reference.bounds(), views, size, pictures })
     }
 
+    /// What scores in these views depend on.
+    pub fn key(&self) -> String {
+        let views: String = self.views.iter().map(|v| told(v, self.size)).collect();
+        blake3::hash(views.as_bytes()).to_hex()[..16].to_string()
+    }
+
     /// Scores of the pictures that `draw` gives for each view.
     ///
     /// # Errors
@@ -79,6 +86,18 @@ impl Truth {
             Ok(Score { view: view.name.clone(), psnr, masked, ssim })
         };
         self.views.iter().zip(&self.pictures).map(of).collect()
+    }
+
+    /// Scores of other particles, drawn with a multiple of the radius.
+    ///
+    /// # Errors
+    /// Those of drawing.
+    pub fn of_particles(&self, lab: &Lab<'_>, particles: &Particles, radius_factor: f64) -> Result<Vec<Score>> {
+        let reference = Reference::with_bounds(particles, self.bounds);
+        self.score(|view| {
+            let view = View { radius: view.radius * radius_factor, ..view.clone() };
+            reference.draw(&view, self.size, Look::Paraview, lab.progress)
+        })
     }
 
     /// Scores of a model.

@@ -80,7 +80,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     context.reads(a.snapshots.iter().map(PathBuf::as_path), false)?;
     let kept = bench_files::folder(output, &context)?;
     let snapshots = a.open(&context)?;
-    let lab = Lab::new(settings, &kept, &context);
+    let lab = Lab::new(settings, &kept, &context)?;
     let provenance = a.provenance(&lab, &snapshots);
     let sections = experiment_by_experiment(&chosen, &lab, &snapshots)?;
     bench_files::write(output, &sections, &provenance)?;

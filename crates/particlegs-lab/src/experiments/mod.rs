@@ -1,5 +1,6 @@
 //! The experiments, each a file: what it measures, and its tables and figures.
 
+mod datasets;
 mod rate_distortion;
 
 use crate::found::Found;
@@ -23,7 +24,7 @@ pub struct Experiment {
 }
 
 /// All of them, in the order of a report.
-pub const EXPERIMENTS: &[Experiment] = &[rate_distortion::EXPERIMENT];
+pub const EXPERIMENTS: &[Experiment] = &[rate_distortion::EXPERIMENT, datasets::EXPERIMENT];
 
 /// The experiments that a name stands for: one, or `all` that the settings allow.
 ///

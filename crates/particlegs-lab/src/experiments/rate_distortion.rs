@@ -1,72 +1,349 @@
-//! Rate and distortion: bytes of a file against the quality of its pictures, of models and of what else there is
-//! (paper, table "Rate-distortion comparison" and its figure).
+//! Rate and distortion: bytes of a file against the quality of its pictures, and of its density, of models and of what
+//! else there is (paper, table "Rate-distortion comparison" and its figure).
 
 use super::Experiment;
-use crate::found::{Axis, Cell, Found, Plot, Point, Series, Table};
+use crate::density::{Density, all_particles_bits};
+use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
 use crate::lab::{Lab, Recipe, Snapshot};
+use crate::method::{Measured, Method};
 use crate::views::{Score, Truth, mean, mean_of};
-use particlegs::Result;
+use particlegs::{Result, score};
 use serde::{Deserialize, Serialize};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "rate-distortion",
-    title: "Pictures of models and of other compressors' particles by size of file",
+    title: "Rate and distortion: pictures and density of models and of other compressors' particles",
     paper: "tab:rd, fig:rd",
     trains: false,
     weight: 100,
     run,
 };
 
-/// One method at one size.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Measured {
-    /// Bytes of the file.
-    bytes: u64,
-    /// Scores of its pictures.
-    scores: Vec<Score>,
+/// The ratio at which ways are compared, that of the published single-block model (paper, table "Rate-distortion").
+pub(super) const COMPARED: f64 = 263.0;
+
+/// A way at a ratio, once a seed.
+pub(super) struct Row {
+    /// The way.
+    pub method: Method,
+    /// Asked for.
+    pub ratio: f64,
+    /// What was measured, a seed after the other.
+    pub runs: Vec<Measured>,
+}
+
+impl Row {
+    /// A figure of every seed's scores; a seed without one is left out.
+    pub fn values(&self, of: &dyn Fn(&[Score]) -> Option<f64>) -> Vec<f64> {
+        self.runs.iter().filter(|r| r.failure.is_none()).filter_map(|r| of(&r.scores)).collect()
+    }
+
+    /// Masked PSNR, mean over the views.
+    pub fn masked(&self) -> Vec<f64> {
+        self.values(&|s| mean(s, |s| s.masked))
+    }
+
+    /// Bytes of the file: the median's where seeds differ.
+    pub fn bytes(&self) -> Option<f64> {
+        let all: Vec<f64> = self.runs.iter().filter(|r| r.failure.is_none()).map(|r| r.bytes as f64).collect();
+        Spread::of(&all).map(|s| s.median)
+    }
+}
+
+/// What stands beside every way: masked PSNR in dB, means over the same views.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub(super) struct Beside {
+    /// The picture of all particles without the noise of single ones.
+    pub noise_free: Option<f64>,
+    /// As many particles spread evenly over the box.
+    pub uniform_box: Option<f64>,
+    /// An empty picture.
+    pub all_black: Option<f64>,
+}
+
+/// The floors, and the line that no model is expected to pass.
+pub(super) fn beside(lab: &Lab<'_>, of: &Snapshot, truth: &Truth) -> Result<Beside> {
+    lab.store.result("beside", &(&of.hash, truth.key()), || {
+        let model = lab.model(of, &Recipe::ratio(COMPARED, lab.settings.seed))?.model;
+        let scored = score::evaluate(&model, &of.particles, &truth.views, truth.size, lab.progress)?.mean.paraview;
+        Ok(Beside {
+            noise_free: scored.noise_free.masked_psnr,
+            uniform_box: scored.uniform_box.masked_psnr,
+            all_black: scored.all_black.masked_psnr,
+        })
+    })
+}
+
+/// Every way at every ratio, at every seed where it has a draw in it.
+pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, ratios: &[f64]) -> Result<Vec<Row>> {
+    let (raw, methods) = (of.particles.raw_bytes() as f64, Method::all(lab));
+    lab.progress.begin("ways and sizes", (ratios.len() * methods.len()) as u64);
+    let mut rows = Vec::new();
+    for method in methods {
+        for &ratio in ratios {
+            let seeds: Vec<u64> = lab.settings.seeds().take(if method.is_random() { usize::MAX } else { 1 }).collect();
+            let run = |seed| method.measure(lab, of, truth, (raw / ratio) as u64, seed);
+            rows.push(Row { method, ratio, runs: seeds.into_iter().map(run).collect::<Result<_>>()? });
+            lab.progress.advance(1);
+        }
+    }
+    lab.progress.end();
+    Ok(rows)
 }
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let snapshot = &snapshots[0];
-    let raw = snapshot.particles.raw_bytes();
-    let first = lab.model(snapshot, &Recipe::ratio(263.0, lab.settings.seed))?;
+    let first = lab.model(snapshot, &Recipe::ratio(COMPARED, lab.settings.seed))?;
     let truth = Truth::of(lab, snapshot, &first.model.metadata)?;
+    let beside = beside(lab, snapshot, &truth)?;
+    let rows = rows(lab, snapshot, &truth, &lab.settings.ratios)?;
+    let (densities, bits) = (densities(lab, snapshot)?, all_particles_bits(lab, snapshot)?);
+    let raw = snapshot.particles.raw_bytes() as f64;
+    let mut plots = vec![
+        picture_plot(lab, &rows, raw, "masked", "masked PSNR, dB", &|s| mean(s, |s| s.masked)),
+        picture_plot(lab, &rows, raw, "psnr", "PSNR, dB", &|s| mean(s, |s| s.psnr)),
+        picture_plot(lab, &rows, raw, "ssim", "SSIM", &|s| mean(s, |s| s.ssim)),
+    ];
+    plots[0].levels = levels(beside);
+    plots.extend(density_plots(lab, &densities, raw, bits));
+    let mut tables = vec![pictures(lab, &rows, raw), bounds(lab, &rows), density_table(lab, &densities)];
+    tables.insert(0, margins(lab, &rows, beside));
+    Ok(Found { tables, plots, pictures: Vec::new(), notes: notes(lab, &rows, &truth) })
+}
+
+fn levels(b: Beside) -> Vec<(String, f64)> {
+    let named = [("noise-free", b.noise_free), ("uniform box", b.uniform_box), ("all black", b.all_black)];
+    named.into_iter().filter_map(|(name, level)| Some((name.to_string(), level?))).collect()
+}
+
+fn notes(lab: &Lab<'_>, rows: &[Row], truth: &Truth) -> Vec<String> {
+    let size = truth.size;
+    let mut notes = vec![
+        format!(
+            "Pictures: {} views of {}x{} on the far, mid and near orbits, radius and opacity drawn from the published ranges; \
+             all particles as ParaView draws them are the truth, and other compressors' decoded particles are drawn by \
+             the same renderer. Means are of decibels over views. Ratio: bytes of float32 positions over bytes of the \
+             whole file.",
+            truth.views.len(),
+            size.width,
+            size.height
+        ),
+        "`noise-free` is what a model scores that knows every particle but not the sampling noise of one picture; \
+         `uniform box` and `all black` are floors that hold nothing of the data."
+            .into(),
+        format!(
+            "Rows with a draw or a random start in them were done with {} seeds: median, smallest and largest.",
+            lab.settings.seeds
+        ),
+        "Every compressor's bound was verified after decoding in this run, to half a float32 ulp; a failure stands in the \
+         table of bounds. Every size was met by a search for the bound; what a compressor cannot reach is as close as it \
+         comes."
+            .into(),
+        "Held-out bits: a random half of the particles was kept in as many bytes, and the other half scored: models by \
+         their own density, particles by an adaptive kernel to the 16th neighbour. Groups of a subset are of its own \
+         particles, each of which stands for many."
+            .into(),
+    ];
+    let sources: Vec<String> = lab.baselines.iter().map(|b| format!("{}: {}", b.name(), b.source())).collect();
+    notes.push(format!("Compressors: {}.", sources.join("; ")));
+    notes.extend(lab.left_out());
+    let failed: Vec<String> = rows
+        .iter()
+        .flat_map(|r| r.runs.iter().filter_map(move |m| Some((r, m.failure.as_ref()?))))
+        .map(|(r, why)| format!("{} at ratio {}: {why}", r.method.name(lab), r.ratio))
+        .collect();
+    if !failed.is_empty() {
+        notes.push(format!("Failures: {}.", failed.join("; ")));
+    }
+    notes
+}
+
+/// What our models are above each other way at the ratio that is compared.
+fn margins(lab: &Lab<'_>, rows: &[Row], beside: Beside) -> Table {
     let mut table = Table::new(
-        "rate-distortion",
-        "Quality of pictures by size of file",
-        &["method", "ratio", "bytes", "masked PSNR, dB", "far", "mid", "near", "PSNR, dB", "SSIM"],
+        "rate-distortion-margins",
+        format!("At ratio {COMPARED}: how far our models are above"),
+        &["beside", "its masked PSNR, dB", "ours above, dB"],
     );
-    let mut points = Vec::new();
-    for ratio in lab.settings.ratios.clone() {
-        let recipe = Recipe::ratio(ratio, lab.settings.seed);
-        let inputs = ("optical depth", &snapshot.hash, &recipe, lab.settings.frames, format!("{:?}", truth.size));
-        let measured = lab.store.result("rate", &inputs, || {
-            let made = lab.model(snapshot, &recipe)?;
-            Ok(Measured { bytes: made.bytes.len() as u64, scores: truth.of_model(lab, &made.model)? })
-        })?;
-        let (s, of) = (&measured.scores, |o| mean_of(&measured.scores, o, |s| s.masked));
-        let reached = raw as f64 / measured.bytes as f64;
-        let masked = mean(s, |s| s.masked);
-        points.extend(masked.map(|m| Point::new(reached, m)));
+    let at = |method| rows.iter().find(|r: &&Row| r.method == method && r.ratio == COMPARED).map(Row::masked);
+    let Some(ours) = at(Method::OpticalDepth).and_then(|v| Spread::of(&v)) else { return table };
+    table.row([Cell::text(Method::OpticalDepth.name(lab)), Cell::number(ours.median, 2), Cell::Empty]);
+    for method in Method::all(lab).into_iter().skip(1) {
+        let Some(values) = at(method).filter(|v| !v.is_empty()) else { continue };
+        let above: Vec<f64> = values.iter().map(|v| ours.median - v).collect();
+        table.row([Cell::text(method.name(lab)), Cell::spread(&values, 2), Cell::spread(&above, 2)]);
+    }
+    for (name, level) in levels(beside) {
+        table.row([Cell::text(name), Cell::number(level, 2), Cell::number(ours.median - level, 2)]);
+    }
+    table
+}
+
+fn pictures(lab: &Lab<'_>, rows: &[Row], raw: f64) -> Table {
+    let mut table = Table::new(
+        "rate-distortion-pictures",
+        "Pictures by size of file",
+        &["method", "ratio asked", "ratio", "bytes", "masked PSNR, dB", "far", "mid", "near", "PSNR, dB", "SSIM"],
+    );
+    for r in rows {
+        let orbit = |o: &'static str| Cell::spread(&r.values(&move |s| mean_of(s, o, |s| s.masked)), 2);
         table.row([
-            Cell::text("optical depth"),
-            Cell::number(reached, 1),
-            Cell::count(measured.bytes),
-            Cell::number(masked, 2),
-            Cell::number(of("far"), 2),
-            Cell::number(of("mid"), 2),
-            Cell::number(of("near"), 2),
-            Cell::number(mean(s, |s| s.psnr), 2),
-            Cell::number(mean(s, |s| s.ssim), 4),
+            Cell::text(r.method.name(lab)),
+            Cell::number(r.ratio, 0),
+            Cell::number(r.bytes().map(|b| raw / b), 1),
+            Cell::number(r.bytes(), 0),
+            Cell::spread(&r.masked(), 2),
+            orbit("far"),
+            orbit("mid"),
+            orbit("near"),
+            Cell::spread(&r.values(&|s| mean(s, |s| s.psnr)), 2),
+            Cell::spread(&r.values(&|s| mean(s, |s| s.ssim)), 4),
         ]);
     }
-    let plot = Plot {
-        name: "rate-distortion".into(),
-        title: "Quality of pictures by size of file".into(),
-        x: Axis::logarithmic("raw bytes over bytes of the file"),
-        y: Axis::linear("masked PSNR, dB"),
-        series: vec![Series { name: "optical depth".into(), style: 0, dashed: false, points }],
-        levels: vec![],
+    table
+}
+
+/// The bounds of compressors that have one, once a size.
+fn bounds(lab: &Lab<'_>, rows: &[Row]) -> Table {
+    let mut table = Table::new(
+        "rate-distortion-bounds",
+        "Bounds, verified after decoding",
+        &["method", "ratio asked", "bound", "largest error", "held", "compression, s", "decompression, s"],
+    );
+    for r in rows.iter().filter(|r| matches!(r.method, Method::Baseline { jitter: false, .. })) {
+        let Some(run) = r.runs.first() else { continue };
+        let (bound, failure) = (run.bound, run.failure.clone());
+        table.row([
+            Cell::text(r.method.name(lab)),
+            Cell::number(r.ratio, 0),
+            Cell::number(bound.map(|b| b.asked), 5),
+            Cell::number(bound.map(|b| b.largest_error), 5),
+            Cell::text(failure.map_or("yes".into(), |why| format!("no: {why}"))),
+            Cell::number(bound.map(|b| b.seconds[0]), 2),
+            Cell::number(bound.map(|b| b.seconds[1]), 2),
+        ]);
+    }
+    table
+}
+
+/// A curve a way: colours are the compressor's, broken lines its other order or its particles moved.
+fn series(lab: &Lab<'_>, method: Method, points: Vec<Point>) -> Series {
+    let (style, dashed) = match method {
+        Method::OpticalDepth => (0, false),
+        Method::Subset => (1, false),
+        Method::Baseline { at, jitter } => {
+            let family = |name: &str| name.split([' ', ',']).next().unwrap_or_default().to_string();
+            let own = family(lab.baselines[at].name());
+            let mut families: Vec<String> = lab.baselines.iter().map(|b| family(b.name())).collect();
+            families.dedup();
+            let first = lab.baselines.iter().position(|b| family(b.name()) == own);
+            (2 + families.iter().position(|f| *f == own).unwrap_or(0), jitter || first != Some(at))
+        }
     };
-    Ok(Found { tables: vec![table], plots: vec![plot], ..Found::default() })
+    Series { name: method.name(lab), style, dashed, points }
+}
+
+fn picture_plot(
+    lab: &Lab<'_>,
+    rows: &[Row],
+    raw: f64,
+    name: &str,
+    label: &str,
+    of: &dyn Fn(&[Score]) -> Option<f64>,
+) -> Plot {
+    let curve = |method: Method| {
+        let own = rows.iter().filter(|r| r.method == method);
+        series(lab, method, own.filter_map(|r| Point::spread(raw / r.bytes()?, &r.values(of))).collect())
+    };
+    Plot {
+        name: format!("rate-distortion-{name}"),
+        title: "Pictures by size of file".into(),
+        x: Axis::logarithmic("raw bytes / bytes of the file"),
+        y: Axis::linear(label),
+        series: Method::all(lab).into_iter().map(curve).collect(),
+        levels: Vec::new(),
+    }
+}
+
+/// The density's measures of a way at a ratio.
+type OfDensity = (Method, f64, Density);
+
+/// At every second ratio, from the one that is compared: statistics of particles take their time.
+fn densities(lab: &Lab<'_>, of: &Snapshot) -> Result<Vec<OfDensity>> {
+    let ratios = &lab.settings.ratios;
+    let odd = ratios.iter().position(|r| *r == COMPARED).unwrap_or(0) % 2;
+    let chosen: Vec<f64> = ratios.iter().copied().enumerate().filter(|(i, _)| i % 2 == odd).map(|(_, r)| r).collect();
+    let raw = of.particles.raw_bytes() as f64;
+    let methods = Method::all(lab);
+    lab.progress.begin("densities", (methods.len() * chosen.len()) as u64);
+    let mut all = Vec::new();
+    for method in methods {
+        for &ratio in &chosen {
+            all.push((method, ratio, Density::of(lab, of, method, (raw / ratio) as u64)?));
+            lab.progress.advance(1);
+        }
+    }
+    lab.progress.end();
+    Ok(all)
+}
+
+fn density_table(lab: &Lab<'_>, all: &[OfDensity]) -> Table {
+    let mut table = Table::new(
+        "rate-distortion-density",
+        "Density by size of file",
+        &[
+            "method",
+            "ratio asked",
+            "held-out bits a particle",
+            "correlation in cells",
+            "P(k), large scales, mean deviation",
+            "P(k), largest deviation",
+            "r(k) >= 0.99 to, of k max",
+            "groups of 100 and more, found / truth",
+            "mass in cores, found / truth",
+        ],
+    );
+    for (method, ratio, d) in all {
+        table.row([
+            Cell::text(method.name(lab)),
+            Cell::number(*ratio, 0),
+            Cell::number(d.held_out_bits, 2),
+            Cell::number(d.correlation, 4),
+            Cell::number(d.large_scales, 4),
+            Cell::number(d.power, 3),
+            Cell::number(d.correlated_to, 2),
+            Cell::number(d.groups, 2),
+            Cell::number(d.cores, 2),
+        ]);
+    }
+    table
+}
+
+fn density_plots(lab: &Lab<'_>, all: &[OfDensity], raw: f64, bits: f64) -> Vec<Plot> {
+    let plot = |name: &str, title: &str, y: Axis, of: fn(&Density) -> Option<f64>| {
+        let curve = |method: Method| {
+            let own = all.iter().filter(|(m, ..)| *m == method);
+            series(lab, method, own.filter_map(|(_, ratio, d)| Some(Point::new(*ratio, of(d)?))).collect())
+        };
+        let x = Axis::logarithmic("raw bytes / bytes of the file");
+        let series = Method::all(lab).into_iter().map(curve).collect();
+        Plot { name: format!("rate-distortion-{name}"), title: title.into(), x, y, series, levels: Vec::new() }
+    };
+    debug_assert!(raw > 0.0);
+    let mut held_out = plot(
+        "bits",
+        "Particles that were left out",
+        Axis::linear("held-out bits a particle"),
+        |d| d.held_out_bits,
+    );
+    held_out.levels = vec![("all particles".into(), bits), ("uniform box".into(), 0.0)];
+    let mut groups = plot("groups", "Groups of 100 particles and more", Axis::linear("found / truth"), |d| d.groups);
+    groups.levels = vec![("truth".into(), 1.0)];
+    let large = "mean |P / P truth - 1|, k to a quarter of the largest";
+    vec![
+        held_out,
+        plot("large-scales", "Large scales", Axis::logarithmic(large), |d| d.large_scales),
+        plot("power", "Power spectrum", Axis::logarithmic("largest |P / P truth - 1|"), |d| d.power),
+        groups,
+    ]
 }

@@ -7,7 +7,7 @@ use crate::Result;
 use crate::model::{BANDS, HeldOut, Model, Transfer};
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::stats::{Domain, Shell, SpectrumOptions, Subject, kernel_bits, likelihood, power_spectra};
+use crate::stats::{Domain, Likelihood, Shell, SpectrumOptions, Subject, likelihood, power_spectra};
 
 /// The halves, and the model of each.
 pub(crate) struct Halves<'a> {
@@ -30,7 +30,9 @@ impl Halves<'_> {
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
     pub fn measure(&self, progress: &dyn Progress) -> Result<HeldOut> {
         let scored = |i: usize| likelihood(self.models[i], self.particles[1 - i], self.domain, self.seed, progress);
-        let kernel = |i: usize| kernel_bits(self.particles[i], self.particles[1 - i], self.domain, self.seed, progress);
+        let kernel = |i: usize| {
+            Likelihood::kernel_bits(self.particles[i], self.particles[1 - i], self.domain, self.seed, progress)
+        };
         let (a, b) = (scored(0)?, scored(1)?);
         let sampling = 0.5 * a.error.hypot(b.error);
         Ok(HeldOut {

@@ -91,30 +91,32 @@ pub fn likelihood(
     })
 }
 
-/// What an adaptive kernel estimate on `fitted` particles gives the sample of `particles` that [`likelihood`] takes, in
-/// bits a particle: a cubic spline to the 16th neighbour, of 8 to 32 the best on N-body data. It keeps every particle;
-/// a model of fewer numbers that comes near has lost little.
-///
-/// # Errors
-/// [`Error::Memory`], [`Error::Cancelled`].
-pub(crate) fn kernel_bits(
-    fitted: &Particles,
-    particles: &Particles,
-    domain: &Domain,
-    seed: u64,
-    progress: &dyn Progress,
-) -> Result<f64> {
-    particlegs_files::memory::require("a tree of neighbours", fitted.len() as u64 * 14)?;
-    let places = places_of(particles, domain, &sample(particles.len(), SAMPLE, Purpose::LikelihoodSample, seed));
-    let tree = Neighbours::new(fitted, domain);
-    let volume = domain.volume() / fitted.len() as f64;
-    let parts = parallel::try_map(places.chunks(1024), |run| {
-        progress.check()?;
-        // No density is infinite: as many at one place are a millionth of a spacing apart.
-        let ratio = |x: &[f32; 3]| (tree.density(*x, KERNEL_NEIGHBOURS) * volume).min(1e18);
-        Ok::<f64, Error>(run.iter().map(|x| ((1.0 - UNIFORM) * ratio(x) + UNIFORM).log2()).sum())
-    })?;
-    Ok(parts.iter().sum::<f64>() / places.len().max(1) as f64)
+impl Likelihood {
+    /// What an adaptive kernel estimate on `fitted` particles gives a random sample of `particles`, the same as a model
+    /// is scored by, in bits a particle: a cubic spline to the 16th neighbour, of 8 to 32 the best on N-body data. It
+    /// keeps every particle; a model of fewer numbers that comes near has lost little.
+    ///
+    /// # Errors
+    /// [`Error::Memory`], [`Error::Cancelled`].
+    pub fn kernel_bits(
+        fitted: &Particles,
+        particles: &Particles,
+        domain: &Domain,
+        seed: u64,
+        progress: &dyn Progress,
+    ) -> Result<f64> {
+        particlegs_files::memory::require("a tree of neighbours", fitted.len() as u64 * 14)?;
+        let places = places_of(particles, domain, &sample(particles.len(), SAMPLE, Purpose::LikelihoodSample, seed));
+        let tree = Neighbours::new(fitted, domain);
+        let volume = domain.volume() / fitted.len() as f64;
+        let parts = parallel::try_map(places.chunks(1024), |run| {
+            progress.check()?;
+            // No density is infinite: as many at one place are a millionth of a spacing apart.
+            let ratio = |x: &[f32; 3]| (tree.density(*x, KERNEL_NEIGHBOURS) * volume).min(1e18);
+            Ok::<f64, Error>(run.iter().map(|x| ((1.0 - UNIFORM) * ratio(x) + UNIFORM).log2()).sum())
+        })?;
+        Ok(parts.iter().sum::<f64>() / places.len().max(1) as f64)
+    }
 }
 
 impl Domain {

@@ -52,7 +52,7 @@ pub use grid::{Assignment, Grid};
 pub(crate) use groups::{Groups, find_groups, longest_link};
 pub use haloes::HaloProfiles;
 pub use likelihood::Likelihood;
-pub(crate) use likelihood::{kernel_bits, likelihood};
+pub(crate) use likelihood::likelihood;
 pub use moments::AxisMoments;
 pub use neighbours::NearestDistances;
 pub(crate) use neighbours::{NeighbourOptions, nearest_distances};

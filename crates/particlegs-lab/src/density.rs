@@ -1,0 +1,146 @@
+//! What pictures hide: how well the density is kept, by the density's own measures.
+
+use crate::lab::{Lab, Snapshot};
+use crate::method::{Content, Method};
+use particlegs::model::Model;
+use particlegs::particles::{Particles, RawForm};
+use particlegs::recover::{self, recover};
+use particlegs::stats::{Domain, Likelihood, Measure, Statistics, StatsOptions, Subject, compare};
+use particlegs::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// Measures of one way at one size; `None` = not to be had.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Density {
+    /// How likely particles are that were left out, bits a particle beyond a uniform density: of a model its own
+    /// density, of particles an adaptive kernel's on what half of them became in as many bytes.
+    pub held_out_bits: Option<f64>,
+    /// Correlation of counts in cells.
+    pub correlation: Option<f64>,
+    /// Mean |P(k) ratio - 1| of the shells up to a quarter of the largest wave number.
+    pub large_scales: Option<f64>,
+    /// Largest |P(k) ratio - 1| of any shell.
+    pub power: Option<f64>,
+    /// r(k) is at least 0.99 up to this share of the largest wave number.
+    pub correlated_to: Option<f64>,
+    /// Groups of 100 particles and more, other / truth.
+    pub groups: Option<f64>,
+    /// Mass within cores, other / truth.
+    pub cores: Option<f64>,
+}
+
+/// Particles of a cell of the density's grid, about.
+const A_CELL: f64 = 16.0;
+
+impl Density {
+    /// Of one way at one size.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`], [`Error::Io`], [`Error::Memory`].
+    pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> Result<Density> {
+        let seed = lab.settings.seed;
+        let inputs = (method.name(lab), &snapshot.hash, bytes, seed, lab.settings.quick);
+        lab.store.result("density", &inputs, || {
+            match measured(lab, snapshot, method, bytes) {
+                // A way that fails has no measures; its failure stands beside its pictures.
+                Err(Error::Input { .. } | Error::Argument { .. } | Error::Unreachable { .. }) => Ok(Density::default()),
+                other => other,
+            }
+        })
+    }
+}
+
+fn measured(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> Result<Density> {
+    let seed = lab.settings.seed;
+    let kept = method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed)?;
+    let statistics = match kept.content {
+        Content::Particles(particles, _) => statistics(lab, &snapshot.particles, &particles)?,
+        Content::Model(model) => with_drawn(lab, model, |drawn| statistics(lab, &snapshot.particles, drawn))?,
+    };
+    let s = &statistics.summary;
+    let k_max = statistics.spectra.as_ref().and_then(|s| s.shells.last()).map(|s| s.k);
+    Ok(Density {
+        held_out_bits: held_out(lab, snapshot, method, bytes)?,
+        correlation: s.density_correlation,
+        large_scales: large_scales(&statistics),
+        power: s.largest_power_deviation,
+        correlated_to: k_max.and_then(|k| Some(s.r_above_0_99_to.unwrap_or(0.0) / k)),
+        groups: groups(&statistics),
+        cores: s.core_mass,
+    })
+}
+
+fn statistics(lab: &Lab<'_>, truth: &Particles, other: &Particles) -> Result<Statistics> {
+    let cells = (truth.len() as f64 / A_CELL).cbrt().round().max(2.0) as usize;
+    let options = StatsOptions {
+        measures: vec![Measure::Density, Measure::Spectrum, Measure::Groups],
+        cells,
+        spectrum_cells: if lab.settings.quick { 64 } else { 256 },
+        seed: lab.settings.seed,
+        ..StatsOptions::default()
+    };
+    compare(Subject::Particles(truth), Subject::Particles(other), &options, lab.progress)
+}
+
+fn large_scales(s: &Statistics) -> Option<f64> {
+    let shells = &s.spectra.as_ref()?.shells;
+    let most = 0.25 * shells.last()?.k;
+    let off: Vec<f64> = shells.iter().filter(|s| s.k <= most).filter_map(|s| Some((s.ratio? - 1.0).abs())).collect();
+    (!off.is_empty()).then(|| off.iter().sum::<f64>() / off.len() as f64)
+}
+
+/// Of classes of 100 particles and more, together.
+fn groups(s: &Statistics) -> Option<f64> {
+    s.groups.as_ref()?.classes.iter().find(|c| c.from == 100)?.ratio
+}
+
+/// Bits a particle of the half that was left out, where there are two particles at least.
+fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> Result<Option<f64>> {
+    if snapshot.particles.len() < 64 {
+        return Ok(None);
+    }
+    let seed = lab.settings.seed;
+    let [fitted, left_out] = snapshot.halves(seed, lab.progress)?;
+    let hash = format!("{} half {seed}", snapshot.hash);
+    let domain = Domain::of_particles(&snapshot.particles);
+    match method.keep(lab, &fitted, &hash, bytes, seed)?.content {
+        Content::Particles(p, _) => Likelihood::kernel_bits(&p, &left_out, &domain, seed, lab.progress).map(Some),
+        Content::Model(model) => {
+            let options = StatsOptions { measures: vec![Measure::Likelihood], seed, ..StatsOptions::default() };
+            let s = compare(Subject::Particles(&left_out), Subject::Model(&model), &options, lab.progress)?;
+            Ok(s.likelihood.map(|l| l.bits))
+        }
+    }
+}
+
+/// What a kernel on all particles of one half says of the other: as much as there is to know of so many.
+///
+/// # Errors
+/// As [`Density::of`].
+pub fn all_particles_bits(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<f64> {
+    let seed = lab.settings.seed;
+    lab.store.result("kernel-bits", &(&snapshot.hash, seed), || {
+        let [fitted, left_out] = snapshot.halves(seed, lab.progress)?;
+        Likelihood::kernel_bits(&fitted, &left_out, &Domain::of_particles(&snapshot.particles), seed, lab.progress)
+    })
+}
+
+/// Draws as many particles from a model as it stands for, and does something with them.
+///
+/// # Errors
+/// Those of drawing and of `work`.
+pub fn with_drawn<T>(lab: &Lab<'_>, model: Model, work: impl FnOnce(&Particles) -> Result<T>) -> Result<T> {
+    let folder = lab.store.scratch()?;
+    let options = recover::Options {
+        particles: None,
+        method: recover::Method::Count,
+        scale: 1.0,
+        seed: lab.settings.seed,
+        form: RawForm::Columns,
+        model_name: "model".into(),
+    };
+    let out = folder.path().join("drawn");
+    recover(model, [0; 32], &options, &out, lab.progress)?;
+    let drawn = Particles::open_raw(&[out])?;
+    work(&drawn)
+}

@@ -1,0 +1,177 @@
+//! Ways to keep a snapshot in few bytes: our models, other compressors, a subset. Each gives back a model or particles
+//! that are drawn and measured like the snapshot's own.
+
+use crate::jitter::jittered;
+use crate::lab::{Lab, Recipe, Snapshot, columns_of, particles_of};
+use crate::rate::{AtSize, Verified, at_size, verified};
+use crate::subset::subset;
+use crate::views::{Score, Truth};
+use particlegs::compress::{Target, compress};
+use particlegs::fit::Effort;
+use particlegs::model::Model;
+use particlegs::particles::Particles;
+use particlegs::pieces::NoPieces;
+use particlegs::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// A way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Our models: Gaussians whose optical depths add up.
+    OpticalDepth,
+    /// One of the lab's baselines by its place; moved at random within its bound after decoding?
+    Baseline {
+        /// Place in [`Lab::baselines`].
+        at: usize,
+        /// Moved?
+        jitter: bool,
+    },
+    /// A random subset, drawn larger.
+    Subset,
+}
+
+/// What a way gives back.
+pub struct Kept {
+    /// Bytes of the file.
+    pub bytes: u64,
+    /// What is in it.
+    pub content: Content,
+    /// Of a compressor with a bound: how it held.
+    pub bound: Option<Bound>,
+}
+
+/// What is in a file.
+pub enum Content {
+    /// A model.
+    Model(Model),
+    /// Particles, drawn with this multiple of the radius.
+    Particles(Particles, f64),
+}
+
+/// How a bound held.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Bound {
+    /// The bound of every coordinate, world units.
+    pub asked: f64,
+    /// The largest error found after decoding; of moved particles before they were moved.
+    pub largest_error: f64,
+    /// Seconds of compression and of decompression.
+    pub seconds: [f64; 2],
+}
+
+/// One way at one size.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Measured {
+    /// Bytes of the file; 0 where there is none.
+    pub bytes: u64,
+    /// How a bound held.
+    pub bound: Option<Bound>,
+    /// Scores of its pictures; empty where it failed.
+    pub scores: Vec<Score>,
+    /// Why it failed.
+    pub failure: Option<String>,
+}
+
+impl Method {
+    /// All that a lab has, ours first. Those that decode at the centres of bins stand there twice.
+    pub fn all(lab: &Lab<'_>) -> Vec<Method> {
+        let of = |at: usize| {
+            let moved = ["LCP", "Quantise + pco"].contains(&lab.baselines[at].name());
+            [false, true].into_iter().filter(move |j| moved || !j).map(move |jitter| Method::Baseline { at, jitter })
+        };
+        let baselines = (0..lab.baselines.len()).flat_map(of);
+        [Method::OpticalDepth, Method::Subset].into_iter().chain(baselines).collect()
+    }
+
+    /// What tables call it.
+    pub fn name(self, lab: &Lab<'_>) -> String {
+        match self {
+            Method::OpticalDepth => "particlegs".into(),
+            Method::Subset => "subset, scaled".into(),
+            Method::Baseline { at, jitter: false } => lab.baselines[at].name().into(),
+            Method::Baseline { at, jitter: true } => format!("{}, jittered", lab.baselines[at].name()),
+        }
+    }
+
+    /// Is there a draw or a random start in it?
+    pub fn is_random(self) -> bool {
+        !matches!(self, Method::Baseline { jitter: false, .. })
+    }
+
+    /// What its results depend on beside snapshot, size and seed.
+    fn source(self, lab: &Lab<'_>) -> String {
+        match self {
+            Method::Baseline { at, .. } => format!("{} {}", self.name(lab), lab.baselines[at].source()),
+            _ => self.name(lab),
+        }
+    }
+
+    /// Keeps particles in at most about so many bytes. `hash` names the particles.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a compressor that fails or breaks its bound; those of the fit; [`Error::Cancelled`].
+    pub fn keep(self, lab: &Lab<'_>, particles: &Particles, hash: &str, bytes: u64, seed: u64) -> Result<Kept> {
+        match self {
+            Method::OpticalDepth => {
+                let recipe = Recipe { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
+                let made = lab.made(&(hash, &recipe), || {
+                    compress(particles, &recipe.options(), &mut NoPieces, lab.progress)
+                })?;
+                Ok(Kept { bytes: made.bytes.len() as u64, content: Content::Model(made.model), bound: None })
+            }
+            Method::Subset => {
+                let thin = subset(&columns_of(particles), bytes, seed, lab.progress)?;
+                let thin = thin.ok_or_else(|| Error::input("subset", format!("not one particle in {bytes} bytes")))?;
+                let content = Content::Particles(particles_of(thin.particles, particles), thin.radius_factor);
+                Ok(Kept { bytes: thin.bytes, content, bound: None })
+            }
+            Method::Baseline { at, jitter } => {
+                let (baseline, columns) = (&*lab.baselines[at], columns_of(particles));
+                let inputs = (baseline.name(), baseline.source(), hash, bytes);
+                let found: (f64, u64) = lab.store.result("bound", &inputs, || {
+                    let AtSize { bound, bytes, .. } = at_size(baseline, &columns, bytes, lab.progress)?;
+                    Ok((bound, bytes))
+                })?;
+                let checked = verified(baseline, &columns, found.0);
+                if let Verified::Failed(Error::Cancelled) = &checked {
+                    return Err(Error::Cancelled);
+                }
+                if let Some(why) = checked.failure() {
+                    return Err(Error::input(baseline.name(), why));
+                }
+                let run = match checked {
+                    Verified::Held(run) | Verified::Exceeded(run) => run,
+                    Verified::Failed(error) => return Err(error),
+                };
+                let seconds = [run.compress_seconds, run.decompress_seconds];
+                let bound = Bound { asked: run.bound, largest_error: run.largest_error, seconds };
+                let decoded = if jitter { jittered(&run.decoded, run.bound, seed) } else { run.decoded };
+                let content = Content::Particles(particles_of(decoded, particles), 1.0);
+                Ok(Kept { bytes: run.bytes, content, bound: Some(bound) })
+            }
+        }
+    }
+
+    /// Keeps a snapshot in about so many bytes and scores its pictures. A failure is a result.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`], [`Error::Io`], [`Error::Memory`].
+    pub fn measure(self, lab: &Lab<'_>, of: &Snapshot, truth: &Truth, bytes: u64, seed: u64) -> Result<Measured> {
+        let seed = if self.is_random() { seed } else { 0 };
+        let inputs = (self.source(lab), &of.hash, truth.key(), bytes, seed);
+        lab.store.result("pictures", &inputs, || {
+            let kept = match self.keep(lab, &of.particles, &of.hash, bytes, seed) {
+                Ok(kept) => kept,
+                Err(e @ (Error::Cancelled | Error::Io { .. } | Error::Memory { .. })) => return Err(e),
+                Err(e) => {
+                    return Ok(Measured { bytes: 0, bound: None, scores: Vec::new(), failure: Some(e.to_string()) });
+                }
+            };
+            let scores = match &kept.content {
+                Content::Model(model) => truth.of_model(lab, model)?,
+                Content::Particles(particles, factor) => truth.of_particles(lab, particles, *factor)?,
+            };
+            Ok(Measured { bytes: kept.bytes, bound: kept.bound, scores, failure: None })
+        })
+    }
+}
