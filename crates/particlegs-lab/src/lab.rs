@@ -11,7 +11,9 @@ use particlegs::particles::{Column, Particles, Positions, Selection, Storage};
 use particlegs::picture::Size;
 use particlegs::pieces::NoPieces;
 use particlegs::progress::Progress;
-use particlegs::{Error, Result};
+#[cfg(doc)]
+use particlegs::Error;
+use particlegs::Result;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -1,19 +1,35 @@
 //! What models are measured against, and the experiments that do it.
 //!
-//! [`Baseline`] is a compressor with an absolute bound on every coordinate; [`lcp`] is written from its paper.
-//! [`experiments`] measure models beside them: each gives [`found::Found`], tables, plots and pictures as data, which
-//! [`report`] puts into files. A [`lab::Lab`] keeps results by the hash of what they were made from.
+//! [`Baseline`] is a compressor with an absolute bound on every coordinate: [`lcp`] written from its paper, [`quantised`]
+//! bins and pco, [`external`] SZ3 and ZFP by their own libraries in a Python that the user names. [`rate`] finds the
+//! bound of a size, and runs a baseline with its bound verified. [`jitter`] is for those that decode at bin centres;
+//! [`subset`] is what needs no bound, a random subset drawn larger.
+//!
+//! [`experiments`] measure models beside them, each [`method`] by the pictures ([`views`]) and the [`density`] that it
+//! gives back: they find tables, plots and pictures as data ([`found`]), which [`report`] puts into files. A [`lab::Lab`]
+//! keeps results by the hash of what they were made from.
 
+mod bins;
+pub mod density;
 pub mod experiments;
+pub mod external;
 pub mod found;
+pub mod jitter;
 pub mod lab;
 pub mod lcp;
+pub mod method;
+mod morton;
+mod packed;
 pub mod plot;
+pub mod quantised;
+pub mod rate;
 pub mod report;
 pub mod store;
+pub mod subset;
 pub mod views;
 
-use particlegs::Result;
+use external::External;
+use particlegs::{Error, Result};
 
 /// Positions in columns x, y and z.
 pub type Columns = [Vec<f32>; 3];
@@ -30,10 +46,13 @@ pub struct Coded {
 pub trait Baseline: Sync {
     /// What tables call it.
     fn name(&self) -> &'static str;
+    /// Where it is from: paper or library, and version.
+    fn source(&self) -> String;
     /// Compresses particles so that no decoded coordinate is off by more than `bound`.
     ///
     /// # Errors
-    /// [`particlegs::Error::Argument`] for a bound that is not positive and finite.
+    /// [`particlegs::Error::Argument`] for a bound that is not positive and finite, or columns of unequal lengths where
+    /// it matters; of [`external`] ones [`particlegs::Error::Input`] for what their library said.
     fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded>;
     /// The particles.
     ///
@@ -42,13 +61,45 @@ pub trait Baseline: Sync {
     fn decompress(&self, bytes: &[u8]) -> Result<Columns>;
 }
 
-/// The largest error of any decoded coordinate: what a bound is held to, on every run.
+/// All baselines: those that need nothing else, and those of `external`, where there is one.
+pub fn baselines(external: Option<&External>) -> Vec<Box<dyn Baseline>> {
+    let mut all: Vec<Box<dyn Baseline>> = vec![Box::new(lcp::Lcp), Box::new(quantised::Quantised)];
+    all.extend(external.into_iter().flat_map(External::baselines));
+    all
+}
+
+/// The largest error of any decoded coordinate, infinite where one is not a number: what a bound is held to, on every
+/// run. Columns of equal lengths, with an order of as many particles.
 pub fn largest_error(particles: &Columns, decoded: &Columns, order: Option<&[u32]>) -> f64 {
-    let of = |k: usize| {
+    errors(particles, decoded, order).map(|e| e.1).fold(0.0, f64::max)
+}
+
+/// Each coordinate with the error that it is decoded with.
+fn errors<'a>(
+    particles: &'a Columns,
+    decoded: &'a Columns,
+    order: Option<&'a [u32]>,
+) -> impl Iterator<Item = (f32, f64)> + 'a {
+    let of = move |k: usize| {
         decoded[k].iter().enumerate().map(move |(i, v)| {
             let own = particles[k][order.map_or(i, |o| o[i] as usize)];
-            (f64::from(*v) - f64::from(own)).abs()
+            let error = (f64::from(*v) - f64::from(own)).abs();
+            // What is kept exactly has no error, be it infinite or no number.
+            let same = *v == own || v.is_nan() && own.is_nan();
+            let error = if error.is_nan() { f64::INFINITY } else { error };
+            (own, if same { 0.0 } else { error })
         })
     };
-    (0..3).flat_map(of).fold(0.0, f64::max)
+    (0..3).flat_map(of)
 }
+
+/// Refuses a bound that is none.
+fn check_bound(bound: f64) -> Result<()> {
+    match bound > 0.0 && bound.is_finite() {
+        true => Ok(()),
+        false => Err(Error::argument(format!("a bound of {bound} is not positive and finite"))),
+    }
+}
+
+#[cfg(test)]
+mod testing;

@@ -114,9 +114,8 @@ impl Method {
         match self {
             Method::OpticalDepth => {
                 let recipe = Recipe { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
-                let made = lab.made(&(hash, &recipe), || {
-                    compress(particles, &recipe.options(), &mut NoPieces, lab.progress)
-                })?;
+                let made =
+                    lab.made(&(hash, &recipe), || compress(particles, &recipe.options(), &mut NoPieces, lab.progress))?;
                 Ok(Kept { bytes: made.bytes.len() as u64, content: Content::Model(made.model), bound: None })
             }
             Method::Subset => {

@@ -2,7 +2,8 @@
 //!
 //! A block's means are sorted into a tree of boxes (`tree`); sizes, counts, shapes (`shape`) and
 //! places (`place`) are put on lattices (`trellis`); one walk (`walk`) codes them against predictions with
-//! adaptive models (`symbols`) and rANS (`rans`); points alone are coded alike (`points`). Sections with
+//! adaptive models (`symbols`) and rANS (`rans`); points alone are coded alike (`points`), as
+//! many of them as fit in a size (`thinning`). Sections with
 //! checksums hold it all together; files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
 //! and grey levels in the places of counts and masses; its network has a section (`vizmapper`).
 
@@ -29,6 +30,7 @@ mod shape;
 mod streams;
 mod sums;
 mod symbols;
+mod thinning;
 mod tree;
 mod trellis;
 mod vizmapper;
@@ -48,3 +50,4 @@ pub use merge::{Merge, blocks_hash, sums};
 pub use points::CodedPoints;
 pub use precision::Precision;
 pub use sums::whole_counts;
+pub use thinning::Thinning;

@@ -48,6 +48,8 @@ pub enum Purpose {
     AlphaStart = u32::from_be_bytes(*b"alsa"),
     /// Where the pieces of a Gaussian that is split lie.
     AlphaSplit = u32::from_be_bytes(*b"alsp"),
+    /// Where in their bins particles lie that a compressor with a bound decoded.
+    Jitter = u32::from_be_bytes(*b"jitt"),
 }
 
 /// A stream of draws that belongs to (seed, purpose, index). ChaCha with 8 rounds.

@@ -330,12 +330,8 @@ fn density_plots(lab: &Lab<'_>, all: &[OfDensity], raw: f64, bits: f64) -> Vec<P
         Plot { name: format!("rate-distortion-{name}"), title: title.into(), x, y, series, levels: Vec::new() }
     };
     debug_assert!(raw > 0.0);
-    let mut held_out = plot(
-        "bits",
-        "Particles that were left out",
-        Axis::linear("held-out bits a particle"),
-        |d| d.held_out_bits,
-    );
+    let mut held_out =
+        plot("bits", "Particles that were left out", Axis::linear("held-out bits a particle"), |d| d.held_out_bits);
     held_out.levels = vec![("all particles".into(), bits), ("uniform box".into(), 0.0)];
     let mut groups = plot("groups", "Groups of 100 particles and more", Axis::linear("found / truth"), |d| d.groups);
     groups.levels = vec![("truth".into(), 1.0)];

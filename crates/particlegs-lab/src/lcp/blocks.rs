@@ -1,7 +1,7 @@
 //! Particles sorted by blocks, eight of which make a superblock, as four streams of differences.
 
 use super::LARGEST_EDGE;
-use super::bins::{Bins, Grid};
+use crate::bins::{Bins, Grid};
 
 /// The four streams.
 #[derive(Debug, PartialEq)]

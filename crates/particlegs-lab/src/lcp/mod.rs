@@ -3,14 +3,13 @@
 //!
 //! Blocks: every edge that the authors' program tries on a sample is tried here on all particles, and the best is kept.
 
-mod bins;
 mod bits;
 mod blocks;
 mod huffman;
 mod stream;
 
-use crate::{Baseline, Coded, Columns};
-use bins::Bins;
+use crate::bins::{Bins, Grid};
+use crate::{Baseline, Coded, Columns, check_bound};
 use blocks::Blocks;
 use particlegs::{Error, Result, parallel};
 use zstd_rs::{CompressionConfig, Compressor, Decompressor};
@@ -31,11 +30,14 @@ impl Baseline for Lcp {
         "LCP"
     }
 
+    fn source(&self) -> String {
+        "LCP-S, written from arXiv 2411.00761; zstd level 3".into()
+    }
+
     fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
-        if !(bound > 0.0 && bound.is_finite()) {
-            return Err(Error::argument(format!("a bound of {bound} is not positive and finite")));
-        }
-        let Some(bins) = Bins::of(particles, bound) else { return Ok(raw(particles)) };
+        check_bound(bound)?;
+        let small = |b: &Bins| b.count.iter().all(|c| c * bound <= LARGEST_RANGE);
+        let Some(bins) = Bins::of(particles, bound).filter(small) else { return Ok(raw(particles)) };
         let coded = parallel::map(edges(&bins), |edge| of_edge(&bins, edge));
         let best = coded.into_iter().min_by_key(|c| c.bytes.len()).expect("one edge at least");
         Ok(best)
@@ -75,21 +77,12 @@ fn of_edge(bins: &Bins, edge: u32) -> Coded {
     for stream in [&blocks.starts, &blocks.counts, &blocks.octants, &blocks.places] {
         stream::write(stream, &mut plain);
     }
-    let mut at = vec![0u32; order.len()];
-    order.iter().enumerate().for_each(|(to, from)| at[*from as usize] = to as u32);
-    for exceptions in &bins.exceptions {
-        let mut moved: Vec<i64> =
-            exceptions.iter().map(|(i, up)| 2 * i64::from(at[*i as usize]) + i64::from(*up)).collect();
-        moved.sort_unstable();
-        let mut last = 0;
-        moved.iter_mut().for_each(|v| (last, *v) = (*v, *v - last));
-        stream::write(&moved, &mut plain);
-    }
+    (0..3).for_each(|k| stream::write(&bins.moved(k, Some(&order)), &mut plain));
     Coded { bytes: packed(&plain), order: Some(order) }
 }
 
 fn binned(bytes: &[u8]) -> Option<Columns> {
-    let (grid, rest) = bins::Grid::read(bytes)?;
+    let (grid, rest) = Grid::read(bytes)?;
     let (edge, mut rest) = rest.split_first_chunk::<4>()?;
     let edge = u32::from_le_bytes(*edge);
     let mut next = || {
@@ -99,16 +92,7 @@ fn binned(bytes: &[u8]) -> Option<Columns> {
     };
     let blocks = Blocks { starts: next()?, counts: next()?, octants: next()?, places: next()? };
     let bins = blocks.bins(&grid, edge)?;
-    let mut all = grid.centres(&bins);
-    for (k, column) in all.iter_mut().enumerate() {
-        let mut at = 0i64;
-        for step in next()? {
-            at = at.checked_add(step)?;
-            let i = usize::try_from(at / 2).ok().filter(|i| at >= 0 && *i < bins.len())?;
-            column[i] = grid.moved(k, bins[i][k], at % 2 == 1);
-        }
-    }
-    Some(all)
+    grid.coordinates(&bins, &[next()?, next()?, next()?])
 }
 
 /// What is not cut into bins.

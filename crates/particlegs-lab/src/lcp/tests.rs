@@ -1,28 +1,9 @@
 use super::*;
-use crate::largest_error;
+use crate::testing::{self, clustered};
 use proptest::prelude::*;
 
 fn held(particles: &Columns, bound: f64) -> usize {
-    let coded = Lcp.compress(particles, bound).unwrap();
-    let decoded = Lcp.decompress(&coded.bytes).unwrap();
-    assert_eq!(decoded[0].len(), particles[0].len());
-    let error = largest_error(particles, &decoded, coded.order.as_deref());
-    // The decoder rounds to float32.
-    let ulp = particles.iter().flatten().fold(0f32, |m, v| m.max(v.abs())) * f32::EPSILON;
-    assert!(error <= bound * (1.0 + 1e-12) + f64::from(ulp), "{error} for {bound}");
-    coded.bytes.len()
-}
-
-fn clustered(n: usize) -> Columns {
-    let mut random = particlegs::math::Random::new(7, 0, 0);
-    let centres: Vec<[f64; 3]> = (0..20).map(|_| [0, 1, 2].map(|_| 50.0 * random.uniform())).collect();
-    let mut columns = [Vec::new(), Vec::new(), Vec::new()];
-    for i in 0..n {
-        for k in 0..3 {
-            columns[k].push((centres[i % 20][k] + random.normal()) as f32);
-        }
-    }
-    columns
+    testing::held(&Lcp, particles, bound)
 }
 
 #[test]

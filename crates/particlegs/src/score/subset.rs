@@ -3,24 +3,13 @@
 use super::Truth;
 use crate::Result;
 use crate::camera::View;
-use crate::codec::CodedPoints;
-use crate::math::{Purpose, Random};
+use crate::codec::{CodedPoints, Thinning};
 use crate::particles::{Column, Particles, Positions};
 use crate::picture::{Gray8, Size};
 use crate::progress::Progress;
 use crate::reference::Reference;
-use crate::space::Bounds;
 use crate::splat::Look;
 use particlegs_core::math::each_axis;
-
-/// Particles come back this close to their places along every axis, in mean spacings.
-const CLOSENESS: f64 = 0.05;
-/// Bits a particle that the search begins with: what those of a clustered snapshot take.
-const FIRST_GUESS: f64 = 14.0;
-/// Trials of a number at most; four are usual.
-const TRIALS: usize = 8;
-/// A subset is as large as the bytes where it leaves less than this share of them.
-const CLOSE_ENOUGH: f64 = 1e-3;
 
 /// A random subset as its coded bytes have it.
 pub struct Thinned {
@@ -52,9 +41,7 @@ impl Seen {
 }
 
 impl Thinned {
-    /// The most particles whose places, coded, take at most `bytes`, each within [`CLOSENESS`] of `spacing`. They are the
-    /// first of one random order of all particles: their number is sought along the secant of the coded size, which is
-    /// measured at every trial. `None` where not one fits.
+    /// The most particles whose places, coded, take at most `bytes` ([`Thinning::most`]). `None` where not one fits.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
@@ -67,33 +54,10 @@ impl Thinned {
     ) -> Result<Option<Self>> {
         let (particles, bounds) = (truth.particles(), truth.bounds());
         let n = particles.len();
-        progress.begin("subset of the same bytes", 0);
         particlegs_files::memory::require("a subset of the particles", n as u64 / 8 + 2 * bytes)?;
-        let mut order = Order::new(n, seed);
-        let mut best: Option<(usize, CodedPoints)> = None;
-        let mut kept = share_of(n, 8.0 * bytes as f64 / FIRST_GUESS);
-        // What is known to be too many.
-        let mut above = n + 1;
-        for _ in 0..TRIALS {
-            progress.check()?;
-            let coded = coded(particles, bounds, order.first(kept), 2.0 * CLOSENESS * spacing);
-            let used = coded.bytes as f64;
-            if coded.bytes as u64 <= bytes {
-                best = Some((kept, coded));
-            } else {
-                above = kept;
-            }
-            let below = best.as_ref().map_or(0, |b| b.0);
-            let full = best.as_ref().is_some_and(|b| b.1.bytes as f64 >= (1.0 - CLOSE_ENOUGH) * bytes as f64);
-            if full || below + 1 >= above {
-                break;
-            }
-            // The coded size is nearly proportional to the number; a little less is aimed at than fits.
-            let next = share_of(n, kept as f64 * (1.0 - 0.3 * CLOSE_ENOUGH) * bytes as f64 / used);
-            kept = next.clamp(below + 1, above - 1);
-        }
-        progress.end();
-        Ok(best.map(|(kept, coded)| {
+        let most = Thinning { bounds, spacing, bytes, seed }.most(n, |i| particles.position(i), progress)?;
+        Ok(most.map(|coded| {
+            let kept = coded.position[0].len();
             let scale = (n as f64 / kept as f64).sqrt();
             let bytes = coded.bytes as u64;
             Thinned { particles: as_particles(&coded, particles), kept: kept as u64, bytes, scale }
@@ -119,47 +83,6 @@ impl Thinned {
             false => Seen::Expected(reference.draw(&view, size, Look::Expected, progress)?),
         })
     }
-}
-
-fn share_of(n: usize, wanted: f64) -> usize {
-    (wanted as usize).clamp(1, n)
-}
-
-/// All particles in a random order, as far as it was asked for.
-struct Order {
-    random: Random,
-    taken: Vec<u64>,
-    order: Vec<usize>,
-    n: usize,
-}
-
-impl Order {
-    fn new(n: usize, seed: u64) -> Self {
-        let random = Random::of(Purpose::CertificateSubset, seed, 0);
-        Order { random, taken: vec![0; n.div_ceil(64)], order: Vec::new(), n }
-    }
-
-    /// The first `k`.
-    fn first(&mut self, k: usize) -> &[usize] {
-        while self.order.len() < k {
-            let i = ((u128::from(self.random.bits()) * self.n as u128) >> 64) as usize;
-            let (word, bit) = (&mut self.taken[i / 64], 1u64 << (i % 64));
-            if *word & bit == 0 {
-                *word |= bit;
-                self.order.push(i);
-            }
-        }
-        &self.order[..k]
-    }
-}
-
-fn coded(particles: &Particles, bounds: &Bounds, chosen: &[usize], step: f64) -> CodedPoints {
-    let mut points: [Vec<f64>; 3] = Default::default();
-    for &i in chosen {
-        let p = particles.position(i);
-        (0..3).for_each(|k| points[k].push(p[k]));
-    }
-    CodedPoints::of(&points, bounds, step)
 }
 
 /// About the origin of the particles that they are taken from.

@@ -1,10 +1,15 @@
-//! Coordinates as numbers of bins of twice the bound.
+//! Coordinates as numbers of bins of twice the bound, decoded at the bins' centres. Centres are rounded to float32: the
+//! few particles that rounding puts beyond the bound are decoded at the edge of their bin, so that no bound is broken.
 
-use super::LARGEST_RANGE;
 use crate::Columns;
 
 /// Half bins along an axis: fewer.
 const MOST_BINS: f64 = 4_294_967_296.0;
+
+/// The bin of a place so many bounds above the lowest.
+fn bin(bounds: f64) -> u32 {
+    (bounds.floor() / 2.0).floor() as u32
+}
 
 /// What a decoder knows of the bins.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,7 +33,7 @@ pub struct Bins {
     /// The bin of each particle.
     pub of: Vec<[u32; 3]>,
     /// Particles along each axis that rounding puts beyond the bound, and whether they lie above the centre.
-    pub exceptions: [Vec<(u32, bool)>; 3],
+    exceptions: [Vec<(u32, bool)>; 3],
 }
 
 impl Grid {
@@ -38,18 +43,33 @@ impl Grid {
     }
 
     /// A coordinate moved from its bin's centre by the bound.
-    pub fn moved(&self, axis: usize, bin: u32, up: bool) -> f32 {
+    fn moved(&self, axis: usize, bin: u32, up: bool) -> f32 {
         (self.centre(axis, bin) + if up { self.bound } else { -self.bound }) as f32
     }
 
-    /// Coordinates of the bins' centres.
-    pub fn centres(&self, bins: &[[u32; 3]]) -> Columns {
-        [0, 1, 2].map(|k| bins.iter().map(|b| self.centre(k, b[k]) as f32).collect())
+    /// Coordinates of particles in bins: the centres, but for those that [`Bins::moved`] lists. `None` for a list that
+    /// is not of these bins.
+    pub fn coordinates(&self, bins: &[[u32; 3]], moved: &[Vec<i64>; 3]) -> Option<Columns> {
+        let mut all: Columns = [0, 1, 2].map(|k| bins.iter().map(|b| self.centre(k, b[k]) as f32).collect());
+        for (k, column) in all.iter_mut().enumerate() {
+            let mut at = 0i64;
+            for step in &moved[k] {
+                at = at.checked_add(*step)?;
+                let i = usize::try_from(at / 2).ok().filter(|i| at >= 0 && *i < bins.len())?;
+                column[i] = self.moved(k, bins[i][k], at % 2 == 1);
+            }
+        }
+        Some(all)
     }
 
     /// Range over bound, along each axis.
     pub fn count(&self) -> [f64; 3] {
         [0, 1, 2].map(|k| (f64::from(self.high[k]) - f64::from(self.low[k])) / self.bound)
+    }
+
+    /// The last bin along each axis that can hold particles.
+    pub fn last(&self) -> [u32; 3] {
+        self.count().map(bin)
     }
 
     /// Reads what [`Bins::write`] wrote, and gives what follows.
@@ -70,7 +90,8 @@ impl Grid {
 }
 
 impl Bins {
-    /// Particles in bins of twice the bound; `None` where there would be too many, or the range is too large.
+    /// Particles in bins of twice the bound; `None` where there would be too many bins, coordinates that are not finite,
+    /// no particles, or more of them than an order can name.
     pub fn of(particles: &Columns, bound: f64) -> Option<Bins> {
         let n = particles[0].len();
         let ends =
@@ -78,9 +99,9 @@ impl Bins {
         let ends = particles.each_ref().map(ends);
         let grid = Grid { particles: n, bound, low: ends.map(|e| e[0]), high: ends.map(|e| e[1]) };
         let count = grid.count();
-        // None is NaN: coordinates that are not finite have no range.
-        let fine = count.iter().all(|c| *c < MOST_BINS && c * bound <= LARGEST_RANGE);
-        if n == 0 || !fine {
+        // Minima pass over coordinates that are no numbers.
+        let fine = count.iter().all(|c| *c < MOST_BINS) && !particles.iter().flatten().any(|v| v.is_nan());
+        if n == 0 || u32::try_from(n).is_err() || !fine {
             return None;
         }
         let mut of = vec![[0u32; 3]; n];
@@ -89,7 +110,7 @@ impl Bins {
             let low = f64::from(grid.low[k]);
             for (i, v) in particles[k].iter().enumerate() {
                 let v = f64::from(*v);
-                of[i][k] = (((v - low) / bound).floor() / 2.0).floor() as u32;
+                of[i][k] = bin((v - low) / bound);
                 let centre = f64::from(grid.centre(k, of[i][k]) as f32);
                 if (centre - v).abs() > bound {
                     exceptions[k].push((i as u32, v > centre));
@@ -97,6 +118,26 @@ impl Bins {
             }
         }
         Some(Bins { grid, count, of, exceptions })
+    }
+
+    /// Particles along an axis that rounding puts beyond the bound: twice their place in `order` (`None` = their own),
+    /// one more where they lie above the centre; rising, the first and then differences.
+    pub fn moved(&self, axis: usize, order: Option<&[u32]>) -> Vec<i64> {
+        let exceptions = &self.exceptions[axis];
+        if exceptions.is_empty() {
+            return Vec::new();
+        }
+        let at = order.map(|order| {
+            let mut at = vec![0u32; order.len()];
+            (0u32..).zip(order).for_each(|(to, from)| at[*from as usize] = to);
+            at
+        });
+        let place = |i: u32| i64::from(at.as_ref().map_or(i, |at| at[i as usize]));
+        let mut moved: Vec<i64> = exceptions.iter().map(|(i, up)| 2 * place(*i) + i64::from(*up)).collect();
+        moved.sort_unstable();
+        let mut last = 0;
+        moved.iter_mut().for_each(|v| (last, *v) = (*v, *v - last));
+        moved
     }
 
     /// Writes what a decoder needs to know.

@@ -1,0 +1,103 @@
+//! SZ3 and ZFP as baselines: each axis a column of its own, in the particles' own order or in Morton order.
+
+use super::External;
+use crate::{Baseline, Coded, Columns, check_bound, morton};
+use particlegs::{Error, Result};
+
+/// The order that columns are compressed in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Order {
+    /// The particles' own.
+    File,
+    /// Of cubes, 2^21 along the longest edge of the box: neighbours in space are neighbours in the columns. A decoder has
+    /// them in this order.
+    Morton,
+}
+
+/// SZ3 (Liang et al., IEEE Trans. Big Data 2023) with an absolute bound, each axis by whichever of its two predictors
+/// for such columns takes fewer bytes: interpolation and Lorenzo, its default, or Lorenzo and regression.
+pub struct Sz3 {
+    /// Where its library is.
+    pub external: External,
+    /// The columns' order.
+    pub order: Order,
+}
+
+/// ZFP (Lindstrom, IEEE TVCG 2014) of fixed accuracy, the tolerance being the bound.
+pub struct Zfp {
+    /// Where its library is.
+    pub external: External,
+    /// The columns' order.
+    pub order: Order,
+}
+
+impl Baseline for Sz3 {
+    fn name(&self) -> &'static str {
+        match self.order {
+            Order::File => "SZ3, file order",
+            Order::Morton => "SZ3, Morton order",
+        }
+    }
+
+    fn source(&self) -> String {
+        self.external.source("SZ3")
+    }
+
+    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+        self.external.coded("SZ3", particles, bound, self.order)
+    }
+
+    fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+        self.external.columns("SZ3", bytes)
+    }
+}
+
+impl Baseline for Zfp {
+    fn name(&self) -> &'static str {
+        match self.order {
+            Order::File => "ZFP, file order",
+            Order::Morton => "ZFP, Morton order",
+        }
+    }
+
+    fn source(&self) -> String {
+        self.external.source("ZFP")
+    }
+
+    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+        self.external.coded("ZFP", particles, bound, self.order)
+    }
+
+    fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+        self.external.columns("ZFP", bytes)
+    }
+}
+
+impl External {
+    fn coded(&self, name: &str, particles: &Columns, bound: f64, order: Order) -> Result<Coded> {
+        check_bound(bound)?;
+        let n = particles[0].len();
+        if u32::try_from(n).is_err() || particles.iter().any(|c| c.len() != n) {
+            return Err(Error::argument("three columns of one length below 2^32 are compressed"));
+        }
+        let order = (order == Order::Morton).then(|| morton::order_of(&morton::codes_of_places(particles)));
+        let mut data = Vec::with_capacity(12 * n);
+        for column in particles {
+            match &order {
+                None => column.iter().for_each(|v| data.extend(v.to_le_bytes())),
+                Some(order) => order.iter().for_each(|i| data.extend(column[*i as usize].to_le_bytes())),
+            }
+        }
+        Ok(Coded { bytes: self.compress(name, bound, n, &data)?, order })
+    }
+
+    fn columns(&self, name: &str, bytes: &[u8]) -> Result<Columns> {
+        let data = self.decompress(name, bytes)?;
+        let (values, rest) = data.as_chunks::<4>();
+        let n = values.len() / 3;
+        if !rest.is_empty() || values.len() != 3 * n {
+            return Err(Error::input(name, "its columns are not of one length"));
+        }
+        Ok([0, 1, 2].map(|k| values[k * n..(k + 1) * n].iter().map(|v| f32::from_le_bytes(*v)).collect()))
+    }
+}

@@ -1,0 +1,129 @@
+//! A child process that answers requests: both as their length and their bytes.
+
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::path::Path;
+use std::process::{ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// How long the last words of a child that ended are waited for: another process may hold its standard error.
+const LAST_WORDS: Duration = Duration::from_millis(500);
+/// Characters of them at most.
+const MOST_WORDS: usize = 300;
+
+/// What a child says to a request.
+pub enum Answer {
+    Bytes(Vec<u8>),
+    /// Why there are none.
+    Error(String),
+    /// The packages that it cannot do without.
+    Missing(String),
+}
+
+/// A running child. It is ended when it is dropped.
+pub struct Child {
+    process: std::process::Child,
+    requests: ChildStdin,
+    answers: BufReader<ChildStdout>,
+    /// The last line of its standard error that has words, and who reads it.
+    words: Arc<Mutex<String>>,
+    listener: JoinHandle<()>,
+}
+
+impl Child {
+    /// Starts a program.
+    pub fn start(program: &Path, arguments: &[String]) -> io::Result<Child> {
+        let mut command = Command::new(program);
+        command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut process = command.spawn()?;
+        let pipes = (process.stdin.take(), process.stdout.take(), process.stderr.take());
+        let (Some(requests), Some(answers), Some(errors)) = pipes else {
+            return Err(io::Error::other("no pipes"));
+        };
+        let words = Arc::new(Mutex::new(String::new()));
+        let heard = Arc::clone(&words);
+        let listener = thread::spawn(move || {
+            for line in BufReader::new(errors).split(b'\n').map_while(Result::ok) {
+                let line = String::from_utf8_lossy(&line).trim().chars().take(MOST_WORDS).collect::<String>();
+                if !line.is_empty() {
+                    *heard.lock().unwrap_or_else(PoisonError::into_inner) = line;
+                }
+            }
+        });
+        Ok(Child { process, requests, answers: BufReader::new(answers), words, listener })
+    }
+
+    /// A request in parts, and its answer; the error says how the child failed. Written by a thread of its own: a child
+    /// that answers before it has read all stops nobody.
+    pub fn ask(&mut self, parts: &[&[u8]]) -> Result<Answer, String> {
+        let (requests, answers) = (&mut self.requests, &mut self.answers);
+        thread::scope(|scope| {
+            let length = parts.iter().map(|p| p.len() as u64).sum::<u64>();
+            let writer = scope.spawn(move || {
+                requests.write_all(&length.to_le_bytes())?;
+                parts.iter().try_for_each(|p| requests.write_all(p))?;
+                requests.flush()
+            });
+            let answer = read_answer(answers);
+            if answer.is_err() {
+                // One that answers nonsense may not read on: the writer is not waited for in vain.
+                let _ = self.process.kill();
+            }
+            let written = writer.join().unwrap_or_else(|_| Err(io::Error::other("the writer failed")));
+            match (answer, written) {
+                (Ok(answer), Ok(())) => Ok(answer),
+                (Ok(_), Err(_)) => Err("answered before it had read the request".into()),
+                (Err(broken), _) => Err(broken),
+            }
+        })
+    }
+
+    /// How a child that failed ended, and what it said last.
+    pub fn last_words(mut self) -> String {
+        let _ = self.process.kill();
+        let status = self.process.wait();
+        let started = Instant::now();
+        while !self.listener.is_finished() && started.elapsed() < LAST_WORDS {
+            thread::sleep(Duration::from_millis(2));
+        }
+        let words = self.words.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        match (words.is_empty(), status) {
+            (false, _) => words,
+            (true, Ok(status)) => status.to_string(),
+            (true, Err(error)) => error.to_string(),
+        }
+    }
+}
+
+impl Drop for Child {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn read_answer(answers: &mut impl Read) -> Result<Answer, String> {
+    let ended = |_| "ended before it answered".to_string();
+    let mut head = [0; 9];
+    answers.read_exact(&mut head).map_err(ended)?;
+    let length = u64::from_le_bytes(head[1..].try_into().expect("eight bytes"));
+    let kind: fn(Vec<u8>) -> Answer = match head[0] {
+        b'K' => Answer::Bytes,
+        b'E' => |text| Answer::Error(line(&text)),
+        b'M' => |text| Answer::Missing(line(&text)),
+        _ => return Err("does not answer as lab/compressors.py does".into()),
+    };
+    // Memory grows with what comes, not with what is said to come.
+    let mut bytes = Vec::new();
+    let read = answers.take(length).read_to_end(&mut bytes);
+    match read {
+        Ok(n) if n as u64 == length => Ok(kind(bytes)),
+        _ => Err("ended within its answer".into()),
+    }
+}
+
+/// Text as one line.
+fn line(text: &[u8]) -> String {
+    String::from_utf8_lossy(text).split_whitespace().collect::<Vec<_>>().join(" ").chars().take(MOST_WORDS).collect()
+}

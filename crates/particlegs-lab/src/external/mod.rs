@@ -1,0 +1,133 @@
+//! SZ3 and ZFP by their own libraries, in a Python that the user names: a child process that runs lab/compressors.py and
+//! answers requests over its pipes. It ends when its input does: with this process, whatever ends it.
+
+mod baselines;
+mod child;
+
+pub use baselines::{Order, Sz3, Zfp};
+
+use crate::{Baseline, packed};
+use child::{Answer, Child};
+use particlegs::{Error, Result};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The child's program, and what it needs.
+const SCRIPT: &str = include_str!("../../lab/compressors.py");
+const REQUIREMENTS: &str = include_str!("../../lab/requirements.txt");
+
+/// Compressors of a Python. Clones share one child; a child that died is started again at the next request.
+#[derive(Clone)]
+pub struct External {
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    /// The program and its arguments.
+    program: PathBuf,
+    arguments: Vec<String>,
+    child: Mutex<Option<Child>>,
+    /// Compressors and where they are from.
+    sources: Vec<(String, String)>,
+}
+
+/// What is asked of a compressor.
+struct Request<'a> {
+    what: u8,
+    name: &'a str,
+    bound: f64,
+    particles: u64,
+    data: &'a [u8],
+}
+
+impl External {
+    /// Starts a Python, by its path or by a name that is looked for where commands are.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for one that cannot be started, that lacks packages (with the command that installs them) or
+    /// that does not answer.
+    pub fn start(python: &Path) -> Result<External> {
+        External::of_command(python, ["-u", "-c", SCRIPT].map(String::from).to_vec())
+    }
+
+    fn of_command(program: &Path, arguments: Vec<String>) -> Result<External> {
+        let child = Mutex::new(None);
+        let mut shared = Shared { program: program.into(), arguments, child, sources: Vec::new() };
+        let answer = shared.ask(&Request { what: b'v', name: "", bound: 0.0, particles: 0, data: &[] })?;
+        let text = String::from_utf8_lossy(&answer).into_owned();
+        let lines = text.lines().filter_map(|l| l.split_once(' '));
+        shared.sources = lines.map(|(name, source)| (name.into(), source.into())).collect();
+        Ok(External { shared: Arc::new(shared) })
+    }
+
+    /// Its baselines: SZ3 and ZFP, each in the particles' own order and in Morton order.
+    pub fn baselines(&self) -> Vec<Box<dyn Baseline>> {
+        let orders = [Order::File, Order::Morton];
+        let sz3 = orders.map(|order| Box::new(Sz3 { external: self.clone(), order }) as Box<dyn Baseline>);
+        let zfp = orders.map(|order| Box::new(Zfp { external: self.clone(), order }) as Box<dyn Baseline>);
+        sz3.into_iter().chain(zfp).collect()
+    }
+
+    /// Where a compressor is from.
+    fn source(&self, name: &str) -> String {
+        self.shared.sources.iter().find(|s| s.0 == name).map_or(String::new(), |s| s.1.clone())
+    }
+
+    /// What a compressor makes of three columns one after the other, behind a checksum.
+    fn compress(&self, name: &str, bound: f64, particles: usize, columns: &[u8]) -> Result<Vec<u8>> {
+        let request = Request { what: b'c', name, bound, particles: particles as u64, data: columns };
+        Ok(packed::sealed(self.shared.ask(&request)?, 0))
+    }
+
+    /// Three columns one after the other.
+    fn decompress(&self, name: &str, bytes: &[u8]) -> Result<Vec<u8>> {
+        let wrong = || Error::input(name, "not what this coder made");
+        let (data, _) = packed::opened(bytes).ok_or_else(wrong)?;
+        self.shared.ask(&Request { what: b'd', name, bound: 0.0, particles: 0, data })
+    }
+}
+
+impl Shared {
+    /// One request's answer.
+    fn ask(&self, request: &Request<'_>) -> Result<Vec<u8>> {
+        let mut head = vec![request.what, request.name.len() as u8];
+        head.extend(request.name.bytes());
+        head.extend(request.bound.to_le_bytes());
+        head.extend(request.particles.to_le_bytes());
+        let mut slot = self.child.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut child = match slot.take() {
+            Some(child) => child,
+            None => Child::start(&self.program, &self.arguments).map_err(|e| self.not_started(&e))?,
+        };
+        match child.ask(&[&head, request.data]) {
+            Ok(answer) => {
+                *slot = Some(child);
+                match answer {
+                    Answer::Bytes(bytes) => Ok(bytes),
+                    Answer::Error(text) if request.name.is_empty() => Err(Error::input(&self.program, text)),
+                    Answer::Error(text) => Err(Error::input(request.name, text)),
+                    Answer::Missing(packages) => Err(self.lacks(&packages)),
+                }
+            }
+            Err(broken) => {
+                let last = child.last_words();
+                let doing = if request.name.is_empty() { String::new() } else { format!(" during {}", request.name) };
+                Err(Error::input(&self.program, format!("{broken}{doing}: {last}")))
+            }
+        }
+    }
+
+    fn not_started(&self, error: &std::io::Error) -> Error {
+        let remedy = "name a Python 3 that has the packages of lab/requirements.txt";
+        Error::input_with(&self.program, format!("cannot be started: {error}"), remedy)
+    }
+
+    fn lacks(&self, packages: &str) -> Error {
+        let pinned = REQUIREMENTS.lines().filter(|l| l.contains("==")).collect::<Vec<_>>().join(" ");
+        let install = format!("{} -m pip install {pinned}", self.program.display());
+        Error::input_with(&self.program, format!("lacks {}", packages.replace(' ', ", ")), install)
+    }
+}
+
+#[cfg(test)]
+mod tests;

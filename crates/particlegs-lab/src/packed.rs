@@ -1,0 +1,123 @@
+//! Streams of numbers by pco, one after the other, behind a checksum; readers take at most what they expect.
+
+use pco::data_types::Number;
+use pco::standalone::{DecompressorItem, FileDecompressor, simple_compress};
+use pco::{ChunkConfig, DEFAULT_COMPRESSION_LEVEL};
+
+/// Bytes of the checksum.
+const CHECKSUM: usize = 4;
+/// Particles that any bytes may decode to, and more of them a byte: what a reader takes of memory follows from what it
+/// is given. Writers append zeros where a checksummed file would hold more.
+const PARTICLES_OF_ANY: usize = 1 << 22;
+const PARTICLES_A_BYTE: usize = 1 << 13;
+
+/// Appends a number, seven bits a byte, the lowest first.
+pub fn write_number(mut value: u64, out: &mut Vec<u8>) {
+    while value >= 0x80 {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    out.push(value as u8);
+}
+
+/// A number again, and what follows it.
+pub fn read_number(mut bytes: &[u8]) -> Option<(u64, &[u8])> {
+    let mut value = 0u64;
+    for shift in (0..64).step_by(7) {
+        let (first, rest) = bytes.split_first()?;
+        let low = u64::from(first & 0x7f);
+        bytes = rest;
+        if low << shift >> shift != low {
+            return None;
+        }
+        value |= low << shift;
+        if first & 0x80 == 0 {
+            return Some((value, bytes));
+        }
+    }
+    None
+}
+
+/// Appends numbers; nothing but a zero for none.
+pub fn write<T: Number>(values: &[T], out: &mut Vec<u8>) {
+    let config = ChunkConfig::default().with_compression_level(DEFAULT_COMPRESSION_LEVEL);
+    let coded = match values.is_empty() {
+        true => Vec::new(),
+        false => simple_compress(values, &config).expect("a preset, and memory to write to"),
+    };
+    write_number(coded.len() as u64, out);
+    out.extend(coded);
+}
+
+/// At most `most` numbers, and what follows them; `None` for bytes that [`write`] did not make.
+pub fn read<T: Number + Default>(bytes: &[u8], most: usize) -> Option<(Vec<T>, &[u8])> {
+    let (length, rest) = read_number(bytes)?;
+    let (coded, rest) = rest.split_at_checked(usize::try_from(length).ok()?)?;
+    let mut values = Vec::new();
+    if coded.is_empty() {
+        return Some((values, rest));
+    }
+    let (file, mut coded) = FileDecompressor::new(coded).ok()?;
+    while let DecompressorItem::Chunk(mut chunk) = file.chunk_decompressor::<T, _>(coded).ok()? {
+        let done = values.len();
+        let all = chunk.n().checked_add(done).filter(|n| *n <= most)?;
+        values.resize(all, T::default());
+        chunk.read(&mut values[done..]).ok().filter(|p| p.finished)?;
+        coded = chunk.into_src();
+    }
+    Some((values, rest))
+}
+
+/// Bytes with their checksum before them, long enough for so many particles.
+pub fn sealed(mut bytes: Vec<u8>, particles: usize) -> Vec<u8> {
+    let least = particles.saturating_sub(PARTICLES_OF_ANY).div_ceil(PARTICLES_A_BYTE);
+    bytes.resize(bytes.len().max(least), 0);
+    let mut out = crc32fast::hash(&bytes).to_le_bytes().to_vec();
+    out.extend(bytes);
+    out
+}
+
+/// The bytes, and how many particles they may decode to; `None` where they are not what [`sealed`] made.
+pub fn opened(bytes: &[u8]) -> Option<(&[u8], usize)> {
+    let (checksum, rest) = bytes.split_first_chunk::<CHECKSUM>()?;
+    let most = PARTICLES_OF_ANY.saturating_add(rest.len().saturating_mul(PARTICLES_A_BYTE));
+    (crc32fast::hash(rest) == u32::from_le_bytes(*checksum)).then_some((rest, most))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_back() {
+        for value in [0, 1, 127, 128, 300, u64::from(u32::MAX), u64::MAX] {
+            let mut bytes = Vec::new();
+            write_number(value, &mut bytes);
+            bytes.push(9);
+            assert_eq!(read_number(&bytes), Some((value, &[9u8][..])));
+        }
+        assert!(read_number(&[0x80; 9]).is_none() && read_number(&[0xff; 12]).is_none());
+    }
+
+    #[test]
+    fn streams_come_back_and_no_more_than_expected() {
+        let values: Vec<u64> = (0..1000u64).map(|i| i * i % 77).collect();
+        let mut bytes = Vec::new();
+        write(&values, &mut bytes);
+        write::<u32>(&[], &mut bytes);
+        let (read_values, rest) = read::<u64>(&bytes, 1000).unwrap();
+        assert_eq!((read_values, rest), (values, &[0u8][..]));
+        assert!(read::<u64>(&bytes, 999).is_none() && read::<u32>(&bytes, 1000).is_none());
+        assert!(read::<u32>(rest, 0).unwrap().0.is_empty());
+    }
+
+    /// A file of a few bytes may not claim more memory than a reader would give any file.
+    #[test]
+    fn much_of_little_is_made_longer() {
+        let sealed_bytes = sealed(vec![1, 2, 3], 100_000_000);
+        let (inner, most) = opened(&sealed_bytes).unwrap();
+        assert!(inner.starts_with(&[1, 2, 3, 0]) && most >= 100_000_000);
+        assert!(opened(&sealed(vec![1], 5)).unwrap().1 < 5_000_000);
+        assert!(opened(&[1, 2, 3]).is_none());
+    }
+}

@@ -1,0 +1,93 @@
+use super::*;
+use crate::testing::{clustered, held, odd};
+use proptest::prelude::*;
+
+#[test]
+fn the_bound_is_kept_and_larger_bounds_give_smaller_files() {
+    let particles = clustered(5000);
+    let sizes = [0.001, 0.03, 0.5, 4.0, 100.0].map(|bound| held(&Quantised, &particles, bound));
+    assert!(sizes.windows(2).all(|w| w[0] > w[1]), "{sizes:?}");
+    assert!(sizes[2] * 4 < 12 * 5000);
+}
+
+#[test]
+fn odd_particles_come_back() {
+    odd().iter().for_each(|(particles, bound)| {
+        held(&Quantised, particles, *bound);
+    });
+    let strange = [vec![f32::NAN, 1.0, f32::INFINITY], vec![2.0; 3], vec![-0.0, 0.0, 5.0]];
+    held(&Quantised, &strange, 0.1);
+    for bound in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(Quantised.compress(&strange, bound).is_err());
+    }
+}
+
+fn layout(particles: &Columns, bound: f64) -> u8 {
+    held(&Quantised, particles, bound);
+    let coded = Quantised.compress(particles, bound).unwrap();
+    packed::opened(&coded.bytes).unwrap().0[0]
+}
+
+/// Each layout is the smallest of some particles.
+#[test]
+fn layouts_are_chosen_by_their_sizes() {
+    let particles = clustered(20_000);
+    assert_eq!(layout(&particles, 1.0), Layout::Cells as u8);
+    // A curve along which coordinates have constant differences of second order.
+    let curve = [0, 1, 2].map(|k| (0..3000).map(|i| ((i * i * (k + 1)) % 4099) as f32).collect());
+    assert_eq!(layout(&[0, 1, 2].map(|k| (0..2000).map(|i| (i * (k * 3001 + 17) % 2003) as f32).collect()), 0.25), 4);
+    held(&Quantised, &curve, 0.25);
+    // Too many bins for a code of 64 bits.
+    let fine = clustered(3000);
+    assert!([Layout::Axes as u8, Layout::File as u8].contains(&layout(&fine, 1e-7)));
+}
+
+#[test]
+fn every_layout_decodes_to_the_same_particles() {
+    let particles = clustered(2000);
+    let sorted = Sorted::new(Bins::of(&particles, 0.2).unwrap());
+    for layout in BINNED {
+        let bytes = packed::sealed(sorted.coded(layout).unwrap(), 2000);
+        let decoded = Quantised.decompress(&bytes).unwrap();
+        let order = (layout != Layout::File).then_some(&sorted.order[..]);
+        assert!(crate::largest_error(&particles, &decoded, order) <= 0.2);
+    }
+}
+
+/// Damaged bytes are refused by their checksum; with a checksum that fits, whatever comes is no panic.
+#[test]
+fn damaged_bytes_are_refused() {
+    let particles = clustered(300);
+    let sorted = Sorted::new(Bins::of(&particles, 0.3).unwrap());
+    let exact = exact(&clustered(40)).bytes;
+    let all = BINNED.map(|l| packed::sealed(sorted.coded(l).unwrap(), 300));
+    for good in all.iter().chain([&exact]) {
+        for i in 0..good.len() {
+            for flip in [1, 0x10, 0x80, 0xff] {
+                let mut bad = good.clone();
+                bad[i] ^= flip;
+                assert!(Quantised.decompress(&bad).is_err());
+                let _ = Quantised.decompress(&packed::sealed(bad[4..].to_vec(), 0));
+            }
+            assert!(Quantised.decompress(&good[..i]).is_err());
+            let _ = Quantised.decompress(&packed::sealed(good[4.min(i)..i].to_vec(), 0));
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_particles_are_within_the_bound(
+        rows in prop::collection::vec([-1e3f32..1e3, -1.0f32..1.0, 0.0f32..1e-3], 0..200),
+        bound in 1e-4f64..10.0,
+    ) {
+        held(&Quantised, &[0, 1, 2].map(|k| rows.iter().map(|r| r[k]).collect()), bound);
+    }
+
+    #[test]
+    fn any_bytes_are_no_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0u8..6) {
+        let mut all = vec![kind];
+        all.extend(bytes);
+        let _ = Quantised.decompress(&packed::sealed(all, 0));
+    }
+}

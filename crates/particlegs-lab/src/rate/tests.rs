@@ -1,0 +1,117 @@
+use super::*;
+use crate::lcp::Lcp;
+use crate::quantised::Quantised;
+use crate::testing::{clustered, odd};
+use crate::{Coded, check_bound};
+use particlegs::progress::Silent;
+
+/// Coordinates rounded to steps of a power of two, as ZFP's are; told to err, and by how much.
+struct Steps {
+    off: f32,
+    drop: usize,
+}
+
+impl Baseline for Steps {
+    fn name(&self) -> &'static str {
+        "steps"
+    }
+
+    fn source(&self) -> String {
+        "here".into()
+    }
+
+    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+        check_bound(bound)?;
+        let power = bound.log2().floor();
+        let bits = (20.0 - power).max(1.0) as usize;
+        let mut bytes = vec![0; particles[0].len() * bits * 4];
+        bytes.extend(particles.iter().flatten().flat_map(|v| (v + self.off).to_le_bytes()));
+        Ok(Coded { bytes, order: None })
+    }
+
+    fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+        // What comes back does not hang on the bound: twelve bytes a particle at the end.
+        let n = 40 - self.drop;
+        let values = bytes[bytes.len() - 480..].as_chunks::<4>().0;
+        Ok([0, 1, 2].map(|k| values[40 * k..40 * k + n].iter().map(|v| f32::from_le_bytes(*v)).collect()))
+    }
+}
+
+#[test]
+fn sizes_are_met() {
+    let particles = clustered(20_000);
+    for baseline in [&Lcp as &dyn Baseline, &Quantised] {
+        for ratio in [4, 20, 100] {
+            let bytes = 240_000 / ratio;
+            let found = at_size(baseline, &particles, bytes, &Silent).unwrap();
+            assert!(found.met() && found.trials <= TRIALS, "{} {ratio}: {found:?}", baseline.name());
+            let again = baseline.compress(&particles, found.bound).unwrap().bytes.len() as u64;
+            assert_eq!(again, found.bytes);
+            assert!((again as f64 / bytes as f64 - 1.0 - found.off).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_met_is_as_close_as_there_is() {
+    let particles = clustered(1000);
+    // Fewer bytes than its header.
+    let found = at_size(&Quantised, &particles, 10, &Silent).unwrap();
+    let least = Quantised.compress(&particles, 1e4).unwrap().bytes.len() as u64;
+    assert!(!found.met() && found.bytes == least && found.off > 0.0, "{found:?} {least}");
+    // More than there are digits.
+    let found = at_size(&Quantised, &particles, 1_000_000, &Silent).unwrap();
+    assert!(!found.met() && found.off < 0.0 && found.bytes > 6000, "{found:?}");
+    // Between two steps: 2560 and 2720 bytes.
+    let particles = clustered(40);
+    let found = at_size(&Steps { off: 0.0, drop: 0 }, &particles, 2630, &Silent).unwrap();
+    assert!(!found.met() && found.bytes == 2560 && found.trials <= TRIALS, "{found:?}");
+    assert!(at_size(&Lcp, &Default::default(), 100, &Silent).is_err());
+    assert!(at_size(&Lcp, &particles, 0, &Silent).is_err());
+}
+
+#[test]
+fn odd_particles_have_bounds_of_sizes() {
+    for (particles, _) in odd() {
+        if !particles[0].is_empty() {
+            let found = at_size(&Quantised, &particles, 300, &Silent).unwrap();
+            assert!(found.bound > 0.0 && found.bound.is_finite(), "{found:?}");
+        }
+    }
+}
+
+#[test]
+fn bounds_are_verified() {
+    for (particles, bound) in odd().into_iter().chain([(clustered(3000), 0.2)]) {
+        for baseline in [&Lcp as &dyn Baseline, &Quantised] {
+            let all = verified(baseline, &particles, bound);
+            assert!(matches!(all, Verified::Held(_)), "{}: {:?}", baseline.name(), all.failure());
+            let run = all.run().unwrap();
+            assert!(run.excess == 0.0 && run.bytes > 0 && run.decoded[0].len() == particles[0].len());
+        }
+    }
+    assert!(matches!(verified(&Lcp, &clustered(9), -1.0), Verified::Failed(Error::Argument { .. })));
+}
+
+#[test]
+fn failures_are_told_with_their_figures() {
+    let particles = clustered(40);
+    let within = verified(&Steps { off: 0.2, drop: 0 }, &particles, 0.25);
+    assert!(within.failure().is_none() && (within.run().unwrap().largest_error - 0.2).abs() < 1e-5);
+    let beyond = verified(&Steps { off: 0.2, drop: 0 }, &particles, 0.15);
+    let Verified::Exceeded(run) = &beyond else { panic!("an error of 0.2 passes a bound of 0.15") };
+    assert!((run.excess - 0.05).abs() < 1e-4, "{}", run.excess);
+    assert!(beyond.failure().unwrap().contains("0.15"));
+    let nan = verified(&Steps { off: f32::NAN, drop: 0 }, &particles, 0.15);
+    assert!(matches!(&nan, Verified::Exceeded(run) if run.excess == f64::INFINITY));
+    let fewer = verified(&Steps { off: 0.0, drop: 1 }, &particles, 0.15);
+    assert_eq!(fewer.failure().unwrap(), "steps: 39 particles came back of 40");
+    assert!(!is_order(&[0, 0], 2) && !is_order(&[0, 2], 2) && !is_order(&[0], 2) && is_order(&[1, 0], 2));
+}
+
+#[test]
+fn half_ulps_are_those_of_the_coordinate() {
+    assert_eq!(half_ulp(1.0), f64::from(f32::EPSILON) / 2.0);
+    assert_eq!((half_ulp(-64.0), half_ulp(f32::INFINITY), half_ulp(f32::MAX)), (half_ulp(64.0), 0.0, 0.0));
+    assert!(half_ulp(0.0) > 0.0 && half_ulp(0.0) < 1e-45);
+}

@@ -1,0 +1,103 @@
+//! What users do who need fewer bytes: a random subset of the particles, drawn larger.
+
+use crate::Columns;
+use particlegs::codec::Thinning;
+use particlegs::math::each_axis;
+use particlegs::progress::Progress;
+use particlegs::space::Bounds;
+use particlegs::{Error, Result};
+
+/// A random subset as its coded bytes have it.
+pub struct Subset {
+    /// The particles kept.
+    pub particles: Columns,
+    /// Bytes that they take.
+    pub bytes: u64,
+    /// What the radius is multiplied by, sqrt(N / kept), so that as much light is covered.
+    pub radius_factor: f64,
+}
+
+/// The most particles, the first of one random order of all, whose places within 0.05 of the mean spacing
+/// ([`mean_spacing`]) take at most `bytes`. `None` where not one fits. Coded and decoded are measured, not estimated.
+///
+/// # Errors
+/// [`Error::Argument`] for coordinates that are not finite, or more particles than 2^32; [`Error::Cancelled`].
+pub fn subset(particles: &Columns, bytes: u64, seed: u64, progress: &dyn Progress) -> Result<Option<Subset>> {
+    let n = particles[0].len();
+    if u32::try_from(n).is_err() || !particles.iter().flatten().all(|v| v.is_finite()) {
+        return Err(Error::argument(format!(
+            "a subset is taken of finite coordinates of fewer than {} particles",
+            1u64 << 32
+        )));
+    }
+    let place = |i: usize| each_axis(|k| f64::from(particles[k][i]));
+    let bounds = bounds(particles);
+    let thinning = Thinning { bounds: &bounds, spacing: mean_spacing(particles), bytes, seed };
+    let most = thinning.most(n, place, progress)?;
+    Ok(most.map(|coded| Subset {
+        radius_factor: (n as f64 / coded.position[0].len() as f64).sqrt(),
+        bytes: coded.bytes as u64,
+        particles: coded.position.map(|c| c.into_iter().map(|v| v as f32).collect()),
+    }))
+}
+
+/// The edge of a particle's share of the box around all: the cube root of volume over number; axes without an extent
+/// count as the longest. 1 for no particles.
+pub fn mean_spacing(particles: &Columns) -> f64 {
+    match particles[0].len() {
+        0 => 1.0,
+        n => bounds(particles).extent_nonzero().iter().map(|e| e.cbrt()).product::<f64>() / (n as f64).cbrt(),
+    }
+}
+
+fn bounds(particles: &Columns) -> Bounds {
+    let mut bounds = Bounds::empty();
+    (0..particles[0].len()).for_each(|i| bounds.include(each_axis(|k| f64::from(particles[k][i]))));
+    bounds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+    use particlegs::progress::Silent;
+
+    #[test]
+    fn as_many_are_kept_as_fit() {
+        let particles = testing::clustered(20_000);
+        let of = |bytes, seed| subset(&particles, bytes, seed, &Silent).unwrap();
+        for bytes in [1_000, 10_000] {
+            let thin = of(bytes, 3).unwrap();
+            let kept = thin.particles[0].len();
+            assert!(thin.bytes <= bytes && thin.bytes as f64 > 0.98 * bytes as f64, "{} of {bytes}", thin.bytes);
+            assert!((thin.radius_factor.powi(2) * kept as f64 / 20_000.0 - 1.0).abs() < 1e-12);
+            assert_eq!(thin.particles, of(bytes, 3).unwrap().particles);
+            assert_ne!(thin.particles[0][..10], of(bytes, 4).unwrap().particles[0][..10]);
+        }
+        assert!(of(50, 1).is_none());
+        assert_eq!(of(1_000_000, 1).unwrap().particles[0].len(), 20_000);
+    }
+
+    /// Every particle kept is one of the snapshot's, as close as was said.
+    #[test]
+    fn those_kept_are_particles() {
+        let particles = testing::clustered(2000);
+        let thin = subset(&particles, 600, 5, &Silent).unwrap().unwrap();
+        let close = 0.05 * mean_spacing(&particles) + 1e-5;
+        for i in 0..thin.particles[0].len() {
+            let near = |j: &usize| (0..3).all(|k| f64::from((thin.particles[k][i] - particles[k][*j]).abs()) <= close);
+            assert!((0..2000).any(|j| near(&j)), "{i}");
+        }
+    }
+
+    #[test]
+    fn odd_particles_are_taken_or_refused() {
+        let none: Columns = Default::default();
+        assert!(subset(&none, 1000, 1, &Silent).unwrap().is_none());
+        let same = [vec![5.0f32; 9], vec![5.0; 9], vec![-1e7; 9]];
+        let all = subset(&same, 1000, 1, &Silent).unwrap().unwrap();
+        assert_eq!((all.particles, all.radius_factor), (same, 1.0));
+        let bad = [vec![1.0, f32::NAN], vec![0.0; 2], vec![0.0; 2]];
+        assert!(matches!(subset(&bad, 1000, 1, &Silent), Err(Error::Argument { .. })));
+    }
+}
