@@ -51,7 +51,7 @@ pub fn write<T: Number>(values: &[T], out: &mut Vec<u8>) {
     out.extend(coded);
 }
 
-/// At most `most` numbers, and what follows them; `None` for bytes that [`write`] did not make.
+/// At most `most` numbers, and what follows them; `None` for bytes that [`write()`] did not make.
 pub fn read<T: Number + Default>(bytes: &[u8], most: usize) -> Option<(Vec<T>, &[u8])> {
     let (length, rest) = read_number(bytes)?;
     let (coded, rest) = rest.split_at_checked(usize::try_from(length).ok()?)?;
