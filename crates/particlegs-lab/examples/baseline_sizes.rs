@@ -1,24 +1,46 @@
-//! Sizes of every baseline on raw columns, each run's bound verified: `baseline_sizes FOLDER BOUND...`; SZ3 and ZFP too
-//! where PARTICLEGS_LAB_PYTHON names a Python that has them. Lines of CSV.
+//! Sizes of every baseline on raw columns, each run's bound verified: `baseline_sizes FOLDER BOUND|RATIOx...`, as
+//! `0.2 263x`; SZ3 and ZFP too where PARTICLEGS_LAB_PYTHON names a Python that has them. Lines of CSV.
 use particlegs::particles::Particles;
-use particlegs_lab::{baselines, external::External, rate};
+use particlegs::progress::Silent;
+use particlegs_lab::{Baseline, Columns, baselines, external::External, rate, subset};
 
 fn main() -> particlegs::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let particles = Particles::open_raw(&[arguments.next().expect("a folder").into()])?;
     let columns = [0, 1, 2].map(|k| (0..particles.len()).map(|i| particles.position(i)[k] as f32).collect());
     let external = std::env::var_os("PARTICLEGS_LAB_PYTHON").map(|p| External::start(p.as_ref())).transpose()?;
-    let bounds: Vec<f64> = arguments.map(|a| a.parse().expect("a bound")).collect();
-    println!("baseline;bound;bytes;compress_s;decompress_s;largest_error;failure;source");
+    let asked: Vec<String> = arguments.collect();
+    println!("baseline;asked;bound;bytes;compress_s;decompress_s;largest_error;failure;source");
     for baseline in baselines(external.as_ref()) {
-        for bound in &bounds {
-            let verified = rate::verified(&*baseline, &columns, *bound);
-            let failure = verified.failure().unwrap_or_default();
-            let figures = verified.run().map_or(";;;".into(), |r| {
-                format!("{};{:.2};{:.2};{}", r.bytes, r.compress_seconds, r.decompress_seconds, r.largest_error)
-            });
-            println!("{};{bound};{figures};{failure};{}", baseline.name(), baseline.source());
+        asked.iter().try_for_each(|a| line(&*baseline, &columns, a))?;
+    }
+    for ratio in asked.iter().filter_map(|a| a.strip_suffix('x')) {
+        let bytes = bytes_of(&columns, ratio);
+        if let Some(thin) = subset::subset(&columns, bytes, 1, &Silent)? {
+            println!("subset of {};{ratio}x;;{};;;;;", thin.particles[0].len(), thin.bytes);
         }
     }
+    Ok(())
+}
+
+fn bytes_of(columns: &Columns, ratio: &str) -> u64 {
+    (12.0 * columns[0].len() as f64 / ratio.parse::<f64>().expect("a ratio")) as u64
+}
+
+fn line(baseline: &dyn Baseline, columns: &Columns, asked: &str) -> particlegs::Result<()> {
+    let bound = match asked.strip_suffix('x') {
+        None => asked.parse().expect("a bound"),
+        Some(ratio) => {
+            let found = rate::at_size(baseline, columns, bytes_of(columns, ratio), &Silent)?;
+            eprintln!("{} at {asked}: {found:?}", baseline.name());
+            found.bound
+        }
+    };
+    let verified = rate::verified(baseline, columns, bound);
+    let failure = verified.failure().unwrap_or_default();
+    let figures = verified.run().map_or(";;;".into(), |r| {
+        format!("{};{:.2};{:.2};{}", r.bytes, r.compress_seconds, r.decompress_seconds, r.largest_error)
+    });
+    println!("{};{asked};{bound};{figures};{failure};{}", baseline.name(), baseline.source());
     Ok(())
 }

@@ -1,10 +1,10 @@
 """SZ3 and ZFP for the laboratory: answers requests on standard input until it ends.
 
-A request is its length (uint64), then: a letter for what is asked ('v' versions, 'c' compress, 'd' decompress), the length
-of a compressor's name (uint8) and the name, the bound (float64), the number of particles (uint64), and data: three columns
-of float32 one after the other, or what was compressed. An answer is 'K', 'E' (an error) or 'M' (packages are missing), its
-length (uint64), and bytes: of 'v' lines "name source", of 'c' what a decoder needs, of 'd' three columns, of an error its
-text, of 'M' the packages. All little-endian.
+A request is its length (uint64), then: a letter for what is asked ('v' versions, 'c' compress, 'd' decompress), the
+length of a compressor's name (uint8) and the name, the bound (float64), the number of particles (uint64), and data:
+three columns of float32 one after the other, or what was compressed. An answer is 'K', 'E' (an error) or 'M' (packages
+are missing), its length (uint64), and bytes: of 'v' lines "name source", of 'c' what a decoder needs, of 'd' three
+columns, of an error its text, of 'M' the packages. All little-endian.
 """
 
 import os

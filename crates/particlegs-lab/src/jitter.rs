@@ -4,8 +4,8 @@ use crate::Columns;
 use particlegs::math::{Purpose, Random};
 use particlegs::parallel;
 
-/// Moves every coordinate by a uniform draw within `bound` of where it is. What was decoded within a bound of the truth
-/// is within twice the bound of it then, and half a float32 ulp of rounding less or more at no time.
+/// Moves every coordinate by a uniform draw within `bound` of where it is, by no more after rounding to float32: what was
+/// decoded within a bound of the truth is then within twice the bound of it.
 pub fn jittered(decoded: &Columns, bound: f64, seed: u64) -> Columns {
     let columns = parallel::map(0..3, |k| {
         let mut random = Random::of(Purpose::Jitter, seed, k as u64);

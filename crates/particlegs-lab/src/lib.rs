@@ -51,8 +51,8 @@ pub trait Baseline: Sync {
     /// Compresses particles so that no decoded coordinate is off by more than `bound`.
     ///
     /// # Errors
-    /// [`particlegs::Error::Argument`] for a bound that is not positive and finite, or columns of unequal lengths where
-    /// it matters; of [`external`] ones [`particlegs::Error::Input`] for what their library said.
+    /// [`particlegs::Error::Argument`] for a bound that is not positive and finite; of [`external`] ones
+    /// [`particlegs::Error::Input`] for what their library said.
     fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded>;
     /// The particles.
     ///

@@ -1,9 +1,11 @@
 //! Streams of numbers by pco, one after the other, behind a checksum; readers take at most what they expect.
 
+use pco::ChunkConfig;
 use pco::data_types::Number;
 use pco::standalone::{DecompressorItem, FileDecompressor, simple_compress};
-use pco::{ChunkConfig, DEFAULT_COMPRESSION_LEVEL};
 
+/// pco's highest: the level of all that it tries.
+const LEVEL: usize = 12;
 /// Bytes of the checksum.
 const CHECKSUM: usize = 4;
 /// Particles that any bytes may decode to, and more of them a byte: what a reader takes of memory follows from what it
@@ -40,7 +42,7 @@ pub fn read_number(mut bytes: &[u8]) -> Option<(u64, &[u8])> {
 
 /// Appends numbers; nothing but a zero for none.
 pub fn write<T: Number>(values: &[T], out: &mut Vec<u8>) {
-    let config = ChunkConfig::default().with_compression_level(DEFAULT_COMPRESSION_LEVEL);
+    let config = ChunkConfig::default().with_compression_level(LEVEL);
     let coded = match values.is_empty() {
         true => Vec::new(),
         false => simple_compress(values, &config).expect("a preset, and memory to write to"),
@@ -49,7 +51,7 @@ pub fn write<T: Number>(values: &[T], out: &mut Vec<u8>) {
     out.extend(coded);
 }
 
-/// At most `most` numbers, and what follows them; `None` for bytes that [`write`] did not make.
+/// At most `most` numbers, and what follows them; `None` for bytes that [`write()`] did not make.
 pub fn read<T: Number + Default>(bytes: &[u8], most: usize) -> Option<(Vec<T>, &[u8])> {
     let (length, rest) = read_number(bytes)?;
     let (coded, rest) = rest.split_at_checked(usize::try_from(length).ok()?)?;

@@ -37,7 +37,7 @@ impl AtSize {
 }
 
 /// The bound at which a baseline takes as close to `bytes` as it can, on a logarithmic scale of sizes: sought between
-/// bounds of too many and too few bytes by the secant of log size over log bound, or their middle where that stalls.
+/// bounds of too many and too few bytes by the secant of log size over log bound.
 ///
 /// # Errors
 /// [`Error::Argument`] for no particles or no bytes; [`Error::Cancelled`]; a baseline's own.
@@ -94,8 +94,8 @@ impl Search {
         });
         let longest = extent.fold(0.0, f64::max);
         let longest = if longest > 0.0 { longest } else { 1.0 };
-        // From float32's own precision to one bin with room around it.
-        let ends = [longest * 2f64.powi(-30), longest * 4.0].map(f64::ln);
+        // From float32's own precision to far more than one bin: ZFP's sizes fall until then.
+        let ends = [longest * 2f64.powi(-30), longest * 1024.0].map(f64::ln);
         let bits = 8.0 * bytes as f64 / particles[0].len() as f64;
         let finite = particles.iter().flatten().all(|v| v.is_finite());
         let spacing = if finite { mean_spacing(particles) } else { longest };
@@ -120,13 +120,15 @@ impl Search {
                 if less.0 - more.0 < NARROW {
                     return false;
                 }
-                // Sizes in steps, and curves, keep one end where it is.
-                let share = if self.same.abs() > 2 { 0.5 } else { more.1 / (more.1 - less.1) };
-                more.0 + (less.0 - more.0) * share.clamp(0.02, 0.98)
+                // What stays at its end is counted half as far off each time (Illinois): sizes are curves, and steps.
+                let half = 0.5f64.powi((self.same.abs() - 1).min(8));
+                let (above, below) = if self.same < 0 { (more.1, half * less.1) } else { (half * more.1, less.1) };
+                let share = (above / (above - below)).clamp(0.02, 0.98);
+                more.0 + (less.0 - more.0) * share
             }
-            // Sizes fall with about the third root of the bound or faster; where sizes hardly fall, steps grow.
-            (Some(more), None) => more.0 + grown * (3.0 * more.1).clamp(0.1, step),
-            (None, Some(less)) => less.0 + grown * (3.0 * less.1).clamp(-step, -0.1),
+            // Sizes fall about as bounds grow; where they hardly do, steps grow.
+            (Some(more), None) => more.0 + grown * more.1.clamp(0.1, step),
+            (None, Some(less)) => less.0 + grown * less.1.clamp(-step, -0.1),
             (None, None) => return false,
         };
         let next = wanted.clamp(self.ends[0], self.ends[1]);

@@ -58,7 +58,7 @@ fn put(out: &mut Writer, value: u64, bits: u32) {
     out.put(value >> low & ((1 << (bits - low)) - 1), bits - low);
 }
 
-/// `count` values again; `None` for bytes that [`write`] did not make.
+/// `count` values again; `None` for bytes that [`write()`] did not make.
 pub fn read(bytes: &[u8], count: usize, symbol_bits: u32) -> Option<Vec<u64>> {
     let mut bits = Reader::new(bytes);
     // Children of inner nodes as indices; leaves as symbols.

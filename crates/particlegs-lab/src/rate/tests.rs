@@ -58,7 +58,7 @@ fn what_cannot_be_met_is_as_close_as_there_is() {
     // Fewer bytes than its header.
     let found = at_size(&Quantised, &particles, 10, &Silent).unwrap();
     let least = Quantised.compress(&particles, 1e4).unwrap().bytes.len() as u64;
-    assert!(!found.met() && found.bytes == least && found.off > 0.0, "{found:?} {least}");
+    assert!(!found.met() && found.bytes <= least && found.off > 0.0, "{found:?} {least}");
     // More than there are digits.
     let found = at_size(&Quantised, &particles, 1_000_000, &Silent).unwrap();
     assert!(!found.met() && found.off < 0.0 && found.bytes > 6000, "{found:?}");
