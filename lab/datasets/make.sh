@@ -15,11 +15,18 @@ dir=$(cd "$1" && pwd)
 quick=${2:-}
 python=${PYTHON:-python3}
 
-# make NAME GENERATOR [OPTIONS...]: one data set, unless it is there (the regions are looked for by their last).
+# there NAME...: whether all these data sets are complete.
+there() {
+  for each; do
+    [ -e "$dir/$each/dataset.json" ] || return 1
+  done
+}
+
+# make NAME GENERATOR [OPTIONS...]: one data set, or the five regions, unless it is there.
 make() {
   name=$1 generator=$2
   shift 2
-  if [ -e "$dir/$name/dataset.json" ] || [ -e "$dir/$name-5/dataset.json" ]; then
+  if there "$name" || there "$name-1" "$name-2" "$name-3" "$name-4" "$name-5"; then
     echo "$name: there"
     return
   fi

@@ -86,7 +86,7 @@ def relax(engine, positions, box, steps, seed):
 
 def main():
     args = arguments(__doc__, [("--seed", {"type": int, "default": SEED})])
-    cells, steps = ((4, 3, 8), 100) if args.quick else ((32, 16, 24), 800)
+    cells, steps = ((4, 3, 8), 100) if args.quick else ((28, 14, 20), 500)
     with Whole(args.out) as data:
         positions, box, grains = bicrystal(cells)
         keep = remove(positions, box, grains, np.random.default_rng(args.seed))
