@@ -74,6 +74,12 @@ impl Scale {
         (placed.is_finite() && placed >= self.low && placed <= self.high).then_some(placed)
     }
 
+    /// Where a value stands, or the nearer end of the axis.
+    fn clamped(&self, v: f64) -> Option<f64> {
+        let placed = if self.log { v.log10() } else { v };
+        placed.is_finite().then(|| placed.clamp(self.low, self.high))
+    }
+
     fn ticks(self) -> Ticks {
         Ticks(self)
     }
@@ -138,6 +144,12 @@ fn colour(style: usize) -> RGBColor {
     COLOURS[style % COLOURS.len()]
 }
 
+/// Greys of bands, from the first, the palest, on.
+fn shade(band: usize) -> RGBColor {
+    let level = 236u8.saturating_sub(22 * band.min(6) as u8);
+    RGBColor(level, level, level)
+}
+
 fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) -> Option<()> {
     let mut chart = ChartBuilder::on(area)
         .margin(14)
@@ -146,6 +158,10 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
         .y_label_area_size(74)
         .build_cartesian_2d(x.ticks(), y.ticks())
         .ok()?;
+    for (i, (_, [low, high])) in plot.y.bands.iter().enumerate() {
+        let (Some(low), Some(high)) = (y.clamped(*low), y.clamped(*high)) else { continue };
+        chart.draw_series([Rectangle::new([(x.low, low), (x.high, high)], shade(i).filled())]).ok()?;
+    }
     chart
         .configure_mesh()
         .light_line_style(WHITE)
@@ -211,7 +227,7 @@ fn mark(style: usize, (x, y): (i32, i32)) -> Polygon<(i32, i32)> {
     Polygon::new(corners.iter().map(|(a, b)| (x + a, y + b)).collect::<Vec<_>>(), colour(style).filled())
 }
 
-/// The legend: curves in the order of the plot, then levels.
+/// The legend: curves in the order of the plot, then levels, then bands.
 fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot) -> Option<()> {
     let font = ("sans-serif", 15).into_font().color(&INK);
     let mut at = 58;
@@ -232,6 +248,11 @@ fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot) -> Option<()> {
             from += step + 4;
         }
         area.draw(&Text::new(format!("{name} ({})", label(*level, 100.0)), (38, at), font.clone())).ok()?;
+        at += 24;
+    }
+    for (i, (name, _)) in plot.y.bands.iter().enumerate() {
+        area.draw(&Rectangle::new([(4, at), (30, at + 16)], shade(i).filled())).ok()?;
+        area.draw(&Text::new(name.clone(), (38, at), font.clone())).ok()?;
         at += 24;
     }
     Some(())
@@ -261,6 +282,17 @@ mod tests {
             assert!(text.contains(said), "{said}");
         }
         assert!(svg(&plot(vec![Point::new(-1.0, f64::NAN)])).is_none());
+    }
+
+    #[test]
+    fn bands_are_shaded_and_named() {
+        let mut banded = plot(vec![Point::new(20.0, 31.0), Point::new(50.0, 35.0)]);
+        let plain = svg(&banded).unwrap();
+        banded.y.bands = vec![("within 10 %".into(), [30.0, 34.0])];
+        let text = svg(&banded).unwrap();
+        assert!(text.contains("within 10 %") && !plain.contains("within 10 %"));
+        // One across the plot, one in the legend.
+        assert_eq!(text.matches("#ECECEC").count(), plain.matches("#ECECEC").count() + 2);
     }
 
     #[test]

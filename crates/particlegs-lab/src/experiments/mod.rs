@@ -1,6 +1,8 @@
 //! The experiments, each a file: what it measures, and its tables and figures.
 
+mod figures;
 mod rate_distortion;
+mod recovery;
 
 use crate::found::Found;
 use crate::lab::{Lab, Snapshot};
@@ -23,7 +25,7 @@ pub struct Experiment {
 }
 
 /// All of them, in the order of a report.
-pub const EXPERIMENTS: &[Experiment] = &[rate_distortion::EXPERIMENT];
+pub const EXPERIMENTS: &[Experiment] = &[rate_distortion::EXPERIMENT, recovery::EXPERIMENT, figures::EXPERIMENT];
 
 /// The experiments that a name stands for: one, or `all` that the settings allow.
 ///
