@@ -10,6 +10,8 @@ pub const SIZE: (u32, u32) = (1000, 560);
 /// Pixels of the legend, across.
 const LEGEND: u32 = 270;
 const INK: RGBColor = RGBColor(40, 40, 40);
+/// Share of ink in a band; a band within another is as much darker.
+const SHADE: f64 = 0.1;
 /// Colours that people who see few colours tell apart (Okabe and Ito 2008), and two greys.
 const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
@@ -144,12 +146,6 @@ fn colour(style: usize) -> RGBColor {
     COLOURS[style % COLOURS.len()]
 }
 
-/// Greys of bands, from the first, the palest, on.
-fn shade(band: usize) -> RGBColor {
-    let level = 236u8.saturating_sub(22 * band.min(6) as u8);
-    RGBColor(level, level, level)
-}
-
 fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) -> Option<()> {
     let mut chart = ChartBuilder::on(area)
         .margin(14)
@@ -158,10 +154,6 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
         .y_label_area_size(74)
         .build_cartesian_2d(x.ticks(), y.ticks())
         .ok()?;
-    for (i, (_, [low, high])) in plot.y.bands.iter().enumerate() {
-        let (Some(low), Some(high)) = (y.clamped(*low), y.clamped(*high)) else { continue };
-        chart.draw_series([Rectangle::new([(x.low, low), (x.high, high)], shade(i).filled())]).ok()?;
-    }
     chart
         .configure_mesh()
         .light_line_style(WHITE)
@@ -171,6 +163,10 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
         .y_desc(&plot.y.label)
         .draw()
         .ok()?;
+    for (_, [low, high]) in &plot.y.bands {
+        let (Some(low), Some(high)) = (y.clamped(*low), y.clamped(*high)) else { continue };
+        chart.draw_series([Rectangle::new([(x.low, low), (x.high, high)], INK.mix(SHADE).filled())]).ok()?;
+    }
     for (i, (_, level)) in plot.levels.iter().enumerate() {
         if let Some(v) = y.place(*level) {
             let ends = [(x.low, v), (x.high, v)];
@@ -178,12 +174,14 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
         }
     }
     for s in &plot.series {
-        let (ink, shown) = (colour(s.style), placed(s, x, y));
-        match s.dashed {
-            true => {
-                chart.draw_series(DashedLineSeries::new(shown.clone(), 8, 5, ink.stroke_width(2))).ok().map(drop)?
+        let (ink, runs) = (colour(s.style), runs(s, x, y));
+        for run in &runs {
+            match s.dashed {
+                true => {
+                    chart.draw_series(DashedLineSeries::new(run.clone(), 8, 5, ink.stroke_width(2))).ok().map(drop)?
+                }
+                false => chart.draw_series(LineSeries::new(run.clone(), ink.stroke_width(2))).ok().map(drop)?,
             }
-            false => chart.draw_series(LineSeries::new(shown.clone(), ink.stroke_width(2))).ok().map(drop)?,
         }
         for p in &s.points {
             let ends = p.range.map(|r| r.map(|v| y.place(v)));
@@ -191,16 +189,21 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
                 chart.draw_series([PathElement::new(vec![(at, low), (at, high)], ink.stroke_width(2))]).ok()?;
             }
         }
-        for at in shown {
+        for at in runs.into_iter().flatten() {
             chart.draw_series([at].map(|at| EmptyElement::at(at) + mark(s.style, (0, 0)))).ok()?;
         }
     }
     Some(())
 }
 
-/// Points that the axes can show.
-fn placed(s: &Series, x: Scale, y: Scale) -> Vec<(f64, f64)> {
-    s.points.iter().filter_map(|p| Some((x.place(p.x)?, y.place(p.y)?))).collect()
+/// Points that the axes can show, in runs: a line does not go on past a point that they cannot.
+fn runs(s: &Series, x: Scale, y: Scale) -> Vec<Vec<(f64, f64)>> {
+    let placed: Vec<Option<(f64, f64)>> = s.points.iter().map(|p| Some((x.place(p.x)?, y.place(p.y)?))).collect();
+    placed
+        .split(Option::is_none)
+        .filter(|run| !run.is_empty())
+        .map(|run| run.iter().flatten().copied().collect())
+        .collect()
 }
 
 /// A mark: circles, squares, triangles in turn, so that colour is not all that tells curves apart.
@@ -251,7 +254,9 @@ fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot) -> Option<()> {
         at += 24;
     }
     for (i, (name, _)) in plot.y.bands.iter().enumerate() {
-        area.draw(&Rectangle::new([(4, at), (30, at + 16)], shade(i).filled())).ok()?;
+        for _ in 0..=i {
+            area.draw(&Rectangle::new([(4, at), (30, at + 16)], INK.mix(SHADE).filled())).ok()?;
+        }
         area.draw(&Text::new(name.clone(), (38, at), font.clone())).ok()?;
         at += 24;
     }
@@ -285,6 +290,14 @@ mod tests {
     }
 
     #[test]
+    fn lines_end_where_the_axes_do() {
+        let points = [1.0, 2.0, 50.0, 3.0].iter().enumerate().map(|(i, v)| Point::new(i as f64, *v)).collect();
+        let series = Series { name: "s".into(), style: 0, dashed: false, points };
+        let scale = |high| Scale { log: false, low: 0.0, high };
+        assert_eq!(runs(&series, scale(9.0), scale(9.0)), [vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 3.0)]]);
+    }
+
+    #[test]
     fn bands_are_shaded_and_named() {
         let mut banded = plot(vec![Point::new(20.0, 31.0), Point::new(50.0, 35.0)]);
         let plain = svg(&banded).unwrap();
@@ -292,7 +305,8 @@ mod tests {
         let text = svg(&banded).unwrap();
         assert!(text.contains("within 10 %") && !plain.contains("within 10 %"));
         // One across the plot, one in the legend.
-        assert_eq!(text.matches("#ECECEC").count(), plain.matches("#ECECEC").count() + 2);
+        let shaded = |text: &str| text.matches("opacity=\"0.1\"").count();
+        assert_eq!(shaded(&text), shaded(&plain) + 2);
     }
 
     #[test]

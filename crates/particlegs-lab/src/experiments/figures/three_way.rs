@@ -115,7 +115,7 @@ fn plot(ways: &[Way]) -> Plot {
     });
     let frames = ways.first().map_or(0, |w| masked(&w.scores, Some("far")).len());
     Plot {
-        name: "three-way".into(),
+        name: "three-way-decibels".into(),
         title: "The model's pictures and those of particles drawn from it, against all particles".into(),
         x: Axis::linear(format!("view: 1 to {frames} far, to {} mid, to {} near", 2 * frames, 3 * frames)),
         y: Axis::linear("masked PSNR, dB"),

@@ -91,7 +91,7 @@ fn power_of_methods(m: &Measured) -> Plot {
 fn r_of_methods(m: &Measured) -> Plot {
     let series = of_methods(m, |o| power_points(&o.all, |s| s.r));
     let title = format!("Cross-correlation r(k) at ratio {RATIO:.0}, by method");
-    let y = Axis { range: Some([0.5, 1.01]), ..Axis::linear("r(k), shot noise included") };
+    let y = Axis { range: Some([0.8, 1.005]), ..Axis::linear("r(k), shot noise included") };
     plot("recovery-phases", title, wave_numbers(m), y, series)
 }
 

@@ -14,8 +14,9 @@ const PLANES: usize = 16;
 const RANGE: [f64; 2] = [-1.25, 2.0];
 /// Pixels of a picture at least, across.
 const WIDTH: usize = 480;
-/// Height of the strip of all colours, pixels.
+/// Height of the strip of all colours, and of the white between it and the picture, pixels.
 const STRIP: usize = 14;
+const GAP: usize = 4;
 
 /// log10 of density over its mean in the central slab across z.
 pub(super) fn pictures(drawn: &Drawn<'_>) -> Result<Pictures> {
@@ -73,7 +74,7 @@ fn slab(field: &Field) -> Vec<f64> {
 /// In colours, y upwards, every cell a square of whole pixels, and the strip below.
 fn painted(columns: &[f64], [nx, ny, _]: [usize; 3]) -> Rgb8 {
     let by = WIDTH.div_ceil(nx).max(1);
-    let size = Size { width: by * nx, height: by * ny + STRIP };
+    let size = Size { width: by * nx, height: by * ny + GAP + STRIP };
     let colour = |share: f64| Colormap::Inferno.color(share as f32);
     let mut data = Vec::with_capacity(size.pixels());
     for row in 0..by * ny {
@@ -83,6 +84,7 @@ fn painted(columns: &[f64], [nx, ny, _]: [usize; 3]) -> Rgb8 {
             colour((value - RANGE[0]) / (RANGE[1] - RANGE[0]))
         }));
     }
+    data.extend(std::iter::repeat_n([255; 3], GAP * size.width));
     for _ in 0..STRIP {
         data.extend((0..size.width).map(|px| colour(px as f64 / (size.width - 1) as f64)));
     }
@@ -103,7 +105,7 @@ mod tests {
         // 48 in 128 cells is 0.375 a cell; 3 / 0.375.
         assert_eq!(columns, [0.0, 8.0, 0.0, 0.0]);
         let picture = painted(&columns, grid.cells);
-        assert_eq!((picture.size.width, picture.size.height), (480, 480 + STRIP));
+        assert_eq!((picture.size.width, picture.size.height), (480, 480 + GAP + STRIP));
         let dark = Colormap::Inferno.color(0.0);
         assert_ne!(picture.data[0], dark);
         assert_eq!((picture.data[479], picture.data[300 * 480]), (dark, dark));
