@@ -183,17 +183,20 @@ pub struct Axis {
     pub log: bool,
     /// Ends; `None` = as the values have it.
     pub range: Option<[f64; 2]>,
+    /// Shaded bands across the plot from one value to another, with their names: the wider before the narrower.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bands: Vec<(String, [f64; 2])>,
 }
 
 impl Axis {
     /// In equal steps.
     pub fn linear(label: impl Into<String>) -> Axis {
-        Axis { label: label.into(), log: false, range: None }
+        Axis { label: label.into(), log: false, range: None, bands: vec![] }
     }
 
     /// In equal factors.
     pub fn logarithmic(label: impl Into<String>) -> Axis {
-        Axis { label: label.into(), log: true, range: None }
+        Axis { label: label.into(), log: true, range: None, bands: vec![] }
     }
 }
 

@@ -10,6 +10,8 @@ pub const SIZE: (u32, u32) = (1000, 560);
 /// Pixels of the legend, across.
 const LEGEND: u32 = 270;
 const INK: RGBColor = RGBColor(40, 40, 40);
+/// Share of ink in a band; a band within another is as much darker.
+const SHADE: f64 = 0.1;
 /// Colours that people who see few colours tell apart (Okabe and Ito 2008), and two greys.
 const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
@@ -72,6 +74,12 @@ impl Scale {
     fn place(&self, v: f64) -> Option<f64> {
         let placed = if self.log { v.log10() } else { v };
         (placed.is_finite() && placed >= self.low && placed <= self.high).then_some(placed)
+    }
+
+    /// Where a value stands, or the nearer end of the axis.
+    fn clamped(&self, v: f64) -> Option<f64> {
+        let placed = if self.log { v.log10() } else { v };
+        placed.is_finite().then(|| placed.clamp(self.low, self.high))
     }
 
     fn ticks(self) -> Ticks {
@@ -155,6 +163,10 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
         .y_desc(&plot.y.label)
         .draw()
         .ok()?;
+    for (_, [low, high]) in &plot.y.bands {
+        let (Some(low), Some(high)) = (y.clamped(*low), y.clamped(*high)) else { continue };
+        chart.draw_series([Rectangle::new([(x.low, low), (x.high, high)], INK.mix(SHADE).filled())]).ok()?;
+    }
     for (i, (_, level)) in plot.levels.iter().enumerate() {
         if let Some(v) = y.place(*level) {
             let ends = [(x.low, v), (x.high, v)];
@@ -162,12 +174,14 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
         }
     }
     for s in &plot.series {
-        let (ink, shown) = (colour(s.style), placed(s, x, y));
-        match s.dashed {
-            true => {
-                chart.draw_series(DashedLineSeries::new(shown.clone(), 8, 5, ink.stroke_width(2))).ok().map(drop)?
+        let (ink, runs) = (colour(s.style), runs(s, x, y));
+        for run in &runs {
+            match s.dashed {
+                true => {
+                    chart.draw_series(DashedLineSeries::new(run.clone(), 8, 5, ink.stroke_width(2))).ok().map(drop)?
+                }
+                false => chart.draw_series(LineSeries::new(run.clone(), ink.stroke_width(2))).ok().map(drop)?,
             }
-            false => chart.draw_series(LineSeries::new(shown.clone(), ink.stroke_width(2))).ok().map(drop)?,
         }
         for p in &s.points {
             let ends = p.range.map(|r| r.map(|v| y.place(v)));
@@ -175,16 +189,21 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
                 chart.draw_series([PathElement::new(vec![(at, low), (at, high)], ink.stroke_width(2))]).ok()?;
             }
         }
-        for at in shown {
+        for at in runs.into_iter().flatten() {
             chart.draw_series([at].map(|at| EmptyElement::at(at) + mark(s.style, (0, 0)))).ok()?;
         }
     }
     Some(())
 }
 
-/// Points that the axes can show.
-fn placed(s: &Series, x: Scale, y: Scale) -> Vec<(f64, f64)> {
-    s.points.iter().filter_map(|p| Some((x.place(p.x)?, y.place(p.y)?))).collect()
+/// Points that the axes can show, in runs: a line does not go on past a point that they cannot.
+fn runs(s: &Series, x: Scale, y: Scale) -> Vec<Vec<(f64, f64)>> {
+    let placed: Vec<Option<(f64, f64)>> = s.points.iter().map(|p| Some((x.place(p.x)?, y.place(p.y)?))).collect();
+    placed
+        .split(Option::is_none)
+        .filter(|run| !run.is_empty())
+        .map(|run| run.iter().flatten().copied().collect())
+        .collect()
 }
 
 /// A mark: circles, squares, triangles in turn, so that colour is not all that tells curves apart.
@@ -211,7 +230,7 @@ fn mark(style: usize, (x, y): (i32, i32)) -> Polygon<(i32, i32)> {
     Polygon::new(corners.iter().map(|(a, b)| (x + a, y + b)).collect::<Vec<_>>(), colour(style).filled())
 }
 
-/// The legend: curves in the order of the plot, then levels.
+/// The legend: curves in the order of the plot, then levels, then bands.
 fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot) -> Option<()> {
     let font = ("sans-serif", 15).into_font().color(&INK);
     let mut at = 58;
@@ -232,6 +251,13 @@ fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot) -> Option<()> {
             from += step + 4;
         }
         area.draw(&Text::new(format!("{name} ({})", label(*level, 100.0)), (38, at), font.clone())).ok()?;
+        at += 24;
+    }
+    for (i, (name, _)) in plot.y.bands.iter().enumerate() {
+        for _ in 0..=i {
+            area.draw(&Rectangle::new([(4, at), (30, at + 16)], INK.mix(SHADE).filled())).ok()?;
+        }
+        area.draw(&Text::new(name.clone(), (38, at), font.clone())).ok()?;
         at += 24;
     }
     Some(())
@@ -261,6 +287,26 @@ mod tests {
             assert!(text.contains(said), "{said}");
         }
         assert!(svg(&plot(vec![Point::new(-1.0, f64::NAN)])).is_none());
+    }
+
+    #[test]
+    fn lines_end_where_the_axes_do() {
+        let points = [1.0, 2.0, 50.0, 3.0].iter().enumerate().map(|(i, v)| Point::new(i as f64, *v)).collect();
+        let series = Series { name: "s".into(), style: 0, dashed: false, points };
+        let scale = |high| Scale { log: false, low: 0.0, high };
+        assert_eq!(runs(&series, scale(9.0), scale(9.0)), [vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 3.0)]]);
+    }
+
+    #[test]
+    fn bands_are_shaded_and_named() {
+        let mut banded = plot(vec![Point::new(20.0, 31.0), Point::new(50.0, 35.0)]);
+        let plain = svg(&banded).unwrap();
+        banded.y.bands = vec![("within 10 %".into(), [30.0, 34.0])];
+        let text = svg(&banded).unwrap();
+        assert!(text.contains("within 10 %") && !plain.contains("within 10 %"));
+        // One across the plot, one in the legend.
+        let shaded = |text: &str| text.matches("opacity=\"0.1\"").count();
+        assert_eq!(shaded(&text), shaded(&plain) + 2);
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! The experiments, each a file: what it measures, and its tables and figures.
 
 mod datasets;
+mod figures;
 mod rate_distortion;
+mod recovery;
 
 use crate::found::Found;
 use crate::lab::{Lab, Snapshot};
@@ -24,7 +26,12 @@ pub struct Experiment {
 }
 
 /// All of them, in the order of a report.
-pub const EXPERIMENTS: &[Experiment] = &[rate_distortion::EXPERIMENT, datasets::EXPERIMENT];
+pub const EXPERIMENTS: &[Experiment] = &[
+    rate_distortion::EXPERIMENT,
+    datasets::EXPERIMENT,
+    recovery::EXPERIMENT,
+    figures::EXPERIMENT,
+];
 
 /// The experiments that a name stands for: one, or `all` that the settings allow.
 ///

@@ -249,7 +249,8 @@ impl<'a> Rows<'a> {
             points.iter().filter(|x| square_between(x, &nearest(x)) <= square).copied().collect()
         };
         let others = near(others, &own);
-        let own = near(&own, &others);
+        // Without one there are no bounds to be near to.
+        let own = if others.is_empty() { vec![] } else { near(&own, &others) };
         own.iter().any(|x| !walk.progress.cancelled() && any(*x, &others))
     }
 
@@ -419,12 +420,15 @@ mod tests {
     #[test]
     fn crowds_and_outliers_are_told_apart() {
         let domain = Domain { min: [0.0; 3], length: [1e20, 1.0, 1.0], periodic: [false; 3] };
-        let mut x: Vec<[f64; 3]> = (0..4000).map(|i| [0.3 + 1e-6 * f64::from(i % 2), 0.5, 0.5]).collect();
-        x.extend((0..4000).map(|i| [0.3 + 1.4e-3, 0.5 + 1e-6 * f64::from(i % 3), 0.5]));
-        x.extend([[1e20; 3], [0.9e20; 3], [1e20; 3]]);
-        let members = find_groups(&x, &domain, 1e-3, 2, &Silent).unwrap().members;
-        assert_eq!(members.iter().map(Vec::len).collect::<Vec<_>>(), [4000, 4000, 2]);
-        assert_eq!(find_groups(&x, &domain, 1.5e-3, 2, &Silent).unwrap().members.len(), 2);
+        // 1.1e-3: cells that are compared, and no particle of the one near the other's crowd.
+        for apart in [1.1e-3, 1.4e-3] {
+            let mut x: Vec<[f64; 3]> = (0..4000).map(|i| [0.3 + 1e-6 * f64::from(i % 2), 0.5, 0.5]).collect();
+            x.extend((0..4000).map(|i| [0.3 + apart, 0.5 + 1e-6 * f64::from(i % 3), 0.5]));
+            x.extend([[1e20; 3], [0.9e20; 3], [1e20; 3]]);
+            let members = find_groups(&x, &domain, 1e-3, 2, &Silent).unwrap().members;
+            assert_eq!(members.iter().map(Vec::len).collect::<Vec<_>>(), [4000, 4000, 2]);
+            assert_eq!(find_groups(&x, &domain, 1.5e-3, 2, &Silent).unwrap().members.len(), 2);
+        }
     }
 
     #[test]

@@ -1,0 +1,145 @@
+//! Which analyses recovered particles support, judged from the figures of the other tables alone.
+
+use super::facts::Facts;
+use super::{Measured, OfSize};
+use crate::found::{Cell, Table};
+
+/// An analysis: what is judged, its limits for `yes` and `care`, and the figure that is held to them.
+struct Analysis {
+    what: &'static str,
+    limits: [f64; 2],
+    /// As the limits stand in the table.
+    said: &'static str,
+    figure: fn(&OfSize) -> Option<f64>,
+}
+
+const ANALYSES: [Analysis; 11] = [
+    Analysis {
+        what: "density in cells: 1 - correlation",
+        limits: [0.002, 0.01],
+        said: "0.002 / 0.01",
+        figure: |o| Some(1.0 - o.count.correlation?),
+    },
+    Analysis {
+        what: "counts in cells: MAE of delta",
+        limits: [0.21, 0.3],
+        said: "0.21 / 0.3",
+        figure: |o| o.count.mae,
+    },
+    Analysis {
+        what: "P(k) to a quarter of the last k",
+        limits: [0.01, 0.05],
+        said: "1 % / 5 %",
+        figure: |o| power_off(&o.count, 0.25),
+    },
+    Analysis {
+        what: "P(k) to the last k, the particles' Nyquist frequency",
+        limits: [0.01, 0.05],
+        said: "1 % / 5 %",
+        figure: |o| power_off(&o.count, 1.0),
+    },
+    Analysis {
+        what: "phases to a quarter of the last k: 1 - r",
+        limits: [0.01, 0.1],
+        said: "0.01 / 0.1",
+        figure: |o| phases_off(&o.count, 0.25),
+    },
+    Analysis {
+        what: "phases to the last k: 1 - r",
+        limits: [0.01, 0.1],
+        said: "0.01 / 0.1",
+        figure: |o| phases_off(&o.count, 1.0),
+    },
+    Analysis {
+        what: "number of groups of 100 and more",
+        limits: [0.05, 0.1],
+        said: "5 % / 10 %",
+        figure: |o| groups_off(&o.count, 100),
+    },
+    Analysis {
+        what: "number of groups of 50 to 99",
+        limits: [0.05, 0.1],
+        said: "5 % / 10 %",
+        figure: |o| groups_off(&o.count, 50),
+    },
+    Analysis {
+        what: "number of groups of 20 to 49",
+        limits: [0.05, 0.1],
+        said: "5 % / 10 %",
+        figure: |o| groups_off(&o.count, 20),
+    },
+    Analysis {
+        what: "mass in the cores of groups of 100 to 299: 1 - median",
+        limits: [0.05, 0.2],
+        said: "5 % / 20 %",
+        figure: |o| Some((1.0 - o.count.core_mass?).abs()),
+    },
+    Analysis {
+        what: "nearest neighbours, drawn `spaced`: mean and median",
+        limits: [0.05, 0.15],
+        said: "5 % / 15 %",
+        figure: |o| Some((o.spaced.nearest_mean()? - 1.0).abs().max((o.spaced.nearest_median? - 1.0).abs())),
+    },
+];
+
+/// A row an analysis, a column a ratio.
+pub(super) fn table(m: &Measured) -> Table {
+    let mut columns = vec!["analysis".to_string(), "limits: yes / care".into()];
+    columns.extend(m.sizes.iter().map(|o| format!("ratio {}", o.name)));
+    let title = "Which analyses of particles drawn by `count` are supported, by ratio".to_string();
+    let mut t = Table { name: "recovery-analyses".into(), title, columns, rows: Vec::new() };
+    for a in &ANALYSES {
+        let judged = m.sizes.iter().map(|o| Cell::text(grade((a.figure)(o), a.limits)));
+        t.row([Cell::text(a.what), Cell::text(a.said)].into_iter().chain(judged));
+    }
+    let never = m.sizes.iter().map(|_| Cell::text("no"));
+    t.row([Cell::text("single particles, velocities, histories"), Cell::text("never")].into_iter().chain(never));
+    t
+}
+
+fn grade(figure: Option<f64>, [good, fair]: [f64; 2]) -> &'static str {
+    match figure {
+        None => "not measured",
+        Some(v) if v <= good => "yes",
+        Some(v) if v <= fair => "care",
+        Some(_) => "no",
+    }
+}
+
+/// The worst deviation of P(k) in shells up to a share of the last k.
+fn power_off(facts: &Facts, share: f64) -> Option<f64> {
+    let last = share * facts.k_max()? * (1.0 + 1e-9);
+    let off = facts.shells.iter().filter(|s| s.k <= last).map(|s| s.ratio.map(|r| (r - 1.0).abs()));
+    off.collect::<Option<Vec<f64>>>()?.into_iter().reduce(f64::max)
+}
+
+fn phases_off(facts: &Facts, share: f64) -> Option<f64> {
+    let last = share * facts.k_max()? * (1.0 + 1e-9);
+    let off = facts.shells.iter().filter(|s| s.k <= last).map(|s| s.r.map(|r| 1.0 - r));
+    off.collect::<Option<Vec<f64>>>()?.into_iter().reduce(f64::max)
+}
+
+fn groups_off(facts: &Facts, from: u64) -> Option<f64> {
+    facts.classes.iter().find(|c| c.from == from)?.off().map(f64::abs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::facts::{Groups, Power};
+    use super::*;
+
+    #[test]
+    fn the_worst_shell_within_reach_is_judged() {
+        let shell = |k, ratio, r| Power { k, ratio: Some(ratio), r: Some(r) };
+        let shells = vec![shell(1.0, 1.02, 0.999), shell(2.0, 0.995, 0.99), shell(8.0, 0.9, 0.8)];
+        let classes = vec![Groups { from: 20, to: Some(49), number: [100, 80] }];
+        let facts = Facts { shells, classes, ..Facts::default() };
+        assert!((power_off(&facts, 0.25).unwrap() - 0.02).abs() < 1e-12);
+        assert!((power_off(&facts, 1.0).unwrap() - 0.1).abs() < 1e-12);
+        assert!((phases_off(&facts, 0.25).unwrap() - 0.01).abs() < 1e-12);
+        assert!((groups_off(&facts, 20).unwrap() - 0.2).abs() < 1e-12);
+        assert_eq!((groups_off(&facts, 50), power_off(&Facts::default(), 1.0)), (None, None));
+        let said = [Some(0.01), Some(0.05), Some(0.2), None].map(|v| grade(v, [0.02, 0.1]));
+        assert_eq!(said, ["yes", "care", "no", "not measured"]);
+    }
+}

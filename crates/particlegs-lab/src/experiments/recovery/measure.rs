@@ -1,0 +1,178 @@
+//! What is measured: models, particles drawn from them, and their statistics beside the truth's.
+
+use super::facts::Facts;
+use super::paper;
+use crate::lab::{Lab, Recipe, Snapshot};
+use particlegs::Result;
+use particlegs::model::Model;
+use particlegs::particles::{Particles, RawForm};
+use particlegs::recover::{Method, Options};
+use particlegs::stats::{Convention, Measure, StatsOptions, Subject, compare};
+
+/// Every way to draw: the library's own first, then the published ones beside them.
+pub(super) const METHODS: [Method; 6] =
+    [Method::Count, Method::Stratified, Method::Spaced, Method::Volume, Method::Ellipsoid, Method::Grid];
+
+/// How much is measured of a set of particles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Depth {
+    /// Density, spectra, xi, groups, neighbours.
+    All,
+    /// Density, groups, neighbours.
+    Local,
+    /// Density and neighbours in the paper's convention.
+    Paper,
+}
+
+impl Depth {
+    /// The options of the statistics for `particles` particles.
+    pub fn options(self, particles: usize, quick: bool) -> StatsOptions {
+        let a_side = (particles as f64).cbrt();
+        let (pair_budget, neighbour_sample) = if quick { (20_000_000, 50_000) } else { (100_000_000, 200_000) };
+        let common = StatsOptions {
+            cells: cells(particles),
+            // Twice as many cells as the particles' own lattice: their Nyquist frequency is half the grid's.
+            spectrum_cells: ((2.0 * a_side).round() as usize).clamp(16, 512),
+            pair_budget,
+            neighbour_sample,
+            ..StatsOptions::default()
+        };
+        match self {
+            Depth::All => StatsOptions {
+                measures: vec![
+                    Measure::Density,
+                    Measure::Spectrum,
+                    Measure::Pairs,
+                    Measure::Groups,
+                    Measure::Neighbours,
+                ],
+                ..common
+            },
+            Depth::Local => {
+                StatsOptions { measures: vec![Measure::Density, Measure::Groups, Measure::Neighbours], ..common }
+            }
+            Depth::Paper => StatsOptions {
+                measures: vec![Measure::Density, Measure::Neighbours],
+                convention: Convention::Paper,
+                // As published: of a snapshot with fewer, all of them.
+                neighbour_sample: 500_000,
+                ..common
+            },
+        }
+    }
+}
+
+/// Cells along an edge, so that one holds as many particles as one of the paper's grid.
+pub(super) fn cells(particles: usize) -> usize {
+    ((particles as f64 / paper::PARTICLES_A_CELL).cbrt().round() as usize).max(4)
+}
+
+/// A model whose particles are measured.
+pub(super) struct Drawn<'a> {
+    /// The laboratory.
+    pub lab: &'a Lab<'a>,
+    /// The truth.
+    pub snapshot: &'a Snapshot,
+    /// The model.
+    pub recipe: Recipe,
+}
+
+impl Drawn<'_> {
+    /// Statistics of particles drawn from the model: kept, or measured now.
+    ///
+    /// # Errors
+    /// Those of the compression, the draw and the statistics.
+    pub fn facts(&self, method: Method, seed: u64, depth: Depth) -> Result<Facts> {
+        let (lab, truth) = (self.lab, &self.snapshot.particles);
+        let options = depth.options(truth.len(), lab.settings.quick);
+        let inputs = (&self.snapshot.hash, &self.recipe, method.name(), seed, &options);
+        lab.store.result("recovered", &inputs, || {
+            let drawn = self.particles(method, seed)?;
+            let compared = compare(Subject::Particles(truth), Subject::Particles(&drawn), &options, lab.progress)?;
+            Ok(Facts::of(&compared))
+        })
+    }
+
+    /// The same for every seed.
+    ///
+    /// # Errors
+    /// As [`Drawn::facts`].
+    pub fn facts_of_seeds(&self, method: Method, depth: Depth) -> Result<Vec<Facts>> {
+        self.lab.settings.seeds().map(|seed| self.facts(method, seed, depth)).collect()
+    }
+
+    /// Statistics of the model itself, its mixture integrated over cells: density and spectra.
+    ///
+    /// # Errors
+    /// As [`Drawn::facts`].
+    pub fn facts_of_model(&self) -> Result<Facts> {
+        let (lab, truth) = (self.lab, &self.snapshot.particles);
+        let options = StatsOptions {
+            measures: vec![Measure::Density, Measure::Spectrum],
+            ..Depth::All.options(truth.len(), lab.settings.quick)
+        };
+        lab.store.result("of-model", &(&self.snapshot.hash, &self.recipe, &options), || {
+            let model = self.model()?.0;
+            let compared = compare(Subject::Particles(truth), Subject::Model(&model), &options, lab.progress)?;
+            Ok(Facts::of(&compared))
+        })
+    }
+
+    /// The model as its file decodes, and the file's bytes.
+    ///
+    /// # Errors
+    /// Those of the compression.
+    pub fn model(&self) -> Result<(Model, Vec<u8>)> {
+        let made = self.lab.model(self.snapshot, &self.recipe)?;
+        Ok((made.model, made.bytes))
+    }
+
+    /// Particles drawn from it, as many as the snapshot has: those that `particlegs recover` writes.
+    ///
+    /// # Errors
+    /// Those of the compression and the draw.
+    pub fn particles(&self, method: Method, seed: u64) -> Result<Particles> {
+        particles_of(self.model()?.0, method, seed, self.lab)
+    }
+
+    /// Gaussians of the model, bytes of its file and the ratio reached.
+    ///
+    /// # Errors
+    /// Those of the compression.
+    pub fn size(&self) -> Result<(u64, u64, f64)> {
+        let inputs = (&self.snapshot.hash, &self.recipe);
+        let [gaussians, bytes] = self.lab.store.result("model-size", &inputs, || {
+            let (model, bytes) = self.model()?;
+            Ok([model.gaussians() as u64, bytes.len() as u64])
+        })?;
+        Ok((gaussians, bytes, self.snapshot.particles.raw_bytes() as f64 / bytes as f64))
+    }
+}
+
+/// Particles drawn from a model, in memory.
+///
+/// # Errors
+/// Those of the draw.
+pub(in crate::experiments) fn particles_of(
+    model: Model,
+    method: Method,
+    seed: u64,
+    lab: &Lab<'_>,
+) -> Result<Particles> {
+    let form = RawForm::Columns;
+    let options = Options { particles: None, method, scale: 1.0, seed, form, model_name: String::new() };
+    options.draw(model, lab.progress)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_hold_as_many_particles_a_cell_as_the_papers() {
+        assert_eq!((cells(128 * 128 * 128), cells(64 * 64 * 64), cells(281_000_000), cells(10)), (50, 25, 256, 4));
+        let o = Depth::All.options(64 * 64 * 64, true);
+        assert_eq!((o.spectrum_cells, o.cells), (128, 25));
+        assert_eq!(Depth::Paper.options(1000, false).convention, Convention::Paper);
+    }
+}

@@ -1,0 +1,135 @@
+//! Particles drawn back from models, and what they are good for (paper, section "Approximate Particle Recovery", tables
+//! tab:recovery_methods and tab:recovery_blocks, figures fig:recovery:slices and fig:recovery:stats).
+
+mod analyses;
+mod facts;
+pub(super) mod measure;
+mod notes;
+mod paper;
+mod plots;
+mod slices;
+mod tables;
+
+use super::Experiment;
+use crate::found::Found;
+use crate::lab::{Lab, Recipe, Snapshot};
+use facts::Facts;
+use measure::{Depth, Drawn, METHODS};
+use particlegs::Result;
+use particlegs::fit::Effort;
+use particlegs::recover::Method;
+
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "recovery",
+    title: "Particles drawn back from models, by method, size of file and number of blocks",
+    paper: "tab:recovery_methods, tab:recovery_blocks, fig:recovery:slices, fig:recovery:stats",
+    trains: false,
+    weight: 120,
+    run,
+};
+
+/// The ratio of the methods' and the blocks' tables.
+pub(super) const RATIO: f64 = 263.0;
+
+/// A way to draw, measured once a seed.
+struct OfMethod {
+    method: Method,
+    /// In the correct convention.
+    all: Vec<Facts>,
+    /// In the paper's.
+    paper: Vec<Facts>,
+}
+
+/// A model of some ratio and effort, measured with the first seed.
+struct OfSize {
+    /// As tables call it.
+    name: String,
+    /// Gaussians, bytes, ratio reached.
+    size: (u64, u64, f64),
+    /// Particles by `count`, `stratified` and `spaced`, the latter two without spectra and xi.
+    count: Facts,
+    stratified: Facts,
+    spaced: Facts,
+    /// The model itself.
+    model: Facts,
+}
+
+/// A model of some blocks, measured once a seed.
+struct OfBlocks {
+    blocks: u32,
+    size: (u64, u64, f64),
+    all: Vec<Facts>,
+    paper: Vec<Facts>,
+}
+
+/// All that was measured.
+struct Measured {
+    methods: Vec<OfMethod>,
+    sizes: Vec<OfSize>,
+    blocks: Vec<OfBlocks>,
+    /// Mean spacing of the particles, world units.
+    spacing: f64,
+    /// The unit of length.
+    unit: String,
+}
+
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+    let snapshot = &snapshots[0];
+    let base = Recipe::ratio(RATIO, lab.settings.seed);
+    let (recipes, blocks) = (sizes(lab), if lab.settings.quick { &[1, 8][..] } else { &[1, 2, 4, 8, 16] });
+    lab.progress.begin("recovered particles", (METHODS.len() + recipes.len() + blocks.len()) as u64);
+    let drawn = |recipe: Recipe| Drawn { lab, snapshot, recipe };
+    let methods = METHODS.iter().map(|m| of_method(&drawn(base.clone()), *m)).collect::<Result<_>>()?;
+    let sizes = recipes.into_iter().map(|recipe| of_size(&drawn(recipe))).collect::<Result<_>>()?;
+    let of_blocks = |n: &u32| of_blocks(&drawn(Recipe { blocks: *n, ..base.clone() }));
+    let blocks = blocks.iter().map(of_blocks).collect::<Result<_>>()?;
+    lab.progress.end();
+    let unit = snapshot.particles.meta.length_unit.clone().unwrap_or_else(|| "length units".into());
+    let measured = Measured { methods, sizes, blocks, spacing: snapshot.spacing(), unit };
+    Ok(Found {
+        tables: tables::all(&measured).into_iter().chain([analyses::table(&measured)]).collect(),
+        plots: plots::all(&measured),
+        pictures: vec![slices::pictures(&drawn(base))?],
+        notes: notes::all(&measured, lab, snapshot),
+    })
+}
+
+/// The ratios and efforts of the table by size.
+fn sizes(lab: &Lab<'_>) -> Vec<Recipe> {
+    let (slow, fast): (&[f64], &[f64]) = match lab.settings.quick {
+        true => (&[65.0, RATIO], &[RATIO]),
+        false => (&[30.0, 65.0, 100.0, RATIO, 1000.0, 3000.0], &[65.0, RATIO]),
+    };
+    let recipe = |ratio: &f64| Recipe::ratio(*ratio, lab.settings.seed);
+    let fast = fast.iter().map(|r| Recipe { effort: Effort::Fast, ..recipe(r) });
+    slow.iter().map(recipe).chain(fast).collect()
+}
+
+fn of_method(drawn: &Drawn<'_>, method: Method) -> Result<OfMethod> {
+    let (all, paper) = (drawn.facts_of_seeds(method, Depth::All)?, drawn.facts_of_seeds(method, Depth::Paper)?);
+    drawn.lab.progress.advance(1);
+    Ok(OfMethod { method, all, paper })
+}
+
+fn of_size(drawn: &Drawn<'_>) -> Result<OfSize> {
+    let seed = drawn.lab.settings.seed;
+    let size = drawn.size()?;
+    let effort = if drawn.recipe.effort == Effort::Fast { ", fast" } else { "" };
+    let measured = OfSize {
+        name: format!("{:.0}{effort}", size.2),
+        size,
+        count: drawn.facts(Method::Count, seed, Depth::All)?,
+        stratified: drawn.facts(Method::Stratified, seed, Depth::Local)?,
+        spaced: drawn.facts(Method::Spaced, seed, Depth::Local)?,
+        model: drawn.facts_of_model()?,
+    };
+    drawn.lab.progress.advance(1);
+    Ok(measured)
+}
+
+fn of_blocks(drawn: &Drawn<'_>) -> Result<OfBlocks> {
+    let of = |depth| drawn.facts_of_seeds(Method::Count, depth);
+    let (all, paper) = (of(Depth::All)?, of(Depth::Paper)?);
+    drawn.lab.progress.advance(1);
+    Ok(OfBlocks { blocks: drawn.recipe.blocks, size: drawn.size()?, all, paper })
+}

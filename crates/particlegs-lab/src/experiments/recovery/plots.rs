@@ -1,0 +1,165 @@
+//! The plots: P(k), r(k), xi(r), groups.
+
+use super::facts::{Facts, Power, Xi};
+use super::{Measured, OfMethod, RATIO, tables};
+use crate::found::{Axis, Plot, Point, Series};
+
+/// How far the ratios of the paper's figure go from 1, and a little further.
+const RATIOS: [f64; 2] = [0.6, 1.4];
+/// Shells of P(k) shown a decade, at most: the median of those that fall together.
+const SHELLS_A_DECADE: f64 = 16.0;
+
+/// All plots, in the order of reading.
+pub(super) fn all(m: &Measured) -> Vec<Plot> {
+    vec![power_of_methods(m), r_of_methods(m), power_of_sizes(m), xi(m), xi_ratio(m), xi_ratio_of_blocks(m), groups(m)]
+}
+
+fn plot(name: &str, title: String, x: Axis, y: Axis, series: Vec<Series>) -> Plot {
+    Plot { name: name.into(), title, x, y, series, levels: vec![] }
+}
+
+fn ratio_axis(label: &str) -> Axis {
+    let bands = vec![("within 10 %".into(), [0.9, 1.1]), ("within 5 %".into(), [0.95, 1.05])];
+    Axis { range: Some(RATIOS), bands, ..Axis::linear(label) }
+}
+
+fn wave_numbers(m: &Measured) -> Axis {
+    Axis::logarithmic(format!("wave number k, 1 / ({})", m.unit))
+}
+
+fn separations(m: &Measured) -> Axis {
+    Axis::logarithmic(format!("separation r, {}", m.unit))
+}
+
+/// The same thing of several sets: a point where every set has it, with the range of the sets.
+fn points<T>(sets: &[Vec<T>], x: impl Fn(&T) -> f64, y: impl Fn(&T) -> Option<f64>) -> Vec<Point> {
+    let Some(first) = sets.first() else { return vec![] };
+    let at = |i: usize| {
+        let values: Option<Vec<f64>> = sets.iter().map(|s| y(s.get(i)?)).collect();
+        Point::spread(x(&first[i]), &values?)
+    };
+    (0..first.len()).filter_map(at).collect()
+}
+
+/// Shells joined to so many a decade: the means of k and of the ratio and of r.
+fn shells(facts: &Facts) -> Vec<Power> {
+    let mut joined: Vec<(i64, Vec<Power>)> = Vec::new();
+    for s in &facts.shells {
+        let bin = (s.k.log10() * SHELLS_A_DECADE).floor() as i64;
+        match joined.last_mut().filter(|j| j.0 == bin) {
+            Some((_, list)) => list.push(*s),
+            None => joined.push((bin, vec![*s])),
+        }
+    }
+    let mean = |list: &[Power], of: fn(&Power) -> Option<f64>| {
+        let values: Vec<f64> = list.iter().filter_map(of).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    let one = |(_, list): (i64, Vec<Power>)| Power {
+        k: mean(&list, |s| Some(s.k)).unwrap_or(0.0),
+        ratio: mean(&list, |s| s.ratio),
+        r: mean(&list, |s| s.r),
+    };
+    joined.into_iter().map(one).collect()
+}
+
+fn power_points(facts: &[Facts], of: fn(&Power) -> Option<f64>) -> Vec<Point> {
+    points(&facts.iter().map(shells).collect::<Vec<_>>(), |s| s.k, of)
+}
+
+fn xi_points(facts: &[Facts], of: fn(&Xi) -> Option<f64>) -> Vec<Point> {
+    points(&facts.iter().map(|f| f.xi.clone()).collect::<Vec<_>>(), Xi::middle, of)
+}
+
+/// A curve a method.
+fn of_methods(m: &Measured, of: impl Fn(&OfMethod) -> Vec<Point>) -> Vec<Series> {
+    let one = |(style, o): (usize, &OfMethod)| Series {
+        name: tables::name(o.method),
+        style,
+        dashed: tables::name(o.method) != o.method.name() && style > 0,
+        points: of(o),
+    };
+    m.methods.iter().enumerate().map(one).collect()
+}
+
+fn power_of_methods(m: &Measured) -> Plot {
+    let series = of_methods(m, |o| power_points(&o.all, |s| s.ratio));
+    let title = format!("P(k) of particles drawn at ratio {RATIO:.0}, by method");
+    plot("recovery-power", title, wave_numbers(m), ratio_axis("P(k), recovered / truth"), series)
+}
+
+fn r_of_methods(m: &Measured) -> Plot {
+    let series = of_methods(m, |o| power_points(&o.all, |s| s.r));
+    let title = format!("Cross-correlation r(k) at ratio {RATIO:.0}, by method");
+    let y = Axis { range: Some([0.8, 1.005]), ..Axis::linear("r(k), shot noise included") };
+    plot("recovery-phases", title, wave_numbers(m), y, series)
+}
+
+fn power_of_sizes(m: &Measured) -> Plot {
+    let series = m.sizes.iter().enumerate().map(|(style, o)| Series {
+        name: format!("ratio {}", o.name),
+        style,
+        dashed: o.name.contains("fast"),
+        points: power_points(std::slice::from_ref(&o.count), |s| s.ratio),
+    });
+    let title = "P(k) of particles drawn by count, by ratio".to_string();
+    plot("recovery-power-ratios", title, wave_numbers(m), ratio_axis("P(k), recovered / truth"), series.collect())
+}
+
+fn xi(m: &Measured) -> Plot {
+    let truth = m.methods.first().and_then(|o| o.all.first());
+    let truth = Series {
+        name: "truth".into(),
+        style: 8,
+        dashed: false,
+        points: truth.map_or(vec![], |f| xi_points(std::slice::from_ref(f), |b| Some(b.xi[0]))),
+    };
+    let series = of_methods(m, |o| xi_points(&o.all, |b| Some(b.xi[1])));
+    let title = format!("Two-point correlation xi(r) at ratio {RATIO:.0}, by method");
+    let y = Axis::logarithmic("xi(r)");
+    plot("recovery-xi", title, separations(m), y, [vec![truth], series].concat())
+}
+
+fn xi_ratio(m: &Measured) -> Plot {
+    let series = of_methods(m, |o| xi_points(&o.all, Xi::ratio));
+    let title = format!("xi(r) of particles drawn at ratio {RATIO:.0}, by method");
+    plot("recovery-xi-ratio", title, separations(m), ratio_axis("xi(r), recovered / truth"), series)
+}
+
+fn xi_ratio_of_blocks(m: &Measured) -> Plot {
+    let series = m.blocks.iter().enumerate().map(|(style, o)| Series {
+        name: if o.blocks == 1 { "1 block".into() } else { format!("{} blocks", o.blocks) },
+        style,
+        dashed: false,
+        points: xi_points(&o.all, Xi::ratio),
+    });
+    let title = format!("xi(r) of particles drawn by count at ratio {RATIO:.0}, by number of blocks");
+    plot("recovery-xi-blocks", title, separations(m), ratio_axis("xi(r), recovered / truth"), series.collect())
+}
+
+fn groups(m: &Measured) -> Plot {
+    let number = |side: usize, facts: &[Facts]| {
+        let sets: Vec<_> = facts.iter().map(|f| f.sizes.clone()).collect();
+        points(&sets, |c| c.from as f64, move |c| (c.number[side] > 0).then_some(c.number[side] as f64))
+    };
+    let truth = m.methods.first().map_or(vec![], |o| number(0, &o.all[..1.min(o.all.len())]));
+    let truth = Series { name: "truth".into(), style: 8, dashed: false, points: truth };
+    let series = of_methods(m, |o| number(1, &o.all));
+    let title = format!("Friends-of-friends groups by size at ratio {RATIO:.0}, by method");
+    let x = Axis::logarithmic("smallest size of the class, particles (each to 1.41 times it)");
+    plot("recovery-groups", title, x, Axis::logarithmic("groups"), [vec![truth], series].concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shells_that_fall_together_are_one_point() {
+        let shell = |k, ratio| Power { k, ratio: Some(ratio), r: None };
+        let facts = Facts { shells: vec![shell(0.1, 1.0), shell(1.01, 1.0), shell(1.03, 2.0)], ..Facts::default() };
+        let points = power_points(&[facts.clone(), facts], |s| s.ratio);
+        assert_eq!(points.iter().map(|p| p.y).collect::<Vec<_>>(), [1.0, 1.5]);
+        assert!((points[1].x - 1.02).abs() < 1e-12 && points[1].range == Some([1.5, 1.5]));
+    }
+}

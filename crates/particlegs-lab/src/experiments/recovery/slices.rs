@@ -1,0 +1,113 @@
+//! Slices of the density: truth, recovered, the model itself.
+
+use super::RATIO;
+use super::measure::Drawn;
+use crate::found::Pictures;
+use particlegs::Result;
+use particlegs::picture::{Colormap, Rgb8, Size};
+use particlegs::recover::Method;
+use particlegs::stats::{Assignment, Domain, Field, Grid, Subject, deposit};
+
+/// Planes of the slab: as many particles in a column, in the mean, as in a cell of the paper's grid.
+const PLANES: usize = 16;
+/// log10 of density over its mean at the ends of the colours.
+const RANGE: [f64; 2] = [-1.25, 2.0];
+/// Pixels of a picture at least, across.
+const WIDTH: usize = 480;
+/// Height of the strip of all colours, and of the white between it and the picture, pixels.
+const STRIP: usize = 14;
+const GAP: usize = 4;
+
+/// log10 of density over its mean in the central slab across z.
+pub(super) fn pictures(drawn: &Drawn<'_>) -> Result<Pictures> {
+    let (truth, seed) = (&drawn.snapshot.particles, drawn.lab.settings.seed);
+    let domain = Domain::of_particles(truth);
+    let grid = Grid::new(&domain, ((truth.len() as f64).cbrt().round() as usize).clamp(2 * PLANES, 512));
+    let picture = |subject: Subject<'_>| {
+        let field = deposit(subject, &grid, Assignment::Ngp, 0.0, drawn.lab.progress)?;
+        Ok(painted(&slab(&field), grid.cells))
+    };
+    let panel = |name: &str, subject: Subject<'_>| Ok((name.to_string(), picture(subject)?));
+    let (recovered, model) = (drawn.particles(Method::Count, seed)?, drawn.model()?.0);
+    let panels = vec![
+        panel("all particles", Subject::Particles(truth))?,
+        panel("recovered by count", Subject::Particles(&recovered))?,
+        panel("the model itself", Subject::Model(&model))?,
+    ];
+    Ok(Pictures {
+        name: "recovery-slices".into(),
+        title: format!("Density in a central slab, ratio {RATIO:.0}"),
+        caption: caption(&grid),
+        columns: 3,
+        panels,
+    })
+}
+
+fn caption(grid: &Grid) -> String {
+    format!(
+        "log10 of density over its mean, from {} (black, and all below) to {} (pale yellow): the strip at the foot of \
+         each picture has the colours in equal steps between them. {} x {} columns across x and y through {} cells \
+         along z in the middle of the box, about {PLANES} particles each in the mean; nearest grid point.",
+        RANGE[0],
+        RANGE[1],
+        grid.cells[0],
+        grid.cells[1],
+        planes(grid.cells).len()
+    )
+}
+
+fn planes([_, _, nz]: [usize; 3]) -> std::ops::Range<usize> {
+    let n = PLANES.min(nz);
+    (nz - n) / 2..(nz - n) / 2 + n
+}
+
+/// Density over its mean of every column of the slab, x slowest.
+fn slab(field: &Field) -> Vec<f64> {
+    let [nx, ny, nz] = field.grid.cells;
+    let mean = field.mass.iter().map(|m| f64::from(*m)).sum::<f64>() / field.mass.len() as f64;
+    let range = planes(field.grid.cells);
+    let per = 1.0 / (mean * range.len() as f64);
+    let column = |c: usize| field.mass[c * nz..][range.clone()].iter().map(|m| f64::from(*m)).sum::<f64>() * per;
+    (0..nx * ny).map(column).collect()
+}
+
+/// In colours, y upwards, every cell a square of whole pixels, and the strip below.
+fn painted(columns: &[f64], [nx, ny, _]: [usize; 3]) -> Rgb8 {
+    let by = WIDTH.div_ceil(nx).max(1);
+    let size = Size { width: by * nx, height: by * ny + GAP + STRIP };
+    let colour = |share: f64| Colormap::Inferno.color(share as f32);
+    let mut data = Vec::with_capacity(size.pixels());
+    for row in 0..by * ny {
+        let y = ny - 1 - row / by;
+        data.extend((0..size.width).map(|px| {
+            let value = columns[px / by * ny + y].log10();
+            colour((value - RANGE[0]) / (RANGE[1] - RANGE[0]))
+        }));
+    }
+    data.extend(std::iter::repeat_n([255; 3], GAP * size.width));
+    for _ in 0..STRIP {
+        data.extend((0..size.width).map(|px| colour(px as f64 / (size.width - 1) as f64)));
+    }
+    Rgb8 { size, data }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slab_is_in_units_of_the_mean_and_y_is_up() {
+        let grid = Grid { min: [0.0; 3], side: [1.0; 3], cells: [2, 2, 32], periodic: [true; 3] };
+        // All mass in the column x 0, y 1, within the slab.
+        let mut mass = vec![0.0; 128];
+        mass[32 + 8..32 + 24].fill(3.0);
+        let columns = slab(&Field { grid, mass, outside: 0.0 });
+        // 48 in 128 cells is 0.375 a cell; 3 / 0.375.
+        assert_eq!(columns, [0.0, 8.0, 0.0, 0.0]);
+        let picture = painted(&columns, grid.cells);
+        assert_eq!((picture.size.width, picture.size.height), (480, 480 + GAP + STRIP));
+        let dark = Colormap::Inferno.color(0.0);
+        assert_ne!(picture.data[0], dark);
+        assert_eq!((picture.data[479], picture.data[300 * 480]), (dark, dark));
+    }
+}

@@ -1,0 +1,263 @@
+//! The tables.
+
+use super::facts::Facts;
+use super::{Measured, OfSize, RATIO, paper};
+use crate::found::{Cell, Table};
+use particlegs::recover::Method;
+
+/// All tables, in the order of reading.
+pub(super) fn all(m: &Measured) -> Vec<Table> {
+    vec![of_methods_as_published(m), spectra_of_methods(m), groups_of_methods(m), of_blocks(m)]
+        .into_iter()
+        .chain([spectra_of_sizes(m), groups_of_sizes(m), of_models(m), other_draws(m)])
+        .collect()
+}
+
+/// What a method is called here and in the paper.
+pub(super) fn name(method: Method) -> String {
+    let published = match method {
+        Method::Count => ", V0",
+        Method::Volume => ", V1",
+        Method::Ellipsoid => ", V4",
+        Method::Grid => ", V6",
+        Method::Stratified | Method::Spaced => "",
+    };
+    format!("{}{published}", method.name())
+}
+
+/// One figure over seeds; without a range where its ends are the same to the digits shown.
+fn spread(facts: &[Facts], digits: usize, of: impl Fn(&Facts) -> Option<f64>) -> Cell {
+    match Cell::spread(&facts.iter().filter_map(of).collect::<Vec<_>>(), digits) {
+        Cell::Spread { value, range, .. } if (range[1] - range[0]) < 0.5 * 0.1f64.powi(digits as i32) => {
+            Cell::number(value, digits)
+        }
+        cell => cell,
+    }
+}
+
+/// The largest k of a limit over seeds: 0 where not even the first shell keeps it.
+fn up_to(facts: &[Facts], of: impl Fn(&Facts) -> Option<f64>) -> Cell {
+    match facts.iter().any(|f| of(f).is_some()) {
+        true => spread(facts, 2, |f| Some(of(f).unwrap_or(0.0))),
+        false => Cell::text("nowhere"),
+    }
+}
+
+const PAPER: [&str; 4] = ["paper: correlation", "paper: MAE", "paper: nearest mean / truth", "paper: xi off, %"];
+
+fn published(row: Option<paper::Row>) -> [Cell; 4] {
+    match row {
+        Some(r) => [
+            Cell::number(r.correlation, 3),
+            Cell::number(r.mae, 3),
+            Cell::number(r.nearest / paper::TRUTH_NEAREST, 2),
+            Cell::number(r.xi, 1),
+        ],
+        None => std::array::from_fn(|_| Cell::Empty),
+    }
+}
+
+/// Correlation, MAE, nearest neighbour and its ratio in the paper's convention, and xi's deviation over all bins and from
+/// one spacing on.
+fn as_published(m: &Measured, all: &[Facts], of_paper: &[Facts]) -> Vec<Cell> {
+    vec![
+        spread(of_paper, 4, |f| f.correlation),
+        spread(of_paper, 3, |f| f.mae),
+        spread(of_paper, 3, |f| f.nearest.map(|n| n[1])),
+        spread(of_paper, 3, Facts::nearest_mean),
+        spread(all, 1, |f| f.xi_deviation(0.0).map(|v| 100.0 * v)),
+        spread(all, 1, |f| f.xi_deviation(m.spacing).map(|v| 100.0 * v)),
+    ]
+}
+
+fn published_heads(m: &Measured, first: &[&str]) -> Vec<String> {
+    let truth = m.methods.iter().find_map(|o| Some(o.paper.first()?.nearest?[0]));
+    let truth = truth.map_or(String::new(), |t| format!(" (truth {t:.3})"));
+    let own = [
+        "density correlation".to_string(),
+        "MAE of delta".into(),
+        format!("nearest neighbour: mean{truth}, {}", m.unit),
+        "nearest mean / truth".into(),
+        "xi off, %: all bins".into(),
+        "xi off, %: from one mean spacing on".into(),
+    ];
+    first.iter().map(|s| (*s).to_string()).chain(own).chain(PAPER.map(String::from)).collect()
+}
+
+fn table(name: &str, title: String, columns: Vec<String>) -> Table {
+    Table { name: name.into(), title, columns, rows: Vec::new() }
+}
+
+fn of_methods_as_published(m: &Measured) -> Table {
+    let title = format!("Methods at ratio {RATIO:.0}, in the paper's convention and beside the paper's figures");
+    let mut t = table("recovery-methods-paper", title, published_heads(m, &["method"]));
+    for o in &m.methods {
+        let row = [Cell::text(name(o.method))].into_iter().chain(as_published(m, &o.all, &o.paper));
+        t.row(row.chain(published(paper::method(o.method))));
+    }
+    t
+}
+
+fn of_blocks(m: &Measured) -> Table {
+    let title = format!("`count` by number of blocks at ratio {RATIO:.0}, in the paper's convention");
+    let mut t = table("recovery-blocks", title, published_heads(m, &["blocks", "Gaussians", "ratio"]));
+    for o in &m.blocks {
+        let first = [Cell::count(o.blocks.into()), Cell::count(o.size.0), Cell::number(o.size.2, 0)];
+        let row = first.into_iter().chain(as_published(m, &o.all, &o.paper));
+        t.row(row.chain(published(paper::blocks(o.blocks))));
+    }
+    t
+}
+
+/// Density, P(k), r(k).
+fn spectrum_heads(m: &Measured, first: &[&str], xi: bool) -> Vec<String> {
+    let own = [
+        "density correlation",
+        "MAE of delta",
+        "P(k): largest deviation, %",
+        "at k",
+        "within 1 % to k",
+        "within 5 % to k",
+        "within 10 % to k",
+        "r(k) at the last k",
+        "r at least 0.99 to k",
+        "r at least 0.9 to k",
+    ];
+    let xi = xi.then(|| format!("xi within 10 % from r, {}", m.unit));
+    first.iter().chain(&own).map(|s| (*s).to_string()).chain(xi).collect()
+}
+
+fn spectrum(facts: &[Facts], xi: bool) -> Vec<Cell> {
+    let mut cells = vec![
+        spread(facts, 4, |f| f.correlation),
+        spread(facts, 3, |f| f.mae),
+        spread(facts, 1, |f| Some(100.0 * f.power_worst()?.0)),
+        spread(facts, 2, |f| Some(f.power_worst()?.1)),
+    ];
+    cells.extend((0..3).map(|i| up_to(facts, |f| f.power_to[i])));
+    cells.push(spread(facts, 3, |f| f.shells.last()?.r));
+    cells.extend((0..2).map(|i| up_to(facts, |f| f.r_to[i])));
+    if xi {
+        cells.push(match facts.iter().any(|f| f.xi_from.is_none()) {
+            true => Cell::text("nowhere"),
+            false => spread(facts, 3, |f| f.xi_from),
+        });
+    }
+    cells
+}
+
+fn spectra_of_methods(m: &Measured) -> Table {
+    let title = format!("Methods at ratio {RATIO:.0}: density, P(k), r(k), xi(r), in the correct convention");
+    let mut t = table("recovery-methods", title, spectrum_heads(m, &["method"], true));
+    for o in &m.methods {
+        t.row([Cell::text(name(o.method))].into_iter().chain(spectrum(&o.all, true)));
+    }
+    t
+}
+
+fn spectra_of_sizes(m: &Measured) -> Table {
+    let title = "`count` by ratio and effort: density, P(k), r(k), xi(r)".to_string();
+    let mut t = table("recovery-ratios", title, spectrum_heads(m, &["ratio", "Gaussians", "bytes"], true));
+    for o in &m.sizes {
+        t.row(of_size(o).into_iter().chain(spectrum(std::slice::from_ref(&o.count), true)));
+    }
+    t
+}
+
+fn of_models(m: &Measured) -> Table {
+    let title = "The models themselves, their mixtures integrated over the cells: no draw, no shot noise".to_string();
+    let mut t = table("recovery-models", title, spectrum_heads(m, &["ratio", "Gaussians", "bytes"], false));
+    for o in &m.sizes {
+        t.row(of_size(o).into_iter().chain(spectrum(std::slice::from_ref(&o.model), false)));
+    }
+    t
+}
+
+fn of_size(o: &OfSize) -> Vec<Cell> {
+    vec![Cell::text(&o.name), Cell::count(o.size.0), Cell::count(o.size.1)]
+}
+
+/// Groups by class, cores, neighbours.
+fn group_heads(m: &Measured, first: &[&str]) -> Vec<String> {
+    let classes = m.methods.iter().flat_map(|o| o.all.first()).flat_map(|f| &f.classes).take(3);
+    let classes =
+        classes.map(|c| format!("groups of {} (truth {}): off by, %", c.in_words(), c.number[0])).collect::<Vec<_>>();
+    let rest =
+        ["number within 10 % from size", "core mass / truth", "nearest: mean / truth", "nearest: median / truth"];
+    let rest = rest.iter().map(|s| (*s).to_string());
+    first.iter().map(|s| (*s).to_string()).chain(classes).chain(rest).collect()
+}
+
+fn groups(m: &Measured, facts: &[Facts]) -> Vec<Cell> {
+    let classes = m.methods.iter().flat_map(|o| o.all.first()).map(|f| f.classes.len()).next().unwrap_or(0);
+    let class = |i: usize| spread(facts, 1, |f| Some(100.0 * f.classes.get(i)?.off()?));
+    let from = match facts.iter().any(|f| f.groups_from.is_none()) {
+        true => Cell::text("no size"),
+        false => spread(facts, 0, |f| f.groups_from.map(|v| v as f64)),
+    };
+    let rest = [
+        from,
+        spread(facts, 2, |f| f.core_mass),
+        spread(facts, 3, Facts::nearest_mean),
+        spread(facts, 3, |f| f.nearest_median),
+    ];
+    (0..classes.min(3)).map(class).chain(rest).collect()
+}
+
+fn groups_of_methods(m: &Measured) -> Table {
+    let title = format!("Methods at ratio {RATIO:.0}: groups, their cores, nearest neighbours");
+    let mut t = table("recovery-methods-groups", title, group_heads(m, &["method"]));
+    for o in &m.methods {
+        t.row([Cell::text(name(o.method))].into_iter().chain(groups(m, &o.all)));
+    }
+    t
+}
+
+fn groups_of_sizes(m: &Measured) -> Table {
+    let title = "`count` by ratio and effort: groups, their cores, nearest neighbours".to_string();
+    let mut t = table("recovery-ratios-groups", title, group_heads(m, &["ratio"]));
+    for o in &m.sizes {
+        t.row([Cell::text(&o.name)].into_iter().chain(groups(m, std::slice::from_ref(&o.count))));
+    }
+    t
+}
+
+fn other_draws(m: &Measured) -> Table {
+    let title = "Our three ways to draw, by ratio and effort".to_string();
+    let mut t = table("recovery-draws", title, group_heads(m, &["ratio", "method", "MAE of delta"]));
+    for o in &m.sizes {
+        let draws = [(Method::Count, &o.count), (Method::Stratified, &o.stratified), (Method::Spaced, &o.spaced)];
+        for (method, facts) in draws {
+            let first = [Cell::text(&o.name), Cell::text(method.name()), Cell::number(facts.mae, 3)];
+            t.row(first.into_iter().chain(groups(m, std::slice::from_ref(facts))));
+        }
+    }
+    t
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_that_no_shell_keeps_are_said() {
+        let facts = |k: Option<f64>| Facts { power_to: [k; 3], ..Facts::default() };
+        let of = |f: &Facts| f.power_to[0];
+        assert_eq!(up_to(&[facts(None), facts(None)], of), Cell::text("nowhere"));
+        let some = up_to(&[facts(None), facts(Some(2.0)), facts(Some(4.0))], of);
+        assert_eq!(some, Cell::Spread { value: 2.0, range: [0.0, 4.0], digits: 2 });
+        let same = spread(&[facts(Some(2.0)), facts(Some(2.001))], 2, of);
+        assert_eq!(same.in_words(), "2.00");
+    }
+
+    #[test]
+    fn rows_are_as_long_as_their_heads() {
+        let measured = Measured { methods: vec![], sizes: vec![], blocks: vec![], spacing: 1.0, unit: "kpc".into() };
+        let published_row = as_published(&measured, &[], &[]).len() + published(None).len();
+        assert_eq!(published_heads(&measured, &[]).len(), published_row);
+        for xi in [true, false] {
+            assert_eq!(spectrum_heads(&measured, &[], xi).len(), spectrum(&[], xi).len());
+        }
+        assert_eq!(group_heads(&measured, &[]).len(), groups(&measured, &[]).len());
+    }
+}
