@@ -1,6 +1,18 @@
 //! The experiments, each a file: what it measures, and its tables and figures.
 
+mod ablation;
+mod blocks;
+mod core_ablation;
+mod distances;
+mod finetune_ablation;
+mod generalisation;
+mod groups;
+mod published;
+mod published_blocks;
+mod published_run;
 mod rate_distortion;
+mod sweep;
+mod trained;
 
 use crate::found::Found;
 use crate::lab::{Lab, Snapshot};
@@ -23,7 +35,15 @@ pub struct Experiment {
 }
 
 /// All of them, in the order of a report.
-pub const EXPERIMENTS: &[Experiment] = &[rate_distortion::EXPERIMENT];
+pub const EXPERIMENTS: &[Experiment] = &[
+    rate_distortion::EXPERIMENT,
+    blocks::EXPERIMENT,
+    generalisation::EXPERIMENT,
+    core_ablation::EXPERIMENT,
+    finetune_ablation::EXPERIMENT,
+    published_blocks::EXPERIMENT,
+    published_run::EXPERIMENT,
+];
 
 /// The experiments that a name stands for: one, or `all` that the settings allow.
 ///
