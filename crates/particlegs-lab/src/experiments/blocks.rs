@@ -1,11 +1,12 @@
 //! Our law in blocks that are fitted on their own, at the same size of file (paper, table and figure of blocks).
 
 use super::Experiment;
-use super::distances::{self, Curve, at_distances};
-use super::groups::{self, in_pixels, masked, means_over, psnr, ssim};
+use super::distances::{self, Curve, DISTANCES, at_distances};
+use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
-use crate::found::{Cell, Found, Spread, Table};
-use crate::lab::{Lab, Recipe, Snapshot};
+use super::seeds::{each_seed, told};
+use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
+use crate::lab::{Lab, Made, Recipe, Snapshot};
 use crate::views::{Score, Truth};
 use particlegs::Result;
 
@@ -43,8 +44,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let title = "Masked PSNR by distance of the camera and number of blocks";
     Ok(Found {
         tables: vec![table(&all, &noise_free), distances::table("blocks-distance", title, &curves)],
-        plots: vec![distances::plot("blocks-distance", title, &curves)],
-        notes: notes(lab, &truth, frames, &all),
+        plots: vec![distances::plot("blocks-distance", title, &curves), changes_by_distance(&all)],
+        notes: notes(&truth, frames, &all),
         ..Found::default()
     })
 }
@@ -55,14 +56,13 @@ pub(super) fn recipe(blocks: u32, seed: u64) -> Recipe {
 }
 
 fn measured(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, blocks: u32) -> Result<Measured> {
-    let mut all = Measured { blocks, scores: vec![], gaussians: vec![], bytes: vec![] };
-    for seed in lab.settings.seeds() {
-        let made = lab.model(snapshot, &recipe(blocks, seed))?;
-        all.scores.push(groups::scores(lab, snapshot, truth, &made)?);
-        all.gaussians.push(made.model.gaussians() as f64);
-        all.bytes.push(made.bytes.len() as f64);
-    }
-    Ok(all)
+    let models = each_seed(lab, |made: &Made| &made.model, |seed| lab.model(snapshot, &recipe(blocks, seed)))?;
+    Ok(Measured {
+        blocks,
+        scores: models.iter().map(|made| groups::scores(lab, snapshot, truth, made)).collect::<Result<_>>()?,
+        gaussians: models.iter().map(|made| made.model.gaussians() as f64).collect(),
+        bytes: models.iter().map(|made| made.bytes.len() as f64).collect(),
+    })
 }
 
 fn table(all: &[Measured], noise_free: &[Vec<Score>]) -> Table {
@@ -92,7 +92,8 @@ fn table(all: &[Measured], noise_free: &[Vec<Score>]) -> Table {
         cells
     };
     for m in all {
-        let change = if m.blocks == 1 { Cell::Empty } else { Cell::spread(&changes(m, &all[0]), 2) };
+        let change =
+            if m.blocks == 1 { Cell::Empty } else { Cell::spread(&changes(m, &all[0], &groups::in_range()), 2) };
         let p = paper::blocks(m.blocks);
         let mut row = vec![Cell::count(m.blocks.into())];
         row.extend(pictures(&m.scores, change));
@@ -112,10 +113,28 @@ fn table(all: &[Measured], noise_free: &[Vec<Score>]) -> Table {
     table
 }
 
-/// What each model's masked PSNR is more than that of one block with the same seed, dB.
-fn changes(m: &Measured, one: &Measured) -> Vec<f64> {
-    let of = |m: &Measured| means_over(&m.scores, &groups::in_range(), masked);
-    of(m).into_iter().zip(of(one)).map(|(a, b)| a - b).collect()
+/// What each model's masked PSNR in some groups is more than the median of one block, dB.
+fn changes(m: &Measured, one: &Measured, groups: &[Group]) -> Vec<f64> {
+    let of = |m: &Measured| means_over(&m.scores, groups, masked);
+    let median = Spread::of(&of(one)).map(|s| s.median);
+    of(m).into_iter().filter_map(|v| Some(v - median?)).collect()
+}
+
+/// The same by distance, as a figure.
+fn changes_by_distance(all: &[Measured]) -> Plot {
+    let series = all.iter().enumerate().skip(1).map(|(style, m)| {
+        let point = |d: f64| Point::spread(d, &changes(m, &all[0], &[Group::orbit(d)]));
+        let points = DISTANCES.iter().rev().filter_map(|d| point(*d)).collect();
+        Series { name: format!("{} blocks", m.blocks), style, dashed: false, points }
+    });
+    Plot {
+        name: "blocks-distance-change".into(),
+        title: "Change from one block at the same bytes, by distance".into(),
+        x: Axis::linear("distance of the camera, base distances"),
+        y: Axis::linear("change of masked PSNR, dB"),
+        series: series.collect(),
+        levels: vec![("one block".into(), 0.0)],
+    }
 }
 
 fn curves<'a>(all: &'a [Measured], noise_free: &'a [Vec<Score>]) -> Vec<Curve<'a>> {
@@ -129,7 +148,7 @@ fn curves<'a>(all: &'a [Measured], noise_free: &'a [Vec<Score>]) -> Vec<Curve<'a
     all.iter().enumerate().map(curve).chain([noise_free]).collect()
 }
 
-fn notes(lab: &Lab<'_>, truth: &Truth, frames: usize, all: &[Measured]) -> Vec<String> {
+fn notes(truth: &Truth, frames: usize, all: &[Measured]) -> Vec<String> {
     let mut notes = vec![
         format!(
             "Optical-depth models at ratio {RATIO}, all of them: a k-d tree cuts the particles into blocks of equal \
@@ -140,13 +159,13 @@ fn notes(lab: &Lab<'_>, truth: &Truth, frames: usize, all: &[Measured]) -> Vec<S
         ),
         format!(
             "Scored against ParaView's picture of all particles at {}: {frames} views at each distance, in the same \
-             directions and with the same radii and opacities at all of them, {} fits that differ in their seed. \
+             directions and with the same radii and opacities at all of them; of each number {}. \
              Masked PSNR, PSNR and SSIM are means over far, mid and near (1.0, 0.7 and 0.5 base distances).",
             in_pixels(truth.size),
-            lab.settings.seeds
+            told(all[0].scores.len())
         ),
     ];
-    let change = |m: &Measured| Some((m.blocks, Spread::of(&changes(m, &all[0]))?));
+    let change = |m: &Measured| Some((m.blocks, Spread::of(&changes(m, &all[0], &groups::in_range()))?));
     let said: Vec<String> =
         all[1..].iter().filter_map(change).map(|(k, s)| format!("{k} blocks {:+.2} dB", s.median)).collect();
     notes.push(format!("Change of masked PSNR from one block at the same bytes: {}.", said.join(", ")));

@@ -6,6 +6,7 @@ use super::blocks::RATIO;
 use super::core_ablation;
 use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
+use super::seeds::{each_seed, told};
 use super::sweep::{Model, Step, Sweep};
 use super::trained::{self, Task, Trained};
 use crate::found::{Cell, Found, Spread};
@@ -31,20 +32,19 @@ const OPACITIES: [f64; 6] = [0.25, 0.5, 1.0, 1.5, 2.0, 2.4];
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let snapshot = &snapshots[0];
-    let made: Vec<Made> =
-        lab.settings.seeds().map(|seed| lab.model(snapshot, &Recipe::ratio(RATIO, seed))).collect::<Result<_>>()?;
+    let made = each_seed(lab, |made: &Made| &made.model, |seed| lab.model(snapshot, &Recipe::ratio(RATIO, seed)))?;
     let (metadata, frames) = (&made[0].model.metadata, 2 * lab.settings.frames);
     let truth = truth(lab, snapshot, metadata, frames, lab.settings.size)?;
     let models = vec![model(lab, snapshot, &truth, "optical depth", 0, &made)?];
     let noise_free = groups::noise_free(lab, snapshot, &truth)?;
     let mut found = Found::default();
     found.notes.push(format!(
-        "An optical-depth model at ratio {RATIO}, {} fits that differ in their seed, against ParaView's picture of all \
+        "An optical-depth model at ratio {RATIO}, {}, against ParaView's picture of all \
          particles at {}: {frames} views a group, in the same directions in all groups. Over distances radius and \
          opacity are drawn from the published range, the same draws at each; over factors the distance is 0.7. \
-         Noise-free is the mean picture of all particles against the same target, which no model can be expected to \
-         pass. The fit sees no picture: \"trained\" and \"beyond\" are the published method's.",
-        made.len(),
+         Noise-free is the mean picture of all particles against the same target, which models of the particles are \
+         hardly to pass. The fit sees no picture: \"trained\" and \"beyond\" are the published method's.",
+        told(made.len()),
         in_pixels(truth.size)
     ));
     found.notes.extend(falls(&models, &noise_free));
@@ -67,7 +67,8 @@ fn sweeps() -> [Sweep; 3] {
         kind: o.kind,
         paper: [Some(o.masked), Some(o.ssim)],
     });
-    let inside = |f: f64| if f >= groups::RANGE[0] && f <= groups::RANGE[1] { "trained" } else { "beyond" };
+    let range = groups::RANGE[0]..=groups::RANGE[1];
+    let inside = |f: f64| if range.contains(&f) { "trained" } else { "beyond" };
     let factors = |all: [f64; 6], theirs: [(f64, f64); 2], group: fn(f64) -> Group| {
         all.map(|f| {
             let own = theirs.into_iter().find(|t| t.0 == f).map(|t| t.1);
@@ -132,8 +133,8 @@ fn falls(models: &[Model], noise_free: &[Score]) -> Vec<String> {
     let said: Vec<String> = said.collect();
     vec![format!(
         "Masked PSNR against that at factor 1: {}. The peak of PSNR is fixed while pictures brighten, so that the same \
-         relative error costs more decibels: the noise-free picture falls as well, and what a model falls beyond that is \
-         its own.",
+         relative error costs more decibels; the noise-free picture changes with them too, and what a model changes \
+         beyond that is its own.",
         said.join("; ")
     )]
 }
@@ -142,7 +143,7 @@ fn falls(models: &[Model], noise_free: &[Score]) -> Vec<String> {
 fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut Found) -> Result<()> {
     let config = core_ablation::whole(lab)?;
     let each = |task: &dyn Fn(u64) -> Task| -> Result<Vec<Trained>> {
-        lab.settings.seeds().map(|seed| trained::trained(lab, snapshot, &task(seed))).collect()
+        each_seed(lab, |t: &Trained| &t.made.model, |seed| trained::trained(lab, snapshot, &task(seed)))
     };
     let published = each(&|seed| Task::published(config.clone(), 1, seed))?;
     let mut plain = trained::recipe();

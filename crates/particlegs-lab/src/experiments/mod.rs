@@ -11,6 +11,7 @@ mod published;
 mod published_blocks;
 mod published_run;
 mod rate_distortion;
+mod seeds;
 mod sweep;
 mod trained;
 
