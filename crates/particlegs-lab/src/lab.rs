@@ -3,6 +3,9 @@
 use crate::external::External;
 use crate::store::Store;
 use crate::{Baseline, Columns};
+#[cfg(doc)]
+use particlegs::Error;
+use particlegs::Result;
 use particlegs::codec;
 use particlegs::compress::{Compressed, Options, Target, compress};
 use particlegs::fit::Effort;
@@ -11,9 +14,6 @@ use particlegs::particles::{Column, Particles, Positions, Selection, Storage};
 use particlegs::picture::Size;
 use particlegs::pieces::NoPieces;
 use particlegs::progress::Progress;
-#[cfg(doc)]
-use particlegs::Error;
-use particlegs::Result;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -34,6 +34,12 @@ pub struct Settings {
     pub seed: u64,
     /// Seeds, where a draw or a start is random.
     pub seeds: usize,
+    /// Share of the published recipe's pixels, steps and Gaussians that models are trained with; `None` = each
+    /// experiment's own.
+    pub scale: Option<f64>,
+    /// Minutes after which a long training run ends for now, to be gone on from by the same command; `None` = the
+    /// experiment's own.
+    pub minutes: Option<f64>,
     /// A Python that has the packages of other compressors and renderers.
     pub python: Option<PathBuf>,
     /// This program, where whole commands are measured.
@@ -51,7 +57,8 @@ impl Settings {
             true => vec![50.0, 263.0, 1000.0],
             false => vec![20.0, 50.0, 100.0, 263.0, 500.0, 1000.0, 2000.0, 5000.0],
         };
-        Settings { quick, training: false, size, frames, ratios, seed: 42, seeds, python: None, program }
+        let (training, scale, minutes, python) = (false, None, None, None);
+        Settings { quick, training, size, frames, ratios, seed: 42, seeds, scale, minutes, python, program }
     }
 
     /// The seeds.

@@ -53,8 +53,16 @@ impl Truth {
     ///
     /// # Errors
     /// As [`Truth::of`].
-    pub fn in_views(lab: &Lab<'_>, snapshot: &Snapshot, mut views: Vec<View>) -> Result<Truth> {
-        let (reference, size) = (Reference::new(&snapshot.particles), lab.settings.size);
+    pub fn in_views(lab: &Lab<'_>, snapshot: &Snapshot, views: Vec<View>) -> Result<Truth> {
+        Truth::at_size(lab, snapshot, views, lab.settings.size)
+    }
+
+    /// In given views, at a size of its own.
+    ///
+    /// # Errors
+    /// As [`Truth::of`].
+    pub fn at_size(lab: &Lab<'_>, snapshot: &Snapshot, mut views: Vec<View>, size: Size) -> Result<Truth> {
+        let reference = Reference::new(&snapshot.particles);
         for view in &mut views {
             let range = clipping_range(reference.bounds(), &view.camera);
             view.camera.clipping_range.get_or_insert(range);

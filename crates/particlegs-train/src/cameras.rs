@@ -1,7 +1,7 @@
 //! The pictures of a run: the published spirals on several orbits, cameras inside the bounds, and
 //! radius and opacity drawn for each (docs/law/cameras.md).
 
-use super::config::Cameras;
+use super::config::{Cameras, Config};
 use particlegs_core::camera::{Camera, FOV_DEG, Projection, View, base_distance, spiral, view_up};
 use particlegs_core::math::{Purpose, Random, each_axis};
 use particlegs_core::picture::Size;
@@ -69,6 +69,15 @@ impl Views {
     }
 }
 
+impl Config {
+    /// The views that a run of this configuration is scored on while it trains: on the orbits, held out.
+    pub fn held_out_views(&self, of: &Defaults) -> Vec<View> {
+        let mut views = Views::new(&self.cameras, of, false).held_out;
+        views.truncate(self.evaluate_views as usize);
+        views
+    }
+}
+
 /// A camera inside the bounds that looks at their centre.
 fn inside(of: &Defaults, index: u64) -> Camera {
     let mut draw = Random::of(Purpose::TrainingInside, of.seed, index);
@@ -118,6 +127,8 @@ mod tests {
             v.check(Size { width: 64, height: 36 }).unwrap();
             assert!((0.0025..=0.0175).contains(&v.radius) && (0.0125..=0.0875).contains(&v.opacity));
         }
+        let config = Config { evaluate_views: 5, ..Config::preset(Preset::Paper, LawKind::AlphaBlend) };
+        assert_eq!(config.held_out_views(&of), views.held_out[..5]);
         let held = &views.held_out[0].camera.position;
         assert!(views.training.iter().all(|v| v.camera.position != *held));
     }

@@ -60,6 +60,12 @@ pub struct Arguments {
     /// Seeds, where a draw or a start is random [default: 3; 2 with --quick].
     #[arg(long, value_name = "N", hide_short_help = true)]
     seeds: Option<usize>,
+    /// Train with this share of the published recipe's pixels, steps and Gaussians [default: each experiment's own].
+    #[arg(long, value_name = "S", hide_short_help = true)]
+    scale: Option<f64>,
+    /// Minutes after which published-run stops for now; the same command goes on [default: 120; 2 with --quick].
+    #[arg(long, value_name = "M", hide_short_help = true)]
+    minutes: Option<f64>,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
@@ -132,6 +138,13 @@ impl Arguments {
         s.seeds = self.seeds.unwrap_or(s.seeds);
         s.ratios = self.ratios.clone().unwrap_or(s.ratios);
         s.ratios.sort_by(f64::total_cmp);
+        (s.scale, s.minutes) = (self.scale, self.minutes);
+        if let Some(scale) = s.scale.filter(|v| !(*v > 0.0 && *v <= 1.0)) {
+            return Err(Error::argument(format!("--scale {scale} is outside (0, 1]")));
+        }
+        if let Some(minutes) = s.minutes.filter(|v| !(*v > 0.0 && v.is_finite())) {
+            return Err(Error::argument(format!("--minutes {minutes} is not positive")));
+        }
         for (option, value, most) in [("--frames", s.frames, 1000), ("--seeds", s.seeds, 100)] {
             if value == 0 || value > most {
                 return Err(Error::argument(format!("{option} {value} is outside 1 to {most}")));
@@ -162,8 +175,9 @@ impl Arguments {
         let names: Vec<&str> = snapshots.iter().map(|s| s.name.as_str()).collect();
         let quick = if s.quick { " --quick" } else { "" };
         let training = if s.training { " --training" } else { "" };
+        let scale = s.scale.map_or(String::new(), |v| format!(" --scale {v}"));
         let command = format!(
-            "particlegs bench {} {}{quick}{training} --size {}x{} --frames {} --seeds {} --seed {}",
+            "particlegs bench {} {}{quick}{training}{scale} --size {}x{} --frames {} --seeds {} --seed {}",
             self.name,
             names.join(" "),
             s.size.width,

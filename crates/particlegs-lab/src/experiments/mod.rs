@@ -1,9 +1,22 @@
 //! The experiments, each a file: what it measures, and its tables and figures.
 
+mod ablation;
+mod blocks;
+mod core_ablation;
 mod datasets;
+mod distances;
 mod figures;
+mod finetune_ablation;
+mod generalisation;
+mod groups;
+mod published;
+mod published_blocks;
+mod published_run;
 mod rate_distortion;
 mod recovery;
+mod seeds;
+mod sweep;
+mod trained;
 
 use crate::found::Found;
 use crate::lab::{Lab, Snapshot};
@@ -29,8 +42,14 @@ pub struct Experiment {
 pub const EXPERIMENTS: &[Experiment] = &[
     rate_distortion::EXPERIMENT,
     datasets::EXPERIMENT,
+    blocks::EXPERIMENT,
+    generalisation::EXPERIMENT,
     recovery::EXPERIMENT,
     figures::EXPERIMENT,
+    core_ablation::EXPERIMENT,
+    finetune_ablation::EXPERIMENT,
+    published_blocks::EXPERIMENT,
+    published_run::EXPERIMENT,
 ];
 
 /// The experiments that a name stands for: one, or `all` that the settings allow.

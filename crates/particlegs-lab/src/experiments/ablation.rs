@@ -1,0 +1,259 @@
+//! Trained models judged beside each other: at the size that the paper scores at, and at the largest that they saw.
+
+use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
+use super::published::{self, BYTES_A_GAUSSIAN, same_sign};
+use super::trained::{self, Trained};
+use crate::found::{Cell, Spread, Table};
+use crate::lab::{Lab, Snapshot};
+use crate::views::{Score, Truth};
+use particlegs::Result;
+use particlegs::model::Metadata;
+use particlegs::train::Config;
+
+/// Views of a group, by those of an orbit in the settings.
+const FRAMES: usize = 4;
+
+/// All particles in views at two sizes: of the first stage of training, at which the paper scores, and of the last.
+pub(super) struct Judge<'a> {
+    lab: &'a Lab<'a>,
+    snapshot: &'a Snapshot,
+    /// The first stage's and the last one's.
+    pub truths: [Truth; 2],
+}
+
+/// Models of one recipe, one a seed, and what they score.
+pub(super) struct Row {
+    /// What the table calls it.
+    pub label: String,
+    /// Scores at the two sizes, of each model.
+    pub scores: [Vec<Vec<Score>>; 2],
+    /// Gaussians of each.
+    pub gaussians: Vec<f64>,
+    /// Bytes of each file.
+    pub bytes: Vec<f64>,
+    /// Wall-clock seconds that each took.
+    pub seconds: Vec<f64>,
+    /// The paper's.
+    pub paper: Option<published::Row>,
+}
+
+impl<'a> Judge<'a> {
+    /// Of models that `config` trains, in views of `groups`.
+    ///
+    /// # Errors
+    /// Those of drawing.
+    pub fn new(
+        lab: &'a Lab<'a>,
+        snapshot: &'a Snapshot,
+        config: &Config,
+        metadata: &Metadata,
+        groups: &[Group],
+    ) -> Result<Self> {
+        let views = groups::views(groups, metadata, lab.settings.seed, frames(lab));
+        let [small, large] = trained::sizes(config);
+        let truth = |size| Truth::at_size(lab, snapshot, views.clone(), size);
+        Ok(Judge { lab, snapshot, truths: [truth(small)?, truth(large)?] })
+    }
+
+    /// What models of one recipe score.
+    ///
+    /// # Errors
+    /// Those of drawing.
+    pub fn row(&self, label: &str, models: &[Trained], paper: Option<published::Row>) -> Result<Row> {
+        let at = |truth: &Truth| -> Result<Vec<Vec<Score>>> {
+            models.iter().map(|m| groups::scores(self.lab, self.snapshot, truth, &m.made)).collect()
+        };
+        let [small, large] = &self.truths;
+        Ok(Row {
+            label: label.into(),
+            scores: [at(small)?, at(large)?],
+            gaussians: models.iter().map(|m| m.made.model.gaussians() as f64).collect(),
+            bytes: models.iter().map(|m| m.made.bytes.len() as f64).collect(),
+            seconds: models.iter().map(|m| m.made.seconds).collect(),
+            paper,
+        })
+    }
+
+    /// The noise-free picture's scores at both sizes, as a row of its own.
+    ///
+    /// # Errors
+    /// Those of drawing.
+    pub fn noise_free(&self) -> Result<Row> {
+        let of = |truth| Ok(vec![groups::noise_free(self.lab, self.snapshot, truth)?]);
+        let [small, large] = &self.truths;
+        let scores = [of(small)?, of(large)?];
+        let label = "noise-free picture of all particles".into();
+        Ok(Row { label, scores, gaussians: vec![], bytes: vec![], seconds: vec![], paper: None })
+    }
+
+    /// The sizes as people write them.
+    pub fn sizes(&self) -> [String; 2] {
+        [0, 1].map(|k| in_pixels(self.truths[k].size))
+    }
+}
+
+/// Views of a group.
+pub(super) fn frames(lab: &Lab<'_>) -> usize {
+    FRAMES * lab.settings.frames
+}
+
+/// What counts: whole pictures and lit pixels at the first size, lit pixels at the second.
+const MEASURES: [(usize, fn(&Score) -> Option<f64>); 3] = [(0, psnr), (0, masked), (1, masked)];
+
+impl Row {
+    /// One of [`MEASURES`], of each model, the mean over the trained orbits.
+    pub fn measured(&self, number: usize) -> Vec<f64> {
+        let (size, pick) = MEASURES[number];
+        means_over(&self.scores[size], &groups::in_range(), pick)
+    }
+
+    /// SSIM at the first size.
+    pub fn ssim(&self) -> Vec<f64> {
+        means_over(&self.scores[0], &groups::in_range(), ssim)
+    }
+
+    /// Change of a measure from another row's median: of each model.
+    pub fn changes(&self, from: &Row, number: usize) -> Vec<f64> {
+        let median = Spread::of(&from.measured(number)).map(|s| s.median);
+        self.measured(number).into_iter().filter_map(|v| Some(v - median?)).collect()
+    }
+
+    /// How far the models of a row lie apart in a measure: the noise of one run.
+    pub fn noise(&self, number: usize) -> f64 {
+        Spread::of(&self.measured(number)).map_or(0.0, |s| s.high - s.low)
+    }
+}
+
+/// The rows with their changes from the first, and whether they have the paper's sign.
+pub(super) fn table(name: &str, title: &str, rows: &[Row], sizes: &[String; 2]) -> Table {
+    let [small, large] = sizes;
+    let heads = [
+        "recipe".into(),
+        format!("PSNR at {small}, dB"),
+        "change, dB".into(),
+        format!("masked PSNR at {small}, dB"),
+        "change, dB".into(),
+        format!("SSIM at {small}"),
+        format!("masked PSNR at {large}, dB"),
+        "change, dB".into(),
+        "Gaussians".into(),
+        "bytes, coded".into(),
+        "bytes as PLY".into(),
+        "time, s".into(),
+        "paper: PSNR, dB".into(),
+        "paper: change, dB".into(),
+        "paper: PLY, MB".into(),
+        format!("same sign, PSNR at {small}"),
+        format!("same sign, masked at {large}"),
+    ];
+    let mut table = Table::new(name, title, &heads.each_ref().map(String::as_str));
+    rows.iter().for_each(|row| table.row(cells(row, &rows[0])));
+    table
+}
+
+fn cells(row: &Row, first: &Row) -> Vec<Cell> {
+    let is_first = std::ptr::eq(row, first);
+    let change = |k| if is_first { Cell::Empty } else { Cell::spread(&row.changes(first, k), 2) };
+    let sign = |k| sign(row, first, k).map_or(Cell::Empty, Cell::text);
+    let paper = |of: fn(&published::Row) -> f64, digits| Cell::number(row.paper.as_ref().map(of), digits);
+    let as_ply: Vec<f64> = row.gaussians.iter().map(|n| n * BYTES_A_GAUSSIAN as f64).collect();
+    vec![
+        Cell::text(&row.label),
+        Cell::spread(&row.measured(0), 2),
+        change(0),
+        Cell::spread(&row.measured(1), 2),
+        change(1),
+        Cell::spread(&row.ssim(), 4),
+        Cell::spread(&row.measured(2), 2),
+        change(2),
+        Cell::spread(&row.gaussians, 0),
+        Cell::spread(&row.bytes, 0),
+        Cell::spread(&as_ply, 0),
+        Cell::spread(&row.seconds, 1),
+        paper(|p| p.psnr, 2),
+        if is_first { Cell::Empty } else { paper(|p| p.change, 2) },
+        paper(|p| p.megabytes, 1),
+        sign(0),
+        sign(2),
+    ]
+}
+
+/// Has the median change of a measure the paper's sign? Nothing where the paper has no such row.
+pub(super) fn sign(row: &Row, first: &Row, number: usize) -> Option<&'static str> {
+    let theirs = row.paper.filter(|p| p.change != 0.0)?.change;
+    let ours = Spread::of(&row.changes(first, number))?.median;
+    Some(same_sign(ours, theirs, first.noise(number)))
+}
+
+/// What a reader must know of every table of trained models.
+pub(super) fn notes(lab: &Lab<'_>, scale: f64, config: &Config, sizes: &[String; 2]) -> Vec<String> {
+    let [small, large] = sizes;
+    let (frames, steps) = (frames(lab), config.iterations());
+    vec![
+        format!(
+            "The published recipe (preset `paper`, law `alpha-blend`) scaled as a whole by {scale}: pixels along \
+             either side, steps, every schedule that counts steps, pictures and first Gaussians are that share of the \
+             published ones; rates of learning are not changed. Of the whole recipe that is {steps} steps, first at \
+             {small}, then at {large}. Gaussians travel a smaller way than in the paper, so signs compare, decibels \
+             do not."
+        ),
+        format!(
+            "Scored are the decoded files, against ParaView's picture of all particles: {frames} views on each of the \
+             orbits 1.0, 0.7 and 0.5, radius and opacity drawn from the published range, the mean over the orbits. The \
+             paper scores PSNR of whole pictures at the size of its first stage, here {small}; masked PSNR counts lit \
+             pixels alone, at {large} what the last stages were trained for as well."
+        ),
+    ]
+}
+
+/// What several seeds of the whole recipe say about one run.
+pub(super) fn noise_note(first: &Row, sizes: &[String; 2]) -> String {
+    let [small, large] = sizes;
+    format!(
+        "Noise of one run: {} runs of the first row, which differ in their seed alone, lie within {:.2} dB of PSNR and \
+         {:.2} dB of masked PSNR at {small}, and {:.2} dB of masked PSNR at {large}. A change within that is said to \
+         be within noise; the paper's artifact tells of 0.3 dB.",
+        first.gaussians.len(),
+        first.noise(0),
+        first.noise(1),
+        first.noise(2)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(psnrs: &[f64], paper: Option<published::Row>) -> Row {
+        let of = |v: f64| -> Vec<Score> {
+            let score = |g: Group| Score { view: format!("{}_00", g.name), psnr: Some(v), masked: Some(v), ssim: None };
+            groups::in_range().into_iter().map(score).collect()
+        };
+        let all: Vec<Vec<Score>> = psnrs.iter().map(|v| of(*v)).collect();
+        let each = vec![1000.0; psnrs.len()];
+        Row {
+            label: "r".into(),
+            scores: [all.clone(), all],
+            gaussians: each.clone(),
+            bytes: each.clone(),
+            seconds: each,
+            paper,
+        }
+    }
+
+    #[test]
+    fn changes_are_from_the_median_and_noise_hides_signs() {
+        let first = row(&[30.0, 30.5, 30.1], Some(published::SINGLE));
+        let worse = row(&[28.0], Some(published::FAR_ORBIT));
+        let alike = row(&[29.8], Some(published::FAR_ORBIT));
+        let better = row(&[33.1], Some(published::FAR_ORBIT));
+        assert!((first.noise(0) - 0.5).abs() < 1e-9);
+        assert!((worse.changes(&first, 0)[0] + 2.1).abs() < 1e-9);
+        let said = [&worse, &alike, &better].map(|r| sign(r, &first, 0));
+        assert_eq!(said, [Some("yes"), Some("within noise"), Some("no")]);
+        assert_eq!(sign(&first, &first, 0), None);
+        let table = table("t", "T", &[first, worse], &["1 x 1".into(), "2 x 2".into()]);
+        assert_eq!((table.rows[0].len(), table.rows[1].len()), (17, 17));
+        assert_eq!((&table.rows[0][2], table.rows[1][10].in_words()), (&Cell::Empty, "68,000".into()));
+    }
+}

@@ -1,0 +1,181 @@
+//! Our law in blocks that are fitted on their own, at the same size of file (paper, table and figure of blocks).
+
+use super::Experiment;
+use super::distances::{self, Curve, DISTANCES, at_distances};
+use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
+use super::published as paper;
+use super::seeds::{each_seed, told};
+use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
+use crate::lab::{Lab, Made, Recipe, Snapshot};
+use crate::views::{Score, Truth};
+use particlegs::Result;
+
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "blocks",
+    title: "Blocks that are fitted on their own, at the same size of file",
+    paper: "tab:block, fig:block_distance",
+    trains: false,
+    weight: 60,
+    run,
+};
+
+/// Raw bytes over bytes of every file.
+pub(super) const RATIO: f64 = 263.0;
+/// Numbers of blocks, as in the paper.
+const BLOCKS: [u32; 5] = [1, 2, 4, 8, 16];
+
+/// Models of one number of blocks, one a seed.
+struct Measured {
+    blocks: u32,
+    scores: Vec<Vec<Score>>,
+    gaussians: Vec<f64>,
+    bytes: Vec<f64>,
+}
+
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+    let snapshot = &snapshots[0];
+    let first = lab.model(snapshot, &recipe(1, lab.settings.seed))?;
+    let frames = 2 * lab.settings.frames;
+    let views = groups::views(&at_distances(), &first.model.metadata, lab.settings.seed, frames);
+    let truth = Truth::in_views(lab, snapshot, views)?;
+    let all: Vec<Measured> = BLOCKS.iter().map(|k| measured(lab, snapshot, &truth, *k)).collect::<Result<_>>()?;
+    let noise_free = [groups::noise_free(lab, snapshot, &truth)?];
+    let curves = curves(&all, &noise_free);
+    let title = "Masked PSNR by distance of the camera and number of blocks";
+    Ok(Found {
+        tables: vec![table(&all, &noise_free), distances::table("blocks-distance", title, &curves)],
+        plots: vec![distances::plot("blocks-distance", title, &curves), changes_by_distance(&all)],
+        notes: notes(&truth, frames, &all),
+        ..Found::default()
+    })
+}
+
+/// A model of `blocks` blocks at the common ratio.
+pub(super) fn recipe(blocks: u32, seed: u64) -> Recipe {
+    Recipe { blocks, ..Recipe::ratio(RATIO, seed) }
+}
+
+fn measured(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, blocks: u32) -> Result<Measured> {
+    let models = each_seed(lab, |made: &Made| &made.model, |seed| lab.model(snapshot, &recipe(blocks, seed)))?;
+    Ok(Measured {
+        blocks,
+        scores: models.iter().map(|made| groups::scores(lab, snapshot, truth, made)).collect::<Result<_>>()?,
+        gaussians: models.iter().map(|made| made.model.gaussians() as f64).collect(),
+        bytes: models.iter().map(|made| made.bytes.len() as f64).collect(),
+    })
+}
+
+fn table(all: &[Measured], noise_free: &[Vec<Score>]) -> Table {
+    let heads = [
+        "blocks",
+        "masked PSNR, dB",
+        "change from 1, dB",
+        "PSNR, dB",
+        "SSIM",
+        "far: masked",
+        "mid: masked",
+        "near: masked",
+        "Gaussians",
+        "bytes",
+        "paper: PSNR merged, dB",
+        "paper: fine-tuned, dB",
+        "paper: SSIM",
+        "paper: Gaussians, thousands",
+    ];
+    let mut table = Table::new("blocks", "Our law in blocks, at the same size of file", &heads);
+    let pictures = |scores: &[Vec<Score>], change: Cell| {
+        let of = |pick, digits| Cell::spread(&means_over(scores, &groups::in_range(), pick), digits);
+        let mut cells = vec![of(masked, 2), change, of(psnr, 2), of(ssim, 4)];
+        cells.extend(
+            groups::in_range().iter().map(|g| Cell::spread(&means_over(scores, std::slice::from_ref(g), masked), 2)),
+        );
+        cells
+    };
+    for m in all {
+        let change =
+            if m.blocks == 1 { Cell::Empty } else { Cell::spread(&changes(m, &all[0], &groups::in_range()), 2) };
+        let p = paper::blocks(m.blocks);
+        let mut row = vec![Cell::count(m.blocks.into())];
+        row.extend(pictures(&m.scores, change));
+        row.extend([Cell::spread(&m.gaussians, 0), Cell::spread(&m.bytes, 0)]);
+        row.extend([
+            Cell::number(p.and_then(|p| p.merged), 2),
+            Cell::number(p.map(|p| p.tuned), 2),
+            Cell::number(p.map(|p| p.ssim), 4),
+            Cell::number(p.map(|p| p.thousands), 0),
+        ]);
+        table.row(row);
+    }
+    let mut row = vec![Cell::text("noise-free picture")];
+    row.extend(pictures(noise_free, Cell::Empty));
+    row.resize(heads.len(), Cell::Empty);
+    table.row(row);
+    table
+}
+
+/// What each model's masked PSNR in some groups is more than the median of one block, dB.
+fn changes(m: &Measured, one: &Measured, groups: &[Group]) -> Vec<f64> {
+    let of = |m: &Measured| means_over(&m.scores, groups, masked);
+    let median = Spread::of(&of(one)).map(|s| s.median);
+    of(m).into_iter().filter_map(|v| Some(v - median?)).collect()
+}
+
+/// The same by distance, as a figure.
+fn changes_by_distance(all: &[Measured]) -> Plot {
+    let series = all.iter().enumerate().skip(1).map(|(style, m)| {
+        let point = |d: f64| Point::spread(d, &changes(m, &all[0], &[Group::orbit(d)]));
+        let points = DISTANCES.iter().rev().filter_map(|d| point(*d)).collect();
+        Series { name: format!("{} blocks", m.blocks), style, dashed: false, points }
+    });
+    Plot {
+        name: "blocks-distance-change".into(),
+        title: "Change from one block at the same bytes, by distance".into(),
+        x: Axis::linear("distance of the camera, base distances"),
+        y: Axis::linear("change of masked PSNR, dB"),
+        series: series.collect(),
+        levels: vec![("one block".into(), 0.0)],
+    }
+}
+
+fn curves<'a>(all: &'a [Measured], noise_free: &'a [Vec<Score>]) -> Vec<Curve<'a>> {
+    let curve = |(style, m): (usize, &'a Measured)| Curve {
+        label: if m.blocks == 1 { "1 block".into() } else { format!("{} blocks", m.blocks) },
+        scores: &m.scores,
+        style,
+        dashed: false,
+    };
+    let noise_free = Curve { label: "noise-free picture".into(), scores: noise_free, style: 8, dashed: true };
+    all.iter().enumerate().map(curve).chain([noise_free]).collect()
+}
+
+fn notes(truth: &Truth, frames: usize, all: &[Measured]) -> Vec<String> {
+    let mut notes = vec![
+        format!(
+            "Optical-depth models at ratio {RATIO}, all of them: a k-d tree cuts the particles into blocks of equal \
+             counts, each block is fitted without the others and has its share of the bytes, and what they hold is \
+             added up. Nothing is trained or fine-tuned, since optical depths add exactly. The paper's blocks grow \
+             instead: its models of more blocks are larger files, so its gain is of blocks and of bytes together. \
+             `published-blocks` does that sweep."
+        ),
+        format!(
+            "Scored against ParaView's picture of all particles at {}: {frames} views at each distance, in the same \
+             directions and with the same radii and opacities at all of them; of each number {}. \
+             Masked PSNR, PSNR and SSIM are means over far, mid and near (1.0, 0.7 and 0.5 base distances).",
+            in_pixels(truth.size),
+            told(all[0].scores.len())
+        ),
+    ];
+    let change = |m: &Measured| Some((m.blocks, Spread::of(&changes(m, &all[0], &groups::in_range()))?));
+    let said: Vec<String> =
+        all[1..].iter().filter_map(change).map(|(k, s)| format!("{k} blocks {:+.2} dB", s.median)).collect();
+    notes.push(format!("Change of masked PSNR from one block at the same bytes: {}.", said.join(", ")));
+    let eight = all.iter().find(|m| m.blocks == 8);
+    if let Some([far, near]) = eight.and_then(|m| distances::gains(&all[0].scores, &m.scores)) {
+        let [paper_far, paper_near] = paper::EIGHT_GAINS;
+        notes.push(format!(
+            "Eight blocks against one: {far:+.2} dB far, {near:+.2} dB near at the same bytes (paper, fine-tuned and \
+             4.5 times as large: {paper_far:+.2} and {paper_near:+.2} dB)."
+        ));
+    }
+    notes
+}

@@ -1,0 +1,83 @@
+//! The published fine-tuning of a merged model of eight blocks, and what becomes of it with another loss or without
+//! density control (paper, table of fine-tuning).
+
+use super::Experiment;
+use super::ablation::{self, Judge};
+use super::groups;
+use super::published as paper;
+use super::published_blocks::{merged, scale};
+use super::trained::{Trained, tuned};
+use crate::found::Found;
+use crate::lab::{Lab, Snapshot};
+use particlegs::Result;
+use particlegs::train::Config;
+
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "finetune-ablation",
+    title: "Fine-tuning of a merged model with another loss, and without density control",
+    paper: "tab:ablation_ft",
+    trains: true,
+    weight: 700,
+    run,
+};
+
+/// Blocks that the model is merged of.
+const BLOCKS: u32 = 8;
+
+/// The published fine-tuning in its share.
+///
+/// # Errors
+/// Those of [`Config::scaled`].
+pub(super) fn production(scale: f64) -> Result<Config> {
+    Config { evaluate_views: 4, ..Config::fine_tuning() }.scaled(scale)
+}
+
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+    let (snapshot, seed) = (&snapshots[0], lab.settings.seed);
+    let of_blocks = merged(lab, snapshot, BLOCKS, seed)?;
+    let tune = |config: &Config, seed| tuned(lab, snapshot, &of_blocks.made, config, seed);
+    let config = production(scale(lab))?;
+    let seeds: Result<Vec<Trained>> = lab.settings.seeds().map(|seed| tune(&config, seed)).collect();
+    // Sizes are those of the recipe that made the blocks: fine-tuning has the first alone.
+    let recipe = super::trained::recipe().scaled(scale(lab))?;
+    let judge = Judge::new(lab, snapshot, &recipe, &of_blocks.made.model.metadata, &groups::in_range())?;
+    let mut rows = vec![judge.row("published: L1, density control", &seeds?, Some(paper::EIGHT))?];
+    for (label, config, theirs) in variants(&config) {
+        rows.push(judge.row(label, &[tune(&config, seed)?], Some(theirs))?);
+    }
+    rows.push(judge.row("merged, before fine-tuning", &[of_blocks], None)?);
+    rows.push(judge.noise_free()?);
+    let sizes = judge.sizes();
+    let title = "Fine-tuning of a merged model of eight blocks";
+    let tables = vec![ablation::table("finetune-ablation", title, &rows, &sizes)];
+    let mut notes = ablation::notes(lab, scale(lab), &recipe, &sizes);
+    notes.push(format!(
+        "Each of the {BLOCKS} blocks was trained by all those steps and the merged model fine-tuned for {} at {} \
+         (published: 60 000 at 1920 x 1080), so that the larger size is beyond what fine-tuning saw.",
+        config.iterations(),
+        sizes[0]
+    ));
+    notes.push(ablation::noise_note(&rows[0], &sizes));
+    notes.push(
+        "Seeds of the first row are those of fine-tuning; the merged model is the same. Other rows have one.".into(),
+    );
+    Ok(Found { tables, notes, ..Found::default() })
+}
+
+/// The changes of the paper's table, and what it found.
+fn variants(production: &Config) -> [(&'static str, Config, paper::Row); 3] {
+    let dssim = |share| {
+        let mut config = production.clone();
+        config.loss.dssim = share;
+        config
+    };
+    let mut fixed = production.clone();
+    for stage in &mut fixed.stages {
+        (stage.densify.every, stage.densify.until) = (0, 0);
+    }
+    [
+        ("without density control", fixed, paper::NO_DENSIFICATION),
+        ("DSSIM alone", dssim(1.0), paper::PURE_DSSIM),
+        ("0.9 L1 + 0.1 DSSIM", dssim(0.1), paper::DSSIM_BLEND),
+    ]
+}

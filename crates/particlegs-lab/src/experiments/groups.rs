@@ -1,0 +1,189 @@
+//! Groups of views: the published spirals at some distance, with radius and opacity drawn from the published range or
+//! given.
+//!
+//! Every group has the same directions, and those that draw radius and opacity have the same draws: what differs from
+//! group to group is the distance or the factor alone.
+
+use crate::lab::{Lab, Made, Snapshot};
+use crate::views::{Score, Truth, told};
+use particlegs::Result;
+use particlegs::camera::{View, base_distance, spiral};
+use particlegs::math::{Purpose, Random};
+use particlegs::model::Metadata;
+use particlegs::picture::Size;
+use particlegs::reference::Reference;
+use particlegs::splat::Look;
+
+/// Factors of the default radius and opacity that are trained on and scored: smallest and largest (paper, section
+/// IV-A).
+pub(super) const RANGE: [f64; 2] = [0.25, 1.75];
+/// The trained orbits, far to near.
+pub(super) const TRAINED: [f64; 3] = [1.0, 0.7, 0.5];
+
+/// A group of views.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Group {
+    /// What its views' names begin with.
+    pub name: String,
+    /// Distance, in base distances.
+    orbit: f64,
+    /// Factors of the default radius and opacity; `None` = drawn in [`RANGE`], Beta(3, 3).
+    factors: Option<[f64; 2]>,
+}
+
+impl Group {
+    /// At a distance, radius and opacity drawn.
+    pub fn orbit(orbit: f64) -> Group {
+        Group { name: format!("orbit-{orbit}"), orbit, factors: None }
+    }
+
+    /// At the mid orbit, with a factor of the default radius.
+    pub fn radius(factor: f64) -> Group {
+        Group { name: format!("radius-{factor}"), orbit: TRAINED[1], factors: Some([factor, 1.0]) }
+    }
+
+    /// At the mid orbit, with a factor of the default opacity.
+    pub fn opacity(factor: f64) -> Group {
+        Group { name: format!("opacity-{factor}"), orbit: TRAINED[1], factors: Some([1.0, factor]) }
+    }
+}
+
+/// The trained orbits.
+pub(super) fn in_range() -> Vec<Group> {
+    TRAINED.map(Group::orbit).to_vec()
+}
+
+/// `frames` views of each group about a snapshot, named after it (`orbit-0.7_00`). Same seed, same views.
+pub(super) fn views(groups: &[Group], of: &Metadata, seed: u64, frames: usize) -> Vec<View> {
+    let base = base_distance(&of.bounds, Size { width: 16, height: 9 });
+    let turn = Random::of(Purpose::EvaluationTurn, seed, 0).bits();
+    let in_group = |group: &Group| {
+        let cameras = spiral(of.bounds.center(), group.orbit * base, frames, Some(turn));
+        let view = |(i, camera)| {
+            let mut draw = Random::of(Purpose::EvaluationLook, seed, i as u64);
+            let mut drawn = || RANGE[0] + (RANGE[1] - RANGE[0]) * draw.beta33();
+            let [radius, opacity] = group.factors.unwrap_or_else(|| [drawn(), drawn()]);
+            View {
+                name: format!("{}_{i:02}", group.name),
+                camera,
+                radius: radius * of.default_radius,
+                opacity: (opacity * of.default_opacity).min(1.0),
+            }
+        };
+        cameras.into_iter().enumerate().map(view).collect::<Vec<_>>()
+    };
+    groups.iter().flat_map(in_group).collect()
+}
+
+/// Scores of a model in the views of `truth`: kept, or measured now.
+///
+/// # Errors
+/// Those of drawing; [`particlegs::Error::Io`].
+pub(super) fn scores(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, made: &Made) -> Result<Vec<Score>> {
+    let model = blake3::hash(&made.bytes).to_hex().to_string();
+    lab.store.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.of_model(lab, &made.model))
+}
+
+/// Scores of the noise-free picture of all particles, which no model can be expected to pass: kept, or measured now.
+///
+/// # Errors
+/// As [`scores`].
+pub(super) fn noise_free(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth) -> Result<Vec<Score>> {
+    lab.store.result("scores", &(&snapshot.hash, "noise-free", all_told(truth)), || {
+        let reference = Reference::with_bounds(&snapshot.particles, truth.bounds);
+        truth.score(|view| reference.response(view, truth.size, Look::Paraview, lab.progress))
+    })
+}
+
+fn all_told(truth: &Truth) -> Vec<String> {
+    truth.views.iter().map(|view| told(view, truth.size)).collect()
+}
+
+/// The mean over groups of the mean over each group's views, of one figure.
+pub(super) fn mean_over(scores: &[Score], groups: &[Group], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
+    let of = |g: &Group| crate::views::mean_of(scores, &g.name, pick);
+    let values: Option<Vec<f64>> = groups.iter().map(of).collect();
+    values.filter(|v| !v.is_empty()).map(|v| v.iter().sum::<f64>() / v.len() as f64)
+}
+
+/// [`mean_over`] of several models: the values that there are.
+pub(super) fn means_over(all: &[Vec<Score>], groups: &[Group], pick: fn(&Score) -> Option<f64>) -> Vec<f64> {
+    all.iter().filter_map(|scores| mean_over(scores, groups, pick)).collect()
+}
+
+/// Masked PSNR.
+pub(super) fn masked(s: &Score) -> Option<f64> {
+    s.masked
+}
+
+/// PSNR over all pixels.
+pub(super) fn psnr(s: &Score) -> Option<f64> {
+    s.psnr
+}
+
+/// Structural similarity.
+pub(super) fn ssim(s: &Score) -> Option<f64> {
+    s.ssim
+}
+
+/// As people write a size.
+pub(super) fn in_pixels(size: Size) -> String {
+    format!("{} x {}", size.width, size.height)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use particlegs::compress::{Options, Target, compress};
+    use particlegs::model::CertificateLevel;
+    use particlegs::particles::Particles;
+    use particlegs::pieces::NoPieces;
+    use particlegs::progress::Silent;
+
+    fn metadata() -> Metadata {
+        let column = |k: u32| (0..500u32).map(|i| (i * (k + 7) % 97) as f32).collect::<Vec<f32>>();
+        let particles = Particles::from_columns(column(1), column(2), column(3));
+        let certificate = CertificateLevel::None;
+        let options = Options { target: Target::Gaussians(5), certificate, ..Options::default() };
+        compress(&particles, &options, &mut NoPieces, &Silent).unwrap().model.metadata
+    }
+
+    #[test]
+    fn groups_differ_in_what_they_are_named_after_alone() {
+        let m = metadata();
+        let (far, near) = (Group::orbit(1.3), Group::orbit(0.5));
+        let all = views(&[far, near, Group::radius(2.0), Group::opacity(0.5)], &m, 42, 3);
+        assert_eq!(all.len(), 12);
+        let names: Vec<&str> = [0, 3, 6, 9].map(|i| all[i].name.as_str()).to_vec();
+        assert_eq!(names, ["orbit-1.3_00", "orbit-0.5_00", "radius-2_00", "opacity-0.5_00"]);
+        for i in 0..3 {
+            let (far, near) = (&all[i], &all[i + 3]);
+            assert_eq!((far.radius, far.opacity), (near.radius, near.opacity));
+            assert!((far.camera.distance() / near.camera.distance() - 2.6).abs() < 1e-9);
+            let toward = |v: &View| {
+                let (c, d) = (&v.camera, v.camera.distance());
+                [0, 1, 2].map(|k| (c.position[k] - c.focal_point[k]) / d)
+            };
+            assert!((0..3).all(|k| (toward(far)[k] - toward(near)[k]).abs() < 1e-9));
+            let factor = far.radius / m.default_radius;
+            assert!((RANGE[0]..=RANGE[1]).contains(&factor), "{factor}");
+            assert_eq!((all[i + 6].radius, all[i + 6].opacity), (2.0 * m.default_radius, m.default_opacity));
+            assert_eq!((all[i + 9].radius, all[i + 9].opacity), (m.default_radius, 0.5 * m.default_opacity));
+        }
+        assert_ne!(all[0].radius, all[1].radius);
+        assert_eq!(
+            all,
+            views(&[Group::orbit(1.3), Group::orbit(0.5), Group::radius(2.0), Group::opacity(0.5)], &m, 42, 3)
+        );
+    }
+
+    #[test]
+    fn groups_count_alike_however_many_views_they_have() {
+        let score = |view: &str, v: f64| Score { view: view.into(), psnr: Some(v), masked: None, ssim: None };
+        let scores = [score("orbit-1_00", 10.0), score("orbit-1_01", 20.0), score("orbit-0.7_00", 35.0)];
+        let two = [Group::orbit(1.0), Group::orbit(0.7)];
+        assert_eq!(mean_over(&scores, &two, psnr), Some(25.0));
+        assert_eq!(mean_over(&scores, &two, masked), None);
+        assert_eq!(mean_over(&scores, &[Group::orbit(0.5)], psnr), None);
+    }
+}

@@ -1,0 +1,136 @@
+//! Figures of the paper that training, blocks and generalisation are compared with: the `\newcommand` lines at the top
+//! of its source, by their names there. All were measured on its HACC snapshot of 281 million particles, by the
+//! published method; PSNR is of whole pictures of 1920 x 1080 where it does not say masked.
+
+/// Bytes of a Gaussian in the published form, a PLY of 17 float32.
+pub(super) const BYTES_A_GAUSSIAN: u64 = 68;
+
+/// A row of the paper's tables of models.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    /// PSNR, dB.
+    pub psnr: f64,
+    /// Change from the table's first row, dB.
+    pub change: f64,
+    /// Size as PLY, MB.
+    pub megabytes: f64,
+}
+
+/// `Sb...`: the single block, which the ablations of components start from.
+pub(super) const SINGLE: Row = Row { psnr: 28.80, change: 0.0, megabytes: 11.1 };
+/// `AblNoVm...`.
+pub(super) const NO_VIZMAPPER: Row = Row { psnr: 23.30, change: -5.51, megabytes: 14.4 };
+/// `AblNoProg...`.
+pub(super) const SINGLE_RESOLUTION: Row = Row { psnr: 26.42, change: -2.39, megabytes: 11.0 };
+/// `AblNoOrbit...`.
+pub(super) const FAR_ORBIT: Row = Row { psnr: 28.04, change: -0.77, megabytes: 12.4 };
+
+/// `Eb...`: eight blocks, fine-tuned: what the ablations of fine-tuning start from.
+pub(super) const EIGHT: Row = Row { psnr: 30.03, change: 0.0, megabytes: 49.8 };
+/// `AblFtNoDensify...`.
+pub(super) const NO_DENSIFICATION: Row = Row { psnr: 28.61, change: -1.42, megabytes: 57.9 };
+/// `AblFtPureDssim...`.
+pub(super) const PURE_DSSIM: Row = Row { psnr: 26.60, change: -3.43, megabytes: 298.2 };
+/// `AblFtDssimBlend...`.
+pub(super) const DSSIM_BLEND: Row = Row { psnr: 28.26, change: -1.77, megabytes: 54.2 };
+
+/// A row of the block sweep (`Blk...`).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Blocks {
+    /// Number of blocks.
+    pub blocks: u32,
+    /// PSNR after the merge, dB.
+    pub merged: Option<f64>,
+    /// PSNR after fine-tuning, dB; of one block, as it was trained.
+    pub tuned: f64,
+    /// SSIM of the last.
+    pub ssim: f64,
+    /// Gaussians, thousands.
+    pub thousands: f64,
+}
+
+/// The block sweep.
+pub(super) const BLOCKS: [Blocks; 5] = [
+    Blocks { blocks: 1, merged: None, tuned: 28.80, ssim: 0.7723, thousands: 171.0 },
+    Blocks { blocks: 2, merged: Some(28.99), tuned: 29.72, ssim: 0.8076, thousands: 543.0 },
+    Blocks { blocks: 4, merged: Some(28.85), tuned: 29.94, ssim: 0.8195, thousands: 601.0 },
+    Blocks { blocks: 8, merged: Some(28.32), tuned: 30.03, ssim: 0.8241, thousands: 769.0 },
+    Blocks { blocks: 16, merged: Some(26.80), tuned: 30.08, ssim: 0.8271, thousands: 1037.0 },
+];
+
+/// The row of a number of blocks.
+pub(super) fn blocks(k: u32) -> Option<Blocks> {
+    BLOCKS.into_iter().find(|b| b.blocks == k)
+}
+
+/// `BlkDistFarGain`, `BlkDistNearGain`: masked PSNR that eight fine-tuned blocks gain over one, far and near, dB.
+pub(super) const EIGHT_GAINS: [f64; 2] = [1.04, 1.49];
+
+/// An orbit of the table of generalisation (`GenOrbit...`).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OrbitRow {
+    /// Distance in base distances.
+    pub orbit: f64,
+    /// What it is to the trained model: trained on, between those, or beyond them.
+    pub kind: &'static str,
+    /// Masked PSNR, dB.
+    pub masked: f64,
+    /// SSIM.
+    pub ssim: f64,
+}
+
+const fn orbit(orbit: f64, kind: &'static str, masked: f64, ssim: f64) -> OrbitRow {
+    OrbitRow { orbit, kind, masked, ssim }
+}
+
+/// The table of generalisation over orbits.
+pub(super) const ORBITS: [OrbitRow; 7] = [
+    orbit(1.3, "beyond", 26.20, 0.915),
+    orbit(1.0, "trained", 26.32, 0.863),
+    orbit(0.85, "between", 26.33, 0.823),
+    orbit(0.7, "trained", 26.43, 0.769),
+    orbit(0.6, "between", 26.37, 0.727),
+    orbit(0.5, "trained", 26.07, 0.685),
+    orbit(0.35, "beyond", 25.10, 0.588),
+];
+
+/// Masked PSNR at the mid orbit and the default radius and opacity, dB (of the paper's artifact).
+pub(super) const AT_DEFAULTS: f64 = 26.00;
+/// `GenRad...`: factor of the default radius, masked PSNR in dB.
+pub(super) const RADII: [(f64, f64); 2] = [(2.0, 21.85), (2.5, 20.67)];
+/// `GenOpa...`: factor of the default opacity, masked PSNR in dB.
+pub(super) const OPACITIES: [(f64, f64); 2] = [(2.0, 22.30), (2.4, 21.33)];
+
+/// Does a change have the sign of the paper's? Changes within `noise` count as none.
+pub(super) fn same_sign(ours: f64, theirs: f64, noise: f64) -> &'static str {
+    match (ours.abs() <= noise, ours * theirs > 0.0) {
+        (true, _) => "within noise",
+        (false, true) => "yes",
+        (false, false) => "no",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_are_those_of_the_tables() {
+        // The paper rounds each figure on its own.
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 0.0151, "{a} {b}");
+        for row in [NO_VIZMAPPER, SINGLE_RESOLUTION, FAR_ORBIT] {
+            near(row.psnr - SINGLE.psnr, row.change);
+        }
+        for row in [NO_DENSIFICATION, PURE_DSSIM, DSSIM_BLEND] {
+            near(row.psnr - EIGHT.psnr, row.change);
+        }
+        assert_eq!(blocks(16).map(|b| b.ssim), Some(0.8271));
+        assert!(blocks(3).is_none());
+    }
+
+    #[test]
+    fn signs_agree_beyond_noise() {
+        let said = [(-1.0, -5.0), (1.0, -5.0), (-0.2, -5.0)].map(|(a, b)| same_sign(a, b, 0.25));
+        assert_eq!(said, ["yes", "no", "within noise"]);
+    }
+}

@@ -1,0 +1,59 @@
+//! Models of several seeds, where seeds make a difference.
+
+use crate::lab::Lab;
+use particlegs::Result;
+use particlegs::model::Model;
+
+/// What `make` gives for each seed of the settings; one alone where the second seed gives the Gaussians of the first. A
+/// fit draws nothing unless cells have more particles than it looks at, and small snapshots have not.
+///
+/// # Errors
+/// Those of `make`.
+pub(super) fn each_seed<T>(
+    lab: &Lab<'_>,
+    model: fn(&T) -> &Model,
+    mut make: impl FnMut(u64) -> Result<T>,
+) -> Result<Vec<T>> {
+    let mut all: Vec<T> = Vec::new();
+    for seed in lab.settings.seeds() {
+        let one = make(seed)?;
+        if let [first] = &all[..]
+            && model(first).blocks().map(|b| &b.gaussians).eq(model(&one).blocks().map(|b| &b.gaussians))
+        {
+            break;
+        }
+        all.push(one);
+    }
+    Ok(all)
+}
+
+/// How many models there are, and what that says of seeds.
+pub(super) fn told(count: usize) -> String {
+    match count {
+        1 => "one fit, since its seed changes nothing here".into(),
+        n => format!("{n} fits that differ in their seed"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::{Made, Recipe, Settings, Snapshot};
+    use particlegs::particles::Particles;
+    use particlegs::progress::Silent;
+
+    #[test]
+    fn seeds_that_change_nothing_count_once() {
+        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
+        let particles = Particles::from_columns(column(1), column(2), column(3));
+        let (snapshot, folder) = (Snapshot::new("s".into(), "s".into(), particles), tempfile::tempdir().unwrap());
+        let settings = Settings { seeds: 3, ..Settings::new(true, "".into()) };
+        let lab = Lab::new(settings, folder.path(), &Silent);
+        let of = |ratio: fn(u64) -> f64| {
+            each_seed(&lab, |m: &Made| &m.model, |seed| lab.model(&snapshot, &Recipe::ratio(ratio(seed), seed)))
+                .unwrap()
+                .len()
+        };
+        assert_eq!((of(|_| 10.0), of(|seed| 5.0 + seed as f64 / 10.0)), (1, 3));
+    }
+}

@@ -1,0 +1,159 @@
+//! Scores of models while one thing about the views changes: the distance, the radius or the opacity.
+
+use super::generalisation::{cells, median};
+use super::groups::{Group, masked, means_over};
+use crate::found::{Axis, Cell, Plot, Point, Series, Table};
+use crate::views::Score;
+
+/// A value of what changes.
+#[derive(Clone)]
+pub(super) struct Step {
+    /// The value.
+    pub at: f64,
+    /// Its views.
+    pub group: Group,
+    /// What it is to the published training: trained, between or beyond.
+    pub kind: &'static str,
+    /// The paper's masked PSNR, dB, and SSIM.
+    pub paper: [Option<f64>; 2],
+}
+
+/// One thing that changes.
+pub(super) struct Sweep {
+    /// What its table and figure are called after.
+    pub name: &'static str,
+    /// What changes, with its unit.
+    pub what: &'static str,
+    /// The value that falls are told from, where they are.
+    pub base: Option<f64>,
+    /// Values.
+    pub steps: Vec<Step>,
+}
+
+/// Models of one kind, and the scores of each.
+pub(super) struct Model {
+    /// Its name.
+    pub label: String,
+    /// Colour and mark.
+    pub style: usize,
+    /// Scores of each model.
+    pub scores: Vec<Vec<Score>>,
+}
+
+impl Sweep {
+    /// A row a value; `of` says at the title's end what is different about this table.
+    pub fn table(&self, stem: &str, models: &[Model], noise_free: &[Score], of: &str) -> Table {
+        let mut heads = vec![self.what.to_string(), "published training".into()];
+        for m in models {
+            let l = &m.label;
+            heads.extend([format!("{l}: masked PSNR, dB"), "PSNR, dB".into(), "SSIM".into()]);
+            heads.push("below noise-free, dB".into());
+            heads.extend(self.base.map(|b| format!("change from {b}, dB")));
+        }
+        heads.extend(["noise-free: masked PSNR, dB".into(), "paper: masked PSNR, dB".into()]);
+        heads.push(self.base.map_or("paper: SSIM".into(), |b| format!("paper: change from {b}, dB")));
+        let title = format!("Quality by {}{of}", self.what);
+        let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
+        let mut table = Table::new(&format!("{stem}-{}", self.name), title, &heads);
+        let noise_free = [noise_free.to_vec()];
+        for step in &self.steps {
+            let limit = median(&noise_free, &step.group);
+            let mut row = vec![Cell::number(step.at, 2), Cell::text(step.kind)];
+            for m in models {
+                let own = median(&m.scores, &step.group);
+                row.extend(cells(&m.scores, &step.group));
+                row.push(Cell::number(limit.zip(own).map(|(l, o)| l - o), 2));
+                row.extend(self.base.map(|_| Cell::number(self.fall(&m.scores, step.at), 2)));
+            }
+            row.extend([Cell::number(limit, 2), Cell::number(step.paper[0], 2)]);
+            row.push(match self.base {
+                Some(_) => Cell::number(self.paper_fall(step.at), 2),
+                None => Cell::number(step.paper[1], 3),
+            });
+            table.row(row);
+        }
+        table
+    }
+
+    /// Curves of the models, of the noise-free picture and of the paper.
+    pub fn plot(&self, stem: &str, models: &[Model], noise_free: &[Score], of: &str) -> Plot {
+        let points = |value: &dyn Fn(&Step) -> Option<Point>| {
+            let mut all: Vec<Point> = self.steps.iter().filter_map(value).collect();
+            all.sort_by(|a, b| a.x.total_cmp(&b.x));
+            all
+        };
+        let measured = |scores: &[Vec<Score>]| {
+            points(&|s| Point::spread(s.at, &means_over(scores, std::slice::from_ref(&s.group), masked)))
+        };
+        let mut series: Vec<Series> = models
+            .iter()
+            .map(|m| Series { name: m.label.clone(), style: m.style, dashed: false, points: measured(&m.scores) })
+            .collect();
+        let noise_free = measured(&[noise_free.to_vec()]);
+        series.push(Series { name: "noise-free picture".into(), style: 8, dashed: true, points: noise_free });
+        let theirs = points(&|s| Some(Point::new(s.at, s.paper[0]?)));
+        series.push(Series { name: "paper (HACC, 1080p)".into(), style: 7, dashed: true, points: theirs });
+        Plot {
+            name: format!("{stem}-{}", self.name),
+            title: format!("Quality by {}{of}", self.what),
+            x: Axis::linear(self.what),
+            y: Axis::linear("masked PSNR, dB"),
+            series,
+            levels: vec![],
+        }
+    }
+
+    /// Masked PSNR at a value less that at the base, median against median, dB; `None` without a base or at it.
+    pub fn fall(&self, scores: &[Vec<Score>], at: f64) -> Option<f64> {
+        let base = self.base.filter(|b| *b != at)?;
+        Some(median(scores, &self.step(at)?.group)? - median(scores, &self.step(base)?.group)?)
+    }
+
+    /// The same of the paper.
+    pub fn paper_fall(&self, at: f64) -> Option<f64> {
+        let base = self.base.filter(|b| *b != at)?;
+        Some(self.step(at)?.paper[0]? - self.step(base)?.paper[0]?)
+    }
+
+    fn step(&self, at: f64) -> Option<&Step> {
+        self.steps.iter().find(|s| s.at == at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sweep() -> Sweep {
+        let step = |at: f64, paper| Step { at, group: Group::radius(at), kind: "trained", paper: [paper, None] };
+        let steps = vec![step(1.0, Some(26.0)), step(0.5, None), step(2.5, Some(20.5))];
+        Sweep { name: "radius", what: "radius", base: Some(1.0), steps }
+    }
+
+    fn scores(values: [f64; 3]) -> Vec<Score> {
+        let names = ["radius-1_00", "radius-0.5_00", "radius-2.5_00"];
+        let one = |(n, v): (&str, f64)| Score { view: n.into(), psnr: Some(v), masked: Some(v), ssim: Some(0.5) };
+        names.into_iter().zip(values).map(one).collect()
+    }
+
+    #[test]
+    fn falls_are_from_the_base_and_noise_is_told_apart() {
+        let (sweep, limit) = (sweep(), scores([33.0, 34.0, 32.0]));
+        let model = Model { label: "m".into(), style: 0, scores: vec![scores([30.0, 33.0, 24.0])] };
+        assert_eq!(sweep.fall(&model.scores, 2.5), Some(-6.0));
+        assert_eq!((sweep.fall(&model.scores, 1.0), sweep.paper_fall(2.5)), (None, Some(-5.5)));
+        assert_eq!(sweep.paper_fall(0.5), None);
+        let table = sweep.table("t", &[model], &limit, "");
+        let words: Vec<String> = table.rows[2].iter().map(Cell::in_words).collect();
+        assert_eq!(words, ["2.50", "trained", "24.00", "24.00", "0.5000", "8.00", "-6.00", "32.00", "20.50", "-5.50"]);
+        assert!(table.rows.iter().all(|r| r.len() == table.columns.len()));
+    }
+
+    #[test]
+    fn curves_rise_along_their_axis() {
+        let model = Model { label: "m".into(), style: 0, scores: vec![scores([30.0, 33.0, 24.0])] };
+        let plot = sweep().plot("t", &[model], &scores([1.0, 2.0, 3.0]), "");
+        let at = |k: usize| plot.series[k].points.iter().map(|p| p.x).collect::<Vec<_>>();
+        assert_eq!((at(0), at(2)), (vec![0.5, 1.0, 2.5], vec![1.0, 2.5]));
+    }
+}

@@ -1,0 +1,355 @@
+//! Models that are trained: kept by what they were made from, and gone on with where a run was interrupted.
+
+use crate::lab::{Lab, Made, Snapshot};
+use particlegs::compress::{Checkpoint, Compressed, FineTuning, Options, Target, compress, finetune};
+use particlegs::model::{CertificateLevel, LawKind};
+use particlegs::picture::Size;
+use particlegs::pieces::Pieces;
+use particlegs::progress::{Level, Progress};
+use particlegs::train::{Config, Densify, Limits, Preset, Stage};
+use particlegs::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Gaussians that a file may have, by those that the published recipe starts from: never reached, so that their number
+/// is the recipe's own.
+const ROOM: u64 = 3;
+/// Held-out views that runs are scored on while they train, but for the long one.
+const HELD_OUT: u64 = 4;
+/// The last stage of the preset `fast` is so many pixels wide, that of the published recipe so many.
+const WIDTHS: [f64; 2] = [1440.0, 5760.0];
+
+/// What is trained on all particles.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Task {
+    /// What the file is to meet.
+    pub target: Target,
+    /// How it is trained; `None` = not.
+    pub training: Option<Config>,
+    /// Blocks that are trained on their own.
+    pub blocks: u32,
+    /// Seed of start, pictures and steps.
+    pub seed: u64,
+}
+
+impl Task {
+    /// The published law by `training`, as many Gaussians as that makes.
+    pub fn published(training: Config, blocks: u32, seed: u64) -> Task {
+        let most = ROOM * u64::from(blocks) * training.start_gaussians.unwrap_or(1);
+        Task { target: Target::Gaussians(most), training: Some(training), blocks, seed }
+    }
+
+    /// Our law in a file of so many bytes.
+    pub fn ours(bytes: u64, training: Option<Config>, seed: u64) -> Task {
+        Task { target: Target::Size(bytes), training, blocks: 1, seed }
+    }
+}
+
+/// The published recipe before it is scaled.
+pub(super) fn recipe() -> Config {
+    Config { evaluate_views: HELD_OUT, ..Config::preset(Preset::Paper, LawKind::AlphaBlend) }
+}
+
+/// Our preset `fast` with a last stage of the size that the published recipe's has at `scale`.
+///
+/// # Errors
+/// [`Error::Argument`] for a scale that is not positive.
+pub(super) fn ours_at(scale: f64) -> Result<Config> {
+    let fast = Config { evaluate_views: HELD_OUT, ..Config::preset(Preset::Fast, LawKind::OpticalDepth) };
+    fast.scaled((scale * WIDTHS[1] / WIDTHS[0]).min(1.0))
+}
+
+/// The published recipe in one stage, of the first one's size: its steps, its density control as long as that goes on.
+pub(super) fn single_resolution() -> Config {
+    let all = recipe();
+    let until = all.stages.iter().map(|s| s.densify.until).max().unwrap_or(0);
+    let first = all.stages[0];
+    let densify = Densify { until, ..first.densify };
+    Config { stages: vec![Stage { iterations: all.iterations(), densify, ..first }], ..all }
+}
+
+/// The first stage's size, at which the paper scores, and the last one's.
+pub(super) fn sizes(config: &Config) -> [Size; 2] {
+    let of = |s: Option<&Stage>| s.map_or([16, 9], |s| s.size);
+    [of(config.stages.first()), of(config.stages.last())].map(|[width, height]| Size { width, height })
+}
+
+/// A score of a run while it trains.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Evaluation {
+    /// Block, where there are several; else empty.
+    #[serde(default)]
+    pub run: String,
+    /// Steps done.
+    pub iteration: u64,
+    /// Seconds of training so far, with those of pieces before.
+    pub seconds: f64,
+    /// Masked PSNR on held-out views, dB.
+    pub held_out_masked_psnr: Option<f64>,
+    /// Gaussians.
+    pub gaussians: u64,
+}
+
+/// A trained model.
+pub(super) struct Trained {
+    /// The file and what it decodes to.
+    pub made: Made,
+    /// Its scores while it was trained.
+    pub curve: Vec<Evaluation>,
+    /// Is this the best so far, of a run that goes on?
+    pub unfinished: bool,
+}
+
+/// The model of a task: kept, or trained now.
+///
+/// # Errors
+/// Those of [`compress`]; [`Error::Io`].
+pub(super) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task) -> Result<Trained> {
+    trained_for(lab, snapshot, task, None)
+}
+
+/// [`trained`], in pieces: training ends after `piece`, if it is not done, and the next call goes on from there.
+///
+/// # Errors
+/// As [`trained`].
+pub(super) fn trained_for(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task, piece: Option<Duration>) -> Result<Trained> {
+    let options = Options {
+        target: task.target,
+        training: task.training.clone(),
+        blocks: Some(task.blocks),
+        seed: task.seed,
+        limits: Limits::default(),
+        certificate: CertificateLevel::None,
+        ..Options::default()
+    };
+    let work =
+        |pieces: &mut dyn Pieces, progress: &dyn Progress| compress(&snapshot.particles, &options, pieces, progress);
+    kept(lab, &("compress", &snapshot.hash, task), piece, work)
+}
+
+/// A merged model that is fine-tuned by `config`: kept, or tuned now. It has as many Gaussians as the recipe makes.
+///
+/// # Errors
+/// Those of [`finetune`]; [`Error::Io`].
+pub(super) fn tuned(lab: &Lab<'_>, snapshot: &Snapshot, merged: &Made, config: &Config, seed: u64) -> Result<Trained> {
+    // Density control without bounds multiplies Gaussians under DSSIM (paper, table of fine-tuning: by 6).
+    let most = 16 * merged.model.gaussians() as u64;
+    let options = FineTuning {
+        target: Target::Gaussians(most),
+        training: config.clone(),
+        limits: Limits::default(),
+        memory: None,
+        seed,
+        certificate: CertificateLevel::None,
+        command: String::new(),
+    };
+    let model = blake3::hash(&merged.bytes).to_hex().to_string();
+    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| {
+        let size = merged.bytes.len() as u64;
+        finetune(&merged.model, size, &snapshot.particles, &options, pieces, progress)
+    };
+    kept(lab, &("finetune", model, &snapshot.hash, config, seed), None, work)
+}
+
+/// What `work` gives, kept by `inputs` with its curve; its checkpoint stays as long as it is not done.
+fn kept(
+    lab: &Lab<'_>,
+    inputs: &impl Serialize,
+    piece: Option<Duration>,
+    work: impl FnOnce(&mut dyn Pieces, &dyn Progress) -> Result<Compressed>,
+) -> Result<Trained> {
+    let path = lab.store.path("checkpoint", inputs, "checkpoint");
+    let whose = serde_json::to_vec(inputs).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
+    let mut best = None;
+    let made = lab.made(inputs, || {
+        let start = Instant::now();
+        let checkpoint = Checkpoint::open(path.clone(), blake3::hash(&whose).as_bytes())?;
+        let heard = Heard::new(lab.progress, curve_of(&checkpoint), piece);
+        let mut pieces = WithCurve { checkpoint, heard: &heard };
+        let done = work(&mut pieces, &heard);
+        pieces.checkpoint.save()?;
+        let done = done?;
+        let curve = heard.curve().clone();
+        if !done.stopped {
+            lab.store.result("curve", inputs, || Ok(curve))?;
+            return Ok(done);
+        }
+        // What the user stops is to stop; what ran out of time gives its best so far.
+        if heard.late() && !lab.progress.cancelled() {
+            let made = Made { bytes: done.bytes, model: done.model, seconds: start.elapsed().as_secs_f64() };
+            best = Some(Trained { made, curve, unfinished: true });
+        }
+        Err(Error::Cancelled)
+    });
+    if let (Some(best), Err(Error::Cancelled)) = (best, &made) {
+        return Ok(best);
+    }
+    let made = made?;
+    if path.exists() {
+        std::fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
+    }
+    let curve = lab.store.result("curve", inputs, || Ok(Vec::new()))?;
+    Ok(Trained { made, curve, unfinished: false })
+}
+
+/// The key of the curve among the pieces.
+const CURVE: &str = "curve";
+
+fn curve_of(checkpoint: &Checkpoint) -> Vec<Evaluation> {
+    checkpoint.get(CURVE).and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
+}
+
+/// A checkpoint that has the curve as it was when the state of the training was kept.
+struct WithCurve<'a> {
+    checkpoint: Checkpoint,
+    heard: &'a Heard<'a>,
+}
+
+impl Pieces for WithCurve<'_> {
+    fn get(&self, key: &str) -> Option<Vec<u8>> {
+        self.checkpoint.get(key)
+    }
+
+    fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        self.checkpoint.keep(key, bytes)
+    }
+
+    fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        let curve = serde_json::to_vec(&*self.heard.curve()).unwrap_or_default();
+        self.checkpoint.keep(CURVE, curve)?;
+        self.checkpoint.keep_now(key, bytes)
+    }
+}
+
+/// Hears the scores of a run, and ends its training, and nothing but that, when its time is over.
+struct Heard<'a> {
+    inner: &'a dyn Progress,
+    curve: Mutex<Vec<Evaluation>>,
+    piece: Option<Duration>,
+    /// Phases that have begun and not ended.
+    phases: Mutex<Vec<String>>,
+    /// When training first began.
+    began: Mutex<Option<Instant>>,
+}
+
+/// The phase that may be ended.
+const TRAINING: &str = "training";
+
+impl<'a> Heard<'a> {
+    fn new(inner: &'a dyn Progress, curve: Vec<Evaluation>, piece: Option<Duration>) -> Self {
+        Heard { inner, curve: Mutex::new(curve), piece, phases: Mutex::default(), began: Mutex::default() }
+    }
+
+    fn curve(&self) -> MutexGuard<'_, Vec<Evaluation>> {
+        locked(&self.curve)
+    }
+
+    /// Is the piece's time over?
+    fn late(&self) -> bool {
+        let began = *locked(&self.began);
+        self.piece.zip(began).is_some_and(|(piece, began)| began.elapsed() >= piece)
+    }
+}
+
+fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Progress for Heard<'_> {
+    fn begin(&self, phase: &str, total: u64) {
+        if phase == TRAINING {
+            locked(&self.began).get_or_insert_with(Instant::now);
+        }
+        locked(&self.phases).push(phase.into());
+        self.inner.begin(phase, total);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.inner.advance(steps);
+    }
+
+    fn end(&self) {
+        locked(&self.phases).pop();
+        self.inner.end();
+    }
+
+    fn message(&self, text: &str) {
+        self.inner.message(text);
+    }
+
+    fn log(&self, line: &str) {
+        let scored = serde_json::from_str::<Evaluation>(line).ok().filter(|e| e.held_out_masked_psnr.is_some());
+        self.curve().extend(scored);
+        self.inner.log(line);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.inner.cancelled() || self.late() && locked(&self.phases).iter().any(|p| p == TRAINING)
+    }
+
+    fn simd(&self) -> Level {
+        self.inner.simd()
+    }
+
+    fn available_memory(&self) -> Option<u64> {
+        self.inner.available_memory()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::Settings;
+    use particlegs::particles::Particles;
+    use particlegs::progress::Silent;
+
+    fn snapshot() -> Snapshot {
+        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
+        Snapshot::new("some".into(), "some".into(), Particles::from_columns(column(1), column(2), column(3)))
+    }
+
+    fn small() -> Config {
+        Config { evaluate_every: 20, ..recipe().scaled(0.004).unwrap() }
+    }
+
+    /// A run in pieces of no time at all takes at least a step in each, and ends with the same bytes.
+    #[test]
+    fn pieces_end_with_the_same_bytes_and_the_same_curve() {
+        let (snapshot, folders) = (snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
+        let [whole, parts] = folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Silent));
+        let task = Task::published(small(), 1, 42);
+        let all = trained(&whole, &snapshot, &task).unwrap();
+        assert!(!all.unfinished && all.curve.len() >= 8, "{:?}", all.curve);
+        let mut pieces = 0;
+        let last = loop {
+            let piece = Some(Duration::from_millis(if pieces == 0 { 0 } else { 30 + 60 * pieces }));
+            let made = trained_for(&parts, &snapshot, &task, piece).unwrap();
+            if !made.unfinished {
+                break made;
+            }
+            pieces += 1;
+            assert!(pieces < 200);
+        };
+        assert!(pieces > 0);
+        assert_eq!(last.made.bytes, all.made.bytes);
+        let steps = |t: &Trained| -> Vec<_> {
+            t.curve.iter().map(|e| (e.iteration, e.held_out_masked_psnr, e.gaussians)).collect()
+        };
+        assert_eq!(steps(&last), steps(&all));
+        // The checkpoint is gone, and the model is kept.
+        let left = std::fs::read_dir(folders[1].path()).unwrap();
+        assert!(left.flatten().all(|f| f.path().extension().is_none_or(|e| e != "checkpoint")));
+        assert_eq!(trained(&parts, &snapshot, &task).unwrap().made.bytes, all.made.bytes);
+    }
+
+    #[test]
+    fn one_stage_has_all_steps() {
+        let (one, all) = (single_resolution(), recipe());
+        assert_eq!((one.iterations(), one.stages.len()), (all.iterations(), 1));
+        assert_eq!((one.stages[0].densify.until, one.stages[0].size), (36_000, [1920, 1080]));
+        let [first, last] = sizes(&all.scaled(0.1).unwrap());
+        assert_eq!([first.width, first.height, last.width, last.height], [192, 108, 576, 324]);
+        assert_eq!(ours_at(0.1).unwrap().stages.last().unwrap().size, [576, 324]);
+    }
+}
