@@ -55,7 +55,7 @@ fn measured(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> R
     let kept = method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed)?;
     let statistics = match kept.content {
         Content::Particles(particles, _) => statistics(lab, &snapshot.particles, &particles)?,
-        Content::Model(model) => with_drawn(lab, model, |drawn| statistics(lab, &snapshot.particles, drawn))?,
+        Content::Model(model) => with_drawn(lab, *model, |drawn| statistics(lab, &snapshot.particles, drawn))?,
     };
     let s = &statistics.summary;
     let k_max = statistics.spectra.as_ref().and_then(|s| s.shells.last()).map(|s| s.k);
@@ -64,7 +64,7 @@ fn measured(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> R
         correlation: s.density_correlation,
         large_scales: large_scales(&statistics),
         power: s.largest_power_deviation,
-        correlated_to: k_max.and_then(|k| Some(s.r_above_0_99_to.unwrap_or(0.0) / k)),
+        correlated_to: k_max.map(|k| s.r_above_0_99_to.unwrap_or(0.0) / k),
         groups: groups(&statistics),
         cores: s.core_mass,
     })

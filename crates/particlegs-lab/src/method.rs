@@ -43,7 +43,7 @@ pub struct Kept {
 /// What is in a file.
 pub enum Content {
     /// A model.
-    Model(Model),
+    Model(Box<Model>),
     /// Particles, drawn with this multiple of the radius.
     Particles(Particles, f64),
 }
@@ -99,7 +99,7 @@ impl Method {
     }
 
     /// What its results depend on beside snapshot, size and seed.
-    fn source(self, lab: &Lab<'_>) -> String {
+    pub fn source(self, lab: &Lab<'_>) -> String {
         match self {
             Method::Baseline { at, .. } => format!("{} {}", self.name(lab), lab.baselines[at].source()),
             _ => self.name(lab),
@@ -116,7 +116,7 @@ impl Method {
                 let recipe = Recipe { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
                 let made =
                     lab.made(&(hash, &recipe), || compress(particles, &recipe.options(), &mut NoPieces, lab.progress))?;
-                Ok(Kept { bytes: made.bytes.len() as u64, content: Content::Model(made.model), bound: None })
+                Ok(Kept { bytes: made.bytes.len() as u64, content: Content::Model(Box::new(made.model)), bound: None })
             }
             Method::Subset => {
                 let thin = subset(&columns_of(particles), bytes, seed, lab.progress)?;

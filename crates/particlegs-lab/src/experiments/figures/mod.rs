@@ -9,6 +9,7 @@ use super::Experiment;
 use super::recovery::RATIO;
 use crate::found::{Cell, Found, Pictures, Table};
 use crate::lab::{Lab, Made, Recipe, Snapshot};
+use crate::method::Bound;
 use crate::views::{Score, Truth, kept_picture, mean, mean_of, orbit, told};
 use crops::{close_up, whole};
 use others::Other;
@@ -40,7 +41,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let views = evaluation_views(&made.model.metadata, lab.settings.size, lab.settings.seed, frames);
     let truth = Truth::in_views(lab, snapshot, views)?;
     let pictures = of_model(lab, &made, &truth)?;
-    let scores = others::scores(&truth, &pictures);
+    let scores = others::scores(&truth, &pictures)?;
     let shown = Shown::of(&truth, &pictures, &scores);
     let (others, failed) = others::at_size(lab, snapshot, made.bytes.len() as u64, &shown.truth)?;
     let three = three_way::three_way(lab, snapshot, &made, &truth, (pictures, scores))?;
@@ -130,10 +131,11 @@ fn qualitative(shown: &Shown, others: &[Other]) -> Option<Pictures> {
 }
 
 fn sizes(other: &Other) -> String {
+    let said = |b: Bound| format!(" at a bound of {:.4}, and its largest error is {:.4}", b.asked, b.largest_error);
+    let bound = other.bound.map_or(String::new(), said);
     format!(
-        "Decibels are masked PSNR of the whole view against all particles, measured in this run; {} has {} bytes at a bound \
-         of {:.4}, and its largest error is {:.4}.",
-        other.name, other.coded.bytes, other.coded.bound, other.coded.largest_error
+        "Decibels are masked PSNR of the whole view against all particles, measured in this run; {} has {} bytes{bound}.",
+        other.name, other.bytes
     )
 }
 
@@ -166,21 +168,20 @@ fn table(shown: &Shown, made: &Made, others: &[Other], snapshot: &Snapshot) -> T
     };
     t.row(row("the model", made.bytes.len() as u64, [None; 2], &shown.scores));
     for o in others {
-        t.row(row(o.name, o.coded.bytes, [Some(o.coded.bound), Some(o.coded.largest_error)], &o.scores));
+        t.row(row(&o.name, o.bytes, [o.bound.map(|b| b.asked), o.bound.map(|b| b.largest_error)], &o.scores));
     }
     t
 }
 
 fn notes(made: &Made, snapshot: &Snapshot, others: &[Other]) -> Vec<String> {
-    let names: Vec<&str> = others.iter().map(|o| o.name).collect();
+    let names: Vec<&str> = others.iter().map(|o| o.name.as_str()).collect();
     let unit = snapshot.particles.meta.length_unit.as_deref().unwrap_or("length units");
     let streaks = match others.iter().any(|o| o.name.starts_with(STREAKS)) {
         true => String::new(),
         false => format!(" {STREAKS}, which the paper shows, was not there: the best of those is shown in its place."),
     };
     vec![format!(
-        "The model is of ratio {:.0}, {} bytes; other compressors ({}) have the bound ({unit}) of a size within 1 % of the \
-         model's, or the nearest that they have, and every decoded coordinate was held to it.{streaks} Pictures of particles \
+        "The model is of ratio {:.0}, {} bytes; other ways ({}) have the bound ({unit}) of a size within 1 % of the model's, or the nearest that they have, and every decoded coordinate was held to it.{streaks} Pictures of particles \
          are drawn by ParaView's exact rules, the model's in the same look; radius and opacity of a view are drawn from the \
          published ranges.",
         snapshot.particles.raw_bytes() as f64 / made.bytes.len() as f64,
@@ -194,18 +195,17 @@ mod tests {
     use super::*;
     use particlegs::picture::Size;
 
-    fn other(name: &'static str, masked: f64) -> Other {
+    fn other(name: &str, masked: f64) -> Other {
         let score = Score { view: "far_00".into(), psnr: None, masked: Some(masked), ssim: None };
-        let coded = others::Coded { bound: 1.0, bytes: 1, largest_error: 0.5 };
-        Other { name, coded, pictures: vec![], scores: vec![score] }
+        Other { name: name.into(), bytes: 1, bound: None, pictures: vec![], scores: vec![score] }
     }
 
     #[test]
     fn the_best_of_a_name_is_shown() {
         let list = [other("LCP", 20.0), other("SZ3, file order", 17.0), other("SZ3, Morton order", 18.0)];
-        assert_eq!(best(&list, STREAKS).map(|o| o.name), Some("SZ3, Morton order"));
-        assert_eq!(best(&list, "").map(|o| o.name), Some("LCP"));
-        assert_eq!(best(&list[..1], STREAKS).map(|o| o.name), Some("LCP"));
+        assert_eq!(best(&list, STREAKS).map(|o| o.name.as_str()), Some("SZ3, Morton order"));
+        assert_eq!(best(&list, "").map(|o| o.name.as_str()), Some("LCP"));
+        assert_eq!(best(&list[..1], STREAKS).map(|o| o.name.as_str()), Some("LCP"));
         assert!(best(&[], STREAKS).is_none());
     }
 

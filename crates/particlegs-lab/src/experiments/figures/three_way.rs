@@ -74,7 +74,7 @@ fn drawn(lab: &Lab<'_>, snapshot: &Snapshot, made: &Made, truth: &Truth, method:
         })
     };
     let pictures: Vec<Gray8> = truth.views.iter().map(draw).collect::<Result<_>>()?;
-    let scores = super::others::scores(truth, &pictures);
+    let scores = super::others::scores(truth, &pictures)?;
     Ok(Way { name: method.name().into(), pictures, scores })
 }
 
