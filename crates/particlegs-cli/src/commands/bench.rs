@@ -6,6 +6,7 @@ use crate::snapshot_args::SnapshotArgs;
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::picture::Size;
+use particlegs::progress::{Level, Progress};
 use particlegs::{Error, Result, parallel};
 use particlegs_lab::experiments::{self, EXPERIMENTS, Experiment};
 use particlegs_lab::lab::{Lab, Settings, Snapshot};
@@ -86,11 +87,47 @@ pub fn run(a: &Arguments) -> Result<()> {
     context.reads(a.snapshots.iter().map(PathBuf::as_path), false)?;
     let kept = bench_files::folder(output, &context)?;
     let snapshots = a.open(&context)?;
-    let lab = Lab::new(settings, &kept, &context)?;
+    let work = Work(&context);
+    let lab = Lab::new(settings, &kept, &work)?;
     let provenance = a.provenance(&lab, &snapshots);
     let sections = experiment_by_experiment(&chosen, &lab, &snapshots)?;
     bench_files::write(output, &sections, &provenance)?;
     report(&sections, output, &context)
+}
+
+/// The work of experiments as a user sees it: notes on single snapshots and models, hundreds of them, are not said.
+struct Work<'a>(&'a Context);
+
+impl Progress for Work<'_> {
+    fn begin(&self, phase: &str, total: u64) {
+        self.0.begin(phase, total);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.0.advance(steps);
+    }
+
+    fn end(&self) {
+        self.0.end();
+    }
+
+    fn message(&self, text: &str) {
+        if !text.starts_with("note:") {
+            self.0.message(text);
+        }
+    }
+
+    fn simd(&self) -> Level {
+        self.0.simd()
+    }
+
+    fn available_memory(&self) -> Option<u64> {
+        self.0.available_memory()
+    }
+
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
 }
 
 fn list() -> String {

@@ -268,11 +268,11 @@ fn picture_plot(
 /// The density's measures of a way at a ratio.
 type OfDensity = (Method, f64, Density);
 
-/// At every second ratio, from the one that is compared: statistics of particles take their time.
+/// At every ratio where they are few, else at every second: statistics of particles take their time.
 fn densities(lab: &Lab<'_>, of: &Snapshot) -> Result<Vec<OfDensity>> {
     let ratios = &lab.settings.ratios;
-    let odd = ratios.iter().position(|r| *r == COMPARED).unwrap_or(0) % 2;
-    let chosen: Vec<f64> = ratios.iter().copied().enumerate().filter(|(i, _)| i % 2 == odd).map(|(_, r)| r).collect();
+    let (step, compared) = (ratios.len().div_ceil(4), ratios.iter().position(|r| *r == COMPARED).unwrap_or(0));
+    let chosen: Vec<f64> = ratios.iter().copied().skip(compared % step).step_by(step).collect();
     let raw = of.particles.raw_bytes() as f64;
     let methods = Method::all(lab);
     lab.progress.begin("densities", (methods.len() * chosen.len()) as u64);

@@ -48,7 +48,7 @@ mod tests {
         let particles = Particles::from_columns(column(1), column(2), column(3));
         let (snapshot, folder) = (Snapshot::new("s".into(), "s".into(), particles), tempfile::tempdir().unwrap());
         let settings = Settings { seeds: 3, ..Settings::new(true, "".into()) };
-        let lab = Lab::new(settings, folder.path(), &Silent);
+        let lab = Lab::new(settings, folder.path(), &Silent).unwrap();
         let of = |ratio: fn(u64) -> f64| {
             each_seed(&lab, |m: &Made| &m.model, |seed| lab.model(&snapshot, &Recipe::ratio(ratio(seed), seed)))
                 .unwrap()

@@ -317,7 +317,8 @@ mod tests {
     #[test]
     fn pieces_end_with_the_same_bytes_and_the_same_curve() {
         let (snapshot, folders) = (snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
-        let [whole, parts] = folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Silent));
+        let [whole, parts] =
+            folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Silent).unwrap());
         let task = Task::published(small(), 1, 42);
         let all = trained(&whole, &snapshot, &task).unwrap();
         assert!(!all.unfinished && all.curve.len() >= 8, "{:?}", all.curve);
