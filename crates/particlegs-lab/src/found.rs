@@ -101,7 +101,9 @@ impl Cell {
             Cell::Text(words) => words.clone(),
             Cell::Number { value, digits } => grouped(*value, *digits),
             Cell::Spread { value, range: [low, high], digits } => {
-                format!("{} ({} to {})", grouped(*value, *digits), grouped(*low, *digits), grouped(*high, *digits))
+                let [value, low, high] = [value, low, high].map(|v| grouped(*v, *digits));
+                // Digits that are shown do not tell them apart.
+                if low == high { value } else { format!("{value} ({low} to {high})") }
             }
             Cell::Empty => "–".into(),
         }
@@ -263,6 +265,7 @@ mod tests {
         assert_eq!(said, ["0", "1234", "12,345", "-1,234,567"]);
         assert_eq!(Cell::number(12345.678, 2).in_words(), "12,345.68");
         assert_eq!(Cell::spread(&[3.0, 1.0, 2.0], 1).in_words(), "2.0 (1.0 to 3.0)");
+        assert_eq!(Cell::spread(&[3.01, 3.0, 3.02], 1).in_words(), "3.0");
         assert_eq!(Cell::spread(&[4.0], 1), Cell::number(4.0, 1));
         assert_eq!(Cell::number(f64::NAN, 1), Cell::Empty);
         assert_eq!(Cell::number(None, 1).plain(), "");

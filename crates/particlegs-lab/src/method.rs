@@ -45,7 +45,7 @@ pub enum Content {
     /// A model.
     Model(Box<Model>),
     /// Particles, drawn with this multiple of the radius.
-    Particles(Particles, f64),
+    Particles(Box<Particles>, f64),
 }
 
 /// How a bound held.
@@ -121,7 +121,7 @@ impl Method {
             Method::Subset => {
                 let thin = subset(&columns_of(particles), bytes, seed, lab.progress)?;
                 let thin = thin.ok_or_else(|| Error::input("subset", format!("not one particle in {bytes} bytes")))?;
-                let content = Content::Particles(particles_of(thin.particles, particles), thin.radius_factor);
+                let content = Content::Particles(Box::new(particles_of(thin.particles, particles)), thin.radius_factor);
                 Ok(Kept { bytes: thin.bytes, content, bound: None })
             }
             Method::Baseline { at, jitter } => {
@@ -145,7 +145,7 @@ impl Method {
                 let seconds = [run.compress_seconds, run.decompress_seconds];
                 let bound = Bound { asked: run.bound, largest_error: run.largest_error, seconds };
                 let decoded = if jitter { jittered(&run.decoded, run.bound, seed) } else { run.decoded };
-                let content = Content::Particles(particles_of(decoded, particles), 1.0);
+                let content = Content::Particles(Box::new(particles_of(decoded, particles)), 1.0);
                 Ok(Kept { bytes: run.bytes, content, bound: Some(bound) })
             }
         }
