@@ -156,10 +156,10 @@ fn note(ways: &[Way], truth: &Truth) -> String {
     let gap = ways.first().and_then(median).zip(ways.get(1).and_then(median)).map(|(a, b)| a - b);
     let gap = gap.map_or("not measured".into(), |g| format!("{g:.1} dB"));
     format!(
-        "Three-way: {} views, radius and opacity drawn from the published ranges; particles drawn from the model (first \
-         seed) and all particles are drawn by the same rules, ParaView's. The median of the model lies {gap} above that of \
-         particles drawn by `count` (paper: 11 dB). Drawn particles have shot noise of their own, which differs from the \
-         truth's however good the density is.",
+        "Three-way: {} views, radius and opacity drawn from the published ranges; particles drawn from the model \
+         (first seed) and all particles are drawn by the same rules, ParaView's. The median of the model lies {gap} \
+         above that of particles drawn by `count` (paper: 11 dB). Drawn particles have shot noise of their own, \
+         which differs from the truth's however good the density is.",
         truth.views.len()
     )
 }

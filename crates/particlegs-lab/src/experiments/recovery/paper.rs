@@ -1,5 +1,5 @@
-//! The paper's own figures of recovery, as its \newcommand lines have them (particlegs-sc26.tex): 281 million particles of
-//! HACC in a box of 256 Mpc/h, an alpha-blend model of 8 blocks at ratio 65 trained on pictures.
+//! The paper's own figures of recovery, as its \newcommand lines have them (particlegs-sc26.tex): 281 million particles
+//! of HACC in a box of 256 Mpc/h, an alpha-blend model of 8 blocks at ratio 65 trained on pictures.
 
 use particlegs::recover::Method;
 

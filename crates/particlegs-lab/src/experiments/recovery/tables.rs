@@ -57,8 +57,8 @@ fn published(row: Option<paper::Row>) -> [Cell; 4] {
     }
 }
 
-/// Correlation, MAE, nearest neighbour and its ratio in the paper's convention, and xi's deviation over all bins and from
-/// one spacing on.
+/// Correlation, MAE, nearest neighbour and its ratio in the paper's convention, and xi's deviation over all bins and
+/// from one spacing on.
 fn as_published(m: &Measured, all: &[Facts], of_paper: &[Facts]) -> Vec<Cell> {
     vec![
         spread(of_paper, 4, |f| f.correlation),
