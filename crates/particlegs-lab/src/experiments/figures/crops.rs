@@ -1,4 +1,4 @@
-//! Parts of pictures, as large as a reader needs them.
+//! Parts of pictures, as large and as bright as a reader needs them.
 
 use particlegs::picture::{Gray8, Rgb8, Size};
 
@@ -6,6 +6,15 @@ use particlegs::picture::{Gray8, Rgb8, Size};
 const SHARE: f64 = 0.3;
 /// Pixels across that a panel has about.
 const WIDTH: usize = 560;
+
+/// What captions say of [`brightened`].
+pub(super) const BRIGHTENED: &str = "Grey levels are shown brightened, as the square roots of their shares of white, so \
+                                     that faint parts are seen.";
+
+/// The level that is shown for one: the square root of shares of white.
+fn brightened(level: u8) -> u8 {
+    (255.0 * (f64::from(level) / 255.0).sqrt()).round() as u8
+}
 
 /// The centre 30 % of a picture, each pixel a square of whole pixels where it is small.
 pub(super) fn close_up(picture: &Gray8) -> Rgb8 {
@@ -45,7 +54,7 @@ fn enlarged(picture: &Gray8) -> Rgb8 {
     let size = Size { width: by * picture.size.width, height: by * picture.size.height };
     let pixel = |i: usize| {
         let (x, y) = (i % size.width / by, i / size.width / by);
-        [picture.data[y * picture.size.width + x]; 3]
+        [brightened(picture.data[y * picture.size.width + x]); 3]
     };
     Rgb8 { size, data: (0..size.pixels()).map(pixel).collect() }
 }
@@ -66,7 +75,8 @@ mod tests {
         assert_eq!((c.size, &c.data[..]), (Size { width: 3, height: 3 }, &[33, 34, 35, 43, 44, 45, 53, 54, 55][..]));
         assert_eq!(reduced(&p, 5).data, [22, 27, 72, 77]);
         let large = close_up(&p);
-        assert_eq!((large.size.width, large.data[0], large.data[560]), (561, [33; 3], [35; 3]));
+        assert_eq!((large.size.width, large.data[0], large.data[560]), (561, [92; 3], [94; 3]));
+        assert_eq!([0, 1, 64, 255].map(brightened), [0, 16, 128, 255]);
         assert_eq!(whole(&picture(1920, 1080)).size, Size { width: 640, height: 360 });
         assert_eq!(whole(&picture(640, 360)).size, Size { width: 640, height: 360 });
     }

@@ -1,5 +1,5 @@
-//! Pictures for the eye, with what was measured of them: the artefact close-up, truth beside model beside the best other
-//! compressor, and the three-way comparison (paper, figures fig:artifact, fig:qualitative and fig:three_way).
+//! Pictures for the eye, with what was measured of them: the artefact close-up, truth beside model beside the best
+//! other compressor, and the three-way comparison (paper, figures fig:artifact, fig:qualitative and fig:three_way).
 
 mod crops;
 mod others;
@@ -11,7 +11,7 @@ use crate::found::{Cell, Found, Pictures, Table};
 use crate::lab::{Lab, Made, Recipe, Snapshot};
 use crate::method::Bound;
 use crate::views::{Score, Truth, kept_picture, mean, mean_of, orbit, told};
-use crops::{close_up, whole};
+use crops::{BRIGHTENED, close_up, whole};
 use others::Other;
 use particlegs::Result;
 use particlegs::camera::View;
@@ -134,7 +134,8 @@ fn sizes(other: &Other) -> String {
     let said = |b: Bound| format!(" at a bound of {:.4}, and its largest error is {:.4}", b.asked, b.largest_error);
     let bound = other.bound.map_or(String::new(), said);
     format!(
-        "Decibels are masked PSNR of the whole view against all particles, measured in this run; {} has {} bytes{bound}.",
+        "{BRIGHTENED} Decibels are masked PSNR of the whole view's own levels against all particles, measured in \
+         this run; {} has {} bytes{bound}.",
         other.name, other.bytes
     )
 }

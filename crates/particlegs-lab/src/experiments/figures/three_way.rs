@@ -1,7 +1,7 @@
 //! The model's own pictures and those of particles drawn from it, against those of all particles (paper, figure
 //! "Three-way comparison").
 
-use super::crops::{close_up, whole};
+use super::crops::{BRIGHTENED, close_up, whole};
 use crate::experiments::recovery::measure::particles_of;
 use crate::found::{Axis, Cell, Pictures, Plot, Point, Series, Spread, Table};
 use crate::lab::{Lab, Made, Snapshot};
@@ -142,10 +142,10 @@ fn shown(truth: &Truth, ways: &[Way]) -> Pictures {
     Pictures {
         name: "three-way".into(),
         title: "All particles, the model, and particles drawn from it".into(),
-        caption:
-            "Above the whole of the first far view, below the centre 30 % of the first near one. Decibels are masked \
-                  PSNR of the whole view against all particles, measured in this run."
-                .into(),
+        caption: format!(
+            "Above the whole of the first far view, below the centre 30 % of the first near one. {BRIGHTENED} Decibels \
+             are masked PSNR of the whole view's own levels against all particles, measured in this run."
+        ),
         columns: 3,
         panels,
     }
