@@ -8,8 +8,7 @@ const SHARE: f64 = 0.3;
 const WIDTH: usize = 560;
 
 /// What captions say of [`brightened`].
-pub(super) const BRIGHTENED: &str = "Grey levels are shown brightened, as the square roots of their shares of white, so \
-                                     that faint parts are seen.";
+pub(super) const BRIGHTENED: &str = "Grey levels are shown brightened, as the square roots of their shares of white.";
 
 /// The level that is shown for one: the square root of shares of white.
 fn brightened(level: u8) -> u8 {

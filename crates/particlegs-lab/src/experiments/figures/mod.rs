@@ -182,9 +182,10 @@ fn notes(made: &Made, snapshot: &Snapshot, others: &[Other]) -> Vec<String> {
         false => format!(" {STREAKS}, which the paper shows, was not there: the best of those is shown in its place."),
     };
     vec![format!(
-        "The model is of ratio {:.0}, {} bytes; other ways ({}) have the bound ({unit}) of a size within 1 % of the model's, or the nearest that they have, and every decoded coordinate was held to it.{streaks} Pictures of particles \
-         are drawn by ParaView's exact rules, the model's in the same look; radius and opacity of a view are drawn from the \
-         published ranges.",
+        "The model is of ratio {:.0}, {} bytes; other ways ({}) have a size within 1 % of the model's, or the nearest \
+         that they have, and where one has a bound ({unit}) every decoded coordinate was held to it.{streaks} Pictures \
+         of particles are drawn by ParaView's exact rules, the model's in the same look; radius and opacity of a view \
+         are drawn from the published ranges.",
         snapshot.particles.raw_bytes() as f64 / made.bytes.len() as f64,
         made.bytes.len(),
         names.join(", "),
