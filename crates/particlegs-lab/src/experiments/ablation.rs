@@ -35,6 +35,8 @@ pub(super) struct Row {
     pub seconds: Vec<f64>,
     /// The paper's.
     pub paper: Option<published::Row>,
+    /// Was the number of Gaussians of one of them held by the most that there may be?
+    pub held: bool,
 }
 
 impl<'a> Judge<'a> {
@@ -71,6 +73,7 @@ impl<'a> Judge<'a> {
             bytes: models.iter().map(|m| m.made.bytes.len() as f64).collect(),
             seconds: models.iter().map(|m| m.made.seconds).collect(),
             paper,
+            held: models.iter().any(|m| m.held),
         })
     }
 
@@ -83,7 +86,7 @@ impl<'a> Judge<'a> {
         let [small, large] = &self.truths;
         let scores = [of(small)?, of(large)?];
         let label = "noise-free picture of all particles".into();
-        Ok(Row { label, scores, gaussians: vec![], bytes: vec![], seconds: vec![], paper: None })
+        Ok(Row { label, scores, gaussians: vec![], bytes: vec![], seconds: vec![], paper: None, held: false })
     }
 
     /// The sizes as people write them.
@@ -206,6 +209,18 @@ pub(super) fn notes(lab: &Lab<'_>, scale: f64, config: &Config, sizes: &[String;
     ]
 }
 
+/// Which rows would have more Gaussians if they might.
+pub(super) fn held_note<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Option<String> {
+    let held: Vec<&str> = rows.into_iter().filter(|r| r.held).map(|r| r.label.as_str()).collect();
+    (!held.is_empty()).then(|| {
+        format!(
+            "Held by the most Gaussians that this experiment lets a model have, so that their number is not the recipe's \
+             own: {}.",
+            held.join("; ")
+        )
+    })
+}
+
 /// What several seeds of the whole recipe say about one run.
 pub(super) fn noise_note(first: &Row, sizes: &[String; 2]) -> String {
     let [small, large] = sizes;
@@ -238,6 +253,7 @@ mod tests {
             bytes: each.clone(),
             seconds: each,
             paper,
+            held: false,
         }
     }
 

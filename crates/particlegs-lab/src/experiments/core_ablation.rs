@@ -23,7 +23,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 /// Share of the published recipe.
 pub(super) fn scale(lab: &Lab<'_>) -> f64 {
-    lab.settings.scale.unwrap_or(if lab.settings.quick { 0.03 } else { 0.08 })
+    lab.settings.scale.unwrap_or(if lab.settings.quick { 0.02 } else { 0.08 })
 }
 
 /// The published recipe of this experiment.
@@ -56,6 +56,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let tables = vec![ablation::table("core-ablation", title, &rows, &sizes), by_factor(&rows[0], &rows[1], &sizes[1])];
     let mut notes = ablation::notes(lab, scale(lab), &config, &sizes);
     notes.push(ablation::noise_note(&rows[0], &sizes));
+    notes.extend(ablation::held_note(&rows));
     notes.push(format!(
         "Our rows have the {bytes} bytes of the first run of the whole recipe: a fit to the particles, without \
          pictures, and the same trained on pictures by the preset `fast` with a last stage as large. Bytes as PLY are 68 \

@@ -58,6 +58,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
         sizes[0]
     ));
     notes.push(ablation::noise_note(&rows[0], &sizes));
+    notes.extend(ablation::held_note(&rows));
     notes.push(
         "Seeds of the first row are those of fine-tuning; the merged model is the same. Other rows have one.".into(),
     );

@@ -23,7 +23,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 /// Share of the published recipe: of each block, of which there are many.
 pub(super) fn scale(lab: &Lab<'_>) -> f64 {
-    lab.settings.scale.unwrap_or(if lab.settings.quick { 0.02 } else { 0.05 })
+    lab.settings.scale.unwrap_or(if lab.settings.quick { 0.01 } else { 0.03 })
 }
 
 /// Numbers of blocks.
@@ -56,12 +56,14 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     for &k in numbers(lab) {
         let own = merged(lab, snapshot, k, seed)?;
         let after = tuned(lab, snapshot, &own.made, &tuning, seed)?;
-        let merged = judge.row("merged", &[own], None)?;
-        all.push(Measured { blocks: k, merged, tuned: judge.row("fine-tuned", &[after], None)? });
+        let merged = judge.row(&format!("{k} merged"), &[own], None)?;
+        let tuned = judge.row(&format!("{k} fine-tuned"), &[after], None)?;
+        all.push(Measured { blocks: k, merged, tuned });
     }
     let one = judge.row("one block", &one, Some(paper::SINGLE))?;
     let (sizes, noise_free) = (judge.sizes(), judge.noise_free()?);
     let mut found = Found { notes: notes(lab, &recipe, &tuning, &one, &sizes), ..Found::default() };
+    found.notes.extend(ablation::held_note(all.iter().flat_map(|m| [&m.merged, &m.tuned])));
     found.notes.extend(near_and_far(&all, &one));
     found.tables.push(table(&all, &one, &sizes));
     for (stem, title, tuned) in [

@@ -51,6 +51,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
         judge.row("ours: optical depth, untrained", &[ours], None)?,
         judge.noise_free()?,
     ];
+    found.notes.extend(ablation::held_note(&rows));
     found.notes.extend(beside(&rows, &sizes));
     let title = "The published recipe and our untrained fit of the same bytes";
     found.tables.insert(0, ablation::table("published-run", title, &rows, &sizes));
