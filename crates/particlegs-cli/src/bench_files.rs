@@ -21,8 +21,7 @@ pub fn folder(output: &Path, context: &Context) -> Result<PathBuf> {
     if output.is_dir() {
         let names: Vec<_> = std::fs::read_dir(output).map_err(io)?.filter_map(|e| Some(e.ok()?.file_name())).collect();
         if !(names.is_empty() || names.iter().any(|n| n == RESULTS || n == "kept")) {
-            let place = output.display().to_string();
-            return Err(Error::input(place, "is not empty and has no results of bench: name another folder"));
+            return Err(Error::output(output, "holds other files and no results of `bench`", "name another folder"));
         }
     }
     context.makes_folder(output)?;

@@ -33,10 +33,10 @@ pub struct Arguments {
     #[arg(value_name = "NAME")]
     name: String,
     /// Snapshots, each its first file or its folder: the first is measured, and compared with the others.
-    #[arg(value_name = "SNAPSHOT", required_unless_present = "listed", value_hint = ValueHint::AnyPath)]
+    #[arg(value_name = "SNAPSHOT", value_hint = ValueHint::AnyPath)]
     snapshots: Vec<PathBuf>,
     /// Folder for results.
-    #[arg(short, long, value_name = "DIR", required_unless_present = "listed", value_hint = ValueHint::DirPath)]
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     output: Option<PathBuf>,
     /// Small pictures, few sizes, one view an orbit: to see that all of it runs.
     #[arg(long)]
@@ -81,7 +81,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let chosen = experiments::named(&a.name, a.training)?;
     let settings = a.settings()?;
     let (Some(output), false) = (&a.output, a.snapshots.is_empty()) else {
-        return Err(Error::argument("a snapshot and a folder for the results (-o DIR) are needed"));
+        return Err(Error::argument("`bench` takes a snapshot and a folder for the results: SNAPSHOT -o DIR"));
     };
     let context = a.common.clone().start()?;
     context.reads(a.snapshots.iter().map(PathBuf::as_path), false)?;

@@ -2,6 +2,8 @@
 
 mod alpha_blend;
 mod bad_input;
+#[cfg(feature = "lab")]
+mod bench;
 mod common;
 mod compress;
 mod convert;

@@ -1,0 +1,102 @@
+//! `bench` as a user runs it, on few particles: what it writes, that it goes on, and what it refuses.
+
+use crate::common::{fails, listing, particlegs, run, snapshot};
+use std::path::Path;
+
+/// A few clumps.
+fn clumps(folder: &Path) {
+    let place = |i: u64, k: u64| {
+        let clump = i % 7;
+        let near = (i * (97 + 31 * k) % 1009) as f32 / 1009.0;
+        (clump * (k + 2) % 5) as f32 * 4.0 + near * near
+    };
+    let columns: Vec<Vec<f32>> = (0..3).map(|k| (0..4000).map(|i| place(i, k)).collect()).collect();
+    snapshot(folder, &columns);
+}
+
+fn bench(input: &Path, output: &Path, more: &[&str]) -> assert_cmd::Command {
+    let mut command = particlegs();
+    command.args(["bench", "rate-distortion"]).arg(input).arg("-o").arg(output);
+    command.args(["--quick", "--quiet", "--size", "160x90", "--seeds", "1"]).args(more);
+    command
+}
+
+#[test]
+fn results_are_written_and_gone_on_with() {
+    let dir = tempfile::tempdir().unwrap();
+    let (input, output) = (dir.path().join("clumps"), dir.path().join("out"));
+    clumps(&input);
+    bench(&input, &output, &["--ratios", "20,50"]).assert().success();
+    for name in ["report.html", "results.json", "rate-distortion.md", "figures/rate-distortion-masked.svg"] {
+        assert!(output.join(name).metadata().unwrap().len() > 500, "{name}");
+    }
+    let read = |name: &str| std::fs::read_to_string(output.join(name)).unwrap();
+    let results: serde_json::Value = serde_json::from_str(&read("results.json")).unwrap();
+    assert_eq!(results["made_by"]["snapshots"][0][1], 4000);
+    let tables = results["experiments"]["rate-distortion"]["tables"].as_array().unwrap();
+    let named = |name: &str| tables.iter().find(|t| t["name"] == name).unwrap()["rows"].as_array().unwrap();
+    // Every way at every ratio; every bound held.
+    let pictures = named("rate-distortion-pictures");
+    assert_eq!(pictures.len(), 2 * 6);
+    let masked = |name: &str| pictures.iter().find(|r| r[0] == name).unwrap()[4]["value"].as_f64().unwrap();
+    assert!(masked("particlegs") > masked("LCP"), "{pictures:?}");
+    assert!(named("rate-distortion-bounds").iter().all(|r| r[4] == "yes"), "{tables:?}");
+    // The page is whole: nothing in it is fetched.
+    let page = read("report.html");
+    assert!(page.contains("<svg") && !page.contains("src=\"http") && !page.contains("href=\"http"));
+    let csv = read("figures/rate-distortion-pictures.csv");
+    assert_eq!(csv.lines().count(), 13, "{csv}");
+
+    // Kept results are used again: the same pages, and nothing new is kept.
+    let kept = listing(&output.join("kept"));
+    bench(&input, &output, &["--ratios", "20,50"]).assert().success();
+    assert_eq!((page, kept), (read("report.html"), listing(&output.join("kept"))));
+}
+
+#[test]
+fn what_is_there_is_listed() {
+    let text = String::from_utf8(run(&["bench", "list"]).success().get_output().stdout.clone()).unwrap();
+    for label in [
+        "tab:ablation_core",
+        "tab:ablation_ft",
+        "tab:block,",
+        "tab:generalization",
+        "tab:gen_view",
+        "tab:rd",
+        "tab:perf",
+        "tab:recovery_methods",
+        "tab:recovery_blocks",
+        "fig:artifact",
+        "fig:block_distance",
+        "fig:scale",
+        "fig:rd",
+        "fig:qualitative",
+        "fig:recovery:slices",
+        "fig:recovery:stats",
+        "fig:three_way",
+    ] {
+        assert!(text.contains(label), "{label} is made by no experiment:\n{text}");
+    }
+}
+
+#[test]
+fn what_cannot_be_measured_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let (input, other) = (dir.path().join("clumps"), dir.path().join("other"));
+    clumps(&input);
+    fails(
+        particlegs().args(["bench", "nothing", "x", "-o", "y"]),
+        2,
+        "no experiment \"nothing\": all, rate-distortion",
+    );
+    fails(particlegs().args(["bench", "all"]), 2, "`bench` takes a snapshot and a folder for the results");
+    fails(&mut bench(&input, &dir.path().join("a"), &["--ratios", "0.5"]), 2, "--ratios: 0.5 is not above 1");
+    // A folder of something else is left alone, and so is the snapshot's own.
+    std::fs::create_dir(&other).unwrap();
+    std::fs::write(other.join("mine.txt"), "mine").unwrap();
+    fails(&mut bench(&input, &other, &[]), 8, "holds other files and no results of `bench`");
+    fails(&mut bench(&input, &input, &[]), 8, "holds other files and no results of `bench`");
+    assert_eq!(listing(&other), ["mine.txt"]);
+    let python = dir.path().join("python");
+    fails(&mut bench(&input, &dir.path().join("b"), &["--python", python.to_str().unwrap()]), 3, "python");
+}
