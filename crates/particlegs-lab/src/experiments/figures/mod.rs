@@ -188,7 +188,7 @@ fn notes(made: &Made, snapshot: &Snapshot, others: &[Other]) -> Vec<String> {
          are drawn from the published ranges.",
         snapshot.particles.raw_bytes() as f64 / made.bytes.len() as f64,
         made.bytes.len(),
-        names.join(", "),
+        names.join("; "),
     )]
 }
 

@@ -25,14 +25,9 @@ pub(super) fn name(method: Method) -> String {
     format!("{}{published}", method.name())
 }
 
-/// One figure over seeds; without a range where its ends are the same to the digits shown.
+/// One figure over seeds.
 fn spread(facts: &[Facts], digits: usize, of: impl Fn(&Facts) -> Option<f64>) -> Cell {
-    match Cell::spread(&facts.iter().filter_map(of).collect::<Vec<_>>(), digits) {
-        Cell::Spread { value, range, .. } if (range[1] - range[0]) < 0.5 * 0.1f64.powi(digits as i32) => {
-            Cell::number(value, digits)
-        }
-        cell => cell,
-    }
+    Cell::spread(&facts.iter().filter_map(of).collect::<Vec<_>>(), digits)
 }
 
 /// The largest k of a limit over seeds: 0 where not even the first shell keeps it.
@@ -246,8 +241,6 @@ mod tests {
         assert_eq!(up_to(&[facts(None), facts(None)], of), Cell::text("nowhere"));
         let some = up_to(&[facts(None), facts(Some(2.0)), facts(Some(4.0))], of);
         assert_eq!(some, Cell::Spread { value: 2.0, range: [0.0, 4.0], digits: 2 });
-        let same = spread(&[facts(Some(2.0)), facts(Some(2.001))], 2, of);
-        assert_eq!(same.in_words(), "2.00");
     }
 
     #[test]
