@@ -2,9 +2,8 @@
 
 use crate::lab::{Lab, Snapshot};
 use crate::method::{Content, Method};
-use particlegs::model::Model;
-use particlegs::particles::{Particles, RawForm};
-use particlegs::recover::{self, recover};
+use particlegs::particles::Particles;
+use particlegs::recover;
 use particlegs::stats::{Domain, Likelihood, Measure, Statistics, StatsOptions, Subject, compare};
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -55,7 +54,9 @@ fn measured(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> R
     let kept = method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed)?;
     let statistics = match kept.content {
         Content::Particles(particles, _) => statistics(lab, &snapshot.particles, &particles)?,
-        Content::Model(model) => with_drawn(lab, *model, |drawn| statistics(lab, &snapshot.particles, drawn))?,
+        Content::Model(model) => {
+            statistics(lab, &snapshot.particles, &lab.drawn(*model, recover::Method::Count, seed)?)?
+        }
     };
     let s = &statistics.summary;
     let k_max = statistics.spectra.as_ref().and_then(|s| s.shells.last()).map(|s| s.k);
@@ -123,24 +124,4 @@ pub fn all_particles_bits(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<f64> {
         let [fitted, left_out] = snapshot.halves(seed, lab.progress)?;
         Likelihood::kernel_bits(&fitted, &left_out, &Domain::of_particles(&snapshot.particles), seed, lab.progress)
     })
-}
-
-/// Draws as many particles from a model as it stands for, and does something with them.
-///
-/// # Errors
-/// Those of drawing and of `work`.
-pub fn with_drawn<T>(lab: &Lab<'_>, model: Model, work: impl FnOnce(&Particles) -> Result<T>) -> Result<T> {
-    let folder = lab.store.scratch()?;
-    let options = recover::Options {
-        particles: None,
-        method: recover::Method::Count,
-        scale: 1.0,
-        seed: lab.settings.seed,
-        form: RawForm::Columns,
-        model_name: "model".into(),
-    };
-    let out = folder.path().join("drawn");
-    recover(model, [0; 32], &options, &out, lab.progress)?;
-    let drawn = Particles::open_raw(&[out])?;
-    work(&drawn)
 }

@@ -10,10 +10,11 @@ use particlegs::codec;
 use particlegs::compress::{Compressed, Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Model};
-use particlegs::particles::{Column, Particles, Positions, Selection, Storage};
+use particlegs::particles::{Column, Particles, Positions, RawForm, Selection, Storage};
 use particlegs::picture::Size;
 use particlegs::pieces::NoPieces;
 use particlegs::progress::Progress;
+use particlegs::recover;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -192,6 +193,16 @@ impl<'a> Lab<'a> {
         self.made(&(&snapshot.hash, recipe), || {
             compress(&snapshot.particles, &recipe.options(), &mut NoPieces, self.progress)
         })
+    }
+
+    /// As many particles drawn from a model as it stands for.
+    ///
+    /// # Errors
+    /// Those of the draw.
+    pub fn drawn(&self, model: Model, method: recover::Method, seed: u64) -> Result<Particles> {
+        let form = RawForm::Columns;
+        let options = recover::Options { particles: None, method, scale: 1.0, seed, form, model_name: String::new() };
+        options.draw(model, self.progress)
     }
 
     /// A model by whatever way, kept by what it was made from.

@@ -2,7 +2,6 @@
 //! "Three-way comparison").
 
 use super::crops::{BRIGHTENED, close_up, whole};
-use crate::experiments::recovery::measure::particles_of;
 use crate::found::{Axis, Cell, Pictures, Plot, Point, Series, Spread, Table};
 use crate::lab::{Lab, Made, Snapshot};
 use crate::views::{Score, Truth, kept_picture, orbit, told};
@@ -67,7 +66,7 @@ fn drawn(lab: &Lab<'_>, snapshot: &Snapshot, made: &Made, truth: &Truth, method:
         let inputs = ("recovered", &snapshot.hash, &hash, method.name(), seed, told(view, truth.size));
         kept_picture(lab, &inputs, || {
             if particles.is_none() {
-                particles = Some(particles_of(made.model.clone(), method, seed, lab)?);
+                particles = Some(lab.drawn(made.model.clone(), method, seed)?);
             }
             let Some(particles) = &particles else { return Ok(Gray8::black(truth.size)) };
             Reference::new(particles).draw(view, truth.size, Look::Paraview, lab.progress)

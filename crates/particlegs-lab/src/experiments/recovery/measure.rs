@@ -5,8 +5,8 @@ use super::paper;
 use crate::lab::{Lab, Recipe, Snapshot};
 use particlegs::Result;
 use particlegs::model::Model;
-use particlegs::particles::{Particles, RawForm};
-use particlegs::recover::{Method, Options};
+use particlegs::particles::Particles;
+use particlegs::recover::Method;
 use particlegs::stats::{Convention, Measure, StatsOptions, Subject, compare};
 
 /// Every way to draw: the library's own first, then the published ones beside them.
@@ -132,7 +132,7 @@ impl Drawn<'_> {
     /// # Errors
     /// Those of the compression and the draw.
     pub fn particles(&self, method: Method, seed: u64) -> Result<Particles> {
-        particles_of(self.model()?.0, method, seed, self.lab)
+        self.lab.drawn(self.model()?.0, method, seed)
     }
 
     /// Gaussians of the model, bytes of its file and the ratio reached.
@@ -147,21 +147,6 @@ impl Drawn<'_> {
         })?;
         Ok((gaussians, bytes, self.snapshot.particles.raw_bytes() as f64 / bytes as f64))
     }
-}
-
-/// Particles drawn from a model, in memory.
-///
-/// # Errors
-/// Those of the draw.
-pub(in crate::experiments) fn particles_of(
-    model: Model,
-    method: Method,
-    seed: u64,
-    lab: &Lab<'_>,
-) -> Result<Particles> {
-    let form = RawForm::Columns;
-    let options = Options { particles: None, method, scale: 1.0, seed, form, model_name: String::new() };
-    options.draw(model, lab.progress)
 }
 
 #[cfg(test)]
