@@ -340,7 +340,7 @@ mod tests {
         Config { evaluate_every: 20, ..recipe().scaled(0.004).unwrap() }
     }
 
-    /// A run in pieces of no time at all takes at least a step in each, and ends with the same bytes.
+    /// A run in short pieces ends with the bytes and the curve of one that was never broken.
     #[test]
     fn pieces_end_with_the_same_bytes_and_the_same_curve() {
         let (snapshot, folders) = (snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
