@@ -192,7 +192,8 @@ pub(super) fn sign(row: &Row, first: &Row, number: usize) -> Option<&'static str
 pub(super) fn notes(lab: &Lab<'_>, scale: f64, config: &Config, sizes: &[String; 2]) -> Vec<String> {
     let [small, large] = sizes;
     let (frames, steps) = (frames(lab), config.iterations());
-    vec![
+    let quick = "Quick settings: pictures of stamp size, to see that all of it runs. Nothing here is a finding.";
+    let mut notes = vec![
         format!(
             "The published recipe (preset `paper`, law `alpha-blend`) scaled as a whole by {scale}: pixels along \
              either side, steps, every schedule that counts steps, pictures and first Gaussians are that share of the \
@@ -206,7 +207,9 @@ pub(super) fn notes(lab: &Lab<'_>, scale: f64, config: &Config, sizes: &[String;
              paper scores PSNR of whole pictures at the size of its first stage, here {small}; masked PSNR counts lit \
              pixels alone, at {large} what the last stages were trained for as well."
         ),
-    ]
+    ];
+    notes.extend(lab.settings.quick.then(|| quick.to_string()));
+    notes
 }
 
 /// Which rows would have more Gaussians if they might.

@@ -174,7 +174,8 @@ fn notes(truth: &Truth, frames: usize, all: &[Measured]) -> Vec<String> {
         let [paper_far, paper_near] = paper::EIGHT_GAINS;
         notes.push(format!(
             "Eight blocks against one: {far:+.2} dB far, {near:+.2} dB near at the same bytes (paper, fine-tuned and \
-             4.5 times as large: {paper_far:+.2} and {paper_near:+.2} dB)."
+             {:.1} times as large: {paper_far:+.2} and {paper_near:+.2} dB).",
+            paper::EIGHT.megabytes / paper::SINGLE.megabytes
         ));
     }
     notes

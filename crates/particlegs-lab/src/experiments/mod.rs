@@ -3,6 +3,7 @@
 mod ablation;
 mod blocks;
 mod core_ablation;
+mod core_more;
 mod datasets;
 mod distances;
 mod figures;

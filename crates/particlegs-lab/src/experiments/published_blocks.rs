@@ -147,8 +147,8 @@ fn cells(m: &Measured, one: &Row) -> Vec<Cell> {
 fn curves<'a>(all: &'a [Measured], one: &'a Row, noise_free: &'a Row, tuned: bool) -> Vec<Curve<'a>> {
     let of = |label: String, row: &'a Row, style, dashed| Curve { label, scores: &row.scores[0], style, dashed };
     let own = all.iter().enumerate().filter(|(_, m)| tuned || m.blocks > 1).map(|(style, m)| {
-        let blocks = if m.blocks == 1 { "block" } else { "blocks" };
-        of(format!("{} {blocks}", m.blocks), if tuned { &m.tuned } else { &m.merged }, style + 1, false)
+        let label = if m.blocks == 1 { "1 block, fine-tuned".into() } else { format!("{} blocks", m.blocks) };
+        of(label, if tuned { &m.tuned } else { &m.merged }, style + 1, false)
     });
     std::iter::once(of("1 block, as trained".into(), one, 0, false))
         .chain(own)
