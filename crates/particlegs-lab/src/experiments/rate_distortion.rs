@@ -74,20 +74,24 @@ pub(super) fn beside(lab: &Lab<'_>, of: &Snapshot, truth: &Truth) -> Result<Besi
     })
 }
 
-/// Every way at every ratio, at every seed where it has a draw in it.
+/// Every way at every ratio, at every seed where it has a draw in it: models, which hardly depend on theirs and take
+/// longest, at the ratio that is compared alone.
 pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, ratios: &[f64]) -> Result<Vec<Row>> {
     let (raw, methods) = (of.particles.raw_bytes() as f64, Method::all(lab));
     lab.progress.begin("ways and sizes", (ratios.len() * methods.len()) as u64);
     let mut rows = Vec::new();
-    for method in methods {
-        for &ratio in ratios {
-            let seeds: Vec<u64> = lab.settings.seeds().take(if method.is_random() { usize::MAX } else { 1 }).collect();
+    for &ratio in ratios {
+        for &method in &methods {
+            let several = method.is_random() && (method != Method::OpticalDepth || ratio == COMPARED);
+            let seeds: Vec<u64> = lab.settings.seeds().take(if several { usize::MAX } else { 1 }).collect();
             let run = |seed| method.measure(lab, of, truth, (raw / ratio) as u64, seed);
             rows.push(Row { method, ratio, runs: seeds.into_iter().map(run).collect::<Result<_>>()? });
             lab.progress.advance(1);
         }
     }
     lab.progress.end();
+    // A method's ratios stand together.
+    rows.sort_by_key(|r: &Row| methods.iter().position(|m| *m == r.method));
     Ok(rows)
 }
 
@@ -132,7 +136,8 @@ fn notes(lab: &Lab<'_>, rows: &[Row], truth: &Truth) -> Vec<String> {
          `uniform box` and `all black` are floors that hold nothing of the data."
             .into(),
         format!(
-            "Rows with a draw or a random start in them were done with {} seeds: median, smallest and largest.",
+            "Rows with a draw in them, and models at ratio {COMPARED}, were done with {} seeds: median, smallest and \
+             largest.",
             lab.settings.seeds
         ),
         "Every compressor's bound was verified after decoding in this run, to half a float32 ulp; a failure stands in the \
