@@ -32,7 +32,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     for snapshot in snapshots {
         let first = lab.model(snapshot, &Recipe::ratio(COMPARED, lab.settings.seed))?;
         let truth = Truth::of(lab, snapshot, &first.model.metadata)?;
-        let (rows, beside) = (rows(lab, snapshot, &truth, &[COMPARED])?, beside(lab, snapshot, &truth)?);
+        let (rows, beside) = (rows(lab, snapshot, &truth, &[COMPARED])?, beside(lab, snapshot, &truth, &first)?);
         sets.push(Set { snapshot, gaussians: first.model.gaussians(), rows, beside });
         lab.progress.advance(1);
     }

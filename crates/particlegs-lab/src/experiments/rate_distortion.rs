@@ -4,7 +4,7 @@
 use super::Experiment;
 use crate::density::{Density, all_particles_bits};
 use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Recipe, Snapshot};
+use crate::lab::{Lab, Made, Recipe, Snapshot};
 use crate::method::{Measured, Method};
 use crate::views::{Score, Truth, mean, mean_of};
 use particlegs::{Result, score};
@@ -61,11 +61,10 @@ pub(super) struct Beside {
     pub all_black: Option<f64>,
 }
 
-/// The floors, and the line that no model is expected to pass.
-pub(super) fn beside(lab: &Lab<'_>, of: &Snapshot, truth: &Truth) -> Result<Beside> {
+/// The floors, and the line that no model is expected to pass: found beside any model's scores.
+pub(super) fn beside(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, any: &Made) -> Result<Beside> {
     lab.store.result("beside", &(&of.hash, truth.key()), || {
-        let model = lab.model(of, &Recipe::ratio(COMPARED, lab.settings.seed))?.model;
-        let scored = score::evaluate(&model, &of.particles, &truth.views, truth.size, lab.progress)?.mean.paraview;
+        let scored = score::evaluate(&any.model, &of.particles, &truth.views, truth.size, lab.progress)?.mean.paraview;
         Ok(Beside {
             noise_free: scored.noise_free.masked_psnr,
             uniform_box: scored.uniform_box.masked_psnr,
@@ -97,9 +96,11 @@ pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, ratios: &[f64]) 
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let snapshot = &snapshots[0];
-    let first = lab.model(snapshot, &Recipe::ratio(COMPARED, lab.settings.seed))?;
+    // The largest file that is asked for: of few particles the smallest are too small for one Gaussian.
+    let largest = lab.settings.ratios.first().copied().unwrap_or(COMPARED);
+    let first = lab.model(snapshot, &Recipe::ratio(largest, lab.settings.seed))?;
     let truth = Truth::of(lab, snapshot, &first.model.metadata)?;
-    let beside = beside(lab, snapshot, &truth)?;
+    let beside = beside(lab, snapshot, &truth, &first)?;
     let rows = rows(lab, snapshot, &truth, &lab.settings.ratios)?;
     let (densities, bits) = (densities(lab, snapshot)?, all_particles_bits(lab, snapshot)?);
     let raw = snapshot.particles.raw_bytes() as f64;
