@@ -194,6 +194,17 @@ impl<'a> Lab<'a> {
         })
     }
 
+    /// Keeps a model that a recipe gave in `seconds`, unless there is one.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn keep(&self, snapshot: &Snapshot, recipe: &Recipe, done: Compressed, seconds: f64) -> Result<()> {
+        let inputs = (&snapshot.hash, recipe);
+        self.store.bytes("model", &inputs, "pgs", || Ok(done.bytes))?;
+        self.store.result("model-seconds", &inputs, || Ok(seconds))?;
+        Ok(())
+    }
+
     /// A model by whatever way, kept by what it was made from.
     ///
     /// # Errors

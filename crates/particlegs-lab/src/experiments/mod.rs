@@ -9,6 +9,7 @@ mod figures;
 mod finetune_ablation;
 mod generalisation;
 mod groups;
+mod performance;
 mod published;
 mod published_blocks;
 mod published_run;
@@ -46,6 +47,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     generalisation::EXPERIMENT,
     recovery::EXPERIMENT,
     figures::EXPERIMENT,
+    performance::EXPERIMENT,
     core_ablation::EXPERIMENT,
     finetune_ablation::EXPERIMENT,
     published_blocks::EXPERIMENT,
