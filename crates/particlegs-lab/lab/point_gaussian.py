@@ -109,7 +109,7 @@ class Scene:
         self.window.Render()
         levels = vtkCommonCore.vtkUnsignedCharArray()
         width, height = self.window.GetSize()
-        self.window.GetPixelData(0, 0, width - 1, height - 1, 0, levels)
+        self.window.GetPixelData(0, 0, width - 1, height - 1, 0, levels, 0)
         rgb = vtk_to_numpy(levels).reshape(height, width, 3)
         took = time.perf_counter() - start
         return rgb[::-1, :, 0], took

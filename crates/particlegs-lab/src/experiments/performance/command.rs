@@ -74,7 +74,8 @@ pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &
     if status.success() {
         return Ok(Ran { cost: Some(Cost { seconds, processor, peak, load: load() }), said: text(1) });
     }
-    let last = text(2).lines().rev().map(str::trim).find(|l| !l.is_empty()).unwrap_or_default().to_string();
+    let words = |l: &&str| !l.is_empty() && !l.starts_with("hint:");
+    let last = text(2).lines().rev().map(str::trim).find(words).unwrap_or_default().to_string();
     let why = if last.is_empty() { status.to_string() } else { last };
     Ok(Ran { cost: None, said: why.chars().take(MOST_WORDS).collect() })
 }
@@ -144,7 +145,7 @@ mod tests {
         let cost = ran.cost.unwrap();
         assert_eq!(ran.said, "in\n");
         assert!(cost.seconds > 0.0 && cost.peak.unwrap() > 4096 && cost.processor.unwrap() > 0.0, "{cost:?}");
-        let failed = run("echo first >&2; echo 'why not' >&2; exit 3");
+        let failed = run("echo first >&2; echo 'why not' >&2; echo 'hint: do' >&2; exit 3");
         assert!(failed.cost.is_none() && failed.said == "why not", "{failed:?}");
         assert!(run("exit 4").said.contains('4'));
     }

@@ -26,7 +26,7 @@ pub(super) struct Grown {
 
 /// Random subsets, all particles, and with full settings four copies side by side where the box is periodic.
 pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot, raw: &Raw<'_>, machine: &Machine) -> Result<Vec<Grown>> {
-    let parts: &[u64] = if lab.settings.quick { &[16, 4, 1] } else { &[64, 16, 4, 1] };
+    let parts: &[u64] = if lab.settings.quick { &[8, 2, 1] } else { &[64, 16, 4, 1] };
     let mut all = Vec::new();
     for part in parts {
         let n = of.particles.len() as u64 / part;

@@ -104,11 +104,14 @@ fn scaling(scale: &Scale) -> String {
     let published = scale::power(paper::SCALE.into_iter()).unwrap_or(f64::NAN);
     format!(
         "Scale: blocks are parts of the box, halved along x, y, z and x, from its lower and its upper corner; each is a \
-         snapshot of its own, fitted with effort fast to the masked PSNR of {} dB (look `expected`, three held-out views \
-         of the block), which is what the whole box has at ratio {COMPARED}. Models {ours} of the particles. The paper's \
+         snapshot of its own, fitted with effort fast to the masked PSNR of {} dB (look `expected`, six held-out views of \
+         the block, particle radius by its own spacing). That is {} dB below what the whole box has at ratio {COMPARED} in six other \
+         views, as means over six views of one model differ by about as much: the ratio that the whole box needs stands in \
+         the table. Models {ours} of the particles. The paper's \
          two points give {published:.2} for Gaussians: its blocks are trained alike, to no quality that is named, with a \
          capacity that hardly depends on their particles.",
-        scale.quality
+        scale.quality,
+        scale::BELOW,
     )
 }
 

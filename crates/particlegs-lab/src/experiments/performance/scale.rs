@@ -8,17 +8,23 @@ use crate::lab::{Lab, Recipe, Snapshot};
 use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
 use particlegs::particles::{Selection, Storage};
-use particlegs::picture::Size;
+use particlegs::picture::{Size, masked_psnr};
 use particlegs::pieces::NoPieces;
-use particlegs::score::{evaluate, evaluation_views};
+use particlegs::reference::Reference;
+use particlegs::render::{Scene, draw};
+use particlegs::score::evaluation_views;
 use particlegs::space::Bounds;
+use particlegs::splat::Look;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Halvings of the box, of the smallest blocks first.
 const HALVINGS: [u32; 5] = [4, 3, 2, 1, 0];
-/// Pictures that the quality is found in.
-const SIZE: Size = Size { width: 960, height: 540 };
+/// Pictures that the quality is found in: as large, and as many an orbit, as those that `compress` searches by.
+const SIZE: Size = Size { width: 1920, height: 1080 };
+const FRAMES: usize = 2;
+/// How far below that all are held to, dB: means over six views of one model differ by about as much.
+pub(super) const BELOW: f64 = 1.0;
 
 /// A block.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -54,17 +60,24 @@ pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<Scale> {
     Ok(Scale { quality, blocks })
 }
 
-/// What the whole box has at the ratio that is compared, to a tenth of a decibel below.
+/// [`BELOW`] what the whole box has at the ratio that is compared, in tenths of a decibel.
 fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
     let recipe = recipe(Target::Ratio(COMPARED), lab.settings.seed);
-    let scored = lab.store.result("scale-quality", &(&of.hash, &recipe), || {
+    let scored = lab.store.result("scale-quality", &(&of.hash, &recipe, SIZE, FRAMES), || {
         let model = lab.model(of, &recipe)?.model;
-        let views = evaluation_views(&model.metadata, SIZE, recipe.seed, 1);
-        Ok(evaluate(&model, &of.particles, &views, SIZE, lab.progress)?.mean.expected.model.masked_psnr)
+        let (scene, truth) = (Scene::of(&model), Reference::new(&of.particles));
+        let views = evaluation_views(&model.metadata, SIZE, recipe.seed, FRAMES);
+        let of_view = |view| {
+            let drawn = draw(&scene, view, SIZE, Look::Expected, lab.progress)?;
+            Ok(masked_psnr(&drawn, &truth.draw(view, SIZE, Look::Expected, lab.progress)?))
+        };
+        let scores = views.iter().map(of_view).collect::<Result<Vec<Option<f64>>>>()?;
+        let scores: Vec<f64> = scores.into_iter().flatten().collect();
+        Ok((!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64))
     })?;
     let scored =
         scored.ok_or_else(|| Error::input(&of.name, "its pictures are the model's: no quality to compare at"))?;
-    Ok((10.0 * scored).floor() / 10.0)
+    Ok((10.0 * (scored - BELOW)).floor() / 10.0)
 }
 
 fn recipe(target: Target, seed: u64) -> Recipe {

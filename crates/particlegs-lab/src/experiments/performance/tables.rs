@@ -53,7 +53,7 @@ pub(super) fn frames(all: &[AtSize]) -> Table {
                 model.cell(),
                 pick(&at.expected).cell(),
                 paraview.cell(),
-                vtk.map_or_else(|why| Cell::text(not(why)), Frames::cell),
+                vtk.map_or_else(|_| Cell::text("not measured"), Frames::cell),
                 Cell::spread(&model.faster_than(paraview), 1),
                 vtk.map_or(Cell::Empty, |v| Cell::spread(&model.faster_than(v), 0)),
                 of(|f| f.paraview, 0),
@@ -81,16 +81,14 @@ pub(super) fn steps(steps: &Steps<'_>, all: &[AtSize]) -> Table {
     );
     let number = |v: f64, digits| Cell::number(v, digits);
     let vtk: Vec<&PointGaussian> = all.iter().filter_map(|a| a.vtk.as_ref().ok()).collect();
-    let of_vtk = |of: fn(&PointGaussian) -> f64| match (&vtk[..], all.first().map(|a| &a.vtk)) {
-        ([], Some(Err(why))) => Cell::text(not(why)),
-        _ => seconds(&vtk.iter().map(|v| of(v)).collect::<Vec<_>>()),
-    };
+    let loads: Vec<f64> = vtk.iter().map(|v| v.load).collect();
+    let of_vtk = if loads.is_empty() { Cell::text("not measured") } else { seconds(&loads) };
     let not_opened = || Cell::text(not("read with options of the command"));
     let load = |l: Option<f64>| Cell::number(l, 1);
     table.row([
         Cell::text("particles opened, read and checked"),
         steps.opening.as_ref().map_or_else(not_opened, Times::cell),
-        of_vtk(|v| v.load),
+        of_vtk,
         load(steps.opening.as_ref().and_then(|t| t.load)),
         number(paper::PARAVIEW_LOAD, 1),
         Cell::Empty,
@@ -121,7 +119,7 @@ pub(super) fn steps(steps: &Steps<'_>, all: &[AtSize]) -> Table {
         ("fine-tuning", paper::FINE_TUNING),
     ] {
         let name = Cell::text(format!("paper's {name}"));
-        table.row([name, Cell::Empty, Cell::Empty, Cell::Empty, Cell::Empty, number(value, 2)]);
+        table.row([name, Cell::Empty, Cell::Empty, Cell::Empty, Cell::Empty, seconds(&[value])]);
     }
     table
 }
