@@ -205,6 +205,17 @@ impl<'a> Lab<'a> {
         options.draw(model, self.progress)
     }
 
+    /// Keeps a model that a recipe gave in `seconds`, unless there is one.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn keep(&self, snapshot: &Snapshot, recipe: &Recipe, done: Compressed, seconds: f64) -> Result<()> {
+        let inputs = (&snapshot.hash, recipe);
+        self.store.bytes("model", &inputs, "pgs", || Ok(done.bytes))?;
+        self.store.result("model-seconds", &inputs, || Ok(seconds))?;
+        Ok(())
+    }
+
     /// A model by whatever way, kept by what it was made from.
     ///
     /// # Errors

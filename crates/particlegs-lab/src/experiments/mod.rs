@@ -10,6 +10,7 @@ mod figures;
 mod finetune_ablation;
 mod generalisation;
 mod groups;
+mod performance;
 mod published;
 mod published_blocks;
 mod published_run;
@@ -45,6 +46,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     datasets::EXPERIMENT,
     blocks::EXPERIMENT,
     generalisation::EXPERIMENT,
+    performance::EXPERIMENT,
     recovery::EXPERIMENT,
     figures::EXPERIMENT,
     core_ablation::EXPERIMENT,

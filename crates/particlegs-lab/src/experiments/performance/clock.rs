@@ -1,0 +1,131 @@
+//! Wall-clock times: taken several times where they are short, told with the load of the machine.
+
+use crate::found::{Cell, Spread};
+use particlegs::{Result, parallel};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::time::Instant;
+
+/// What times depend on beside what is timed: program, processor, threads.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Machine {
+    commit: Option<&'static str>,
+    processor: Option<String>,
+    threads: usize,
+}
+
+impl Machine {
+    /// This one.
+    pub fn here() -> Machine {
+        let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let line = text.lines().find(|l| l.starts_with("model name"));
+        Machine {
+            commit: option_env!("PARTICLEGS_COMMIT"),
+            processor: line.and_then(|l| Some(l.split_once(':')?.1.trim().to_string())),
+            threads: parallel::threads(),
+        }
+    }
+
+    /// As a reader is told.
+    pub fn in_words(&self) -> String {
+        format!("{} threads of {}", self.threads, self.processor.as_deref().unwrap_or("a processor that is not known"))
+    }
+}
+
+/// The mean number of processes that wanted to run during the last minute; `None` where the system does not say.
+pub(super) fn load() -> Option<f64> {
+    std::fs::read_to_string(Path::new("/proc/loadavg")).ok()?.split(' ').next()?.parse().ok()
+}
+
+/// Times of one and the same work.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Times {
+    /// Seconds, one a time.
+    pub seconds: Vec<f64>,
+    /// Load of the machine at the end.
+    pub load: Option<f64>,
+}
+
+impl Times {
+    /// Of work done `times` times.
+    ///
+    /// # Errors
+    /// Those of the work.
+    pub fn of<T>(times: usize, mut work: impl FnMut() -> Result<T>) -> Result<Times> {
+        let mut seconds = Vec::with_capacity(times);
+        for _ in 0..times {
+            let start = Instant::now();
+            let done = work()?;
+            seconds.push(start.elapsed().as_secs_f64());
+            drop(done);
+        }
+        Ok(Times { seconds, load: load() })
+    }
+
+    /// Median in seconds, with the range.
+    pub fn cell(&self) -> Cell {
+        seconds(&self.seconds)
+    }
+}
+
+/// Times of pictures, several of each.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Frames {
+    /// Seconds: a row a view, in the views' order; views at the end may be missing.
+    pub views: Vec<Vec<f64>>,
+    /// Load of the machine at the end.
+    pub load: Option<f64>,
+}
+
+impl Frames {
+    /// Median over all frames in milliseconds, with the range.
+    pub fn cell(&self) -> Cell {
+        let all: Vec<f64> = self.views.iter().flatten().map(|s| 1000.0 * s).collect();
+        Cell::spread(&all, digits(Spread::of(&all).map_or(0.0, |s| s.median)))
+    }
+
+    /// How many times faster these are than others: a number a view that both have.
+    pub fn faster_than(&self, others: &Frames) -> Vec<f64> {
+        let median = |v: &Vec<f64>| Some(Spread::of(v)?.median);
+        let of = |(own, other): (&Vec<f64>, &Vec<f64>)| Some(median(other)? / median(own)?);
+        self.views.iter().zip(&others.views).filter_map(of).collect()
+    }
+}
+
+/// Seconds with three significant digits or so.
+pub(super) fn seconds(values: &[f64]) -> Cell {
+    Cell::spread(values, digits(Spread::of(values).map_or(0.0, |s| s.median)))
+}
+
+/// Digits after the point that leave about three significant ones.
+pub(super) fn digits(value: f64) -> usize {
+    (2 - value.abs().max(1e-4).log10().floor() as i32).clamp(0, 5) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_taken_so_often_and_compared_by_view() {
+        let mut count = 0;
+        let times = Times::of(5, || {
+            count += 1;
+            Ok(std::thread::sleep(std::time::Duration::from_millis(2)))
+        });
+        let seconds = times.unwrap().seconds;
+        assert!(count == 5 && seconds.len() == 5 && seconds.iter().all(|s| *s >= 0.002), "{seconds:?}");
+        let frames = |views: &[&[f64]]| Frames { views: views.iter().map(|v| v.to_vec()).collect(), load: None };
+        let (ours, others) = (frames(&[&[0.1, 0.3, 0.2], &[0.1], &[0.1]]), frames(&[&[2.0], &[3.0]]));
+        // The third view was drawn by one alone.
+        let faster = ours.faster_than(&others);
+        assert_eq!(faster.len(), 2);
+        assert!((faster[0] - 10.0).abs() < 1e-9 && (faster[1] - 30.0).abs() < 1e-9, "{faster:?}");
+        assert_eq!(others.cell().in_words(), "2500 (2000 to 3000)");
+    }
+
+    #[test]
+    fn three_digits_are_kept() {
+        assert_eq!([0.0, 0.0123, 0.123, 1.23, 12.3, 123.0, 1234.0].map(digits), [5, 4, 3, 2, 1, 0, 0]);
+    }
+}

@@ -1,0 +1,152 @@
+//! Whole commands as children: seconds, processor time, and the most memory that they take.
+
+use super::clock::{digits, load};
+use crate::found::Cell;
+use particlegs::progress::Progress;
+use particlegs::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// How often a running child is looked at.
+const EVERY: Duration = Duration::from_millis(1);
+/// Clock ticks a second in /proc, the same on every Linux.
+const TICKS: f64 = 100.0;
+/// Characters of what a child that failed said.
+const MOST_WORDS: usize = 300;
+
+/// What a command took.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Cost {
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// Processor seconds over all threads; `None` where there is no /proc.
+    pub processor: Option<f64>,
+    /// The most memory that no file backs (RssAnon and RssShmem), bytes; `None` where there is no /proc.
+    pub peak: Option<u64>,
+    /// Load of the machine at the end.
+    pub load: Option<f64>,
+}
+
+impl Cost {
+    /// Seconds, processor seconds, MiB, load.
+    pub fn cells(&self) -> [Cell; 4] {
+        let missing = |cell: Cell| if cell == Cell::Empty { Cell::text("not measured: no /proc") } else { cell };
+        [
+            Cell::number(self.seconds, digits(self.seconds)),
+            missing(Cell::number(self.processor, 2)),
+            missing(Cell::number(self.peak.map(|b| b as f64 / 1048576.0), 1)),
+            Cell::number(self.load, 1),
+        ]
+    }
+}
+
+/// What a command took, or why it failed.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Ran {
+    /// What it took; `None` where it failed.
+    pub cost: Option<Cost>,
+    /// What it wrote to its standard output; where it failed, why, in a line.
+    pub said: String,
+}
+
+/// Runs a command to its end. `folder` takes what it says.
+///
+/// # Errors
+/// [`Error::Io`] for a program that cannot be started; [`Error::Cancelled`].
+pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &dyn Progress) -> Result<Ran> {
+    let names = ["stdin", "stdout", "stderr"].map(|n| folder.join(n));
+    let io = |path: &Path, e| Error::io(path, e);
+    std::fs::write(&names[0], input).map_err(|e| io(&names[0], e))?;
+    let open = |i: usize| if i == 0 { File::open(&names[i]) } else { File::create(&names[i]) };
+    let [stdin, stdout, stderr] = [open(0), open(1), open(2)];
+    let file = |f: std::io::Result<File>| f.map(Stdio::from).map_err(|e| io(folder, e));
+    command.stdin(file(stdin)?).stdout(file(stdout)?).stderr(file(stderr)?);
+    let before = processor_of_children();
+    let start = Instant::now();
+    let mut child = command.spawn().map_err(|e| io(Path::new(command.get_program()), e))?;
+    let (status, peak) = watch(&mut child, progress)?;
+    let seconds = start.elapsed().as_secs_f64();
+    let processor = processor_of_children().zip(before).map(|(after, before)| after - before);
+    let text = |i: usize| String::from_utf8_lossy(&std::fs::read(&names[i]).unwrap_or_default()).into_owned();
+    if status.success() {
+        return Ok(Ran { cost: Some(Cost { seconds, processor, peak, load: load() }), said: text(1) });
+    }
+    let words = |l: &&str| !l.is_empty() && !l.starts_with("hint:");
+    let last = text(2).lines().rev().map(str::trim).find(words).unwrap_or_default().to_string();
+    let why = if last.is_empty() { status.to_string() } else { last };
+    Ok(Ran { cost: None, said: why.chars().take(MOST_WORDS).collect() })
+}
+
+/// Waits for a child; the most memory it had.
+fn watch(child: &mut Child, progress: &dyn Progress) -> Result<(std::process::ExitStatus, Option<u64>)> {
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak = None;
+    loop {
+        peak = peak.max(std::fs::read_to_string(&status).ok().and_then(|text| unbacked(&text)));
+        match child.try_wait() {
+            Ok(Some(status)) => return Ok((status, peak)),
+            Ok(None) if progress.cancelled() => {
+                let _ = child.kill();
+                let _ = child.wait();
+                return Err(Error::Cancelled);
+            }
+            Ok(None) => std::thread::sleep(EVERY),
+            Err(e) => return Err(Error::io(Path::new(&status), e)),
+        }
+    }
+}
+
+/// Bytes that no file backs, of /proc/PID/status; `None` of a process that has ended.
+fn unbacked(status: &str) -> Option<u64> {
+    let of = |name: &str| {
+        let line = status.lines().find(|l| l.starts_with(name))?;
+        line.split_whitespace().nth(1)?.parse::<u64>().ok()
+    };
+    Some(1024 * (of("RssAnon:")? + of("RssShmem:").unwrap_or(0)))
+}
+
+/// Processor seconds of this process's children that have ended; `None` where there is no /proc.
+fn processor_of_children() -> Option<f64> {
+    of_children(&std::fs::read_to_string("/proc/self/stat").ok()?)
+}
+
+/// cutime and cstime, of /proc/PID/stat: fields 16 and 17 (proc(5)).
+fn of_children(stat: &str) -> Option<f64> {
+    // The second field, a name in brackets, may hold anything.
+    let after: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = |field: usize| after.get(field - 3)?.parse::<f64>().ok();
+    Some((ticks(16)? + ticks(17)?) / TICKS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use particlegs::progress::Silent;
+
+    #[test]
+    fn the_systems_words_are_read() {
+        let status = "Name:\tx\nVmRSS:\t 900 kB\nRssAnon:\t     512 kB\nRssFile:\t 380 kB\nRssShmem:\t   8 kB\n";
+        assert_eq!((unbacked(status), unbacked("State:\tZ\n")), (Some(520 * 1024), None));
+        let stat = "7 (a) b) S 1 1 1 0 -1 0 1 2 3 4 50 60 150 25 20 0 1 0 9 9 9";
+        assert_eq!(of_children(stat), Some(1.75));
+    }
+
+    #[test]
+    fn a_child_is_measured_and_its_failure_told() {
+        let (dir, shell) = (tempfile::tempdir().unwrap(), Path::new("/bin/sh"));
+        if !shell.exists() || !Path::new("/proc/self/stat").exists() {
+            return;
+        }
+        let run = |script: &str| run(Command::new(shell).args(["-c", script]), "in\n", dir.path(), &Silent).unwrap();
+        let ran = run("cat; i=0; while [ $i -lt 100000 ]; do i=$((i+1)); done");
+        let cost = ran.cost.unwrap();
+        assert_eq!(ran.said, "in\n");
+        assert!(cost.seconds > 0.0 && cost.peak.unwrap() > 4096 && cost.processor.unwrap() > 0.0, "{cost:?}");
+        let failed = run("echo first >&2; echo 'why not' >&2; echo 'hint: do' >&2; exit 3");
+        assert!(failed.cost.is_none() && failed.said == "why not", "{failed:?}");
+        assert!(run("exit 4").said.contains('4'));
+    }
+}

@@ -1,0 +1,132 @@
+//! Whole commands of our program as children, with what they take of memory.
+
+use super::clock::{Machine, digits};
+use super::command::{Cost, Ran, run};
+use super::growth::{Grown, not};
+use super::point_gaussian::PointGaussian;
+use super::raw::Raw;
+use crate::found::{Cell, Spread, Table};
+use crate::lab::{Lab, Made, Snapshot};
+use particlegs::picture::Size;
+use particlegs::{Error, Result};
+use std::process::Command;
+
+/// How often each is run.
+const TIMES: usize = 3;
+
+/// A command and its runs.
+pub(super) struct Timed {
+    /// What it does.
+    pub what: String,
+    /// Its runs.
+    pub runs: Vec<Ran>,
+}
+
+/// Decoding a model's file, and one picture of the model and of all particles.
+pub(super) fn measure(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    made: &Made,
+    sizes: &[Size],
+    raw: &Raw<'_>,
+    machine: &Machine,
+) -> Result<Vec<Timed>> {
+    let model = || {
+        let path = raw.folder()?.join("model.pgs");
+        if !path.exists() {
+            std::fs::write(&path, &made.bytes).map_err(|e| Error::io(&path, e))?;
+        }
+        Ok::<_, Error>(path)
+    };
+    let hash = blake3::hash(&made.bytes).to_hex()[..16].to_string();
+    let times = |key: String, make: &dyn Fn(&std::path::Path) -> Result<Command>| {
+        lab.store.result("timed-command", &(&of.hash, &hash, &key, machine), || {
+            let folder = raw.folder()?;
+            let one = |i: usize| {
+                // An output of its own each: no command replaces a file.
+                let out = folder.join(format!("{}-{i}.png", key.replace(' ', "-")));
+                run(&mut make(&out)?, "", folder, lab.progress)
+            };
+            (0..TIMES).map(one).collect::<Result<Vec<Ran>>>()
+        })
+    };
+    let drawing = |name: &'static str, input: &dyn Fn() -> Result<std::path::PathBuf>, size: &Size| {
+        let size = format!("{}x{}", size.width, size.height);
+        times(format!("{name} {size}"), &|out| {
+            let mut command = Command::new(&lab.settings.program);
+            command.arg(name).arg(input()?).args(["--size", &size, "--distance", "0.7", "-o"]).arg(out);
+            Ok(command)
+        })
+    };
+    let info = times("info".into(), &|_| {
+        let mut command = Command::new(&lab.settings.program);
+        command.arg("info").arg(model()?);
+        Ok(command)
+    })?;
+    let mut all = vec![Timed { what: "`info`: the model's file decoded".into(), runs: info }];
+    for size in sizes {
+        let told = format!("one picture of {}x{}", size.width, size.height);
+        let runs = drawing("render", &model, size)?;
+        all.push(Timed { what: format!("`render`: {told} of the model"), runs });
+        let runs = drawing("reference", &|| raw.snapshot(), size)?;
+        all.push(Timed { what: format!("`reference`: {told} of all particles"), runs });
+    }
+    Ok(all)
+}
+
+/// As a table, with the compression and VTK beside them.
+pub(super) fn table(
+    grown: &[Grown],
+    timed: &[Timed],
+    vtk: &[(Size, std::result::Result<PointGaussian, String>)],
+) -> Table {
+    let mut table = Table::new(
+        "performance-commands",
+        "Whole commands: time and memory",
+        &["command", "seconds", "processor seconds", "peak memory, MiB", "load"],
+    );
+    if let Some(all) = grown.iter().find(|g| g.what == "all") {
+        row(&mut table, "`compress`: the model at that ratio, with its certificate", std::slice::from_ref(&all.ran));
+    }
+    timed.iter().for_each(|t| row(&mut table, &t.what, &t.runs));
+    for (size, found) in vtk {
+        let what = format!("VTK, Python included: loaded, and all frames of {}x{}", size.width, size.height);
+        let ran = match found {
+            Ok(v) => Ran { cost: Some(v.cost.clone()), said: String::new() },
+            // The notes say why.
+            Err(_) => Ran { cost: None, said: String::new() },
+        };
+        row(&mut table, &what, &[ran]);
+    }
+    table
+}
+
+fn row(table: &mut Table, what: &str, runs: &[Ran]) {
+    let costs: Vec<&Cost> = runs.iter().filter_map(|r| r.cost.as_ref()).collect();
+    let name = Cell::text(what);
+    match costs[..] {
+        [] => {
+            let why = runs.first().map_or("", |r| &r.said);
+            let why = if why.is_empty() { "not measured".into() } else { not(why) };
+            table.row([name, Cell::text(why), Cell::Empty, Cell::Empty, Cell::Empty]);
+        }
+        [one] => table.row(std::iter::once(name).chain(one.cells())),
+        _ => {
+            let spread = |of: &dyn Fn(&Cost) -> Option<f64>, most: usize| {
+                let values: Vec<f64> = costs.iter().filter_map(|c| of(c)).collect();
+                match Spread::of(&values) {
+                    Some(s) => Cell::spread(&values, digits(s.median).min(most)),
+                    None => Cell::text("not measured: no /proc"),
+                }
+            };
+            let load = costs.last().and_then(|c| c.load);
+            table.row([
+                name,
+                spread(&|c| Some(c.seconds), 3),
+                spread(&|c| c.processor, 2),
+                spread(&|c| c.peak.map(|b| b as f64 / 1048576.0), 1),
+                Cell::number(load, 1),
+            ]);
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Growth with the number of particles: seconds, memory and bytes of `compress` as a whole command.
+
+use super::clock::Machine;
+use super::command::{Ran, run};
+use super::raw::Raw;
+use crate::experiments::rate_distortion::COMPARED;
+use crate::found::{Axis, Cell, Plot, Point, Series, Table};
+use crate::lab::{Lab, Snapshot};
+use particlegs::Result;
+use particlegs::particles::{Selection, Tiling};
+use serde::{Deserialize, Serialize};
+use std::process::Command;
+
+/// One number of particles.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Grown {
+    /// Particles.
+    pub particles: u64,
+    /// How they were made of the snapshot's.
+    pub what: String,
+    /// Bytes of the file; `None` where the command failed.
+    pub bytes: Option<u64>,
+    /// The command.
+    pub ran: Ran,
+}
+
+/// Random subsets, all particles, and with full settings four copies side by side where the box is periodic.
+pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot, raw: &Raw<'_>, machine: &Machine) -> Result<Vec<Grown>> {
+    let parts: &[u64] = if lab.settings.quick { &[8, 2, 1] } else { &[64, 16, 4, 1] };
+    let mut all = Vec::new();
+    for part in parts {
+        let n = of.particles.len() as u64 / part;
+        if n > 0 {
+            let sample = (*part > 1).then_some(n);
+            let selection = Selection { sample, seed: lab.settings.seed, ..Selection::all() };
+            let what = if *part > 1 { format!("a random 1/{part}") } else { "all".into() };
+            all.push(one(lab, of, (what, n), machine, |name| raw.written(name, Tiling::single(), selection))?);
+        }
+    }
+    if let (false, Ok(tiling)) = (lab.settings.quick, Tiling::new([2, 2, 1], &of.particles)) {
+        let what = ("2 x 2 x 1 copies of the box".to_string(), 4 * of.particles.len() as u64);
+        all.push(one(lab, of, what, machine, |name| raw.written(name, tiling, Selection::all()))?);
+    }
+    Ok(all)
+}
+
+fn one(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    (what, particles): (String, u64),
+    machine: &Machine,
+    write: impl FnOnce(&str) -> Result<std::path::PathBuf>,
+) -> Result<Grown> {
+    lab.store.result("timed-growth", &(&of.hash, particles, COMPARED, lab.settings.seed, machine), || {
+        let snapshot = write(&format!("n{particles}"))?;
+        let parent = snapshot.parent().unwrap_or(&snapshot).to_path_buf();
+        let out = parent.join(format!("n{particles}.pgs"));
+        let mut command = compress(lab, &snapshot, &out);
+        let ran = run(&mut command, "", &parent, lab.progress)?;
+        let bytes = ran.cost.is_some().then(|| std::fs::metadata(&out).map(|m| m.len()).ok()).flatten();
+        Ok(Grown { particles, what, bytes, ran })
+    })
+}
+
+/// `compress` at the ratio that is compared.
+pub(super) fn compress(lab: &Lab<'_>, snapshot: &std::path::Path, out: &std::path::Path) -> Command {
+    let mut command = Command::new(&lab.settings.program);
+    let (ratio, seed) = (COMPARED.to_string(), lab.settings.seed.to_string());
+    command.arg("compress").arg(snapshot).arg("-o").arg(out).args(["--ratio", &ratio, "--seed", &seed]);
+    command
+}
+
+/// As a table.
+pub(super) fn table(all: &[Grown]) -> Table {
+    let mut table = Table::new(
+        "performance-growth",
+        format!("Growth with the number of particles: `compress --ratio {COMPARED}` as a whole command"),
+        &[
+            "particles",
+            "of the snapshot",
+            "bytes of the file",
+            "seconds",
+            "processor seconds",
+            "peak memory, MiB",
+            "load",
+            "microseconds a particle",
+            "peak bytes a particle",
+        ],
+    );
+    for g in all {
+        let n = g.particles as f64;
+        let Some(cost) = &g.ran.cost else {
+            let mut row = vec![Cell::count(g.particles), Cell::text(&g.what), Cell::text(not(&g.ran.said))];
+            row.resize(table.columns.len(), Cell::Empty);
+            table.row(row);
+            continue;
+        };
+        let [seconds, processor, peak, load] = cost.cells();
+        table.row([
+            Cell::count(g.particles),
+            Cell::text(&g.what),
+            Cell::number(g.bytes.map(|b| b as f64), 0),
+            seconds,
+            processor,
+            peak,
+            load,
+            Cell::number(1e6 * cost.seconds / n, 2),
+            Cell::number(cost.peak.map(|b| b as f64 / n), 1),
+        ]);
+    }
+    table
+}
+
+/// Why there is no figure.
+pub(super) fn not(why: &str) -> String {
+    format!("not measured: {why}")
+}
+
+/// Seconds and memory by the number of particles.
+pub(super) fn plots(all: &[Grown]) -> Vec<Plot> {
+    let plot = |name: &str, title: &str, y: &str, of: fn(&Grown) -> Option<f64>| {
+        let points: Vec<Point> = all.iter().filter_map(|g| Some(Point::new(g.particles as f64, of(g)?))).collect();
+        let mut series = vec![Series { name: "compress".into(), style: 0, dashed: false, points }];
+        series.extend(proportional(&series[0].points));
+        let (x, y) = (Axis::logarithmic("particles"), Axis::logarithmic(y));
+        Plot { name: format!("performance-growth-{name}"), title: title.into(), x, y, series, levels: vec![] }
+    };
+    vec![
+        plot("seconds", "Time of a compression", "seconds of the whole command", |g| {
+            Some(g.ran.cost.as_ref()?.seconds)
+        }),
+        plot("memory", "Memory of a compression", "peak memory, MiB", |g| {
+            g.ran.cost.as_ref()?.peak.map(|b| b as f64 / 1048576.0)
+        }),
+    ]
+}
+
+/// The line through the last point that grows as particles do; nothing of fewer than two points.
+pub(super) fn proportional(points: &[Point]) -> Option<Series> {
+    let ([first, .., last], style) = (points, 7) else { return None };
+    let at = |x: f64| Point::new(x, last.y * x / last.x);
+    Some(Series { name: "in proportion".into(), style, dashed: true, points: vec![at(first.x), at(last.x)] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn proportion_goes_through_the_last_point() {
+        let points = [Point::new(10.0, 5.0), Point::new(20.0, 6.0), Point::new(40.0, 8.0)];
+        let line = proportional(&points).unwrap().points;
+        assert_eq!((line[0].y, line[1].y, line[0].x), (2.0, 8.0, 10.0));
+        assert!(proportional(&points[..1]).is_none());
+    }
+
+    #[test]
+    fn what_failed_is_said_in_its_row() {
+        let ran = Ran { cost: None, said: "too small".into() };
+        let table = table(&[Grown { particles: 7, what: "all".into(), bytes: None, ran }]);
+        assert_eq!(table.rows[0].len(), table.columns.len());
+        assert_eq!(table.rows[0][2], Cell::text("not measured: too small"));
+    }
+}

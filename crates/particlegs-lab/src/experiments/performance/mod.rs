@@ -1,0 +1,89 @@
+//! Performance: opening, compressing, decoding and drawing, beside VTK's own Point Gaussian in the same run; memory, and
+//! growth with the number of particles (paper, table tab:perf and figure fig:scale).
+
+mod clock;
+mod command;
+mod commands;
+mod growth;
+mod notes;
+mod ours;
+mod paper;
+mod point_gaussian;
+mod raw;
+mod scale;
+mod tables;
+mod views;
+
+use super::Experiment;
+use crate::found::Found;
+use crate::lab::{Lab, Made, Snapshot};
+use clock::Machine;
+use ours::Drawn;
+use particlegs::Result;
+use particlegs::fit::Effort;
+use particlegs::picture::Size;
+use raw::Raw;
+use tables::{AtSize, Steps};
+use views::Shots;
+
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "performance",
+    title: "Performance: seconds, milliseconds and memory, beside VTK's own Point Gaussian",
+    paper: "tab:perf, fig:scale",
+    trains: false,
+    weight: 40,
+    run,
+};
+
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+    let (of, machine) = (&snapshots[0], Machine::here());
+    let raw = Raw::new(lab, of);
+    let opening = ours::opening(lab, of, &machine)?;
+    let efforts = [("fast", Effort::Fast), ("default", Effort::Default)];
+    let compressions = efforts
+        .into_iter()
+        .map(|(name, effort)| Ok((name, ours::compression(lab, of, effort, &machine)?)))
+        .collect::<Result<Vec<_>>>()?;
+    let made = lab.model(of, &ours::recipe(lab, Effort::Default))?;
+    let decoding = ours::decoding(lab, of, &made, &machine)?;
+    let sizes = views::sizes(lab);
+    let timed = commands::measure(lab, of, &made, &sizes, &raw, &machine)?;
+    let grown = growth::measure(lab, of, &raw, &machine)?;
+    let all = frames(lab, of, &made, &sizes, (&raw, &machine))?;
+    let scale = scale::measure(lab, of)?;
+
+    let steps = Steps { opening: &opening, decoding: &decoding, compressions: &compressions };
+    let notes = notes::notes(of, &steps, &all, (&grown, &timed, &scale), &machine);
+    let mut tables = vec![tables::frames(&all), tables::steps(&steps, &all), tables::phases(&compressions)];
+    tables.extend(tables::agreement(&all));
+    let vtk: Vec<_> = all.into_iter().map(|a| (a.size, a.vtk)).collect();
+    tables.extend([commands::table(&grown, &timed, &vtk), growth::table(&grown), scale.table()]);
+    let plots = growth::plots(&grown).into_iter().chain([scale.plot()]).collect();
+    Ok(Found { tables, plots, pictures: Vec::new(), notes })
+}
+
+/// All renderers at every size; pictures are compared at the first.
+fn frames(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    made: &Made,
+    sizes: &[Size],
+    (raw, machine): (&Raw<'_>, &Machine),
+) -> Result<Vec<AtSize>> {
+    lab.progress.begin("frames", 4 * sizes.len() as u64);
+    let mut all = Vec::new();
+    for size in sizes {
+        let shots = Shots::of(lab, &made.model.metadata, *size);
+        let ours = |what: Drawn| {
+            let frames = ours::frames(lab, of, (what, made), &shots, machine);
+            lab.progress.advance(1);
+            frames
+        };
+        let (model, paraview, expected) = (ours(Drawn::Model)?, ours(Drawn::Paraview)?, ours(Drawn::Expected)?);
+        let vtk = point_gaussian::measure(lab, of, (&shots, all.is_empty()), raw, machine)?;
+        lab.progress.advance(1);
+        all.push(AtSize { size: *size, model, paraview, expected, vtk });
+    }
+    lab.progress.end();
+    Ok(all)
+}

@@ -1,0 +1,138 @@
+//! Our program in this process: opening, compressing by phase, decoding, drawing.
+
+use super::clock::{Frames, Machine, Times, load};
+use super::views::Shots;
+use crate::experiments::rate_distortion::COMPARED;
+use crate::lab::{Lab, Made, Recipe, Snapshot};
+use particlegs::camera::View;
+use particlegs::compress::compress;
+use particlegs::fit::Effort;
+use particlegs::particles::Storage;
+use particlegs::picture::{Gray8, Pixels, Size};
+use particlegs::pieces::NoPieces;
+use particlegs::reference::Reference;
+use particlegs::render::{Scene, Scratch, draw_into};
+use particlegs::splat::Look;
+use particlegs::{Result, codec};
+use particlegs_formats::Choice;
+use serde::{Deserialize, Serialize};
+
+/// How often short work is timed.
+const TIMES: usize = 5;
+/// How often each picture of a model is drawn.
+const DRAWN: usize = 3;
+
+/// A compression by phases.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Phases {
+    /// Phase and its seconds, in order.
+    pub phases: Vec<(String, f64)>,
+    /// Seconds of all.
+    pub seconds: f64,
+    /// Bytes of the file.
+    pub bytes: u64,
+    /// Its Gaussians.
+    pub gaussians: u64,
+    /// Load of the machine at the end.
+    pub load: Option<f64>,
+}
+
+/// The recipe that is timed.
+pub(super) fn recipe(lab: &Lab<'_>, effort: Effort) -> Recipe {
+    Recipe { effort, ..Recipe::ratio(COMPARED, lab.settings.seed) }
+}
+
+/// Opening and reading the snapshot as it lies, values checked; `None` where it needs more than its name to be read as
+/// the particles that are measured.
+pub(super) fn opening(lab: &Lab<'_>, of: &Snapshot, machine: &Machine) -> Result<Option<Times>> {
+    lab.store.result("timed-opening", &(&of.hash, &of.path, machine), || {
+        let choice = Choice::default();
+        let read = || choice.read(std::slice::from_ref(&of.path), &Storage::Memory, lab.progress);
+        let same = read().ok().is_some_and(|p| p.source_hash() == of.particles.source_hash());
+        if same { Times::of(TIMES, read).map(Some) } else { Ok(None) }
+    })
+}
+
+/// A compression, its model kept for the other experiments.
+pub(super) fn compression(lab: &Lab<'_>, of: &Snapshot, effort: Effort, machine: &Machine) -> Result<Phases> {
+    let recipe = recipe(lab, effort);
+    lab.store.result("timed-compression", &(&of.hash, &recipe, machine), || {
+        let start = std::time::Instant::now();
+        let done = compress(&of.particles, &recipe.options(), &mut NoPieces, lab.progress)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let phases = done.seconds.iter().map(|(name, s)| (name.to_string(), *s)).collect();
+        let (bytes, gaussians) = (done.bytes.len() as u64, done.model.gaussians() as u64);
+        lab.keep(of, &recipe, done, seconds)?;
+        Ok(Phases { phases, seconds, bytes, gaussians, load: load() })
+    })
+}
+
+/// Decoding of a model's file.
+pub(super) fn decoding(lab: &Lab<'_>, of: &Snapshot, made: &Made, machine: &Machine) -> Result<Times> {
+    let key = (&of.hash, recipe(lab, Effort::Default), machine);
+    lab.store.result("timed-decoding", &key, || {
+        Times::of(TIMES, || codec::decode_with(&made.bytes, "the model", lab.progress))
+    })
+}
+
+/// What is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) enum Drawn {
+    /// The model, as ParaView draws particles.
+    Model,
+    /// All particles, as ParaView draws them.
+    Paraview,
+    /// All particles, without the noise of rounding.
+    Expected,
+}
+
+/// Frames under new cameras, and under new radii and opacities.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct BothFrames {
+    pub cameras: Frames,
+    pub settings: Frames,
+}
+
+/// Frames of one kind of picture; what is the same from frame to frame is kept, as the commands that draw do.
+pub(super) fn frames(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    (what, made): (Drawn, &Made),
+    shots: &Shots,
+    machine: &Machine,
+) -> Result<BothFrames> {
+    lab.store.result("timed-frames", &(&of.hash, what, shots.key(), recipe(lab, Effort::Default), machine), || {
+        let (scene, mut scratch) = (Scene::of(&made.model), Scratch::default());
+        let reference = Reference::new(&of.particles);
+        let (times, look) = match what {
+            Drawn::Model => (DRAWN, Look::Paraview),
+            Drawn::Paraview => (1, Look::Paraview),
+            Drawn::Expected => (1, Look::Expected),
+        };
+        let mut picture = Gray8::black(shots.size);
+        let mut draw = |view: &View| match what {
+            Drawn::Model => {
+                let pixels = Pixels::new(shots.size, &mut picture.data)?;
+                draw_into(&scene, view, look, pixels, &mut scratch, lab.progress)
+            }
+            _ => reference.draw(view, shots.size, look, lab.progress).map(drop),
+        };
+        // The first takes its memory.
+        draw(&shots.first)?;
+        Ok(BothFrames {
+            cameras: each(&shots.cameras, times, &mut draw)?,
+            settings: each(&shots.settings, times, &mut draw)?,
+        })
+    })
+}
+
+fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>) -> Result<Frames> {
+    let views = views.iter().map(|v| Ok(Times::of(times, || draw(v))?.seconds)).collect::<Result<_>>()?;
+    Ok(Frames { views, load: load() })
+}
+
+/// All particles in the first view by our renderer: what VTK's picture is compared with.
+pub(super) fn picture(lab: &Lab<'_>, of: &Snapshot, view: &View, size: Size, look: Look) -> Result<Gray8> {
+    let key = ("all particles", &of.hash, crate::views::told(view, size), look.name());
+    crate::views::kept_picture(lab, &key, || Reference::new(&of.particles).draw(view, size, look, lab.progress))
+}

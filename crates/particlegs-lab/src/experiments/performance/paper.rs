@@ -1,0 +1,52 @@
+//! The paper's own figures of performance, as its \newcommand lines have them (particlegs-sc26.tex, tables tab:perf and
+//! figure fig:scale): 281 million particles, an alpha-blend model of 8 blocks (769 thousand Gaussians) on a GPU.
+
+/// Its hardware (section 5).
+pub(super) const HARDWARE: &str = "NVIDIA RTX PRO 6000 Blackwell";
+/// Its particles.
+pub(super) const PARTICLES: f64 = 281e6;
+/// Its Gaussians (\EbGaussians).
+pub(super) const GAUSSIANS: f64 = 769e3;
+
+/// Milliseconds of a frame: ParaView's, the published method's, and the ratio as it has it.
+pub(super) struct Frame {
+    pub paraview: f64,
+    pub published: f64,
+    pub ratio: f64,
+}
+
+/// Of a picture of such a height; `settings`: under a new radius and opacity (its "Combined": adaptation and drawing),
+/// else under a new camera alone.
+pub(super) fn frame(height: usize, settings: bool) -> Option<Frame> {
+    let of = |paraview, published, ratio| Some(Frame { paraview, published, ratio });
+    match (height, settings) {
+        // \PerfPvCamMs, \PerfGsRastMs, \SpeedupCamOneK; \PerfPvCombMs, \PerfGsCombMs, \SpeedupOneK.
+        (1080, false) => of(129.0, 0.38, 339.0),
+        (1080, true) => of(3603.0, 1.51, 2386.0),
+        // \PerfPvCamFourKMs, \PerfGsRastFourKMs, \SpeedupCamFourK; \PerfPvCombFourKMs, \PerfGsCombFourKMs, \SpeedupFourK.
+        (2160, false) => of(129.0, 0.77, 168.0),
+        (2160, true) => of(3648.0, 1.93, 1890.0),
+        _ => None,
+    }
+}
+
+/// \PvLoadSec, s.
+pub(super) const PARAVIEW_LOAD: f64 = 39.4;
+/// \GsLoadMs, s.
+pub(super) const MODEL_LOAD: f64 = 0.041;
+/// \PrepVtpMin, s.
+pub(super) const PREPARATION: f64 = 6.85 * 60.0;
+/// \TrainTimeMin, s.
+pub(super) const TRAINING: f64 = 67.0 * 60.0;
+/// \MergeTimeSec, s.
+pub(super) const MERGE: f64 = 0.11;
+/// \FtTimeMin, s.
+pub(super) const FINE_TUNING: f64 = 15.0 * 60.0;
+/// \InferMemMB, MB of the GPU's memory.
+pub(super) const DRAWING_MEMORY: f64 = 462.2;
+/// \TrainPeakGB, MB of the GPU's memory.
+pub(super) const TRAINING_MEMORY: f64 = 8500.0;
+
+/// Gaussians of the model of a block of so many particles: 16 blocks (\ScaleSixteenGaussians,
+/// \ScaleSixteenParticlesM) and one (\ScaleOneGaussians).
+pub(super) const SCALE: [[f64; 2]; 2] = [[17.6e6, 94e3], [281e6, 171e3]];

@@ -1,0 +1,166 @@
+//! VTK's own Point Gaussian, in a Python of the user's by lab/point_gaussian.py.
+
+use super::clock::{Frames, Machine, load};
+use super::command::{Cost, run};
+use super::ours;
+use super::raw::Raw;
+use super::views::{Shots, as_json};
+use crate::lab::{Lab, Snapshot};
+use particlegs::picture::{Gray8, Size, masked_psnr, psnr};
+use particlegs::splat::Look;
+use particlegs::{Error, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::Path;
+use std::process::Command;
+
+const SCRIPT: &str = include_str!("../../../lab/point_gaussian.py");
+/// Seconds after which no further frame of a size is begun.
+const LIMIT: f64 = 100.0;
+const LIMIT_QUICK: f64 = 12.0;
+
+/// What VTK took at one size of pictures.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct PointGaussian {
+    /// VTK's version, and what its OpenGL calls itself.
+    pub version: String,
+    pub opengl: String,
+    /// Seconds from files of float32 to points as its mapper takes them.
+    pub load: f64,
+    /// Seconds of the first frame.
+    pub first: f64,
+    pub cameras: Frames,
+    pub settings: Frames,
+    /// The whole child, Python and all.
+    pub cost: Cost,
+    /// How its first picture agrees with ours, without FXAA and with it.
+    pub agrees: Option<[Agreement; 2]>,
+}
+
+/// dB between two pictures; `None` where they are the same.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Agreement {
+    pub psnr: Option<f64>,
+    pub masked: Option<f64>,
+    /// Share of pixels that differ, and the largest difference in levels.
+    pub differ: f64,
+    pub largest: u8,
+}
+
+impl Agreement {
+    /// Of two pictures of one size.
+    fn of(a: &Gray8, b: &Gray8) -> Agreement {
+        let apart = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b));
+        let differ = apart.clone().filter(|d| *d > 0).count() as f64 / a.data.len().max(1) as f64;
+        Agreement { psnr: psnr(a, b), masked: masked_psnr(a, b), differ, largest: apart.max().unwrap_or(0) }
+    }
+}
+
+/// What the script answers.
+#[derive(Deserialize)]
+struct Answer {
+    version: String,
+    opengl: String,
+    load: f64,
+    first: f64,
+    cameras: Vec<f64>,
+    settings: Vec<f64>,
+}
+
+/// VTK at a size of pictures, compared with ours where `compared`; the error within says why there is nothing. What
+/// failed is tried again the next time.
+pub(super) fn measure(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    (shots, compared): (&Shots, bool),
+    raw: &Raw<'_>,
+    machine: &Machine,
+) -> Result<std::result::Result<PointGaussian, String>> {
+    let Some(python) = &lab.settings.python else {
+        return Ok(Err("it takes a Python with the packages of lab/requirements.txt (`--python`)".into()));
+    };
+    let limit = if lab.settings.quick { LIMIT_QUICK } else { LIMIT };
+    let script = blake3::hash(SCRIPT.as_bytes()).to_hex()[..16].to_string();
+    let key = (&of.hash, shots.key(), limit, compared, script, machine);
+    let kept = lab.store.result("timed-vtk", &key, || child(lab, of, (shots, compared, limit), raw, python));
+    match kept {
+        Err(Error::Input { what, .. }) => Ok(Err(what)),
+        other => other.map(Ok),
+    }
+}
+
+fn child(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    (shots, compared, limit): (&Shots, bool, f64),
+    raw: &Raw<'_>,
+    python: &Path,
+) -> Result<PointGaussian> {
+    let folder = raw.folder()?;
+    let request = json!({
+        "folder": raw.snapshot()?,
+        "width": shots.size.width,
+        "height": shots.size.height,
+        "first": as_json(&shots.first),
+        "cameras": shots.cameras.iter().map(as_json).collect::<Vec<_>>(),
+        "settings": shots.settings.iter().map(as_json).collect::<Vec<_>>(),
+        "pictures": compared.then_some(folder),
+        "limit": limit,
+    });
+    let mut command = Command::new(python);
+    let ran = run(command.args(["-u", "-c", SCRIPT]), &request.to_string(), folder, lab.progress)?;
+    let Some(cost) = ran.cost else { return Err(Error::input(python, ran.said)) };
+    let answer: Answer = serde_json::from_str(&ran.said)
+        .map_err(|e| Error::input(python, format!("does not answer as lab/point_gaussian.py does: {e}")))?;
+    let agrees = match compared {
+        true => Some([
+            agreement(lab, of, shots, folder, ("plain.gray", Look::ParaviewNoFxaa))?,
+            agreement(lab, of, shots, folder, ("fxaa.gray", Look::Paraview))?,
+        ]),
+        false => None,
+    };
+    let frames = |seconds: Vec<f64>| Frames { views: seconds.into_iter().map(|s| vec![s]).collect(), load: load() };
+    Ok(PointGaussian {
+        version: answer.version,
+        opengl: answer.opengl,
+        load: answer.load,
+        first: answer.first,
+        cameras: frames(answer.cameras),
+        settings: frames(answer.settings),
+        cost,
+        agrees,
+    })
+}
+
+fn agreement(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    shots: &Shots,
+    folder: &Path,
+    (name, look): (&str, Look),
+) -> Result<Agreement> {
+    let (path, size): (_, Size) = (folder.join(name), shots.size);
+    let data = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
+    if data.len() != size.pixels() {
+        return Err(Error::input(&path, format!("holds {} pixels, not {}", data.len(), size.pixels())));
+    }
+    Ok(Agreement::of(&Gray8 { size, data }, &ours::picture(lab, of, &shots.first, size, look)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_agree_as_far_as_they_do() {
+        let size = Size { width: 4, height: 2 };
+        let (a, mut b) = (Gray8 { size, data: vec![100; 8] }, Gray8 { size, data: vec![100; 8] });
+        let same = Agreement::of(&a, &b);
+        assert!(same.psnr.is_none() && same.differ == 0.0 && same.largest == 0);
+        (b.data[1], b.data[6]) = (101, 97);
+        let other = Agreement::of(&a, &b);
+        assert_eq!((other.differ, other.largest), (0.25, 3));
+        // Mean square of 1 and 3 over 8 pixels.
+        assert!((other.psnr.unwrap() - 10.0 * (255.0f64.powi(2) / 1.25).log10()).abs() < 1e-9);
+    }
+}

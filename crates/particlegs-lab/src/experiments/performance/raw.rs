@@ -1,0 +1,54 @@
+//! Particles as files of raw float32 for children: the snapshot's positions, and parts and copies of them.
+
+use crate::lab::{Lab, Snapshot};
+use particlegs::Result;
+use particlegs::particles::{Kept, RawForm, Selection, Tiling};
+use particlegs_files::output::FileSet;
+use std::cell::OnceCell;
+use std::path::{Path, PathBuf};
+
+/// A folder that goes away with this; nothing is written before it is asked for.
+pub(super) struct Raw<'a> {
+    lab: &'a Lab<'a>,
+    of: &'a Snapshot,
+    set: OnceCell<FileSet>,
+}
+
+impl<'a> Raw<'a> {
+    /// Of a snapshot.
+    pub fn new(lab: &'a Lab<'a>, of: &'a Snapshot) -> Raw<'a> {
+        Raw { lab, of, set: OnceCell::new() }
+    }
+
+    /// The folder.
+    ///
+    /// # Errors
+    /// [`particlegs::Error::Io`].
+    pub fn folder(&self) -> Result<&Path> {
+        if self.set.get().is_none() {
+            let _ = self.set.set(self.lab.store.scratch()?);
+        }
+        Ok(self.set.get().map_or(Path::new(""), FileSet::path))
+    }
+
+    /// All particles.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn snapshot(&self) -> Result<PathBuf> {
+        self.written("all", Tiling::single(), Selection::all())
+    }
+
+    /// Particles of a selection of the tiled snapshot, as a folder of that name.
+    ///
+    /// # Errors
+    /// Those of selecting and of writing.
+    pub fn written(&self, name: &str, tiling: Tiling, selection: Selection) -> Result<PathBuf> {
+        let path = self.folder()?.join(name);
+        if !path.exists() {
+            let kept = Kept::new(&self.of.particles, tiling, selection, self.lab.progress)?;
+            kept.write_raw(&path, RawForm::Columns, self.lab.progress)?;
+        }
+        Ok(path)
+    }
+}

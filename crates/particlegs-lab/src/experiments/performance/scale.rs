@@ -1,0 +1,216 @@
+//! What blocks of a box take for one and the same quality, by their particles (paper, figure fig:scale).
+
+use super::growth::proportional;
+use super::paper;
+use crate::experiments::rate_distortion::COMPARED;
+use crate::found::{Axis, Cell, Plot, Point, Series, Table};
+use crate::lab::{Lab, Recipe, Snapshot};
+use particlegs::compress::{Target, compress};
+use particlegs::fit::Effort;
+use particlegs::particles::{Selection, Storage};
+use particlegs::picture::{Size, masked_psnr};
+use particlegs::pieces::NoPieces;
+use particlegs::reference::Reference;
+use particlegs::render::{Scene, draw};
+use particlegs::score::evaluation_views;
+use particlegs::space::Bounds;
+use particlegs::splat::Look;
+use particlegs::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// Halvings of the box, of the smallest blocks first.
+const HALVINGS: [u32; 5] = [4, 3, 2, 1, 0];
+/// Pictures that the quality is found in: as large, and as many an orbit, as those that `compress` searches by.
+const SIZE: Size = Size { width: 1920, height: 1080 };
+const FRAMES: usize = 2;
+/// How far below that all are held to, dB: means over six views of one model differ by about as much.
+pub(super) const BELOW: f64 = 1.0;
+
+/// A block.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Block {
+    /// Share of the box, as 1/2^halvings.
+    pub halvings: u32,
+    /// Particles.
+    pub particles: u64,
+    /// Bytes and Gaussians of its model; or why there is none.
+    pub model: std::result::Result<[u64; 2], String>,
+}
+
+/// The blocks, and the quality that all have.
+pub(super) struct Scale {
+    /// Masked PSNR in the look `expected`, dB.
+    pub quality: f64,
+    pub blocks: Vec<Block>,
+}
+
+/// Blocks from the lower and the upper corner of the box, the smallest first; with quick settings from the lower, and
+/// three sizes.
+pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<Scale> {
+    let quality = quality(lab, of)?;
+    let all = of.particles.bounds();
+    let (least, corners): (u32, &[bool]) = if lab.settings.quick { (2, &[false]) } else { (4, &[false, true]) };
+    let mut blocks = Vec::new();
+    for halvings in HALVINGS.into_iter().filter(|h| *h <= least) {
+        for upper in corners.iter().take(if halvings == 0 { 1 } else { 2 }) {
+            blocks.push(block(lab, of, (halvings, corner(&all, halvings, *upper)), quality)?);
+        }
+    }
+    blocks.sort_by_key(|b| b.particles);
+    Ok(Scale { quality, blocks })
+}
+
+/// [`BELOW`] what the whole box has at the ratio that is compared, in tenths of a decibel.
+fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
+    let recipe = recipe(Target::Ratio(COMPARED), lab.settings.seed);
+    let scored = lab.store.result("scale-quality", &(&of.hash, &recipe, SIZE, FRAMES), || {
+        let model = lab.model(of, &recipe)?.model;
+        let (scene, truth) = (Scene::of(&model), Reference::new(&of.particles));
+        let views = evaluation_views(&model.metadata, SIZE, recipe.seed, FRAMES);
+        let of_view = |view| {
+            let drawn = draw(&scene, view, SIZE, Look::Expected, lab.progress)?;
+            Ok(masked_psnr(&drawn, &truth.draw(view, SIZE, Look::Expected, lab.progress)?))
+        };
+        let scores = views.iter().map(of_view).collect::<Result<Vec<Option<f64>>>>()?;
+        let scores: Vec<f64> = scores.into_iter().flatten().collect();
+        Ok((!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64))
+    })?;
+    let scored =
+        scored.ok_or_else(|| Error::input(&of.name, "its pictures are the model's: no quality to compare at"))?;
+    Ok((10.0 * (scored - BELOW)).floor() / 10.0)
+}
+
+fn recipe(target: Target, seed: u64) -> Recipe {
+    Recipe { target, effort: Effort::Fast, blocks: 1, seed }
+}
+
+/// A box halved along x, y, z, x: its lower or its upper corner.
+fn corner(all: &Bounds, halvings: u32, upper: bool) -> Bounds {
+    let mut b = *all;
+    for k in 0..3 {
+        let times = (halvings as usize + 2 - k) / 3;
+        let width = (all.max[k] - all.min[k]) / f64::from(1 << times);
+        // Bounds are of particles, and the upper ends of a region are outside it.
+        let beyond = 1e-6 * width;
+        match upper && times > 0 {
+            true => (b.min[k], b.max[k]) = (all.max[k] - width, all.max[k] + beyond),
+            false if times > 0 => b.max[k] = all.min[k] + width,
+            false => b.max[k] = all.max[k] + beyond,
+        }
+    }
+    b
+}
+
+fn block(lab: &Lab<'_>, of: &Snapshot, (halvings, region): (u32, Bounds), quality: f64) -> Result<Block> {
+    let recipe = recipe(Target::Psnr(quality), lab.settings.seed);
+    let key = (&of.hash, halvings, format!("{region:?}"), &recipe);
+    lab.store.result("scale-block", &key, || {
+        let crop = (halvings > 0).then_some(region);
+        let particles = of.particles.select(Selection { crop, ..Selection::all() }, &Storage::Memory, lab.progress)?;
+        let model = match compress(&particles, &recipe.options(), &mut NoPieces, lab.progress) {
+            Ok(done) => Ok([done.bytes.len() as u64, done.model.gaussians() as u64]),
+            // A block whose quality cannot be reached is one that says so.
+            Err(e @ Error::Unreachable { .. }) => Err(e.to_string()),
+            Err(e) => return Err(e),
+        };
+        Ok(Block { halvings, particles: particles.len() as u64, model })
+    })
+}
+
+impl Scale {
+    /// By what power of the particles bytes and Gaussians grow: least squares in logarithms; `None` of fewer than two.
+    pub fn powers(&self) -> Option<[f64; 2]> {
+        let of = |k: usize| {
+            power(self.blocks.iter().filter_map(|b| Some([b.particles as f64, b.model.as_ref().ok()?[k] as f64])))
+        };
+        Some([of(0)?, of(1)?])
+    }
+
+    /// As a table.
+    pub fn table(&self) -> Table {
+        let mut table = Table::new(
+            "performance-scale",
+            format!("Blocks of the box at one quality: masked PSNR of {} dB", self.quality),
+            &["block", "particles", "Gaussians", "bytes", "particles a Gaussian", "raw bytes / bytes"],
+        );
+        for b in &self.blocks {
+            let n = b.particles as f64;
+            let (bytes, gaussians) = match &b.model {
+                Ok([bytes, gaussians]) => (Some(*bytes as f64), Cell::count(*gaussians)),
+                Err(why) => (None, Cell::text(super::growth::not(why))),
+            };
+            let each = b.model.as_ref().ok().map(|m| n / m[1] as f64);
+            table.row([
+                Cell::text(format!("1/{}", 1 << b.halvings)),
+                Cell::count(b.particles),
+                gaussians,
+                Cell::number(bytes, 0),
+                Cell::number(each, 1),
+                Cell::number(bytes.map(|v| 12.0 * n / v), 1),
+            ]);
+        }
+        for [particles, gaussians] in paper::SCALE {
+            let name = Cell::text(format!("paper, 1/{:.0}", paper::PARTICLES / particles));
+            let cells = [Cell::number(particles, 0), Cell::number(gaussians, 0)];
+            let each = Cell::number(particles / gaussians, 1);
+            let [particles, gaussians] = cells;
+            table.row([name, particles, gaussians, Cell::Empty, each, Cell::Empty]);
+        }
+        table
+    }
+
+    /// The figure.
+    pub fn plot(&self) -> Plot {
+        let point = |b: &Block| Some(Point::new(b.particles as f64, b.model.as_ref().ok()?[0] as f64));
+        let points: Vec<Point> = self.blocks.iter().filter_map(point).collect();
+        let mut series = vec![Series { name: "models of blocks".into(), style: 0, dashed: false, points }];
+        series.extend(proportional(&series[0].points));
+        Plot {
+            name: "performance-scale".into(),
+            title: format!("Size of a block's model at {} dB", self.quality),
+            x: Axis::logarithmic("particles of the block"),
+            y: Axis::logarithmic("bytes of its model"),
+            series,
+            levels: vec![],
+        }
+    }
+}
+
+/// The slope of a line through logarithms, by least squares.
+pub(super) fn power(points: impl Iterator<Item = [f64; 2]>) -> Option<f64> {
+    let logs: Vec<[f64; 2]> = points.map(|p| p.map(f64::ln)).collect();
+    let mean = |k: usize| logs.iter().map(|p| p[k]).sum::<f64>() / logs.len() as f64;
+    let [mx, my] = [mean(0), mean(1)];
+    let sum = |of: &dyn Fn(&[f64; 2]) -> f64| logs.iter().map(of).sum::<f64>();
+    let slope = sum(&|p| (p[0] - mx) * (p[1] - my)) / sum(&|p| (p[0] - mx).powi(2));
+    (logs.len() > 1 && slope.is_finite()).then_some(slope)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_are_slopes_of_logarithms() {
+        let points = [1.0f64, 2.0, 8.0, 30.0].map(|x| [x, 5.0 * x.powf(0.7)]);
+        assert!((power(points.into_iter()).unwrap() - 0.7).abs() < 1e-12);
+        assert!(power(points[..1].iter().copied()).is_none());
+        // The paper's own two points.
+        assert!((power(paper::SCALE.into_iter()).unwrap() - 0.216).abs() < 0.001);
+    }
+
+    #[test]
+    fn corners_have_their_share_of_the_box() {
+        let all = Bounds { min: [0.0, -1.0, 2.0], max: [8.0, 1.0, 6.0] };
+        let volume = |b: &Bounds| (0..3).map(|k| b.max[k] - b.min[k]).product::<f64>();
+        for halvings in 0..5 {
+            for upper in [false, true] {
+                let b = corner(&all, halvings, upper);
+                let share = volume(&b) / volume(&all);
+                assert!((share * f64::from(1 << halvings) - 1.0).abs() < 1e-5, "{halvings} {upper} {share}");
+                let has = |p: [f64; 3]| (0..3).all(|k| b.min[k] <= p[k] && p[k] < b.max[k]);
+                assert!(has(if upper { all.max } else { all.min }), "{halvings} {upper}");
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! The views that frames are timed in.
+
+use crate::lab::Lab;
+use crate::views::told;
+use particlegs::camera::{Projection, View};
+use particlegs::model::Metadata;
+use particlegs::picture::Size;
+use particlegs::score::evaluation_views;
+use serde_json::{Value, json};
+
+/// Views of one size.
+pub(super) struct Shots {
+    pub size: Size,
+    /// Before all others, at the default radius and opacity.
+    pub first: View,
+    /// Cameras of the three orbits, at the default radius and opacity.
+    pub cameras: Vec<View>,
+    /// The first view's camera, under radii and opacities of the published ranges.
+    pub settings: Vec<View>,
+}
+
+impl Shots {
+    /// Of a model: one camera an orbit (far, mid, near), and as many radii and opacities.
+    pub fn of(lab: &Lab<'_>, m: &Metadata, size: Size) -> Shots {
+        let views = evaluation_views(m, size, lab.settings.seed, 1);
+        let plain = |v: &View| View { radius: m.default_radius, opacity: m.default_opacity, ..v.clone() };
+        // The camera of the middle orbit, from another seed: no frame that is timed repeats it.
+        let other = evaluation_views(m, size, lab.settings.seed + 1, 1);
+        let first = plain(other.get(1).unwrap_or(&views[0]));
+        let settings = views.iter().map(|v| View { camera: first.camera, ..v.clone() }).collect();
+        Shots { size, cameras: views.iter().map(plain).collect(), settings, first }
+    }
+
+    /// What times of these views depend on.
+    pub fn key(&self) -> String {
+        let all = std::iter::once(&self.first).chain(&self.cameras).chain(&self.settings);
+        let text: String = all.map(|v| told(v, self.size)).collect();
+        blake3::hash(text.as_bytes()).to_hex()[..16].to_string()
+    }
+}
+
+/// A view as lab/point_gaussian.py takes it.
+pub(super) fn as_json(v: &View) -> Value {
+    let fov_deg = match v.camera.projection {
+        Projection::Perspective { fov_deg } => fov_deg,
+        // No evaluation view is.
+        Projection::Orthographic { .. } => particlegs::camera::FOV_DEG,
+    };
+    json!({
+        "position": v.camera.position,
+        "focal_point": v.camera.focal_point,
+        "view_up": v.camera.view_up,
+        "clipping_range": v.camera.clipping_range,
+        "fov_deg": fov_deg,
+        "radius": v.radius,
+        "opacity": v.opacity,
+    })
+}
+
+/// Sizes of pictures that are timed: the settings' own, and twice that along both axes.
+pub(super) fn sizes(lab: &Lab<'_>) -> [Size; 2] {
+    let s = lab.settings.size;
+    [s, Size { width: 2 * s.width, height: 2 * s.height }]
+}
