@@ -1,7 +1,7 @@
 //! Results kept by the hash of what they were made from, so that work that was interrupted goes on where it was.
 
 use particlegs::{Error, Result};
-use particlegs_files::output::write_bytes;
+use particlegs_files::output::{FileSet, write_bytes};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -69,6 +69,14 @@ impl Store {
             .map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
         write_bytes(&path, &text)?;
         Ok(result)
+    }
+
+    /// A folder for files that go away with it.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn scratch(&self) -> Result<FileSet> {
+        FileSet::in_folder(&self.folder)
     }
 
     /// Is a result there?
