@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
-"""Writes docs/results/full-scale.md and docs/images/full-scale-growth.svg from the results of full-scale.py and
-full-scale-notes.md (needs matplotlib).
+"""Writes docs/results/full-scale.md and docs/images/full-scale-growth.svg from the results of full-scale.py (needs matplotlib).
 
     scripts/full-scale-page.py docs/results/full-scale.json
 """
@@ -63,8 +62,6 @@ GROWTH = [("2.1M", 1 << 21), ("16.8M", 1 << 24), ("67M", 1 << 26)]
 
 out.append("""# Full scale: nbody128 tiled 2x8x8 (268 435 456 particles, 3.2 GB)
 
-**Hand-typed in part**: the tables of runs come from the JSON; the sections "Earlier runs" and "Statistics and recovery" (`scripts/full-scale-notes.md`) are typed by hand.
-
 Two Xeon cores, 24 GiB. Every run: `scripts/full-scale.py PARTICLEGS nbody128 WORK docs/results/full-scale.json`; this page:
 `scripts/full-scale-page.py docs/results/full-scale.json`. The commands stand in the JSON. Other work shared the machine during
 some runs (`load_average` in the JSON): CPU seconds compare them, wall-clock seconds do not. Peak anonymous memory is RssAnon, mapped
@@ -111,9 +108,5 @@ for ax, key, label, scale in zip(axes, ("cpu_seconds", "peak_anonymous_mib", "mo
 fig.savefig(os.path.join(DOCS, "images", "full-scale-growth.svg"), metadata={"Date": None})
 fig.savefig("/tmp/full-scale-growth.png", dpi=80) if os.environ.get("LOOK") else None
 
-NOTES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "full-scale-notes.md")
-if os.path.exists(NOTES):
-    with open(NOTES) as f:
-        out.append("\n" + f.read().strip())
 with open(os.path.join(DOCS, "results", "full-scale.md"), "w") as f:
     f.write("\n".join(out) + "\n")

@@ -37,8 +37,6 @@ for name, r in results.items():
     how.append([name, f"`{r['command']}`", config, f"{r['wall_seconds']:.0f}", f"{seconds.get('train', 0):.0f}", f"{r['cpu_seconds']:.0f}",
                 f"{r['load_average']:.1f}", trained])
 
-with open(os.path.join(here, "training-optical-depth-notes.md")) as f:
-    notes = f.read()
 page = f"""# Training by the optical-depth law: nbody128 at ratio 300
 
 Made by `scripts/training-optical-depth.py PARTICLEGS nbody128 REFERENCE WORK docs/results/training-optical-depth.json`, then
@@ -47,7 +45,7 @@ untrained start (30.86 dB) training gains -0.45 to +0.1 dB at ratio 300 and 0.15
 ratio 300, default effort, and is scored as decoded, masked PSNR in dB against VTK's `paraview` pictures. "Nine views" is the mean of far, mid,
 near _00 to _02; other columns are gains over the untrained model.
 
-**Hand-typed**: the notes below the tables (`scripts/training-optical-depth-notes.md`) hold figures typed by hand; the tables come from the JSON. The rows named
+The rows named
 alpha-blend are our preset (`--train fast --law alpha-blend`), not the published recipe, at its own number of steps: the schedules that `--iterations` once
 left unshrunk (docs/results/training.md) do not touch them.
 
@@ -58,6 +56,6 @@ left unshrunk (docs/results/training.md) do not touch them.
 ### How each was made
 
 {table(["run", "command", "changes", "seconds", "of which training", "CPU seconds", "load", "held-out views, dB"], how)}
-{notes}"""
+"""
 with open(os.path.join(here, "..", "docs", "results", "training-optical-depth.md"), "w") as f:
     f.write(page)

@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
-"""Writes docs/results/training.md from the results of training-published.py and training-published-notes.md (standard library
-only). Tables whose runs are missing are left out, rows likewise.
+"""Writes docs/results/training.md from the results of training-published.py (standard library only). Tables whose runs are missing are left out, rows likewise.
 
     scripts/training-published-page.py docs/results/training.json [PAGE]
 """
@@ -79,8 +78,6 @@ def load(r):
 big = f'{BASE["size"][0]} x {BASE["size"][1]}'
 small = f'{BASE["small_size"][0]} x {BASE["small_size"][1]}'
 line(f"""# Training: the published tables at a reduced scale, and the two laws side by side
-
-**Hand-typed in part**: the tables come from the JSON; figures in the notes (`scripts/training-published-notes.md`: "What it says", "What is missing") are typed by hand.
 
 {BASE["snapshot"]} ({BASE["particles"]:,} particles); two shared cores. Made by
 
@@ -431,11 +428,6 @@ if "full" in R:
     for c in CLAIMS:
         row(*c)
     line()
-NOTES = os.path.join(HERE, "training-published-notes.md")
-if os.path.exists(NOTES):
-    with open(NOTES) as f:
-        line(f.read().strip())
-        line()
 line("## Runs")
 line()
 head("run", "command", "wall, s", "CPU, s", "load")

@@ -1,0 +1,38 @@
+#!/usr/bin/env python3
+"""Puts what `bench` wrote into docs/results: pages, the figures and tables that they show, and the page that lists
+all (standard library only).
+
+    scripts/results-pages.py MEASURED docs/results
+"""
+import pathlib
+import re
+import shutil
+import sys
+
+measured, docs = map(pathlib.Path, sys.argv[1:3])
+figures = docs / "figures"
+figures.mkdir(exist_ok=True)
+for page in sorted(measured.glob("*.md")):
+    text = page.read_text()
+    (docs / page.name).write_text(text)
+    for name in re.findall(r"\(figures/([^)]+)\)", text):
+        shutil.copyfile(measured / "figures" / name, figures / name)
+
+# The list: the title of every page, and what of it is from where.
+lines = ["# Results", "", "Every figure on these pages was written by a program. By `particlegs bench`"
+         " ([the laboratory](../guide/laboratory.md); `scripts/results.sh`):", ""]
+others = ["By scripts, from JSON that lies beside them:", ""]
+for page in sorted(docs.glob("*.md")):
+    if page.name == "README.md":
+        continue
+    text = page.read_text()
+    title = text.splitlines()[0].lstrip("# ")
+    (lines if "Made by `particlegs bench" in text else others).append(f"- [{title}]({page.name})")
+more = ["", "What was tried and failed, with figures typed by hand, stands in [docs/tried](../tried/README.md).", ""]
+(docs / "README.md").write_text("\n".join(lines + [""] + others + more))
+
+# A figure that no page shows any more is not kept.
+shown = {name for page in docs.glob("*.md") for name in re.findall(r"\(figures/([^)]+)\)", page.read_text())}
+for path in figures.iterdir():
+    if path.name not in shown:
+        path.unlink()
