@@ -111,7 +111,8 @@ mod tests {
         let mut count = 0;
         let times = Times::of(5, || {
             count += 1;
-            Ok(std::thread::sleep(std::time::Duration::from_millis(2)))
+            std::thread::sleep(std::time::Duration::from_millis(2));
+            Ok(())
         });
         let seconds = times.unwrap().seconds;
         assert!(count == 5 && seconds.len() == 5 && seconds.iter().all(|s| *s >= 0.002), "{seconds:?}");
