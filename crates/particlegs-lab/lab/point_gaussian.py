@@ -36,7 +36,8 @@ try:
     from vtkmodules import vtkCommonCore, vtkCommonDataModel, vtkRenderingCore
     import vtkmodules.vtkRenderingOpenGL2
 except ModuleNotFoundError as error:
-    fail("%s lacks %s: install the packages of lab/requirements.txt" % (sys.executable, error.name))
+    package = "vtk" if error.name.startswith("vtk") else error.name
+    fail("%s lacks %s: install the packages of lab/requirements.txt" % (sys.executable, package))
 except ImportError as error:
     fail("VTK cannot be loaded: %s (%s)" % (error, OPENGL))
 
@@ -120,7 +121,18 @@ class Scene:
         return {name.strip(): value.strip() for name, value in lines}.get("OpenGL renderer string", "")
 
 
+def check_opengl():
+    """Without an OpenGL that draws off-screen VTK crashes: a child tries it."""
+    child = os.fork() if hasattr(os, "fork") else None
+    if child == 0:
+        Scene(vtkCommonDataModel.vtkPolyData(), 16, 16).window.Render()
+        os._exit(0)
+    if child and os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0:
+        fail("VTK finds no OpenGL that draws off-screen (%s)" % OPENGL)
+
+
 def answer(request):
+    check_opengl()
     began = time.perf_counter()
     data, _kept = load(request["folder"])
     loaded = time.perf_counter() - began

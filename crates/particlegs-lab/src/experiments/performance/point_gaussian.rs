@@ -150,6 +150,46 @@ fn agreement(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lab::{Recipe, Settings};
+    use particlegs::particles::Particles;
+    use particlegs::progress::Silent;
+    use std::path::PathBuf;
+
+    const SIZE: Size = Size { width: 160, height: 90 };
+
+    /// VTK of so many particles by a Python, in a folder of its own.
+    fn measured(python: Option<PathBuf>) -> std::result::Result<PointGaussian, String> {
+        let column = |k: u32| (0..3000u32).map(|i| ((i * (k + 7) % 997) as f32 / 100.0).powi(2)).collect::<Vec<f32>>();
+        let of = Snapshot::new("s".into(), "s".into(), Particles::from_columns(column(1), column(2), column(3)));
+        let folder = tempfile::tempdir().unwrap();
+        let lab = Lab::new(Settings { size: SIZE, ..Settings::new(true, "".into()) }, folder.path(), &Silent);
+        let mut lab = lab.unwrap();
+        lab.settings.python = python;
+        let mut model = lab.model(&of, &Recipe::ratio(10.0, 1)).unwrap().model;
+        // Splats that are seen.
+        model.metadata.default_radius *= 10.0;
+        let shots = Shots::of(&lab, &model.metadata, SIZE);
+        measure(&lab, &of, (&shots, true), &Raw::new(&lab, &of), &Machine::here()).unwrap()
+    }
+
+    #[test]
+    fn what_cannot_be_measured_says_why() {
+        assert!(measured(None).unwrap_err().contains("--python"));
+        if Path::new("/bin/false").exists() {
+            assert!(measured(Some("/bin/false".into())).unwrap_err().contains("exit status: 1"));
+        }
+    }
+
+    #[test]
+    fn vtk_draws_what_we_draw() {
+        let Some(python) = std::env::var_os("PARTICLEGS_LAB_PYTHON") else { return };
+        let found = measured(Some(python.into())).unwrap();
+        let [plain, _] = found.agrees.unwrap();
+        // Pixels at the very edge of a splat may fall to either side.
+        assert!(plain.psnr.is_none_or(|d| d > 60.0) && plain.differ < 0.01, "{plain:?}");
+        assert_eq!((found.cameras.views.len(), found.settings.views.len()), (3, 3));
+        assert!(found.first > 0.0 && !found.opengl.is_empty(), "{found:?}");
+    }
 
     #[test]
     fn pictures_agree_as_far_as_they_do() {

@@ -31,6 +31,8 @@ pub(super) const BELOW: f64 = 1.0;
 pub(super) struct Block {
     /// Share of the box, as 1/2^halvings.
     pub halvings: u32,
+    /// From the upper corner of the box instead of the lower.
+    pub upper: bool,
     /// Particles.
     pub particles: u64,
     /// Bytes and Gaussians of its model; or why there is none.
@@ -53,7 +55,7 @@ pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<Scale> {
     let mut blocks = Vec::new();
     for halvings in HALVINGS.into_iter().filter(|h| *h <= least) {
         for upper in corners.iter().take(if halvings == 0 { 1 } else { 2 }) {
-            blocks.push(block(lab, of, (halvings, corner(&all, halvings, *upper)), quality)?);
+            blocks.push(block(lab, of, (halvings, *upper, corner(&all, halvings, *upper)), quality)?);
         }
     }
     blocks.sort_by_key(|b| b.particles);
@@ -101,7 +103,7 @@ fn corner(all: &Bounds, halvings: u32, upper: bool) -> Bounds {
     b
 }
 
-fn block(lab: &Lab<'_>, of: &Snapshot, (halvings, region): (u32, Bounds), quality: f64) -> Result<Block> {
+fn block(lab: &Lab<'_>, of: &Snapshot, (halvings, upper, region): (u32, bool, Bounds), quality: f64) -> Result<Block> {
     let recipe = recipe(Target::Psnr(quality), lab.settings.seed);
     let key = (&of.hash, halvings, format!("{region:?}"), &recipe);
     lab.store.result("scale-block", &key, || {
@@ -113,7 +115,7 @@ fn block(lab: &Lab<'_>, of: &Snapshot, (halvings, region): (u32, Bounds), qualit
             Err(e @ Error::Unreachable { .. }) => Err(e.to_string()),
             Err(e) => return Err(e),
         };
-        Ok(Block { halvings, particles: particles.len() as u64, model })
+        Ok(Block { halvings, upper, particles: particles.len() as u64, model })
     })
 }
 
@@ -141,7 +143,11 @@ impl Scale {
             };
             let each = b.model.as_ref().ok().map(|m| n / m[1] as f64);
             table.row([
-                Cell::text(format!("1/{}", 1 << b.halvings)),
+                Cell::text(match (b.halvings, b.upper) {
+                    (0, _) => "the whole".into(),
+                    (h, false) => format!("1/{}, lower corner", 1 << h),
+                    (h, true) => format!("1/{}, upper corner", 1 << h),
+                }),
                 Cell::count(b.particles),
                 gaussians,
                 Cell::number(bytes, 0),
@@ -162,8 +168,15 @@ impl Scale {
     /// The figure.
     pub fn plot(&self) -> Plot {
         let point = |b: &Block| Some(Point::new(b.particles as f64, b.model.as_ref().ok()?[0] as f64));
-        let points: Vec<Point> = self.blocks.iter().filter_map(point).collect();
-        let mut series = vec![Series { name: "models of blocks".into(), style: 0, dashed: false, points }];
+        let of = |name: &str, style, upper| {
+            // The whole box ends both.
+            let own = self.blocks.iter().filter(|b| b.upper == upper || b.halvings == 0);
+            Series { name: name.into(), style, dashed: false, points: own.filter_map(point).collect() }
+        };
+        let mut series = vec![of("lower corner", 0, false)];
+        if self.blocks.iter().any(|b| b.upper) {
+            series.push(of("upper corner", 1, true));
+        }
         series.extend(proportional(&series[0].points));
         Plot {
             name: "performance-scale".into(),
