@@ -110,9 +110,10 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
         picture_plot(lab, &rows, raw, "ssim", "SSIM", &|s| mean(s, |s| s.ssim)),
     ];
     plots[0].levels = levels(beside);
-    plots.extend(density_plots(lab, &densities, raw, bits));
+    plots.extend(density_plots(lab, &densities, bits));
     let mut tables = vec![pictures(lab, &rows, raw), bounds(lab, &rows), density_table(lab, &densities)];
-    tables.insert(0, margins(lab, &rows, beside));
+    // Where the ratio that is compared was measured.
+    tables.splice(0..0, Some(margins(lab, &rows, beside)).filter(|t| !t.rows.is_empty()));
     Ok(Found { tables, plots, pictures: Vec::new(), notes: notes(lab, &rows, &truth) })
 }
 
@@ -137,15 +138,16 @@ fn notes(lab: &Lab<'_>, rows: &[Row], truth: &Truth) -> Vec<String> {
          `uniform box` and `all black` are floors that hold nothing of the data."
             .into(),
         format!(
-            "Rows with a draw in them, and models at ratio {COMPARED}, were done with {} seeds: median, smallest and \
-             largest.",
+            "Pictures of what has a draw in it, and of models at ratio {COMPARED}, were done with {} seeds: median, \
+             smallest and largest. Density was measured with the first seed alone.",
             lab.settings.seeds
         ),
         "Every compressor's bound was verified after decoding in this run, to half a float32 ulp; a failure stands in the \
          table of bounds. Every size was met by a search for the bound; what a compressor cannot reach is as close as it \
          comes."
             .into(),
-        "Held-out bits: a random half of the particles was kept in as many bytes, and the other half scored: models by \
+        "Density: counts in cells, P(k), r(k), groups and cores are of the particles that came back, of a model of as many \
+         particles drawn from it by `count`; those have the noise of a draw. Held-out bits: a random half of the particles was kept in as many bytes, and the other half scored: models by \
          their own density, particles by an adaptive kernel to the 16th neighbour. Groups of a subset are of its own \
          particles, each of which stands for many."
             .into(),
@@ -325,7 +327,7 @@ fn density_table(lab: &Lab<'_>, all: &[OfDensity]) -> Table {
     table
 }
 
-fn density_plots(lab: &Lab<'_>, all: &[OfDensity], raw: f64, bits: f64) -> Vec<Plot> {
+fn density_plots(lab: &Lab<'_>, all: &[OfDensity], bits: f64) -> Vec<Plot> {
     let plot = |name: &str, title: &str, y: Axis, of: fn(&Density) -> Option<f64>| {
         let curve = |method: Method| {
             let own = all.iter().filter(|(m, ..)| *m == method);
@@ -335,7 +337,6 @@ fn density_plots(lab: &Lab<'_>, all: &[OfDensity], raw: f64, bits: f64) -> Vec<P
         let series = Method::all(lab).into_iter().map(curve).collect();
         Plot { name: format!("rate-distortion-{name}"), title: title.into(), x, y, series, levels: Vec::new() }
     };
-    debug_assert!(raw > 0.0);
     let mut held_out =
         plot("bits", "Particles that were left out", Axis::linear("held-out bits a particle"), |d| d.held_out_bits);
     held_out.levels = vec![("all particles".into(), bits), ("uniform box".into(), 0.0)];
