@@ -162,6 +162,27 @@ impl SnapshotArgs {
         Ok(Choice { selection: Some(selection), ..self.choice()? })
     }
 
+    /// The options that were given, as they would be given again; `None` without any.
+    pub fn in_words(&self) -> Option<String> {
+        let numbers = |list: &Vec<f64>| list.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        let types = (!self.particle_type.is_empty()).then(|| self.particle_type.join(","));
+        let by_mass = (self.layers_by == LayersBy::Mass).then(|| "mass".to_string());
+        let all = [
+            ("--format", self.format.clone()),
+            ("--particle-type", types),
+            ("--positions", self.positions.clone()),
+            ("--weights", self.weights.clone()),
+            ("--frame", self.frame.map(|n| n.to_string())),
+            ("--layers-by", by_mass),
+            ("--box", self.box_lengths.as_ref().map(numbers)),
+            ("--length-unit", self.length_unit.clone()),
+            ("--mass-unit", self.mass_unit.clone()),
+        ];
+        let given = all.into_iter().filter_map(|(name, value)| Some(format!("{name} {}", value?)));
+        let words: Vec<String> = given.chain(self.skip_invalid.then(|| "--skip-invalid".into())).collect();
+        (!words.is_empty()).then(|| words.join(" "))
+    }
+
     /// What to read.
     pub fn choice(&self) -> Result<Choice> {
         let box_lengths = match self.box_lengths.as_deref() {
@@ -206,5 +227,29 @@ impl SelectionArgs {
         };
         let (every, sample, left_out) = (self.every, self.sample, self.left_out);
         Selection { every, sample, left_out, seed, ..kept }.check()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Given {
+        #[command(flatten)]
+        snapshot: SnapshotArgs,
+    }
+
+    /// What is said of the options gives them again.
+    #[test]
+    fn options_are_said_as_they_are_given() {
+        let of = |words: &[&str]| Given::parse_from(["x"].iter().chain(words)).snapshot.in_words();
+        assert_eq!(of(&[]), None);
+        let all = "--format gadget --particle-type 1,dm --weights none --frame 3 --layers-by mass --box 2,2.5,3 \
+                   --length-unit kpc --skip-invalid";
+        let format = names()[0];
+        let all = all.replace("gadget", format);
+        assert_eq!(of(&all.split(' ').collect::<Vec<_>>()).as_deref(), Some(&all[..]));
     }
 }

@@ -38,14 +38,15 @@ impl Density {
     /// [`Error::Cancelled`], [`Error::Io`], [`Error::Memory`].
     pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> Result<Density> {
         let seed = lab.settings.seed;
-        let inputs = (method.name(lab), &snapshot.hash, bytes, seed, lab.settings.quick);
-        lab.store.result("density", &inputs, || {
-            match measured(lab, snapshot, method, bytes) {
-                // A way that fails has no measures; its failure stands beside its pictures.
-                Err(Error::Input { .. } | Error::Argument { .. } | Error::Unreachable { .. }) => Ok(Density::default()),
-                other => other,
+        let inputs = (method.source(lab), &snapshot.hash, bytes, seed, lab.settings.quick);
+        match lab.store.result("density", &inputs, || measured(lab, snapshot, method, bytes)) {
+            // A way that fails has no measures; its failure stands beside its pictures, and is not kept.
+            Err(Error::Input { .. } | Error::Argument { .. } | Error::Unreachable { .. }) => {
+                lab.progress.check()?;
+                Ok(Density::default())
             }
-        })
+            other => other,
+        }
     }
 }
 
@@ -95,7 +96,7 @@ fn groups(s: &Statistics) -> Option<f64> {
     s.groups.as_ref()?.classes.iter().find(|c| c.from == 100)?.ratio
 }
 
-/// Bits a particle of the half that was left out, where there are two particles at least.
+/// Bits a particle of the half that was left out; `None` of fewer than 64 particles, half of which say little.
 fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> Result<Option<f64>> {
     if snapshot.particles.len() < 64 {
         return Ok(None);

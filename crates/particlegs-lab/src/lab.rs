@@ -77,7 +77,8 @@ pub struct Snapshot {
     pub path: PathBuf,
     /// Its particles.
     pub particles: Particles,
-    /// The beginning of the hash that models of it carry, in hexadecimal digits.
+    /// The beginning of the hash that models of it carry, in hexadecimal digits; and where it was read by options of
+    /// the command, such as another box, which that hash does not know, the beginning of theirs.
     pub hash: String,
 }
 
@@ -86,6 +87,15 @@ impl Snapshot {
     pub fn new(name: String, path: PathBuf, particles: Particles) -> Snapshot {
         let hash = blake3::Hash::from_bytes(particles.source_hash()).to_hex()[..24].to_string();
         Snapshot { name, path, particles, hash }
+    }
+
+    /// [`Snapshot::new`] of particles that were read by options, which results depend on as well.
+    pub fn read_with(name: String, path: PathBuf, particles: Particles, options: Option<&str>) -> Snapshot {
+        let mut all = Snapshot::new(name, path, particles);
+        if let Some(options) = options {
+            all.hash += &format!("-{}", &blake3::hash(options.as_bytes()).to_hex()[..8]);
+        }
+        all
     }
 
     /// Two random halves of the particles, the same for the same seed.
@@ -104,14 +114,15 @@ impl Snapshot {
     }
 }
 
-/// Positions in columns, as compressors take them.
+/// Positions in columns, as compressors take them: relative to the particles' origin, since float32 far from it has few
+/// digits left.
 pub fn columns_of(p: &Particles) -> Columns {
-    [0, 1, 2].map(|k| (0..p.len()).map(|i| p.position(i)[k] as f32).collect())
+    [0, 1, 2].map(|k| (0..p.len()).map(|i| (p.position(i)[k] - p.origin[k]) as f32).collect())
 }
 
-/// Particles of columns, in the box of others.
+/// Particles of such columns, about the origin and in the box of others.
 pub fn particles_of(columns: Columns, like: &Particles) -> Particles {
-    Particles::new(Positions::Columns(columns.map(Column::owned)), [0.0; 3], like.meta.clone())
+    Particles::new(Positions::Columns(columns.map(Column::owned)), like.origin, like.meta.clone())
 }
 
 /// Where experiments are done.
@@ -221,9 +232,17 @@ impl<'a> Lab<'a> {
     /// # Errors
     /// Those of `make`; [`Error::Io`].
     pub fn made(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<Compressed>) -> Result<Made> {
+        self.made_in(inputs, || timed(make))
+    }
+
+    /// [`Lab::made`] by work that says itself how many seconds it took, those of earlier pieces included.
+    ///
+    /// # Errors
+    /// As [`Lab::made`].
+    pub fn made_in(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<(Compressed, f64)>) -> Result<Made> {
         let seconds = std::cell::Cell::new(0.0);
         let bytes = self.store.bytes("model", inputs, "pgs", || {
-            let (done, took) = timed(make)?;
+            let (done, took) = make()?;
             seconds.set(took);
             Ok(done.bytes)
         })?;
@@ -241,4 +260,32 @@ pub fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
     let start = std::time::Instant::now();
     let done = work()?;
     Ok((done, start.elapsed().as_secs_f64()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Another box is another snapshot, though the positions are the same.
+    #[test]
+    fn options_of_reading_are_part_of_the_hash() {
+        let particles = Particles::from_columns(vec![1.0; 3], vec![2.0; 3], vec![3.0; 3]);
+        let of = |options| Snapshot::read_with("s".into(), "s".into(), particles.clone(), options).hash;
+        let all = [of(None), of(Some("--box 1,1,1")), of(Some("--box 2,2,2"))];
+        assert_eq!(all[0], Snapshot::new("s".into(), "s".into(), particles.clone()).hash);
+        assert!(all[1].starts_with(&all[0]) && all[1] != all[2] && all[0] != all[1], "{all:?}");
+    }
+
+    /// A snapshot far from zero comes back as it was: compressors are not given fewer digits than models.
+    #[test]
+    fn columns_keep_the_digits_of_places_far_away() {
+        let near = [vec![0.125f32, 3.0], vec![1.0, 2.0], vec![0.0, 0.5]];
+        let positions = Positions::Columns(near.clone().map(Column::owned));
+        let far = Particles::new(positions, [1e9, 0.0, -1e9], Particles::from_columns(vec![], vec![], vec![]).meta);
+        let columns = columns_of(&far);
+        assert_eq!(columns, near);
+        let back = particles_of(columns, &far);
+        assert_eq!([0, 1].map(|i| back.position(i)), [0, 1].map(|i| far.position(i)));
+        assert_eq!(back.position(0)[0], 1e9 + 0.125);
+    }
 }

@@ -151,26 +151,100 @@ impl Method {
         }
     }
 
-    /// Keeps a snapshot in about so many bytes and scores its pictures. A failure is a result.
+    /// Keeps a snapshot in about so many bytes and scores its pictures. A failure is a result, but not a kept one: what
+    /// a Python that died could not do is tried again the next time.
     ///
     /// # Errors
     /// [`Error::Cancelled`], [`Error::Io`], [`Error::Memory`].
     pub fn measure(self, lab: &Lab<'_>, of: &Snapshot, truth: &Truth, bytes: u64, seed: u64) -> Result<Measured> {
         let seed = if self.is_random() { seed } else { 0 };
         let inputs = (self.source(lab), &of.hash, truth.key(), bytes, seed);
-        lab.store.result("pictures", &inputs, || {
-            let kept = match self.keep(lab, &of.particles, &of.hash, bytes, seed) {
-                Ok(kept) => kept,
-                Err(e @ (Error::Cancelled | Error::Io { .. } | Error::Memory { .. })) => return Err(e),
-                Err(e) => {
-                    return Ok(Measured { bytes: 0, bound: None, scores: Vec::new(), failure: Some(e.to_string()) });
-                }
-            };
+        let measured = lab.store.result("pictures", &inputs, || {
+            let kept = self.keep(lab, &of.particles, &of.hash, bytes, seed)?;
             let scores = match &kept.content {
                 Content::Model(model) => truth.of_model(lab, model)?,
                 Content::Particles(particles, factor) => truth.of_particles(lab, particles, *factor)?,
             };
             Ok(Measured { bytes: kept.bytes, bound: kept.bound, scores, failure: None })
-        })
+        });
+        match measured {
+            Err(e @ (Error::Cancelled | Error::Io { .. } | Error::Memory { .. })) => Err(e),
+            Err(e) => {
+                // A stop that reaches a Python ends it before it answers: that is no failure of its own.
+                lab.progress.check()?;
+                Ok(Measured { bytes: 0, bound: None, scores: Vec::new(), failure: Some(e.to_string()) })
+            }
+            measured => measured,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::Settings;
+    use crate::quantised::Quantised;
+    use crate::{Baseline, Coded, Columns};
+    use particlegs::picture::Size;
+    use particlegs::progress::Progress;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    /// Fails while it is to.
+    struct Sometimes(&'static AtomicBool);
+
+    impl Baseline for Sometimes {
+        fn name(&self) -> &'static str {
+            "sometimes"
+        }
+
+        fn source(&self) -> String {
+            "here".into()
+        }
+
+        fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+            match self.0.load(Ordering::Relaxed) {
+                true => Err(Error::input("python", "ended before it answered")),
+                false => Quantised.compress(particles, bound),
+            }
+        }
+
+        fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+            Quantised.decompress(bytes)
+        }
+    }
+
+    struct Stopped<'a>(&'a AtomicBool);
+
+    impl Progress for Stopped<'_> {
+        fn cancelled(&self) -> bool {
+            self.0.load(Ordering::Relaxed)
+        }
+    }
+
+    /// What failed once is no failure of the next run, and what a stop ended is none at all.
+    #[test]
+    fn failures_are_told_and_not_kept() {
+        static FAILS: AtomicBool = AtomicBool::new(false);
+        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
+        let particles = Particles::from_columns(column(1), column(2), column(3));
+        let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles), tempfile::tempdir().unwrap());
+        let stopped = AtomicBool::new(false);
+        let heard = Stopped(&stopped);
+        let size = Size { width: 64, height: 36 };
+        let settings = Settings { size, ..Settings::new(true, "".into()) };
+        let mut lab = Lab::new(settings, folder.path(), &heard).unwrap();
+        lab.baselines = vec![Box::new(Sometimes(&FAILS))];
+        let model = lab.model(&of, &Recipe::ratio(10.0, 1)).unwrap().model;
+        let truth = Truth::of(&lab, &of, &model.metadata).unwrap();
+        let method = Method::Baseline { at: 0, jitter: false };
+        let measure = || method.measure(&lab, &of, &truth, 3600, 1);
+        FAILS.store(true, Ordering::Relaxed);
+        let failed = measure().unwrap();
+        assert!(failed.failure.unwrap().contains("ended before") && failed.scores.is_empty());
+        stopped.store(true, Ordering::Relaxed);
+        assert!(matches!(measure(), Err(Error::Cancelled)));
+        stopped.store(false, Ordering::Relaxed);
+        FAILS.store(false, Ordering::Relaxed);
+        assert_eq!((measure().unwrap().failure, measure().unwrap().scores.len()), (None, truth.views.len()));
     }
 }

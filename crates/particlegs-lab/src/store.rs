@@ -60,11 +60,28 @@ impl Store {
         inputs: &impl Serialize,
         make: impl FnOnce() -> Result<T>,
     ) -> Result<T> {
+        self.result_if(kind, inputs, make, |_| true)
+    }
+
+    /// [`Store::result`], kept only where it `lasts`: what failed for a reason that may pass is tried again the next time.
+    ///
+    /// # Errors
+    /// As [`Store::bytes`].
+    pub fn result_if<T: Serialize + DeserializeOwned>(
+        &self,
+        kind: &str,
+        inputs: &impl Serialize,
+        make: impl FnOnce() -> Result<T>,
+        lasts: impl Fn(&T) -> bool,
+    ) -> Result<T> {
         let path = self.path(kind, inputs, "json");
         if let Some(kept) = std::fs::read(&path).ok().and_then(|text| serde_json::from_slice::<Kept<T>>(&text).ok()) {
             return Ok(kept.result);
         }
         let result = make()?;
+        if !lasts(&result) {
+            return Ok(result);
+        }
         let text = serde_json::to_vec_pretty(&Written { inputs, result: &result })
             .map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
         write_bytes(&path, &text)?;
@@ -117,5 +134,8 @@ mod tests {
         assert!(failed.is_err() && !store.has("score", &(7, "a")));
         assert_eq!(store.bytes("model", &1, "pgs", || Ok(vec![1, 2])).unwrap(), [1, 2]);
         assert_eq!(store.bytes("model", &1, "pgs", || Ok(vec![])).unwrap(), [1, 2]);
+        // What does not last is made again.
+        let tried = [1u32, 2, 3].map(|v| store.result_if("try", &1, || Ok(v), |v| *v == 2).unwrap());
+        assert_eq!(tried, [1, 2, 2]);
     }
 }

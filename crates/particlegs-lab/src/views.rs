@@ -142,7 +142,7 @@ pub fn orbit(view: &str) -> &str {
     view.split('_').next().unwrap_or(view)
 }
 
-/// The mean over orbits of the mean over an orbit's views, of one figure; `None` where a view has none.
+/// The mean over views of one figure, orbits having as many views each; `None` where a view has none.
 pub fn mean(scores: &[Score], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
     let values: Option<Vec<f64>> = scores.iter().map(pick).collect();
     let values = values.filter(|v| !v.is_empty())?;

@@ -202,7 +202,7 @@ impl Arguments {
                 context,
             )?;
             let name = path.file_stem().map_or("snapshot".into(), |n| n.to_string_lossy().into_owned());
-            Ok(Snapshot::new(name, path.clone(), particles))
+            Ok(Snapshot::read_with(name, path.clone(), particles, self.snapshot.in_words().as_deref()))
         };
         self.snapshots.iter().map(open).collect()
     }
@@ -213,8 +213,12 @@ impl Arguments {
         let quick = if s.quick { " --quick" } else { "" };
         let training = if s.training { " --training" } else { "" };
         let scale = s.scale.map_or(String::new(), |v| format!(" --scale {v}"));
+        let python = if s.python.is_some() { " --python PYTHON" } else { "" };
+        let ratios = s.ratios.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        let read = self.snapshot.in_words().map_or(String::new(), |w| format!(" {w}"));
         let command = format!(
-            "particlegs bench {} {}{quick}{training}{scale} --size {}x{} --frames {} --seeds {} --seed {}",
+            "particlegs bench {} {}{read}{quick}{training}{scale}{python} --ratios {ratios} --size {}x{} --frames {} \
+             --seeds {} --seed {}",
             self.name,
             names.join(" "),
             s.size.width,
@@ -225,6 +229,7 @@ impl Arguments {
         );
         let mut p = Provenance::new(command, parallel::threads());
         p.seeds = [s.seed, s.seeds as u64];
+        p.others = lab.baselines.iter().map(|b| format!("{}: {}", b.name(), b.source())).collect();
         p.snapshots = snapshots.iter().map(|s| (s.name.clone(), s.particles.len() as u64, s.hash.clone())).collect();
         p
     }

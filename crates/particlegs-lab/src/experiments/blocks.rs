@@ -45,7 +45,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     Ok(Found {
         tables: vec![table(&all, &noise_free), distances::table("blocks-distance", title, &curves)],
         plots: vec![distances::plot("blocks-distance", title, &curves), changes_by_distance(&all)],
-        notes: notes(&truth, frames, &all),
+        notes: notes(lab, &truth, frames, &all),
         ..Found::default()
     })
 }
@@ -148,7 +148,7 @@ fn curves<'a>(all: &'a [Measured], noise_free: &'a [Vec<Score>]) -> Vec<Curve<'a
     all.iter().enumerate().map(curve).chain([noise_free]).collect()
 }
 
-fn notes(truth: &Truth, frames: usize, all: &[Measured]) -> Vec<String> {
+fn notes(lab: &Lab<'_>, truth: &Truth, frames: usize, all: &[Measured]) -> Vec<String> {
     let mut notes = vec![
         format!(
             "Optical-depth models at ratio {RATIO}, all of them: a k-d tree cuts the particles into blocks of equal \
@@ -162,7 +162,7 @@ fn notes(truth: &Truth, frames: usize, all: &[Measured]) -> Vec<String> {
              directions and with the same radii and opacities at all of them; of each number {}. \
              Masked PSNR, PSNR and SSIM are means over far, mid and near (1.0, 0.7 and 0.5 base distances).",
             in_pixels(truth.size),
-            told(all[0].scores.len())
+            told(lab, &all.iter().map(|m| m.scores.len()).collect::<Vec<_>>())
         ),
     ];
     let change = |m: &Measured| Some((m.blocks, Spread::of(&changes(m, &all[0], &groups::in_range()))?));

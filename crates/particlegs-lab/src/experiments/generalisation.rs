@@ -44,7 +44,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
          opacity are drawn from the published range, the same draws at each; over factors the distance is 0.7. \
          Noise-free is the mean picture of all particles against the same target, which models of the particles are \
          hardly to pass. The fit sees no picture: \"trained\" and \"beyond\" are the published method's.",
-        told(made.len()),
+        told(lab, &[made.len()]),
         in_pixels(truth.size)
     ));
     found.notes.extend(falls(&models, &noise_free));

@@ -151,15 +151,16 @@ fn notes(lab: &Lab<'_>, rows: &[Row], truth: &Truth) -> Vec<String> {
          `uniform box` and `all black` are floors that hold nothing of the data."
             .into(),
         format!(
-            "Rows with a draw in them, and models at ratio {COMPARED}, were done with {} seeds: median, smallest and \
-             largest.",
+            "Pictures of what has a draw in it, and of models at ratio {COMPARED}, were done with {} seeds: median, \
+             smallest and largest. Density was measured with the first seed alone.",
             lab.settings.seeds
         ),
         "Every compressor's bound was verified after decoding in this run, to half a float32 ulp; a failure stands in the \
          table of bounds. Every size was met by a search for the bound; what a compressor cannot reach is as close as it \
          comes, and in the density's tables nothing where that is off by more than a tenth."
             .into(),
-        "Held-out bits: a random half of the particles was kept in as many bytes, and the other half scored: models by \
+        "Density: counts in cells, P(k), r(k), groups and cores are of the particles that came back, of a model of as many \
+         particles drawn from it by `count`; those have the noise of a draw. Held-out bits: a random half of the particles was kept in as many bytes, and the other half scored: models by \
          their own density, particles by an adaptive kernel to the 16th neighbour. Groups of a subset are of its own \
          particles, each of which stands for many."
             .into(),
@@ -184,7 +185,13 @@ fn margins(lab: &Lab<'_>, rows: [&[Row]; 2], beside: [Beside; 2]) -> Table {
     let mut table = Table::new(
         "rate-distortion-margins",
         format!("At ratio {COMPARED}: masked PSNR, and how far our models are above"),
-        &["", "dB", "ours above, dB", "at the default radius and opacity, dB", "ours above, dB"],
+        &[
+            "",
+            "drawn radius and opacity, dB",
+            "ours above, dB",
+            "default radius and opacity, dB",
+            "ours above there, dB",
+        ],
     );
     let at = |side: usize, method: Method| {
         let row = rows[side].iter().find(|r| r.method == method && r.ratio == COMPARED);

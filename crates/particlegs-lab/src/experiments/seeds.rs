@@ -27,11 +27,14 @@ pub(super) fn each_seed<T>(
     Ok(all)
 }
 
-/// How many models there are, and what that says of seeds.
-pub(super) fn told(count: usize) -> String {
-    match count {
-        1 => "one fit, since its seed changes nothing here".into(),
-        n => format!("{n} fits that differ in their seed"),
+/// How many models there are of so many seeds, and what that says of seeds: of each of several kinds of models.
+pub(super) fn told(lab: &Lab<'_>, counts: &[usize]) -> String {
+    let (least, most) = (counts.iter().min().unwrap_or(&0), counts.iter().max().unwrap_or(&0));
+    match (lab.settings.seeds, least, most) {
+        (1, ..) => "one fit, of one seed".into(),
+        (_, 1, 1) => "one fit, since its seed changes nothing here".into(),
+        (_, 1, n) => format!("one fit where its seed changes nothing, else {n} that differ in it"),
+        (_, _, n) => format!("{n} fits that differ in their seed"),
     }
 }
 
@@ -55,5 +58,10 @@ mod tests {
                 .len()
         };
         assert_eq!((of(|_| 10.0), of(|seed| 5.0 + seed as f64 / 10.0)), (1, 3));
+        // One seed alone says nothing of what seeds change.
+        let mut one = Lab::new(lab.settings.clone(), folder.path(), &Silent).unwrap();
+        one.settings.seeds = 1;
+        assert!(!told(&one, &[1, 1]).contains("nothing") && told(&lab, &[1, 1]).contains("nothing"));
+        assert!(told(&lab, &[1, 3]).contains("else 3") && told(&lab, &[3, 3]).starts_with("3 fits"));
     }
 }

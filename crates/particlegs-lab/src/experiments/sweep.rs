@@ -46,9 +46,8 @@ impl Sweep {
         let mut heads = vec![self.what.to_string(), "published training".into()];
         for m in models {
             let l = &m.label;
-            heads.extend([format!("{l}: masked PSNR, dB"), "PSNR, dB".into(), "SSIM".into()]);
-            heads.push("below noise-free, dB".into());
-            heads.extend(self.base.map(|b| format!("change from {b}, dB")));
+            heads.extend(["masked PSNR, dB", "PSNR, dB", "SSIM", "below noise-free, dB"].map(|h| format!("{l}: {h}")));
+            heads.extend(self.base.map(|b| format!("{l}: change from {b}, dB")));
         }
         heads.extend(["noise-free: masked PSNR, dB".into(), "paper: masked PSNR, dB".into()]);
         heads.push(self.base.map_or("paper: SSIM".into(), |b| format!("paper: change from {b}, dB")));
@@ -147,6 +146,8 @@ mod tests {
         let words: Vec<String> = table.rows[2].iter().map(Cell::in_words).collect();
         assert_eq!(words, ["2.50", "trained", "24.00", "24.00", "0.5000", "8.00", "-6.00", "32.00", "20.50", "-5.50"]);
         assert!(table.rows.iter().all(|r| r.len() == table.columns.len()));
+        let heads: std::collections::HashSet<&String> = table.columns.iter().collect();
+        assert_eq!(heads.len(), table.columns.len());
     }
 
     #[test]

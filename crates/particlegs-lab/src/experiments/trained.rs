@@ -189,22 +189,25 @@ fn kept(
     let path = lab.store.path("checkpoint", inputs, "checkpoint");
     let whose = serde_json::to_vec(inputs).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
     let mut best = None;
-    let made = lab.made(inputs, || {
-        let start = Instant::now();
+    let made = lab.made_in(inputs, || {
         let checkpoint = Checkpoint::open(path.clone(), blake3::hash(&whose).as_bytes())?;
         let heard = Heard::new(lab.progress, curve_of(&checkpoint), piece);
-        let mut pieces = WithCurve { checkpoint, heard: &heard };
+        let before = seconds_of(&checkpoint);
+        let mut pieces = WithCurve { checkpoint, heard: &heard, before, start: Instant::now() };
         let done = work(&mut pieces, &heard);
+        if done.as_ref().map_or_else(|e| matches!(e, Error::Cancelled), |d| d.stopped) {
+            pieces.keep_seconds()?;
+        }
         pieces.checkpoint.save()?;
-        let done = done?;
+        let (done, seconds) = (done?, pieces.seconds());
         let curve = heard.curve().clone();
         if !done.stopped {
             lab.store.result("curve", inputs, || Ok(curve))?;
-            return Ok(done);
+            return Ok((done, seconds));
         }
         // What the user stops is to stop; what ran out of time gives its best so far.
         if heard.late() && !lab.progress.cancelled() {
-            let made = Made { bytes: done.bytes, model: done.model, seconds: start.elapsed().as_secs_f64() };
+            let made = Made { bytes: done.bytes, model: done.model, seconds };
             best = Some(Trained { made, curve, unfinished: true, held: false });
         }
         Err(Error::Cancelled)
@@ -227,10 +230,35 @@ fn curve_of(checkpoint: &Checkpoint) -> Vec<Evaluation> {
     checkpoint.get(CURVE).and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
 }
 
-/// A checkpoint that has the curve as it was when the state of the training was kept.
+/// The key of the wall-clock seconds of all pieces so far.
+const SECONDS: &str = "seconds";
+
+/// Seconds of earlier pieces: as kept, or of a checkpoint without them those of its last score.
+fn seconds_of(checkpoint: &Checkpoint) -> f64 {
+    let kept = checkpoint.get(SECONDS).and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    kept.unwrap_or_else(|| curve_of(checkpoint).last().map_or(0.0, |e| e.seconds))
+}
+
+/// A checkpoint that has the curve, and the seconds, as they were when the state of the training was kept.
 struct WithCurve<'a> {
     checkpoint: Checkpoint,
     heard: &'a Heard<'a>,
+    /// Seconds of earlier pieces.
+    before: f64,
+    /// When this one began.
+    start: Instant,
+}
+
+impl WithCurve<'_> {
+    /// Seconds of all pieces, this one so far.
+    fn seconds(&self) -> f64 {
+        self.before + self.start.elapsed().as_secs_f64()
+    }
+
+    fn keep_seconds(&mut self) -> Result<()> {
+        let text = serde_json::to_vec(&self.seconds()).unwrap_or_default();
+        self.checkpoint.keep(SECONDS, text)
+    }
 }
 
 impl Pieces for WithCurve<'_> {
@@ -245,6 +273,7 @@ impl Pieces for WithCurve<'_> {
     fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
         let curve = serde_json::to_vec(&*self.heard.curve()).unwrap_or_default();
         self.checkpoint.keep(CURVE, curve)?;
+        self.keep_seconds()?;
         self.checkpoint.keep_now(key, bytes)
     }
 }
@@ -349,10 +378,13 @@ mod tests {
         let task = Task::published(small(), 1, 42);
         let all = trained(&whole, &snapshot, &task).unwrap();
         assert!(!all.unfinished && all.curve.len() >= 8, "{:?}", all.curve);
-        let mut pieces = 0;
+        let (mut pieces, mut seconds) = (0, 0.0);
         let last = loop {
             let piece = Some(Duration::from_millis(if pieces == 0 { 0 } else { 30 + 60 * pieces }));
             let made = trained_for(&parts, &snapshot, &task, piece).unwrap();
+            // Those of all pieces, each more than the one before.
+            assert!(made.made.seconds > seconds, "{} {seconds}", made.made.seconds);
+            seconds = made.made.seconds;
             if !made.unfinished {
                 break made;
             }

@@ -10,38 +10,63 @@ pub fn markdown(section: &Section, provenance: &Provenance, figures: &str) -> St
     text += &if e.paper.is_empty() { ".\n".into() } else { format!("; of the paper: {}.\n", e.paper) };
     match &section.found {
         Ok(found) => text += &body(found, figures),
-        Err(why) => text += &format!("\nNot measured: {why}\n"),
+        Err(why) => text += &format!("\nNot measured: {}\n", escaped(why)),
     }
     text += "\n## Where it is from\n\n";
-    provenance.in_words().iter().for_each(|line| text += &format!("- {line}\n"));
+    provenance.in_words().iter().for_each(|line| text += &format!("- {}\n", escaped(line)));
     text
 }
 
 fn body(found: &Found, figures: &str) -> String {
     let mut text = String::new();
     for note in &found.notes {
-        text += &format!("\n{note}\n");
+        text += &format!("\n{}\n", escaped(note));
     }
     for plot in &found.plots {
-        text += &format!("\n![{}]({figures}/{}.svg)\n", plot.title, plot.name);
+        text += &format!("\n![{}]({figures}/{}.svg)\n", escaped(&plot.title), plot.name);
     }
     for t in &found.tables {
         text += &table(t);
     }
     for p in &found.pictures {
-        text += &format!("\n## {}\n\n![{}]({figures}/{}.png)\n\n{}\n", p.title, p.title, p.name, p.caption);
+        let (title, caption) = (escaped(&p.title), escaped(&p.caption));
+        text += &format!("\n## {title}\n\n![{title}]({figures}/{}.png)\n\n{caption}\n", p.name);
     }
     text
 }
 
 fn table(t: &Table) -> String {
     let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
-    let cleaned = |words: String| words.replace('|', "\\|").replace('\n', " ");
-    let mut text = format!("\n## {}\n\n{}", t.title, line(t.columns.clone().into_iter().map(cleaned).collect()));
+    let cleaned = |words: String| escaped(&words).replace('|', "\\|").replace('\n', " ");
+    let mut text =
+        format!("\n## {}\n\n{}", escaped(&t.title), line(t.columns.clone().into_iter().map(cleaned).collect()));
     let numbers = |c: usize| t.rows.iter().any(|row| row[c].is_number());
     text += &line((0..t.columns.len()).map(|c| if numbers(c) { "---:".into() } else { "---".into() }).collect());
     for row in &t.rows {
         text += &line(row.iter().map(|c| cleaned(c.in_words())).collect());
     }
     text
+}
+
+/// Text in which nothing is taken for HTML; what stands between backticks is shown as it is.
+fn escaped(text: &str) -> String {
+    let outside = |(i, part): (usize, &str)| match i % 2 {
+        0 => part.replace('&', "&amp;").replace('<', "&lt;"),
+        _ => part.to_string(),
+    };
+    text.split('`').enumerate().map(outside).collect::<Vec<_>>().join("`")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::found::Cell;
+
+    #[test]
+    fn names_are_text() {
+        assert_eq!(escaped("<b> & `a < b` > c"), "&lt;b> &amp; `a < b` > c");
+        let mut t = Table::new("t", "of <i>", &["a|b"]);
+        t.row([Cell::text("<b>|x")]);
+        assert_eq!(table(&t), "\n## of &lt;i>\n\n| a\\|b |\n| --- |\n| &lt;b>\\|x |\n");
+    }
 }

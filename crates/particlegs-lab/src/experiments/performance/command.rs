@@ -52,6 +52,13 @@ pub(super) struct Ran {
     pub said: String,
 }
 
+impl Ran {
+    /// Did it fail? What did is tried again the next time.
+    pub fn failed(&self) -> bool {
+        self.cost.is_none()
+    }
+}
+
 /// Runs a command to its end. `folder` takes what it says.
 ///
 /// # Errors
@@ -74,6 +81,8 @@ pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &
     if status.success() {
         return Ok(Ran { cost: Some(Cost { seconds, processor, peak, load: load() }), said: text(1) });
     }
+    // A stop reaches the child as well, which may end first: that is no failure of its own.
+    progress.check()?;
     let words = |l: &&str| !l.is_empty() && !l.starts_with("hint:");
     let last = text(2).lines().rev().map(str::trim).find(words).unwrap_or_default().to_string();
     let why = if last.is_empty() { status.to_string() } else { last };
@@ -148,5 +157,17 @@ mod tests {
         let failed = run("echo first >&2; echo 'why not' >&2; echo 'hint: do' >&2; exit 3");
         assert!(failed.cost.is_none() && failed.said == "why not", "{failed:?}");
         assert!(run("exit 4").said.contains('4'));
+        assert!(run("exit 4").failed() && !run("exit 0").failed());
+        struct Stopped;
+        impl Progress for Stopped {
+            fn cancelled(&self) -> bool {
+                true
+            }
+        }
+        // Whichever of the two ends first.
+        for script in ["exit 130", "sleep 5"] {
+            let stopped = super::run(Command::new(shell).args(["-c", script]), "", dir.path(), &Stopped);
+            assert!(matches!(stopped, Err(Error::Cancelled)), "{script}");
+        }
     }
 }

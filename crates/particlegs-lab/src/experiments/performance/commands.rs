@@ -40,7 +40,8 @@ pub(super) fn measure(
     };
     let hash = blake3::hash(&made.bytes).to_hex()[..16].to_string();
     let times = |key: String, make: &dyn Fn(&std::path::Path) -> Result<Command>| {
-        lab.store.result("timed-command", &(&of.hash, &hash, &key, machine), || {
+        let inputs = (&of.hash, &hash, &key, machine);
+        let run_all = || {
             let folder = raw.folder()?;
             let one = |i: usize| {
                 // An output of its own each: no command replaces a file.
@@ -48,7 +49,8 @@ pub(super) fn measure(
                 run(&mut make(&out)?, "", folder, lab.progress)
             };
             (0..TIMES).map(one).collect::<Result<Vec<Ran>>>()
-        })
+        };
+        lab.store.result_if("timed-command", &inputs, run_all, |runs| !runs.iter().any(Ran::failed))
     };
     let drawing = |name: &'static str, input: &dyn Fn() -> Result<std::path::PathBuf>, size: &Size| {
         let size = format!("{}x{}", size.width, size.height);

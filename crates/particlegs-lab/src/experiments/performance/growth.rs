@@ -51,7 +51,8 @@ fn one(
     machine: &Machine,
     write: impl FnOnce(&str) -> Result<std::path::PathBuf>,
 ) -> Result<Grown> {
-    lab.store.result("timed-growth", &(&of.hash, particles, COMPARED, lab.settings.seed, machine), || {
+    let inputs = (&of.hash, particles, COMPARED, lab.settings.seed, machine);
+    let compressed = || {
         let snapshot = write(&format!("n{particles}"))?;
         let parent = snapshot.parent().unwrap_or(&snapshot).to_path_buf();
         let out = parent.join(format!("n{particles}.pgs"));
@@ -59,7 +60,8 @@ fn one(
         let ran = run(&mut command, "", &parent, lab.progress)?;
         let bytes = ran.cost.is_some().then(|| std::fs::metadata(&out).map(|m| m.len()).ok()).flatten();
         Ok(Grown { particles, what, bytes, ran })
-    })
+    };
+    lab.store.result_if("timed-growth", &inputs, compressed, |g: &Grown| !g.ran.failed())
 }
 
 /// `compress` at the ratio that is compared.

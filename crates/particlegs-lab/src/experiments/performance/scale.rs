@@ -111,8 +111,8 @@ fn block(lab: &Lab<'_>, of: &Snapshot, (halvings, upper, region): (u32, bool, Bo
         let particles = of.particles.select(Selection { crop, ..Selection::all() }, &Storage::Memory, lab.progress)?;
         let model = match compress(&particles, &recipe.options(), &mut NoPieces, lab.progress) {
             Ok(done) => Ok([done.bytes.len() as u64, done.model.gaussians() as u64]),
-            // A block whose quality cannot be reached is one that says so.
-            Err(e @ Error::Unreachable { .. }) => Err(e.to_string()),
+            // A block without particles, or whose quality cannot be reached, is one that says so.
+            Err(e @ (Error::Unreachable { .. } | Error::Input { .. } | Error::Argument { .. })) => Err(e.to_string()),
             Err(e) => return Err(e),
         };
         Ok(Block { halvings, upper, particles: particles.len() as u64, model })
