@@ -4,20 +4,27 @@ use particlegs::{Error, Result};
 use particlegs_files::output::{FileSet, write_bytes};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// Raised where results of the same inputs come to mean something else: what was kept is then not used any more.
 const VERSION: u32 = 1;
 
+/// The commit of this program, where it was built in a repository.
+const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
+
 /// A folder of results.
 pub struct Store {
     folder: PathBuf,
+    /// Commits of the programs that made what was asked for and there already.
+    kept_of: Mutex<BTreeSet<Option<String>>>,
 }
 
 impl Store {
     /// In a folder that is there.
     pub fn new(folder: &Path) -> Store {
-        Store { folder: folder.to_path_buf() }
+        Store { folder: folder.to_path_buf(), kept_of: Mutex::default() }
     }
 
     /// The file of a result: its kind and the hash of its inputs. Inputs are what the result depends on and nothing
@@ -76,13 +83,14 @@ impl Store {
     ) -> Result<T> {
         let path = self.path(kind, inputs, "json");
         if let Some(kept) = std::fs::read(&path).ok().and_then(|text| serde_json::from_slice::<Kept<T>>(&text).ok()) {
+            self.kept_of.lock().unwrap_or_else(PoisonError::into_inner).insert(kept.commit);
             return Ok(kept.result);
         }
         let result = make()?;
         if !lasts(&result) {
             return Ok(result);
         }
-        let text = serde_json::to_vec_pretty(&Written { inputs, result: &result })
+        let text = serde_json::to_vec_pretty(&Written { inputs, commit: COMMIT, result: &result })
             .map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
         write_bytes(&path, &text)?;
         Ok(result)
@@ -96,6 +104,16 @@ impl Store {
         FileSet::in_folder(&self.folder)
     }
 
+    /// What of the results is of other programs than this one, in words: they were kept, and are not measured again.
+    /// `None` where this program made all of them.
+    pub fn of_others(&self) -> Option<String> {
+        let all = self.kept_of.lock().unwrap_or_else(PoisonError::into_inner);
+        let told = |c: &Option<String>| c.clone().unwrap_or_else(|| "one that is not told".into());
+        let others: Vec<String> = all.iter().filter(|c| c.as_deref() != COMMIT).map(told).collect();
+        (!others.is_empty())
+            .then(|| format!("Some results were kept from earlier runs, of commit {}", others.join(", ")))
+    }
+
     /// Is a result there?
     pub fn has(&self, kind: &str, inputs: &impl Serialize) -> bool {
         self.path(kind, inputs, "json").exists()
@@ -106,11 +124,14 @@ impl Store {
 #[derive(Serialize)]
 struct Written<'a, K, T> {
     inputs: &'a K,
+    commit: Option<&'static str>,
     result: &'a T,
 }
 
 #[derive(serde::Deserialize)]
 struct Kept<T> {
+    #[serde(default)]
+    commit: Option<String>,
     result: T,
 }
 
@@ -137,5 +158,10 @@ mod tests {
         // What does not last is made again.
         let tried = [1u32, 2, 3].map(|v| store.result_if("try", &1, || Ok(v), |v| *v == 2).unwrap());
         assert_eq!(tried, [1, 2, 2]);
+        // Those of another program are told.
+        assert_eq!(store.of_others(), None);
+        std::fs::write(store.path("score", &(1, "a"), "json"), br#"{"commit":"abc123","result":4.0}"#).unwrap();
+        assert_eq!(ask(&(1, "a"), 9.0), 4.0);
+        assert!(store.of_others().unwrap().ends_with("of commit abc123"));
     }
 }

@@ -89,8 +89,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     let snapshots = a.open(&context)?;
     let work = Work(&context);
     let lab = Lab::new(settings, &kept, &work)?;
-    let provenance = a.provenance(&lab, &snapshots);
     let sections = experiment_by_experiment(&chosen, &lab, &snapshots)?;
+    let provenance = a.provenance(&lab, &snapshots);
     bench_files::write(output, &sections, &provenance)?;
     report(&sections, output, &context)
 }
@@ -230,6 +230,7 @@ impl Arguments {
         let mut p = Provenance::new(command, parallel::threads());
         p.seeds = [s.seed, s.seeds as u64];
         p.others = lab.baselines.iter().map(|b| format!("{}: {}", b.name(), b.source())).collect();
+        p.others.extend(lab.store.of_others());
         p.snapshots = snapshots.iter().map(|s| (s.name.clone(), s.particles.len() as u64, s.hash.clone())).collect();
         p
     }

@@ -24,7 +24,8 @@ pub(super) fn notes(
         format!(
             "Everything was timed on {}: {} particles, and a model of {gaussians} Gaussians at ratio {COMPARED}. Pictures \
              are drawn on the processor, by us and by VTK. A frame goes from particles or Gaussians in memory to grey \
-             levels in memory; each renderer keeps its buffers from frame to frame. Frames under a new camera: one on \
+             levels in memory; the model's renderer and VTK keep their buffers from frame to frame, ours of all particles takes \
+             its own anew. Frames under a new camera: one on \
              each of the three orbits, at the default radius and opacity; under a new radius and opacity: three pairs of \
              the published ranges, under one camera. The model's were drawn three times each, the others once. Speed-ups \
              are ratios of the same view in the same run.",

@@ -93,7 +93,8 @@ pub(super) struct BothFrames {
     pub settings: Frames,
 }
 
-/// Frames of one kind of picture; what is the same from frame to frame is kept, as the commands that draw do.
+/// Frames of one kind of picture; the model's buffers are kept from frame to frame, as the commands that draw do. The
+/// renderer of all particles has none to keep.
 pub(super) fn frames(
     lab: &Lab<'_>,
     of: &Snapshot,
