@@ -2,7 +2,7 @@
 //! simulation codes"): nothing is tuned to any of them.
 
 use super::Experiment;
-use super::rate_distortion::{Beside, COMPARED, Row, beside, rows};
+use super::rate_distortion::{Beside, COMPARED, NOT_OF_THIS_SIZE, Row, beside, rows};
 use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
 use crate::lab::{Lab, Recipe, Snapshot};
 use crate::method::Method;
@@ -119,6 +119,11 @@ fn margins(lab: &Lab<'_>, sets: &[Set<'_>]) -> Table {
     let mut table = Table::new("datasets-margins", title, &heads);
     for method in Method::all(lab).into_iter().skip(1) {
         let above = |s: &Set<'_>| {
+            let raw = s.snapshot.particles.raw_bytes() as f64;
+            let missed = |r: &&Row| r.method == method && r.bytes().is_some() && !r.met(raw);
+            if s.rows.iter().any(|r| missed(&r)) {
+                return Cell::text(NOT_OF_THIS_SIZE);
+            }
             let ours = Spread::of(&s.ours().masked()).map_or(f64::NAN, |s| s.median);
             Cell::spread(&s.masked(method).iter().map(|v| ours - v).collect::<Vec<_>>(), 2)
         };

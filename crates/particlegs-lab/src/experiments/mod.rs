@@ -10,6 +10,7 @@ mod figures;
 mod finetune_ablation;
 mod generalisation;
 mod groups;
+mod heard;
 mod performance;
 mod published;
 mod published_blocks;

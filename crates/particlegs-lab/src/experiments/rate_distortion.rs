@@ -23,6 +23,11 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 /// The ratio at which ways are compared, that of the published single-block model (paper, table "Rate-distortion").
 pub(super) const COMPARED: f64 = 263.0;
 
+/// What stands in place of a margin where there is no file of that size.
+pub(super) const NOT_OF_THIS_SIZE: &str = "no file of this size";
+/// A file whose size is off by more than this factor is not one of the size asked for.
+const OFF: f64 = 1.1;
+
 /// A way at a ratio, once a seed.
 pub(super) struct Row {
     /// The way.
@@ -42,6 +47,12 @@ impl Row {
     /// Masked PSNR, mean over the views.
     pub fn masked(&self) -> Vec<f64> {
         self.values(&|s| mean(s, |s| s.masked))
+    }
+
+    /// Is the file within a tenth of the size that was asked for, of `raw` bytes? Where not, the way has no such size, and
+    /// what it scores is no comparison at it.
+    pub fn met(&self, raw: f64) -> bool {
+        self.bytes().is_some_and(|b| (1.0 / OFF..OFF).contains(&(b * self.ratio / raw)))
     }
 
     /// Bytes of the file: the median's where seeds differ.
@@ -116,7 +127,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     plots.extend(density_plots(lab, &densities, bits));
     let mut tables = vec![pictures(lab, &rows, raw), bounds(lab, &rows), density_table(lab, &densities)];
     if let Some((of_usual, beside_usual)) = &usual {
-        tables.insert(0, margins(lab, [&rows, of_usual], [beside, *beside_usual]));
+        tables.insert(0, margins(lab, [&rows, of_usual], raw, [beside, *beside_usual]));
     }
     Ok(Found { tables, plots, pictures: Vec::new(), notes: notes(lab, &rows, &truth) })
 }
@@ -181,7 +192,7 @@ fn notes(lab: &Lab<'_>, rows: &[Row], truth: &Truth) -> Vec<String> {
 
 /// What our models are above each other way at the ratio that is compared: in views whose radius and opacity are drawn,
 /// and in those of the defaults.
-fn margins(lab: &Lab<'_>, rows: [&[Row]; 2], beside: [Beside; 2]) -> Table {
+fn margins(lab: &Lab<'_>, rows: [&[Row]; 2], raw: f64, beside: [Beside; 2]) -> Table {
     let mut table = Table::new(
         "rate-distortion-margins",
         format!("At ratio {COMPARED}: masked PSNR, and how far our models are above"),
@@ -193,24 +204,25 @@ fn margins(lab: &Lab<'_>, rows: [&[Row]; 2], beside: [Beside; 2]) -> Table {
             "ours above there, dB",
         ],
     );
-    let at = |side: usize, method: Method| {
-        let row = rows[side].iter().find(|r| r.method == method && r.ratio == COMPARED);
-        row.map(Row::masked).unwrap_or_default()
-    };
-    let ours = [0, 1].map(|side| Spread::of(&at(side, Method::OpticalDepth)).map_or(f64::NAN, |s| s.median));
-    let mut row = |name: String, values: [Vec<f64>; 2]| {
+    let at = |side: usize, method: Method| rows[side].iter().find(|r| r.method == method && r.ratio == COMPARED);
+    let masked = |side: usize, method: Method| at(side, method).map(Row::masked).unwrap_or_default();
+    let ours = [0, 1].map(|side| Spread::of(&masked(side, Method::OpticalDepth)).map_or(f64::NAN, |s| s.median));
+    let mut row = |name: String, values: [Vec<f64>; 2], missed: bool| {
         let cells = |side: usize| {
             let above: Vec<f64> = values[side].iter().map(|v| ours[side] - v).collect();
-            [Cell::spread(&values[side], 2), Cell::spread(&above, 2)]
+            let above = if missed { Cell::text(NOT_OF_THIS_SIZE) } else { Cell::spread(&above, 2) };
+            [Cell::spread(&values[side], 2), above]
         };
         table.row([Cell::text(name)].into_iter().chain(cells(0)).chain(cells(1)));
     };
     for method in Method::all(lab) {
-        row(method.name(lab), [0, 1].map(|side| at(side, method)));
+        let missed = at(0, method).is_some_and(|r| r.bytes().is_some() && !r.met(raw));
+        row(method.name(lab), [0, 1].map(|side| masked(side, method)), missed);
     }
     let [sampled, usual] = beside.map(levels);
-    for ((name, a), (_, b)) in sampled.into_iter().zip(usual) {
-        row(name, [vec![a], vec![b]]);
+    for (name, level) in sampled {
+        let there = usual.iter().filter(|(n, _)| *n == name).map(|(_, level)| *level).collect();
+        row(name, [vec![level], there], false);
     }
     table
 }
@@ -303,8 +315,6 @@ fn picture_plot(
 
 /// The density's measures of a way at the ratio that its file has.
 type OfDensity = (Method, f64, Density);
-/// A file whose size is off by more than this factor is not one of the size asked for.
-const OFF: f64 = 1.1;
 
 /// At every ratio where they are few, else at every second: statistics of particles take their time. What does not come
 /// near a size is left out there.
@@ -319,8 +329,8 @@ fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[Row]) -> Result<Vec<OfDensity
     for method in methods {
         for &ratio in &chosen {
             let row = rows.iter().find(|r| r.method == method && r.ratio == ratio);
-            let reached = row.and_then(Row::bytes).map(|bytes| raw / bytes);
-            if let Some(reached) = reached.filter(|r| (1.0 / OFF..OFF).contains(&(r / ratio))) {
+            let met = row.filter(|r| r.met(raw)).and_then(Row::bytes);
+            if let Some(reached) = met.map(|bytes| raw / bytes) {
                 all.push((method, reached, Density::of(lab, of, method, (raw / ratio) as u64)?));
             }
             lab.progress.advance(1);
@@ -384,4 +394,19 @@ fn density_plots(lab: &Lab<'_>, all: &[OfDensity], bits: f64) -> Vec<Plot> {
         plot("power", "Power spectrum", Axis::logarithmic("largest |P / P truth - 1|"), |d| d.power),
         groups,
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_of_a_size_is_not_compared_at_it() {
+        let of = |bytes| Measured { bytes, bound: None, scores: Vec::new(), failure: None };
+        let row =
+            |bytes: &[u64]| Row { method: Method::Subset, ratio: 10.0, runs: bytes.iter().map(|b| of(*b)).collect() };
+        // 10,000 raw bytes at ratio 10: 1000, give or take a tenth.
+        let met = [&[1000][..], &[901, 900, 905], &[1101], &[9000], &[]].map(|b| row(b).met(10_000.0));
+        assert_eq!(met, [true, true, false, false, false]);
+    }
 }

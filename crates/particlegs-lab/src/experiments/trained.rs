@@ -1,15 +1,15 @@
 //! Models that are trained: kept by what they were made from, and gone on with where a run was interrupted.
 
+use super::heard::{Heard, WithCurve, curve_of, seconds_of};
 use crate::lab::{Lab, Made, Snapshot};
 use particlegs::compress::{Checkpoint, Compressed, FineTuning, Options, Target, compress, finetune};
 use particlegs::model::{CertificateLevel, LawKind};
 use particlegs::picture::Size;
 use particlegs::pieces::Pieces;
-use particlegs::progress::{Level, Progress};
+use particlegs::progress::Progress;
 use particlegs::train::{Config, Densify, Limits, Preset, Stage};
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Gaussians that a file may have, by those that the published recipe starts from: at scales that are not very small it
@@ -221,136 +221,6 @@ fn kept(
     }
     let curve = lab.store.result("curve", inputs, || Ok(Vec::new()))?;
     Ok(Trained { made, curve, unfinished: false, held: false })
-}
-
-/// The key of the curve among the pieces.
-const CURVE: &str = "curve";
-
-fn curve_of(checkpoint: &Checkpoint) -> Vec<Evaluation> {
-    checkpoint.get(CURVE).and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
-}
-
-/// The key of the wall-clock seconds of all pieces so far.
-const SECONDS: &str = "seconds";
-
-/// Seconds of earlier pieces: as kept, or of a checkpoint without them those of its last score.
-fn seconds_of(checkpoint: &Checkpoint) -> f64 {
-    let kept = checkpoint.get(SECONDS).and_then(|bytes| serde_json::from_slice(&bytes).ok());
-    kept.unwrap_or_else(|| curve_of(checkpoint).last().map_or(0.0, |e| e.seconds))
-}
-
-/// A checkpoint that has the curve, and the seconds, as they were when the state of the training was kept.
-struct WithCurve<'a> {
-    checkpoint: Checkpoint,
-    heard: &'a Heard<'a>,
-    /// Seconds of earlier pieces.
-    before: f64,
-    /// When this one began.
-    start: Instant,
-}
-
-impl WithCurve<'_> {
-    /// Seconds of all pieces, this one so far.
-    fn seconds(&self) -> f64 {
-        self.before + self.start.elapsed().as_secs_f64()
-    }
-
-    fn keep_seconds(&mut self) -> Result<()> {
-        let text = serde_json::to_vec(&self.seconds()).unwrap_or_default();
-        self.checkpoint.keep(SECONDS, text)
-    }
-}
-
-impl Pieces for WithCurve<'_> {
-    fn get(&self, key: &str) -> Option<Vec<u8>> {
-        self.checkpoint.get(key)
-    }
-
-    fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
-        self.checkpoint.keep(key, bytes)
-    }
-
-    fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
-        let curve = serde_json::to_vec(&*self.heard.curve()).unwrap_or_default();
-        self.checkpoint.keep(CURVE, curve)?;
-        self.keep_seconds()?;
-        self.checkpoint.keep_now(key, bytes)
-    }
-}
-
-/// Hears the scores of a run, and ends its training, and nothing but that, when its time is over.
-struct Heard<'a> {
-    inner: &'a dyn Progress,
-    curve: Mutex<Vec<Evaluation>>,
-    piece: Option<Duration>,
-    /// Phases that have begun and not ended.
-    phases: Mutex<Vec<String>>,
-    /// When training first began.
-    began: Mutex<Option<Instant>>,
-}
-
-/// The phase that may be ended.
-const TRAINING: &str = "training";
-
-impl<'a> Heard<'a> {
-    fn new(inner: &'a dyn Progress, curve: Vec<Evaluation>, piece: Option<Duration>) -> Self {
-        Heard { inner, curve: Mutex::new(curve), piece, phases: Mutex::default(), began: Mutex::default() }
-    }
-
-    fn curve(&self) -> MutexGuard<'_, Vec<Evaluation>> {
-        locked(&self.curve)
-    }
-
-    /// Is the piece's time over?
-    fn late(&self) -> bool {
-        let began = *locked(&self.began);
-        self.piece.zip(began).is_some_and(|(piece, began)| began.elapsed() >= piece)
-    }
-}
-
-fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
-    of.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl Progress for Heard<'_> {
-    fn begin(&self, phase: &str, total: u64) {
-        if phase == TRAINING {
-            locked(&self.began).get_or_insert_with(Instant::now);
-        }
-        locked(&self.phases).push(phase.into());
-        self.inner.begin(phase, total);
-    }
-
-    fn advance(&self, steps: u64) {
-        self.inner.advance(steps);
-    }
-
-    fn end(&self) {
-        locked(&self.phases).pop();
-        self.inner.end();
-    }
-
-    fn message(&self, text: &str) {
-        self.inner.message(text);
-    }
-
-    fn log(&self, line: &str) {
-        let scored = serde_json::from_str::<Evaluation>(line).ok().filter(|e| e.held_out_masked_psnr.is_some());
-        self.curve().extend(scored);
-        self.inner.log(line);
-    }
-
-    fn cancelled(&self) -> bool {
-        self.inner.cancelled() || self.late() && locked(&self.phases).iter().any(|p| p == TRAINING)
-    }
-
-    fn simd(&self) -> Level {
-        self.inner.simd()
-    }
-
-    fn available_memory(&self) -> Option<u64> {
-        self.inner.available_memory()
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,148 @@
+//! What is heard of a run that trains, and kept beside its state: its curve, its seconds.
+
+use super::trained::Evaluation;
+use particlegs::Result;
+use particlegs::compress::Checkpoint;
+use particlegs::pieces::Pieces;
+use particlegs::progress::{Level, Progress};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// The key of the curve among the pieces.
+const CURVE: &str = "curve";
+
+/// The curve that a checkpoint has; empty where it has none.
+pub(super) fn curve_of(checkpoint: &Checkpoint) -> Vec<Evaluation> {
+    checkpoint.get(CURVE).and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
+}
+
+/// The key of the wall-clock seconds of all pieces so far.
+const SECONDS: &str = "seconds";
+
+/// Seconds of earlier pieces: as kept, or of a checkpoint without them those of its last score.
+pub(super) fn seconds_of(checkpoint: &Checkpoint) -> f64 {
+    let kept = checkpoint.get(SECONDS).and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    kept.unwrap_or_else(|| curve_of(checkpoint).last().map_or(0.0, |e| e.seconds))
+}
+
+/// A checkpoint that has the curve, and the seconds, as they were when the state of the training was kept.
+pub(super) struct WithCurve<'a> {
+    /// The state.
+    pub checkpoint: Checkpoint,
+    /// The curve.
+    pub heard: &'a Heard<'a>,
+    /// Seconds of earlier pieces.
+    pub before: f64,
+    /// When this one began.
+    pub start: Instant,
+}
+
+impl WithCurve<'_> {
+    /// Seconds of all pieces, this one so far.
+    pub fn seconds(&self) -> f64 {
+        self.before + self.start.elapsed().as_secs_f64()
+    }
+
+    /// Puts them into the checkpoint.
+    ///
+    /// # Errors
+    /// [`particlegs::Error::Io`].
+    pub fn keep_seconds(&mut self) -> Result<()> {
+        let text = serde_json::to_vec(&self.seconds()).unwrap_or_default();
+        self.checkpoint.keep(SECONDS, text)
+    }
+}
+
+impl Pieces for WithCurve<'_> {
+    fn get(&self, key: &str) -> Option<Vec<u8>> {
+        self.checkpoint.get(key)
+    }
+
+    fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        self.checkpoint.keep(key, bytes)
+    }
+
+    fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        let curve = serde_json::to_vec(&*self.heard.curve()).unwrap_or_default();
+        self.checkpoint.keep(CURVE, curve)?;
+        self.keep_seconds()?;
+        self.checkpoint.keep_now(key, bytes)
+    }
+}
+
+/// Hears the scores of a run, and ends its training, and nothing but that, when its time is over.
+pub(super) struct Heard<'a> {
+    inner: &'a dyn Progress,
+    curve: Mutex<Vec<Evaluation>>,
+    piece: Option<Duration>,
+    /// Phases that have begun and not ended.
+    phases: Mutex<Vec<String>>,
+    /// When training first began.
+    began: Mutex<Option<Instant>>,
+}
+
+/// The phase that may be ended.
+const TRAINING: &str = "training";
+
+impl<'a> Heard<'a> {
+    /// With the curve of earlier pieces, for `piece` of time at most.
+    pub fn new(inner: &'a dyn Progress, curve: Vec<Evaluation>, piece: Option<Duration>) -> Self {
+        Heard { inner, curve: Mutex::new(curve), piece, phases: Mutex::default(), began: Mutex::default() }
+    }
+
+    /// The scores so far.
+    pub fn curve(&self) -> MutexGuard<'_, Vec<Evaluation>> {
+        locked(&self.curve)
+    }
+
+    /// Is the piece's time over?
+    pub fn late(&self) -> bool {
+        let began = *locked(&self.began);
+        self.piece.zip(began).is_some_and(|(piece, began)| began.elapsed() >= piece)
+    }
+}
+
+fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Progress for Heard<'_> {
+    fn begin(&self, phase: &str, total: u64) {
+        if phase == TRAINING {
+            locked(&self.began).get_or_insert_with(Instant::now);
+        }
+        locked(&self.phases).push(phase.into());
+        self.inner.begin(phase, total);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.inner.advance(steps);
+    }
+
+    fn end(&self) {
+        locked(&self.phases).pop();
+        self.inner.end();
+    }
+
+    fn message(&self, text: &str) {
+        self.inner.message(text);
+    }
+
+    fn log(&self, line: &str) {
+        let scored = serde_json::from_str::<Evaluation>(line).ok().filter(|e| e.held_out_masked_psnr.is_some());
+        self.curve().extend(scored);
+        self.inner.log(line);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.inner.cancelled() || self.late() && locked(&self.phases).iter().any(|p| p == TRAINING)
+    }
+
+    fn simd(&self) -> Level {
+        self.inner.simd()
+    }
+
+    fn available_memory(&self) -> Option<u64> {
+        self.inner.available_memory()
+    }
+}
