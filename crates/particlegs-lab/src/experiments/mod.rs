@@ -15,6 +15,7 @@ mod performance;
 mod published;
 mod published_blocks;
 mod published_run;
+mod rate_density;
 mod rate_distortion;
 mod recovery;
 mod seeds;
