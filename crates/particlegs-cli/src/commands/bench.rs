@@ -16,12 +16,9 @@ use std::path::{Path, PathBuf};
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-`list` says what experiments there are, and which tables and figures of the paper they make; `all` does those that
-train no models, with --training all. Results are kept in DIR/kept by the hash of what they were made from: a command
-that was interrupted goes on where it was, and what was measured is not measured again.
-
-DIR has report.html, one page that needs nothing else; results.json; tables as CSV; figures as SVG and PNG; and a page
-of Markdown an experiment.
+`list` says what experiments there are, and what of the paper each makes. Results are kept in
+DIR/kept: a command that was interrupted goes on where it was. DIR/report.html has everything, in
+one page; beside it are JSON, CSV, SVG, PNG and pages of Markdown (docs/guide/laboratory.md).
 
 Examples:
   particlegs bench list
