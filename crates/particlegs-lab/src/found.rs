@@ -188,17 +188,26 @@ pub struct Axis {
     /// Shaded bands across the plot from one value to another, with their names: the wider before the narrower.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub bands: Vec<(String, [f64; 2])>,
+    /// What stands at 1, 2, ... where the axis has no values but things without an order: points are not joined then.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub names: Vec<String>,
 }
 
 impl Axis {
     /// In equal steps.
     pub fn linear(label: impl Into<String>) -> Axis {
-        Axis { label: label.into(), log: false, range: None, bands: vec![] }
+        Axis { label: label.into(), log: false, range: None, bands: vec![], names: vec![] }
     }
 
     /// In equal factors.
     pub fn logarithmic(label: impl Into<String>) -> Axis {
-        Axis { label: label.into(), log: true, range: None, bands: vec![] }
+        Axis { log: true, ..Axis::linear(label) }
+    }
+
+    /// Of things without an order.
+    pub fn named(label: impl Into<String>, names: Vec<String>) -> Axis {
+        let range = Some([0.5, names.len() as f64 + 0.5]);
+        Axis { range, names, ..Axis::linear(label) }
     }
 }
 

@@ -82,25 +82,37 @@ impl Scale {
         placed.is_finite().then(|| placed.clamp(self.low, self.high))
     }
 
-    fn ticks(self) -> Ticks {
-        Ticks(self)
+    fn ticks(self, names: &[String]) -> Ticks {
+        // Of many, the beginning of each has room.
+        let most = (96 / names.len().max(1)).max(4);
+        let short = |name: &String| match name.chars().count() > most {
+            true => format!("{}…", name.chars().take(most - 1).collect::<String>()),
+            false => name.clone(),
+        };
+        Ticks { scale: self, names: names.iter().map(short).collect() }
     }
 }
 
-/// Ticks of our own: 1, 2, 5 of each decade where the axis is logarithmic and short.
-struct Ticks(Scale);
+/// Ticks of our own: names, or 1, 2, 5 of each decade where the axis is logarithmic and short.
+struct Ticks {
+    scale: Scale,
+    names: Vec<String>,
+}
 
 impl Ranged for Ticks {
     type FormatOption = NoDefaultFormatting;
     type ValueType = f64;
 
     fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
-        let share = (value - self.0.low) / (self.0.high - self.0.low);
+        let share = (value - self.scale.low) / (self.scale.high - self.scale.low);
         from + (share * f64::from(to - from)).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        let Scale { log, low, high } = self.0;
+        let Scale { log, low, high } = self.scale;
+        if !self.names.is_empty() {
+            return (1..=self.names.len()).map(|i| i as f64).collect();
+        }
         if !log {
             return plotters::coord::types::RangedCoordf64::from(low..high).key_points(hint);
         }
@@ -112,15 +124,18 @@ impl Ranged for Ticks {
     }
 
     fn range(&self) -> std::ops::Range<f64> {
-        self.0.low..self.0.high
+        self.scale.low..self.scale.high
     }
 }
 
 impl ValueFormatter<f64> for Ticks {
     fn format_ext(&self, value: &f64) -> String {
-        let (v, length) = match self.0.log {
+        if let Some(name) = self.names.get((*value as usize).wrapping_sub(1)) {
+            return name.clone();
+        }
+        let (v, length) = match self.scale.log {
             true => (10f64.powf(*value), f64::INFINITY),
-            false => (*value, self.0.high - self.0.low),
+            false => (*value, self.scale.high - self.scale.low),
         };
         label(v, length)
     }
@@ -152,12 +167,12 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
         .caption(&plot.title, ("sans-serif", 21))
         .x_label_area_size(54)
         .y_label_area_size(74)
-        .build_cartesian_2d(x.ticks(), y.ticks())
+        .build_cartesian_2d(x.ticks(&plot.x.names), y.ticks(&[]))
         .ok()?;
     chart
         .configure_mesh()
         .light_line_style(WHITE)
-        .label_style(("sans-serif", 15))
+        .label_style(("sans-serif", if plot.x.names.len() > 8 { 12 } else { 15 }))
         .axis_desc_style(("sans-serif", 17))
         .x_desc(&plot.x.label)
         .y_desc(&plot.y.label)
@@ -175,7 +190,7 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
     }
     for s in &plot.series {
         let (ink, runs) = (colour(s.style), runs(s, x, y));
-        for run in &runs {
+        for run in runs.iter().filter(|_| plot.x.names.is_empty()) {
             match s.dashed {
                 true => {
                     chart.draw_series(DashedLineSeries::new(run.clone(), 8, 5, ink.stroke_width(2))).ok().map(drop)?
@@ -190,7 +205,7 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
             }
         }
         for at in runs.into_iter().flatten() {
-            chart.draw_series([at].map(|at| EmptyElement::at(at) + mark(s.style, (0, 0)))).ok()?;
+            chart.draw_series(marks(s, (0, 0)).map(|mark| EmptyElement::at(at) + mark)).ok()?;
         }
     }
     Some(())
@@ -207,7 +222,13 @@ fn runs(s: &Series, x: Scale, y: Scale) -> Vec<Vec<(f64, f64)>> {
 }
 
 /// A mark: circles, squares, triangles in turn, so that colour is not all that tells curves apart.
-fn mark(style: usize, (x, y): (i32, i32)) -> Polygon<(i32, i32)> {
+/// Those of broken lines are hollow.
+fn marks(s: &Series, at: (i32, i32)) -> impl Iterator<Item = Polygon<(i32, i32)>> {
+    let hole = s.dashed.then(|| mark(s.style, 0.5, at, WHITE));
+    [mark(s.style, 1.0, at, colour(s.style))].into_iter().chain(hole)
+}
+
+fn mark(style: usize, size: f64, (x, y): (i32, i32), fill: RGBColor) -> Polygon<(i32, i32)> {
     let corners: &[(i32, i32)] = match style % 4 {
         0 => &[
             (-4, -1),
@@ -227,7 +248,9 @@ fn mark(style: usize, (x, y): (i32, i32)) -> Polygon<(i32, i32)> {
         2 => &[(0, -5), (5, 4), (-5, 4)],
         _ => &[(0, -5), (5, 0), (0, 5), (-5, 0)],
     };
-    Polygon::new(corners.iter().map(|(a, b)| (x + a, y + b)).collect::<Vec<_>>(), colour(style).filled())
+    let scaled = |v: i32| (size * f64::from(v)).round() as i32;
+    let places: Vec<_> = corners.iter().map(|(a, b)| (x + scaled(*a), y + scaled(*b))).collect();
+    Polygon::new(places, fill.filled())
 }
 
 /// The legend: curves in the order of the plot, then levels, then bands.
@@ -237,10 +260,11 @@ fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot) -> Option<()> {
     for s in &plot.series {
         let line = |from, to| PathElement::new(vec![(from, at + 8), (to, at + 8)], colour(s.style).stroke_width(2));
         match s.dashed {
-            true => [line(6, 14), line(20, 28)].iter().try_for_each(|l| area.draw(l)).ok()?,
+            _ if !plot.x.names.is_empty() => {}
+            true => [line(2, 9), line(25, 32)].iter().try_for_each(|l| area.draw(l)).ok()?,
             false => area.draw(&line(4, 30)).ok()?,
         }
-        area.draw(&mark(s.style, (17, at + 8))).ok()?;
+        marks(s, (17, at + 8)).try_for_each(|mark| area.draw(&mark)).ok()?;
         area.draw(&Text::new(s.name.clone(), (38, at), font.clone())).ok()?;
         at += 24;
     }
@@ -289,6 +313,13 @@ mod tests {
             assert!(text.contains(said), "{said}");
         }
         assert!(svg(&plot(vec![Point::new(-1.0, f64::NAN)])).is_none());
+        // Things without an order have their names, and no line from one to the next.
+        let joined = plot(vec![Point::new(1.0, 31.0), Point::new(2.0, 29.0)]);
+        let x = Axis::named("data set", vec!["box".into(), "melt".into()]);
+        let apart = svg(&Plot { x, ..joined.clone() }).unwrap();
+        let lines = |text: &str| text.matches("<polyline").count();
+        assert!(apart.contains("box") && apart.contains("melt") && !apart.contains(">1.5<"));
+        assert!(lines(&apart) < lines(&svg(&joined).unwrap()), "{apart}");
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //! simulation codes"): nothing is tuned to any of them.
 
 use super::Experiment;
-use super::rate_distortion::{Beside, COMPARED, NOT_OF_THIS_SIZE, Row, beside, rows};
-use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
+use super::rate_distortion::{Beside, COMPARED, NOT_OF_THIS_SIZE, Row, beside, rows, series};
+use crate::found::{Axis, Cell, Found, Plot, Point, Spread, Table};
 use crate::lab::{Lab, Recipe, Snapshot};
 use crate::method::Method;
 use crate::views::{Truth, mean};
@@ -133,22 +133,16 @@ fn margins(lab: &Lab<'_>, sets: &[Set<'_>]) -> Table {
 }
 
 fn plot(lab: &Lab<'_>, sets: &[Set<'_>]) -> Plot {
-    let curve = |(style, method): (usize, Method)| {
+    let curve = |method: Method| {
         let point = |(i, s): (usize, &Set<'_>)| Point::spread((i + 1) as f64, &s.masked(method));
-        Series {
-            name: method.name(lab),
-            style,
-            dashed: false,
-            points: sets.iter().enumerate().filter_map(point).collect(),
-        }
+        series(lab, method, sets.iter().enumerate().filter_map(point).collect())
     };
     Plot {
         name: "datasets".into(),
         title: format!("Masked PSNR at ratio {COMPARED} by data set"),
-        // Names of a dozen data sets would not fit under the axis.
-        x: Axis::linear("data set, by its number in the table"),
+        x: Axis::named("data set", sets.iter().map(|s| s.snapshot.name.clone()).collect()),
         y: Axis::linear("masked PSNR, dB"),
-        series: Method::all(lab).into_iter().enumerate().map(curve).collect(),
+        series: Method::all(lab).into_iter().map(curve).collect(),
         levels: Vec::new(),
     }
 }
