@@ -5,7 +5,7 @@ use particlegs::picture::{Gray8, Rgb8, Size};
 /// Share of width and height in the paper's close-ups.
 const SHARE: f64 = 0.3;
 /// Pixels across that a panel has about.
-const WIDTH: usize = 560;
+const WIDTH: usize = 480;
 
 /// What captions say of [`brightened`].
 pub(super) const BRIGHTENED: &str = "Grey levels are shown brightened, as the square roots of their shares of white.";
@@ -74,9 +74,9 @@ mod tests {
         assert_eq!((c.size, &c.data[..]), (Size { width: 3, height: 3 }, &[33, 34, 35, 43, 44, 45, 53, 54, 55][..]));
         assert_eq!(reduced(&p, 5).data, [22, 27, 72, 77]);
         let large = close_up(&p);
-        assert_eq!((large.size.width, large.data[0], large.data[560]), (561, [92; 3], [94; 3]));
+        assert_eq!((large.size.width, large.data[0], large.data[479]), (480, [92; 3], [94; 3]));
         assert_eq!([0, 1, 64, 255].map(brightened), [0, 16, 128, 255]);
-        assert_eq!(whole(&picture(1920, 1080)).size, Size { width: 640, height: 360 });
+        assert_eq!(whole(&picture(1920, 1080)).size, Size { width: 480, height: 270 });
         assert_eq!(whole(&picture(640, 360)).size, Size { width: 640, height: 360 });
     }
 }
