@@ -108,10 +108,10 @@ impl Store {
     /// `None` where this program made all of them.
     pub fn of_others(&self) -> Option<String> {
         let all = self.kept_of.lock().unwrap_or_else(PoisonError::into_inner);
-        let told = |c: &Option<String>| c.clone().unwrap_or_else(|| "one that is not told".into());
+        let told =
+            |c: &Option<String>| c.as_ref().map_or("a commit that they do not tell".into(), |c| format!("commit {c}"));
         let others: Vec<String> = all.iter().filter(|c| c.as_deref() != COMMIT).map(told).collect();
-        (!others.is_empty())
-            .then(|| format!("Some results were kept from earlier runs, of commit {}", others.join(", ")))
+        (!others.is_empty()).then(|| format!("Some results were kept from earlier runs, of {}", others.join(", ")))
     }
 
     /// Is a result there?
