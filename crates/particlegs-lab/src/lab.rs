@@ -156,6 +156,12 @@ impl Recipe {
         Recipe { target: Target::Ratio(ratio), effort: Effort::Default, blocks: 1, seed }
     }
 
+    /// The same with its size in bytes: a ratio and the size that it comes to are one model, fitted once.
+    fn in_bytes(&self, snapshot: &Snapshot) -> Recipe {
+        let bytes = self.target.bytes(snapshot.particles.raw_bytes());
+        Recipe { target: bytes.map_or(self.target, Target::Size), ..self.clone() }
+    }
+
     /// The options of `compress`.
     pub fn options(&self) -> Options {
         Options {
@@ -201,7 +207,8 @@ impl<'a> Lab<'a> {
     /// # Errors
     /// Those of [`compress`]; [`Error::Io`].
     pub fn model(&self, snapshot: &Snapshot, recipe: &Recipe) -> Result<Made> {
-        self.made(&(&snapshot.hash, recipe), || {
+        let recipe = recipe.in_bytes(snapshot);
+        self.made(&(&snapshot.hash, &recipe), || {
             compress(&snapshot.particles, &recipe.options(), &mut NoPieces, self.progress)
         })
     }
@@ -221,7 +228,7 @@ impl<'a> Lab<'a> {
     /// # Errors
     /// [`Error::Io`].
     pub fn keep(&self, snapshot: &Snapshot, recipe: &Recipe, done: Compressed, seconds: f64) -> Result<()> {
-        let inputs = (&snapshot.hash, recipe);
+        let inputs = (&snapshot.hash, recipe.in_bytes(snapshot));
         self.store.bytes("model", &inputs, "pgs", || Ok(done.bytes))?;
         self.store.result("model-seconds", &inputs, || Ok(seconds))?;
         Ok(())
@@ -274,6 +281,20 @@ mod tests {
         let all = [of(None), of(Some("--box 1,1,1")), of(Some("--box 2,2,2"))];
         assert_eq!(all[0], Snapshot::new("s".into(), "s".into(), particles.clone()).hash);
         assert!(all[1].starts_with(&all[0]) && all[1] != all[2] && all[0] != all[1], "{all:?}");
+    }
+
+    /// What is asked for as a ratio is there for who asks for its bytes.
+    #[test]
+    fn a_ratio_and_its_size_are_one_model() {
+        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
+        let particles = Particles::from_columns(column(1), column(2), column(3));
+        let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles), tempfile::tempdir().unwrap());
+        let lab = Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs::progress::Silent).unwrap();
+        let asked = lab.model(&of, &Recipe::ratio(10.0, 1)).unwrap().bytes;
+        let files = || std::fs::read_dir(folder.path()).unwrap().count();
+        let kept = files();
+        let size = Recipe { target: Target::Size(3600), ..Recipe::ratio(10.0, 1) };
+        assert_eq!((lab.model(&of, &size).unwrap().bytes, files()), (asked, kept));
     }
 
     /// A snapshot far from zero comes back as it was: compressors are not given fewer digits than models.
