@@ -1,7 +1,8 @@
 //! What pictures hide: how well the density is kept, by the density's own measures.
 
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
 use crate::method::{Content, Method};
+use crate::snapshot::Snapshot;
 use particlegs::particles::Particles;
 use particlegs::recover;
 use particlegs::stats::{Domain, Likelihood, Measure, Statistics, StatsOptions, Subject, compare};

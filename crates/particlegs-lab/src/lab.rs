@@ -1,8 +1,10 @@
-//! What experiments share: settings, snapshots, kept results, models and the pictures that they are scored by.
+//! What experiments share: kept results, other compressors, and models by how they are made.
 
+use crate::Baseline;
 use crate::external::External;
+use crate::settings::Settings;
+use crate::snapshot::Snapshot;
 use crate::store::Store;
-use crate::{Baseline, Columns};
 #[cfg(doc)]
 use particlegs::Error;
 use particlegs::Result;
@@ -10,120 +12,12 @@ use particlegs::codec;
 use particlegs::compress::{Compressed, Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Model};
-use particlegs::particles::{Column, Particles, Positions, RawForm, Selection, Storage};
-use particlegs::picture::Size;
+use particlegs::particles::{Particles, RawForm};
 use particlegs::pieces::NoPieces;
 use particlegs::progress::Progress;
 use particlegs::recover;
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
-
-/// What is measured, and how finely.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// Small pictures, few ratios, one frame an orbit: to see that all of it runs.
-    pub quick: bool,
-    /// Also experiments that train models.
-    pub training: bool,
-    /// Pixels of the pictures that are scored.
-    pub size: Size,
-    /// Views an orbit.
-    pub frames: usize,
-    /// Raw bytes over bytes of a file, rising.
-    pub ratios: Vec<f64>,
-    /// The first seed.
-    pub seed: u64,
-    /// Seeds, where a draw or a start is random.
-    pub seeds: usize,
-    /// Share of the published recipe's pixels, steps and Gaussians that models are trained with; `None` = each
-    /// experiment's own.
-    pub scale: Option<f64>,
-    /// Minutes after which a long training run ends for now, to be gone on from by the same command; `None` = the
-    /// experiment's own.
-    pub minutes: Option<f64>,
-    /// A Python that has the packages of other compressors and renderers.
-    pub python: Option<PathBuf>,
-    /// This program, where whole commands are measured.
-    pub program: PathBuf,
-}
-
-impl Settings {
-    /// The settings of `--quick`, or the full ones.
-    pub fn new(quick: bool, program: PathBuf) -> Settings {
-        let (size, frames, seeds) = match quick {
-            true => (Size { width: 640, height: 360 }, 1, 2),
-            false => (Size { width: 1920, height: 1080 }, 2, 3),
-        };
-        let ratios = match quick {
-            true => vec![50.0, 263.0, 1000.0],
-            false => vec![20.0, 50.0, 100.0, 263.0, 500.0, 1000.0, 2000.0, 5000.0],
-        };
-        let (training, scale, minutes, python) = (false, None, None, None);
-        Settings { quick, training, size, frames, ratios, seed: 42, seeds, scale, minutes, python, program }
-    }
-
-    /// The seeds.
-    pub fn seeds(&self) -> impl Iterator<Item = u64> {
-        let first = self.seed;
-        (0..self.seeds as u64).map(move |i| first + i)
-    }
-}
-
-/// A snapshot that is measured.
-pub struct Snapshot {
-    /// Its name in tables.
-    pub name: String,
-    /// Where it lies.
-    pub path: PathBuf,
-    /// Its particles.
-    pub particles: Particles,
-    /// The beginning of the hash that models of it carry, in hexadecimal digits; and where it was read by options of
-    /// the command, such as another box, which that hash does not know, the beginning of theirs.
-    pub hash: String,
-}
-
-impl Snapshot {
-    /// Of particles from `path`.
-    pub fn new(name: String, path: PathBuf, particles: Particles) -> Snapshot {
-        let hash = blake3::Hash::from_bytes(particles.source_hash()).to_hex()[..24].to_string();
-        Snapshot { name, path, particles, hash }
-    }
-
-    /// [`Snapshot::new`] of particles that were read by options, which results depend on as well.
-    pub fn read_with(name: String, path: PathBuf, particles: Particles, options: Option<&str>) -> Snapshot {
-        let mut all = Snapshot::new(name, path, particles);
-        if let Some(options) = options {
-            all.hash += &format!("-{}", &blake3::hash(options.as_bytes()).to_hex()[..8]);
-        }
-        all
-    }
-
-    /// Two random halves of the particles, the same for the same seed.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Cancelled`].
-    pub fn halves(&self, seed: u64, progress: &dyn Progress) -> Result<[Particles; 2]> {
-        let half = Selection { sample: Some(self.particles.len() as u64 / 2), seed, ..Selection::all() };
-        let taken = |selection| self.particles.select(selection, &Storage::Memory, progress);
-        Ok([taken(half)?, taken(Selection { left_out: true, ..half })?])
-    }
-
-    /// Mean spacing of the particles in their box, world units.
-    pub fn spacing(&self) -> f64 {
-        particlegs::stats::Domain::of_particles(&self.particles).spacing(self.particles.len())
-    }
-}
-
-/// Positions in columns, as compressors take them: relative to the particles' origin, since float32 far from it has few
-/// digits left.
-pub fn columns_of(p: &Particles) -> Columns {
-    [0, 1, 2].map(|k| (0..p.len()).map(|i| (p.position(i)[k] - p.origin[k]) as f32).collect())
-}
-
-/// Particles of such columns, about the origin and in the box of others.
-pub fn particles_of(columns: Columns, like: &Particles) -> Particles {
-    Particles::new(Positions::Columns(columns.map(Column::owned)), like.origin, like.meta.clone())
-}
+use std::path::Path;
 
 /// Where experiments are done.
 pub struct Lab<'a> {
@@ -273,40 +167,17 @@ pub fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
 mod tests {
     use super::*;
 
-    /// Another box is another snapshot, though the positions are the same.
-    #[test]
-    fn options_of_reading_are_part_of_the_hash() {
-        let particles = Particles::from_columns(vec![1.0; 3], vec![2.0; 3], vec![3.0; 3]);
-        let of = |options| Snapshot::read_with("s".into(), "s".into(), particles.clone(), options).hash;
-        let all = [of(None), of(Some("--box 1,1,1")), of(Some("--box 2,2,2"))];
-        assert_eq!(all[0], Snapshot::new("s".into(), "s".into(), particles.clone()).hash);
-        assert!(all[1].starts_with(&all[0]) && all[1] != all[2] && all[0] != all[1], "{all:?}");
-    }
-
     /// What is asked for as a ratio is there for who asks for its bytes.
     #[test]
     fn a_ratio_and_its_size_are_one_model() {
         let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
         let particles = Particles::from_columns(column(1), column(2), column(3));
-        let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles), tempfile::tempdir().unwrap());
+        let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
         let lab = Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs::progress::Silent).unwrap();
         let asked = lab.model(&of, &Recipe::ratio(10.0, 1)).unwrap().bytes;
         let files = || std::fs::read_dir(folder.path()).unwrap().count();
         let kept = files();
         let size = Recipe { target: Target::Size(3600), ..Recipe::ratio(10.0, 1) };
         assert_eq!((lab.model(&of, &size).unwrap().bytes, files()), (asked, kept));
-    }
-
-    /// A snapshot far from zero comes back as it was: compressors are not given fewer digits than models.
-    #[test]
-    fn columns_keep_the_digits_of_places_far_away() {
-        let near = [vec![0.125f32, 3.0], vec![1.0, 2.0], vec![0.0, 0.5]];
-        let positions = Positions::Columns(near.clone().map(Column::owned));
-        let far = Particles::new(positions, [1e9, 0.0, -1e9], Particles::from_columns(vec![], vec![], vec![]).meta);
-        let columns = columns_of(&far);
-        assert_eq!(columns, near);
-        let back = particles_of(columns, &far);
-        assert_eq!([0, 1].map(|i| back.position(i)), [0, 1].map(|i| far.position(i)));
-        assert_eq!(back.position(0)[0], 1e9 + 0.125);
     }
 }

@@ -24,8 +24,11 @@ pub mod plot;
 pub mod quantised;
 pub mod rate;
 pub mod report;
+pub mod settings;
+pub mod snapshot;
 pub mod store;
 pub mod subset;
+mod training;
 pub mod views;
 
 use external::External;

@@ -2,9 +2,11 @@
 //! that are drawn and measured like the snapshot's own.
 
 use crate::jitter::jittered;
-use crate::lab::{Lab, Recipe, Snapshot, columns_of, particles_of};
+use crate::lab::{Lab, Recipe};
 use crate::rate::{AtSize, Verified, at_size, verified};
+use crate::snapshot::{Snapshot, columns_of, particles_of};
 use crate::subset::subset;
+use crate::training::{self, Task, trained_on};
 use crate::views::{Score, Truth};
 use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
@@ -19,6 +21,8 @@ use serde::{Deserialize, Serialize};
 pub enum Method {
     /// Our models: Gaussians whose optical depths add up.
     OpticalDepth,
+    /// The published law, trained by its recipe at the lab's scale.
+    AlphaBlend,
     /// One of the lab's baselines by its place; moved at random within its bound after decoding?
     Baseline {
         /// Place in [`Lab::baselines`].
@@ -73,7 +77,7 @@ pub struct Measured {
 }
 
 impl Method {
-    /// All that a lab has, ours first. Those that decode at the centres of bins stand there twice.
+    /// All that train nothing, ours first. Those that decode at the centres of bins stand there twice.
     pub fn all(lab: &Lab<'_>) -> Vec<Method> {
         let of = |at: usize| {
             let moved = ["LCP", "Quantise + pco"].contains(&lab.baselines[at].name());
@@ -83,10 +87,25 @@ impl Method {
         [Method::OpticalDepth, Method::Subset].into_iter().chain(baselines).collect()
     }
 
+    /// [`Method::all`], and where models may be trained the published law after ours.
+    pub fn all_and_trained(lab: &Lab<'_>) -> Vec<Method> {
+        let mut all = Method::all(lab);
+        if lab.settings.training {
+            all.insert(1, Method::AlphaBlend);
+        }
+        all
+    }
+
+    /// Is it a model, which takes longest to make and hardly depends on its seed?
+    pub fn is_model(self) -> bool {
+        matches!(self, Method::OpticalDepth | Method::AlphaBlend)
+    }
+
     /// What tables call it.
     pub fn name(self, lab: &Lab<'_>) -> String {
         match self {
             Method::OpticalDepth => "particlegs".into(),
+            Method::AlphaBlend => "published law, trained".into(),
             Method::Subset => "subset, scaled".into(),
             Method::Baseline { at, jitter: false } => lab.baselines[at].name().into(),
             Method::Baseline { at, jitter: true } => format!("{}, jittered", lab.baselines[at].name()),
@@ -102,6 +121,7 @@ impl Method {
     pub fn source(self, lab: &Lab<'_>) -> String {
         match self {
             Method::Baseline { at, .. } => format!("{} {}", self.name(lab), lab.baselines[at].source()),
+            Method::AlphaBlend => format!("{} at scale {}", self.name(lab), training::scale(lab)),
             _ => self.name(lab),
         }
     }
@@ -116,6 +136,11 @@ impl Method {
                 let recipe = Recipe { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
                 let made =
                     lab.made(&(hash, &recipe), || compress(particles, &recipe.options(), &mut NoPieces, lab.progress))?;
+                Ok(Kept { bytes: made.bytes.len() as u64, content: Content::Model(Box::new(made.model)), bound: None })
+            }
+            Method::AlphaBlend => {
+                let task = Task::published_in(bytes, training::scale(lab), seed)?;
+                let made = trained_on(lab, (particles, hash), &task, None)?.made;
                 Ok(Kept { bytes: made.bytes.len() as u64, content: Content::Model(Box::new(made.model)), bound: None })
             }
             Method::Subset => {
@@ -144,7 +169,9 @@ impl Method {
                 };
                 let seconds = [run.compress_seconds, run.decompress_seconds];
                 let bound = Bound { asked: run.bound, largest_error: run.largest_error, seconds };
-                let decoded = if jitter { jittered(&run.decoded, run.bound, seed) } else { run.decoded };
+                // What was kept exactly has no bins to be moved within.
+                let moved = jitter && run.largest_error > 0.0;
+                let decoded = if moved { jittered(&run.decoded, run.bound, seed) } else { run.decoded };
                 let content = Content::Particles(Box::new(particles_of(decoded, particles)), 1.0);
                 Ok(Kept { bytes: run.bytes, content, bound: Some(bound) })
             }
@@ -182,8 +209,8 @@ impl Method {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::Settings;
     use crate::quantised::Quantised;
+    use crate::settings::Settings;
     use crate::{Baseline, Coded, Columns};
     use particlegs::picture::Size;
     use particlegs::progress::Progress;
@@ -227,7 +254,7 @@ mod tests {
         static FAILS: AtomicBool = AtomicBool::new(false);
         let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
         let particles = Particles::from_columns(column(1), column(2), column(3));
-        let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles), tempfile::tempdir().unwrap());
+        let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
         let stopped = AtomicBool::new(false);
         let heard = Stopped(&stopped);
         let size = Size { width: 64, height: 36 };
@@ -246,5 +273,22 @@ mod tests {
         stopped.store(false, Ordering::Relaxed);
         FAILS.store(false, Ordering::Relaxed);
         assert_eq!((measure().unwrap().failure, measure().unwrap().scores.len()), (None, truth.views.len()));
+    }
+
+    /// The published law stands beside ours where models may be trained, and keeps to the size that it is given.
+    #[test]
+    fn the_published_law_meets_a_size() {
+        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
+        let particles = Particles::from_columns(column(1), column(2), column(3));
+        let folder = tempfile::tempdir().unwrap();
+        let settings = Settings { training: true, scale: Some(0.004), ..Settings::new(true, "".into()) };
+        let mut lab = Lab::new(settings, folder.path(), &particlegs::progress::Silent).unwrap();
+        assert_eq!(Method::all_and_trained(&lab)[..2], [Method::OpticalDepth, Method::AlphaBlend]);
+        let kept = Method::AlphaBlend.keep(&lab, &particles, "p", 6500, 1).unwrap();
+        let Content::Model(model) = kept.content else { panic!("a model") };
+        assert_eq!(model.metadata.law, particlegs::model::LawKind::AlphaBlend);
+        assert!((5200..6500).contains(&kept.bytes), "{}", kept.bytes);
+        lab.settings.training = false;
+        assert!(!Method::all_and_trained(&lab).contains(&Method::AlphaBlend));
     }
 }

@@ -1,6 +1,7 @@
 //! The pictures that everything is scored by: all particles in the views of three orbits, drawn once and kept.
 
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
 use particlegs::Result;
 use particlegs::camera::{View, clipping_range};
 use particlegs::model::Metadata;

@@ -9,8 +9,10 @@ use particlegs::picture::Size;
 use particlegs::progress::{Level, Progress};
 use particlegs::{Error, Result, parallel};
 use particlegs_lab::experiments::{self, EXPERIMENTS, Experiment};
-use particlegs_lab::lab::{Lab, Settings, Snapshot};
+use particlegs_lab::lab::Lab;
 use particlegs_lab::report::{Provenance, Section};
+use particlegs_lab::settings::Settings;
+use particlegs_lab::snapshot::Snapshot;
 use std::path::{Path, PathBuf};
 
 /// Arguments.
@@ -199,7 +201,7 @@ impl Arguments {
                 context,
             )?;
             let name = path.file_stem().map_or("snapshot".into(), |n| n.to_string_lossy().into_owned());
-            Ok(Snapshot::read_with(name, path.clone(), particles, self.snapshot.in_words().as_deref()))
+            Ok(Snapshot::new(name, path.clone(), particles, self.snapshot.in_words().as_deref()))
         };
         self.snapshots.iter().map(open).collect()
     }

@@ -2,9 +2,10 @@
 
 use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
 use super::published::{self, BYTES_A_GAUSSIAN, same_sign};
-use super::trained::{self, Trained};
 use crate::found::{Cell, Spread, Table};
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
+use crate::training::{self, Trained};
 use crate::views::{Score, Truth};
 use particlegs::Result;
 use particlegs::model::Metadata;
@@ -52,7 +53,7 @@ impl<'a> Judge<'a> {
         groups: &[Group],
     ) -> Result<Self> {
         let views = groups::views(groups, metadata, lab.settings.seed, frames(lab));
-        let [small, large] = trained::sizes(config);
+        let [small, large] = training::sizes(config);
         let truth = |size| Truth::at_size(lab, snapshot, views.clone(), size);
         Ok(Judge { lab, snapshot, truths: [truth(small)?, truth(large)?] })
     }

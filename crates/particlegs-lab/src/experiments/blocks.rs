@@ -6,7 +6,8 @@ use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
 use super::seeds::{each_seed, told};
 use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Made, Recipe, Snapshot};
+use crate::lab::{Lab, Made, Recipe};
+use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth};
 use particlegs::Result;
 

@@ -7,9 +7,10 @@ use super::core_more::choices;
 use super::groups::{self, Group, masked, mean_over};
 use super::published as paper;
 use super::seeds::each_seed;
-use super::trained::{Task, Trained, ours_at, recipe, single_resolution, trained};
 use crate::found::{Cell, Found, Table};
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
+use crate::training::{Task, Trained, ours_at, recipe, scale, single_resolution, trained};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -21,11 +22,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     weight: 900,
     run,
 };
-
-/// Share of the published recipe.
-pub(super) fn scale(lab: &Lab<'_>) -> f64 {
-    lab.settings.scale.unwrap_or(if lab.settings.quick { 0.02 } else { 0.08 })
-}
 
 /// The published recipe of this experiment.
 ///

@@ -1,6 +1,6 @@
 //! The published recipe with other choices that the paper does not compare: one seed each.
 
-use super::trained::{Task, recipe};
+use crate::training::{Task, recipe};
 use particlegs::Result;
 use particlegs::model::LawKind;
 use particlegs::splat::Look;

@@ -4,8 +4,9 @@
 use super::Experiment;
 use super::rate_distortion::{Beside, COMPARED, NOT_OF_THIS_SIZE, Row, beside, rows, series};
 use crate::found::{Axis, Cell, Found, Plot, Point, Spread, Table};
-use crate::lab::{Lab, Recipe, Snapshot};
+use crate::lab::{Lab, Recipe};
 use crate::method::Method;
+use crate::snapshot::Snapshot;
 use crate::views::{Truth, mean};
 use particlegs::{Error, Result};
 
@@ -150,7 +151,7 @@ fn plot(lab: &Lab<'_>, sets: &[Set<'_>]) -> Plot {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::Settings;
+    use crate::settings::Settings;
     use particlegs::particles::Particles;
     use particlegs::picture::Size;
     use particlegs::progress::Silent;
@@ -159,7 +160,7 @@ mod tests {
     fn one_that_is_too_small_leaves_the_others() {
         let of = |name: &str, n: u32| {
             let column = |k: u32| (0..n).map(|i| ((i * (k + 7) % 997) as f32 / 31.0).powi(2)).collect::<Vec<f32>>();
-            Snapshot::new(name.into(), name.into(), Particles::from_columns(column(1), column(2), column(3)))
+            Snapshot::new(name.into(), name.into(), Particles::from_columns(column(1), column(2), column(3)), None)
         };
         let folder = tempfile::tempdir().unwrap();
         let settings = Settings { size: Size { width: 64, height: 36 }, ..Settings::new(true, "".into()) };

@@ -6,9 +6,10 @@ use super::ablation::{self, Judge};
 use super::groups;
 use super::published as paper;
 use super::published_blocks::{merged, scale};
-use super::trained::{Trained, tuned};
 use crate::found::Found;
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
+use crate::training::{Trained, tuned};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -39,7 +40,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let config = production(scale(lab))?;
     let seeds: Result<Vec<Trained>> = lab.settings.seeds().map(|seed| tune(&config, seed)).collect();
     // Sizes are those of the recipe that made the blocks: fine-tuning has the first alone.
-    let recipe = super::trained::recipe().scaled(scale(lab))?;
+    let recipe = crate::training::recipe().scaled(scale(lab))?;
     let judge = Judge::new(lab, snapshot, &recipe, &of_blocks.made.model.metadata, &groups::in_range())?;
     let mut rows = vec![judge.row("published: L1, density control", &seeds?, Some(paper::EIGHT))?];
     for (label, config, theirs) in variants(&config) {

@@ -8,9 +8,10 @@ use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
 use super::seeds::{each_seed, told};
 use super::sweep::{Model, Step, Sweep};
-use super::trained::{self, Task, Trained};
 use crate::found::{Cell, Found, Spread};
-use crate::lab::{Lab, Made, Recipe, Snapshot};
+use crate::lab::{Lab, Made, Recipe};
+use crate::snapshot::Snapshot;
+use crate::training::{self, Task, Trained};
 use crate::views::{Score, Truth};
 use particlegs::Result;
 use particlegs::model::Metadata;
@@ -143,16 +144,16 @@ fn falls(models: &[Model], noise_free: &[Score]) -> Vec<String> {
 fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut Found) -> Result<()> {
     let config = core_ablation::whole(lab)?;
     let each = |task: &dyn Fn(u64) -> Task| -> Result<Vec<Trained>> {
-        each_seed(lab, |t: &Trained| &t.made.model, |seed| trained::trained(lab, snapshot, &task(seed)))
+        each_seed(lab, |t: &Trained| &t.made.model, |seed| training::trained(lab, snapshot, &task(seed)))
     };
     let published = each(&|seed| Task::published(config.clone(), 1, seed))?;
-    let mut plain = trained::recipe();
+    let mut plain = training::recipe();
     plain.alpha_blend.vizmapper = false;
-    let plain = plain.scaled(core_ablation::scale(lab))?;
+    let plain = plain.scaled(training::scale(lab))?;
     let plain = each(&|seed| Task::published(plain.clone(), 1, seed))?;
     let bytes = published[0].made.bytes.len() as u64;
     let ours = each(&|seed| Task::ours(bytes, None, seed))?;
-    let [_, size] = trained::sizes(&config);
+    let [_, size] = training::sizes(&config);
     let truth = truth(lab, snapshot, &published[0].made.model.metadata, trained_frames(lab), size)?;
     let of =
         |label: &str, style, all: &[Trained]| model(lab, snapshot, &truth, label, style, all.iter().map(|t| &t.made));
@@ -162,7 +163,7 @@ fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut Found) -> Re
         of("published law, no VizMapper", 2, &plain)?,
     ];
     let noise_free = groups::noise_free(lab, snapshot, &truth)?;
-    let (scale, size) = (core_ablation::scale(lab), in_pixels(size));
+    let (scale, size) = (training::scale(lab), in_pixels(size));
     found.notes.push(format!(
         "The published law: its recipe scaled as a whole by {scale}, as in `core-ablation`, and our untrained fit of the \
          same {bytes} bytes, scored at {size}, the size of its last stages."

@@ -4,7 +4,8 @@
 //! Every group has the same directions, and those that draw radius and opacity have the same draws: what differs from
 //! group to group is the distance or the factor alone.
 
-use crate::lab::{Lab, Made, Snapshot};
+use crate::lab::{Lab, Made};
+use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth, told};
 use particlegs::Result;
 use particlegs::camera::{View, base_distance, spiral};

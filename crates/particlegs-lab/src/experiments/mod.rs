@@ -10,7 +10,6 @@ mod figures;
 mod finetune_ablation;
 mod generalisation;
 mod groups;
-mod heard;
 mod performance;
 mod published;
 mod published_blocks;
@@ -20,10 +19,10 @@ mod rate_distortion;
 mod recovery;
 mod seeds;
 mod sweep;
-mod trained;
 
 use crate::found::Found;
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
 use particlegs::{Error, Result};
 
 /// An experiment.

@@ -6,9 +6,10 @@ use super::distances::{self, Curve, at_distances};
 use super::finetune_ablation::production;
 use super::groups::{Group, masked, means_over};
 use super::published::{self as paper, BYTES_A_GAUSSIAN, same_sign};
-use super::trained::{self, Task, Trained, trained, tuned};
 use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
+use crate::training::{self, Task, Trained, trained, tuned};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -36,7 +37,7 @@ fn numbers(lab: &Lab<'_>) -> &'static [u32] {
 /// # Errors
 /// Those of training.
 pub(super) fn merged(lab: &Lab<'_>, snapshot: &Snapshot, blocks: u32, seed: u64) -> Result<Trained> {
-    let config = trained::recipe().scaled(scale(lab))?;
+    let config = training::recipe().scaled(scale(lab))?;
     trained(lab, snapshot, &Task::published(config, blocks, seed))
 }
 
@@ -49,7 +50,7 @@ struct Measured {
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let (snapshot, seed) = (&snapshots[0], lab.settings.seed);
-    let (recipe, tuning) = (trained::recipe().scaled(scale(lab))?, production(scale(lab))?);
+    let (recipe, tuning) = (training::recipe().scaled(scale(lab))?, production(scale(lab))?);
     let one: Vec<Trained> = lab.settings.seeds().map(|seed| merged(lab, snapshot, 1, seed)).collect::<Result<_>>()?;
     let judge = Judge::new(lab, snapshot, &recipe, &one[0].made.model.metadata, &at_distances())?;
     let mut all = Vec::new();

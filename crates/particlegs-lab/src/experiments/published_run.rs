@@ -4,9 +4,10 @@ use super::Experiment;
 use super::ablation::{self, Judge, Row};
 use super::groups::{self, in_pixels};
 use super::published as paper;
-use super::trained::{self, Evaluation, Task, Trained, trained_for};
 use crate::found::{Axis, Cell, Found, Plot, Point, Series, Table};
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
+use crate::training::{self, Evaluation, Task, Trained, trained_on};
 use crate::views::{Truth, mean};
 use particlegs::Result;
 use particlegs::model::LawKind;
@@ -37,8 +38,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let config = Config::preset(Preset::Paper, LawKind::AlphaBlend).scaled(scale(lab))?;
     let task = Task::published(config.clone(), 1, lab.settings.seed);
     let piece = Duration::from_secs_f64(60.0 * minutes(lab));
-    let run = trained_for(lab, snapshot, &task, Some(piece))?;
-    let ours = trained::trained(lab, snapshot, &Task::ours(run.made.bytes.len() as u64, None, lab.settings.seed))?;
+    let run = trained_on(lab, (&snapshot.particles, &snapshot.hash), &task, Some(piece))?;
+    let ours = training::trained(lab, snapshot, &Task::ours(run.made.bytes.len() as u64, None, lab.settings.seed))?;
     let levels = levels(lab, snapshot, &config, &ours)?;
     let metadata = &ours.made.model.metadata;
     let judge = Judge::new(lab, snapshot, &config, metadata, &groups::in_range())?;
@@ -69,7 +70,7 @@ fn levels(lab: &Lab<'_>, snapshot: &Snapshot, config: &Config, ours: &Trained) -
         bytes: None,
         gaussians: None,
     };
-    let [_, size] = trained::sizes(config);
+    let [_, size] = training::sizes(config);
     let truth = Truth::at_size(lab, snapshot, config.held_out_views(&defaults), size)?;
     let of = |scores: Vec<_>| mean(&scores, groups::masked);
     let noise_free = of(groups::noise_free(lab, snapshot, &truth)?);
@@ -130,7 +131,7 @@ fn notes(lab: &Lab<'_>, run: &Trained, config: &Config, snapshot: &Snapshot) -> 
 
 /// What is not as in the paper.
 fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<String> {
-    let [small, large] = trained::sizes(config).map(in_pixels);
+    let [small, large] = training::sizes(config).map(in_pixels);
     let published = Config::preset(Preset::Paper, LawKind::AlphaBlend);
     let start = |c: &Config| c.start_gaussians.unwrap_or(0);
     vec![

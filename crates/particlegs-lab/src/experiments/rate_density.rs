@@ -3,8 +3,9 @@
 use super::rate_distortion::{COMPARED, Row, series};
 use crate::density::Density;
 use crate::found::{Axis, Cell, Plot, Point, Table};
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
 use crate::method::Method;
+use crate::snapshot::Snapshot;
 use particlegs::Result;
 
 /// The density's measures of a way at the ratio that its file has.
@@ -17,7 +18,7 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[Row]) -> Result<Ve
     let (step, compared) = (ratios.len().div_ceil(4), ratios.iter().position(|r| *r == COMPARED).unwrap_or(0));
     let chosen: Vec<f64> = ratios.iter().copied().skip(compared % step).step_by(step).collect();
     let raw = of.particles.raw_bytes() as f64;
-    let methods = Method::all(lab);
+    let methods = Method::all_and_trained(lab);
     lab.progress.begin("densities", (methods.len() * chosen.len()) as u64);
     let mut all = Vec::new();
     for method in methods {
@@ -75,7 +76,7 @@ pub(super) fn density_plots(lab: &Lab<'_>, all: &[OfDensity], bits: f64) -> Vec<
             series(lab, method, own.filter_map(|(_, ratio, d)| Some(Point::new(*ratio, of(d)?))).collect())
         };
         let x = Axis::logarithmic("raw bytes / bytes of the file");
-        let series = Method::all(lab).into_iter().map(curve).filter(|s| !s.points.is_empty()).collect();
+        let series = Method::all_and_trained(lab).into_iter().map(curve).filter(|s| !s.points.is_empty()).collect();
         Plot { name: format!("rate-distortion-{name}"), title: title.into(), x, y, series, levels: Vec::new() }
     };
     let mut held_out =

@@ -5,8 +5,10 @@ use super::Experiment;
 use super::rate_density::{densities, density_plots, density_table};
 use crate::density::all_particles_bits;
 use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Made, Recipe, Snapshot};
+use crate::lab::{Lab, Made, Recipe};
 use crate::method::{Measured, Method};
+use crate::snapshot::Snapshot;
+use crate::training;
 use crate::views::{Score, Truth, mean, mean_of};
 use particlegs::Result;
 use particlegs::score::{self, evaluation_views};
@@ -89,12 +91,12 @@ pub(super) fn beside(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, any: &Made) ->
 /// Every way at every ratio, at every seed where it has a draw in it: models, which hardly depend on theirs and take
 /// longest, at the ratio that is compared alone.
 pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, ratios: &[f64]) -> Result<Vec<Row>> {
-    let (raw, methods) = (of.particles.raw_bytes() as f64, Method::all(lab));
+    let (raw, methods) = (of.particles.raw_bytes() as f64, Method::all_and_trained(lab));
     lab.progress.begin("ways and sizes", (ratios.len() * methods.len()) as u64);
     let mut rows = Vec::new();
     for &ratio in ratios {
         for &method in &methods {
-            let several = method.is_random() && (method != Method::OpticalDepth || ratio == COMPARED);
+            let several = method.is_random() && (!method.is_model() || ratio == COMPARED);
             let seeds: Vec<u64> = lab.settings.seeds().take(if several { usize::MAX } else { 1 }).collect();
             let run = |seed| method.measure(lab, of, truth, (raw / ratio) as u64, seed);
             rows.push(Row { method, ratio, runs: seeds.into_iter().map(run).collect::<Result<_>>()? });
@@ -168,7 +170,7 @@ fn notes(lab: &Lab<'_>, rows: &[Row], truth: &Truth) -> Vec<String> {
             lab.settings.seeds
         ),
         "Every compressor's bound was verified after decoding in this run, to half a float32 ulp; a failure stands in the \
-         table of bounds. Every size was met by a search for the bound; what a compressor cannot reach is as close as it \
+         table of bounds. Seconds of SZ3 and ZFP include the pipe to their Python and, in Morton order, the sort. Every size was met by a search for the bound; what a compressor cannot reach is as close as it \
          comes, and in the density's tables nothing where that is off by more than a tenth."
             .into(),
         "Density: counts in cells, P(k), r(k), groups and cores are of the particles that came back, of a model of as many \
@@ -180,6 +182,16 @@ fn notes(lab: &Lab<'_>, rows: &[Row], truth: &Truth) -> Vec<String> {
     let sources: Vec<String> = lab.baselines.iter().map(|b| format!("{}: {}", b.name(), b.source())).collect();
     notes.push(format!("Compressors: {}.", sources.join("; ")));
     notes.extend(lab.left_out());
+    if lab.settings.training {
+        notes.push(format!(
+            "`{}`: alpha-blend with VizMapper by the published recipe at a scale of {}, every schedule in proportion; \
+             files of low ratios hold more Gaussians than it makes, and others bound their number. Its density follows \
+             opacities that were fitted to pictures. At its own scale the recipe has pictures and steps that these runs \
+             do not have: see published-run.",
+            Method::AlphaBlend.name(lab),
+            training::scale(lab)
+        ));
+    }
     let failed: Vec<String> = rows
         .iter()
         .flat_map(|r| r.runs.iter().filter_map(move |m| Some((r, m.failure.as_ref()?))))
@@ -216,7 +228,7 @@ fn margins(lab: &Lab<'_>, rows: [&[Row]; 2], raw: f64, beside: [Beside; 2]) -> T
         };
         table.row([Cell::text(name)].into_iter().chain(cells(0)).chain(cells(1)));
     };
-    for method in Method::all(lab) {
+    for method in Method::all_and_trained(lab) {
         let missed = at(0, method).is_some_and(|r| r.bytes().is_some() && !r.met(raw));
         row(method.name(lab), [0, 1].map(|side| masked(side, method)), missed);
     }
@@ -275,10 +287,12 @@ fn bounds(lab: &Lab<'_>, rows: &[Row]) -> Table {
     table
 }
 
-/// A curve a way: colours are the compressor's, broken lines its other order or its particles moved.
+/// A curve a way: colours are the compressor's, broken lines its other order, its particles moved, or models of
+/// the published law.
 pub(super) fn series(lab: &Lab<'_>, method: Method, points: Vec<Point>) -> Series {
     let (style, dashed) = match method {
         Method::OpticalDepth => (0, false),
+        Method::AlphaBlend => (0, true),
         Method::Subset => (1, false),
         Method::Baseline { at, jitter } => {
             let family = |name: &str| name.split([' ', ',']).next().unwrap_or_default().to_string();
@@ -309,7 +323,7 @@ fn picture_plot(
         title: "Pictures by size of file".into(),
         x: Axis::logarithmic("raw bytes / bytes of the file"),
         y: Axis::linear(label),
-        series: Method::all(lab).into_iter().map(curve).collect(),
+        series: Method::all_and_trained(lab).into_iter().map(curve).collect(),
         levels: Vec::new(),
     }
 }

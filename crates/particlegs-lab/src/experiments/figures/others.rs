@@ -1,7 +1,8 @@
 //! What other ways make of the particles at a model's size.
 
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
 use crate::method::{Bound, Content, Kept, Method};
+use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth, kept_picture, mean, told};
 use particlegs::camera::View;
 use particlegs::picture::Gray8;

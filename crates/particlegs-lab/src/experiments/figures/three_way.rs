@@ -3,7 +3,8 @@
 
 use super::crops::{BRIGHTENED, close_up, whole};
 use crate::found::{Axis, Cell, Pictures, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Made, Snapshot};
+use crate::lab::{Lab, Made};
+use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth, kept_picture, orbit, told};
 use particlegs::Result;
 use particlegs::camera::View;

@@ -16,7 +16,8 @@ mod views;
 
 use super::Experiment;
 use crate::found::Found;
-use crate::lab::{Lab, Made, Snapshot};
+use crate::lab::{Lab, Made};
+use crate::snapshot::Snapshot;
 use clock::Machine;
 use ours::Drawn;
 use particlegs::Result;

@@ -9,7 +9,7 @@ use super::scale::{self, Scale};
 use super::tables::{AtSize, Steps};
 use crate::experiments::rate_distortion::COMPARED;
 use crate::found::Spread;
-use crate::lab::Snapshot;
+use crate::snapshot::Snapshot;
 
 /// Notes of everything.
 pub(super) fn notes(

@@ -3,7 +3,8 @@
 use super::clock::{Frames, Machine, Times, load};
 use super::views::Shots;
 use crate::experiments::rate_distortion::COMPARED;
-use crate::lab::{Lab, Made, Recipe, Snapshot};
+use crate::lab::{Lab, Made, Recipe};
+use crate::snapshot::Snapshot;
 use particlegs::camera::View;
 use particlegs::compress::compress;
 use particlegs::fit::Effort;

@@ -5,7 +5,8 @@ use super::command::{Cost, run};
 use super::ours;
 use super::raw::Raw;
 use super::views::{Shots, as_json};
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
 use particlegs::picture::{Gray8, Size, masked_psnr, psnr};
 use particlegs::splat::Look;
 use particlegs::{Error, Result};
@@ -67,6 +68,13 @@ struct Answer {
     settings: Vec<f64>,
 }
 
+/// The version of VTK that a Python has, as its packages say: another one is measured again.
+fn installed(python: &Path) -> Option<String> {
+    let code = "from importlib.metadata import version; print(version('vtk'))";
+    let said = Command::new(python).args(["-c", code]).output().ok().filter(|o| o.status.success())?;
+    Some(String::from_utf8_lossy(&said.stdout).trim().into())
+}
+
 /// VTK at a size of pictures, compared with ours where `compared`; the error within says why there is nothing. What
 /// failed is tried again the next time.
 pub(super) fn measure(
@@ -81,7 +89,7 @@ pub(super) fn measure(
     };
     let limit = if lab.settings.quick { LIMIT_QUICK } else { LIMIT };
     let script = blake3::hash(SCRIPT.as_bytes()).to_hex()[..16].to_string();
-    let key = (&of.hash, shots.key(), limit, compared, script, machine);
+    let key = (&of.hash, shots.key(), limit, compared, (script, installed(python)), machine);
     let kept = lab.store.result("timed-vtk", &key, || child(lab, of, (shots, compared, limit), raw, python));
     match kept {
         Err(Error::Input { what, .. }) => Ok(Err(what)),
@@ -150,7 +158,8 @@ fn agreement(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::{Recipe, Settings};
+    use crate::lab::Recipe;
+    use crate::settings::Settings;
     use particlegs::particles::Particles;
     use particlegs::progress::Silent;
     use std::path::PathBuf;
@@ -160,7 +169,7 @@ mod tests {
     /// VTK of so many particles by a Python, in a folder of its own.
     fn measured(python: Option<PathBuf>) -> std::result::Result<PointGaussian, String> {
         let column = |k: u32| (0..3000u32).map(|i| ((i * (k + 7) % 997) as f32 / 100.0).powi(2)).collect::<Vec<f32>>();
-        let of = Snapshot::new("s".into(), "s".into(), Particles::from_columns(column(1), column(2), column(3)));
+        let of = Snapshot::new("s".into(), "s".into(), Particles::from_columns(column(1), column(2), column(3)), None);
         let folder = tempfile::tempdir().unwrap();
         let lab = Lab::new(Settings { size: SIZE, ..Settings::new(true, "".into()) }, folder.path(), &Silent);
         let mut lab = lab.unwrap();

@@ -1,6 +1,7 @@
 //! Particles as files of raw float32 for children: the snapshot's positions, and parts and copies of them.
 
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
 use particlegs::Result;
 use particlegs::particles::{Kept, RawForm, Selection, Tiling};
 use particlegs_files::output::FileSet;

@@ -2,7 +2,8 @@
 
 use super::facts::Facts;
 use super::paper;
-use crate::lab::{Lab, Recipe, Snapshot};
+use crate::lab::{Lab, Recipe};
+use crate::snapshot::Snapshot;
 use particlegs::Result;
 use particlegs::model::Model;
 use particlegs::particles::Particles;

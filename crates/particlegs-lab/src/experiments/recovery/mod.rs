@@ -12,7 +12,8 @@ mod tables;
 
 use super::Experiment;
 use crate::found::Found;
-use crate::lab::{Lab, Recipe, Snapshot};
+use crate::lab::{Lab, Recipe};
+use crate::snapshot::Snapshot;
 use facts::Facts;
 use measure::{Depth, Drawn, METHODS};
 use particlegs::Result;

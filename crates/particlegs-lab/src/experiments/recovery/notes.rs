@@ -2,7 +2,8 @@
 
 use super::measure::{Depth, cells};
 use super::{Measured, RATIO, paper};
-use crate::lab::{Lab, Snapshot};
+use crate::lab::Lab;
+use crate::snapshot::Snapshot;
 use particlegs::recover::Method;
 
 /// How it was measured, what differs from the paper and why, in the order of reading.

@@ -1,6 +1,6 @@
 //! What is heard of a run that trains, and kept beside its state: its curve, its seconds.
 
-use super::trained::Evaluation;
+use super::Evaluation;
 use particlegs::Result;
 use particlegs::compress::Checkpoint;
 use particlegs::pieces::Pieces;

@@ -1,9 +1,13 @@
 //! Models that are trained: kept by what they were made from, and gone on with where a run was interrupted.
 
-use super::heard::{Heard, WithCurve, curve_of, seconds_of};
-use crate::lab::{Lab, Made, Snapshot};
+mod heard;
+
+use crate::lab::{Lab, Made};
+use crate::snapshot::Snapshot;
+use heard::{Heard, WithCurve, curve_of, seconds_of};
 use particlegs::compress::{Checkpoint, Compressed, FineTuning, Options, Target, compress, finetune};
 use particlegs::model::{CertificateLevel, LawKind};
+use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::pieces::Pieces;
 use particlegs::progress::Progress;
@@ -28,7 +32,7 @@ const WIDTHS: [f64; 2] = [1440.0, 5760.0];
 
 /// What is trained on all particles.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Task {
+pub(crate) struct Task {
     /// What the file is to meet.
     pub target: Target,
     /// How it is trained; `None` = not.
@@ -53,14 +57,27 @@ impl Task {
         Task { target: Target::Gaussians(first), training: Some(training), blocks: 1, seed }
     }
 
+    /// The same in a file of so many bytes, which may hold fewer Gaussians than the recipe begins with or makes.
+    ///
+    /// # Errors
+    /// Those of [`Config::scaled`].
+    pub fn published_in(bytes: u64, scale: f64, seed: u64) -> Result<Task> {
+        Ok(Task { target: Target::Size(bytes), training: Some(recipe().scaled(scale)?), blocks: 1, seed })
+    }
+
     /// Our law in a file of so many bytes.
     pub fn ours(bytes: u64, training: Option<Config>, seed: u64) -> Task {
         Task { target: Target::Size(bytes), training, blocks: 1, seed }
     }
 }
 
+/// Share of the published recipe that whole models are trained with, where many are compared.
+pub(crate) fn scale(lab: &Lab<'_>) -> f64 {
+    lab.settings.scale.unwrap_or(if lab.settings.quick { 0.02 } else { 0.08 })
+}
+
 /// The published recipe before it is scaled.
-pub(super) fn recipe() -> Config {
+pub(crate) fn recipe() -> Config {
     Config { evaluate_views: HELD_OUT, ..Config::preset(Preset::Paper, LawKind::AlphaBlend) }
 }
 
@@ -68,13 +85,13 @@ pub(super) fn recipe() -> Config {
 ///
 /// # Errors
 /// [`Error::Argument`] for a scale that is not positive.
-pub(super) fn ours_at(scale: f64) -> Result<Config> {
+pub(crate) fn ours_at(scale: f64) -> Result<Config> {
     let fast = Config { evaluate_views: HELD_OUT, ..Config::preset(Preset::Fast, LawKind::OpticalDepth) };
     fast.scaled((scale * WIDTHS[1] / WIDTHS[0]).min(1.0))
 }
 
 /// The published recipe in one stage, of the first one's size: its steps, its density control as long as that goes on.
-pub(super) fn single_resolution() -> Config {
+pub(crate) fn single_resolution() -> Config {
     let all = recipe();
     let until = all.stages.iter().map(|s| s.densify.until).max().unwrap_or(0);
     let first = all.stages[0];
@@ -83,14 +100,14 @@ pub(super) fn single_resolution() -> Config {
 }
 
 /// The first stage's size, at which the paper scores, and the last one's.
-pub(super) fn sizes(config: &Config) -> [Size; 2] {
+pub(crate) fn sizes(config: &Config) -> [Size; 2] {
     let of = |s: Option<&Stage>| s.map_or([16, 9], |s| s.size);
     [of(config.stages.first()), of(config.stages.last())].map(|[width, height]| Size { width, height })
 }
 
 /// A score of a run while it trains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Evaluation {
+pub(crate) struct Evaluation {
     /// Block, where there are several; else empty.
     #[serde(default)]
     pub run: String,
@@ -105,7 +122,7 @@ pub(super) struct Evaluation {
 }
 
 /// A trained model.
-pub(super) struct Trained {
+pub(crate) struct Trained {
     /// The file and what it decodes to.
     pub made: Made,
     /// Its scores while it was trained.
@@ -126,15 +143,21 @@ impl Trained {
 ///
 /// # Errors
 /// Those of [`compress`]; [`Error::Io`].
-pub(super) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task) -> Result<Trained> {
-    trained_for(lab, snapshot, task, None)
+pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task) -> Result<Trained> {
+    trained_on(lab, (&snapshot.particles, &snapshot.hash), task, None)
 }
 
-/// [`trained`], in pieces: training ends after `piece`, if it is not done, and the next call goes on from there.
+/// [`trained`] on particles with a name for them, in pieces where there is a `piece`: training ends after it, if it is not
+/// done, and the next call goes on from there.
 ///
 /// # Errors
 /// As [`trained`].
-pub(super) fn trained_for(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task, piece: Option<Duration>) -> Result<Trained> {
+pub(crate) fn trained_on(
+    lab: &Lab<'_>,
+    (particles, hash): (&Particles, &str),
+    task: &Task,
+    piece: Option<Duration>,
+) -> Result<Trained> {
     let options = Options {
         target: task.target,
         training: task.training.clone(),
@@ -144,9 +167,8 @@ pub(super) fn trained_for(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task, piece
         certificate: CertificateLevel::None,
         ..Options::default()
     };
-    let work =
-        |pieces: &mut dyn Pieces, progress: &dyn Progress| compress(&snapshot.particles, &options, pieces, progress);
-    let trained = kept(lab, &("compress", &snapshot.hash, task), piece, work)?;
+    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| compress(particles, &options, pieces, progress);
+    let trained = kept(lab, &("compress", hash, task), piece, work)?;
     Ok(match (task.target, &task.training) {
         (Target::Gaussians(most), Some(c)) if c.law == LawKind::AlphaBlend => {
             trained.held_by(c.alpha_blend.most_gaussians.unwrap_or(most))
@@ -159,7 +181,7 @@ pub(super) fn trained_for(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task, piece
 ///
 /// # Errors
 /// Those of [`finetune`]; [`Error::Io`].
-pub(super) fn tuned(lab: &Lab<'_>, snapshot: &Snapshot, merged: &Made, config: &Config, seed: u64) -> Result<Trained> {
+pub(crate) fn tuned(lab: &Lab<'_>, snapshot: &Snapshot, merged: &Made, config: &Config, seed: u64) -> Result<Trained> {
     let room = if lab.settings.quick { QUICK_TUNING_ROOM } else { TUNING_ROOM };
     let most = room * merged.model.gaussians() as u64;
     let options = FineTuning {
@@ -226,13 +248,12 @@ fn kept(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::Settings;
-    use particlegs::particles::Particles;
+    use crate::settings::Settings;
     use particlegs::progress::Silent;
 
     fn snapshot() -> Snapshot {
         let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
-        Snapshot::new("some".into(), "some".into(), Particles::from_columns(column(1), column(2), column(3)))
+        Snapshot::new("some".into(), "some".into(), Particles::from_columns(column(1), column(2), column(3)), None)
     }
 
     fn small() -> Config {
@@ -251,7 +272,7 @@ mod tests {
         let (mut pieces, mut seconds) = (0, 0.0);
         let last = loop {
             let piece = Some(Duration::from_millis(if pieces == 0 { 0 } else { 30 + 60 * pieces }));
-            let made = trained_for(&parts, &snapshot, &task, piece).unwrap();
+            let made = trained_on(&parts, (&snapshot.particles, &snapshot.hash), &task, piece).unwrap();
             // Those of all pieces, each more than the one before.
             assert!(made.made.seconds > seconds, "{} {seconds}", made.made.seconds);
             seconds = made.made.seconds;

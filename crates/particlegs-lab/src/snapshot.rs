@@ -1,0 +1,92 @@
+//! Snapshots that are measured, and their positions as compressors take them.
+
+use crate::Columns;
+#[cfg(doc)]
+use particlegs::Error;
+use particlegs::Result;
+use particlegs::particles::{Column, Particles, Positions, Selection, SnapshotMeta, Storage};
+use particlegs::progress::Progress;
+use std::path::PathBuf;
+
+/// A snapshot that is measured.
+pub struct Snapshot {
+    /// Its name in tables.
+    pub name: String,
+    /// Where it lies.
+    pub path: PathBuf,
+    /// Its particles.
+    pub particles: Particles,
+    /// The beginning of the hash that models of it carry, in hexadecimal digits, and of one of what that does not know:
+    /// box, units and cosmology, and options of the command that it was read by.
+    pub hash: String,
+}
+
+impl Snapshot {
+    /// Of particles from `path`, read by `options` of the command, where there were some.
+    pub fn new(name: String, path: PathBuf, particles: Particles, options: Option<&str>) -> Snapshot {
+        let start = |hash: blake3::Hash, digits: usize| hash.to_hex()[..digits].to_string();
+        let said = SnapshotMeta { name: String::new(), ..particles.meta.clone() };
+        let said = blake3::hash(&serde_json::to_vec(&(said, options)).unwrap_or_default());
+        let hash = start(blake3::Hash::from_bytes(particles.source_hash()), 24) + "-" + &start(said, 8);
+        Snapshot { name, path, particles, hash }
+    }
+
+    /// Two random halves of the particles, the same for the same seed.
+    ///
+    /// # Errors
+    /// [`Error::Memory`], [`Error::Cancelled`].
+    pub fn halves(&self, seed: u64, progress: &dyn Progress) -> Result<[Particles; 2]> {
+        let half = Selection { sample: Some(self.particles.len() as u64 / 2), seed, ..Selection::all() };
+        let taken = |selection| self.particles.select(selection, &Storage::Memory, progress);
+        Ok([taken(half)?, taken(Selection { left_out: true, ..half })?])
+    }
+
+    /// Mean spacing of the particles in their box, world units.
+    pub fn spacing(&self) -> f64 {
+        particlegs::stats::Domain::of_particles(&self.particles).spacing(self.particles.len())
+    }
+}
+
+/// Positions in columns, as compressors take them: relative to the particles' origin, since float32 far from it has few
+/// digits left.
+pub fn columns_of(p: &Particles) -> Columns {
+    [0, 1, 2].map(|k| (0..p.len()).map(|i| (p.position(i)[k] - p.origin[k]) as f32).collect())
+}
+
+/// Particles of such columns, about the origin and in the box of others.
+pub fn particles_of(columns: Columns, like: &Particles) -> Particles {
+    Particles::new(Positions::Columns(columns.map(Column::owned)), like.origin, like.meta.clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Another box is another snapshot, though the positions are the same, whether a file or a user says so.
+    #[test]
+    fn the_hash_knows_the_box_and_options_and_no_name() {
+        let of = |lengths: Option<[f64; 3]>, name: &str, options| {
+            let mut particles = Particles::from_columns(vec![1.0; 3], vec![2.0; 3], vec![3.0; 3]);
+            particles.meta.name = name.into();
+            particles.meta.state(lengths, [None; 2]).unwrap();
+            Snapshot::new("s".into(), "s".into(), particles, options).hash
+        };
+        let own = of(None, "a", None);
+        assert_eq!(own, of(None, "b", None));
+        let others = [of(Some([1.0; 3]), "a", None), of(Some([2.0; 3]), "a", None), of(None, "a", Some("--near"))];
+        assert!(others.iter().all(|h| *h != own && h[..24] == own[..24]) && others[0] != others[1], "{others:?}");
+    }
+
+    /// A snapshot far from zero comes back as it was: compressors are not given fewer digits than models.
+    #[test]
+    fn columns_keep_the_digits_of_places_far_away() {
+        let near = [vec![0.125f32, 3.0], vec![1.0, 2.0], vec![0.0, 0.5]];
+        let positions = Positions::Columns(near.clone().map(Column::owned));
+        let far = Particles::new(positions, [1e9, 0.0, -1e9], Particles::from_columns(vec![], vec![], vec![]).meta);
+        let columns = columns_of(&far);
+        assert_eq!(columns, near);
+        let back = particles_of(columns, &far);
+        assert_eq!([0, 1].map(|i| back.position(i)), [0, 1].map(|i| far.position(i)));
+        assert_eq!(back.position(0)[0], 1e9 + 0.125);
+    }
+}
