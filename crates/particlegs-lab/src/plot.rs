@@ -40,7 +40,7 @@ pub fn draw<B: DrawingBackend>(backend: B, plot: &Plot) -> Option<()> {
     root.fill(&WHITE).ok()?;
     let (axes, legend) = root.split_horizontally(SIZE.0 - LEGEND);
     curves(&axes, plot, x, y)?;
-    names(&legend, plot)?;
+    names(&legend, plot, x, y)?;
     root.present().ok()
 }
 
@@ -147,7 +147,7 @@ fn label(v: f64, length: f64) -> String {
     if size < 1e-12 {
         return "0".into();
     }
-    if !(1e-4..1e7).contains(&size) {
+    if !(1e-4..1e8).contains(&size) {
         return format!("{v:.0e}");
     }
     let digits = (2 - size.min(length).log10().floor() as i32).clamp(0, 6) as usize;
@@ -253,8 +253,8 @@ fn mark(style: usize, size: f64, (x, y): (i32, i32), fill: RGBColor) -> Polygon<
     Polygon::new(places, fill.filled())
 }
 
-/// The legend: curves in the order of the plot, then levels, then bands.
-fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot) -> Option<()> {
+/// The legend: curves in the order of the plot, those that the axes do not reach told, then levels, then bands.
+fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) -> Option<()> {
     let font = ("sans-serif", 15).into_font().color(&INK);
     let mut at = 58;
     for s in &plot.series {
@@ -265,7 +265,8 @@ fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot) -> Option<()> {
             false => area.draw(&line(4, 30)).ok()?,
         }
         marks(s, (17, at + 8)).try_for_each(|mark| area.draw(&mark)).ok()?;
-        area.draw(&Text::new(s.name.clone(), (38, at), font.clone())).ok()?;
+        let outside = if runs(s, x, y).is_empty() { " (outside)" } else { "" };
+        area.draw(&Text::new(format!("{}{outside}", s.name), (38, at), font.clone())).ok()?;
         at += 24;
     }
     for (i, (name, level)) in plot.levels.iter().enumerate() {
@@ -313,6 +314,13 @@ mod tests {
             assert!(text.contains(said), "{said}");
         }
         assert!(svg(&plot(vec![Point::new(-1.0, f64::NAN)])).is_none());
+        // A curve that the axes do not reach is told.
+        let low = Series { name: "low".into(), style: 2, dashed: false, points: vec![Point::new(30.0, 0.5)] };
+        let mut both = plot(vec![Point::new(20.0, 31.0)]);
+        both.y.range = Some([30.0, 34.0]);
+        both.series.push(low);
+        let both = svg(&both).unwrap().replace('\n', "");
+        assert!(both.contains("low (outside)") && !both.contains("model (outside)"));
         // Things without an order have their names, and no line from one to the next.
         let joined = plot(vec![Point::new(1.0, 31.0), Point::new(2.0, 29.0)]);
         let x = Axis::named("data set", vec!["box".into(), "melt".into()]);
@@ -344,8 +352,8 @@ mod tests {
 
     #[test]
     fn ticks_are_short() {
-        let said = [0.5, 20.0, 5000.0, 1e7, 0.0].map(|v| label(v, f64::INFINITY));
-        assert_eq!(said, ["0.5", "20", "5000", "1e7", "0"]);
+        let said = [0.5, 20.0, 5000.0, 1e8, 0.0].map(|v| label(v, f64::INFINITY));
+        assert_eq!(said, ["0.5", "20", "5000", "1e8", "0"]);
         assert_eq!(label(31.25, 2.0), "31.25");
     }
 }

@@ -41,6 +41,11 @@ pub(super) struct Model {
 }
 
 impl Sweep {
+    /// Of tables and plots: what changes, without its unit.
+    fn title(&self, of: &str) -> String {
+        format!("Quality by {}{of}", self.what.split(',').next().unwrap_or_default())
+    }
+
     /// A row a value; `of` says at the title's end what is different about this table.
     pub fn table(&self, stem: &str, models: &[Model], noise_free: &[Score], of: &str) -> Table {
         let mut heads = vec![self.what.to_string(), "published training".into()];
@@ -51,7 +56,7 @@ impl Sweep {
         }
         heads.extend(["noise-free: masked PSNR, dB".into(), "paper: masked PSNR, dB".into()]);
         heads.push(self.base.map_or("paper: SSIM".into(), |b| format!("paper: change from {b}, dB")));
-        let title = format!("Quality by {}{of}", self.what);
+        let title = self.title(of);
         let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
         let mut table = Table::new(&format!("{stem}-{}", self.name), title, &heads);
         let noise_free = [noise_free.to_vec()];
@@ -94,7 +99,7 @@ impl Sweep {
         series.push(Series { name: "paper (HACC, 1080p)".into(), style: 7, dashed: true, points: theirs });
         Plot {
             name: format!("{stem}-{}", self.name),
-            title: format!("Quality by {}{of}", self.what),
+            title: self.title(of),
             x: Axis::linear(self.what),
             y: Axis::linear("masked PSNR, dB"),
             series,
