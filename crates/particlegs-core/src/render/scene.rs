@@ -52,6 +52,16 @@ impl<'a> Scene<'a> {
         &self.bounds
     }
 
+    /// Its parts, in the order in which they are drawn.
+    pub fn parts(&self) -> impl Iterator<Item = &'a Mixture> {
+        self.parts.iter().map(|(m, _)| *m)
+    }
+
+    /// Where it is drawn, from where it is, world units.
+    pub fn shifts(&self) -> &[[f64; 3]] {
+        &self.shifts
+    }
+
     /// One mixture of the optical-depth law, fitted to particles with these bounds.
     pub fn of_mixture(mixture: &'a Mixture, bounds: Bounds) -> Self {
         Scene { parts: vec![(mixture, 1.0)], bounds, blend: None, shifts: vec![[0.0; 3]] }

@@ -1,0 +1,145 @@
+//! An adapter that was opened.
+
+use crate::adapters::{Choice, chosen};
+use particlegs_core::{Error, Result};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Does the program check every index and every loop of its kernels while they run?
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Checks {
+    /// No: kernels are this crate's own, and their loops end. Bounds on loops cost up to a hundredfold on some drivers
+    /// (gfx-rs/wgpu issue 7698).
+    Off,
+    /// Yes, in tests.
+    On,
+}
+
+/// A device and its queue.
+pub struct Device {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    pub(crate) checks: Checks,
+    name: String,
+    /// The first thing that went wrong since it was last asked.
+    fault: Arc<Mutex<Option<Fault>>>,
+}
+
+enum Fault {
+    Memory,
+    Lost(String),
+    Other(String),
+}
+
+impl Device {
+    /// Opens an adapter with the limits that it has and without any feature.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where there is none, or it does not open.
+    pub fn open(choice: Choice, checks: Checks) -> Result<Device> {
+        let adapter = chosen(choice)?;
+        let name = adapter.get_info().name;
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("particlegs"),
+            required_limits: adapter.limits(),
+            memory_hints: wgpu::MemoryHints::MemoryUsage,
+            ..Default::default()
+        };
+        let opened = pollster::block_on(adapter.request_device(&descriptor));
+        let (device, queue) = opened.map_err(|e| Error::argument(format!("device {name}: {e}")))?;
+        let fault: Arc<Mutex<Option<Fault>>> = Arc::default();
+        let note = |fault: &Arc<Mutex<Option<Fault>>>| {
+            let fault = fault.clone();
+            move |new: Fault| {
+                fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(new);
+            }
+        };
+        let (of_errors, of_loss) = (note(&fault), note(&fault));
+        device.on_uncaptured_error(Arc::new(move |e| {
+            of_errors(match e {
+                wgpu::Error::OutOfMemory { .. } => Fault::Memory,
+                other => Fault::Other(other.to_string()),
+            });
+        }));
+        device.set_device_lost_callback(move |reason, text| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                of_loss(Fault::Lost(text));
+            }
+        });
+        Ok(Device { device, queue, checks, name, fault })
+    }
+
+    /// The adapter's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Bytes of the largest part of a buffer that a kernel sees.
+    pub fn largest_binding(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// Whatever went wrong on the device since this was last asked.
+    ///
+    /// # Errors
+    /// [`Error::Input`] whose place is the device.
+    pub fn check(&self) -> Result<()> {
+        let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let what = match fault {
+            None => return Ok(()),
+            Some(Fault::Memory) => "its memory does not hold this: use a smaller picture, or --device cpu".into(),
+            Some(Fault::Lost(text)) => format!("it was lost, by a reset or its driver ({}): run again", line(&text)),
+            Some(Fault::Other(text)) => line(&text),
+        };
+        Err(Error::input(format!("device {}", self.name), what))
+    }
+
+    /// Waits until all that was given to it is done.
+    ///
+    /// # Errors
+    /// As [`Device::check`].
+    pub fn wait(&self) -> Result<()> {
+        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.check()?;
+        waited.map(drop).map_err(|e| Error::input(format!("device {}", self.name), e.to_string()))
+    }
+
+    /// Bytes of device memory that are taken, where the interface says.
+    pub fn allocated(&self) -> Option<u64> {
+        self.device.generate_allocator_report().map(|r| r.total_reserved_bytes)
+    }
+
+    /// A buffer of zeros.
+    pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        // Empty buffers cannot be bound.
+        let size = bytes.max(16).next_multiple_of(16);
+        self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+    }
+
+    /// A buffer with these bytes.
+    pub(crate) fn filled<T: bytemuck::NoUninit>(&self, label: &str, of: &[T], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let bytes: &[u8] = bytemuck::cast_slice(of);
+        let buffer = self.buffer(label, bytes.len() as u64, usage | wgpu::BufferUsages::COPY_DST);
+        self.queue.write_buffer(&buffer, 0, bytes);
+        buffer
+    }
+
+    /// The bytes of a buffer, once all that was given to the device is done.
+    ///
+    /// # Errors
+    /// As [`Device::check`].
+    pub(crate) fn read(&self, from: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>> {
+        let size = bytes.next_multiple_of(4);
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+        let to = self.buffer("read back", size, usage);
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(from, 0, &to, 0, size);
+        self.queue.submit([encoder.finish()]);
+        to.map_async(wgpu::MapMode::Read, .., |_| {});
+        self.wait()?;
+        let mapped = to.get_mapped_range(..size);
+        let mapped = mapped.map_err(|e| Error::input(format!("device {}", self.name), e.to_string()))?;
+        Ok(mapped[..bytes as usize].to_vec())
+    }
+}

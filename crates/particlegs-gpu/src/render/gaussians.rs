@@ -1,0 +1,88 @@
+//! Gaussians on the device.
+
+use super::frame::two_floats;
+use crate::Device;
+use particlegs_core::math::{Sym3, each_axis};
+use particlegs_core::model::{LawKind, Mixture};
+use particlegs_core::render::Scene;
+use particlegs_core::space::Bounds;
+use particlegs_core::{Error, Result};
+
+/// Floats of a Gaussian, each a column: see project.wgsl.
+const COLUMNS: usize = 13;
+/// Gaussians of a buffer at most: a dispatch has 65,535 groups at most, and a binding 128 MiB on many cards.
+const MOST: usize = 1 << 21;
+
+/// The Gaussians of a scene on a device, about a point near them.
+pub struct Gaussians {
+    pub(super) chunks: Vec<Chunk>,
+    pub(super) origin: [f64; 3],
+    pub(super) bounds: Bounds,
+    pub(super) shifts: Vec<[f64; 3]>,
+}
+
+/// Some of them.
+pub(super) struct Chunk {
+    pub columns: wgpu::Buffer,
+    pub count: u32,
+}
+
+impl Gaussians {
+    /// Of a scene of the optical-depth law.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for one of the other law; those of the device.
+    pub fn upload(device: &Device, scene: &Scene) -> Result<Gaussians> {
+        if scene.law() != LawKind::OpticalDepth {
+            return Err(Error::argument("models of the alpha-blend law are drawn on the processor alone: --device cpu"));
+        }
+        let bounds = *scene.bounds();
+        // Parts are drawn where they are; a repeated scene's bounds are those of all its images.
+        let origin = each_axis(|k| 0.5 * (bounds.min[k] + bounds.max[k]));
+        let most = MOST.min((device.largest_binding() / (4 * COLUMNS as u64)) as usize);
+        let all: Vec<(&Mixture, usize)> = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i))).collect();
+        let chunks = all.chunks(most.max(1)).map(|some| Chunk::new(device, some, origin)).collect();
+        device.check()?;
+        Ok(Gaussians { chunks, origin, bounds, shifts: scene.shifts().to_vec() })
+    }
+
+    /// Their number.
+    pub fn len(&self) -> usize {
+        self.chunks.iter().map(|c| c.count as usize).sum()
+    }
+
+    /// None?
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+impl Chunk {
+    fn new(device: &Device, some: &[(&Mixture, usize)], origin: [f64; 3]) -> Chunk {
+        let n = some.len();
+        let mut columns = vec![0.0f32; COLUMNS * n];
+        for (place, &(m, i)) in some.iter().enumerate() {
+            let (mean, factor) = (m.mean_of(i), factor(&m.cov_of(i)));
+            let mut put = |column: usize, v: f32| columns[column * n + place] = v;
+            for k in 0..3 {
+                let [high, low] = two_floats(mean[k] - origin[k]);
+                put(k, high);
+                put(3 + k, low);
+            }
+            factor.iter().enumerate().for_each(|(k, v)| put(6 + k, *v as f32));
+            put(12, m.count[i] as f32);
+        }
+        Chunk { columns: device.filled("gaussians", &columns, wgpu::BufferUsages::STORAGE), count: n as u32 }
+    }
+}
+
+/// The lower triangle L with L L^T the covariance: xx, yx, yy, zx, zy, zz. What rounding left below zero is none.
+fn factor(cov: &Sym3) -> [f64; 6] {
+    let [xx, xy, xz, yy, yz, zz] = cov.0;
+    let over = |v: f64, by: f64| if by > 0.0 { v / by } else { 0.0 };
+    let a = xx.max(0.0).sqrt();
+    let (b, d) = (over(xy, a), over(xz, a));
+    let c = (yy - b * b).max(0.0).sqrt();
+    let e = over(yz - d * b, c);
+    [a, b, c, d, e, (zz - d * d - e * e).max(0.0).sqrt()]
+}

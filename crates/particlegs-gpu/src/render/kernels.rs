@@ -1,0 +1,79 @@
+//! The kernels of pictures, by their sources.
+
+use crate::Device;
+use crate::kernel::{Kernel, Use};
+
+const FRAME: &str = include_str!("frame.wgsl");
+const SCALE: &str = include_str!("scale.wgsl");
+const PROJECT: &str = include_str!("project.wgsl");
+const SLICES: &str = include_str!("slices.wgsl");
+const BIN: &str = include_str!("bin.wgsl");
+const BOUND: &str = include_str!("bound.wgsl");
+const STROKE: &str = include_str!("stroke.wgsl");
+const RASTER: &str = include_str!("raster.wgsl");
+const PYRAMID: &str = include_str!("pyramid.wgsl");
+const TONE: &str = include_str!("tone.wgsl");
+
+/// All of them.
+pub(super) struct Kernels {
+    pub project: Kernel,
+    pub slices_bound: Kernel,
+    pub scale: Kernel,
+    pub raster: Kernel,
+    pub slices: Kernel,
+    pub pyramid: Kernel,
+    pub pyramid_coarsest: Kernel,
+    pub tone_levels: Kernel,
+    pub tone: Kernel,
+}
+
+impl Kernels {
+    /// Compiled for a device.
+    pub fn new(device: &Device) -> Kernels {
+        use Use::{Read, Uniform, Write};
+        let new = |label, sources: &[&str], uses: &[Use]| Kernel::new(device, label, sources, uses);
+        Kernels {
+            project: new(
+                "project",
+                &[include_str!("project_main.wgsl"), FRAME, PROJECT, STROKE, BIN, BOUND],
+                &[Uniform, Read, Write, Write, Write, Write, Write],
+            ),
+            slices_bound: new(
+                "bounds of slices",
+                &[include_str!("slices_bound_main.wgsl"), FRAME, PROJECT, SLICES, STROKE, BIN, BOUND],
+                &[Uniform, Read, Read, Read, Write],
+            ),
+            scale: new("scale", &[include_str!("scale_main.wgsl"), SCALE], &[Read, Write]),
+            raster: new(
+                "raster",
+                &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, RASTER],
+                &[Uniform, Read, Read, Read, Write],
+            ),
+            slices: new(
+                "slices",
+                &[include_str!("slices_main.wgsl"), FRAME, SCALE, PROJECT, SLICES, STROKE, BIN, RASTER],
+                &[Uniform, Read, Read, Read, Read, Write],
+            ),
+            pyramid: new(
+                "pyramid",
+                &[PYRAMID, include_str!("pyramid_main.wgsl"), FRAME, SCALE],
+                &[Uniform, Read, Write, Uniform],
+            ),
+            pyramid_coarsest: new(
+                "coarsest planes",
+                &[PYRAMID, include_str!("pyramid_coarsest_main.wgsl"), FRAME, SCALE],
+                &[Uniform, Read, Write, Uniform],
+            ),
+            tone_levels: new(
+                "levels",
+                &[TONE, include_str!("tone_levels_main.wgsl"), FRAME, SCALE],
+                &[Uniform, Read, Write, Uniform, Read, Write],
+            ),
+            tone: new(
+                "tone",
+                &[TONE, include_str!("tone_main.wgsl"), FRAME, SCALE],
+                &[Uniform, Read, Write, Uniform, Read, Write],
+            ),
+        }
+    }
+}

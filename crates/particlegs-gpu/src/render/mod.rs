@@ -1,0 +1,345 @@
+//! Pictures of the optical-depth law in the stages of core's `render`, each a kernel:
+//!
+//! | kernel | twin in core | what it does |
+//! |---|---|---|
+//! | project.wgsl, slices.wgsl | `project`, `project::slices` | Gaussians to footprints, whole or in pieces along depth |
+//! | bin.wgsl | `bin::place` | footprints to strokes on the plane that suits them |
+//! | bound.wgsl, scale_main.wgsl | none: it sums in float32 | the scale of sums of whole numbers that none wraps at |
+//! | raster.wgsl | `raster::draw` | strokes to sums, by atomic adds |
+//! | pyramid.wgsl | `raster::pyramid` | planes summed from coarse to fine, as depth |
+//! | tone.wgsl | `tone` | depth to grey levels |
+//!
+//! Nothing is sorted, and nothing depends on the order in which threads come.
+
+mod frame;
+mod gaussians;
+mod kernels;
+#[cfg(test)]
+mod tests;
+
+pub use gaussians::Gaussians;
+
+use crate::Device;
+use frame::{FrameRecord, MOST_LEVELS, Planes};
+use kernels::Kernels;
+use particlegs_core::camera::View;
+use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::render::lens::Lens;
+use particlegs_core::render::raster::pyramid::PAD;
+use particlegs_core::splat::{FxaaMean, Look, Response, fxaa_blur};
+use particlegs_core::{Error, Result};
+
+/// Threads of a group in kernels of one dimension.
+const THREADS: u64 = 64;
+/// Groups that share out the Gaussians that are cut.
+const CUT_GROUPS: u32 = 1024;
+/// Pixels of a plane that is summed together with those that are coarser.
+const COARSEST: u32 = 8192;
+/// Groups of a dispatch along an axis.
+const MOST_GROUPS: u64 = 65_535;
+
+/// Draws on a device.
+pub struct Renderer<'d> {
+    device: &'d Device,
+    kernels: Kernels,
+}
+
+/// The memory of pictures of one size of some Gaussians, and what is bound to kernels.
+pub struct Canvas {
+    planes: Planes,
+    sums: wgpu::Buffer,
+    tiles: wgpu::Buffer,
+    /// What sums are multiplied by, and its inverse.
+    scales: wgpu::Buffer,
+    cut_count: wgpu::Buffer,
+    picture: wgpu::Buffer,
+    batches: Vec<Batch>,
+    scale: wgpu::BindGroup,
+    steps: Vec<Step>,
+    tone: Tone,
+}
+
+/// Gaussians that go through the stages together, from one place.
+struct Batch {
+    shift: [f64; 3],
+    count: u32,
+    frame: wgpu::Buffer,
+    project: wgpu::BindGroup,
+    slices_bound: wgpu::BindGroup,
+    raster: wgpu::BindGroup,
+    slices: wgpu::BindGroup,
+}
+
+/// A pass from coarse to fine.
+struct Step {
+    coarsest: bool,
+    groups: [u32; 2],
+    bound: wgpu::BindGroup,
+}
+
+/// What turns depth into grey levels.
+struct Tone {
+    look: wgpu::Buffer,
+    blur: wgpu::Buffer,
+    curve: wgpu::Buffer,
+    levels: wgpu::BindGroup,
+    plain: wgpu::BindGroup,
+    blurred: wgpu::BindGroup,
+    /// The opacity, radius in pixels and look that the curve is of.
+    of: std::cell::Cell<Option<([u64; 2], Look)>>,
+}
+
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct LookRecord {
+    kind: u32,
+    tap: f32,
+    is_sum: u32,
+    pad: u32,
+}
+
+impl<'d> Renderer<'d> {
+    /// Its kernels.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn new(device: &'d Device) -> Result<Self> {
+        let kernels = Kernels::new(device);
+        device.check()?;
+        Ok(Renderer { device, kernels })
+    }
+
+    /// Memory for pictures of `size` of these Gaussians.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where a picture is too large for the device; those of the device.
+    pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
+        let (device, kernels) = (self.device, &self.kernels);
+        let planes = Planes::of(size);
+        let most = device.largest_binding();
+        if 4 * planes.sums > most || planes.levels.len() > MOST_LEVELS || size.pixels() == 0 {
+            let (width, height) = (size.width, size.height);
+            let what = format!("{width}x{height}: device {} sees {most} bytes at once", device.name());
+            return Err(Error::argument(format!("{what}, fewer than such a picture takes: --device cpu")));
+        }
+        use wgpu::BufferUsages as Use;
+        let storage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
+        let sums = device.buffer("sums", 4 * planes.sums, storage);
+        let tiles = device.buffer("tiles", 8 * planes.tiles, storage);
+        let scale = device.buffer("scale", 8, storage);
+        let picture = device.buffer("picture", size.pixels() as u64, storage);
+        let largest = gaussians.chunks.iter().map(|c| u64::from(c.count)).max().unwrap_or(0);
+        let strokes = device.buffer("strokes", 32 * largest, storage);
+        let planes_of = device.buffer("planes", 4 * largest, storage);
+        let cuts = device.buffer("cuts", 4 * largest, storage);
+        let cut_count = device.buffer("cut count", 4, storage);
+        let mut batches = Vec::new();
+        for shift in &gaussians.shifts {
+            for chunk in &gaussians.chunks {
+                let frame = device.buffer("frame", size_of::<FrameRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+                let own = &chunk.columns;
+                batches.push(Batch {
+                    shift: *shift,
+                    count: chunk.count,
+                    project: kernels
+                        .project
+                        .bind(device, &[&frame, own, &strokes, &planes_of, &tiles, &cuts, &cut_count]),
+                    slices_bound: kernels.slices_bound.bind(device, &[&frame, own, &cuts, &cut_count, &tiles]),
+                    raster: kernels.raster.bind(device, &[&frame, &strokes, &planes_of, &scale, &sums]),
+                    slices: kernels.slices.bind(device, &[&frame, own, &cuts, &cut_count, &scale, &sums]),
+                    frame,
+                });
+            }
+        }
+        if batches.is_empty() {
+            return Err(Error::argument("no Gaussians to draw"));
+        }
+        let frame = &batches[0].frame;
+        let steps = steps(device, kernels, &planes, [frame, &scale, &sums]);
+        let look = device.buffer("look", 16, Use::UNIFORM | Use::COPY_DST);
+        let blur = device.buffer("blur", 16, Use::UNIFORM | Use::COPY_DST);
+        let curve = device.buffer("curve", 4 * (CURVE + 1) as u64, storage);
+        let bind = |kernel: &crate::kernel::Kernel, look| {
+            kernel.bind(device, &[frame, &scale, &sums, look, &curve, &picture])
+        };
+        let tone = Tone {
+            levels: bind(&kernels.tone_levels, &look),
+            plain: bind(&kernels.tone, &look),
+            blurred: bind(&kernels.tone, &blur),
+            look,
+            blur,
+            curve,
+            of: Default::default(),
+        };
+        let bound = kernels.scale.bind(device, &[&tiles, &scale]);
+        device.check()?;
+        Ok(Canvas { planes, sums, tiles, scales: scale, cut_count, picture, batches, scale: bound, steps, tone })
+    }
+
+    /// Gives the device a picture to draw; the next one overwrites it.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a view out of range; those of the device.
+    pub fn submit(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: Look) -> Result<()> {
+        let (queue, size) = (&self.device.queue, canvas.planes.size);
+        let lens = Lens::optical(view, size, &gaussians.bounds)?;
+        for batch in &canvas.batches {
+            let record = FrameRecord::new(&lens.shifted(batch.shift), gaussians.origin, &canvas.planes, batch.count);
+            queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
+        }
+        self.set_tone(canvas, view, look);
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        encoder.clear_buffer(&canvas.sums, 0, None);
+        encoder.clear_buffer(&canvas.tiles, 0, None);
+        let one = canvas.batches.len() == 1;
+        for batch in &canvas.batches {
+            encoder.clear_buffer(&canvas.cut_count, 0, None);
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            self.project(&mut pass, batch);
+            self.kernels.slices_bound.run(&mut pass, &batch.slices_bound, [CUT_GROUPS, 1]);
+            if one {
+                self.kernels.scale.run(&mut pass, &canvas.scale, [1, 1]);
+                self.raster(&mut pass, batch);
+                self.finish(&mut pass, canvas, look);
+            }
+        }
+        if !one {
+            // All are bounded: once more, to be drawn.
+            for (k, batch) in canvas.batches.iter().enumerate() {
+                encoder.clear_buffer(&canvas.cut_count, 0, None);
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                if k == 0 {
+                    self.kernels.scale.run(&mut pass, &canvas.scale, [1, 1]);
+                }
+                self.project(&mut pass, batch);
+                self.raster(&mut pass, batch);
+            }
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            self.finish(&mut pass, canvas, look);
+        }
+        queue.submit([encoder.finish()]);
+        self.device.check()
+    }
+
+    fn project(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
+        self.kernels.project.run(pass, &batch.project, groups(u64::from(batch.count)));
+    }
+
+    fn raster(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
+        self.kernels.raster.run(pass, &batch.raster, groups(u64::from(batch.count)));
+        self.kernels.slices.run(pass, &batch.slices, [CUT_GROUPS, 1]);
+    }
+
+    /// From the planes of sums to the picture.
+    fn finish(&self, pass: &mut wgpu::ComputePass<'_>, canvas: &Canvas, look: Look) {
+        for step in &canvas.steps {
+            let kernel = if step.coarsest { &self.kernels.pyramid_coarsest } else { &self.kernels.pyramid };
+            kernel.run(pass, &step.bound, step.groups);
+        }
+        let pixels = canvas.planes.size.pixels() as u64;
+        let tone = &canvas.tone;
+        let words = groups(pixels.div_ceil(4));
+        if look == Look::Paraview {
+            self.kernels.tone_levels.run(pass, &tone.levels, groups(pixels));
+            self.kernels.tone.run(pass, &tone.blurred, words);
+        } else {
+            self.kernels.tone.run(pass, &tone.plain, words);
+        }
+    }
+
+    /// The look's records, and its curve where it is not there yet.
+    fn set_tone(&self, canvas: &Canvas, view: &View, look: Look) {
+        let (queue, tone) = (&self.device.queue, &canvas.tone);
+        let radius_px = view.radius_pixels(canvas.planes.size);
+        let of = ([view.opacity.to_bits(), radius_px.to_bits()], look);
+        if tone.of.replace(Some(of)) == Some(of) {
+            return;
+        }
+        let is_sum = u32::from(canvas.steps.is_empty());
+        let kind = u32::from(look != Look::Expected);
+        queue.write_buffer(&tone.look, 0, bytemuck::bytes_of(&LookRecord { kind, tap: 0.0, is_sum, pad: 0 }));
+        if look == Look::Paraview {
+            let tap = fxaa_blur(view.opacity, radius_px);
+            queue.write_buffer(&tone.blur, 0, bytemuck::bytes_of(&LookRecord { kind: 2, tap, is_sum: 0, pad: 0 }));
+        }
+        if look != Look::Expected {
+            let curve = curve(view.opacity, (look == Look::Paraview).then_some(radius_px));
+            queue.write_buffer(&tone.curve, 0, bytemuck::cast_slice(&curve));
+        }
+    }
+
+    /// The last picture that was submitted, once it is drawn.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn picture(&self, canvas: &Canvas) -> Result<Gray8> {
+        let size = canvas.planes.size;
+        Ok(Gray8 { size, data: self.device.read(&canvas.picture, size.pixels() as u64)? })
+    }
+
+    /// The depth that the last picture was made of, before splats are widened towards the edges; not in
+    /// [`Look::Paraview`], whose levels take its place.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn depth(&self, canvas: &Canvas) -> Result<Plane> {
+        let (size, level) = (canvas.planes.size, canvas.planes.levels[0]);
+        let bytes = self.device.read(&canvas.sums, 4 * u64::from(level.width) * u64::from(level.rows))?;
+        let words = bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
+        let all: Vec<f32> = if canvas.steps.is_empty() {
+            // The only plane is never summed with others: it still holds whole numbers.
+            let scale = self.device.read(&canvas.scales, 8)?;
+            let down = f32::from_le_bytes([scale[4], scale[5], scale[6], scale[7]]);
+            words.map(|b| u32::from_le_bytes(b) as f32 * down).collect()
+        } else {
+            words.map(f32::from_le_bytes).collect()
+        };
+        let row = |y: usize| all[(y + PAD) * level.width as usize + PAD..][..size.width].iter().map(|v| v.max(0.0));
+        Ok(Plane { size, data: (0..size.height).flat_map(row).collect() })
+    }
+
+    /// A picture of a scene.
+    ///
+    /// # Errors
+    /// As [`Renderer::submit`].
+    pub fn draw(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: Look) -> Result<Gray8> {
+        self.submit(gaussians, canvas, view, look)?;
+        self.picture(canvas)
+    }
+}
+
+/// Groups of [`THREADS`] for so many threads.
+fn groups(threads: u64) -> [u32; 2] {
+    let all = threads.div_ceil(THREADS);
+    let down = all.div_ceil(MOST_GROUPS).max(1);
+    [all.div_ceil(down) as u32, down as u32]
+}
+
+/// The passes that sum the planes.
+fn steps(device: &Device, kernels: &Kernels, planes: &Planes, [frame, scale, sums]: [&wgpu::Buffer; 3]) -> Vec<Step> {
+    let top = planes.levels.len() - 1;
+    let small = planes.levels.iter().position(|l| l.width * l.rows <= COARSEST).unwrap_or(top).min(top);
+    let step = |level: usize, coarsest: bool, is_sum: bool| {
+        let target = [level as u32, u32::from(is_sum), 0, 0];
+        let target = device.filled("target plane", &target, wgpu::BufferUsages::UNIFORM);
+        let kernel = if coarsest { &kernels.pyramid_coarsest } else { &kernels.pyramid };
+        let l = planes.levels[level];
+        let groups = if coarsest { [1, 1] } else { [l.width.div_ceil(16), l.rows.div_ceil(16)] };
+        Step { coarsest, groups, bound: kernel.bind(device, &[frame, scale, sums, &target]) }
+    };
+    let fused = (small < top).then(|| step(small, true, true));
+    let rest = (0..small).rev().map(|level| step(level, false, level + 1 == top));
+    fused.into_iter().chain(rest).collect()
+}
+
+/// Depths of the curve: 2^e (1 + k/64), e from -14 to 3.
+const CURVE: usize = 18 * 64;
+
+/// Levels at the depths of the response's table; with what FXAA makes of means where a radius is given.
+fn curve(opacity: f64, radius_px: Option<f64>) -> Vec<f32> {
+    let response = Response::new(opacity);
+    let mean = radius_px.map(|r| FxaaMean::new(opacity, r));
+    let depth = |i: usize| f32::from_bits((113 << 23) + ((i as u32) << 17));
+    let ratio = |i: usize| mean.as_ref().map_or(1.0, |m| m.ratio(depth(i)));
+    response.levels().iter().enumerate().map(|(i, level)| level * ratio(i)).collect()
+}

@@ -1,0 +1,20 @@
+// Draws Gaussians that are in one piece.
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> strokes: array<Stroke>;
+@group(0) @binding(2) var<storage, read> planes_of: array<u32>;
+@group(0) @binding(3) var<storage, read> scale: Scale;
+@group(0) @binding(4) var<storage, read_write> sums: array<atomic<u32>>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) me: u32) {
+    var plane = NOWHERE;
+    var stroke: Stroke;
+    if id.x < frame.count {
+        plane = planes_of[id.x];
+        if plane != NOWHERE {
+            stroke = strokes[id.x];
+        }
+    }
+    draw(me, stroke, plane, scale.up);
+}

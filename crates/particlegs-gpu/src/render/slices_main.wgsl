@@ -1,0 +1,42 @@
+// Draws Gaussians that are cut, a Gaussian a workgroup at a time and a piece a thread.
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> gaussians: array<f32>;
+@group(0) @binding(2) var<storage, read> cuts: array<u32>;
+@group(0) @binding(3) var<storage, read> cut_count: u32;
+@group(0) @binding(4) var<storage, read> scale: Scale;
+@group(0) @binding(5) var<storage, read_write> sums: array<atomic<u32>>;
+
+var<workgroup> cut_here: u32;
+var<workgroup> pieces_here: u32;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) me: u32,
+) {
+    if me == 0u {
+        cut_here = cut_count;
+    }
+    let count = workgroupUniformLoad(&cut_here);
+    for (var c = group.x; c < count; c += groups.x) {
+        let g = see(frame.lens, cuts[c], frame.all);
+        let s = slices_of(frame.lens, g);
+        if me == 0u {
+            pieces_here = s.pieces;
+        }
+        let pieces = workgroupUniformLoad(&pieces_here);
+        for (var base = 0u; base < pieces; base += THREADS) {
+            var placed: Placed;
+            placed.level = NOWHERE;
+            if base + me < pieces {
+                let m = piece(frame.lens, s, base + me);
+                if m.weight > 0.0 {
+                    placed = place(footprint(frame.lens, g, m));
+                }
+            }
+            draw(me, placed.stroke, placed.level, scale.up);
+        }
+    }
+}

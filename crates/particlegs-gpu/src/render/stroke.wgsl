@@ -1,0 +1,27 @@
+// Footprints as the raster wants them: core's render::bin::Stroke.
+
+// What is drawn of a footprint, in the pixels of its plane (pad included).
+struct Stroke {
+    // Centre; pixel centres have whole coordinates.
+    x: f32,
+    y: f32,
+    // Shift of the row's centre from row to row.
+    slope: f32,
+    // -log2(e) / (2 sigma^2) along a row; the same down the rows.
+    along: f32,
+    down: f32,
+    // The exponent (power of two) at which it ends.
+    end: f32,
+    // Optical depth at the centre.
+    peak: f32,
+    // Half of its height in rows.
+    half: f32,
+}
+
+struct Placed {
+    // The plane, or NOWHERE.
+    level: u32,
+    stroke: Stroke,
+    // Half of its width in pixels of its plane.
+    half_width: f32,
+}

@@ -1,0 +1,143 @@
+//! Kernels against their twins in core, on whatever adapter there is.
+
+use super::*;
+use crate::{Checks, Choice};
+use particlegs_core::camera::{Camera, Projection};
+use particlegs_core::math::{Random, Sym3};
+use particlegs_core::model::Mixture;
+use particlegs_core::picture::psnr;
+use particlegs_core::progress::Silent;
+use particlegs_core::render::{self, Scene};
+use particlegs_core::space::Bounds;
+
+/// The first adapter, with all checks on; says why where there is none.
+fn device() -> Option<Device> {
+    match Device::open(Choice::Number(0), Checks::On) {
+        Ok(device) => Some(device),
+        Err(e) => {
+            assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none(), "{e}");
+            eprintln!("skipped: {e}");
+            None
+        }
+    }
+}
+
+/// What is drawn by both.
+struct Case {
+    name: &'static str,
+    gaussians: Mixture,
+    view: View,
+    size: Size,
+}
+
+fn view(position: [f64; 3], [radius, opacity]: [f64; 2]) -> View {
+    View {
+        name: "v".into(),
+        camera: Camera {
+            position,
+            focal_point: [0.0; 3],
+            view_up: [0.0, 1.0, 0.0],
+            projection: Projection::Perspective { fov_deg: 30.0 },
+            clipping_range: None,
+        },
+        radius,
+        opacity,
+    }
+}
+
+/// Gaussians in the unit cube: round, flat, long, and without extent.
+fn mixture(seed: u64, n: u64, spread: f64) -> Mixture {
+    let mut m = Mixture::default();
+    for i in 0..n {
+        let mut r = Random::new(seed, 1, i);
+        let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
+        let base = spread * (0.1 + r.uniform());
+        let mut cov = Sym3::default();
+        for s in [base, base * r.uniform(), base * r.uniform() * r.uniform()] {
+            let v = [0; 3].map(|_| r.normal());
+            cov = cov.add(&Sym3::outer(v.map(|x| x * s / 1.7)));
+        }
+        if i % 7 == 0 {
+            cov = Sym3::default();
+        }
+        m.push(mean, cov, (1.0 + 40.0 * r.uniform()).floor(), 0.0);
+    }
+    m
+}
+
+/// As long as the cube is half, and a millionth as wide.
+fn needles(n: u64) -> Mixture {
+    let mut m = Mixture::default();
+    for i in 0..n {
+        let mut r = Random::new(9, 1, i);
+        let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
+        let cov = [0.5, 1e-6, 1e-6].map(|s| Sym3::outer([0; 3].map(|_| s * r.normal())));
+        m.push(mean, cov[0].add(&cov[1]).add(&cov[2]), 2e4, 0.0);
+    }
+    m
+}
+
+fn cases() -> Vec<Case> {
+    let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
+    let (usual, size) = ([0.002, 0.05], Size { width: 320, height: 180 });
+    let case = |name, gaussians, view| Case { name, gaussians, view, size };
+    let mut flat = view(far, usual);
+    flat.camera.projection = Projection::Orthographic { height_world: 2.5 };
+    let mut slab = view(far, usual);
+    slab.camera.clipping_range = Some([5.9, 6.6]);
+    let mut flat_slab = slab.clone();
+    flat_slab.camera.projection = flat.camera.projection;
+    vec![
+        case("small, from afar", mixture(1, 5000, 0.05), view(far, usual)),
+        case("large radius", mixture(1, 5000, 0.05), view(far, [0.02, 0.5])),
+        case("near", mixture(2, 5000, 0.05), view(near, usual)),
+        case("inside", mixture(3, 3000, 0.1), view(inside, usual)),
+        case("large Gaussians, inside", mixture(4, 200, 0.8), view(inside, usual)),
+        case("needles", needles(300), view(far, usual)),
+        case("parallel", mixture(5, 5000, 0.05), flat),
+        case("a slab", mixture(6, 3000, 0.2), slab),
+        case("a slab, parallel", mixture(6, 3000, 0.2), flat_slab),
+        case("deep", mixture(7, 5000, 0.02), view(far, [0.05, 1.0])),
+        Case { size: Size { width: 9, height: 7 }, ..case("one plane", mixture(1, 500, 0.05), view(far, usual)) },
+        Case { size: Size { width: 1283, height: 701 }, ..case("odd sides", mixture(8, 5000, 0.05), view(far, usual)) },
+    ]
+}
+
+fn scene(m: &Mixture) -> Scene<'_> {
+    Scene::of_mixture(m, Bounds { min: [-1.0; 3], max: [1.0; 3] })
+}
+
+/// Depth and pictures of all looks against core's.
+#[test]
+fn kernels_agree_with_their_twins() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    for Case { name, gaussians, view, size } in cases() {
+        let scene = scene(&gaussians);
+        let there = Gaussians::upload(&device, &scene).unwrap();
+        let canvas = renderer.canvas(&there, size).unwrap();
+        renderer.submit(&there, &canvas, &view, Look::Expected).unwrap();
+        let mut tau = renderer.depth(&canvas).unwrap();
+        let lens = Lens::optical(&view, size, scene.bounds()).unwrap();
+        if lens.perspective {
+            render::depth::grow(&mut tau, &lens);
+        }
+        let own = render::optical_depth(&scene, &view, size, &Silent).unwrap();
+        let seen = |t: f32| 255.0 * (1.0 - f64::from(-t).exp());
+        let apart = tau.data.iter().zip(&own.data).map(|(a, b)| (seen(*a) - seen(*b)).abs());
+        let (worst, sum) = apart.fold((0.0f64, 0.0), |(w, s), d| (w.max(d), s + d * d));
+        let db = 20.0 * (255.0 / (sum / size.pixels() as f64).sqrt()).log10();
+        println!("{name}: largest {worst:.3} levels, {db:.1} dB");
+        assert!(worst < 0.5 && db > 76.0, "{name}: largest {worst:.3} levels, {db:.1} dB");
+        for look in Look::ALL {
+            let (a, b) = (
+                renderer.draw(&there, &canvas, &view, look).unwrap(),
+                render::draw(&scene, &view, size, look, &Silent).unwrap(),
+            );
+            let apart = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+            let db = psnr(&a, &b).unwrap_or(f64::INFINITY);
+            println!("  {}: largest {apart}, {db:.1} dB", look.name());
+            assert!(apart <= 1 && db > 60.0, "{name}, {}: largest {apart}, {db:.1} dB", look.name());
+        }
+    }
+}
