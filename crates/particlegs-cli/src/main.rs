@@ -15,6 +15,7 @@ mod compared_density;
 mod cut_short;
 mod density_args;
 mod density_file;
+mod device;
 mod drawing;
 mod drawn;
 mod emit;

@@ -114,11 +114,21 @@ impl Device {
     pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         // Empty buffers cannot be bound.
         let size = bytes.max(16).next_multiple_of(16);
-        self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
     }
 
     /// A buffer with these bytes.
-    pub(crate) fn filled<T: bytemuck::NoUninit>(&self, label: &str, of: &[T], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    pub(crate) fn filled<T: bytemuck::NoUninit>(
+        &self,
+        label: &str,
+        of: &[T],
+        usage: wgpu::BufferUsages,
+    ) -> wgpu::Buffer {
         let bytes: &[u8] = bytemuck::cast_slice(of);
         let buffer = self.buffer(label, bytes.len() as u64, usage | wgpu::BufferUsages::COPY_DST);
         self.queue.write_buffer(&buffer, 0, bytes);

@@ -30,7 +30,8 @@ impl Kernel {
             Checks::On => device.device.create_shader_module(module),
             // SAFETY: the crate's own kernels, which tests run with checks: their indices are within, their loops end.
             Checks::Off => unsafe {
-                let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..wgpu::ShaderRuntimeChecks::checked() };
+                let checks =
+                    wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..wgpu::ShaderRuntimeChecks::checked() };
                 device.device.create_shader_module_trusted(module, checks)
             },
         };
@@ -74,8 +75,7 @@ impl Kernel {
             .enumerate()
             .map(|(k, b)| wgpu::BindGroupEntry { binding: k as u32, resource: b.as_entire_binding() })
             .collect();
-        let descriptor =
-            wgpu::BindGroupDescriptor { label: Some(self.label), layout: &self.layout, entries: &entries };
+        let descriptor = wgpu::BindGroupDescriptor { label: Some(self.label), layout: &self.layout, entries: &entries };
         device.device.create_bind_group(&descriptor)
     }
 

@@ -7,6 +7,7 @@ mod compare;
 mod completions;
 mod compress;
 mod convert;
+mod devices;
 mod eval;
 mod export;
 mod finetune;
@@ -62,6 +63,8 @@ pub enum Command {
     Reference(reference::Arguments),
     /// Draw pictures of a model.
     Render(render::Arguments),
+    /// List the graphics cards that can draw.
+    Devices(devices::Arguments),
     /// Look at models in a browser.
     View(view::Arguments),
     /// Compare statistics: density, P(k), xi(r), groups, neighbours.
@@ -97,6 +100,7 @@ pub fn run(command: Command) -> Result<()> {
         Command::Convert(a) => convert::run(a),
         Command::Reference(a) => reference::run(&a),
         Command::Render(a) => render::run(&a),
+        Command::Devices(a) => devices::run(a),
         Command::View(a) => view::run(a),
         Command::Stats(a) => stats::run(a),
         Command::Info(a) => info::run(a),

@@ -2,6 +2,7 @@
 
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
+use crate::device::{Device, DeviceArgs, Pictures};
 use crate::drawing::finish::Finish;
 use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{Provenance, Source};
@@ -103,6 +104,8 @@ pub struct Arguments {
     figure: FigureArgs,
     #[command(flatten)]
     density: DensityArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -223,7 +226,9 @@ pub fn run(a: &Arguments) -> Result<()> {
     let (bounds, cell) = (m.bounds, m.cell);
     let subject = Subject { bounds, cell, radius: m.default_radius, opacity: m.default_opacity, density };
     let quantities = Quantities::of_model(model);
-    let painters = read.iter().map(|r| Drawing::new(r, &asked, &subject, &context)).collect::<Result<Vec<_>>>()?;
+    let device = a.device.open()?;
+    let draws = |r| Drawing::new(r, &asked, &subject, device.as_ref(), &context);
+    let painters = read.iter().map(draws).collect::<Result<Vec<_>>>()?;
     let set = match asked.like.clone() {
         Some(mut set) => {
             a.view.apply(&mut set)?;
@@ -333,13 +338,21 @@ struct Drawing<'a> {
     /// Each layer alone, where colours tell them apart.
     layers: Vec<Model>,
     look: Option<Look>,
+    /// Drawn on a graphics card.
+    pictures: Option<Pictures>,
     subject: &'a Subject,
     scratch: parallel::Scratch<Scratch>,
     context: &'a Context,
 }
 
 impl<'a> Drawing<'a> {
-    fn new(read: &'a Read, asked: &Asked, subject: &'a Subject, context: &'a Context) -> Result<Self> {
+    fn new(
+        read: &'a Read,
+        asked: &Asked,
+        subject: &'a Subject,
+        device: Option<&Device>,
+        context: &'a Context,
+    ) -> Result<Self> {
         let look = asked.style.look();
         if look.is_none() && read.model.metadata.law == LawKind::AlphaBlend {
             let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
@@ -348,7 +361,12 @@ impl<'a> Drawing<'a> {
         }
         let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
         let scene = Scene::of(&read.model);
-        Ok(Drawing { scene, layers, look, subject, scratch: parallel::Scratch::default(), context })
+        if device.is_some() && (look.is_none() || !layers.is_empty()) {
+            let what = "densities and coloured layers are drawn on the processor alone".into();
+            return Err(Error::Argument { what, remedy: "leave --device away".into() });
+        }
+        let pictures = device.map(|d| Pictures::new(d, &scene)).transpose()?;
+        Ok(Drawing { scene, layers, look, pictures, subject, scratch: parallel::Scratch::default(), context })
     }
 }
 
@@ -362,6 +380,9 @@ impl Painter for Drawing<'_> {
             return layers::draw(&self.layers, view, size, look, self.context);
         }
         self.context.require_memory("a picture", size.pixels() as u64)?;
+        if let Some(pictures) = &self.pictures {
+            return Ok(Seen::Levels(pictures.draw(view, size, look)?));
+        }
         let mut picture = Gray8::black(size);
         self.scratch.with(|scratch| {
             draw_into(&self.scene, view, look, Pixels::new(size, &mut picture.data)?, scratch, self.context)
@@ -370,6 +391,6 @@ impl Painter for Drawing<'_> {
     }
 
     fn side_by_side(&self) -> bool {
-        true
+        self.pictures.is_none()
     }
 }

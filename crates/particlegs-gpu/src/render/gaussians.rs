@@ -33,16 +33,29 @@ impl Gaussians {
     /// # Errors
     /// [`Error::Argument`] for one of the other law; those of the device.
     pub fn upload(device: &Device, scene: &Scene) -> Result<Gaussians> {
+        let seen = (device.largest_binding() / (4 * COLUMNS as u64)) as usize;
+        Gaussians::upload_in(device, scene, MOST.min(seen))
+    }
+
+    /// [`Gaussians::upload`] in buffers of so many at most.
+    pub(super) fn upload_in(device: &Device, scene: &Scene, most: usize) -> Result<Gaussians> {
         if scene.law() != LawKind::OpticalDepth {
-            return Err(Error::argument("models of the alpha-blend law are drawn on the processor alone: --device cpu"));
+            return Err(Error::argument(
+                "models of the alpha-blend law are drawn on the processor alone: --device cpu",
+            ));
         }
+        // A repeated scene's bounds are those of all its images.
         let bounds = *scene.bounds();
-        // Parts are drawn where they are; a repeated scene's bounds are those of all its images.
         let origin = each_axis(|k| 0.5 * (bounds.min[k] + bounds.max[k]));
-        let most = MOST.min((device.largest_binding() / (4 * COLUMNS as u64)) as usize);
-        let all: Vec<(&Mixture, usize)> = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i))).collect();
-        let chunks = all.chunks(most.max(1)).map(|some| Chunk::new(device, some, origin)).collect();
-        device.check()?;
+        let mut left: usize = scene.parts().map(Mixture::len).sum();
+        let mut all = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i)));
+        let mut chunks = Vec::new();
+        while left > 0 {
+            let n = left.min(most.max(1));
+            chunks.push(Chunk::new(device, all.by_ref().take(n), n, origin));
+            left -= n;
+            device.check()?;
+        }
         Ok(Gaussians { chunks, origin, bounds, shifts: scene.shifts().to_vec() })
     }
 
@@ -58,10 +71,9 @@ impl Gaussians {
 }
 
 impl Chunk {
-    fn new(device: &Device, some: &[(&Mixture, usize)], origin: [f64; 3]) -> Chunk {
-        let n = some.len();
+    fn new<'a>(device: &Device, some: impl Iterator<Item = (&'a Mixture, usize)>, n: usize, origin: [f64; 3]) -> Chunk {
         let mut columns = vec![0.0f32; COLUMNS * n];
-        for (place, &(m, i)) in some.iter().enumerate() {
+        for (place, (m, i)) in some.enumerate() {
             let (mean, factor) = (m.mean_of(i), factor(&m.cov_of(i)));
             let mut put = |column: usize, v: f32| columns[column * n + place] = v;
             for k in 0..3 {

@@ -14,10 +14,12 @@
 mod frame;
 mod gaussians;
 mod kernels;
+mod pictures;
 #[cfg(test)]
 mod tests;
 
 pub use gaussians::Gaussians;
+pub use pictures::Pictures;
 
 use crate::Device;
 use frame::{FrameRecord, MOST_LEVELS, Planes};
@@ -28,6 +30,7 @@ use particlegs_core::render::lens::Lens;
 use particlegs_core::render::raster::pyramid::PAD;
 use particlegs_core::splat::{FxaaMean, Look, Response, fxaa_blur};
 use particlegs_core::{Error, Result};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Threads of a group in kernels of one dimension.
 const THREADS: u64 = 64;
@@ -39,8 +42,8 @@ const COARSEST: u32 = 8192;
 const MOST_GROUPS: u64 = 65_535;
 
 /// Draws on a device.
-pub struct Renderer<'d> {
-    device: &'d Device,
+pub struct Renderer {
+    device: Arc<Device>,
     kernels: Kernels,
 }
 
@@ -53,6 +56,9 @@ pub struct Canvas {
     scales: wgpu::Buffer,
     cut_count: wgpu::Buffer,
     picture: wgpu::Buffer,
+    /// Strokes, their planes, the list of cuts: what is written before it is read.
+    #[cfg(test)]
+    scratch: [wgpu::Buffer; 3],
     batches: Vec<Batch>,
     scale: wgpu::BindGroup,
     steps: Vec<Step>,
@@ -86,7 +92,7 @@ struct Tone {
     plain: wgpu::BindGroup,
     blurred: wgpu::BindGroup,
     /// The opacity, radius in pixels and look that the curve is of.
-    of: std::cell::Cell<Option<([u64; 2], Look)>>,
+    of: Mutex<Option<([u64; 2], Look)>>,
 }
 
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -98,15 +104,20 @@ struct LookRecord {
     pad: u32,
 }
 
-impl<'d> Renderer<'d> {
+impl Renderer {
     /// Its kernels.
     ///
     /// # Errors
     /// Those of the device.
-    pub fn new(device: &'d Device) -> Result<Self> {
+    pub fn new(device: &Arc<Device>) -> Result<Self> {
         let kernels = Kernels::new(device);
         device.check()?;
-        Ok(Renderer { device, kernels })
+        Ok(Renderer { device: device.clone(), kernels })
+    }
+
+    /// What it draws on.
+    pub fn device(&self) -> &Device {
+        &self.device
     }
 
     /// Memory for pictures of `size` of these Gaussians.
@@ -114,7 +125,7 @@ impl<'d> Renderer<'d> {
     /// # Errors
     /// [`Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
-        let (device, kernels) = (self.device, &self.kernels);
+        let (device, kernels) = (&*self.device, &self.kernels);
         let planes = Planes::of(size);
         let most = device.largest_binding();
         if 4 * planes.sums > most || planes.levels.len() > MOST_LEVELS || size.pixels() == 0 {
@@ -159,9 +170,8 @@ impl<'d> Renderer<'d> {
         let look = device.buffer("look", 16, Use::UNIFORM | Use::COPY_DST);
         let blur = device.buffer("blur", 16, Use::UNIFORM | Use::COPY_DST);
         let curve = device.buffer("curve", 4 * (CURVE + 1) as u64, storage);
-        let bind = |kernel: &crate::kernel::Kernel, look| {
-            kernel.bind(device, &[frame, &scale, &sums, look, &curve, &picture])
-        };
+        let bind =
+            |kernel: &crate::kernel::Kernel, look| kernel.bind(device, &[frame, &scale, &sums, look, &curve, &picture]);
         let tone = Tone {
             levels: bind(&kernels.tone_levels, &look),
             plain: bind(&kernels.tone, &look),
@@ -173,7 +183,20 @@ impl<'d> Renderer<'d> {
         };
         let bound = kernels.scale.bind(device, &[&tiles, &scale]);
         device.check()?;
-        Ok(Canvas { planes, sums, tiles, scales: scale, cut_count, picture, batches, scale: bound, steps, tone })
+        Ok(Canvas {
+            planes,
+            sums,
+            tiles,
+            scales: scale,
+            cut_count,
+            picture,
+            #[cfg(test)]
+            scratch: [strokes, planes_of, cuts],
+            batches,
+            scale: bound,
+            steps,
+            tone,
+        })
     }
 
     /// Gives the device a picture to draw; the next one overwrites it.
@@ -252,7 +275,7 @@ impl<'d> Renderer<'d> {
         let (queue, tone) = (&self.device.queue, &canvas.tone);
         let radius_px = view.radius_pixels(canvas.planes.size);
         let of = ([view.opacity.to_bits(), radius_px.to_bits()], look);
-        if tone.of.replace(Some(of)) == Some(of) {
+        if tone.of.lock().unwrap_or_else(PoisonError::into_inner).replace(of) == Some(of) {
             return;
         }
         let is_sum = u32::from(canvas.steps.is_empty());

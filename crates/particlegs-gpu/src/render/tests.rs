@@ -11,9 +11,9 @@ use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 
 /// The first adapter, with all checks on; says why where there is none.
-fn device() -> Option<Device> {
+fn device() -> Option<Arc<Device>> {
     match Device::open(Choice::Number(0), Checks::On) {
-        Ok(device) => Some(device),
+        Ok(device) => Some(Arc::new(device)),
         Err(e) => {
             assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none(), "{e}");
             eprintln!("skipped: {e}");
@@ -140,4 +140,69 @@ fn kernels_agree_with_their_twins() {
             assert!(apart <= 1 && db > 60.0, "{name}, {}: largest {apart}, {db:.1} dB", look.name());
         }
     }
+}
+
+/// A picture that is drawn in several buffers is that of one, to the last bit; so is one whose Gaussians come in another
+/// order, and one after what a buffer held before.
+#[test]
+fn nothing_depends_on_order_or_on_what_was_there() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    let (gaussians, size) = (mixture(3, 1500, 0.1), Size { width: 160, height: 90 });
+    let mut turned = Mixture::default();
+    for i in (0..gaussians.len()).rev() {
+        turned.push(gaussians.mean_of(i), gaussians.cov_of(i), gaussians.count[i], 0.0);
+    }
+    let inside = view([0.1, 0.2, 0.5], [0.002, 0.05]);
+    let drawn = |m: &Mixture, most: usize, poison: bool| {
+        let there = Gaussians::upload_in(&device, &scene(m), most).unwrap();
+        let canvas = renderer.canvas(&there, size).unwrap();
+        if poison {
+            // All ones are not a number, and out of every range.
+            let all = canvas.scratch.iter().chain([&canvas.sums, &canvas.tiles, &canvas.picture, &canvas.cut_count]);
+            for buffer in all {
+                device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
+            }
+        }
+        renderer.submit(&there, &canvas, &inside, Look::Expected).unwrap();
+        (renderer.depth(&canvas).unwrap().data, renderer.picture(&canvas).unwrap().data)
+    };
+    let once = drawn(&gaussians, 1 << 20, false);
+    assert!(once.1.iter().any(|v| *v > 20));
+    assert!(once == drawn(&gaussians, 1 << 20, true), "what was there shows");
+    assert!(once == drawn(&turned, 1 << 20, false), "the order shows");
+    assert!(once == drawn(&gaussians, 400, false), "several buffers show");
+}
+
+/// Periodic images are drawn where core draws them.
+#[test]
+fn images_are_repeated() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    let (gaussians, size) = (mixture(5, 800, 0.05), Size { width: 160, height: 90 });
+    let shifts = vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, -2.0, 0.0]];
+    let scene = scene(&gaussians).repeated(shifts);
+    let view = view([1.0, 2.0, 9.0], [0.01, 0.05]);
+    let there = Gaussians::upload(&device, &scene).unwrap();
+    let canvas = renderer.canvas(&there, size).unwrap();
+    let a = renderer.draw(&there, &canvas, &view, Look::Paraview).unwrap();
+    let b = render::draw(&scene, &view, size, Look::Paraview, &Silent).unwrap();
+    assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
+    assert!(psnr(&a, &b).is_none_or(|db| db > 70.0));
+}
+
+/// What cannot be drawn is said, in a line.
+#[test]
+fn limits_are_told() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    let gaussians = mixture(5, 80, 0.05);
+    let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
+    let huge = renderer.canvas(&there, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err().to_string();
+    assert!(huge.contains("100000x100000") && huge.contains("--device cpu"), "{huge}");
+    let none = Gaussians::upload(&device, &scene(&Mixture::default())).unwrap();
+    assert!(none.is_empty() && renderer.canvas(&none, Size { width: 16, height: 9 }).is_err());
+    let canvas = renderer.canvas(&there, Size { width: 16, height: 9 }).unwrap();
+    let wrong = view([1.0, 2.0, 6.0], [0.01, 2.0]);
+    assert!(renderer.submit(&there, &canvas, &wrong, Look::Expected).is_err());
 }

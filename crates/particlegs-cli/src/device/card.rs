@@ -1,0 +1,23 @@
+//! Graphics cards.
+
+use particlegs::Result;
+use particlegs_gpu::{Checks, Choice, adapters, advice};
+use std::sync::Arc;
+
+pub use particlegs_gpu::Adapter;
+pub use particlegs_gpu::render::Pictures;
+
+/// A graphics card.
+pub type Device = Arc<particlegs_gpu::Device>;
+
+/// The one of a number, or the first real one.
+pub fn open(number: Option<usize>) -> Result<Device> {
+    particlegs_gpu::Device::open(number.map_or(Choice::Card, Choice::Number), Checks::Off).map(Arc::new)
+}
+
+/// All of them; and what would help where none is a real card.
+pub fn list() -> Result<(Vec<Adapter>, Option<String>)> {
+    let all = adapters();
+    let advice = all.iter().all(|a| a.software).then(advice);
+    Ok((all, advice))
+}

@@ -1,0 +1,60 @@
+//! `--device`: what draws.
+
+#[cfg(feature = "gpu")]
+mod card;
+#[cfg(not(feature = "gpu"))]
+#[path = "no_card.rs"]
+mod card;
+
+pub use card::{Adapter, Device, Pictures, list};
+
+use clap::Args;
+use particlegs::Result;
+use std::str::FromStr;
+
+/// The option.
+#[derive(Args, Clone, Debug)]
+pub struct DeviceArgs {
+    /// What draws: `cpu`, `gpu`, `auto` (a graphics card where there is one), or a number that `devices` lists.
+    ///
+    /// Cards count in float32: levels may differ by one from the processor's, which are the same everywhere.
+    #[arg(long, value_name = "DEVICE", default_value = "cpu", hide_short_help = true)]
+    device: Asked,
+}
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Asked {
+    Cpu,
+    Auto,
+    Gpu,
+    Number(usize),
+}
+
+impl FromStr for Asked {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Asked, String> {
+        match text {
+            "cpu" => Ok(Asked::Cpu),
+            "auto" => Ok(Asked::Auto),
+            "gpu" => Ok(Asked::Gpu),
+            number => number.parse().map(Asked::Number).map_err(|_| "it is cpu, gpu, auto or a number".into()),
+        }
+    }
+}
+
+impl DeviceArgs {
+    /// The card that is asked for; none for the processor.
+    ///
+    /// # Errors
+    /// [`particlegs::Error::Argument`] where there is none.
+    pub fn open(&self) -> Result<Option<Device>> {
+        match self.device {
+            Asked::Cpu => Ok(None),
+            Asked::Auto => Ok(card::open(None).ok()),
+            Asked::Gpu => card::open(None).map(Some),
+            Asked::Number(n) => card::open(Some(n)).map(Some),
+        }
+    }
+}
