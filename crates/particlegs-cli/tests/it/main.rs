@@ -11,6 +11,7 @@ mod eval;
 mod export;
 mod figures;
 mod formats;
+mod gpu;
 mod help;
 mod inputs;
 mod job;

@@ -1,0 +1,80 @@
+//! `devices` and `--device`.
+
+use crate::common::{particlegs, sample};
+use std::path::{Path, PathBuf};
+
+/// A small model of the sample.
+fn model(folder: &Path) -> PathBuf {
+    let out = folder.join("model.pgs");
+    let mut command = particlegs();
+    command.arg("compress").arg(sample()).args(["--gaussians", "500", "--effort", "fast", "--certificate", "none"]);
+    command.args(["-q", "-o"]).arg(&out).assert().success();
+    out
+}
+
+#[test]
+fn the_processor_draws_unless_a_card_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = model(folder.path());
+    let render = |device: &[&str], out: &str| {
+        let out = folder.path().join(out);
+        let mut command = particlegs();
+        command.arg("render").arg(&model).args(["--azimuth", "30", "--size", "96x54", "-q"]);
+        let done = command.arg("-o").arg(&out).args(device).output().unwrap();
+        (done.status.code(), String::from_utf8(done.stderr).unwrap(), std::fs::read(out).ok())
+    };
+    let (code, _, plain) = render(&[], "plain.png");
+    assert_eq!(code, Some(0));
+    assert_eq!(render(&["--device", "cpu"], "cpu.png").2, plain);
+    let (code, error, none) = render(&["--device", "999"], "no.png");
+    assert!(code == Some(2) && none.is_none(), "{error}");
+    let (code, error, none) = render(&["--device", "fastest"], "no.png");
+    assert!(code == Some(2) && none.is_none() && error.contains("cpu, gpu, auto or a number"), "{error}");
+}
+
+#[cfg(not(feature = "gpu"))]
+#[test]
+fn a_program_without_cards_says_how_to_get_them() {
+    for arguments in [&["devices"][..], &["render", "m.pgs", "-o", "m.png", "--device", "gpu"]] {
+        let out = particlegs().args(arguments).output().unwrap();
+        let error = String::from_utf8(out.stderr).unwrap();
+        if arguments[0] == "devices" {
+            assert!(error.contains("without graphics cards") && error.contains("--features gpu"), "{error}");
+        }
+        assert!(!out.status.success());
+    }
+}
+
+/// On whatever adapter is number 0.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_device_draws_what_the_processor_draws() {
+    let listed = particlegs().args(["devices", "--json", "-"]).output().unwrap();
+    let listed: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
+    if listed["devices"].as_array().unwrap().is_empty() {
+        assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none());
+        eprintln!("skipped: {}", listed["advice"]);
+        return;
+    }
+    assert!(listed["devices"][0]["largest_binding_bytes"].as_u64().unwrap() >= 1 << 27);
+    let folder = tempfile::tempdir().unwrap();
+    let model = model(folder.path());
+    let draw = |device: &str| {
+        let out = folder.path().join(device);
+        let mut command = particlegs();
+        command.arg("render").arg(&model).args(["--size", "160x90", "-q", "--device", device, "-o"]).arg(&out);
+        let done = command.output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        out
+    };
+    let (card, processor) = (draw("0"), draw("cpu"));
+    let compared = particlegs().arg("compare").args([&card, &processor]).args(["--json", "-"]).output().unwrap();
+    let compared: serde_json::Value = serde_json::from_slice(&compared.stdout).unwrap();
+    let views = compared["views"].as_array().unwrap();
+    assert!(views.len() > 1);
+    assert!(views.iter().all(|v| v["largest_difference"].as_u64().unwrap() <= 1), "{compared}");
+    let out = folder.path().join("d.png");
+    let density = ["--style", "density", "--device", "0", "-q", "-o"];
+    let refused = particlegs().arg("render").arg(&model).args(density).arg(&out).output().unwrap();
+    assert!(refused.status.code() == Some(2) && !out.exists());
+}
