@@ -78,6 +78,7 @@ fn described(adapter: &wgpu::Adapter) -> Adapter {
 }
 
 /// Bytes of the memory that is the adapter's own; Vulkan alone says.
+#[cfg(not(target_vendor = "apple"))]
 fn memory_of(adapter: &wgpu::Adapter) -> Option<u64> {
     // SAFETY: the handles are used while the adapter lives, for a question that changes nothing.
     let bytes = unsafe {
@@ -89,6 +90,11 @@ fn memory_of(adapter: &wgpu::Adapter) -> Option<u64> {
         heaps.iter().filter(|h| h.flags.as_raw() & 1 != 0).map(|h| h.size).sum()
     };
     Some(bytes)
+}
+
+#[cfg(target_vendor = "apple")]
+fn memory_of(_adapter: &wgpu::Adapter) -> Option<u64> {
+    None
 }
 
 /// The adapter of a choice.

@@ -35,13 +35,16 @@ fn the_processor_draws_unless_a_card_is_asked_for() {
 #[cfg(not(feature = "gpu"))]
 #[test]
 fn a_program_without_cards_says_how_to_get_them() {
-    for arguments in [&["devices"][..], &["render", "m.pgs", "-o", "m.png", "--device", "gpu"]] {
-        let out = particlegs().args(arguments).output().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let model = model(folder.path());
+    let mut render = particlegs();
+    render.arg("render").arg(&model).args(["--device", "gpu", "-o", "no.png"]);
+    let mut devices = particlegs();
+    for command in [devices.arg("devices"), &mut render] {
+        let out = command.output().unwrap();
         let error = String::from_utf8(out.stderr).unwrap();
-        if arguments[0] == "devices" {
-            assert!(error.contains("without graphics cards") && error.contains("--features gpu"), "{error}");
-        }
-        assert!(!out.status.success());
+        assert!(error.contains("without graphics cards") && error.contains("--features gpu"), "{error}");
+        assert_eq!(out.status.code(), Some(2));
     }
 }
 
@@ -71,7 +74,7 @@ fn a_device_draws_what_the_processor_draws() {
     let compared = particlegs().arg("compare").args([&card, &processor]).args(["--json", "-"]).output().unwrap();
     let compared: serde_json::Value = serde_json::from_slice(&compared.stdout).unwrap();
     let views = compared["views"].as_array().unwrap();
-    assert!(views.len() > 1);
+    assert!(!views.is_empty());
     assert!(views.iter().all(|v| v["largest_difference"].as_u64().unwrap() <= 1), "{compared}");
     let out = folder.path().join("d.png");
     let density = ["--style", "density", "--device", "0", "-q", "-o"];
