@@ -1,6 +1,7 @@
 //! An adapter that was opened.
 
 use crate::adapters::{Choice, chosen};
+use particlegs_core::picture::Size;
 use particlegs_core::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -108,6 +109,19 @@ impl Device {
     /// Bytes of device memory that are taken, where the interface says.
     pub fn allocated(&self) -> Option<u64> {
         self.device.generate_allocator_report().map(|r| r.total_reserved_bytes)
+    }
+
+    /// May a picture that takes so many bytes in a buffer be drawn?
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where it may not, or has no pixel.
+    pub(crate) fn fits(&self, size: Size, bytes: u64) -> Result<()> {
+        let most = self.largest_binding();
+        if bytes <= most && size.pixels() > 0 {
+            return Ok(());
+        }
+        let what = format!("{}x{}: device {} sees {most} bytes at once", size.width, size.height, self.name);
+        Err(Error::argument(format!("{what}, fewer than such a picture takes: --device cpu")))
     }
 
     /// A buffer of zeros.

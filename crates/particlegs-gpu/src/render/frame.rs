@@ -29,7 +29,7 @@ pub(super) struct LensRecord {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct LevelRecord {
+pub(crate) struct LevelRecord {
     pub first: u32,
     pub width: u32,
     pub rows: u32,
@@ -40,7 +40,7 @@ pub(super) struct LevelRecord {
 
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct FrameRecord {
+pub(crate) struct FrameRecord {
     lens: LensRecord,
     levels: [LevelRecord; MOST_LEVELS],
     size: [u32; 2],
@@ -53,7 +53,7 @@ pub(super) struct FrameRecord {
 
 /// The planes of a picture, and how many words they and their tiles have.
 #[derive(Clone, Debug)]
-pub(super) struct Planes {
+pub(crate) struct Planes {
     pub size: Size,
     pub levels: Vec<LevelRecord>,
     pub sums: u64,
@@ -91,13 +91,23 @@ pub(super) fn two_floats(v: f64) -> [f32; 2] {
 }
 
 impl FrameRecord {
+    /// Of planes alone, whose depth is as it is to be seen.
+    pub fn of_planes(planes: &Planes) -> FrameRecord {
+        let mut levels = [LevelRecord::default(); MOST_LEVELS];
+        levels[..planes.levels.len()].copy_from_slice(&planes.levels);
+        FrameRecord {
+            levels,
+            size: [planes.size.width as u32, planes.size.height as u32],
+            level_count: planes.levels.len() as u32,
+            ..FrameRecord::default()
+        }
+    }
+
     /// Of a camera, for `count` Gaussians about `origin`.
     pub fn new(lens: &Lens, origin: [f64; 3], planes: &Planes, count: u32) -> FrameRecord {
         let eye = each_axis(|k| two_floats(lens.position[k] - origin[k]));
         let four = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
         let [right, down, forward] = lens.axes.map(|a| four(a.map(|v| v as f32)));
-        let mut levels = [LevelRecord::default(); MOST_LEVELS];
-        levels[..planes.levels.len()].copy_from_slice(&planes.levels);
         FrameRecord {
             lens: LensRecord {
                 right,
@@ -112,13 +122,9 @@ impl FrameRecord {
                 radius2: lens.radius2 as f32,
                 perspective: u32::from(lens.perspective),
             },
-            levels,
-            size: [planes.size.width as u32, planes.size.height as u32],
-            level_count: planes.levels.len() as u32,
-            first: 0,
             count,
             all: count,
-            pad: [0; 2],
+            ..FrameRecord::of_planes(planes)
         }
     }
 }

@@ -3,8 +3,8 @@
 use crate::Device;
 use crate::kernel::{Kernel, Use};
 
-const FRAME: &str = include_str!("frame.wgsl");
-const SCALE: &str = include_str!("scale.wgsl");
+pub(super) const FRAME: &str = include_str!("frame.wgsl");
+pub(super) const SCALE: &str = include_str!("scale.wgsl");
 const PROJECT: &str = include_str!("project.wgsl");
 const SLICES: &str = include_str!("slices.wgsl");
 const BIN: &str = include_str!("bin.wgsl");
@@ -12,7 +12,7 @@ const BOUND: &str = include_str!("bound.wgsl");
 const STROKE: &str = include_str!("stroke.wgsl");
 const RASTER: &str = include_str!("raster.wgsl");
 const PYRAMID: &str = include_str!("pyramid.wgsl");
-const TONE: &str = include_str!("tone.wgsl");
+pub(super) const TONE: &str = include_str!("tone.wgsl");
 
 /// All of them.
 pub(super) struct Kernels {
@@ -23,8 +23,6 @@ pub(super) struct Kernels {
     pub slices: Kernel,
     pub pyramid: Kernel,
     pub pyramid_coarsest: Kernel,
-    pub tone_levels: Kernel,
-    pub tone: Kernel,
 }
 
 impl Kernels {
@@ -63,16 +61,6 @@ impl Kernels {
                 "coarsest planes",
                 &[PYRAMID, include_str!("pyramid_coarsest_main.wgsl"), FRAME, SCALE],
                 &[Uniform, Read, Write, Uniform],
-            ),
-            tone_levels: new(
-                "levels",
-                &[TONE, include_str!("tone_levels_main.wgsl"), FRAME, SCALE],
-                &[Uniform, Read, Write, Uniform, Read, Write],
-            ),
-            tone: new(
-                "tone",
-                &[TONE, include_str!("tone_main.wgsl"), FRAME, SCALE],
-                &[Uniform, Read, Write, Uniform, Read, Write],
             ),
         }
     }

@@ -17,34 +17,34 @@ mod kernels;
 mod pictures;
 #[cfg(test)]
 mod tests;
+mod tone;
 
 pub use gaussians::Gaussians;
 pub use pictures::Pictures;
+pub(crate) use tone::{Tone, ToneMapper, TonePlane};
 
-use crate::Device;
-use frame::{FrameRecord, MOST_LEVELS, Planes};
+use crate::{Device, groups};
+use frame::MOST_LEVELS;
+pub(crate) use frame::{FrameRecord, Planes};
 use kernels::Kernels;
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::raster::pyramid::PAD;
-use particlegs_core::splat::{FxaaMean, Look, Response, fxaa_blur};
+use particlegs_core::splat::Look;
 use particlegs_core::{Error, Result};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
-/// Threads of a group in kernels of one dimension.
-const THREADS: u64 = 64;
 /// Groups that share out the Gaussians that are cut.
 const CUT_GROUPS: u32 = 1024;
 /// Pixels of a plane that is summed together with those that are coarser.
 const COARSEST: u32 = 8192;
-/// Groups of a dispatch along an axis.
-const MOST_GROUPS: u64 = 65_535;
 
 /// Draws on a device.
 pub struct Renderer {
     device: Arc<Device>,
     kernels: Kernels,
+    tones: ToneMapper,
 }
 
 /// The memory of pictures of one size of some Gaussians, and what is bound to kernels.
@@ -83,36 +83,15 @@ struct Step {
     bound: wgpu::BindGroup,
 }
 
-/// What turns depth into grey levels.
-struct Tone {
-    look: wgpu::Buffer,
-    blur: wgpu::Buffer,
-    curve: wgpu::Buffer,
-    levels: wgpu::BindGroup,
-    plain: wgpu::BindGroup,
-    blurred: wgpu::BindGroup,
-    /// The opacity, radius in pixels and look that the curve is of.
-    of: Mutex<Option<([u64; 2], Look)>>,
-}
-
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-struct LookRecord {
-    kind: u32,
-    tap: f32,
-    is_sum: u32,
-    pad: u32,
-}
-
 impl Renderer {
     /// Its kernels.
     ///
     /// # Errors
     /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
-        let kernels = Kernels::new(device);
+        let (kernels, tones) = (Kernels::new(device), ToneMapper::new(device));
         device.check()?;
-        Ok(Renderer { device: device.clone(), kernels })
+        Ok(Renderer { device: device.clone(), kernels, tones })
     }
 
     /// What it draws on.
@@ -127,12 +106,8 @@ impl Renderer {
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
         let (device, kernels) = (&*self.device, &self.kernels);
         let planes = Planes::of(size);
-        let most = device.largest_binding();
-        if 4 * planes.sums > most || planes.levels.len() > MOST_LEVELS || size.pixels() == 0 {
-            let (width, height) = (size.width, size.height);
-            let what = format!("{width}x{height}: device {} sees {most} bytes at once", device.name());
-            return Err(Error::argument(format!("{what}, fewer than such a picture takes: --device cpu")));
-        }
+        device.fits(size, 4 * planes.sums)?;
+        debug_assert!(planes.levels.len() <= MOST_LEVELS);
         use wgpu::BufferUsages as Use;
         let storage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
         let sums = device.buffer("sums", 4 * planes.sums, storage);
@@ -167,20 +142,7 @@ impl Renderer {
         }
         let frame = &batches[0].frame;
         let steps = steps(device, kernels, &planes, [frame, &scale, &sums]);
-        let look = device.buffer("look", 16, Use::UNIFORM | Use::COPY_DST);
-        let blur = device.buffer("blur", 16, Use::UNIFORM | Use::COPY_DST);
-        let curve = device.buffer("curve", 4 * (CURVE + 1) as u64, storage);
-        let bind =
-            |kernel: &crate::kernel::Kernel, look| kernel.bind(device, &[frame, &scale, &sums, look, &curve, &picture]);
-        let tone = Tone {
-            levels: bind(&kernels.tone_levels, &look),
-            plain: bind(&kernels.tone, &look),
-            blurred: bind(&kernels.tone, &blur),
-            look,
-            blur,
-            curve,
-            of: Default::default(),
-        };
+        let tone = self.tones.bind(device, [frame, &scale, &sums, &picture]);
         let bound = kernels.scale.bind(device, &[&tiles, &scale]);
         device.check()?;
         Ok(Canvas {
@@ -210,7 +172,8 @@ impl Renderer {
             let record = FrameRecord::new(&lens.shifted(batch.shift), gaussians.origin, &canvas.planes, batch.count);
             queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
         }
-        self.set_tone(canvas, view, look);
+        let plane = TonePlane { size, is_sum: canvas.steps.is_empty() };
+        canvas.tone.set(queue, view, look, plane);
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         encoder.clear_buffer(&canvas.sums, 0, None);
         encoder.clear_buffer(&canvas.tiles, 0, None);
@@ -259,36 +222,7 @@ impl Renderer {
             let kernel = if step.coarsest { &self.kernels.pyramid_coarsest } else { &self.kernels.pyramid };
             kernel.run(pass, &step.bound, step.groups);
         }
-        let pixels = canvas.planes.size.pixels() as u64;
-        let tone = &canvas.tone;
-        let words = groups(pixels.div_ceil(4));
-        if look == Look::Paraview {
-            self.kernels.tone_levels.run(pass, &tone.levels, groups(pixels));
-            self.kernels.tone.run(pass, &tone.blurred, words);
-        } else {
-            self.kernels.tone.run(pass, &tone.plain, words);
-        }
-    }
-
-    /// The look's records, and its curve where it is not there yet.
-    fn set_tone(&self, canvas: &Canvas, view: &View, look: Look) {
-        let (queue, tone) = (&self.device.queue, &canvas.tone);
-        let radius_px = view.radius_pixels(canvas.planes.size);
-        let of = ([view.opacity.to_bits(), radius_px.to_bits()], look);
-        if tone.of.lock().unwrap_or_else(PoisonError::into_inner).replace(of) == Some(of) {
-            return;
-        }
-        let is_sum = u32::from(canvas.steps.is_empty());
-        let kind = u32::from(look != Look::Expected);
-        queue.write_buffer(&tone.look, 0, bytemuck::bytes_of(&LookRecord { kind, tap: 0.0, is_sum, pad: 0 }));
-        if look == Look::Paraview {
-            let tap = fxaa_blur(view.opacity, radius_px);
-            queue.write_buffer(&tone.blur, 0, bytemuck::bytes_of(&LookRecord { kind: 2, tap, is_sum: 0, pad: 0 }));
-        }
-        if look != Look::Expected {
-            let curve = curve(view.opacity, (look == Look::Paraview).then_some(radius_px));
-            queue.write_buffer(&tone.curve, 0, bytemuck::cast_slice(&curve));
-        }
+        self.tones.run(pass, &canvas.tone, canvas.planes.size, look);
     }
 
     /// The last picture that was submitted, once it is drawn.
@@ -331,13 +265,6 @@ impl Renderer {
     }
 }
 
-/// Groups of [`THREADS`] for so many threads.
-fn groups(threads: u64) -> [u32; 2] {
-    let all = threads.div_ceil(THREADS);
-    let down = all.div_ceil(MOST_GROUPS).max(1);
-    [all.div_ceil(down) as u32, down as u32]
-}
-
 /// The passes that sum the planes.
 fn steps(device: &Device, kernels: &Kernels, planes: &Planes, [frame, scale, sums]: [&wgpu::Buffer; 3]) -> Vec<Step> {
     let top = planes.levels.len() - 1;
@@ -353,16 +280,4 @@ fn steps(device: &Device, kernels: &Kernels, planes: &Planes, [frame, scale, sum
     let fused = (small < top).then(|| step(small, true, true));
     let rest = (0..small).rev().map(|level| step(level, false, level + 1 == top));
     fused.into_iter().chain(rest).collect()
-}
-
-/// Depths of the curve: 2^e (1 + k/64), e from -14 to 3.
-const CURVE: usize = 18 * 64;
-
-/// Levels at the depths of the response's table; with what FXAA makes of means where a radius is given.
-fn curve(opacity: f64, radius_px: Option<f64>) -> Vec<f32> {
-    let response = Response::new(opacity);
-    let mean = radius_px.map(|r| FxaaMean::new(opacity, r));
-    let depth = |i: usize| f32::from_bits((113 << 23) + ((i as u32) << 17));
-    let ratio = |i: usize| mean.as_ref().map_or(1.0, |m| m.ratio(depth(i)));
-    response.levels().iter().enumerate().map(|(i, level)| level * ratio(i)).collect()
 }

@@ -1,7 +1,7 @@
 //! Kernels against their twins in core, on whatever adapter there is.
 
 use super::*;
-use crate::{Checks, Choice};
+use crate::tests::device;
 use particlegs_core::camera::{Camera, Projection};
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::Mixture;
@@ -9,18 +9,6 @@ use particlegs_core::picture::psnr;
 use particlegs_core::progress::Silent;
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
-
-/// The first adapter, with all checks on; says why where there is none.
-fn device() -> Option<Arc<Device>> {
-    match Device::open(Choice::Number(0), Checks::On) {
-        Ok(device) => Some(Arc::new(device)),
-        Err(e) => {
-            assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none(), "{e}");
-            eprintln!("skipped: {e}");
-            None
-        }
-    }
-}
 
 /// What is drawn by both.
 struct Case {

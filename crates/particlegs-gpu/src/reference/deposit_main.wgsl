@@ -1,0 +1,80 @@
+// Adds the splats of particles, one a thread: small ones at once, the pixels of others shared out among the threads.
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> positions: array<f32>;
+@group(0) @binding(2) var<storage, read> integrals: array<f32>;
+@group(0) @binding(3) var<storage, read_write> sums: array<atomic<u32>>;
+
+var<workgroup> splats: array<Splat, 64>;
+// The first pixel of each, its columns, and where its pixels end among those of all.
+var<workgroup> corners: array<vec2u, 64>;
+var<workgroup> columns: array<u32, 64>;
+var<workgroup> ends: array<u32, 64>;
+
+fn small(s: Splat) {
+    let low = floor(s.at - CUT * s.axes.xw);
+    for (var j = 0.0; j < 2.0; j += 1.0) {
+        for (var i = 0.0; i < 2.0; i += 1.0) {
+            let pixel = low + vec2f(i, j);
+            if all(pixel >= vec2f(0.0)) && all(pixel < vec2f(view.size)) {
+                let m = view.opacity * profile(s.at.x, s.axes.x, pixel.x) * profile(s.at.y, s.axes.w, pixel.y);
+                add(view, u32(pixel.y) * view.size.x + u32(pixel.x), depth_of(view, max(m, 0.0)));
+            }
+        }
+    }
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) me: u32,
+) {
+    let i = (group.y * groups.x + group.x) * 64u + me;
+    var pixels = 0u;
+    if i < view.count {
+        let n = view.count;
+        let s = splat_of(view, vec3f(positions[i], positions[i + n], positions[i + 2u * n]));
+        let away = reach(s);
+        if away.x > 0.0 {
+            if is_small(s) {
+                small(s);
+            } else {
+                let low = vec2u(clamp(floor(s.at - away), vec2f(0.0), vec2f(view.size)));
+                let high = vec2u(clamp(floor(s.at + away) + 1.0, vec2f(0.0), vec2f(view.size)));
+                splats[me] = s;
+                corners[me] = low;
+                columns[me] = max(high.x, low.x) - low.x;
+                pixels = columns[me] * (max(high.y, low.y) - low.y);
+            }
+        }
+    }
+    ends[me] = pixels;
+    workgroupBarrier();
+    for (var away = 1u; away < 64u; away *= 2u) {
+        var before = 0u;
+        if me >= away {
+            before = ends[me - away];
+        }
+        workgroupBarrier();
+        ends[me] += before;
+        workgroupBarrier();
+    }
+    let all_pixels = workgroupUniformLoad(&ends[63]);
+    for (var p = me; p < all_pixels; p += 64u) {
+        // The first that ends beyond it.
+        var own = 0u;
+        for (var half = 32u; half > 0u; half /= 2u) {
+            if ends[own + half - 1u] <= p {
+                own += half;
+            }
+        }
+        var along = p;
+        if own > 0u {
+            along -= ends[own - 1u];
+        }
+        let pixel = corners[own] + vec2u(along % columns[own], along / columns[own]);
+        let m = mean_opacity(view, splats[own], vec2f(pixel));
+        add(view, pixel.y * view.size.x + pixel.x, depth_of(view, max(m, 0.0)));
+    }
+}

@@ -1,0 +1,201 @@
+//! Pictures of all particles without their noise, as particlegs' `reference` draws them:
+//!
+//! | kernel | twin | what it does |
+//! |---|---|---|
+//! | splats.wgsl | `reference::project`, `reference::depth` | particles to splats, in VTK's float32 |
+//! | deposit.wgsl | `reference::deposit` | what a splat adds to the depth of a pixel |
+//!
+//! Particles come in pieces: those that fit stay on the device from picture to picture, others are sent anew.
+
+#[cfg(test)]
+mod tests;
+mod view;
+
+use crate::Device;
+use crate::groups;
+use crate::kernel::{Kernel, Use};
+use crate::render::{FrameRecord, Planes, Tone, ToneMapper, TonePlane};
+use particlegs_core::camera::View;
+use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::splat::{CUT_SIGMA, Look, erf};
+use particlegs_core::{Error, Result};
+use std::sync::Arc;
+use view::ViewRecord;
+
+/// Particles of a piece at most: 128 MiB of positions, which all cards see at once.
+pub const MOST: usize = 128 * 1024 * 1024 / 12;
+/// Intervals of the table of the Gaussian's integral from -3 to +3.
+const STEPS: usize = 4096;
+
+/// Particles on a device.
+pub struct Points {
+    positions: wgpu::Buffer,
+    count: u32,
+}
+
+impl Points {
+    /// Positions in columns of one length, relative to an origin that all pieces share.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for more than [`MOST`]; those of the device.
+    pub fn upload(device: &Device, columns: [&[f32]; 3]) -> Result<Points> {
+        let n = columns[0].len();
+        if n > MOST || columns.iter().any(|c| c.len() != n) {
+            return Err(Error::argument(format!("{n} particles in a piece, {MOST} at most")));
+        }
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let positions = device.buffer("positions", 12 * n as u64, usage);
+        for (k, column) in columns.iter().enumerate() {
+            device.queue.write_buffer(&positions, (4 * k * n) as u64, bytemuck::cast_slice(column));
+        }
+        device.check()?;
+        Ok(Points { positions, count: n as u32 })
+    }
+}
+
+/// Draws all particles on a device.
+pub struct Reference {
+    device: Arc<Device>,
+    deposit: Kernel,
+    collect: Kernel,
+    integrals: wgpu::Buffer,
+    tones: ToneMapper,
+}
+
+/// The memory of pictures of one size.
+pub struct Canvas {
+    size: Size,
+    sums: wgpu::Buffer,
+    view: wgpu::Buffer,
+    collect: wgpu::BindGroup,
+    picture: wgpu::Buffer,
+    tone: Tone,
+}
+
+/// A picture to which particles are added.
+pub struct Sum<'a> {
+    reference: &'a Reference,
+    canvas: &'a Canvas,
+    view: &'a View,
+    record: ViewRecord,
+}
+
+impl Reference {
+    /// Its kernels.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn new(device: &Arc<Device>) -> Result<Self> {
+        const VIEW: &str = include_str!("view.wgsl");
+        let frame = include_str!("../render/frame.wgsl");
+        let [main, splats, deposit] =
+            [include_str!("deposit_main.wgsl"), include_str!("splats.wgsl"), include_str!("deposit.wgsl")];
+        let uses = [Use::Uniform, Use::Read, Use::Read, Use::Write];
+        let deposit = Kernel::new(device, "particles", &[main, VIEW, splats, deposit], &uses);
+        let collect = Kernel::new(
+            device,
+            "depth of particles",
+            &[include_str!("collect_main.wgsl"), VIEW, frame],
+            &[Use::Uniform, Use::Read, Use::Uniform, Use::Write],
+        );
+        let integrals = device.filled("integrals", &integrals(), wgpu::BufferUsages::STORAGE);
+        let tones = ToneMapper::new(device);
+        device.check()?;
+        Ok(Reference { device: device.clone(), deposit, collect, integrals, tones })
+    }
+
+    /// Memory for pictures of a size.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where a picture is too large for the device; those of the device.
+    pub fn canvas(&self, size: Size) -> Result<Canvas> {
+        let (device, bytes) = (&*self.device, 8 * size.pixels() as u64);
+        device.fits(size, bytes)?;
+        use wgpu::BufferUsages as Use;
+        let sums = device.buffer("sums of particles", bytes, Use::STORAGE | Use::COPY_DST | Use::COPY_SRC);
+        let view = device.buffer("view", size_of::<ViewRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+        let planes = Planes::of(size);
+        let frame = device.filled("frame", &[FrameRecord::of_planes(&planes)], Use::UNIFORM);
+        let level = planes.levels[0];
+        let plane = device.buffer("depth", 4 * u64::from(level.width) * u64::from(level.rows), Use::STORAGE);
+        let scale = device.buffer("scale", 8, Use::STORAGE);
+        let picture = device.buffer("picture", size.pixels() as u64, Use::STORAGE | Use::COPY_SRC);
+        let collect = self.collect.bind(device, &[&view, &sums, &frame, &plane]);
+        let tone = self.tones.bind(device, [&frame, &scale, &plane, &picture]);
+        device.check()?;
+        Ok(Canvas { size, sums, view, collect, picture, tone })
+    }
+
+    /// Begins a picture; `origin` is the particles', `range` the distances between which they are drawn.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a view out of range, or not in perspective.
+    pub fn begin<'a>(
+        &'a self,
+        canvas: &'a Canvas,
+        view: &'a View,
+        origin: [f64; 3],
+        range: [f64; 2],
+    ) -> Result<Sum<'a>> {
+        let record = ViewRecord::new(view, canvas.size, origin, range)?;
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        encoder.clear_buffer(&canvas.sums, 0, None);
+        self.device.queue.submit([encoder.finish()]);
+        Ok(Sum { reference: self, canvas, view, record })
+    }
+}
+
+impl Sum<'_> {
+    /// Adds particles.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn add(&mut self, points: &Points) -> Result<()> {
+        let (r, canvas) = (self.reference, self.canvas);
+        self.record.count = points.count;
+        r.device.queue.write_buffer(&canvas.view, 0, bytemuck::bytes_of(&self.record));
+        let bound = r.deposit.bind(&r.device, &[&canvas.view, &points.positions, &r.integrals, &canvas.sums]);
+        let mut encoder = r.device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        r.deposit.run(&mut pass, &bound, groups(u64::from(points.count)));
+        drop(pass);
+        r.device.queue.submit([encoder.finish()]);
+        r.device.check()
+    }
+
+    /// The picture in a look's tone curve; of ParaView's looks the mean without noise.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn finish(self, look: Look) -> Result<Gray8> {
+        let (r, canvas) = (self.reference, self.canvas);
+        let plane = TonePlane { size: canvas.size, is_sum: false };
+        canvas.tone.set(&r.device.queue, self.view, look, plane);
+        let mut encoder = r.device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        r.collect.run(&mut pass, &canvas.collect, groups(canvas.size.pixels() as u64));
+        r.tones.run(&mut pass, &canvas.tone, canvas.size, look);
+        drop(pass);
+        r.device.queue.submit([encoder.finish()]);
+        let data = r.device.read(&canvas.picture, canvas.size.pixels() as u64)?;
+        Ok(Gray8 { size: canvas.size, data })
+    }
+
+    /// The optical depth.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn depth(self) -> Result<Plane> {
+        let bytes = self.reference.device.read(&self.canvas.sums, 8 * self.canvas.size.pixels() as u64)?;
+        let whole = bytes.chunks_exact(8).map(|b| u64::from_le_bytes(b.try_into().expect("eight bytes")));
+        let data = whole.map(|v| (v as f64 / f64::from(self.record.scale)) as f32).collect();
+        Ok(Plane { size: self.canvas.size, data })
+    }
+}
+
+/// The integral of exp(-t^2/2) from -3 on, at even steps to 3, and once more at its end.
+fn integrals() -> Vec<f32> {
+    let (root, half) = ((0.5 * std::f64::consts::PI).sqrt(), std::f64::consts::FRAC_1_SQRT_2);
+    let at = |k: usize| CUT_SIGMA * (2.0 * k as f64 / STEPS as f64 - 1.0);
+    (0..=STEPS + 1).map(|k| (root * (erf(at(k.min(STEPS)) * half) + erf(CUT_SIGMA * half))) as f32).collect()
+}

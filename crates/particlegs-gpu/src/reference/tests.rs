@@ -1,0 +1,87 @@
+//! Depth and pictures of all particles against particlegs' own.
+
+use super::*;
+use crate::tests::device;
+use particlegs::particles::{Column, Particles, Positions};
+use particlegs::progress::Silent;
+use particlegs::reference;
+use particlegs_core::camera::{Camera, Projection, clipping_range};
+use particlegs_core::math::Random;
+
+/// Particles in a cube of side 2: half evenly spread, half in a clump.
+fn columns(n: usize) -> [Vec<f32>; 3] {
+    let mut r = Random::new(5, 1, 0);
+    let mut all = [vec![], vec![], vec![]];
+    for i in 0..n {
+        for column in &mut all {
+            let v = if i % 2 == 0 { 2.0 * r.uniform() - 1.0 } else { 0.1 * r.normal() };
+            column.push(v as f32);
+        }
+    }
+    all
+}
+
+fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
+    let camera = Camera {
+        position,
+        focal_point: [0.0; 3],
+        view_up: [0.0, 1.0, 0.0],
+        projection: Projection::Perspective { fov_deg: 30.0 },
+        clipping_range: None,
+    };
+    View { name: "v".into(), camera, radius, opacity }
+}
+
+/// Splats below a pixel, of some pixels, large and turned; faint and opaque; in one piece and in several.
+#[test]
+fn kernels_agree_with_their_twins() {
+    let Some(device) = device() else { return };
+    let there = Reference::new(&device).unwrap();
+    let (columns, size) = (columns(4000), Size { width: 320, height: 180 });
+    let particles = Particles::new(
+        Positions::Columns(columns.clone().map(Column::owned)),
+        [0.0; 3],
+        Particles::from_columns(vec![], vec![], vec![]).meta,
+    );
+    let own = reference::Reference::new(&particles);
+    let canvas = there.canvas(size).unwrap();
+    for (position, radius, opacity) in [
+        ([1.0, 2.0, 6.0], 0.002, 0.05),
+        ([1.0, 2.0, 6.0], 0.02, 0.05),
+        ([1.0, 2.0, 6.0], 0.02, 0.9),
+        ([1.0, 2.0, 6.0], 0.1, 0.3),
+        ([0.3, 0.2, 0.9], 0.01, 0.05),
+        ([0.3, 0.2, 0.9], 0.05, 0.2),
+    ] {
+        let view = view(position, radius, opacity);
+        let range = clipping_range(own.bounds(), &view.camera);
+        let tau = own.optical_depth(&view, size, &Silent).unwrap();
+        let mut whole = None;
+        for pieces in [1, 3] {
+            let begin = || there.begin(&canvas, &view, [0.0; 3], range).unwrap();
+            let add = |sum: &mut Sum<'_>| {
+                let n = 4000usize.div_ceil(pieces);
+                for k in 0..pieces {
+                    let piece = columns.each_ref().map(|c| &c[k * n..4000.min((k + 1) * n)]);
+                    sum.add(&Points::upload(&device, piece).unwrap()).unwrap();
+                }
+            };
+            let mut sum = begin();
+            add(&mut sum);
+            let depth = sum.depth().unwrap();
+            let seen = |t: f32| 255.0 * (1.0 - f64::from(-t).exp());
+            let apart = depth.data.iter().zip(&tau.data).map(|(a, b)| (seen(*a) - seen(*b)).abs());
+            let worst = apart.fold(0.0, f64::max);
+            println!("{position:?} radius {radius} opacity {opacity}: largest {worst:.4} levels");
+            assert!(worst < 0.1, "{position:?} radius {radius} opacity {opacity}: largest {worst:.4} levels");
+            assert!(whole.get_or_insert_with(|| depth.data.clone()) == &depth.data, "pieces show");
+            for look in Look::ALL {
+                let mut sum = begin();
+                add(&mut sum);
+                let (a, b) = (sum.finish(look).unwrap(), own.response(&view, size, look, &Silent).unwrap());
+                let apart = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+                assert!(apart <= 1, "{}: largest {apart}", look.name());
+            }
+        }
+    }
+}

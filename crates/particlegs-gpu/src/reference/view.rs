@@ -1,0 +1,57 @@
+//! A camera as splats.wgsl reads it.
+
+use bytemuck::{Pod, Zeroable};
+use particlegs_core::camera::{Projection, View};
+use particlegs_core::math::each_axis;
+use particlegs_core::picture::Size;
+use particlegs_core::splat::LARGEST_MEAN_ALPHA;
+use particlegs_core::{Error, Result};
+
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct ViewRecord {
+    rows: [[f32; 4]; 3],
+    projection: [f32; 4],
+    size: [u32; 2],
+    radius: f32,
+    opacity: f32,
+    pub scale: f32,
+    pub count: u32,
+    pad: [u32; 2],
+}
+
+impl ViewRecord {
+    /// For positions about `origin`: the camera is moved in f64, and matrices are rounded last.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a view that is out of range or not in perspective.
+    pub fn new(view: &View, size: Size, origin: [f64; 3], [near, far]: [f64; 2]) -> Result<ViewRecord> {
+        view.check(size)?;
+        let Projection::Perspective { fov_deg } = view.camera.projection else {
+            let name = &view.name;
+            return Err(Error::argument(format!("view `{name}`: pictures of all particles need a perspective camera")));
+        };
+        let frame = view.camera.frame()?;
+        let eye: [f64; 3] = each_axis(|k| frame.position[k] - origin[k]);
+        let row = |r: [f64; 3]| {
+            let shift = -(r[0] * eye[0] + r[1] * eye[1] + r[2] * eye[2]);
+            [r[0] as f32, r[1] as f32, r[2] as f32, shift as f32]
+        };
+        let t = (0.5 * fov_deg.to_radians()).tan();
+        let aspect = size.width as f64 / size.height as f64;
+        let projection = [1.0 / (t * aspect), 1.0 / t, -(far + near) / (far - near), -2.0 * far * near / (far - near)];
+        // The most that one splat adds to a pixel is less than 2^32 of the units.
+        let most = -(1.0 - view.opacity.min(LARGEST_MEAN_ALPHA)).ln();
+        let scale = f64::exp2((30.0 - most.log2()).floor());
+        Ok(ViewRecord {
+            rows: frame.axes.map(row),
+            projection: projection.map(|v| v as f32),
+            size: [size.width as u32, size.height as u32],
+            radius: view.radius as f32,
+            opacity: view.opacity as f32,
+            scale: scale as f32,
+            count: 0,
+            pad: [0; 2],
+        })
+    }
+}

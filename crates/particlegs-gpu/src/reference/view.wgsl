@@ -1,0 +1,17 @@
+// A camera, and how depth is rounded (view.rs has the same record).
+
+struct View {
+    // World to camera, rows x, y, z of (rotation | translation).
+    rows: array<vec4f, 3>,
+    // Of the projection: p00, p11, p22, p23.
+    projection: vec4f,
+    size: vec2u,
+    radius: f32,
+    opacity: f32,
+    // What depth is multiplied by before it is rounded.
+    scale: f32,
+    // Particles of this dispatch.
+    count: u32,
+    pad0: u32,
+    pad1: u32,
+}

@@ -1,0 +1,122 @@
+//! Depth to grey levels: tone.wgsl and what it reads.
+
+use super::kernels::{FRAME, SCALE, TONE};
+use crate::kernel::{Kernel, Use};
+use crate::{Device, groups};
+use particlegs_core::camera::View;
+use particlegs_core::picture::Size;
+use particlegs_core::splat::{FxaaMean, Look, Response, fxaa_blur};
+use std::sync::{Mutex, PoisonError};
+
+/// Entries of the curve but the last: its depths are 2^e (1 + k/64), e from -14 to 3.
+const CURVE: u64 = 18 * 64;
+
+/// The kernels.
+pub(crate) struct ToneMapper {
+    levels: Kernel,
+    tone: Kernel,
+}
+
+/// What they are bound to.
+pub(crate) struct Tone {
+    look: wgpu::Buffer,
+    blur: wgpu::Buffer,
+    curve: wgpu::Buffer,
+    levels: wgpu::BindGroup,
+    plain: wgpu::BindGroup,
+    blurred: wgpu::BindGroup,
+    /// The opacity, radius in pixels and look that the curve is of.
+    of: Mutex<Option<([u64; 2], Look)>>,
+}
+
+/// What is said of the plane that levels are made of.
+#[derive(Clone, Copy)]
+pub(crate) struct TonePlane {
+    pub size: Size,
+    /// Does it hold whole numbers yet?
+    pub is_sum: bool,
+}
+
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct LookRecord {
+    kind: u32,
+    tap: f32,
+    is_sum: u32,
+    pad: u32,
+}
+
+impl ToneMapper {
+    /// Compiled for a device.
+    pub fn new(device: &Device) -> ToneMapper {
+        use Use::{Read, Uniform, Write};
+        let new = |label, main| {
+            let uses = [Uniform, Read, Write, Uniform, Read, Write];
+            Kernel::new(device, label, &[TONE, main, FRAME, SCALE], &uses)
+        };
+        ToneMapper {
+            levels: new("levels", include_str!("tone_levels_main.wgsl")),
+            tone: new("tone", include_str!("tone_main.wgsl")),
+        }
+    }
+
+    /// With the frame, the scale of sums, the plane of depth, and the picture.
+    pub fn bind(&self, device: &Device, [frame, scale, plane, picture]: [&wgpu::Buffer; 4]) -> Tone {
+        use wgpu::BufferUsages as Use;
+        let look = device.buffer("look", 16, Use::UNIFORM | Use::COPY_DST);
+        let blur = device.buffer("blur", 16, Use::UNIFORM | Use::COPY_DST);
+        let curve = device.buffer("curve", 4 * (CURVE + 1), Use::STORAGE | Use::COPY_DST);
+        let bind = |kernel: &Kernel, look| kernel.bind(device, &[frame, scale, plane, look, &curve, picture]);
+        Tone {
+            levels: bind(&self.levels, &look),
+            plain: bind(&self.tone, &look),
+            blurred: bind(&self.tone, &blur),
+            look,
+            blur,
+            curve,
+            of: Mutex::default(),
+        }
+    }
+
+    /// Makes the levels of a picture.
+    pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, tone: &Tone, size: Size, look: Look) {
+        let pixels = size.pixels() as u64;
+        let words = groups(pixels.div_ceil(4));
+        if look == Look::Paraview {
+            self.levels.run(pass, &tone.levels, groups(pixels));
+            self.tone.run(pass, &tone.blurred, words);
+        } else {
+            self.tone.run(pass, &tone.plain, words);
+        }
+    }
+}
+
+impl Tone {
+    /// The look's records, and its curve where it is not there yet.
+    pub fn set(&self, queue: &wgpu::Queue, view: &View, look: Look, plane: TonePlane) {
+        let radius_px = view.radius_pixels(plane.size);
+        let of = ([view.opacity.to_bits(), radius_px.to_bits()], look);
+        if self.of.lock().unwrap_or_else(PoisonError::into_inner).replace(of) == Some(of) {
+            return;
+        }
+        let (is_sum, kind) = (u32::from(plane.is_sum), u32::from(look != Look::Expected));
+        queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&LookRecord { kind, tap: 0.0, is_sum, pad: 0 }));
+        if look == Look::Paraview {
+            let tap = fxaa_blur(view.opacity, radius_px);
+            queue.write_buffer(&self.blur, 0, bytemuck::bytes_of(&LookRecord { kind: 2, tap, is_sum: 0, pad: 0 }));
+        }
+        if look != Look::Expected {
+            let curve = curve(view.opacity, (look == Look::Paraview).then_some(radius_px));
+            queue.write_buffer(&self.curve, 0, bytemuck::cast_slice(&curve));
+        }
+    }
+}
+
+/// Levels at the depths of the response's table; with what FXAA makes of means where a radius is given.
+fn curve(opacity: f64, radius_px: Option<f64>) -> Vec<f32> {
+    let response = Response::new(opacity);
+    let mean = radius_px.map(|r| FxaaMean::new(opacity, r));
+    let depth = |i: usize| f32::from_bits((113 << 23) + ((i as u32) << 17));
+    let ratio = |i: usize| mean.as_ref().map_or(1.0, |m| m.ratio(depth(i)));
+    response.levels().iter().enumerate().map(|(i, level)| level * ratio(i)).collect()
+}
