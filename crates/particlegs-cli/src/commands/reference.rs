@@ -3,6 +3,7 @@
 use crate::annotate::text::number;
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
+use crate::device::{DeviceArgs, ParticlePictures};
 use crate::drawing::finish::Finish;
 use crate::drawing::provenance::{Provenance, Source};
 use crate::drawing::run::{self, Job, Target};
@@ -15,13 +16,15 @@ use crate::view_args::{Subject, ViewArgs};
 use crate::views::sequence_args::SequenceArgs;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
-use particlegs::Result;
 use particlegs::camera::{View, ViewSet};
 use particlegs::model::hex;
+use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
+use particlegs::space::Bounds;
 use particlegs::splat::{DEFAULT_OPACITY, Look};
+use particlegs::{Error, Result};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -84,6 +87,8 @@ pub struct Arguments {
     #[command(flatten)]
     selection: SelectionArgs,
     #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -102,6 +107,18 @@ enum Style {
     ResponseFxaa,
     /// Surface density in logarithmic colours, with a colour bar and a scale bar.
     Density,
+}
+
+impl Style {
+    /// The look whose noise-free mean it is, if it is one.
+    fn mean(self) -> Option<Look> {
+        match self {
+            Style::Expected => Some(Look::Expected),
+            Style::Response => Some(Look::ParaviewNoFxaa),
+            Style::ResponseFxaa => Some(Look::Paraview),
+            Style::Paraview | Style::ParaviewNoFxaa | Style::Density => None,
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -182,7 +199,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     let (args, quantities) = (&a.figure, &quantities);
     let finish = Finish { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };
     let target = Target { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
-    let painter = Drawing { reference, style: a.style, subject: &subject, context: &context };
+    let on_card = on_card(a, &particles, bounds, &context)?;
+    let painter = Drawing { reference, style: a.style, on_card, subject: &subject, context: &context };
     let drawn = Job { painter: &painter, finish: &finish, set: &set, range, context: &context }.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
     let radii = set.views.iter().map(|v| (!density).then(|| v.radius_pixels(set.size)));
@@ -203,6 +221,37 @@ pub fn run(a: &Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
+/// Particles that go to the graphics card at once.
+const RUN: usize = 1 << 22;
+
+/// The particles on the graphics card, where one is to draw them.
+fn on_card(
+    a: &Arguments,
+    particles: &Particles,
+    bounds: Bounds,
+    context: &Context,
+) -> Result<Option<ParticlePictures>> {
+    let Some(device) = a.device.open()? else { return Ok(None) };
+    if a.style.mean().is_none() {
+        let what = "ParaView's pictures with their noise, and densities, are drawn on the processor alone".into();
+        return Err(Error::Argument { what, remedy: "leave --device away".into() });
+    }
+    let mut pictures = ParticlePictures::new(&device, particles.origin, bounds)?;
+    context.begin("particles to the graphics card", particles.len() as u64);
+    for first in (0..particles.len()).step_by(RUN) {
+        context.check()?;
+        let run = first..particles.len().min(first + RUN);
+        let column = |k: usize| -> Vec<f32> {
+            run.clone().map(|i| (particles.position(i)[k] - particles.origin[k]) as f32).collect()
+        };
+        let columns = [0, 1, 2].map(column);
+        pictures.take(columns.each_ref().map(Vec::as_slice))?;
+        context.advance(run.len() as u64);
+    }
+    context.end();
+    Ok(Some(pictures))
+}
+
 /// What is printed of pictures of particles.
 fn rows(set: &ViewSet, drawn: &[Drawn], count: u64) -> String {
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
@@ -218,12 +267,16 @@ fn rows(set: &ViewSet, drawn: &[Drawn], count: u64) -> String {
 struct Drawing<'a> {
     reference: Reference<'a>,
     style: Style,
+    on_card: Option<ParticlePictures>,
     subject: &'a Subject,
     context: &'a Context,
 }
 
 impl Painter for Drawing<'_> {
     fn draw(&self, view: &View, size: Size) -> Result<Seen> {
+        if let (Some(pictures), Some(look)) = (&self.on_card, self.style.mean()) {
+            return Ok(Seen::Levels(pictures.draw(view, size, look)?));
+        }
         let (all, context) = (&self.reference, self.context as &dyn Progress);
         let levels = match self.style {
             Style::Paraview => all.draw(view, size, Look::Paraview, context),

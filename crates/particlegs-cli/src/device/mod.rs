@@ -6,7 +6,7 @@ mod card;
 #[path = "no_card.rs"]
 mod card;
 
-pub use card::{Adapter, Device, Pictures, list};
+pub use card::{Adapter, Device, ParticlePictures, Pictures, list};
 
 use clap::Args;
 use particlegs::Result;

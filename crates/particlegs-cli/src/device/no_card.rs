@@ -3,6 +3,7 @@
 use particlegs::camera::View;
 use particlegs::picture::{Gray8, Size};
 use particlegs::render::Scene;
+use particlegs::space::Bounds;
 use particlegs::splat::Look;
 use particlegs::{Error, Result};
 
@@ -16,6 +17,26 @@ impl Pictures {
     /// Never called.
     pub fn new(device: &Device, _scene: &Scene) -> Result<Pictures> {
         match *device {}
+    }
+
+    /// Never called.
+    pub fn draw(&self, _view: &View, _size: Size, _look: Look) -> Result<Gray8> {
+        match self.0 {}
+    }
+}
+
+/// No particles are drawn on one.
+pub struct ParticlePictures(Device);
+
+impl ParticlePictures {
+    /// Never called.
+    pub fn new(device: &Device, _origin: [f64; 3], _bounds: Bounds) -> Result<ParticlePictures> {
+        match *device {}
+    }
+
+    /// Never called.
+    pub fn take(&mut self, _columns: [&[f32]; 3]) -> Result<()> {
+        match self.0 {}
     }
 
     /// Never called.

@@ -30,9 +30,9 @@ fn main(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) me: u32,
 ) {
-    let i = (group.y * groups.x + group.x) * 64u + me;
+    let i = view.first + (group.y * groups.x + group.x) * 64u + me;
     var pixels = 0u;
-    if i < view.count {
+    if i < view.last {
         let n = view.count;
         let s = splat_of(view, vec3f(positions[i], positions[i + n], positions[i + 2u * n]));
         let away = reach(s);

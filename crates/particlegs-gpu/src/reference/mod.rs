@@ -7,9 +7,12 @@
 //!
 //! Particles come in pieces: those that fit stay on the device from picture to picture, others are sent anew.
 
+mod pictures;
 #[cfg(test)]
 mod tests;
 mod view;
+
+pub use pictures::Pictures;
 
 use crate::Device;
 use crate::groups;
@@ -24,6 +27,10 @@ use view::ViewRecord;
 
 /// Particles of a piece at most: 128 MiB of positions, which all cards see at once.
 pub const MOST: usize = 128 * 1024 * 1024 / 12;
+/// Pixels that a dispatch may reach, in thousands: well below a second's work of a slow card.
+const THOUSANDS: u64 = 2_000_000;
+/// Pixels that a piece may reach, in thousands: hours, where the processor takes coarser planes.
+const MOST_THOUSANDS: u64 = 1 << 31;
 /// Intervals of the table of the Gaussian's integral from -3 to +3.
 const STEPS: usize = 4096;
 
@@ -56,6 +63,7 @@ impl Points {
 /// Draws all particles on a device.
 pub struct Reference {
     device: Arc<Device>,
+    count: Kernel,
     deposit: Kernel,
     collect: Kernel,
     integrals: wgpu::Buffer,
@@ -67,6 +75,7 @@ pub struct Canvas {
     size: Size,
     sums: wgpu::Buffer,
     view: wgpu::Buffer,
+    work: wgpu::Buffer,
     collect: wgpu::BindGroup,
     picture: wgpu::Buffer,
     tone: Tone,
@@ -91,6 +100,9 @@ impl Reference {
         let [main, splats, deposit] =
             [include_str!("deposit_main.wgsl"), include_str!("splats.wgsl"), include_str!("deposit.wgsl")];
         let uses = [Use::Uniform, Use::Read, Use::Read, Use::Write];
+        let count_main = include_str!("count_main.wgsl");
+        let uses_of_count = [Use::Uniform, Use::Read, Use::Write];
+        let count = Kernel::new(device, "work", &[count_main, VIEW, splats], &uses_of_count);
         let deposit = Kernel::new(device, "particles", &[main, VIEW, splats, deposit], &uses);
         let collect = Kernel::new(
             device,
@@ -101,7 +113,7 @@ impl Reference {
         let integrals = device.filled("integrals", &integrals(), wgpu::BufferUsages::STORAGE);
         let tones = ToneMapper::new(device);
         device.check()?;
-        Ok(Reference { device: device.clone(), deposit, collect, integrals, tones })
+        Ok(Reference { device: device.clone(), count, deposit, collect, integrals, tones })
     }
 
     /// Memory for pictures of a size.
@@ -114,6 +126,7 @@ impl Reference {
         use wgpu::BufferUsages as Use;
         let sums = device.buffer("sums of particles", bytes, Use::STORAGE | Use::COPY_DST | Use::COPY_SRC);
         let view = device.buffer("view", size_of::<ViewRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+        let work = device.buffer("work", 8, Use::STORAGE | Use::COPY_DST | Use::COPY_SRC);
         let planes = Planes::of(size);
         let frame = device.filled("frame", &[FrameRecord::of_planes(&planes)], Use::UNIFORM);
         let level = planes.levels[0];
@@ -123,7 +136,7 @@ impl Reference {
         let collect = self.collect.bind(device, &[&view, &sums, &frame, &plane]);
         let tone = self.tones.bind(device, [&frame, &scale, &plane, &picture]);
         device.check()?;
-        Ok(Canvas { size, sums, view, collect, picture, tone })
+        Ok(Canvas { size, sums, view, work, collect, picture, tone })
     }
 
     /// Begins a picture; `origin` is the particles', `range` the distances between which they are drawn.
@@ -146,21 +159,49 @@ impl Reference {
 }
 
 impl Sum<'_> {
-    /// Adds particles.
+    /// Adds particles, in as many dispatches as they are work.
     ///
     /// # Errors
-    /// Those of the device.
+    /// [`Error::Argument`] for splats that are so large that this would take hours; those of the device.
     pub fn add(&mut self, points: &Points) -> Result<()> {
+        let work = self.work(points)?;
+        if work > MOST_THOUSANDS {
+            let (name, radius) = (&self.view.name, self.view.radius);
+            let what =
+                format!("view `{name}`: splats of radius {radius} reach too many pixels one by one: --device cpu");
+            return Err(Error::argument(what));
+        }
+        let pieces = work.div_ceil(THOUSANDS).max(1) as u32;
+        let each = points.count.div_ceil(pieces);
+        let (r, canvas) = (self.reference, self.canvas);
+        let bound = r.deposit.bind(&r.device, &[&canvas.view, &points.positions, &r.integrals, &canvas.sums]);
+        for first in (0..points.count).step_by(each.max(1) as usize) {
+            let last = points.count.min(first + each);
+            let record = ViewRecord { first, last, ..self.record };
+            self.run(&r.deposit, &bound, record, last - first);
+        }
+        r.device.check()
+    }
+
+    /// Thousands of pixels that particles reach.
+    fn work(&mut self, points: &Points) -> Result<u64> {
         let (r, canvas) = (self.reference, self.canvas);
         self.record.count = points.count;
-        r.device.queue.write_buffer(&canvas.view, 0, bytemuck::bytes_of(&self.record));
-        let bound = r.deposit.bind(&r.device, &[&canvas.view, &points.positions, &r.integrals, &canvas.sums]);
-        let mut encoder = r.device.device.create_command_encoder(&Default::default());
+        r.device.queue.write_buffer(&canvas.work, 0, &[0; 8]);
+        let bound = r.count.bind(&r.device, &[&canvas.view, &points.positions, &canvas.work]);
+        self.run(&r.count, &bound, self.record, points.count);
+        let bytes = r.device.read(&canvas.work, 8)?;
+        Ok(u64::from_le_bytes(bytes.try_into().expect("eight bytes")))
+    }
+
+    fn run(&self, kernel: &Kernel, bound: &wgpu::BindGroup, record: ViewRecord, threads: u32) {
+        let (device, canvas) = (&self.reference.device, self.canvas);
+        device.queue.write_buffer(&canvas.view, 0, bytemuck::bytes_of(&record));
+        let mut encoder = device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        r.deposit.run(&mut pass, &bound, groups(u64::from(points.count)));
+        kernel.run(&mut pass, bound, groups(u64::from(threads)));
         drop(pass);
-        r.device.queue.submit([encoder.finish()]);
-        r.device.check()
+        device.queue.submit([encoder.finish()]);
     }
 
     /// The picture in a look's tone curve; of ParaView's looks the mean without noise.

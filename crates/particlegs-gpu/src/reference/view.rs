@@ -10,14 +10,15 @@ use particlegs_core::{Error, Result};
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct ViewRecord {
-    rows: [[f32; 4]; 3],
-    projection: [f32; 4],
-    size: [u32; 2],
-    radius: f32,
-    opacity: f32,
+    pub rows: [[f32; 4]; 3],
+    pub projection: [f32; 4],
+    pub size: [u32; 2],
+    pub radius: f32,
+    pub opacity: f32,
     pub scale: f32,
     pub count: u32,
-    pad: [u32; 2],
+    pub first: u32,
+    pub last: u32,
 }
 
 impl ViewRecord {
@@ -51,7 +52,8 @@ impl ViewRecord {
             opacity: view.opacity as f32,
             scale: scale as f32,
             count: 0,
-            pad: [0; 2],
+            first: 0,
+            last: 0,
         })
     }
 }

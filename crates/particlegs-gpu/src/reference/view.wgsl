@@ -10,8 +10,8 @@ struct View {
     opacity: f32,
     // What depth is multiplied by before it is rounded.
     scale: f32,
-    // Particles of this dispatch.
+    // Particles of the piece; those of this dispatch, from the first to before the last.
     count: u32,
-    pad0: u32,
-    pad1: u32,
+    first: u32,
+    last: u32,
 }
