@@ -2,6 +2,7 @@
 
 use crate::bench_files;
 use crate::common::{Common, Context};
+use crate::device::DeviceArgs;
 use crate::snapshot_args::SnapshotArgs;
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
@@ -67,6 +68,8 @@ pub struct Arguments {
     #[arg(long, value_name = "M", hide_short_help = true)]
     minutes: Option<f64>,
     #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
     common: Common,
@@ -76,6 +79,9 @@ pub struct Arguments {
 pub fn run(a: &Arguments) -> Result<()> {
     if a.name == "list" {
         return crate::report::line(list().trim_end());
+    }
+    if a.name == "gpu" {
+        return gpu(a);
     }
     let chosen = experiments::named(&a.name, a.training)?;
     let settings = a.settings()?;
@@ -92,6 +98,20 @@ pub fn run(a: &Arguments) -> Result<()> {
     let provenance = a.provenance(&lab, &snapshots);
     bench_files::write(output, &sections, &provenance)?;
     report(&sections, output, &context)
+}
+
+/// Measures a graphics card, which takes no snapshot: the first real one, or that of --device.
+fn gpu(a: &Arguments) -> Result<()> {
+    let context = a.common.clone().start()?;
+    let device = a.device.open_card()?;
+    #[cfg(feature = "gpu")]
+    let done = {
+        let report = crate::gpu_bench::measure(&device, a.quick, &context)?;
+        context.finish(&report.text(), &report)
+    };
+    #[cfg(not(feature = "gpu"))]
+    let done = match device {};
+    done
 }
 
 /// The work of experiments as a user sees it: notes on single snapshots and models, hundreds of them, are not said.
@@ -135,7 +155,11 @@ fn list() -> String {
         let trains = if e.trains { "; trains models" } else { "" };
         format!("{:<20} {}\n{:<20} ({paper}{trains})\n", e.name, e.title, "")
     };
-    EXPERIMENTS.iter().map(row).collect()
+    let gpu = format!(
+        "{:<20} {}\n{:<20} (not in the paper; takes no snapshot)\n",
+        "gpu", "Frames a second of a graphics card", ""
+    );
+    EXPERIMENTS.iter().map(row).chain([gpu]).collect()
 }
 
 /// Does them; one that fails is reported, and the others are done.

@@ -45,6 +45,14 @@ impl FromStr for Asked {
 }
 
 impl DeviceArgs {
+    /// The card that is asked for, the first real one where none is.
+    ///
+    /// # Errors
+    /// [`particlegs::Error::Argument`] where there is none.
+    pub fn open_card(&self) -> Result<Device> {
+        self.open()?.map_or_else(|| card::open(None), Ok)
+    }
+
     /// The card that is asked for; none for the processor.
     ///
     /// # Errors
