@@ -101,17 +101,16 @@ pub fn run(a: &Arguments) -> Result<()> {
 }
 
 /// Measures a graphics card, which takes no snapshot: the first real one, or that of --device.
+#[cfg(feature = "gpu")]
 fn gpu(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let device = a.device.open_card()?;
-    #[cfg(feature = "gpu")]
-    let done = {
-        let report = crate::gpu_bench::measure(&device, a.quick, &context)?;
-        context.finish(&report.text(), &report)
-    };
-    #[cfg(not(feature = "gpu"))]
-    let done = match device {};
-    done
+    let report = crate::gpu_bench::measure(&a.device.open_card()?, a.quick, &context)?;
+    context.finish(&report.text(), &report)
+}
+
+#[cfg(not(feature = "gpu"))]
+fn gpu(a: &Arguments) -> Result<()> {
+    match a.device.open_card()? {}
 }
 
 /// The work of experiments as a user sees it: notes on single snapshots and models, hundreds of them, are not said.
