@@ -63,6 +63,8 @@ pub struct Arguments {
     #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
     style: Style,
     #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
     view: ViewArgs,
     #[command(flatten)]
     sequence: SequenceArgs,
@@ -86,8 +88,6 @@ pub struct Arguments {
     snapshot: SnapshotArgs,
     #[command(flatten)]
     selection: SelectionArgs,
-    #[command(flatten)]
-    device: DeviceArgs,
     #[command(flatten)]
     common: Common,
 }

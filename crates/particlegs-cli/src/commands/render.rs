@@ -97,6 +97,8 @@ pub struct Arguments {
     #[arg(long, value_name = "TEXT,...", value_delimiter = ',', hide_short_help = true, requires = "panels")]
     captions: Vec<String>,
     #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
     view: ViewArgs,
     #[command(flatten)]
     sequence: SequenceArgs,
@@ -104,8 +106,6 @@ pub struct Arguments {
     figure: FigureArgs,
     #[command(flatten)]
     density: DensityArgs,
-    #[command(flatten)]
-    device: DeviceArgs,
     #[command(flatten)]
     common: Common,
 }
