@@ -11,12 +11,11 @@ const CUT_LINES: f32 = 16.0;
 const STEPS: f32 = 4096.0;
 
 fn depth_of(v: View, m: f32) -> f32 {
-    if v.opacity <= SERIES_OPACITY {
+    // log(1 - m) loses the digits of a small m.
+    if v.opacity <= SERIES_OPACITY || m < 0.02 {
         return m * (1.0 + m * (0.5 + m * (1.0 / 3.0 + m * (0.25 + m * 0.2))));
     }
-    let y = 1.0 - min(m, LARGEST_MEAN_ALPHA);
-    // log(1 - m) where m is small loses the digits of m.
-    return select(-log(y), m * (1.0 + m * (0.5 + m * (1.0 / 3.0 + m * (0.25 + m * 0.2)))), m < 0.02);
+    return -log(1.0 - min(m, LARGEST_MEAN_ALPHA));
 }
 
 // The integral of exp(-t^2/2) from -3 to `e`, clamped to the cut, by its table.

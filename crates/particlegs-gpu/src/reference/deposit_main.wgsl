@@ -6,10 +6,9 @@
 @group(0) @binding(3) var<storage, read_write> sums: array<atomic<u32>>;
 
 var<workgroup> splats: array<Splat, 64>;
-// The first pixel of each, its columns, and where its pixels end among those of all.
+// The first pixel of each, and its columns.
 var<workgroup> corners: array<vec2u, 64>;
 var<workgroup> columns: array<u32, 64>;
-var<workgroup> ends: array<u32, 64>;
 
 fn small(s: Splat) {
     let low = floor(s.at - CUT * s.axes.xw);
@@ -30,7 +29,7 @@ fn main(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) me: u32,
 ) {
-    let i = view.first + (group.y * groups.x + group.x) * 64u + me;
+    let i = view.first + (group.y * groups.x + group.x) * THREADS + me;
     var pixels = 0u;
     if i < view.last {
         let n = view.count;
@@ -49,30 +48,11 @@ fn main(
             }
         }
     }
-    ends[me] = pixels;
-    workgroupBarrier();
-    for (var away = 1u; away < 64u; away *= 2u) {
-        var before = 0u;
-        if me >= away {
-            before = ends[me - away];
-        }
-        workgroupBarrier();
-        ends[me] += before;
-        workgroupBarrier();
-    }
+    running_sum(0u, me, pixels);
     let all_pixels = workgroupUniformLoad(&ends[63]);
-    for (var p = me; p < all_pixels; p += 64u) {
-        // The first that ends beyond it.
-        var own = 0u;
-        for (var half = 32u; half > 0u; half /= 2u) {
-            if ends[own + half - 1u] <= p {
-                own += half;
-            }
-        }
-        var along = p;
-        if own > 0u {
-            along -= ends[own - 1u];
-        }
+    for (var p = me; p < all_pixels; p += THREADS) {
+        let own = owner(0u, p);
+        let along = within(0u, own, p);
         let pixel = corners[own] + vec2u(along % columns[own], along / columns[own]);
         let m = mean_opacity(view, splats[own], vec2f(pixel));
         add(view, pixel.y * view.size.x + pixel.x, depth_of(view, max(m, 0.0)));

@@ -100,10 +100,11 @@ impl Reference {
         let [main, splats, deposit] =
             [include_str!("deposit_main.wgsl"), include_str!("splats.wgsl"), include_str!("deposit.wgsl")];
         let uses = [Use::Uniform, Use::Read, Use::Read, Use::Write];
+        let share = include_str!("../share.wgsl");
         let count_main = include_str!("count_main.wgsl");
         let uses_of_count = [Use::Uniform, Use::Read, Use::Write];
         let count = Kernel::new(device, "work", &[count_main, VIEW, splats], &uses_of_count);
-        let deposit = Kernel::new(device, "particles", &[main, VIEW, splats, deposit], &uses);
+        let deposit = Kernel::new(device, "particles", &[main, VIEW, splats, deposit, share], &uses);
         let collect = Kernel::new(
             device,
             "depth of particles",

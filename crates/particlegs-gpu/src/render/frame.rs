@@ -45,10 +45,7 @@ pub(crate) struct FrameRecord {
     levels: [LevelRecord; MOST_LEVELS],
     size: [u32; 2],
     level_count: u32,
-    first: u32,
     count: u32,
-    all: u32,
-    pad: [u32; 2],
 }
 
 /// The planes of a picture, and how many words they and their tiles have.
@@ -123,7 +120,6 @@ impl FrameRecord {
                 perspective: u32::from(lens.perspective),
             },
             count,
-            all: count,
             ..FrameRecord::of_planes(planes)
         }
     }

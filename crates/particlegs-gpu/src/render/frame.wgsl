@@ -47,12 +47,8 @@ struct Frame {
     size: vec2u,
     // Number of levels.
     level_count: u32,
-    // Gaussians of this dispatch: the first, and their number; and all in their columns.
-    first: u32,
+    // Gaussians in the columns.
     count: u32,
-    all: u32,
-    pad0: u32,
-    pad1: u32,
 }
 
 // Pixels drawn beyond each edge of a plane.

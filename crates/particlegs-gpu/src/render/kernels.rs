@@ -9,6 +9,7 @@ const PROJECT: &str = include_str!("project.wgsl");
 const SLICES: &str = include_str!("slices.wgsl");
 const BIN: &str = include_str!("bin.wgsl");
 const BOUND: &str = include_str!("bound.wgsl");
+const SHARE: &str = include_str!("../share.wgsl");
 const STROKE: &str = include_str!("stroke.wgsl");
 const RASTER: &str = include_str!("raster.wgsl");
 const PYRAMID: &str = include_str!("pyramid.wgsl");
@@ -44,12 +45,12 @@ impl Kernels {
             scale: new("scale", &[include_str!("scale_main.wgsl"), SCALE], &[Read, Write]),
             raster: new(
                 "raster",
-                &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, RASTER],
+                &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, SHARE, RASTER],
                 &[Uniform, Read, Read, Read, Write],
             ),
             slices: new(
                 "slices",
-                &[include_str!("slices_main.wgsl"), FRAME, SCALE, PROJECT, SLICES, STROKE, BIN, RASTER],
+                &[include_str!("slices_main.wgsl"), FRAME, SCALE, PROJECT, SLICES, STROKE, BIN, SHARE, RASTER],
                 &[Uniform, Read, Read, Read, Read, Write],
             ),
             pyramid: new(

@@ -5,7 +5,7 @@
 //! | project.wgsl, slices.wgsl | `project`, `project::slices` | Gaussians to footprints, whole or in pieces along depth |
 //! | bin.wgsl | `bin::place` | footprints to strokes on the plane that suits them |
 //! | bound.wgsl, scale_main.wgsl | none: it sums in float32 | the scale of sums of whole numbers that none wraps at |
-//! | raster.wgsl | `raster::draw` | strokes to sums, by atomic adds |
+//! | raster.wgsl, ../share.wgsl | `raster::draw` | strokes to sums, by atomic adds, pixels shared out evenly |
 //! | pyramid.wgsl | `raster::pyramid` | planes summed from coarse to fine, as depth |
 //! | tone.wgsl | `tone` | depth to grey levels |
 //!

@@ -14,14 +14,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     planes_of[id.x] = NOWHERE;
-    let i = frame.first + id.x;
-    let g = see(frame.lens, i, frame.all);
+    let g = see(frame.lens, id.x, frame.count);
     if !(g.weight > 0.0) {
         return;
     }
     let what = fate(frame.lens, g.mean.z, g.depth);
     if what == CUT {
-        cuts[atomicAdd(&cut_count, 1u)] = i;
+        cuts[atomicAdd(&cut_count, 1u)] = id.x;
     }
     if what != WHOLE {
         return;

@@ -2,8 +2,6 @@
 // pixels, whosesoever they are, are shared out evenly among the threads. Sums are of whole numbers, so that no order of
 // adding shows.
 
-const THREADS: u32 = 64u;
-
 // The workgroup's strokes.
 var<workgroup> strokes_here: array<Stroke, 64>;
 var<workgroup> planes_here: array<u32, 64>;
@@ -17,8 +15,7 @@ struct Span {
 }
 var<workgroup> spans: array<Span, 64>;
 
-// Where the rows of each stroke end among those of all, and behind them where the pixels of each span do.
-var<workgroup> ends: array<u32, 128>;
+// Where the rows of each stroke end among those of all, and where the pixels of each span do.
 const ROWS: u32 = 0u;
 const SPANS: u32 = 64u;
 
@@ -30,40 +27,6 @@ fn rows_of(s: Stroke, plane: u32) -> vec2u {
     let top = max(ceil(s.y - s.half), 0.0);
     let bottom = min(floor(s.y + s.half), f32(frame.levels[plane].rows) - 1.0);
     return vec2u(u32(top), u32(max(bottom - top + 1.0, 0.0)));
-}
-
-// Who has the row or pixel `at`: the first that ends beyond it.
-fn owner(list: u32, at: u32) -> u32 {
-    var low = list;
-    for (var half = 32u; half > 0u; half /= 2u) {
-        if ends[low + half - 1u] <= at {
-            low += half;
-        }
-    }
-    return low - list;
-}
-
-// The row or pixel `at` among those of its owner.
-fn within(list: u32, own: u32, at: u32) -> u32 {
-    if own == 0u {
-        return at;
-    }
-    return at - ends[list + own - 1u];
-}
-
-// Sums of the values up to each thread's own, over the workgroup.
-fn running_sum(list: u32, me: u32, value: u32) {
-    ends[list + me] = value;
-    workgroupBarrier();
-    for (var away = 1u; away < THREADS; away *= 2u) {
-        var add = 0u;
-        if me >= away {
-            add = ends[list + me - away];
-        }
-        workgroupBarrier();
-        ends[list + me] += add;
-        workgroupBarrier();
-    }
 }
 
 // A stroke's row: where its pixels begin, and how many there are.

@@ -13,7 +13,7 @@ fn main(
     @builtin(local_invocation_index) me: u32,
 ) {
     for (var c = group.x; c < cut_count; c += groups.x) {
-        let g = see(frame.lens, cuts[c], frame.all);
+        let g = see(frame.lens, cuts[c], frame.count);
         let s = slices_of(frame.lens, g);
         for (var k = me; k < s.pieces; k += 64u) {
             let m = piece(frame.lens, s, k);

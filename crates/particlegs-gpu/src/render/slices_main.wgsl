@@ -21,7 +21,7 @@ fn main(
     }
     let count = workgroupUniformLoad(&cut_here);
     for (var c = group.x; c < count; c += groups.x) {
-        let g = see(frame.lens, cuts[c], frame.all);
+        let g = see(frame.lens, cuts[c], frame.count);
         let s = slices_of(frame.lens, g);
         if me == 0u {
             pieces_here = s.pieces;
