@@ -193,31 +193,21 @@ pub(super) fn sign(row: &Row, first: &Row, number: usize) -> Option<&'static str
 pub(super) fn notes(lab: &Lab<'_>, scale: f64, config: &Config, sizes: &[String; 2]) -> Vec<String> {
     let [small, large] = sizes;
     let (frames, steps) = (frames(lab), config.iterations());
-    let crowd = |c: &Config| {
-        let pixels = c.stages.first().map_or(1, |s| s.size[0] * s.size[1]);
-        c.start_gaussians.unwrap_or(0) as f64 / pixels as f64
-    };
+    let start = config.start_gaussians.unwrap_or(0);
     let quick = "Quick settings: pictures of stamp size, to see that all of it runs. Nothing here is a finding.";
     let mut notes = vec![
         format!(
             "The published recipe (preset `paper`, law `alpha-blend`) scaled as a whole by {scale}: pixels along \
-             either side, steps, every schedule that counts steps, pictures and first Gaussians are that share of the \
-             published ones; rates of learning are not changed. Of the whole recipe that is {steps} steps, first at \
-             {small}, then at {large}. Gaussians travel a smaller way than in the paper, so signs compare, decibels \
-             do not."
+             either side, steps, every schedule that counts steps and pictures are that share of the published ones, \
+             first Gaussians its square: as many to a pixel. Rates of learning are not changed. Of the whole recipe \
+             that is {steps} steps from {start} Gaussians, first at {small}, then at {large}. Gaussians travel a smaller \
+             way than in the paper, so signs compare, decibels do not."
         ),
         format!(
             "Scored are the decoded files, against ParaView's picture of all particles: {frames} views on each of the \
              orbits 1.0, 0.7 and 0.5, radius and opacity drawn from the published range, the mean over the orbits. The \
              paper scores PSNR of whole pictures at the size of its first stage, here {small}; masked PSNR counts lit \
              pixels alone, at {large} what the last stages were trained for as well."
-        ),
-        format!(
-            "Pixels shrink with the square of the scale and Gaussians with the scale: a block begins with {:.2} Gaussians \
-             to a pixel of the first stage, where the published one has {:.2}. Merged blocks have the more of them, and \
-             pictures so small say little of each: what fine-tuning does here need not be what it does there.",
-            crowd(config),
-            crowd(&training::recipe())
         ),
     ];
     notes.extend(lab.settings.quick.then(|| quick.to_string()));

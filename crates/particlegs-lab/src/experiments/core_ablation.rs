@@ -10,7 +10,7 @@ use super::seeds::each_seed;
 use crate::found::{Cell, Found, Table};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use crate::training::{Task, Trained, ours_at, recipe, scale, single_resolution, trained};
+use crate::training::{Task, Trained, ours_at, recipe, scale, scaled, single_resolution, trained};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -26,9 +26,9 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 /// The published recipe of this experiment.
 ///
 /// # Errors
-/// Those of [`Config::scaled`].
+/// Those of [`scaled`].
 pub(super) fn whole(lab: &Lab<'_>) -> Result<Config> {
-    recipe().scaled(scale(lab))
+    scaled(recipe(), scale(lab))
 }
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
@@ -87,13 +87,13 @@ fn ablations(scale: f64) -> Result<[(&'static str, Config, paper::Row); 3]> {
     no_vizmapper.alpha_blend.vizmapper = false;
     far.cameras.orbits.truncate(1);
     Ok([
-        ("without VizMapper", no_vizmapper.scaled(scale)?, paper::NO_VIZMAPPER),
+        ("without VizMapper", scaled(no_vizmapper, scale)?, paper::NO_VIZMAPPER),
         (
             "single resolution: the first stage's throughout",
-            single_resolution().scaled(scale)?,
+            scaled(single_resolution(), scale)?,
             paper::SINGLE_RESOLUTION,
         ),
-        ("far orbit only", far.scaled(scale)?, paper::FAR_ORBIT),
+        ("far orbit only", scaled(far, scale)?, paper::FAR_ORBIT),
     ])
 }
 

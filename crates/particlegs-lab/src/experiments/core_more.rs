@@ -1,6 +1,6 @@
 //! The published recipe with other choices that the paper does not compare: one seed each.
 
-use crate::training::{Task, recipe};
+use crate::training::{Task, recipe, scaled};
 use particlegs::Result;
 use particlegs::model::LawKind;
 use particlegs::splat::Look;
@@ -9,12 +9,12 @@ use particlegs::train::{Config, Norm, Start};
 /// What is chosen otherwise, and what is trained then.
 ///
 /// # Errors
-/// Those of [`Config::scaled`].
+/// Those of [`scaled`].
 pub(super) fn choices(scale: f64, seed: u64) -> Result<Vec<(&'static str, Task)>> {
     let with = |change: fn(&mut Config)| {
         let mut config = recipe();
         change(&mut config);
-        config.scaled(scale)
+        scaled(config, scale)
     };
     let published = |change| -> Result<Task> { Ok(Task::published(with(change)?, 1, seed)) };
     let from = |change| -> Result<Task> { Ok(Task::published_from_fit(with(change)?, seed)) };

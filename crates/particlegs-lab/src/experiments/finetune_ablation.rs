@@ -5,11 +5,11 @@ use super::Experiment;
 use super::ablation::{self, Judge};
 use super::groups;
 use super::published as paper;
-use super::published_blocks::{merged, scale};
+use super::published_blocks::merged;
 use crate::found::Found;
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use crate::training::{Trained, tuned};
+use crate::training::{Trained, recipe, scale, scaled, tuned};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -28,9 +28,9 @@ const BLOCKS: u32 = 8;
 /// The published fine-tuning in its share.
 ///
 /// # Errors
-/// Those of [`Config::scaled`].
+/// Those of [`scaled`].
 pub(super) fn production(scale: f64) -> Result<Config> {
-    Config { evaluate_views: 4, ..Config::fine_tuning() }.scaled(scale)
+    scaled(Config { evaluate_views: 4, ..Config::fine_tuning() }, scale)
 }
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
@@ -40,7 +40,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let config = production(scale(lab))?;
     let seeds: Result<Vec<Trained>> = lab.settings.seeds().map(|seed| tune(&config, seed)).collect();
     // Sizes are those of the recipe that made the blocks: fine-tuning has the first alone.
-    let recipe = crate::training::recipe().scaled(scale(lab))?;
+    let recipe = scaled(recipe(), scale(lab))?;
     let judge = Judge::new(lab, snapshot, &recipe, &of_blocks.made.model.metadata, &groups::in_range())?;
     let mut rows = vec![judge.row("published: L1, density control", &seeds?, Some(paper::EIGHT))?];
     for (label, config, theirs) in variants(&config) {

@@ -149,7 +149,7 @@ fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut Found) -> Re
     let published = each(&|seed| Task::published(config.clone(), 1, seed))?;
     let mut plain = training::recipe();
     plain.alpha_blend.vizmapper = false;
-    let plain = plain.scaled(training::scale(lab))?;
+    let plain = training::scaled(plain, training::scale(lab))?;
     let plain = each(&|seed| Task::published(plain.clone(), 1, seed))?;
     let bytes = published[0].made.bytes.len() as u64;
     let ours = each(&|seed| Task::ours(bytes, None, seed))?;

@@ -9,7 +9,7 @@ use super::published::{self as paper, BYTES_A_GAUSSIAN, same_sign};
 use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use crate::training::{self, Task, Trained, trained, tuned};
+use crate::training::{Task, Trained, recipe, scale, scaled, trained, tuned};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -22,11 +22,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Share of the published recipe: of each block, of which there are many.
-pub(super) fn scale(lab: &Lab<'_>) -> f64 {
-    lab.settings.scale.unwrap_or(if lab.settings.quick { 0.01 } else { 0.03 })
-}
-
 /// Numbers of blocks.
 fn numbers(lab: &Lab<'_>) -> &'static [u32] {
     if lab.settings.quick { &[1, 2, 8] } else { &[1, 2, 4, 8, 16] }
@@ -37,7 +32,7 @@ fn numbers(lab: &Lab<'_>) -> &'static [u32] {
 /// # Errors
 /// Those of training.
 pub(super) fn merged(lab: &Lab<'_>, snapshot: &Snapshot, blocks: u32, seed: u64) -> Result<Trained> {
-    let config = training::recipe().scaled(scale(lab))?;
+    let config = scaled(recipe(), scale(lab))?;
     trained(lab, snapshot, &Task::published(config, blocks, seed))
 }
 
@@ -50,7 +45,7 @@ struct Measured {
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let (snapshot, seed) = (&snapshots[0], lab.settings.seed);
-    let (recipe, tuning) = (training::recipe().scaled(scale(lab))?, production(scale(lab))?);
+    let (recipe, tuning) = (scaled(recipe(), scale(lab))?, production(scale(lab))?);
     let one: Vec<Trained> = lab.settings.seeds().map(|seed| merged(lab, snapshot, 1, seed)).collect::<Result<_>>()?;
     let judge = Judge::new(lab, snapshot, &recipe, &one[0].made.model.metadata, &at_distances())?;
     let mut all = Vec::new();

@@ -35,7 +35,7 @@ fn minutes(lab: &Lab<'_>) -> f64 {
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let snapshot = &snapshots[0];
-    let config = Config::preset(Preset::Paper, LawKind::AlphaBlend).scaled(scale(lab))?;
+    let config = training::scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale(lab))?;
     let task = Task::published(config.clone(), 1, lab.settings.seed);
     let piece = Duration::from_secs_f64(60.0 * minutes(lab));
     let run = trained_on(lab, (&snapshot.particles, &snapshot.hash), &task, Some(piece))?;
@@ -142,8 +142,8 @@ fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<Strin
         ),
         format!(
             "The recipe is scaled as a whole by {}: pictures of {small}, then {large} (published 1920 x 1080 and 5760 x \
-             3240), {} steps ({}), {} first Gaussians ({}), {} pictures ({}), every schedule in proportion; rates of \
-             learning are the published ones. So Gaussians travel a smaller way, and there are fewer of them.",
+             3240), {} steps ({}), {} first Gaussians ({}), as many to a pixel, {} pictures ({}), every schedule in \
+             proportion; rates of learning are the published ones. So Gaussians travel a smaller way, and there are fewer of them.",
             scale(lab),
             config.iterations(),
             published.iterations(),

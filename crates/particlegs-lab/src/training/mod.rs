@@ -81,13 +81,26 @@ pub(crate) fn recipe() -> Config {
     Config { evaluate_views: HELD_OUT, ..Config::preset(Preset::Paper, LawKind::AlphaBlend) }
 }
 
+/// Gaussians that a start has at least.
+const FEWEST: f64 = 64.0;
+
+/// A recipe scaled as a whole: pixels along either side, steps and pictures by `scale`, first Gaussians by its square, as
+/// many to a pixel as before.
+///
+/// # Errors
+/// [`Error::Argument`] for a scale outside (0, 1].
+pub(crate) fn scaled(config: Config, scale: f64) -> Result<Config> {
+    let start_gaussians = config.start_gaussians.map(|n| (n as f64 * scale * scale).round().max(FEWEST) as u64);
+    Ok(Config { start_gaussians, ..config.scaled(scale)? })
+}
+
 /// Our preset `fast` with a last stage of the size that the published recipe's has at `scale`.
 ///
 /// # Errors
-/// [`Error::Argument`] for a scale that is not positive.
+/// Those of [`scaled`].
 pub(crate) fn ours_at(scale: f64) -> Result<Config> {
     let fast = Config { evaluate_views: HELD_OUT, ..Config::preset(Preset::Fast, LawKind::OpticalDepth) };
-    fast.scaled((scale * WIDTHS[1] / WIDTHS[0]).min(1.0))
+    scaled(fast, (scale * WIDTHS[1] / WIDTHS[0]).min(1.0))
 }
 
 /// The published recipe in one stage, of the first one's size: its steps, its density control as long as that goes on.
@@ -257,7 +270,7 @@ mod tests {
     }
 
     fn small() -> Config {
-        Config { evaluate_every: 20, ..recipe().scaled(0.004).unwrap() }
+        Config { evaluate_every: 20, ..scaled(recipe(), 0.004).unwrap() }
     }
 
     /// A run in short pieces ends with the bytes and the curve of one that was never broken.
@@ -299,7 +312,9 @@ mod tests {
         let (one, all) = (single_resolution(), recipe());
         assert_eq!((one.iterations(), one.stages.len()), (all.iterations(), 1));
         assert_eq!((one.stages[0].densify.until, one.stages[0].size), (36_000, [1920, 1080]));
-        let [first, last] = sizes(&all.scaled(0.1).unwrap());
+        let tenth = scaled(all, 0.1).unwrap();
+        assert_eq!((tenth.iterations(), tenth.start_gaussians), (3900, Some(2000)));
+        let [first, last] = sizes(&tenth);
         assert_eq!([first.width, first.height, last.width, last.height], [192, 108, 576, 324]);
         assert_eq!(ours_at(0.1).unwrap().stages.last().unwrap().size, [576, 324]);
     }
