@@ -11,6 +11,7 @@ pub mod reference;
 pub mod render;
 #[cfg(test)]
 mod tests;
+pub mod train;
 
 pub use adapters::{Adapter, Choice, adapters, advice};
 pub use device::{Checks, Device};

@@ -18,7 +18,7 @@ pub(crate) struct Adam {
 
 /// Running averages of the gradients of a group.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Averages {
+pub struct Averages {
     /// Of the gradient.
     pub first: Vec<f32>,
     /// Of its square.

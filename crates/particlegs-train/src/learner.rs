@@ -9,7 +9,7 @@ use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Progress;
 
 /// A picture to learn from.
-pub(crate) struct Shot<'a> {
+pub struct Shot<'a> {
     /// Camera, radius and opacity.
     pub view: &'a View,
     /// Brightness wanted, in [0, 1]; its size is the crop's.
@@ -22,7 +22,7 @@ pub(crate) struct Shot<'a> {
 
 /// A part of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Crop {
+pub struct Crop {
     /// The whole picture.
     pub full: Size,
     /// Left column and top row of the part.
@@ -66,7 +66,7 @@ pub struct Densify {
 
 /// What a step tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Stepped {
+pub struct Stepped {
     /// Loss before the step.
     pub loss: f64,
     /// The first parameter whose gradient was not finite, if any: the Gaussian was left as it was.
@@ -75,7 +75,7 @@ pub(crate) struct Stepped {
 
 /// A gradient that was not a number, and whose.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct NotFinite {
+pub struct NotFinite {
     /// Group of parameters, e.g. `position`.
     pub group: &'static str,
     /// The first Gaussian.
@@ -94,7 +94,18 @@ pub(crate) trait Learner {
     fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &Moment) -> Result<Stepped>;
 
     /// Density control due after the step at `at`.
-    fn control(&mut self, at: &Moment);
+    ///
+    /// # Errors
+    /// Those of a device.
+    fn control(&mut self, at: &Moment) -> Result<()>;
+
+    /// Brings here what steps have moved elsewhere: before the Gaussians or the state are asked for.
+    ///
+    /// # Errors
+    /// Those of a device.
+    fn fetch(&mut self) -> Result<()> {
+        Ok(())
+    }
 
     /// Number of Gaussians.
     fn len(&self) -> usize;

@@ -9,7 +9,8 @@ mod adam;
 mod alpha;
 mod cameras;
 mod config;
-mod depth;
+pub mod depth;
+mod device;
 mod dssim;
 mod fine_tune;
 mod held_out;
@@ -25,12 +26,13 @@ mod targets;
 #[cfg(test)]
 mod targets_tests;
 
+pub use adam::Averages;
 pub use alpha::AlphaConfig;
 pub use cameras::Defaults;
 pub use config::{Cameras, Config, Preset, Stage, Start};
 pub use depth::{DepthConfig, Rates};
-pub(crate) use learner::Crop;
-pub use learner::Densify;
+pub use device::Device;
+pub use learner::{Crop, Densify, NotFinite, Shot, Stepped};
 pub use loss::{Loss, Norm};
 pub use run::{Initial, Limits, Trained, TrainedRun, Training};
 pub use subject::Subject;

@@ -3,7 +3,8 @@
 use super::alpha::{AlphaConfig, AlphaLearner, Ground};
 use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
-use super::depth::{DepthGround, DepthLearner};
+use super::depth::{DepthGround, DepthLearner, Processor};
+use super::device::Device;
 use super::held_out::HeldOut;
 use super::journal::{Journal, Standing};
 use super::learner::{Crop, Learner, Moment, Shot};
@@ -18,11 +19,12 @@ use particlegs_core::pieces::Pieces;
 use particlegs_core::progress::{Level, Progress};
 use particlegs_core::{Error, Remedy, Result};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// The key of the run's state among the pieces.
 const KEY: &str = "train";
-/// How far a run goes, and where it may write.
+/// How far a run goes, where it may write, and what takes its steps.
 #[derive(Clone, Debug)]
 pub struct Limits {
     /// When the command began that the run is part of.
@@ -34,11 +36,13 @@ pub struct Limits {
     pub scratch: Option<PathBuf>,
     /// Name of the run in messages and log, where a command has several; else empty.
     pub run: String,
+    /// What takes its steps; `None` = the processor.
+    pub device: Option<Arc<dyn Device>>,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Limits { began: Instant::now(), seconds: None, scratch: None, run: String::new() }
+        Limits { began: Instant::now(), seconds: None, scratch: None, run: String::new(), device: None }
     }
 }
 
@@ -211,6 +215,7 @@ impl<'a> Training<'a> {
         };
         progress.end();
         // Finished runs are kept as well: what comes after them may be interrupted too.
+        run.learner.fetch()?;
         pieces.keep_now(KEY, run.state().to_bytes())?;
         run.journal.end();
         run.finish(stopped)
@@ -218,7 +223,7 @@ impl<'a> Training<'a> {
 
     /// The learner of the law, at its start.
     fn learner(&self, initial: Initial<'_>) -> Result<Box<dyn Learner>> {
-        let Training { subject, config, defaults, .. } = *self;
+        let Training { subject, config, limits, defaults } = *self;
         let (bounds, particles) = (defaults.bounds, subject.len() as u64);
         let ground = Ground {
             frame: Normalisation::of(&bounds),
@@ -231,11 +236,16 @@ impl<'a> Training<'a> {
         let alpha = AlphaConfig { most_gaussians, ..config.alpha_blend };
         let random = |n| AlphaLearner::from_particles(subject, n, ground, alpha);
         let depth_ground = DepthGround { bounds, particles, look: config.target, bytes: defaults.bytes };
-        let depth = |m: &Mixture| DepthLearner::new(m, depth_ground, config.optical_depth);
+        let depth = |m: &Mixture| {
+            DepthLearner::new(m, depth_ground, config.optical_depth, |parameters| match &limits.device {
+                Some(device) => device.depth_steps(parameters),
+                None => Ok(Box::new(Processor::default())),
+            })
+        };
         Ok(match (config.law, initial) {
-            (LawKind::OpticalDepth, Initial::Fit(m)) => Box::new(depth(m)),
+            (LawKind::OpticalDepth, Initial::Fit(m)) => Box::new(depth(m)?),
             (LawKind::OpticalDepth, Initial::Particles(n)) => {
-                Box::new(depth(&Mixture { law: Law::OpticalDepth, ..random(n)?.mixture() }))
+                Box::new(depth(&Mixture { law: Law::OpticalDepth, ..random(n)?.mixture() })?)
             }
             (LawKind::OpticalDepth, Initial::Model(_)) => {
                 let what = "a model of the optical-depth law is not trained further".into();
@@ -299,6 +309,7 @@ impl Run<'_> {
                 self.step(stage, &mut targets)?;
                 self.evaluate_if_due()?;
                 if saved.elapsed().as_secs_f64() >= self.config.checkpoint_seconds {
+                    self.learner.fetch()?;
                     pieces.keep_now(KEY, self.state().to_bytes())?;
                     saved = Instant::now();
                 }
@@ -344,7 +355,7 @@ impl Run<'_> {
         };
         let shot = Shot { view: &view, target: &target, crop, progress: &Whole(self.progress) };
         let stepped = self.learner.step(&shot, &self.config.loss, &at)?;
-        self.learner.control(&at);
+        self.learner.control(&at)?;
         self.iteration += 1;
         self.progress.advance(1);
         let standing = self.standing();
@@ -384,6 +395,7 @@ impl Run<'_> {
         if self.evaluated == Some(self.iteration) {
             return Ok(());
         }
+        self.learner.fetch()?;
         let mixture = self.learner.shown()?;
         let score = self.held_out.masked_psnr(&mixture)?;
         if self.iteration == 0 {

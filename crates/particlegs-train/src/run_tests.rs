@@ -110,7 +110,9 @@ impl Learner for Faulty {
         let not_finite = Some(NotFinite { group: "position", gaussian: 4, count: 1 });
         Ok(Stepped { loss: f64::NAN, not_finite })
     }
-    fn control(&mut self, _: &Moment) {}
+    fn control(&mut self, _: &Moment) -> Result<()> {
+        Ok(())
+    }
     fn len(&self) -> usize {
         self.0.len()
     }

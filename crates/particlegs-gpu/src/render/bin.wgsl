@@ -91,7 +91,8 @@ fn place(f: Footprint) -> Placed {
         return placed;
     }
     peak /= 1.0 - select(exp(-0.5 * cut2), NEAREST_SHARE, cut2 == NEAREST_CUT);
-    if smaller < SMALL {
+    placed.small = select(0u, 1u, smaller < SMALL);
+    if placed.small == 1u {
         peak /= lattice_sum(f.mean, xx, f.lean * f.down, yy);
     }
     let unscale2 = 1.0 / (scale * scale);

@@ -11,7 +11,7 @@ use particlegs_core::{Error, Result};
 /// Floats of a Gaussian, each a column: see project.wgsl.
 const COLUMNS: usize = 13;
 /// Gaussians of a buffer at most: a dispatch has 65,535 groups at most, and a binding 128 MiB on many cards.
-const MOST: usize = 1 << 21;
+pub(crate) const MOST: usize = 1 << 21;
 
 /// The Gaussians of a scene on a device, about a point near them.
 pub struct Gaussians {
@@ -57,6 +57,16 @@ impl Gaussians {
             device.check()?;
         }
         Ok(Gaussians { chunks, origin, bounds, shifts: scene.shifts().to_vec() })
+    }
+
+    /// Those of a buffer that has the columns, and may have more, about `origin`.
+    pub(crate) fn of_buffer(columns: wgpu::Buffer, count: u32, origin: [f64; 3], bounds: Bounds) -> Gaussians {
+        Gaussians { chunks: vec![Chunk { columns, count }], origin, bounds, shifts: vec![[0.0; 3]] }
+    }
+
+    /// The first buffer of theirs.
+    pub(crate) fn buffer(&self) -> &wgpu::Buffer {
+        &self.chunks[0].columns
     }
 
     /// Their number.

@@ -3,17 +3,22 @@
 use crate::Device;
 use crate::kernel::{Kernel, Use};
 
-pub(super) const FRAME: &str = include_str!("frame.wgsl");
-pub(super) const SCALE: &str = include_str!("scale.wgsl");
-const PROJECT: &str = include_str!("project.wgsl");
-const SLICES: &str = include_str!("slices.wgsl");
-const BIN: &str = include_str!("bin.wgsl");
+/// The sources that other kernels share.
+pub(crate) mod sources {
+    pub const FRAME: &str = include_str!("frame.wgsl");
+    pub const SCALE: &str = include_str!("scale.wgsl");
+    pub const PROJECT: &str = include_str!("project.wgsl");
+    pub const SLICES: &str = include_str!("slices.wgsl");
+    pub const BIN: &str = include_str!("bin.wgsl");
+    pub const SHARE: &str = include_str!("../share.wgsl");
+    pub const STROKE: &str = include_str!("stroke.wgsl");
+    pub const ROWS: &str = include_str!("rows.wgsl");
+    pub const PYRAMID: &str = include_str!("pyramid.wgsl");
+    pub const TONE: &str = include_str!("tone.wgsl");
+}
+use sources::*;
 const BOUND: &str = include_str!("bound.wgsl");
-const SHARE: &str = include_str!("../share.wgsl");
-const STROKE: &str = include_str!("stroke.wgsl");
 const RASTER: &str = include_str!("raster.wgsl");
-const PYRAMID: &str = include_str!("pyramid.wgsl");
-pub(super) const TONE: &str = include_str!("tone.wgsl");
 
 /// All of them.
 pub(super) struct Kernels {
@@ -45,12 +50,12 @@ impl Kernels {
             scale: new("scale", &[include_str!("scale_main.wgsl"), SCALE], &[Read, Write]),
             raster: new(
                 "raster",
-                &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, SHARE, RASTER],
+                &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, SHARE, ROWS, RASTER],
                 &[Uniform, Read, Read, Read, Write],
             ),
             slices: new(
                 "slices",
-                &[include_str!("slices_main.wgsl"), FRAME, SCALE, PROJECT, SLICES, STROKE, BIN, SHARE, RASTER],
+                &[include_str!("slices_main.wgsl"), FRAME, SCALE, PROJECT, SLICES, STROKE, BIN, SHARE, ROWS, RASTER],
                 &[Uniform, Read, Read, Read, Read, Write],
             ),
             pyramid: new(

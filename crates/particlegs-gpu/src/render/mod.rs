@@ -19,9 +19,12 @@ mod pictures;
 mod tests;
 mod tone;
 
+pub(crate) use frame::two_floats;
 pub use gaussians::Gaussians;
+pub(crate) use gaussians::MOST;
+pub(crate) use kernels::sources;
 pub use pictures::Pictures;
-pub(crate) use tone::{Tone, ToneMapper, TonePlane};
+pub(crate) use tone::{CURVE, LookRecord, Tone, ToneMapper, TonePlane, curve};
 
 use crate::{Device, groups};
 use frame::MOST_LEVELS;
@@ -56,13 +59,41 @@ pub struct Canvas {
     scales: wgpu::Buffer,
     cut_count: wgpu::Buffer,
     picture: wgpu::Buffer,
-    /// Strokes, their planes, the list of cuts: what is written before it is read.
+    /// Strokes and their planes: what is written before it is read.
     #[cfg(test)]
-    scratch: [wgpu::Buffer; 3],
+    scratch: [wgpu::Buffer; 2],
+    cuts: wgpu::Buffer,
     batches: Vec<Batch>,
     scale: wgpu::BindGroup,
     steps: Vec<Step>,
     tone: Tone,
+}
+
+/// What training reads of a canvas.
+pub(crate) struct CanvasBuffers<'a> {
+    pub frame: &'a wgpu::Buffer,
+    pub planes: &'a wgpu::Buffer,
+    pub scale: &'a wgpu::Buffer,
+    pub cuts: &'a wgpu::Buffer,
+    pub cut_count: &'a wgpu::Buffer,
+}
+
+impl Canvas {
+    /// Its planes.
+    pub(crate) fn planes(&self) -> &Planes {
+        &self.planes
+    }
+
+    /// Does the finest plane, being the only one, hold whole numbers?
+    pub(crate) fn holds_sums(&self) -> bool {
+        self.steps.is_empty()
+    }
+
+    /// Its buffers, of Gaussians that are in one buffer.
+    pub(crate) fn buffers(&self) -> CanvasBuffers<'_> {
+        let Canvas { sums: planes, scales: scale, cuts, cut_count, batches, .. } = self;
+        CanvasBuffers { frame: &batches[0].frame, planes, scale, cuts, cut_count }
+    }
 }
 
 /// Gaussians that go through the stages together, from one place.
@@ -153,7 +184,8 @@ impl Renderer {
             cut_count,
             picture,
             #[cfg(test)]
-            scratch: [strokes, planes_of, cuts],
+            scratch: [strokes, planes_of],
+            cuts,
             batches,
             scale: bound,
             steps,
@@ -168,13 +200,22 @@ impl Renderer {
     pub fn submit(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: Look) -> Result<()> {
         let (queue, size) = (&self.device.queue, canvas.planes.size);
         let lens = Lens::optical(view, size, &gaussians.bounds)?;
+        canvas.tone.set(queue, view, look, TonePlane { size, is_sum: canvas.holds_sums() });
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        self.sum(&mut encoder, gaussians, canvas, &lens);
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        self.tones.run(&mut pass, &canvas.tone, size, look);
+        drop(pass);
+        queue.submit([encoder.finish()]);
+        self.device.check()
+    }
+
+    /// The passes that make the finest plane the depth of the Gaussians as a lens sees them.
+    pub(crate) fn sum(&self, encoder: &mut wgpu::CommandEncoder, gaussians: &Gaussians, canvas: &Canvas, lens: &Lens) {
         for batch in &canvas.batches {
             let record = FrameRecord::new(&lens.shifted(batch.shift), gaussians.origin, &canvas.planes, batch.count);
-            queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
+            self.device.queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
         }
-        let plane = TonePlane { size, is_sum: canvas.steps.is_empty() };
-        canvas.tone.set(queue, view, look, plane);
-        let mut encoder = self.device.device.create_command_encoder(&Default::default());
         encoder.clear_buffer(&canvas.sums, 0, None);
         encoder.clear_buffer(&canvas.tiles, 0, None);
         let one = canvas.batches.len() == 1;
@@ -186,7 +227,7 @@ impl Renderer {
             if one {
                 self.kernels.scale.run(&mut pass, &canvas.scale, [1, 1]);
                 self.raster(&mut pass, batch);
-                self.finish(&mut pass, canvas, look);
+                self.sum_planes(&mut pass, canvas);
             }
         }
         if !one {
@@ -201,10 +242,8 @@ impl Renderer {
                 self.raster(&mut pass, batch);
             }
             let mut pass = encoder.begin_compute_pass(&Default::default());
-            self.finish(&mut pass, canvas, look);
+            self.sum_planes(&mut pass, canvas);
         }
-        queue.submit([encoder.finish()]);
-        self.device.check()
     }
 
     fn project(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
@@ -216,13 +255,12 @@ impl Renderer {
         self.kernels.slices.run(pass, &batch.slices, [CUT_GROUPS, 1]);
     }
 
-    /// From the planes of sums to the picture.
-    fn finish(&self, pass: &mut wgpu::ComputePass<'_>, canvas: &Canvas, look: Look) {
+    /// From the planes of sums to the depth of the finest.
+    fn sum_planes(&self, pass: &mut wgpu::ComputePass<'_>, canvas: &Canvas) {
         for step in &canvas.steps {
             let kernel = if step.coarsest { &self.kernels.pyramid_coarsest } else { &self.kernels.pyramid };
             kernel.run(pass, &step.bound, step.groups);
         }
-        self.tones.run(pass, &canvas.tone, canvas.planes.size, look);
     }
 
     /// The last picture that was submitted, once it is drawn.
@@ -243,7 +281,7 @@ impl Renderer {
         let (size, level) = (canvas.planes.size, canvas.planes.levels[0]);
         let bytes = self.device.read(&canvas.sums, 4 * u64::from(level.width) * u64::from(level.rows))?;
         let words = bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
-        let all: Vec<f32> = if canvas.steps.is_empty() {
+        let all: Vec<f32> = if canvas.holds_sums() {
             // The only plane is never summed with others: it still holds whole numbers.
             let scale = self.device.read(&canvas.scales, 8)?;
             let down = f32::from_le_bytes([scale[4], scale[5], scale[6], scale[7]]);

@@ -54,14 +54,22 @@ fn inverse_or_0(v: f32, others: f32) -> f32 {
     return select(0.0, 1.0 / v, v > NOISE * others);
 }
 
-// A Gaussian of the columns: three of means, three of what float32 leaves of them, six of the factor of the covariance
-// (xx, yx, yy, zx, zy, zz; lower triangle), one of counts.
-fn see(lens: Lens, i: u32, n: u32) -> InCamera {
-    let high = vec3f(gaussians[i], gaussians[i + n], gaussians[i + 2u * n]);
-    let low = vec3f(gaussians[i + 3u * n], gaussians[i + 4u * n], gaussians[i + 5u * n]);
-    let from_eye = (high - lens.eye.xyz) + (low - lens.eye_low.xyz);
-    // Columns of the factor; those of its rows in the camera's axes are orthogonalised, depth first, which squares nothing
-    // that is a difference.
+// The camera's axes in a Gaussian's own frame, where it is round and of radius 1: what depth depends on, and what is left
+// of right and down without it.
+struct OwnAxes {
+    forward: vec3f,
+    right: vec3f,
+    down: vec3f,
+    // Variance of depth, and its inverse where it is no rounding noise.
+    depth: f32,
+    inverse_depth: f32,
+    // Change of x and y with depth.
+    slope: vec2f,
+}
+
+// Rows of the covariance's factor in the camera's axes, orthogonalised, depth first, which squares nothing that is a
+// difference.
+fn own_axes(lens: Lens, i: u32, n: u32) -> OwnAxes {
     let a = vec3f(gaussians[i + 6u * n], gaussians[i + 7u * n], gaussians[i + 9u * n]);
     let b = vec3f(0.0, gaussians[i + 8u * n], gaussians[i + 10u * n]);
     let c = vec3f(0.0, 0.0, gaussians[i + 11u * n]);
@@ -69,16 +77,28 @@ fn see(lens: Lens, i: u32, n: u32) -> InCamera {
     let y = vec3f(dot(lens.down.xyz, a), dot(lens.down.xyz, b), dot(lens.down.xyz, c));
     let z = vec3f(dot(lens.forward.xyz, a), dot(lens.forward.xyz, b), dot(lens.forward.xyz, c));
     let zz = dot(z, z);
-    let slope = vec2f(dot(x, z), dot(y, z)) * inverse_or_0(zz, dot(x, x) + dot(y, y));
-    let rest_x = x - slope.x * z;
-    let rest_y = y - slope.y * z;
-    let yy = dot(rest_y, rest_y);
-    let lean = dot(rest_x, rest_y) * inverse_or_0(yy, dot(rest_x, rest_x));
-    let left = rest_x - lean * rest_y;
+    let inverse = inverse_or_0(zz, dot(x, x) + dot(y, y));
+    let slope = vec2f(dot(x, z), dot(y, z)) * inverse;
+    return OwnAxes(z, x - slope.x * z, y - slope.y * z, zz, inverse, slope);
+}
+
+// A Gaussian of the columns: three of means, three of what float32 leaves of them, six of the factor of the covariance
+// (xx, yx, yy, zx, zy, zz; lower triangle), one of counts.
+fn see(lens: Lens, i: u32, n: u32) -> InCamera {
+    return seen_along(lens, own_axes(lens, i, n), i, n);
+}
+
+fn seen_along(lens: Lens, axes: OwnAxes, i: u32, n: u32) -> InCamera {
+    let high = vec3f(gaussians[i], gaussians[i + n], gaussians[i + 2u * n]);
+    let low = vec3f(gaussians[i + 3u * n], gaussians[i + 4u * n], gaussians[i + 5u * n]);
+    let from_eye = (high - lens.eye.xyz) + (low - lens.eye_low.xyz);
+    let yy = dot(axes.down, axes.down);
+    let lean = dot(axes.right, axes.down) * inverse_or_0(yy, dot(axes.right, axes.right));
+    let left = axes.right - lean * axes.down;
     var g: InCamera;
     g.mean = vec3f(dot(lens.right.xyz, from_eye), dot(lens.down.xyz, from_eye), dot(lens.forward.xyz, from_eye));
-    g.depth = zz;
-    g.slope = slope;
+    g.depth = axes.depth;
+    g.slope = axes.slope;
     g.down = yy;
     g.lean = lean;
     g.across = dot(left, left);

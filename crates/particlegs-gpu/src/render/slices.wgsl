@@ -75,16 +75,18 @@ fn spline(k: u32, t: f32) -> f32 {
     }
 }
 
-// The moments of one piece; a weight of 0 where there is nothing of it. Inverse depths are taken about the piece's middle,
-// so that their variance is no difference of large numbers.
-fn piece(lens: Lens, s: Slices, k: u32) -> DepthMoments {
+// Sums over a piece of weights, times q, times q^2: q is the inverse depth over that of the piece's middle, less 1; without
+// perspective the depth less the middle's. So its variance is no difference of large numbers. And what they change with.
+struct PieceSums {
+    here: vec3f,
+    by_depth: vec3f,
+    by_variance: vec3f,
+}
+
+fn piece_sums(lens: Lens, s: Slices, k: u32) -> PieceSums {
     let flat = lens.perspective == 0u;
-    if s.steps == 0u {
-        let q = select(1.0 / s.mean, s.mean, flat);
-        return DepthMoments(select(q * q, 1.0, flat), q, select(q * q, 0.0, flat), 0.0, 0.0);
-    }
     let middle = f32(k) - 1.0;
-    var sums = vec3f(0.0);
+    var sums: PieceSums;
     let share = s.step / (f32(POINTS) * s.sigma * 2.5066283);
     for (var b = 0u; b < 4u; b++) {
         // Step `first` gives its spline `b` to piece first + b.
@@ -99,18 +101,40 @@ fn piece(lens: Lens, s: Slices, k: u32) -> DepthMoments {
             let depth = select(exp(axis), axis, flat);
             let z = (depth - s.mean) / s.sigma;
             let density = spline(b, t) * exp(-0.5 * z * z) * share / select(depth, 1.0, flat);
-            // q over the middle's, less 1; without perspective q less the middle's.
             let away = s.step * (u - middle);
             let q = select(-away * (1.0 - 0.5 * away * (1.0 - away / 3.0 * (1.0 - 0.25 * away))), away, flat);
-            sums += density * vec3f(1.0, q, q * q);
+            let powers = density * vec3f(1.0, q, q * q);
+            sums.here += powers;
+            sums.by_depth += powers * (z / s.sigma);
+            sums.by_variance += powers * (0.5 * (z * z - 1.0) / (s.sigma * s.sigma));
         }
     }
+    return sums;
+}
+
+// The axis at a piece's middle.
+fn middle_of(s: Slices, k: u32) -> f32 {
+    return s.start + s.step * (f32(k) - 1.0);
+}
+
+// The moments of one piece; a weight of 0 where there is nothing of it.
+fn piece(lens: Lens, s: Slices, k: u32) -> DepthMoments {
+    if s.steps == 0u {
+        let flat = lens.perspective == 0u;
+        let q = select(1.0 / s.mean, s.mean, flat);
+        return DepthMoments(select(q * q, 1.0, flat), q, select(q * q, 0.0, flat), 0.0, 0.0);
+    }
+    return moments(lens, s, k, piece_sums(lens, s, k).here);
+}
+
+fn moments(lens: Lens, s: Slices, k: u32, sums: vec3f) -> DepthMoments {
     if !(sums.x > 0.0) {
         return DepthMoments(0.0, 0.0, 0.0, 0.0, 0.0);
     }
     let mean = sums.y / sums.x;
     let variance = max(sums.z / sums.x - mean * mean, 0.0);
-    let center = s.start + s.step * middle;
+    let center = middle_of(s, k);
+    let flat = lens.perspective == 0u;
     if flat {
         let q = center + mean;
         return DepthMoments(sums.x, q, 0.0, variance, s.mean - q);

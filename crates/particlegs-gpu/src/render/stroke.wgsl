@@ -24,4 +24,6 @@ struct Placed {
     stroke: Stroke,
     // Half of its width in pixels of its plane.
     half_width: f32,
+    // 1 where the sum over the pixel grid is made exact, as that of small footprints is.
+    small: u32,
 }

@@ -147,7 +147,13 @@ fn nothing_depends_on_order_or_on_what_was_there() {
         let canvas = renderer.canvas(&there, size).unwrap();
         if poison {
             // All ones are not a number, and out of every range.
-            let all = canvas.scratch.iter().chain([&canvas.sums, &canvas.tiles, &canvas.picture, &canvas.cut_count]);
+            let all = canvas.scratch.iter().chain([
+                &canvas.cuts,
+                &canvas.sums,
+                &canvas.tiles,
+                &canvas.picture,
+                &canvas.cut_count,
+            ]);
             for buffer in all {
                 device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
             }

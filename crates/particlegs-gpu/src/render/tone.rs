@@ -1,6 +1,6 @@
 //! Depth to grey levels: tone.wgsl and what it reads.
 
-use super::kernels::{FRAME, SCALE, TONE};
+use super::kernels::sources::{FRAME, SCALE, TONE};
 use crate::kernel::{Kernel, Use};
 use crate::{Device, groups};
 use particlegs_core::camera::View;
@@ -9,7 +9,7 @@ use particlegs_core::splat::{FxaaMean, Look, Response, fxaa_blur};
 use std::sync::{Mutex, PoisonError};
 
 /// Entries of the curve but the last: its depths are 2^e (1 + k/64), e from -14 to 3.
-const CURVE: u64 = 18 * 64;
+pub(crate) const CURVE: u64 = 18 * 64;
 
 /// The kernels.
 pub(crate) struct ToneMapper {
@@ -39,11 +39,18 @@ pub(crate) struct TonePlane {
 
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-struct LookRecord {
+pub(crate) struct LookRecord {
     kind: u32,
     tap: f32,
     is_sum: u32,
     pad: u32,
+}
+
+impl LookRecord {
+    /// Of a look, for levels that are not blurred.
+    pub fn sharp(look: Look, is_sum: bool) -> LookRecord {
+        LookRecord { kind: u32::from(look != Look::Expected), tap: 0.0, is_sum: u32::from(is_sum), pad: 0 }
+    }
 }
 
 impl ToneMapper {
@@ -99,8 +106,7 @@ impl Tone {
         if self.of.lock().unwrap_or_else(PoisonError::into_inner).replace(of) == Some(of) {
             return;
         }
-        let (is_sum, kind) = (u32::from(plane.is_sum), u32::from(look != Look::Expected));
-        queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&LookRecord { kind, tap: 0.0, is_sum, pad: 0 }));
+        queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&LookRecord::sharp(look, plane.is_sum)));
         if look == Look::Paraview {
             let tap = fxaa_blur(view.opacity, radius_px);
             queue.write_buffer(&self.blur, 0, bytemuck::bytes_of(&LookRecord { kind: 2, tap, is_sum: 0, pad: 0 }));
@@ -113,7 +119,7 @@ impl Tone {
 }
 
 /// Levels at the depths of the response's table; with what FXAA makes of means where a radius is given.
-fn curve(opacity: f64, radius_px: Option<f64>) -> Vec<f32> {
+pub(crate) fn curve(opacity: f64, radius_px: Option<f64>) -> Vec<f32> {
     let response = Response::new(opacity);
     let mean = radius_px.map(|r| FxaaMean::new(opacity, r));
     let depth = |i: usize| f32::from_bits((113 << 23) + ((i as u32) << 17));

@@ -31,12 +31,16 @@ fn depth(x: u32, y: u32) -> f32 {
     if look.is_sum == 1u {
         tau = f32(word) * scale.down;
     }
-    tau = max(tau, 0.0);
-    if frame.lens.perspective == 1u {
-        let t = (vec2f(f32(x), f32(y)) - frame.lens.center) / frame.lens.focal;
-        tau *= sqrt(1.0 + t.x * t.x) * sqrt(1.0 + t.y * t.y);
+    return max(tau, 0.0) * growth(x, y);
+}
+
+// How much splats widen at a pixel.
+fn growth(x: u32, y: u32) -> f32 {
+    if frame.lens.perspective == 0u {
+        return 1.0;
     }
-    return tau;
+    let t = (vec2f(f32(x), f32(y)) - frame.lens.center) / frame.lens.focal;
+    return sqrt(1.0 + t.x * t.x) * sqrt(1.0 + t.y * t.y);
 }
 
 fn on_curve(tau: f32) -> f32 {

@@ -144,8 +144,9 @@ impl Learner for AlphaLearner {
         Ok(Stepped { loss: valued.value, not_finite })
     }
 
-    fn control(&mut self, at: &Moment) {
+    fn control(&mut self, at: &Moment) -> Result<()> {
         self.densify(at);
+        Ok(())
     }
 
     fn len(&self) -> usize {

@@ -100,7 +100,7 @@ fn train_with(
         let stepped = learner.step(&shot_with(view, target, progress), &Loss::PUBLISHED, &at).unwrap();
         assert_eq!(stepped.not_finite, None);
         sum += stepped.loss;
-        learner.control(&at);
+        learner.control(&at).unwrap();
     }
     sum / steps as f64
 }
@@ -266,10 +266,10 @@ fn density_control_by_hand() {
     let at = |iteration, densify| moment(iteration, 1000, densify);
     let mut l = fresh();
     for quiet in [at(8, due), at(109, due), at(9, Densify { every: 0, ..due })] {
-        l.control(&quiet);
+        l.control(&quiet).unwrap();
         assert!(l.parameters == fresh().parameters);
     }
-    l.control(&at(9, due));
+    l.control(&at(9, due)).unwrap();
     let before = fresh().parameters;
     // One more by the clone, one more by the split, one less by pruning.
     assert_eq!(l.len(), 601);
@@ -288,13 +288,13 @@ fn density_control_by_hand() {
     // One place is left: the stronger pull gets it.
     let mut l = fresh();
     l.config.most_gaussians = Some(601);
-    l.control(&at(9, due));
+    l.control(&at(9, due)).unwrap();
     assert_eq!(l.len(), 600);
     assert_eq!(l.parameters.get(3), before.get(3));
     // Opacities go down to 1.33 of what is pruned.
     let mut l = fresh();
     l.config.reset_every = 7;
-    l.control(&at(6, due));
+    l.control(&at(6, due)).unwrap();
     let most = (0..600).map(|i| l.parameters.get(i).opacity()).fold(0.0, f64::max);
     assert!((most - 0.0133).abs() < 1e-6 && l.averages[Group::Opacity as usize].first.iter().all(|v| *v == 0.0));
 }

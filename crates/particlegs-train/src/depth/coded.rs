@@ -34,8 +34,6 @@ pub(super) struct Budget {
 /// Decoded Gaussians and the precision that they were coded at.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Coded {
-    /// As decoded, moved since like the others.
-    pub moved: Columns,
     /// As decoded.
     pub exact: Columns,
     /// Multiple of the nominal steps.
@@ -57,7 +55,7 @@ impl Coded {
             place[i as usize] = k as u32;
         }
         let exact = Columns::of(&decoded, |i| place[i] as usize);
-        Ok(Coded { moved: exact.clone(), exact, factor, filled: bytes.len() as f64 / budget.bytes as f64 })
+        Ok(Coded { exact, factor, filled: bytes.len() as f64 / budget.bytes as f64 })
     }
 
     /// Does the file fit, and nearly fill its budget?

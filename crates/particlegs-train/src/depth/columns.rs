@@ -9,14 +9,14 @@ const RUN: usize = 1024;
 
 /// Numbers of a Gaussian: mean (3), rows of the lower factor of its covariance (00, 10, 11, 20, 21,
 /// 22), ln count.
-pub(super) type Numbers = [f64; 10];
+pub type Numbers = [f64; 10];
 
 /// A change of a Gaussian in its own frame: mean (3), lower factor (6), ln count.
 pub(super) type Change = [f32; 10];
 
 /// Gaussians, ten numbers each.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Columns(pub Vec<Numbers>);
+pub struct Columns(pub Vec<Numbers>);
 
 impl Columns {
     /// Those of a mixture; Gaussian i is the mixture's `place(i)`.

@@ -9,7 +9,7 @@ const FARTHEST: f64 = 1.25;
 
 /// The group of every Gaussian, and the groups' particles.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Groups {
+pub struct Groups {
     /// By Gaussian.
     pub of: Vec<u32>,
     /// By group.
@@ -77,7 +77,7 @@ impl Groups {
 
     /// The gradient with logarithms of counts, for counts whose sums stay: what one gains its group
     /// loses.
-    pub fn share(&self, gradient: &mut [f32], now: &[Numbers]) {
+    pub(super) fn share(&self, gradient: &mut [f32], now: &[Numbers]) {
         let total = self.sums(|i| f64::from(gradient[i]));
         let counts = self.sums(|i| now[i][9].exp());
         for ((g, n), &k) in gradient.iter_mut().zip(now).zip(&self.of) {
@@ -87,7 +87,7 @@ impl Groups {
     }
 
     /// Adds to changes of logarithms of counts what keeps the groups' particles.
-    pub fn keep(&self, now: &[Numbers], changes: &mut [Change]) {
+    pub(super) fn keep(&self, now: &[Numbers], changes: &mut [Change]) {
         let changed = self.sums(|i| (now[i][9] + f64::from(changes[i][9])).exp());
         let shift = |(kept, changed): (&f64, f64)| (kept / changed).ln() as f32;
         let shifts: Vec<f32> = self.aims.iter().zip(changed).map(shift).collect();

@@ -15,10 +15,16 @@ mod density;
 mod gather;
 mod groups;
 mod learner;
+mod parameters;
 mod raster;
+mod steps;
 
 #[cfg(test)]
 mod tests;
 
+pub use columns::{Columns, Numbers};
 pub use config::{DepthConfig, Rates};
+pub use groups::Groups;
 pub(crate) use learner::{DepthGround, DepthLearner};
+pub use parameters::{Parameters, WIDTHS};
+pub use steps::{LEAST_EPSILON, Processor, StepSize, Steps};

@@ -3,7 +3,9 @@ use super::columns::{Change, Columns};
 use super::config::DepthConfig;
 use super::groups::Groups;
 use super::learner::{DepthGround, DepthLearner};
+use super::parameters::Parameters;
 use super::raster::Tape;
+use super::steps::{Processor, Steps};
 use crate::learner::{Densify, Learner, Moment, Shot};
 use crate::{Crop, Loss, Norm};
 use particlegs_core::camera::{View, spherical_camera};
@@ -23,6 +25,10 @@ const SIZE: Size = Size { width: 48, height: 32 };
 
 fn bounds() -> Bounds {
     Bounds { min: [-3.0; 3], max: [3.0; 3] }
+}
+
+fn learner(m: &Mixture, ground: DepthGround, config: DepthConfig) -> DepthLearner {
+    DepthLearner::new(m, ground, config, |_| Ok(Box::new(Processor::default()))).unwrap()
 }
 
 fn drawn(m: &Mixture, view: &View, crop: &Crop) -> Tape {
@@ -221,7 +227,7 @@ fn a_settled_run_is_what_is_coded() {
     let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let ground = DepthGround { bytes: Some(1800), ..ground(&m, Look::Expected) };
     let config = DepthConfig { code_every: 2, ..DepthConfig::default() };
-    let mut learner = DepthLearner::new(&m, ground, config);
+    let mut learner = learner(&m, ground, config);
     for i in 0..100 {
         learner.step(&shot, &Loss { norm: Norm::L2, ..Loss::PUBLISHED }, &moment(i, 100)).unwrap();
     }
@@ -243,7 +249,7 @@ fn steps_go_down_the_loss() {
     let target = Plane { size: SIZE, data: target.data.iter().map(|t| 1.0 - (-t).exp()).collect() };
     let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let loss = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
-    let mut learner = DepthLearner::new(&m, ground(&m, Look::Expected), DepthConfig::default());
+    let mut learner = learner(&m, ground(&m, Look::Expected), DepthConfig::default());
     let at = |iteration| moment(iteration, 150);
     let losses: Vec<f64> = (0..150).map(|i| learner.step(&shot, &loss, &at(i)).unwrap().loss).collect();
     assert!(losses[149] < 0.5 * losses[0], "{} to {}", losses[0], losses[149]);
@@ -311,8 +317,12 @@ fn a_gradient_that_is_not_a_number_is_named_and_survived() {
     let (m, view) = (mixture(4, 8), view(14.0));
     let target = Plane::zeros(SIZE);
     let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
-    let mut learner = DepthLearner::new(&m, ground(&m, Look::Expected), DepthConfig::default());
-    learner.poison = Some(3);
+    let steps = |_: &Parameters| -> particlegs_core::Result<Box<dyn Steps>> {
+        let mut processor = Processor::default();
+        processor.poison = Some(3);
+        Ok(Box::new(processor))
+    };
+    let mut learner = DepthLearner::new(&m, ground(&m, Look::Expected), DepthConfig::default(), steps).unwrap();
     let at = moment(0, 10);
     let told = learner.step(&shot, &Loss::PUBLISHED, &at).unwrap().not_finite.unwrap();
     assert_eq!((told.group, told.gaussian, told.count), ("covariance", 3, 1));
@@ -330,19 +340,19 @@ fn masses_are_kept_by_density_control_and_by_states() {
     m.columns.set(particlegs_core::model::MASS, masses);
     let mass = |l: &DepthLearner| l.mixture().masses().unwrap().iter().sum::<f64>();
     let config = DepthConfig { relocate: 0.25, ..DepthConfig::default() };
-    let new = || DepthLearner::new(&m, ground(&m, Look::Expected), config);
+    let new = || learner(&m, ground(&m, Look::Expected), config);
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
     let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let mut learner = new();
     learner.step(&shot, &Loss::PUBLISHED, &moment(0, 10)).unwrap();
     let at = Moment { densify: Densify { every: 1, until: 10, threshold: 0.0 }, ..moment(0, 10) };
     // What is scored is the average, which density control sets to the present.
-    learner.control(&at);
+    learner.control(&at).unwrap();
     let all = mass(&learner);
     let mut other = new();
     other.restore(&learner.state()).unwrap();
     assert_eq!(mass(&other), all);
-    learner.control(&at);
+    learner.control(&at).unwrap();
     assert!((mass(&learner) / all - 1.0).abs() < 1e-12, "{} of {all}", mass(&learner));
 }
 
@@ -351,7 +361,7 @@ fn a_state_goes_on_to_the_same_bits() {
     let (m, view) = (mixture(8, 30), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
     let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
-    let new = || DepthLearner::new(&m, ground(&m, Look::Paraview), DepthConfig::default());
+    let new = || learner(&m, ground(&m, Look::Paraview), DepthConfig::default());
     let at = |iteration| moment(iteration, 20);
     let run = |learner: &mut DepthLearner, range: std::ops::Range<u64>| {
         range.for_each(|i| {

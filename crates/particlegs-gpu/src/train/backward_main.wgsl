@@ -1,0 +1,34 @@
+// The gradient with every Gaussian that is drawn whole; those that are cut come after.
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> gaussians: array<f32>;
+@group(0) @binding(2) var<storage, read> by_depth: array<f32>;
+@group(0) @binding(3) var<storage, read_write> gradient: array<f32>;
+@group(0) @binding(4) var<storage, read_write> faults: Faults;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) me: u32) {
+    var placed: Placed;
+    placed.level = NOWHERE;
+    var p: Piece;
+    if id.x < frame.count {
+        p.axes = own_axes(frame.lens, id.x, frame.count);
+        p.g = seen_along(frame.lens, p.axes, id.x, frame.count);
+        let depth = p.g.mean.z;
+        if p.g.weight > 0.0 && fate(frame.lens, depth, p.g.depth) == WHOLE {
+            p.moments = whole(frame.lens, depth, p.g.depth);
+            p.slopes = inverse_slopes(depth, p.g.depth);
+            p.footprint = footprint(frame.lens, p.g, p.moments);
+            placed = place(p.footprint);
+        }
+    }
+    let gathered = gather(me, placed.stroke, placed.level);
+    if id.x >= frame.count {
+        return;
+    }
+    var own: Own;
+    if placed.level != NOWHERE {
+        own = of_piece(frame.lens, p, of_footprint(p.footprint, placed, gathered));
+    }
+    write_own(id.x, frame.count, own);
+}

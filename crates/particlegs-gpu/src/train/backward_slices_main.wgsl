@@ -1,0 +1,77 @@
+// The gradient with Gaussians that are cut: a Gaussian a workgroup at a time and a piece a thread.
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> gaussians: array<f32>;
+@group(0) @binding(2) var<storage, read> by_depth: array<f32>;
+@group(0) @binding(3) var<storage, read_write> gradient: array<f32>;
+@group(0) @binding(4) var<storage, read_write> faults: Faults;
+@group(0) @binding(5) var<storage, read> cuts: array<u32>;
+@group(0) @binding(6) var<storage, read> cut_count: u32;
+
+var<workgroup> cut_here: u32;
+var<workgroup> pieces_here: u32;
+var<workgroup> own_here: array<Own, 64>;
+
+// The sum over the workgroup, in a fixed order; for the first thread.
+fn sum_of(me: u32, own: Own) -> Own {
+    own_here[me] = own;
+    workgroupBarrier();
+    for (var half = 32u; half > 0u; half /= 2u) {
+        if me < half {
+            own_here[me] = add(own_here[me], own_here[me + half]);
+        }
+        workgroupBarrier();
+    }
+    let sum = own_here[0];
+    workgroupBarrier();
+    return sum;
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) me: u32,
+) {
+    if me == 0u {
+        cut_here = cut_count;
+    }
+    let count = workgroupUniformLoad(&cut_here);
+    for (var c = group.x; c < count; c += groups.x) {
+        var p: Piece;
+        p.axes = own_axes(frame.lens, cuts[c], frame.count);
+        p.g = seen_along(frame.lens, p.axes, cuts[c], frame.count);
+        let s = slices_of(frame.lens, p.g);
+        if me == 0u {
+            pieces_here = s.pieces;
+        }
+        let pieces = workgroupUniformLoad(&pieces_here);
+        var total: Own;
+        for (var base = 0u; base < pieces; base += THREADS) {
+            var placed: Placed;
+            placed.level = NOWHERE;
+            if base + me < pieces {
+                if s.steps == 0u {
+                    p.moments = piece(frame.lens, s, 0u);
+                } else {
+                    let sums = piece_sums(frame.lens, s, base + me);
+                    p.moments = moments(frame.lens, s, base + me, sums.here);
+                    p.slopes = slopes_of(frame.lens, s, base + me, sums);
+                }
+                if p.moments.weight > 0.0 {
+                    p.footprint = footprint(frame.lens, p.g, p.moments);
+                    placed = place(p.footprint);
+                }
+            }
+            let gathered = gather(me, placed.stroke, placed.level);
+            var own: Own;
+            if placed.level != NOWHERE {
+                own = of_piece(frame.lens, p, of_footprint(p.footprint, placed, gathered));
+            }
+            total = add(total, sum_of(me, own));
+        }
+        if me == 0u {
+            write_own(cuts[c], frame.count, total);
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! Gaussians in training on the device, and what Adam remembers of them.
+
+use super::kernels::Kernels;
+use super::{NUMBERS, StepRecord, too_many};
+use crate::render::{Gaussians, MOST, two_floats};
+use crate::{Device, groups};
+use particlegs_core::Result;
+use particlegs_core::math::each_axis;
+use particlegs_train::depth::{Columns, Numbers, Parameters, WIDTHS};
+use wgpu::BufferUsages as Use;
+
+/// Floats of a Gaussian, each a column: those that pictures read, and ln count.
+const COLUMNS: usize = 14;
+/// Workgroups that sum the sizes of gradients.
+const PARTS: u32 = 64;
+
+/// Buffers, and what they are bound to.
+pub(super) struct Held {
+    origin: [f64; 3],
+    count: usize,
+    /// Those that pictures are drawn of: as decoded where they are coded on the way, else the same as `now`.
+    pub seen: Gaussians,
+    seen_columns: wgpu::Buffer,
+    now: wgpu::Buffer,
+    averaged: wgpu::Buffer,
+    /// Gradients; then the changes that come of them.
+    pub gradient: wgpu::Buffer,
+    /// Adam's means of gradients, then of their squares.
+    averages: wgpu::Buffer,
+    members: wgpu::Buffer,
+    group_records: wgpu::Buffer,
+    step: wgpu::Buffer,
+    bound: Bound,
+    group_count: u64,
+}
+
+struct Bound {
+    sizes: wgpu::BindGroup,
+    sizes_total: wgpu::BindGroup,
+    adam: wgpu::BindGroup,
+    change: [wgpu::BindGroup; 2],
+    average: wgpu::BindGroup,
+}
+
+impl Held {
+    /// Room for these, and what steps are bound to.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] where they are too many; those of the device.
+    pub fn new(device: &Device, kernels: &Kernels, of: &Parameters) -> Result<Held> {
+        let (count, group_count) = (of.len(), of.groups.counts.len());
+        let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
+        if count > most {
+            return Err(too_many(device, count, most));
+        }
+        let usage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
+        let buffer = |label, words: usize| device.buffer(label, 4 * words as u64, usage);
+        let [seen_columns, now, averaged] = ["seen", "now", "averaged"].map(|l| buffer(l, COLUMNS * count));
+        let (gradient, averages) = (buffer("gradient", NUMBERS * count), buffer("averages", 2 * NUMBERS * count));
+        let (members, group_records) = (buffer("members", 2 * count), buffer("groups", 2 * (group_count + 1)));
+        let step = device.buffer("step", size_of::<StepRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+        let (parts, epsilon) = (buffer("sizes", 4 * PARTS as usize), buffer("epsilon", 4));
+        let bound = Bound {
+            sizes: kernels.sizes.bind(device, &[&step, &averages, &parts]),
+            sizes_total: kernels.sizes_total.bind(device, &[&step, &parts, &epsilon]),
+            adam: kernels
+                .adam
+                .bind(device, &[&step, &epsilon, &gradient, &averages, &seen_columns, &now, &members, &group_records]),
+            change: [&now, &seen_columns].map(|of| kernels.change.bind(device, &[&step, &gradient, of])),
+            average: kernels.average.bind(device, &[&step, &now, &averaged]),
+        };
+        device.check()?;
+        let origin = each_axis(|k| 0.5 * (of.bounds.min[k] + of.bounds.max[k]));
+        let seen = Gaussians::of_buffer(seen_columns.clone(), count as u32, origin, of.bounds);
+        let group_count = group_count as u64;
+        Ok(Held {
+            origin,
+            count,
+            seen,
+            seen_columns,
+            now,
+            averaged,
+            gradient,
+            averages,
+            members,
+            group_records,
+            step,
+            bound,
+            group_count,
+        })
+    }
+
+    /// How far the next step goes.
+    pub fn set_step(&self, device: &Device, record: &StepRecord) {
+        device.queue.write_buffer(&self.step, 0, bytemuck::bytes_of(record));
+    }
+
+    /// Moves the Gaussians by their gradients.
+    pub fn update(&self, pass: &mut wgpu::ComputePass<'_>, kernels: &Kernels) {
+        let (bound, each) = (&self.bound, groups(self.count as u64));
+        kernels.sizes.run(pass, &bound.sizes, [PARTS, 1]);
+        kernels.sizes_total.run(pass, &bound.sizes_total, [1, 1]);
+        // A workgroup a group.
+        kernels.adam.run(pass, &bound.adam, groups(64 * self.group_count));
+        bound.change.iter().for_each(|b| kernels.change.run(pass, b, each));
+        kernels.average.run(pass, &bound.average, each);
+    }
+
+    /// Sends the parameters.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn put(&self, device: &Device, of: &Parameters) -> Result<()> {
+        let write = |buffer: &wgpu::Buffer, words: &[f32]| {
+            device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(words));
+        };
+        for (buffer, columns) in [(&self.seen_columns, of.seen()), (&self.now, &of.now), (&self.averaged, &of.averaged)]
+        {
+            write(buffer, &self.columns(columns));
+        }
+        let mut averages = Vec::with_capacity(2 * NUMBERS * self.count);
+        let halves = [of.averages.each_ref().map(|a| &a.first), of.averages.each_ref().map(|a| &a.second)];
+        for (all, width) in halves.iter().flat_map(|half| half.iter().zip(WIDTHS)) {
+            averages.extend((0..width).flat_map(|k| (0..self.count).map(move |i| all[width * i + k])));
+        }
+        write(&self.averages, &averages);
+        let (members, group_records) = by_group(of);
+        device.queue.write_buffer(&self.members, 0, bytemuck::cast_slice(&members));
+        device.queue.write_buffer(&self.group_records, 0, bytemuck::cast_slice(&group_records));
+        device.wait()
+    }
+
+    /// Brings the parameters back.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn get(&self, device: &Device, of: &mut Parameters) -> Result<()> {
+        let read = |buffer: &wgpu::Buffer, words: usize| -> Result<Vec<f32>> {
+            let bytes = device.read(buffer, 4 * words as u64)?;
+            Ok(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+        };
+        let columns = |buffer| -> Result<Columns> { Ok(self.numbers(&read(buffer, COLUMNS * self.count)?)) };
+        of.now = columns(&self.now)?;
+        of.averaged = columns(&self.averaged)?;
+        if let Some(decoded) = &mut of.decoded {
+            *decoded = columns(&self.seen_columns)?;
+        }
+        let averages = read(&self.averages, 2 * NUMBERS * self.count)?;
+        let mut first = 0;
+        for (a, width) in of.averages.iter_mut().zip(WIDTHS) {
+            let column = |half: usize| {
+                let at = move |k: usize, i: usize| (half * NUMBERS + first + k) * self.count + i;
+                (0..self.count).flat_map(|i| (0..width).map(move |k| at(k, i))).map(|at| averages[at]).collect()
+            };
+            (a.first, a.second) = (column(0), column(1));
+            first += width;
+        }
+        Ok(())
+    }
+
+    /// Gaussians as columns.
+    fn columns(&self, of: &Columns) -> Vec<f32> {
+        let n = self.count;
+        let mut columns = vec![0.0f32; COLUMNS * n];
+        for (i, g) in of.0.iter().enumerate() {
+            let mut put = |k: usize, v: f64| columns[k * n + i] = v as f32;
+            for k in 0..3 {
+                let [high, low] = two_floats(g[k] - self.origin[k]);
+                put(k, f64::from(high));
+                put(3 + k, f64::from(low));
+            }
+            (3..9).for_each(|k| put(3 + k, g[k]));
+            put(12, g[9].exp());
+            put(13, g[9]);
+        }
+        columns
+    }
+
+    /// The reverse.
+    fn numbers(&self, columns: &[f32]) -> Columns {
+        let n = self.count;
+        let number = |i: usize| -> Numbers {
+            let at = |k: usize| f64::from(columns[k * n + i]);
+            std::array::from_fn(|k| match k {
+                0..3 => self.origin[k] + (at(k) + at(3 + k)),
+                3..9 => at(3 + k),
+                _ => at(13),
+            })
+        };
+        Columns((0..n).map(number).collect())
+    }
+}
+
+/// Gaussians by group with their ln count at the start, and each group's first of them with what its counts are to sum to.
+fn by_group(of: &Parameters) -> (Vec<[u32; 2]>, Vec<[u32; 2]>) {
+    let mut order: Vec<u32> = (0..of.len() as u32).collect();
+    order.sort_by_key(|&i| of.groups.of[i as usize]);
+    let members = order.iter().map(|&i| [i, (of.first_log_count[i as usize] as f32).to_bits()]).collect();
+    let mut first = 0;
+    let mut records = Vec::with_capacity(of.groups.aims.len() + 1);
+    for (k, aim) in of.groups.aims.iter().enumerate() {
+        records.push([first as u32, (*aim as f32).to_bits()]);
+        first += order[first..].iter().take_while(|&&i| of.groups.of[i as usize] as usize == k).count();
+    }
+    records.push([first as u32, 0]);
+    (members, records)
+}

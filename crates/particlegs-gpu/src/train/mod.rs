@@ -1,0 +1,213 @@
+//! Steps of training on a card: those of particlegs-train's `depth`, each stage a kernel.
+//!
+//! | kernel | twin in particlegs-train | what it does |
+//! |---|---|---|
+//! | those of [`crate::render`] | `depth::raster` | the depth that Gaussians draw |
+//! | loss.wgsl, dssim.wgsl | `loss`, `dssim`, `depth::curve` | depth to brightness, loss, and the gradient with depth |
+//! | gather_down_main.wgsl | core's `pyramid::gather_down` | that gradient on every plane |
+//! | gather.wgsl | `depth::gather` | what each footprint gathers of it |
+//! | adjoint.wgsl, slopes.wgsl, slice_slopes.wgsl | `depth::adjoint`, core's slopes | footprints back to Gaussians |
+//! | adam_main.wgsl, change_main.wgsl, average_main.wgsl | `depth::steps`, `groups`, `columns` | the step |
+//!
+//! Each Gaussian gathers its own gradient, and sums are in a fixed order: the same steps give the same bits on one card.
+
+mod gaussians;
+mod kernels;
+mod picture;
+#[cfg(test)]
+mod tests;
+
+use crate::render::Renderer;
+use crate::{Device, groups};
+use gaussians::Held;
+use kernels::Kernels;
+use particlegs_core::picture::Size;
+use particlegs_core::render::lens::Lens;
+use particlegs_core::{Error, Result};
+use particlegs_train::depth::{Parameters, StepSize, Steps, WIDTHS};
+use particlegs_train::{Loss, NotFinite, Shot, Stepped};
+use picture::{Curves, Picture};
+use std::fmt;
+use std::sync::Arc;
+
+/// Groups of threads that share out the Gaussians that are cut.
+const CUT_GROUPS: u32 = 1024;
+
+/// Trains on a device.
+pub struct Trainer {
+    device: Arc<Device>,
+    renderer: Arc<Renderer>,
+    kernels: Arc<Kernels>,
+}
+
+impl fmt::Debug for Trainer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Trainer on {}", self.device.name())
+    }
+}
+
+impl Trainer {
+    /// Its kernels.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn new(device: &Arc<Device>) -> Result<Trainer> {
+        let (renderer, kernels) = (Arc::new(Renderer::new(device)?), Arc::new(Kernels::new(device)));
+        device.check()?;
+        Ok(Trainer { device: device.clone(), renderer, kernels })
+    }
+}
+
+impl particlegs_train::Device for Trainer {
+    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn Steps>> {
+        Ok(Box::new(DepthSteps {
+            device: self.device.clone(),
+            renderer: self.renderer.clone(),
+            kernels: self.kernels.clone(),
+            held: Held::new(&self.device, &self.kernels, of)?,
+            newer: Side::Here,
+            picture: None,
+            curves: Curves::default(),
+        }))
+    }
+}
+
+/// Where the parameters are up to date.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    Here,
+    Device,
+    Both,
+}
+
+/// Gaussians of the optical-depth law on a device.
+struct DepthSteps {
+    device: Arc<Device>,
+    renderer: Arc<Renderer>,
+    kernels: Arc<Kernels>,
+    held: Held,
+    newer: Side,
+    /// Of the last step's size.
+    picture: Option<Picture>,
+    curves: Curves,
+}
+
+/// Adam's numbers of a step, as step.wgsl has them.
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct StepRecord {
+    rate: [f32; 4],
+    unroot: [f32; 4],
+    calm: [f32; 4],
+    beta: [f32; 2],
+    pull: f32,
+    average: f32,
+    count: u32,
+    groups: u32,
+    pad: [u32; 2],
+}
+
+impl StepRecord {
+    fn new(of: &Parameters, size: &StepSize) -> StepRecord {
+        let mut record = StepRecord {
+            rate: [0.0; 4],
+            unroot: [1.0; 4],
+            calm: [0.0; 4],
+            beta: [size.beta1 as f32, size.beta2 as f32],
+            pull: size.pull as f32,
+            average: size.average as f32,
+            count: of.len() as u32,
+            groups: of.groups.counts.len() as u32,
+            pad: [0; 2],
+        };
+        for (k, averages) in of.averages.iter().enumerate() {
+            let correct = |beta: f64, steps: u64| 1.0 - beta.powi(steps.min(i32::MAX as u64) as i32);
+            let (before, now) = (averages.steps, averages.steps + 1);
+            // The processor's decays are those of float32.
+            let beta = record.beta.map(f64::from);
+            record.rate[k] = (size.rates[k] / correct(beta[0], now)) as f32;
+            record.unroot[k] = (1.0 / correct(beta[1], now)) as f32;
+            record.calm[k] = if before == 0 { 0.0 } else { (size.calm / correct(size.beta2, before).sqrt()) as f32 };
+        }
+        record
+    }
+}
+
+impl Steps for DepthSteps {
+    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
+        if self.newer == Side::Here {
+            self.held.put(&self.device, of)?;
+        }
+        self.picture_of(shot.crop.size, loss.dssim > 0.0)?;
+        let Some(picture) = &self.picture else { unreachable!("made above") };
+        let mut lens = Lens::optical(shot.view, shot.crop.full, &of.bounds)?;
+        for k in 0..2 {
+            lens.center[k] -= shot.crop.corner[k] as f64;
+        }
+        let radius = shot.view.radius_pixels(shot.crop.full);
+        picture.set(&self.device, shot.target, loss);
+        picture.set_curve(&self.device, of.look, self.curves.of(of.look, shot.view.opacity, radius));
+        self.held.set_step(&self.device, &StepRecord::new(of, size));
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        self.renderer.sum(&mut encoder, &self.held.seen, &picture.canvas, &lens);
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        picture.backward(&mut pass, &self.kernels);
+        self.backward(&mut pass, picture);
+        self.held.update(&mut pass, &self.kernels);
+        drop(pass);
+        self.device.queue.submit([encoder.finish()]);
+        let told = picture.told(&self.device)?;
+        of.averages.iter_mut().for_each(|a| a.steps += 1);
+        self.newer = Side::Device;
+        Ok(told)
+    }
+
+    fn fetch(&mut self, of: &mut Parameters) -> Result<()> {
+        if self.newer == Side::Device {
+            self.held.get(&self.device, of)?;
+            self.newer = Side::Both;
+        }
+        Ok(())
+    }
+
+    fn changed(&mut self) {
+        self.newer = Side::Here;
+    }
+}
+
+impl DepthSteps {
+    /// Memory for pictures of a size, kept from the last step where it had that size.
+    fn picture_of(&mut self, size: Size, with_dssim: bool) -> Result<()> {
+        if self.picture.as_ref().is_none_or(|p| p.shape() != (size, with_dssim)) {
+            // The last one's memory goes before the next one's is taken.
+            self.picture = None;
+            let canvas = self.renderer.canvas(&self.held.seen, size)?;
+            self.picture = Some(Picture::new(&self.device, &self.kernels, &self.held, canvas, with_dssim)?);
+        }
+        Ok(())
+    }
+
+    /// The gradient with every Gaussian.
+    fn backward(&self, pass: &mut wgpu::ComputePass<'_>, picture: &Picture) {
+        self.kernels.backward.run(pass, &picture.whole, groups(self.held.seen.len() as u64));
+        self.kernels.backward_slices.run(pass, &picture.cut, [CUT_GROUPS, 1]);
+    }
+}
+
+/// What a step tells, of faults.wgsl's words.
+fn stepped(words: &[u8]) -> Stepped {
+    let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
+    let (count, first) = (u32::from_le_bytes(word(4)), u32::from_le_bytes(word(5)));
+    let group = ["position", "covariance", "count"][(first % 4).min(2) as usize];
+    let not_finite = NotFinite { group, gaussian: first as usize / 4, count: count as usize };
+    Stepped { loss: f64::from(f32::from_le_bytes(word(0))), not_finite: (count > 0).then_some(not_finite) }
+}
+
+/// Numbers of a Gaussian that steps move.
+const NUMBERS: usize = WIDTHS[0] + WIDTHS[1] + WIDTHS[2];
+
+/// Why Gaussians are not held.
+fn too_many(device: &Device, count: usize, most: usize) -> Error {
+    let name = device.name();
+    Error::argument(format!("{count} Gaussians: device {name} trains {most} at most: --device cpu, or more blocks"))
+}

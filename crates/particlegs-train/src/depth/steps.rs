@@ -1,0 +1,183 @@
+//! A step: a picture drawn, its loss, the gradient of that, and Adam. On the processor here; a device's are its own.
+
+use super::adjoint::{OfGaussian, full};
+use super::columns::{Change, Numbers};
+use super::curve::Curve;
+use super::parameters::{Parameters, WIDTHS};
+use super::raster::Tape;
+use crate::adam::Adam;
+use crate::learner::{NotFinite, Shot, Stepped};
+use crate::loss::Loss;
+use particlegs_core::Result;
+use particlegs_core::parallel;
+use particlegs_core::picture::Plane;
+use particlegs_core::render::Scratch;
+
+/// Pixels in one step of parallel work.
+const PIXELS: usize = 1 << 14;
+/// What is added to the root in Adam's division at least.
+pub const LEAST_EPSILON: f64 = 1e-15;
+
+/// How far a step goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepSize {
+    /// Adam's rates of place, shape and count.
+    pub rates: [f64; 3],
+    /// Decay of Adam's mean gradient.
+    pub beta1: f64,
+    /// Decay of Adam's mean squared gradient.
+    pub beta2: f64,
+    /// Share of a group's mean gradient that is added to each one's own in Adam's division.
+    pub calm: f64,
+    /// Share of ln(count / count at the start) that is taken back.
+    pub pull: f64,
+    /// Share that the average takes of the new Gaussians.
+    pub average: f64,
+}
+
+/// What takes steps.
+pub trait Steps {
+    /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
+    /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](Steps::fetch).
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range; those of a device.
+    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped>;
+
+    /// Brings the parameters up to date with the steps taken.
+    ///
+    /// # Errors
+    /// Those of a device.
+    fn fetch(&mut self, of: &mut Parameters) -> Result<()>;
+
+    /// The parameters were changed by others than steps.
+    fn changed(&mut self);
+}
+
+/// Steps on the processor.
+#[derive(Default)]
+pub struct Processor {
+    /// Of its pictures.
+    scratch: Scratch,
+    /// A Gaussian whose gradient is to be spoilt.
+    #[cfg(test)]
+    pub(super) poison: Option<usize>,
+}
+
+/// Gradients in the Gaussians' own frames, by group.
+struct Own {
+    groups: [Vec<f32>; 3],
+    not_finite: Option<NotFinite>,
+}
+
+impl Steps for Processor {
+    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
+        #[allow(unused_mut)]
+        let (value, mut world) = self.backward(of, shot, loss)?;
+        #[cfg(test)]
+        if let Some(g) = self.poison.and_then(|i| world.get_mut(i)) {
+            g.cov[1] = f64::NAN;
+        }
+        let own = own(of, &world);
+        update(of, &own, size);
+        of.averaged.approach(&of.now, size.average);
+        Ok(Stepped { loss: value, not_finite: own.not_finite })
+    }
+
+    fn fetch(&mut self, _of: &mut Parameters) -> Result<()> {
+        Ok(())
+    }
+
+    fn changed(&mut self) {}
+}
+
+impl Processor {
+    /// Loss of a shot, and its gradient with every Gaussian.
+    fn backward(&mut self, of: &Parameters, shot: &Shot<'_>, loss: &Loss) -> Result<(f64, Vec<OfGaussian>)> {
+        let (simd, mixture) = (shot.progress.simd(), of.seen().mixture());
+        let tape = Tape::draw(&mixture, &of.bounds, shot.view, &shot.crop, &mut self.scratch, shot.progress)?;
+        let curve = Curve::new(of.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));
+        let size = tape.tau.size;
+        let (mut drawn, mut slope) = (Plane::zeros(size), Plane::zeros(size));
+        let pixels = drawn.data.chunks_mut(PIXELS).zip(slope.data.chunks_mut(PIXELS));
+        parallel::for_each(pixels.zip(tape.tau.data.chunks(PIXELS)), |((drawn, slope), tau)| {
+            curve.apply(simd, tau, drawn, slope);
+        });
+        let mut valued = loss.of(&drawn, shot.target, simd);
+        valued.gradient.data.iter_mut().zip(&slope.data).for_each(|(g, s)| *g *= s);
+        Ok((valued.value, tape.gradient(&mixture, valued.gradient)))
+    }
+}
+
+/// Gradients turned into the Gaussians' own frames; what is not finite counts as zero.
+fn own(of: &Parameters, world: &[OfGaussian]) -> Own {
+    let seen = &of.seen().0;
+    let turned = parallel::map_range(world.len(), |i| turned(&seen[i], &world[i]));
+    let mut own = Own { groups: WIDTHS.map(|k| Vec::with_capacity(k * world.len())), not_finite: None };
+    for (i, (t, g)) in turned.iter().zip(world).enumerate() {
+        let t = if g.is_finite() && t.iter().all(|v| v.is_finite()) {
+            *t
+        } else {
+            let group = if g.mean.iter().any(|v| !v.is_finite()) {
+                "position"
+            } else if g.cov.iter().any(|v| !v.is_finite()) {
+                "covariance"
+            } else {
+                "count"
+            };
+            own.not_finite.get_or_insert(NotFinite { group, gaussian: i, count: 0 }).count += 1;
+            [0.0; 10]
+        };
+        own.groups[0].extend(&t[..3]);
+        own.groups[1].extend(&t[3..9]);
+        own.groups[2].push(t[9]);
+    }
+    of.groups.share(&mut own.groups[2], seen);
+    own
+}
+
+/// Adam's step, with the particles of every group of neighbours kept.
+fn update(of: &mut Parameters, own: &Own, size: &StepSize) {
+    let m = of.len();
+    let (beta1, beta2) = (size.beta1 as f32, size.beta2 as f32);
+    let mut by = WIDTHS.map(|k| vec![0.0f32; k * m]);
+    for (k, rate) in size.rates.into_iter().enumerate() {
+        let epsilon = (size.calm * of.averages[k].mean_size(size.beta2)).max(LEAST_EPSILON) as f32;
+        Adam { beta1, beta2, epsilon }.step(&mut by[k], &own.groups[k], &mut of.averages[k], rate);
+    }
+    let pull = size.pull as f32;
+    let mut changes: Vec<Change> = (0..m)
+        .map(|i| {
+            let [p, s] = [&by[0][3 * i..3 * i + 3], &by[1][6 * i..6 * i + 6]];
+            let away = (of.now.0[i][9] - of.first_log_count[i]) as f32;
+            [p[0], p[1], p[2], s[0], s[1], s[2], s[3], s[4], s[5], by[2][i] - pull * away]
+        })
+        .collect();
+    of.groups.keep(&of.now.0, &mut changes);
+    of.now.change(&changes);
+    if let Some(decoded) = &mut of.decoded {
+        decoded.change(&changes);
+    }
+}
+
+/// A gradient in the Gaussian's own frame (see [`super::Columns::change`]).
+fn turned(n: &Numbers, g: &OfGaussian) -> [f32; 10] {
+    let [_, _, _, a, b, c, d, e, f, log_count] = *n;
+    let [x, y, z] = g.mean;
+    let s = congruent(&[a, b, c, d, e, f], &full(&g.cov));
+    let place = [a * x + b * y + d * z, c * y + e * z, f * z];
+    let count = g.count * log_count.exp();
+    let all =
+        [place[0], place[1], place[2], 2.0 * s[0], 2.0 * s[1], 2.0 * s[2], 2.0 * s[3], 2.0 * s[4], 2.0 * s[5], count];
+    all.map(|v| v as f32)
+}
+
+/// The lower triangle of L^T G L.
+fn congruent(l: &[f64; 6], g: &[[f64; 3]; 3]) -> [f64; 6] {
+    let [a, b, c, d, e, f] = *l;
+    let columns = [[a, b, d], [0.0, c, e], [0.0, 0.0, f]];
+    let at = |i: usize, j: usize| -> f64 {
+        (0..3).map(|r| columns[i][r] * (0..3).map(|k| g[r][k] * columns[j][k]).sum::<f64>()).sum()
+    };
+    [at(0, 0), at(1, 0), at(1, 1), at(2, 0), at(2, 1), at(2, 2)]
+}
