@@ -32,6 +32,8 @@ pub(super) struct Held {
     step: wgpu::Buffer,
     bound: Bound,
     group_count: u64,
+    #[cfg(test)]
+    sizes: [wgpu::Buffer; 2],
 }
 
 struct Bound {
@@ -87,7 +89,15 @@ impl Held {
             step,
             bound,
             group_count,
+            #[cfg(test)]
+            sizes: [parts, epsilon],
         })
+    }
+
+    /// What is written before it is read.
+    #[cfg(test)]
+    pub fn scratch(&self) -> Vec<&wgpu::Buffer> {
+        self.sizes.iter().chain([&self.gradient]).collect()
     }
 
     /// How far the next step goes.

@@ -56,11 +56,9 @@ impl Trainer {
         device.check()?;
         Ok(Trainer { device: device.clone(), renderer, kernels })
     }
-}
 
-impl particlegs_train::Device for Trainer {
-    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn Steps>> {
-        Ok(Box::new(DepthSteps {
+    fn of_depth(&self, of: &Parameters) -> Result<DepthSteps> {
+        Ok(DepthSteps {
             device: self.device.clone(),
             renderer: self.renderer.clone(),
             kernels: self.kernels.clone(),
@@ -68,7 +66,13 @@ impl particlegs_train::Device for Trainer {
             newer: Side::Here,
             picture: None,
             curves: Curves::default(),
-        }))
+        })
+    }
+}
+
+impl particlegs_train::Device for Trainer {
+    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn Steps>> {
+        Ok(Box::new(self.of_depth(of)?))
     }
 }
 
@@ -191,6 +195,17 @@ impl DepthSteps {
     fn backward(&self, pass: &mut wgpu::ComputePass<'_>, picture: &Picture) {
         self.kernels.backward.run(pass, &picture.whole, groups(self.held.seen.len() as u64));
         self.kernels.backward_slices.run(pass, &picture.cut, [CUT_GROUPS, 1]);
+    }
+}
+
+#[cfg(test)]
+impl DepthSteps {
+    /// Fills all that is written before it is read with what is no number.
+    fn poison(&self) {
+        let picture = self.picture.as_ref().expect("it has a size");
+        for buffer in self.held.scratch().into_iter().chain(picture.scratch()) {
+            self.device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
+        }
     }
 }
 

@@ -29,6 +29,8 @@ pub(super) struct Picture {
     /// The gradient of Gaussians that are whole, and of those that are cut.
     pub whole: wgpu::BindGroup,
     pub cut: wgpu::BindGroup,
+    #[cfg(test)]
+    scratch: Vec<wgpu::Buffer>,
 }
 
 struct Bound {
@@ -97,7 +99,25 @@ impl Picture {
         let whole = kernels.backward.bind(device, &own);
         let cut = kernels.backward_slices.bind(device, &[own.as_slice(), &[b.cuts, b.cut_count]].concat());
         device.check()?;
-        Ok(Picture { canvas, target, look, curve, loss, told, bound, whole, cut })
+        Ok(Picture {
+            canvas,
+            target,
+            look,
+            curve,
+            loss,
+            bound,
+            whole,
+            cut,
+            #[cfg(test)]
+            scratch: vec![drawn, by_depth, sums, unlike, by_structure, told.clone()],
+            told,
+        })
+    }
+
+    /// What is written before it is read.
+    #[cfg(test)]
+    pub fn scratch(&self) -> impl Iterator<Item = &wgpu::Buffer> {
+        self.scratch.iter()
     }
 
     /// Its size, and whether it has what SSIM takes.

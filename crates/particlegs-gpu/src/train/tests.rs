@@ -9,7 +9,7 @@ use particlegs_core::picture::Plane;
 use particlegs_core::progress::Silent;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
-use particlegs_train::depth::Processor;
+use particlegs_train::depth::{Columns, Processor};
 use particlegs_train::{Crop, Device as _, Norm};
 
 const SIZE: Size = Size { width: 160, height: 90 };
@@ -135,4 +135,160 @@ fn gradients_and_losses_are_the_processors() {
         assert!(theirs[0].not_finite.is_none());
         assert!(by.iter().all(|b| *b < 1e-3) && loss < 1e-4, "{}", case.name);
     }
+}
+
+/// As from afar, drawn of Gaussians that were decoded.
+fn decoded() -> (Case, Parameters) {
+    let case = cases().swap_remove(0);
+    let mut of = parameters(&case);
+    let mut decoded = of.now.clone();
+    for (i, g) in decoded.0.iter_mut().enumerate() {
+        let mut r = Random::new(3, 1, i as u64);
+        g[..3].iter_mut().for_each(|v| *v += 1e-3 * r.normal());
+        g[9] += 0.05 * r.normal();
+    }
+    of.decoded = Some(decoded);
+    (case, of)
+}
+
+/// How far numbers were moved apart, over the way that they went from `start`.
+fn strayed(here: &Columns, there: &Columns, start: &Columns) -> f64 {
+    let square = |a: &Columns, b: &Columns| -> f64 {
+        let numbers = a.0.as_flattened().iter().zip(b.0.as_flattened());
+        numbers.map(|(a, b)| (a - b) * (a - b)).sum()
+    };
+    (square(here, there) / square(here, start)).sqrt()
+}
+
+#[test]
+fn steps_lead_where_the_processors_do_and_either_may_go_on() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    let (case, start) = decoded();
+    let mut here = start.clone();
+    steps(&mut Processor::default(), &mut here, &case, 12);
+    let counts = |of: &Parameters| of.groups.counts.len();
+    assert!(counts(&start) > 10);
+    // All on the device; the first half there and the second here; and the other way.
+    for of_device in [[12, 0], [6, 6], [0, 6]] {
+        let mut there = start.clone();
+        let mut own = trainer.depth_steps(&there).unwrap();
+        if of_device[0] == 0 {
+            steps(&mut Processor::default(), &mut there, &case, 6);
+            own.changed();
+            steps(&mut *own, &mut there, &case, of_device[1]);
+        } else {
+            steps(&mut *own, &mut there, &case, of_device[0]);
+            steps(&mut Processor::default(), &mut there, &case, of_device[1]);
+        }
+        let pairs = [
+            (&here.now, &there.now, &start.now),
+            (&here.averaged, &there.averaged, &start.averaged),
+            (here.seen(), there.seen(), start.seen()),
+        ];
+        let apart = pairs.map(|(a, b, from)| strayed(a, b, from));
+        eprintln!("{of_device:?}: now {:.1e}, averaged {:.1e}, decoded {:.1e}", apart[0], apart[1], apart[2]);
+        assert!(apart.iter().all(|a| *a < 2e-3));
+        for (group, aim) in there.groups.aims.iter().enumerate() {
+            let own = there.now.0.iter().zip(&there.groups.of).filter(|(_, g)| **g as usize == group);
+            let sum: f64 = own.map(|(n, _)| n[9].exp()).sum();
+            assert!((sum / aim - 1.0).abs() < 1e-5, "{sum} of {aim}");
+        }
+        assert!(there.averages.iter().all(|a| a.steps == 12));
+    }
+}
+
+#[test]
+fn the_same_steps_give_the_same_bits_whatever_was_there() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    let case = cases().swap_remove(3);
+    let run = |poisoned: bool| {
+        let mut of = parameters(&case);
+        let mut own = trainer.of_depth(&of).unwrap();
+        own.picture_of(case.crop.size, true).unwrap();
+        if poisoned {
+            own.poison();
+        }
+        let told = steps(&mut own, &mut of, &case, 3);
+        (told, of.now, of.averaged, of.averages)
+    };
+    let first = run(false);
+    assert!(first == run(false) && first == run(true));
+    assert!(first.0[2].loss.is_finite());
+}
+
+/// A target with a pixel that is no number: whom it concerns is told as on the processor, and stays.
+#[test]
+fn gradients_that_are_no_numbers_are_told_and_survived() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    let case = cases().swap_remove(0);
+    let mut target = target(SIZE);
+    target.data[SIZE.width * 45 + 80] = f32::NAN;
+    let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let (mut here, mut there) = (parameters(&case), parameters(&case));
+    let one = |steps: &mut dyn Steps, of: &mut Parameters| {
+        let told = steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
+        steps.fetch(of).unwrap();
+        told.not_finite.unwrap()
+    };
+    let ours = one(&mut Processor::default(), &mut here);
+    let theirs = one(&mut *trainer.depth_steps(&there).unwrap(), &mut there);
+    // The processor multiplies pixels beside a footprint by zero, which makes no number of them either.
+    assert!(ours.gaussian <= theirs.gaussian && (1..=ours.count).contains(&theirs.count), "{ours:?} {theirs:?}");
+    assert!(ours.count < here.len());
+    let stays = strayed_of(&there.now.0[theirs.gaussian], &parameters(&case).now.0[theirs.gaussian]);
+    assert!(stays < 1e-6, "{stays}");
+    assert!(there.now.0.as_flattened().iter().all(|v| v.is_finite()));
+}
+
+/// The largest difference of places and shapes.
+fn strayed_of(a: &[f64; 10], b: &[f64; 10]) -> f64 {
+    a[..9].iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn more_gaussians_than_it_holds_are_refused() {
+    let Some(device) = device() else { return };
+    let e = too_many(&device, 3_000_000, 1_600_000).to_string();
+    assert!(e.contains("3000000 Gaussians") && e.contains("1600000 at most"), "{e}");
+}
+
+/// A fit that is trained, on the processor and on the device: held-out views within 0.05 dB.
+#[test]
+fn a_short_run_reaches_the_processors_score() {
+    use particlegs::compress::{Options, Target, compress};
+    use particlegs::particles::Particles;
+    use particlegs::pieces::NoPieces;
+    use particlegs::train::{Config, Limits, Preset, Start};
+    let Some(device) = device() else { return };
+    let device: Arc<dyn particlegs_train::Device> = Arc::new(Trainer::new(&device).unwrap());
+    let column = |k: u32| -> Vec<f32> {
+        let at = |i: u64| {
+            let (mut own, mut of_clump) = (Random::new(5, k, i), Random::new(6, k, i % 40));
+            (of_clump.uniform() + 0.03 * own.normal()).clamp(0.0, 1.0) as f32
+        };
+        (0..20_000).map(at).collect()
+    };
+    let particles = Particles::from_columns(column(1), column(2), column(3));
+    let fast = Config::preset(Preset::Fast, particlegs::model::LawKind::OpticalDepth);
+    let config = Config {
+        start: Start::Random,
+        target: Look::Expected,
+        start_gaussians: Some(300),
+        ..fast.scaled(0.06).unwrap()
+    };
+    let run = |device: Option<Arc<dyn particlegs_train::Device>>| {
+        let limits = Limits { device, ..Limits::default() };
+        let training = Some(config.clone());
+        let options = Options { target: Target::Gaussians(300), training, limits, seed: 4, ..Options::default() };
+        let done = compress(&particles, &options, &mut NoPieces, &Silent).unwrap();
+        done.trained[0].clone()
+    };
+    let (here, there) = (run(None), run(Some(device)));
+    let [before, ours] = here.scores.map(Option::unwrap);
+    let theirs = there.scores[1].unwrap();
+    eprintln!("{} steps: {before:.3} dB, processor {ours:.3}, device {theirs:.3}", here.iterations);
+    assert!(ours > before + 0.2 && (ours - theirs).abs() < 0.05, "{before} {ours} {theirs}");
 }
