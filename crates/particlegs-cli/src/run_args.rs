@@ -47,7 +47,7 @@ impl RunArgs {
             return Err(Error::argument("--minutes must be positive"));
         }
         let seconds = self.minutes.map(|m| 60.0 * m - (60.0 * m * SHARE_AFTER).min(MOST_AFTER));
-        Ok(Limits { began, seconds, scratch: Some(scratch), run: String::new() })
+        Ok(Limits { began, seconds, scratch: Some(scratch), ..Limits::default() })
     }
 
     /// Does it go on from a checkpoint?

@@ -7,6 +7,7 @@
 mod adapters;
 mod device;
 mod kernel;
+mod rates;
 pub mod reference;
 pub mod render;
 #[cfg(test)]
@@ -15,6 +16,7 @@ pub mod train;
 
 pub use adapters::{Adapter, Choice, adapters, advice};
 pub use device::{Checks, Device};
+pub use rates::Rates;
 
 /// Threads of a group in kernels of one dimension.
 const THREADS: u64 = 64;

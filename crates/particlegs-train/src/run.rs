@@ -234,6 +234,9 @@ impl<'a> Training<'a> {
         };
         let most_gaussians = config.alpha_blend.most_gaussians.or(defaults.gaussians);
         let alpha = AlphaConfig { most_gaussians, ..config.alpha_blend };
+        if config.law == LawKind::AlphaBlend && limits.device.is_some() {
+            return Err(Error::argument("the alpha-blend law is trained on the processor alone"));
+        }
         let random = |n| AlphaLearner::from_particles(subject, n, ground, alpha);
         let depth_ground = DepthGround { bounds, particles, look: config.target, bytes: defaults.bytes };
         let depth = |m: &Mixture| {

@@ -104,7 +104,7 @@ pub fn run(a: &Arguments) -> Result<()> {
 #[cfg(feature = "gpu")]
 fn gpu(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    let report = crate::gpu_bench::measure(&a.device.open_card()?, a.quick, &context)?;
+    let report = crate::gpu_bench::measure(&a.device.open_card()?, crate::gpu_bench::Quick(a.quick), &context)?;
     context.finish(&report.text(), &report)
 }
 

@@ -1,6 +1,7 @@
 //! `particlegs compress IN... -o M.pgs`.
 
 use crate::common::{Common, Context};
+use crate::device::DeviceArgs;
 use crate::fit_args::FitArgs;
 use crate::info_model;
 use crate::outputs;
@@ -79,6 +80,8 @@ pub struct Arguments {
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
     snapshot: SnapshotArgs,
@@ -105,6 +108,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let start = Instant::now();
     options.limits = a.run.limits(start, a.scratch_folder())?;
+    options.limits.device = a.device.trainer(options.training.as_ref().map(|t| t.law))?;
     let kept = a.plan(&options, &context)?;
     if options.memory.is_some() {
         options.storage = Storage::Disk(a.scratch_folder());

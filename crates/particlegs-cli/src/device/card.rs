@@ -16,6 +16,11 @@ pub fn open(number: Option<usize>) -> Result<Device> {
     particlegs_gpu::Device::open(number.map_or(Choice::Card, Choice::Number), Checks::Off).map(Arc::new)
 }
 
+/// What trains on one.
+pub fn trainer(device: &Device) -> Result<Arc<dyn particlegs::train::Device>> {
+    Ok(Arc::new(particlegs_gpu::train::Trainer::new(device)?))
+}
+
 /// All of them; and what would help where none is a real card.
 pub fn list() -> Result<(Vec<Adapter>, Option<String>)> {
     let all = adapters();

@@ -1,4 +1,4 @@
-//! `--device`: what draws.
+//! `--device`: what draws and trains.
 
 #[cfg(feature = "gpu")]
 mod card;
@@ -9,13 +9,15 @@ mod card;
 pub use card::{Adapter, Device, ParticlePictures, Pictures, list};
 
 use clap::Args;
-use particlegs::Result;
+use particlegs::model::LawKind;
+use particlegs::{Error, Result, train};
 use std::str::FromStr;
+use std::sync::Arc;
 
 /// The option.
 #[derive(Args, Clone, Debug)]
 pub struct DeviceArgs {
-    /// What draws: `cpu`, `gpu`, `auto` (a graphics card where there is one), or a number that `devices` lists.
+    /// What computes: `cpu`, `gpu`, `auto` (a graphics card where there is one), or a number that `devices` lists.
     ///
     /// Cards count in float32: levels may differ by one from the processor's, which are the same everywhere.
     #[arg(long, value_name = "DEVICE", default_value = "cpu", hide_short_help = true)]
@@ -45,6 +47,23 @@ impl FromStr for Asked {
 }
 
 impl DeviceArgs {
+    /// What takes the steps of training by a law, where there is any; none for the processor.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where a card is asked for, and nothing is trained that it can; those of
+    /// [`DeviceArgs::open`].
+    pub fn trainer(&self, law: Option<LawKind>) -> Result<Option<Arc<dyn train::Device>>> {
+        let why_not = match law {
+            Some(LawKind::OpticalDepth) => return self.open()?.as_ref().map(card::trainer).transpose(),
+            Some(LawKind::AlphaBlend) => "the alpha-blend law is trained on the processor",
+            None => "nothing is trained here that a card could do: --train",
+        };
+        match self.device {
+            Asked::Cpu | Asked::Auto => Ok(None),
+            Asked::Gpu | Asked::Number(_) => Err(Error::argument(format!("--device: {why_not}"))),
+        }
+    }
+
     /// The card that is asked for, the first real one where none is.
     ///
     /// # Errors

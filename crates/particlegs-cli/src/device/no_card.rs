@@ -6,6 +6,7 @@ use particlegs::render::Scene;
 use particlegs::space::Bounds;
 use particlegs::splat::Look;
 use particlegs::{Error, Result};
+use std::sync::Arc;
 
 /// There is none.
 pub enum Device {}
@@ -53,6 +54,11 @@ fn unsupported() -> Error {
 /// Why there is none.
 pub fn open(_number: Option<usize>) -> Result<Device> {
     Err(unsupported())
+}
+
+/// Never called.
+pub fn trainer(device: &Device) -> Result<Arc<dyn particlegs::train::Device>> {
+    match *device {}
 }
 
 /// A card, as `devices` tells it.

@@ -81,3 +81,34 @@ fn a_device_draws_what_the_processor_draws() {
     let refused = particlegs().arg("render").arg(&model).args(density).arg(&out).output().unwrap();
     assert!(refused.status.code() == Some(2) && !out.exists());
 }
+
+/// A run on the device and one on the processor: the same held-out score but for 0.05 dB.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_device_trains_as_the_processor_does() {
+    let listed = particlegs().args(["devices", "--json", "-"]).output().unwrap();
+    let listed: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
+    if listed["devices"].as_array().unwrap().is_empty() {
+        assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none());
+        eprintln!("skipped: {}", listed["advice"]);
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let train = |device: &str| {
+        let out = folder.path().join(format!("{device}.pgs"));
+        let mut command = particlegs();
+        command.arg("compress").arg(sample()).args(["--gaussians", "400", "--effort", "fast", "--certificate", "none"]);
+        command.args(["--train", "fast", "--scale", "0.05", "--device", device, "--json", "-", "-o"]).arg(&out);
+        let done = command.output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let told: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+        told["trained"][0]["scores"][1].as_f64().unwrap_or_else(|| panic!("{told}"))
+    };
+    let (card, processor) = (train("0"), train("cpu"));
+    assert!((card - processor).abs() < 0.05, "{card} {processor}");
+    let mut without = particlegs();
+    without.arg("compress").arg(sample()).args(["--device", "0", "-q", "-o"]).arg(folder.path().join("no.pgs"));
+    let refused = without.output().unwrap();
+    let error = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(2) && error.contains("--train"), "{error}");
+}

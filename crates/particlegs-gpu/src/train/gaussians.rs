@@ -140,6 +140,38 @@ impl Held {
         device.wait()
     }
 
+    /// Sends the Gaussians that density control has changed, which are neither coded nor averaged.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn replace(&self, device: &Device, kernels: &Kernels, of: &Parameters, which: &[usize]) -> Result<()> {
+        let (members, group_records) = by_group(of);
+        let mut place = vec![0u32; self.count];
+        members.iter().zip(0..).for_each(|(m, at)| place[m[0] as usize] = at);
+        let mut records: Vec<u32> = Vec::new();
+        for &i in which {
+            records.extend([i as u32, place[i], (of.first_log_count[i] as f32).to_bits()]);
+            records.extend(self.column(&of.now.0[i]).map(f32::to_bits));
+            for half in [of.averages.each_ref().map(|a| &a.first), of.averages.each_ref().map(|a| &a.second)] {
+                half.iter().zip(WIDTHS).for_each(|(all, width)| {
+                    records.extend(all[width * i..width * (i + 1)].iter().map(|v| v.to_bits()))
+                });
+            }
+        }
+        let count = [self.count as u32, which.len() as u32, 0, 0];
+        let (count, records) =
+            (device.filled("count", &count, Use::UNIFORM), device.filled("records", &records, Use::STORAGE));
+        let bound = kernels.replace.bind(device, &[&count, &records, &self.now, &self.averages, &self.members]);
+        device.queue.write_buffer(&self.group_records, 0, bytemuck::cast_slice(&group_records));
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        kernels.replace.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, groups(which.len() as u64));
+        for copy in [&self.seen_columns, &self.averaged] {
+            encoder.copy_buffer_to_buffer(&self.now, 0, copy, 0, copy.size());
+        }
+        device.queue.submit([encoder.finish()]);
+        device.check()
+    }
+
     /// Brings the parameters back.
     ///
     /// # Errors
@@ -168,20 +200,19 @@ impl Held {
         Ok(())
     }
 
+    /// A Gaussian's number in each column.
+    fn column(&self, g: &Numbers) -> [f32; COLUMNS] {
+        let [x, y, z] = each_axis(|k| two_floats(g[k] - self.origin[k]));
+        let [a, b, c, d, e, f, count] = std::array::from_fn(|k| g[3 + k] as f32);
+        [x[0], y[0], z[0], x[1], y[1], z[1], a, b, c, d, e, f, g[9].exp() as f32, count]
+    }
+
     /// Gaussians as columns.
     fn columns(&self, of: &Columns) -> Vec<f32> {
         let n = self.count;
         let mut columns = vec![0.0f32; COLUMNS * n];
         for (i, g) in of.0.iter().enumerate() {
-            let mut put = |k: usize, v: f64| columns[k * n + i] = v as f32;
-            for k in 0..3 {
-                let [high, low] = two_floats(g[k] - self.origin[k]);
-                put(k, f64::from(high));
-                put(3 + k, f64::from(low));
-            }
-            (3..9).for_each(|k| put(3 + k, g[k]));
-            put(12, g[9].exp());
-            put(13, g[9]);
+            self.column(g).into_iter().enumerate().for_each(|(k, v)| columns[k * n + i] = v);
         }
         columns
     }

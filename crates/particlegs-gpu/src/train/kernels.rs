@@ -30,6 +30,7 @@ pub(super) struct Kernels {
     pub adam: Kernel,
     pub change: Kernel,
     pub average: Kernel,
+    pub replace: Kernel,
 }
 
 impl Kernels {
@@ -82,6 +83,7 @@ impl Kernels {
             adam: new("Adam", &[main!("adam"), STEP], &[U, R, W, W, R, R, R, R]),
             change: new("change", &[main!("change"), STEP], &[U, R, W]),
             average: new("average", &[main!("average"), STEP], &[U, R, W]),
+            replace: new("replace", &[main!("replace")], &[U, R, W, W, W]),
         }
     }
 }

@@ -177,6 +177,17 @@ impl Steps for DepthSteps {
     fn changed(&mut self) {
         self.newer = Side::Here;
     }
+
+    fn replaced(&mut self, of: &Parameters, which: &[usize]) -> Result<()> {
+        match self.newer {
+            Side::Both => self.held.replace(&self.device, &self.kernels, of, which),
+            // They are sent with the next step.
+            Side::Here | Side::Device => {
+                self.newer = Side::Here;
+                Ok(())
+            }
+        }
+    }
 }
 
 impl DepthSteps {

@@ -218,6 +218,35 @@ fn the_same_steps_give_the_same_bits_whatever_was_there() {
     assert!(first.0[2].loss.is_finite());
 }
 
+/// What density control changes on the way: only that is sent.
+#[test]
+fn what_is_replaced_goes_on_as_on_the_processor() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    let (case, start) = decoded();
+    let run = |steps: &mut dyn Steps| {
+        let mut of = start.clone();
+        self::steps(steps, &mut of, &case, 4);
+        for i in [3, 77, 401] {
+            of.now.0[i][0] += 0.01;
+            of.now.0[i][9] += 0.1;
+            of.first_log_count[i] = of.now.0[i][9];
+            of.averages[1].first[6 * i..6 * i + 6].fill(0.0);
+        }
+        of.groups.count(&of.now.0, 20_000);
+        of.decoded = None;
+        of.averaged = of.now.clone();
+        steps.replaced(&of, &[3, 77, 401]).unwrap();
+        self::steps(steps, &mut of, &case, 4);
+        of
+    };
+    let (here, there) = (run(&mut Processor::default()), run(&mut *trainer.depth_steps(&start).unwrap()));
+    let apart = [(&here.now, &there.now, &start.now), (&here.averaged, &there.averaged, &start.averaged)]
+        .map(|(a, b, from)| strayed(a, b, from));
+    eprintln!("now {:.1e}, averaged {:.1e}", apart[0], apart[1]);
+    assert!(apart.iter().all(|a| *a < 1e-4));
+}
+
 /// A target with a pixel that is no number: whom it concerns is told as on the processor, and stays.
 #[test]
 fn gradients_that_are_no_numbers_are_told_and_survived() {

@@ -161,8 +161,10 @@ impl Learner for DepthLearner {
             squares.map(|(p, s)| p.iter().chain(s).map(|&v| f64::from(v)).sum::<f64>().sqrt()).collect();
         let heavy = |(w, n): (&f64, &Numbers)| w * n[9].exp();
         let mut mass: Option<Vec<f64>> = self.weight.as_ref().map(|w| w.iter().zip(&p.now.0).map(heavy).collect());
+        let mut replaced = Vec::new();
         for Move { from, into, half_of } in relocate(&mut p.now, &gradients, self.config.relocate) {
             for i in [from, into, half_of] {
+                replaced.push(i);
                 p.first_log_count[i] = p.now.0[i][9];
                 for (a, k) in p.averages.iter_mut().zip(WIDTHS) {
                     a.first[k * i..k * (i + 1)].fill(0.0);
@@ -183,8 +185,9 @@ impl Learner for DepthLearner {
         // What was decoded and averaged is of other Gaussians now.
         (self.coded, p.decoded) = (None, None);
         p.averaged = p.now.clone();
-        self.steps.changed();
-        Ok(())
+        replaced.sort_unstable();
+        replaced.dedup();
+        self.steps.replaced(p, &replaced)
     }
 
     fn len(&self) -> usize {

@@ -52,6 +52,13 @@ pub trait Steps {
 
     /// The parameters were changed by others than steps.
     fn changed(&mut self);
+
+    /// Density control changed these Gaussians, which had been fetched, and what groups are to sum to; none are coded, and
+    /// the average is of the present.
+    ///
+    /// # Errors
+    /// Those of a device.
+    fn replaced(&mut self, of: &Parameters, which: &[usize]) -> Result<()>;
 }
 
 /// Steps on the processor.
@@ -89,6 +96,10 @@ impl Steps for Processor {
     }
 
     fn changed(&mut self) {}
+
+    fn replaced(&mut self, _of: &Parameters, _which: &[usize]) -> Result<()> {
+        Ok(())
+    }
 }
 
 impl Processor {

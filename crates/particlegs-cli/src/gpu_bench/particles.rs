@@ -1,0 +1,108 @@
+//! Pictures of all particles a second.
+
+use super::scenes::{Made, views};
+use super::{LIMIT, Quick};
+use crate::common::Context;
+use crate::device::Device;
+use particlegs::math::{Random, each_axis};
+use particlegs::picture::Size;
+use particlegs::progress::Progress;
+use particlegs::splat::Look;
+use particlegs::{Result, parallel};
+use particlegs_gpu::reference::{MOST, Pictures};
+use serde::Serialize;
+use std::time::Instant;
+
+/// Pictures of a measurement.
+const PICTURES: usize = 20;
+/// Pieces of [`MOST`] particles: 268 million.
+const PIECES: usize = 24;
+
+#[derive(Serialize)]
+pub struct Row {
+    particles: u64,
+    width: usize,
+    height: usize,
+    style: &'static str,
+    pictures: usize,
+    /// Each read back.
+    seconds_a_picture: f64,
+    seconds_to_load: f64,
+    device_memory_bytes: Option<u64>,
+}
+
+/// The noise-free picture of particles that are drawn of the scene, a piece again and again, each time moved.
+///
+/// # Errors
+/// Those of the device; [`particlegs::Error::Cancelled`].
+pub fn row(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Row> {
+    let (pieces, each) = if quick.0 { (2, 100_000) } else { (PIECES, MOST) };
+    let columns = drawn(made, each);
+    let started = Instant::now();
+    let mut there = Pictures::new(device, made.bounds.center(), made.bounds)?;
+    let extent = made.bounds.extent().map(|e| e as f32);
+    for piece in 0..pieces {
+        context.check()?;
+        // Around the box: as clumped as before, and elsewhere.
+        let away = each_axis(|k| (piece as f64 * [0.618, 0.755, 0.57][k]).fract()).map(|v| v as f32);
+        let moved: Vec<Vec<f32>> = columns
+            .iter()
+            .enumerate()
+            .map(|(k, column)| {
+                let half = 0.5 * extent[k];
+                let around = |v: &f32| (v + half + away[k] * extent[k]) % extent[k] - half;
+                column.iter().map(around).collect()
+            })
+            .collect();
+        there.take([&moved[0], &moved[1], &moved[2]])?;
+    }
+    let seconds_to_load = started.elapsed().as_secs_f64();
+    let views = views(made, size, true);
+    there.draw(&views[0], size, Look::Expected)?;
+    let (started, mut pictures) = (Instant::now(), 0);
+    while pictures < if quick.0 { 2 } else { PICTURES } && started.elapsed() < LIMIT {
+        context.check()?;
+        pictures += 1;
+        there.draw(&views[pictures], size, Look::Expected)?;
+    }
+    Ok(Row {
+        particles: (pieces * each) as u64,
+        width: size.width,
+        height: size.height,
+        style: "expected",
+        pictures,
+        seconds_a_picture: started.elapsed().as_secs_f64() / pictures as f64,
+        seconds_to_load,
+        device_memory_bytes: device.allocated(),
+    })
+}
+
+/// So many particles of the scene's Gaussians as columns about its middle.
+fn drawn(made: &Made, number: usize) -> [Vec<f32>; 3] {
+    let (m, center) = (&made.gaussians, made.bounds.center());
+    let one = |i: usize| -> [f32; 3] {
+        let mut r = Random::new(1, 1, i as u64);
+        let of = (r.uniform() * m.len() as f64) as usize % m.len();
+        let (mean, e) = (m.mean_of(of), m.cov_of(of).eigen());
+        let along = e.values.map(|v| v.max(0.0).sqrt() * r.normal());
+        each_axis(|k| mean[k] - center[k] + (0..3).map(|a| along[a] * e.vectors[a][k]).sum::<f64>()).map(|v| v as f32)
+    };
+    let rows = parallel::map_range(number, one);
+    [0, 1, 2].map(|k| rows.iter().map(|r| r[k]).collect())
+}
+
+impl Row {
+    /// As people read it.
+    pub fn text(&self) -> String {
+        let memory = self.device_memory_bytes.map_or("-".into(), |b| format!("{:.0} MB", b as f64 / 1e6));
+        format!(
+            "{} particles, {}x{}, {}: {:.1} ms a picture, loaded in {:.1} s, {memory}",
+            self.particles,
+            self.width,
+            self.height,
+            self.style,
+            1e3 * self.seconds_a_picture,
+            self.seconds_to_load
+        )
+    }
+}

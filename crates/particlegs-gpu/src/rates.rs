@@ -1,0 +1,75 @@
+//! What a device does at most: beside it stands what is measured.
+
+use crate::Device;
+use crate::kernel::{Kernel, Use};
+use particlegs_core::Result;
+use std::time::{Duration, Instant};
+
+/// Bytes of what is copied, and words that are added to: as many as a picture of 1920 x 1080 has.
+const BYTES: u64 = 128 << 20;
+const WORDS: u64 = 1 << 21;
+/// Threads that add, and additions of each.
+const ADDERS: [u32; 2] = [16384, 64];
+/// How long each is measured, about.
+const LONG: Duration = Duration::from_millis(500);
+
+/// Rates of a device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// Bytes a second that are read and written, each counted, where they are copied from buffer to buffer.
+    pub copied_bytes: f64,
+    /// Atomic additions a second to words of a plane.
+    pub additions: f64,
+}
+
+impl Rates {
+    /// Measures them; takes about a second.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn measure(device: &Device) -> Result<Rates> {
+        use wgpu::BufferUsages as Usage;
+        let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
+        let [from, to] = ["copied", "copy"].map(|label| device.buffer(label, BYTES, usage));
+        let copied = rate(device, |encoder| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, BYTES))?;
+        let words = device.buffer("words", 4 * WORDS, usage);
+        let kernel = Kernel::new(device, "additions", &[include_str!("additions_main.wgsl")], &[Use::Write]);
+        let bound = kernel.bind(device, &[&words]);
+        let added = rate(device, |encoder| {
+            kernel.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, [ADDERS[0], 1]);
+        })?;
+        let additions = f64::from(64 * ADDERS[0]) * f64::from(ADDERS[1]);
+        Ok(Rates { copied_bytes: 2.0 * BYTES as f64 * copied, additions: additions * added })
+    }
+}
+
+/// How often a second.
+fn rate(device: &Device, each: impl Fn(&mut wgpu::CommandEncoder)) -> Result<f64> {
+    let run = |times: usize| -> Result<f64> {
+        let started = Instant::now();
+        for _ in 0..times {
+            let mut encoder = device.device.create_command_encoder(&Default::default());
+            each(&mut encoder);
+            device.queue.submit([encoder.finish()]);
+        }
+        device.wait()?;
+        Ok(started.elapsed().as_secs_f64())
+    };
+    run(1)?;
+    let times = (LONG.as_secs_f64() / run(1)?).clamp(1.0, 10_000.0) as usize;
+    Ok(times as f64 / run(times)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_copies_and_adds() {
+        let Some(device) = crate::tests::device() else { return };
+        let rates = Rates::measure(&device).unwrap();
+        eprintln!("{rates:?}");
+        // A machine that does less is no machine.
+        assert!(rates.copied_bytes > 1e7 && rates.additions > 1e5, "{rates:?}");
+    }
+}
