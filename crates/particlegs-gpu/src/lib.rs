@@ -23,6 +23,19 @@ const THREADS: u64 = 64;
 /// Groups of a dispatch along an axis, at most.
 const MOST_GROUPS: u64 = 65_535;
 
+/// Gaussians whose pixels are gone over in one dispatch: at the 450 pixels that a round one has at most, a tenth of a second
+/// of a slow card. Few in tests, so that those have several.
+const AT_ONCE: u32 = if cfg!(test) { 512 } else { 1 << 18 };
+
+/// The first Gaussian of each dispatch, for kernels to read, and how many it has.
+fn dispatches(device: &Device, count: u32) -> Vec<(wgpu::Buffer, u32)> {
+    let one = |first: u32| {
+        let buffer = device.filled("first", &[first, 0, 0, 0], wgpu::BufferUsages::UNIFORM);
+        (buffer, AT_ONCE.min(count - first))
+    };
+    (0..count).step_by(AT_ONCE as usize).map(one).collect()
+}
+
 /// Groups for so many threads, in as many rows as it takes.
 fn groups(threads: u64) -> [u32; 2] {
     let all = threads.div_ceil(THREADS);

@@ -51,7 +51,7 @@ impl Kernels {
             raster: new(
                 "raster",
                 &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, SHARE, ROWS, RASTER],
-                &[Uniform, Read, Read, Read, Write],
+                &[Uniform, Read, Read, Read, Write, Uniform],
             ),
             slices: new(
                 "slices",

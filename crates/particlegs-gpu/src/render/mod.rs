@@ -26,7 +26,7 @@ pub(crate) use kernels::sources;
 pub use pictures::Pictures;
 pub(crate) use tone::{CURVE, LookRecord, Tone, ToneMapper, TonePlane, curve};
 
-use crate::{Device, groups};
+use crate::{Device, dispatches, groups};
 use frame::MOST_LEVELS;
 pub(crate) use frame::{FrameRecord, Planes};
 use kernels::Kernels;
@@ -103,7 +103,8 @@ struct Batch {
     frame: wgpu::Buffer,
     project: wgpu::BindGroup,
     slices_bound: wgpu::BindGroup,
-    raster: wgpu::BindGroup,
+    /// In dispatches of some Gaussians each.
+    raster: Vec<(wgpu::BindGroup, u32)>,
     slices: wgpu::BindGroup,
 }
 
@@ -162,7 +163,13 @@ impl Renderer {
                         .project
                         .bind(device, &[&frame, own, &strokes, &planes_of, &tiles, &cuts, &cut_count]),
                     slices_bound: kernels.slices_bound.bind(device, &[&frame, own, &cuts, &cut_count, &tiles]),
-                    raster: kernels.raster.bind(device, &[&frame, &strokes, &planes_of, &scale, &sums]),
+                    raster: dispatches(device, chunk.count)
+                        .into_iter()
+                        .map(|(first, count)| {
+                            let own = [&frame, &strokes, &planes_of, &scale, &sums, &first];
+                            (kernels.raster.bind(device, &own), count)
+                        })
+                        .collect(),
                     slices: kernels.slices.bind(device, &[&frame, own, &cuts, &cut_count, &scale, &sums]),
                     frame,
                 });
@@ -251,7 +258,9 @@ impl Renderer {
     }
 
     fn raster(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
-        self.kernels.raster.run(pass, &batch.raster, groups(u64::from(batch.count)));
+        for (bound, count) in &batch.raster {
+            self.kernels.raster.run(pass, bound, groups(u64::from(*count)));
+        }
         self.kernels.slices.run(pass, &batch.slices, [CUT_GROUPS, 1]);
     }
 

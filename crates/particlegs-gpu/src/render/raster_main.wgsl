@@ -5,15 +5,18 @@
 @group(0) @binding(2) var<storage, read> planes_of: array<u32>;
 @group(0) @binding(3) var<storage, read> scale: Scale;
 @group(0) @binding(4) var<storage, read_write> sums: array<atomic<u32>>;
+// The first Gaussian of the dispatch.
+@group(0) @binding(5) var<uniform> first: vec4u;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) me: u32) {
     var plane = NOWHERE;
     var stroke: Stroke;
-    if id.x < frame.count {
-        plane = planes_of[id.x];
+    let i = first.x + id.x;
+    if i < frame.count {
+        plane = planes_of[i];
         if plane != NOWHERE {
-            stroke = strokes[id.x];
+            stroke = strokes[i];
         }
     }
     draw(me, stroke, plane, scale.up);

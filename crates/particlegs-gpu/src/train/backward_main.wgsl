@@ -5,15 +5,18 @@
 @group(0) @binding(2) var<storage, read> by_depth: array<f32>;
 @group(0) @binding(3) var<storage, read_write> gradient: array<f32>;
 @group(0) @binding(4) var<storage, read_write> faults: Faults;
+// The first Gaussian of the dispatch.
+@group(0) @binding(5) var<uniform> first: vec4u;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) me: u32) {
     var placed: Placed;
     placed.level = NOWHERE;
     var p: Piece;
-    if id.x < frame.count {
-        p.axes = own_axes(frame.lens, id.x, frame.count);
-        p.g = seen_along(frame.lens, p.axes, id.x, frame.count);
+    let i = first.x + id.x;
+    if i < frame.count {
+        p.axes = own_axes(frame.lens, i, frame.count);
+        p.g = seen_along(frame.lens, p.axes, i, frame.count);
         let depth = p.g.mean.z;
         if p.g.weight > 0.0 && fate(frame.lens, depth, p.g.depth) == WHOLE {
             p.moments = whole(frame.lens, depth, p.g.depth);
@@ -23,12 +26,12 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
         }
     }
     let gathered = gather(me, placed.stroke, placed.level);
-    if id.x >= frame.count {
+    if i >= frame.count {
         return;
     }
     var own: Own;
     if placed.level != NOWHERE {
         own = of_piece(frame.lens, p, of_footprint(p.footprint, placed, gathered));
     }
-    write_own(id.x, frame.count, own);
+    write_own(i, frame.count, own);
 }

@@ -58,7 +58,7 @@ impl Kernels {
             backward: new(
                 "gradient of Gaussians",
                 &[main!("backward"), FRAME, PROJECT, STROKE, BIN, SHARE, ROWS, GATHER, FAULTS, ADJOINT, SLOPES],
-                &[U, R, R, W, W],
+                &[U, R, R, W, W, U],
             ),
             backward_slices: new(
                 "gradient of slices",

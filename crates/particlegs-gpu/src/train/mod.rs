@@ -204,7 +204,9 @@ impl DepthSteps {
 
     /// The gradient with every Gaussian.
     fn backward(&self, pass: &mut wgpu::ComputePass<'_>, picture: &Picture) {
-        self.kernels.backward.run(pass, &picture.whole, groups(self.held.seen.len() as u64));
+        for (bound, count) in &picture.whole {
+            self.kernels.backward.run(pass, bound, groups(u64::from(*count)));
+        }
         self.kernels.backward_slices.run(pass, &picture.cut, [CUT_GROUPS, 1]);
     }
 }

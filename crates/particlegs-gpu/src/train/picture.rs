@@ -3,8 +3,8 @@
 use super::gaussians::Held;
 use super::kernels::Kernels;
 use super::stepped;
-use crate::Device;
 use crate::render::{CURVE, Canvas, LookRecord, curve};
+use crate::{Device, dispatches};
 use particlegs_core::Result;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::splat::Look;
@@ -26,8 +26,8 @@ pub(super) struct Picture {
     loss: wgpu::Buffer,
     told: wgpu::Buffer,
     bound: Bound,
-    /// The gradient of Gaussians that are whole, and of those that are cut.
-    pub whole: wgpu::BindGroup,
+    /// The gradient of Gaussians that are whole, in dispatches of some each, and of those that are cut.
+    pub whole: Vec<(wgpu::BindGroup, u32)>,
     pub cut: wgpu::BindGroup,
     #[cfg(test)]
     scratch: Vec<wgpu::Buffer>,
@@ -96,7 +96,10 @@ impl Picture {
             planes: coarser.collect(),
         };
         let own = [b.frame, held.seen.buffer(), &by_depth, &held.gradient, &told];
-        let whole = kernels.backward.bind(device, &own);
+        let whole = dispatches(device, held.seen.len() as u32)
+            .into_iter()
+            .map(|(first, count)| (kernels.backward.bind(device, &[own.as_slice(), &[&first]].concat()), count))
+            .collect();
         let cut = kernels.backward_slices.bind(device, &[own.as_slice(), &[b.cuts, b.cut_count]].concat());
         device.check()?;
         Ok(Picture {
