@@ -7,12 +7,15 @@
 //!
 //! Particles come in pieces: those that fit stay on the device from picture to picture, others are sent anew.
 
+pub mod paraview;
 mod pictures;
+mod pieces;
 #[cfg(test)]
 mod tests;
 mod view;
 
 pub use pictures::Pictures;
+pub use pieces::Pieces;
 
 use crate::Device;
 use crate::groups;
