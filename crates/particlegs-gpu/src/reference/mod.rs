@@ -1,4 +1,4 @@
-//! Pictures of all particles without their noise, as particlegs' `reference` draws them:
+//! Pictures of all particles, as particlegs' `reference` draws them: ParaView's own in [`paraview`], and without their noise:
 //!
 //! | kernel | twin | what it does |
 //! |---|---|---|
@@ -9,13 +9,13 @@
 
 pub mod paraview;
 mod pictures;
-mod pieces;
+mod source;
 #[cfg(test)]
 mod tests;
 mod view;
 
 pub use pictures::Pictures;
-pub use pieces::Pieces;
+pub use source::{Columns, Snapshot, Source};
 
 use crate::Device;
 use crate::groups;

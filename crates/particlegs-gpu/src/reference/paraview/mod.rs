@@ -27,7 +27,7 @@ mod tests;
 pub use layers::Canvas;
 
 use super::Points;
-use super::pieces::Pieces;
+use super::source::Source;
 use super::view::ViewRecord;
 use crate::kernel::Kernel;
 use crate::{Device, groups};
@@ -105,30 +105,30 @@ impl Shot<'_> {
     /// ParaView's picture, with FXAA or before it.
     ///
     /// # Errors
-    /// Those of the pieces and the device.
-    pub fn draw(&self, pieces: &dyn Pieces, fxaa: bool) -> Result<Gray8> {
+    /// Those of the source and the device.
+    pub fn draw(&self, source: &dyn Source, fxaa: bool) -> Result<Gray8> {
         let canvas = self.canvas;
         canvas.clear(&self.paraview.device);
-        let work = self.work(pieces)?;
+        let work = self.work(source)?;
         let kernel = &self.paraview.kernels.range;
-        self.each_batch(pieces, &work, &mut |points, batch| {
+        self.each_batch(source, &work, &mut |points, batch| {
             let bound =
                 kernel.bind(self.device(), &[&canvas.view, &points.positions, &canvas.slices, &canvas.next_ranges]);
             self.run_slices(kernel, &bound, self.of(points), batch);
             Ok(())
         })?;
         canvas.begin_peels(&self.paraview.device);
-        if self.peels(pieces, &work)? {
-            self.rest(pieces, &work)?;
+        if self.peels(source, &work)? {
+            self.rest(source, &work)?;
         }
         self.finish(fxaa)
     }
 
     /// Peels; is there a rest to blend? VTK stops once a whole peel writes no back layer anywhere, and blends no rest then.
-    fn peels(&self, pieces: &dyn Pieces, work: &[Vec<u32>]) -> Result<bool> {
+    fn peels(&self, source: &dyn Source, work: &[Vec<u32>]) -> Result<bool> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.peel);
         for _ in 0..PEELS {
-            self.each_batch(pieces, work, &mut |points, batch| {
+            self.each_batch(source, work, &mut |points, batch| {
                 let buffers = [
                     &canvas.view,
                     &points.positions,
@@ -162,10 +162,10 @@ impl Shot<'_> {
     }
 
     /// How many pixels the boxes of every 64 particles have, piece by piece.
-    fn work(&self, pieces: &dyn Pieces) -> Result<Vec<Vec<u32>>> {
+    fn work(&self, source: &dyn Source) -> Result<Vec<Vec<u32>>> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.count);
         let mut work = Vec::new();
-        pieces.each(&mut |points| {
+        source.each(&mut |points| {
             let all = points.count.div_ceil(GROUP);
             let counts = self.device().buffer(
                 "work",
@@ -183,12 +183,12 @@ impl Shot<'_> {
     /// Calls `run` with every piece and the slices of its pixels, as many as a dispatch takes.
     fn each_batch(
         &self,
-        pieces: &dyn Pieces,
+        source: &dyn Source,
         work: &[Vec<u32>],
         run: &mut dyn FnMut(&Points, &[Slice]) -> Result<()>,
     ) -> Result<()> {
         let mut counts = work.iter();
-        pieces.each(&mut |points| {
+        source.each(&mut |points| {
             let Some(counts) = counts.next() else { return Ok(()) };
             for batch in Batches::new(counts, &self.paraview.limits) {
                 run(points, &batch)?;

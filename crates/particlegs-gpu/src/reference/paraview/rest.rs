@@ -4,20 +4,20 @@ use super::Shot;
 use super::slices::Slice;
 use crate::groups;
 use crate::reference::Points;
-use crate::reference::pieces::Pieces;
+use crate::reference::source::Source;
 use crate::reference::view::ViewRecord;
 use particlegs_core::Result;
 use std::ops::Range;
 
 impl Shot<'_> {
     /// Blends the rest, band of rows by band.
-    pub(super) fn rest(&self, pieces: &dyn Pieces, work: &[Vec<u32>]) -> Result<()> {
+    pub(super) fn rest(&self, source: &dyn Source, work: &[Vec<u32>]) -> Result<()> {
         let [width, height] = self.record.size;
         // The last pixel's number is left to keys that are none.
         let rows = ((self.paraview.limits.band - 1) / width).max(1);
         for first in (0..height).step_by(rows as usize) {
             let band = ViewRecord { first, last: height.min(first.saturating_add(rows)), ..self.record };
-            self.each_batch(pieces, work, &mut |points, batch| self.rest_of_batch(points, batch, band))?;
+            self.each_batch(source, work, &mut |points, batch| self.rest_of_batch(points, batch, band))?;
         }
         Ok(())
     }

@@ -41,10 +41,12 @@ impl Keys {
     /// For so many.
     pub fn new(device: &Device, most: u32) -> Keys {
         use wgpu::BufferUsages as Use;
+        // Tests alone write and read them.
+        let both = if cfg!(test) { Use::COPY_DST | Use::COPY_SRC } else { Use::empty() };
         let (bytes, blocks) = (4 * u64::from(most), u64::from(most.div_ceil(BLOCK)));
         let digit = |_| device.buffer("digit", size_of::<DigitRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
         Keys {
-            buffers: ["keys", "sorted keys"].map(|label| device.buffer(label, bytes, Use::STORAGE)),
+            buffers: ["keys", "sorted keys"].map(|label| device.buffer(label, bytes, Use::STORAGE | both)),
             starts: device.buffer("starts", 4 * 16 * blocks, Use::STORAGE),
             digits: (0..DIGITS).map(digit).collect(),
         }
@@ -82,5 +84,15 @@ impl Sorter {
         drop(pass);
         device.queue.submit([encoder.finish()]);
         &keys.buffers[digits % 2]
+    }
+}
+
+#[cfg(test)]
+impl Sorter {
+    /// Keys, sorted on the device.
+    pub fn sorted(&self, device: &Device, memory: &Keys, keys: &[u32], bits: u32) -> Vec<u32> {
+        device.queue.write_buffer(&memory.buffers[0], 0, bytemuck::cast_slice(keys));
+        let at = self.sort(device, memory, keys.len() as u32, bits);
+        bytemuck::pod_collect_to_vec(&device.read(at, 4 * keys.len() as u64).unwrap())
     }
 }
