@@ -8,7 +8,7 @@ mod card;
 mod particles;
 
 pub use card::{Adapter, Device, ParticlePictures, Pictures, list};
-pub use particles::on_card;
+pub use particles::{Both, on_card};
 
 use clap::Args;
 use particlegs::Result;

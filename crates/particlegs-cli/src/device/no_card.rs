@@ -1,7 +1,7 @@
 //! In place of graphics cards, where the program was built without them.
 
 use particlegs::camera::View;
-use particlegs::picture::{Gray8, Size};
+use particlegs::picture::{Gray8, Plane, Size};
 use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::space::Bounds;
@@ -24,6 +24,11 @@ impl Pictures {
 
     /// Never called.
     pub fn draw(&self, _view: &View, _size: Size, _look: Look) -> Result<Gray8> {
+        match self.0 {}
+    }
+
+    /// Never called.
+    pub fn optical_depth(&self, _view: &View, _size: Size) -> Result<Plane> {
         match self.0 {}
     }
 }
@@ -53,6 +58,11 @@ impl<'a> ParticlePictures<'a> {
 
     /// Never called.
     pub fn draw(&self, _view: &View, _size: Size, _look: Look, _progress: &dyn Progress) -> Result<Gray8> {
+        match self.0 {}
+    }
+
+    /// Never called.
+    pub fn optical_depth(&self, _view: &View, _size: Size, _progress: &dyn Progress) -> Result<Plane> {
         match self.0 {}
     }
 

@@ -14,7 +14,7 @@
 //! whole numbers. What the peels left depends on the particles' order: such fragments are written in that order, sorted by
 //! pixel without changing it, and blended one after the other; as many at a time as there is room for.
 //!
-//! Every stage goes through the particles anew: once for the ranges of depths, once a peel, once or twice for the rest.
+//! Every stage goes through the particles anew: to count their pixels, for the ranges of depths, for each peel, for the rest.
 
 mod kernels;
 mod layers;
