@@ -79,7 +79,7 @@ fn described(adapter: &wgpu::Adapter) -> Adapter {
 
 /// Bytes of the memory that is the adapter's own; Vulkan alone says.
 #[cfg(not(target_vendor = "apple"))]
-fn memory_of(adapter: &wgpu::Adapter) -> Option<u64> {
+pub(crate) fn memory_of(adapter: &wgpu::Adapter) -> Option<u64> {
     // SAFETY: the handles are used while the adapter lives, for a question that changes nothing.
     let bytes = unsafe {
         let own = adapter.as_hal::<wgpu::hal::api::Vulkan>()?;
@@ -93,7 +93,7 @@ fn memory_of(adapter: &wgpu::Adapter) -> Option<u64> {
 }
 
 #[cfg(target_vendor = "apple")]
-fn memory_of(_adapter: &wgpu::Adapter) -> Option<u64> {
+pub(crate) fn memory_of(_adapter: &wgpu::Adapter) -> Option<u64> {
     None
 }
 

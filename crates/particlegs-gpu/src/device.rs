@@ -1,6 +1,6 @@
 //! An adapter that was opened.
 
-use crate::adapters::{Choice, chosen};
+use crate::adapters::{Choice, chosen, memory_of};
 use particlegs_core::picture::Size;
 use particlegs_core::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,12 +15,17 @@ pub enum Checks {
     On,
 }
 
+/// Bytes that any card has room for.
+const UNKNOWN_ROOM: u64 = 1 << 30;
+
 /// A device and its queue.
 pub struct Device {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) checks: Checks,
     name: String,
+    /// Bytes of its own memory, where that is known.
+    memory: Option<u64>,
     /// The first thing that went wrong since it was last asked.
     fault: Arc<Mutex<Option<Fault>>>,
 }
@@ -38,7 +43,7 @@ impl Device {
     /// [`Error::Argument`] where there is none, or it does not open.
     pub fn open(choice: Choice, checks: Checks) -> Result<Device> {
         let adapter = chosen(choice)?;
-        let name = adapter.get_info().name;
+        let (name, memory) = (adapter.get_info().name, memory_of(&adapter));
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("particlegs"),
             required_limits: adapter.limits(),
@@ -66,7 +71,7 @@ impl Device {
                 of_loss(Fault::Lost(text));
             }
         });
-        Ok(Device { device, queue, checks, name, fault })
+        Ok(Device { device, queue, checks, name, memory, fault })
     }
 
     /// The adapter's name.
@@ -78,6 +83,11 @@ impl Device {
     pub fn largest_binding(&self) -> u64 {
         let limits = self.device.limits();
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// Bytes that may stay on it from picture to picture: half of its own memory, little where that is not known.
+    pub fn room(&self) -> u64 {
+        self.memory.map_or(UNKNOWN_ROOM, |m| m / 2)
     }
 
     /// Whatever went wrong on the device since this was last asked.

@@ -1,8 +1,9 @@
 //! Pictures on a graphics card: the stages of `particlegs_core::render` as kernels in WGSL, which any vendor's card runs.
 //!
 //! A [`Device`] is an adapter that was opened; [`adapters`] lists what there is. A [`render::Renderer`] draws scenes of the
-//! optical-depth law, a [`reference::Reference`] all particles. Files in WGSL are called as the stages of core that they are twins of, and say where they differ:
-//! cards count in f32, and sums are of whole numbers, so that a picture has the same bits whatever the order.
+//! optical-depth law, a [`reference::Reference`] all particles without noise, a [`reference::paraview::Paraview`] as
+//! ParaView does. Files in WGSL are called as the stages that they are twins of, and say where they differ: cards count
+//! in f32; atomic sums and maxima are of whole numbers, so that a picture has the same bits whatever the order.
 
 mod adapters;
 mod device;

@@ -1,6 +1,7 @@
 //! `particlegs eval MODEL SNAPSHOT...`.
 
 use crate::common::{Common, Context};
+use crate::device::{Both, DeviceArgs};
 use crate::inputs;
 use crate::outputs::PNG;
 use crate::pictures;
@@ -12,6 +13,7 @@ use particlegs::model::Model;
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
+use particlegs::render::{Drawer, Scene};
 use particlegs::score::{Evaluation, LookScores, MeanViewScores};
 use particlegs::{Error, Result, codec, score};
 use particlegs_files::input::name_of;
@@ -52,6 +54,8 @@ pub struct Arguments {
     /// Folder for pictures: snapshot, model and error side by side, surface density.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pictures: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
@@ -98,7 +102,9 @@ pub fn run(a: Arguments) -> Result<()> {
         ));
     }
     let (views, size, views_from) = views(&a, &model, &context)?;
-    let evaluation = score::evaluate(&model, &particles, &views, size, &context)?;
+    let card = a.device.open()?.map(|d| Both::new(&d, &Scene::of(&model), &particles, &context)).transpose()?;
+    let drawer = card.as_ref().map(|c| c as &dyn Drawer);
+    let evaluation = score::evaluate(&model, &particles, &views, size, drawer, &context)?;
     let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
     context.finish(&table(&report), &report)?;
     if let Some(folder) = &a.pictures {

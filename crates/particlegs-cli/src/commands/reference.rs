@@ -3,7 +3,7 @@
 use crate::annotate::text::number;
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
-use crate::device::{DeviceArgs, ParticlePictures};
+use crate::device::{self, DeviceArgs, ParticlePictures};
 use crate::drawing::finish::Finish;
 use crate::drawing::provenance::{Provenance, Source};
 use crate::drawing::run::{self, Job, Target};
@@ -18,11 +18,9 @@ use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{View, ViewSet};
 use particlegs::model::hex;
-use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
-use particlegs::space::Bounds;
 use particlegs::splat::{DEFAULT_OPACITY, Look};
 use particlegs::{Error, Result};
 use serde::Serialize;
@@ -110,13 +108,15 @@ enum Style {
 }
 
 impl Style {
-    /// The look whose noise-free mean it is, if it is one.
-    fn mean(self) -> Option<Look> {
+    /// Its look, and whether it is drawn as that look is, with its noise; none of a density.
+    fn picture(self) -> Option<(Look, bool)> {
         match self {
-            Style::Expected => Some(Look::Expected),
-            Style::Response => Some(Look::ParaviewNoFxaa),
-            Style::ResponseFxaa => Some(Look::Paraview),
-            Style::Paraview | Style::ParaviewNoFxaa | Style::Density => None,
+            Style::Paraview => Some((Look::Paraview, true)),
+            Style::ParaviewNoFxaa => Some((Look::ParaviewNoFxaa, true)),
+            Style::Expected => Some((Look::Expected, true)),
+            Style::Response => Some((Look::ParaviewNoFxaa, false)),
+            Style::ResponseFxaa => Some((Look::Paraview, false)),
+            Style::Density => None,
         }
     }
 }
@@ -199,7 +199,12 @@ pub fn run(a: &Arguments) -> Result<()> {
     let (args, quantities) = (&a.figure, &quantities);
     let finish = Finish { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };
     let target = Target { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
-    let on_card = on_card(a, &particles, bounds, &context)?;
+    let card = a.device.open()?;
+    if card.is_some() && density {
+        let what = "densities are drawn on the processor alone".into();
+        return Err(Error::Argument { what, remedy: "leave --device away".into() });
+    }
+    let on_card = card.map(|d| device::on_card(&d, &particles, bounds, &context)).transpose()?;
     let painter = Drawing { reference, style: a.style, on_card, subject: &subject, context: &context };
     let drawn = Job { painter: &painter, finish: &finish, set: &set, range, context: &context }.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
@@ -221,37 +226,6 @@ pub fn run(a: &Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
-/// Particles that go to the graphics card at once.
-const RUN: usize = 1 << 22;
-
-/// The particles on the graphics card, where one is to draw them.
-fn on_card(
-    a: &Arguments,
-    particles: &Particles,
-    bounds: Bounds,
-    context: &Context,
-) -> Result<Option<ParticlePictures>> {
-    let Some(device) = a.device.open()? else { return Ok(None) };
-    if a.style.mean().is_none() {
-        let what = "ParaView's pictures with their noise, and densities, are drawn on the processor alone".into();
-        return Err(Error::Argument { what, remedy: "leave --device away".into() });
-    }
-    let mut pictures = ParticlePictures::new(&device, particles.origin, bounds)?;
-    context.begin("particles to the graphics card", particles.len() as u64);
-    for first in (0..particles.len()).step_by(RUN) {
-        context.check()?;
-        let run = first..particles.len().min(first + RUN);
-        let column = |k: usize| -> Vec<f32> {
-            run.clone().map(|i| (particles.position(i)[k] - particles.origin[k]) as f32).collect()
-        };
-        let columns = [0, 1, 2].map(column);
-        pictures.take(columns.each_ref().map(Vec::as_slice))?;
-        context.advance(run.len() as u64);
-    }
-    context.end();
-    Ok(Some(pictures))
-}
-
 /// What is printed of pictures of particles.
 fn rows(set: &ViewSet, drawn: &[Drawn], count: u64) -> String {
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
@@ -267,24 +241,20 @@ fn rows(set: &ViewSet, drawn: &[Drawn], count: u64) -> String {
 struct Drawing<'a> {
     reference: Reference<'a>,
     style: Style,
-    on_card: Option<ParticlePictures>,
+    on_card: Option<ParticlePictures<'a>>,
     subject: &'a Subject,
     context: &'a Context,
 }
 
 impl Painter for Drawing<'_> {
     fn draw(&self, view: &View, size: Size) -> Result<Seen> {
-        if let (Some(pictures), Some(look)) = (&self.on_card, self.style.mean()) {
-            return Ok(Seen::Levels(pictures.draw(view, size, look)?));
-        }
         let (all, context) = (&self.reference, self.context as &dyn Progress);
-        let levels = match self.style {
-            Style::Paraview => all.draw(view, size, Look::Paraview, context),
-            Style::ParaviewNoFxaa => all.draw(view, size, Look::ParaviewNoFxaa, context),
-            Style::Expected => all.draw(view, size, Look::Expected, context),
-            Style::Response => all.response(view, size, Look::ParaviewNoFxaa, context),
-            Style::ResponseFxaa => all.response(view, size, Look::Paraview, context),
-            Style::Density => {
+        let levels = match (self.style.picture(), &self.on_card) {
+            (Some((look, true)), None) => all.draw(view, size, look, context),
+            (Some((look, true)), Some(card)) => card.draw(view, size, look, context),
+            (Some((look, false)), None) => all.response(view, size, look, context),
+            (Some((look, false)), Some(card)) => card.response(view, size, look, context),
+            (None, _) => {
                 let view = self.subject.density_view(view);
                 return Ok(Seen::Density(all.surface_density(&view, size, context)?));
             }

@@ -5,7 +5,7 @@ use particlegs_gpu::{Checks, Choice, adapters, advice};
 use std::sync::Arc;
 
 pub use particlegs_gpu::Adapter;
-pub use particlegs_gpu::reference::Pictures as ParticlePictures;
+pub use particlegs_gpu::reference::{Columns, Pictures as ParticlePictures};
 pub use particlegs_gpu::render::Pictures;
 
 /// A graphics card.

@@ -5,8 +5,10 @@ mod card;
 #[cfg(not(feature = "gpu"))]
 #[path = "no_card.rs"]
 mod card;
+mod particles;
 
 pub use card::{Adapter, Device, ParticlePictures, Pictures, list};
+pub use particles::{Both, on_card};
 
 use clap::Args;
 use particlegs::model::LawKind;

@@ -1,11 +1,14 @@
 //! In place of graphics cards, where the program was built without them.
 
 use particlegs::camera::View;
-use particlegs::picture::{Gray8, Size};
+use particlegs::picture::{Gray8, Plane, Size};
+use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::space::Bounds;
 use particlegs::splat::Look;
 use particlegs::{Error, Result};
+use std::marker::PhantomData;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// There is none.
@@ -24,24 +27,48 @@ impl Pictures {
     pub fn draw(&self, _view: &View, _size: Size, _look: Look) -> Result<Gray8> {
         match self.0 {}
     }
+
+    /// Never called.
+    pub fn optical_depth(&self, _view: &View, _size: Size) -> Result<Plane> {
+        match self.0 {}
+    }
 }
 
-/// No particles are drawn on one.
-pub struct ParticlePictures(Device);
+/// Positions of a range of particles.
+pub type Columns<'a> = Box<dyn Fn(Range<usize>) -> [Vec<f32>; 3] + Send + Sync + 'a>;
 
-impl ParticlePictures {
+/// No particles are drawn on one.
+pub struct ParticlePictures<'a>(Device, PhantomData<Columns<'a>>);
+
+impl<'a> ParticlePictures<'a> {
     /// Never called.
-    pub fn new(device: &Device, _origin: [f64; 3], _bounds: Bounds) -> Result<ParticlePictures> {
+    pub fn new(
+        device: &Device,
+        _origin: [f64; 3],
+        _bounds: Bounds,
+        _count: usize,
+        _columns: Columns<'a>,
+    ) -> Result<Self> {
         match *device {}
     }
 
     /// Never called.
-    pub fn take(&mut self, _columns: [&[f32]; 3]) -> Result<()> {
+    pub fn keep(&mut self, _device: &Device, _sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         match self.0 {}
     }
 
     /// Never called.
-    pub fn draw(&self, _view: &View, _size: Size, _look: Look) -> Result<Gray8> {
+    pub fn draw(&self, _view: &View, _size: Size, _look: Look, _progress: &dyn Progress) -> Result<Gray8> {
+        match self.0 {}
+    }
+
+    /// Never called.
+    pub fn optical_depth(&self, _view: &View, _size: Size, _progress: &dyn Progress) -> Result<Plane> {
+        match self.0 {}
+    }
+
+    /// Never called.
+    pub fn response(&self, _view: &View, _size: Size, _look: Look, _progress: &dyn Progress) -> Result<Gray8> {
         match self.0 {}
     }
 }

@@ -11,6 +11,7 @@ use particlegs::splat::Look;
 use particlegs::{Result, parallel};
 use particlegs_gpu::reference::{MOST, Pictures};
 use serde::Serialize;
+use std::ops::Range;
 use std::time::Instant;
 
 /// Pictures of a measurement.
@@ -37,36 +38,21 @@ pub struct Row {
 /// Those of the device; [`particlegs::Error::Cancelled`].
 pub fn row(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Row> {
     let (pieces, each) = if quick.0 { (2, 100_000) } else { (PIECES, MOST) };
-    let columns = drawn(made, each);
+    let (count, columns) = (pieces * each, drawn(made, each));
     let started = Instant::now();
-    let mut there = Pictures::new(device, made.bounds.center(), made.bounds)?;
-    let extent = made.bounds.extent().map(|e| e as f32);
-    for piece in 0..pieces {
-        context.check()?;
-        // Around the box: as clumped as before, and elsewhere.
-        let away = each_axis(|k| (piece as f64 * [0.618, 0.755, 0.57][k]).fract()).map(|v| v as f32);
-        let moved: Vec<Vec<f32>> = columns
-            .iter()
-            .enumerate()
-            .map(|(k, column)| {
-                let half = 0.5 * extent[k];
-                let around = |v: &f32| (v + half + away[k] * extent[k]) % extent[k] - half;
-                column.iter().map(around).collect()
-            })
-            .collect();
-        there.take([&moved[0], &moved[1], &moved[2]])?;
-    }
+    let moved = |range: Range<usize>| moved(&columns, made, range);
+    let mut there = Pictures::new(device, made.bounds.center(), made.bounds, count, Box::new(moved))?;
+    there.keep_all(&mut |_| context.check())?;
     let seconds_to_load = started.elapsed().as_secs_f64();
     let views = views(made, size, true);
-    there.draw(&views[0], size, Look::Expected)?;
+    there.draw(&views[0], size, Look::Expected, context)?;
     let (started, mut pictures) = (Instant::now(), 0);
     while pictures < if quick.0 { 2 } else { PICTURES } && started.elapsed() < LIMIT {
-        context.check()?;
         pictures += 1;
-        there.draw(&views[pictures], size, Look::Expected)?;
+        there.draw(&views[pictures], size, Look::Expected, context)?;
     }
     Ok(Row {
-        particles: (pieces * each) as u64,
+        particles: count as u64,
         width: size.width,
         height: size.height,
         style: "expected",
@@ -74,6 +60,20 @@ pub fn row(device: &Device, made: &Made, size: Size, quick: Quick, context: &Con
         seconds_a_picture: started.elapsed().as_secs_f64() / pictures as f64,
         seconds_to_load,
         device_memory_bytes: device.allocated(),
+    })
+}
+
+/// Particles of a range: the drawn ones again and again, each time moved around the box, so that they are as clumped as
+/// before, and elsewhere.
+fn moved(columns: &[Vec<f32>; 3], made: &Made, range: Range<usize>) -> [Vec<f32>; 3] {
+    let (each, extent) = (columns[0].len(), made.bounds.extent().map(|e| e as f32));
+    [0, 1, 2].map(|k| {
+        let (column, half) = (&columns[k], 0.5 * extent[k]);
+        let at = |i: usize| {
+            let away = ((i / each) as f64 * [0.618, 0.755, 0.57][k]).fract() as f32;
+            (column[i % each] + half + away * extent[k]).rem_euclid(extent[k]) - half
+        };
+        range.clone().map(at).collect()
     })
 }
 

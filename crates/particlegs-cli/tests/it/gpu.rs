@@ -48,18 +48,59 @@ fn a_program_without_cards_says_how_to_get_them() {
     }
 }
 
-/// On whatever adapter is number 0.
+/// Is there an adapter? Whatever it is, it is number 0.
 #[cfg(feature = "gpu")]
-#[test]
-fn a_device_draws_what_the_processor_draws() {
+fn adapter() -> bool {
     let listed = particlegs().args(["devices", "--json", "-"]).output().unwrap();
     let listed: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
     if listed["devices"].as_array().unwrap().is_empty() {
         assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none());
         eprintln!("skipped: {}", listed["advice"]);
-        return;
+        return false;
     }
     assert!(listed["devices"][0]["largest_binding_bytes"].as_u64().unwrap() >= 1 << 27);
+    true
+}
+
+/// ParaView's pictures of all particles, and scores against them.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_device_draws_and_scores_all_particles() {
+    if !adapter() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for style in ["paraview", "paraview-no-fxaa"] {
+        let draw = |device: &str| {
+            let out = folder.path().join(format!("{style}-{device}.png"));
+            let view = ["--azimuth", "30", "--size", "160x90", "-q", "--style", style, "--device", device, "-o"];
+            particlegs().arg("reference").arg(sample()).args(view).arg(&out).assert().success();
+            particlegs::picture::read_png(&out).unwrap()
+        };
+        let (card, processor) = (draw("0"), draw("cpu"));
+        let differ = card.data.iter().zip(&processor.data).filter(|(a, b)| a != b).count();
+        assert!(processor.data.iter().filter(|v| **v > 0).count() > 2000, "{style}: hardly a picture");
+        assert!(differ <= 3, "{style}: {differ} pixels differ");
+    }
+    let model = model(folder.path());
+    let score = |device: &str| {
+        let json = folder.path().join(format!("{device}.json"));
+        let how = ["--frames", "1", "--size", "160x90", "-q", "--device", device, "--json"];
+        particlegs().arg("eval").arg(&model).arg(sample()).args(how).arg(&json).assert().success();
+        let scores: serde_json::Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
+        ["paraview", "paraview_no_fxaa", "expected"].map(|look| scores["mean"][look]["psnr"].as_f64().unwrap())
+    };
+    let (card, processor) = (score("0"), score("cpu"));
+    assert!(card.iter().zip(processor).all(|(a, b)| (a - b).abs() < 0.02), "{card:?} {processor:?}");
+}
+
+/// On whatever adapter is number 0.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_device_draws_what_the_processor_draws() {
+    if !adapter() {
+        return;
+    }
     let folder = tempfile::tempdir().unwrap();
     let model = model(folder.path());
     let draw = |device: &str| {

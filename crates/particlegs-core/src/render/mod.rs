@@ -21,6 +21,7 @@
 pub mod alpha;
 pub mod bin;
 pub mod depth;
+mod drawer;
 pub mod lens;
 pub mod project;
 pub mod raster;
@@ -36,6 +37,7 @@ pub mod plain;
 mod tests;
 
 pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
+pub use drawer::Drawer;
 pub use scene::Scene;
 pub use scratch::Scratch;
 pub use surface::surface_density;

@@ -1,4 +1,4 @@
-//! Pictures of all particles without their noise, as particlegs' `reference` draws them:
+//! Pictures of all particles, as particlegs' `reference` draws them: ParaView's own in [`paraview`], and without their noise:
 //!
 //! | kernel | twin | what it does |
 //! |---|---|---|
@@ -7,12 +7,15 @@
 //!
 //! Particles come in pieces: those that fit stay on the device from picture to picture, others are sent anew.
 
+pub mod paraview;
 mod pictures;
+mod source;
 #[cfg(test)]
 mod tests;
 mod view;
 
 pub use pictures::Pictures;
+pub use source::{Columns, Snapshot, Source};
 
 use crate::Device;
 use crate::groups;

@@ -1,53 +1,116 @@
 //! Pictures of one snapshot.
 
-use super::{Canvas, MOST, Points, Reference};
+use super::paraview::{self, Paraview};
+use super::source::{Checked, Columns, Snapshot, Source};
+use super::{Canvas, Reference, Sum};
 use crate::Device;
 use particlegs_core::Result;
 use particlegs_core::camera::{View, clipping_range};
-use particlegs_core::picture::{Gray8, Size};
+use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::progress::Progress;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A snapshot on a device, drawn at whatever size, one picture at a time.
-pub struct Pictures {
-    device: Arc<Device>,
+/// A snapshot drawn on a device at whatever size, one picture at a time.
+pub struct Pictures<'a> {
     reference: Reference,
+    paraview: Paraview,
     origin: [f64; 3],
     bounds: Bounds,
-    pieces: Vec<Points>,
-    canvas: Mutex<Option<Canvas>>,
+    snapshot: Snapshot<'a>,
+    // What the last pictures were drawn on.
+    sums: Mutex<Option<Canvas>>,
+    layers: Mutex<Option<paraview::Canvas>>,
 }
 
-impl Pictures {
-    /// Of particles about `origin`, which are yet to come, with these bounds.
+impl<'a> Pictures<'a> {
+    /// Of `count` particles about `origin`, with these bounds (world units). None is on the device yet.
     ///
     /// # Errors
     /// Those of [`Reference::new`].
-    pub fn new(device: &Arc<Device>, origin: [f64; 3], bounds: Bounds) -> Result<Pictures> {
-        let reference = Reference::new(device)?;
-        Ok(Pictures { device: device.clone(), reference, origin, bounds, pieces: Vec::new(), canvas: Mutex::default() })
+    pub fn new(
+        device: &Arc<Device>,
+        origin: [f64; 3],
+        bounds: Bounds,
+        count: usize,
+        columns: Columns<'a>,
+    ) -> Result<Self> {
+        Ok(Pictures {
+            reference: Reference::new(device)?,
+            paraview: Paraview::new(device)?,
+            origin,
+            bounds,
+            snapshot: Snapshot::new(device, count, columns),
+            sums: Mutex::default(),
+            layers: Mutex::default(),
+        })
     }
 
-    /// Takes more particles, in columns of one length.
+    /// Keeps on the device the particles that half of its memory holds; the others are sent anew for every picture.
     ///
     /// # Errors
-    /// Those of [`Points::upload`].
-    pub fn take(&mut self, columns: [&[f32]; 3]) -> Result<()> {
-        for first in (0..columns[0].len()).step_by(MOST) {
-            let piece = columns.map(|c| &c[first..c.len().min(first + MOST)]);
-            self.pieces.push(Points::upload(&self.device, piece)?);
-        }
-        // What was given to the queue is on the device before more is.
-        self.device.wait()
+    /// Those of [`Snapshot::keep`].
+    pub fn keep(&mut self, device: &Device, sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
+        self.snapshot.keep(device.room(), sent)
+    }
+
+    /// Keeps all of them on the device.
+    ///
+    /// # Errors
+    /// Those of [`Snapshot::keep`]; that of a device which does not hold them.
+    pub fn keep_all(&mut self, sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
+        self.snapshot.keep(u64::MAX, sent)
+    }
+
+    /// A picture of all particles: of ParaView's looks its own, shot noise and all; [`Look::Expected`] is noise-free.
+    ///
+    /// # Errors
+    /// Those of [`Paraview::canvas`], [`Paraview::shot`] and [`paraview::Shot::draw`], or [`Pictures::response`].
+    pub fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+        let fxaa = match look {
+            Look::Expected => return self.response(view, size, look, progress),
+            Look::ParaviewNoFxaa => false,
+            Look::Paraview => true,
+        };
+        let mut kept = lock(&self.layers);
+        let canvas = match kept.take() {
+            Some(canvas) if canvas.size() == size => canvas,
+            other => {
+                drop(other);
+                self.paraview.canvas(size)?
+            }
+        };
+        let shot = self.paraview.shot(&canvas, view, self.origin, self.range(view))?;
+        let drawn = shot.draw(&Checked { source: &self.snapshot, progress }, fxaa)?;
+        *kept = Some(canvas);
+        Ok(drawn)
     }
 
     /// The noise-free picture in a look.
     ///
     /// # Errors
-    /// Those of [`Reference::canvas`], [`Reference::begin`] and [`super::Sum::add`].
-    pub fn draw(&self, view: &View, size: Size, look: Look) -> Result<Gray8> {
-        let mut kept = self.canvas.lock().unwrap_or_else(PoisonError::into_inner);
+    /// Those of [`Reference::canvas`], [`Reference::begin`] and [`Sum::add`].
+    pub fn response(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+        self.summed(view, size, progress, |sum| sum.finish(look))
+    }
+
+    /// The noise-free optical depth.
+    ///
+    /// # Errors
+    /// As [`Pictures::response`].
+    pub fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
+        self.summed(view, size, progress, |sum| sum.depth())
+    }
+
+    fn summed<T>(
+        &self,
+        view: &View,
+        size: Size,
+        progress: &dyn Progress,
+        finish: impl FnOnce(Sum<'_>) -> Result<T>,
+    ) -> Result<T> {
+        let mut kept = lock(&self.sums);
         let canvas = match kept.take() {
             Some(canvas) if canvas.size == size => canvas,
             other => {
@@ -55,11 +118,19 @@ impl Pictures {
                 self.reference.canvas(size)?
             }
         };
-        let range = view.camera.clipping_range.unwrap_or_else(|| clipping_range(&self.bounds, &view.camera));
-        let mut sum = self.reference.begin(&canvas, view, self.origin, range)?;
-        self.pieces.iter().try_for_each(|piece| sum.add(piece))?;
-        let drawn = sum.finish(look)?;
+        let mut sum = self.reference.begin(&canvas, view, self.origin, self.range(view))?;
+        Checked { source: &self.snapshot, progress }.each(&mut |points| sum.add(points))?;
+        let drawn = finish(sum)?;
         *kept = Some(canvas);
         Ok(drawn)
     }
+
+    fn range(&self, view: &View) -> [f64; 2] {
+        view.camera.clipping_range.unwrap_or_else(|| clipping_range(&self.bounds, &view.camera))
+    }
+}
+
+/// A canvas that a panic left is whole: pictures begin by clearing it.
+fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -19,6 +19,8 @@ pub(super) struct ViewRecord {
     pub count: u32,
     pub first: u32,
     pub last: u32,
+    pub nothing: u32,
+    pub pad: [u32; 3],
 }
 
 impl ViewRecord {
@@ -39,8 +41,9 @@ impl ViewRecord {
             [r[0] as f32, r[1] as f32, r[2] as f32, shift as f32]
         };
         let t = (0.5 * fov_deg.to_radians()).tan();
-        let aspect = size.width as f64 / size.height as f64;
-        let projection = [1.0 / (t * aspect), 1.0 / t, -(far + near) / (far - near), -2.0 * far * near / (far - near)];
+        // In the order of `particlegs::reference::project`, whose bits these are.
+        let p00 = 1.0 / (t * size.width as f64 / size.height as f64);
+        let projection = [p00, 1.0 / t, -(far + near) / (far - near), -2.0 * far * near / (far - near)];
         // The most that one splat adds to a pixel is less than 2^32 of the units.
         let most = -(1.0 - view.opacity.min(LARGEST_MEAN_ALPHA)).ln();
         let scale = f64::exp2((30.0 - most.log2()).floor());
@@ -54,6 +57,8 @@ impl ViewRecord {
             count: 0,
             first: 0,
             last: 0,
+            nothing: 0,
+            pad: [0; 3],
         })
     }
 }

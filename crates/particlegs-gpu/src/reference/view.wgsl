@@ -10,8 +10,10 @@ struct View {
     opacity: f32,
     // What depth is multiplied by before it is rounded.
     scale: f32,
-    // Particles of the piece; those of this dispatch, from the first to before the last.
+    // Particles of the piece; those of this dispatch, from the first to before the last. In paraview/rest*.wgsl rows.
     count: u32,
     first: u32,
     last: u32,
+    // Always 0, which no compiler knows.
+    nothing: u32,
 }

@@ -4,8 +4,9 @@ use super::{Canvas, Gaussians, Renderer};
 use crate::Device;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
-use particlegs_core::picture::{Gray8, Size};
-use particlegs_core::render::Scene;
+use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::render::lens::Lens;
+use particlegs_core::render::{Scene, depth};
 use particlegs_core::splat::Look;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -34,6 +35,30 @@ impl Pictures {
         if self.gaussians.is_empty() {
             return Ok(Gray8::black(size));
         }
+        self.on_canvas(size, |canvas| self.renderer.draw(&self.gaussians, canvas, view, look))
+    }
+
+    /// The optical depth.
+    ///
+    /// # Errors
+    /// As [`Pictures::draw`].
+    pub fn optical_depth(&self, view: &View, size: Size) -> Result<Plane> {
+        if self.gaussians.is_empty() {
+            return Ok(Plane::zeros(size));
+        }
+        let mut tau = self.on_canvas(size, |canvas| {
+            self.renderer.submit(&self.gaussians, canvas, view, Look::Expected)?;
+            self.renderer.depth(canvas)
+        })?;
+        let lens = Lens::optical(view, size, &self.gaussians.bounds)?;
+        if lens.perspective {
+            depth::grow(&mut tau, &lens);
+        }
+        Ok(tau)
+    }
+
+    /// Draws on the memory of the picture before, where that had the same size.
+    fn on_canvas<T>(&self, size: Size, draw: impl FnOnce(&Canvas) -> Result<T>) -> Result<T> {
         let mut kept = self.canvas.lock().unwrap_or_else(PoisonError::into_inner);
         let canvas = match kept.take() {
             Some(canvas) if canvas.planes.size == size => canvas,
@@ -43,7 +68,7 @@ impl Pictures {
                 self.renderer.canvas(&self.gaussians, size)?
             }
         };
-        let drawn = self.renderer.draw(&self.gaussians, &canvas, view, look)?;
+        let drawn = draw(&canvas)?;
         *kept = Some(canvas);
         Ok(drawn)
     }

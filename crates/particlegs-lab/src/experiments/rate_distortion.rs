@@ -79,7 +79,8 @@ pub(super) struct Beside {
 /// The floors, and the line that no model is expected to pass: found beside any model's scores.
 pub(super) fn beside(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, any: &Made) -> Result<Beside> {
     lab.store.result("beside", &(&of.hash, truth.key()), || {
-        let scored = score::evaluate(&any.model, &of.particles, &truth.views, truth.size, lab.progress)?.mean.paraview;
+        let scored =
+            score::evaluate(&any.model, &of.particles, &truth.views, truth.size, None, lab.progress)?.mean.paraview;
         Ok(Beside {
             noise_free: scored.noise_free.masked_psnr,
             uniform_box: scored.uniform_box.masked_psnr,

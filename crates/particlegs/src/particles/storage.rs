@@ -215,6 +215,14 @@ impl Particles {
         parallel::map(starts, |s| buffers.with(|buffer| work(s, self.chunk(s..n.min(s + CHUNK), buffer))))
     }
 
+    /// Positions of particles relative to the origin, as they are stored, in columns.
+    ///
+    /// # Panics
+    /// Where the range reaches beyond the particles.
+    pub fn columns(&self, range: Range<usize>) -> [Vec<f32>; 3] {
+        self.chunk(range, &mut ChunkBuffer::default()).position.map(<[f32]>::to_vec)
+    }
+
     /// World position of particle `i`.
     pub fn position(&self, i: usize) -> [f64; 3] {
         let local = match &self.positions {

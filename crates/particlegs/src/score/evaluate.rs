@@ -10,7 +10,7 @@ use crate::particles::Particles;
 use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit, ssim};
 use crate::progress::{Level, Progress};
 use crate::reference::{Reference, uniform_box};
-use crate::render::{self, Scene};
+use crate::render::{self, Drawer, Scene};
 use crate::space::Bounds;
 use crate::splat::Look;
 use crate::stats::Domain;
@@ -19,20 +19,21 @@ use particlegs_core::math::each_axis;
 
 /// Scores `model` against `particles` in `views`, drawn at `size`. Views without a clipping range
 /// get the particles' own, the same for the model and the truth. A view is of the orbit that its name begins
-/// with (`far_00`).
+/// with (`far_00`). What `drawer` draws, of the same model and particles, the processor does not.
 ///
 /// # Errors
 /// [`Error::Argument`] where there is no view or one has a number outside its range;
-/// [`Error::Memory`], [`Error::Cancelled`].
+/// [`Error::Memory`], [`Error::Cancelled`]; those of the drawer.
 pub fn evaluate(
     model: &Model,
     particles: &Particles,
     views: &[View],
     size: Size,
+    drawer: Option<&dyn Drawer>,
     progress: &dyn Progress,
 ) -> Result<Evaluation> {
     let truth = Reference::new(particles);
-    Comparison::new(model, &truth, None).evaluate(views, size, progress)
+    Comparison { drawer, ..Comparison::new(model, &truth, None) }.evaluate(views, size, progress)
 }
 
 /// Progress that says which view a phase belongs to.
@@ -110,13 +111,15 @@ pub(super) struct Comparison<'a> {
     even: Even,
     /// The particles' own rival, and whether it is drawn in all looks.
     subset: Option<(&'a Thinned, bool)>,
+    /// What draws model and snapshot in place of the processor.
+    drawer: Option<&'a dyn Drawer>,
 }
 
 impl<'a> Comparison<'a> {
     /// Of a model and the snapshot that `truth` draws; with a subset of its particles where that is to be scored, in
     /// all looks or in `expected` alone.
     pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a Thinned, bool)>) -> Self {
-        Comparison { scene: Scene::of(model), truth, even: Even::of(truth), subset }
+        Comparison { scene: Scene::of(model), truth, even: Even::of(truth), subset, drawer: None }
     }
 
     /// Scores of all looks in `views`.
@@ -139,10 +142,13 @@ impl<'a> Comparison<'a> {
     /// Draws a view of all that is compared.
     pub fn draw(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Drawn> {
         let view = clipped(view, self.truth.bounds());
-        let truth = Truth::draw(self.truth, &view, size, progress)?;
+        let truth = Truth::draw(self.truth, &view, size, self.drawer, progress)?;
         let subset = self.subset.map(|(s, whole)| s.draw(self.truth, &view, size, whole, progress)).transpose()?;
         progress.begin("model", 0);
-        let tau = render::optical_depth(&self.scene, &view, size, progress)?;
+        let tau = match self.drawer {
+            Some(drawer) => drawer.model_depth(&view, size)?,
+            None => render::optical_depth(&self.scene, &view, size, progress)?,
+        };
         let even = uniform_box(&self.even.bounds, self.even.count, &view, size)?;
         progress.end();
         Ok(Drawn { truth, tau, even, subset })

@@ -79,7 +79,7 @@ impl Thinned {
         let reference = Reference::with_bounds(&self.particles, *truth.bounds());
         let view = View { radius: view.radius * self.scale, ..view.clone() };
         Ok(match whole {
-            true => Seen::Whole(Box::new(Truth::draw(&reference, &view, size, progress)?)),
+            true => Seen::Whole(Box::new(Truth::draw(&reference, &view, size, None, progress)?)),
             false => Seen::Expected(reference.draw(&view, size, Look::Expected, progress)?),
         })
     }

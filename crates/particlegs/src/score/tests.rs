@@ -71,7 +71,7 @@ fn a_finer_model_scores_higher_and_floors_stand_below() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
     let views = evaluation_views(&coarse.metadata, SIZE, 42, 1);
-    let [coarse, fine] = [coarse, fine].map(|m| evaluate(&m, &particles, &views, SIZE, &Silent).unwrap());
+    let [coarse, fine] = [coarse, fine].map(|m| evaluate(&m, &particles, &views, SIZE, None, &Silent).unwrap());
     assert_eq!(fine.views.len(), 3);
     for (orbit, m) in &fine.by_orbit {
         let worse = coarse.by_orbit.iter().find(|o| o.0 == *orbit).unwrap().1;
@@ -94,7 +94,7 @@ fn held_out_views_rank_models() {
     let held_out = HeldOut::draw(&particles, &views, SIZE, &Silent).unwrap();
     let [a, b] = [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::of(m), &Silent).unwrap().unwrap());
     assert!(b > a + 1.0, "{a} {b}");
-    let scored = evaluate(&fine, &particles, &views, SIZE, &Silent).unwrap();
+    let scored = evaluate(&fine, &particles, &views, SIZE, None, &Silent).unwrap();
     assert_eq!(scored.mean.expected.model.masked_psnr, Some(b));
 }
 
@@ -188,10 +188,10 @@ fn stops_and_refusals() {
     let particles = sample();
     let model = tiny(&particles, 4);
     let mut views = evaluation_views(&model.metadata, SIZE, 42, 1);
-    assert!(matches!(evaluate(&model, &particles, &views, SIZE, &Stop), Err(crate::Error::Cancelled)));
-    assert!(evaluate(&model, &particles, &[], SIZE, &Silent).is_err());
+    assert!(matches!(evaluate(&model, &particles, &views, SIZE, None, &Stop), Err(crate::Error::Cancelled)));
+    assert!(evaluate(&model, &particles, &[], SIZE, None, &Silent).is_err());
     views[1].opacity = 2.0;
-    assert!(evaluate(&model, &particles, &views, SIZE, &Silent).is_err());
+    assert!(evaluate(&model, &particles, &views, SIZE, None, &Silent).is_err());
 }
 
 /// Two species of different masses: each has its own P(k), and a layer whose Gaussians are wrong is told.

@@ -5,7 +5,7 @@ use crate::camera::View;
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
 use crate::reference::{Reference, fxaa};
-use crate::render::Tones;
+use crate::render::{Drawer, Tones};
 use crate::splat::Look;
 
 /// One view of all particles: ParaView's pictures, and the noise-free optical depth.
@@ -19,10 +19,21 @@ pub(super) struct Truth {
 }
 
 impl Truth {
-    /// Draws all looks with two passes over the particles.
-    pub fn draw(particles: &Reference, view: &View, size: Size, progress: &dyn Progress) -> Result<Self> {
-        let paraview_no_fxaa = particles.draw(view, size, Look::ParaviewNoFxaa, progress)?;
-        let tau = particles.optical_depth(view, size, progress)?;
+    /// Draws all looks: ParaView's picture and the depth, by `drawer` where there is one.
+    pub fn draw(
+        particles: &Reference,
+        view: &View,
+        size: Size,
+        drawer: Option<&dyn Drawer>,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let (paraview_no_fxaa, tau) = match drawer {
+            Some(d) => (d.particles(view, size, progress)?, d.particles_depth(view, size, progress)?),
+            None => (
+                particles.draw(view, size, Look::ParaviewNoFxaa, progress)?,
+                particles.optical_depth(view, size, progress)?,
+            ),
+        };
         let tones = Tones::new(view.opacity, view.radius_pixels(size));
         Ok(Truth {
             paraview: fxaa(&paraview_no_fxaa),

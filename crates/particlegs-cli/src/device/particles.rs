@@ -1,0 +1,64 @@
+//! Snapshots on a graphics card, alone and beside their models.
+
+use super::card::{Columns, Device, ParticlePictures, Pictures};
+use crate::common::Context;
+use particlegs::Result;
+use particlegs::camera::View;
+use particlegs::particles::Particles;
+use particlegs::picture::{Gray8, Plane, Size};
+use particlegs::progress::Progress;
+use particlegs::render::{Drawer, Scene};
+use particlegs::space::Bounds;
+use particlegs::splat::Look;
+
+/// Pictures of all particles on a card, which keeps what it has room for.
+///
+/// # Errors
+/// Those of the card; [`particlegs::Error::Cancelled`].
+pub fn on_card<'a>(
+    device: &Device,
+    particles: &'a Particles,
+    bounds: Bounds,
+    context: &Context,
+) -> Result<ParticlePictures<'a>> {
+    let columns: Columns<'a> = Box::new(|range| particles.columns(range));
+    let mut pictures = ParticlePictures::new(device, particles.origin, bounds, particles.len(), columns)?;
+    context.begin("particles to the graphics card", particles.len() as u64);
+    pictures.keep(device, &mut |sent| {
+        context.advance(sent);
+        context.check()
+    })?;
+    context.end();
+    Ok(pictures)
+}
+
+/// A model and its snapshot on a card.
+pub struct Both<'a> {
+    particles: ParticlePictures<'a>,
+    model: Pictures,
+}
+
+impl<'a> Both<'a> {
+    /// Sends them there.
+    ///
+    /// # Errors
+    /// Those of [`on_card`]; [`particlegs::Error::Argument`] for a model that no card draws.
+    pub fn new(device: &Device, scene: &Scene, particles: &'a Particles, context: &Context) -> Result<Self> {
+        let model = Pictures::new(device, scene)?;
+        Ok(Both { particles: on_card(device, particles, particles.bounds(), context)?, model })
+    }
+}
+
+impl Drawer for Both<'_> {
+    fn particles(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8> {
+        self.particles.draw(view, size, Look::ParaviewNoFxaa, progress)
+    }
+
+    fn particles_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
+        self.particles.optical_depth(view, size, progress)
+    }
+
+    fn model_depth(&self, view: &View, size: Size) -> Result<Plane> {
+        self.model.optical_depth(view, size)
+    }
+}

@@ -1,0 +1,239 @@
+//! ParaView's own pictures of all particles, shot noise and all, as particlegs' `reference` draws them:
+//!
+//! | kernel | twin | what it does |
+//! |---|---|---|
+//! | exact.wgsl | none: what Rust's float32 does | operations that are rounded once each |
+//! | project.wgsl | `reference::project` | particles to splats |
+//! | quad.wgsl | `reference::quad` | which pixel centres a splat covers, and its alpha there |
+//! | slice.wgsl, count_main.wgsl | `reference::paraview` | pixels of splats, shared out evenly |
+//! | ranges.wgsl, blend.wgsl, peel_main.wgsl, settle_main.wgsl | `reference::blend` | dual depth peeling |
+//! | rest*.wgsl, sort*.wgsl | `reference::blend` | what the peels left, blended in the order of the particles |
+//! | fxaa.wgsl | `reference::fxaa` | antialiasing |
+//!
+//! Nothing depends on the order of threads. A peel keeps least and greatest depths and largest levels, by atomic maxima of
+//! whole numbers. What the peels left depends on the particles' order: such fragments are written in that order, sorted by
+//! pixel without changing it, and blended one after the other; as many at a time as there is room for.
+//!
+//! Every stage goes through the particles anew: to count their pixels, for the ranges of depths, for each peel, for the rest.
+
+mod kernels;
+mod layers;
+mod rest;
+mod slices;
+mod sort;
+#[cfg(test)]
+mod tests;
+
+pub use layers::Canvas;
+
+use super::Points;
+use super::source::Source;
+use super::view::ViewRecord;
+use crate::kernel::Kernel;
+use crate::{Device, groups};
+use kernels::Kernels;
+use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::picture::{Gray8, Size};
+use particlegs_core::splat::PEELS;
+use slices::{Batches, GROUP, Slice};
+use std::sync::Arc;
+
+/// What is done at a time.
+#[derive(Clone, Copy, Debug)]
+struct Limits {
+    /// Slices of a dispatch.
+    slices: usize,
+    /// Pixels that they have together: well below a second's work of a slow card.
+    pixels: u64,
+    /// Fragments that are sorted together.
+    keys: u32,
+    /// Pixels that are sorted together.
+    band: u32,
+}
+
+const LIMITS: Limits = Limits { slices: 65_535, pixels: 1 << 26, keys: 1 << 23, band: 1 << 24 };
+
+/// Draws ParaView's pictures of all particles on a device.
+pub struct Paraview {
+    device: Arc<Device>,
+    kernels: Kernels,
+    limits: Limits,
+}
+
+/// A picture about to be drawn.
+pub struct Shot<'a> {
+    paraview: &'a Paraview,
+    canvas: &'a Canvas,
+    record: ViewRecord,
+}
+
+impl Paraview {
+    /// Its kernels.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn new(device: &Arc<Device>) -> Result<Paraview> {
+        Paraview::within(device, LIMITS)
+    }
+
+    fn within(device: &Arc<Device>, limits: Limits) -> Result<Paraview> {
+        let kernels = Kernels::new(device);
+        device.check()?;
+        Ok(Paraview { device: device.clone(), kernels, limits })
+    }
+
+    /// Memory for pictures of a size: 30 bytes a pixel, and 68 MiB.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] where a picture is too large for the device; those of the device.
+    pub fn canvas(&self, size: Size) -> Result<Canvas> {
+        Canvas::new(&self.device, size, &self.limits)
+    }
+
+    /// A picture of particles about `origin`, between two distances (world units).
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] for a view out of range, or not in perspective.
+    pub fn shot<'a>(&'a self, canvas: &'a Canvas, view: &View, origin: [f64; 3], range: [f64; 2]) -> Result<Shot<'a>> {
+        let record = ViewRecord::new(view, canvas.size, origin, range)?;
+        Ok(Shot { paraview: self, canvas, record })
+    }
+}
+
+impl Shot<'_> {
+    /// ParaView's picture, with FXAA or before it.
+    ///
+    /// # Errors
+    /// Those of the source and the device.
+    pub fn draw(&self, source: &dyn Source, fxaa: bool) -> Result<Gray8> {
+        let canvas = self.canvas;
+        canvas.clear(&self.paraview.device);
+        let work = self.work(source)?;
+        let kernel = &self.paraview.kernels.range;
+        self.each_batch(source, &work, &mut |points, batch| {
+            let bound =
+                kernel.bind(self.device(), &[&canvas.view, &points.positions, &canvas.slices, &canvas.next_ranges]);
+            self.run_slices(kernel, &bound, self.of(points), batch);
+            Ok(())
+        })?;
+        canvas.begin_peels(&self.paraview.device);
+        if self.peels(source, &work)? {
+            self.rest(source, &work)?;
+        }
+        self.finish(fxaa)
+    }
+
+    /// Peels; is there a rest to blend? VTK stops once a whole peel writes no back layer anywhere, and blends no rest then.
+    fn peels(&self, source: &dyn Source, work: &[Vec<u32>]) -> Result<bool> {
+        let (canvas, kernel) = (self.canvas, &self.paraview.kernels.peel);
+        for _ in 0..PEELS {
+            self.each_batch(source, work, &mut |points, batch| {
+                let buffers = [
+                    &canvas.view,
+                    &points.positions,
+                    &canvas.slices,
+                    &canvas.next_ranges,
+                    &canvas.ranges,
+                    &canvas.layers,
+                    &canvas.next_layers,
+                ];
+                self.run_slices(kernel, &kernel.bind(self.device(), &buffers), self.of(points), batch);
+                Ok(())
+            })?;
+            let [wrote, left] = self.settle()?;
+            if wrote == 0 || left == 0 {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Ends a peel: did it write a back layer anywhere, and is anything left?
+    fn settle(&self) -> Result<[u32; 2]> {
+        let (canvas, kernel) = (self.canvas, &self.paraview.kernels.settle);
+        self.device().queue.write_buffer(&canvas.found, 0, &[0; 8]);
+        let buffers =
+            [&canvas.view, &canvas.next_ranges, &canvas.ranges, &canvas.layers, &canvas.next_layers, &canvas.found];
+        let bound = kernel.bind(self.device(), &buffers);
+        self.run(kernel, &bound, self.record, groups(canvas.size.pixels() as u64));
+        let bytes = self.device().read(&canvas.found, 8)?;
+        Ok(bytemuck::pod_read_unaligned(&bytes))
+    }
+
+    /// How many pixels the boxes of every 64 particles have, piece by piece.
+    fn work(&self, source: &dyn Source) -> Result<Vec<Vec<u32>>> {
+        let (canvas, kernel) = (self.canvas, &self.paraview.kernels.count);
+        let mut work = Vec::new();
+        source.each(&mut |points| {
+            let all = points.count.div_ceil(GROUP);
+            let counts = self.device().buffer(
+                "work",
+                4 * u64::from(all),
+                wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            );
+            let bound = kernel.bind(self.device(), &[&canvas.view, &points.positions, &canvas.slices, &counts]);
+            self.run(kernel, &bound, self.of(points), groups(u64::from(points.count)));
+            work.push(bytemuck::pod_collect_to_vec(&self.device().read(&counts, 4 * u64::from(all))?));
+            Ok(())
+        })?;
+        Ok(work)
+    }
+
+    /// Calls `run` with every piece and the slices of its pixels, as many as a dispatch takes.
+    fn each_batch(
+        &self,
+        source: &dyn Source,
+        work: &[Vec<u32>],
+        run: &mut dyn FnMut(&Points, &[Slice]) -> Result<()>,
+    ) -> Result<()> {
+        let mut counts = work.iter();
+        source.each(&mut |points| {
+            let Some(counts) = counts.next() else { return Ok(()) };
+            for batch in Batches::new(counts, &self.paraview.limits) {
+                run(points, &batch)?;
+            }
+            // What was given to the queue is done before more is.
+            self.device().wait()
+        })
+    }
+
+    /// Runs a kernel over slices.
+    fn run_slices(&self, kernel: &Kernel, bound: &wgpu::BindGroup, record: ViewRecord, batch: &[Slice]) {
+        self.device().queue.write_buffer(&self.canvas.slices, 0, bytemuck::cast_slice(batch));
+        self.run(kernel, bound, record, [batch.len() as u32, 1]);
+    }
+
+    fn run(&self, kernel: &Kernel, bound: &wgpu::BindGroup, record: ViewRecord, groups: [u32; 2]) {
+        let device = self.device();
+        device.queue.write_buffer(&self.canvas.view, 0, bytemuck::bytes_of(&record));
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        kernel.run(&mut pass, bound, groups);
+        drop(pass);
+        device.queue.submit([encoder.finish()]);
+    }
+
+    /// Layers to levels.
+    fn finish(&self, fxaa: bool) -> Result<Gray8> {
+        let (canvas, kernels) = (self.canvas, &self.paraview.kernels);
+        let quarter = groups((canvas.size.pixels() as u64).div_ceil(4));
+        let bound = kernels.level.bind(self.device(), &[&canvas.view, &canvas.layers, &canvas.levels]);
+        self.run(&kernels.level, &bound, self.record, quarter);
+        if fxaa {
+            let bound = kernels.fxaa.bind(self.device(), &[&canvas.view, &canvas.levels, &canvas.picture]);
+            self.run(&kernels.fxaa, &bound, self.record, quarter);
+        }
+        let from = if fxaa { &canvas.picture } else { &canvas.levels };
+        let data = self.device().read(from, canvas.size.pixels() as u64)?;
+        Ok(Gray8 { size: canvas.size, data })
+    }
+
+    fn of(&self, points: &Points) -> ViewRecord {
+        ViewRecord { count: points.count, ..self.record }
+    }
+
+    fn device(&self) -> &Device {
+        &self.paraview.device
+    }
+}

@@ -1,0 +1,189 @@
+//! ParaView's pictures of all particles against particlegs' own.
+
+use super::*;
+use crate::reference::source::Snapshot;
+use crate::tests::device;
+use particlegs::particles::{Column, Particles, Positions};
+use particlegs::progress::Silent;
+use particlegs::reference;
+use particlegs_core::camera::{Camera, Projection};
+use particlegs_core::math::Random;
+use particlegs_core::splat::Look;
+
+const SIZE: Size = Size { width: 320, height: 180 };
+const FAR: [f64; 3] = [1.0, 2.0, 6.0];
+const NEAR: [f64; 3] = [0.3, 0.2, 0.9];
+
+/// Particles in a cube of side 2: half evenly spread, half in a clump; some in one place, and some nowhere.
+fn columns(n: usize) -> [Vec<f32>; 3] {
+    let mut r = Random::new(5, 1, 0);
+    let mut all = [vec![], vec![], vec![]];
+    for i in 0..n {
+        for column in &mut all {
+            let v = if i % 2 == 0 { 2.0 * r.uniform() - 1.0 } else { 0.1 * r.normal() };
+            column.push(if i % 50 == 7 { 0.125 } else { v as f32 });
+        }
+    }
+    all[1][n / 2] = f32::NAN;
+    all[2][n / 3] = f32::INFINITY;
+    all
+}
+
+fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
+    let camera = Camera {
+        position,
+        focal_point: [0.0; 3],
+        view_up: [0.0, 1.0, 0.0],
+        projection: Projection::Perspective { fov_deg: 30.0 },
+        clipping_range: Some(if position == FAR { [3.0, 9.0] } else { [0.01, 3.0] }),
+    };
+    View { name: "v".into(), camera, radius, opacity }
+}
+
+fn particles(columns: &[Vec<f32>; 3]) -> Particles {
+    let meta = Particles::from_columns(vec![], vec![], vec![]).meta;
+    Particles::new(Positions::Columns(columns.clone().map(Column::owned)), [0.0; 3], meta)
+}
+
+fn points(device: &Device, columns: &[Vec<f32>; 3], pieces: usize) -> Vec<Points> {
+    let n = columns[0].len();
+    let each = n.div_ceil(pieces);
+    let piece = |k: usize| columns.each_ref().map(|c| &c[k * each..n.min((k + 1) * each)]);
+    (0..pieces).map(|k| Points::upload(device, piece(k)).unwrap()).collect()
+}
+
+fn draw(there: &Paraview, canvas: &Canvas, view: &View, source: &dyn Source, fxaa: bool) -> Gray8 {
+    let range = view.camera.clipping_range.unwrap();
+    there.shot(canvas, view, [0.0; 3], range).unwrap().draw(source, fxaa).unwrap()
+}
+
+/// Pixels that differ, those that are lit, and the largest difference.
+fn apart(a: &Gray8, b: &Gray8) -> (usize, usize, u8) {
+    let apart = || a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b));
+    (apart().filter(|d| *d > 0).count(), b.data.iter().filter(|v| **v > 0).count(), apart().max().unwrap_or(0))
+}
+
+/// Draws a view of both, in both looks; the lit pixels, of which as good as none may differ.
+fn compare(device: &Arc<Device>, columns: &[Vec<f32>; 3], view: &View) -> usize {
+    let there = Paraview::new(device).unwrap();
+    let (particles, canvas) = (particles(columns), there.canvas(SIZE).unwrap());
+    let own = reference::Reference::new(&particles);
+    let mut most = 0;
+    for (fxaa, look) in [(false, Look::ParaviewNoFxaa), (true, Look::Paraview)] {
+        let card = draw(&there, &canvas, view, &points(device, columns, 1), fxaa);
+        let (differ, lit, worst) = apart(&card, &own.draw(view, SIZE, look, &Silent).unwrap());
+        let (at, radius, opacity) = (view.camera.position, view.radius, view.opacity);
+        let what =
+            format!("{at:?} radius {radius} opacity {opacity} {}: {differ} of {lit}, largest {worst}", look.name());
+        println!("{what}");
+        // None does on Mesa's software; a card's last bits may tell otherwise where two roundings are as near.
+        assert!(differ * 10_000 <= lit, "{what}");
+        most = most.max(lit);
+    }
+    most
+}
+
+/// Splats below a pixel, of some pixels and large; faint, and opaque as they come.
+#[test]
+fn kernels_agree_with_their_twins() {
+    let Some(device) = device() else { return };
+    let columns = columns(4000);
+    for (radius, opacity, least) in [
+        (0.002, 0.05, 300),
+        (0.02, 0.05, 10_000),
+        (0.02, 1.0, 10_000),
+        (0.1, 0.3, 20_000),
+        (0.1, 0.005, 10_000),
+        (0.1, 1.0, 20_000),
+    ] {
+        assert!(compare(&device, &columns, &view(FAR, radius, opacity)) > least, "{radius} {opacity}");
+    }
+}
+
+/// From within, where splats are turned and reach far outside the picture, and depths crowd together.
+#[test]
+fn large_turned_splats_agree() {
+    let Some(device) = device() else { return };
+    assert!(compare(&device, &columns(4000), &view(NEAR, 0.01, 0.05)) > 40_000);
+    assert!(compare(&device, &columns(300), &view(NEAR, 0.05, 0.2)) > 50_000);
+    assert!(compare(&device, &columns(60), &view(NEAR, 0.3, 1.0)) > 50_000);
+}
+
+/// VTK stops once a peel writes no back layer anywhere: few particles, and particles that are nearly transparent.
+#[test]
+fn pictures_that_stop_early_agree() {
+    let Some(device) = device() else { return };
+    for (n, radius, opacity) in [(9, 0.02, 0.5), (60, 0.1, 0.5), (2000, 0.1, 0.002)] {
+        assert!(compare(&device, &columns(n), &view(FAR, radius, opacity)) > 20, "{n} {radius} {opacity}");
+    }
+    let nothing = [vec![9.0], vec![9.0], vec![9.0]];
+    assert_eq!(compare(&device, &nothing, &view(FAR, 0.1, 0.5)), 0);
+}
+
+/// Pieces, what is sorted at a time, and what stays on the device leave no trace; nor does the picture before.
+#[test]
+fn no_division_of_the_work_shows() {
+    let Some(device) = device() else { return };
+    let columns = columns(1500);
+    let views = [view(FAR, 0.06, 0.3), view(FAR, 0.02, 1.0), view(FAR, 0.06, 0.3)];
+    let small = Limits { slices: 7, pixels: 20_000, keys: 5000, band: 6400 };
+    let mut all = Vec::new();
+    for (limits, pieces) in [(LIMITS, 1), (LIMITS, 3), (small, 1), (small, 3)] {
+        let there = Paraview::within(&device, limits).unwrap();
+        let canvas = there.canvas(SIZE).unwrap();
+        poison(&device, &canvas);
+        let points = points(&device, &columns, pieces);
+        all.push(views.each_ref().map(|v| draw(&there, &canvas, v, &points, true)));
+    }
+    let there = Paraview::new(&device).unwrap();
+    let canvas = there.canvas(SIZE).unwrap();
+    let columns_of = |range: std::ops::Range<usize>| columns.each_ref().map(|c| c[range.clone()].to_vec());
+    let mut snapshot = Snapshot::new(&device, 1500, Box::new(columns_of)).in_pieces(400);
+    for bytes in [0, 12 * 800, 1 << 30] {
+        snapshot.keep(bytes, &mut |_| Ok(())).unwrap();
+        all.push(views.each_ref().map(|v| draw(&there, &canvas, v, &snapshot, true)));
+    }
+    for (k, drawn) in all.iter().enumerate() {
+        assert!(drawn == &all[0], "pictures {k} differ");
+        assert!(drawn[0] == drawn[2] && drawn[0] != drawn[1], "pictures {k}: the one before shows");
+    }
+}
+
+/// The order of particles matters, as in VTK: a card that blended in any would not see it.
+#[test]
+fn the_order_of_particles_is_kept() {
+    let Some(device) = device() else { return };
+    let columns = columns(4000);
+    let turned = columns.each_ref().map(|c| c.iter().rev().copied().collect::<Vec<_>>());
+    let view = view(FAR, 0.1, 0.3);
+    let there = Paraview::new(&device).unwrap();
+    let canvas = there.canvas(SIZE).unwrap();
+    let [a, b] = [&columns, &turned].map(|c| draw(&there, &canvas, &view, &points(&device, c, 1), false));
+    assert!(apart(&a, &b).0 > 100, "{:?}", apart(&a, &b));
+    assert!(compare(&device, &turned, &view) > 20_000);
+}
+
+/// Whatever stands in buffers before a picture: not numbers.
+fn poison(device: &Device, canvas: &Canvas) {
+    let buffers = [&canvas.ranges, &canvas.next_ranges, &canvas.layers, &canvas.next_layers, &canvas.found];
+    for buffer in buffers.into_iter().chain([&canvas.counts]) {
+        device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
+    }
+}
+
+/// Keys come out sorted by pixel, equal ones in the order in which they came.
+#[test]
+fn sorting_keeps_the_order_of_equals() {
+    let Some(device) = device() else { return };
+    for (count, pixels) in [(1u32, 1u32), (1000, 3), (1025, 57_600), (70_000, 1 << 24)] {
+        let mut r = Random::new(8, 1, 0);
+        let mut key = || ((r.uniform() * f64::from(pixels)) as u32) << 8 | (r.bits() as u32 & 255);
+        let keys: Vec<u32> = (0..count).map(|_| key()).collect();
+        let memory = sort::Keys::new(&device, count);
+        let bits = u32::BITS - (pixels - 1).leading_zeros();
+        let sorted = sort::Sorter::new(&device).sorted(&device, &memory, &keys, bits);
+        let mut right = keys.clone();
+        right.sort_by_key(|k| k >> 8);
+        assert!(sorted == right, "{count} keys of {pixels} pixels");
+    }
+}
