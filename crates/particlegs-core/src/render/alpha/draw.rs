@@ -12,7 +12,7 @@ use crate::progress::Progress;
 use crate::render::Scratch;
 
 /// Largest brightness that a depth is given for.
-const BRIGHTEST: f32 = 0.999_999;
+pub const BRIGHTEST: f32 = 0.999_999;
 
 /// The optical depth that a picture's brightness b, cut to [0, 1], stands for: -ln(1 - b).
 pub(in crate::render) fn optical_depth<'a>(

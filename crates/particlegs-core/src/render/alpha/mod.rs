@@ -23,9 +23,10 @@ pub mod testing;
 #[cfg(test)]
 mod tests;
 
-pub(super) use adapt::Blend;
+pub use adapt::{Blend, Trained};
 pub use bin::TILE;
 pub use bin::{Bin, Tiles, Touched};
+pub use draw::BRIGHTEST;
 pub(super) use draw::optical_depth;
 pub use eye::Eye;
 pub use plan::{CutOffs, Plan};
