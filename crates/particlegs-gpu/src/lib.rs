@@ -1,10 +1,13 @@
 //! Pictures on a graphics card: the stages of `particlegs_core::render` as kernels in WGSL, which any vendor's card runs.
 //!
 //! A [`Device`] is an adapter that was opened; [`adapters`] lists what there is. A [`render::Renderer`] draws scenes of the
-//! optical-depth law, a [`reference::Reference`] all particles. Files in WGSL are called as the stages of core that they are twins of, and say where they differ:
-//! cards count in f32, and sums are of whole numbers, so that a picture has the same bits whatever the order.
+//! optical-depth law, an [`alpha::Renderer`] those of the alpha-blend law, a [`reference::Reference`] all particles;
+//! [`render::Pictures`] are of a scene of either law. Files in WGSL are called as the stages of core that they are twins
+//! of, and say where they differ: cards count in f32. Sums that several threads add to are of whole numbers, and what is
+//! sorted stays in its order among equals, so that a picture has the same bits whatever the order of threads.
 
 mod adapters;
+pub mod alpha;
 mod device;
 mod kernel;
 pub mod reference;

@@ -25,7 +25,8 @@ pub(crate) use tone::{Tone, ToneMapper, TonePlane};
 
 use crate::{Device, groups};
 use frame::MOST_LEVELS;
-pub(crate) use frame::{FrameRecord, Planes};
+pub(crate) use frame::{FrameRecord, Planes, two_floats};
+pub(crate) use gaussians::factor;
 use kernels::Kernels;
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
