@@ -1,6 +1,14 @@
 //! `devices` and `--device`.
 
 use crate::common::{particlegs, sample};
+#[cfg(feature = "gpu")]
+use crate::models::tiny;
+#[cfg(feature = "gpu")]
+use particlegs::{
+    codec::{self, Precision},
+    model::LawKind,
+    particles::Particles,
+};
 use std::path::{Path, PathBuf};
 
 /// A small model of the sample.
@@ -48,7 +56,7 @@ fn a_program_without_cards_says_how_to_get_them() {
     }
 }
 
-/// On whatever adapter is number 0.
+/// On whatever adapter is number 0; models of either law.
 #[cfg(feature = "gpu")]
 #[test]
 fn a_device_draws_what_the_processor_draws() {
@@ -62,20 +70,26 @@ fn a_device_draws_what_the_processor_draws() {
     assert!(listed["devices"][0]["largest_binding_bytes"].as_u64().unwrap() >= 1 << 27);
     let folder = tempfile::tempdir().unwrap();
     let model = model(folder.path());
-    let draw = |device: &str| {
-        let out = folder.path().join(device);
-        let mut command = particlegs();
-        command.arg("render").arg(&model).args(["--size", "160x90", "-q", "--device", device, "-o"]).arg(&out);
-        let done = command.output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        out
-    };
-    let (card, processor) = (draw("0"), draw("cpu"));
-    let compared = particlegs().arg("compare").args([&card, &processor]).args(["--json", "-"]).output().unwrap();
-    let compared: serde_json::Value = serde_json::from_slice(&compared.stdout).unwrap();
-    let views = compared["views"].as_array().unwrap();
-    assert!(!views.is_empty());
-    assert!(views.iter().all(|v| v["largest_difference"].as_u64().unwrap() <= 1), "{compared}");
+    let published = folder.path().join("published.pgs");
+    let particles = Particles::open_raw(&[sample()]).unwrap();
+    let bytes = codec::encode(&tiny(&particles, 0..64, LawKind::AlphaBlend), &Precision::BALANCED).unwrap();
+    std::fs::write(&published, bytes).unwrap();
+    for (model, most) in [(&model, 1), (&published, 2)] {
+        let draw = |device: &str| {
+            let out = model.with_extension(device);
+            let mut command = particlegs();
+            command.arg("render").arg(model).args(["--size", "160x90", "-q", "--device", device, "-o"]).arg(&out);
+            let done = command.output().unwrap();
+            assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+            out
+        };
+        let (card, processor) = (draw("0"), draw("cpu"));
+        let compared = particlegs().arg("compare").args([&card, &processor]).args(["--json", "-"]).output().unwrap();
+        let compared: serde_json::Value = serde_json::from_slice(&compared.stdout).unwrap();
+        let views = compared["views"].as_array().unwrap();
+        assert!(!views.is_empty());
+        assert!(views.iter().all(|v| v["largest_difference"].as_u64().unwrap() <= most), "{compared}");
+    }
     let out = folder.path().join("d.png");
     let density = ["--style", "density", "--device", "0", "-q", "-o"];
     let refused = particlegs().arg("render").arg(&model).args(density).arg(&out).output().unwrap();

@@ -1,10 +1,13 @@
 //! The records that kernels read, as frame.wgsl has them.
 
-use crate::render::two_floats;
+use super::fixed;
 use bytemuck::{Pod, Zeroable};
-use particlegs_core::math::each_axis;
 use particlegs_core::render::alpha::project::{LEAST_RATIO, LOW_PASS};
 use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Eye, Tiles};
+use particlegs_core::{Error, Result};
+
+/// What is said of a camera whose place fixed.wgsl does not hold.
+const TOO_FAR: &str = "the camera stands a million boxes away, farther than a card counts: --device cpu";
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -12,8 +15,8 @@ pub(super) struct FrameRecord {
     right: [f32; 4],
     down: [f32; 4],
     forward: [f32; 4],
-    eye: [f32; 4],
-    eye_low: [f32; 4],
+    to_middle: [[u32; 4]; 3],
+    ahead: [[u32; 4]; 3],
     center: [f32; 2],
     guard: [f32; 2],
     range: [f32; 2],
@@ -45,17 +48,24 @@ pub(super) struct SlabRecord {
 
 impl FrameRecord {
     /// Of a camera, for `count` Gaussians from `first` on.
-    pub fn new(eye: &Eye, first: u32, count: u32) -> FrameRecord {
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the camera is too far away.
+    pub fn new(eye: &Eye, first: u32, count: u32) -> Result<FrameRecord> {
         let four = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
         let [right, down, forward] = eye.axes.map(|a| four(a.map(|v| v as f32)));
-        let position = each_axis(|k| two_floats(eye.position[k]));
+        let mut to_middle = [[0; 4]; 3];
+        for (words, v) in to_middle.iter_mut().zip(eye.position) {
+            let own = fixed::place(-v).ok_or_else(|| Error::argument(TOO_FAR))?;
+            words[..2].copy_from_slice(&own);
+        }
         let cut = CutOffs::PUBLISHED;
-        FrameRecord {
+        Ok(FrameRecord {
             right,
             down,
             forward,
-            eye: four(position.map(|v| v[0])),
-            eye_low: four(position.map(|v| v[1])),
+            to_middle,
+            ahead: eye.axes[2].map(fixed::axis),
             center: eye.center.map(|v| v as f32),
             guard: eye.guard.map(|v| v as f32),
             range: eye.range.map(at_most),
@@ -71,7 +81,7 @@ impl FrameRecord {
             count,
             first,
             pad: [0; 2],
-        }
+        })
     }
 }
 

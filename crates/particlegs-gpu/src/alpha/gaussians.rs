@@ -1,8 +1,9 @@
 //! Gaussians on the device, in the training frame.
 
 use super::adapt::Network;
+use super::fixed;
 use crate::Device;
-use crate::render::{factor, two_floats};
+use crate::render::factor;
 use particlegs_core::camera::View;
 use particlegs_core::model::Mixture;
 use particlegs_core::model::vizmapper::{Setting, inputs};
@@ -10,7 +11,7 @@ use particlegs_core::render::Scene;
 use particlegs_core::render::alpha::Blend;
 use particlegs_core::{Error, Result};
 
-/// Floats of a Gaussian, each a column: see project.wgsl.
+/// Words of a Gaussian, each a column: see project.wgsl.
 const COLUMNS: usize = 16;
 /// The column of the odds against its opacity.
 const ODDS: usize = 12;
@@ -42,7 +43,7 @@ impl Gaussians {
     ///
     /// # Errors
     /// [`Error::Argument`] for one of the other law, for one that is repeated, for more Gaussians than are numbered
-    /// with 32 bits, and that names the first Gaussian that is not a number; those of the device.
+    /// with 32 bits, and that names the first Gaussian that is not a number or lies too far away; those of the device.
     pub fn upload(device: &Device, scene: &Scene) -> Result<Gaussians> {
         let seen = (device.largest_binding() / (4 * COLUMNS as u64)) as usize;
         Gaussians::upload_in(device, scene, MOST.min(seen))
@@ -93,7 +94,7 @@ impl Chunk {
         some: impl Iterator<Item = (&'a Mixture, usize)>,
         [first, n]: [usize; 2],
     ) -> Result<Chunk> {
-        let mut columns = vec![0.0f32; COLUMNS * n];
+        let mut columns = vec![0u32; COLUMNS * n];
         for (place, (m, i)) in some.enumerate() {
             let own =
                 column(blend, m, i).map_err(|what| Error::argument(format!("Gaussian {}: {what}", first + place)))?;
@@ -111,23 +112,25 @@ impl Chunk {
 }
 
 /// The numbers of a Gaussian.
-fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[f32; COLUMNS], String> {
+fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COLUMNS], String> {
     let trained = blend.trained(m, i)?;
     let g = trained.gaussian;
     // Those that are a Gaussian's own do not depend on the setting.
     let [_, _, scale, logit] = inputs(Setting { radius: 1.0, opacity: 1.0 }, trained.log_scale, trained.logit);
-    let means = g.mean.map(two_floats);
     let factor = factor(&g.cov).map(|v| v as f32);
     let odds = ((1.0 - g.opacity) / g.opacity) as f32;
     let mut own = [0.0; COLUMNS];
-    (0..3).for_each(|k| [own[k], own[3 + k]] = means[k]);
     own[6..ODDS].copy_from_slice(&factor);
     own[ODDS..].copy_from_slice(&[odds, g.grey as f32, scale, logit]);
-    if own.iter().all(|v| v.is_finite()) {
-        return Ok(own);
+    if !own.iter().all(|v| v.is_finite()) {
+        // What float32 does not hold is not drawn by the processor either.
+        own = [0.0; COLUMNS];
+        own[ODDS] = NEVER;
     }
-    // What float32 does not hold is not drawn by the processor either.
-    own = [0.0; COLUMNS];
-    own[ODDS] = NEVER;
-    Ok(own)
+    let mut words = own.map(f32::to_bits);
+    for (k, v) in g.mean.into_iter().enumerate() {
+        let own = fixed::place(v).ok_or("it lies a million boxes away, farther than a card counts: --device cpu")?;
+        words[2 * k..2 * k + 2].copy_from_slice(&own);
+    }
+    Ok(words)
 }

@@ -7,6 +7,7 @@ use crate::kernel::{Kernel, Use};
 
 const FRAME: &str = include_str!("frame.wgsl");
 const PROJECT: &str = include_str!("project.wgsl");
+const FIXED: &str = include_str!("fixed.wgsl");
 const BIN: &str = include_str!("bin.wgsl");
 const SHARE: &str = include_str!("../share.wgsl");
 
@@ -31,7 +32,7 @@ impl Kernels {
             adapt: Adapter::new(device),
             project: new(
                 "project, alpha",
-                &[include_str!("project_main.wgsl"), FRAME, PROJECT, BIN],
+                &[include_str!("project_main.wgsl"), FRAME, FIXED, PROJECT, BIN],
                 &[Uniform, Read, Read, Write, Write, Write, Write],
             ),
             sort: Sorter::new(device),

@@ -3,7 +3,7 @@
 //! | kernel | twin in core | what it does |
 //! |---|---|---|
 //! | adapt_main.wgsl | `adapt`, `model::vizmapper` | what the network makes of each Gaussian; where radius or opacity changed |
-//! | project.wgsl | `project` | Gaussians to footprints |
+//! | project.wgsl, fixed.wgsl | `project` | Gaussians to footprints, their depths rounded as there |
 //! | sort.wgsl | `plan` | numbers of Gaussians by depth, of entries by tile: a stable radix sort |
 //! | bin.wgsl | `bin` | footprints, in the order of depth, to the lists of the tiles that they touch |
 //! | raster_main.wgsl | `raster` | a tile's list to brightness, front to back |
@@ -15,6 +15,7 @@
 
 mod adapt;
 mod canvas;
+mod fixed;
 mod frame;
 mod gaussians;
 mod kernels;
@@ -80,7 +81,7 @@ impl Renderer {
     /// long for the device; those of the device.
     pub fn submit(&self, gaussians: &Gaussians, canvas: &mut Canvas, view: &View) -> Result<()> {
         let eye = Eye::new(view, canvas.size, &gaussians.blend.frame)?;
-        self.sort(gaussians, canvas, view, &eye);
+        self.sort(gaussians, canvas, view, &eye)?;
         let blocks = canvas.gaussians.div_ceil(BLOCK);
         let sums = self.device.read(&canvas.block_sums, 4 * u64::from(blocks))?;
         let sums: Vec<u32> = sums.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
@@ -95,10 +96,10 @@ impl Renderer {
     }
 
     /// Bends and projects Gaussians, sorts them by depth, and counts the entries of their blocks.
-    fn sort(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, eye: &Eye) {
+    fn sort(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, eye: &Eye) -> Result<()> {
         let (queue, kernels, n) = (&self.device.queue, &self.kernels, canvas.gaussians);
         for batch in &canvas.batches {
-            let record = FrameRecord::new(eye, batch.first, batch.count);
+            let record = FrameRecord::new(eye, batch.first, batch.count)?;
             queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
         }
         let slab = SlabRecord { gaussians: n, ..SlabRecord::default() };
@@ -114,6 +115,7 @@ impl Renderer {
         kernels.sums.run(&mut pass, &canvas.count, groups(u64::from(n)));
         drop(pass);
         queue.submit([encoder.finish()]);
+        Ok(())
     }
 
     /// Lists the footprints of a slab, and blends them onto what there is.

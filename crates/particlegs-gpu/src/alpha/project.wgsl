@@ -37,18 +37,35 @@ fn is_number(v: f32) -> bool {
     return abs(v) < 3e38;
 }
 
-// A Gaussian of the columns: three of means, three of what float32 leaves of them, six of the factor of the covariance
-// (xx, yx, yy, zx, zy, zz; lower triangle), the odds against its opacity, its grey level; then what the network reads.
+// A number of a Gaussian, by its column.
+fn number_of(i: u32, n: u32, column: u32) -> f32 {
+    return bitcast<f32>(gaussians[i + column * n]);
+}
+
+// From the eye to a Gaussian, rounded, and its depth, rounded from what it is to 2^-40.
+fn from_eye(i: u32, n: u32) -> vec4f {
+    var place: vec3f;
+    var depth = vec2u(0u);
+    for (var k = 0u; k < 3u; k++) {
+        let mean = vec2u(gaussians[i + 2u * k * n], gaussians[i + (2u * k + 1u) * n]);
+        let away = plus(mean, frame.to_middle[k].xy);
+        let ahead = frame.ahead[k];
+        place[k] = rounded(away);
+        depth = plus(depth, turned(along(magnitude(away), ahead.xy), is_negative(away) != (ahead.z == 1u)));
+    }
+    return vec4f(place, rounded(depth));
+}
+
+// A Gaussian of the columns: two words of each coordinate, six of the factor of the covariance (xx, yx, yy, zx, zy, zz;
+// lower triangle), the odds against its opacity, its grey level; then what the network reads.
 fn see(i: u32, n: u32) -> Seen {
-    let high = vec3f(gaussians[i], gaussians[i + n], gaussians[i + 2u * n]);
-    let low = vec3f(gaussians[i + 3u * n], gaussians[i + 4u * n], gaussians[i + 5u * n]);
-    let from_eye = (high - frame.eye.xyz) + (low - frame.eye_low.xyz);
+    let place = from_eye(i, n);
     // Columns of the factor; those of its rows in the camera's axes are orthogonalised, depth first, which squares nothing
     // that is a difference.
     let factors = bent[i];
-    let a = factors.x * vec3f(gaussians[i + 6u * n], gaussians[i + 7u * n], gaussians[i + 9u * n]);
-    let b = factors.x * vec3f(0.0, gaussians[i + 8u * n], gaussians[i + 10u * n]);
-    let c = factors.x * vec3f(0.0, 0.0, gaussians[i + 11u * n]);
+    let a = factors.x * vec3f(number_of(i, n, 6u), number_of(i, n, 7u), number_of(i, n, 9u));
+    let b = factors.x * vec3f(0.0, number_of(i, n, 8u), number_of(i, n, 10u));
+    let c = factors.x * vec3f(0.0, 0.0, number_of(i, n, 11u));
     let x = vec3f(dot(frame.right.xyz, a), dot(frame.right.xyz, b), dot(frame.right.xyz, c));
     let y = vec3f(dot(frame.down.xyz, a), dot(frame.down.xyz, b), dot(frame.down.xyz, c));
     let z = vec3f(dot(frame.forward.xyz, a), dot(frame.forward.xyz, b), dot(frame.forward.xyz, c));
@@ -60,14 +77,14 @@ fn see(i: u32, n: u32) -> Seen {
     let lean = dot(rest_x, rest_y) * inverse_or_0(yy, dot(rest_x, rest_x));
     let left = rest_x - lean * rest_y;
     var g: Seen;
-    g.mean = vec3f(dot(frame.right.xyz, from_eye), dot(frame.down.xyz, from_eye), dot(frame.forward.xyz, from_eye));
+    g.mean = vec3f(dot(frame.right.xyz, place.xyz), dot(frame.down.xyz, place.xyz), place.w);
     g.depth = zz;
     g.slope = slope;
     g.down = yy;
     g.lean = lean;
     g.across = dot(left, left);
-    g.opacity = 1.0 / (1.0 + gaussians[i + 12u * n] / factors.y);
-    g.grey = gaussians[i + 13u * n];
+    g.opacity = 1.0 / (1.0 + number_of(i, n, 12u) / factors.y);
+    g.grey = number_of(i, n, 13u);
     return g;
 }
 

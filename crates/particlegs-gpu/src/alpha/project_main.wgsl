@@ -1,7 +1,7 @@
 // Gaussians to footprints, the tiles that they touch, and their depths, which they are sorted by.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> gaussians: array<f32>;
+@group(0) @binding(1) var<storage, read> gaussians: array<u32>;
 @group(0) @binding(2) var<storage, read> bent: array<vec2f>;
 @group(0) @binding(3) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(4) var<storage, read_write> touched_by: array<vec2u>;

@@ -8,7 +8,7 @@ use particlegs_core::model::vizmapper::twin::stirred;
 use particlegs_core::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
 use particlegs_core::picture::psnr;
 use particlegs_core::progress::Silent;
-use particlegs_core::render::alpha::BRIGHTEST;
+use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Plan};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
@@ -113,6 +113,7 @@ fn cases() -> Vec<Case> {
         case("opaque", mixture(5, 5000, 1.0, |r, i| gaussian(r, i, 0.1)), view(far)),
         case("faint", mixture(5, 5000, 0.1, |r, i| gaussian(r, i, 0.1)), view(far)),
         case("in one place", mixture(6, 3000, 0.3, everywhere), view(far)),
+        case("a lattice", mixture(6, 3375, 0.95, lattice), view(far)),
         case("a lattice, along an axis", mixture(6, 3375, 0.95, lattice), view([0.0, 0.0, 6.0])),
         case("a slab", usual(6, 3000, 0.2), slab),
         case("network, as usual", with_network(usual(1, 3000, 0.05), first), view(far)),
@@ -164,6 +165,39 @@ fn kernels_agree_with_their_twins() {
         assert!(worst < 1.3 && off <= 20 && rounded <= 2, "{}: largest {worst:.4} levels, {off} off", case.name);
         assert!(decibels > 90.0, "{}: {decibels:.1} dB", case.name);
     }
+}
+
+/// What is drawn, and in which order, is what the processor draws, Gaussian by Gaussian: depths that are equal, those that
+/// are a rounding apart, and what the network bends.
+#[test]
+fn the_order_is_the_processors() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    for case in cases() {
+        let scene = scene(&case.gaussians);
+        let there = Gaussians::upload(&device, &scene).unwrap();
+        let mut canvas = renderer.canvas(&there, case.size).unwrap();
+        renderer.submit(&there, &mut canvas, &case.view).unwrap();
+        let blend = scene.blend().unwrap();
+        let eye = Eye::new(&case.view, case.size, &blend.frame).unwrap();
+        let own = blend.gaussians(&[(&case.gaussians, 1.0)], &case.view, &eye, &Silent).unwrap();
+        let plan = Plan::new(&eye, own.len(), |i| Some(own[i]), CutOffs::PUBLISHED, &Silent).unwrap();
+        let read = |b: &wgpu::Buffer| words(&device.read(b, 4 * own.len() as u64).unwrap());
+        let (keys, order) = (read(&canvas.order.keys), read(&canvas.order.values));
+        let seen = keys.iter().filter(|k| **k != u32::MAX).count();
+        // Rounding may decide that the faintest is seen by one alone.
+        let both = |a: &[u32], b: &[u32]| {
+            let b: std::collections::HashSet<u32> = b.iter().copied().collect();
+            a.iter().copied().filter(|i| b.contains(i)).collect::<Vec<_>>()
+        };
+        let (a, b) = (both(&order[..seen], &plan.indices), both(&plan.indices, &order[..seen]));
+        assert!(a == b, "{}: out of order", case.name);
+        assert!(seen.max(plan.indices.len()) - a.len() <= 2, "{}: {} of {seen} seen", case.name, a.len());
+    }
+}
+
+fn words(bytes: &[u8]) -> Vec<u32> {
+    bytes.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect()
 }
 
 /// Where radius and opacity are as they were, the network does not run again; where one changed, it does.
@@ -277,7 +311,6 @@ fn sorted_as_by_std() {
         wanted[..n as usize].sort_by_key(|(key, _)| *key);
         let read = |b: &wgpu::Buffer| device.read(b, 4 * room).unwrap();
         let (keys, values) = (read(&sort.keys), read(&sort.values));
-        let words = |b: &[u8]| b.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect::<Vec<_>>();
         let got: Vec<(u32, u32)> = words(&keys).into_iter().zip(words(&values)).collect();
         assert!(got == wanted, "{n} of {room} with {bits} bits");
     }
@@ -324,13 +357,7 @@ fn what_is_not_seen_is_not_drawn() {
         m.law.alpha_blend_mut().unwrap().opacity = all.iter().map(|(_, o)| *o).collect();
         m
     };
-    let unseen = [
-        ([0.0, 0.0, 9.0], 0.9),
-        ([40.0, 0.0, 0.0], 0.9),
-        ([0.0, 0.0, 5.99], 0.9),
-        ([0.0; 3], 0.001),
-        ([1e300; 3], 0.9),
-    ];
+    let unseen = [([0.0, 0.0, 9.0], 0.9), ([40.0, 0.0, 0.0], 0.9), ([0.0, 0.0, 5.99], 0.9), ([0.0; 3], 0.001)];
     assert!(draw(&of(&unseen)).data.iter().all(|v| *v == 0));
     let seen = [([0.1, 0.2, 0.3], 0.9)];
     let alone = draw(&of(&seen));
@@ -370,6 +397,12 @@ fn limits_are_told() {
     bad.mean[1][17] = f64::NAN;
     let bad = told(Gaussians::upload_in(&device, &scene(&bad), 10).map(drop).unwrap_err());
     assert_eq!(bad, "Gaussian 17: its mean is not finite");
+    let mut beyond = gaussians.clone();
+    beyond.mean[2][3] = 1e9;
+    let beyond = told(Gaussians::upload(&device, &scene(&beyond)).map(drop).unwrap_err());
+    assert!(beyond.starts_with("Gaussian 3: ") && beyond.contains("--device cpu"), "{beyond}");
+    let away = told(renderer.submit(&there, &mut canvas, &view([0.0, 0.0, 1e9])).unwrap_err());
+    assert!(away.contains("--device cpu"), "{away}");
     let mut depths = gaussians;
     depths.law = Law::OpticalDepth;
     told(Gaussians::upload(&device, &scene(&depths)).map(drop).unwrap_err());

@@ -82,7 +82,7 @@ impl Planes {
 }
 
 /// The float32 next to a number, and what it leaves of it.
-pub(crate) fn two_floats(v: f64) -> [f32; 2] {
+pub(super) fn two_floats(v: f64) -> [f32; 2] {
     let high = v as f32;
     [high, (v - f64::from(high)) as f32]
 }

@@ -25,7 +25,7 @@ pub(crate) use tone::{Tone, ToneMapper, TonePlane};
 
 use crate::{Device, groups};
 use frame::MOST_LEVELS;
-pub(crate) use frame::{FrameRecord, Planes, two_floats};
+pub(crate) use frame::{FrameRecord, Planes};
 pub(crate) use gaussians::factor;
 use kernels::Kernels;
 use particlegs_core::camera::View;
