@@ -77,7 +77,7 @@ impl Sorter {
         // An even number of them, so that all comes back to its first place.
         let pass = |k: u32| {
             let (there, back) = ([&keys, &values], [&other_keys, &other_values]);
-            let (source, target) = if k % 2 == 0 { (there, back) } else { (back, there) };
+            let (source, target) = if k.is_multiple_of(2) { (there, back) } else { (back, there) };
             let record = device.buffer("pass", size_of::<PassRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
             let all = [&record, source[0], source[1], &counts, &totals, target[0], target[1]];
             Pass {

@@ -50,7 +50,7 @@ fn gaussian(r: &mut Random, i: u64, spread: f64) -> ([f64; 3], Sym3) {
         let v = [0; 3].map(|_| r.normal());
         cov = cov.add(&Sym3::outer(v.map(|x| x * s / 1.7)));
     }
-    (mean, if i % 7 == 0 { Sym3::default() } else { cov })
+    (mean, if i.is_multiple_of(7) { Sym3::default() } else { cov })
 }
 
 /// Those of `shape`, with opacities up to `most` and grey levels.
@@ -60,7 +60,7 @@ fn mixture(seed: u64, n: u64, most: f64, shape: impl Fn(&mut Random, u64) -> ([f
         let mut r = Random::new(seed, 1, i);
         let (mean, cov) = shape(&mut r, i);
         m.push(mean, cov, 1.0, 1.0);
-        law.opacity.push(if i % 5 == 0 { most } else { most * r.uniform() * r.uniform() });
+        law.opacity.push(if i.is_multiple_of(5) { most } else { most * r.uniform() * r.uniform() });
         law.grey.push(0.2 + r.uniform());
     }
     m.law = Law::AlphaBlend(law);
@@ -335,8 +335,7 @@ fn pictures_are_by_the_scenes_law() {
             }
         }
     }
-    let mut none = Mixture::default();
-    none.law = Law::AlphaBlend(AlphaBlend::default());
+    let none = Mixture { law: Law::AlphaBlend(AlphaBlend::default()), ..Mixture::default() };
     let none = crate::render::Pictures::new(&device, &scene(&none)).unwrap();
     assert!(none.draw(&view, SIZE, Look::Expected).unwrap().data.iter().all(|v| *v == 0));
 }

@@ -14,8 +14,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct Pictures(Law);
 
 enum Law {
-    OpticalDepth(Renderer, Gaussians, Kept<Canvas>),
-    AlphaBlend(alpha::Renderer, alpha::Gaussians, Kept<alpha::Canvas>),
+    OpticalDepth(Box<Held<Renderer, Gaussians, Canvas>>),
+    AlphaBlend(Box<Held<alpha::Renderer, alpha::Gaussians, alpha::Canvas>>),
+}
+
+/// What draws, what is drawn, and the memory of the last picture.
+struct Held<R, G, C> {
+    renderer: R,
+    gaussians: G,
+    kept: Kept<C>,
 }
 
 /// The memory of the last picture.
@@ -29,10 +36,12 @@ impl Pictures {
     pub fn new(device: &Arc<Device>, scene: &Scene) -> Result<Pictures> {
         Ok(Pictures(match scene.law() {
             LawKind::OpticalDepth => {
-                Law::OpticalDepth(Renderer::new(device)?, Gaussians::upload(device, scene)?, Kept::new())
+                let (renderer, gaussians) = (Renderer::new(device)?, Gaussians::upload(device, scene)?);
+                Law::OpticalDepth(Box::new(Held { renderer, gaussians, kept: Kept::new() }))
             }
             LawKind::AlphaBlend => {
-                Law::AlphaBlend(alpha::Renderer::new(device)?, alpha::Gaussians::upload(device, scene)?, Kept::new())
+                let (renderer, gaussians) = (alpha::Renderer::new(device)?, alpha::Gaussians::upload(device, scene)?);
+                Law::AlphaBlend(Box::new(Held { renderer, gaussians, kept: Kept::new() }))
             }
         }))
     }
@@ -43,13 +52,17 @@ impl Pictures {
     /// Those of [`Renderer::canvas`], [`Renderer::submit`], and of the same in [`alpha`].
     pub fn draw(&self, view: &View, size: Size, look: Look) -> Result<Gray8> {
         match &self.0 {
-            Law::OpticalDepth(_, own, _) if own.is_empty() => Ok(Gray8::black(size)),
-            Law::AlphaBlend(_, own, _) if own.is_empty() => Ok(Gray8::black(size)),
-            Law::OpticalDepth(renderer, own, kept) => {
-                kept.with(size, || renderer.canvas(own, size), |canvas| renderer.draw(own, canvas, view, look))
+            Law::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
+            Law::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
+            Law::OpticalDepth(own) => {
+                let Held { renderer, gaussians, kept } = &**own;
+                let new = || renderer.canvas(gaussians, size);
+                kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view, look))
             }
-            Law::AlphaBlend(renderer, own, kept) => {
-                kept.with(size, || renderer.canvas(own, size), |canvas| renderer.draw(own, canvas, view))
+            Law::AlphaBlend(own) => {
+                let Held { renderer, gaussians, kept } = &**own;
+                let new = || renderer.canvas(gaussians, size);
+                kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view))
             }
         }
     }
