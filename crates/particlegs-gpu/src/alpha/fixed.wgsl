@@ -1,9 +1,8 @@
 // Places as whole numbers of 2^-40 of the training frame's unit, 64 bits, low word first: what is nearest must come out as
 // on the processor, which rounds depths once, to float32, where Gaussians of a lattice are as deep as each other.
 
-// Bits of the fraction of places, and of an axis.
+// Bits of the fraction of places; an axis has 47.
 const FRACTION: u32 = 40u;
-const AXIS_FRACTION: u32 = 47u;
 
 fn plus(a: vec2u, b: vec2u) -> vec2u {
     let low = a.x + b.x;

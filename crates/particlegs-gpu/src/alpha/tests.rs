@@ -98,6 +98,8 @@ fn cases() -> Vec<Case> {
     let first = VizRanges::TRAINING;
     let tuned = VizRanges::FINE_TUNING;
     let everywhere = |r: &mut Random, i: u64| ([0.1, 0.0, -0.1], gaussian(r, i, 0.1).1);
+    let mut telephoto = view(far.map(|v| 100.0 * v));
+    telephoto.camera.projection = Projection::Perspective { fov_deg: 0.3 };
     // Many at one depth, to rounding: what is nearest is decided by their numbers.
     let lattice = |r: &mut Random, i: u64| {
         let mean = [i % 15, i / 15 % 15, i / 225].map(|k| k as f64 / 7.0 - 1.0);
@@ -115,6 +117,8 @@ fn cases() -> Vec<Case> {
         case("in one place", mixture(6, 3000, 0.3, everywhere), view(far)),
         case("a lattice", mixture(6, 3375, 0.95, lattice), view(far)),
         case("a lattice, along an axis", mixture(6, 3375, 0.95, lattice), view([0.0, 0.0, 6.0])),
+        case("wider than all", mixture(10, 2000, 0.3, |r, i| gaussian(r, i, 1e4)), view(far)),
+        case("through a telescope", usual(8, 3000, 0.05), telephoto),
         case("a slab", usual(6, 3000, 0.2), slab),
         case("network, as usual", with_network(usual(1, 3000, 0.05), first), view(far)),
         case("network, large and opaque", with_network(usual(1, 3000, 0.05), first), asked(far, 0.035, 0.0875)),
