@@ -3,8 +3,9 @@
 /// Bits of the fraction of a place, and of an axis.
 const FRACTION: i32 = 40;
 const AXIS_FRACTION: i32 = 47;
-/// Places as far as this from the middle of the training frame do not fit.
-const FARTHEST: f64 = 4_194_304.0;
+/// Places as far as this from the middle of the training frame do not fit: the way between two others is below 2^22 along
+/// each axis, and below 2^23, all that 64 bits hold, along any.
+const FARTHEST: f64 = 2_097_152.0;
 
 /// The words of a coordinate, low one first, where it fits.
 pub(super) fn place(v: f64) -> Option<[u32; 2]> {

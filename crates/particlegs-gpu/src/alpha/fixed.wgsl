@@ -1,5 +1,6 @@
-// Places as whole numbers of 2^-40 of the training frame's unit, 64 bits, low word first: what is nearest must come out as
-// on the processor, which rounds depths once, to float32, where Gaussians of a lattice are as deep as each other.
+// Places as whole numbers of 2^-40 of the training frame's unit, 64 bits, low word first. The processor rounds a place in
+// the camera's axes once, to float32: so what is nearest comes out as there, also where Gaussians of a lattice are as deep
+// as each other, and a camera far away sees them where they are.
 
 // Bits of the fraction of places; an axis has 47.
 const FRACTION: u32 = 40u;

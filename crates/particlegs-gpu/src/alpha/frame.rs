@@ -16,7 +16,7 @@ pub(super) struct FrameRecord {
     down: [f32; 4],
     forward: [f32; 4],
     to_middle: [[u32; 4]; 3],
-    ahead: [[u32; 4]; 3],
+    axes: [[u32; 4]; 9],
     center: [f32; 2],
     guard: [f32; 2],
     range: [f32; 2],
@@ -59,13 +59,15 @@ impl FrameRecord {
             let own = fixed::place(-v).ok_or_else(|| Error::argument(TOO_FAR))?;
             words[..2].copy_from_slice(&own);
         }
+        let mut axes = [[0; 4]; 9];
+        axes.iter_mut().zip(eye.axes.as_flattened()).for_each(|(words, v)| *words = fixed::axis(*v));
         let cut = CutOffs::PUBLISHED;
         Ok(FrameRecord {
             right,
             down,
             forward,
             to_middle,
-            ahead: eye.axes[2].map(fixed::axis),
+            axes,
             center: eye.center.map(|v| v as f32),
             guard: eye.guard.map(|v| v as f32),
             range: eye.range.map(at_most),

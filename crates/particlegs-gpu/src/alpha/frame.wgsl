@@ -6,9 +6,9 @@ struct Frame {
     right: vec4f,
     down: vec4f,
     forward: vec4f,
-    // From the eye to the frame's middle, see fixed.wgsl; forward, its magnitudes and signs.
+    // From the eye to the frame's middle, see fixed.wgsl; parts of right, of down, of forward: magnitudes and signs.
     to_middle: array<vec4u, 3>,
-    ahead: array<vec4u, 3>,
+    axes: array<vec4u, 9>,
     // Pixel coordinates of the axis; pixel centres have whole coordinates.
     center: vec2f,
     // Largest |x/depth| and |y/depth| at which shapes are taken.

@@ -42,24 +42,29 @@ fn number_of(i: u32, n: u32, column: u32) -> f32 {
     return bitcast<f32>(gaussians[i + column * n]);
 }
 
-// From the eye to a Gaussian, rounded, and its depth, rounded from what it is to 2^-40.
-fn from_eye(i: u32, n: u32) -> vec4f {
-    var place: vec3f;
-    var depth = vec2u(0u);
+// From the eye to a Gaussian, in the camera's axes: rounded once, from what it is to 2^-40.
+fn from_eye(i: u32, n: u32) -> vec3f {
+    var away: array<vec2u, 3>;
     for (var k = 0u; k < 3u; k++) {
         let mean = vec2u(gaussians[i + 2u * k * n], gaussians[i + (2u * k + 1u) * n]);
-        let away = plus(mean, frame.to_middle[k].xy);
-        let ahead = frame.ahead[k];
-        place[k] = rounded(away);
-        depth = plus(depth, turned(along(magnitude(away), ahead.xy), is_negative(away) != (ahead.z == 1u)));
+        away[k] = plus(mean, frame.to_middle[k].xy);
     }
-    return vec4f(place, rounded(depth));
+    var mean: vec3f;
+    for (var row = 0u; row < 3u; row++) {
+        var sum = vec2u(0u);
+        for (var k = 0u; k < 3u; k++) {
+            let axis = frame.axes[3u * row + k];
+            let part = along(magnitude(away[k]), axis.xy);
+            sum = plus(sum, turned(part, is_negative(away[k]) != (axis.z == 1u)));
+        }
+        mean[row] = rounded(sum);
+    }
+    return mean;
 }
 
 // A Gaussian of the columns: two words of each coordinate, six of the factor of the covariance (xx, yx, yy, zx, zy, zz;
 // lower triangle), the odds against its opacity, its grey level; then what the network reads.
 fn see(i: u32, n: u32) -> Seen {
-    let place = from_eye(i, n);
     // Columns of the factor; those of its rows in the camera's axes are orthogonalised, depth first, which squares nothing
     // that is a difference.
     let factors = bent[i];
@@ -77,7 +82,7 @@ fn see(i: u32, n: u32) -> Seen {
     let lean = dot(rest_x, rest_y) * inverse_or_0(yy, dot(rest_x, rest_x));
     let left = rest_x - lean * rest_y;
     var g: Seen;
-    g.mean = vec3f(dot(frame.right.xyz, place.xyz), dot(frame.down.xyz, place.xyz), place.w);
+    g.mean = from_eye(i, n);
     g.depth = zz;
     g.slope = slope;
     g.down = yy;
