@@ -85,7 +85,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             let nearest = *place as f32 * 2f32.powi(-FRACTION);
             assert_eq!(f32::from_bits(word(0)), nearest, "{place}");
             let along = u128::from(axis[0]) | u128::from(axis[1]) << 32;
-            let part = (u128::from(place.unsigned_abs()) * along >> AXIS_FRACTION) as u64;
+            let part = ((u128::from(place.unsigned_abs()) * along) >> AXIS_FRACTION) as u64;
             assert_eq!([word(1), word(2)], words(part as i64), "{place} along {axis:?}");
             assert_eq!(word(3), u32::from(*place < 0));
         }
