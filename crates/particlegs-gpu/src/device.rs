@@ -121,6 +121,19 @@ impl Device {
         self.device.generate_allocator_report().map(|r| r.total_reserved_bytes)
     }
 
+    /// May `what`, which takes so many bytes in a buffer, be on the device?
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where it may not.
+    pub(crate) fn holds(&self, what: &str, bytes: u64) -> Result<()> {
+        let most = self.largest_binding();
+        if bytes <= most {
+            return Ok(());
+        }
+        let what = format!("{what}: device {} sees {most} bytes at once", self.name);
+        Err(Error::argument(format!("{what}, fewer than they take, {bytes}: --device cpu")))
+    }
+
     /// May a picture that takes so many bytes in a buffer be drawn?
     ///
     /// # Errors

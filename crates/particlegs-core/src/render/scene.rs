@@ -89,6 +89,11 @@ impl<'a> Scene<'a> {
         if self.blend.is_some() { LawKind::AlphaBlend } else { LawKind::OpticalDepth }
     }
 
+    /// What a scene of the alpha-blend law has beside its Gaussians; `None` = the optical-depth law.
+    pub fn blend(&self) -> Option<Blend<'a>> {
+        self.blend
+    }
+
     /// Grey levels of its optical depth ([`super::optical_depth`]) in a look. A scene of the
     /// alpha-blend law has the one look that it was trained on, whichever is asked for.
     pub fn tone(&self, tau: &Plane, look: Look, tones: &Tones) -> Gray8 {

@@ -40,9 +40,7 @@ impl Gaussians {
     /// [`Gaussians::upload`] in buffers of so many at most.
     pub(super) fn upload_in(device: &Device, scene: &Scene, most: usize) -> Result<Gaussians> {
         if scene.law() != LawKind::OpticalDepth {
-            return Err(Error::argument(
-                "models of the alpha-blend law are drawn on the processor alone: --device cpu",
-            ));
+            return Err(Error::argument("a scene of the alpha-blend law is not drawn by the optical-depth law"));
         }
         // A repeated scene's bounds are those of all its images.
         let bounds = *scene.bounds();
@@ -99,7 +97,7 @@ impl Chunk {
 }
 
 /// The lower triangle L with L L^T the covariance: xx, yx, yy, zx, zy, zz. What rounding left below zero is none.
-fn factor(cov: &Sym3) -> [f64; 6] {
+pub(crate) fn factor(cov: &Sym3) -> [f64; 6] {
     let [xx, xy, xz, yy, yz, zz] = cov.0;
     let over = |v: f64, by: f64| if by > 0.0 { v / by } else { 0.0 };
     let a = xx.max(0.0).sqrt();

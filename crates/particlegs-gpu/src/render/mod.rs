@@ -29,6 +29,7 @@ pub(crate) use tone::{CURVE, LookRecord, Tone, ToneMapper, TonePlane, curve};
 use crate::{Device, dispatches, groups};
 use frame::MOST_LEVELS;
 pub(crate) use frame::{FrameRecord, Planes};
+pub(crate) use gaussians::factor;
 use kernels::Kernels;
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};

@@ -1,75 +1,132 @@
-//! Pictures of one scene.
+//! Pictures of one scene, by its law.
 
 use super::{Canvas, Gaussians, Renderer};
-use crate::Device;
+use crate::{Device, alpha};
 use particlegs_core::Result;
 use particlegs_core::camera::View;
+use particlegs_core::model::LawKind;
 use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::render::alpha::depth_as_bright;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::{Scene, depth};
 use particlegs_core::splat::Look;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A scene on a device, drawn at whatever size, one picture at a time.
-pub struct Pictures {
-    renderer: Renderer,
-    gaussians: Gaussians,
-    canvas: Mutex<Option<Canvas>>,
+pub struct Pictures(Law);
+
+enum Law {
+    OpticalDepth(Box<Held<Renderer, Gaussians, Canvas>>),
+    AlphaBlend(Box<Held<alpha::Renderer, alpha::Gaussians, alpha::Canvas>>),
 }
 
+/// What draws, what is drawn, and the memory of the last picture.
+struct Held<R, G, C> {
+    renderer: R,
+    gaussians: G,
+    kept: Kept<C>,
+}
+
+/// The memory of the last picture.
+struct Kept<C>(Mutex<Option<(Size, C)>>);
+
 impl Pictures {
-    /// Of a scene of the optical-depth law.
+    /// Of a scene of either law.
     ///
     /// # Errors
-    /// Those of [`Gaussians::upload`].
+    /// Those of [`Gaussians::upload`] and [`alpha::Gaussians::upload`].
     pub fn new(device: &Arc<Device>, scene: &Scene) -> Result<Pictures> {
-        let (renderer, gaussians) = (Renderer::new(device)?, Gaussians::upload(device, scene)?);
-        Ok(Pictures { renderer, gaussians, canvas: Mutex::default() })
+        Ok(Pictures(match scene.law() {
+            LawKind::OpticalDepth => {
+                let (renderer, gaussians) = (Renderer::new(device)?, Gaussians::upload(device, scene)?);
+                Law::OpticalDepth(Box::new(Held { renderer, gaussians, kept: Kept::new() }))
+            }
+            LawKind::AlphaBlend => {
+                let (renderer, gaussians) = (alpha::Renderer::new(device)?, alpha::Gaussians::upload(device, scene)?);
+                Law::AlphaBlend(Box::new(Held { renderer, gaussians, kept: Kept::new() }))
+            }
+        }))
     }
 
-    /// A picture.
+    /// A picture; a scene of the alpha-blend law has one look, whichever is asked for.
     ///
     /// # Errors
-    /// Those of [`Renderer::canvas`] and [`Renderer::submit`].
+    /// Those of [`Renderer::canvas`], [`Renderer::submit`], and of the same in [`alpha`].
     pub fn draw(&self, view: &View, size: Size, look: Look) -> Result<Gray8> {
-        if self.gaussians.is_empty() {
-            return Ok(Gray8::black(size));
+        match &self.0 {
+            Law::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
+            Law::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
+            Law::OpticalDepth(own) => {
+                let Held { renderer, gaussians, kept } = &**own;
+                let new = || renderer.canvas(gaussians, size);
+                kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view, look))
+            }
+            Law::AlphaBlend(own) => {
+                let Held { renderer, gaussians, kept } = &**own;
+                let new = || renderer.canvas(gaussians, size);
+                kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view))
+            }
         }
-        self.on_canvas(size, |canvas| self.renderer.draw(&self.gaussians, canvas, view, look))
     }
 
-    /// The optical depth.
+    /// The optical depth; of a scene of the alpha-blend law the depth that would look as bright.
     ///
     /// # Errors
     /// As [`Pictures::draw`].
     pub fn optical_depth(&self, view: &View, size: Size) -> Result<Plane> {
-        if self.gaussians.is_empty() {
-            return Ok(Plane::zeros(size));
+        match &self.0 {
+            Law::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),
+            Law::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),
+            Law::OpticalDepth(own) => {
+                let Held { renderer, gaussians, kept } = &**own;
+                let new = || renderer.canvas(gaussians, size);
+                let mut tau = kept.with(size, new, |canvas| {
+                    renderer.submit(gaussians, canvas, view, Look::Expected)?;
+                    renderer.depth(canvas)
+                })?;
+                let lens = Lens::optical(view, size, &gaussians.bounds)?;
+                if lens.perspective {
+                    depth::grow(&mut tau, &lens);
+                }
+                Ok(tau)
+            }
+            Law::AlphaBlend(own) => {
+                let Held { renderer, gaussians, kept } = &**own;
+                let new = || renderer.canvas(gaussians, size);
+                let mut plane = kept.with(size, new, |canvas| {
+                    renderer.submit(gaussians, canvas, view)?;
+                    renderer.brightness(canvas)
+                })?;
+                plane.data.iter_mut().for_each(|b| *b = depth_as_bright(*b));
+                Ok(plane)
+            }
         }
-        let mut tau = self.on_canvas(size, |canvas| {
-            self.renderer.submit(&self.gaussians, canvas, view, Look::Expected)?;
-            self.renderer.depth(canvas)
-        })?;
-        let lens = Lens::optical(view, size, &self.gaussians.bounds)?;
-        if lens.perspective {
-            depth::grow(&mut tau, &lens);
-        }
-        Ok(tau)
+    }
+}
+
+impl<C> Kept<C> {
+    fn new() -> Self {
+        Kept(Mutex::new(None))
     }
 
-    /// Draws on the memory of the picture before, where that had the same size.
-    fn on_canvas<T>(&self, size: Size, draw: impl FnOnce(&Canvas) -> Result<T>) -> Result<T> {
-        let mut kept = self.canvas.lock().unwrap_or_else(PoisonError::into_inner);
-        let canvas = match kept.take() {
-            Some(canvas) if canvas.planes.size == size => canvas,
+    /// Draws with the memory that is there, where it is of this size; it is kept where that succeeds.
+    fn with<T>(
+        &self,
+        size: Size,
+        new: impl FnOnce() -> Result<C>,
+        draw: impl FnOnce(&mut C) -> Result<T>,
+    ) -> Result<T> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut canvas = match kept.take() {
+            Some((of, canvas)) if of == size => canvas,
             other => {
                 // The old one goes before the new one comes.
                 drop(other);
-                self.renderer.canvas(&self.gaussians, size)?
+                new()?
             }
         };
-        let drawn = draw(&canvas)?;
-        *kept = Some(canvas);
+        let drawn = draw(&mut canvas)?;
+        *kept = Some((size, canvas));
         Ok(drawn)
     }
 }

@@ -22,7 +22,7 @@ const LEAST_DET: f64 = 1e-72;
 
 /// What an alpha-blend scene has beside its Gaussians.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::render) struct Blend<'a> {
+pub struct Blend<'a> {
     /// Its network, if any.
     pub vizmapper: Option<&'a VizMapper>,
     /// The training frame.
@@ -31,6 +31,17 @@ pub(in crate::render) struct Blend<'a> {
     pub radius: f64,
     /// Default opacity.
     pub opacity: f64,
+}
+
+/// A Gaussian in the training frame, not yet bent for a radius and an opacity, and what the network reads of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Trained {
+    /// Its opacity is kept a little off 0 and 1.
+    pub gaussian: Gaussian,
+    /// Mean of the natural logarithms of its three scales.
+    pub log_scale: f64,
+    /// Logit of its opacity.
+    pub logit: f64,
 }
 
 impl<'a> Blend<'a> {
@@ -45,6 +56,11 @@ impl<'a> Blend<'a> {
         })
     }
 
+    /// What a view asks of the network.
+    pub fn setting(&self, view: &View) -> Setting {
+        Setting { radius: view.radius / self.radius, opacity: view.opacity / self.opacity }
+    }
+
     /// The Gaussians as they look in a view, relative to its eye.
     ///
     /// # Errors
@@ -57,7 +73,7 @@ impl<'a> Blend<'a> {
         eye: &Eye,
         progress: &dyn Progress,
     ) -> Result<Vec<Seen>> {
-        let setting = Setting { radius: view.radius / self.radius, opacity: view.opacity / self.opacity };
+        let setting = self.setting(view);
         let network = self.vizmapper.map(|v| (Network::new(v), v.ranges));
         let runs = parts
             .iter()
@@ -85,9 +101,9 @@ impl<'a> Blend<'a> {
         let mut own = Vec::with_capacity(range.len());
         let mut gaussians = range
             .map(|i| {
-                let (g, inputs) = self.normal(m, i, setting).map_err(|what| (i, what))?;
-                own.push(inputs);
-                Ok(g)
+                let t = self.trained(m, i).map_err(|what| (i, what))?;
+                own.push(inputs(setting, t.log_scale, t.logit));
+                Ok(t.gaussian)
             })
             .collect::<std::result::Result<Vec<_>, _>>()?;
         let mut out = vec![[0f32; 2]; own.len()];
@@ -102,8 +118,11 @@ impl<'a> Blend<'a> {
         Ok(gaussians)
     }
 
-    /// A Gaussian in the training frame, not yet bent, and the network's inputs.
-    fn normal(&self, m: &Mixture, i: usize, setting: Setting) -> std::result::Result<(Gaussian, [f32; 4]), String> {
+    /// Gaussian `i` of a mixture as it was trained.
+    ///
+    /// # Errors
+    /// What is wrong with it: a number that is not finite, or a mixture without opacities.
+    pub fn trained(&self, m: &Mixture, i: usize) -> std::result::Result<Trained, String> {
         let own = m.law.alpha_blend().ok_or("the mixture has no opacities, which the alpha-blend law needs")?;
         let scale = self.frame.scale;
         let mean: [f64; 3] = each_axis(|k| (m.mean[k][i] - self.frame.center[k]) * scale);
@@ -118,7 +137,7 @@ impl<'a> Blend<'a> {
         }
         let opacity = opacity.clamp(EDGE, 1.0 - EDGE);
         let log_scale = libm::log(cov.det().max(LEAST_DET)) / 6.0;
-        Ok((Gaussian { mean, cov, opacity, grey }, inputs(setting, log_scale, logit(opacity))))
+        Ok(Trained { gaussian: Gaussian { mean, cov, opacity, grey }, log_scale, logit: logit(opacity) })
     }
 }
 

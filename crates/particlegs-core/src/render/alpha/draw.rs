@@ -12,7 +12,12 @@ use crate::progress::Progress;
 use crate::render::Scratch;
 
 /// Largest brightness that a depth is given for.
-const BRIGHTEST: f32 = 0.999_999;
+pub const BRIGHTEST: f32 = 0.999_999;
+
+/// The optical depth that is as bright as `brightness`, cut to [0, [`BRIGHTEST`]]: -ln(1 - b).
+pub fn depth_as_bright(brightness: f32) -> f32 {
+    -libm::log1pf(-brightness.clamp(0.0, BRIGHTEST))
+}
 
 /// The optical depth that a picture's brightness b, cut to [0, 1], stands for: -ln(1 - b).
 pub(in crate::render) fn optical_depth<'a>(
@@ -31,6 +36,6 @@ pub(in crate::render) fn optical_depth<'a>(
     let data = &mut scratch.planes([size.pixels()].into_iter(), progress)?[0];
     blend_into(&plan, size, data, progress)?;
     let mut rows = Rows { size, stride: size.width, data };
-    rows.each(|_, row| row.iter_mut().for_each(|b| *b = -libm::log1pf(-b.clamp(0.0, BRIGHTEST))));
+    rows.each(|_, row| row.iter_mut().for_each(|b| *b = depth_as_bright(*b)));
     Ok(rows)
 }

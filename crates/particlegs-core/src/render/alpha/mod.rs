@@ -23,10 +23,11 @@ pub mod testing;
 #[cfg(test)]
 mod tests;
 
-pub(super) use adapt::Blend;
+pub use adapt::{Blend, Trained};
 pub use bin::TILE;
 pub use bin::{Bin, Tiles, Touched};
 pub(super) use draw::optical_depth;
+pub use draw::{BRIGHTEST, depth_as_bright};
 pub use eye::Eye;
 pub use plan::{CutOffs, Plan};
 pub use project::Gaussian;

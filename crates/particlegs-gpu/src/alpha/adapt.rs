@@ -1,0 +1,93 @@
+//! The network that follows radius and opacity: adapt_main.wgsl and what it reads. It runs where they change alone.
+
+use super::gaussians::{Chunk, Gaussians};
+use crate::kernel::{Kernel, Use};
+use crate::{Device, groups};
+use particlegs_core::model::vizmapper::Setting;
+use particlegs_core::model::{VizMapper, VizRanges};
+use std::sync::{Mutex, PoisonError};
+
+/// A scene's network on the device.
+pub(super) struct Network {
+    weights: wgpu::Buffer,
+    ranges: VizRanges,
+    /// A record for each part of the Gaussians.
+    settings: Vec<wgpu::Buffer>,
+    /// Factors on radius and opacity that the Gaussians are bent for.
+    of: Mutex<Option<[u64; 2]>>,
+}
+
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct SettingRecord {
+    wanted: [f32; 2],
+    shares: [f32; 2],
+    floor: f32,
+    count: u32,
+    pad: [u32; 2],
+}
+
+impl Network {
+    /// For these parts.
+    pub fn new(device: &Device, of: &VizMapper, chunks: &[Chunk]) -> Network {
+        use wgpu::BufferUsages as Use;
+        let record = || device.buffer("setting", size_of::<SettingRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+        Network {
+            weights: device.filled("network", &of.parameters, Use::STORAGE),
+            ranges: of.ranges,
+            settings: chunks.iter().map(|_| record()).collect(),
+            of: Mutex::default(),
+        }
+    }
+}
+
+/// The kernel.
+pub(super) struct Adapter(Kernel);
+
+impl Adapter {
+    /// Compiled for a device.
+    pub fn new(device: &Device) -> Adapter {
+        let uses = [Use::Uniform, Use::Read, Use::Read, Use::Write];
+        Adapter(Kernel::new(device, "adapt", &[include_str!("adapt_main.wgsl")], &uses))
+    }
+
+    /// What is bound to it, part by part; nothing where there is no network.
+    pub fn bind(&self, device: &Device, gaussians: &Gaussians) -> Vec<wgpu::BindGroup> {
+        let Some(network) = &gaussians.network else { return Vec::new() };
+        let parts = network.settings.iter().zip(&gaussians.chunks);
+        parts.map(|(s, c)| self.0.bind(device, &[s, &network.weights, &c.columns, &c.bent])).collect()
+    }
+
+    /// Bends the Gaussians, where they are not yet bent for this.
+    pub fn run(
+        &self,
+        queue: &wgpu::Queue,
+        pass: &mut wgpu::ComputePass<'_>,
+        bound: &[wgpu::BindGroup],
+        gaussians: &Gaussians,
+        setting: Setting,
+    ) {
+        let Some(network) = &gaussians.network else { return };
+        let of = [setting.radius.to_bits(), setting.opacity.to_bits()];
+        if network.of.lock().unwrap_or_else(PoisonError::into_inner).replace(of) == Some(of) {
+            return;
+        }
+        for ((bound, record), chunk) in bound.iter().zip(&network.settings).zip(&gaussians.chunks) {
+            let own = SettingRecord::new(setting, network.ranges, chunk.count);
+            queue.write_buffer(record, 0, bytemuck::bytes_of(&own));
+            self.0.run(pass, bound, groups(u64::from(chunk.count)));
+        }
+    }
+}
+
+impl SettingRecord {
+    fn new(of: Setting, ranges: VizRanges, count: u32) -> SettingRecord {
+        SettingRecord {
+            wanted: [of.radius, of.opacity].map(|v| v as f32),
+            shares: [ranges.scale, ranges.opacity].map(|v| v as f32),
+            floor: ranges.floor as f32,
+            count,
+            pad: [0; 2],
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! The memory of pictures of one size of some Gaussians, and what is bound to kernels.
+
+use super::frame::{FrameRecord, SlabRecord};
+use super::gaussians::Gaussians;
+use super::kernels::Kernels;
+use super::slabs::BLOCK;
+use super::sort::Sort;
+use crate::Device;
+use particlegs_core::Result;
+use particlegs_core::picture::Size;
+use particlegs_core::render::alpha::Tiles;
+use wgpu::BufferUsages as Use;
+
+const STORAGE: Use = Use::STORAGE.union(Use::COPY_DST).union(Use::COPY_SRC);
+/// Bytes of a footprint.
+const SPLAT: u64 = 32;
+
+/// The memory of pictures of one size of some Gaussians.
+pub struct Canvas {
+    pub(super) size: Size,
+    pub(super) tiles: Tiles,
+    pub(super) gaussians: u32,
+    pub(super) batches: Vec<Batch>,
+    pub(super) adapt: Vec<wgpu::BindGroup>,
+    /// Depths, and the numbers of Gaussians that have them.
+    pub(super) order: Sort,
+    pub(super) slab: wgpu::Buffer,
+    pub(super) splats: wgpu::Buffer,
+    pub(super) touched: wgpu::Buffer,
+    /// Entries of each block, and the first among those of its slab.
+    pub(super) block_sums: wgpu::Buffer,
+    pub(super) starts: wgpu::Buffer,
+    /// Where the list of each tile begins and ends.
+    pub(super) ranges: wgpu::Buffer,
+    /// Brightness and transmittance of each pixel.
+    pub(super) sums: wgpu::Buffer,
+    pub(super) lefts: wgpu::Buffer,
+    pub(super) picture: wgpu::Buffer,
+    pub(super) count: wgpu::BindGroup,
+    pub(super) tone: wgpu::BindGroup,
+    /// Lists of tiles, for as many entries as a picture had yet.
+    pub(super) lists: Option<Lists>,
+}
+
+/// Gaussians that are projected together.
+pub(super) struct Batch {
+    pub first: u32,
+    pub count: u32,
+    pub frame: wgpu::Buffer,
+    pub project: wgpu::BindGroup,
+}
+
+/// Entries of all lists: tiles, and the footprints that touch them.
+pub(super) struct Lists {
+    pub room: u32,
+    pub sort: Sort,
+    pub fill: wgpu::BindGroup,
+    pub ends: wgpu::BindGroup,
+    pub raster: wgpu::BindGroup,
+}
+
+impl Canvas {
+    /// For pictures of `size` of these Gaussians.
+    pub(super) fn new(device: &Device, kernels: &Kernels, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
+        let (tiles, pixels, n) = (Tiles::of(size), size.pixels() as u64, gaussians.len() as u64);
+        device.fits(size, 4 * pixels)?;
+        device.fits(size, 8 * tiles.number() as u64)?;
+        device.holds(&format!("{n} Gaussians"), SPLAT * n)?;
+        let buffer = |label, bytes| device.buffer(label, bytes, STORAGE);
+        let order = kernels.sort.room(device, n as u32, 32);
+        let (splats, touched) = (buffer("splats", SPLAT * n), buffer("touched tiles", 8 * n));
+        let blocks = n.div_ceil(u64::from(BLOCK));
+        let (block_sums, starts) = (buffer("entries of blocks", 4 * blocks), buffer("starts of blocks", 4 * blocks));
+        let slab = device.buffer("slab", size_of::<SlabRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+        let (sums, lefts) = (buffer("brightness", 4 * pixels), buffer("transmittance", 4 * pixels));
+        let picture = buffer("picture", pixels);
+        let batch = |c: &super::gaussians::Chunk| {
+            let frame = device.buffer("frame", size_of::<FrameRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+            let all = [&frame, &c.columns, &c.bent, &splats, &touched, &order.keys, &order.values];
+            Batch { first: c.first, count: c.count, project: kernels.project.bind(device, &all), frame }
+        };
+        let batches: Vec<Batch> = gaussians.chunks.iter().map(batch).collect();
+        let Some(Batch { frame, .. }) = batches.first() else {
+            return Err(particlegs_core::Error::argument("no Gaussians to draw"));
+        };
+        let canvas = Canvas {
+            size,
+            tiles,
+            gaussians: n as u32,
+            adapt: kernels.adapt.bind(device, gaussians),
+            count: kernels.sums.bind(device, &[frame, &slab, &order.values, &touched, &block_sums]),
+            tone: kernels.tone.bind(device, &[frame, &sums, &picture]),
+            ranges: buffer("ranges of tiles", 8 * tiles.number() as u64),
+            batches,
+            order,
+            slab,
+            splats,
+            touched,
+            block_sums,
+            starts,
+            sums,
+            lefts,
+            picture,
+            lists: None,
+        };
+        device.check()?;
+        Ok(canvas)
+    }
+
+    /// Room for lists of so many entries.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] where they are more than the device sees at once; those of the device.
+    pub(super) fn lists(&mut self, device: &Device, kernels: &Kernels, entries: u32) -> Result<&Lists> {
+        let kept = self.lists.take().filter(|l| l.room >= entries);
+        let lists = match kept {
+            Some(lists) => lists,
+            None => {
+                let what = format!("{}x{}: {entries} entries of tiles", self.size.width, self.size.height);
+                device.holds(&what, 4 * u64::from(entries))?;
+                // Pictures of a turn need now more, now less.
+                let room = u64::from(entries).next_power_of_two().min(device.largest_binding() / 4) as u32;
+                let lists = self.new_lists(device, kernels, room);
+                device.check()?;
+                lists
+            }
+        };
+        Ok(self.lists.insert(lists))
+    }
+
+    fn new_lists(&self, device: &Device, kernels: &Kernels, room: u32) -> Lists {
+        let bits = u32::BITS - (self.tiles.number() as u32).saturating_sub(1).leading_zeros();
+        let sort = kernels.sort.room(device, room, bits.max(1));
+        let (frame, slab, order) = (&self.batches[0].frame, &self.slab, &self.order);
+        let fill = [frame, slab, &order.values, &self.touched, &self.starts, &sort.keys, &sort.values];
+        let raster = [frame, slab, &self.ranges, &sort.values, &self.splats, &self.sums, &self.lefts];
+        Lists {
+            room,
+            fill: kernels.fill.bind(device, &fill),
+            ends: kernels.ends.bind(device, &[slab, &sort.keys, &self.ranges]),
+            raster: kernels.raster.bind(device, &raster),
+            sort,
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Gaussians on the device, in the training frame.
+
+use super::adapt::Network;
+use super::fixed;
+use crate::Device;
+use crate::render::factor;
+use particlegs_core::camera::View;
+use particlegs_core::model::Mixture;
+use particlegs_core::model::vizmapper::{Setting, inputs};
+use particlegs_core::render::Scene;
+use particlegs_core::render::alpha::Blend;
+use particlegs_core::{Error, Result};
+
+/// Words of a Gaussian, each a column: see project.wgsl.
+const COLUMNS: usize = 16;
+/// The column of the odds against its opacity.
+const ODDS: usize = 12;
+/// Gaussians of a buffer at most: a binding has 128 MiB on many cards.
+const MOST: usize = 1 << 21;
+/// Opacities of these odds against are below every threshold.
+const NEVER: f32 = 3e38;
+
+/// The Gaussians of a scene of the alpha-blend law on a device, and its network.
+pub struct Gaussians {
+    pub(super) chunks: Vec<Chunk>,
+    pub(super) network: Option<Network>,
+    /// Frame and defaults; the network is on the device.
+    pub(super) blend: Blend<'static>,
+}
+
+/// Some of them.
+pub(super) struct Chunk {
+    pub columns: wgpu::Buffer,
+    /// What the network makes of each.
+    pub bent: wgpu::Buffer,
+    /// How many come before.
+    pub first: u32,
+    pub count: u32,
+}
+
+impl Gaussians {
+    /// Of a scene of the alpha-blend law.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for one of the other law, for one that is repeated, for more Gaussians than are numbered
+    /// with 32 bits, and that names the first Gaussian that is not a number or lies too far away; those of the device.
+    pub fn upload(device: &Device, scene: &Scene) -> Result<Gaussians> {
+        let seen = (device.largest_binding() / (4 * COLUMNS as u64)) as usize;
+        Gaussians::upload_in(device, scene, MOST.min(seen))
+    }
+
+    /// [`Gaussians::upload`] in buffers of so many at most.
+    pub(super) fn upload_in(device: &Device, scene: &Scene, most: usize) -> Result<Gaussians> {
+        let Some(blend) = scene.blend() else {
+            return Err(Error::argument("a scene of the optical-depth law is not drawn by the alpha-blend law"));
+        };
+        let all: usize = scene.parts().map(Mixture::len).sum();
+        if u32::try_from(all).is_err() {
+            return Err(Error::argument(format!("{all} Gaussians are more than a card draws: --device cpu")));
+        }
+        let mut some = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i)));
+        let mut chunks = Vec::new();
+        for first in (0..all).step_by(most.max(1)) {
+            let n = most.max(1).min(all - first);
+            chunks.push(Chunk::new(device, &blend, some.by_ref().take(n), [first, n])?);
+            device.check()?;
+        }
+        let network = blend.vizmapper.map(|v| Network::new(device, v, &chunks));
+        device.check()?;
+        Ok(Gaussians { chunks, network, blend: Blend { vizmapper: None, ..blend } })
+    }
+
+    /// What a view asks of the network.
+    pub(super) fn setting(&self, view: &View) -> Setting {
+        self.blend.setting(view)
+    }
+
+    /// Their number.
+    pub fn len(&self) -> usize {
+        self.chunks.iter().map(|c| c.count as usize).sum()
+    }
+
+    /// None?
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+impl Chunk {
+    /// Of `n` Gaussians that `first` come before.
+    fn new<'a>(
+        device: &Device,
+        blend: &Blend,
+        some: impl Iterator<Item = (&'a Mixture, usize)>,
+        [first, n]: [usize; 2],
+    ) -> Result<Chunk> {
+        let mut columns = vec![0u32; COLUMNS * n];
+        for (place, (m, i)) in some.enumerate() {
+            let own =
+                column(blend, m, i).map_err(|what| Error::argument(format!("Gaussian {}: {what}", first + place)))?;
+            own.iter().enumerate().for_each(|(k, v)| columns[k * n + place] = *v);
+        }
+        use wgpu::BufferUsages as Use;
+        Ok(Chunk {
+            columns: device.filled("gaussians", &columns, Use::STORAGE),
+            // Without a network they stay as they are.
+            bent: device.filled("bent", &vec![[1.0f32; 2]; n], Use::STORAGE),
+            first: first as u32,
+            count: n as u32,
+        })
+    }
+}
+
+/// The numbers of a Gaussian.
+fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COLUMNS], String> {
+    let trained = blend.trained(m, i)?;
+    let g = trained.gaussian;
+    // Those that are a Gaussian's own do not depend on the setting.
+    let [_, _, scale, logit] = inputs(Setting { radius: 1.0, opacity: 1.0 }, trained.log_scale, trained.logit);
+    let factor = factor(&g.cov).map(|v| v as f32);
+    let odds = ((1.0 - g.opacity) / g.opacity) as f32;
+    let mut own = [0.0; COLUMNS];
+    own[6..ODDS].copy_from_slice(&factor);
+    own[ODDS..].copy_from_slice(&[odds, g.grey as f32, scale, logit]);
+    if !own.iter().all(|v| v.is_finite()) {
+        // What float32 does not hold is not drawn by the processor either.
+        own = [0.0; COLUMNS];
+        own[ODDS] = NEVER;
+    }
+    let mut words = own.map(f32::to_bits);
+    for (k, v) in g.mean.into_iter().enumerate() {
+        let own = fixed::place(v).ok_or("it lies a million boxes away, farther than a card counts: --device cpu")?;
+        words[2 * k..2 * k + 2].copy_from_slice(&own);
+    }
+    Ok(words)
+}

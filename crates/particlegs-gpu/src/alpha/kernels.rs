@@ -1,0 +1,58 @@
+//! The kernels of pictures, by their sources.
+
+use super::adapt::Adapter;
+use super::sort::Sorter;
+use crate::Device;
+use crate::kernel::{Kernel, Use};
+
+const FRAME: &str = include_str!("frame.wgsl");
+const PROJECT: &str = include_str!("project.wgsl");
+const FIXED: &str = include_str!("fixed.wgsl");
+const BIN: &str = include_str!("bin.wgsl");
+const SHARE: &str = include_str!("../share.wgsl");
+
+/// All of them.
+pub(super) struct Kernels {
+    pub adapt: Adapter,
+    pub project: Kernel,
+    pub sort: Sorter,
+    pub sums: Kernel,
+    pub fill: Kernel,
+    pub ends: Kernel,
+    pub raster: Kernel,
+    pub tone: Kernel,
+}
+
+impl Kernels {
+    /// Compiled for a device.
+    pub fn new(device: &Device) -> Kernels {
+        use Use::{Read, Uniform, Write};
+        let new = |label, sources: &[&str], uses: &[Use]| Kernel::new(device, label, sources, uses);
+        Kernels {
+            adapt: Adapter::new(device),
+            project: new(
+                "project, alpha",
+                &[include_str!("project_main.wgsl"), FRAME, FIXED, PROJECT, BIN],
+                &[Uniform, Read, Read, Write, Write, Write, Write],
+            ),
+            sort: Sorter::new(device),
+            sums: new(
+                "sizes of lists",
+                &[include_str!("bin_sums_main.wgsl"), FRAME, BIN, SHARE],
+                &[Uniform, Uniform, Read, Read, Write],
+            ),
+            fill: new(
+                "lists",
+                &[include_str!("bin_fill_main.wgsl"), FRAME, BIN, SHARE],
+                &[Uniform, Uniform, Read, Read, Read, Write, Write],
+            ),
+            ends: new("ends of lists", &[include_str!("bin_ends_main.wgsl"), FRAME], &[Uniform, Read, Write]),
+            raster: new(
+                "raster, alpha",
+                &[include_str!("raster_main.wgsl"), FRAME],
+                &[Uniform, Uniform, Read, Read, Read, Write, Write],
+            ),
+            tone: new("tone, alpha", &[include_str!("tone_main.wgsl"), FRAME], &[Uniform, Read, Write]),
+        }
+    }
+}

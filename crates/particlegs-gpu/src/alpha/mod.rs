@@ -1,0 +1,174 @@
+//! Pictures of the alpha-blend law in the stages of core's `render::alpha`, each a kernel:
+//!
+//! | kernel | twin in core | what it does |
+//! |---|---|---|
+//! | adapt_main.wgsl | `adapt`, `model::vizmapper` | what the network makes of each Gaussian; where radius or opacity changed |
+//! | project.wgsl, fixed.wgsl | `project` | Gaussians to footprints, their depths rounded as there |
+//! | sort.wgsl | `plan` | numbers of Gaussians by depth, of entries by tile: a stable radix sort |
+//! | bin.wgsl | `bin` | footprints, in the order of depth, to the lists of the tiles that they touch |
+//! | raster_main.wgsl | `raster` | a tile's list to brightness, front to back |
+//! | tone_main.wgsl | `draw`, `render::tone` | brightness to grey levels |
+//!
+//! Footprints of equal depth come in the order of their numbers. A pixel's thread adds alone, in the order of the list,
+//! so that nothing depends on the order in which threads come. How long the lists are is counted first and read back;
+//! where they are long, footprints are listed and blended slab by slab of depth, with the same bits.
+
+mod adapt;
+mod canvas;
+mod fixed;
+mod frame;
+mod gaussians;
+mod kernels;
+mod slabs;
+mod sort;
+#[cfg(test)]
+mod tests;
+
+pub use canvas::Canvas;
+pub use gaussians::Gaussians;
+
+use crate::{Device, groups};
+use frame::{FrameRecord, SlabRecord};
+use kernels::Kernels;
+use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::render::alpha::{Eye, TILE};
+use slabs::{BLOCK, MOST_ENTRIES, Slabs};
+use std::sync::Arc;
+
+// The kernels' own.
+const _: () = assert!(TILE == 16);
+
+/// Draws on a device.
+pub struct Renderer {
+    device: Arc<Device>,
+    kernels: Kernels,
+    /// Entries that are blended together.
+    most: u32,
+}
+
+impl Renderer {
+    /// Its kernels.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn new(device: &Arc<Device>) -> Result<Self> {
+        let kernels = Kernels::new(device);
+        device.check()?;
+        let most = MOST_ENTRIES.min((device.largest_binding() / 4).min(u64::from(u32::MAX)) as u32);
+        Ok(Renderer { device: device.clone(), kernels, most })
+    }
+
+    /// What it draws on.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    /// Memory for pictures of `size` of these Gaussians.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] where a picture is too large for the device, or there are too many
+    /// Gaussians for it, or none; those of the device.
+    pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
+        Canvas::new(&self.device, &self.kernels, gaussians, size)
+    }
+
+    /// Gives the device a picture to draw, once it has said how long its lists are; the next one overwrites it.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] for a view out of range or not in perspective, and where lists are too
+    /// long for the device; those of the device.
+    pub fn submit(&self, gaussians: &Gaussians, canvas: &mut Canvas, view: &View) -> Result<()> {
+        let eye = Eye::new(view, canvas.size, &gaussians.blend.frame)?;
+        self.sort(gaussians, canvas, view, &eye)?;
+        let blocks = canvas.gaussians.div_ceil(BLOCK);
+        let sums = self.device.read(&canvas.block_sums, 4 * u64::from(blocks))?;
+        let sums: Vec<u32> = sums.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let slabs = Slabs::new(canvas.gaussians, &sums, self.most);
+        canvas.lists(&self.device, &self.kernels, slabs.largest())?;
+        self.device.queue.write_buffer(&canvas.starts, 0, bytemuck::cast_slice(&slabs.starts));
+        for slab in &slabs.all {
+            self.blend(canvas, *slab);
+        }
+        self.tone(canvas);
+        self.device.check()
+    }
+
+    /// Bends and projects Gaussians, sorts them by depth, and counts the entries of their blocks.
+    fn sort(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, eye: &Eye) -> Result<()> {
+        let (queue, kernels, n) = (&self.device.queue, &self.kernels, canvas.gaussians);
+        for batch in &canvas.batches {
+            let record = FrameRecord::new(eye, batch.first, batch.count)?;
+            queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
+        }
+        let slab = SlabRecord { gaussians: n, ..SlabRecord::default() };
+        queue.write_buffer(&canvas.slab, 0, bytemuck::bytes_of(&slab));
+        canvas.order.set(queue, n);
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        kernels.adapt.run(queue, &mut pass, &canvas.adapt, gaussians, gaussians.setting(view));
+        for batch in &canvas.batches {
+            kernels.project.run(&mut pass, &batch.project, groups(u64::from(batch.count)));
+        }
+        kernels.sort.run(&mut pass, &canvas.order, n);
+        kernels.sums.run(&mut pass, &canvas.count, groups(u64::from(n)));
+        drop(pass);
+        queue.submit([encoder.finish()]);
+        Ok(())
+    }
+
+    /// Lists the footprints of a slab, and blends them onto what there is.
+    fn blend(&self, canvas: &Canvas, slab: SlabRecord) {
+        let Some(lists) = &canvas.lists else { return };
+        let (queue, kernels) = (&self.device.queue, &self.kernels);
+        queue.write_buffer(&canvas.slab, 0, bytemuck::bytes_of(&slab));
+        lists.sort.set(queue, slab.entries);
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        encoder.clear_buffer(&canvas.ranges, 0, None);
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        kernels.fill.run(&mut pass, &lists.fill, groups(u64::from(BLOCK) * u64::from(slab.blocks)));
+        kernels.sort.run(&mut pass, &lists.sort, slab.entries);
+        kernels.ends.run(&mut pass, &lists.ends, groups(u64::from(slab.entries)));
+        kernels.raster.run(&mut pass, &lists.raster, [canvas.tiles.across as u32, canvas.tiles.down as u32]);
+        drop(pass);
+        queue.submit([encoder.finish()]);
+    }
+
+    /// From brightness to the picture.
+    fn tone(&self, canvas: &Canvas) {
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        self.kernels.tone.run(&mut pass, &canvas.tone, groups((canvas.size.pixels() as u64).div_ceil(4)));
+        drop(pass);
+        self.device.queue.submit([encoder.finish()]);
+    }
+
+    /// The last picture that was submitted, once it is drawn.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn picture(&self, canvas: &Canvas) -> Result<Gray8> {
+        let size = canvas.size;
+        Ok(Gray8 { size, data: self.device.read(&canvas.picture, size.pixels() as u64)? })
+    }
+
+    /// The brightness that it was made of, 1 = white, not cut to [0, 1].
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn brightness(&self, canvas: &Canvas) -> Result<Plane> {
+        let bytes = self.device.read(&canvas.sums, 4 * canvas.size.pixels() as u64)?;
+        let data = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        Ok(Plane { size: canvas.size, data })
+    }
+
+    /// A picture.
+    ///
+    /// # Errors
+    /// As [`Renderer::submit`].
+    pub fn draw(&self, gaussians: &Gaussians, canvas: &mut Canvas, view: &View) -> Result<Gray8> {
+        self.submit(gaussians, canvas, view)?;
+        self.picture(canvas)
+    }
+}

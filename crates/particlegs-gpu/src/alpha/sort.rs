@@ -1,0 +1,120 @@
+//! Numbers sorted by 32-bit keys: sort.wgsl. Stable, four bits a pass.
+
+use crate::kernel::{Kernel, Use};
+use crate::{Device, groups};
+
+const SORT: &str = include_str!("sort.wgsl");
+/// Values of four bits.
+const DIGITS: u32 = 16;
+/// Keys of a thread, and of a workgroup.
+const EACH: u32 = 8;
+const BLOCK: u32 = 512;
+
+/// The kernels.
+pub(super) struct Sorter {
+    count: Kernel,
+    scan: Kernel,
+    scatter: Kernel,
+}
+
+/// A number of keys and values that are sorted where they lie, and what is bound to kernels.
+pub(super) struct Sort {
+    pub keys: wgpu::Buffer,
+    pub values: wgpu::Buffer,
+    passes: Vec<Pass>,
+    /// Second places of keys and values, counts and their sums: what is written before it is read.
+    #[cfg(test)]
+    pub scratch: [wgpu::Buffer; 4],
+}
+
+struct Pass {
+    record: wgpu::Buffer,
+    shift: u32,
+    count: wgpu::BindGroup,
+    scan: wgpu::BindGroup,
+    scatter: wgpu::BindGroup,
+}
+
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct PassRecord {
+    count: u32,
+    blocks: u32,
+    shift: u32,
+    pad: u32,
+}
+
+impl Sorter {
+    /// Compiled for a device.
+    pub fn new(device: &Device) -> Sorter {
+        use Use::{Read, Uniform, Write};
+        let new = |label, sources: &[&str], uses: &[Use]| Kernel::new(device, label, sources, uses);
+        Sorter {
+            count: new("digits", &[include_str!("sort_count_main.wgsl"), SORT], &[Uniform, Read, Write]),
+            scan: new(
+                "places of digits",
+                &[include_str!("sort_scan_main.wgsl"), SORT, include_str!("../share.wgsl")],
+                &[Uniform, Write, Write],
+            ),
+            scatter: new(
+                "scatter",
+                &[include_str!("sort_scatter_main.wgsl"), SORT],
+                &[Uniform, Read, Read, Read, Read, Write, Write],
+            ),
+        }
+    }
+
+    /// Room for `most` keys of so many bits.
+    pub fn room(&self, device: &Device, most: u32, bits: u32) -> Sort {
+        use wgpu::BufferUsages as Use;
+        let storage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
+        let column = |label| device.buffer(label, 4 * u64::from(most), storage);
+        let (keys, values, other_keys, other_values) =
+            (column("keys"), column("values"), column("other keys"), column("other values"));
+        let blocks = u64::from(most.div_ceil(BLOCK));
+        let counts = device.buffer("digits", 4 * u64::from(DIGITS) * blocks, storage);
+        let totals = device.buffer("all digits", 4 * u64::from(DIGITS), storage);
+        // An even number of them, so that all comes back to its first place.
+        let pass = |k: u32| {
+            let (there, back) = ([&keys, &values], [&other_keys, &other_values]);
+            let (source, target) = if k.is_multiple_of(2) { (there, back) } else { (back, there) };
+            let record = device.buffer("pass", size_of::<PassRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+            let all = [&record, source[0], source[1], &counts, &totals, target[0], target[1]];
+            Pass {
+                shift: 4 * k,
+                count: self.count.bind(device, &[&record, source[0], &counts]),
+                scan: self.scan.bind(device, &[&record, &counts, &totals]),
+                scatter: self.scatter.bind(device, &all),
+                record,
+            }
+        };
+        let passes = (0..2 * bits.div_ceil(8)).map(pass).collect();
+        Sort {
+            keys,
+            values,
+            passes,
+            #[cfg(test)]
+            scratch: [other_keys, other_values, counts, totals],
+        }
+    }
+
+    /// Sorts the first `count`, which were said before by [`Sort::set`].
+    pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, sort: &Sort, count: u32) {
+        let blocks = groups(u64::from(count.div_ceil(EACH)));
+        for step in &sort.passes {
+            self.count.run(pass, &step.count, blocks);
+            self.scan.run(pass, &step.scan, [DIGITS, 1]);
+            self.scatter.run(pass, &step.scatter, blocks);
+        }
+    }
+}
+
+impl Sort {
+    /// Says how many are to be sorted in what is submitted next.
+    pub fn set(&self, queue: &wgpu::Queue, count: u32) {
+        for pass in &self.passes {
+            let record = PassRecord { count, blocks: count.div_ceil(BLOCK), shift: pass.shift, pad: 0 };
+            queue.write_buffer(&pass.record, 0, bytemuck::bytes_of(&record));
+        }
+    }
+}

@@ -1,0 +1,412 @@
+//! Kernels against their twins in core, on whatever adapter there is.
+
+use super::*;
+use crate::tests::device;
+use particlegs_core::camera::{Camera, Projection};
+use particlegs_core::math::{Random, Sym3};
+use particlegs_core::model::vizmapper::twin::stirred;
+use particlegs_core::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
+use particlegs_core::picture::psnr;
+use particlegs_core::progress::Silent;
+use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Plan};
+use particlegs_core::render::{self, Scene};
+use particlegs_core::space::Bounds;
+use particlegs_core::splat::Look;
+
+/// Default radius and opacity.
+const USUAL: [f64; 2] = [0.02, 0.05];
+const BOUNDS: Bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
+const SIZE: Size = Size { width: 320, height: 180 };
+
+/// What is drawn by both.
+struct Case {
+    name: &'static str,
+    gaussians: Mixture,
+    view: View,
+    size: Size,
+}
+
+fn view(position: [f64; 3]) -> View {
+    View {
+        name: "v".into(),
+        camera: Camera {
+            position,
+            focal_point: [0.0; 3],
+            view_up: [0.0, 1.0, 0.0],
+            projection: Projection::Perspective { fov_deg: 30.0 },
+            clipping_range: None,
+        },
+        radius: USUAL[0],
+        opacity: USUAL[1],
+    }
+}
+
+/// A Gaussian about the middle of a cube of side 2: round, flat or long, every seventh without extent.
+fn gaussian(r: &mut Random, i: u64, spread: f64) -> ([f64; 3], Sym3) {
+    let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
+    let base = spread * (0.1 + r.uniform());
+    let mut cov = Sym3::default();
+    for s in [base, base * r.uniform(), base * r.uniform() * r.uniform()] {
+        let v = [0; 3].map(|_| r.normal());
+        cov = cov.add(&Sym3::outer(v.map(|x| x * s / 1.7)));
+    }
+    (mean, if i.is_multiple_of(7) { Sym3::default() } else { cov })
+}
+
+/// Those of `shape`, with opacities up to `most` and grey levels.
+fn mixture(seed: u64, n: u64, most: f64, shape: impl Fn(&mut Random, u64) -> ([f64; 3], Sym3)) -> Mixture {
+    let (mut m, mut law) = (Mixture::default(), AlphaBlend::default());
+    for i in 0..n {
+        let mut r = Random::new(seed, 1, i);
+        let (mean, cov) = shape(&mut r, i);
+        m.push(mean, cov, 1.0, 1.0);
+        law.opacity.push(if i.is_multiple_of(5) { most } else { most * r.uniform() * r.uniform() });
+        law.grey.push(0.2 + r.uniform());
+    }
+    m.law = Law::AlphaBlend(law);
+    m
+}
+
+fn usual(seed: u64, n: u64, spread: f64) -> Mixture {
+    mixture(seed, n, 0.95, |r, i| gaussian(r, i, spread))
+}
+
+/// As long as half of the cube, and narrower than a pixel.
+fn needle(r: &mut Random, _: u64) -> ([f64; 3], Sym3) {
+    let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
+    let cov = [0.5, 0.005, 0.003].map(|s| Sym3::outer([0; 3].map(|_| s * r.normal())));
+    (mean, cov[0].add(&cov[1]).add(&cov[2]))
+}
+
+/// With a network of these ranges that does something.
+fn with_network(mut m: Mixture, ranges: VizRanges) -> Mixture {
+    let network = VizMapper { ranges, ..stirred(3) };
+    m.law.alpha_blend_mut().unwrap().vizmapper = Some(Arc::new(network));
+    m
+}
+
+fn scene(m: &Mixture) -> Scene<'_> {
+    Scene::of_law(m, BOUNDS, USUAL)
+}
+
+fn cases() -> Vec<Case> {
+    let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
+    let case = |name, gaussians, view| Case { name, gaussians, view, size: SIZE };
+    let asked = |position, radius, opacity| View { radius, opacity, ..view(position) };
+    let mut slab = view(far);
+    slab.camera.clipping_range = Some([5.9, 6.6]);
+    let first = VizRanges::TRAINING;
+    let tuned = VizRanges::FINE_TUNING;
+    let everywhere = |r: &mut Random, i: u64| ([0.1, 0.0, -0.1], gaussian(r, i, 0.1).1);
+    let mut telephoto = view(far.map(|v| 100.0 * v));
+    telephoto.camera.projection = Projection::Perspective { fov_deg: 0.3 };
+    // Many at one depth, to rounding: what is nearest is decided by their numbers.
+    let lattice = |r: &mut Random, i: u64| {
+        let mean = [i % 15, i / 15 % 15, i / 225].map(|k| k as f64 / 7.0 - 1.0);
+        (mean, gaussian(r, i, 0.15).1)
+    };
+    vec![
+        case("small, from afar", usual(1, 5000, 0.05), view(far)),
+        case("near", usual(2, 5000, 0.05), view(near)),
+        case("inside", usual(3, 3000, 0.1), view(inside)),
+        case("large Gaussians, inside", usual(4, 2000, 0.8), view(inside)),
+        case("needles", mixture(9, 2000, 0.95, needle), view(far)),
+        case("needles, inside", mixture(9, 2000, 0.95, needle), view(inside)),
+        case("opaque", mixture(5, 5000, 1.0, |r, i| gaussian(r, i, 0.1)), view(far)),
+        case("faint", mixture(5, 5000, 0.1, |r, i| gaussian(r, i, 0.1)), view(far)),
+        case("in one place", mixture(6, 3000, 0.3, everywhere), view(far)),
+        case("a lattice", mixture(6, 3375, 0.95, lattice), view(far)),
+        case("a lattice, along an axis", mixture(6, 3375, 0.95, lattice), view([0.0, 0.0, 6.0])),
+        case("wider than all", mixture(10, 2000, 0.3, |r, i| gaussian(r, i, 1e4)), view(far)),
+        case("through a telescope", usual(8, 3000, 0.05), telephoto),
+        case("a slab", usual(6, 3000, 0.2), slab),
+        case("network, as usual", with_network(usual(1, 3000, 0.05), first), view(far)),
+        case("network, large and opaque", with_network(usual(1, 3000, 0.05), first), asked(far, 0.035, 0.0875)),
+        case("network, small and faint", with_network(usual(1, 3000, 0.1), first), asked(near, 0.005, 0.0125)),
+        case("network, wide ranges", with_network(usual(2, 3000, 0.05), tuned), asked(inside, 0.03, 0.02)),
+        Case { size: Size { width: 9, height: 7 }, ..case("one tile", usual(1, 2000, 0.05), view(far)) },
+        Case { size: Size { width: 643, height: 351 }, ..case("odd sides", usual(8, 5000, 0.05), view(far)) },
+    ]
+}
+
+/// How far a picture is from core's: the largest difference in levels before rounding, pixels off by more than a
+/// hundredth of one, decibels, and the largest difference after rounding.
+fn apart(renderer: &Renderer, case: &Case) -> (f64, usize, f64, u8) {
+    let scene = scene(&case.gaussians);
+    let there = Gaussians::upload(renderer.device(), &scene).unwrap();
+    let mut canvas = renderer.canvas(&there, case.size).unwrap();
+    renderer.submit(&there, &mut canvas, &case.view).unwrap();
+    let seen = renderer.brightness(&canvas).unwrap();
+    let own = render::optical_depth(&scene, &case.view, case.size, &Silent).unwrap();
+    let both = seen.data.iter().zip(&own.data);
+    let levels: Vec<f64> =
+        both.map(|(a, t)| 255.0 * (f64::from(a.clamp(0.0, BRIGHTEST)) + f64::from(-t).exp_m1()).abs()).collect();
+    let worst = levels.iter().fold(0.0f64, |w, d| w.max(*d));
+    let off = levels.iter().filter(|d| **d > 0.01).count();
+    let squares: f64 = levels.iter().map(|d| d * d).sum();
+    let a = renderer.picture(&canvas).unwrap();
+    let b = render::draw(&scene, &case.view, case.size, Look::Paraview, &Silent).unwrap();
+    assert!(b.data.iter().any(|v| *v > 20), "{}: nothing is seen", case.name);
+    let rounded = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    let decibels = -10.0 * (squares / 255.0 / 255.0 / case.size.pixels() as f64).log10();
+    println!(
+        "{}: largest {worst:.4} levels, {off} of {} pixels off by 0.01, {decibels:.1} dB; rounded {rounded}, {:.1} dB",
+        case.name,
+        levels.len(),
+        psnr(&a, &b).unwrap_or(f64::INFINITY),
+    );
+    (worst, off, decibels, rounded)
+}
+
+/// Where rounding decides whether a footprint's faintest pixel is drawn, that pixel differs by that: an alpha of 1/255,
+/// times a grey level of up to 1.2.
+#[test]
+fn kernels_agree_with_their_twins() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    for case in cases() {
+        let (worst, off, decibels, rounded) = apart(&renderer, &case);
+        assert!(worst < 1.3 && off <= 20 && rounded <= 2, "{}: largest {worst:.4} levels, {off} off", case.name);
+        assert!(decibels > 90.0, "{}: {decibels:.1} dB", case.name);
+    }
+}
+
+/// What is drawn, and in which order, is what the processor draws, Gaussian by Gaussian: depths that are equal, those that
+/// are a rounding apart, and what the network bends.
+#[test]
+fn the_order_is_the_processors() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    for case in cases() {
+        let scene = scene(&case.gaussians);
+        let there = Gaussians::upload(&device, &scene).unwrap();
+        let mut canvas = renderer.canvas(&there, case.size).unwrap();
+        renderer.submit(&there, &mut canvas, &case.view).unwrap();
+        let blend = scene.blend().unwrap();
+        let eye = Eye::new(&case.view, case.size, &blend.frame).unwrap();
+        let own = blend.gaussians(&[(&case.gaussians, 1.0)], &case.view, &eye, &Silent).unwrap();
+        let plan = Plan::new(&eye, own.len(), |i| Some(own[i]), CutOffs::PUBLISHED, &Silent).unwrap();
+        let read = |b: &wgpu::Buffer| words(&device.read(b, 4 * own.len() as u64).unwrap());
+        let (keys, order) = (read(&canvas.order.keys), read(&canvas.order.values));
+        let seen = keys.iter().filter(|k| **k != u32::MAX).count();
+        // Rounding may decide that the faintest is seen by one alone.
+        let both = |a: &[u32], b: &[u32]| {
+            let b: std::collections::HashSet<u32> = b.iter().copied().collect();
+            a.iter().copied().filter(|i| b.contains(i)).collect::<Vec<_>>()
+        };
+        let (a, b) = (both(&order[..seen], &plan.indices), both(&plan.indices, &order[..seen]));
+        assert!(a == b, "{}: out of order", case.name);
+        assert!(seen.max(plan.indices.len()) - a.len() <= 2, "{}: {} of {seen} seen", case.name, a.len());
+    }
+}
+
+fn words(bytes: &[u8]) -> Vec<u32> {
+    bytes.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect()
+}
+
+/// Where radius and opacity are as they were, the network does not run again; where one changed, it does.
+#[test]
+fn the_network_runs_where_it_must() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    let gaussians = with_network(usual(1, 800, 0.05), VizRanges::TRAINING);
+    let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
+    let mut canvas = renderer.canvas(&there, SIZE).unwrap();
+    let mut draw = |v: &View| renderer.draw(&there, &mut canvas, v).unwrap();
+    let first = view([1.0, 2.0, 6.0]);
+    let second = View { radius: 0.03, ..first.clone() };
+    let drawn = draw(&first);
+    assert_ne!(drawn, draw(&second));
+    assert!(drawn == draw(&first), "what the network said of another view shows");
+    let poison = || {
+        let bent = &there.chunks[0].bent;
+        device.queue.write_buffer(bent, 0, &vec![0; bent.size() as usize]);
+    };
+    poison();
+    assert!(draw(&first).data.iter().all(|v| *v == 0), "the network ran again");
+    poison();
+    assert_ne!(drawn, draw(&View { opacity: 0.07, ..first.clone() }));
+    assert!(drawn == draw(&first));
+}
+
+/// A picture that is drawn in several buffers and in several slabs is that of one, to the last bit; so is one whose
+/// Gaussians come in another order, one that is drawn again, and one after what a buffer held before.
+#[test]
+fn nothing_depends_on_order_or_on_what_was_there() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    let in_slabs = Renderer { most: 700, ..Renderer::new(&device).unwrap() };
+    let gaussians = with_network(usual(3, 1500, 0.1), VizRanges::TRAINING);
+    let mut turned = Mixture::default();
+    let (from, mut law) = (gaussians.law.alpha_blend().unwrap(), AlphaBlend::default());
+    for i in (0..gaussians.len()).rev() {
+        turned.push(gaussians.mean_of(i), gaussians.cov_of(i), 1.0, 1.0);
+        law.opacity.push(from.opacity[i]);
+        law.grey.push(from.grey[i]);
+    }
+    law.vizmapper = from.vizmapper.clone();
+    turned.law = Law::AlphaBlend(law);
+    let inside = View { radius: 0.03, ..view([0.1, 0.2, 0.5]) };
+    let drawn = |renderer: &Renderer, m: &Mixture, most: usize, poison: bool| {
+        let there = Gaussians::upload_in(&device, &scene(m), most).unwrap();
+        let mut canvas = renderer.canvas(&there, Size { width: 160, height: 90 }).unwrap();
+        if poison {
+            canvas.lists(&device, &renderer.kernels, 1 << 15).unwrap();
+            poisoned(&device, &there, &canvas);
+        }
+        renderer.submit(&there, &mut canvas, &inside).unwrap();
+        let first = (renderer.brightness(&canvas).unwrap().data, renderer.picture(&canvas).unwrap().data);
+        renderer.submit(&there, &mut canvas, &inside).unwrap();
+        assert!(first.0 == renderer.brightness(&canvas).unwrap().data, "the first shows in the second");
+        first
+    };
+    let once = drawn(&renderer, &gaussians, 1 << 20, false);
+    assert!(once.1.iter().any(|v| *v > 20));
+    assert!(once == drawn(&renderer, &gaussians, 1 << 20, true), "what was there shows");
+    assert!(once == drawn(&renderer, &turned, 1 << 20, false), "the order shows");
+    assert!(once == drawn(&renderer, &gaussians, 400, false), "several buffers show");
+    assert!(once == drawn(&in_slabs, &gaussians, 1 << 20, true), "several slabs show");
+}
+
+/// All ones, which are not a number and out of every range, in whatever is written before it is read.
+fn poisoned(device: &Device, gaussians: &Gaussians, canvas: &Canvas) {
+    let lists = canvas.lists.as_ref().unwrap();
+    let sorts = [&canvas.order, &lists.sort].into_iter().flat_map(|s| s.scratch.iter().chain([&s.keys, &s.values]));
+    let bent = gaussians.chunks.iter().map(|c| &c.bent);
+    let own = [&canvas.splats, &canvas.touched, &canvas.block_sums, &canvas.starts, &canvas.ranges];
+    let pixels = [&canvas.sums, &canvas.lefts, &canvas.picture];
+    for buffer in own.into_iter().chain(pixels).chain(sorts).chain(bent) {
+        device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
+    }
+}
+
+/// Sorted as std sorts, those of equal keys in their order; what lies behind them stays where it is.
+#[test]
+fn sorted_as_by_std() {
+    let Some(device) = device() else { return };
+    let sorter = sort::Sorter::new(&device);
+    for (n, room, bits, ties) in [
+        (0, 600, 32, 1),
+        (1, 1, 32, 1),
+        (511, 511, 32, 3),
+        (512, 513, 32, 1 << 20),
+        (513, 600, 9, 1),
+        (5000, 5001, 8, 100),
+        (70_000, 80_000, 32, 1000),
+        (70_000, 70_000, 17, 7),
+    ] {
+        let mut r = Random::new(n, 2, bits);
+        let largest = if bits == 32 { 4294967295.0 } else { (1u64 << bits) as f64 - 1.0 };
+        let key = |r: &mut Random| ((r.uniform() * largest) as u32 / ties) * ties;
+        let keys: Vec<u32> =
+            (0..room).map(|i| if i % 11 == 0 { u32::MAX >> (32 - bits) } else { key(&mut r) }).collect();
+        let values: Vec<u32> = (0..room as u32).map(|i| i.wrapping_mul(2654435761)).collect();
+        let sort = sorter.room(&device, room as u32, bits as u32);
+        for (buffer, of) in [(&sort.keys, &keys), (&sort.values, &values)] {
+            device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(of));
+        }
+        sort.set(&device.queue, n as u32);
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        sorter.run(&mut pass, &sort, n as u32);
+        drop(pass);
+        device.queue.submit([encoder.finish()]);
+        let mut wanted: Vec<(u32, u32)> = keys.into_iter().zip(values).collect();
+        wanted[..n as usize].sort_by_key(|(key, _)| *key);
+        let read = |b: &wgpu::Buffer| device.read(b, 4 * room).unwrap();
+        let (keys, values) = (read(&sort.keys), read(&sort.values));
+        let got: Vec<(u32, u32)> = words(&keys).into_iter().zip(words(&values)).collect();
+        assert!(got == wanted, "{n} of {room} with {bits} bits");
+    }
+}
+
+/// One scene at one size after another, by its law whatever look is asked for.
+#[test]
+fn pictures_are_by_the_scenes_law() {
+    let Some(device) = device() else { return };
+    let (gaussians, view) = (usual(1, 500, 0.1), view([1.0, 2.0, 6.0]));
+    let mut depths = gaussians.clone();
+    depths.law = Law::OpticalDepth;
+    let scenes = [scene(&gaussians), scene(&depths)];
+    let pictures = scenes.each_ref().map(|s| crate::render::Pictures::new(&device, s).unwrap());
+    for size in [Size { width: 33, height: 17 }, SIZE, Size { width: 64, height: 64 }] {
+        for look in Look::ALL {
+            for (own, scene) in pictures.iter().zip(&scenes) {
+                let (a, b) = (own.draw(&view, size, look).unwrap(), render::draw(scene, &view, size, look, &Silent));
+                let b = b.unwrap();
+                assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 2), "{}", look.name());
+                assert!(psnr(&a, &b).is_none_or(|db| db > 70.0), "{}", look.name());
+            }
+        }
+    }
+    let none = Mixture { law: Law::AlphaBlend(AlphaBlend::default()), ..Mixture::default() };
+    let none = crate::render::Pictures::new(&device, &scene(&none)).unwrap();
+    assert!(none.draw(&view, SIZE, Look::Expected).unwrap().data.iter().all(|v| *v == 0));
+}
+
+/// What float32 does not hold, or is behind, beside or before the range, is not drawn; nothing at all is black.
+#[test]
+fn what_is_not_seen_is_not_drawn() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    let draw = |m: &Mixture| {
+        let there = Gaussians::upload(&device, &scene(m)).unwrap();
+        let mut canvas = renderer.canvas(&there, SIZE).unwrap();
+        renderer.draw(&there, &mut canvas, &view([0.0, 0.0, 6.0])).unwrap()
+    };
+    let small = Sym3::scaled_identity(1e-4);
+    let of = |all: &[([f64; 3], f64)]| {
+        let mut m = mixture(1, all.len() as u64, 0.9, |_, i| (all[i as usize].0, small));
+        m.law.alpha_blend_mut().unwrap().opacity = all.iter().map(|(_, o)| *o).collect();
+        m
+    };
+    let unseen = [([0.0, 0.0, 9.0], 0.9), ([40.0, 0.0, 0.0], 0.9), ([0.0, 0.0, 5.99], 0.9), ([0.0; 3], 0.001)];
+    assert!(draw(&of(&unseen)).data.iter().all(|v| *v == 0));
+    let seen = [([0.1, 0.2, 0.3], 0.9)];
+    let alone = draw(&of(&seen));
+    assert!(alone.data.iter().any(|v| *v > 5));
+    let mut with = of(&[&seen[..], &unseen[..]].concat());
+    with.law.alpha_blend_mut().unwrap().grey[0] = of(&seen).law.alpha_blend().unwrap().grey[0];
+    assert!(alone == draw(&with));
+}
+
+/// What cannot be drawn is said, in a line.
+#[test]
+fn limits_are_told() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    let gaussians = usual(5, 80, 0.05);
+    let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
+    let told = |e: particlegs_core::Error| {
+        let text = e.to_string();
+        assert!(!text.contains('\n'), "{text}");
+        text
+    };
+    let huge = told(renderer.canvas(&there, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err());
+    assert!(huge.contains("100000x100000") && huge.contains("--device cpu"), "{huge}");
+    let mut canvas = renderer.canvas(&there, SIZE).unwrap();
+    let entries = (device.largest_binding() / 4 + 1).min(u64::from(u32::MAX)) as u32;
+    if u64::from(entries) * 4 > device.largest_binding() {
+        let long = told(canvas.lists(&device, &renderer.kernels, entries).map(drop).unwrap_err());
+        assert!(long.contains("entries") && long.contains("--device cpu"), "{long}");
+    }
+    let mut flat = view([0.0, 0.0, 6.0]);
+    flat.camera.projection = Projection::Orthographic { height_world: 2.5 };
+    let flat = told(renderer.submit(&there, &mut canvas, &flat).unwrap_err());
+    assert!(flat.contains("only be drawn in perspective"), "{flat}");
+    let wrong = View { opacity: 2.0, ..view([0.0, 0.0, 6.0]) };
+    told(renderer.submit(&there, &mut canvas, &wrong).unwrap_err());
+    let mut bad = gaussians.clone();
+    bad.mean[1][17] = f64::NAN;
+    let bad = told(Gaussians::upload_in(&device, &scene(&bad), 10).map(drop).unwrap_err());
+    assert_eq!(bad, "Gaussian 17: its mean is not finite");
+    let mut beyond = gaussians.clone();
+    beyond.mean[2][3] = 1e9;
+    let beyond = told(Gaussians::upload(&device, &scene(&beyond)).map(drop).unwrap_err());
+    assert!(beyond.starts_with("Gaussian 3: ") && beyond.contains("--device cpu"), "{beyond}");
+    let away = told(renderer.submit(&there, &mut canvas, &view([0.0, 0.0, 1e9])).unwrap_err());
+    assert!(away.contains("--device cpu"), "{away}");
+    let mut depths = gaussians;
+    depths.law = Law::OpticalDepth;
+    told(Gaussians::upload(&device, &scene(&depths)).map(drop).unwrap_err());
+}
