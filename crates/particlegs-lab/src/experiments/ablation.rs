@@ -226,6 +226,19 @@ pub(super) fn held_note<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Option<S
     })
 }
 
+/// How much better than `first` pictures can become: to the noise-free picture of all particles, which shares no noise with
+/// those that are scored against.
+pub(super) fn room_note(what: &str, first: &Row, noise_free: &Row, sizes: &[String; 2]) -> Option<String> {
+    let median = |row: &Row| Some(Spread::of(&row.measured(0))?.median);
+    let (from, to) = (median(first)?, median(noise_free)?);
+    Some(format!(
+        "What there is to gain: the noise-free picture of all particles, which no model is to pass, has {:.2} dB of PSNR \
+         at {} more than {what}. The paper's eight blocks gain 1.23 dB.",
+        to - from,
+        sizes[0]
+    ))
+}
+
 /// What several seeds of the whole recipe say about one run.
 pub(super) fn noise_note(first: &Row, sizes: &[String; 2]) -> String {
     let [small, large] = sizes;

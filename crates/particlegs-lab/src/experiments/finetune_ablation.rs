@@ -60,6 +60,9 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     ));
     notes.push(ablation::noise_note(&rows[0], &sizes));
     notes.extend(ablation::held_note(&rows));
+    if let [first, .., noise_free] = &rows[..] {
+        notes.extend(ablation::room_note("the first row", first, noise_free, &sizes));
+    }
     notes.push(
         "Seeds of the first row are those of fine-tuning; the merged model is the same. Other rows have one.".into(),
     );

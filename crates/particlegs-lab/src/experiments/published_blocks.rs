@@ -61,6 +61,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let mut found = Found { notes: notes(lab, &recipe, &tuning, &one, &sizes), ..Found::default() };
     found.notes.extend(ablation::held_note(all.iter().flat_map(|m| [&m.merged, &m.tuned])));
     found.notes.extend(near_and_far(&all, &one));
+    found.notes.extend(ablation::room_note("one block", &one, &noise_free, &sizes));
     found.tables.push(table(&all, &one, &sizes));
     for (stem, title, tuned) in [
         ("published-blocks-distance", "Fine-tuned blocks by distance of the camera", true),
