@@ -47,7 +47,7 @@ near _00 to _02; other columns are gains over the untrained model.
 
 The rows named
 alpha-blend are our preset (`--train fast --law alpha-blend`), not the published recipe, at its own number of steps: the schedules that `--iterations` once
-left unshrunk (docs/results/training.md) do not touch them.
+left unshrunk do not touch them.
 
 {table(["run", "bytes", "nine views", "gain", *OTHERS, "worst of the views but high_opacity"], scores)}
 ### Statistics of as many particles drawn from the model (`recover --method count`, `stats --grid 50 --spectrum-grid 512`)

@@ -1,14 +1,22 @@
-//! What takes a run's steps in place of the processor.
+//! What takes a run's steps, and draws its pictures, in place of the processor.
 
 use crate::depth::{Parameters, Steps};
+use crate::subject::Subject;
 use particlegs_core::Result;
+use particlegs_core::progress::Progress;
 use std::fmt::Debug;
 
-/// A device that takes steps of training.
+/// A device that takes steps of training, and draws what is learnt.
 pub trait Device: Debug + Send + Sync {
     /// What takes steps of these Gaussians of the optical-depth law.
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where it does not hold them; those of the device.
     fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn Steps>>;
+
+    /// The same subject, whose pictures the device draws.
+    ///
+    /// # Errors
+    /// Those of the device; [`particlegs_core::Error::Cancelled`].
+    fn subject<'a>(&self, of: &'a dyn Subject, progress: &dyn Progress) -> Result<Box<dyn Subject + 'a>>;
 }

@@ -176,7 +176,10 @@ impl<'a> Training<'a> {
     pub fn run(&self, initial: Initial<'_>, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Trained> {
         self.config.check()?;
         progress.require_memory("training", bytes_wanted(self.config, initial.len()))?;
-        self.run_with(self.learner(initial)?, pieces, progress)
+        let learner = self.learner(initial)?;
+        let Some(device) = &self.limits.device else { return self.run_with(learner, pieces, progress) };
+        let subject = device.subject(self.subject, progress)?;
+        Training { subject: &*subject, ..*self }.run_with(learner, pieces, progress)
     }
 
     /// [`Training::run`] of any learner.

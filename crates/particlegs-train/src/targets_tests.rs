@@ -27,6 +27,15 @@ impl Subject for Cloud<'_> {
     fn position(&self, i: usize) -> [f64; 3] {
         self.0.particles().position(i)
     }
+    fn origin(&self) -> [f64; 3] {
+        self.0.particles().origin
+    }
+    fn columns(&self, range: std::ops::Range<usize>) -> [Vec<f32>; 3] {
+        self.0.particles().columns(range)
+    }
+    fn bounds(&self) -> particlegs_core::space::Bounds {
+        *self.0.bounds()
+    }
     fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
         self.0.draw(view, size, look, progress)
     }

@@ -14,6 +14,7 @@
 mod gaussians;
 mod kernels;
 mod picture;
+mod subject;
 #[cfg(test)]
 mod tests;
 
@@ -22,13 +23,15 @@ use crate::{Device, groups};
 use gaussians::Held;
 use kernels::Kernels;
 use particlegs_core::picture::Size;
+use particlegs_core::progress::Progress;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::{Error, Result};
 use particlegs_train::depth::{Parameters, StepSize, Steps, WIDTHS};
-use particlegs_train::{Loss, NotFinite, Shot, Stepped};
+use particlegs_train::{Loss, NotFinite, Shot, Stepped, Subject};
 use picture::{Curves, Picture};
 use std::fmt;
 use std::sync::Arc;
+use subject::OnDevice;
 
 /// Groups of threads that share out the Gaussians that are cut.
 const CUT_GROUPS: u32 = 1024;
@@ -73,6 +76,10 @@ impl Trainer {
 impl particlegs_train::Device for Trainer {
     fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn Steps>> {
         Ok(Box::new(self.of_depth(of)?))
+    }
+
+    fn subject<'a>(&self, of: &'a dyn Subject, progress: &dyn Progress) -> Result<Box<dyn Subject + 'a>> {
+        Ok(Box::new(OnDevice::new(&self.device, of, progress)?))
     }
 }
 

@@ -12,6 +12,7 @@ use crate::render::tone;
 use crate::space::Bounds;
 use crate::splat::Look;
 use particlegs_files::memory::require;
+use std::ops::Range;
 
 /// A snapshot ready to be drawn: its particles and their bounds, found once.
 pub struct Reference<'a> {
@@ -148,6 +149,18 @@ impl crate::train::Subject for Reference<'_> {
 
     fn position(&self, i: usize) -> [f64; 3] {
         self.particles.position(i)
+    }
+
+    fn origin(&self) -> [f64; 3] {
+        self.particles.origin
+    }
+
+    fn columns(&self, range: Range<usize>) -> [Vec<f32>; 3] {
+        self.particles.columns(range)
+    }
+
+    fn bounds(&self) -> Bounds {
+        self.bounds
     }
 
     fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {

@@ -1,0 +1,76 @@
+//! What a run learns from, drawn on the device.
+
+use crate::Device;
+use crate::reference::Pictures;
+use particlegs_core::camera::View;
+use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::progress::Progress;
+use particlegs_core::space::Bounds;
+use particlegs_core::splat::Look;
+use particlegs_core::{Error, Result};
+use particlegs_train::Subject;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Bytes a pixel that a kernel sees at once of pictures of all particles.
+const A_PIXEL: u64 = 8;
+
+/// Particles whose pictures the device draws, where it holds them; larger ones are the processor's, which are the same.
+pub(super) struct OnDevice<'a> {
+    of: &'a dyn Subject,
+    device: Arc<Device>,
+    pictures: Pictures<'a>,
+}
+
+impl<'a> OnDevice<'a> {
+    /// Sends the particles, as many as there is room for.
+    ///
+    /// # Errors
+    /// Those of the device; [`Error::Cancelled`].
+    pub fn new(device: &Arc<Device>, of: &'a dyn Subject, progress: &dyn Progress) -> Result<Self> {
+        let columns = Box::new(move |range: Range<usize>| of.columns(range));
+        let mut pictures = Pictures::new(device, of.origin(), of.bounds(), of.len(), columns)?;
+        pictures.keep(device, &mut |_| if progress.cancelled() { Err(Error::Cancelled) } else { Ok(()) })?;
+        Ok(OnDevice { of, device: device.clone(), pictures })
+    }
+
+    fn holds(&self, size: Size) -> bool {
+        self.device.fits(size, A_PIXEL * size.pixels() as u64).is_ok()
+    }
+}
+
+impl Subject for OnDevice<'_> {
+    fn len(&self) -> usize {
+        self.of.len()
+    }
+
+    fn position(&self, i: usize) -> [f64; 3] {
+        self.of.position(i)
+    }
+
+    fn origin(&self) -> [f64; 3] {
+        self.of.origin()
+    }
+
+    fn columns(&self, range: Range<usize>) -> [Vec<f32>; 3] {
+        self.of.columns(range)
+    }
+
+    fn bounds(&self) -> Bounds {
+        self.of.bounds()
+    }
+
+    fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+        if self.holds(size) {
+            return self.pictures.draw(view, size, look, progress);
+        }
+        self.of.draw(view, size, look, progress)
+    }
+
+    fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
+        if self.holds(size) {
+            return self.pictures.optical_depth(view, size, progress);
+        }
+        self.of.optical_depth(view, size, progress)
+    }
+}
