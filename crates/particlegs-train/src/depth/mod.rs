@@ -1,10 +1,10 @@
 //! Training by the optical-depth law: a sum over Gaussians passed through one curve, so gradients
 //! need no order and no recursion (docs/law/depth.md).
 //!
-//! [`forward`](raster::Tape) projects and draws as `render` does and keeps what it placed; the
+//! `raster` projects and draws as `render` does and keeps what it placed; the
 //! backward pass takes the gradient of the depth down the pyramid of planes, each piece gathers it
 //! over its footprint (`gather`), and `adjoint` carries it back through the projection to mean,
-//! covariance and count. The [`DepthLearner`] moves them in each Gaussian's own frame.
+//! covariance and count. A step moves them ([`Steps`]) in each Gaussian's own frame.
 
 mod adjoint;
 mod coded;
