@@ -100,7 +100,10 @@ impl Device {
         let what = match fault {
             None => return Ok(()),
             Some(Fault::Memory) => "its memory does not hold this: use a smaller picture, or --device cpu".into(),
-            Some(Fault::Lost(text)) => format!("it was lost, by a reset or its driver ({}): run again", line(&text)),
+            Some(Fault::Lost(text)) => format!(
+                "it was lost, by a reset or its driver ({}): run again; training goes on from its checkpoint (--resume)",
+                line(&text)
+            ),
             Some(Fault::Other(text)) => line(&text),
         };
         Err(Error::input(format!("device {}", self.name), what))

@@ -277,6 +277,24 @@ fn strayed_of(a: &[f64; 10], b: &[f64; 10]) -> f64 {
     a[..9].iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
+/// A device that is gone in the midst of a run: an error, and what was fetched before stays.
+#[test]
+fn a_device_that_is_gone_is_an_error() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    let case = cases().swap_remove(0);
+    let mut of = parameters(&case);
+    let mut own = trainer.of_depth(&of).unwrap();
+    steps(&mut own, &mut of, &case, 2);
+    let before = of.now.clone();
+    device.device.destroy();
+    let target = target(SIZE);
+    let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let error = own.step(&mut of, &shot, &case.loss, &size_of_step(0.01)).unwrap_err().to_string();
+    assert!(error.contains("device") && error.lines().count() == 1, "{error}");
+    assert!(of.now == before);
+}
+
 #[test]
 fn more_gaussians_than_it_holds_are_refused() {
     let Some(device) = device() else { return };
