@@ -38,10 +38,10 @@ pub struct Row {
     /// Each picture read back before the next one is begun.
     frames_per_second_read_back: f64,
     device_memory_bytes: Option<u64>,
-    /// Footprints of a frame, and pixels that they add to.
+    /// Footprints of a frame, and pixels that they add to, whichever way those are summed.
     footprints: u64,
     additions: f64,
-    /// Bytes that a frame moves at least.
+    /// Bytes that a frame moves at least, lists of tiles not counted.
     bytes: f64,
 }
 

@@ -1,6 +1,7 @@
 //! A rival of the atomic adds, to be measured beside them: strokes are listed for each tile of 8 x 8 pixels of each plane,
 //! and a pixel is summed by one thread. The same whole numbers are added, so that pictures have the same bits. How long the
-//! lists are is counted first and read back. Gaussians that are cut along depth are drawn by atomic adds after it.
+//! lists are is counted first and read back. Gaussians that are cut along depth are drawn by atomic adds after it. Not parted
+//! into dispatches, however long lists are: slow cards may take one for hung.
 
 use super::kernels::sources::{FRAME, ROWS, SCALE, SPAN, STROKE};
 use super::{Batch, CUT_GROUPS, Canvas, Gaussians, Renderer};
