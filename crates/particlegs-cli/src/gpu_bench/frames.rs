@@ -11,7 +11,7 @@ use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::render::raster::pyramid::{PAD, levels};
 use particlegs::splat::Look;
-use particlegs_gpu::render::{Canvas, Gaussians, Renderer};
+use particlegs_gpu::render::{Canvas, Gaussians, Renderer, Tiles};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -28,6 +28,8 @@ pub struct Row {
     look: &'static str,
     /// What changes from frame to frame.
     changes: &'static str,
+    /// How pixels are summed.
+    way: &'static str,
     distance: f64,
     radius_px: f64,
     opacity: f64,
@@ -36,10 +38,10 @@ pub struct Row {
     /// Each picture read back before the next one is begun.
     frames_per_second_read_back: f64,
     device_memory_bytes: Option<u64>,
-    /// Footprints of a frame, and pixels that they add to.
+    /// Footprints of a frame, and pixels that they add to, whichever way those are summed.
     footprints: u64,
     additions: f64,
-    /// Bytes that a frame moves at least.
+    /// Bytes that a frame moves at least, lists of tiles not counted.
     bytes: f64,
 }
 
@@ -54,11 +56,16 @@ pub fn rows(device: &Device, made: &Made, sizes: &[Size], quick: Quick, context:
     let mut rows = Vec::new();
     for &size in sizes {
         let canvas = renderer.canvas(&there, size)?;
-        for (changes, look) in
-            [("camera", Look::Expected), ("radius and opacity", Look::Expected), ("camera", Look::Paraview)]
-        {
+        for (changes, look, by_tiles) in [
+            ("camera", Look::Expected, false),
+            ("camera", Look::Expected, true),
+            ("radius and opacity", Look::Expected, false),
+            ("camera", Look::Paraview, false),
+        ] {
             let views = views(made, size, changes == "camera");
-            let own = Measurement { renderer: &renderer, there: &there, canvas: &canvas, views: &views, look };
+            let tiles = by_tiles.then(|| Tiles::new(&renderer, &there, &canvas)).transpose()?;
+            let (renderer, there, canvas, views) = (&renderer, &there, &canvas, &views[..]);
+            let mut own = Measurement { renderer, there, canvas, views, look, tiles };
             rows.push(own.row(made, size, changes, quick, context)?);
             context.advance(1);
         }
@@ -73,10 +80,12 @@ struct Measurement<'a> {
     canvas: &'a Canvas,
     views: &'a [View],
     look: Look,
+    /// Where they sum, not atomic adds.
+    tiles: Option<Tiles<'a>>,
 }
 
 impl Measurement<'_> {
-    fn row(&self, made: &Made, size: Size, changes: &'static str, quick: Quick, context: &Context) -> Result<Row> {
+    fn row(&mut self, made: &Made, size: Size, changes: &'static str, quick: Quick, context: &Context) -> Result<Row> {
         let frames = if quick.0 { 20 } else { FRAMES };
         // Everything is compiled and there.
         self.frames(3, false, context)?;
@@ -90,6 +99,7 @@ impl Measurement<'_> {
             height: size.height,
             look: self.look.name(),
             changes,
+            way: if self.tiles.is_some() { "tiles of 8 x 8" } else { "atomic adds" },
             distance: 1.0,
             radius_px: first.radius_pixels(size),
             opacity: first.opacity,
@@ -105,12 +115,15 @@ impl Measurement<'_> {
 
     /// Draws frames until all are drawn or the time is over: how many, and in how many seconds of the clock to the end
     /// of the last.
-    fn frames(&self, most: usize, read_back: bool, context: &Context) -> Result<(usize, f64)> {
+    fn frames(&mut self, most: usize, read_back: bool, context: &Context) -> Result<(usize, f64)> {
         let (started, mut drawn) = (Instant::now(), 0);
         while drawn < most && started.elapsed() < LIMIT {
             context.check()?;
             let view = &self.views[drawn % self.views.len()];
-            self.renderer.submit(self.there, self.canvas, view, self.look)?;
+            match &mut self.tiles {
+                None => self.renderer.submit(self.there, self.canvas, view, self.look)?,
+                Some(tiles) => tiles.submit(view, self.look)?,
+            }
             if read_back {
                 self.renderer.picture(self.canvas)?;
             } else if drawn % BEHIND == BEHIND - 1 {
@@ -138,14 +151,14 @@ fn bytes(gaussians: usize, work: &Work, size: Size) -> f64 {
 impl Row {
     /// Rows as people read them; `rates` are the device's.
     pub fn text(rows: &[Row], rates: &particlegs_gpu::Rates) -> String {
-        let mut text = format!("{:>9} {:>10} {:<9} {:<18}", "Gaussians", "pixels", "look", "changes");
+        let mut text = format!("{:>9} {:>10} {:<9} {:<18} {:<14}", "Gaussians", "pixels", "look", "changes", "by");
         text += &format!(" {:>9} {:>10} {:>7} {:>7} {:>7}", "frames/s", "read back", "MB", "bytes", "adds");
         for r in rows {
             let memory = r.device_memory_bytes.map_or("-".into(), |b| format!("{:.0}", b as f64 / 1e6));
             let pixels = format!("{}x{}", r.width, r.height);
             let [bytes, additions] =
                 [r.bytes / rates.copied_bytes, r.additions / rates.additions].map(|s| 100.0 * s * r.frames_per_second);
-            text += &format!("\n{:>9} {pixels:>10} {:<9} {:<18}", r.gaussians, r.look, r.changes);
+            text += &format!("\n{:>9} {pixels:>10} {:<9} {:<18} {:<14}", r.gaussians, r.look, r.changes, r.way);
             text += &format!(" {:>9.1} {:>10.1} {memory:>7}", r.frames_per_second, r.frames_per_second_read_back);
             text += &format!(" {bytes:>5.1} % {additions:>5.1} %");
         }

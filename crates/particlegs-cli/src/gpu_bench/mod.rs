@@ -53,7 +53,7 @@ pub fn measure(device: &Device, quick: Quick, context: &Context) -> Result<Repor
     let (sizes, hd) = if quick.0 { (&[SMALL][..], SMALL) } else { (&[HD, UHD][..], HD) };
     let [few, more, most] = tilings.map(|(sample, tiles)| scenes::tiled(sample, tiles));
     let (few, more, most) = (few?, more?, most?);
-    context.begin("measuring", 2 * 3 * sizes.len() as u64 + 3);
+    context.begin("measuring", 2 * 4 * sizes.len() as u64 + 3);
     let mut frames = frames::rows(device, &few, sizes, quick, context)?;
     frames.extend(frames::rows(device, &more, sizes, quick, context)?);
     let mut training = Vec::new();

@@ -13,6 +13,7 @@ pub(crate) mod sources {
     pub const SHARE: &str = include_str!("../share.wgsl");
     pub const STROKE: &str = include_str!("stroke.wgsl");
     pub const ROWS: &str = include_str!("rows.wgsl");
+    pub const SPAN: &str = include_str!("span.wgsl");
     pub const PYRAMID: &str = include_str!("pyramid.wgsl");
     pub const TONE: &str = include_str!("tone.wgsl");
 }
@@ -50,12 +51,24 @@ impl Kernels {
             scale: new("scale", &[include_str!("scale_main.wgsl"), SCALE], &[Read, Write]),
             raster: new(
                 "raster",
-                &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, SHARE, ROWS, RASTER],
+                &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, SHARE, ROWS, SPAN, RASTER],
                 &[Uniform, Read, Read, Read, Write, Uniform],
             ),
             slices: new(
                 "slices",
-                &[include_str!("slices_main.wgsl"), FRAME, SCALE, PROJECT, SLICES, STROKE, BIN, SHARE, ROWS, RASTER],
+                &[
+                    include_str!("slices_main.wgsl"),
+                    FRAME,
+                    SCALE,
+                    PROJECT,
+                    SLICES,
+                    STROKE,
+                    BIN,
+                    SHARE,
+                    ROWS,
+                    SPAN,
+                    RASTER,
+                ],
                 &[Uniform, Read, Read, Read, Read, Write],
             ),
             pyramid: new(

@@ -6,6 +6,7 @@
 //! | bin.wgsl | `bin::place` | footprints to strokes on the plane that suits them |
 //! | bound.wgsl, scale_main.wgsl | none: it sums in float32 | the scale of sums of whole numbers that none wraps at |
 //! | raster.wgsl, ../share.wgsl | `raster::draw` | strokes to sums, by atomic adds, pixels shared out evenly |
+//! | tiles/ | none: a rival of the last, for strokes | lists of the strokes of 8 x 8 pixels to sums, a pixel by one thread |
 //! | pyramid.wgsl | `raster::pyramid` | planes summed from coarse to fine, as depth |
 //! | tone.wgsl | `tone` | depth to grey levels |
 //!
@@ -17,6 +18,7 @@ mod kernels;
 mod pictures;
 #[cfg(test)]
 mod tests;
+mod tiles;
 mod tone;
 
 pub(crate) use frame::two_floats;
@@ -24,6 +26,7 @@ pub use gaussians::Gaussians;
 pub(crate) use gaussians::MOST;
 pub(crate) use kernels::sources;
 pub use pictures::Pictures;
+pub use tiles::Tiles;
 pub(crate) use tone::{CURVE, LookRecord, Tone, ToneMapper, TonePlane, curve};
 
 use crate::{Device, dispatches, groups};
@@ -61,7 +64,6 @@ pub struct Canvas {
     cut_count: wgpu::Buffer,
     picture: wgpu::Buffer,
     /// Strokes and their planes: what is written before it is read.
-    #[cfg(test)]
     scratch: [wgpu::Buffer; 2],
     cuts: wgpu::Buffer,
     batches: Vec<Batch>,
@@ -191,7 +193,6 @@ impl Renderer {
             scales: scale,
             cut_count,
             picture,
-            #[cfg(test)]
             scratch: [strokes, planes_of],
             cuts,
             batches,
@@ -206,26 +207,27 @@ impl Renderer {
     /// # Errors
     /// [`Error::Argument`] for a view out of range; those of the device.
     pub fn submit(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: Look) -> Result<()> {
-        let (queue, size) = (&self.device.queue, canvas.planes.size);
-        let lens = Lens::optical(view, size, &gaussians.bounds)?;
-        canvas.tone.set(queue, view, look, TonePlane { size, is_sum: canvas.holds_sums() });
+        let lens = self.seen(gaussians, canvas, view, look)?;
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         self.sum(&mut encoder, gaussians, canvas, &lens);
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        self.tones.run(&mut pass, &canvas.tone, size, look);
+        self.tones.run(&mut pass, &canvas.tone, canvas.planes.size, look);
         drop(pass);
-        queue.submit([encoder.finish()]);
+        self.device.queue.submit([encoder.finish()]);
         self.device.check()
+    }
+
+    /// The lens of a picture, once the device knows how it is to be toned.
+    fn seen(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: Look) -> Result<Lens> {
+        let size = canvas.planes.size;
+        let lens = Lens::optical(view, size, &gaussians.bounds)?;
+        canvas.tone.set(&self.device.queue, view, look, TonePlane { size, is_sum: canvas.holds_sums() });
+        Ok(lens)
     }
 
     /// The passes that make the finest plane the depth of the Gaussians as a lens sees them.
     pub(crate) fn sum(&self, encoder: &mut wgpu::CommandEncoder, gaussians: &Gaussians, canvas: &Canvas, lens: &Lens) {
-        for batch in &canvas.batches {
-            let record = FrameRecord::new(&lens.shifted(batch.shift), gaussians.origin, &canvas.planes, batch.count);
-            self.device.queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
-        }
-        encoder.clear_buffer(&canvas.sums, 0, None);
-        encoder.clear_buffer(&canvas.tiles, 0, None);
+        self.begin(encoder, gaussians, canvas, lens);
         let one = canvas.batches.len() == 1;
         for batch in &canvas.batches {
             encoder.clear_buffer(&canvas.cut_count, 0, None);
@@ -254,6 +256,16 @@ impl Renderer {
         }
     }
 
+    /// The lens for all kernels, and sums of nothing.
+    fn begin(&self, encoder: &mut wgpu::CommandEncoder, gaussians: &Gaussians, canvas: &Canvas, lens: &Lens) {
+        for batch in &canvas.batches {
+            let record = FrameRecord::new(&lens.shifted(batch.shift), gaussians.origin, &canvas.planes, batch.count);
+            self.device.queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
+        }
+        encoder.clear_buffer(&canvas.sums, 0, None);
+        encoder.clear_buffer(&canvas.tiles, 0, None);
+    }
+
     fn project(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
         self.kernels.project.run(pass, &batch.project, groups(u64::from(batch.count)));
     }
@@ -262,6 +274,10 @@ impl Renderer {
         for (bound, count) in &batch.raster {
             self.kernels.raster.run(pass, bound, groups(u64::from(*count)));
         }
+        self.slices(pass, batch);
+    }
+
+    fn slices(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
         self.kernels.slices.run(pass, &batch.slices, [CUT_GROUPS, 1]);
     }
 

@@ -2,11 +2,10 @@
 // pixels, whosesoever they are, are shared out evenly among the threads. Sums are of whole numbers, so that no order of
 // adding shows.
 
-// A row of a stroke: the sum that its first pixel adds to, the way from the centre to there, and the row's own fall.
+// A row of a stroke: the sum that its first pixel adds to, and how it starts.
 struct Span {
+    start: vec2f,
     at: u32,
-    dx: f32,
-    fall: f32,
     stroke: u32,
 }
 var<workgroup> spans: array<Span, 64>;
@@ -28,10 +27,8 @@ fn draw(me: u32, stroke: Stroke, plane: u32, scale: f32) {
             let row = within(ROWS, own, base + me);
             let span = span_of(own, row);
             let y = rows_of(s, planes_here[own]).x + row;
-            let dy = f32(y) - s.y;
             let level = frame.levels[planes_here[own]];
-            let dx = f32(span.x) - (s.x + s.slope * dy);
-            spans[me] = Span(level.first + y * level.width + span.x, dx, s.down * (dy * dy), own);
+            spans[me] = Span(row_start(s, span.x, y), level.first + y * level.width + span.x, own);
             count = span.y;
         }
         running_sum(SPANS, me, count);
@@ -40,11 +37,8 @@ fn draw(me: u32, stroke: Stroke, plane: u32, scale: f32) {
             let own = owner(SPANS, pixel);
             let along = within(SPANS, own, pixel);
             let span = spans[own];
-            let s = strokes_here[span.stroke];
-            let dx = span.dx + f32(along);
-            let power = dx * dx * s.along + span.fall;
-            let value = u32(exp2(power) * s.peak * scale + 0.5);
-            if power >= s.end && value > 0u {
+            let value = addition(strokes_here[span.stroke], span.start, along, scale);
+            if value > 0u {
                 atomicAdd(&sums[span.at + along], value);
             }
         }

@@ -168,6 +168,52 @@ fn nothing_depends_on_order_or_on_what_was_there() {
     assert!(once == drawn(&gaussians, 400, false), "several buffers show");
 }
 
+/// Sums by tiles are those by atomic adds, to the last bit; in several buffers too.
+#[test]
+fn tiles_have_the_bits_of_atomic_adds() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    for Case { name, gaussians, view, size } in cases() {
+        for most in [1 << 20, 1700] {
+            let there = Gaussians::upload_in(&device, &scene(&gaussians), most).unwrap();
+            let canvas = renderer.canvas(&there, size).unwrap();
+            let mut tiles = Tiles::new(&renderer, &there, &canvas).unwrap();
+            for look in [Look::Expected, Look::Paraview] {
+                // In that look the plane holds depth.
+                let depth = || (look == Look::Expected).then(|| renderer.depth(&canvas).unwrap().data);
+                let drawn = || (depth(), renderer.picture(&canvas).unwrap().data);
+                renderer.submit(&there, &canvas, &view, look).unwrap();
+                let by_adds = drawn();
+                for buffer in [&canvas.sums, &canvas.picture] {
+                    device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
+                }
+                tiles.submit(&view, look).unwrap();
+                assert!(by_adds.1.iter().any(|v| *v > 0), "{name}: nothing is seen");
+                assert!(by_adds == drawn(), "{name}, {}: tiles show", look.name());
+            }
+        }
+    }
+}
+
+/// Lists that are too long are told, and the next picture is drawn all the same.
+#[test]
+fn lists_of_tiles_have_an_end() {
+    let Some(device) = device() else { return };
+    let renderer = Renderer::new(&device).unwrap();
+    let (gaussians, size) = (mixture(5, 300, 0.05), Size { width: 160, height: 90 });
+    let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
+    let canvas = renderer.canvas(&there, size).unwrap();
+    let own = view([1.0, 2.0, 6.0], [0.01, 0.05]);
+    let by_adds = renderer.draw(&there, &canvas, &own, Look::Expected).unwrap();
+    let mut tiles = Tiles::new(&renderer, &there, &canvas).unwrap();
+    let most = std::mem::replace(&mut tiles.most, 100);
+    let long = tiles.submit(&own, Look::Expected).unwrap_err().to_string();
+    assert!(long.contains("160x90") && long.contains("the 100 that") && !long.contains('\n'), "{long}");
+    tiles.most = most;
+    tiles.submit(&own, Look::Expected).unwrap();
+    assert_eq!(renderer.picture(&canvas).unwrap().data, by_adds.data);
+}
+
 /// Periodic images are drawn where core draws them.
 #[test]
 fn images_are_repeated() {
