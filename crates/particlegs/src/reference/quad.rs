@@ -21,11 +21,14 @@ const ROUNDER: f32 = 12_582_912.0;
 /// What it does that for.
 const ROUNDS: f32 = 4_194_304.0;
 
+/// Corners farther out lie millions of pixels outside the picture; so near, products of differences fit 64 bits.
+const FARTHEST: f32 = 1_073_741_000.0;
+
 /// [`snap`] where code is not compiled for instructions that round.
 #[inline(always)]
 fn snap_one(window: f32) -> i32 {
     let x = (window - 0.5) * SUBPIXEL;
-    if x.abs() < ROUNDS { whole(x) } else { x.round_ties_even() as i32 }
+    if x.abs() < ROUNDS { whole(x) } else { x.round_ties_even().clamp(-FARTHEST, FARTHEST) as i32 }
 }
 
 /// The nearest whole number of a number below [`ROUNDS`].
@@ -252,4 +255,21 @@ fn exp2(x: f32) -> f32 {
     let even = fma(f2, fma(f2, C[4], C[2]), C[0]);
     let odd = fma(f2, fma(f2, C[5], C[3]), C[1]);
     fma(odd, f, even) * f32::from_bits(((whole(floor) + 127) as u32) << 23)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Corners beyond all bounds, in opposite ones: products of their differences fit.
+    #[test]
+    fn corners_as_far_as_numbers_go_cover_what_lies_between() {
+        let far = [f32::MAX, -f32::MAX].map(snap_one);
+        assert_eq!(far, [FARTHEST as i32, -FARTHEST as i32]);
+        let corner = [[far[1], far[1]], [far[0], far[1]], [far[1], far[0]], [far[0], far[0]]];
+        let (columns, rows, window) = ([0, 8], [0, 8], [[0.0; 2]; 4]);
+        let quad = Quad { corner, aligned: false, columns, rows, window };
+        assert_eq!(quad.columns_of(3), [0, 8]);
+        assert_eq!([[-1, 0], [0, 0], [7, 7]].map(|[x, y]| quad.triangle(x, y)), [0, 1, 1]);
+    }
 }
