@@ -3,6 +3,9 @@
 use crate::Device;
 use crate::device::Checks;
 
+/// The end of kernels that write grey levels.
+pub(crate) const FOUR_LEVELS: &str = include_str!("four_levels_main.wgsl");
+
 /// What a kernel does with a buffer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Use {

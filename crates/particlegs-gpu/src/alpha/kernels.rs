@@ -3,7 +3,7 @@
 use super::adapt::Adapter;
 use super::sort::Sorter;
 use crate::Device;
-use crate::kernel::{Kernel, Use};
+use crate::kernel::{FOUR_LEVELS, Kernel, Use};
 
 const FRAME: &str = include_str!("frame.wgsl");
 const PROJECT: &str = include_str!("project.wgsl");
@@ -52,7 +52,7 @@ impl Kernels {
                 &[include_str!("raster_main.wgsl"), FRAME],
                 &[Uniform, Uniform, Read, Read, Read, Write, Write],
             ),
-            tone: new("tone, alpha", &[include_str!("tone_main.wgsl"), FRAME], &[Uniform, Read, Write]),
+            tone: new("tone, alpha", &[include_str!("tone_main.wgsl"), FRAME, FOUR_LEVELS], &[Uniform, Read, Write]),
         }
     }
 }

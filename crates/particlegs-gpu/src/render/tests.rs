@@ -1,8 +1,8 @@
 //! Kernels against their twins in core, on whatever adapter there is.
 
 use super::*;
-use crate::tests::device;
-use particlegs_core::camera::{Camera, Projection};
+use crate::tests::{device, view};
+use particlegs_core::camera::Projection;
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::psnr;
@@ -16,21 +16,6 @@ struct Case {
     gaussians: Mixture,
     view: View,
     size: Size,
-}
-
-fn view(position: [f64; 3], [radius, opacity]: [f64; 2]) -> View {
-    View {
-        name: "v".into(),
-        camera: Camera {
-            position,
-            focal_point: [0.0; 3],
-            view_up: [0.0, 1.0, 0.0],
-            projection: Projection::Perspective { fov_deg: 30.0 },
-            clipping_range: None,
-        },
-        radius,
-        opacity,
-    }
 }
 
 /// Gaussians in the unit cube: round, flat, long, and without extent.

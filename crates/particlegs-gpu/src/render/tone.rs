@@ -1,7 +1,7 @@
 //! Depth to grey levels: tone.wgsl and what it reads.
 
 use super::kernels::sources::{FRAME, SCALE, TONE};
-use crate::kernel::{Kernel, Use};
+use crate::kernel::{FOUR_LEVELS, Kernel, Use};
 use crate::{Device, groups};
 use particlegs_core::camera::View;
 use particlegs_core::picture::Size;
@@ -57,13 +57,13 @@ impl ToneMapper {
     /// Compiled for a device.
     pub fn new(device: &Device) -> ToneMapper {
         use Use::{Read, Uniform, Write};
-        let new = |label, main| {
+        let new = |label, main: &[&str]| {
             let uses = [Uniform, Read, Write, Uniform, Read, Write];
-            Kernel::new(device, label, &[TONE, main, FRAME, SCALE], &uses)
+            Kernel::new(device, label, &[&[TONE, FRAME, SCALE], main].concat(), &uses)
         };
         ToneMapper {
-            levels: new("levels", include_str!("tone_levels_main.wgsl")),
-            tone: new("tone", include_str!("tone_main.wgsl")),
+            levels: new("levels", &[include_str!("tone_levels_main.wgsl")]),
+            tone: new("tone", &[include_str!("tone_main.wgsl"), FOUR_LEVELS]),
         }
     }
 

@@ -31,7 +31,9 @@ pub(super) struct Held {
     group_records: wgpu::Buffer,
     step: wgpu::Buffer,
     bound: Bound,
-    group_count: u64,
+    /// Gaussians by group, and where each group begins among them; then the end.
+    order: Vec<u32>,
+    starts: Vec<u32>,
     #[cfg(test)]
     sizes: [wgpu::Buffer; 2],
 }
@@ -74,7 +76,7 @@ impl Held {
         device.check()?;
         let origin = each_axis(|k| 0.5 * (of.bounds.min[k] + of.bounds.max[k]));
         let seen = Gaussians::of_buffer(seen_columns.clone(), count as u32, origin, of.bounds);
-        let group_count = group_count as u64;
+        let (order, starts) = by_group(of);
         Ok(Held {
             origin,
             count,
@@ -88,7 +90,8 @@ impl Held {
             group_records,
             step,
             bound,
-            group_count,
+            order,
+            starts,
             #[cfg(test)]
             sizes: [parts, epsilon],
         })
@@ -111,7 +114,7 @@ impl Held {
         kernels.sizes.run(pass, &bound.sizes, [PARTS, 1]);
         kernels.sizes_total.run(pass, &bound.sizes_total, [1, 1]);
         // A workgroup a group.
-        kernels.adam.run(pass, &bound.adam, groups(64 * self.group_count));
+        kernels.adam.run(pass, &bound.adam, groups(64 * (self.starts.len() as u64 - 1)));
         bound.change.iter().for_each(|b| kernels.change.run(pass, b, each));
         kernels.average.run(pass, &bound.average, each);
     }
@@ -134,9 +137,10 @@ impl Held {
             averages.extend((0..width).flat_map(|k| (0..self.count).map(move |i| all[width * i + k])));
         }
         write(&self.averages, &averages);
-        let (members, group_records) = by_group(of);
+        let member = |&i: &u32| [i, (of.first_log_count[i as usize] as f32).to_bits()];
+        let members: Vec<[u32; 2]> = self.order.iter().map(member).collect();
         device.queue.write_buffer(&self.members, 0, bytemuck::cast_slice(&members));
-        device.queue.write_buffer(&self.group_records, 0, bytemuck::cast_slice(&group_records));
+        self.put_groups(device, of);
         device.wait()
     }
 
@@ -145,9 +149,8 @@ impl Held {
     /// # Errors
     /// Those of the device.
     pub fn replace(&self, device: &Device, kernels: &Kernels, of: &Parameters, which: &[usize]) -> Result<()> {
-        let (members, group_records) = by_group(of);
         let mut place = vec![0u32; self.count];
-        members.iter().zip(0..).for_each(|(m, at)| place[m[0] as usize] = at);
+        self.order.iter().zip(0..).for_each(|(&i, at)| place[i as usize] = at);
         let mut records: Vec<u32> = Vec::new();
         for &i in which {
             records.extend([i as u32, place[i], (of.first_log_count[i] as f32).to_bits()]);
@@ -162,7 +165,7 @@ impl Held {
         let (count, records) =
             (device.filled("count", &count, Use::UNIFORM), device.filled("records", &records, Use::STORAGE));
         let bound = kernels.replace.bind(device, &[&count, &records, &self.now, &self.averages, &self.members]);
-        device.queue.write_buffer(&self.group_records, 0, bytemuck::cast_slice(&group_records));
+        self.put_groups(device, of);
         let mut encoder = device.device.create_command_encoder(&Default::default());
         kernels.replace.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, groups(which.len() as u64));
         for copy in [&self.seen_columns, &self.averaged] {
@@ -200,6 +203,13 @@ impl Held {
         Ok(())
     }
 
+    /// Sends where groups begin, and what their counts are to sum to.
+    fn put_groups(&self, device: &Device, of: &Parameters) {
+        let aims = of.groups.aims.iter().map(|&aim| (aim as f32).to_bits()).chain([0]);
+        let records: Vec<[u32; 2]> = self.starts.iter().copied().zip(aims).map(|(start, aim)| [start, aim]).collect();
+        device.queue.write_buffer(&self.group_records, 0, bytemuck::cast_slice(&records));
+    }
+
     /// A Gaussian's number in each column.
     fn column(&self, g: &Numbers) -> [f32; COLUMNS] {
         let [x, y, z] = each_axis(|k| two_floats(g[k] - self.origin[k]));
@@ -232,17 +242,14 @@ impl Held {
     }
 }
 
-/// Gaussians by group with their ln count at the start, and each group's first of them with what its counts are to sum to.
-fn by_group(of: &Parameters) -> (Vec<[u32; 2]>, Vec<[u32; 2]>) {
+/// Gaussians by group, and where each group begins among them; then the end.
+fn by_group(of: &Parameters) -> (Vec<u32>, Vec<u32>) {
     let mut order: Vec<u32> = (0..of.len() as u32).collect();
     order.sort_by_key(|&i| of.groups.of[i as usize]);
-    let members = order.iter().map(|&i| [i, (of.first_log_count[i as usize] as f32).to_bits()]).collect();
-    let mut first = 0;
-    let mut records = Vec::with_capacity(of.groups.aims.len() + 1);
-    for (k, aim) in of.groups.aims.iter().enumerate() {
-        records.push([first as u32, (*aim as f32).to_bits()]);
-        first += order[first..].iter().take_while(|&&i| of.groups.of[i as usize] as usize == k).count();
+    let mut starts = vec![0u32; of.groups.counts.len() + 1];
+    of.groups.of.iter().for_each(|&g| starts[g as usize + 1] += 1);
+    for g in 1..starts.len() {
+        starts[g] += starts[g - 1];
     }
-    records.push([first as u32, 0]);
-    (members, records)
+    (order, starts)
 }

@@ -149,8 +149,7 @@ impl Steps for DepthSteps {
         if self.newer == Side::Here {
             self.held.put(&self.device, of)?;
         }
-        self.picture_of(shot.crop.size, loss.dssim > 0.0)?;
-        let Some(picture) = &self.picture else { unreachable!("made above") };
+        let picture = self.picture_of(shot.crop.size, loss.dssim > 0.0)?;
         let mut lens = Lens::optical(shot.view, shot.crop.full, &of.bounds)?;
         for k in 0..2 {
             lens.center[k] -= shot.crop.corner[k] as f64;
@@ -163,11 +162,12 @@ impl Steps for DepthSteps {
         self.renderer.sum(&mut encoder, &self.held.seen, &picture.canvas, &lens);
         let mut pass = encoder.begin_compute_pass(&Default::default());
         picture.backward(&mut pass, &self.kernels);
-        self.backward(&mut pass, picture);
+        self.backward(&mut pass, &picture);
         self.held.update(&mut pass, &self.kernels);
         drop(pass);
         self.device.queue.submit([encoder.finish()]);
         let told = picture.told(&self.device)?;
+        self.picture = Some(picture);
         of.averages.iter_mut().for_each(|a| a.steps += 1);
         self.newer = Side::Device;
         Ok(told)
@@ -198,15 +198,14 @@ impl Steps for DepthSteps {
 }
 
 impl DepthSteps {
-    /// Memory for pictures of a size, kept from the last step where it had that size.
-    fn picture_of(&mut self, size: Size, with_dssim: bool) -> Result<()> {
-        if self.picture.as_ref().is_none_or(|p| p.shape() != (size, with_dssim)) {
-            // The last one's memory goes before the next one's is taken.
-            self.picture = None;
-            let canvas = self.renderer.canvas(&self.held.seen, size)?;
-            self.picture = Some(Picture::new(&self.device, &self.kernels, &self.held, canvas, with_dssim)?);
+    /// Memory for pictures of a size: that of the last step where it had that size.
+    fn picture_of(&mut self, size: Size, with_dssim: bool) -> Result<Picture> {
+        // Where it had not, its memory goes before the next one's is taken.
+        if let Some(kept) = self.picture.take().filter(|p| p.shape() == (size, with_dssim)) {
+            return Ok(kept);
         }
-        Ok(())
+        let canvas = self.renderer.canvas(&self.held.seen, size)?;
+        Picture::new(&self.device, &self.kernels, &self.held, canvas, with_dssim)
     }
 
     /// The gradient with every Gaussian.

@@ -2,7 +2,7 @@
 
 use super::sort::Sorter;
 use crate::Device;
-use crate::kernel::{Kernel, Use};
+use crate::kernel::{FOUR_LEVELS, Kernel, Use};
 
 /// All of them.
 pub(super) struct Kernels {
@@ -56,8 +56,12 @@ impl Kernels {
                 &[Read, Read, Write],
             ),
             rest: over_pixels("rest", &[include_str!("rest_main.wgsl")], &[Read, Write]),
-            level: over_pixels("levels", &[include_str!("level_main.wgsl")], &[Read, Write]),
-            fxaa: over_pixels("fxaa", &[include_str!("fxaa_main.wgsl"), include_str!("fxaa.wgsl")], &[Read, Write]),
+            level: over_pixels("levels", &[include_str!("level_main.wgsl"), FOUR_LEVELS], &[Read, Write]),
+            fxaa: over_pixels(
+                "fxaa",
+                &[include_str!("fxaa_main.wgsl"), include_str!("fxaa.wgsl"), FOUR_LEVELS],
+                &[Read, Write],
+            ),
             sorter: Sorter::new(device),
         }
     }
