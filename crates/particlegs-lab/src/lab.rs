@@ -1,6 +1,7 @@
 //! What experiments share: kept results, other compressors, and models by how they are made.
 
 use crate::Baseline;
+use crate::device::{Draw, Style};
 use crate::external::External;
 use crate::settings::Settings;
 use crate::snapshot::Snapshot;
@@ -16,6 +17,7 @@ use particlegs::particles::{Particles, RawForm};
 use particlegs::pieces::NoPieces;
 use particlegs::progress::Progress;
 use particlegs::recover;
+use particlegs::space::Bounds;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -25,6 +27,8 @@ pub struct Lab<'a> {
     pub settings: Settings,
     /// Kept results.
     pub store: Store,
+    /// Those that the settings' device had a part in: pictures, their scores, trained models.
+    pub on_device: Store,
     /// Other compressors: those that need nothing else, and those of the settings' Python.
     pub baselines: Vec<Box<dyn Baseline>>,
     /// Whom to tell.
@@ -87,7 +91,9 @@ impl<'a> Lab<'a> {
     pub fn new(settings: Settings, folder: &Path, progress: &'a dyn Progress) -> Result<Self> {
         let external = settings.python.as_deref().map(External::start).transpose()?;
         let baselines = crate::baselines(external.as_ref());
-        Ok(Lab { settings, store: Store::new(folder), baselines, progress })
+        let store = Store::new(folder);
+        let on_device = store.by(settings.device.name());
+        Ok(Lab { settings, store, on_device, baselines, progress })
     }
 
     /// What is not measured for want of a Python; nothing where there is one.
@@ -117,6 +123,22 @@ impl<'a> Lab<'a> {
         options.draw(model, self.progress)
     }
 
+    /// Pictures of particles with these bounds (world units) by the settings' device.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn draws_particles<'b>(&'b self, of: &'b Particles, bounds: Bounds, style: Style) -> Result<Draw<'b>> {
+        self.settings.device.particles(of, bounds, style, self.progress)
+    }
+
+    /// Pictures of a model by the settings' device.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn draws_model<'b>(&'b self, of: &'b Model) -> Result<Draw<'b>> {
+        self.settings.device.model(of, self.progress)
+    }
+
     /// Keeps a model that a recipe gave in `seconds`, unless there is one.
     ///
     /// # Errors
@@ -133,24 +155,50 @@ impl<'a> Lab<'a> {
     /// # Errors
     /// Those of `make`; [`Error::Io`].
     pub fn made(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<Compressed>) -> Result<Made> {
-        self.made_in(inputs, || timed(make))
+        self.kept_model(&self.store, inputs, || timed(make))
     }
 
-    /// [`Lab::made`] by work that says itself how many seconds it took, those of earlier pieces included.
+    /// [`Lab::made`] by the settings' device, and by work that says itself how many seconds it took, those of earlier
+    /// pieces included.
     ///
     /// # Errors
     /// As [`Lab::made`].
-    pub fn made_in(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<(Compressed, f64)>) -> Result<Made> {
+    pub fn made_on_device(
+        &self,
+        inputs: &impl Serialize,
+        make: impl FnOnce() -> Result<(Compressed, f64)>,
+    ) -> Result<Made> {
+        self.kept_model(&self.on_device, inputs, make)
+    }
+
+    fn kept_model(
+        &self,
+        store: &Store,
+        inputs: &impl Serialize,
+        make: impl FnOnce() -> Result<(Compressed, f64)>,
+    ) -> Result<Made> {
         let seconds = std::cell::Cell::new(0.0);
-        let bytes = self.store.bytes("model", inputs, "pgs", || {
+        let bytes = store.bytes("model", inputs, "pgs", || {
             let (done, took) = make()?;
             seconds.set(took);
             Ok(done.bytes)
         })?;
-        let seconds = self.store.result("model-seconds", inputs, || Ok(seconds.get()))?;
+        let seconds = store.result("model-seconds", inputs, || Ok(seconds.get()))?;
         let model = codec::decode_with(&bytes, "the model", self.progress)?;
         Ok(Made { bytes, model, seconds })
     }
+}
+
+/// What is there already, or is made now.
+///
+/// # Errors
+/// Those of `make`.
+pub fn or_made<T>(there: &mut Option<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
+    let made = match there.take() {
+        Some(made) => made,
+        None => make()?,
+    };
+    Ok(there.insert(made))
 }
 
 /// What work gives, and its wall-clock seconds.

@@ -186,7 +186,7 @@ impl Method {
     pub fn measure(self, lab: &Lab<'_>, of: &Snapshot, truth: &Truth, bytes: u64, seed: u64) -> Result<Measured> {
         let seed = if self.is_random() { seed } else { 0 };
         let inputs = (self.source(lab), &of.hash, truth.key(), bytes, seed);
-        let measured = lab.store.result("pictures", &inputs, || {
+        let measured = lab.on_device.result("pictures", &inputs, || {
             let kept = self.keep(lab, &of.particles, &of.hash, bytes, seed)?;
             let scores = match &kept.content {
                 Content::Model(model) => truth.of_model(lab, model)?,

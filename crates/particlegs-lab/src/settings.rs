@@ -1,7 +1,9 @@
 //! How finely experiments measure.
 
+use crate::device::{Device, Processor};
 use particlegs::picture::Size;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What is measured, and how finely.
 #[derive(Clone, Debug)]
@@ -28,6 +30,8 @@ pub struct Settings {
     pub minutes: Option<f64>,
     /// A Python that has the packages of other compressors and renderers.
     pub python: Option<PathBuf>,
+    /// What draws the pictures that are scored, and trains.
+    pub device: Arc<dyn Device>,
     /// This program, where whole commands are measured.
     pub program: PathBuf,
 }
@@ -43,8 +47,8 @@ impl Settings {
             true => vec![50.0, 263.0, 1000.0],
             false => vec![20.0, 50.0, 100.0, 263.0, 500.0, 1000.0, 2000.0, 5000.0],
         };
-        let (training, scale, minutes, python) = (false, None, None, None);
-        Settings { quick, training, size, frames, ratios, seed: 42, seeds, scale, minutes, python, program }
+        let (training, scale, minutes, python, device) = (false, None, None, None, Arc::new(Processor));
+        Settings { quick, training, size, frames, ratios, seed: 42, seeds, scale, minutes, python, device, program }
     }
 
     /// The seeds.

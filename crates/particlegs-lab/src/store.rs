@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Raised where results of the same inputs come to mean something else: what was kept is then not used any more.
 const VERSION: u32 = 1;
@@ -17,20 +17,31 @@ const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
 /// A folder of results.
 pub struct Store {
     folder: PathBuf,
+    /// What took part in making its results beside this program, which they depend on; the processor is not named.
+    by: Option<String>,
     /// Commits of the programs that made what was asked for and there already.
-    kept_of: Mutex<BTreeSet<Option<String>>>,
+    kept_of: Arc<Mutex<BTreeSet<Option<String>>>>,
 }
 
 impl Store {
     /// In a folder that is there.
     pub fn new(folder: &Path) -> Store {
-        Store { folder: folder.to_path_buf(), kept_of: Mutex::default() }
+        Store { folder: folder.to_path_buf(), by: None, kept_of: Arc::default() }
+    }
+
+    /// The same folder's results that a device had a part in: where it has a name, they are others than this store's.
+    pub fn by(&self, device: Option<&str>) -> Store {
+        Store { folder: self.folder.clone(), by: device.map(str::to_string), kept_of: Arc::clone(&self.kept_of) }
     }
 
     /// The file of a result: its kind and the hash of its inputs. Inputs are what the result depends on and nothing
     /// else: hashes of data, options, seeds.
     pub fn path(&self, kind: &str, inputs: &impl Serialize, ending: &str) -> PathBuf {
-        let text = serde_json::to_vec(&(VERSION, kind, inputs)).unwrap_or_default();
+        let text = match &self.by {
+            None => serde_json::to_vec(&(VERSION, kind, inputs)),
+            Some(device) => serde_json::to_vec(&(VERSION, kind, inputs, device)),
+        };
+        let text = text.unwrap_or_default();
         let hash = blake3::hash(&text).to_hex();
         self.folder.join(format!("{kind}-{}.{ending}", &hash.as_str()[..24]))
     }
@@ -154,6 +165,10 @@ mod tests {
         // What does not last is made again.
         let tried = [1u32, 2, 3].map(|v| store.result_if("try", &1, || Ok(v), |v| *v == 2).unwrap());
         assert_eq!(tried, [1, 2, 2]);
+        // What a device had a part in is another result; the processor is none.
+        let on = |device: Option<&str>| store.by(device).result("score", &(1, "a"), || Ok(7.5)).unwrap();
+        assert_eq!([on(None), on(Some("card"))], [4.0, 7.5]);
+        assert_eq!(ask(&(1, "a"), 9.0), 4.0);
         // Those of another program are told.
         assert_eq!(store.of_others(), None);
         std::fs::write(store.path("score", &(1, "a"), "json"), br#"{"commit":"abc123","result":4.0}"#).unwrap();

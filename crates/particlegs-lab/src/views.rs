@@ -1,17 +1,15 @@
 //! The pictures that everything is scored by: all particles in the views of three orbits, drawn once and kept.
 
-use crate::lab::Lab;
+use crate::device::Style;
+use crate::lab::{Lab, or_made};
 use crate::snapshot::Snapshot;
 use particlegs::Result;
 use particlegs::camera::{View, clipping_range};
-use particlegs::model::Metadata;
+use particlegs::model::{Metadata, Model};
 use particlegs::particles::Particles;
 use particlegs::picture::{Gray8, Scores, Size, read_png, write_png};
-use particlegs::reference::Reference;
-use particlegs::render::{Scene, draw};
 use particlegs::score::evaluation_views;
 use particlegs::space::Bounds;
-use particlegs::splat::Look;
 use serde::{Deserialize, Serialize};
 
 /// Views with the picture of all particles in each, as ParaView draws it.
@@ -63,20 +61,20 @@ impl Truth {
     /// # Errors
     /// As [`Truth::of`].
     pub fn at_size(lab: &Lab<'_>, snapshot: &Snapshot, mut views: Vec<View>, size: Size) -> Result<Truth> {
-        let reference = Reference::new(&snapshot.particles);
+        let bounds = snapshot.particles.bounds();
         for view in &mut views {
-            let range = clipping_range(reference.bounds(), &view.camera);
+            let range = clipping_range(&bounds, &view.camera);
             view.camera.clipping_range.get_or_insert(range);
         }
-        let pictures = views
-            .iter()
-            .map(|view| {
-                kept_picture(lab, &("truth", &snapshot.hash, told(view, size)), || {
-                    reference.draw(view, size, Look::Paraview, lab.progress)
-                })
+        let mut draw = None;
+        let picture = |view: &View| {
+            let inputs = ("truth", &snapshot.hash, told(view, size));
+            kept_picture(lab, &inputs, || {
+                or_made(&mut draw, || lab.draws_particles(&snapshot.particles, bounds, Style::Paraview))?(view, size)
             })
-            .collect::<Result<_>>()?;
-        Ok(Truth { bounds: *reference.bounds(), views, size, pictures })
+        };
+        let pictures = views.iter().map(picture).collect::<Result<_>>()?;
+        Ok(Truth { bounds, views, size, pictures })
     }
 
     /// What scores in these views depend on.
@@ -102,20 +100,17 @@ impl Truth {
     /// # Errors
     /// Those of drawing.
     pub fn of_particles(&self, lab: &Lab<'_>, particles: &Particles, radius_factor: f64) -> Result<Vec<Score>> {
-        let reference = Reference::with_bounds(particles, self.bounds);
-        self.score(|view| {
-            let view = View { radius: view.radius * radius_factor, ..view.clone() };
-            reference.draw(&view, self.size, Look::Paraview, lab.progress)
-        })
+        let draw = lab.draws_particles(particles, self.bounds, Style::Paraview)?;
+        self.score(|view| draw(&View { radius: view.radius * radius_factor, ..view.clone() }, self.size))
     }
 
     /// Scores of a model.
     ///
     /// # Errors
     /// Those of drawing.
-    pub fn of_model(&self, lab: &Lab<'_>, model: &particlegs::model::Model) -> Result<Vec<Score>> {
-        let scene = Scene::of(model);
-        self.score(|view| draw(&scene, view, self.size, Look::Paraview, lab.progress))
+    pub fn of_model(&self, lab: &Lab<'_>, model: &Model) -> Result<Vec<Score>> {
+        let draw = lab.draws_model(model)?;
+        self.score(|view| draw(view, self.size))
     }
 }
 
@@ -129,7 +124,7 @@ pub fn told(view: &View, size: Size) -> String {
 /// # Errors
 /// Those of `draw`; [`particlegs::Error::Io`].
 pub fn kept_picture(lab: &Lab<'_>, inputs: &impl Serialize, draw: impl FnOnce() -> Result<Gray8>) -> Result<Gray8> {
-    let path = lab.store.path("picture", inputs, "png");
+    let path = lab.on_device.path("picture", inputs, "png");
     if path.exists() {
         return read_png(&path);
     }

@@ -192,6 +192,7 @@ impl Arguments {
         let program = std::env::current_exe().map_err(|e| Error::io(Path::new("this program"), e))?;
         let mut s = Settings::new(self.quick, program);
         (s.training, s.seed, s.python) = (self.training, self.common.seed, self.python.clone());
+        s.device = self.device.for_lab()?;
         s.size = self.size.unwrap_or(s.size);
         s.frames = self.frames.unwrap_or(s.frames);
         s.seeds = self.seeds.unwrap_or(s.seeds);
@@ -235,11 +236,12 @@ impl Arguments {
         let quick = if s.quick { " --quick" } else { "" };
         let training = if s.training { " --training" } else { "" };
         let scale = s.scale.map_or(String::new(), |v| format!(" --scale {v}"));
+        let device = s.device.name().map_or("", |_| " --device DEVICE");
         let python = if s.python.is_some() { " --python PYTHON" } else { "" };
         let ratios = s.ratios.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let read = self.snapshot.in_words().map_or(String::new(), |w| format!(" {w}"));
         let command = format!(
-            "particlegs bench {} {}{read}{quick}{training}{scale}{python} --ratios {ratios} --size {}x{} --frames {} \
+            "particlegs bench {} {}{read}{quick}{training}{scale}{device}{python} --ratios {ratios} --size {}x{} --frames {} \
              --seeds {} --seed {}",
             self.name,
             names.join(" "),
@@ -252,6 +254,7 @@ impl Arguments {
         let mut p = Provenance::new(command, parallel::threads());
         p.seeds = [s.seed, s.seeds as u64];
         p.others = lab.baselines.iter().map(|b| format!("{}: {}", b.name(), b.source())).collect();
+        p.others.extend(s.device.name().map(|name| format!("Device that drew and trained: {name}")));
         p.others.extend(lab.store.of_others());
         p.snapshots = snapshots.iter().map(|s| (s.name.clone(), s.particles.len() as u64, s.hash.clone())).collect();
         p

@@ -16,6 +16,12 @@ pub fn open(number: Option<usize>) -> Result<Device> {
     particlegs_gpu::Device::open(number.map_or(Choice::Card, Choice::Number), Checks::Off).map(Arc::new)
 }
 
+/// Its name.
+#[cfg(feature = "lab")]
+pub fn name(device: &Device) -> String {
+    device.name().to_string()
+}
+
 /// What trains on one.
 pub fn trainer(device: &Device) -> Result<Arc<dyn particlegs::train::Device>> {
     Ok(Arc::new(particlegs_gpu::train::Trainer::new(device)?))

@@ -5,6 +5,8 @@ mod card;
 #[cfg(not(feature = "gpu"))]
 #[path = "no_card.rs"]
 mod card;
+#[cfg(feature = "lab")]
+mod lab;
 mod particles;
 
 pub use card::{Adapter, Device, ParticlePictures, Pictures, list};
@@ -64,6 +66,18 @@ impl DeviceArgs {
             Asked::Cpu | Asked::Auto => Ok(None),
             Asked::Gpu | Asked::Number(_) => Err(Error::argument(format!("--device: {why_not}"))),
         }
+    }
+
+    /// What draws and trains for the laboratory.
+    ///
+    /// # Errors
+    /// Those of [`DeviceArgs::open`].
+    #[cfg(feature = "lab")]
+    pub fn for_lab(&self) -> Result<Arc<dyn particlegs_lab::device::Device>> {
+        Ok(match self.open()? {
+            Some(device) => Arc::new(lab::Card::new(device)?),
+            None => Arc::new(particlegs_lab::device::Processor),
+        })
     }
 
     /// The card that is asked for, the first real one where none is.

@@ -84,6 +84,12 @@ pub fn open(_number: Option<usize>) -> Result<Device> {
 }
 
 /// Never called.
+#[cfg(feature = "lab")]
+pub fn name(device: &Device) -> String {
+    match *device {}
+}
+
+/// Never called.
 pub fn trainer(device: &Device) -> Result<Arc<dyn particlegs::train::Device>> {
     match *device {}
 }

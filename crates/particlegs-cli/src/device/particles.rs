@@ -19,16 +19,16 @@ pub fn on_card<'a>(
     device: &Device,
     particles: &'a Particles,
     bounds: Bounds,
-    context: &Context,
+    progress: &dyn Progress,
 ) -> Result<ParticlePictures<'a>> {
     let columns: Columns<'a> = Box::new(|range| particles.columns(range));
     let mut pictures = ParticlePictures::new(device, particles.origin, bounds, particles.len(), columns)?;
-    context.begin("particles to the graphics card", particles.len() as u64);
+    progress.begin("particles to the graphics card", particles.len() as u64);
     pictures.keep(device, &mut |sent| {
-        context.advance(sent);
-        context.check()
+        progress.advance(sent);
+        progress.check()
     })?;
-    context.end();
+    progress.end();
     Ok(pictures)
 }
 

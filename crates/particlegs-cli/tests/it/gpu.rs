@@ -163,3 +163,27 @@ fn a_device_trains_as_the_processor_does() {
     let error = String::from_utf8(refused.stderr).unwrap();
     assert!(refused.status.code() == Some(2) && error.contains("--train"), "{error}");
 }
+
+/// The laboratory on the device: the processor's scores but for 0.02 dB, kept apart from them.
+#[cfg(all(feature = "gpu", feature = "lab"))]
+#[test]
+fn a_device_measures_what_the_processor_measures() {
+    if !adapter() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let measure = |device: &str| {
+        let how = ["--quick", "--size", "160x90", "-q", "--device", device, "-o"];
+        let bench =
+            || particlegs().args(["bench", "generalisation"]).arg(sample()).args(how).arg(folder.path()).output();
+        let done = bench().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        let masked = |line: &str| line.split(',').nth(2).unwrap().parse::<f64>().unwrap();
+        let scores: Vec<f64> = read("figures/generalisation-radius.csv").lines().skip(1).map(masked).collect();
+        (scores, read("results.json").contains("Device that drew and trained"))
+    };
+    let (processor, card) = (measure("cpu"), measure("0"));
+    assert!(!processor.1 && card.1 && processor.0.len() >= 4 && processor.0 != card.0);
+    assert!(card.0.iter().zip(&processor.0).all(|(a, b)| (a - b).abs() < 0.02), "{card:?} {processor:?}");
+}

@@ -4,6 +4,7 @@
 //! Every group has the same directions, and those that draw radius and opacity have the same draws: what differs from
 //! group to group is the distance or the factor alone.
 
+use crate::device::Style;
 use crate::lab::{Lab, Made};
 use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth, told};
@@ -12,8 +13,6 @@ use particlegs::camera::{View, base_distance, spiral};
 use particlegs::math::{Purpose, Random};
 use particlegs::model::Metadata;
 use particlegs::picture::Size;
-use particlegs::reference::Reference;
-use particlegs::splat::Look;
 
 /// Factors of the default radius and opacity that are trained on and scored: smallest and largest (paper, section
 /// IV-A).
@@ -82,7 +81,7 @@ pub(super) fn views(groups: &[Group], of: &Metadata, seed: u64, frames: usize) -
 /// Those of drawing; [`particlegs::Error::Io`].
 pub(super) fn scores(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, made: &Made) -> Result<Vec<Score>> {
     let model = blake3::hash(&made.bytes).to_hex().to_string();
-    lab.store.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.of_model(lab, &made.model))
+    lab.on_device.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.of_model(lab, &made.model))
 }
 
 /// Scores of the noise-free picture of all particles, which no model can be expected to pass: kept, or measured now.
@@ -90,9 +89,9 @@ pub(super) fn scores(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, made: &M
 /// # Errors
 /// As [`scores`].
 pub(super) fn noise_free(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth) -> Result<Vec<Score>> {
-    lab.store.result("scores", &(&snapshot.hash, "noise-free", all_told(truth)), || {
-        let reference = Reference::with_bounds(&snapshot.particles, truth.bounds);
-        truth.score(|view| reference.response(view, truth.size, Look::Paraview, lab.progress))
+    lab.on_device.result("scores", &(&snapshot.hash, "noise-free", all_told(truth)), || {
+        let draw = lab.draws_particles(&snapshot.particles, truth.bounds, Style::NoiseFree)?;
+        truth.score(|view| draw(view, truth.size))
     })
 }
 

@@ -160,6 +160,13 @@ pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task) -> Result
     trained_on(lab, (&snapshot.particles, &snapshot.hash), task, None)
 }
 
+/// Limits that say nothing but what takes the steps, where that trains the law.
+fn limits(lab: &Lab<'_>, training: Option<&Config>) -> Result<Limits> {
+    let on_device = training.is_some_and(|c| c.law == LawKind::OpticalDepth);
+    let device = if on_device { lab.settings.device.trainer()? } else { None };
+    Ok(Limits { device, ..Limits::default() })
+}
+
 /// [`trained`] on particles with a name for them, in pieces where there is a `piece`: training ends after it, if it is not
 /// done, and the next call goes on from there.
 ///
@@ -176,7 +183,7 @@ pub(crate) fn trained_on(
         training: task.training.clone(),
         blocks: Some(task.blocks),
         seed: task.seed,
-        limits: Limits::default(),
+        limits: limits(lab, task.training.as_ref())?,
         certificate: CertificateLevel::None,
         ..Options::default()
     };
@@ -200,7 +207,7 @@ pub(crate) fn tuned(lab: &Lab<'_>, snapshot: &Snapshot, merged: &Made, config: &
     let options = FineTuning {
         target: Target::Gaussians(most),
         training: config.clone(),
-        limits: Limits::default(),
+        limits: limits(lab, Some(config))?,
         memory: None,
         seed,
         certificate: CertificateLevel::None,
@@ -221,10 +228,10 @@ fn kept(
     piece: Option<Duration>,
     work: impl FnOnce(&mut dyn Pieces, &dyn Progress) -> Result<Compressed>,
 ) -> Result<Trained> {
-    let path = lab.store.path("checkpoint", inputs, "checkpoint");
+    let path = lab.on_device.path("checkpoint", inputs, "checkpoint");
     let whose = serde_json::to_vec(inputs).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
     let mut best = None;
-    let made = lab.made_in(inputs, || {
+    let made = lab.made_on_device(inputs, || {
         let checkpoint = Checkpoint::open(path.clone(), blake3::hash(&whose).as_bytes())?;
         let heard = Heard::new(lab.progress, curve_of(&checkpoint), piece);
         let before = seconds_of(&checkpoint);
@@ -237,7 +244,7 @@ fn kept(
         let (done, seconds) = (done?, pieces.seconds());
         let curve = heard.curve().clone();
         if !done.stopped {
-            lab.store.result("curve", inputs, || Ok(curve))?;
+            lab.on_device.result("curve", inputs, || Ok(curve))?;
             return Ok((done, seconds));
         }
         // What the user stops is to stop; what ran out of time gives its best so far.
@@ -254,7 +261,7 @@ fn kept(
     if path.exists() {
         std::fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
     }
-    let curve = lab.store.result("curve", inputs, || Ok(Vec::new()))?;
+    let curve = lab.on_device.result("curve", inputs, || Ok(Vec::new()))?;
     Ok(Trained { made, curve, unfinished: false, held: false })
 }
 

@@ -8,7 +8,7 @@ mod three_way;
 use super::Experiment;
 use super::recovery::RATIO;
 use crate::found::{Cell, Found, Pictures, Table};
-use crate::lab::{Lab, Made, Recipe};
+use crate::lab::{Lab, Made, Recipe, or_made};
 use crate::method::Bound;
 use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth, kept_picture, mean, mean_of, orbit, told};
@@ -17,9 +17,7 @@ use others::Other;
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::picture::{Gray8, Rgb8};
-use particlegs::render::{Scene, draw};
 use particlegs::score::evaluation_views;
-use particlegs::splat::Look;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "figures",
@@ -59,10 +57,11 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
 
 /// The model's pictures of the views, kept.
 fn of_model(lab: &Lab<'_>, made: &Made, truth: &Truth) -> Result<Vec<Gray8>> {
-    let (scene, hash) = (Scene::of(&made.model), blake3::hash(&made.bytes).to_hex().to_string());
+    let hash = blake3::hash(&made.bytes).to_hex().to_string();
+    let mut draw = None;
     let picture = |view: &View| {
         kept_picture(lab, &("model", &hash, told(view, truth.size)), || {
-            draw(&scene, view, truth.size, Look::Paraview, lab.progress)
+            or_made(&mut draw, || lab.draws_model(&made.model))?(view, truth.size)
         })
     };
     truth.views.iter().map(picture).collect()

@@ -1,13 +1,12 @@
 //! What other ways make of the particles at a model's size.
 
-use crate::lab::Lab;
+use crate::device::Style;
+use crate::lab::{Lab, or_made};
 use crate::method::{Bound, Content, Kept, Method};
 use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth, kept_picture, mean, told};
 use particlegs::camera::View;
 use particlegs::picture::Gray8;
-use particlegs::reference::Reference;
-use particlegs::splat::Look;
 use particlegs::{Error, Result};
 
 /// A way at a size, with its pictures of some views.
@@ -64,15 +63,11 @@ fn other(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64, truth: 
     })?;
     let draw = |view: &View| {
         kept_picture(lab, &("other", &inputs, told(view, truth.size)), || {
-            let made = match kept.take() {
-                Some(made) => kept.insert(made),
-                None => kept.insert(keep()?),
-            };
-            let Content::Particles(particles, factor) = &made.content else {
+            let Content::Particles(particles, factor) = &or_made(&mut kept, keep)?.content else {
                 return Err(Error::input(method.name(lab), "gave no particles"));
             };
             let view = View { radius: view.radius * factor, ..view.clone() };
-            Reference::with_bounds(particles, truth.bounds).draw(&view, truth.size, Look::Paraview, lab.progress)
+            lab.draws_particles(particles, truth.bounds, Style::Paraview)?(&view, truth.size)
         })
     };
     let pictures: Vec<Gray8> = truth.views.iter().map(draw).collect::<Result<_>>()?;

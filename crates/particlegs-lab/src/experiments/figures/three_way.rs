@@ -2,16 +2,15 @@
 //! "Three-way comparison").
 
 use super::crops::{BRIGHTENED, close_up, whole};
+use crate::device::Style;
 use crate::found::{Axis, Cell, Pictures, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Made};
+use crate::lab::{Lab, Made, or_made};
 use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth, kept_picture, orbit, told};
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::picture::Gray8;
 use particlegs::recover::Method;
-use particlegs::reference::Reference;
-use particlegs::splat::Look;
 
 /// The paper's means over its frames, dB (\ThreeWayGsAvg, \ThreeWayRecAvg).
 const PAPER: [(&str, f64); 2] = [("model", 27.56), ("count", 16.95)];
@@ -66,11 +65,8 @@ fn drawn(lab: &Lab<'_>, snapshot: &Snapshot, made: &Made, truth: &Truth, method:
     let draw = |view: &View| {
         let inputs = ("recovered", &snapshot.hash, &hash, method.name(), seed, told(view, truth.size));
         kept_picture(lab, &inputs, || {
-            if particles.is_none() {
-                particles = Some(lab.drawn(made.model.clone(), method, seed)?);
-            }
-            let Some(particles) = &particles else { return Ok(Gray8::black(truth.size)) };
-            Reference::new(particles).draw(view, truth.size, Look::Paraview, lab.progress)
+            let particles = or_made(&mut particles, || lab.drawn(made.model.clone(), method, seed))?;
+            lab.draws_particles(particles, particles.bounds(), Style::Paraview)?(view, truth.size)
         })
     };
     let pictures: Vec<Gray8> = truth.views.iter().map(draw).collect::<Result<_>>()?;
