@@ -163,6 +163,7 @@ impl SnapshotArgs {
     }
 
     /// The options that were given, as they would be given again; `None` without any.
+    #[cfg(feature = "lab")]
     pub fn in_words(&self) -> Option<String> {
         let numbers = |list: &Vec<f64>| list.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let types = (!self.particle_type.is_empty()).then(|| self.particle_type.join(","));

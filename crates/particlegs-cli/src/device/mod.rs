@@ -84,6 +84,7 @@ impl DeviceArgs {
     ///
     /// # Errors
     /// [`particlegs::Error::Argument`] where there is none.
+    #[cfg(feature = "lab")]
     pub fn open_card(&self) -> Result<Device> {
         self.open()?.map_or_else(|| card::open(None), Ok)
     }
