@@ -1,5 +1,6 @@
 //! What takes a run's steps, and draws its pictures, in place of the processor.
 
+use crate::alpha;
 use crate::depth::{Parameters, Steps};
 use crate::subject::Subject;
 use particlegs_core::Result;
@@ -13,6 +14,12 @@ pub trait Device: Debug + Send + Sync {
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where it does not hold them; those of the device.
     fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn Steps>>;
+
+    /// What takes steps of these Gaussians of the alpha-blend law.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn alpha_steps(&self, of: &alpha::Gaussians) -> Result<Box<dyn alpha::Steps>>;
 
     /// The same subject, whose pictures the device draws.
     ///

@@ -6,7 +6,7 @@
 //! that an interrupted run goes on to the same bits.
 
 mod adam;
-mod alpha;
+pub mod alpha;
 mod cameras;
 mod config;
 pub mod depth;

@@ -237,9 +237,6 @@ impl<'a> Training<'a> {
         };
         let most_gaussians = config.alpha_blend.most_gaussians.or(defaults.gaussians);
         let alpha = AlphaConfig { most_gaussians, ..config.alpha_blend };
-        if config.law == LawKind::AlphaBlend && limits.device.is_some() {
-            return Err(Error::argument("the alpha-blend law is trained on the processor alone"));
-        }
         let random = |n| AlphaLearner::from_particles(subject, n, ground, alpha);
         let depth_ground = DepthGround { bounds, particles, look: config.target, bytes: defaults.bytes };
         let depth = |m: &Mixture| {
@@ -247,6 +244,10 @@ impl<'a> Training<'a> {
                 Some(device) => device.depth_steps(parameters),
                 None => Ok(Box::new(Processor::default())),
             })
+        };
+        let blended = |learner: AlphaLearner| match &limits.device {
+            Some(device) => learner.by(|gaussians| device.alpha_steps(gaussians)),
+            None => Ok(learner),
         };
         Ok(match (config.law, initial) {
             (LawKind::OpticalDepth, Initial::Fit(m)) => Box::new(depth(m)?),
@@ -257,9 +258,9 @@ impl<'a> Training<'a> {
                 let what = "a model of the optical-depth law is not trained further".into();
                 return Err(Error::Argument { what, remedy: Remedy::TrainFromSnapshot });
             }
-            (LawKind::AlphaBlend, Initial::Fit(m)) => Box::new(AlphaLearner::from_mixture(m, ground, alpha)?),
-            (LawKind::AlphaBlend, Initial::Particles(n)) => Box::new(random(n)?),
-            (LawKind::AlphaBlend, Initial::Model(m)) => Box::new(AlphaLearner::from_model(m, ground, alpha)?),
+            (LawKind::AlphaBlend, Initial::Fit(m)) => Box::new(blended(AlphaLearner::from_mixture(m, ground, alpha)?)?),
+            (LawKind::AlphaBlend, Initial::Particles(n)) => Box::new(blended(random(n)?)?),
+            (LawKind::AlphaBlend, Initial::Model(m)) => Box::new(blended(AlphaLearner::from_model(m, ground, alpha)?)?),
         })
     }
 }

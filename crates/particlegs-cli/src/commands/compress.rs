@@ -108,7 +108,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let start = Instant::now();
     options.limits = a.run.limits(start, a.scratch_folder())?;
-    options.limits.device = a.device.trainer(options.training.as_ref().map(|t| t.law))?;
+    options.limits.device = a.device.trainer(options.training.is_some())?;
     let kept = a.plan(&options, &context)?;
     if options.memory.is_some() {
         options.storage = Storage::Disk(a.scratch_folder());

@@ -2,6 +2,7 @@
 
 use crate::certificate_args::CertificateArgs;
 use crate::common::{Common, Context};
+use crate::device::DeviceArgs;
 use crate::info_model;
 use crate::inputs;
 use crate::outputs;
@@ -61,6 +62,8 @@ pub struct Arguments {
     #[command(flatten)]
     tune: TuneArgs,
     #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
     force: ForceArgs,
@@ -85,7 +88,8 @@ pub fn run(a: Arguments) -> Result<()> {
     let none = Path::new("");
     let (path, out) = (a.model.as_deref().unwrap_or(none), a.output.as_deref().unwrap_or(none));
     let start = Instant::now();
-    let options = a.options(out, start)?;
+    let mut options = a.options(out, start)?;
+    options.limits.device = a.device.trainer(true)?;
     let context = a.common.clone().start()?;
     let inputs = a.snapshot.iter().map(PathBuf::as_path).chain([path]).chain(a.tune.config_file());
     context.reads(inputs, a.force.force)?;

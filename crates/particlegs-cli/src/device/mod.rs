@@ -13,7 +13,6 @@ pub use card::{Adapter, Device, ParticlePictures, Pictures, list};
 pub use particles::{Both, on_card};
 
 use clap::Args;
-use particlegs::model::LawKind;
 use particlegs::{Error, Result, train};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -51,20 +50,20 @@ impl FromStr for Asked {
 }
 
 impl DeviceArgs {
-    /// What takes the steps of training by a law, where there is any; none for the processor.
+    /// What takes the steps of training, where anything is trained; none for the processor.
     ///
     /// # Errors
     /// [`Error::Argument`] where a card is asked for, and nothing is trained that it can; those of
     /// [`DeviceArgs::open`].
-    pub fn trainer(&self, law: Option<LawKind>) -> Result<Option<Arc<dyn train::Device>>> {
-        let why_not = match law {
-            Some(LawKind::OpticalDepth) => return self.open()?.as_ref().map(card::trainer).transpose(),
-            Some(LawKind::AlphaBlend) => "the alpha-blend law is trained on the processor",
-            None => "nothing is trained here that a card could do: --train",
-        };
+    pub fn trainer(&self, trains: bool) -> Result<Option<Arc<dyn train::Device>>> {
+        if trains {
+            return self.open()?.as_ref().map(card::trainer).transpose();
+        }
         match self.device {
             Asked::Cpu | Asked::Auto => Ok(None),
-            Asked::Gpu | Asked::Number(_) => Err(Error::argument(format!("--device: {why_not}"))),
+            Asked::Gpu | Asked::Number(_) => {
+                Err(Error::argument("--device: nothing is trained here that a card could do: --train"))
+            }
         }
     }
 

@@ -30,14 +30,20 @@ struct SettingRecord {
 impl Network {
     /// For these parts.
     pub fn new(device: &Device, of: &VizMapper, chunks: &[Chunk]) -> Network {
+        let weights = device.filled("network", &of.parameters, wgpu::BufferUsages::STORAGE);
+        Network::of_buffer(device, weights, of.ranges, chunks)
+    }
+
+    /// Whose numbers lie in a buffer.
+    pub fn of_buffer(device: &Device, weights: wgpu::Buffer, ranges: VizRanges, chunks: &[Chunk]) -> Network {
         use wgpu::BufferUsages as Use;
         let record = || device.buffer("setting", size_of::<SettingRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
-        Network {
-            weights: device.filled("network", &of.parameters, Use::STORAGE),
-            ranges: of.ranges,
-            settings: chunks.iter().map(|_| record()).collect(),
-            of: Mutex::default(),
-        }
+        Network { weights, ranges, settings: chunks.iter().map(|_| record()).collect(), of: Mutex::default() }
+    }
+
+    /// Gaussians are to be bent anew.
+    pub fn forget(&self) {
+        *self.of.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 }
 

@@ -1,9 +1,10 @@
 //! The memory of pictures of one size of some Gaussians, and what is bound to kernels.
 
+use super::STORAGE;
 use super::frame::{FrameRecord, SlabRecord};
 use super::gaussians::Gaussians;
 use super::kernels::Kernels;
-use super::slabs::BLOCK;
+use super::slabs::{BLOCK, Slabs};
 use super::sort::Sort;
 use crate::Device;
 use particlegs_core::Result;
@@ -11,7 +12,6 @@ use particlegs_core::picture::Size;
 use particlegs_core::render::alpha::Tiles;
 use wgpu::BufferUsages as Use;
 
-const STORAGE: Use = Use::STORAGE.union(Use::COPY_DST).union(Use::COPY_SRC);
 /// Bytes of a footprint.
 const SPLAT: u64 = 32;
 
@@ -38,6 +38,8 @@ pub struct Canvas {
     pub(super) picture: wgpu::Buffer,
     pub(super) count: wgpu::BindGroup,
     pub(super) tone: wgpu::BindGroup,
+    /// The slabs of the last picture.
+    pub(super) slabs: Slabs,
     /// Lists of tiles, for as many entries as a picture had yet.
     pub(super) lists: Option<Lists>,
 }
@@ -101,10 +103,26 @@ impl Canvas {
             sums,
             lefts,
             picture,
+            slabs: Slabs::default(),
             lists: None,
         };
         device.check()?;
         Ok(canvas)
+    }
+
+    /// Brightness of each pixel of the last picture, 1 = white, not cut to [0, 1].
+    pub(crate) fn brightness(&self) -> &wgpu::Buffer {
+        &self.sums
+    }
+
+    /// What its kernels know of a picture, of Gaussians in one buffer.
+    pub(crate) fn frame(&self) -> &wgpu::Buffer {
+        &self.batches[0].frame
+    }
+
+    /// The tiles that each footprint touches.
+    pub(crate) fn touched(&self) -> &wgpu::Buffer {
+        &self.touched
     }
 
     /// Room for lists of so many entries.

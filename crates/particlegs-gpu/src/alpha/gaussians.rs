@@ -5,18 +5,18 @@ use super::fixed;
 use crate::Device;
 use crate::render::factor;
 use particlegs_core::camera::View;
-use particlegs_core::model::Mixture;
 use particlegs_core::model::vizmapper::{Setting, inputs};
+use particlegs_core::model::{Mixture, VizRanges};
 use particlegs_core::render::Scene;
 use particlegs_core::render::alpha::Blend;
 use particlegs_core::{Error, Result};
 
 /// Words of a Gaussian, each a column: see project.wgsl.
-const COLUMNS: usize = 16;
+pub(crate) const COLUMNS: usize = 16;
 /// The column of the odds against its opacity.
 const ODDS: usize = 12;
 /// Gaussians of a buffer at most: a binding has 128 MiB on many cards.
-const MOST: usize = 1 << 21;
+pub(crate) const MOST: usize = 1 << 21;
 /// Opacities of these odds against are below every threshold.
 const NEVER: f32 = 3e38;
 
@@ -68,6 +68,27 @@ impl Gaussians {
         let network = blend.vizmapper.map(|v| Network::new(device, v, &chunks));
         device.check()?;
         Ok(Gaussians { chunks, network, blend: Blend { vizmapper: None, ..blend } })
+    }
+
+    /// Those that `columns` are to hold when they are drawn, in one buffer, with a network whose numbers are to lie in
+    /// another.
+    pub(crate) fn of_buffers(
+        device: &Device,
+        [columns, bent]: [wgpu::Buffer; 2],
+        count: u32,
+        network: Option<(wgpu::Buffer, VizRanges)>,
+        blend: Blend<'static>,
+    ) -> Gaussians {
+        let chunks = vec![Chunk { columns, bent, first: 0, count }];
+        let network = network.map(|(weights, ranges)| Network::of_buffer(device, weights, ranges, &chunks));
+        Gaussians { chunks, network, blend }
+    }
+
+    /// The network or the Gaussians were changed.
+    pub(crate) fn changed(&self) {
+        if let Some(network) = &self.network {
+            network.forget();
+        }
     }
 
     /// What a view asks of the network.

@@ -5,10 +5,16 @@ use super::sort::Sorter;
 use crate::Device;
 use crate::kernel::{FOUR_LEVELS, Kernel, Use};
 
-const FRAME: &str = include_str!("frame.wgsl");
-const PROJECT: &str = include_str!("project.wgsl");
-const FIXED: &str = include_str!("fixed.wgsl");
-const BIN: &str = include_str!("bin.wgsl");
+/// Sources that steps of training have too.
+pub(crate) mod sources {
+    pub const FRAME: &str = include_str!("frame.wgsl");
+    pub const PROJECT: &str = include_str!("project.wgsl");
+    pub const FIXED: &str = include_str!("fixed.wgsl");
+    pub const BIN: &str = include_str!("bin.wgsl");
+}
+use sources::{BIN, FIXED, FRAME, PROJECT};
+
+const SLOT: &str = include_str!("slot.wgsl");
 const SHARE: &str = include_str!("../share.wgsl");
 
 /// All of them.
@@ -21,6 +27,9 @@ pub(super) struct Kernels {
     pub ends: Kernel,
     pub raster: Kernel,
     pub tone: Kernel,
+    pub slots: Kernel,
+    pub backward: Kernel,
+    pub gather: Kernel,
 }
 
 impl Kernels {
@@ -53,6 +62,21 @@ impl Kernels {
                 &[Uniform, Uniform, Read, Read, Read, Write, Write],
             ),
             tone: new("tone, alpha", &[include_str!("tone_main.wgsl"), FRAME, FOUR_LEVELS], &[Uniform, Read, Write]),
+            slots: new(
+                "slots of footprints",
+                &[include_str!("slots_main.wgsl"), FRAME, BIN, SHARE],
+                &[Uniform, Uniform, Read, Read, Read, Write],
+            ),
+            backward: new(
+                "raster, alpha, backwards",
+                &[include_str!("backward_main.wgsl"), FRAME, SLOT],
+                &[Uniform, Uniform, Read, Read, Read, Read, Read, Read, Write, Write],
+            ),
+            gather: new(
+                "sums of slots",
+                &[include_str!("backward_gather_main.wgsl"), FRAME, BIN, SLOT],
+                &[Uniform, Uniform, Read, Read, Read, Read, Write],
+            ),
         }
     }
 }

@@ -8,16 +8,18 @@
 //! | bin.wgsl | `bin` | footprints, in the order of depth, to the lists of the tiles that they touch |
 //! | raster_main.wgsl | `raster` | a tile's list to brightness, front to back |
 //! | tone_main.wgsl | `draw`, `render::tone` | brightness to grey levels |
+//! | backward_main.wgsl, slots_main.wgsl | particlegs-train's `alpha::raster` | what pixels want of each footprint |
 //!
 //! Footprints of equal depth come in the order of their numbers. A pixel's thread adds alone, in the order of the list,
 //! so that nothing depends on the order in which threads come. How long the lists are is counted first and read back;
 //! where they are long, footprints are listed and blended slab by slab of depth, with the same bits.
 
 mod adapt;
+pub(crate) mod backward;
 mod canvas;
 mod fixed;
 mod frame;
-mod gaussians;
+pub(crate) mod gaussians;
 mod kernels;
 mod slabs;
 mod sort;
@@ -27,15 +29,21 @@ mod tests;
 pub use canvas::Canvas;
 pub use gaussians::Gaussians;
 
+pub(crate) use kernels::sources;
+
 use crate::{Device, groups};
 use frame::{FrameRecord, SlabRecord};
 use kernels::Kernels;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
+use particlegs_core::model::vizmapper::Setting;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::render::alpha::{Eye, TILE};
 use slabs::{BLOCK, MOST_ENTRIES, Slabs};
 use std::sync::Arc;
+
+const STORAGE: wgpu::BufferUsages =
+    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST).union(wgpu::BufferUsages::COPY_SRC);
 
 // The kernels' own.
 const _: () = assert!(TILE == 16);
@@ -60,6 +68,16 @@ impl Renderer {
         Ok(Renderer { device: device.clone(), kernels, most })
     }
 
+    /// Its kernels, for pictures whose way back is gone: that takes more memory an entry.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub(crate) fn for_training(device: &Arc<Device>) -> Result<Self> {
+        let own = Renderer::new(device)?;
+        let most = own.most.min((device.largest_binding() / (4 * backward::SUMS)).min(u64::from(u32::MAX)) as u32);
+        Ok(Renderer { most, ..own })
+    }
+
     /// What it draws on.
     pub fn device(&self) -> &Device {
         &self.device
@@ -81,22 +99,30 @@ impl Renderer {
     /// long for the device; those of the device.
     pub fn submit(&self, gaussians: &Gaussians, canvas: &mut Canvas, view: &View) -> Result<()> {
         let eye = Eye::new(view, canvas.size, &gaussians.blend.frame)?;
-        self.sort(gaussians, canvas, view, &eye)?;
+        self.blend_all(gaussians, canvas, &eye, gaussians.setting(view))?;
+        self.tone(canvas);
+        self.device.check()
+    }
+
+    /// [`Renderer::submit`] as far as brightness, of a camera in the training frame.
+    pub(crate) fn blend_all(&self, gaussians: &Gaussians, canvas: &mut Canvas, eye: &Eye, of: Setting) -> Result<()> {
+        self.sort(gaussians, canvas, eye, of)?;
         let blocks = canvas.gaussians.div_ceil(BLOCK);
         let sums = self.device.read(&canvas.block_sums, 4 * u64::from(blocks))?;
         let sums: Vec<u32> = sums.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         let slabs = Slabs::new(canvas.gaussians, &sums, self.most);
         canvas.lists(&self.device, &self.kernels, slabs.largest())?;
         self.device.queue.write_buffer(&canvas.starts, 0, bytemuck::cast_slice(&slabs.starts));
-        for slab in &slabs.all {
-            self.blend(canvas, *slab);
+        canvas.slabs = slabs;
+        for slab in &canvas.slabs.all {
+            self.list(canvas, *slab);
+            self.blend(canvas);
         }
-        self.tone(canvas);
         self.device.check()
     }
 
     /// Bends and projects Gaussians, sorts them by depth, and counts the entries of their blocks.
-    fn sort(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, eye: &Eye) -> Result<()> {
+    fn sort(&self, gaussians: &Gaussians, canvas: &Canvas, eye: &Eye, of: Setting) -> Result<()> {
         let (queue, kernels, n) = (&self.device.queue, &self.kernels, canvas.gaussians);
         for batch in &canvas.batches {
             let record = FrameRecord::new(eye, batch.first, batch.count)?;
@@ -107,7 +133,7 @@ impl Renderer {
         canvas.order.set(queue, n);
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        kernels.adapt.run(queue, &mut pass, &canvas.adapt, gaussians, gaussians.setting(view));
+        kernels.adapt.run(queue, &mut pass, &canvas.adapt, gaussians, of);
         for batch in &canvas.batches {
             kernels.project.run(&mut pass, &batch.project, groups(u64::from(batch.count)));
         }
@@ -118,8 +144,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Lists the footprints of a slab, and blends them onto what there is.
-    fn blend(&self, canvas: &Canvas, slab: SlabRecord) {
+    /// Lists the footprints of a slab.
+    fn list(&self, canvas: &Canvas, slab: SlabRecord) {
         let Some(lists) = &canvas.lists else { return };
         let (queue, kernels) = (&self.device.queue, &self.kernels);
         queue.write_buffer(&canvas.slab, 0, bytemuck::bytes_of(&slab));
@@ -130,9 +156,18 @@ impl Renderer {
         kernels.fill.run(&mut pass, &lists.fill, groups(u64::from(BLOCK) * u64::from(slab.blocks)));
         kernels.sort.run(&mut pass, &lists.sort, slab.entries);
         kernels.ends.run(&mut pass, &lists.ends, groups(u64::from(slab.entries)));
-        kernels.raster.run(&mut pass, &lists.raster, [canvas.tiles.across as u32, canvas.tiles.down as u32]);
         drop(pass);
         queue.submit([encoder.finish()]);
+    }
+
+    /// Blends the footprints that are listed onto what there is.
+    fn blend(&self, canvas: &Canvas) {
+        let Some(lists) = &canvas.lists else { return };
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        self.kernels.raster.run(&mut pass, &lists.raster, [canvas.tiles.across as u32, canvas.tiles.down as u32]);
+        drop(pass);
+        self.device.queue.submit([encoder.finish()]);
     }
 
     /// From brightness to the picture.

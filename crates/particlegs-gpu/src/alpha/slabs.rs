@@ -9,9 +9,9 @@ pub(super) const MOST_ENTRIES: u32 = 1 << 22;
 pub(super) const BLOCK: u32 = 64;
 
 /// The slabs of a picture.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Slabs {
-    /// At least one.
+    /// At least one, where there is a picture.
     pub all: Vec<SlabRecord>,
     /// The first entry of each block among those of its slab.
     pub starts: Vec<u32>,

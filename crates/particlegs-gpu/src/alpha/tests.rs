@@ -1,5 +1,6 @@
 //! Kernels against their twins in core, on whatever adapter there is.
 
+use super::backward::Backward;
 use super::*;
 use crate::tests::device;
 use particlegs_core::camera::{Camera, Projection};
@@ -409,4 +410,118 @@ fn limits_are_told() {
     let mut depths = gaussians;
     depths.law = Law::OpticalDepth;
     told(Gaussians::upload(&device, &scene(&depths)).map(drop).unwrap_err());
+}
+
+/// A footprint of the device, and the pixels of the tiles that it touches.
+struct Drawn {
+    number: usize,
+    splat: [f64; 8],
+    columns: std::ops::Range<usize>,
+    rows: std::ops::Range<usize>,
+}
+
+/// The footprints of the last picture, front to back.
+fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<Drawn> {
+    let read = |b: &wgpu::Buffer| words(&renderer.device().read(b, b.size()).unwrap());
+    let (order, keys) = (read(&canvas.order.values), read(&canvas.order.keys));
+    let (touched, splats) = (read(&canvas.touched), read(&canvas.splats));
+    let seen = order.iter().zip(&keys).filter(|(_, key)| **key != u32::MAX);
+    let one = |number: usize| {
+        let [columns, rows] = [0, 1].map(|k| touched[2 * number + k]);
+        let pixels = |t: u32, most: usize| TILE * (t & 0xffff) as usize..(TILE * ((t >> 16) as usize + 1)).min(most);
+        Drawn {
+            number,
+            splat: std::array::from_fn(|k| f32::from_bits(splats[8 * number + k]).into()),
+            columns: pixels(columns, canvas.size.width),
+            rows: pixels(rows, canvas.size.height),
+        }
+    };
+    seen.map(|(i, _)| one(*i as usize)).collect()
+}
+
+/// What pixels want of each Gaussian, pixel by pixel in f64.
+fn wanted(drawn: &[Drawn], gaussians: usize, size: Size, by_pixel: &[f32]) -> Vec<[f64; 7]> {
+    let cut = CutOffs::PUBLISHED;
+    let (least, most, pixels) = (f64::from(cut.least_transmittance), f64::from(cut.most_alpha), size.pixels());
+    let mut out = vec![[0.0; 7]; gaussians];
+    let mut all = vec![0.0; pixels];
+    for back in [false, true] {
+        let mut at = vec![(0.0, 1.0); pixels];
+        for d in drawn {
+            let [x, y, lean, along, down, peak, end, grey] = d.splat;
+            for row in d.rows.clone() {
+                for column in d.columns.clone() {
+                    let pixel = row * size.width + column;
+                    let (sum, left) = at[pixel];
+                    let [dx, dy] = [column as f64 - x, row as f64 - y];
+                    let crest = dx - lean * dy;
+                    let power = along * crest * crest + down * dy * dy;
+                    if left == 0.0 || power < end {
+                        continue;
+                    }
+                    let raw = peak * power.exp2();
+                    let alpha = raw.min(most);
+                    let next = left * (1.0 - alpha);
+                    if next < least {
+                        at[pixel].1 = 0.0;
+                        continue;
+                    }
+                    at[pixel] = (sum + left * alpha * grey, next);
+                    let want = f64::from(by_pixel[pixel]);
+                    let behind: f64 = all[pixel] - at[pixel].0;
+                    let moves = if raw <= most { alpha } else { 0.0 };
+                    let h = moves * want * (left * grey - behind / (1.0 - alpha));
+                    let own = [h, h * dx, h * dy, h * dx * dx, h * dx * dy, h * dy * dy, want * left * alpha];
+                    if back {
+                        out[d.number].iter_mut().zip(own).for_each(|(o, v)| *o += v);
+                    }
+                }
+            }
+        }
+        all = at.into_iter().map(|(sum, _)| sum).collect();
+    }
+    out
+}
+
+/// What pixels want of footprints, summed whole and in slabs.
+#[test]
+fn footprints_are_wanted_as_pixels_want_them() {
+    let Some(device) = device() else { return };
+    let mut renderer = Renderer::new(&device).unwrap();
+    let whole = renderer.most;
+    for case in cases() {
+        let there = Gaussians::upload(&device, &scene(&case.gaussians)).unwrap();
+        let n = there.len();
+        let mut r = Random::new(12, 1, 0);
+        let pixels = (0..case.size.pixels()).map(|i| if i % 9 == 0 { 0.0 } else { r.normal() as f32 });
+        let by_pixel: Vec<f32> = pixels.collect();
+        let mut sums = Vec::new();
+        for most in [whole, 2000] {
+            renderer.most = most;
+            let mut canvas = renderer.canvas(&there, case.size).unwrap();
+            renderer.submit(&there, &mut canvas, &case.view).unwrap();
+            let mut back = Backward::new(&device, &canvas).unwrap();
+            device.queue.write_buffer(&back.by_pixel, 0, bytemuck::cast_slice(&by_pixel));
+            back.poison(&device);
+            renderer.backward(&canvas, &mut back).unwrap();
+            back.poison(&device);
+            renderer.backward(&canvas, &mut back).unwrap();
+            sums.push(words(&device.read(&back.sums, 28 * n as u64).unwrap()));
+            if most == whole {
+                let own = wanted(&drawn(&renderer, &canvas), n, case.size, &by_pixel);
+                let off: [f64; 7] = std::array::from_fn(|k| {
+                    let (mut apart, mut all) = (0.0, 0.0);
+                    for (i, own) in own.iter().enumerate() {
+                        apart += (own[k] - f64::from(f32::from_bits(sums[0][k * n + i]))).powi(2);
+                        all += own[k].powi(2);
+                    }
+                    f64::sqrt(apart / all)
+                });
+                println!("{}: {}", case.name, off.map(|v| format!("{v:.1e}")).join(" "));
+                assert!(off.iter().all(|v| *v < 2e-3), "{}: {off:?}", case.name);
+            }
+        }
+        // Slab by slab the walk goes on where it was.
+        assert!(sums[0] == sums[1], "{}: slabs", case.name);
+    }
 }

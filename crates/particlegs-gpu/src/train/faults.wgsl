@@ -5,6 +5,8 @@ struct Faults {
     share: f32,
     lit: f32,
     count: atomic<u32>,
-    // The first, times 4, and its group: 0 position, 1 covariance, 2 count.
+    // The first and its group as one number, as the kernel of the law has it.
     first: atomic<u32>,
+    // 1 where that of the network is no number.
+    network: u32,
 }

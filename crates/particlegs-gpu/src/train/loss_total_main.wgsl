@@ -29,4 +29,5 @@ fn main(@builtin(local_invocation_index) me: u32) {
     faults.lit = sum.y;
     atomicStore(&faults.count, 0u);
     atomicStore(&faults.first, 0xffffffffu);
+    faults.network = 0u;
 }

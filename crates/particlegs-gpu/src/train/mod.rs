@@ -9,8 +9,12 @@
 //! | adjoint.wgsl, slopes.wgsl, slice_slopes.wgsl | `depth::adjoint`, core's slopes | footprints back to Gaussians |
 //! | adam_main.wgsl, change_main.wgsl, average_main.wgsl | `depth::steps`, `groups`, `columns` | the step |
 //!
+//! Those of the alpha-blend law: [`alpha`].
+//!
 //! Each Gaussian gathers its own gradient, and sums are in a fixed order: the same steps give the same bits on one card.
 
+mod alpha;
+mod compared;
 mod gaussians;
 mod kernels;
 mod picture;
@@ -20,6 +24,7 @@ mod tests;
 
 use crate::render::Renderer;
 use crate::{Device, groups};
+use alpha::{AlphaSteps, Blender};
 use gaussians::Held;
 use kernels::Kernels;
 use particlegs_core::picture::Size;
@@ -41,6 +46,7 @@ pub struct Trainer {
     device: Arc<Device>,
     renderer: Arc<Renderer>,
     kernels: Arc<Kernels>,
+    blender: Arc<Blender>,
 }
 
 impl fmt::Debug for Trainer {
@@ -56,8 +62,9 @@ impl Trainer {
     /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Trainer> {
         let (renderer, kernels) = (Arc::new(Renderer::new(device)?), Arc::new(Kernels::new(device)));
+        let blender = Arc::new(Blender::new(device)?);
         device.check()?;
-        Ok(Trainer { device: device.clone(), renderer, kernels })
+        Ok(Trainer { device: device.clone(), renderer, kernels, blender })
     }
 
     fn of_depth(&self, of: &Parameters) -> Result<DepthSteps> {
@@ -76,6 +83,10 @@ impl Trainer {
 impl particlegs_train::Device for Trainer {
     fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn Steps>> {
         Ok(Box::new(self.of_depth(of)?))
+    }
+
+    fn alpha_steps(&self, of: &particlegs_train::alpha::Gaussians) -> Result<Box<dyn particlegs_train::alpha::Steps>> {
+        Ok(Box::new(AlphaSteps::new(&self.device, &self.kernels, &self.blender, of)?))
     }
 
     fn subject<'a>(&self, of: &'a dyn Subject, progress: &dyn Progress) -> Result<Box<dyn Subject + 'a>> {
@@ -155,7 +166,7 @@ impl Steps for DepthSteps {
             lens.center[k] -= shot.crop.corner[k] as f64;
         }
         let radius = shot.view.radius_pixels(shot.crop.full);
-        picture.set(&self.device, shot.target, loss);
+        picture.compared.set(&self.device, shot.target, loss);
         picture.set_curve(&self.device, of.look, self.curves.of(of.look, shot.view.opacity, radius));
         self.held.set_step(&self.device, &StepRecord::new(of, size));
         let mut encoder = self.device.device.create_command_encoder(&Default::default());

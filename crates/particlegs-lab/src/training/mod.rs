@@ -160,11 +160,9 @@ pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task) -> Result
     trained_on(lab, (&snapshot.particles, &snapshot.hash), task, None)
 }
 
-/// Limits that say nothing but what takes the steps, where that trains the law.
-fn limits(lab: &Lab<'_>, training: Option<&Config>) -> Result<Limits> {
-    let on_device = training.is_some_and(|c| c.law == LawKind::OpticalDepth);
-    let device = if on_device { lab.settings.device.trainer()? } else { None };
-    Ok(Limits { device, ..Limits::default() })
+/// Limits that say nothing but what takes the steps.
+fn limits(lab: &Lab<'_>) -> Result<Limits> {
+    Ok(Limits { device: lab.settings.device.trainer()?, ..Limits::default() })
 }
 
 /// [`trained`] on particles with a name for them, in pieces where there is a `piece`: training ends after it, if it is not
@@ -183,7 +181,7 @@ pub(crate) fn trained_on(
         training: task.training.clone(),
         blocks: Some(task.blocks),
         seed: task.seed,
-        limits: limits(lab, task.training.as_ref())?,
+        limits: limits(lab)?,
         certificate: CertificateLevel::None,
         ..Options::default()
     };
@@ -207,7 +205,7 @@ pub(crate) fn tuned(lab: &Lab<'_>, snapshot: &Snapshot, merged: &Made, config: &
     let options = FineTuning {
         target: Target::Gaussians(most),
         training: config.clone(),
-        limits: limits(lab, Some(config))?,
+        limits: limits(lab)?,
         memory: None,
         seed,
         certificate: CertificateLevel::None,

@@ -13,31 +13,42 @@ const PIECES: u64 = 2;
 const SHRINK: f64 = 0.8 * PIECES as f64;
 
 impl AlphaLearner {
-    /// What is due after the step at `at`.
+    /// What is due after the step at `at`: densification, and a reset of opacities.
+    fn dues(&self, at: &Moment) -> [bool; 2] {
+        let (done, d, reset) = (at.iteration + 1, at.densify, self.config.reset_every);
+        let goes_on = d.every > 0 && done < d.until;
+        let densified = goes_on && done > self.config.densify_from && done % d.every == 0;
+        [densified, goes_on && reset > 0 && done % reset == 0]
+    }
+
+    /// Is anything due after the step at `at`?
+    pub(super) fn due(&self, at: &Moment) -> bool {
+        self.dues(at).contains(&true)
+    }
+
+    /// Does what is due after the step at `at`.
     pub(super) fn densify(&mut self, at: &Moment) {
-        let (done, d) = (at.iteration + 1, at.densify);
-        if d.every == 0 || done >= d.until {
-            return;
-        }
-        if done > self.config.densify_from && done % d.every == 0 {
+        let (done, d, [densified, reset]) = (at.iteration + 1, at.densify, self.dues(at));
+        if densified {
             self.grow(d.threshold, done);
             self.prune();
-            self.screen = vec![[0.0; 2]; self.parameters.len()];
+            self.gaussians.screen = vec![[0.0; 2]; self.gaussians.parameters.len()];
         }
-        let reset = self.config.reset_every;
-        if reset > 0 && done % reset == 0 {
+        if reset {
             self.reset();
         }
     }
 
     /// Clones small and splits large Gaussians that the pictures pull at.
     fn grow(&mut self, threshold: f64, iteration: u64) {
-        let n = self.parameters.len();
+        let n = self.gaussians.parameters.len();
         let pull = |s: &[f32; 2]| if s[1] > 0.0 { f64::from(s[0] / s[1]) } else { 0.0 };
-        let mut chosen: Vec<usize> = (0..n).filter(|i| pull(&self.screen[*i]) >= threshold).collect();
+        let mut chosen: Vec<usize> = (0..n).filter(|i| pull(&self.gaussians.screen[*i]) >= threshold).collect();
         if let Some(most) = self.config.most_gaussians {
             // Each adds one.
-            chosen.sort_by(|a, b| pull(&self.screen[*b]).total_cmp(&pull(&self.screen[*a])).then(a.cmp(b)));
+            chosen.sort_by(|a, b| {
+                pull(&self.gaussians.screen[*b]).total_cmp(&pull(&self.gaussians.screen[*a])).then(a.cmp(b))
+            });
             chosen.truncate(usize::try_from(most).unwrap_or(usize::MAX).saturating_sub(n));
             chosen.sort_unstable();
         }
@@ -45,33 +56,35 @@ impl AlphaLearner {
         let mut keep = vec![true; n];
         let mut added = Vec::new();
         for i in chosen {
-            let one = self.parameters.get(i);
+            let one = self.gaussians.parameters.get(i);
             if one.log_scale.iter().fold(f64::MIN, |a, b| a.max(*b)).exp() <= largest {
                 added.push(one);
             } else {
                 keep[i] = false;
                 let draw = (iteration << 32) + PIECES * i as u64;
                 added.extend(
-                    (0..PIECES).map(|k| piece(&one, Random::of(Purpose::AlphaSplit, self.ground.seed, draw + k))),
+                    (0..PIECES)
+                        .map(|k| piece(&one, Random::of(Purpose::AlphaSplit, self.gaussians.ground.seed, draw + k))),
                 );
             }
         }
         self.keep(&keep);
-        added.iter().for_each(|one| self.parameters.push(one));
-        let n = self.parameters.len();
+        added.iter().for_each(|one| self.gaussians.parameters.push(one));
+        let n = self.gaussians.parameters.len();
         for g in Group::ALL {
-            let averages = &mut self.averages[g as usize];
+            let averages = &mut self.gaussians.averages[g as usize];
             averages.first.resize(n * g.width(), 0.0);
             averages.second.resize(n * g.width(), 0.0);
         }
-        self.screen.resize(n, [0.0; 2]);
+        self.gaussians.screen.resize(n, [0.0; 2]);
     }
 
     /// Drops Gaussians that are nearly transparent, unless all are.
     fn prune(&mut self) {
         let least = self.config.least_opacity;
         // Not the negation: those that are not numbers go too.
-        let keep: Vec<bool> = (0..self.parameters.len()).map(|i| self.parameters.get(i).opacity() >= least).collect();
+        let keep: Vec<bool> =
+            (0..self.gaussians.parameters.len()).map(|i| self.gaussians.parameters.get(i).opacity() >= least).collect();
         if keep.contains(&true) {
             self.keep(&keep);
         }
@@ -81,21 +94,21 @@ impl AlphaLearner {
     fn reset(&mut self) {
         let most = self.config.reset_opacity();
         let most = (most / (1.0 - most)).ln() as f32;
-        self.parameters.0[Group::Opacity as usize].iter_mut().for_each(|v| *v = v.min(most));
-        let averages = &mut self.averages[Group::Opacity as usize];
+        self.gaussians.parameters.0[Group::Opacity as usize].iter_mut().for_each(|v| *v = v.min(most));
+        let averages = &mut self.gaussians.averages[Group::Opacity as usize];
         averages.first.fill(0.0);
         averages.second.fill(0.0);
     }
 
     fn keep(&mut self, keep: &[bool]) {
         for g in Group::ALL {
-            let averages = &mut self.averages[g as usize];
-            for column in [&mut self.parameters.0[g as usize], &mut averages.first, &mut averages.second] {
+            let averages = &mut self.gaussians.averages[g as usize];
+            for column in [&mut self.gaussians.parameters.0[g as usize], &mut averages.first, &mut averages.second] {
                 keep_rows(column, g.width(), keep);
             }
         }
         let mut kept = keep.iter();
-        self.screen.retain(|_| kept.next().copied().unwrap_or(false));
+        self.gaussians.screen.retain(|_| kept.next().copied().unwrap_or(false));
     }
 }
 

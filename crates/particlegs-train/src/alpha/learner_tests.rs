@@ -108,11 +108,11 @@ fn train_with(
 /// The learner's mixture in a model.
 fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
     let gaussians = learner.mixture();
-    let n = learner.ground.particles;
+    let n = learner.gaussians.ground.particles;
     let mut m = render::alpha::testing::empty_model(bounds, n);
     m.metadata.law = LawKind::AlphaBlend;
-    m.metadata.default_radius = learner.ground.radius;
-    m.metadata.default_opacity = learner.ground.opacity;
+    m.metadata.default_radius = learner.gaussians.ground.radius;
+    m.metadata.default_opacity = learner.gaussians.ground.opacity;
     let block = Block { bounds, count: n, mass: n as f64, gaussians };
     m.layers = vec![Layer { name: "dm".into(), mass: Mass::Unknown, content: vec![block] }];
     m
@@ -203,7 +203,7 @@ fn gradients_that_are_not_numbers_are_survived() {
         let mut learner = small_learner(&lesson, AlphaConfig::default());
         train(&mut learner, &lesson, 0, 3, STILL);
         let before = learner.state();
-        learner.spoil = Some((group, 17, value));
+        learner = learner.by(|_| Ok(Box::new(Processor { spoil: Some((group, 17, value)) }))).unwrap();
         let (view, _, target) = &lesson.shots[0];
         let at = moment(3, 9, STILL);
         let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
@@ -225,24 +225,24 @@ fn gradients_that_are_not_numbers_are_survived() {
 fn parameters_and_targets_that_are_not_numbers_are_named() {
     let lesson = lesson(QUICK, 1);
     let mut learner = small_learner(&lesson, AlphaConfig::default());
-    learner.parameters.0[Group::Rotation as usize][4 * 33 + 1] = f32::NAN;
+    learner.gaussians.parameters.0[Group::Rotation as usize][4 * 33 + 1] = f32::NAN;
     let (view, _, target) = &lesson.shots[0];
     let at = moment(0, 9, STILL);
     let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
     assert_eq!(stepped.not_finite, Some(NotFinite { group: "rotation", gaussian: 33, count: 1 }));
-    assert!(learner.mapper.as_ref().unwrap().parameters.iter().all(|v| v.is_finite()));
+    assert!(learner.gaussians.mapper.as_ref().unwrap().parameters.iter().all(|v| v.is_finite()));
     let mut target = target.clone();
     target.data.fill(f32::NAN);
     let mut learner = small_learner(&lesson, AlphaConfig::default());
-    let before = learner.parameters.clone();
+    let before = learner.gaussians.parameters.clone();
     let stepped = learner.step(&shot(view, &target), &Loss::PUBLISHED, &at).unwrap();
     assert!(stepped.not_finite.unwrap().count > 100);
-    assert!(learner.parameters.0.iter().flatten().all(|v| v.is_finite()));
+    assert!(learner.gaussians.parameters.0.iter().flatten().all(|v| v.is_finite()));
     assert_eq!(learner.len(), before.len());
     let mut mixture = Mixture::default();
     mixture.push([0.0; 3], particlegs_core::math::Sym3::scaled_identity(1.0), 1.0, 1.0);
     mixture.push([0.0, f64::NAN, 0.0], particlegs_core::math::Sym3::scaled_identity(1.0), 1.0, 1.0);
-    let fault = AlphaLearner::from_mixture(&mixture, learner.ground, learner.config).err().unwrap();
+    let fault = AlphaLearner::from_mixture(&mixture, learner.gaussians.ground, learner.config).err().unwrap();
     assert_eq!(fault.to_string(), "Gaussian 1: its position is not finite");
 }
 
@@ -254,12 +254,12 @@ fn density_control_by_hand() {
     let fresh = || {
         let mut l = small_learner(&lesson, config);
         // Gaussian 3 is small and pulled at, 5 large and pulled at, 7 nearly transparent.
-        l.parameters.0[Group::Scale as usize][9..12].fill(-6.0);
-        l.parameters.0[Group::Scale as usize][15..18].copy_from_slice(&[-6.0, -1.0, -6.0]);
-        l.parameters.0[Group::Opacity as usize][7] = -6.0;
-        l.screen[3] = [3e-3, 3.0];
-        l.screen[5] = [9e-3, 3.0];
-        l.averages[Group::Opacity as usize].first.fill(0.5);
+        l.gaussians.parameters.0[Group::Scale as usize][9..12].fill(-6.0);
+        l.gaussians.parameters.0[Group::Scale as usize][15..18].copy_from_slice(&[-6.0, -1.0, -6.0]);
+        l.gaussians.parameters.0[Group::Opacity as usize][7] = -6.0;
+        l.gaussians.screen[3] = [3e-3, 3.0];
+        l.gaussians.screen[5] = [9e-3, 3.0];
+        l.gaussians.averages[Group::Opacity as usize].first.fill(0.5);
         l
     };
     let due = Densify { every: 10, until: 100, threshold: 5e-4 };
@@ -267,13 +267,13 @@ fn density_control_by_hand() {
     let mut l = fresh();
     for quiet in [at(8, due), at(109, due), at(9, Densify { every: 0, ..due })] {
         l.control(&quiet).unwrap();
-        assert!(l.parameters == fresh().parameters);
+        assert!(l.gaussians.parameters == fresh().gaussians.parameters);
     }
     l.control(&at(9, due)).unwrap();
-    let before = fresh().parameters;
+    let before = fresh().gaussians.parameters;
     // One more by the clone, one more by the split, one less by pruning.
     assert_eq!(l.len(), 601);
-    let p = &l.parameters;
+    let p = &l.gaussians.parameters;
     assert_eq!((p.get(3), p.get(4), p.get(5)), (before.get(3), before.get(4), before.get(6)));
     assert_eq!(p.get(6), before.get(8));
     assert_eq!(p.get(598), before.get(3));
@@ -282,21 +282,23 @@ fn density_control_by_hand() {
         assert!((0..3).all(|a| (whole.log_scale[a] - piece.log_scale[a] - 1.6f64.ln()).abs() < 1e-6));
         assert!(piece.position != whole.position && piece.rotation == whole.rotation);
     }
-    let first = &l.averages[Group::Opacity as usize].first;
+    let first = &l.gaussians.averages[Group::Opacity as usize].first;
     assert!(first.len() == 601 && first[597] == 0.5 && first[598..] == [0.0; 3]);
-    assert!(l.screen.iter().all(|s| *s == [0.0; 2]));
+    assert!(l.gaussians.screen.iter().all(|s| *s == [0.0; 2]));
     // One place is left: the stronger pull gets it.
     let mut l = fresh();
     l.config.most_gaussians = Some(601);
     l.control(&at(9, due)).unwrap();
     assert_eq!(l.len(), 600);
-    assert_eq!(l.parameters.get(3), before.get(3));
+    assert_eq!(l.gaussians.parameters.get(3), before.get(3));
     // Opacities go down to 1.33 of what is pruned.
     let mut l = fresh();
     l.config.reset_every = 7;
     l.control(&at(6, due)).unwrap();
-    let most = (0..600).map(|i| l.parameters.get(i).opacity()).fold(0.0, f64::max);
-    assert!((most - 0.0133).abs() < 1e-6 && l.averages[Group::Opacity as usize].first.iter().all(|v| *v == 0.0));
+    let most = (0..600).map(|i| l.gaussians.parameters.get(i).opacity()).fold(0.0, f64::max);
+    assert!(
+        (most - 0.0133).abs() < 1e-6 && l.gaussians.averages[Group::Opacity as usize].first.iter().all(|v| *v == 0.0)
+    );
 }
 
 /// What is trained and what is drawn from the model are one picture, and a model goes on where it
@@ -309,7 +311,7 @@ fn models_hold_what_was_trained() {
     let m = model(&learner, lesson.bounds);
     let sum: f64 = m.layers[0].content[0].gaussians.count.iter().sum();
     assert!((sum / lesson.particles.len() as f64 - 1.0).abs() < 1e-12);
-    let mut again = AlphaLearner::from_model(&m, learner.ground, learner.config).unwrap();
+    let mut again = AlphaLearner::from_model(&m, learner.gaussians.ground, learner.config).unwrap();
     let (view, _, target) = &lesson.shots[1];
     let at = moment(30, 31, STILL);
     let shot = shot(view, target);

@@ -3,7 +3,7 @@
 //!
 //! [`AlphaLearner`] holds the Gaussians in the training frame ([`parameters`], [`start`]). A step is
 //! a [`pass`]: adapt, draw, then back again, tile by tile (`raster`), Gaussian by Gaussian (`chain`)
-//! and through the network (`network`). `density` clones, splits and prunes as published. The rates
+//! and through the network (`network`), and Adam ([`Steps`]). `density` clones, splits and prunes as published. The rates
 //! and all else that can be chosen stand in [`AlphaConfig`].
 
 mod chain;
@@ -16,6 +16,7 @@ mod parameters;
 mod pass;
 mod raster;
 mod start;
+mod steps;
 
 #[cfg(test)]
 mod learner_tests;
@@ -26,4 +27,6 @@ mod twin;
 
 pub use config::AlphaConfig;
 pub(crate) use learner::AlphaLearner;
-pub(crate) use start::Ground;
+pub use parameters::{GROUPS, Parameters, SH0};
+pub use start::Ground;
+pub use steps::{Gaussians, Processor, StepSize, Steps};

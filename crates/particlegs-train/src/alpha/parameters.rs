@@ -14,8 +14,8 @@ pub(super) enum Group {
     Feature,
 }
 
-/// How many there are.
-pub(super) const GROUPS: usize = 5;
+/// How many groups of parameters there are.
+pub const GROUPS: usize = 5;
 
 impl Group {
     pub const ALL: [Group; GROUPS] = [Group::Position, Group::Scale, Group::Rotation, Group::Opacity, Group::Feature];
@@ -32,7 +32,7 @@ impl Group {
 }
 
 /// `1 / (2 sqrt pi)`: the spherical harmonic of degree 0 (3DGS, `SH2RGB`).
-pub(super) const SH0: f64 = 0.282_094_791_773_878_14;
+pub const SH0: f64 = 0.282_094_791_773_878_14;
 
 /// One Gaussian's parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,9 +133,11 @@ impl One {
     }
 }
 
-/// All Gaussians, a column a group.
+/// All Gaussians, f32 in the training frame, a column a group: positions, logarithms of the standard deviations along the axes
+/// and quaternions w, x, y, z of those, logits of opacities, grey levels as `(grey - 0.5) / SH0`; a Gaussian's numbers stand
+/// together.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Parameters(pub [Vec<f32>; GROUPS]);
+pub struct Parameters(pub [Vec<f32>; GROUPS]);
 
 impl Parameters {
     /// Number of Gaussians.
@@ -144,7 +146,7 @@ impl Parameters {
     }
 
     /// Gaussian `i`.
-    pub fn get(&self, i: usize) -> One {
+    pub(super) fn get(&self, i: usize) -> One {
         let [position, scale, rotation, opacity, feature] = &self.0;
         One {
             position: each_axis(|k| position[3 * i + k].into()),
@@ -155,8 +157,13 @@ impl Parameters {
         }
     }
 
+    /// None?
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
     /// Adds one.
-    pub fn push(&mut self, one: &One) {
+    pub(super) fn push(&mut self, one: &One) {
         for (column, numbers) in self.0.iter_mut().zip(one.numbers()) {
             column.extend(numbers.iter().map(|v| *v as f32));
         }

@@ -25,7 +25,7 @@ const OPACITIES: [f64; 2] = [0.02, 0.95];
 
 /// What a learner must know of its snapshot.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Ground {
+pub struct Ground {
     /// The training frame.
     pub frame: Normalisation,
     /// Default radius, world units.

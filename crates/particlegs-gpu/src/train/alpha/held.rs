@@ -1,0 +1,195 @@
+//! Gaussians in training on the device with their network, and what Adam and density control remember of them.
+
+use super::Blender;
+use super::record::StepRecord;
+use crate::alpha::Gaussians;
+use crate::alpha::gaussians::{COLUMNS, MOST};
+use crate::{Device, groups};
+use particlegs_core::Result;
+use particlegs_core::model::{VIZMAPPER_PARAMETERS, VizMapper};
+use particlegs_core::render::alpha::Blend;
+use particlegs_train::{Averages, alpha};
+use wgpu::BufferUsages as Use;
+
+/// Numbers of each group of parameters.
+const WIDTHS: [usize; alpha::GROUPS] = [3, 3, 4, 1, 1];
+/// Numbers of a Gaussian that steps move.
+const NUMBERS: usize = 12;
+/// Workgroups that share out the Gaussians for the network's gradient, as network.wgsl has it.
+const NETWORK_PARTS: u32 = 128;
+
+/// Buffers, and what they are bound to.
+pub(super) struct Held {
+    count: usize,
+    /// What pictures are drawn of.
+    pub seen: Gaussians,
+    pub columns: wgpu::Buffer,
+    pub bent: wgpu::Buffer,
+    pub trained: wgpu::Buffer,
+    pub gradient: wgpu::Buffer,
+    /// The change with the network's outputs.
+    pub by_output: wgpu::Buffer,
+    pub screen: wgpu::Buffer,
+    pub step: wgpu::Buffer,
+    /// Adam's means of gradients, then of their squares.
+    averages: wgpu::Buffer,
+    unfold: wgpu::BindGroup,
+    network: Option<Network>,
+}
+
+struct Network {
+    weights: wgpu::Buffer,
+    averages: wgpu::Buffer,
+    #[cfg(test)]
+    parts: wgpu::Buffer,
+    by_network: wgpu::Buffer,
+    backward: wgpu::BindGroup,
+    total: wgpu::BindGroup,
+}
+
+impl Held {
+    /// Room for these.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] where they are too many; those of the device.
+    pub fn new(device: &Device, blender: &Blender, of: &alpha::Gaussians) -> Result<Held> {
+        let count = of.parameters.len();
+        let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
+        if count > most {
+            return Err(crate::train::too_many(device, count, most));
+        }
+        let kernels = &blender.kernels;
+        let usage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
+        let buffer = |label, words: usize| device.buffer(label, 4 * words as u64, usage);
+        let (trained, gradient) = (buffer("trained", NUMBERS * count), buffer("gradient", NUMBERS * count));
+        let (columns, averages) = (buffer("gaussians", COLUMNS * count), buffer("averages", 2 * NUMBERS * count));
+        let (by_output, screen) = (buffer("change with outputs", 2 * count), buffer("screen", 2 * count));
+        // Without a network they stay as they are.
+        let bent = device.filled("bent", &vec![[1.0f32; 2]; count], usage);
+        let step = device.buffer("step", size_of::<StepRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+        let network = of.mapper.as_ref().map(|_| {
+            let weights = buffer("network", VIZMAPPER_PARAMETERS);
+            let parts = buffer("parts of the network's gradient", NETWORK_PARTS as usize * VIZMAPPER_PARAMETERS);
+            let by_network = buffer("the network's gradient", VIZMAPPER_PARAMETERS);
+            let back = [&step, &weights, &columns, &by_output, &gradient, &parts];
+            Network {
+                backward: kernels.network.bind(device, &back),
+                total: kernels.network_total.bind(device, &[&parts, &by_network]),
+                averages: buffer("averages of the network", 2 * VIZMAPPER_PARAMETERS),
+                weights,
+                #[cfg(test)]
+                parts,
+                by_network,
+            }
+        });
+        let alpha::Ground { frame, radius, opacity, .. } = of.ground;
+        let blend = Blend { vizmapper: None, frame, radius, opacity };
+        let drawn_by = network.as_ref().zip(of.mapper.as_ref()).map(|(n, m)| (n.weights.clone(), m.ranges));
+        let seen = Gaussians::of_buffers(device, [columns.clone(), bent.clone()], count as u32, drawn_by, blend);
+        let unfold = kernels.unfold.bind(device, &[&step, &trained, &columns]);
+        device.check()?;
+        Ok(Held { count, seen, columns, bent, trained, gradient, by_output, screen, step, averages, unfold, network })
+    }
+
+    /// Are they for as many Gaussians, with a network or without?
+    pub fn fits(&self, of: &alpha::Gaussians) -> bool {
+        self.count == of.parameters.len() && self.network.is_some() == of.mapper.is_some()
+    }
+
+    /// What is written before it is read.
+    #[cfg(test)]
+    pub fn scratch(&self) -> Vec<&wgpu::Buffer> {
+        let network = self.network.iter().flat_map(|n| [&n.parts, &n.by_network]);
+        [&self.columns, &self.gradient, &self.by_output].into_iter().chain(network).collect()
+    }
+
+    /// How far the next step goes; pictures are drawn of what there is now.
+    pub fn begin(&self, device: &Device, blender: &Blender, record: &StepRecord) {
+        device.queue.write_buffer(&self.step, 0, bytemuck::bytes_of(record));
+        self.seen.changed();
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        blender.kernels.unfold.run(&mut pass, &self.unfold, groups(self.count as u64));
+        drop(pass);
+        device.queue.submit([encoder.finish()]);
+    }
+
+    /// Moves the Gaussians and the network by their gradients.
+    pub fn update(&self, device: &Device, pass: &mut wgpu::ComputePass<'_>, blender: &Blender, told: &wgpu::Buffer) {
+        let kernels = &blender.kernels;
+        if let Some(n) = &self.network {
+            kernels.network.run(pass, &n.backward, [NETWORK_PARTS, 1]);
+            kernels.network_total.run(pass, &n.total, groups(VIZMAPPER_PARAMETERS as u64));
+            let adam = kernels.network_adam.bind(device, &[&self.step, &n.by_network, &n.weights, &n.averages, told]);
+            kernels.network_adam.run(pass, &adam, [1, 1]);
+        }
+        let adam = kernels.adam.bind(device, &[&self.step, &self.gradient, &self.trained, &self.averages, told]);
+        kernels.adam.run(pass, &adam, groups(self.count as u64));
+    }
+
+    /// Sends everything.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn put(&self, device: &Device, of: &alpha::Gaussians) -> Result<()> {
+        let write = |buffer: &wgpu::Buffer, words: &[f32]| {
+            device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(words));
+        };
+        write(&self.trained, &self.columns_of(of.parameters.0.each_ref()));
+        let mut averages = self.columns_of(of.averages.each_ref().map(|a| &a.first));
+        averages.extend(self.columns_of(of.averages.each_ref().map(|a| &a.second)));
+        write(&self.averages, &averages);
+        write(&self.screen, of.screen.as_flattened());
+        if let (Some(n), Some(mapper)) = (&self.network, &of.mapper) {
+            write(&n.weights, &mapper.parameters);
+            write(&n.averages, &[of.mapper_averages.first.as_slice(), &of.mapper_averages.second].concat());
+        }
+        device.wait()
+    }
+
+    /// Brings everything back.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn get(&self, device: &Device, of: &mut alpha::Gaussians) -> Result<()> {
+        let read = |buffer: &wgpu::Buffer, words: usize| -> Result<Vec<f32>> {
+            let bytes = device.read(buffer, 4 * words as u64)?;
+            Ok(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+        };
+        let all = NUMBERS * self.count;
+        of.parameters.0 = self.groups_of(&read(&self.trained, all)?);
+        let averages = read(&self.averages, 2 * all)?;
+        let (first, second) = averages.split_at(all);
+        for (a, (first, second)) in
+            of.averages.iter_mut().zip(self.groups_of(first).into_iter().zip(self.groups_of(second)))
+        {
+            *a = Averages { first, second, steps: a.steps };
+        }
+        of.screen = read(&self.screen, 2 * self.count)?.chunks_exact(2).map(|s| [s[0], s[1]]).collect();
+        if let (Some(n), Some(mapper)) = (&self.network, &mut of.mapper) {
+            let averages = read(&n.averages, 2 * VIZMAPPER_PARAMETERS)?;
+            let (first, second) = averages.split_at(VIZMAPPER_PARAMETERS);
+            (of.mapper_averages.first, of.mapper_averages.second) = (first.to_vec(), second.to_vec());
+            *mapper = VizMapper { parameters: read(&n.weights, VIZMAPPER_PARAMETERS)?, ranges: mapper.ranges };
+        }
+        Ok(())
+    }
+
+    /// A column a number, of groups whose Gaussians' numbers stand together.
+    fn columns_of(&self, groups: [&Vec<f32>; alpha::GROUPS]) -> Vec<f32> {
+        let of = |(all, width): (&Vec<f32>, usize)| -> Vec<f32> {
+            (0..width).flat_map(|k| (0..self.count).map(move |i| (i, k))).map(|(i, k)| all[width * i + k]).collect()
+        };
+        groups.into_iter().zip(WIDTHS).flat_map(of).collect()
+    }
+
+    /// The reverse.
+    fn groups_of(&self, columns: &[f32]) -> [Vec<f32>; alpha::GROUPS] {
+        let mut first = 0;
+        WIDTHS.map(|width| {
+            let own = &columns[first * self.count..(first + width) * self.count];
+            first += width;
+            (0..self.count).flat_map(|i| (0..width).map(move |k| own[k * self.count + i])).collect()
+        })
+    }
+}

@@ -1,0 +1,174 @@
+//! Steps of training by the alpha-blend law: those of particlegs-train's `alpha`, each stage a kernel.
+//!
+//! | kernel | twin in particlegs-train | what it does |
+//! |---|---|---|
+//! | unfold_main.wgsl | `alpha::parameters` | what is moved to what is drawn |
+//! | those of [`crate::alpha`] | `alpha::pass` | the picture |
+//! | loss_main.wgsl, loss_gradient_main.wgsl, those of the other law | `loss`, `dssim` | the loss, and its gradient with brightness |
+//! | backward_main.wgsl of [`crate::alpha`] | `alpha::raster` | what pixels want of each footprint |
+//! | chain_main.wgsl | `alpha::chain` | footprints back to Gaussians |
+//! | network_main.wgsl | `alpha::network` | through the network |
+//! | adam_main.wgsl, network_adam_main.wgsl | `alpha::steps` | the step |
+//!
+//! Density control is the processor's: it asks for the Gaussians where it is due, and sends them back.
+
+mod held;
+mod kernels;
+mod picture;
+mod record;
+#[cfg(test)]
+mod tests;
+
+use super::kernels::Kernels as Shared;
+use crate::alpha::Renderer;
+use crate::{Device, groups};
+use held::Held;
+use kernels::Kernels;
+use particlegs_core::Result;
+use particlegs_train::alpha::{Gaussians, StepSize, Steps};
+use particlegs_train::{Loss, NotFinite, Shot, Stepped};
+use picture::Picture;
+use record::StepRecord;
+use std::sync::Arc;
+
+/// Groups of parameters, by their numbers in adam_main.wgsl.
+const GROUPS: [&str; 5] = ["position", "scale", "rotation", "opacity", "feature"];
+
+/// What draws and what takes steps by this law.
+pub(super) struct Blender {
+    renderer: Renderer,
+    kernels: Kernels,
+}
+
+impl Blender {
+    /// Its kernels.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn new(device: &Arc<Device>) -> Result<Blender> {
+        let renderer = Renderer::for_training(device)?;
+        Ok(Blender { renderer, kernels: Kernels::new(device) })
+    }
+}
+
+/// Gaussians of the alpha-blend law on a device.
+pub(super) struct AlphaSteps {
+    device: Arc<Device>,
+    shared: Arc<Shared>,
+    blender: Arc<Blender>,
+    held: Held,
+    /// Are those on the device newer than the caller's, older, or neither?
+    newer: Side,
+    /// Of the last step's size.
+    picture: Option<Picture>,
+}
+
+/// Where everything is up to date.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    Here,
+    Device,
+    Both,
+}
+
+impl AlphaSteps {
+    /// For these.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] where they are too many; those of the device.
+    pub fn new(device: &Arc<Device>, shared: &Arc<Shared>, blender: &Arc<Blender>, of: &Gaussians) -> Result<Self> {
+        Ok(AlphaSteps {
+            device: device.clone(),
+            shared: shared.clone(),
+            blender: blender.clone(),
+            held: Held::new(device, blender, of)?,
+            newer: Side::Here,
+            picture: None,
+        })
+    }
+
+    /// The Gaussians as the caller has them, on the device.
+    fn send(&mut self, of: &Gaussians) -> Result<()> {
+        if !self.held.fits(of) {
+            self.picture = None;
+            self.held = Held::new(&self.device, &self.blender, of)?;
+        }
+        self.held.put(&self.device, of)
+    }
+
+    /// Memory for the pictures of a shot: that of the last step where it had that size.
+    fn picture_of(&mut self, shot: &Shot<'_>, loss: &Loss) -> Result<Picture> {
+        let shape = (shot.crop.size, loss.dssim > 0.0);
+        // Where it had not, its memory goes before the next one's is taken.
+        match self.picture.take().filter(|p| p.shape() == shape) {
+            Some(kept) => Ok(kept),
+            None => Picture::new(&self.device, (&self.shared, &self.blender), &self.held, shape),
+        }
+    }
+}
+
+impl Steps for AlphaSteps {
+    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
+        let (eye, setting) = (of.eye(shot)?, of.setting(shot));
+        if self.newer == Side::Here {
+            self.send(of)?;
+        }
+        let mut picture = self.picture_of(shot, loss)?;
+        let (device, blender, held) = (&*self.device, &*self.blender, &self.held);
+        held.begin(device, blender, &StepRecord::new(of, &eye, setting, size));
+        picture.compared.set(device, shot.target, loss);
+        blender.renderer.blend_all(&held.seen, &mut picture.canvas, &eye, setting)?;
+        picture.compare(device, (&self.shared, blender));
+        blender.renderer.backward(&picture.canvas, &mut picture.back)?;
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        blender.kernels.chain.run(&mut pass, &picture.chain, groups(of.parameters.len() as u64));
+        held.update(device, &mut pass, blender, &picture.compared.told);
+        drop(pass);
+        device.queue.submit([encoder.finish()]);
+        let (told, network_moved) = stepped(&device.read(&picture.compared.told, 28)?);
+        self.picture = Some(picture);
+        of.averages.iter_mut().for_each(|a| a.steps += 1);
+        if of.mapper.is_some() && network_moved {
+            of.mapper_averages.steps += 1;
+        }
+        self.newer = Side::Device;
+        Ok(told)
+    }
+
+    fn fetch(&mut self, of: &mut Gaussians) -> Result<()> {
+        if self.newer == Side::Device {
+            self.held.get(&self.device, of)?;
+            self.newer = Side::Both;
+        }
+        Ok(())
+    }
+
+    fn changed(&mut self) {
+        self.newer = Side::Here;
+    }
+}
+
+#[cfg(test)]
+impl AlphaSteps {
+    /// Fills all that is written before it is read with what is no number.
+    fn poison(&self) {
+        let picture = self.picture.as_ref().expect("it has a size");
+        for buffer in self.held.scratch().into_iter().chain(picture.compared.scratch()).chain([&picture.back.by_pixel])
+        {
+            self.device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
+        }
+        picture.back.poison(&self.device);
+    }
+}
+
+/// What a step tells, of faults.wgsl's words, and whether the network was moved.
+fn stepped(words: &[u8]) -> (Stepped, bool) {
+    let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
+    let [count, first, network] = [4, 5, 6].map(|k| u32::from_le_bytes(word(k)));
+    let group = GROUPS[(first % 8).min(4) as usize];
+    let of_gaussians = NotFinite { group, gaussian: first as usize / 8, count: count as usize };
+    let of_network = NotFinite { group: "vizmapper", gaussian: 0, count: 1 };
+    let not_finite = (count > 0).then_some(of_gaussians).or((network > 0).then_some(of_network));
+    (Stepped { loss: f64::from(f32::from_le_bytes(word(0))), not_finite }, network == 0)
+}

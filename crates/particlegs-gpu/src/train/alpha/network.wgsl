@@ -1,0 +1,12 @@
+// Where the network's numbers lie: of each layer the weights, a row an output, then the biases (core's
+// model::vizmapper::Places).
+
+const HIDDEN: u32 = 64u;
+const FIRST_BIAS: u32 = 256u;
+const SECOND: u32 = 320u;
+const SECOND_BIAS: u32 = 4416u;
+const LAST: u32 = 4480u;
+const LAST_BIAS: u32 = 4608u;
+const PARAMETERS: u32 = 4610u;
+// Workgroups that Gaussians are shared out among; fixed, so that sums do not depend on the device.
+const NETWORK_PARTS: u32 = 128u;

@@ -1,0 +1,74 @@
+//! A picture that is learnt from, on the device: its loss, and what its pixels want.
+
+use super::held::Held;
+use super::{Blender, Shared};
+use crate::Device;
+use crate::alpha::Canvas;
+use crate::alpha::backward::Backward;
+use crate::render::{FrameRecord, Planes};
+use crate::train::compared::{Compared, PARTS};
+use particlegs_core::Result;
+use particlegs_core::picture::Size;
+use wgpu::BufferUsages as Use;
+
+/// The memory of one size of picture of some Gaussians.
+pub(super) struct Picture {
+    pub canvas: Canvas,
+    pub back: Backward,
+    pub compared: Compared,
+    pub chain: wgpu::BindGroup,
+    loss: wgpu::BindGroup,
+    gradient: wgpu::BindGroup,
+}
+
+impl Picture {
+    /// Of Gaussians, of a size, for a loss with SSIM or without.
+    ///
+    /// # Errors
+    /// Those of the device, also where it is too small for such a picture.
+    pub fn new(
+        device: &Device,
+        (shared, blender): (&Shared, &Blender),
+        held: &Held,
+        (size, with_dssim): (Size, bool),
+    ) -> Result<Picture> {
+        let canvas = blender.renderer.canvas(&held.seen, size)?;
+        let back = Backward::new(device, &canvas)?;
+        let frame = device.filled("frame", &[FrameRecord::of_planes(&Planes::of(size))], Use::UNIFORM);
+        let compared = Compared::new(device, shared, &frame, size, with_dssim);
+        let Compared { drawn, target, loss, sums, by_structure, told, .. } = &compared;
+        let blended = canvas.brightness();
+        let kernels = &blender.kernels;
+        let gradient = [&frame, blended, target, loss, told, by_structure, &back.by_pixel];
+        let of = [canvas.frame(), &held.step, &held.columns, &held.bent, &held.trained, canvas.touched()];
+        let chain = [of.as_slice(), &[&back.sums, &held.gradient, &held.by_output, &held.screen]].concat();
+        let own = Picture {
+            loss: kernels.loss.bind(device, &[&frame, blended, target, loss, drawn, sums]),
+            gradient: kernels.loss_gradient.bind(device, &gradient),
+            chain: kernels.chain.bind(device, &chain),
+            canvas,
+            back,
+            compared,
+        };
+        device.check()?;
+        Ok(own)
+    }
+
+    /// Its size, and whether it has what SSIM takes.
+    pub fn shape(&self) -> (Size, bool) {
+        (self.compared.size, self.compared.with_dssim())
+    }
+
+    /// From brightness to the gradient with it.
+    pub fn compare(&self, device: &Device, (shared, blender): (&Shared, &Blender)) {
+        let Size { width, height } = self.compared.size;
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        blender.kernels.loss.run(&mut pass, &self.loss, [PARTS, 1]);
+        self.compared.total(&mut pass, shared);
+        let all = [width.div_ceil(16) as u32, height.div_ceil(16) as u32];
+        blender.kernels.loss_gradient.run(&mut pass, &self.gradient, all);
+        drop(pass);
+        device.queue.submit([encoder.finish()]);
+    }
+}

@@ -1,0 +1,277 @@
+//! Steps against their twins on the processor, on whatever adapter there is.
+
+use super::*;
+use crate::tests::{device, view};
+use crate::train::Trainer;
+use particlegs::compress::{Options, Target, compress};
+use particlegs::model::LawKind;
+use particlegs::particles::Particles;
+use particlegs::pieces::NoPieces;
+use particlegs::train::{Config, Limits, Preset};
+use particlegs_core::camera::{Normalisation, View};
+use particlegs_core::math::Random;
+use particlegs_core::model::vizmapper::twin::stirred;
+use particlegs_core::picture::{Plane, Size};
+use particlegs_core::progress::Silent;
+use particlegs_core::space::Bounds;
+use particlegs_train::alpha::{Ground, Parameters, Processor};
+use particlegs_train::{Averages, Crop, Device as _, Norm};
+
+const SIZE: Size = Size { width: 160, height: 90 };
+/// Default radius and opacity.
+const USUAL: [f64; 2] = [0.02, 0.05];
+
+struct Case {
+    name: &'static str,
+    gaussians: Gaussians,
+    view: View,
+    loss: Loss,
+    crop: Crop,
+}
+
+/// Gaussians of about this logarithm of their size, as much flatter along two axes, with a network or without.
+fn gaussians(seed: u64, n: u64, size: f64, flatness: f64, with_network: bool) -> Gaussians {
+    let bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
+    let [radius, opacity] = USUAL;
+    let frame = Normalisation::of(&bounds);
+    let mut parameters = Parameters::default();
+    for i in 0..n {
+        let mut r = Random::new(seed, 1, i);
+        let [position, scale, rotation, logit, feature] = &mut parameters.0;
+        position.extend([0; 3].map(|_| (frame.scale * (2.0 * r.uniform() - 1.0)) as f32));
+        let own = size + 0.5 * r.normal();
+        scale.extend([own as f32, (own - flatness * r.uniform()) as f32, (own - flatness * r.uniform()) as f32]);
+        rotation.extend([0; 4].map(|_| r.normal() as f32));
+        logit.push((-1.0 + 2.0 * r.normal()) as f32);
+        feature.push((0.5 * r.normal()) as f32);
+    }
+    let mapper = with_network.then(|| stirred(3));
+    let network = mapper.as_ref().map_or(0, |m| m.parameters.len());
+    Gaussians {
+        ground: Ground { frame, radius, opacity, particles: 1000, seed: 1 },
+        averages: parameters.0.each_ref().map(|column| Averages::zeros(column.len())),
+        mapper,
+        mapper_averages: Averages::zeros(network),
+        screen: vec![[0.0; 2]; n as usize],
+        parameters,
+    }
+}
+
+fn cases() -> Vec<Case> {
+    let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
+    let l2 = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
+    let case = |name, gaussians, view| Case { name, gaussians, view, loss: l2, crop: Crop::whole(SIZE) };
+    let usual = || gaussians(1, 800, -3.0, 1.0, true);
+    let crop = Crop { full: SIZE, corner: [37, 21], size: Size { width: 64, height: 48 } };
+    vec![
+        case("from afar", usual(), view(far, USUAL)),
+        case("without a network", gaussians(1, 800, -3.0, 1.0, false), view(far, USUAL)),
+        case("large and opaque", usual(), view(far, [0.035, 0.0875])),
+        case("small and faint", usual(), view(far, [0.005, 0.0125])),
+        case("smaller than a pixel", gaussians(2, 800, -6.0, 1.0, true), view(far, USUAL)),
+        case("near", usual(), view(near, USUAL)),
+        case("within", usual(), view(inside, USUAL)),
+        case("needles", gaussians(4, 500, -2.0, 5.0, true), view(far, USUAL)),
+        case("wide", gaussians(5, 60, 0.0, 1.0, true), view(far, USUAL)),
+        Case { crop, ..case("crop", usual(), view(far, USUAL)) },
+        Case { loss: Loss::PUBLISHED, ..case("published loss", usual(), view(far, USUAL)) },
+        Case { loss: Loss { dssim: 0.4, ..l2 }, ..case("SSIM", usual(), view(far, USUAL)) },
+        Case {
+            loss: Loss { dssim: 1.0, logarithm: true, ..l2 },
+            ..case("SSIM alone, logarithm", usual(), view(near, USUAL))
+        },
+    ]
+}
+
+/// A picture of something else, with some noise.
+fn target(size: Size) -> Plane {
+    let mut r = Random::new(77, 1, 0);
+    let data = (0..size.pixels()).map(|p| {
+        let (x, y) = (p % size.width, p / size.width);
+        let smooth = 0.3 + 0.2 * (x as f64 / 11.0).sin() * (y as f64 / 7.0).cos();
+        (smooth + 0.05 * r.normal()).clamp(0.0, 1.0) as f32
+    });
+    Plane { size, data: data.collect() }
+}
+
+/// Rates that move Gaussians by about as much as published ones do in a hundred steps.
+const STEP: StepSize = StepSize { rates: [1e-3, 5e-3, 1e-3, 5e-2, 2.5e-3], network: 1e-3, clip: 1.0, identity: 0.01 };
+
+fn steps(steps: &mut dyn Steps, of: &mut Gaussians, case: &Case, number: usize) -> Vec<Stepped> {
+    let target = target(case.crop.size);
+    let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let told = (0..number).map(|_| steps.step(of, &shot, &case.loss, &STEP).unwrap()).collect();
+    steps.fetch(of).unwrap();
+    told
+}
+
+/// The root mean square of differences over that of the first.
+fn apart(a: &[f32], b: &[f32]) -> f64 {
+    let square = |v: f64| v * v;
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| square(f64::from(*a) - f64::from(*b))).sum();
+    (sum / a.iter().map(|a| square(f64::from(*a))).sum::<f64>().max(1e-300)).sqrt()
+}
+
+/// Differences over the way that the first went from `start`.
+fn strayed(a: &[f32], b: &[f32], start: &[f32]) -> f64 {
+    let way = |v: &[f32]| v.iter().zip(start).map(|(v, s)| v - s).collect::<Vec<f32>>();
+    apart(&way(a), &way(b))
+}
+
+#[test]
+fn gradients_and_losses_are_the_processors() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    for case in cases() {
+        let (mut here, mut there) = (case.gaussians.clone(), case.gaussians.clone());
+        let ours = steps(&mut Processor::default(), &mut here, &case, 1);
+        let theirs = steps(&mut *trainer.alpha_steps(&there).unwrap(), &mut there, &case, 1);
+        // Adam's first mean is a tenth of the gradient.
+        let mut by: Vec<f64> =
+            here.averages.iter().zip(&there.averages).map(|(a, b)| apart(&a.first, &b.first)).collect();
+        if here.mapper.is_some() {
+            by.push(apart(&here.mapper_averages.first, &there.mapper_averages.first));
+        }
+        let sizes = |of: &Gaussians| of.screen.iter().map(|s| s[0]).collect::<Vec<f32>>();
+        by.push(apart(&sizes(&here), &sizes(&there)));
+        assert!(here.screen.iter().zip(&there.screen).all(|(a, b)| a[1] == b[1]), "{}: others are seen", case.name);
+        let loss = (ours[0].loss - theirs[0].loss).abs() / ours[0].loss.abs();
+        println!(
+            "{}: {}; loss {loss:.1e}",
+            case.name,
+            by.iter().map(|v| format!("{v:.1e}")).collect::<Vec<_>>().join(" ")
+        );
+        assert!(theirs[0].not_finite.is_none());
+        assert!(by.iter().all(|b| *b < 1e-4) && loss < 1e-5, "{}", case.name);
+    }
+}
+
+/// Steps one after the other, also where memory holds what is no number before each.
+#[test]
+fn steps_go_where_the_processors_go() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    for case in [0, 1, 11].map(|k| cases().swap_remove(k)) {
+        let start = &case.gaussians;
+        let [mut here, mut there, mut poisoned, mut both] = std::array::from_fn(|_| start.clone());
+        let ours = steps(&mut Processor::default(), &mut here, &case, 12);
+        let theirs = steps(&mut *trainer.alpha_steps(&there).unwrap(), &mut there, &case, 12);
+        let mut own = AlphaSteps::new(&device, &trainer.kernels, &trainer.blender, start).unwrap();
+        for _ in 0..12 {
+            steps(&mut own, &mut poisoned, &case, 1);
+            own.poison();
+        }
+        assert!(poisoned == there, "{}: what was there before is seen", case.name);
+        // Begun on one, and gone on on the other.
+        steps(&mut Processor::default(), &mut both, &case, 6);
+        steps(&mut *trainer.alpha_steps(&both).unwrap(), &mut both, &case, 6);
+        let passed: Vec<f64> = here.parameters.0.iter().zip(&both.parameters.0).map(|(a, b)| apart(a, b)).collect();
+        assert!(passed.iter().all(|v| *v < 1e-4), "{}: {passed:?}", case.name);
+        let columns = here.parameters.0.iter().zip(&there.parameters.0).zip(&start.parameters.0);
+        let mut by: Vec<f64> = columns.map(|((a, b), start)| strayed(a, b, start)).collect();
+        if let [Some(a), Some(b), Some(start)] = [&here.mapper, &there.mapper, &start.mapper] {
+            by.push(strayed(&a.parameters, &b.parameters, &start.parameters));
+        }
+        let loss = (ours[11].loss - theirs[11].loss).abs() / ours[11].loss;
+        println!(
+            "{}: {}; loss {loss:.1e}",
+            case.name,
+            by.iter().map(|v| format!("{v:.1e}")).collect::<Vec<_>>().join(" ")
+        );
+        assert!(ours[11].loss < ours[0].loss && by.iter().all(|v| *v < 1e-2) && loss < 1e-4, "{}", case.name);
+    }
+}
+
+/// Gaussians that others changed, in number too, are sent anew.
+#[test]
+fn what_density_control_changed_is_sent() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    let case = cases().swap_remove(0);
+    let mut of = case.gaussians.clone();
+    let mut own = trainer.alpha_steps(&of).unwrap();
+    steps(&mut *own, &mut of, &case, 2);
+    for (column, width) in of.parameters.0.iter_mut().zip([3, 3, 4, 1, 1]) {
+        column.truncate(500 * width);
+    }
+    for (a, column) in of.averages.iter_mut().zip(&of.parameters.0) {
+        a.first.truncate(column.len());
+        a.second.truncate(column.len());
+    }
+    of.screen.truncate(500);
+    own.changed();
+    let mut fresh = of.clone();
+    let told = steps(&mut *own, &mut of, &case, 2);
+    assert_eq!(told, steps(&mut *trainer.alpha_steps(&fresh).unwrap(), &mut fresh, &case, 2));
+    assert!(of == fresh && of.parameters.len() == 500);
+}
+
+/// Numbers that are none are told as on the processor, and stay.
+#[test]
+fn numbers_that_are_none_are_told_and_survived() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    let mut case = cases().swap_remove(0);
+    case.gaussians.parameters.0[2][4 * 33 + 1] = f32::NAN;
+    case.gaussians.parameters.0[3][40] = f32::INFINITY;
+    let (mut here, mut there) = (case.gaussians.clone(), case.gaussians.clone());
+    let ours = steps(&mut Processor::default(), &mut here, &case, 1);
+    let theirs = steps(&mut *trainer.alpha_steps(&there).unwrap(), &mut there, &case, 1);
+    assert_eq!(ours[0].not_finite, theirs[0].not_finite);
+    assert_eq!(theirs[0].not_finite, Some(NotFinite { group: "rotation", gaussian: 33, count: 2 }));
+    let start = &case.gaussians.parameters.0;
+    assert_eq!(there.parameters.0[0][3 * 33..3 * 34], start[0][3 * 33..3 * 34]);
+    assert_ne!(there.parameters.0[0][3 * 34..3 * 35], start[0][3 * 34..3 * 35]);
+    assert!(there.mapper.unwrap().parameters.iter().all(|v| v.is_finite()));
+}
+
+/// A device that is gone in the midst of a run: an error, and what was fetched before stays.
+#[test]
+fn a_device_that_is_gone_is_an_error() {
+    let Some(device) = device() else { return };
+    let trainer = Trainer::new(&device).unwrap();
+    let case = cases().swap_remove(0);
+    let mut of = case.gaussians.clone();
+    let mut own = trainer.alpha_steps(&of).unwrap();
+    steps(&mut *own, &mut of, &case, 2);
+    let before = of.parameters.clone();
+    device.device.destroy();
+    let target = target(SIZE);
+    let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let error = own.step(&mut of, &shot, &case.loss, &STEP).unwrap_err().to_string();
+    assert!(error.contains("device") && error.lines().count() == 1, "{error}");
+    assert!(of.parameters == before);
+}
+
+/// The published recipe, scaled, on the processor and on the device.
+#[test]
+fn a_short_run_reaches_the_processors_score() {
+    let Some(device) = device() else { return };
+    let device: Arc<dyn particlegs_train::Device> = Arc::new(Trainer::new(&device).unwrap());
+    // Whom density control chooses is decided by roundings: from there on two runs are as far apart as those of two seeds.
+    let all = Config { evaluate_views: 4, ..Config::preset(Preset::Paper, LawKind::AlphaBlend).scaled(0.01).unwrap() };
+    let mut still = Config { start_gaussians: Some(1000), ..all.clone() };
+    still.stages.iter_mut().for_each(|s| s.densify.every = 0);
+    for (name, config, most) in [("without density control", still, 0.05), ("whole", all, 0.5)] {
+        let [before, ours] = scores(&config, 4, None);
+        let theirs = scores(&config, 4, Some(device.clone()))[1];
+        println!("{name}, {} steps: {before:.3} dB, processor {ours:.3}, device {theirs:.3}", config.iterations());
+        assert!(ours > before + 0.2 && (ours - theirs).abs() < most, "{name}: {before} {ours} {theirs}");
+    }
+}
+
+/// What a run scores before and after.
+fn scores(config: &Config, seed: u64, device: Option<Arc<dyn particlegs_train::Device>>) -> [f64; 2] {
+    let column = |k: u32| -> Vec<f32> {
+        let at = |i: u64| {
+            let (mut own, mut of_clump) = (Random::new(5, k, i), Random::new(6, k, i % 40));
+            (of_clump.uniform() + 0.03 * own.normal()).clamp(0.0, 1.0) as f32
+        };
+        (0..20_000).map(at).collect()
+    };
+    let particles = Particles::from_columns(column(1), column(2), column(3));
+    let limits = Limits { device, ..Limits::default() };
+    let training = Some(config.clone());
+    let options = Options { target: Target::Gaussians(6000), training, limits, seed, ..Options::default() };
+    compress(&particles, &options, &mut NoPieces, &Silent).unwrap().trained[0].scores.map(Option::unwrap)
+}

@@ -1,0 +1,184 @@
+//! A step: a picture drawn, its loss, the gradient of that, and Adam. On the processor here; a device's are its own.
+
+use super::parameters::{GROUPS, Group, Parameters};
+use super::pass::{Mapper, Pass, faults};
+use super::start::Ground;
+use crate::adam::{Adam, Averages};
+use crate::learner::{NotFinite, Shot, Stepped};
+use crate::loss::Loss;
+use particlegs_core::Result;
+use particlegs_core::model::vizmapper::{Network, Setting};
+use particlegs_core::model::{VIZMAPPER_PARAMETERS, VizMapper};
+use particlegs_core::picture::Plane;
+use particlegs_core::render::alpha::{CutOffs, Eye};
+
+/// 3DGS's Adam.
+const ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-15 };
+
+/// PyTorch's default, which the network has.
+const NETWORK_ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-8 };
+
+/// Gaussians in training with their network, and what Adam and density control remember of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gaussians {
+    /// Of the snapshot.
+    pub ground: Ground,
+    /// The Gaussians.
+    pub parameters: Parameters,
+    /// Adam's, a group each.
+    pub averages: [Averages; GROUPS],
+    /// The network, where there is one.
+    pub mapper: Option<VizMapper>,
+    /// Adam's of the network.
+    pub mapper_averages: Averages,
+    /// Of each Gaussian since the last densification: sizes of the changes with its centre on the picture, and in how many
+    /// pictures it was seen.
+    pub screen: Vec<[f32; 2]>,
+}
+
+/// How far a step goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepSize {
+    /// Adam's rates, a group each.
+    pub rates: [f64; GROUPS],
+    /// Adam's rate of the network.
+    pub network: f64,
+    /// Largest norm of the network's gradient; 0 = any.
+    pub clip: f64,
+    /// Weight of what holds the network to the identity.
+    pub identity: f64,
+}
+
+/// What takes steps.
+pub trait Steps {
+    /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
+    /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](Steps::fetch).
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range; those of a device.
+    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped>;
+
+    /// Brings everything up to date with the steps taken.
+    ///
+    /// # Errors
+    /// Those of a device.
+    fn fetch(&mut self, of: &mut Gaussians) -> Result<()>;
+
+    /// Others than steps changed them, in number too.
+    fn changed(&mut self);
+}
+
+/// Steps on the processor.
+#[derive(Default)]
+pub struct Processor {
+    /// A gradient to be spoilt in the next step: group, Gaussian, number.
+    #[cfg(test)]
+    pub(super) spoil: Option<(Group, usize, f32)>,
+}
+
+impl Gaussians {
+    /// Before the first step.
+    pub(super) fn new(parameters: Parameters, mapper: Option<VizMapper>, ground: Ground) -> Self {
+        let n = parameters.len();
+        Gaussians {
+            ground,
+            averages: Group::ALL.map(|g| Averages::zeros(n * g.width())),
+            mapper_averages: Averages::zeros(if mapper.is_some() { VIZMAPPER_PARAMETERS } else { 0 }),
+            screen: vec![[0.0; 2]; n],
+            parameters,
+            mapper,
+        }
+    }
+
+    /// What a picture asks of the network.
+    pub fn setting(&self, shot: &Shot<'_>) -> Setting {
+        let Ground { radius, opacity, .. } = self.ground;
+        Setting { radius: shot.view.radius / radius, opacity: shot.view.opacity / opacity }
+    }
+
+    /// The camera of a shot in the training frame.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
+    pub fn eye(&self, shot: &Shot<'_>) -> Result<Eye> {
+        Ok(Eye::new(shot.view, shot.crop.full, &self.ground.frame)?.part(shot.crop.corner, shot.crop.size))
+    }
+
+    /// Moves all Gaussians but those of `still`.
+    fn descend(&mut self, gradient: &Parameters, still: &[(usize, Group)], size: &StepSize) {
+        for g in Group::ALL {
+            let (rate, w) = (size.rates[g as usize], g.width());
+            let (values, averages) = (&mut self.parameters.0[g as usize], &mut self.averages[g as usize]);
+            let rows = |v: &[f32]| still.iter().flat_map(|(i, _)| v[i * w..(i + 1) * w].to_vec()).collect::<Vec<f32>>();
+            let kept = [rows(values), rows(&averages.first), rows(&averages.second)];
+            ADAM.step(values, &gradient.0[g as usize], averages, rate);
+            for (column, kept) in [values, &mut averages.first, &mut averages.second].into_iter().zip(&kept) {
+                for ((i, _), kept) in still.iter().zip(kept.chunks(w)) {
+                    column[i * w..(i + 1) * w].copy_from_slice(kept);
+                }
+            }
+        }
+    }
+
+    /// Moves the network, its gradient cut to the largest norm. Is the gradient finite?
+    fn descend_network(&mut self, mut gradient: Vec<f32>, size: &StepSize) -> bool {
+        let Some(mapper) = &mut self.mapper else { return true };
+        let norm = gradient.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
+        if !norm.is_finite() {
+            return false;
+        }
+        let clip = size.clip;
+        if clip > 0.0 && norm > clip {
+            gradient.iter_mut().for_each(|v| *v *= (clip / norm) as f32);
+        }
+        NETWORK_ADAM.step(&mut mapper.parameters, &gradient, &mut self.mapper_averages, size.network);
+        true
+    }
+}
+
+/// Brightness as it is shown, and the change with what was blended from that with what is shown.
+fn shown(drawn: &Plane) -> Plane {
+    Plane { size: drawn.size, data: drawn.data.iter().map(|b| b.clamp(0.0, 1.0)).collect() }
+}
+
+impl Steps for Processor {
+    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
+        let (eye, setting) = (of.eye(shot)?, of.setting(shot));
+        let mapper =
+            of.mapper.as_ref().map(|m| Mapper { network: Network::new(m), ranges: m.ranges, identity: size.identity });
+        let pass = Pass::new(&eye, &of.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED, shot.progress)?;
+        let mut valued = loss.of(&shown(&pass.drawn), shot.target, shot.progress.simd());
+        // Brightness beyond white is cut: nothing there moves it.
+        let beyond = valued.gradient.data.iter_mut().zip(&pass.drawn.data);
+        beyond.filter(|(_, b)| **b > 1.0).for_each(|(g, _)| *g = 0.0);
+        #[cfg_attr(not(test), allow(unused_mut))]
+        let mut gradient = pass.back(&valued.gradient);
+        #[cfg(test)]
+        if let Some((group, i, v)) = self.spoil.take() {
+            gradient.parameters.0[group as usize][i * group.width()] = v;
+        }
+        let still = faults(&of.parameters, &gradient.parameters);
+        let mut not_finite =
+            still.first().map(|(i, g)| NotFinite { group: g.name(), gaussian: *i, count: still.len() });
+        for (i, size) in &gradient.screen {
+            if size.is_finite() {
+                let s = &mut of.screen[*i as usize];
+                *s = [s[0] + size, s[1] + 1.0];
+            }
+        }
+        of.descend(&gradient.parameters, &still, size);
+        if let Some(g) = gradient.network
+            && !of.descend_network(g, size)
+        {
+            not_finite = not_finite.or(Some(NotFinite { group: "vizmapper", gaussian: 0, count: 1 }));
+        }
+        // The picture's loss alone: what holds the network to the identity is no measure of it.
+        Ok(Stepped { loss: valued.value, not_finite })
+    }
+
+    fn fetch(&mut self, _of: &mut Gaussians) -> Result<()> {
+        Ok(())
+    }
+
+    fn changed(&mut self) {}
+}
