@@ -164,6 +164,33 @@ fn a_device_trains_as_the_processor_does() {
     assert!(refused.status.code() == Some(2) && error.contains("--train"), "{error}");
 }
 
+/// The published recipe on the device, and fine-tuning of what comes of it.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_device_trains_and_tunes_the_published_law() {
+    if !adapter() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let score = |command: &mut assert_cmd::Command| {
+        let done = command.args(["--device", "0", "--scale", "0.004", "--json", "-"]).output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let told: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+        [0, 1].map(|k| told["trained"][0]["scores"][k].as_f64().unwrap_or_else(|| panic!("{told}")))
+    };
+    let mut compress = particlegs();
+    compress.arg("compress").arg(sample()).args(["--train", "paper", "--law", "alpha-blend", "--certificate", "none"]);
+    let [before, trained] = score(compress.args(["--gaussians", "1000", "-o"]).arg(path("model.pgs")));
+    assert!(trained > before + 1.0, "{before} {trained}");
+    let mut tune = particlegs();
+    tune.arg("finetune").arg(path("model.pgs")).arg(sample()).args(["--certificate", "none"]);
+    let [before, tuned] = score(tune.arg("-o").arg(path("tuned.pgs")));
+    assert!(before.is_finite() && tuned.is_finite());
+    let model = codec::decode(&std::fs::read(path("tuned.pgs")).unwrap(), "tuned").unwrap();
+    assert_eq!(model.metadata.law, LawKind::AlphaBlend);
+}
+
 /// The laboratory on the device: the processor's scores but for 0.02 dB, kept apart from them.
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[test]

@@ -113,7 +113,7 @@ impl AlphaLearner {
     }
 
     fn new(parameters: Parameters, mapper: Option<VizMapper>, ground: Ground, config: AlphaConfig) -> Result<Self> {
-        if parameters.len() == 0 {
+        if parameters.is_empty() {
             return Err(Error::argument("training starts from one Gaussian at least"));
         }
         if let Some((i, group)) = super::pass::faults(&parameters, &Parameters::default()).first() {
