@@ -9,7 +9,7 @@
 //! | adjoint.wgsl, slopes.wgsl, slice_slopes.wgsl | `depth::adjoint`, core's slopes | footprints back to Gaussians |
 //! | adam_main.wgsl, change_main.wgsl, average_main.wgsl | `depth::steps`, `groups`, `columns` | the step |
 //!
-//! Those of the alpha-blend law: [`alpha`].
+//! Those of the alpha-blend law: `alpha`.
 //!
 //! Each Gaussian gathers its own gradient, and sums are in a fixed order: the same steps give the same bits on one card.
 

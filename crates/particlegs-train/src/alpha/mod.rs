@@ -1,10 +1,10 @@
 //! Training of the alpha-blend law: 3-D Gaussian splatting as published, with the network that
 //! follows radius and opacity (paper section III).
 //!
-//! [`AlphaLearner`] holds the Gaussians in the training frame ([`parameters`], [`start`]). A step is
-//! a [`pass`]: adapt, draw, then back again, tile by tile (`raster`), Gaussian by Gaussian (`chain`)
-//! and through the network (`network`), and Adam ([`Steps`]). `density` clones, splits and prunes as published. The rates
-//! and all else that can be chosen stand in [`AlphaConfig`].
+//! `learner` holds the [`Gaussians`] in the training frame (`parameters`, `start`). A step ([`Steps`]) is a `pass`:
+//! adapt, draw, then back again, tile by tile (`raster`), Gaussian by Gaussian (`chain`) and through the network
+//! (`network`); and Adam. `density` clones, splits and prunes as published. The rates and all else that can be chosen
+//! stand in [`AlphaConfig`].
 
 mod chain;
 mod config;
