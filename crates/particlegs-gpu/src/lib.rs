@@ -30,14 +30,19 @@ const MOST_GROUPS: u64 = 65_535;
 /// Gaussians whose pixels are gone over in one dispatch: at the 450 pixels that a round one has at most, a tenth of a second
 /// of a slow card. Few in tests, so that those have several.
 const AT_ONCE: u32 = if cfg!(test) { 512 } else { 1 << 18 };
+/// The same of Gaussians that are cut along depth: from within they have some dozens of pieces each.
+const CUTS_AT_ONCE: u32 = if cfg!(test) { 64 } else { 1 << 16 };
+/// Groups that share out those of a dispatch.
+const CUT_GROUPS: u32 = 1024;
 
-/// The first Gaussian of each dispatch, for kernels to read, and how many it has.
-fn dispatches(device: &Device, count: u32) -> Vec<(wgpu::Buffer, u32)> {
+/// Gaussians in dispatches of so many at most, and how many each has: a kernel reads the first, and the one after the last.
+fn dispatches(device: &Device, count: u32, at_once: u32) -> Vec<(wgpu::Buffer, u32)> {
     let one = |first: u32| {
-        let buffer = device.filled("first", &[first, 0, 0, 0], wgpu::BufferUsages::UNIFORM);
-        (buffer, AT_ONCE.min(count - first))
+        let own = at_once.min(count - first);
+        let buffer = device.filled("some", &[first, first + own, 0, 0], wgpu::BufferUsages::UNIFORM);
+        (buffer, own)
     };
-    (0..count).step_by(AT_ONCE as usize).map(one).collect()
+    (0..count).step_by(at_once as usize).map(one).collect()
 }
 
 /// Groups for so many threads, in as many rows as it takes.

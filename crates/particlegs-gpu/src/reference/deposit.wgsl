@@ -118,14 +118,15 @@ fn mean_opacity(v: View, s: Splat, pixel: vec2f) -> f32 {
     return v.opacity * rotated(v, s, f, pixel);
 }
 
-// Adds to a pixel's depth: whole numbers in two words, so that no order of adding shows and nothing wraps.
+// Adds to a pixel's depth: whole numbers in two words, so that no order of adding shows and nothing wraps. Low words and
+// high ones lie apart, so that those of a picture of 8K are seen at once.
 fn add(v: View, at: u32, depth: f32) {
     let units = u32(depth * v.scale + 0.5);
     if units == 0u {
         return;
     }
-    let before = atomicAdd(&sums[2u * at], units);
+    let before = atomicAdd(&low[at], units);
     if before > 0xffffffffu - units {
-        atomicAdd(&sums[2u * at + 1u], 1u);
+        atomicAdd(&high[at], 1u);
     }
 }

@@ -3,7 +3,8 @@
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> positions: array<f32>;
 @group(0) @binding(2) var<storage, read> integrals: array<f32>;
-@group(0) @binding(3) var<storage, read_write> sums: array<atomic<u32>>;
+@group(0) @binding(3) var<storage, read_write> low: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read_write> high: array<atomic<u32>>;
 
 var<workgroup> splats: array<Splat, 64>;
 // The first pixel of each, and its columns.
@@ -11,10 +12,10 @@ var<workgroup> corners: array<vec2u, 64>;
 var<workgroup> columns: array<u32, 64>;
 
 fn small(s: Splat) {
-    let low = floor(s.at - CUT * s.axes.xw);
+    let first = floor(s.at - CUT * s.axes.xw);
     for (var j = 0.0; j < 2.0; j += 1.0) {
         for (var i = 0.0; i < 2.0; i += 1.0) {
-            let pixel = low + vec2f(i, j);
+            let pixel = first + vec2f(i, j);
             if all(pixel >= vec2f(0.0)) && all(pixel < vec2f(view.size)) {
                 let m = view.opacity * profile(s.at.x, s.axes.x, pixel.x) * profile(s.at.y, s.axes.w, pixel.y);
                 add(view, u32(pixel.y) * view.size.x + u32(pixel.x), depth_of(view, max(m, 0.0)));
@@ -39,12 +40,12 @@ fn main(
             if is_small(s) {
                 small(s);
             } else {
-                let low = vec2u(clamp(floor(s.at - away), vec2f(0.0), vec2f(view.size)));
-                let high = vec2u(clamp(floor(s.at + away) + 1.0, vec2f(0.0), vec2f(view.size)));
+                let first = vec2u(clamp(floor(s.at - away), vec2f(0.0), vec2f(view.size)));
+                let end = vec2u(clamp(floor(s.at + away) + 1.0, vec2f(0.0), vec2f(view.size)));
                 splats[me] = s;
-                corners[me] = low;
-                columns[me] = max(high.x, low.x) - low.x;
-                pixels = columns[me] * (max(high.y, low.y) - low.y);
+                corners[me] = first;
+                columns[me] = max(end.x, first.x) - first.x;
+                pixels = columns[me] * (max(end.y, first.y) - first.y);
             }
         }
     }

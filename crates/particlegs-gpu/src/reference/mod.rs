@@ -76,7 +76,8 @@ pub struct Reference {
 /// The memory of pictures of one size.
 pub struct Canvas {
     size: Size,
-    sums: wgpu::Buffer,
+    /// Low words of all pixels, and high ones.
+    sums: [wgpu::Buffer; 2],
     view: wgpu::Buffer,
     work: wgpu::Buffer,
     collect: wgpu::BindGroup,
@@ -102,7 +103,7 @@ impl Reference {
         let frame = include_str!("../render/frame.wgsl");
         let [main, splats, deposit] =
             [include_str!("deposit_main.wgsl"), include_str!("splats.wgsl"), include_str!("deposit.wgsl")];
-        let uses = [Use::Uniform, Use::Read, Use::Read, Use::Write];
+        let uses = [Use::Uniform, Use::Read, Use::Read, Use::Write, Use::Write];
         let share = include_str!("../share.wgsl");
         let count_main = include_str!("count_main.wgsl");
         let uses_of_count = [Use::Uniform, Use::Read, Use::Write];
@@ -112,7 +113,7 @@ impl Reference {
             device,
             "depth of particles",
             &[include_str!("collect_main.wgsl"), VIEW, frame],
-            &[Use::Uniform, Use::Read, Use::Uniform, Use::Write],
+            &[Use::Uniform, Use::Read, Use::Read, Use::Uniform, Use::Write],
         );
         let integrals = device.filled("integrals", &integrals(), wgpu::BufferUsages::STORAGE);
         let tones = ToneMapper::new(device);
@@ -125,19 +126,20 @@ impl Reference {
     /// # Errors
     /// [`Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn canvas(&self, size: Size) -> Result<Canvas> {
-        let (device, bytes) = (&*self.device, 8 * size.pixels() as u64);
-        device.fits(size, bytes)?;
+        let (device, bytes, planes) = (&*self.device, 4 * size.pixels() as u64, Planes::of(size));
+        let [finest, _] = planes.words();
+        device.fits(size, 4 * finest)?;
         use wgpu::BufferUsages as Use;
-        let sums = device.buffer("sums of particles", bytes, Use::STORAGE | Use::COPY_DST | Use::COPY_SRC);
+        let here = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
+        let sums = ["low words", "high words"].map(|label| device.buffer(label, bytes, here));
+        let [low, high] = &sums;
         let view = device.buffer("view", size_of::<ViewRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
         let work = device.buffer("work", 8, Use::STORAGE | Use::COPY_DST | Use::COPY_SRC);
-        let planes = Planes::of(size);
         let frame = device.filled("frame", &[FrameRecord::of_planes(&planes)], Use::UNIFORM);
-        let level = planes.levels[0];
-        let plane = device.buffer("depth", 4 * u64::from(level.width) * u64::from(level.rows), Use::STORAGE);
+        let plane = device.buffer("depth", 4 * finest, Use::STORAGE);
         let scale = device.buffer("scale", 8, Use::STORAGE);
         let picture = device.buffer("picture", size.pixels() as u64, Use::STORAGE | Use::COPY_SRC);
-        let collect = self.collect.bind(device, &[&view, &sums, &frame, &plane]);
+        let collect = self.collect.bind(device, &[&view, low, high, &frame, &plane]);
         let tone = self.tones.bind(device, [&frame, &scale, &plane, &picture]);
         device.check()?;
         Ok(Canvas { size, sums, view, work, collect, picture, tone })
@@ -156,7 +158,7 @@ impl Reference {
     ) -> Result<Sum<'a>> {
         let record = ViewRecord::new(view, canvas.size, origin, range)?;
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
-        encoder.clear_buffer(&canvas.sums, 0, None);
+        canvas.sums.iter().for_each(|s| encoder.clear_buffer(s, 0, None));
         self.device.queue.submit([encoder.finish()]);
         Ok(Sum { reference: self, canvas, view, record })
     }
@@ -178,7 +180,8 @@ impl Sum<'_> {
         let pieces = work.div_ceil(THOUSANDS).max(1) as u32;
         let each = points.count.div_ceil(pieces);
         let (r, canvas) = (self.reference, self.canvas);
-        let bound = r.deposit.bind(&r.device, &[&canvas.view, &points.positions, &r.integrals, &canvas.sums]);
+        let [low, high] = &canvas.sums;
+        let bound = r.deposit.bind(&r.device, &[&canvas.view, &points.positions, &r.integrals, low, high]);
         for first in (0..points.count).step_by(each.max(1) as usize) {
             let last = points.count.min(first + each);
             let record = ViewRecord { first, last, ..self.record };
@@ -231,8 +234,13 @@ impl Sum<'_> {
     /// # Errors
     /// Those of the device.
     pub fn depth(self) -> Result<Plane> {
-        let bytes = self.reference.device.read(&self.canvas.sums, 8 * self.canvas.size.pixels() as u64)?;
-        let whole = bytes.chunks_exact(8).map(|b| u64::from_le_bytes(b.try_into().expect("eight bytes")));
+        let words = |of: &wgpu::Buffer| -> Result<Vec<u32>> {
+            let bytes = self.reference.device.read(of, 4 * self.canvas.size.pixels() as u64)?;
+            Ok(bytemuck::pod_collect_to_vec(&bytes))
+        };
+        let [low, high] = &self.canvas.sums;
+        let (low, high) = (words(low)?, words(high)?);
+        let whole = low.iter().zip(&high).map(|(low, high)| u64::from(*high) << 32 | u64::from(*low));
         let data = whole.map(|v| (v as f64 / f64::from(self.record.scale)) as f32).collect();
         Ok(Plane { size: self.canvas.size, data })
     }

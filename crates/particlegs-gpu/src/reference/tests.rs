@@ -85,3 +85,23 @@ fn kernels_agree_with_their_twins() {
         }
     }
 }
+
+/// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
+#[test]
+fn a_picture_of_8k_is_drawn() {
+    let Some(device) = device() else { return };
+    let there = Reference::new(&device).unwrap();
+    let (columns, size) = (columns(1000), Size { width: 7680, height: 4320 });
+    let view = view([1.0, 2.0, 6.0], 0.002, 0.05);
+    let particles = Particles::new(
+        Positions::Columns(columns.clone().map(Column::owned)),
+        [0.0; 3],
+        Particles::from_columns(vec![], vec![], vec![]).meta,
+    );
+    let own = reference::Reference::new(&particles);
+    let canvas = there.canvas(size).unwrap();
+    let mut sum = there.begin(&canvas, &view, [0.0; 3], clipping_range(own.bounds(), &view.camera)).unwrap();
+    sum.add(&Points::upload(&device, columns.each_ref().map(|c| &c[..])).unwrap()).unwrap();
+    let (a, b) = (sum.finish(Look::Expected).unwrap(), own.response(&view, size, Look::Expected, &Silent).unwrap());
+    assert!(b.data.iter().any(|v| *v > 0) && a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
+}

@@ -58,6 +58,12 @@ pub(crate) struct Planes {
 }
 
 impl Planes {
+    /// Words of the finest one, and of all others.
+    pub fn words(&self) -> [u64; 2] {
+        let finest = self.levels.get(1).map_or(self.sums, |l| u64::from(l.first));
+        [finest, self.sums - finest]
+    }
+
     /// Of a picture: core's pyramid without the room that vectors take.
     pub fn of(size: Size) -> Planes {
         let (mut sums, mut tiles) = (0u64, 0u64);

@@ -5,6 +5,8 @@ use crate::Device;
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::{LawKind, Mixture};
 use particlegs_core::render::Scene;
+use particlegs_core::render::lens::Lens;
+use particlegs_core::render::project::slices::{LARGEST_SPREAD, REACH};
 use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result};
 
@@ -19,6 +21,14 @@ pub struct Gaussians {
     pub(super) origin: [f64; 3],
     pub(super) bounds: Bounds,
     pub(super) shifts: Vec<[f64; 3]>,
+    /// Where they are; none where training moves them.
+    extent: Option<Extent>,
+}
+
+/// Where Gaussians lie, and the standard deviation that none of them exceeds.
+struct Extent {
+    means: Bounds,
+    sigma: f64,
 }
 
 /// Some of them.
@@ -44,6 +54,7 @@ impl Gaussians {
         }
         // A repeated scene's bounds are those of all its images.
         let bounds = *scene.bounds();
+        let extent = Some(Extent::of(scene));
         let origin = each_axis(|k| 0.5 * (bounds.min[k] + bounds.max[k]));
         let mut left: usize = scene.parts().map(Mixture::len).sum();
         let mut all = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i)));
@@ -54,12 +65,18 @@ impl Gaussians {
             left -= n;
             device.check()?;
         }
-        Ok(Gaussians { chunks, origin, bounds, shifts: scene.shifts().to_vec() })
+        Ok(Gaussians { chunks, origin, bounds, shifts: scene.shifts().to_vec(), extent })
     }
 
     /// Those of a buffer that has the columns, and may have more, about `origin`.
     pub(crate) fn of_buffer(columns: wgpu::Buffer, count: u32, origin: [f64; 3], bounds: Bounds) -> Gaussians {
-        Gaussians { chunks: vec![Chunk { columns, count }], origin, bounds, shifts: vec![[0.0; 3]] }
+        Gaussians { chunks: vec![Chunk { columns, count }], origin, bounds, shifts: vec![[0.0; 3]], extent: None }
+    }
+
+    /// May a lens cut any of them along depth? Where it may not, what draws those need not run.
+    pub(super) fn may_be_cut(&self, lens: &Lens) -> bool {
+        let cuts = |extent: &Extent| self.shifts.iter().any(|s| extent.may_be_cut(&lens.shifted(*s)));
+        self.extent.as_ref().is_none_or(cuts)
     }
 
     /// The first buffer of theirs.
@@ -75,6 +92,37 @@ impl Gaussians {
     /// None?
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+}
+
+impl Extent {
+    fn of(scene: &Scene) -> Extent {
+        let mut extent = Extent { means: Bounds { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] }, sigma: 0.0 };
+        for (m, i) in scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i))) {
+            let (mean, [xx, _, _, yy, _, zz]) = (m.mean_of(i), m.cov_of(i).0);
+            extent.means.min = each_axis(|k| extent.means.min[k].min(mean[k]));
+            extent.means.max = each_axis(|k| extent.means.max[k].max(mean[k]));
+            extent.sigma = extent.sigma.max((xx + yy + zz).sqrt());
+        }
+        extent
+    }
+
+    /// By the nearest and the farthest corner, with room for what float32 rounds.
+    fn may_be_cut(&self, lens: &Lens) -> bool {
+        const ROOM: f64 = 1.001;
+        let ([near, far], forward) = (lens.range, lens.axes[2]);
+        let along = each_axis(|k| {
+            let ends = [self.means.min[k], self.means.max[k]].map(|v| forward[k] * (v - lens.position[k]));
+            [ends[0].min(ends[1]), ends[0].max(ends[1])]
+        });
+        let [nearest, farthest] = [0, 1].map(|end| along.iter().map(|a| a[end]).sum::<f64>());
+        let sigma = ROOM * self.sigma * forward.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let room = (ROOM - 1.0) * nearest.abs().max(farthest.abs()) + REACH * sigma;
+        // Not the negations: what is not a number may be anything.
+        let whole = nearest - room > near
+            && farthest + room < far
+            && (!lens.perspective || sigma < LARGEST_SPREAD / ROOM * nearest);
+        !whole
     }
 }
 

@@ -14,11 +14,13 @@ pub(crate) mod sources {
     pub const STROKE: &str = include_str!("stroke.wgsl");
     pub const ROWS: &str = include_str!("rows.wgsl");
     pub const SPAN: &str = include_str!("span.wgsl");
+    pub const PLANES: &str = include_str!("planes.wgsl");
     pub const PYRAMID: &str = include_str!("pyramid.wgsl");
     pub const TONE: &str = include_str!("tone.wgsl");
 }
 use sources::*;
 const BOUND: &str = include_str!("bound.wgsl");
+const PYRAMID_PLANES: &str = include_str!("pyramid_planes.wgsl");
 const RASTER: &str = include_str!("raster.wgsl");
 
 /// All of them.
@@ -46,13 +48,13 @@ impl Kernels {
             slices_bound: new(
                 "bounds of slices",
                 &[include_str!("slices_bound_main.wgsl"), FRAME, PROJECT, SLICES, STROKE, BIN, BOUND],
-                &[Uniform, Read, Read, Read, Write],
+                &[Uniform, Read, Read, Read, Write, Uniform],
             ),
             scale: new("scale", &[include_str!("scale_main.wgsl"), SCALE], &[Read, Write]),
             raster: new(
                 "raster",
-                &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, SHARE, ROWS, SPAN, RASTER],
-                &[Uniform, Read, Read, Read, Write, Uniform],
+                &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, SHARE, ROWS, SPAN, PLANES, RASTER],
+                &[Uniform, Read, Read, Read, Write, Write, Uniform],
             ),
             slices: new(
                 "slices",
@@ -67,19 +69,20 @@ impl Kernels {
                     SHARE,
                     ROWS,
                     SPAN,
+                    PLANES,
                     RASTER,
                 ],
-                &[Uniform, Read, Read, Read, Read, Write],
+                &[Uniform, Read, Read, Read, Read, Write, Write, Uniform],
             ),
             pyramid: new(
                 "pyramid",
-                &[PYRAMID, include_str!("pyramid_main.wgsl"), FRAME, SCALE],
-                &[Uniform, Read, Write, Uniform],
+                &[include_str!("pyramid_main.wgsl"), PYRAMID, PYRAMID_PLANES, PLANES, FRAME, SCALE],
+                &[Uniform, Read, Write, Write, Uniform],
             ),
             pyramid_coarsest: new(
                 "coarsest planes",
-                &[PYRAMID, include_str!("pyramid_coarsest_main.wgsl"), FRAME, SCALE],
-                &[Uniform, Read, Write, Uniform],
+                &[include_str!("pyramid_coarsest_main.wgsl"), PYRAMID, PYRAMID_PLANES, PLANES, FRAME, SCALE],
+                &[Uniform, Read, Write, Write, Uniform],
             ),
         }
     }

@@ -29,7 +29,7 @@ pub use pictures::Pictures;
 pub use tiles::Tiles;
 pub(crate) use tone::{CURVE, LookRecord, Tone, ToneMapper, TonePlane, curve};
 
-use crate::{Device, dispatches, groups};
+use crate::{AT_ONCE, CUT_GROUPS, CUTS_AT_ONCE, Device, dispatches, groups};
 use frame::MOST_LEVELS;
 pub(crate) use frame::{FrameRecord, Planes};
 pub(crate) use gaussians::factor;
@@ -42,8 +42,6 @@ use particlegs_core::splat::Look;
 use particlegs_core::{Error, Result};
 use std::sync::Arc;
 
-/// Groups that share out the Gaussians that are cut.
-const CUT_GROUPS: u32 = 1024;
 /// Pixels of a plane that is summed together with those that are coarser.
 const COARSEST: u32 = 8192;
 
@@ -57,7 +55,8 @@ pub struct Renderer {
 /// The memory of pictures of one size of some Gaussians, and what is bound to kernels.
 pub struct Canvas {
     planes: Planes,
-    sums: wgpu::Buffer,
+    /// Of the finest plane, and of all others.
+    sums: [wgpu::Buffer; 2],
     tiles: wgpu::Buffer,
     /// What sums are multiplied by, and its inverse.
     scales: wgpu::Buffer,
@@ -75,7 +74,8 @@ pub struct Canvas {
 /// What training reads of a canvas.
 pub(crate) struct CanvasBuffers<'a> {
     pub frame: &'a wgpu::Buffer,
-    pub planes: &'a wgpu::Buffer,
+    /// The finest plane.
+    pub finest: &'a wgpu::Buffer,
     pub scale: &'a wgpu::Buffer,
     pub cuts: &'a wgpu::Buffer,
     pub cut_count: &'a wgpu::Buffer,
@@ -94,8 +94,8 @@ impl Canvas {
 
     /// Its buffers, of Gaussians that are in one buffer.
     pub(crate) fn buffers(&self) -> CanvasBuffers<'_> {
-        let Canvas { sums: planes, scales: scale, cuts, cut_count, batches, .. } = self;
-        CanvasBuffers { frame: &batches[0].frame, planes, scale, cuts, cut_count }
+        let Canvas { sums: [finest, _], scales: scale, cuts, cut_count, batches, .. } = self;
+        CanvasBuffers { frame: &batches[0].frame, finest, scale, cuts, cut_count }
     }
 }
 
@@ -105,10 +105,17 @@ struct Batch {
     count: u32,
     frame: wgpu::Buffer,
     project: wgpu::BindGroup,
-    slices_bound: wgpu::BindGroup,
     /// In dispatches of some Gaussians each.
     raster: Vec<(wgpu::BindGroup, u32)>,
-    slices: wgpu::BindGroup,
+    /// Of those that are cut, in dispatches of fewer.
+    slices: Vec<Slices>,
+}
+
+/// Gaussians that are cut along depth, so many at most.
+struct Slices {
+    count: u32,
+    bound: wgpu::BindGroup,
+    draw: wgpu::BindGroup,
 }
 
 /// A pass from coarse to fine.
@@ -141,11 +148,13 @@ impl Renderer {
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
         let (device, kernels) = (&*self.device, &self.kernels);
         let planes = Planes::of(size);
-        device.fits(size, 4 * planes.sums)?;
+        let words = planes.words();
+        words.iter().try_for_each(|w| device.fits(size, 4 * w))?;
         debug_assert!(planes.levels.len() <= MOST_LEVELS);
         use wgpu::BufferUsages as Use;
         let storage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
-        let sums = device.buffer("sums", 4 * planes.sums, storage);
+        let sums = words.map(|w| device.buffer("sums", 4 * w, storage));
+        let [finest, coarser] = &sums;
         let tiles = device.buffer("tiles", 8 * planes.tiles, storage);
         let scale = device.buffer("scale", 8, storage);
         let picture = device.buffer("picture", size.pixels() as u64, storage);
@@ -165,15 +174,22 @@ impl Renderer {
                     project: kernels
                         .project
                         .bind(device, &[&frame, own, &strokes, &planes_of, &tiles, &cuts, &cut_count]),
-                    slices_bound: kernels.slices_bound.bind(device, &[&frame, own, &cuts, &cut_count, &tiles]),
-                    raster: dispatches(device, chunk.count)
+                    raster: dispatches(device, chunk.count, AT_ONCE)
                         .into_iter()
-                        .map(|(first, count)| {
-                            let own = [&frame, &strokes, &planes_of, &scale, &sums, &first];
+                        .map(|(some, count)| {
+                            let own = [&frame, &strokes, &planes_of, &scale, finest, coarser, &some];
                             (kernels.raster.bind(device, &own), count)
                         })
                         .collect(),
-                    slices: kernels.slices.bind(device, &[&frame, own, &cuts, &cut_count, &scale, &sums]),
+                    slices: dispatches(device, chunk.count, CUTS_AT_ONCE)
+                        .into_iter()
+                        .map(|(some, count)| {
+                            let bound = [&frame, own, &cuts, &cut_count, &tiles, &some];
+                            let draw = [&frame, own, &cuts, &cut_count, &scale, finest, coarser, &some];
+                            let bound = kernels.slices_bound.bind(device, &bound);
+                            Slices { count, bound, draw: kernels.slices.bind(device, &draw) }
+                        })
+                        .collect(),
                     frame,
                 });
             }
@@ -182,8 +198,8 @@ impl Renderer {
             return Err(Error::argument("no Gaussians to draw"));
         }
         let frame = &batches[0].frame;
-        let steps = steps(device, kernels, &planes, [frame, &scale, &sums]);
-        let tone = self.tones.bind(device, [frame, &scale, &sums, &picture]);
+        let steps = steps(device, kernels, &planes, [frame, &scale, finest, coarser]);
+        let tone = self.tones.bind(device, [frame, &scale, finest, &picture]);
         let bound = kernels.scale.bind(device, &[&tiles, &scale]);
         device.check()?;
         Ok(Canvas {
@@ -228,15 +244,17 @@ impl Renderer {
     /// The passes that make the finest plane the depth of the Gaussians as a lens sees them.
     pub(crate) fn sum(&self, encoder: &mut wgpu::CommandEncoder, gaussians: &Gaussians, canvas: &Canvas, lens: &Lens) {
         self.begin(encoder, gaussians, canvas, lens);
-        let one = canvas.batches.len() == 1;
+        let (one, cuts) = (canvas.batches.len() == 1, gaussians.may_be_cut(lens));
         for batch in &canvas.batches {
             encoder.clear_buffer(&canvas.cut_count, 0, None);
             let mut pass = encoder.begin_compute_pass(&Default::default());
             self.project(&mut pass, batch);
-            self.kernels.slices_bound.run(&mut pass, &batch.slices_bound, [CUT_GROUPS, 1]);
+            if cuts {
+                self.bound_slices(&mut pass, batch);
+            }
             if one {
                 self.kernels.scale.run(&mut pass, &canvas.scale, [1, 1]);
-                self.raster(&mut pass, batch);
+                self.raster(&mut pass, batch, cuts);
                 self.sum_planes(&mut pass, canvas);
             }
         }
@@ -249,7 +267,7 @@ impl Renderer {
                     self.kernels.scale.run(&mut pass, &canvas.scale, [1, 1]);
                 }
                 self.project(&mut pass, batch);
-                self.raster(&mut pass, batch);
+                self.raster(&mut pass, batch, cuts);
             }
             let mut pass = encoder.begin_compute_pass(&Default::default());
             self.sum_planes(&mut pass, canvas);
@@ -262,7 +280,7 @@ impl Renderer {
             let record = FrameRecord::new(&lens.shifted(batch.shift), gaussians.origin, &canvas.planes, batch.count);
             self.device.queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
         }
-        encoder.clear_buffer(&canvas.sums, 0, None);
+        canvas.sums.iter().for_each(|s| encoder.clear_buffer(s, 0, None));
         encoder.clear_buffer(&canvas.tiles, 0, None);
     }
 
@@ -270,15 +288,25 @@ impl Renderer {
         self.kernels.project.run(pass, &batch.project, groups(u64::from(batch.count)));
     }
 
-    fn raster(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
+    fn raster(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch, cuts: bool) {
         for (bound, count) in &batch.raster {
             self.kernels.raster.run(pass, bound, groups(u64::from(*count)));
         }
-        self.slices(pass, batch);
+        if cuts {
+            self.slices(pass, batch);
+        }
+    }
+
+    fn bound_slices(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
+        for some in &batch.slices {
+            self.kernels.slices_bound.run(pass, &some.bound, [CUT_GROUPS.min(some.count), 1]);
+        }
     }
 
     fn slices(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
-        self.kernels.slices.run(pass, &batch.slices, [CUT_GROUPS, 1]);
+        for some in &batch.slices {
+            self.kernels.slices.run(pass, &some.draw, [CUT_GROUPS.min(some.count), 1]);
+        }
     }
 
     /// From the planes of sums to the depth of the finest.
@@ -305,7 +333,7 @@ impl Renderer {
     /// Those of the device.
     pub fn depth(&self, canvas: &Canvas) -> Result<Plane> {
         let (size, level) = (canvas.planes.size, canvas.planes.levels[0]);
-        let bytes = self.device.read(&canvas.sums, 4 * u64::from(level.width) * u64::from(level.rows))?;
+        let bytes = self.device.read(&canvas.sums[0], 4 * u64::from(level.width) * u64::from(level.rows))?;
         let words = bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
         let all: Vec<f32> = if canvas.holds_sums() {
             // The only plane is never summed with others: it still holds whole numbers.
@@ -330,7 +358,7 @@ impl Renderer {
 }
 
 /// The passes that sum the planes.
-fn steps(device: &Device, kernels: &Kernels, planes: &Planes, [frame, scale, sums]: [&wgpu::Buffer; 3]) -> Vec<Step> {
+fn steps(device: &Device, kernels: &Kernels, planes: &Planes, of: [&wgpu::Buffer; 4]) -> Vec<Step> {
     let top = planes.levels.len() - 1;
     let small = planes.levels.iter().position(|l| l.width * l.rows <= COARSEST).unwrap_or(top).min(top);
     let step = |level: usize, coarsest: bool, is_sum: bool| {
@@ -339,7 +367,7 @@ fn steps(device: &Device, kernels: &Kernels, planes: &Planes, [frame, scale, sum
         let kernel = if coarsest { &kernels.pyramid_coarsest } else { &kernels.pyramid };
         let l = planes.levels[level];
         let groups = if coarsest { [1, 1] } else { [l.width.div_ceil(16), l.rows.div_ceil(16)] };
-        Step { coarsest, groups, bound: kernel.bind(device, &[frame, scale, sums, &target]) }
+        Step { coarsest, groups, bound: kernel.bind(device, &[&of[..], &[&target]].concat()) }
     };
     let fused = (small < top).then(|| step(small, true, true));
     let rest = (0..small).rev().map(|level| step(level, false, level + 1 == top));

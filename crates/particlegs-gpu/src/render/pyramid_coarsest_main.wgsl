@@ -3,7 +3,7 @@
 @compute @workgroup_size(256)
 fn main(@builtin(local_invocation_index) me: u32) {
     for (var l = frame.level_count - 1u; l > target_plane.x; l--) {
-        let coarser = frame.levels[l];
+        let next = frame.levels[l];
         let fine = frame.levels[l - 1u];
         let is_sum = l == frame.level_count - 1u;
         for (var p = me; p < fine.width * fine.rows; p += 256u) {
@@ -13,11 +13,11 @@ fn main(@builtin(local_invocation_index) me: u32) {
                 var line = 0.0;
                 for (var k = 0u; k < 8u; k++) {
                     line += weight(at.x % 2u == 0u, k)
-                        * depth_at(coarser, first_sample(at.x) + k, first_sample(at.y) + j, is_sum);
+                        * depth_at(next, first_sample(at.x) + k, first_sample(at.y) + j, is_sum);
                 }
                 own += weight(at.y % 2u == 0u, j) * line;
             }
-            planes[fine.first + p] = bitcast<u32>(own);
+            set_depth(fine, p, own);
         }
         storageBarrier();
         workgroupBarrier();

@@ -19,6 +19,7 @@ fn draw(me: u32, stroke: Stroke, plane: u32, scale: f32) {
     planes_here[me] = plane;
     running_sum(ROWS, me, rows_of(stroke, plane).y);
     let rows = workgroupUniformLoad(&ends[ROWS + 63u]);
+    let others = finest_words();
     for (var base = 0u; base < rows; base += THREADS) {
         var count = 0u;
         if base + me < rows {
@@ -39,7 +40,12 @@ fn draw(me: u32, stroke: Stroke, plane: u32, scale: f32) {
             let span = spans[own];
             let value = addition(strokes_here[span.stroke], span.start, along, scale);
             if value > 0u {
-                atomicAdd(&sums[span.at + along], value);
+                let at = span.at + along;
+                if at < others {
+                    atomicAdd(&finest[at], value);
+                } else {
+                    atomicAdd(&coarser[at - others], value);
+                }
             }
         }
         workgroupBarrier();

@@ -5,6 +5,8 @@
 @group(0) @binding(2) var<storage, read> cuts: array<u32>;
 @group(0) @binding(3) var<storage, read> cut_count: u32;
 @group(0) @binding(4) var<storage, read_write> tiles: array<atomic<u32>>;
+// The first cut Gaussian of the dispatch, and the one after its last.
+@group(0) @binding(5) var<uniform> some: vec4u;
 
 @compute @workgroup_size(64)
 fn main(
@@ -12,7 +14,7 @@ fn main(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) me: u32,
 ) {
-    for (var c = group.x; c < cut_count; c += groups.x) {
+    for (var c = some.x + group.x; c < min(cut_count, some.y); c += groups.x) {
         let g = see(frame.lens, cuts[c], frame.count);
         let s = slices_of(frame.lens, g);
         for (var k = me; k < s.pieces; k += 64u) {

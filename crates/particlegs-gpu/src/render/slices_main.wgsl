@@ -5,7 +5,10 @@
 @group(0) @binding(2) var<storage, read> cuts: array<u32>;
 @group(0) @binding(3) var<storage, read> cut_count: u32;
 @group(0) @binding(4) var<storage, read> scale: Scale;
-@group(0) @binding(5) var<storage, read_write> sums: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read_write> finest: array<atomic<u32>>;
+@group(0) @binding(6) var<storage, read_write> coarser: array<atomic<u32>>;
+// The first cut Gaussian of the dispatch, and the one after its last.
+@group(0) @binding(7) var<uniform> some: vec4u;
 
 var<workgroup> cut_here: u32;
 var<workgroup> pieces_here: u32;
@@ -17,10 +20,10 @@ fn main(
     @builtin(local_invocation_index) me: u32,
 ) {
     if me == 0u {
-        cut_here = cut_count;
+        cut_here = min(cut_count, some.y);
     }
     let count = workgroupUniformLoad(&cut_here);
-    for (var c = group.x; c < count; c += groups.x) {
+    for (var c = some.x + group.x; c < count; c += groups.x) {
         let g = see(frame.lens, cuts[c], frame.count);
         let s = slices_of(frame.lens, g);
         if me == 0u {

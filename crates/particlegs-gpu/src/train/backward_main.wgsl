@@ -6,14 +6,14 @@
 @group(0) @binding(3) var<storage, read_write> gradient: array<f32>;
 @group(0) @binding(4) var<storage, read_write> faults: Faults;
 // The first Gaussian of the dispatch.
-@group(0) @binding(5) var<uniform> first: vec4u;
+@group(0) @binding(5) var<uniform> some: vec4u;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) me: u32) {
     var placed: Placed;
     placed.level = NOWHERE;
     var p: Piece;
-    let i = first.x + id.x;
+    let i = some.x + id.x;
     if i < frame.count {
         p.axes = own_axes(frame.lens, i, frame.count);
         p.g = seen_along(frame.lens, p.axes, i, frame.count);

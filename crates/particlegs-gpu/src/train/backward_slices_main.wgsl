@@ -7,6 +7,8 @@
 @group(0) @binding(4) var<storage, read_write> faults: Faults;
 @group(0) @binding(5) var<storage, read> cuts: array<u32>;
 @group(0) @binding(6) var<storage, read> cut_count: u32;
+// The first cut Gaussian of the dispatch, and the one after its last.
+@group(0) @binding(7) var<uniform> some: vec4u;
 
 var<workgroup> cut_here: u32;
 var<workgroup> pieces_here: u32;
@@ -34,10 +36,10 @@ fn main(
     @builtin(local_invocation_index) me: u32,
 ) {
     if me == 0u {
-        cut_here = cut_count;
+        cut_here = min(cut_count, some.y);
     }
     let count = workgroupUniformLoad(&cut_here);
-    for (var c = group.x; c < count; c += groups.x) {
+    for (var c = some.x + group.x; c < count; c += groups.x) {
         var p: Piece;
         p.axes = own_axes(frame.lens, cuts[c], frame.count);
         p.g = seen_along(frame.lens, p.axes, cuts[c], frame.count);

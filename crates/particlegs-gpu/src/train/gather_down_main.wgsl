@@ -1,6 +1,10 @@
 // What the gradient of a plane means for the next coarser one: the transpose of summing (core's
 // render::raster::pyramid::gather_down), 8 x 8 of its pixels a workgroup. The target is the coarser plane.
 
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read_write> by_depth: array<f32>;
+@group(0) @binding(2) var<uniform> target_plane: vec4u;
+
 var<workgroup> fine: array<f32, 900>;
 var<workgroup> lines: array<f32, 240>;
 
@@ -22,7 +26,7 @@ fn main(
         let at = corner + vec2i(i32(p % 30u), i32(p / 30u));
         var value = 0.0;
         if all(at >= vec2i(0)) && at.x < i32(finer.width) && at.y < i32(finer.rows) {
-            value = bitcast<f32>(planes[finer.first + u32(at.y) * finer.width + u32(at.x)]);
+            value = by_depth[finer.first + u32(at.y) * finer.width + u32(at.x)];
         }
         fine[p] = value;
     }
@@ -43,5 +47,5 @@ fn main(
     for (var t = 0u; t < 16u; t++) {
         sum += tap(t) * lines[(2u * me.y + t) * 8u + me.x];
     }
-    planes[coarser.first + at.y * coarser.width + at.x] = bitcast<u32>(sum);
+    by_depth[coarser.first + at.y * coarser.width + at.x] = sum;
 }

@@ -54,7 +54,7 @@ impl Kernels {
                 &[main!("loss_gradient"), FRAME, SCALE, TONE, LOSS, FAULTS],
                 &[U, R, W, U, R, W, R, U, W, R, W],
             ),
-            gather_down: new("gradient of planes", &[PYRAMID, main!("gather_down"), FRAME, SCALE], &[U, R, W, U]),
+            gather_down: new("gradient of planes", &[main!("gather_down"), PYRAMID, FRAME], &[U, W, U]),
             backward: new(
                 "gradient of Gaussians",
                 &[main!("backward"), FRAME, PROJECT, STROKE, BIN, SHARE, ROWS, GATHER, FAULTS, ADJOINT, SLOPES],
@@ -76,7 +76,7 @@ impl Kernels {
                     ADJOINT,
                     SLICE_SLOPES,
                 ],
-                &[U, R, R, W, W, R, R],
+                &[U, R, R, W, W, R, R, U],
             ),
             sizes: new("sizes of gradients", &[main!("sizes"), STEP, PART], &[U, R, W]),
             sizes_total: new("mean sizes", &[main!("sizes_total"), STEP], &[U, R, W]),

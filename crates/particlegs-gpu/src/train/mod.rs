@@ -23,7 +23,7 @@ mod subject;
 mod tests;
 
 use crate::render::Renderer;
-use crate::{Device, groups};
+use crate::{CUT_GROUPS, Device, groups};
 use alpha::{AlphaSteps, Blender};
 use gaussians::Held;
 use kernels::Kernels;
@@ -37,9 +37,6 @@ use picture::{Curves, Picture};
 use std::fmt;
 use std::sync::Arc;
 use subject::OnDevice;
-
-/// Groups of threads that share out the Gaussians that are cut.
-const CUT_GROUPS: u32 = 1024;
 
 /// Trains on a device.
 pub struct Trainer {
@@ -224,7 +221,9 @@ impl DepthSteps {
         for (bound, count) in &picture.whole {
             self.kernels.backward.run(pass, bound, groups(u64::from(*count)));
         }
-        self.kernels.backward_slices.run(pass, &picture.cut, [CUT_GROUPS, 1]);
+        for (bound, count) in &picture.cut {
+            self.kernels.backward_slices.run(pass, bound, [CUT_GROUPS.min(*count), 1]);
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use super::gaussians::Held;
 use super::kernels::Kernels;
 use super::stepped;
 use crate::render::{CURVE, Canvas, LookRecord, curve};
-use crate::{Device, dispatches};
+use crate::{AT_ONCE, CUTS_AT_ONCE, Device, dispatches};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
 use particlegs_core::splat::Look;
@@ -25,7 +25,7 @@ pub(super) struct Picture {
     bound: Bound,
     /// The gradient of Gaussians that are whole, in dispatches of some each, and of those that are cut.
     pub whole: Vec<(wgpu::BindGroup, u32)>,
-    pub cut: wgpu::BindGroup,
+    pub cut: Vec<(wgpu::BindGroup, u32)>,
     #[cfg(test)]
     by_depth: wgpu::Buffer,
 }
@@ -41,9 +41,10 @@ impl Picture {
     /// Of Gaussians with their canvas, for a loss with SSIM or without.
     ///
     /// # Errors
-    /// Those of the device.
+    /// [`particlegs_core::Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn new(device: &Device, kernels: &Kernels, held: &Held, canvas: Canvas, with_dssim: bool) -> Result<Picture> {
         let (size, planes) = (canvas.planes().size, canvas.planes().sums);
+        device.fits(size, 4 * planes)?;
         let storage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
         let look = device.buffer("look", 16, Use::UNIFORM | Use::COPY_DST);
         let curve = device.buffer("curve", 4 * (CURVE + 1), storage);
@@ -51,10 +52,10 @@ impl Picture {
         let b = canvas.buffers();
         let compared = Compared::new(device, kernels, b.frame, size, with_dssim);
         let Compared { drawn, target, loss, sums, by_structure, told, .. } = &compared;
-        let tone = [b.frame, b.scale, b.planes, &look, &curve, drawn, target, loss];
+        let tone = [b.frame, b.scale, b.finest, &look, &curve, drawn, target, loss];
         let coarser = canvas.planes().levels.iter().enumerate().skip(1).map(|(k, level)| {
             let plane = device.filled("target plane", &[k as u32, 0, 0, 0], Use::UNIFORM);
-            let bound = kernels.gather_down.bind(device, &[b.frame, b.scale, &by_depth, &plane]);
+            let bound = kernels.gather_down.bind(device, &[b.frame, &by_depth, &plane]);
             (bound, [level.width.div_ceil(8), level.rows.div_ceil(8)])
         });
         let bound = Bound {
@@ -63,11 +64,13 @@ impl Picture {
             planes: coarser.collect(),
         };
         let own = [b.frame, held.seen.buffer(), &by_depth, &held.gradient, told];
-        let whole = dispatches(device, held.seen.len() as u32)
-            .into_iter()
-            .map(|(first, count)| (kernels.backward.bind(device, &[own.as_slice(), &[&first]].concat()), count))
-            .collect();
-        let cut = kernels.backward_slices.bind(device, &[own.as_slice(), &[b.cuts, b.cut_count]].concat());
+        let count = held.seen.len() as u32;
+        let whole = dispatches(device, count, AT_ONCE).into_iter();
+        let whole = whole.map(|(some, n)| (kernels.backward.bind(device, &[&own[..], &[&some]].concat()), n)).collect();
+        let own = [own.as_slice(), &[b.cuts, b.cut_count]].concat();
+        let cut = dispatches(device, count, CUTS_AT_ONCE).into_iter();
+        let cut =
+            cut.map(|(some, n)| (kernels.backward_slices.bind(device, &[&own[..], &[&some]].concat()), n)).collect();
         device.check()?;
         Ok(Picture {
             canvas,

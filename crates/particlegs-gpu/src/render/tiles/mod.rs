@@ -3,8 +3,8 @@
 //! lists are is counted first and read back. Gaussians that are cut along depth are drawn by atomic adds after it. Not parted
 //! into dispatches, however long lists are: slow cards may take one for hung.
 
-use super::kernels::sources::{FRAME, ROWS, SCALE, SPAN, STROKE};
-use super::{Batch, CUT_GROUPS, Canvas, Gaussians, Renderer};
+use super::kernels::sources::{FRAME, PLANES, ROWS, SCALE, SPAN, STROKE};
+use super::{Batch, Canvas, Gaussians, Renderer};
 use crate::kernel::{Kernel, Use};
 use crate::{Device, groups};
 use particlegs_core::camera::View;
@@ -58,8 +58,8 @@ impl Kernels {
             sum: Kernel::new(
                 device,
                 "sums of tiles",
-                &[include_str!("sum_main.wgsl"), FRAME, SCALE, STROKE, ROWS, SPAN, TILES],
-                &[Uniform, Read, Read, Read, Read, Write],
+                &[include_str!("sum_main.wgsl"), FRAME, SCALE, STROKE, ROWS, SPAN, PLANES, TILES],
+                &[Uniform, Read, Read, Read, Read, Write, Write],
             ),
         }
     }
@@ -97,13 +97,14 @@ impl<'a> Tiles<'a> {
         let lens = renderer.seen(self.gaussians, canvas, view, look)?;
         let mut encoder = self.encoder();
         renderer.begin(&mut encoder, self.gaussians, canvas, &lens);
-        self.bound(&mut encoder);
+        let cuts = self.gaussians.may_be_cut(&lens);
+        self.bound(&mut encoder, cuts);
         for (k, batch) in canvas.batches.iter().enumerate() {
             if canvas.batches.len() > 1 {
                 encoder.clear_buffer(&canvas.cut_count, 0, None);
                 renderer.project(&mut encoder.begin_compute_pass(&Default::default()), batch);
             }
-            encoder = self.draw(encoder, k)?;
+            encoder = self.draw(encoder, k, cuts)?;
         }
         let mut pass = encoder.begin_compute_pass(&Default::default());
         renderer.sum_planes(&mut pass, canvas);
@@ -118,20 +119,22 @@ impl<'a> Tiles<'a> {
     }
 
     /// Projects all Gaussians, and finds the scale of their sums.
-    fn bound(&self, encoder: &mut wgpu::CommandEncoder) {
+    fn bound(&self, encoder: &mut wgpu::CommandEncoder, cuts: bool) {
         let (renderer, canvas) = (self.renderer, self.canvas);
         for batch in &canvas.batches {
             encoder.clear_buffer(&canvas.cut_count, 0, None);
             let mut pass = encoder.begin_compute_pass(&Default::default());
             renderer.project(&mut pass, batch);
-            renderer.kernels.slices_bound.run(&mut pass, &batch.slices_bound, [CUT_GROUPS, 1]);
+            if cuts {
+                renderer.bound_slices(&mut pass, batch);
+            }
         }
         let mut pass = encoder.begin_compute_pass(&Default::default());
         renderer.kernels.scale.run(&mut pass, &canvas.scale, [1, 1]);
     }
 
     /// Lists the strokes of a batch and sums them, then what is cut: after what an encoder has, and with one for the rest.
-    fn draw(&mut self, mut encoder: wgpu::CommandEncoder, k: usize) -> Result<wgpu::CommandEncoder> {
+    fn draw(&mut self, mut encoder: wgpu::CommandEncoder, k: usize, cuts: bool) -> Result<wgpu::CommandEncoder> {
         let (renderer, canvas) = (self.renderer, self.canvas);
         let (device, batch) = (&renderer.device, &canvas.batches[k]);
         let strokes = groups(u64::from(batch.count));
@@ -148,7 +151,9 @@ impl<'a> Tiles<'a> {
         self.kernels.fill.run(&mut pass, &lists.fills[k], strokes);
         // A group a tile, and four tiles in each of the canvas'.
         self.kernels.sum.run(&mut pass, &lists.sum, groups(64 * 4 * canvas.planes.tiles));
-        renderer.slices(&mut pass, batch);
+        if cuts {
+            renderer.slices(&mut pass, batch);
+        }
         drop(pass);
         self.lists = Some(lists);
         Ok(encoder)
@@ -174,7 +179,8 @@ impl<'a> Tiles<'a> {
         let [strokes, planes_of] = &canvas.scratch;
         let fill = |b: &Batch| self.kernels.fill.bind(device, &[&b.frame, strokes, planes_of, &self.ends, &list]);
         let fills = canvas.batches.iter().map(fill).collect();
-        let sum = [&canvas.batches[0].frame, strokes, &self.ends, &list, &canvas.scales, &canvas.sums];
+        let [finest, coarser] = &canvas.sums;
+        let sum = [&canvas.batches[0].frame, strokes, &self.ends, &list, &canvas.scales, finest, coarser];
         let sum = self.kernels.sum.bind(device, &sum);
         device.check()?;
         Ok(Lists { room, fills, sum })

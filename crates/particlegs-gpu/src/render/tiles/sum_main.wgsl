@@ -5,7 +5,8 @@
 @group(0) @binding(2) var<storage, read> ends: array<u32>;
 @group(0) @binding(3) var<storage, read> entries: array<u32>;
 @group(0) @binding(4) var<storage, read> scale: Scale;
-@group(0) @binding(5) var<storage, read_write> sums: array<u32>;
+@group(0) @binding(5) var<storage, read_write> finest: array<u32>;
+@group(0) @binding(6) var<storage, read_write> coarser: array<u32>;
 
 // A row of a stroke within the tile: its first pixel and the one beyond its last, and how it starts.
 struct Row {
@@ -74,7 +75,10 @@ fn main(
         workgroupBarrier();
     }
     // Tiles at the edges reach beyond their plane, where nothing is added.
-    if sum > 0u {
-        sums[plane.first + pixel.y * plane.width + pixel.x] += sum;
+    let at = plane.first + pixel.y * plane.width + pixel.x;
+    if sum > 0u && place.x == 0u {
+        finest[at] += sum;
+    } else if sum > 0u {
+        coarser[at - finest_words()] += sum;
     }
 }
