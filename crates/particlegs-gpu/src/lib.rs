@@ -14,6 +14,7 @@ mod kernel;
 mod rates;
 pub mod reference;
 pub mod render;
+mod sort;
 #[cfg(test)]
 mod tests;
 pub mod train;

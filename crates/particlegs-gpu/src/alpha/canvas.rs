@@ -5,8 +5,8 @@ use super::frame::{FrameRecord, SlabRecord};
 use super::gaussians::Gaussians;
 use super::kernels::Kernels;
 use super::slabs::{BLOCK, Slabs};
-use super::sort::Sort;
 use crate::Device;
+use crate::sort::Sort;
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
 use particlegs_core::render::alpha::Tiles;
@@ -69,7 +69,7 @@ impl Canvas {
         device.fits(size, 8 * tiles.number() as u64)?;
         device.holds(&format!("{n} Gaussians"), SPLAT * n)?;
         let buffer = |label, bytes| device.buffer(label, bytes, STORAGE);
-        let order = kernels.sort.room(device, n as u32, 32);
+        let order = kernels.sort.room(device, n as u32, 0..32);
         let (splats, touched) = (buffer("splats", SPLAT * n), buffer("touched tiles", 8 * n));
         let blocks = n.div_ceil(u64::from(BLOCK));
         let (block_sums, starts) = (buffer("entries of blocks", 4 * blocks), buffer("starts of blocks", 4 * blocks));
@@ -148,7 +148,7 @@ impl Canvas {
 
     fn new_lists(&self, device: &Device, kernels: &Kernels, room: u32) -> Lists {
         let bits = u32::BITS - (self.tiles.number() as u32).saturating_sub(1).leading_zeros();
-        let sort = kernels.sort.room(device, room, bits.max(1));
+        let sort = kernels.sort.room(device, room, 0..bits.max(1));
         let (frame, slab, order) = (&self.batches[0].frame, &self.slab, &self.order);
         let fill = [frame, slab, &order.values, &self.touched, &self.starts, &sort.keys, &sort.values];
         let raster = [frame, slab, &self.ranges, &sort.values, &self.splats, &self.sums, &self.lefts];

@@ -1,9 +1,9 @@
 //! The kernels of pictures, by their sources.
 
 use super::adapt::Adapter;
-use super::sort::Sorter;
 use crate::Device;
 use crate::kernel::{FOUR_LEVELS, Kernel, Use};
+use crate::sort::{Carry, Sorter};
 
 /// Sources that steps of training have too.
 pub(crate) mod sources {
@@ -44,7 +44,7 @@ impl Kernels {
                 &[include_str!("project_main.wgsl"), FRAME, FIXED, PROJECT, BIN],
                 &[Uniform, Read, Read, Write, Write, Write, Write],
             ),
-            sort: Sorter::new(device),
+            sort: Sorter::new(device, Carry::Values),
             sums: new(
                 "sizes of lists",
                 &[include_str!("bin_sums_main.wgsl"), FRAME, BIN, SHARE],

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | adapt_main.wgsl | `adapt`, `model::vizmapper` | what the network makes of each Gaussian; where radius or opacity changed |
 //! | project.wgsl, fixed.wgsl | `project` | Gaussians to footprints, their depths rounded as there |
-//! | sort.wgsl | `plan` | numbers of Gaussians by depth, of entries by tile: a stable radix sort |
+//! | ../sort/ | `plan` | numbers of Gaussians by depth, of entries by tile: a stable radix sort |
 //! | bin.wgsl | `bin` | footprints, in the order of depth, to the lists of the tiles that they touch |
 //! | raster_main.wgsl | `raster` | a tile's list to brightness, front to back |
 //! | tone_main.wgsl | `draw`, `render::tone` | brightness to grey levels |
@@ -22,7 +22,6 @@ mod frame;
 pub(crate) mod gaussians;
 mod kernels;
 mod slabs;
-mod sort;
 #[cfg(test)]
 mod tests;
 

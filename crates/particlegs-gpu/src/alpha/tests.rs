@@ -281,46 +281,6 @@ fn poisoned(device: &Device, gaussians: &Gaussians, canvas: &Canvas) {
     }
 }
 
-/// Sorted as std sorts, those of equal keys in their order; what lies behind them stays where it is.
-#[test]
-fn sorted_as_by_std() {
-    let Some(device) = device() else { return };
-    let sorter = sort::Sorter::new(&device);
-    for (n, room, bits, ties) in [
-        (0, 600, 32, 1),
-        (1, 1, 32, 1),
-        (511, 511, 32, 3),
-        (512, 513, 32, 1 << 20),
-        (513, 600, 9, 1),
-        (5000, 5001, 8, 100),
-        (70_000, 80_000, 32, 1000),
-        (70_000, 70_000, 17, 7),
-    ] {
-        let mut r = Random::new(n, 2, bits);
-        let largest = if bits == 32 { 4294967295.0 } else { (1u64 << bits) as f64 - 1.0 };
-        let key = |r: &mut Random| ((r.uniform() * largest) as u32 / ties) * ties;
-        let keys: Vec<u32> =
-            (0..room).map(|i| if i % 11 == 0 { u32::MAX >> (32 - bits) } else { key(&mut r) }).collect();
-        let values: Vec<u32> = (0..room as u32).map(|i| i.wrapping_mul(2654435761)).collect();
-        let sort = sorter.room(&device, room as u32, bits as u32);
-        for (buffer, of) in [(&sort.keys, &keys), (&sort.values, &values)] {
-            device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(of));
-        }
-        sort.set(&device.queue, n as u32);
-        let mut encoder = device.device.create_command_encoder(&Default::default());
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        sorter.run(&mut pass, &sort, n as u32);
-        drop(pass);
-        device.queue.submit([encoder.finish()]);
-        let mut wanted: Vec<(u32, u32)> = keys.into_iter().zip(values).collect();
-        wanted[..n as usize].sort_by_key(|(key, _)| *key);
-        let read = |b: &wgpu::Buffer| device.read(b, 4 * room).unwrap();
-        let (keys, values) = (read(&sort.keys), read(&sort.values));
-        let got: Vec<(u32, u32)> = words(&keys).into_iter().zip(words(&values)).collect();
-        assert!(got == wanted, "{n} of {room} with {bits} bits");
-    }
-}
-
 /// One scene at one size after another, by its law whatever look is asked for.
 #[test]
 fn pictures_are_by_the_scenes_law() {

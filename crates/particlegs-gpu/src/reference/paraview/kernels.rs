@@ -1,8 +1,8 @@
 //! The kernels of ParaView's pictures.
 
-use super::sort::Sorter;
 use crate::Device;
 use crate::kernel::{FOUR_LEVELS, Kernel, Use};
+use crate::sort::{Carry, Sorter};
 
 /// All of them.
 pub(super) struct Kernels {
@@ -62,7 +62,7 @@ impl Kernels {
                 &[include_str!("fxaa_main.wgsl"), include_str!("fxaa.wgsl"), FOUR_LEVELS],
                 &[Read, Write],
             ),
-            sorter: Sorter::new(device),
+            sorter: Sorter::new(device, Carry::Nothing),
         }
     }
 }

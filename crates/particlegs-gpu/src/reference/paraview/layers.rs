@@ -1,12 +1,16 @@
 //! The memory of pictures of one size.
 
 use super::Limits;
-use super::sort::Keys;
+use super::rest::band_of;
 use crate::Device;
 use crate::reference::view::ViewRecord;
+use crate::sort::{Sort, Sorter};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
 use wgpu::BufferUsages as Use;
+
+/// Bits of a key below those of its pixel (rest.wgsl).
+pub(super) const LEVEL_BITS: u32 = 8;
 
 /// Layers and ranges of depths of a picture's pixels, rows from the bottom.
 pub struct Canvas {
@@ -25,18 +29,21 @@ pub struct Canvas {
     /// Where each slice's keys begin, and how many they are.
     pub(super) offsets: wgpu::Buffer,
     pub(super) counts: wgpu::Buffer,
-    pub(super) keys: Keys,
+    /// Pixels and grey levels of fragments.
+    pub(super) keys: Sort,
     /// Before FXAA, and after it; rows from the top.
     pub(super) levels: wgpu::Buffer,
     pub(super) picture: wgpu::Buffer,
 }
 
 impl Canvas {
-    pub(super) fn new(device: &Device, size: Size, limits: &Limits) -> Result<Canvas> {
+    pub(super) fn new(device: &Device, sorter: &Sorter, size: Size, limits: &Limits) -> Result<Canvas> {
         let pixels = size.pixels() as u64;
         device.fits(size, 8 * pixels)?;
         let here = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
         let slices = limits.slices as u64;
+        let band = band_of(size.width as u32, limits) * size.width as u32;
+        let bits = u32::BITS - (band.min(pixels as u32) - 1).leading_zeros();
         let canvas = Canvas {
             size,
             view: device.buffer("view", size_of::<ViewRecord>() as u64, Use::UNIFORM | Use::COPY_DST),
@@ -48,7 +55,7 @@ impl Canvas {
             found: device.buffer("found", 8, here),
             offsets: device.buffer("offsets", 4 * slices, Use::STORAGE | Use::COPY_DST),
             counts: device.buffer("counts", 4 * slices, here),
-            keys: Keys::new(device, limits.keys),
+            keys: sorter.room(device, limits.keys, LEVEL_BITS..LEVEL_BITS + bits.max(1)),
             levels: device.buffer("levels", pixels, Use::STORAGE | Use::COPY_SRC),
             picture: device.buffer("picture", pixels, Use::STORAGE | Use::COPY_SRC),
         };

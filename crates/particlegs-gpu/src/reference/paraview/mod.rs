@@ -7,7 +7,7 @@
 //! | quad.wgsl | `reference::quad` | which pixel centres a splat covers, and its alpha there |
 //! | slice.wgsl, count_main.wgsl | `reference::paraview` | pixels of splats, shared out evenly |
 //! | ranges.wgsl, blend.wgsl, peel_main.wgsl, settle_main.wgsl | `reference::blend` | dual depth peeling |
-//! | rest*.wgsl, sort*.wgsl | `reference::blend` | what the peels left, blended in the order of the particles |
+//! | rest*.wgsl, ../../sort/ | `reference::blend` | what the peels left, blended in the order of the particles |
 //! | fxaa.wgsl | `reference::fxaa` | antialiasing |
 //!
 //! Nothing depends on the order of threads. A peel keeps least and greatest depths and largest levels, by atomic maxima of
@@ -20,7 +20,6 @@ mod kernels;
 mod layers;
 mod rest;
 mod slices;
-mod sort;
 #[cfg(test)]
 mod tests;
 
@@ -88,7 +87,7 @@ impl Paraview {
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn canvas(&self, size: Size) -> Result<Canvas> {
-        Canvas::new(&self.device, size, &self.limits)
+        Canvas::new(&self.device, &self.kernels.sorter, size, &self.limits)
     }
 
     /// A picture of particles about `origin`, between two distances (world units).

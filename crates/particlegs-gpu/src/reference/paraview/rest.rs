@@ -1,7 +1,7 @@
 //! What the peels left, blended in the order of the particles.
 
-use super::Shot;
 use super::slices::Slice;
+use super::{Limits, Shot};
 use crate::groups;
 use crate::reference::Points;
 use crate::reference::source::Source;
@@ -13,8 +13,7 @@ impl Shot<'_> {
     /// Blends the rest, band of rows by band.
     pub(super) fn rest(&self, source: &dyn Source, work: &[Vec<u32>]) -> Result<()> {
         let [width, height] = self.record.size;
-        // The last pixel's number is left to keys that are none.
-        let rows = ((self.paraview.limits.band - 1) / width).max(1);
+        let rows = band_of(width, &self.paraview.limits);
         for first in (0..height).step_by(rows as usize) {
             let band = ViewRecord { first, last: height.min(first.saturating_add(rows)), ..self.record };
             self.each_batch(source, work, &mut |points, batch| self.rest_of_batch(points, batch, band))?;
@@ -31,7 +30,7 @@ impl Shot<'_> {
         self.run_slices(&kernels.rest_count, &bound, record, batch);
         let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&device.read(&canvas.counts, 4 * batch.len() as u64)?);
         let buffers =
-            [&canvas.view, &points.positions, &canvas.slices, &canvas.ranges, &canvas.offsets, &canvas.keys.buffers[0]];
+            [&canvas.view, &points.positions, &canvas.slices, &canvas.ranges, &canvas.offsets, &canvas.keys.keys];
         let bound = kernels.rest_keys.bind(device, &buffers);
         for run in runs(&counts, self.paraview.limits.keys) {
             let offsets = starts(&counts[run.clone()]);
@@ -45,11 +44,20 @@ impl Shot<'_> {
     /// Sorts keys and blends them.
     fn blend(&self, count: u32, band: ViewRecord) {
         let (canvas, device, kernels) = (self.canvas, self.device(), &self.paraview.kernels);
-        let pixels = (band.last - band.first) * band.size[0];
-        let keys = kernels.sorter.sort(device, &canvas.keys, count, u32::BITS - (pixels - 1).leading_zeros());
-        let bound = kernels.rest.bind(device, &[&canvas.view, keys, &canvas.layers]);
+        canvas.keys.set(&device.queue, count);
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        kernels.sorter.run(&mut pass, &canvas.keys, count);
+        drop(pass);
+        device.queue.submit([encoder.finish()]);
+        let bound = kernels.rest.bind(device, &[&canvas.view, &canvas.keys.keys, &canvas.layers]);
         self.run(&kernels.rest, &bound, ViewRecord { count, ..band }, groups(u64::from(count)));
     }
+}
+
+/// Rows of a picture so wide that are sorted together. The last pixel's number is left to keys that are none.
+pub(super) fn band_of(width: u32, limits: &Limits) -> u32 {
+    ((limits.band - 1) / width).max(1)
 }
 
 /// Runs of slices that have at most so many fragments, without those that have none.

@@ -1,7 +1,11 @@
-//! Numbers sorted by 32-bit keys: sort.wgsl. Stable, four bits a pass.
+//! Numbers sorted by 32-bit keys: a radix sort, stable, four bits a pass.
+
+#[cfg(test)]
+mod tests;
 
 use crate::kernel::{Kernel, Use};
 use crate::{Device, groups};
+use std::ops::Range;
 
 const SORT: &str = include_str!("sort.wgsl");
 /// Values of four bits.
@@ -10,16 +14,27 @@ const DIGITS: u32 = 16;
 const EACH: u32 = 8;
 const BLOCK: u32 = 512;
 
+/// What goes with each key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Carry {
+    /// A value.
+    Values,
+    /// Nothing but the key's own bits that it is not sorted by.
+    Nothing,
+}
+
 /// The kernels.
-pub(super) struct Sorter {
+pub(crate) struct Sorter {
+    carry: Carry,
     count: Kernel,
     scan: Kernel,
     scatter: Kernel,
 }
 
 /// A number of keys and values that are sorted where they lie, and what is bound to kernels.
-pub(super) struct Sort {
+pub(crate) struct Sort {
     pub keys: wgpu::Buffer,
+    /// Empty where keys carry nothing.
     pub values: wgpu::Buffer,
     passes: Vec<Pass>,
     /// Second places of keys and values, counts and their sums: what is written before it is read.
@@ -46,49 +61,57 @@ struct PassRecord {
 
 impl Sorter {
     /// Compiled for a device.
-    pub fn new(device: &Device) -> Sorter {
+    pub fn new(device: &Device, carry: Carry) -> Sorter {
         use Use::{Read, Uniform, Write};
         let new = |label, sources: &[&str], uses: &[Use]| Kernel::new(device, label, sources, uses);
+        let (carried, own): (_, &[Use]) = match carry {
+            Carry::Values => (include_str!("values.wgsl"), &[Read, Write]),
+            Carry::Nothing => (include_str!("no_values.wgsl"), &[]),
+        };
         Sorter {
-            count: new("digits", &[include_str!("sort_count_main.wgsl"), SORT], &[Uniform, Read, Write]),
+            carry,
+            count: new("digits", &[include_str!("count_main.wgsl"), SORT], &[Uniform, Read, Write]),
             scan: new(
                 "places of digits",
-                &[include_str!("sort_scan_main.wgsl"), SORT, include_str!("../share.wgsl")],
+                &[include_str!("scan_main.wgsl"), SORT, include_str!("../share.wgsl")],
                 &[Uniform, Write, Write],
             ),
             scatter: new(
                 "scatter",
-                &[include_str!("sort_scatter_main.wgsl"), SORT],
-                &[Uniform, Read, Read, Read, Read, Write, Write],
+                &[include_str!("scatter_main.wgsl"), carried, SORT],
+                &[&[Uniform, Read, Read, Read, Write], own].concat(),
             ),
         }
     }
 
-    /// Room for `most` keys of so many bits.
-    pub fn room(&self, device: &Device, most: u32, bits: u32) -> Sort {
+    /// Room for `most` keys that are sorted by some of their bits.
+    pub fn room(&self, device: &Device, most: u32, bits: Range<u32>) -> Sort {
         use wgpu::BufferUsages as Use;
         let storage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
-        let column = |label| device.buffer(label, 4 * u64::from(most), storage);
-        let (keys, values, other_keys, other_values) =
-            (column("keys"), column("values"), column("other keys"), column("other values"));
-        let blocks = u64::from(most.div_ceil(BLOCK));
-        let counts = device.buffer("digits", 4 * u64::from(DIGITS) * blocks, storage);
-        let totals = device.buffer("all digits", 4 * u64::from(DIGITS), storage);
-        // An even number of them, so that all comes back to its first place.
+        let column = |label, count: u32| device.buffer(label, 4 * u64::from(count), storage);
+        let carried = if self.carry == Carry::Values { most } else { 0 };
+        let [keys, other_keys] = ["keys", "other keys"].map(|label| column(label, most));
+        let [values, other_values] = ["values", "other values"].map(|label| column(label, carried));
+        let counts = column("digits", DIGITS * most.div_ceil(BLOCK));
+        let totals = column("all digits", DIGITS);
         let pass = |k: u32| {
             let (there, back) = ([&keys, &values], [&other_keys, &other_values]);
             let (source, target) = if k.is_multiple_of(2) { (there, back) } else { (back, there) };
             let record = device.buffer("pass", size_of::<PassRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
-            let all = [&record, source[0], source[1], &counts, &totals, target[0], target[1]];
+            let mut all = vec![&record, source[0], &counts, &totals, target[0]];
+            if self.carry == Carry::Values {
+                all.extend([source[1], target[1]]);
+            }
             Pass {
-                shift: 4 * k,
+                shift: bits.start + 4 * k,
                 count: self.count.bind(device, &[&record, source[0], &counts]),
                 scan: self.scan.bind(device, &[&record, &counts, &totals]),
                 scatter: self.scatter.bind(device, &all),
                 record,
             }
         };
-        let passes = (0..2 * bits.div_ceil(8)).map(pass).collect();
+        // An even number of them, so that all comes back to its first place.
+        let passes = (0..2 * (bits.end - bits.start).div_ceil(8)).map(pass).collect();
         Sort {
             keys,
             values,

@@ -1,5 +1,4 @@
-// A stable radix sort of numbers by their keys, four bits a pass: what comes first among equals stays first, and no
-// order of threads shows.
+// A stable radix sort, four bits a pass: what comes first among equals stays first, and no order of threads shows.
 
 struct Pass {
     // Keys, and blocks of them.

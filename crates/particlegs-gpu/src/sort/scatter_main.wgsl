@@ -1,12 +1,10 @@
-// Puts keys and their numbers where they belong by one digit.
+// Puts keys, and what they carry, where they belong by one digit.
 
 @group(0) @binding(0) var<uniform> pass_of: Pass;
 @group(0) @binding(1) var<storage, read> keys: array<u32>;
-@group(0) @binding(2) var<storage, read> values: array<u32>;
-@group(0) @binding(3) var<storage, read> counts: array<u32>;
-@group(0) @binding(4) var<storage, read> totals: array<u32>;
-@group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
-@group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
+@group(0) @binding(2) var<storage, read> counts: array<u32>;
+@group(0) @binding(3) var<storage, read> totals: array<u32>;
+@group(0) @binding(4) var<storage, read_write> keys_out: array<u32>;
 
 // Keys of each digit up to each thread's last: two digits a word, eight words a thread, those of a word side by side.
 var<workgroup> sums: array<u32, 512>;
@@ -70,7 +68,7 @@ fn main(
             let to = begins[d] + ((before[d / 2u] >> half) & 0xffffu);
             before[d / 2u] += 1u << half;
             keys_out[to] = key;
-            values_out[to] = values[first + k];
+            carry(first + k, to);
         }
     }
 }

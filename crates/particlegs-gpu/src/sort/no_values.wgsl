@@ -1,0 +1,3 @@
+// Keys carry nothing but their own lower bits.
+fn carry(place: u32, to: u32) {
+}
