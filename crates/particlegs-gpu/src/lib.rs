@@ -16,11 +16,13 @@ pub mod reference;
 pub mod render;
 #[cfg(test)]
 mod tests;
+mod timer;
 pub mod train;
 
 pub use adapters::{Adapter, Choice, adapters, advice};
 pub use device::{Checks, Device};
 pub use rates::Rates;
+pub use timer::Stage;
 
 /// Threads of a group in kernels of one dimension.
 const THREADS: u64 = 64;
