@@ -1,6 +1,7 @@
 //! An adapter that was opened.
 
 use crate::adapters::{Choice, chosen, memory_of};
+use crate::timer::{self, Timer};
 use particlegs_core::picture::Size;
 use particlegs_core::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -23,6 +24,8 @@ pub struct Device {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) checks: Checks,
+    /// What kernels are timed by, where it was opened for that.
+    pub(crate) timer: Option<Arc<Timer>>,
     name: String,
     /// Bytes of its own memory, where that is known.
     memory: Option<u64>,
@@ -42,10 +45,25 @@ impl Device {
     /// # Errors
     /// [`Error::Argument`] where there is none, or it does not open.
     pub fn open(choice: Choice, checks: Checks) -> Result<Device> {
+        Device::open_with(chosen(choice)?, checks, wgpu::Features::empty())
+    }
+
+    /// [`Device::open`], to be [timed](Device::timed) where the adapter offers it.
+    ///
+    /// # Errors
+    /// As [`Device::open`].
+    pub fn open_timed(choice: Choice, checks: Checks) -> Result<Device> {
         let adapter = chosen(choice)?;
+        let offered = adapter.features().contains(timer::WANTED);
+        let features = if offered { timer::WANTED } else { wgpu::Features::empty() };
+        Device::open_with(adapter, checks, features)
+    }
+
+    fn open_with(adapter: wgpu::Adapter, checks: Checks, features: wgpu::Features) -> Result<Device> {
         let (name, memory) = (adapter.get_info().name, memory_of(&adapter));
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("particlegs"),
+            required_features: features,
             required_limits: adapter.limits(),
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
@@ -71,7 +89,8 @@ impl Device {
                 of_loss(Fault::Lost(text));
             }
         });
-        Ok(Device { device, queue, checks, name, memory, fault })
+        let timer = features.contains(timer::WANTED).then(|| Arc::new(Timer::new(&device)));
+        Ok(Device { device, queue, checks, timer, name, memory, fault })
     }
 
     /// The adapter's name.

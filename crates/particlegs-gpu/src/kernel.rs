@@ -2,6 +2,8 @@
 
 use crate::Device;
 use crate::device::Checks;
+use crate::timer::Timer;
+use std::sync::Arc;
 
 /// The end of kernels that write grey levels.
 pub(crate) const FOUR_LEVELS: &str = include_str!("four_levels_main.wgsl");
@@ -22,6 +24,8 @@ pub(crate) struct Kernel {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
+    /// The device's.
+    timer: Option<Arc<Timer>>,
 }
 
 impl Kernel {
@@ -68,7 +72,7 @@ impl Kernel {
             compilation_options: Default::default(),
             cache: None,
         });
-        Kernel { label, pipeline, layout }
+        Kernel { label, pipeline, layout, timer: device.timer.clone() }
     }
 
     /// With buffers for its bindings.
@@ -86,6 +90,9 @@ impl Kernel {
     pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, bound: &wgpu::BindGroup, groups: [u32; 2]) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, bound, &[]);
-        pass.dispatch_workgroups(groups[0], groups[1], 1);
+        match &self.timer {
+            None => pass.dispatch_workgroups(groups[0], groups[1], 1),
+            Some(timer) => timer.around(self.label, pass, |pass| pass.dispatch_workgroups(groups[0], groups[1], 1)),
+        }
     }
 }

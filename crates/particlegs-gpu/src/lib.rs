@@ -17,11 +17,13 @@ pub mod render;
 mod sort;
 #[cfg(test)]
 mod tests;
+mod timer;
 pub mod train;
 
 pub use adapters::{Adapter, Choice, adapters, advice};
 pub use device::{Checks, Device};
 pub use rates::Rates;
+pub use timer::Stage;
 
 /// Threads of a group in kernels of one dimension.
 const THREADS: u64 = 64;

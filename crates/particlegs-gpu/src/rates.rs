@@ -10,6 +10,8 @@ const BYTES: u64 = 128 << 20;
 const WORDS: u64 = 1 << 21;
 /// Threads that add, and additions of each.
 const ADDERS: [u32; 2] = [16384, 64];
+/// Threads that compute, in groups, and operations of each: as many as operations_main.wgsl has.
+const COMPUTERS: [u32; 2] = [4096, 256 * 32];
 /// How long each is measured, about.
 const LONG: Duration = Duration::from_millis(500);
 
@@ -20,6 +22,8 @@ pub struct Rates {
     pub copied_bytes: f64,
     /// Atomic additions a second to words of a plane.
     pub additions: f64,
+    /// Operations of float32 a second: products and sums.
+    pub operations: f64,
 }
 
 impl Rates {
@@ -38,8 +42,17 @@ impl Rates {
         let added = rate(device, |encoder| {
             kernel.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, [ADDERS[0], 1]);
         })?;
-        let additions = f64::from(64 * ADDERS[0]) * f64::from(ADDERS[1]);
-        Ok(Rates { copied_bytes: 2.0 * BYTES as f64 * copied, additions: additions * added })
+        let kernel = Kernel::new(device, "operations", &[include_str!("operations_main.wgsl")], &[Use::Write]);
+        let bound = kernel.bind(device, &[&words]);
+        let computed = rate(device, |encoder| {
+            kernel.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, [COMPUTERS[0], 1]);
+        })?;
+        let each = |[groups, own]: [u32; 2]| f64::from(64 * groups) * f64::from(own);
+        Ok(Rates {
+            copied_bytes: 2.0 * BYTES as f64 * copied,
+            additions: each(ADDERS) * added,
+            operations: each(COMPUTERS) * computed,
+        })
     }
 }
 
@@ -65,11 +78,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_device_copies_and_adds() {
+    fn a_device_copies_adds_and_computes() {
         let Some(device) = crate::tests::device() else { return };
         let rates = Rates::measure(&device).unwrap();
         eprintln!("{rates:?}");
         // A machine that does less is no machine.
-        assert!(rates.copied_bytes > 1e7 && rates.additions > 1e5, "{rates:?}");
+        assert!(rates.copied_bytes > 1e7 && rates.additions > 1e5 && rates.operations > 1e7, "{rates:?}");
     }
 }

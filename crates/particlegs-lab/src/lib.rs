@@ -33,6 +33,8 @@ pub mod subset;
 mod training;
 pub mod views;
 
+pub use training::{Evaluation, Standing, published};
+
 use external::External;
 use particlegs::{Error, Result};
 

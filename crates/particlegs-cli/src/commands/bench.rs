@@ -9,12 +9,14 @@ use clap::{Args, ValueHint};
 use particlegs::picture::Size;
 use particlegs::progress::{Level, Progress};
 use particlegs::{Error, Result, parallel};
+use particlegs_lab::device::Device;
 use particlegs_lab::experiments::{self, EXPERIMENTS, Experiment};
 use particlegs_lab::lab::Lab;
 use particlegs_lab::report::{Provenance, Section};
 use particlegs_lab::settings::Settings;
 use particlegs_lab::snapshot::Snapshot;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Arguments.
 #[derive(Args)]
@@ -27,7 +29,8 @@ Examples:
   particlegs bench list
   particlegs bench all samples/nbody64 -o measured --quick
   particlegs bench rate-distortion snapshot -o measured --python venv/bin/python
-  particlegs bench all snapshot others/* -o measured")]
+  particlegs bench all snapshot others/* -o measured
+  particlegs bench gpu --training -o measured-gpu")]
 pub struct Arguments {
     /// Experiment, `all`, or `list`.
     #[arg(value_name = "NAME")]
@@ -41,7 +44,7 @@ pub struct Arguments {
     /// Small pictures, few sizes, one view an orbit: to see that all of it runs.
     #[arg(long)]
     quick: bool,
-    /// With `all`: also the experiments that train models, which take hours.
+    /// With `all`: also the experiments that train models, which take hours; with `gpu`: also the published recipe.
     #[arg(long)]
     training: bool,
     /// Python with the packages of lab/requirements.txt: SZ3, ZFP, VTK.
@@ -64,7 +67,8 @@ pub struct Arguments {
     /// Train with this share of the published recipe's pixels, steps and Gaussians [default: each experiment's own].
     #[arg(long, value_name = "S", hide_short_help = true)]
     scale: Option<f64>,
-    /// Minutes after which published-run stops for now; the same command goes on [default: 120; 2 with --quick].
+    /// Minutes after which published-run, or `gpu --training`, stops for now; the same command goes on [default: 120; 2
+    /// with --quick].
     #[arg(long, value_name = "M", hide_short_help = true)]
     minutes: Option<f64>,
     #[command(flatten)]
@@ -84,7 +88,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         return gpu(a);
     }
     let chosen = experiments::named(&a.name, a.training)?;
-    let settings = a.settings()?;
+    let settings = a.settings(a.device.for_lab()?)?;
     let (Some(output), false) = (&a.output, a.snapshots.is_empty()) else {
         return Err(Error::argument("`bench` takes a snapshot and a folder for the results: SNAPSHOT -o DIR"));
     };
@@ -100,16 +104,29 @@ pub fn run(a: &Arguments) -> Result<()> {
     report(&sections, output, &context)
 }
 
-/// Measures a graphics card, which takes no snapshot: the first real one, or that of --device.
+/// Measures a graphics card, which takes no snapshot: the first real one, or that of --device. With --training the
+/// published recipe as well, in pieces that a folder keeps.
 #[cfg(feature = "gpu")]
 fn gpu(a: &Arguments) -> Result<()> {
+    use crate::gpu_bench::{Quick, measure};
+    a.refuse_for_gpu()?;
     let context = a.common.clone().start()?;
-    let report = crate::gpu_bench::measure(&a.device.open_card()?, crate::gpu_bench::Quick(a.quick), &context)?;
+    let (device, quick) = (a.device.open_card()?, Quick(a.quick));
+    let Some(output) = &a.output else {
+        let report = measure(&device, quick, None, &context)?;
+        return context.finish(&report.text(), &report);
+    };
+    let settings = a.settings(Arc::new(crate::device::Card::new(Arc::clone(&device))?))?;
+    let (kept, work) = (bench_files::folder(output, &context)?, Work(&context));
+    context.finishes_its_steps();
+    let report = measure(&device, quick, Some(&Lab::new(settings, &kept, &work)?), &context)?;
+    bench_files::write_gpu(output, &report)?;
     context.finish(&report.text(), &report)
 }
 
 #[cfg(not(feature = "gpu"))]
 fn gpu(a: &Arguments) -> Result<()> {
+    a.refuse_for_gpu()?;
     match a.device.open_card()? {}
 }
 
@@ -156,7 +173,7 @@ fn list() -> String {
     };
     let gpu = format!(
         "{:<20} {}\n{:<20} (not in the paper; takes no snapshot)\n",
-        "gpu", "Frames a second of a graphics card", ""
+        "gpu", "Frames and steps of training a second of a graphics card", ""
     );
     EXPERIMENTS.iter().map(row).chain([gpu]).collect()
 }
@@ -188,11 +205,43 @@ fn experiment_by_experiment(
 }
 
 impl Arguments {
-    fn settings(&self) -> Result<Settings> {
+    /// Options that would do nothing where a card is measured.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the first.
+    fn refuse_for_gpu(&self) -> Result<()> {
+        let of_experiments = [
+            (!self.snapshots.is_empty(), "SNAPSHOT"),
+            (self.python.is_some(), "--python"),
+            (self.frames.is_some(), "--frames"),
+            (self.size.is_some(), "--size"),
+            (self.ratios.is_some(), "--ratios"),
+            (self.seeds.is_some(), "--seeds"),
+        ];
+        if let Some((_, name)) = of_experiments.iter().find(|(given, _)| *given) {
+            return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {name}")));
+        }
+        if let Some(words) = self.snapshot.in_words() {
+            return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {words}")));
+        }
+        let of_training =
+            [(self.output.is_some(), "-o"), (self.scale.is_some(), "--scale"), (self.minutes.is_some(), "--minutes")];
+        match of_training.iter().find(|(given, _)| *given) {
+            Some((_, name)) if !self.training => {
+                Err(Error::argument(format!("`bench gpu` has no use for {name} without --training")))
+            }
+            _ if self.training && self.output.is_none() => {
+                Err(Error::argument("`bench gpu --training` takes a folder that keeps its checkpoint: -o DIR"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn settings(&self, device: Arc<dyn Device>) -> Result<Settings> {
         let program = std::env::current_exe().map_err(|e| Error::io(Path::new("this program"), e))?;
         let mut s = Settings::new(self.quick, program);
         (s.training, s.seed, s.python) = (self.training, self.common.seed, self.python.clone());
-        s.device = self.device.for_lab()?;
+        s.device = device;
         s.size = self.size.unwrap_or(s.size);
         s.frames = self.frames.unwrap_or(s.frames);
         s.seeds = self.seeds.unwrap_or(s.seeds);

@@ -16,6 +16,12 @@ pub fn open(number: Option<usize>) -> Result<Device> {
     particlegs_gpu::Device::open(number.map_or(Choice::Card, Choice::Number), Checks::Off).map(Arc::new)
 }
 
+/// The same, whose kernels are to be timed.
+#[cfg(feature = "lab")]
+pub fn open_timed(number: Option<usize>) -> Result<Device> {
+    particlegs_gpu::Device::open_timed(number.map_or(Choice::Card, Choice::Number), Checks::Off).map(Arc::new)
+}
+
 /// Its name.
 #[cfg(feature = "lab")]
 pub fn name(device: &Device) -> String {

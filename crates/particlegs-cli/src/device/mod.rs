@@ -10,6 +10,8 @@ mod lab;
 mod particles;
 
 pub use card::{Adapter, Device, ParticlePictures, Pictures, list};
+#[cfg(all(feature = "gpu", feature = "lab"))]
+pub use lab::Card;
 pub use particles::{Both, on_card};
 
 use clap::Args;
@@ -79,13 +81,16 @@ impl DeviceArgs {
         })
     }
 
-    /// The card that is asked for, the first real one where none is.
+    /// The card that is asked for, the first real one where none is, to be measured.
     ///
     /// # Errors
     /// [`particlegs::Error::Argument`] where there is none.
     #[cfg(feature = "lab")]
     pub fn open_card(&self) -> Result<Device> {
-        self.open()?.map_or_else(|| card::open(None), Ok)
+        match self.device {
+            Asked::Number(n) => card::open_timed(Some(n)),
+            Asked::Cpu | Asked::Auto | Asked::Gpu => card::open_timed(None),
+        }
     }
 
     /// The card that is asked for; none for the processor.

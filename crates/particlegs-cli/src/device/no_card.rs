@@ -83,6 +83,12 @@ pub fn open(_number: Option<usize>) -> Result<Device> {
     Err(unsupported())
 }
 
+/// Why there is none.
+#[cfg(feature = "lab")]
+pub fn open_timed(_number: Option<usize>) -> Result<Device> {
+    Err(unsupported())
+}
+
 /// Never called.
 #[cfg(feature = "lab")]
 pub fn name(device: &Device) -> String {

@@ -1,35 +1,43 @@
 //! Frames a second of models.
 
-use super::scenes::{Made, Work, views};
-use super::{LIMIT, Quick};
+use super::scenes::{Made, OPACITY, views};
+use super::stages::Stages;
+use super::work::{Blends, Depths, Least};
+use super::{LIMIT, Quick, in_megabytes};
 use crate::common::Context;
 use crate::device::Device;
 use particlegs::Result;
 use particlegs::camera::View;
+use particlegs::model::LawKind;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::render::Scene;
-use particlegs::render::raster::pyramid::{PAD, levels};
 use particlegs::splat::Look;
 use particlegs_gpu::render::{Canvas, Gaussians, Renderer, Tiles};
-use serde::Serialize;
+use particlegs_gpu::{Rates, alpha};
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Frames of a measurement.
-const FRAMES: usize = 1000;
+/// Frames of a measurement, and those that are read back.
+const FRAMES: [usize; 2] = [1000, 100];
+const QUICK_FRAMES: [usize; 2] = [4, 2];
 /// Frames that the card may be behind.
 const BEHIND: usize = 32;
+/// Frames whose kernels are timed.
+const TIMED: usize = 4;
+/// What changes from frame to frame.
+const CAMERA: &str = "camera";
+const SETTING: &str = "radius and opacity";
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Row {
     gaussians: usize,
     width: usize,
     height: usize,
-    look: &'static str,
     /// What changes from frame to frame.
-    changes: &'static str,
-    /// How pixels are summed.
-    way: &'static str,
+    changes: String,
+    #[serde(flatten)]
+    kind: Kind,
     distance: f64,
     radius_px: f64,
     opacity: f64,
@@ -38,18 +46,82 @@ pub struct Row {
     /// Each picture read back before the next one is begun.
     frames_per_second_read_back: f64,
     device_memory_bytes: Option<u64>,
-    /// Footprints of a frame, and pixels that they add to, whichever way those are summed.
-    footprints: u64,
-    additions: f64,
-    /// Bytes that a frame moves at least, lists of tiles not counted.
-    bytes: f64,
+    stages: Stages,
 }
 
-/// All rows of a scene.
+/// What is drawn, and by what.
+#[derive(Serialize, Deserialize)]
+struct Kind {
+    law: LawKind,
+    look: Look,
+    /// How pixels are summed.
+    way: String,
+    /// Footprints of a frame.
+    footprints: u64,
+    /// What a frame takes at least, whichever way its pixels are summed.
+    #[serde(flatten)]
+    least: Least,
+}
+
+/// A scene on a card, at a size.
+trait Drawn {
+    /// Gives the card a picture to draw.
+    fn submit(&mut self, view: &View) -> Result<()>;
+
+    /// Reads the last one back.
+    fn read(&self) -> Result<()>;
+}
+
+/// Of the optical-depth law.
+struct Summed<'a> {
+    renderer: &'a Renderer,
+    there: &'a Gaussians,
+    canvas: &'a Canvas,
+    look: Look,
+    /// Where they sum, not atomic adds.
+    tiles: Option<Tiles<'a>>,
+}
+
+impl Drawn for Summed<'_> {
+    fn submit(&mut self, view: &View) -> Result<()> {
+        match &mut self.tiles {
+            None => self.renderer.submit(self.there, self.canvas, view, self.look),
+            Some(tiles) => tiles.submit(view, self.look),
+        }
+    }
+
+    fn read(&self) -> Result<()> {
+        self.renderer.picture(self.canvas).map(drop)
+    }
+}
+
+/// Of the alpha-blend law.
+struct Blended<'a> {
+    renderer: &'a alpha::Renderer,
+    there: &'a alpha::Gaussians,
+    canvas: alpha::Canvas,
+}
+
+impl Drawn for Blended<'_> {
+    fn submit(&mut self, view: &View) -> Result<()> {
+        self.renderer.submit(self.there, &mut self.canvas, view)
+    }
+
+    fn read(&self) -> Result<()> {
+        self.renderer.picture(&self.canvas).map(drop)
+    }
+}
+
+/// Rows of a scene of the optical-depth law.
+pub const OF_DEPTH: u64 = 4;
+/// Rows of one of the alpha-blend law.
+pub const OF_ALPHA: u64 = 2;
+
+/// All rows of a scene of the optical-depth law.
 ///
 /// # Errors
 /// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn rows(device: &Device, made: &Made, sizes: &[Size], quick: Quick, context: &Context) -> Result<Vec<Row>> {
+pub fn of_depth(device: &Device, made: &Made, sizes: &[Size], quick: Quick, context: &Context) -> Result<Vec<Row>> {
     let renderer = Renderer::new(device)?;
     let scene = Scene::of_mixture(&made.gaussians, made.bounds);
     let there = Gaussians::upload(device, &scene)?;
@@ -57,16 +129,50 @@ pub fn rows(device: &Device, made: &Made, sizes: &[Size], quick: Quick, context:
     for &size in sizes {
         let canvas = renderer.canvas(&there, size)?;
         for (changes, look, by_tiles) in [
-            ("camera", Look::Expected, false),
-            ("camera", Look::Expected, true),
-            ("radius and opacity", Look::Expected, false),
-            ("camera", Look::Paraview, false),
+            (CAMERA, Look::Expected, false),
+            (CAMERA, Look::Expected, true),
+            (SETTING, Look::Expected, false),
+            (CAMERA, Look::Paraview, false),
         ] {
-            let views = views(made, size, changes == "camera");
+            let own = Measurement::new(device, made, size, changes, quick);
+            let work = Depths::of(made, own.counted(), size)?;
+            let kind = Kind {
+                law: LawKind::OpticalDepth,
+                look,
+                way: if by_tiles { "tiles of 8 x 8" } else { "atomic adds" }.into(),
+                footprints: work.footprints,
+                least: work.frame(made.gaussians.len(), size),
+            };
             let tiles = by_tiles.then(|| Tiles::new(&renderer, &there, &canvas)).transpose()?;
-            let (renderer, there, canvas, views) = (&renderer, &there, &canvas, &views[..]);
-            let mut own = Measurement { renderer, there, canvas, views, look, tiles };
-            rows.push(own.row(made, size, changes, quick, context)?);
+            let mut drawn = Summed { renderer: &renderer, there: &there, canvas: &canvas, look, tiles };
+            rows.push(own.row(&mut drawn, kind, context)?);
+            context.advance(1);
+        }
+    }
+    Ok(rows)
+}
+
+/// All rows of a scene of the alpha-blend law, which has one look. The network runs where radius and opacity change.
+///
+/// # Errors
+/// Those of the device; [`particlegs::Error::Cancelled`].
+pub fn of_alpha(device: &Device, made: &Made, sizes: &[Size], quick: Quick, context: &Context) -> Result<Vec<Row>> {
+    let renderer = alpha::Renderer::new(device)?;
+    let there = alpha::Gaussians::upload(device, &Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]))?;
+    let mut rows = Vec::new();
+    for &size in sizes {
+        for changes in [CAMERA, SETTING] {
+            let own = Measurement::new(device, made, size, changes, quick);
+            let work = Blends::of(made, own.counted(), size, context)?;
+            let kind = Kind {
+                law: LawKind::AlphaBlend,
+                look: Look::Paraview,
+                way: "tiles of 16 x 16".into(),
+                footprints: work.footprints,
+                least: work.frame(made.gaussians.len(), size, changes == SETTING),
+            };
+            let mut drawn = Blended { renderer: &renderer, there: &there, canvas: renderer.canvas(&there, size)? };
+            rows.push(own.row(&mut drawn, kind, context)?);
             context.advance(1);
         }
     }
@@ -75,93 +181,90 @@ pub fn rows(device: &Device, made: &Made, sizes: &[Size], quick: Quick, context:
 
 /// Frames of a scene at a size.
 struct Measurement<'a> {
-    renderer: &'a Renderer,
-    there: &'a Gaussians,
-    canvas: &'a Canvas,
-    views: &'a [View],
-    look: Look,
-    /// Where they sum, not atomic adds.
-    tiles: Option<Tiles<'a>>,
+    device: &'a Device,
+    gaussians: usize,
+    size: Size,
+    changes: &'static str,
+    views: Vec<View>,
+    quick: Quick,
 }
 
-impl Measurement<'_> {
-    fn row(&mut self, made: &Made, size: Size, changes: &'static str, quick: Quick, context: &Context) -> Result<Row> {
-        let frames = if quick.0 { 20 } else { FRAMES };
+impl<'a> Measurement<'a> {
+    fn new(device: &'a Device, made: &Made, size: Size, changes: &'static str, quick: Quick) -> Self {
+        let (gaussians, views) = (made.gaussians.len(), views(made, size, changes == CAMERA));
+        Measurement { device, gaussians, size, changes, views, quick }
+    }
+
+    /// The view whose work is counted.
+    fn counted(&self) -> &View {
+        &self.views[16]
+    }
+
+    fn row(&self, drawn: &mut dyn Drawn, kind: Kind, context: &Context) -> Result<Row> {
+        let [most, most_read] = [0, 1].map(|k| self.quick.or(QUICK_FRAMES[k], FRAMES[k]));
+        let timed = self.quick.or(1, TIMED);
         // Everything is compiled and there.
-        self.frames(3, false, context)?;
-        let (drawn, seconds) = self.frames(frames, false, context)?;
-        let (read, seconds_read) = self.frames(frames / 10, true, context)?;
-        let first = &self.views[16];
-        let work = Work::of(made, first, size)?;
+        self.frames(drawn, self.quick.or(1, 3), false, context)?;
+        let (number, seconds) = self.frames(drawn, most, false, context)?;
+        let (read, seconds_read) = self.frames(drawn, most_read, true, context)?;
+        let stages = Stages::of(self.device, timed, || self.frames(drawn, timed, false, context).map(drop))?;
+        let counted = self.counted();
         Ok(Row {
-            gaussians: made.gaussians.len(),
-            width: size.width,
-            height: size.height,
-            look: self.look.name(),
-            changes,
-            way: if self.tiles.is_some() { "tiles of 8 x 8" } else { "atomic adds" },
+            gaussians: self.gaussians,
+            width: self.size.width,
+            height: self.size.height,
+            changes: self.changes.into(),
+            kind,
             distance: 1.0,
-            radius_px: first.radius_pixels(size),
-            opacity: first.opacity,
-            frames: drawn,
-            frames_per_second: drawn as f64 / seconds,
+            radius_px: counted.radius_pixels(self.size),
+            opacity: counted.opacity,
+            frames: number,
+            frames_per_second: number as f64 / seconds,
             frames_per_second_read_back: read as f64 / seconds_read,
-            device_memory_bytes: self.renderer.device().allocated(),
-            bytes: bytes(made.gaussians.len(), &work, size),
-            footprints: work.footprints,
-            additions: work.additions,
+            device_memory_bytes: self.device.allocated(),
+            stages,
         })
     }
 
     /// Draws frames until all are drawn or the time is over: how many, and in how many seconds of the clock to the end
     /// of the last.
-    fn frames(&mut self, most: usize, read_back: bool, context: &Context) -> Result<(usize, f64)> {
-        let (started, mut drawn) = (Instant::now(), 0);
-        while drawn < most && started.elapsed() < LIMIT {
+    fn frames(&self, drawn: &mut dyn Drawn, most: usize, read_back: bool, context: &Context) -> Result<(usize, f64)> {
+        let (started, mut number) = (Instant::now(), 0);
+        while number < most && started.elapsed() < LIMIT {
             context.check()?;
-            let view = &self.views[drawn % self.views.len()];
-            match &mut self.tiles {
-                None => self.renderer.submit(self.there, self.canvas, view, self.look)?,
-                Some(tiles) => tiles.submit(view, self.look)?,
-            }
+            drawn.submit(&self.views[number % self.views.len()])?;
             if read_back {
-                self.renderer.picture(self.canvas)?;
-            } else if drawn % BEHIND == BEHIND - 1 {
-                self.renderer.device().wait()?;
+                drawn.read()?;
+            } else if number % BEHIND == BEHIND - 1 {
+                self.device.wait()?;
             }
-            drawn += 1;
+            number += 1;
         }
-        self.renderer.device().wait()?;
-        Ok((drawn, started.elapsed().as_secs_f64()))
+        self.device.wait()?;
+        Ok((number, started.elapsed().as_secs_f64()))
     }
-}
-
-/// Bytes that a frame moves at least, where planes are not kept near the threads: columns are read, strokes written and
-/// read, planes cleared, summed, read and made levels.
-fn bytes(gaussians: usize, work: &Work, size: Size) -> f64 {
-    const COLUMNS: f64 = 52.0;
-    const STROKE: f64 = 36.0;
-    let planes: usize = levels(size).iter().map(|l| (l.size.width + 2 * PAD) * l.rows).sum();
-    COLUMNS * gaussians as f64
-        + 2.0 * STROKE * work.footprints as f64
-        + 16.0 * planes as f64
-        + 5.0 * size.pixels() as f64
 }
 
 impl Row {
     /// Rows as people read them; `rates` are the device's.
-    pub fn text(rows: &[Row], rates: &particlegs_gpu::Rates) -> String {
-        let mut text = format!("{:>9} {:>10} {:<9} {:<18} {:<14}", "Gaussians", "pixels", "look", "changes", "by");
-        text += &format!(" {:>9} {:>10} {:>7} {:>7} {:>7}", "frames/s", "read back", "MB", "bytes", "adds");
+    pub fn text(rows: &[Row], rates: &Rates) -> String {
+        let mut text = format!("{:>9} {:>10} {:<13} {:<8} {:<18}", "Gaussians", "pixels", "law", "look", "changes");
+        text += &format!(" {:<16} {:>9} {:>10} {:>7}{}", "by", "frames/s", "read back", "MB", Least::heads());
         for r in rows {
-            let memory = r.device_memory_bytes.map_or("-".into(), |b| format!("{:.0}", b as f64 / 1e6));
+            let (memory, k) = (in_megabytes(r.device_memory_bytes), &r.kind);
             let pixels = format!("{}x{}", r.width, r.height);
-            let [bytes, additions] =
-                [r.bytes / rates.copied_bytes, r.additions / rates.additions].map(|s| 100.0 * s * r.frames_per_second);
-            text += &format!("\n{:>9} {pixels:>10} {:<9} {:<18} {:<14}", r.gaussians, r.look, r.changes, r.way);
-            text += &format!(" {:>9.1} {:>10.1} {memory:>7}", r.frames_per_second, r.frames_per_second_read_back);
-            text += &format!(" {bytes:>5.1} % {additions:>5.1} %");
+            text += &format!("\n{:>9} {pixels:>10} {:<13} {:<8}", r.gaussians, k.law.name(), k.look.name());
+            text += &format!(" {:<18} {:<16} {:>9.1}", r.changes, k.way, r.frames_per_second);
+            text += &format!(" {:>10.1} {memory:>7}", r.frames_per_second_read_back);
+            text += &k.least.shares(r.frames_per_second, rates);
         }
         text
+    }
+
+    /// What the row is of, and its kernels.
+    pub fn stages(&self) -> (String, &Stages) {
+        let Row { gaussians, width, height, changes, kind: Kind { law, look, way, .. }, .. } = self;
+        let (law, look) = (law.name(), look.name());
+        (format!("frame of {gaussians}, {width}x{height}, {law}, {look}, {changes}, {way}"), &self.stages)
     }
 }

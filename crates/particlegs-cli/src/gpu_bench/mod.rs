@@ -3,8 +3,11 @@
 
 mod frames;
 mod particles;
+mod recipe;
 mod scenes;
+mod stages;
 mod training;
+mod work;
 
 use crate::common::Context;
 use crate::device::Device;
@@ -12,12 +15,14 @@ use particlegs::Result;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs_gpu::Rates;
-use serde::Serialize;
+use particlegs_lab::Standing;
+use particlegs_lab::lab::Lab;
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 const HD: Size = Size { width: 1920, height: 1080 };
 const UHD: Size = Size { width: 3840, height: 2160 };
-const SMALL: Size = Size { width: 640, height: 360 };
+const SMALL: Size = Size { width: 320, height: 180 };
 /// After this time a measurement ends, whatever it has.
 const LIMIT: Duration = Duration::from_secs(20);
 
@@ -25,69 +30,137 @@ const LIMIT: Duration = Duration::from_secs(20);
 #[derive(Clone, Copy)]
 pub struct Quick(pub bool);
 
+impl Quick {
+    /// Few, or as many as are measured.
+    fn or(self, few: usize, many: usize) -> usize {
+        if self.0 { few } else { many }
+    }
+}
+
 #[derive(Serialize)]
 pub struct Report {
     particlegs: &'static str,
     device: String,
     threads_of_the_processor: usize,
-    /// What the device does at most: bytes read and written where they are copied; atomic additions.
+    #[serde(flatten)]
+    measured: Measured,
+    /// The published recipe, where it is asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    recipe: Option<Standing>,
+}
+
+/// What the device does.
+#[derive(Serialize, Deserialize)]
+struct Measured {
+    /// What it does at most: bytes read and written where they are copied; atomic additions; operations of float32.
     copied_bytes_per_second: f64,
     additions_per_second: f64,
+    operations_per_second: f64,
     frames: Vec<frames::Row>,
     training: Vec<training::Row>,
     particles: particles::Row,
 }
 
-/// Measures.
+/// This program, where it was built in a repository: what another one measured is measured again.
+const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
+
+/// Measures; where there is a `lab`, also the published recipe, for a piece. What was measured is kept there.
 ///
 /// # Errors
-/// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn measure(device: &Device, quick: Quick, context: &Context) -> Result<Report> {
-    let rates = Rates::measure(device)?;
-    // The sample, and how often it lies along the axes: 171 000, 769 000 and 1.73 million Gaussians.
-    let tilings = if quick.0 {
-        [(1, [1, 2, 2]), (0, [1, 2, 2]), (0, [1, 2, 4])]
-    } else {
-        [(1, [4, 8, 8]), (0, [4, 16, 16]), (0, [9, 16, 16])]
-    };
-    let (sizes, hd) = if quick.0 { (&[SMALL][..], SMALL) } else { (&[HD, UHD][..], HD) };
-    let [few, more, most] = tilings.map(|(sample, tiles)| scenes::tiled(sample, tiles));
-    let (few, more, most) = (few?, more?, most?);
-    context.begin("measuring", 2 * 4 * sizes.len() as u64 + 3);
-    let mut frames = frames::rows(device, &few, sizes, quick, context)?;
-    frames.extend(frames::rows(device, &more, sizes, quick, context)?);
-    let mut training = Vec::new();
-    for made in [&few, &most] {
-        training.push(training::row(device, made, hd, quick, context)?);
-        context.advance(1);
-    }
-    let particles = particles::row(device, &few, hd, quick, context)?;
-    context.end();
+/// Those of the device; of the lab; [`particlegs::Error::Cancelled`].
+pub fn measure(device: &Device, quick: Quick, lab: Option<&Lab<'_>>, context: &Context) -> Result<Report> {
+    let now = || Measured::of(device, quick, context);
+    let [(sample, tiles), ..] = tilings(quick);
     Ok(Report {
         particlegs: env!("CARGO_PKG_VERSION"),
         device: device.name().into(),
         threads_of_the_processor: particlegs::parallel::threads(),
-        copied_bytes_per_second: rates.copied_bytes,
-        additions_per_second: rates.additions,
-        frames,
-        training,
-        particles,
+        measured: match lab {
+            Some(lab) => lab.on_device.result("gpu", &(quick.0, COMMIT), now)?,
+            None => now()?,
+        },
+        recipe: lab.map(|lab| recipe::piece(lab, &scenes::tiled(sample, tiles)?, quick)).transpose()?,
     })
 }
 
-impl Report {
+/// The sample, and how often it lies along the axes: 171 000, 769 000 and 1.73 million Gaussians.
+fn tilings(quick: Quick) -> [(usize, [usize; 3]); 3] {
+    match quick.0 {
+        true => [(1, [1, 2, 2]), (0, [1, 2, 2]), (0, [1, 2, 4])],
+        false => [(1, [4, 8, 8]), (0, [4, 16, 16]), (0, [9, 16, 16])],
+    }
+}
+
+impl Measured {
+    fn of(device: &Device, quick: Quick, context: &Context) -> Result<Measured> {
+        let rates = Rates::measure(device)?;
+        let (sizes, hd) = if quick.0 { (&[SMALL][..], SMALL) } else { (&[HD, UHD][..], HD) };
+        let [few, more, most] = tilings(quick).map(|(sample, tiles)| scenes::tiled(sample, tiles));
+        let (few, more, most) = (few?, more?, most?);
+        context.begin("measuring", 2 * (frames::OF_DEPTH + frames::OF_ALPHA) * sizes.len() as u64 + 4);
+        let (mut frames, mut training) = (Vec::new(), Vec::new());
+        for made in [&few, &more] {
+            frames.extend(frames::of_depth(device, made, sizes, quick, context)?);
+        }
+        for made in [&few, &more] {
+            frames.extend(frames::of_alpha(device, &made.published(), sizes, quick, context)?);
+        }
+        for made in [&few, &most] {
+            training.push(training::of_depth(device, made, hd, quick, context)?);
+            context.advance(1);
+        }
+        training.push(training::of_alpha(device, &few.published(), hd, quick, context)?);
+        context.advance(1);
+        let particles = particles::row(device, &few, hd, quick, context)?;
+        context.end();
+        Ok(Measured {
+            copied_bytes_per_second: rates.copied_bytes,
+            additions_per_second: rates.additions,
+            operations_per_second: rates.operations,
+            frames,
+            training,
+            particles,
+        })
+    }
+
+    /// Where the time goes.
+    fn stages(&self) -> String {
+        let models = self.frames.iter().map(frames::Row::stages).chain(self.training.iter().map(training::Row::stages));
+        stages::Stages::table(models.chain([self.particles.stages()]))
+    }
+
     /// The tables as people read them.
-    pub fn text(&self) -> String {
-        let rates = Rates { copied_bytes: self.copied_bytes_per_second, additions: self.additions_per_second };
+    fn text(&self) -> String {
+        let rates = Rates {
+            copied_bytes: self.copied_bytes_per_second,
+            additions: self.additions_per_second,
+            operations: self.operations_per_second,
+        };
         format!(
-            "{}: copies {:.1} GB/s, adds {:.2} thousand million times a second to words of a plane\n\n{}\n\n\
-             bytes, adds: the share of those rates that a frame's own bytes and additions take\n\n{}\n\n{}",
-            self.device,
+            "copies {:.1} GB/s; adds {:.2} thousand million times a second to words of a plane; {:.1} thousand million \
+             operations of float32 a second\n\n{}\n\n{}\n\n{}\n\nbytes, adds, ops: the share of those rates that is \
+             taken by what a frame, a step or a picture moves, adds and computes at least; 100 % is as fast as the \
+             device goes\n\n{}",
             1e-9 * rates.copied_bytes,
             1e-9 * rates.additions,
+            1e-9 * rates.operations,
             frames::Row::text(&self.frames, &rates),
-            training::Row::text(&self.training),
-            self.particles.text()
+            training::Row::text(&self.training, &rates),
+            self.particles.text(&rates),
+            self.stages()
         )
     }
+}
+
+impl Report {
+    /// As people read it.
+    pub fn text(&self) -> String {
+        let recipe = self.recipe.as_ref().map_or(String::new(), |r| format!("\n\n{}", recipe::text(r)));
+        format!("{}: {}{recipe}", self.device, self.measured.text())
+    }
+}
+
+/// Bytes as columns have them.
+fn in_megabytes(bytes: Option<u64>) -> String {
+    bytes.map_or("-".into(), |b| format!("{:.0}", b as f64 / 1e6))
 }

@@ -1,16 +1,18 @@
 //! Pictures of all particles a second.
 
 use super::scenes::{Made, views};
-use super::{LIMIT, Quick};
+use super::stages::Stages;
+use super::work::Least;
+use super::{LIMIT, Quick, in_megabytes};
 use crate::common::Context;
 use crate::device::Device;
-use particlegs::math::{Random, each_axis};
+use particlegs::Result;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::splat::Look;
-use particlegs::{Result, parallel};
+use particlegs_gpu::Rates;
 use particlegs_gpu::reference::{MOST, Pictures};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::time::Instant;
 
@@ -19,17 +21,21 @@ const PICTURES: usize = 20;
 /// Pieces of [`MOST`] particles: 268 million.
 const PIECES: usize = 24;
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Row {
     particles: u64,
     width: usize,
     height: usize,
-    style: &'static str,
+    style: Look,
     pictures: usize,
     /// Each read back.
     seconds_a_picture: f64,
     seconds_to_load: f64,
     device_memory_bytes: Option<u64>,
+    /// What a picture takes at least.
+    #[serde(flatten)]
+    least: Least,
+    stages: Stages,
 }
 
 /// The noise-free picture of particles that are drawn of the scene, a piece again and again, each time moved.
@@ -38,7 +44,7 @@ pub struct Row {
 /// Those of the device; [`particlegs::Error::Cancelled`].
 pub fn row(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Row> {
     let (pieces, each) = if quick.0 { (2, 100_000) } else { (PIECES, MOST) };
-    let (count, columns) = (pieces * each, drawn(made, each));
+    let (count, columns) = (pieces * each, made.particles(each));
     let started = Instant::now();
     let moved = |range: Range<usize>| moved(&columns, made, range);
     let mut there = Pictures::new(device, made.bounds.center(), made.bounds, count, Box::new(moved))?;
@@ -47,19 +53,23 @@ pub fn row(device: &Device, made: &Made, size: Size, quick: Quick, context: &Con
     let views = views(made, size, true);
     there.draw(&views[0], size, Look::Expected, context)?;
     let (started, mut pictures) = (Instant::now(), 0);
-    while pictures < if quick.0 { 2 } else { PICTURES } && started.elapsed() < LIMIT {
+    while pictures < quick.or(1, PICTURES) && started.elapsed() < LIMIT {
         pictures += 1;
         there.draw(&views[pictures], size, Look::Expected, context)?;
     }
+    let seconds_a_picture = started.elapsed().as_secs_f64() / pictures as f64;
+    let stages = Stages::of(device, 1, || there.draw(&views[0], size, Look::Expected, context).map(drop))?;
     Ok(Row {
         particles: count as u64,
         width: size.width,
         height: size.height,
-        style: "expected",
+        style: Look::Expected,
         pictures,
-        seconds_a_picture: started.elapsed().as_secs_f64() / pictures as f64,
+        seconds_a_picture,
         seconds_to_load,
         device_memory_bytes: device.allocated(),
+        least: Least::of_particles(count, views[0].radius_pixels(size), size),
+        stages,
     })
 }
 
@@ -77,32 +87,30 @@ fn moved(columns: &[Vec<f32>; 3], made: &Made, range: Range<usize>) -> [Vec<f32>
     })
 }
 
-/// So many particles of the scene's Gaussians as columns about its middle.
-fn drawn(made: &Made, number: usize) -> [Vec<f32>; 3] {
-    let (m, center) = (&made.gaussians, made.bounds.center());
-    let one = |i: usize| -> [f32; 3] {
-        let mut r = Random::new(1, 1, i as u64);
-        let of = (r.uniform() * m.len() as f64) as usize % m.len();
-        let (mean, e) = (m.mean_of(of), m.cov_of(of).eigen());
-        let along = e.values.map(|v| v.max(0.0).sqrt() * r.normal());
-        each_axis(|k| mean[k] - center[k] + (0..3).map(|a| along[a] * e.vectors[a][k]).sum::<f64>()).map(|v| v as f32)
-    };
-    let rows = parallel::map_range(number, one);
-    [0, 1, 2].map(|k| rows.iter().map(|r| r[k]).collect())
-}
-
 impl Row {
-    /// As people read it.
-    pub fn text(&self) -> String {
-        let memory = self.device_memory_bytes.map_or("-".into(), |b| format!("{:.0} MB", b as f64 / 1e6));
+    /// As people read it; `rates` are the device's.
+    pub fn text(&self, rates: &Rates) -> String {
+        let (memory, pixels) = (in_megabytes(self.device_memory_bytes), format!("{}x{}", self.width, self.height));
         format!(
-            "{} particles, {}x{}, {}: {:.1} ms a picture, loaded in {:.1} s, {memory}",
+            "{:>9} {:>10} {:<9} {:>10} {:>9} {:>7}{}\n{:>9} {pixels:>10} {:<9} {:>10.1} {:>9.1} {memory:>7}{}",
+            "particles",
+            "pixels",
+            "look",
+            "ms",
+            "s to load",
+            "MB",
+            Least::heads(),
             self.particles,
-            self.width,
-            self.height,
-            self.style,
+            self.style.name(),
             1e3 * self.seconds_a_picture,
-            self.seconds_to_load
+            self.seconds_to_load,
+            self.least.shares(1.0 / self.seconds_a_picture, rates)
         )
+    }
+
+    /// What the row is of, and its kernels.
+    pub fn stages(&self) -> (String, &Stages) {
+        let Row { particles, width, height, style, .. } = self;
+        (format!("picture of {particles} particles, {width}x{height}, {}", style.name()), &self.stages)
     }
 }

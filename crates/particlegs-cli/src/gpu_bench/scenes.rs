@@ -1,19 +1,22 @@
 //! Scenes that are made of nothing but this program.
 
 use particlegs::camera::{Camera, View, base_distance, spiral};
-use particlegs::math::each_axis;
-use particlegs::model::Mixture;
+use particlegs::math::{Random, Sym3, each_axis};
+use particlegs::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
 use particlegs::picture::Size;
-use particlegs::render::bin::place;
-use particlegs::render::lens::Lens;
-use particlegs::render::project::slices::pieces;
-use particlegs::render::raster::pyramid::levels;
 use particlegs::space::Bounds;
+use particlegs::splat::opacity_integral;
 use particlegs::{Result, codec, parallel};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Models of the bundled sample, of 751 and of 668 Gaussians.
 const SAMPLES: [&[u8]; 2] = [include_bytes!("../../assets/gpu-751.pgs"), include_bytes!("../../assets/gpu-668.pgs")];
+
+/// Default opacity.
+pub const OPACITY: f64 = 0.05;
+/// Opacities of Gaussians of the alpha-blend law lie between these, as where training starts from depths.
+const OPACITIES: [f64; 2] = [0.02, 0.95];
 
 /// A scene: a model of the sample, tiled.
 pub struct Made {
@@ -54,41 +57,42 @@ pub fn views(made: &Made, size: Size, around: bool) -> Vec<View> {
     let view = |(i, camera): (usize, &Camera)| {
         let change = if around { 1.0 } else { 0.5 + i as f64 / 64.0 };
         let camera = if around { *camera } else { cameras[16] };
-        View { name: "far".into(), camera, radius: made.radius * change, opacity: 0.05 * change }
+        View { name: "far".into(), camera, radius: made.radius * change, opacity: OPACITY * change }
     };
     cameras.iter().enumerate().map(view).collect()
 }
 
-/// What a picture is made of.
-pub struct Work {
-    /// Footprints that touch it: Gaussians, or their pieces.
-    pub footprints: u64,
-    /// Pixels that they add to, on whatever plane.
-    pub additions: f64,
-}
+impl Made {
+    /// The same scene by the alpha-blend law, as training takes Gaussians over from depths: as much larger as particles
+    /// are, as opaque as their depth makes them; here with grey levels from 0.5 to 1, and an untrained network, which
+    /// costs what a trained one does.
+    pub fn published(&self) -> Made {
+        let (m, r2) = (&self.gaussians, self.radius * self.radius);
+        let (mut gaussians, mut law) = (Mixture::default(), AlphaBlend::default());
+        for i in 0..m.len() {
+            let cov = m.cov_of(i).add(&Sym3::scaled_identity(r2));
+            let depth = m.count[i] * opacity_integral(OPACITY) * r2 / (2.0 * PI * cov.det().cbrt());
+            gaussians.push(m.mean_of(i), cov, m.count[i], m.count[i]);
+            law.opacity.push((-(-depth).exp_m1()).clamp(OPACITIES[0], OPACITIES[1]));
+            law.grey.push(0.5 + 0.5 * Random::new(1, 2, i as u64).uniform());
+        }
+        law.vizmapper = Some(Arc::new(VizMapper::new(VizRanges::TRAINING, 1)));
+        gaussians.law = Law::AlphaBlend(law);
+        Made { gaussians, ..*self }
+    }
 
-impl Work {
-    /// Of a scene in a view, counted on the processor.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Argument`] for a view out of range.
-    pub fn of(made: &Made, view: &View, size: Size) -> Result<Work> {
-        const RUN: usize = 4096;
-        let (lens, levels, m) = (Lens::optical(view, size, &made.bounds)?, levels(size), &made.gaussians);
-        let runs = parallel::map((0..m.len()).step_by(RUN), |start| {
-            let mut own = Work { footprints: 0, additions: 0.0 };
-            for g in (start..m.len().min(start + RUN)).filter_map(|i| lens.see(m, i, m.count[i])) {
-                pieces(&lens, &g, |moments| {
-                    let Some(placed) = place(&levels, &g.footprint(&lens, &moments)) else { return };
-                    let s = placed.stroke;
-                    own.footprints += 1;
-                    own.additions += PI * f64::from(-s.end) / (f64::from(s.along) * f64::from(s.down)).sqrt();
-                });
-            }
-            own
-        });
-        let sum =
-            |a: Work, b: Work| Work { footprints: a.footprints + b.footprints, additions: a.additions + b.additions };
-        Ok(runs.into_iter().fold(Work { footprints: 0, additions: 0.0 }, sum))
+    /// So many particles of its Gaussians as columns about its middle.
+    pub fn particles(&self, number: usize) -> [Vec<f32>; 3] {
+        let (m, center) = (&self.gaussians, self.bounds.center());
+        let one = |i: usize| -> [f32; 3] {
+            let mut r = Random::new(1, 1, i as u64);
+            let of = (r.uniform() * m.len() as f64) as usize % m.len();
+            let (mean, e) = (m.mean_of(of), m.cov_of(of).eigen());
+            let along = e.values.map(|v| v.max(0.0).sqrt() * r.normal());
+            let at = |k: usize| mean[k] - center[k] + (0..3).map(|a| along[a] * e.vectors[a][k]).sum::<f64>();
+            each_axis(at).map(|v| v as f32)
+        };
+        let rows = parallel::map_range(number, one);
+        [0, 1, 2].map(|k| rows.iter().map(|r| r[k]).collect())
     }
 }

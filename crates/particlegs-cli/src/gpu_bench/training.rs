@@ -1,28 +1,38 @@
 //! Steps of training a second.
 
-use super::scenes::{Made, views};
-use super::{LIMIT, Quick};
+use super::scenes::{Made, OPACITY, views};
+use super::stages::Stages;
+use super::work::{Blends, Depths, Least};
+use super::{LIMIT, Quick, in_megabytes};
 use crate::common::Context;
 use crate::device::Device;
 use particlegs::Result;
+use particlegs::camera::{Normalisation, View};
+use particlegs::model::LawKind;
 use particlegs::picture::{Plane, Size};
 use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::splat::Look;
+use particlegs::train::alpha::{self, Ground};
 use particlegs::train::depth::{Parameters, StepSize};
-use particlegs::train::{Crop, Device as _, Loss, Shot};
-use particlegs_gpu::render::{Gaussians, Renderer};
+use particlegs::train::{AlphaConfig, Crop, Device as _, Loss, Shot, Stepped};
+use particlegs_gpu::Rates;
+use particlegs_gpu::render::Pictures;
 use particlegs_gpu::train::Trainer;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Steps of a measurement.
-const STEPS: usize = 500;
+/// Steps of a measurement, behind two: so many that the last, as the first, is of the first picture.
+const STEPS: usize = 503;
+const QUICK_STEPS: usize = 7;
+/// Steps whose kernels are timed.
+const TIMED: usize = 4;
 /// Pictures that are learnt from in turn.
 const TARGETS: usize = 8;
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Row {
+    law: LawKind,
     gaussians: usize,
     width: usize,
     height: usize,
@@ -31,71 +41,154 @@ pub struct Row {
     /// Loss of the first and of the last step.
     losses: [f64; 2],
     device_memory_bytes: Option<u64>,
+    /// Footprints of a step's picture.
+    footprints: u64,
+    /// What a step takes at least.
+    #[serde(flatten)]
+    least: Least,
+    stages: Stages,
 }
 
-/// Steps from Gaussians that are half as many particles each too many or too few, by pictures of those as they were.
+/// Steps of the optical-depth law from Gaussians that are half as many particles each too many or too few, by pictures
+/// of those as they were.
 ///
 /// # Errors
 /// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn row(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Row> {
-    let views: Vec<_> = views(made, size, true).into_iter().step_by(64 / TARGETS).collect();
-    let targets = targets(device, made, size, &views)?;
+pub fn of_depth(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Row> {
+    let lesson = Lesson::new(device, made, &Scene::of_mixture(&made.gaussians, made.bounds), size)?;
     let mut gaussians = made.gaussians.clone();
     gaussians.count.iter_mut().enumerate().for_each(|(i, n)| *n *= if i % 2 == 0 { 0.5 } else { 1.5 });
     let mut of = Parameters::new(&gaussians, made.particles, 48, (made.bounds, Look::Expected));
     let mut steps = Trainer::new(device)?.depth_steps(&of)?;
     let pace = StepSize { rates: [0.01; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.0, average: 0.01 };
-    let mut losses = [0.0; 2];
-    let mut some = |first: usize, most: usize| -> Result<(usize, f64)> {
-        let (started, mut taken) = (Instant::now(), 0);
-        while taken < most && started.elapsed() < LIMIT {
-            context.check()?;
-            let k = (first + taken) % TARGETS;
-            let shot = Shot { view: &views[k], target: &targets[k], crop: Crop::whole(size), progress: context };
-            let loss = steps.step(&mut of, &shot, &Loss::PUBLISHED, &pace)?.loss;
-            losses[usize::from(first + taken > 0)] = loss;
-            taken += 1;
-        }
-        Ok((taken, started.elapsed().as_secs_f64()))
-    };
-    // Everything is compiled and there.
-    some(0, 2)?;
-    let (taken, seconds) = some(2, if quick.0 { 10 } else { STEPS })?;
-    Ok(Row {
-        gaussians: made.gaussians.len(),
-        width: size.width,
-        height: size.height,
-        steps: taken,
-        steps_per_second: taken as f64 / seconds,
-        losses,
-        device_memory_bytes: device.allocated(),
-    })
+    let taken = lesson.take(quick, context, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))?;
+    let work = Depths::of(made, &lesson.views[0], size)?;
+    let least = work.step(made.gaussians.len(), size);
+    Ok(taken.row(LawKind::OpticalDepth, made, &lesson, (work.footprints, least)))
 }
 
-/// The scene's pictures, brightness in [0, 1].
-fn targets(device: &Device, made: &Made, size: Size, views: &[particlegs::camera::View]) -> Result<Vec<Plane>> {
-    let renderer = Renderer::new(device)?;
-    let scene = Scene::of_mixture(&made.gaussians, made.bounds);
-    let there = Gaussians::upload(device, &scene)?;
-    let canvas = renderer.canvas(&there, size)?;
-    let one = |view| {
-        let levels = renderer.draw(&there, &canvas, view, Look::Expected)?;
-        Ok(Plane { size, data: levels.data.iter().map(|&v| f32::from(v) / 255.0).collect() })
+/// Steps of the alpha-blend law, at the published rates, from Gaussians half as opaque, or half more, as those of the
+/// pictures.
+///
+/// # Errors
+/// Those of the device; [`particlegs::Error::Cancelled`].
+pub fn of_alpha(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Row> {
+    let scene = Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]);
+    let lesson = Lesson::new(device, made, &scene, size)?;
+    let mut gaussians = made.gaussians.clone();
+    if let Some(law) = gaussians.law.alpha_blend_mut() {
+        let change = |(i, o): (usize, &mut f64)| *o = (*o * if i % 2 == 0 { 0.5 } else { 1.5 }).min(0.95);
+        law.opacity.iter_mut().enumerate().for_each(change);
+    }
+    let frame = Normalisation::of(&made.bounds);
+    let ground = Ground { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
+    let mut of = alpha::Gaussians::of_mixture(&gaussians, ground)?;
+    let mut steps = Trainer::new(device)?.alpha_steps(&of)?;
+    let c = AlphaConfig::default();
+    let pace = alpha::StepSize {
+        rates: [c.position_rate * c.extent, c.scale_rate, c.rotation_rate, c.opacity_rate, c.feature_rate],
+        network: c.vizmapper_rate,
+        clip: c.vizmapper_clip,
+        identity: c.identity,
     };
-    views.iter().map(one).collect()
+    let taken = lesson.take(quick, context, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))?;
+    let work = Blends::of(made, &lesson.views[0], size, context)?;
+    let least = work.step(made.gaussians.len(), size);
+    Ok(taken.row(LawKind::AlphaBlend, made, &lesson, (work.footprints, least)))
+}
+
+/// Pictures that are learnt from.
+struct Lesson<'a> {
+    device: &'a Device,
+    views: Vec<View>,
+    /// Brightness in [0, 1].
+    targets: Vec<Plane>,
+    size: Size,
+}
+
+/// Steps that were taken.
+struct Taken {
+    steps: usize,
+    seconds: f64,
+    losses: [f64; 2],
+    stages: Stages,
+}
+
+impl<'a> Lesson<'a> {
+    /// Of the scene as it is.
+    fn new(device: &'a Device, made: &Made, scene: &Scene, size: Size) -> Result<Self> {
+        let views: Vec<View> = views(made, size, true).into_iter().step_by(64 / TARGETS).collect();
+        let pictures = Pictures::new(device, scene)?;
+        let one = |view| {
+            let levels = pictures.draw(view, size, Look::Expected)?;
+            Ok(Plane { size, data: levels.data.iter().map(|&v| f32::from(v) / 255.0).collect() })
+        };
+        let targets = views.iter().map(one).collect::<Result<_>>()?;
+        Ok(Lesson { device, views, targets, size })
+    }
+
+    /// Takes steps until all are taken or the time is over.
+    fn take(
+        &self,
+        quick: Quick,
+        context: &Context,
+        mut step: impl FnMut(&Shot<'_>) -> Result<Stepped>,
+    ) -> Result<Taken> {
+        let mut one = |k: usize| -> Result<f64> {
+            context.check()?;
+            let (view, target) = (&self.views[k % TARGETS], &self.targets[k % TARGETS]);
+            Ok(step(&Shot { view, target, crop: Crop::whole(self.size), progress: context })?.loss)
+        };
+        // Everything is compiled and there.
+        let mut losses = [one(0)?, one(1)?];
+        let (started, mut steps) = (Instant::now(), 0);
+        let (most, timed) = (quick.or(QUICK_STEPS, STEPS), quick.or(1, TIMED));
+        while steps < most && started.elapsed() < LIMIT {
+            losses[1] = one(2 + steps)?;
+            steps += 1;
+        }
+        let seconds = started.elapsed().as_secs_f64();
+        let stages = Stages::of(self.device, timed, || (0..timed).try_for_each(|k| one(2 + steps + k).map(drop)))?;
+        Ok(Taken { steps, seconds, losses, stages })
+    }
+}
+
+impl Taken {
+    fn row(self, law: LawKind, made: &Made, of: &Lesson<'_>, (footprints, least): (u64, Least)) -> Row {
+        Row {
+            law,
+            gaussians: made.gaussians.len(),
+            width: of.size.width,
+            height: of.size.height,
+            steps: self.steps,
+            steps_per_second: self.steps as f64 / self.seconds,
+            losses: self.losses,
+            device_memory_bytes: of.device.allocated(),
+            footprints,
+            least,
+            stages: self.stages,
+        }
+    }
 }
 
 impl Row {
-    /// Rows as people read them.
-    pub fn text(rows: &[Row]) -> String {
+    /// Rows as people read them; `rates` are the device's.
+    pub fn text(rows: &[Row], rates: &Rates) -> String {
         let mut text =
-            format!("{:>9} {:>10} {:>8} {:>24} {:>7}", "Gaussians", "pixels", "steps/s", "loss, from to", "MB");
+            format!("{:>9} {:>10} {:<13} {:>8} {:>17}", "Gaussians", "pixels", "law", "steps/s", "loss, from to");
+        text += &format!(" {:>7}{}", "MB", Least::heads());
         for r in rows {
-            let memory = r.device_memory_bytes.map_or("-".into(), |b| format!("{:.0}", b as f64 / 1e6));
-            let pixels = format!("{}x{}", r.width, r.height);
-            let losses = format!("{:.5} {:.5}", r.losses[0], r.losses[1]);
-            text += &format!("\n{:>9} {pixels:>10} {:>8.1} {losses:>24} {memory:>7}", r.gaussians, r.steps_per_second);
+            let memory = in_megabytes(r.device_memory_bytes);
+            let (pixels, losses) = (format!("{}x{}", r.width, r.height), r.losses.map(|l| format!("{l:.5}")).join(" "));
+            text += &format!("\n{:>9} {pixels:>10} {:<13} {:>8.1}", r.gaussians, r.law.name(), r.steps_per_second);
+            text += &format!(" {losses:>17} {memory:>7}{}", r.least.shares(r.steps_per_second, rates));
         }
         text
+    }
+
+    /// What the row is of, and its kernels.
+    pub fn stages(&self) -> (String, &Stages) {
+        let Row { law, gaussians, width, height, .. } = self;
+        (format!("step of {gaussians}, {width}x{height}, {}", law.name()), &self.stages)
     }
 }

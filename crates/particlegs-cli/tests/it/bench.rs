@@ -103,3 +103,14 @@ fn what_cannot_be_measured_is_refused() {
     let python = dir.path().join("python");
     fails(&mut bench(&input, &dir.path().join("b"), &["--python", python.to_str().unwrap()]), 3, "python");
 }
+
+/// Whether or not there is a card.
+#[test]
+fn what_does_nothing_for_a_card_is_refused() {
+    let gpu = |more: &[&str], why: &str| fails(particlegs().args(["bench", "gpu"]).args(more), 2, why);
+    gpu(&["snapshot"], "`bench gpu` makes its own scenes and has no use for SNAPSHOT");
+    gpu(&["--size", "160x90"], "has no use for --size");
+    gpu(&["--scale", "0.1"], "`bench gpu` has no use for --scale without --training");
+    gpu(&["-o", "measured"], "`bench gpu` has no use for -o without --training");
+    gpu(&["--training"], "takes a folder that keeps its checkpoint: -o DIR");
+}

@@ -214,3 +214,58 @@ fn a_device_measures_what_the_processor_measures() {
     assert!(!processor.1 && card.1 && processor.0.len() >= 4 && processor.0 != card.0);
     assert!(card.0.iter().zip(&processor.0).all(|(a, b)| (a - b).abs() < 0.02), "{card:?} {processor:?}");
 }
+
+/// `bench gpu`: every row with numbers that can be; the published recipe in pieces, and rows that are kept meanwhile.
+#[cfg(all(feature = "gpu", feature = "lab"))]
+#[test]
+fn a_device_is_measured_and_trains_in_pieces() {
+    if !adapter() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let piece = |minutes: &str| -> serde_json::Value {
+        let how = ["--quick", "-q", "--device", "0", "--training", "--minutes", minutes, "--json", "-", "-o"];
+        let done = particlegs().args(["bench", "gpu"]).args(how).arg(folder.path()).output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        serde_json::from_slice(&done.stdout).unwrap()
+    };
+    let first = piece("0.0005");
+    let rows = |of: &str| first[of].as_array().unwrap().clone();
+    let positive = |row: &serde_json::Value, names: &[&str]| {
+        names.iter().for_each(|name| assert!(row[*name].as_f64().unwrap() > 0.0, "{name}: {row}"));
+    };
+    positive(&first, &["copied_bytes_per_second", "additions_per_second", "operations_per_second"]);
+    let of_law = |rows: &[serde_json::Value], law: &str| rows.iter().filter(|r| r["law"] == law).count();
+    let (frames, training) = (rows("frames"), rows("training"));
+    assert_eq!([of_law(&frames, "optical-depth"), of_law(&frames, "alpha-blend"), frames.len()], [8, 4, 12]);
+    assert_eq!([of_law(&training, "optical-depth"), of_law(&training, "alpha-blend"), training.len()], [2, 1, 3]);
+    let timed = first["particles"]["stages"].is_array();
+    for row in frames.iter().chain(&training).chain([&first["particles"]]) {
+        positive(row, &["bytes", "operations", "width", "height"]);
+        // Nothing is added up by the other law.
+        assert_eq!(row["additions"].as_f64().unwrap() > 0.0, row["law"] != "alpha-blend", "{row}");
+        let kernels = row["stages"].as_array().map_or(0, Vec::len);
+        assert!(if timed { kernels > 2 } else { row["stages"].is_null() }, "{row}");
+    }
+    for row in &frames {
+        positive(row, &["gaussians", "frames_per_second", "frames_per_second_read_back", "footprints", "radius_px"]);
+    }
+    for row in &training {
+        positive(row, &["gaussians", "steps_per_second", "footprints"]);
+        let loss = |k: usize| row["losses"][k].as_f64().unwrap();
+        assert!(loss(1) > 0.0 && loss(1) < loss(0), "{row}");
+    }
+    positive(&first["particles"], &["particles", "seconds_a_picture"]);
+    // The recipe goes on where it was, on the same particles; the rows are those of the first time.
+    let second = piece("5");
+    assert_eq!([&first["frames"], &first["training"]], [&second["frames"], &second["training"]]);
+    let number = |of: &serde_json::Value, name: &str| of["recipe"][name].as_f64().unwrap_or_else(|| panic!("{of}"));
+    let [before, after] = [&first, &second].map(|of| number(of, "iterations"));
+    assert!(before < after && after == number(&second, "of"), "{before} {after}");
+    assert!(number(&first, "seconds") > 0.0 && number(&second, "seconds") > number(&first, "seconds"));
+    let [before, after] = [&first, &second].map(|of| number(of, "held_out_masked_psnr"));
+    assert!(before > 5.0 && after >= before, "{before} {after}");
+    let kept: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("gpu.json")).unwrap()).unwrap();
+    assert_eq!(kept, second);
+}

@@ -107,12 +107,12 @@ fn notes(lab: &Lab<'_>, run: &Trained, config: &Config, snapshot: &Snapshot) -> 
     let (of, done) = (config.iterations(), run.curve.last().map_or(0, |e| e.iteration));
     let seconds = run.curve.last().map_or(0.0, |e| e.seconds);
     let standing = match run.unfinished {
-        true => format!(
+        Some(_) => format!(
             "The run is not done: scored last at step {done} of {of}, after {seconds:.0} s of training. The same command \
              goes on from there for another {} minutes. What is measured here is its best so far.",
             minutes(lab)
         ),
-        false => format!("The run is done: {of} steps, {seconds:.0} s of training."),
+        None => format!("The run is done: {of} steps, {seconds:.0} s of training."),
     };
     let (every, evaluated) = (config.alpha_blend.reset_every, config.evaluate_every);
     let dips = format!(

@@ -1,6 +1,7 @@
 //! Models that are trained: kept by what they were made from, and gone on with where a run was interrupted.
 
 mod heard;
+mod published;
 
 use crate::lab::{Lab, Made};
 use crate::snapshot::Snapshot;
@@ -13,6 +14,7 @@ use particlegs::pieces::Pieces;
 use particlegs::progress::Progress;
 use particlegs::train::{Config, Densify, Limits, Preset, Stage};
 use particlegs::{Error, Result};
+pub use published::{Standing, published};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -120,7 +122,7 @@ pub(crate) fn sizes(config: &Config) -> [Size; 2] {
 
 /// A score of a run while it trains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Evaluation {
+pub struct Evaluation {
     /// Block, where there are several; else empty.
     #[serde(default)]
     pub run: String,
@@ -140,8 +142,8 @@ pub(crate) struct Trained {
     pub made: Made,
     /// Its scores while it was trained.
     pub curve: Vec<Evaluation>,
-    /// Is this the best so far, of a run that goes on?
-    pub unfinished: bool,
+    /// Steps done of a run that goes on, of which this is the best so far.
+    pub unfinished: Option<u64>,
     /// Was its number of Gaussians held by the most that there may be?
     pub held: bool,
 }
@@ -248,7 +250,8 @@ fn kept(
         // What the user stops is to stop; what ran out of time gives its best so far.
         if heard.late() && !lab.progress.cancelled() {
             let made = Made { bytes: done.bytes, model: done.model, seconds };
-            best = Some(Trained { made, curve, unfinished: true, held: false });
+            let steps = done.trained.iter().map(|run| run.iterations).sum();
+            best = Some(Trained { made, curve, unfinished: Some(steps), held: false });
         }
         Err(Error::Cancelled)
     });
@@ -260,7 +263,7 @@ fn kept(
         std::fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
     }
     let curve = lab.on_device.result("curve", inputs, || Ok(Vec::new()))?;
-    Ok(Trained { made, curve, unfinished: false, held: false })
+    Ok(Trained { made, curve, unfinished: None, held: false })
 }
 
 #[cfg(test)]
@@ -286,7 +289,7 @@ mod tests {
             folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Silent).unwrap());
         let task = Task::published(small(), 1, 42);
         let all = trained(&whole, &snapshot, &task).unwrap();
-        assert!(!all.unfinished && all.curve.len() >= 8, "{:?}", all.curve);
+        assert!(all.unfinished.is_none() && all.curve.len() >= 8, "{:?}", all.curve);
         let (mut pieces, mut seconds) = (0, 0.0);
         let last = loop {
             let piece = Some(Duration::from_millis(if pieces == 0 { 0 } else { 30 + 60 * pieces }));
@@ -294,7 +297,7 @@ mod tests {
             // Those of all pieces, each more than the one before.
             assert!(made.made.seconds > seconds, "{} {seconds}", made.made.seconds);
             seconds = made.made.seconds;
-            if !made.unfinished {
+            if made.unfinished.is_none() {
                 break made;
             }
             pieces += 1;

@@ -5,6 +5,7 @@ use super::config::AlphaConfig;
 use super::learner::AlphaLearner;
 use super::nearest::mean_square_of_three;
 use super::parameters::{One, Parameters, SH0, quaternion};
+use super::steps::Gaussians;
 use crate::subject::Subject;
 use particlegs_core::camera::Normalisation;
 use particlegs_core::math::{Purpose, Random, Sym3, each_axis};
@@ -101,14 +102,7 @@ impl AlphaLearner {
     /// As [`Self::from_mixture`]; [`Error::Argument`] for a model without opacities.
     pub(crate) fn from_model(model: &Model, ground: Ground, config: AlphaConfig) -> Result<Self> {
         let mut parameters = Parameters::default();
-        for b in model.blocks() {
-            let m = &b.gaussians;
-            let own = m.law.alpha_blend().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
-            for i in 0..m.len() {
-                let (opacity, grey) = (own.opacity[i], own.grey[i]);
-                parameters.push(&one(&ground.frame, m.mean_of(i), &m.cov_of(i), opacity, grey));
-            }
-        }
+        model.blocks().try_for_each(|b| push_all(&mut parameters, &b.gaussians, &ground.frame))?;
         Self::new(parameters, model.vizmapper().map(|v| VizMapper::clone(v)), ground, config)
     }
 
@@ -125,6 +119,28 @@ impl AlphaLearner {
         });
         Ok(Self::of(parameters, mapper, ground, config))
     }
+}
+
+impl Gaussians {
+    /// Those of a mixture of this law as they are, and its network where it has one, before the first step.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a mixture without opacities.
+    pub fn of_mixture(mixture: &Mixture, ground: Ground) -> Result<Self> {
+        let mut parameters = Parameters::default();
+        push_all(&mut parameters, mixture, &ground.frame)?;
+        let network = mixture.law.alpha_blend().and_then(|own| own.vizmapper.as_deref().cloned());
+        Ok(Gaussians::new(parameters, network, ground))
+    }
+}
+
+/// Adds the Gaussians of a mixture of this law.
+fn push_all(parameters: &mut Parameters, m: &Mixture, frame: &Normalisation) -> Result<()> {
+    let own = m.law.alpha_blend().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
+    for i in 0..m.len() {
+        parameters.push(&one(frame, m.mean_of(i), &m.cov_of(i), own.opacity[i], own.grey[i]));
+    }
+    Ok(())
 }
 
 /// A Gaussian in world units as parameters.

@@ -1,0 +1,54 @@
+//! Where the time of a frame, a step or a picture goes, kernel by kernel, on devices that show their clock.
+
+use crate::device::Device;
+use particlegs::Result;
+use serde::{Deserialize, Serialize};
+
+/// A kernel's part.
+#[derive(Serialize, Deserialize)]
+struct Stage {
+    kernel: String,
+    /// Runs a frame, step or picture, and how long they take together.
+    runs: f64,
+    milliseconds: f64,
+}
+
+/// Kernels in the order of their first runs; none where the device shows no clock.
+#[derive(Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Stages(Option<Vec<Stage>>);
+
+impl Stages {
+    /// Of `work`, which is so many frames, steps or pictures.
+    ///
+    /// # Errors
+    /// Those of `work`; those of the device.
+    pub fn of(device: &Device, number: usize, work: impl FnOnce() -> Result<()>) -> Result<Stages> {
+        let one = |s: particlegs_gpu::Stage| Stage {
+            kernel: s.kernel.into(),
+            runs: s.runs as f64 / number as f64,
+            milliseconds: 1e3 * s.seconds / number as f64,
+        };
+        Ok(Stages(device.timed(work)?.map(|all| all.into_iter().map(one).collect())))
+    }
+
+    /// Milliseconds of all, and of those that take a hundredth of that or more, the longest first.
+    fn text(&self) -> Option<String> {
+        let mut all: Vec<&Stage> = self.0.as_ref()?.iter().collect();
+        all.sort_by(|a, b| b.milliseconds.total_cmp(&a.milliseconds));
+        let sum: f64 = all.iter().map(|s| s.milliseconds).sum();
+        let long = all.iter().filter(|s| s.milliseconds >= 0.01 * sum);
+        let each = long.map(|s| format!("{} {:.3}", s.kernel, s.milliseconds)).collect::<Vec<_>>().join("; ");
+        Some(format!("{sum:.3} ms: {each}"))
+    }
+
+    /// Those of all rows, a line each behind what the row is of.
+    pub fn table<'a>(rows: impl IntoIterator<Item = (String, &'a Stages)>) -> String {
+        let line = |(of, stages): (String, &Stages)| Some(format!("\n{of}: {}", stages.text()?));
+        let lines: String = rows.into_iter().filter_map(line).collect();
+        match lines.is_empty() {
+            true => "kernels: not timed, as the device shows no clock".into(),
+            false => format!("milliseconds of kernels, but for those below a hundredth{lines}"),
+        }
+    }
+}
