@@ -86,8 +86,8 @@ fn write_plot(folder: &Path, p: &Plot) -> Result<()> {
     write_png(&folder.join(format!("{}.png", p.name)), size, png.data.as_flattened())
 }
 
-/// Height of the letters under pictures, pixels.
-const LETTERS: f64 = 15.0;
+/// Height of the letters above pictures, pixels: a row of three is shown on pages at two thirds of its size.
+const LETTERS: f64 = 20.0;
 
 /// The pictures side by side with what each is, as a PNG.
 fn joined(p: &Pictures) -> Result<Vec<u8>> {

@@ -86,12 +86,21 @@ impl Cell {
         Cell::number(value as f64, 0)
     }
 
-    /// The median of values of several seeds with their range; one value alone is a number.
+    /// The median of values of several seeds with their range; one value alone is a number. Those that are not finite
+    /// are left out.
     pub fn spread(values: &[f64], digits: usize) -> Cell {
         match Spread::of(values) {
             None => Cell::Empty,
             Some(s) if values.len() == 1 => Cell::number(s.median, digits),
             Some(s) => Cell::Spread { value: s.median, range: [s.low, s.high], digits },
+        }
+    }
+
+    /// Decibels of several seeds; `identical` where no picture of any differs from the truth.
+    pub fn decibels(values: &[f64]) -> Cell {
+        match is_identical(values) {
+            true => Cell::text("identical"),
+            false => Cell::spread(values, 2),
         }
     }
 
@@ -125,8 +134,10 @@ impl Cell {
 }
 
 /// Whole numbers of five digits and more in groups of three.
-fn grouped(value: f64, digits: usize) -> String {
+pub(crate) fn grouped(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
+    // What is rounded to nothing has no sign.
+    let text = if text.contains(|c: char| ('1'..='9').contains(&c)) { text } else { text.replace('-', "") };
     let (whole, rest) = text.split_at(text.find('.').unwrap_or(text.len()));
     let (sign, whole) = whole.strip_prefix('-').map_or(("", whole), |w| ("-", w));
     if whole.len() < 5 {
@@ -135,6 +146,11 @@ fn grouped(value: f64, digits: usize) -> String {
     let digits: Vec<&str> =
         (0..whole.len()).rev().step_by(3).map(|end| &whole[(end + 1).saturating_sub(3)..=end]).collect();
     format!("{sign}{}{rest}", digits.into_iter().rev().collect::<Vec<_>>().join(","))
+}
+
+/// Are these the decibels of nothing but pictures that do not differ from the truth?
+fn is_identical(values: &[f64]) -> bool {
+    !values.is_empty() && values.iter().all(|v| *v == f64::INFINITY)
 }
 
 /// The median of some values, and how far they lie apart.
@@ -229,7 +245,7 @@ pub struct Series {
 pub struct Point {
     /// Place along the horizontal axis.
     pub x: f64,
-    /// Value.
+    /// Value; infinite decibels are those of a picture that does not differ from the truth.
     pub y: f64,
     /// Smallest and largest value, where there are several.
     pub range: Option<[f64; 2]>,
@@ -245,6 +261,11 @@ impl Point {
     pub fn spread(x: f64, values: &[f64]) -> Option<Point> {
         let s = Spread::of(values)?;
         Some(Point { x, y: s.median, range: (values.len() > 1).then_some([s.low, s.high]) })
+    }
+
+    /// Of decibels of several seeds; infinite where no picture of any differs from the truth.
+    pub fn decibels(x: f64, values: &[f64]) -> Option<Point> {
+        if is_identical(values) { Some(Point::new(x, f64::INFINITY)) } else { Point::spread(x, values) }
     }
 }
 
@@ -273,11 +294,21 @@ mod tests {
         let said = [0.0, 1234.0, 12345.0, -1_234_567.0].map(|v| Cell::number(v, 0).in_words());
         assert_eq!(said, ["0", "1234", "12,345", "-1,234,567"]);
         assert_eq!(Cell::number(12345.678, 2).in_words(), "12,345.68");
+        assert_eq!([-0.004, -0.006].map(|v| Cell::number(v, 2).in_words()), ["0.00", "-0.01"]);
         assert_eq!(Cell::spread(&[3.0, 1.0, 2.0], 1).in_words(), "2.0 (1.0 to 3.0)");
         assert_eq!(Cell::spread(&[3.01, 3.0, 3.02], 1).in_words(), "3.0");
         assert_eq!(Cell::spread(&[4.0], 1), Cell::number(4.0, 1));
         assert_eq!(Cell::number(f64::NAN, 1), Cell::Empty);
         assert_eq!(Cell::number(None, 1).plain(), "");
         assert_eq!(Spread::of(&[1.0, 2.0, f64::INFINITY, 4.0, 8.0]).unwrap().median, 3.0);
+    }
+
+    #[test]
+    fn identical_pictures_have_a_cell_and_a_point() {
+        let same = [f64::INFINITY; 2];
+        assert_eq!((Cell::decibels(&same), Cell::decibels(&[])), (Cell::text("identical"), Cell::Empty));
+        assert_eq!(Cell::decibels(&[30.0, f64::INFINITY]).in_words(), "30.00");
+        assert_eq!(Point::decibels(3.0, &same).map(|p| (p.x, p.y)), Some((3.0, f64::INFINITY)));
+        assert!(Point::decibels(3.0, &[]).is_none());
     }
 }

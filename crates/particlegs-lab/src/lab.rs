@@ -56,7 +56,7 @@ impl Recipe {
 
     /// The same with its size in bytes: a ratio and the size that it comes to are one model, fitted once.
     fn in_bytes(&self, snapshot: &Snapshot) -> Recipe {
-        let bytes = self.target.bytes(snapshot.particles.raw_bytes());
+        let bytes = self.target.bytes(snapshot.position_bytes());
         Recipe { target: bytes.map_or(self.target, Target::Size), ..self.clone() }
     }
 

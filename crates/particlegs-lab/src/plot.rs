@@ -1,6 +1,6 @@
 //! Plots on any backend of plotters: curves with bars, logarithmic axes, named levels, a legend beside the axes.
 
-use crate::found::{Axis, Plot, Series};
+use crate::found::{Axis, Plot, Series, grouped};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
 use plotters::prelude::*;
@@ -10,6 +10,8 @@ pub const SIZE: (u32, u32) = (1000, 560);
 /// Pixels of the legend, across.
 const LEGEND: u32 = 270;
 const INK: RGBColor = RGBColor(40, 40, 40);
+/// Share of the room of a name on an axis that the series there take.
+const SLOT: f64 = 0.7;
 /// Share of ink in a band; a band within another is as much darker.
 const SHADE: f64 = 0.1;
 /// Colours that people who see few colours tell apart (Okabe and Ito 2008), and two greys.
@@ -32,10 +34,21 @@ pub fn svg(plot: &Plot) -> Option<String> {
     Some(text)
 }
 
-/// Draws it; `None` where it has no point to show.
-pub fn draw<B: DrawingBackend>(backend: B, plot: &Plot) -> Option<()> {
+/// Has it a point to show?
+pub fn shows(plot: &Plot) -> bool {
+    scales(plot).is_some()
+}
+
+/// Both axes; `None` where there is no point to show.
+fn scales(plot: &Plot) -> Option<(Scale, Scale)> {
     let x = Scale::of(&plot.x, points(plot).map(|p| p.0))?;
     let y = Scale::of(&plot.y, points(plot).flat_map(|p| p.1).chain(plot.levels.iter().map(|l| l.1)))?;
+    Some((x, y))
+}
+
+/// Draws it; `None` where it has no point to show.
+pub fn draw<B: DrawingBackend>(backend: B, plot: &Plot) -> Option<()> {
+    let (x, y) = scales(plot)?;
     let root = backend.into_drawing_area();
     root.fill(&WHITE).ok()?;
     let (axes, legend) = root.split_horizontally(SIZE.0 - LEGEND);
@@ -56,18 +69,22 @@ struct Scale {
     log: bool,
     low: f64,
     high: f64,
+    /// Are there whole numbers alone, of which halves are nothing?
+    whole: bool,
 }
 
 impl Scale {
     fn of(axis: &Axis, values: impl Iterator<Item = f64>) -> Option<Scale> {
         let place = |v: f64| if axis.log { v.log10() } else { v };
-        let placed = values.filter(|v| v.is_finite() && (!axis.log || *v > 0.0)).map(place);
+        let shown: Vec<f64> = values.filter(|v| v.is_finite() && (!axis.log || *v > 0.0)).collect();
+        let (log, whole) = (axis.log, shown.iter().all(|v| v.fract() == 0.0));
+        let placed = shown.into_iter().map(place);
         let (low, high) = placed.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         if let Some([a, b]) = axis.range {
-            return Some(Scale { log: axis.log, low: place(a), high: place(b) });
+            return Some(Scale { log, low: place(a), high: place(b), whole });
         }
         let room = if low == high { 0.1 * low.abs().max(1.0) } else { 0.04 * (high - low) };
-        (low <= high).then_some(Scale { log: axis.log, low: low - room, high: high + room })
+        (low <= high).then_some(Scale { log, low: low - room, high: high + room, whole })
     }
 
     /// Where a value stands; `None` where it does not.
@@ -93,7 +110,7 @@ impl Scale {
     }
 }
 
-/// Ticks of our own: names, or 1, 2, 5 of each decade where the axis is logarithmic and short.
+/// Ticks of our own: names, or where the axis is logarithmic as many of each decade as it is short.
 struct Ticks {
     scale: Scale,
     names: Vec<String>,
@@ -109,14 +126,19 @@ impl Ranged for Ticks {
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        let Scale { log, low, high } = self.scale;
+        let Scale { log, low, high, whole } = self.scale;
         if !self.names.is_empty() {
             return (1..=self.names.len()).map(|i| i as f64).collect();
         }
         if !log {
-            return plotters::coord::types::RangedCoordf64::from(low..high).key_points(hint);
+            let all = plotters::coord::types::RangedCoordf64::from(low..high).key_points(hint);
+            return all.into_iter().filter(|v| !whole || v.fract() == 0.0).collect();
         }
-        let steps: &[f64] = if high - low > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+        let steps: &[f64] = match high - low {
+            ..1.0 => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0],
+            1.0..=3.0 => &[1.0, 2.0, 5.0],
+            _ => &[1.0],
+        };
         (low.floor() as i32..=high.ceil() as i32)
             .flat_map(|decade| steps.iter().map(move |s| f64::from(decade) + s.log10()))
             .filter(|v| *v >= low && *v <= high)
@@ -141,7 +163,7 @@ impl ValueFormatter<f64> for Ticks {
     }
 }
 
-/// As few digits as tell the ticks of an axis of some length apart.
+/// As few digits as tell the ticks of an axis of some length apart; millions as `M`.
 fn label(v: f64, length: f64) -> String {
     let size = v.abs();
     if size < 1e-12 {
@@ -150,8 +172,11 @@ fn label(v: f64, length: f64) -> String {
     if !(1e-4..1e8).contains(&size) {
         return format!("{v:.0e}");
     }
+    if size >= 999_999.5 {
+        return format!("{} M", label(v / 1e6, length / 1e6));
+    }
     let digits = (2 - size.min(length).log10().floor() as i32).clamp(0, 6) as usize;
-    let text = format!("{v:.digits$}");
+    let text = grouped(v, digits);
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
@@ -188,7 +213,8 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
             chart.draw_series(DashedLineSeries::new(ends, 2 + 4 * i as u32, 4, INK.mix(0.7).into())).ok()?;
         }
     }
-    for s in &plot.series {
+    for (i, s) in plot.series.iter().enumerate() {
+        let aside = aside(plot, i);
         let (ink, runs) = (colour(s.style), runs(s, x, y));
         for run in runs.iter().filter(|_| plot.x.names.is_empty()) {
             match s.dashed {
@@ -201,14 +227,28 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
         for p in &s.points {
             let ends = p.range.map(|r| r.map(|v| y.place(v)));
             if let (Some(at), Some([Some(low), Some(high)])) = (x.place(p.x), ends) {
-                chart.draw_series([PathElement::new(vec![(at, low), (at, high)], ink.stroke_width(2))]).ok()?;
+                let ends = vec![(at + aside, low), (at + aside, high)];
+                chart.draw_series([PathElement::new(ends, ink.stroke_width(2))]).ok()?;
             }
         }
-        for at in runs.into_iter().flatten() {
-            chart.draw_series(marks(s, (0, 0)).map(|mark| EmptyElement::at(at) + mark)).ok()?;
+        let at_the_top = identical(s, x).map(|at| (at, y.high));
+        for (at, v) in runs.into_iter().flatten().chain(at_the_top) {
+            chart.draw_series(marks(s, (0, 0)).map(|mark| EmptyElement::at((at + aside, v)) + mark)).ok()?;
         }
     }
     Some(())
+}
+
+/// How far a series stands from the place of its points, beside the others of it: where points are not joined, those of
+/// nearly one value would else hide each other.
+fn aside(plot: &Plot, series: usize) -> f64 {
+    let all = plot.series.len() as f64;
+    if plot.x.names.is_empty() { 0.0 } else { SLOT * ((series as f64 + 0.5) / all - 0.5) }
+}
+
+/// Where along the axis a series has pictures that do not differ from the truth: they stand at the top edge.
+fn identical(s: &Series, x: Scale) -> impl Iterator<Item = f64> {
+    s.points.iter().filter(|p| p.y == f64::INFINITY).filter_map(move |p| x.place(p.x))
 }
 
 /// Points that the axes can show, in runs: a line does not go on past a point that they cannot.
@@ -253,6 +293,15 @@ fn mark(style: usize, size: f64, (x, y): (i32, i32), fill: RGBColor) -> Polygon<
     Polygon::new(places, fill.filled())
 }
 
+/// What the legend says of a curve that is not to be seen: whether there is none, or none within the axes.
+fn unseen(s: &Series, x: Scale, y: Scale) -> &'static str {
+    match (runs(s, x, y).is_empty() && identical(s, x).next().is_none(), s.points.is_empty()) {
+        (false, _) => "",
+        (true, true) => " (none)",
+        (true, false) => " (outside)",
+    }
+}
+
 /// The legend: curves in the order of the plot, those that the axes do not reach told, then levels, then bands.
 fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) -> Option<()> {
     let font = ("sans-serif", 15).into_font().color(&INK);
@@ -265,8 +314,11 @@ fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) -> 
             false => area.draw(&line(4, 30)).ok()?,
         }
         marks(s, (17, at + 8)).try_for_each(|mark| area.draw(&mark)).ok()?;
-        let outside = if runs(s, x, y).is_empty() { " (outside)" } else { "" };
-        area.draw(&Text::new(format!("{}{outside}", s.name), (38, at), font.clone())).ok()?;
+        area.draw(&Text::new(format!("{}{}", s.name, unseen(s, x, y)), (38, at), font.clone())).ok()?;
+        at += 24;
+    }
+    if plot.series.iter().any(|s| identical(s, x).next().is_some()) {
+        area.draw(&Text::new("at the top edge: identical", (38, at), font.clone())).ok()?;
         at += 24;
     }
     for (i, (name, level)) in plot.levels.iter().enumerate() {
@@ -334,7 +386,7 @@ mod tests {
     fn lines_end_where_the_axes_do() {
         let points = [1.0, 2.0, 50.0, 3.0].iter().enumerate().map(|(i, v)| Point::new(i as f64, *v)).collect();
         let series = Series { name: "s".into(), style: 0, dashed: false, points };
-        let scale = |high| Scale { log: false, low: 0.0, high };
+        let scale = |high| Scale { log: false, low: 0.0, high, whole: false };
         assert_eq!(runs(&series, scale(9.0), scale(9.0)), [vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 3.0)]]);
     }
 
@@ -352,8 +404,50 @@ mod tests {
 
     #[test]
     fn ticks_are_short() {
-        let said = [0.5, 20.0, 5000.0, 1e8, 0.0].map(|v| label(v, f64::INFINITY));
-        assert_eq!(said, ["0.5", "20", "5000", "1e8", "0"]);
-        assert_eq!(label(31.25, 2.0), "31.25");
+        let said = [0.5, 20.0, 5000.0, 2e5, 5e6, 1e7, 1e8, 0.0].map(|v| label(v, f64::INFINITY));
+        assert_eq!(said, ["0.5", "20", "5000", "200,000", "5 M", "10 M", "1e8", "0"]);
+        assert_eq!((label(31.25, 2.0), label(1.25e6, 1e6)), ("31.25".into(), "1.25 M".into()));
+    }
+
+    /// Views are counted: there is none at one and a half. A short logarithmic axis has more than one tick.
+    #[test]
+    fn ticks_are_at_what_there_is() {
+        let ticks = |points: &[f64], x: Axis| {
+            let points = points.iter().map(|x| Point::new(*x, 30.0 + x)).collect();
+            svg(&Plot { x, ..plot(points) }).unwrap().replace('\n', "")
+        };
+        let views = ticks(&[1.0, 2.0, 3.0, 4.0], Axis::linear("view"));
+        assert!(views.contains(">3<") && !views.contains(">1.5<"), "{views}");
+        assert!(ticks(&[1.0, 2.5], Axis::linear("factor")).contains(">1.4<"));
+        let short = ticks(&[1.1e5, 2.6e5], Axis::logarithmic("particles"));
+        assert!(short.contains(">150,000<") && short.contains(">200,000<"), "{short}");
+    }
+
+    /// A picture that is the truth has a place, and no curve runs to it.
+    #[test]
+    fn identical_pictures_stand_at_the_top_edge() {
+        let some = plot(vec![Point::new(5.0, f64::INFINITY), Point::new(20.0, 40.0), Point::new(300.0, 29.0)]);
+        let [with, without] = [&some.series[0].points[..], &some.series[0].points[1..]].map(|points| {
+            let series = vec![Series { points: points.to_vec(), ..some.series[0].clone() }];
+            svg(&Plot { series, ..some.clone() }).unwrap()
+        });
+        let count = |text: &str, what: &str| text.matches(what).count();
+        assert_eq!(count(&with, "<polygon"), count(&without, "<polygon") + 1);
+        assert_eq!(count(&with, "stroke-width=\"2\""), count(&without, "stroke-width=\"2\""));
+        assert!(with.contains("at the top edge: identical") && !without.contains("top edge"));
+        // Nothing but such has no axis to stand on.
+        let all = Plot { levels: vec![], ..plot(vec![Point::new(5.0, f64::INFINITY)]) };
+        assert!(!shows(&all) && shows(&some));
+    }
+
+    #[test]
+    fn series_without_an_order_stand_beside_each_other() {
+        let x = Axis::named("data set", vec!["box".into(), "melt".into()]);
+        let named = Plot { x, ..plot(vec![Point::new(1.0, 31.0)]) };
+        let second = Series { style: 3, points: vec![], ..named.series[0].clone() };
+        let two = Plot { series: vec![named.series[0].clone(), second], ..named.clone() };
+        assert_eq!((aside(&named, 0), aside(&two, 0), aside(&two, 1)), (0.0, -0.25 * SLOT, 0.25 * SLOT));
+        assert_eq!(aside(&plot(vec![]), 0), 0.0);
+        assert!(svg(&two).unwrap().contains("model (none)"));
     }
 }

@@ -41,6 +41,27 @@ impl Snapshot {
         Ok([taken(half)?, taken(Selection { left_out: true, ..half })?])
     }
 
+    /// Bytes of its positions in float32, which ratios are of: all that other compressors keep.
+    pub fn position_bytes(&self) -> u64 {
+        12 * self.particles.len() as u64
+    }
+
+    /// What a reader must know of ratios where particles have masses of their own.
+    pub fn weights_note(&self) -> Option<String> {
+        (self.particles.raw_bytes() > self.position_bytes()).then(|| {
+            format!(
+                "Particles of {} have masses of their own: our models keep them within the bytes that are told, the other \
+                 compressors keep positions alone, and ratios are of positions.",
+                self.name
+            )
+        })
+    }
+
+    /// What positions are in, as tables call it.
+    pub fn unit(&self) -> &str {
+        self.particles.meta.length_unit.as_deref().unwrap_or("length units")
+    }
+
     /// Mean spacing of the particles in their box, world units.
     pub fn spacing(&self) -> f64 {
         particlegs::stats::Domain::of_particles(&self.particles).spacing(self.particles.len())
@@ -75,6 +96,17 @@ mod tests {
         assert_eq!(own, of(None, "b", None));
         let others = [of(Some([1.0; 3]), "a", None), of(Some([2.0; 3]), "a", None), of(None, "a", Some("--near"))];
         assert!(others.iter().all(|h| *h != own && h[..24] == own[..24]) && others[0] != others[1], "{others:?}");
+    }
+
+    /// Other compressors keep positions alone: ratios are of those, and masses that only models keep are told.
+    #[test]
+    fn ratios_are_of_positions() {
+        let plain = Particles::from_columns(vec![1.0, 2.0], vec![4.0, 5.0], vec![7.0, 8.0]);
+        let weighted = plain.clone().with_weights(Column::owned(vec![1.0, 2.0]));
+        let [plain, weighted] = [plain, weighted].map(|p| Snapshot::new("box".into(), "box".into(), p, None));
+        assert_eq!((plain.position_bytes(), weighted.position_bytes()), (24, 24));
+        assert_eq!(weighted.particles.raw_bytes(), 32);
+        assert!(plain.weights_note().is_none() && weighted.weights_note().unwrap().contains("of box have masses"));
     }
 
     /// A snapshot far from zero comes back as it was: compressors are not given fewer digits than models.

@@ -29,9 +29,9 @@ pub struct Truth {
 pub struct Score {
     /// The view.
     pub view: String,
-    /// dB over all pixels; `None` where the pictures are the same.
+    /// dB over all pixels; `None` where none differs.
     pub psnr: Option<f64>,
-    /// dB over lit pixels.
+    /// dB over lit pixels; `None` where none differs.
     pub masked: Option<f64>,
     /// Structural similarity.
     pub ssim: Option<f64>,
@@ -138,15 +138,90 @@ pub fn orbit(view: &str) -> &str {
     view.split('_').next().unwrap_or(view)
 }
 
-/// The mean over views of one figure, orbits having as many views each; `None` where a view has none.
+/// Decibels of a picture that does not differ from the truth: more than any number of them.
+pub const IDENTICAL: f64 = f64::INFINITY;
+
+/// Masked PSNR, dB.
+pub fn masked(s: &Score) -> Option<f64> {
+    Some(s.masked.unwrap_or(IDENTICAL))
+}
+
+/// PSNR over all pixels, dB.
+pub fn psnr(s: &Score) -> Option<f64> {
+    Some(s.psnr.unwrap_or(IDENTICAL))
+}
+
+/// Structural similarity.
+pub fn ssim(s: &Score) -> Option<f64> {
+    s.ssim
+}
+
+/// The mean over views of one figure, orbits having as many views each: as [`mean_of_values`]. `None` where a view has
+/// none.
 pub fn mean(scores: &[Score], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
-    let values: Option<Vec<f64>> = scores.iter().map(pick).collect();
-    let values = values.filter(|v| !v.is_empty())?;
-    Some(values.iter().sum::<f64>() / values.len() as f64)
+    mean_of_values(&scores.iter().map(pick).collect::<Option<Vec<f64>>>()?)
 }
 
 /// The mean over the views of one orbit.
 pub fn mean_of(scores: &[Score], of: &str, pick: fn(&Score) -> Option<f64>) -> Option<f64> {
     let own: Vec<Score> = scores.iter().filter(|s| orbit(&s.view) == of).cloned().collect();
     mean(&own, pick)
+}
+
+/// The mean of those that are finite, and [`IDENTICAL`] where none is: one identical picture would else be all that a
+/// mean of decibels tells. `None` without values.
+pub fn mean_of_values(values: &[f64]) -> Option<f64> {
+    let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    match (values.len(), finite.len()) {
+        (0, _) => None,
+        (_, 0) => Some(IDENTICAL),
+        (_, n) => Some(finite.iter().sum::<f64>() / n as f64),
+    }
+}
+
+/// Which of some named pictures do not differ from the truth where anything is lit, and what that does to means;
+/// nothing where all differ.
+pub fn identical_note<'a>(all: impl IntoIterator<Item = (String, &'a [Score])>) -> Option<String> {
+    let mut counts: Vec<(String, usize, usize)> = Vec::new();
+    for (name, scores) in all {
+        let same = scores.iter().filter(|s| s.masked.is_none()).count();
+        match counts.last_mut().filter(|last| last.0 == name) {
+            Some((_, sum, of)) => (*sum, *of) = (*sum + same, *of + scores.len()),
+            None => counts.push((name, same, scores.len())),
+        }
+    }
+    let some = counts.into_iter().filter(|(_, same, _)| *same > 0);
+    let said: Vec<String> = some.map(|(name, same, of)| format!("{name} ({same} of {of})")).collect();
+    (!said.is_empty()).then(|| {
+        format!(
+            "No lit pixel differs from the truth's in pictures of {}: they have no number of decibels. Means are over the \
+             other pictures; where there is no other, tables say `identical`, and plots show it at their top edge.",
+            said.join("; ")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn score(view: &str, masked: Option<f64>) -> Score {
+        Score { view: view.into(), psnr: masked, masked, ssim: None }
+    }
+
+    /// A picture that is the truth does not drop out silently, and does not hide what the others score.
+    #[test]
+    fn identical_pictures_are_told_and_means_are_of_the_others() {
+        let some = [score("far_00", Some(40.0)), score("far_01", None), score("near_00", Some(44.0))];
+        let all = [score("far_00", None), score("near_00", None)];
+        assert_eq!((mean(&some, masked), mean(&all, masked)), (Some(42.0), Some(IDENTICAL)));
+        assert_eq!((mean_of(&some, "near", psnr), mean_of(&some, "mid", psnr)), (Some(44.0), None));
+        // What has no structural similarity has none, identical or not.
+        assert_eq!(mean(&all, ssim), None);
+        // Seeds of one thing are told together.
+        let named = [("a", &some[..]), ("a", &some[..1]), ("b", &some[..1]), ("c", &all[..])];
+        let note = identical_note(named.map(|(name, scores)| (name.to_string(), scores))).unwrap();
+        assert!(note.contains("pictures of a (1 of 4); c (2 of 2): "), "{note}");
+        assert_eq!(identical_note([("b".into(), &some[..1])]), None);
+    }
 }

@@ -163,12 +163,12 @@ fn cells(row: &Row, first: &Row) -> Vec<Cell> {
     let as_ply: Vec<f64> = row.gaussians.iter().map(|n| n * BYTES_A_GAUSSIAN as f64).collect();
     vec![
         Cell::text(&row.label),
-        Cell::spread(&row.measured(0), 2),
+        Cell::decibels(&row.measured(0)),
         change(0),
-        Cell::spread(&row.measured(1), 2),
+        Cell::decibels(&row.measured(1)),
         change(1),
         Cell::spread(&row.ssim(), 4),
-        Cell::spread(&row.measured(2), 2),
+        Cell::decibels(&row.measured(2)),
         change(2),
         Cell::spread(&row.gaussians, 0),
         Cell::spread(&row.bytes, 0),

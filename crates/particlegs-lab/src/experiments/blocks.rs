@@ -73,9 +73,9 @@ fn table(all: &[Measured], noise_free: &[Vec<Score>]) -> Table {
         "change from 1, dB",
         "PSNR, dB",
         "SSIM",
-        "far: masked",
-        "mid: masked",
-        "near: masked",
+        "far: masked PSNR, dB",
+        "mid: masked PSNR, dB",
+        "near: masked PSNR, dB",
         "Gaussians",
         "bytes",
         "paper: PSNR merged, dB",
@@ -85,11 +85,11 @@ fn table(all: &[Measured], noise_free: &[Vec<Score>]) -> Table {
     ];
     let mut table = Table::new("blocks", "Our law in blocks, at the same size of file", &heads);
     let pictures = |scores: &[Vec<Score>], change: Cell| {
-        let of = |pick, digits| Cell::spread(&means_over(scores, &groups::in_range(), pick), digits);
-        let mut cells = vec![of(masked, 2), change, of(psnr, 2), of(ssim, 4)];
-        cells.extend(
-            groups::in_range().iter().map(|g| Cell::spread(&means_over(scores, std::slice::from_ref(g), masked), 2)),
-        );
+        let of = |pick| means_over(scores, &groups::in_range(), pick);
+        let decibels = |pick| Cell::decibels(&of(pick));
+        let mut cells = vec![decibels(masked), change, decibels(psnr), Cell::spread(&of(ssim), 4)];
+        let orbit = |g| Cell::decibels(&means_over(scores, std::slice::from_ref(g), masked));
+        cells.extend(groups::in_range().iter().map(orbit));
         cells
     };
     for m in all {

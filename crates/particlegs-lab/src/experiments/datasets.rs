@@ -7,7 +7,7 @@ use crate::found::{Axis, Cell, Found, Plot, Point, Spread, Table};
 use crate::lab::{Lab, Recipe};
 use crate::method::Method;
 use crate::snapshot::Snapshot;
-use crate::views::{Truth, mean};
+use crate::views::{Truth, identical_note, mean, psnr, ssim};
 use particlegs::{Error, Result};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -49,12 +49,18 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     }
     let mut notes = vec![format!(
         "Presets were tuned on nbody128 and nbody64; no other data set was seen while tuning. Default effort, ratio {COMPARED}; {} views, radius and opacity from the published ranges. The table beside each \
-         method says how far our models are above it: the sign is what is to carry over.",
+         method says how far our models are above it: the sign is what is to carry over. What has no file near that \
+         size has no mark in the figure.",
         3 * lab.settings.frames
     )];
     if snapshots.len() == 1 {
         notes.push("Only one snapshot was given: name others after it to compare.".into());
     }
+    let pictures = sets.iter().flat_map(|s| s.rows.iter().map(move |r| (s, r))).flat_map(|(s, r)| {
+        r.pictures(lab).map(|(name, scores)| (format!("{}, {name}", s.snapshot.name), scores)).collect::<Vec<_>>()
+    });
+    notes.extend(identical_note(pictures));
+    notes.extend(sets.iter().filter_map(|s| s.snapshot.weights_note()));
     notes.extend(lab.left_out());
     notes.extend(failed.iter().map(|(snapshot, e)| format!("{} was not measured: {e}.", snapshot.name)));
     let tables = vec![ours(&sets), margins(lab, &sets)];
@@ -71,6 +77,12 @@ fn measured<'a>(lab: &Lab<'_>, snapshot: &'a Snapshot) -> Result<Set<'a>> {
 impl Set<'_> {
     fn masked(&self, method: Method) -> Vec<f64> {
         self.rows.iter().find(|r| r.method == method).map(Row::masked).unwrap_or_default()
+    }
+
+    /// Is there a file, but none near the size that is compared?
+    fn missed(&self, method: Method) -> bool {
+        let raw = self.snapshot.position_bytes() as f64;
+        self.rows.iter().any(|r| r.method == method && r.bytes().is_some() && !r.met(raw))
     }
 
     fn ours(&self) -> &Row {
@@ -102,9 +114,9 @@ fn ours(sets: &[Set<'_>]) -> Table {
             Cell::count(s.snapshot.particles.len() as u64),
             Cell::count(s.gaussians as u64),
             Cell::number(row.bytes(), 0),
-            Cell::spread(&row.masked(), 2),
-            Cell::spread(&row.values(&|s| mean(s, |s| s.psnr)), 2),
-            Cell::spread(&row.values(&|s| mean(s, |s| s.ssim)), 4),
+            Cell::decibels(&row.masked()),
+            Cell::decibels(&row.values(&|s| mean(s, psnr))),
+            Cell::spread(&row.values(&|s| mean(s, ssim)), 4),
             Cell::number(s.beside.noise_free, 2),
             Cell::number(s.beside.uniform_box, 2),
             Cell::number(s.beside.all_black, 2),
@@ -120,9 +132,7 @@ fn margins(lab: &Lab<'_>, sets: &[Set<'_>]) -> Table {
     let mut table = Table::new("datasets-margins", title, &heads);
     for method in Method::all(lab).into_iter().skip(1) {
         let above = |s: &Set<'_>| {
-            let raw = s.snapshot.particles.raw_bytes() as f64;
-            let missed = |r: &&Row| r.method == method && r.bytes().is_some() && !r.met(raw);
-            if s.rows.iter().any(|r| missed(&r)) {
+            if s.missed(method) {
                 return Cell::text(NOT_OF_THIS_SIZE);
             }
             let ours = Spread::of(&s.ours().masked()).map_or(f64::NAN, |s| s.median);
@@ -135,8 +145,9 @@ fn margins(lab: &Lab<'_>, sets: &[Set<'_>]) -> Table {
 
 fn plot(lab: &Lab<'_>, sets: &[Set<'_>]) -> Plot {
     let curve = |method: Method| {
-        let point = |(i, s): (usize, &Set<'_>)| Point::spread((i + 1) as f64, &s.masked(method));
-        series(lab, method, sets.iter().enumerate().filter_map(point).collect())
+        let there = sets.iter().enumerate().filter(|(_, s)| !s.missed(method));
+        let point = |(i, s): (usize, &Set<'_>)| Point::decibels((i + 1) as f64, &s.masked(method));
+        series(lab, method, there.filter_map(point).collect())
     };
     Plot {
         name: "datasets".into(),

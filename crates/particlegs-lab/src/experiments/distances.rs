@@ -23,7 +23,7 @@ pub(super) struct Curve<'a> {
 /// The figure.
 pub(super) fn plot(name: &str, title: &str, curves: &[Curve<'_>]) -> Plot {
     let series = curves.iter().map(|c| {
-        let point = |d: f64| Point::spread(d, &means_over(c.scores, &[Group::orbit(d)], masked));
+        let point = |d: f64| Point::decibels(d, &means_over(c.scores, &[Group::orbit(d)], masked));
         let points = DISTANCES.iter().rev().filter_map(|d| point(*d)).collect();
         Series { name: c.label.clone(), style: c.style, dashed: c.dashed, points }
     });
@@ -43,7 +43,7 @@ pub(super) fn table(name: &str, title: &str, curves: &[Curve<'_>]) -> Table {
         std::iter::once("masked PSNR, dB, at distance".into()).chain(DISTANCES.iter().map(f64::to_string)).collect();
     let mut table = Table::new(name, title, &heads.iter().map(String::as_str).collect::<Vec<_>>());
     for c in curves {
-        let at = |d: &f64| Cell::spread(&means_over(c.scores, &[Group::orbit(*d)], masked), 2);
+        let at = |d: &f64| Cell::decibels(&means_over(c.scores, &[Group::orbit(*d)], masked));
         table.row(std::iter::once(Cell::text(&c.label)).chain(DISTANCES.iter().map(at)));
     }
     table

@@ -189,8 +189,8 @@ fn edge(models: &[Model]) -> Option<String> {
 /// The cells of a model at a step.
 pub(super) fn cells(scores: &[Vec<Score>], group: &Group) -> [Cell; 3] {
     let own = std::slice::from_ref(group);
-    [(masked as fn(&Score) -> _, 2), (psnr, 2), (ssim, 4)]
-        .map(|(pick, digits)| Cell::spread(&means_over(scores, own, pick), digits))
+    let of = |pick| means_over(scores, own, pick);
+    [Cell::decibels(&of(masked)), Cell::decibels(&of(psnr)), Cell::spread(&of(ssim), 4)]
 }
 
 /// The median over models of masked PSNR at a step.

@@ -7,7 +7,8 @@
 use crate::device::Style;
 use crate::lab::{Lab, Made};
 use crate::snapshot::Snapshot;
-use crate::views::{Score, Truth, told};
+use crate::views::{Score, Truth, mean_of_values, told};
+pub(super) use crate::views::{masked, psnr, ssim};
 use particlegs::Result;
 use particlegs::camera::{View, base_distance, spiral};
 use particlegs::math::{Purpose, Random};
@@ -103,27 +104,12 @@ fn all_told(truth: &Truth) -> Vec<String> {
 pub(super) fn mean_over(scores: &[Score], groups: &[Group], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
     let of = |g: &Group| crate::views::mean_of(scores, &g.name, pick);
     let values: Option<Vec<f64>> = groups.iter().map(of).collect();
-    values.filter(|v| !v.is_empty()).map(|v| v.iter().sum::<f64>() / v.len() as f64)
+    mean_of_values(&values?)
 }
 
 /// [`mean_over`] of several models: the values that there are.
 pub(super) fn means_over(all: &[Vec<Score>], groups: &[Group], pick: fn(&Score) -> Option<f64>) -> Vec<f64> {
     all.iter().filter_map(|scores| mean_over(scores, groups, pick)).collect()
-}
-
-/// Masked PSNR.
-pub(super) fn masked(s: &Score) -> Option<f64> {
-    s.masked
-}
-
-/// PSNR over all pixels.
-pub(super) fn psnr(s: &Score) -> Option<f64> {
-    s.psnr
-}
-
-/// Structural similarity.
-pub(super) fn ssim(s: &Score) -> Option<f64> {
-    s.ssim
 }
 
 /// As people write a size.
@@ -181,9 +167,10 @@ mod tests {
     fn groups_count_alike_however_many_views_they_have() {
         let score = |view: &str, v: f64| Score { view: view.into(), psnr: Some(v), masked: None, ssim: None };
         let scores = [score("orbit-1_00", 10.0), score("orbit-1_01", 20.0), score("orbit-0.7_00", 35.0)];
+        let same = crate::views::IDENTICAL;
         let two = [Group::orbit(1.0), Group::orbit(0.7)];
         assert_eq!(mean_over(&scores, &two, psnr), Some(25.0));
-        assert_eq!(mean_over(&scores, &two, masked), None);
+        assert_eq!((mean_over(&scores, &two, masked), mean_over(&scores, &two, ssim)), (Some(same), None));
         assert_eq!(mean_over(&scores, &[Group::orbit(0.5)], psnr), None);
     }
 }

@@ -76,7 +76,7 @@ fn levels(lab: &Lab<'_>, snapshot: &Snapshot, config: &Config, ours: &Trained) -
     let noise_free = of(groups::noise_free(lab, snapshot, &truth)?);
     let fit = of(groups::scores(lab, snapshot, &truth, &ours.made)?);
     let named = [("noise-free picture", noise_free), ("ours, untrained", fit)];
-    Ok(named.into_iter().filter_map(|(name, v)| Some((name.to_string(), v?))).collect())
+    Ok(named.into_iter().filter_map(|(name, v)| Some((name.to_string(), v.filter(|v| v.is_finite())?))).collect())
 }
 
 fn plot(curve: &[Evaluation], levels: Vec<(String, f64)>, size: &str) -> Plot {

@@ -1,6 +1,6 @@
 //! The density's own measures by size of file: what pictures hide.
 
-use super::rate_distortion::{COMPARED, Row, series};
+use super::rate_distortion::{BY_SIZE, COMPARED, Row, series};
 use crate::density::Density;
 use crate::found::{Axis, Cell, Plot, Point, Table};
 use crate::lab::Lab;
@@ -17,7 +17,7 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[Row]) -> Result<Ve
     let ratios = &lab.settings.ratios;
     let (step, compared) = (ratios.len().div_ceil(4), ratios.iter().position(|r| *r == COMPARED).unwrap_or(0));
     let chosen: Vec<f64> = ratios.iter().copied().skip(compared % step).step_by(step).collect();
-    let raw = of.particles.raw_bytes() as f64;
+    let raw = of.position_bytes() as f64;
     let methods = Method::all_and_trained(lab);
     lab.progress.begin("densities", (methods.len() * chosen.len()) as u64);
     let mut all = Vec::new();
@@ -75,20 +75,31 @@ pub(super) fn density_plots(lab: &Lab<'_>, all: &[OfDensity], bits: f64) -> Vec<
             let own = all.iter().filter(|(m, ..)| *m == method);
             series(lab, method, own.filter_map(|(_, ratio, d)| Some(Point::new(*ratio, of(d)?))).collect())
         };
-        let x = Axis::logarithmic("raw bytes / bytes of the file");
+        let x = Axis::logarithmic(BY_SIZE);
         let series = Method::all_and_trained(lab).into_iter().map(curve).filter(|s| !s.points.is_empty()).collect();
         Plot { name: format!("rate-distortion-{name}"), title: title.into(), x, y, series, levels: Vec::new() }
     };
-    let mut held_out =
-        plot("bits", "Particles that were left out", Axis::linear("held-out bits a particle"), |d| d.held_out_bits);
+    let mut held_out = plot(
+        "bits",
+        "Density of particles that were left out, by size of file",
+        Axis::linear("held-out bits a particle"),
+        |d| d.held_out_bits,
+    );
     held_out.levels = vec![("all particles".into(), bits), ("uniform box".into(), 0.0)];
-    let mut groups = plot("groups", "Groups of 100 particles and more", Axis::linear("found / truth"), |d| d.groups);
+    let mut groups = plot(
+        "groups",
+        "Groups of 100 particles and more, by size of file",
+        Axis::linear("groups, found / truth"),
+        |d| d.groups,
+    );
     groups.levels = vec![("truth".into(), 1.0)];
     let large = "mean |P / P truth - 1|, k to a quarter of the largest";
     vec![
         held_out,
-        plot("large-scales", "Large scales", Axis::logarithmic(large), |d| d.large_scales),
-        plot("power", "Power spectrum", Axis::logarithmic("largest |P / P truth - 1|"), |d| d.power),
+        plot("large-scales", "Power spectrum at large scales, by size of file", Axis::logarithmic(large), |d| {
+            d.large_scales
+        }),
+        plot("power", "Power spectrum, by size of file", Axis::logarithmic("largest |P / P truth - 1|"), |d| d.power),
         groups,
     ]
 }

@@ -9,7 +9,7 @@ use crate::lab::{Lab, Made, Recipe};
 use crate::method::{Measured, Method};
 use crate::snapshot::Snapshot;
 use crate::training;
-use crate::views::{Score, Truth, mean, mean_of};
+use crate::views::{Score, Truth, identical_note, masked, mean, mean_of, psnr, ssim};
 use particlegs::Result;
 use particlegs::score::{self, evaluation_views};
 use serde::{Deserialize, Serialize};
@@ -26,6 +26,8 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 /// The ratio at which ways are compared, that of the published single-block model (paper, table "Rate-distortion").
 pub(super) const COMPARED: f64 = 263.0;
 
+/// The axis of sizes: small files stand on its right.
+pub(super) const BY_SIZE: &str = "ratio: bytes of positions / bytes of the file";
 /// What stands in place of a margin where there is no file of that size.
 pub(super) const NOT_OF_THIS_SIZE: &str = "no file of this size";
 /// A file whose size is off by more than this factor is not one of the size asked for.
@@ -47,9 +49,15 @@ impl Row {
         self.runs.iter().filter(|r| r.failure.is_none()).filter_map(|r| of(&r.scores)).collect()
     }
 
+    /// The scores of every seed, with what they are of.
+    pub fn pictures<'a>(&'a self, lab: &Lab<'_>) -> impl Iterator<Item = (String, &'a [Score])> {
+        let name = format!("{} at ratio {}", self.method.name(lab), self.ratio);
+        self.runs.iter().map(move |run| (name.clone(), &run.scores[..]))
+    }
+
     /// Masked PSNR, mean over the views.
     pub fn masked(&self) -> Vec<f64> {
-        self.values(&|s| mean(s, |s| s.masked))
+        self.values(&|s| mean(s, masked))
     }
 
     /// Is the file within a tenth of the size that was asked for, of `raw` bytes? Where not, the way has no such size, and
@@ -92,7 +100,7 @@ pub(super) fn beside(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, any: &Made) ->
 /// Every way at every ratio, at every seed where it has a draw in it: models, which hardly depend on theirs and take
 /// longest, at the ratio that is compared alone.
 pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, ratios: &[f64]) -> Result<Vec<Row>> {
-    let (raw, methods) = (of.particles.raw_bytes() as f64, Method::all_and_trained(lab));
+    let (raw, methods) = (of.position_bytes() as f64, Method::all_and_trained(lab));
     lab.progress.begin("ways and sizes", (ratios.len() * methods.len()) as u64);
     let mut rows = Vec::new();
     for &ratio in ratios {
@@ -121,19 +129,20 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let compared = lab.settings.ratios.contains(&COMPARED);
     let usual = if compared { Some(usual(lab, snapshot, &first)?) } else { None };
     let (densities, bits) = (densities(lab, snapshot, &rows)?, all_particles_bits(lab, snapshot)?);
-    let raw = snapshot.particles.raw_bytes() as f64;
+    let raw = snapshot.position_bytes() as f64;
     let mut plots = vec![
-        picture_plot(lab, &rows, raw, "masked", "masked PSNR, dB", &|s| mean(s, |s| s.masked)),
-        picture_plot(lab, &rows, raw, "psnr", "PSNR, dB", &|s| mean(s, |s| s.psnr)),
-        picture_plot(lab, &rows, raw, "ssim", "SSIM", &|s| mean(s, |s| s.ssim)),
+        picture_plot(lab, &rows, raw, "masked", "masked PSNR, dB", &|s| mean(s, masked)),
+        picture_plot(lab, &rows, raw, "psnr", "PSNR, dB", &|s| mean(s, psnr)),
+        picture_plot(lab, &rows, raw, "ssim", "SSIM", &|s| mean(s, ssim)),
     ];
     plots[0].levels = levels(beside);
     plots.extend(density_plots(lab, &densities, bits));
-    let mut tables = vec![pictures(lab, &rows, raw), bounds(lab, &rows), density_table(lab, &densities)];
+    let mut tables =
+        vec![pictures(lab, &rows, raw), bounds(lab, &rows, snapshot.unit()), density_table(lab, &densities)];
     if let Some((of_usual, beside_usual)) = &usual {
         tables.insert(0, margins(lab, [&rows, of_usual], raw, [beside, *beside_usual]));
     }
-    Ok(Found { tables, plots, pictures: Vec::new(), notes: notes(lab, &rows, &truth) })
+    Ok(Found { tables, plots, pictures: Vec::new(), notes: notes(lab, snapshot, &rows, &truth) })
 }
 
 /// Every way at the ratio that is compared from the same cameras at the default radius and opacity, which most users take.
@@ -150,7 +159,7 @@ fn levels(b: Beside) -> Vec<(String, f64)> {
     named.into_iter().filter_map(|(name, level)| Some((name.to_string(), level?))).collect()
 }
 
-fn notes(lab: &Lab<'_>, rows: &[Row], truth: &Truth) -> Vec<String> {
+fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[Row], truth: &Truth) -> Vec<String> {
     let size = truth.size;
     let mut notes = vec![
         format!(
@@ -193,6 +202,8 @@ fn notes(lab: &Lab<'_>, rows: &[Row], truth: &Truth) -> Vec<String> {
             training::scale(lab)
         ));
     }
+    notes.extend(of.weights_note());
+    notes.extend(identical_note(rows.iter().flat_map(|r| r.pictures(lab))));
     let failed: Vec<String> = rows
         .iter()
         .flat_map(|r| r.runs.iter().filter_map(move |m| Some((r, m.failure.as_ref()?))))
@@ -219,19 +230,19 @@ fn margins(lab: &Lab<'_>, rows: [&[Row]; 2], raw: f64, beside: [Beside; 2]) -> T
         ],
     );
     let at = |side: usize, method: Method| rows[side].iter().find(|r| r.method == method && r.ratio == COMPARED);
-    let masked = |side: usize, method: Method| at(side, method).map(Row::masked).unwrap_or_default();
-    let ours = [0, 1].map(|side| Spread::of(&masked(side, Method::OpticalDepth)).map_or(f64::NAN, |s| s.median));
+    let of = |side: usize, method: Method| at(side, method).map(Row::masked).unwrap_or_default();
+    let ours = [0, 1].map(|side| Spread::of(&of(side, Method::OpticalDepth)).map_or(f64::NAN, |s| s.median));
     let mut row = |name: String, values: [Vec<f64>; 2], missed: bool| {
         let cells = |side: usize| {
             let above: Vec<f64> = values[side].iter().map(|v| ours[side] - v).collect();
             let above = if missed { Cell::text(NOT_OF_THIS_SIZE) } else { Cell::spread(&above, 2) };
-            [Cell::spread(&values[side], 2), above]
+            [Cell::decibels(&values[side]), above]
         };
         table.row([Cell::text(name)].into_iter().chain(cells(0)).chain(cells(1)));
     };
     for method in Method::all_and_trained(lab) {
         let missed = at(0, method).is_some_and(|r| r.bytes().is_some() && !r.met(raw));
-        row(method.name(lab), [0, 1].map(|side| masked(side, method)), missed);
+        row(method.name(lab), [0, 1].map(|side| of(side, method)), missed);
     }
     let [sampled, usual] = beside.map(levels);
     for (name, level) in sampled {
@@ -245,32 +256,44 @@ fn pictures(lab: &Lab<'_>, rows: &[Row], raw: f64) -> Table {
     let mut table = Table::new(
         "rate-distortion-pictures",
         "Pictures by size of file",
-        &["method", "ratio asked", "ratio", "bytes", "masked PSNR, dB", "far", "mid", "near", "PSNR, dB", "SSIM"],
+        &[
+            "method",
+            "ratio asked",
+            "ratio",
+            "bytes",
+            "masked PSNR, dB",
+            "far, dB",
+            "mid, dB",
+            "near, dB",
+            "PSNR, dB",
+            "SSIM",
+        ],
     );
     for r in rows {
-        let orbit = |o: &'static str| Cell::spread(&r.values(&move |s| mean_of(s, o, |s| s.masked)), 2);
+        let orbit = |o: &'static str| Cell::decibels(&r.values(&move |s| mean_of(s, o, masked)));
         table.row([
             Cell::text(r.method.name(lab)),
             Cell::number(r.ratio, 0),
             Cell::number(r.bytes().map(|b| raw / b), 1),
             Cell::number(r.bytes(), 0),
-            Cell::spread(&r.masked(), 2),
+            Cell::decibels(&r.masked()),
             orbit("far"),
             orbit("mid"),
             orbit("near"),
-            Cell::spread(&r.values(&|s| mean(s, |s| s.psnr)), 2),
-            Cell::spread(&r.values(&|s| mean(s, |s| s.ssim)), 4),
+            Cell::decibels(&r.values(&|s| mean(s, psnr))),
+            Cell::spread(&r.values(&|s| mean(s, ssim)), 4),
         ]);
     }
     table
 }
 
 /// The bounds of compressors that have one, once a size.
-fn bounds(lab: &Lab<'_>, rows: &[Row]) -> Table {
+fn bounds(lab: &Lab<'_>, rows: &[Row], unit: &str) -> Table {
+    let (bound, error) = (format!("bound, {unit}"), format!("largest error, {unit}"));
     let mut table = Table::new(
         "rate-distortion-bounds",
         "Bounds, verified after decoding",
-        &["method", "ratio asked", "bound", "largest error", "held", "compression, s", "decompression, s"],
+        &["method", "ratio asked", &bound, &error, "held", "compression, s", "decompression, s"],
     );
     for r in rows.iter().filter(|r| matches!(r.method, Method::Baseline { jitter: false, .. })) {
         let Some(run) = r.runs.first() else { continue };
@@ -281,8 +304,8 @@ fn bounds(lab: &Lab<'_>, rows: &[Row]) -> Table {
             Cell::number(bound.map(|b| b.asked), 5),
             Cell::number(bound.map(|b| b.largest_error), 5),
             Cell::text(failure.map_or("yes".into(), |why| format!("no: {why}"))),
-            Cell::number(bound.map(|b| b.seconds[0]), 2),
-            Cell::number(bound.map(|b| b.seconds[1]), 2),
+            Cell::number(bound.map(|b| b.seconds[0]), 3),
+            Cell::number(bound.map(|b| b.seconds[1]), 3),
         ]);
     }
     table
@@ -317,12 +340,12 @@ fn picture_plot(
 ) -> Plot {
     let curve = |method: Method| {
         let own = rows.iter().filter(|r| r.method == method);
-        series(lab, method, own.filter_map(|r| Point::spread(raw / r.bytes()?, &r.values(of))).collect())
+        series(lab, method, own.filter_map(|r| Point::decibels(raw / r.bytes()?, &r.values(of))).collect())
     };
     Plot {
         name: format!("rate-distortion-{name}"),
-        title: "Pictures by size of file".into(),
-        x: Axis::logarithmic("raw bytes / bytes of the file"),
+        title: format!("{} of pictures by size of file", label.split(',').next().unwrap_or(label)),
+        x: Axis::logarithmic(BY_SIZE),
         y: Axis::linear(label),
         series: Method::all_and_trained(lab).into_iter().map(curve).collect(),
         levels: Vec::new(),

@@ -87,7 +87,7 @@ impl Sweep {
             all
         };
         let measured = |scores: &[Vec<Score>]| {
-            points(&|s| Point::spread(s.at, &means_over(scores, std::slice::from_ref(&s.group), masked)))
+            points(&|s| Point::decibels(s.at, &means_over(scores, std::slice::from_ref(&s.group), masked)))
         };
         let mut series: Vec<Series> = models
             .iter()

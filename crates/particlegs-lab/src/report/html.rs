@@ -67,18 +67,27 @@ fn body(found: &Found, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
 }
 
 fn table(t: &Table) -> String {
-    let mut text = format!("<div class=\"table\"><table><caption>{}</caption><thead><tr>", escaped(&t.title));
+    let mut text = format!("<div class=\"table\"><table><caption>{}</caption><thead><tr>", code(&t.title));
     let numbers = |c: usize| t.rows.iter().any(|row| row[c].is_number());
     let class = |c: usize| if numbers(c) { " class=\"n\"" } else { "" };
     for (c, head) in t.columns.iter().enumerate() {
-        text += &format!("<th{}>{}</th>", class(c), escaped(head));
+        text += &format!("<th{}>{}</th>", class(c), code(head));
     }
     text += "</tr></thead><tbody>\n";
     for row in &t.rows {
-        let cell = |(c, cell): (usize, &Cell)| format!("<td{}>{}</td>", class(c), escaped(&cell.in_words()));
+        let cell = |(c, cell): (usize, &Cell)| format!("<td{}>{}</td>", class(c), words(cell));
         text += &format!("<tr>{}</tr>\n", row.iter().enumerate().map(cell).collect::<String>());
     }
     text + "</tbody></table></div>\n"
+}
+
+/// A cell's words; a range stands below its value, where it takes no width.
+fn words(cell: &Cell) -> String {
+    let text = code(&cell.in_words());
+    match (cell, text.split_once(" (")) {
+        (Cell::Spread { .. }, Some((value, range))) => format!("{value}<span class=\"range\">({range}</span>"),
+        _ => text,
+    }
 }
 
 fn escaped(text: &str) -> String {
@@ -99,5 +108,16 @@ mod tests {
     #[test]
     fn text_is_escaped() {
         assert_eq!(code("a < `b & c`"), "a &lt; <code>b &amp; c</code>");
+    }
+
+    /// A reader of the page sees no backtick, wherever code is named, and no range beside the number that it is of.
+    #[test]
+    fn tables_show_code_and_ranges() {
+        let mut t = Table::new("t", "Growth of `compress`", &["look", "`paraview`, s"]);
+        t.row([Cell::text("`paraview` (ours)"), Cell::spread(&[1.0, 2.0, 4.0], 0)]);
+        let text = table(&t);
+        assert!(!text.contains('`') && text.contains("<caption>Growth of <code>compress</code></caption>"), "{text}");
+        assert!(text.contains("<td><code>paraview</code> (ours)</td>"), "{text}");
+        assert!(text.contains("<td class=\"n\">2<span class=\"range\">(1 to 4)</span></td>"), "{text}");
     }
 }

@@ -11,7 +11,7 @@ use crate::found::{Cell, Found, Pictures, Table};
 use crate::lab::{Lab, Made, Recipe, or_made};
 use crate::method::Bound;
 use crate::snapshot::Snapshot;
-use crate::views::{Score, Truth, kept_picture, mean, mean_of, orbit, told};
+use crate::views::{Score, Truth, identical_note, kept_picture, masked, mean, mean_of, orbit, ssim, told};
 use crops::{BRIGHTENED, close_up, whole};
 use others::Other;
 use particlegs::Result;
@@ -46,6 +46,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let three = three_way::three_way(lab, snapshot, &made, &truth, (pictures, scores))?;
     let mut found = Found { notes: notes(&made, snapshot, &others), ..Found::default() };
     found.notes.push(three.note);
+    let pictures = others.iter().map(|o| (o.name.clone(), &o.scores[..]));
+    found.notes.extend(identical_note([("the model".to_string(), &shown.scores[..])].into_iter().chain(pictures)));
     found.notes.extend(failed);
     found.tables = vec![table(&shown, &made, &others, snapshot)];
     found.tables.extend(three.tables);
@@ -154,13 +156,15 @@ fn same_size(panels: &mut [(String, Rgb8)]) {
 }
 
 fn table(shown: &Shown, made: &Made, others: &[Other], snapshot: &Snapshot) -> Table {
-    let columns =
-        ["method", "ratio", "bytes", "bound", "largest error", "far: masked PSNR, dB", "near", "mean", "SSIM"];
+    let unit = snapshot.unit();
+    let (bound, error) = (format!("bound, {unit}"), format!("largest error, {unit}"));
+    let columns = ["method", "ratio", "bytes", &bound, &error, "far: masked PSNR, dB", "near, dB", "mean, dB", "SSIM"];
     let mut t = Table::new("figures", "What the pictures show, measured in the same run", &columns);
-    let raw = snapshot.particles.raw_bytes() as f64;
+    let raw = snapshot.position_bytes() as f64;
     let scored = |scores: &[Score]| {
-        let of = |o| Cell::number(mean_of(scores, o, |s| s.masked), 2);
-        [of("far"), of("near"), Cell::number(mean(scores, |s| s.masked), 2), Cell::number(mean(scores, |s| s.ssim), 4)]
+        let decibels = |value: Option<f64>| Cell::decibels(value.as_slice());
+        let of = |o| decibels(mean_of(scores, o, masked));
+        [of("far"), of("near"), decibels(mean(scores, masked)), Cell::number(mean(scores, ssim), 4)]
     };
     let row = |name: &str, bytes: u64, bounds: [Option<f64>; 2], scores: &[Score]| {
         let bounds = bounds.map(|b| Cell::number(b, 4));
@@ -176,7 +180,7 @@ fn table(shown: &Shown, made: &Made, others: &[Other], snapshot: &Snapshot) -> T
 
 fn notes(made: &Made, snapshot: &Snapshot, others: &[Other]) -> Vec<String> {
     let names: Vec<&str> = others.iter().map(|o| o.name.as_str()).collect();
-    let unit = snapshot.particles.meta.length_unit.as_deref().unwrap_or("length units");
+    let unit = snapshot.unit();
     let streaks = match others.iter().any(|o| o.name.starts_with(STREAKS)) {
         true => String::new(),
         false => format!(" {STREAKS}, which the paper shows, was not there: the best of those is shown in its place."),
@@ -186,7 +190,7 @@ fn notes(made: &Made, snapshot: &Snapshot, others: &[Other]) -> Vec<String> {
          that they have, and where one has a bound ({unit}) every decoded coordinate was held to it.{streaks} Pictures \
          of particles are drawn by ParaView's exact rules, the model's in the same look; radius and opacity of a view \
          are drawn from the published ranges.",
-        snapshot.particles.raw_bytes() as f64 / made.bytes.len() as f64,
+        snapshot.position_bytes() as f64 / made.bytes.len() as f64,
         made.bytes.len(),
         names.join("; "),
     )]

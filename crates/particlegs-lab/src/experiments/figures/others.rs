@@ -4,7 +4,7 @@ use crate::device::Style;
 use crate::lab::{Lab, or_made};
 use crate::method::{Bound, Content, Kept, Method};
 use crate::snapshot::Snapshot;
-use crate::views::{Score, Truth, kept_picture, mean, told};
+use crate::views::{Score, Truth, kept_picture, masked, mean, told};
 use particlegs::camera::View;
 use particlegs::picture::Gray8;
 use particlegs::{Error, Result};
@@ -24,9 +24,9 @@ pub(super) struct Other {
 }
 
 impl Other {
-    /// Mean masked PSNR of its pictures, dB.
+    /// Mean masked PSNR of its pictures, dB; infinite where none differs from the truth.
     pub fn masked(&self) -> Option<f64> {
-        mean(&self.scores, |s| s.masked)
+        mean(&self.scores, masked)
     }
 }
 

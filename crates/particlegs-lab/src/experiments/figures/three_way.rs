@@ -6,7 +6,7 @@ use crate::device::Style;
 use crate::found::{Axis, Cell, Pictures, Plot, Point, Series, Spread, Table};
 use crate::lab::{Lab, Made, or_made};
 use crate::snapshot::Snapshot;
-use crate::views::{Score, Truth, kept_picture, orbit, told};
+use crate::views::{self, Score, Truth, kept_picture, mean_of_values, orbit, told};
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::picture::Gray8;
@@ -76,7 +76,7 @@ fn drawn(lab: &Lab<'_>, snapshot: &Snapshot, made: &Made, truth: &Truth, method:
 
 /// Masked PSNR of the views of an orbit, or of all.
 fn masked(scores: &[Score], of: Option<&str>) -> Vec<f64> {
-    scores.iter().filter(|s| of.is_none_or(|o| orbit(&s.view) == o)).filter_map(|s| s.masked).collect()
+    scores.iter().filter(|s| of.is_none_or(|o| orbit(&s.view) == o)).filter_map(views::masked).collect()
 }
 
 fn table(ways: &[Way]) -> Table {
@@ -85,11 +85,11 @@ fn table(ways: &[Way]) -> Table {
     let mut t = Table::new("three-way", title, &columns);
     for way in ways {
         let name = if way.name == "model" { "the model".into() } else { format!("particles by {}", way.name) };
-        let orbits = ORBITS.iter().map(|o| Cell::spread(&masked(&way.scores, Some(o)), 2));
+        let orbits = ORBITS.iter().map(|o| Cell::decibels(&masked(&way.scores, Some(o))));
         let all = masked(&way.scores, None);
-        let mean = (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
+        let mean = Cell::decibels(mean_of_values(&all).as_slice());
         let paper = PAPER.iter().find(|p| p.0 == way.name).map(|p| p.1);
-        let rest = [Cell::spread(&all, 2), Cell::number(mean, 2), Cell::number(paper, 2)];
+        let rest = [Cell::decibels(&all), mean, Cell::number(paper, 2)];
         t.row([Cell::text(name)].into_iter().chain(orbits).chain(rest));
     }
     t
@@ -102,7 +102,7 @@ fn plot(ways: &[Way]) -> Plot {
         style,
         dashed: style > 0,
         points: (way.scores.iter().enumerate())
-            .filter_map(|(i, s)| Some(Point::new(i as f64 + 1.0, s.masked?)))
+            .filter_map(|(i, s)| Some(Point::new(i as f64 + 1.0, views::masked(s)?)))
             .collect(),
     });
     let levels = ways.iter().take(2).filter_map(|way| {
@@ -148,6 +148,8 @@ fn shown(truth: &Truth, ways: &[Way]) -> Pictures {
 }
 
 fn note(ways: &[Way], truth: &Truth) -> String {
+    let same = views::identical_note(ways.iter().map(|w| (w.name.clone(), &w.scores[..])));
+    let same = same.map_or(String::new(), |words| format!(" {words}"));
     let median = |way: &Way| Spread::of(&masked(&way.scores, None)).map(|s| s.median);
     let gap = ways.first().and_then(median).zip(ways.get(1).and_then(median)).map(|(a, b)| a - b);
     let gap = gap.map_or("not measured".into(), |g| format!("{g:.1} dB"));
@@ -155,7 +157,7 @@ fn note(ways: &[Way], truth: &Truth) -> String {
         "Three-way: {} views, radius and opacity drawn from the published ranges; particles drawn from the model \
          (first seed) and all particles are drawn by the same rules, ParaView's. The median of the model lies {gap} \
          above that of particles drawn by `count` (paper: 11 dB). Drawn particles have shot noise of their own, \
-         which differs from the truth's however good the density is.",
+         which differs from the truth's however good the density is.{same}",
         truth.views.len()
     )
 }

@@ -146,7 +146,7 @@ impl Drawn<'_> {
             let (model, bytes) = self.model()?;
             Ok([model.gaussians() as u64, bytes.len() as u64])
         })?;
-        Ok((gaussians, bytes, self.snapshot.particles.raw_bytes() as f64 / bytes as f64))
+        Ok((gaussians, bytes, self.snapshot.position_bytes() as f64 / bytes as f64))
     }
 }
 

@@ -106,11 +106,12 @@ fn of_blocks(m: &Measured) -> Table {
 
 /// Density, P(k), r(k).
 fn spectrum_heads(m: &Measured, first: &[&str], xi: bool) -> Vec<String> {
+    let at = format!("at k, 1 / ({})", m.unit);
     let own = [
         "density correlation",
         "MAE of delta",
         "P(k): largest deviation, %",
-        "at k",
+        &at,
         "within 1 % to k",
         "within 5 % to k",
         "within 10 % to k",
