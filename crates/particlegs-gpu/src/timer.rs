@@ -112,7 +112,7 @@ mod tests {
         let run = |times: usize| {
             let mut encoder = device.device.create_command_encoder(&Default::default());
             let mut pass = encoder.begin_compute_pass(&Default::default());
-            (0..times).for_each(|_| kernel.run(&mut pass, &bound, groups(1 << 16)));
+            (0..times).for_each(|_| kernel.run(&mut pass, &bound, groups(1 << 10)));
             drop(pass);
             device.queue.submit([encoder.finish()]);
             Ok(())

@@ -117,64 +117,60 @@ pub const OF_DEPTH: u64 = 4;
 /// Rows of one of the alpha-blend law.
 pub const OF_ALPHA: u64 = 2;
 
-/// All rows of a scene of the optical-depth law.
+/// All rows of a scene of the optical-depth law at a size.
 ///
 /// # Errors
 /// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn of_depth(device: &Device, made: &Made, sizes: &[Size], quick: Quick, context: &Context) -> Result<Vec<Row>> {
+pub fn of_depth(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Vec<Row>> {
     let renderer = Renderer::new(device)?;
     let scene = Scene::of_mixture(&made.gaussians, made.bounds);
     let there = Gaussians::upload(device, &scene)?;
     let mut rows = Vec::new();
-    for &size in sizes {
-        let canvas = renderer.canvas(&there, size)?;
-        for (changes, look, by_tiles) in [
-            (CAMERA, Look::Expected, false),
-            (CAMERA, Look::Expected, true),
-            (SETTING, Look::Expected, false),
-            (CAMERA, Look::Paraview, false),
-        ] {
-            let own = Measurement::new(device, made, size, changes, quick);
-            let work = Depths::of(made, own.counted(), size)?;
-            let kind = Kind {
-                law: LawKind::OpticalDepth,
-                look,
-                way: if by_tiles { "tiles of 8 x 8" } else { "atomic adds" }.into(),
-                footprints: work.footprints,
-                least: work.frame(made.gaussians.len(), size),
-            };
-            let tiles = by_tiles.then(|| Tiles::new(&renderer, &there, &canvas)).transpose()?;
-            let mut drawn = Summed { renderer: &renderer, there: &there, canvas: &canvas, look, tiles };
-            rows.push(own.row(&mut drawn, kind, context)?);
-            context.advance(1);
-        }
+    let canvas = renderer.canvas(&there, size)?;
+    for (changes, look, by_tiles) in [
+        (CAMERA, Look::Expected, false),
+        (CAMERA, Look::Expected, true),
+        (SETTING, Look::Expected, false),
+        (CAMERA, Look::Paraview, false),
+    ] {
+        let own = Measurement::new(device, made, size, changes, quick);
+        let work = Depths::of(made, own.counted(), size)?;
+        let kind = Kind {
+            law: LawKind::OpticalDepth,
+            look,
+            way: if by_tiles { "tiles of 8 x 8" } else { "atomic adds" }.into(),
+            footprints: work.footprints,
+            least: work.frame(made.gaussians.len(), size),
+        };
+        let tiles = by_tiles.then(|| Tiles::new(&renderer, &there, &canvas)).transpose()?;
+        let mut drawn = Summed { renderer: &renderer, there: &there, canvas: &canvas, look, tiles };
+        rows.push(own.row(&mut drawn, kind, context)?);
+        context.advance(1);
     }
     Ok(rows)
 }
 
-/// All rows of a scene of the alpha-blend law, which has one look. The network runs where radius and opacity change.
+/// All rows of a scene of the alpha-blend law, which has one look, at a size. The network runs where radius and opacity change.
 ///
 /// # Errors
 /// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn of_alpha(device: &Device, made: &Made, sizes: &[Size], quick: Quick, context: &Context) -> Result<Vec<Row>> {
+pub fn of_alpha(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Vec<Row>> {
     let renderer = alpha::Renderer::new(device)?;
     let there = alpha::Gaussians::upload(device, &Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]))?;
     let mut rows = Vec::new();
-    for &size in sizes {
-        for changes in [CAMERA, SETTING] {
-            let own = Measurement::new(device, made, size, changes, quick);
-            let work = Blends::of(made, own.counted(), size, context)?;
-            let kind = Kind {
-                law: LawKind::AlphaBlend,
-                look: Look::Paraview,
-                way: "tiles of 16 x 16".into(),
-                footprints: work.footprints,
-                least: work.frame(made.gaussians.len(), size, changes == SETTING),
-            };
-            let mut drawn = Blended { renderer: &renderer, there: &there, canvas: renderer.canvas(&there, size)? };
-            rows.push(own.row(&mut drawn, kind, context)?);
-            context.advance(1);
-        }
+    for changes in [CAMERA, SETTING] {
+        let own = Measurement::new(device, made, size, changes, quick);
+        let work = Blends::of(made, own.counted(), size, context)?;
+        let kind = Kind {
+            law: LawKind::AlphaBlend,
+            look: Look::Paraview,
+            way: "tiles of 16 x 16".into(),
+            footprints: work.footprints,
+            least: work.frame(made.gaussians.len(), size, changes == SETTING),
+        };
+        let mut drawn = Blended { renderer: &renderer, there: &there, canvas: renderer.canvas(&there, size)? };
+        rows.push(own.row(&mut drawn, kind, context)?);
+        context.advance(1);
     }
     Ok(rows)
 }

@@ -11,12 +11,13 @@ mod work;
 
 use crate::common::Context;
 use crate::device::Device;
-use particlegs::Result;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
+use particlegs::{Error, Result};
 use particlegs_gpu::Rates;
 use particlegs_lab::Standing;
 use particlegs_lab::lab::Lab;
+use scenes::Made;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -58,7 +59,9 @@ struct Measured {
     operations_per_second: f64,
     frames: Vec<frames::Row>,
     training: Vec<training::Row>,
-    particles: particles::Row,
+    particles: Option<particles::Row>,
+    /// What the device refused or failed at, and why.
+    not_measured: Vec<String>,
 }
 
 /// This program, where it was built in a repository: what another one measured is measured again.
@@ -91,6 +94,21 @@ fn tilings(quick: Quick) -> [(usize, [usize; 3]); 3] {
     }
 }
 
+/// What a device refuses or fails at does not keep the rest from being measured.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+fn tried<T>(made: &Made, size: Size, row: Result<T>, failed: &mut Vec<String>) -> Result<Option<T>> {
+    match row {
+        Err(Error::Cancelled) => Err(Error::Cancelled),
+        Err(e) => {
+            failed.push(format!("{} Gaussians, {}x{}: {e}", made.gaussians.len(), size.width, size.height));
+            Ok(None)
+        }
+        Ok(row) => Ok(Some(row)),
+    }
+}
+
 impl Measured {
     fn of(device: &Device, quick: Quick, context: &Context) -> Result<Measured> {
         let rates = Rates::measure(device)?;
@@ -98,20 +116,22 @@ impl Measured {
         let [few, more, most] = tilings(quick).map(|(sample, tiles)| scenes::tiled(sample, tiles));
         let (few, more, most) = (few?, more?, most?);
         context.begin("measuring", 2 * (frames::OF_DEPTH + frames::OF_ALPHA) * sizes.len() as u64 + 4);
-        let (mut frames, mut training) = (Vec::new(), Vec::new());
-        for made in [&few, &more] {
-            frames.extend(frames::of_depth(device, made, sizes, quick, context)?);
-        }
-        for made in [&few, &more] {
-            frames.extend(frames::of_alpha(device, &made.published(), sizes, quick, context)?);
+        let (mut frames, mut training, mut failed) = (Vec::new(), Vec::new(), Vec::new());
+        for (made, &size) in [&few, &more].into_iter().flat_map(|made| sizes.iter().map(move |size| (made, size))) {
+            let rows = frames::of_depth(device, made, size, quick, context);
+            frames.extend(tried(made, size, rows, &mut failed)?.unwrap_or_default());
+            let rows = frames::of_alpha(device, &made.published(), size, quick, context);
+            frames.extend(tried(made, size, rows, &mut failed)?.unwrap_or_default());
         }
         for made in [&few, &most] {
-            training.push(training::of_depth(device, made, hd, quick, context)?);
+            let row = training::of_depth(device, made, hd, quick, context);
+            training.extend(tried(made, hd, row, &mut failed)?);
             context.advance(1);
         }
-        training.push(training::of_alpha(device, &few.published(), hd, quick, context)?);
+        let row = training::of_alpha(device, &few.published(), hd, quick, context);
+        training.extend(tried(&few, hd, row, &mut failed)?);
         context.advance(1);
-        let particles = particles::row(device, &few, hd, quick, context)?;
+        let particles = tried(&few, hd, particles::row(device, &few, hd, quick, context), &mut failed)?;
         context.end();
         Ok(Measured {
             copied_bytes_per_second: rates.copied_bytes,
@@ -120,13 +140,14 @@ impl Measured {
             frames,
             training,
             particles,
+            not_measured: failed,
         })
     }
 
     /// Where the time goes.
     fn stages(&self) -> String {
         let models = self.frames.iter().map(frames::Row::stages).chain(self.training.iter().map(training::Row::stages));
-        stages::Stages::table(models.chain([self.particles.stages()]))
+        stages::Stages::table(models.chain(self.particles.iter().map(particles::Row::stages)))
     }
 
     /// The tables as people read them.
@@ -140,14 +161,15 @@ impl Measured {
             "copies {:.1} GB/s; adds {:.2} thousand million times a second to words of a plane; {:.1} thousand million \
              operations of float32 a second\n\n{}\n\n{}\n\n{}\n\nbytes, adds, ops: the share of those rates that is \
              taken by what a frame, a step or a picture moves, adds and computes at least; 100 % is as fast as the \
-             device goes\n\n{}",
+             device goes\n\n{}{}",
             1e-9 * rates.copied_bytes,
             1e-9 * rates.additions,
             1e-9 * rates.operations,
             frames::Row::text(&self.frames, &rates),
             training::Row::text(&self.training, &rates),
-            self.particles.text(&rates),
-            self.stages()
+            self.particles.as_ref().map_or(String::new(), |p| p.text(&rates)),
+            self.stages(),
+            self.not_measured.iter().map(|why| format!("\nnot measured: {why}")).collect::<String>()
         )
     }
 }

@@ -235,6 +235,7 @@ fn a_device_is_measured_and_trains_in_pieces() {
         names.iter().for_each(|name| assert!(row[*name].as_f64().unwrap() > 0.0, "{name}: {row}"));
     };
     positive(&first, &["copied_bytes_per_second", "additions_per_second", "operations_per_second"]);
+    assert_eq!(rows("not_measured"), Vec::<serde_json::Value>::new());
     let of_law = |rows: &[serde_json::Value], law: &str| rows.iter().filter(|r| r["law"] == law).count();
     let (frames, training) = (rows("frames"), rows("training"));
     assert_eq!([of_law(&frames, "optical-depth"), of_law(&frames, "alpha-blend"), frames.len()], [8, 4, 12]);
