@@ -21,7 +21,9 @@ CLUSTERED = np.random.default_rng(5).normal(size=(400_000, 3)).astype(np.float32
 def test_ctrl_c_stops_and_leaves_nothing(tmp_path):
     script = textwrap.dedent(
         """
-        import numpy as np, particlegs as pg, sys, time
+        import numpy as np, particlegs as pg, signal, sys, time
+        # Started in the background of a shell, it would not hear the signal.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         rows = np.random.default_rng(5).normal(size=(1_500_000, 3)).astype(np.float32)
         snap = pg.Snapshot(rows)
         def told(phase, done, total):
