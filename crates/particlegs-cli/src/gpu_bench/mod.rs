@@ -117,11 +117,14 @@ impl Measured {
         let (few, more, most) = (few?, more?, most?);
         context.begin("measuring", 2 * (frames::OF_DEPTH + frames::OF_ALPHA) * sizes.len() as u64 + 4);
         let (mut frames, mut training, mut failed) = (Vec::new(), Vec::new(), Vec::new());
-        for (made, &size) in [&few, &more].into_iter().flat_map(|made| sizes.iter().map(move |size| (made, size))) {
-            let rows = frames::of_depth(device, made, size, quick, context);
-            frames.extend(tried(made, size, rows, &mut failed)?.unwrap_or_default());
-            let rows = frames::of_alpha(device, &made.published(), size, quick, context);
-            frames.extend(tried(made, size, rows, &mut failed)?.unwrap_or_default());
+        for made in [&few, &more] {
+            let published = made.published();
+            for &size in sizes {
+                let rows = frames::of_depth(device, made, size, quick, context);
+                frames.extend(tried(made, size, rows, &mut failed)?.unwrap_or_default());
+                let rows = frames::of_alpha(device, &published, size, quick, context);
+                frames.extend(tried(&published, size, rows, &mut failed)?.unwrap_or_default());
+            }
         }
         for made in [&few, &most] {
             let row = training::of_depth(device, made, hd, quick, context);

@@ -21,6 +21,12 @@ fn columns(n: usize) -> [Vec<f32>; 3] {
     all
 }
 
+/// Those in columns, about the middle.
+fn particles(columns: &[Vec<f32>; 3]) -> Particles {
+    let meta = Particles::from_columns(vec![], vec![], vec![]).meta;
+    Particles::new(Positions::Columns(columns.clone().map(Column::owned)), [0.0; 3], meta)
+}
+
 fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
     let camera = Camera {
         position,
@@ -38,11 +44,7 @@ fn kernels_agree_with_their_twins() {
     let Some(device) = device() else { return };
     let there = Reference::new(&device).unwrap();
     let (columns, size) = (columns(4000), Size { width: 320, height: 180 });
-    let particles = Particles::new(
-        Positions::Columns(columns.clone().map(Column::owned)),
-        [0.0; 3],
-        Particles::from_columns(vec![], vec![], vec![]).meta,
-    );
+    let particles = particles(&columns);
     let own = reference::Reference::new(&particles);
     let canvas = there.canvas(size).unwrap();
     for (position, radius, opacity) in [
@@ -93,11 +95,7 @@ fn a_picture_of_8k_is_drawn() {
     let there = Reference::new(&device).unwrap();
     let (columns, size) = (columns(1000), Size { width: 7680, height: 4320 });
     let view = view([1.0, 2.0, 6.0], 0.002, 0.05);
-    let particles = Particles::new(
-        Positions::Columns(columns.clone().map(Column::owned)),
-        [0.0; 3],
-        Particles::from_columns(vec![], vec![], vec![]).meta,
-    );
+    let particles = particles(&columns);
     let own = reference::Reference::new(&particles);
     let canvas = there.canvas(size).unwrap();
     let mut sum = there.begin(&canvas, &view, [0.0; 3], clipping_range(own.bounds(), &view.camera)).unwrap();
