@@ -72,19 +72,27 @@ struct Phase {
     total: u64,
     done: u64,
     began: Duration,
+    /// When it was first looked at, and what was done then: a run that goes on finds much of it done.
+    seen: Option<(Duration, u64)>,
 }
 
 impl Phase {
     /// Share that is done; `None` where the total is not known. Some totals are estimates.
     fn share(&self) -> Option<f64> {
-        (self.total > 0).then(|| (self.done as f64 / self.total as f64).min(1.0))
+        self.share_of(self.done)
     }
 
-    /// Time that is left at the rate so far.
+    fn share_of(&self, done: u64) -> Option<f64> {
+        (self.total > 0).then(|| (done as f64 / self.total as f64).min(1.0))
+    }
+
+    /// Time that is left at the rate since it was first looked at.
     fn left(&self, now: Duration) -> Option<Duration> {
-        let (share, elapsed) = (self.share()?, now.saturating_sub(self.began));
-        let known = share > 0.0 && elapsed >= SETTLED;
-        known.then(|| Duration::from_secs_f64((elapsed.as_secs_f64() * (1.0 - share) / share).clamp(1.0, 1e9)))
+        let (since, done) = self.seen.unwrap_or((self.began, 0));
+        let (share, elapsed) = (self.share()?, now.saturating_sub(since));
+        let gained = share - self.share_of(done)?;
+        let known = gained > 0.0 && elapsed >= SETTLED;
+        known.then(|| Duration::from_secs_f64((elapsed.as_secs_f64() * (1.0 - share) / gained).clamp(1.0, 1e9)))
     }
 }
 
@@ -103,7 +111,7 @@ impl Display {
     }
 
     fn begin(&mut self, name: &str, total: u64, now: Duration) {
-        self.phases.push(Phase { name: name.to_string(), total, done: 0, began: now });
+        self.phases.push(Phase { name: name.to_string(), total, done: 0, began: now, seen: None });
     }
 
     fn advance(&mut self, steps: u64) {
@@ -132,6 +140,7 @@ impl Display {
     }
 
     fn tick(&mut self, now: Duration) {
+        self.phases.iter_mut().for_each(|p| p.seen = p.seen.or(Some((now, p.done))));
         let status = self.status(now);
         self.sink.show(&status, now);
     }
@@ -364,6 +373,18 @@ mod tests {
                 "groups, 1 min 15 s so far"
             ]
         );
+    }
+
+    /// What an earlier run did says nothing about the rate of this one.
+    #[test]
+    fn a_phase_that_goes_on_tells_the_time_left_by_its_own_steps() {
+        let mut d = Display::new(Box::new(Record::default()));
+        d.begin("training", 100, at(0));
+        d.advance(70);
+        d.tick(at(1));
+        assert_eq!(d.status(at(5)).figures(), "70 %, 5 s so far");
+        d.advance(10);
+        assert_eq!(d.status(at(11)).figures(), "80 %, 20 s left");
     }
 
     /// A step of the inner phase is worth telling until the first of the outer one is done.

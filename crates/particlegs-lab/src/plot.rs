@@ -96,7 +96,7 @@ impl Scale {
     /// Where a value stands, or the nearer end of the axis.
     fn clamped(&self, v: f64) -> Option<f64> {
         let placed = if self.log { v.log10() } else { v };
-        placed.is_finite().then(|| placed.clamp(self.low, self.high))
+        (!placed.is_nan()).then(|| placed.clamp(self.low, self.high))
     }
 
     fn ticks(self, names: &[String]) -> Ticks {
@@ -225,8 +225,10 @@ fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) ->
             }
         }
         for p in &s.points {
-            let ends = p.range.map(|r| r.map(|v| y.place(v)));
-            if let (Some(at), Some([Some(low), Some(high)])) = (x.place(p.x), ends) {
+            let ends = p.range.map(|r| r.map(|v| y.clamped(v)));
+            if let (Some(at), Some([Some(low), Some(high)])) = (x.place(p.x), ends)
+                && low < high
+            {
                 let ends = vec![(at + aside, low), (at + aside, high)];
                 chart.draw_series([PathElement::new(ends, ink.stroke_width(2))]).ok()?;
             }

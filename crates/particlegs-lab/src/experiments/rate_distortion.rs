@@ -273,7 +273,7 @@ fn pictures(lab: &Lab<'_>, rows: &[Row], raw: f64) -> Table {
         let orbit = |o: &'static str| Cell::decibels(&r.values(&move |s| mean_of(s, o, masked)));
         table.row([
             Cell::text(r.method.name(lab)),
-            Cell::number(r.ratio, 0),
+            Cell::number(r.ratio, usize::from(r.ratio < 10.0)),
             Cell::number(r.bytes().map(|b| raw / b), 1),
             Cell::number(r.bytes(), 0),
             Cell::decibels(&r.masked()),
@@ -300,7 +300,7 @@ fn bounds(lab: &Lab<'_>, rows: &[Row], unit: &str) -> Table {
         let (bound, failure) = (run.bound, run.failure.clone());
         table.row([
             Cell::text(r.method.name(lab)),
-            Cell::number(r.ratio, 0),
+            Cell::number(r.ratio, usize::from(r.ratio < 10.0)),
             Cell::number(bound.map(|b| b.asked), 5),
             Cell::number(bound.map(|b| b.largest_error), 5),
             Cell::text(failure.map_or("yes".into(), |why| format!("no: {why}"))),

@@ -159,7 +159,7 @@ pub(super) fn agreement(all: &[AtSize]) -> Option<Table> {
     for at in all {
         let Some(agrees) = at.vtk.as_ref().ok().and_then(|v| v.agrees) else { continue };
         for (look, a) in ["`paraview` without FXAA", "`paraview`"].iter().zip(agrees) {
-            let decibels = |v: Option<f64>| v.map_or(Cell::text("the same"), |v| Cell::number(v, 1));
+            let decibels = |v: Option<f64>| v.map_or(Cell::text("identical"), |v| Cell::number(v, 1));
             table.row([
                 Cell::text(*look),
                 Cell::text(format!("{}x{}", at.size.width, at.size.height)),

@@ -140,7 +140,7 @@ fn xi_ratio_of_blocks(m: &Measured) -> Plot {
 fn groups(m: &Measured) -> Plot {
     let number = |side: usize, facts: &[Facts]| {
         let sets: Vec<_> = facts.iter().map(|f| f.sizes.clone()).collect();
-        points(&sets, |c| c.from as f64, move |c| (c.number[side] > 0).then_some(c.number[side] as f64))
+        points(&sets, |c| c.from as f64, move |c| Some(c.number[side] as f64))
     };
     let truth = m.methods.first().map_or(vec![], |o| number(0, &o.all[..1.min(o.all.len())]));
     let truth = Series { name: "truth".into(), style: 8, dashed: false, points: truth };
