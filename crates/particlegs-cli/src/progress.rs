@@ -368,8 +368,8 @@ mod tests {
             record.all(),
             [
                 "fitting, 0 %, 2 s so far",
-                "fitting, 25 %, 1 min 30 s left",
-                "fitting: surface density, 25 %, 1 min 36 s left",
+                "fitting, 25 %, 1 min 24 s left",
+                "fitting: surface density, 25 %, 1 min 30 s left",
                 "groups, 1 min 15 s so far"
             ]
         );
