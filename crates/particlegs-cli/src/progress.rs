@@ -66,14 +66,23 @@ fn duration(d: Duration) -> String {
     }
 }
 
+/// What was done of a phase at some time.
+#[derive(Clone, Copy)]
+struct Look {
+    at: Duration,
+    done: u64,
+}
+
 /// A phase of the work that has begun and not ended.
 struct Phase {
     name: String,
     total: u64,
     done: u64,
     began: Duration,
-    /// When it was first looked at, and what was done then: a run that goes on finds much of it done.
-    seen: Option<(Duration, u64)>,
+    /// The first look at it: a run that goes on finds much of it done.
+    first: Option<Look>,
+    /// The first look that found as much of it done as there is now.
+    moved: Option<Look>,
 }
 
 impl Phase {
@@ -86,13 +95,25 @@ impl Phase {
         (self.total > 0).then(|| (done as f64 / self.total as f64).min(1.0))
     }
 
-    /// Time that is left at the rate since it was first looked at.
+    fn look(&mut self, now: Duration) {
+        let look = Look { at: now, done: self.done };
+        self.first.get_or_insert(look);
+        if self.moved.is_none_or(|m| m.done != self.done) {
+            self.moved = Some(look);
+        }
+    }
+
+    /// Time that is left at the rate from the first look to its last step, less what went by since: steps may take
+    /// minutes. A step that takes longer than all that was left is taken to last a tenth of its time more.
     fn left(&self, now: Duration) -> Option<Duration> {
-        let (since, done) = self.seen.unwrap_or((self.began, 0));
-        let (share, elapsed) = (self.share()?, now.saturating_sub(since));
-        let gained = share - self.share_of(done)?;
+        let first = self.first.unwrap_or(Look { at: self.began, done: 0 });
+        let moved = self.moved.filter(|m| m.done == self.done).map_or(now, |m| m.at);
+        let (elapsed, since) = (moved.saturating_sub(first.at), now.saturating_sub(moved).as_secs_f64());
+        let share = self.share()?;
+        let gained = share - self.share_of(first.done)?;
         let known = gained > 0.0 && elapsed >= SETTLED;
-        known.then(|| Duration::from_secs_f64((elapsed.as_secs_f64() * (1.0 - share) / gained).clamp(1.0, 1e9)))
+        let at_last_step = elapsed.as_secs_f64() * (1.0 - share) / gained;
+        known.then(|| Duration::from_secs_f64((at_last_step - since).max(0.1 * since).clamp(1.0, 1e9)))
     }
 }
 
@@ -111,7 +132,7 @@ impl Display {
     }
 
     fn begin(&mut self, name: &str, total: u64, now: Duration) {
-        self.phases.push(Phase { name: name.to_string(), total, done: 0, began: now, seen: None });
+        self.phases.push(Phase { name: name.to_string(), total, done: 0, began: now, first: None, moved: None });
     }
 
     fn advance(&mut self, steps: u64) {
@@ -140,7 +161,7 @@ impl Display {
     }
 
     fn tick(&mut self, now: Duration) {
-        self.phases.iter_mut().for_each(|p| p.seen = p.seen.or(Some((now, p.done))));
+        self.phases.iter_mut().for_each(|p| p.look(now));
         let status = self.status(now);
         self.sink.show(&status, now);
     }
@@ -369,7 +390,7 @@ mod tests {
             [
                 "fitting, 0 %, 2 s so far",
                 "fitting, 25 %, 1 min 24 s left",
-                "fitting: surface density, 25 %, 1 min 30 s left",
+                "fitting: surface density, 25 %, 1 min 22 s left",
                 "groups, 1 min 15 s so far"
             ]
         );
@@ -385,6 +406,21 @@ mod tests {
         assert_eq!(d.status(at(5)).figures(), "70 %, 5 s so far");
         d.advance(10);
         assert_eq!(d.status(at(11)).figures(), "80 %, 20 s left");
+    }
+
+    /// A step of minutes does not make the rest look longer with every second.
+    #[test]
+    fn the_time_left_falls_while_a_step_lasts() {
+        let mut d = Display::new(Box::new(Record::default()));
+        d.begin("experiments", 100, at(0));
+        d.tick(at(0));
+        d.advance(50);
+        d.tick(at(100));
+        let left = [100, 160, 190, 400].map(|now| {
+            d.tick(at(now));
+            d.status(at(now)).left
+        });
+        assert_eq!(left, [100, 40, 10, 30].map(|s| Some(at(s))));
     }
 
     /// A step of the inner phase is worth telling until the first of the outer one is done.
