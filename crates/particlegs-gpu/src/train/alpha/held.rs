@@ -15,8 +15,10 @@ use wgpu::BufferUsages as Use;
 const WIDTHS: [usize; alpha::GROUPS] = [3, 3, 4, 1, 1];
 /// Numbers of a Gaussian that steps move.
 const NUMBERS: usize = 12;
-/// Workgroups that share out the Gaussians for the network's gradient, as network.wgsl has it.
-const NETWORK_PARTS: u32 = 128;
+/// Gaussians for each workgroup of the network's gradient, where they are few ...
+const SHARE: usize = 64;
+/// ... and such workgroups at most: some for each of a large card's processors.
+const NETWORK_PARTS: usize = 512;
 
 /// Buffers, and what they are bound to.
 pub(super) struct Held {
@@ -47,6 +49,11 @@ struct Network {
     total: wgpu::BindGroup,
 }
 
+/// Workgroups that share out so many Gaussians for the network's gradient: no device changes them, nor the sums.
+fn parts_of_network(count: usize) -> usize {
+    count.div_ceil(SHARE).clamp(1, NETWORK_PARTS)
+}
+
 impl Held {
     /// Room for these.
     ///
@@ -69,7 +76,7 @@ impl Held {
         let step = device.buffer("step", size_of::<StepRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
         let network = of.mapper.as_ref().map(|_| {
             let weights = buffer("network", VIZMAPPER_PARAMETERS);
-            let parts = buffer("parts of the network's gradient", NETWORK_PARTS as usize * VIZMAPPER_PARAMETERS);
+            let parts = buffer("parts of the network's gradient", parts_of_network(count) * VIZMAPPER_PARAMETERS);
             let by_network = buffer("the network's gradient", VIZMAPPER_PARAMETERS);
             let back = [&step, &weights, &columns, &by_output, &gradient, &parts];
             Network {
@@ -118,7 +125,7 @@ impl Held {
     pub fn update(&self, device: &Device, pass: &mut wgpu::ComputePass<'_>, blender: &Blender, told: &wgpu::Buffer) {
         let kernels = &blender.kernels;
         if let Some(n) = &self.network {
-            kernels.network.run(pass, &n.backward, [NETWORK_PARTS, 1]);
+            kernels.network.run(pass, &n.backward, [parts_of_network(self.count) as u32, 1]);
             kernels.network_total.run(pass, &n.total, groups(VIZMAPPER_PARAMETERS as u64));
             let adam = kernels.network_adam.bind(device, &[&self.step, &n.by_network, &n.weights, &n.averages, told]);
             kernels.network_adam.run(pass, &adam, [1, 1]);

@@ -8,5 +8,3 @@ const SECOND_BIAS: u32 = 4416u;
 const LAST: u32 = 4480u;
 const LAST_BIAS: u32 = 4608u;
 const PARAMETERS: u32 = 4610u;
-// Workgroups that Gaussians are shared out among; fixed, so that sums do not depend on the device.
-const NETWORK_PARTS: u32 = 128u;

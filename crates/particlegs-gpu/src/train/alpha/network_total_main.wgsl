@@ -9,7 +9,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     var sum = 0.0;
-    for (var part = 0u; part < NETWORK_PARTS; part++) {
+    let count = arrayLength(&parts) / PARAMETERS;
+    for (var part = 0u; part < count; part++) {
         sum += parts[PARAMETERS * part + id.x];
     }
     by_network[id.x] = sum;
