@@ -20,7 +20,8 @@ pub(super) struct ViewRecord {
     pub first: u32,
     pub last: u32,
     pub nothing: u32,
-    pub pad: [u32; 3],
+    pub pad: u32,
+    pub strip: [u32; 2],
 }
 
 impl ViewRecord {
@@ -58,7 +59,8 @@ impl ViewRecord {
             first: 0,
             last: 0,
             nothing: 0,
-            pad: [0; 3],
+            pad: 0,
+            strip: [0, size.height as u32],
         })
     }
 }

@@ -16,4 +16,6 @@ struct View {
     last: u32,
     // Always 0, which no compiler knows.
     nothing: u32,
+    // In paraview/: the rows, from the bottom, whose layers are bound; from the first to before the last.
+    strip: vec2u,
 }

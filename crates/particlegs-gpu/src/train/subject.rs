@@ -12,8 +12,8 @@ use particlegs_train::Subject;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Bytes a pixel that a kernel sees at once of pictures of all particles.
-const A_PIXEL: u64 = 8;
+/// Bytes a pixel that a kernel sees at once of pictures of all particles: 4, and their edges.
+const A_PIXEL: u64 = 5;
 
 /// Particles whose pictures the device draws, where it holds them; larger ones are the processor's, which are the same.
 pub(super) struct OnDevice<'a> {

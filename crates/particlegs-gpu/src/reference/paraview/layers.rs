@@ -7,23 +7,50 @@ use crate::reference::view::ViewRecord;
 use crate::sort::{Sort, Sorter};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
+use std::ops::Range;
 use wgpu::BufferUsages as Use;
 
 /// Bits of a key below those of its pixel (rest.wgsl).
 pub(super) const LEVEL_BITS: u32 = 8;
 
-/// Layers and ranges of depths of a picture's pixels, rows from the bottom.
+/// Bytes a pixel of the largest of a strip's buffers.
+const WIDEST: u64 = 8;
+/// Rows of strips are a multiple of this, so that those of levels, four a word, are whole words.
+const WHOLE: usize = 4;
+
+/// Layers and ranges of depths of as many rows of a picture as a card sees at once; rows from the bottom.
+pub(super) struct Strip {
+    pub rows: Range<u32>,
+    /// Two words a pixel (blend.wgsl).
+    pub ranges: wgpu::Buffer,
+    pub next_ranges: wgpu::Buffer,
+    /// A word a pixel.
+    pub layers: wgpu::Buffer,
+    /// Two words a pixel; after the last peel the levels of four pixels a word, rows from the top.
+    pub next_layers: wgpu::Buffer,
+}
+
+impl Strip {
+    fn new(device: &Device, width: usize, rows: Range<u32>) -> Strip {
+        let pixels = (width * rows.len()) as u64;
+        let buffer = |label, bytes| device.buffer(label, bytes, Use::STORAGE | Use::COPY_DST | Use::COPY_SRC);
+        Strip {
+            rows,
+            ranges: buffer("ranges", 8 * pixels),
+            next_ranges: buffer("next ranges", 8 * pixels),
+            layers: buffer("layers", 4 * pixels),
+            next_layers: buffer("next layers", WIDEST * pixels),
+        }
+    }
+}
+
+/// The memory of pictures of one size.
 pub struct Canvas {
     pub(super) size: Size,
     pub(super) view: wgpu::Buffer,
     pub(super) slices: wgpu::Buffer,
-    /// Two words a pixel (blend.wgsl).
-    pub(super) ranges: wgpu::Buffer,
-    pub(super) next_ranges: wgpu::Buffer,
-    /// A word a pixel.
-    pub(super) layers: wgpu::Buffer,
-    /// Two words a pixel.
-    pub(super) next_layers: wgpu::Buffer,
+    /// The uppermost first.
+    pub(super) strips: Vec<Strip>,
     /// Two words: what a peel found.
     pub(super) found: wgpu::Buffer,
     /// Where each slice's keys begin, and how many they are.
@@ -39,7 +66,14 @@ pub struct Canvas {
 impl Canvas {
     pub(super) fn new(device: &Device, sorter: &Sorter, size: Size, limits: &Limits) -> Result<Canvas> {
         let pixels = size.pixels() as u64;
-        device.fits(size, 8 * pixels)?;
+        // A strip has four rows at least.
+        device.fits(size, pixels.max(WIDEST * (size.width * size.height.min(WHOLE)) as u64))?;
+        let most = limits.strip.min(device.largest_binding() / WIDEST) as usize;
+        let rows = (most / size.width / WHOLE).max(1) * WHOLE;
+        let strips = (0..size.height).step_by(rows).map(|above| {
+            let of = size.height - size.height.min(above + rows)..size.height - above;
+            Strip::new(device, size.width, of.start as u32..of.end as u32)
+        });
         let here = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
         let slices = limits.slices as u64;
         let band = band_of(size.width as u32, limits) * size.width as u32;
@@ -48,15 +82,12 @@ impl Canvas {
             size,
             view: device.buffer("view", size_of::<ViewRecord>() as u64, Use::UNIFORM | Use::COPY_DST),
             slices: device.buffer("slices", 8 * slices, Use::STORAGE | Use::COPY_DST),
-            ranges: device.buffer("ranges", 8 * pixels, here),
-            next_ranges: device.buffer("next ranges", 8 * pixels, here),
-            layers: device.buffer("layers", 4 * pixels, here),
-            next_layers: device.buffer("next layers", 8 * pixels, here),
+            strips: strips.collect(),
             found: device.buffer("found", 8, here),
             offsets: device.buffer("offsets", 4 * slices, Use::STORAGE | Use::COPY_DST),
             counts: device.buffer("counts", 4 * slices, here),
             keys: sorter.room(device, limits.keys, LEVEL_BITS..LEVEL_BITS + bits.max(1)),
-            levels: device.buffer("levels", pixels, Use::STORAGE | Use::COPY_SRC),
+            levels: device.buffer("levels", pixels, here),
             picture: device.buffer("picture", pixels, Use::STORAGE | Use::COPY_SRC),
         };
         device.check()?;
@@ -71,8 +102,10 @@ impl Canvas {
     /// Before any particle.
     pub(super) fn clear(&self, device: &Device) {
         let mut encoder = device.device.create_command_encoder(&Default::default());
-        for buffer in [&self.ranges, &self.next_ranges, &self.layers, &self.next_layers] {
-            encoder.clear_buffer(buffer, 0, None);
+        for strip in &self.strips {
+            for buffer in [&strip.ranges, &strip.next_ranges, &strip.layers, &strip.next_layers] {
+                encoder.clear_buffer(buffer, 0, None);
+            }
         }
         device.queue.submit([encoder.finish()]);
     }
@@ -80,8 +113,22 @@ impl Canvas {
     /// The ranges of all fragments are those of the first peel.
     pub(super) fn begin_peels(&self, device: &Device) {
         let mut encoder = device.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(&self.next_ranges, 0, &self.ranges, 0, self.ranges.size());
-        encoder.clear_buffer(&self.next_ranges, 0, None);
+        for strip in &self.strips {
+            encoder.copy_buffer_to_buffer(&strip.next_ranges, 0, &strip.ranges, 0, strip.ranges.size());
+            encoder.clear_buffer(&strip.next_ranges, 0, None);
+        }
+        device.queue.submit([encoder.finish()]);
+    }
+
+    /// The levels of all strips, after those of each.
+    pub(super) fn gather_levels(&self, device: &Device) {
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        let mut to = 0;
+        for strip in &self.strips {
+            let bytes = (self.size.width * strip.rows.len()) as u64;
+            encoder.copy_buffer_to_buffer(&strip.next_layers, 0, &self.levels, to, bytes.next_multiple_of(4));
+            to += bytes;
+        }
         device.queue.submit([encoder.finish()]);
     }
 }

@@ -1,4 +1,4 @@
-// A pixel's layers to its level; rows of the picture go down.
+// A pixel's layers to its level; rows of the picture go down, those of layers up.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> layers: array<u32>;
@@ -11,10 +11,10 @@ fn level_of(layer: u32) -> u32 {
 }
 
 fn pixel_count() -> u32 {
-    return view.size.x * view.size.y;
+    return view.size.x * (view.strip.y - view.strip.x);
 }
 
 fn level_at(pixel: u32) -> u32 {
-    let row = view.size.y - 1u - pixel / view.size.x;
+    let row = view.strip.y - view.strip.x - 1u - pixel / view.size.x;
     return level_of(layers[row * view.size.x + pixel % view.size.x]);
 }

@@ -15,6 +15,8 @@
 //! pixel without changing it, and blended one after the other; as many at a time as there is room for.
 //!
 //! Every stage goes through the particles anew: to count their pixels, for the ranges of depths, for each peel, for the rest.
+//! Of a picture whose layers are more than a card sees at once, strips of rows are drawn, stage by stage, since VTK's last
+//! peel is that of the whole picture.
 
 mod kernels;
 mod layers;
@@ -24,6 +26,7 @@ mod slices;
 mod tests;
 
 pub use layers::Canvas;
+use layers::Strip;
 
 use super::Points;
 use super::source::Source;
@@ -49,15 +52,23 @@ struct Limits {
     keys: u32,
     /// Pixels that are sorted together.
     band: u32,
+    /// Pixels of a strip, where a card sees so many at once.
+    strip: u64,
 }
 
-const LIMITS: Limits = Limits { slices: 65_535, pixels: 1 << 26, keys: 1 << 23, band: 1 << 24 };
+const LIMITS: Limits = Limits { slices: 65_535, pixels: 1 << 26, keys: 1 << 23, band: 1 << 24, strip: u64::MAX };
 
 /// Draws ParaView's pictures of all particles on a device.
 pub struct Paraview {
     device: Arc<Device>,
     kernels: Kernels,
     limits: Limits,
+}
+
+/// A strip, and of each piece of the particles how many pixels there the boxes of every 64 have.
+struct Work<'a> {
+    strip: &'a Strip,
+    counts: Vec<Vec<u32>>,
 }
 
 /// A picture about to be drawn.
@@ -110,10 +121,9 @@ impl Shot<'_> {
         canvas.clear(&self.paraview.device);
         let work = self.work(source)?;
         let kernel = &self.paraview.kernels.range;
-        self.each_batch(source, &work, &mut |points, batch| {
-            let bound =
-                kernel.bind(self.device(), &[&canvas.view, &points.positions, &canvas.slices, &canvas.next_ranges]);
-            self.run_slices(kernel, &bound, self.of(points), batch);
+        self.each_batch(source, &work, &mut |points, strip, batch| {
+            let buffers = [&canvas.view, &points.positions, &canvas.slices, &strip.next_ranges];
+            self.run_slices(kernel, &kernel.bind(self.device(), &buffers), self.of(points, strip), batch);
             Ok(())
         })?;
         canvas.begin_peels(&self.paraview.device);
@@ -124,20 +134,20 @@ impl Shot<'_> {
     }
 
     /// Peels; is there a rest to blend? VTK stops once a whole peel writes no back layer anywhere, and blends no rest then.
-    fn peels(&self, source: &dyn Source, work: &[Vec<u32>]) -> Result<bool> {
+    fn peels(&self, source: &dyn Source, work: &[Work<'_>]) -> Result<bool> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.peel);
         for _ in 0..PEELS {
-            self.each_batch(source, work, &mut |points, batch| {
+            self.each_batch(source, work, &mut |points, strip, batch| {
                 let buffers = [
                     &canvas.view,
                     &points.positions,
                     &canvas.slices,
-                    &canvas.next_ranges,
-                    &canvas.ranges,
-                    &canvas.layers,
-                    &canvas.next_layers,
+                    &strip.next_ranges,
+                    &strip.ranges,
+                    &strip.layers,
+                    &strip.next_layers,
                 ];
-                self.run_slices(kernel, &kernel.bind(self.device(), &buffers), self.of(points), batch);
+                self.run_slices(kernel, &kernel.bind(self.device(), &buffers), self.of(points, strip), batch);
                 Ok(())
             })?;
             let [wrote, left] = self.settle()?;
@@ -152,18 +162,20 @@ impl Shot<'_> {
     fn settle(&self) -> Result<[u32; 2]> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.settle);
         self.device().queue.write_buffer(&canvas.found, 0, &[0; 8]);
-        let buffers =
-            [&canvas.view, &canvas.next_ranges, &canvas.ranges, &canvas.layers, &canvas.next_layers, &canvas.found];
-        let bound = kernel.bind(self.device(), &buffers);
-        self.run(kernel, &bound, self.record, groups(canvas.size.pixels() as u64));
+        for strip in &canvas.strips {
+            let buffers =
+                [&canvas.view, &strip.next_ranges, &strip.ranges, &strip.layers, &strip.next_layers, &canvas.found];
+            let bound = kernel.bind(self.device(), &buffers);
+            self.run(kernel, &bound, self.within(strip), groups(self.pixels(strip)));
+        }
         let bytes = self.device().read(&canvas.found, 8)?;
         Ok(bytemuck::pod_read_unaligned(&bytes))
     }
 
-    /// How many pixels the boxes of every 64 particles have, piece by piece.
-    fn work(&self, source: &dyn Source) -> Result<Vec<Vec<u32>>> {
+    /// How many pixels of every strip the boxes of every 64 particles have, piece by piece.
+    fn work(&self, source: &dyn Source) -> Result<Vec<Work<'_>>> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.count);
-        let mut work = Vec::new();
+        let mut work: Vec<_> = canvas.strips.iter().map(|strip| Work { strip, counts: Vec::new() }).collect();
         source.each(&mut |points| {
             let all = points.count.div_ceil(GROUP);
             let counts = self.device().buffer(
@@ -172,26 +184,30 @@ impl Shot<'_> {
                 wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             );
             let bound = kernel.bind(self.device(), &[&canvas.view, &points.positions, &canvas.slices, &counts]);
-            self.run(kernel, &bound, self.of(points), groups(u64::from(points.count)));
-            work.push(bytemuck::pod_collect_to_vec(&self.device().read(&counts, 4 * u64::from(all))?));
+            for own in &mut work {
+                self.run(kernel, &bound, self.of(points, own.strip), groups(u64::from(points.count)));
+                own.counts.push(bytemuck::pod_collect_to_vec(&self.device().read(&counts, 4 * u64::from(all))?));
+            }
             Ok(())
         })?;
         Ok(work)
     }
 
-    /// Calls `run` with every piece and the slices of its pixels, as many as a dispatch takes.
+    /// Calls `run` with every piece, every strip and the slices of its pixels, as many as a dispatch takes.
     fn each_batch(
         &self,
         source: &dyn Source,
-        work: &[Vec<u32>],
-        run: &mut dyn FnMut(&Points, &[Slice]) -> Result<()>,
+        work: &[Work<'_>],
+        run: &mut dyn FnMut(&Points, &Strip, &[Slice]) -> Result<()>,
     ) -> Result<()> {
-        let mut counts = work.iter();
+        let mut piece = 0;
         source.each(&mut |points| {
-            let Some(counts) = counts.next() else { return Ok(()) };
-            for batch in Batches::new(counts, &self.paraview.limits) {
-                run(points, &batch)?;
+            for Work { strip, counts } in work {
+                for batch in counts.get(piece).iter().flat_map(|c| Batches::new(c, &self.paraview.limits)) {
+                    run(points, strip, &batch)?;
+                }
             }
+            piece += 1;
             // What was given to the queue is done before more is.
             self.device().wait()
         })
@@ -216,20 +232,30 @@ impl Shot<'_> {
     /// Layers to levels.
     fn finish(&self, fxaa: bool) -> Result<Gray8> {
         let (canvas, kernels) = (self.canvas, &self.paraview.kernels);
-        let quarter = groups((canvas.size.pixels() as u64).div_ceil(4));
-        let bound = kernels.level.bind(self.device(), &[&canvas.view, &canvas.layers, &canvas.levels]);
-        self.run(&kernels.level, &bound, self.record, quarter);
+        for strip in &canvas.strips {
+            let bound = kernels.level.bind(self.device(), &[&canvas.view, &strip.layers, &strip.next_layers]);
+            self.run(&kernels.level, &bound, self.within(strip), groups(self.pixels(strip).div_ceil(4)));
+        }
+        canvas.gather_levels(&self.paraview.device);
         if fxaa {
             let bound = kernels.fxaa.bind(self.device(), &[&canvas.view, &canvas.levels, &canvas.picture]);
-            self.run(&kernels.fxaa, &bound, self.record, quarter);
+            self.run(&kernels.fxaa, &bound, self.record, groups((canvas.size.pixels() as u64).div_ceil(4)));
         }
         let from = if fxaa { &canvas.picture } else { &canvas.levels };
         let data = self.device().read(from, canvas.size.pixels() as u64)?;
         Ok(Gray8 { size: canvas.size, data })
     }
 
-    fn of(&self, points: &Points) -> ViewRecord {
-        ViewRecord { count: points.count, ..self.record }
+    fn within(&self, strip: &Strip) -> ViewRecord {
+        ViewRecord { strip: [strip.rows.start, strip.rows.end], ..self.record }
+    }
+
+    fn of(&self, points: &Points, strip: &Strip) -> ViewRecord {
+        ViewRecord { count: points.count, ..self.within(strip) }
+    }
+
+    fn pixels(&self, strip: &Strip) -> u64 {
+        (self.canvas.size.width * strip.rows.len()) as u64
     }
 
     fn device(&self) -> &Device {

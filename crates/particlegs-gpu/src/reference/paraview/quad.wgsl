@@ -12,7 +12,7 @@ struct Quad {
     planes: array<Planes, 2>,
     // Snapped corners (-,-), (+,-), (-,+), (+,+) in (u, v), in 1/256 of a pixel, pixel centres at whole pixels.
     corners: array<vec2i, 4>,
-    // First pixel of its box, clamped to the picture, and how many columns and rows that has.
+    // First pixel of its box, clamped to the strip of the picture, and how many columns and rows that has.
     low: vec2u,
     extent: vec2u,
     depth: f32,
@@ -62,9 +62,10 @@ fn quad_of(s: Splat) -> Quad {
     let is_aligned = s.axes.y == 0.0 && s.axes.z == 0.0;
     // Of a rotated quad's box the edges tell which pixels are in; the far side may be one of them.
     let more = select(1, 0, is_aligned);
-    let size = vec2i(view.size);
-    let low = clamp(vec2i(first_pixel(least.x), first_pixel(least.y)), vec2i(0), size);
-    let high = min(vec2i(first_pixel(most.x) + more, first_pixel(most.y) + more), size);
+    let start = vec2i(0, i32(view.strip.x));
+    let end = vec2i(i32(view.size.x), i32(view.strip.y));
+    let low = clamp(vec2i(first_pixel(least.x), first_pixel(least.y)), start, end);
+    let high = min(vec2i(first_pixel(most.x) + more, first_pixel(most.y) + more), end);
     if any(low >= high) {
         return q;
     }

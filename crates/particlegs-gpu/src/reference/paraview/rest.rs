@@ -1,7 +1,7 @@
 //! What the peels left, blended in the order of the particles.
 
 use super::slices::Slice;
-use super::{Limits, Shot};
+use super::{Limits, Shot, Strip, Work};
 use crate::groups;
 use crate::reference::Points;
 use crate::reference::source::Source;
@@ -10,39 +10,44 @@ use particlegs_core::Result;
 use std::ops::Range;
 
 impl Shot<'_> {
-    /// Blends the rest, band of rows by band.
-    pub(super) fn rest(&self, source: &dyn Source, work: &[Vec<u32>]) -> Result<()> {
-        let [width, height] = self.record.size;
-        let rows = band_of(width, &self.paraview.limits);
-        for first in (0..height).step_by(rows as usize) {
-            let band = ViewRecord { first, last: height.min(first.saturating_add(rows)), ..self.record };
-            self.each_batch(source, work, &mut |points, batch| self.rest_of_batch(points, batch, band))?;
+    /// Blends the rest, band of a strip's rows by band.
+    pub(super) fn rest(&self, source: &dyn Source, work: &[Work<'_>]) -> Result<()> {
+        let height = band_of(self.record.size[0], &self.paraview.limits);
+        for own in work {
+            let rows = own.strip.rows.clone();
+            for first in rows.clone().step_by(height as usize) {
+                let last = rows.end.min(first.saturating_add(height));
+                let band = ViewRecord { first, last, ..self.within(own.strip) };
+                self.each_batch(source, std::slice::from_ref(own), &mut |points, strip, batch| {
+                    self.rest_of_batch(points, strip, batch, band)
+                })?;
+            }
         }
         Ok(())
     }
 
     /// The fragments of a batch of slices, as many at a time as there is room for.
-    fn rest_of_batch(&self, points: &Points, batch: &[Slice], band: ViewRecord) -> Result<()> {
+    fn rest_of_batch(&self, points: &Points, strip: &Strip, batch: &[Slice], band: ViewRecord) -> Result<()> {
         let (canvas, device, kernels) = (self.canvas, self.device(), &self.paraview.kernels);
         let record = ViewRecord { count: points.count, ..band };
-        let buffers = [&canvas.view, &points.positions, &canvas.slices, &canvas.ranges, &canvas.counts];
+        let buffers = [&canvas.view, &points.positions, &canvas.slices, &strip.ranges, &canvas.counts];
         let bound = kernels.rest_count.bind(device, &buffers);
         self.run_slices(&kernels.rest_count, &bound, record, batch);
         let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&device.read(&canvas.counts, 4 * batch.len() as u64)?);
         let buffers =
-            [&canvas.view, &points.positions, &canvas.slices, &canvas.ranges, &canvas.offsets, &canvas.keys.keys];
+            [&canvas.view, &points.positions, &canvas.slices, &strip.ranges, &canvas.offsets, &canvas.keys.keys];
         let bound = kernels.rest_keys.bind(device, &buffers);
         for run in runs(&counts, self.paraview.limits.keys) {
             let offsets = starts(&counts[run.clone()]);
             device.queue.write_buffer(&canvas.offsets, 0, bytemuck::cast_slice(&offsets));
             self.run_slices(&kernels.rest_keys, &bound, record, &batch[run.clone()]);
-            self.blend(counts[run].iter().sum(), band);
+            self.blend(strip, counts[run].iter().sum(), band);
         }
         Ok(())
     }
 
     /// Sorts keys and blends them.
-    fn blend(&self, count: u32, band: ViewRecord) {
+    fn blend(&self, strip: &Strip, count: u32, band: ViewRecord) {
         let (canvas, device, kernels) = (self.canvas, self.device(), &self.paraview.kernels);
         canvas.keys.set(&device.queue, count);
         let mut encoder = device.device.create_command_encoder(&Default::default());
@@ -50,7 +55,7 @@ impl Shot<'_> {
         kernels.sorter.run(&mut pass, &canvas.keys, count);
         drop(pass);
         device.queue.submit([encoder.finish()]);
-        let bound = kernels.rest.bind(device, &[&canvas.view, &canvas.keys.keys, &canvas.layers]);
+        let bound = kernels.rest.bind(device, &[&canvas.view, &canvas.keys.keys, &strip.layers]);
         self.run(&kernels.rest, &bound, ViewRecord { count, ..band }, groups(u64::from(count)));
     }
 }

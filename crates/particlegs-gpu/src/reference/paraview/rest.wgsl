@@ -14,5 +14,6 @@ fn key_of(at: u32) -> u32 {
         return 0u;
     }
     let level = to_byte(alpha_of(p.own, p.pixel));
-    return select(((pixel - view.first * view.size.x) << 8u) | level, 0u, level == 0u);
+    let in_band = pixel - (view.first - view.strip.x) * view.size.x;
+    return select((in_band << 8u) | level, 0u, level == 0u);
 }

@@ -19,7 +19,7 @@ fn main(
     if first > 0u && (keys[first - 1u] >> 8u) == pixel {
         return;
     }
-    let at = view.first * view.size.x + pixel;
+    let at = (view.first - view.strip.x) * view.size.x + pixel;
     var back = layers[at] >> 8u;
     for (var k = first; k < view.count && (keys[k] >> 8u) == pixel; k++) {
         back = over_back(back, keys[k] & 255u);

@@ -15,7 +15,7 @@ fn main(
     @builtin(local_invocation_index) me: u32,
 ) {
     let pixel = (group.y * groups.x + group.x) * 64u + me;
-    if pixel >= view.size.x * view.size.y || ranges[2u * pixel] == 0u {
+    if pixel >= view.size.x * (view.strip.y - view.strip.x) || ranges[2u * pixel] == 0u {
         return;
     }
     var back = layers[pixel] >> 8u;

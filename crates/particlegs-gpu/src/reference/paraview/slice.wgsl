@@ -40,6 +40,7 @@ fn place(at: u32) -> Place {
     return Place(pixel, own, quads[own].aligned == 1u || covers(quads[own].corners, pixel));
 }
 
+// Among the pixels of the strip.
 fn index_of(pixel: vec2u) -> u32 {
-    return pixel.y * view.size.x + pixel.x;
+    return (pixel.y - view.strip.x) * view.size.x + pixel.x;
 }

@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn every_pixel_is_in_one_slice() {
-        let limits = Limits { slices: 3, pixels: 9000, keys: 0, band: 0 };
+        let limits = Limits { slices: 3, pixels: 9000, keys: 0, band: 0, strip: 0 };
         let counts = [0, 1, 4096, 0, 4097, 20_000, 0];
         let batches: Vec<_> = Batches::new(&counts, &limits).collect();
         assert!(batches.iter().all(|b| (1..=3).contains(&b.len())), "{batches:?}");

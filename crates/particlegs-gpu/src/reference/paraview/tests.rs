@@ -126,7 +126,7 @@ fn no_division_of_the_work_shows() {
     let Some(device) = device() else { return };
     let columns = columns(1500);
     let views = [view(FAR, 0.06, 0.3), view(FAR, 0.02, 1.0), view(FAR, 0.06, 0.3)];
-    let small = Limits { slices: 7, pixels: 20_000, keys: 5000, band: 6400 };
+    let small = Limits { slices: 7, pixels: 20_000, keys: 5000, band: 6400, strip: 13_000 };
     let mut all = Vec::new();
     for (limits, pieces) in [(LIMITS, 1), (LIMITS, 3), (small, 1), (small, 3)] {
         let there = Paraview::within(&device, limits).unwrap();
@@ -149,6 +149,45 @@ fn no_division_of_the_work_shows() {
     }
 }
 
+/// Strips whose words of levels do not end with their rows; one peel more or less of one strip would show.
+#[test]
+fn strips_of_odd_pictures_leave_no_trace() {
+    let Some(device) = device() else { return };
+    let size = Size { width: 61, height: 45 };
+    for (n, radius, opacity) in [(9, 0.02, 0.5), (300, 0.1, 0.3), (2000, 0.1, 0.002), (4000, 0.05, 1.0)] {
+        let columns = columns(n);
+        let own = particles(&columns);
+        let own = reference::Reference::new(&own);
+        let view = view(FAR, radius, opacity);
+        for (fxaa, look) in [(false, Look::ParaviewNoFxaa), (true, Look::Paraview)] {
+            let expected = own.draw(&view, size, look, &Silent).unwrap();
+            for (strip, strips) in [(u64::MAX, 1), (1000, 3), (1, 12)] {
+                let there = Paraview::within(&device, Limits { strip, ..LIMITS }).unwrap();
+                let canvas = there.canvas(size).unwrap();
+                assert_eq!(canvas.strips.len(), strips);
+                let drawn = draw(&there, &canvas, &view, &points(&device, &columns, 2), fxaa);
+                let (differ, lit, worst) = apart(&drawn, &expected);
+                assert!(differ * 1000 <= lit, "{n} {radius} {opacity} {fxaa} {strips}: {differ} of {lit}, {worst}");
+            }
+        }
+    }
+}
+
+/// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
+#[test]
+fn a_picture_of_8k_is_drawn() {
+    let Some(device) = device() else { return };
+    let (columns, size) = (columns(300), Size { width: 7680, height: 4320 });
+    let view = view(FAR, 0.02, 0.3);
+    let there = Paraview::new(&device).unwrap();
+    let canvas = there.canvas(size).unwrap();
+    let card = draw(&there, &canvas, &view, &points(&device, &columns, 1), true);
+    let own = particles(&columns);
+    let (differ, lit, worst) =
+        apart(&card, &reference::Reference::new(&own).draw(&view, size, Look::Paraview, &Silent).unwrap());
+    assert!(lit > 100_000 && differ * 10_000 <= lit, "{differ} of {lit}, largest {worst}");
+}
+
 /// The order of particles matters, as in VTK: a card that blended in any would not see it.
 #[test]
 fn the_order_of_particles_is_kept() {
@@ -165,8 +204,9 @@ fn the_order_of_particles_is_kept() {
 
 /// Whatever stands in buffers before a picture: not numbers.
 fn poison(device: &Device, canvas: &Canvas) {
-    let buffers = [&canvas.ranges, &canvas.next_ranges, &canvas.layers, &canvas.next_layers, &canvas.found];
-    for buffer in buffers.into_iter().chain([&canvas.counts]) {
-        device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
+    let of_strip = |s: &'_ Strip| [&s.ranges, &s.next_ranges, &s.layers, &s.next_layers].map(Clone::clone);
+    let strips = canvas.strips.iter().flat_map(of_strip);
+    for buffer in strips.chain([&canvas.found, &canvas.counts].map(Clone::clone)) {
+        device.queue.write_buffer(&buffer, 0, &vec![0xff; buffer.size() as usize]);
     }
 }
