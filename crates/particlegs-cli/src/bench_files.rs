@@ -3,11 +3,12 @@
 use crate::canvas::Canvas;
 use crate::common::Context;
 use crate::figure::png_file::{About, Effort, coded};
-use crate::figure::{self, Figure, Ground, Image, Panel, Place, Room};
+use crate::figure::ticks::logarithmic;
+use crate::figure::{self, Bar, Figure, Ground, Image, Panel, Place, Room};
 use particlegs::picture::{Gray8, Rgb8, Size, write_png};
 use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
-use particlegs_lab::found::{Pictures, Plot};
+use particlegs_lab::found::{Colours, Pictures, Plot};
 use particlegs_lab::plot;
 use particlegs_lab::report::{Provenance, Section, csv, html, markdown};
 use std::path::{Path, PathBuf};
@@ -99,7 +100,7 @@ fn joined(p: &Pictures) -> Result<Vec<u8>> {
         title: None,
         panels: p.panels.iter().map(panel).collect(),
         columns: p.columns,
-        bar: None,
+        bar: p.colours.as_ref().map(bar),
         legend: Vec::new(),
         place: Place::Outside,
         page: Ground::White,
@@ -107,6 +108,14 @@ fn joined(p: &Pictures) -> Result<Vec<u8>> {
     };
     let page = figure::raster(&figure::layout(&figure, LETTERS, Room::Pixels)?)?;
     coded(&plainest(page), &About::default(), Effort::Small)
+}
+
+fn bar(of: &Colours) -> Bar {
+    Bar {
+        title: of.title.clone(),
+        colours: (0..=255).map(|i| of.map.color(i as f32 / 255.0)).collect(),
+        ticks: logarithmic(of.range[0], of.range[1]),
+    }
 }
 
 /// In grey levels where there is no colour in it: a third of the bytes before they are compressed.

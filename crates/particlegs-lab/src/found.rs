@@ -1,6 +1,6 @@
 //! What an experiment found, as plain data: tables, plots, pictures, and what a reader must know.
 
-use particlegs::picture::Rgb8;
+use particlegs::picture::{Colormap, Rgb8};
 use serde::Serialize;
 
 /// What an experiment found.
@@ -269,6 +269,17 @@ impl Point {
     }
 }
 
+/// Colours that stand for a quantity, in equal steps of its logarithm.
+#[derive(Clone, Debug)]
+pub struct Colours {
+    /// The quantity, with its unit.
+    pub title: String,
+    /// From the lowest to the highest.
+    pub map: Colormap,
+    /// The lowest value, and the highest.
+    pub range: [f64; 2],
+}
+
 /// Pictures of one size side by side.
 #[derive(Debug, Serialize)]
 pub struct Pictures {
@@ -280,6 +291,9 @@ pub struct Pictures {
     pub caption: String,
     /// How many stand beside each other.
     pub columns: usize,
+    /// What their colours say, where they are not grey levels.
+    #[serde(skip)]
+    pub colours: Option<Colours>,
     /// What stands under each, and the picture.
     #[serde(skip)]
     pub panels: Vec<(String, Rgb8)>,

@@ -117,6 +117,7 @@ fn artefact(shown: &Shown, others: &[Other]) -> Option<Pictures> {
             sizes(other)
         ),
         columns: 3,
+        colours: None,
         panels: shown.panels(other, close_up),
     })
 }
@@ -128,6 +129,7 @@ fn qualitative(shown: &Shown, others: &[Other]) -> Option<Pictures> {
         title: format!("Far and near: all particles, the model and the best other compressor, {}", other.name),
         caption: format!("The whole of the first far and the first near view. {}", sizes(other)),
         columns: 3,
+        colours: None,
         panels: shown.panels(other, whole),
     })
 }

@@ -143,6 +143,7 @@ fn shown(truth: &Truth, ways: &[Way]) -> Pictures {
              are masked PSNR of the whole view's own levels against all particles, measured in this run."
         ),
         columns: 3,
+        colours: None,
         panels,
     }
 }

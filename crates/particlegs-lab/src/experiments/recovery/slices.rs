@@ -2,7 +2,7 @@
 
 use super::RATIO;
 use super::measure::Drawn;
-use crate::found::Pictures;
+use crate::found::{Colours, Pictures};
 use particlegs::Result;
 use particlegs::picture::{Colormap, Rgb8, Size};
 use particlegs::recover::Method;
@@ -14,9 +14,6 @@ const PLANES: usize = 16;
 const RANGE: [f64; 2] = [-1.25, 2.0];
 /// Pixels of a picture at least, across.
 const WIDTH: usize = 480;
-/// Height of the strip of all colours, and of the white between it and the picture, pixels.
-const STRIP: usize = 14;
-const GAP: usize = 4;
 
 /// log10 of density over its mean in the central slab across z.
 pub(super) fn pictures(drawn: &Drawn<'_>) -> Result<Pictures> {
@@ -39,17 +36,20 @@ pub(super) fn pictures(drawn: &Drawn<'_>) -> Result<Pictures> {
         title: format!("Density in a central slab, ratio {RATIO:.0}"),
         caption: caption(&grid),
         columns: 3,
+        colours: Some(Colours {
+            title: "density / mean".into(),
+            map: Colormap::Inferno,
+            range: RANGE.map(|power| 10f64.powf(power)),
+        }),
         panels,
     })
 }
 
 fn caption(grid: &Grid) -> String {
     format!(
-        "log10 of density over its mean, from {} (black, and all below) to {} (pale yellow): the strip at the foot of \
-         each picture has the colours in equal steps between them. {} x {} columns across x and y through {} cells \
-         along z in the middle of the box, about {PLANES} particles each in the mean; nearest grid point.",
-        RANGE[0],
-        RANGE[1],
+        "Density over its mean, colours in equal steps of its logarithm, black for all below them. {} x {} columns across \
+         x and y through {} cells along z in the middle of the box, about {PLANES} particles each in the mean; nearest \
+         grid point.",
         grid.cells[0],
         grid.cells[1],
         planes(grid.cells).len()
@@ -71,10 +71,10 @@ fn slab(field: &Field) -> Vec<f64> {
     (0..nx * ny).map(column).collect()
 }
 
-/// In colours, y upwards, every cell a square of whole pixels, and the strip below.
+/// In colours, y upwards, every cell a square of whole pixels.
 fn painted(columns: &[f64], [nx, ny, _]: [usize; 3]) -> Rgb8 {
     let by = WIDTH.div_ceil(nx).max(1);
-    let size = Size { width: by * nx, height: by * ny + GAP + STRIP };
+    let size = Size { width: by * nx, height: by * ny };
     let colour = |share: f64| Colormap::Inferno.color(share as f32);
     let mut data = Vec::with_capacity(size.pixels());
     for row in 0..by * ny {
@@ -83,10 +83,6 @@ fn painted(columns: &[f64], [nx, ny, _]: [usize; 3]) -> Rgb8 {
             let value = columns[px / by * ny + y].log10();
             colour((value - RANGE[0]) / (RANGE[1] - RANGE[0]))
         }));
-    }
-    data.extend(std::iter::repeat_n([255; 3], GAP * size.width));
-    for _ in 0..STRIP {
-        data.extend((0..size.width).map(|px| colour(px as f64 / (size.width - 1) as f64)));
     }
     Rgb8 { size, data }
 }
@@ -105,7 +101,7 @@ mod tests {
         // 48 in 128 cells is 0.375 a cell; 3 / 0.375.
         assert_eq!(columns, [0.0, 8.0, 0.0, 0.0]);
         let picture = painted(&columns, grid.cells);
-        assert_eq!((picture.size.width, picture.size.height), (480, 480 + GAP + STRIP));
+        assert_eq!((picture.size.width, picture.size.height), (480, 480));
         let dark = Colormap::Inferno.color(0.0);
         assert_ne!(picture.data[0], dark);
         assert_eq!((picture.data[479], picture.data[300 * 480]), (dark, dark));
