@@ -3,7 +3,6 @@
 use crate::canvas::Canvas;
 use crate::common::Context;
 use crate::figure::png_file::{About, Effort, coded};
-use crate::figure::ticks::logarithmic;
 use crate::figure::{self, Bar, Figure, Ground, Image, Panel, Place, Room};
 use particlegs::picture::{Gray8, Rgb8, Size, write_png};
 use particlegs::{Error, Result};
@@ -96,6 +95,7 @@ fn joined(p: &Pictures) -> Result<Vec<u8>> {
         caption: Some(caption.clone()),
         ..Panel::plain(Image::Color(picture.clone()))
     };
+    let bar = |of: &Colours| Bar::logarithmic(of.title.clone(), of.range, |share| of.map.color(share));
     let figure = Figure {
         title: None,
         panels: p.panels.iter().map(panel).collect(),
@@ -108,14 +108,6 @@ fn joined(p: &Pictures) -> Result<Vec<u8>> {
     };
     let page = figure::raster(&figure::layout(&figure, LETTERS, Room::Pixels)?)?;
     coded(&plainest(page), &About::default(), Effort::Small)
-}
-
-fn bar(of: &Colours) -> Bar {
-    Bar {
-        title: of.title.clone(),
-        colours: (0..=255).map(|i| of.map.color(i as f32 / 255.0)).collect(),
-        ticks: logarithmic(of.range[0], of.range[1]),
-    }
 }
 
 /// In grey levels where there is no colour in it: a third of the bytes before they are compressed.

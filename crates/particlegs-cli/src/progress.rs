@@ -81,8 +81,8 @@ struct Phase {
     began: Duration,
     /// The first look at it: a run that goes on finds much of it done.
     first: Option<Look>,
-    /// The first look that found as much of it done as there is now.
-    moved: Option<Look>,
+    /// Its last step: the first look after it.
+    moved: Look,
 }
 
 impl Phase {
@@ -98,8 +98,8 @@ impl Phase {
     fn look(&mut self, now: Duration) {
         let look = Look { at: now, done: self.done };
         self.first.get_or_insert(look);
-        if self.moved.is_none_or(|m| m.done != self.done) {
-            self.moved = Some(look);
+        if self.moved.done != self.done {
+            self.moved = look;
         }
     }
 
@@ -107,7 +107,7 @@ impl Phase {
     /// minutes. A step that takes longer than all that was left is taken to last a tenth of its time more.
     fn left(&self, now: Duration) -> Option<Duration> {
         let first = self.first.unwrap_or(Look { at: self.began, done: 0 });
-        let moved = self.moved.filter(|m| m.done == self.done).map_or(now, |m| m.at);
+        let moved = if self.moved.done == self.done { self.moved.at } else { now };
         let (elapsed, since) = (moved.saturating_sub(first.at), now.saturating_sub(moved).as_secs_f64());
         let share = self.share()?;
         let gained = share - self.share_of(first.done)?;
@@ -132,7 +132,8 @@ impl Display {
     }
 
     fn begin(&mut self, name: &str, total: u64, now: Duration) {
-        self.phases.push(Phase { name: name.to_string(), total, done: 0, began: now, first: None, moved: None });
+        let moved = Look { at: now, done: 0 };
+        self.phases.push(Phase { name: name.to_string(), total, done: 0, began: now, first: None, moved });
     }
 
     fn advance(&mut self, steps: u64) {

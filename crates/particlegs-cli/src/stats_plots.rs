@@ -1,6 +1,5 @@
 //! Statistics as pictures: one figure each, and the central slices.
 
-use crate::figure::ticks::logarithmic;
 use crate::figure::{self, Bar, Ground, Image, Panel, Place, Room};
 use crate::plots::{Curve, Figure, write};
 use particlegs::Result;
@@ -293,11 +292,7 @@ fn slices(d: &DensityReport, axis: usize) -> Result<Rgb8> {
         caption: Some(name.to_string()),
         ..Panel::plain(Image::Color(picture(values)))
     };
-    let bar = Bar {
-        title: "density / mean".into(),
-        colours: (0..=255).map(|i| Colormap::Inferno.color(i as f32 / 255.0)).collect(),
-        ticks: logarithmic(0.1, 1000.0),
-    };
+    let bar = Bar::logarithmic("density / mean".into(), [0.1, 1000.0], |share| Colormap::Inferno.color(share));
     let whole = figure::Figure {
         title: None,
         panels: d.slices[axis].iter().zip(["truth", "other"]).map(panel).collect(),

@@ -8,7 +8,7 @@ use crate::density_args::Quantities;
 use crate::figure::args::{Axes, FigureArgs};
 use crate::figure::output::{self, FileKind};
 use crate::figure::png_file::{self, About, Effort};
-use crate::figure::ticks::{logarithmic, round_below};
+use crate::figure::ticks::round_below;
 use crate::figure::units::{journal, labelled};
 use crate::figure::{Bar, Figure, Image, Panel, ScaleBar, cube};
 use crate::view_args::Subject;
@@ -129,11 +129,9 @@ impl Finish<'_> {
     pub fn figure(&self, panels: Vec<Panel>, columns: usize, range: [f64; 2]) -> Figure {
         let shown = self.about.colormap.is_some() && self.args.has_bar();
         let ground = self.args.ground();
-        let bar = shown.then(|| Bar {
-            title: labelled("Σ", &journal(&self.quantities.unit())),
-            colours: (0..256).map(|i| colours::colour(self.colormap, ground, i as f32 / 255.0)).collect(),
-            ticks: logarithmic(range[0], range[1]),
-        });
+        let title = || labelled("Σ", &journal(&self.quantities.unit()));
+        let bar =
+            shown.then(|| Bar::logarithmic(title(), range, |share| colours::colour(self.colormap, ground, share)));
         let legend = if self.args.no_annotations { Vec::new() } else { self.legend.clone() };
         let (title, place, page) = (self.args.title.clone(), self.args.place(), self.args.page());
         Figure { title, panels, columns, bar, legend, place, page, ground }

@@ -2,7 +2,7 @@
 
 use super::Image;
 use super::sheet::Ink;
-use super::ticks::Ticks;
+use super::ticks::{Ticks, logarithmic};
 
 /// Paper and ink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,4 +114,12 @@ pub struct Bar {
     pub colours: Vec<Ink>,
     /// Ticks.
     pub ticks: Ticks,
+}
+
+impl Bar {
+    /// Of a range in equal steps of the logarithm, whose shares from 0 to 1 have these colours.
+    pub fn logarithmic(title: String, range: [f64; 2], colour: impl Fn(f32) -> Ink) -> Bar {
+        let colours = (0..=255).map(|i| colour(i as f32 / 255.0)).collect();
+        Bar { title, colours, ticks: logarithmic(range[0], range[1]) }
+    }
 }

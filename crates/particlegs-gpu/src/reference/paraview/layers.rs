@@ -15,7 +15,7 @@ pub(super) const LEVEL_BITS: u32 = 8;
 
 /// Bytes a pixel of the largest of a strip's buffers.
 const WIDEST: u64 = 8;
-/// Rows of strips are a multiple of this, so that those of levels, four a word, are whole words.
+/// Rows of a strip are a multiple of this, but for the last: its levels, four a word, end with a word.
 const WHOLE: usize = 4;
 
 /// Layers and ranges of depths of as many rows of a picture as a card sees at once; rows from the bottom.
@@ -36,8 +36,8 @@ impl Strip {
         let buffer = |label, bytes| device.buffer(label, bytes, Use::STORAGE | Use::COPY_DST | Use::COPY_SRC);
         Strip {
             rows,
-            ranges: buffer("ranges", 8 * pixels),
-            next_ranges: buffer("next ranges", 8 * pixels),
+            ranges: buffer("ranges", WIDEST * pixels),
+            next_ranges: buffer("next ranges", WIDEST * pixels),
             layers: buffer("layers", 4 * pixels),
             next_layers: buffer("next layers", WIDEST * pixels),
         }
@@ -120,7 +120,7 @@ impl Canvas {
         device.queue.submit([encoder.finish()]);
     }
 
-    /// The levels of all strips, after those of each.
+    /// The levels of the whole picture, from those of its strips.
     pub(super) fn gather_levels(&self, device: &Device) {
         let mut encoder = device.device.create_command_encoder(&Default::default());
         let mut to = 0;

@@ -12,6 +12,7 @@ use particlegs::stats::{Assignment, Domain, Field, Grid, Subject, deposit};
 const PLANES: usize = 16;
 /// log10 of density over its mean at the ends of the colours.
 const RANGE: [f64; 2] = [-1.25, 2.0];
+const MAP: Colormap = Colormap::Inferno;
 /// Pixels of a picture at least, across.
 const WIDTH: usize = 480;
 
@@ -38,7 +39,7 @@ pub(super) fn pictures(drawn: &Drawn<'_>) -> Result<Pictures> {
         columns: 3,
         colours: Some(Colours {
             title: "density / mean".into(),
-            map: Colormap::Inferno,
+            map: MAP,
             range: RANGE.map(|power| 10f64.powf(power)),
         }),
         panels,
@@ -75,7 +76,7 @@ fn slab(field: &Field) -> Vec<f64> {
 fn painted(columns: &[f64], [nx, ny, _]: [usize; 3]) -> Rgb8 {
     let by = WIDTH.div_ceil(nx).max(1);
     let size = Size { width: by * nx, height: by * ny };
-    let colour = |share: f64| Colormap::Inferno.color(share as f32);
+    let colour = |share: f64| MAP.color(share as f32);
     let mut data = Vec::with_capacity(size.pixels());
     for row in 0..by * ny {
         let y = ny - 1 - row / by;
