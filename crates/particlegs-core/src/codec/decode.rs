@@ -178,6 +178,15 @@ pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
     decoder::block(bytes, &Silent).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
 }
 
+/// A mixture of fewer, larger Gaussians from the first bytes of a coded block: their counts and masses sum to the block's.
+/// The more bytes, the more it is like the whole block's (docs/format.md, section 6).
+///
+/// # Errors
+/// [`Error::Corrupt`], also where the bytes end before the first stream.
+pub fn decode_prefix(bytes: &[u8], place: &str) -> Result<Block> {
+    decoder::prefix(bytes).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
+}
+
 /// Can a file be read again, to its last Gaussian? Its blocks are decoded one after the other, and
 /// nothing is kept. What is written has passed this, or [`decode`].
 ///

@@ -1,12 +1,15 @@
 //! A block's bytes to Gaussians.
 
+use super::OutOfRange;
 use super::exact::exp;
+use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE};
-use super::rans::Player;
-use super::streams;
+use super::levels::{Below, LEVELS, LevelWalk, NoSource, TreeNode};
+use super::rans::{Coder, Player};
+use super::splits::trunk;
+use super::streams::{self, Streams};
 use super::sums::{opacity_of, rescale, whole_counts};
 use super::tree::{Node, gaussians, pieces};
-use super::walk::{Nothing, OutOfRange, trunk, walk};
 use crate::math::{Sym3, each_axis};
 use crate::memory::filled;
 use crate::model::{AlphaBlend, Block, Law, MASS, Mixture};
@@ -85,65 +88,243 @@ pub(crate) struct BlockDecoder {
     length: usize,
     /// Is every segment's stream as long as a table says?
     table: bool,
+    columns: BlockColumns,
+}
+
+/// The Gaussians of a block, as coded.
+struct BlockColumns {
     mean: [Vec<f64>; 3],
     count: Vec<f64>,
     cov: [Vec<f64>; 6],
     weight: Vec<f64>,
 }
 
-/// A segment as it lies in its block.
+/// A segment as it lies in its block: a stream for each stage.
 struct Coded {
     nodes: Vec<Node>,
-    stream: Range<usize>,
+    streams: Vec<Range<usize>>,
 }
 
 /// A segment to be read.
 pub(crate) struct Segment<'a> {
     header: &'a BlockHeader,
     nodes: &'a [Node],
-    stream: &'a [u8],
+    streams: Vec<&'a [u8]>,
     /// Bytes of the block, where what follows the stream is its padding.
     padded: Option<usize>,
     out: Columns<'a>,
 }
 
-/// Decodes a block.
+/// Decodes a block. Where its last stages are missing, its Gaussians are fewer and larger: those known by then.
 pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, Fault> {
+    let header = BlockHeader::read(bytes)?;
+    let streams = streams::read(&header, bytes)?;
+    if streams.whole_stages(bytes.len()) <= header.cuts.len() {
+        return prefix(bytes);
+    }
     let mut decoder = BlockDecoder::new(bytes, progress)?;
     parallel::try_for_each(decoder.segments(bytes), Segment::read)?;
     Ok(decoder.finish())
 }
 
-impl BlockDecoder {
-    /// Reads all but the segments' streams, and takes the memory that its Gaussians need.
-    pub(crate) fn new(block: &[u8], progress: &dyn Progress) -> Result<Self, Fault> {
-        let header = BlockHeader::read(block)?;
-        let streams = streams::read(header.gaussians, block, header.bytes())?;
-        let table = streams.trunk.is_some();
-        let nodes = match streams.trunk {
-            None => vec![vec![Node::root(header.gaussians)]],
-            Some(stream) => {
-                let mut player = start(&block[stream])?;
-                let nodes = trunk(&mut player, &header, &mut Nothing).map_err(out_of_range)?;
-                end(&player, true)?;
-                nodes
+/// What the first bytes of a block say: a mixture of fewer, larger Gaussians of the same particles and mass. The header
+/// and the table of streams must be there.
+pub(crate) fn prefix(bytes: &[u8]) -> Result<Block, Fault> {
+    let header = BlockHeader::read(bytes)?;
+    let streams = streams::read(&header, bytes)?;
+    let nodes = segment_nodes(&header, &streams, bytes)?;
+    let coded = nodes.into_iter().enumerate().map(|(segment, nodes)| Coded {
+        nodes,
+        streams: streams.stages.iter().map(|s| s[segment].start.min(bytes.len())..s[segment].end.min(bytes.len())).collect(),
+    });
+    let parts = parallel::map(coded.collect::<Vec<_>>(), |coded| {
+        let streams: Vec<&[u8]> = coded.streams.iter().map(|s| &bytes[s.clone()]).collect();
+        coarse(&header, &coded.nodes, &streams)
+    });
+    let mut all = BlockColumns { mean: Default::default(), count: vec![], cov: Default::default(), weight: vec![] };
+    for part in parts {
+        let mut part = part?;
+        all.mean.iter_mut().zip(&mut part.mean).for_each(|(all, part)| all.append(part));
+        all.cov.iter_mut().zip(&mut part.cov).for_each(|(all, part)| all.append(part));
+        all.count.append(&mut part.count);
+        all.weight.append(&mut part.weight);
+    }
+    Ok(all.into_block(header))
+}
+
+/// The nodes of each segment.
+fn segment_nodes(header: &BlockHeader, streams: &Streams, block: &[u8]) -> Result<Vec<Vec<Node>>, String> {
+    let Some(trunk_stream) = &streams.trunk else { return Ok(vec![vec![Node::root(header.gaussians)]]) };
+    let stream = block.get(trunk_stream.clone()).ok_or("a stream ends too soon")?;
+    let mut player = start(stream)?;
+    let nodes = trunk(&mut player, header, &[]).map_err(out_of_range)?;
+    end(&player, true)?;
+    match nodes.len() == streams.segments {
+        true => Ok(nodes),
+        false => Err(format!("{} streams for {} segments", streams.segments, nodes.len())),
+    }
+}
+
+/// Variance of what lies somewhere in a cell, over its width squared: between a box's and that of an interpolation
+/// between boxes.
+const CELL_VARIANCE: f64 = 1.0 / 7.0;
+/// And of what lies somewhere in a part of a cell.
+const PART_VARIANCE: f64 = 1.0 / 12.0;
+/// Middle of the two lattices that a number may lie on, in whole steps.
+const MIDDLE: f64 = 0.25;
+
+/// What the streams of a segment say, as far as they go.
+fn coarse(header: &BlockHeader, nodes: &[Node], streams: &[&[u8]]) -> Result<BlockColumns, String> {
+    let bytes: usize = streams.iter().map(|s| s.len()).sum();
+    let mut out = BlockColumns { mean: Default::default(), count: vec![], cov: Default::default(), weight: vec![] };
+    let extent = header.bounds.extent();
+    let mut players = streams.iter().enumerate().filter_map(|(stage, s)| Some((stage, Player::new(s)?)));
+    let Some((0, mut player)) = players.next() else {
+        nodes.iter().for_each(|node| out.push_cell(header, node));
+        return Ok(out);
+    };
+    let mut walk = LevelWalk::new(&mut player, header, nodes, &mut NoSource).map_err(out_of_range)?;
+    walk.limit(bytes * GAUSSIANS_A_BYTE as usize + nodes.len());
+    let mut stage = 0;
+    let mut went_on = !player.exhausted();
+    while went_on {
+        let level = header.cuts.get(stage).map_or(LEVELS - 1, |&level| usize::from(level));
+        went_on = walk.run(&mut player, &mut NoSource, level).map_err(out_of_range)?;
+        if !went_on || level == LEVELS - 1 {
+            break;
+        }
+        match players.next() {
+            Some((next, p)) if next == stage + 1 => (stage, player) = (next, p),
+            _ => went_on = false,
+        }
+    }
+    let mut fine = went_on.then(|| FineWalk::new(header));
+    for node in walk.in_order() {
+        let node = &walk.nodes[node as usize];
+        if let Some(known) = &mut fine {
+            let mut leaf = Leaf::default();
+            let coded = known.code(&mut player, node, &mut leaf);
+            if !player.exhausted() {
+                coded.map_err(out_of_range)?;
+                out.push_leaf(header, extent, &leaf);
+                continue;
+            }
+            // What was read beyond the end is nobody's.
+            fine = None;
+        }
+        out.push_node(header, extent, node);
+    }
+    Ok(out)
+}
+
+impl BlockColumns {
+    fn push(&mut self, mean: [f64; 3], cov: [f64; 6], count: f64, weight: Option<f64>) {
+        (0..3).for_each(|k| self.mean[k].push(mean[k]));
+        (0..6).for_each(|k| self.cov[k].push(cov[k]));
+        self.count.push(count);
+        self.weight.extend(weight);
+    }
+
+    /// A Gaussian that is known whole.
+    fn push_leaf(&mut self, header: &BlockHeader, extent: [f64; 3], leaf: &Leaf) {
+        let mean = each_axis(|k| {
+            let f = leaf.place[k] as f64 * 0.25 / leaf.levels[k] as f64;
+            leaf.cell.point(&header.bounds, extent, k, f)
+        });
+        let size = leaf.radius * leaf.radius;
+        let weight = header.has_w().then(|| exp(header.log_weight(leaf.w)));
+        self.push(mean, leaf.unit.0.map(|v| v * size), leaf.count, weight);
+    }
+
+    /// A node of which no more is known than its cell, or its Gaussian's size and about where it lies.
+    fn push_node(&mut self, header: &BlockHeader, extent: [f64; 3], node: &TreeNode) {
+        let widths = node.cell.widths(extent);
+        let (mean, variance) = match node.below {
+            Below::Gaussian { size, bits, place } => {
+                let radius = exp(f64::from(header.steps[1]) * (f64::from(size) + MIDDLE));
+                let part = each_axis(|k| 1.0 / f64::from(1u32 << bits[k]));
+                let mean = each_axis(|k| {
+                    node.cell.point(&header.bounds, extent, k, (f64::from(place[k]) + 0.5) * part[k])
+                });
+                let spread = each_axis(|k| widths[k] * part[k] * (widths[k] * part[k]) * PART_VARIANCE);
+                (mean, spread.map(|v| v + radius * radius))
+            }
+            _ => {
+                let mean = each_axis(|k| node.cell.point(&header.bounds, extent, k, 0.5));
+                (mean, widths.map(|w| w * w * CELL_VARIANCE))
             }
         };
-        if nodes.len() != streams.segments.len() {
-            return Err(format!("{} streams for {} segments", streams.segments.len(), nodes.len()).into());
+        let mut count = exp(f64::from(header.steps[2]) * (f64::from(node.count) + MIDDLE));
+        if header.shaded {
+            // Depth is of the Gaussians' own area, which is as large as their size is expected to be.
+            let size = header.predict_size(node.cell.level(), node.count, node.count);
+            let radius = exp(f64::from(header.steps[1]) * f64::from(size));
+            let area = variance.iter().sum::<f64>() / 3.0;
+            count *= if area > 0.0 { (radius * radius / area).min(1.0) } else { 1.0 };
         }
-        padding(&header, block.len(), &block[streams.padding])?;
-        let segments = nodes.into_iter().zip(streams.segments).map(|(nodes, stream)| Coded { nodes, stream });
+        let weight = header.has_w().then(|| exp(f64::from(header.steps[4]) * (f64::from(node.mass) + MIDDLE)));
+        let [x, y, z] = variance;
+        self.push(mean, [x, 0.0, 0.0, y, 0.0, z], count, weight);
+    }
+
+    /// A node of which only the number of its Gaussians is known.
+    fn push_cell(&mut self, header: &BlockHeader, node: &Node) {
+        let extent = header.bounds.extent();
+        let mean = each_axis(|k| node.cell.point(&header.bounds, extent, k, 0.5));
+        let [x, y, z] = node.cell.widths(extent).map(|w| w * w * CELL_VARIANCE);
+        let share = f64::from(node.count) / f64::from(header.gaussians);
+        self.push(mean, [x, 0.0, 0.0, y, 0.0, z], share * header.count as f64, header.has_w().then_some(1.0));
+    }
+
+    /// The block: counts whole, sums of counts and masses the block's.
+    fn into_block(self, header: BlockHeader) -> Block {
+        let BlockColumns { mean, mut count, cov, mut weight } = self;
+        // Opacities as coded; the counts in proportion to them are made whole.
+        let law = if header.shaded {
+            count.iter_mut().for_each(|c| *c = opacity_of(*c));
+            let (opacity, grey) = (count.clone(), std::mem::take(&mut weight));
+            Law::AlphaBlend(AlphaBlend { opacity, grey, vizmapper: None })
+        } else {
+            Law::OpticalDepth
+        };
+        whole_counts(&mut count, header.count);
+        let mut named = crate::model::Columns::default();
+        if header.weighted {
+            let mut mass: Vec<f64> = count.iter().zip(&weight).map(|(c, w)| c * w).collect();
+            rescale(&mut mass, header.mass);
+            named.set(MASS, mass);
+        }
+        let gaussians = Mixture { mean, cov, count, columns: named, law };
+        Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians }
+    }
+}
+
+impl BlockDecoder {
+    /// Reads all but the segments' streams, and takes the memory that its Gaussians need. All stages must be there.
+    pub(crate) fn new(block: &[u8], progress: &dyn Progress) -> Result<Self, Fault> {
+        let header = BlockHeader::read(block)?;
+        header.check_length(block.len() as u64)?;
+        let streams = streams::read(&header, block)?;
+        let last = streams.stages.last().and_then(|s| s.last()).map_or(0, |s| s.end);
+        let rest = block.get(last..).ok_or("a stream ends too soon")?;
+        padding(&header, block.len(), rest)?;
+        let nodes = segment_nodes(&header, &streams, block)?;
+        let segments = nodes.into_iter().enumerate().map(|(segment, nodes)| Coded {
+            nodes,
+            streams: streams.stages.iter().map(|s| s[segment].clone()).collect(),
+        });
         let n = header.gaussians as usize;
         let column = |n: usize| filled(COLUMNS, 0.0f64, n, progress);
         Ok(BlockDecoder {
             segments: segments.collect(),
             length: block.len(),
-            table,
-            mean: [column(n)?, column(n)?, column(n)?],
-            count: column(n)?,
-            cov: [column(n)?, column(n)?, column(n)?, column(n)?, column(n)?, column(n)?],
-            weight: column(if header.has_w() { n } else { 0 })?,
+            table: streams.table,
+            columns: BlockColumns {
+                mean: [column(n)?, column(n)?, column(n)?],
+                count: column(n)?,
+                cov: [column(n)?, column(n)?, column(n)?, column(n)?, column(n)?, column(n)?],
+                weight: column(if header.has_w() { n } else { 0 })?,
+            },
             header,
         })
     }
@@ -160,16 +341,16 @@ impl BlockDecoder {
 
     /// The segments, to be read from the bytes of the same block.
     pub(crate) fn segments<'a>(&'a mut self, block: &'a [u8]) -> Vec<Segment<'a>> {
-        let BlockDecoder { header, segments, length, table, mean, count, cov, weight } = self;
-        let columns = split(segments, mean, count, cov, weight);
+        let BlockDecoder { header, segments, length, table, columns } = self;
+        let parts = columns.split(segments.iter().map(|s| gaussians(&s.nodes)));
         let segment = |(coded, out): (&'a Coded, Columns<'a>)| Segment {
             header,
             nodes: &coded.nodes,
-            stream: &block[coded.stream.clone()],
+            streams: coded.streams.iter().map(|s| &block[s.clone()]).collect(),
             padded: (!*table).then_some(*length),
             out,
         };
-        segments.iter().zip(columns).map(segment).collect()
+        segments.iter().zip(parts).map(segment).collect()
     }
 
     /// Gaussians of a segment that was read, of the optical-depth law. Their counts are not whole yet, and neither sums
@@ -178,14 +359,15 @@ impl BlockDecoder {
         let first: usize = (0..segment).map(|s| self.gaussians(s)).sum();
         let all = first..first + self.gaussians(segment);
         let part = |column: &Vec<f64>| column[all.clone()].to_vec();
-        let count = part(&self.count);
+        let BlockColumns { mean, count, cov, weight } = &self.columns;
+        let count = part(count);
         let mut columns = crate::model::Columns::default();
         if self.header.weighted {
             // Weights are relative to the mean of the block's particles.
             let mean = self.header.mass / self.header.count as f64;
-            columns.set(MASS, count.iter().zip(&self.weight[all.clone()]).map(|(c, w)| c * w * mean).collect());
+            columns.set(MASS, count.iter().zip(&weight[all.clone()]).map(|(c, w)| c * w * mean).collect());
         }
-        let (mean, cov) = (self.mean.each_ref().map(part), self.cov.each_ref().map(part));
+        let (mean, cov) = (mean.each_ref().map(part), cov.each_ref().map(part));
         Mixture { mean, cov, count, columns, law: Law::OpticalDepth }
     }
 
@@ -207,24 +389,7 @@ impl BlockDecoder {
 
     /// The block, all segments of which were read.
     pub(crate) fn finish(self) -> Block {
-        let BlockDecoder { header, mean, mut count, cov, mut weight, .. } = self;
-        // Opacities as coded; the counts in proportion to them are made whole.
-        let law = if header.shaded {
-            count.iter_mut().for_each(|c| *c = opacity_of(*c));
-            let (opacity, grey) = (count.clone(), std::mem::take(&mut weight));
-            Law::AlphaBlend(AlphaBlend { opacity, grey, vizmapper: None })
-        } else {
-            Law::OpticalDepth
-        };
-        whole_counts(&mut count, header.count);
-        let mut named = crate::model::Columns::default();
-        if header.weighted {
-            let mut mass: Vec<f64> = count.iter().zip(&weight).map(|(c, w)| c * w).collect();
-            rescale(&mut mass, header.mass);
-            named.set(MASS, mass);
-        }
-        let gaussians = Mixture { mean, cov, count, columns: named, law };
-        Block { bounds: header.bounds, count: header.count, mass: header.mass, gaussians }
+        self.columns.into_block(self.header)
     }
 }
 
@@ -256,39 +421,45 @@ fn padding(header: &BlockHeader, length: usize, rest: &[u8]) -> Result<(), Strin
     Ok(())
 }
 
-/// The columns of each segment.
-fn split<'a>(
-    segments: &[Coded],
-    mean: &'a mut [Vec<f64>; 3],
-    count: &'a mut [f64],
-    cov: &'a mut [Vec<f64>; 6],
-    weight: &'a mut [f64],
-) -> Vec<Columns<'a>> {
-    let part = |column: &'a mut [f64]| pieces(column, segments.iter().map(|s| gaussians(&s.nodes))).into_iter();
-    let mut mean = mean.each_mut().map(|c| part(c));
-    let mut cov = cov.each_mut().map(|c| part(c));
-    let (mut count, mut weight) = (part(count), part(weight));
-    let columns = |_: &Coded| Columns {
-        mean: mean.each_mut().map(|c| c.next().unwrap_or_default()),
-        count: count.next().unwrap_or_default(),
-        cov: cov.each_mut().map(|c| c.next().unwrap_or_default()),
-        weight: weight.next().unwrap_or_default(),
-    };
-    segments.iter().map(columns).collect()
+impl BlockColumns {
+    /// The columns of segments of these lengths.
+    fn split<'a>(&'a mut self, lengths: impl Iterator<Item = usize> + Clone) -> Vec<Columns<'a>> {
+        let part = |column: &'a mut [f64]| pieces(column, lengths.clone()).into_iter();
+        let mut mean = self.mean.each_mut().map(|c| part(c));
+        let mut cov = self.cov.each_mut().map(|c| part(c));
+        let (mut count, mut weight) = (part(&mut self.count), part(&mut self.weight));
+        let columns = |_| Columns {
+            mean: mean.each_mut().map(|c| c.next().unwrap_or_default()),
+            count: count.next().unwrap_or_default(),
+            cov: cov.each_mut().map(|c| c.next().unwrap_or_default()),
+            weight: weight.next().unwrap_or_default(),
+        };
+        lengths.map(columns).collect()
+    }
 }
 
 impl Segment<'_> {
-    /// Reads the segment's stream.
+    /// Reads the segment's streams, stage after stage.
     pub(crate) fn read(self) -> Result<(), String> {
-        let Segment { header, nodes, stream, padded, out } = self;
-        let mut player = start(stream)?;
+        let Segment { header, nodes, streams, padded, out } = self;
+        let mut walk: Option<LevelWalk<'_>> = None;
+        let (last, earlier) = streams.split_last().ok_or("a stream has no start")?;
+        for (stream, &level) in earlier.iter().zip(&header.cuts) {
+            let mut player = start(stream)?;
+            advance(&mut walk, &mut player, header, nodes, usize::from(level))?;
+            end(&player, true)?;
+        }
+        let mut player = start(last)?;
+        let walk = advance(&mut walk, &mut player, header, nodes, LEVELS - 1)?;
         let extent = header.bounds.extent();
-        let Columns { mean, count, cov, weight } = out;
-        let [x, y, z] = mean;
+        let Columns { mut mean, count, cov, weight } = out;
+        let mut fine = FineWalk::new(header);
         let mut finite = true;
-        walk(&mut player, header, nodes, &mut Nothing, |i, leaf| {
+        for (i, node) in walk.leaves().map_err(out_of_range)?.into_iter().enumerate() {
+            let mut leaf = Leaf::default();
+            fine.code(&mut player, &walk.nodes[node as usize], &mut leaf).map_err(out_of_range)?;
             count[i] = leaf.count;
-            for (k, mean) in [&mut *x, &mut *y, &mut *z].into_iter().enumerate() {
+            for (k, mean) in mean.iter_mut().enumerate() {
                 let f = leaf.place[k] as f64 * 0.25 / leaf.levels[k] as f64;
                 mean[i] = leaf.cell.point(&header.bounds, extent, k, f);
             }
@@ -300,12 +471,29 @@ impl Segment<'_> {
                 cov[k][i] = leaf.unit.0[k] * size;
                 finite &= cov[k][i].is_finite();
             }
-        })
-        .map_err(out_of_range)?;
+        }
         end(&player, padded.is_none())?;
         if !finite {
             return Err("a covariance is out of range".into());
         }
         padded.map_or(Ok(()), |length| padding(header, length, player.rest()))
+    }
+}
+
+/// Begins the walk over levels where there is none yet, and goes on to the end of `level`.
+fn advance<'a, 'h>(
+    walk: &'a mut Option<LevelWalk<'h>>,
+    player: &mut Player<'_>,
+    header: &'h BlockHeader,
+    nodes: &[Node],
+    level: usize,
+) -> Result<&'a mut LevelWalk<'h>, String> {
+    let mut there = match walk.take() {
+        Some(walk) => walk,
+        None => LevelWalk::new(player, header, nodes, &mut NoSource).map_err(out_of_range)?,
+    };
+    match there.run(player, &mut NoSource, level).map_err(out_of_range)? {
+        true => Ok(walk.insert(there)),
+        false => Err("a stream ends too soon".into()),
     }
 }

@@ -1,17 +1,19 @@
 //! A block made ready once and coded at any precision.
 
-use super::header::{
-    BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, SIZE_SLOPES, cholesky, count_features, size_features,
-};
+use super::fine::{FineWalk, Leaf};
+use super::OutOfRange;
+use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, cholesky};
+use super::levels::{Halves, LEVELS, LevelWalk};
 use super::place::{Target, quantise_places};
 use super::precision::Precision;
 use super::predict::{fit, low_bits};
 use super::rans::Recorder;
 use super::shape::Logs;
+use super::source::{SegmentSource, SegmentTree};
+use super::splits::trunk;
 use super::streams;
-use super::tree::{Segment, Tree, pieces};
+use super::tree::{Tree, pieces};
 use super::trellis::{Sample, State, quantise};
-use super::walk::{Leaf, Past, Script, trunk, walk};
 use crate::math::{Sym3, each_axis};
 use crate::model::{AlphaBlend, Block};
 use crate::space::Bounds;
@@ -31,6 +33,8 @@ pub struct Encoder {
     /// Of the alpha-blend law.
     shaded: bool,
     tree: Tree,
+    /// The tree of each segment.
+    segments: Vec<SegmentTree>,
     logs: Logs,
     /// Place within the leaf's cell, in 0 to 1.
     within: [Vec<f64>; 3],
@@ -60,8 +64,11 @@ impl Encoder {
                 (u * (1u64 << cell.depth[k]) as f64 - cell.index[k] as f64).clamp(0.0, 1.0)
             })
         });
+        let segments = parallel::map(tree.segments.iter().zip(ranges(&tree)), |(segment, range)| {
+            SegmentTree::new(&segment.nodes, &tree.cells[range], extent)
+        });
         let Block { count, mass, .. } = *block;
-        Ok(Encoder { bounds, count, mass, shaded: g.law.alpha_blend().is_some(), tree, logs, within })
+        Ok(Encoder { bounds, count, mass, shaded: g.law.alpha_blend().is_some(), tree, segments, logs, within })
     }
 
     /// The Gaussians' numbers in the order of the file.
@@ -81,12 +88,23 @@ impl Encoder {
 
     /// The block's bytes at a precision.
     pub fn encode(&self, precision: &Precision) -> Vec<u8> {
-        let (header, leaves) = self.quantise(precision);
-        let (trunk, segments) = self.record(&header, &leaves, Recorder::default, Recorder::finish);
+        let (mut header, leaves) = self.quantise(precision);
+        let (trunk, segments) = self.record(&header, &leaves, Recorder::default);
+        if self.len() >= STAGED {
+            header.cuts = cuts(&segments);
+        }
+        let stage = |number: usize| {
+            parallel::map(&segments, |recorder| {
+                let end = |stage: usize| header.cuts.get(stage).map(|&level| recorder.levels()[usize::from(level)]);
+                let start = number.checked_sub(1).and_then(end).unwrap_or(0);
+                recorder.stream(start..end(number).unwrap_or(recorder.len()))
+            })
+        };
+        let stages: Vec<Vec<Vec<u8>>> = (0..=header.cuts.len()).map(stage).collect();
         let mut out = Vec::new();
         header.write(&mut out);
         debug_assert_eq!(out.len(), header.bytes());
-        streams::write(header.gaussians, &trunk, &segments, &mut out);
+        streams::write(&header, &trunk.finish(), &stages, &mut out);
         // A block may not be too small for its Gaussians.
         let least = (self.len() as u64).div_ceil(GAUSSIANS_A_BYTE) as usize;
         out.resize(out.len().max(least), 0);
@@ -96,46 +114,45 @@ impl Encoder {
     /// Bits a Gaussian by what they are spent on, headers apart.
     pub fn breakdown(&self, precision: &Precision) -> Vec<(&'static str, f64)> {
         let (header, leaves) = self.quantise(precision);
-        let account = |r: Recorder| r.bits_by_part();
-        let (trunk, segments) = self.record(&header, &leaves, Recorder::with_parts, account);
-        let mut bits = trunk;
-        for segment in &segments {
+        let (trunk, segments) = self.record(&header, &leaves, Recorder::with_parts);
+        let mut bits = trunk.bits_by_part();
+        for segment in segments.iter().map(Recorder::bits_by_part) {
             (0..bits.len()).for_each(|p| bits[p] += segment[p]);
         }
         let [count, mass] = if self.shaded { ["opacity", "grey"] } else { ["count", "mass"] };
         ["tree", "size", count, mass, "shape", "place"].into_iter().zip(bits.map(|b| b / self.len() as f64)).collect()
     }
 
-    /// The trunk and the segments, each recorded and `done`.
-    fn record<T: Send>(
+    /// The trunk and the segments, recorded.
+    fn record(
         &self,
         header: &BlockHeader,
         leaves: &[Leaf],
         recorder: impl Fn() -> Recorder + Sync,
-        done: impl Fn(Recorder) -> T + Sync,
-    ) -> (T, Vec<T>) {
+    ) -> (Recorder, Vec<Recorder>) {
         let mut above = recorder();
-        let walked = trunk(&mut above, header, &mut Given { splits: self.tree.trunk.iter(), leaves: &[] });
+        let walked = trunk(&mut above, header, &self.tree.trunk);
         debug_assert!(walked.is_ok(), "splits are those of the tree");
-        let segment = |(segment, range): (&Segment, Range<usize>)| {
+        let segment = |((segment, tree), range): ((&super::tree::Segment, &SegmentTree), Range<usize>)| {
             let mut recorder = recorder();
-            let mut script = Given { splits: segment.splits.iter(), leaves: &leaves[range] };
-            let walked = walk(&mut recorder, header, &segment.nodes, &mut script, |_, _| {});
-            debug_assert!(walked.is_ok(), "quantised numbers are within range");
-            done(recorder)
+            let leaves = &leaves[range];
+            let mut source = SegmentSource::new(tree, leaves, header.steps[2]);
+            let mut record = || {
+                let mut walk = LevelWalk::new(&mut recorder, header, &segment.nodes, &mut source)?;
+                walk.run(&mut recorder, &mut source, LEVELS - 1)?;
+                let mut fine = FineWalk::new(header);
+                walk.leaves()?.iter().zip(leaves).try_for_each(|(&node, leaf)| {
+                    let mut coded = *leaf;
+                    fine.code(&mut recorder, &walk.nodes[node as usize], &mut coded)?;
+                    debug_assert_eq!((coded.t, coded.m, coded.w, coded.place), (leaf.t, leaf.m, leaf.w, leaf.place));
+                    Ok(())
+                })
+            };
+            let recorded: std::result::Result<(), OutOfRange> = record();
+            debug_assert!(recorded.is_ok(), "quantised numbers are within range");
+            recorder
         };
-        let segments = parallel::map(self.tree.segments.iter().zip(self.ranges()), segment);
-        (done(above), segments)
-    }
-
-    /// The Gaussians of each segment.
-    fn ranges(&self) -> Vec<Range<usize>> {
-        let mut end = 0;
-        let range = |n: usize| {
-            end += n;
-            end - n..end
-        };
-        self.tree.lengths().into_iter().map(range).collect()
+        (above, parallel::map(self.tree.segments.iter().zip(&self.segments).zip(ranges(&self.tree)), segment))
     }
 
     /// The header and the whole numbers.
@@ -151,8 +168,10 @@ impl Encoder {
             steps: precision.steps(),
             importance: (precision.importance as f32).clamp(0.0, 4.0),
             centre: 0.0,
-            predict: Default::default(),
-            spreads: Some([0.0; 3]),
+            size: Default::default(),
+            surplus: 0,
+            spreads: [0.0; 3],
+            cuts: Vec::new(),
         };
         let mut leaves: Vec<Leaf> = self.tree.cells.iter().map(|&cell| Leaf { cell, ..Leaf::default() }).collect();
         self.each(&mut leaves, |range, leaves| self.scalars(&header, range, leaves));
@@ -166,15 +185,15 @@ impl Encoder {
         header.low[3] = low_bits(leaves.iter().flat_map(|l| l.shape).map(|h| h >> 1), 3);
         let shape = leaves.iter().map(|l| l.shape.iter().map(|s| f64::from(s.abs())).sum::<f64>() * l.factor);
         let shape = shape.sum::<f64>() / (5 * leaves.len()) as f64;
-        let [size, count] = predictors(&mut header, &self.histories(&leaves));
-        header.spreads = Some([size, count, shape].map(|s| s as f32));
+        self.predictions(&mut header, &leaves);
+        header.spreads[2] = shape as f32;
         (header, leaves)
     }
 
     /// Works on the segments' Gaussians, in parallel.
     fn each(&self, leaves: &mut [Leaf], work: impl Fn(Range<usize>, &mut [Leaf]) + Sync) {
         let parts = pieces(leaves, self.tree.lengths().into_iter());
-        parallel::for_each(parts.into_iter().zip(self.ranges()), |(leaves, range)| work(range, leaves));
+        parallel::for_each(parts.into_iter().zip(ranges(&self.tree)), |(leaves, range)| work(range, leaves));
     }
 
     /// Sizes, counts and masses.
@@ -222,23 +241,67 @@ impl Encoder {
             }
         });
         for (leaf, place) in leaves.iter_mut().zip(places) {
-            leaf.place = place;
+            [leaf.levels, leaf.place] = place;
         }
     }
 
-    /// What each Gaussian says of itself and what the two before it in its segment said.
-    fn histories(&self, leaves: &[Leaf]) -> Vec<[Past; 3]> {
-        let mut out = Vec::with_capacity(leaves.len());
-        for range in self.ranges() {
-            let mut before = [Past::default(); 2];
-            for leaf in &leaves[range] {
-                let own = leaf.past();
-                out.push([own, before[0], before[1]]);
-                before = [own, before[0]];
-            }
+    /// The predictions of sizes and of differences of counts, what they leave to plain low bits, and its spread.
+    fn predictions(&self, header: &mut BlockHeader, leaves: &[Leaf]) {
+        let (mut features, mut sizes) = (vec![[0; 3]; leaves.len()], vec![0; leaves.len()]);
+        // Differences of log counts of two single or two groups of Gaussians, of a group and one, and of log masses.
+        let (mut even, mut uneven, mut masses) = (Vec::new(), Vec::new(), Vec::new());
+        for (tree, range) in self.segments.iter().zip(ranges(&self.tree)) {
+            let leaves = &leaves[range.clone()];
+            SegmentSource::new(tree, leaves, header.steps[2]).visit(
+                |division| {
+                    masses.push(division.mass);
+                    match division.halves {
+                        Halves::Single(upper) => uneven.push(if upper { -division.count } else { division.count }),
+                        _ => even.push(division.count),
+                    }
+                },
+                |leaf, count, above| {
+                    let at = range.start + leaf;
+                    features[at] = [leaves[leaf].cell.level(), count, above];
+                    sizes[at] = leaves[leaf].t >> 1;
+                },
+            );
         }
-        out
+        let n = leaves.len();
+        header.size = fit(n, |i| features[i].map(f64::from), |i| f64::from(sizes[i]));
+        let mean = uneven.iter().map(|&d| f64::from(d)).sum::<f64>() / uneven.len().max(1) as f64;
+        header.surplus = mean.round().clamp(-32_768.0, 32_767.0) as i16;
+        let size = residuals((0..n).map(|i| sizes[i] - header.size.apply(features[i])));
+        let surplus = i32::from(header.surplus);
+        let count = residuals(even.iter().copied().chain(uneven.iter().map(|d| d - surplus)));
+        header.low[..3].copy_from_slice(&[size.0, count.0, low_bits(masses.into_iter(), 6)]);
+        header.spreads[..2].copy_from_slice(&[size.1 as f32, count.1 as f32]);
     }
+}
+
+/// Gaussians from which on a block's streams have stages.
+const STAGED: usize = 4096;
+/// Shares of what is coded level by level after which a stage ends.
+const STAGES: [f64; 2] = [0.12, 0.45];
+
+/// Levels after which stages end, the same in all segments.
+fn cuts(segments: &[Recorder]) -> Vec<u8> {
+    let recorded = |level: usize| segments.iter().map(|s| s.levels()[level]).sum::<usize>() as f64;
+    let all = recorded(LEVELS - 1);
+    let level = |share: f64| (0..LEVELS - 1).find(|&l| recorded(l) >= share * all).unwrap_or(LEVELS - 2) as u8;
+    let mut cuts = STAGES.map(level).to_vec();
+    cuts.dedup();
+    cuts
+}
+
+/// The Gaussians of each segment.
+fn ranges(tree: &Tree) -> Vec<Range<usize>> {
+    let mut end = 0;
+    let range = |n: usize| {
+        end += n;
+        end - n..end
+    };
+    tree.lengths().into_iter().map(range).collect()
 }
 
 /// Trellis indices as half steps.
@@ -252,47 +315,12 @@ fn halves(count: usize, pull: f64, value: impl Fn(usize) -> f64) -> Vec<i32> {
     quantise(count, |i| Sample { pull, ..Sample::free(value(i)) }).into_iter().map(half).collect()
 }
 
-/// Fits the predictors of size and count, and the plain low bits of what they leave; returns its spread, in steps.
-fn predictors(header: &mut BlockHeader, histories: &[[Past; 3]]) -> [f64; 2] {
-    let n = histories.len();
-    let size = |&[own, a, b]: &[Past; 3]| size_features(own.level, &[a, b]);
-    let count = |&[own, a, b]: &[Past; 3]| count_features(own.level, own.t, &[a, b]);
-    let (t, m) = parallel::join(
-        || fit::<SIZE_SLOPES>(n, |i| size(&histories[i]).map(f64::from), |i| f64::from(histories[i][0].t)),
-        || fit::<6>(n, |i| count(&histories[i]).map(f64::from), |i| f64::from(histories[i][0].m)),
-    );
-    header.predict = [t, m];
-    let h = &*header;
-    let (t, m) = parallel::join(
-        || residuals(histories.iter().map(|p| (p[0].t - h.predict[0].apply(&size(p))) >> 1)),
-        || residuals(histories.iter().map(|p| (p[0].m - h.predict[1].apply(&count(p))) >> 1)),
-    );
-    let w = low_bits(histories.iter().map(|p| (p[0].w - p[1].w) >> 1), 6);
-    header.low[..3].copy_from_slice(&[t.0, m.0, w]);
-    [t.1, m.1]
-}
-
 /// Plain low bits of what predictions leave, in steps, and its spread without those bits.
 fn residuals(left: impl Iterator<Item = i32> + Clone) -> (u8, f64) {
     let low = low_bits(left.clone(), 6);
     let (n, sum) = left.fold((0.0, 0.0), |(n, sum), steps| (n + 1.0, sum + f64::from(steps) * f64::from(steps)));
     let rms: f64 = if n > 0.0 { sum / n } else { 0.0 };
     (low, rms.sqrt() / f64::from(1u32 << low))
-}
-
-struct Given<'a> {
-    splits: std::slice::Iter<'a, u32>,
-    leaves: &'a [Leaf],
-}
-
-impl Script for Given<'_> {
-    fn split(&mut self) -> u32 {
-        self.splits.next().copied().unwrap_or(0)
-    }
-
-    fn leaf(&mut self, i: usize) -> Leaf {
-        self.leaves[i]
-    }
 }
 
 /// The box that means are coded in: the particles' bounds, which hold the means of their moments.

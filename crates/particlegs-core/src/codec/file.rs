@@ -89,7 +89,7 @@ pub(super) fn put_together(
             if header.shaded != shaded {
                 return Err(Error::argument(other_law(&layer.name, metadata.law)));
             }
-            second |= header.spreads.is_some();
+            second = true;
             keyed.push((order_key(&header), header.weighted, block));
         }
         keyed.sort();

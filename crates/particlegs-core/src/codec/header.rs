@@ -2,7 +2,6 @@
 
 use super::exact::{exp, exp_twice};
 use super::tree::Cell;
-use super::walk::Past;
 use super::wire::Reader;
 use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
@@ -11,11 +10,13 @@ use crate::space::Bounds;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Predictor {
     pub constant: i32,
-    pub slopes: [i16; 6],
+    pub slopes: [i16; SIZE_SLOPES],
 }
 
-/// Slopes of the size's predictor; the count's has six.
-pub(crate) const SIZE_SLOPES: usize = 4;
+/// Slopes of the size's predictor.
+pub(crate) const SIZE_SLOPES: usize = 3;
+/// Stages of a block's streams at most.
+pub(crate) const MOST_STAGES: usize = 8;
 
 /// Everything before the stream.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,24 +35,24 @@ pub(crate) struct BlockHeader {
     /// How strongly the step falls with count / size, and where it is 1.
     pub importance: f32,
     pub centre: f32,
-    pub predict: [Predictor; 2],
-    /// Of the second coding (since 1.6): mean spreads of what is left of size and count in steps, and of shape numbers in
-    /// half steps of a middling Gaussian. `None`: the first coding.
-    pub spreads: Option<[f32; 3]>,
+    pub size: Predictor,
+    /// How much more several Gaussians hold than one beside them, as log counts in whole steps.
+    pub surplus: i16,
+    /// Mean spreads of what is left of sizes and of differences of log counts in steps, and of shape numbers in half
+    /// steps of a middling Gaussian.
+    pub spreads: [f32; 3],
+    /// Levels after which a stage of the streams ends; the last stage goes to the end.
+    pub cuts: Vec<u8>,
 }
 
-/// Bytes of a header of the first coding.
-const FIRST_BYTES: usize = 48 + 8 + 8 + 4 + 1 + 4 + 20 + 8 + (4 + 8) + (4 + 12);
-/// Bytes that the second coding adds.
-const SECOND_BYTES: usize = 3 * 4;
+/// Bytes of a header without cuts.
+const LEAST_BYTES: usize = 48 + 8 + 8 + 4 + 1 + 4 + 20 + 8 + (4 + 2 * SIZE_SLOPES) + 2 + 12 + 1;
 /// Gaussians that a byte of a block may stand for.
 pub(crate) const GAUSSIANS_A_BYTE: u64 = 4;
 /// Bit of the flags: masses are coded.
 const WEIGHTED: u8 = 1;
 /// Bit of the flags: opacities and grey levels are coded.
 const SHADED: u8 = 2;
-/// Bit of the flags: the second coding.
-const SECOND: u8 = 4;
 /// Counts stay whole in f64.
 pub(crate) const MOST_PARTICLES: u64 = 1 << 53;
 /// Shape numbers at most.
@@ -68,22 +69,21 @@ impl BlockHeader {
         out.extend(self.count.to_le_bytes());
         out.extend(self.mass.to_le_bytes());
         out.extend(self.gaussians.to_le_bytes());
-        let second = u8::from(self.spreads.is_some()) * SECOND;
-        out.push((u8::from(self.weighted) * WEIGHTED) | (u8::from(self.shaded) * SHADED) | second);
+        out.push((u8::from(self.weighted) * WEIGHTED) | (u8::from(self.shaded) * SHADED));
         out.extend(self.low);
         for v in self.steps.iter().chain([&self.importance, &self.centre]) {
             out.extend(v.to_le_bytes());
         }
-        for (p, n) in self.predict.iter().zip([SIZE_SLOPES, 6]) {
-            out.extend(p.constant.to_le_bytes());
-            p.slopes[..n].iter().for_each(|s| out.extend(s.to_le_bytes()));
-        }
-        self.spreads.iter().flatten().for_each(|s| out.extend(s.to_le_bytes()));
+        out.extend(self.size.constant.to_le_bytes());
+        self.size.slopes.iter().chain([&self.surplus]).for_each(|s| out.extend(s.to_le_bytes()));
+        self.spreads.iter().for_each(|s| out.extend(s.to_le_bytes()));
+        out.push(self.cuts.len() as u8);
+        out.extend(&self.cuts);
     }
 
     /// Bytes of the header.
     pub(crate) fn bytes(&self) -> usize {
-        FIRST_BYTES + if self.spreads.is_some() { SECOND_BYTES } else { 0 }
+        LEAST_BYTES + self.cuts.len()
     }
 
     /// Reads and checks a header; the text says what is wrong.
@@ -96,14 +96,11 @@ impl BlockHeader {
         let low = [r.u8()?, r.u8()?, r.u8()?, r.u8()?];
         let steps = [r.f32()?, r.f32()?, r.f32()?, r.f32()?, r.f32()?];
         let (importance, centre) = (r.f32()?, r.f32()?);
-        let mut predict = [Predictor::default(); 2];
-        for (p, n) in predict.iter_mut().zip([SIZE_SLOPES, 6]) {
-            p.constant = r.u32()? as i32;
-            for s in &mut p.slopes[..n] {
-                *s = r.u16()? as i16;
-            }
-        }
-        let spreads = if flags & SECOND != 0 { Some([r.f32()?, r.f32()?, r.f32()?]) } else { None };
+        let constant = r.u32()? as i32;
+        let [a, b, d, surplus] = [r.u16()?, r.u16()?, r.u16()?, r.u16()?].map(|s| s as i16);
+        let spreads = [r.f32()?, r.f32()?, r.f32()?];
+        let cuts = r.u8()?;
+        let cuts = r.take(usize::from(cuts))?.to_vec();
         let header = BlockHeader {
             bounds: Bounds { min, max },
             count,
@@ -115,18 +112,28 @@ impl BlockHeader {
             steps,
             importance,
             centre,
-            predict,
+            size: Predictor { constant, slopes: [a, b, d] },
+            surplus,
             spreads,
+            cuts,
         };
         // Masses and shades at once are nobody's.
-        if flags & !SECOND > SHADED {
+        if flags > SHADED {
             return Err(format!("block flags {flags:#04x} are reserved"));
         }
-        header.check(block.len() as u64)?;
+        header.check()?;
         Ok(header)
     }
 
-    fn check(&self, bytes: u64) -> Result<(), String> {
+    /// Has a whole block of so many bytes earned the memory for its Gaussians?
+    pub(crate) fn check_length(&self, bytes: u64) -> Result<(), String> {
+        match u64::from(self.gaussians) <= bytes * GAUSSIANS_A_BYTE {
+            true => Ok(()),
+            false => Err(format!("{} Gaussians in a block of {bytes} bytes", self.gaussians)),
+        }
+    }
+
+    fn check(&self) -> Result<(), String> {
         let b = &self.bounds;
         let ordered = (0..3).all(|k| b.min[k].is_finite() && b.max[k].is_finite() && b.min[k] <= b.max[k]);
         if !ordered || !b.extent().iter().all(|e| e.is_finite()) {
@@ -138,8 +145,8 @@ impl BlockHeader {
         if !(self.mass > 0.0 && self.mass.is_finite()) {
             return Err(format!("a block of mass {}", self.mass));
         }
-        if self.gaussians == 0 || u64::from(self.gaussians) > bytes * GAUSSIANS_A_BYTE {
-            return Err(format!("{} Gaussians in a block of {bytes} bytes", self.gaussians));
+        if self.gaussians == 0 {
+            return Err("a block without Gaussians".into());
         }
         if self.low.iter().any(|&l| l > 15) {
             return Err("more than 15 plain low bits".into());
@@ -150,8 +157,11 @@ impl BlockHeader {
         if !((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6) {
             return Err("step factor out of range".into());
         }
-        if !self.spreads.iter().flatten().all(|v| (0.0..=1e6).contains(v)) {
+        if !self.spreads.iter().all(|v| (0.0..=1e6).contains(v)) {
             return Err("spreads out of range".into());
+        }
+        if self.cuts.len() >= MOST_STAGES || self.cuts.windows(2).any(|w| w[0] >= w[1]) {
+            return Err("stages out of order, or too many".into());
         }
         Ok(())
     }
@@ -213,11 +223,10 @@ impl BlockHeader {
         exp(f64::from(self.importance) * (f64::from(self.centre) - self.log_count(m)))
     }
 
-    /// Half a step of shape numbers: in the second coding at most 1, so that the coarsest steps leave Gaussians.
+    /// Half a step of shape numbers: at most 1, so that the coarsest steps leave Gaussians.
     #[inline(always)]
     pub(crate) fn shape_half_step(&self, factor: f64) -> f64 {
-        let step = 0.5 * f64::from(self.steps[3]) * factor;
-        if self.spreads.is_some() { step.min(1.0) } else { step }
+        (0.5 * f64::from(self.steps[3]) * factor).min(1.0)
     }
 
     /// exp(2 S) of shape numbers whose steps have a factor: the covariance of radius 1; `None` where it is out of range.
@@ -233,8 +242,8 @@ impl BlockHeader {
         (unit.0.iter().all(|v| v.is_finite()) && [0, 3, 5].iter().all(|&k| unit.0[k] >= 0.0)).then_some(unit)
     }
 
-    /// Levels of a cell's axes: its width in steps, rounded, at least 1. `widths` of a Gaussian of radius 1: the same on
-    /// all axes, or in the second coding what its covariance leaves to each axis where the earlier ones are known.
+    /// Levels of a cell's axes: its width in steps, rounded, at least 1. `widths` of a Gaussian of radius 1: what its
+    /// covariance leaves to each axis where the earlier ones are known.
     #[inline(always)]
     pub(crate) fn levels(&self, cell: &Cell, extent: [f64; 3], step: f64, widths: [f64; 3]) -> [u64; 3] {
         let cell = cell.widths(extent);
@@ -248,16 +257,20 @@ impl BlockHeader {
         f64::from(self.steps[0]) * factor * radius
     }
 
-    /// Predicted size in half steps of a Gaussian at `level`.
+    /// Predicted log size in whole steps of a Gaussian at `level`, from its log count and that of the node above it.
     #[inline(always)]
-    pub(crate) fn predict_t(&self, level: i32, before: &[Past; 2]) -> i32 {
-        self.predict[0].apply(&size_features(level, before))
+    pub(crate) fn predict_size(&self, level: i32, count: i32, above: i32) -> i32 {
+        self.size.apply([level, count, above])
     }
+}
 
-    /// Predicted count in half steps of a Gaussian of size `t`.
+impl Predictor {
+    /// Sum of slope times feature, rounded.
     #[inline(always)]
-    pub(crate) fn predict_m(&self, level: i32, t: i32, before: &[Past; 2]) -> i32 {
-        self.predict[1].apply(&count_features(level, t, before))
+    pub(crate) fn apply(&self, features: [i32; SIZE_SLOPES]) -> i32 {
+        let sum: i64 = self.slopes.iter().zip(features).map(|(&a, f)| i64::from(a) * i64::from(f)).sum();
+        let sum = (sum + 128) >> 8;
+        (sum + i64::from(self.constant)).clamp(-(1 << 21), 1 << 21) as i32
     }
 }
 
@@ -265,18 +278,6 @@ impl BlockHeader {
 #[inline(always)]
 pub(crate) fn limited(factor: f64) -> f64 {
     factor.clamp(1.0 / WIDEST, WIDEST)
-}
-
-/// What a size is predicted from.
-#[inline(always)]
-pub(crate) fn size_features(level: i32, before: &[Past; 2]) -> [i32; SIZE_SLOPES] {
-    [level, before[0].level, before[0].t, before[1].t]
-}
-
-/// What a count is predicted from.
-#[inline(always)]
-pub(crate) fn count_features(level: i32, t: i32, before: &[Past; 2]) -> [i32; 6] {
-    [level, before[0].level, t, before[0].t, before[0].m, before[1].m]
 }
 
 /// Square roots of what a covariance leaves to each axis where the earlier ones are known, the diagonal of its Cholesky
@@ -313,8 +314,10 @@ mod tests {
             steps: [0.5, 0.22, 0.22, 2.0, 0.22],
             importance: 0.0,
             centre: 0.0,
-            predict: Default::default(),
-            spreads: None,
+            size: Default::default(),
+            surplus: 0,
+            spreads: [0.0; 3],
+            cuts: Vec::new(),
         };
         let mut negative = 0;
         for i in 0..2000 {

@@ -15,8 +15,10 @@ mod decoder;
 mod encoder;
 mod exact;
 mod file;
+mod fine;
 mod header;
 mod info;
+mod levels;
 mod measures;
 mod merge;
 mod metadata;
@@ -27,6 +29,8 @@ mod predict;
 mod rans;
 mod science;
 mod shape;
+mod source;
+mod splits;
 mod streams;
 mod sums;
 mod symbols;
@@ -34,11 +38,10 @@ mod thinning;
 mod tree;
 mod trellis;
 mod vizmapper;
-mod walk;
 mod wire;
 
 pub use container::{HEAD_BYTES, is_model, other_length, promised_length};
-pub use decode::{Decoder, check, decode, decode_block, decode_with};
+pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_with};
 pub use encoder::Encoder;
 pub use file::MOST_LAYERS;
 pub use file::{
@@ -51,3 +54,7 @@ pub use points::CodedPoints;
 pub use precision::Precision;
 pub use sums::whole_counts;
 pub use thinning::Thinning;
+
+/// Numbers that a walk cannot go on with.
+#[derive(Debug)]
+pub(crate) struct OutOfRange;

@@ -30,21 +30,19 @@ struct Way {
 /// How a state was reached: the state before, and the index.
 type Step = [(u8, i64); STATES];
 
-/// Quarter levels of the places of least total error (Viterbi).
-pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> Target) -> Vec<[u64; 3]> {
-    let mut out = vec![[2; 3]; count];
+/// Levels, and quarter levels of the places of least total error (Viterbi).
+pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> Target) -> Vec<[[u64; 3]; 2]> {
+    let mut out = vec![[[1; 3], [2; 3]]; count];
     let mut state = State::default();
     let mut steps: Vec<Step> = Vec::with_capacity(3 * WINDOW.min(count));
-    let mut levels: Vec<[u64; 3]> = Vec::with_capacity(WINDOW.min(count));
     for start in (0..count).step_by(WINDOW) {
         let end = count.min(start + WINDOW);
         let mut ways = [Way { cost: f64::INFINITY, error: [0.0; 3] }; STATES];
         ways[state.number()].cost = 0.0;
         steps.clear();
-        levels.clear();
         for i in start..end {
             let target = target(i);
-            levels.push(target.levels);
+            out[i][0] = target.levels;
             for axis in 0..3 {
                 if target.levels[axis] > 1 {
                     steps.push(choose(&mut ways, &target, axis));
@@ -57,11 +55,12 @@ pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> Target) ->
         state = State::of(best);
         let mut s = best;
         for i in (start..end).rev() {
-            for axis in (0..3).rev().filter(|&axis| levels[i - start][axis] > 1) {
+            let levels = out[i][0];
+            for axis in (0..3).rev().filter(|&axis| levels[axis] > 1) {
                 let Some(step) = steps.pop() else { break };
                 let (from, index) = step[s];
                 s = usize::from(from);
-                out[i][axis] = 4 * index as u64 + 1 + 2 * (s as u64 & 1);
+                out[i][1][axis] = 4 * index as u64 + 1 + 2 * (s as u64 & 1);
             }
         }
     }

@@ -2,7 +2,8 @@
 
 use super::rans::{Coder, Recorder};
 use super::tree::{Cell, Node, Segment, Tree, segments};
-use super::walk::{OutOfRange, SLOWEST, Splits, long_uniform};
+use super::OutOfRange;
+use super::splits::{Splits, long_uniform};
 use crate::math::each_axis;
 use crate::parallel;
 use crate::space::Bounds;
@@ -31,7 +32,7 @@ impl CodedPoints {
         let tree = Tree::build(points, bounds);
         let lattice = Lattice { bounds, extent: bounds.extent(), step };
         let mut above = Recorder::default();
-        let (mut splits, mut lows) = (Splits::new(SLOWEST), tree.trunk.iter());
+        let (mut splits, mut lows) = (Splits::new(), tree.trunk.iter());
         let trunk = segments(tree.order.len() as u32, lattice.extent, |node, _, _| {
             splits.code(&mut above, node, lows.next().copied().unwrap_or(0))
         });
@@ -71,7 +72,7 @@ impl Lattice<'_> {
         point: impl Fn(usize) -> [f64; 3],
         mut sink: impl FnMut([f64; 3]),
     ) -> Result<(), OutOfRange> {
-        let (mut splits, mut lows, mut done) = (Splits::new(SLOWEST), segment.splits.iter(), 0);
+        let (mut splits, mut lows, mut done) = (Splits::new(), segment.splits.iter(), 0);
         let mut stack: Vec<Node> = segment.nodes.iter().rev().copied().collect();
         while let Some(node) = stack.pop() {
             match node.cell.axis(self.extent).filter(|_| node.count > 1) {

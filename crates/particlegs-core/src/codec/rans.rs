@@ -32,6 +32,14 @@ pub(crate) trait Coder {
     /// Codes the interval from `start` of `size`; the decoder's holds its slot.
     fn interval(&mut self, start: u32, size: u32);
 
+    /// Has more been read than there is? (What is written has no end.)
+    fn exhausted(&self) -> bool {
+        false
+    }
+
+    /// A level of a walk is done.
+    fn end_of_level(&mut self) {}
+
     /// What follows belongs to `part` (of [`Part`]); for accounts of where the bits go.
     fn part(&mut self, _part: Part) {}
 
@@ -98,11 +106,17 @@ fn inverse(n: u32) -> u64 {
 #[derive(Default)]
 pub(crate) struct Recorder {
     intervals: Vec<(u16, u16)>,
+    /// Where each level of a walk ends.
+    levels: Vec<usize>,
     /// Where runs of one part begin, if asked for.
     parts: Option<Vec<(Part, usize)>>,
 }
 
 impl Coder for Recorder {
+    fn end_of_level(&mut self) {
+        self.levels.push(self.intervals.len());
+    }
+
     fn part(&mut self, part: Part) {
         if let Some(parts) = &mut self.parts {
             parts.push((part, self.intervals.len()));
@@ -144,11 +158,28 @@ impl Recorder {
         out
     }
 
-    /// The stream: the two states, then 16-bit words in the order in which the decoder reads them.
-    pub(crate) fn finish(self) -> Vec<u8> {
-        let mut words = Vec::with_capacity(self.intervals.len() / 2 + 4);
+    /// How much was recorded by the end of each level.
+    pub(crate) fn levels(&self) -> &[usize] {
+        &self.levels
+    }
+
+    /// How much was recorded.
+    pub(crate) fn len(&self) -> usize {
+        self.intervals.len()
+    }
+
+    /// A stream of all.
+    pub(crate) fn finish(&self) -> Vec<u8> {
+        self.stream(0..self.len())
+    }
+
+    /// A stream of a part of what was recorded: the two states, then 16-bit words in the order in which the decoder
+    /// reads them.
+    pub(crate) fn stream(&self, range: std::ops::Range<usize>) -> Vec<u8> {
+        let intervals = &self.intervals[range];
+        let mut words = Vec::with_capacity(intervals.len() / 2 + 4);
         let mut states = [LOW; 2];
-        for (i, &(start, frequency)) in self.intervals.iter().enumerate().rev() {
+        for (i, &(start, frequency)) in intervals.iter().enumerate().rev() {
             let x = &mut states[i & 1];
             let f = u32::from(frequency);
             if u64::from(*x) >= u64::from(f) << (32 - PROBABILITY_BITS) {
@@ -187,11 +218,6 @@ impl<'a> Player<'a> {
         sound.then_some(Player { words, next: 0, states })
     }
 
-    /// Has more been read than there is?
-    pub(crate) fn exhausted(&self) -> bool {
-        self.next > self.words.len()
-    }
-
     /// Are both states where the encoder began?
     pub(crate) fn finished(&self) -> bool {
         !self.exhausted() && self.states == [LOW; 2]
@@ -204,6 +230,11 @@ impl<'a> Player<'a> {
 }
 
 impl Coder for Player<'_> {
+    #[inline(always)]
+    fn exhausted(&self) -> bool {
+        self.next > self.words.len()
+    }
+
     #[inline(always)]
     fn slot(&self) -> Option<u32> {
         Some(self.states[0] & ((1 << PROBABILITY_BITS) - 1))

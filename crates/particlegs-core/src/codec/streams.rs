@@ -1,59 +1,97 @@
-//! What follows a block's header: one stream, or a table of lengths and the streams of a block in
-//! segments (docs/format.md, section 4).
+//! What follows a block's header: a table of lengths, and the streams of a block stage by stage (docs/format.md,
+//! section 4).
 
+use super::header::BlockHeader;
 use super::tree::SEGMENT;
 use super::wire::Reader;
 use std::ops::Range;
 
-/// Where the streams of a block lie in its bytes.
+/// Where the streams of a block lie in its bytes, whether these go that far or not.
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Streams {
-    /// Of the tree above the segments; `None` for a block of one segment without a table.
+    /// Of the tree above the segments; `None` for a block of one segment.
     pub trunk: Option<Range<usize>>,
-    /// One a segment. Without a table the padding is still at the end of the only one.
-    pub segments: Vec<Range<usize>>,
-    /// What follows the last stream.
-    pub padding: Range<usize>,
+    /// For each stage, the stream of each segment. Without a table the padding is still at the end of the only one.
+    pub stages: Vec<Vec<Range<usize>>>,
+    pub segments: usize,
+    /// Is there a table of lengths?
+    pub table: bool,
 }
 
-/// Has a block of so many Gaussians a table?
-pub(crate) fn has_table(gaussians: u32) -> bool {
+impl Streams {
+    /// Stages that lie whole in a block of `bytes`.
+    pub(crate) fn whole_stages(&self, bytes: usize) -> usize {
+        self.stages.iter().take_while(|s| s.last().is_none_or(|s| s.end <= bytes)).count()
+    }
+}
+
+/// Has a block of so many Gaussians segments?
+pub(crate) fn has_segments(gaussians: u32) -> bool {
     gaussians > SEGMENT
 }
 
-/// Writes the trunk's stream and the segments'.
-pub(crate) fn write(gaussians: u32, trunk: &[u8], segments: &[Vec<u8>], out: &mut Vec<u8>) {
-    if has_table(gaussians) {
-        out.extend((segments.len() as u32).to_le_bytes());
-        for length in std::iter::once(trunk.len()).chain(segments.iter().map(Vec::len)) {
-            out.extend((length as u32).to_le_bytes());
-        }
-        out.extend(trunk);
+/// Writes the table, the trunk's stream, and those of the segments for each stage.
+pub(crate) fn write(header: &BlockHeader, trunk: &[u8], stages: &[Vec<Vec<u8>>], out: &mut Vec<u8>) {
+    let segments = stages.first().map_or(0, Vec::len);
+    let trunk = if has_segments(header.gaussians) {
+        out.extend((segments as u32).to_le_bytes());
+        out.extend((trunk.len() as u32).to_le_bytes());
+        trunk
+    } else {
+        &[]
+    };
+    if segments * stages.len() > 1 {
+        stages.iter().flatten().for_each(|s| out.extend((s.len() as u32).to_le_bytes()));
     }
-    segments.iter().for_each(|s| out.extend(s));
+    out.extend(trunk);
+    stages.iter().flatten().for_each(|s| out.extend(s));
 }
 
-/// Takes what follows the header, which ends at byte `header`, apart; nothing is reserved that the bytes do not hold.
-pub(crate) fn read(gaussians: u32, block: &[u8], header: usize) -> Result<Streams, String> {
-    if !has_table(gaussians) {
-        let end = block.len();
-        return Ok(Streams { trunk: None, segments: std::iter::once(header..end).collect(), padding: end..end });
-    }
-    let mut r = Reader::new(&block[header..]);
-    let count = r.u32()?;
-    // Two segments that follow each other hold more than one may.
-    let most = 2 * (gaussians / SEGMENT) + 1;
-    if count == 0 || count > most {
-        return Err(format!("{count} segments of {gaussians} Gaussians"));
-    }
-    let trunk = r.u32()?;
-    let lengths = (0..count).map(|_| r.u32()).collect::<Result<Vec<u32>, String>>()?;
-    let mut stream = |length: u32| -> Result<Range<usize>, String> {
-        let start = header + r.position();
-        let bytes = r.take(length as usize)?;
-        Ok(start..start + bytes.len())
+/// Takes what follows the header apart; nothing is reserved that the bytes do not hold.
+pub(crate) fn read(header: &BlockHeader, block: &[u8]) -> Result<Streams, String> {
+    let mut r = Reader::new(&block[header.bytes()..]);
+    let stages = header.cuts.len() + 1;
+    let (segments, trunk) = match has_segments(header.gaussians) {
+        true => (r.u32()?, Some(r.u32()?)),
+        false => (1, None),
     };
-    let trunk = stream(trunk)?;
-    let segments = lengths.into_iter().map(&mut stream).collect::<Result<Vec<_>, String>>()?;
-    let padding = header + r.position()..block.len();
-    Ok(Streams { trunk: Some(trunk), segments, padding })
+    // Two segments that follow each other hold more than one may.
+    if segments == 0 || segments > 2 * (header.gaussians / SEGMENT) + 1 {
+        return Err(format!("{segments} segments of {} Gaussians", header.gaussians));
+    }
+    let segments = segments as usize;
+    let table = segments * stages > 1;
+    let lengths = r.take(if table { 4 * segments * stages } else { 0 })?;
+    let mut at = header.bytes() + r.position();
+    let mut stream = |length: u32| {
+        let stream = at..at.saturating_add(length as usize);
+        at = stream.end;
+        stream
+    };
+    let trunk = trunk.map(&mut stream);
+    let lengths = lengths.chunks_exact(4).map(|l| u32::from_le_bytes([l[0], l[1], l[2], l[3]]));
+    let mut all = lengths.map(stream).collect::<Vec<_>>();
+    if !table {
+        let start = trunk.as_ref().map_or(header.bytes(), |t| t.end);
+        all.push(start.min(block.len())..block.len());
+    }
+    let stages = all.chunks(segments).map(<[_]>::to_vec).collect();
+    Ok(Streams { trunk, stages, segments, table })
+}
+
+/// The bytes of each stage that is there whole: the first with all that stands before its streams, the last of all with
+/// the padding.
+///
+/// # Errors
+/// Says what is wrong where a block neither ends with a stage nor goes on to its end.
+pub(crate) fn stages(header: &BlockHeader, block: &[u8]) -> Result<Vec<Range<usize>>, String> {
+    let streams = read(header, block)?;
+    let there = streams.whole_stages(block.len());
+    let mut ends: Vec<usize> = streams.stages[..there].iter().filter_map(|s| s.last().map(|s| s.end)).collect();
+    match ends.last_mut() {
+        Some(last) if there == streams.stages.len() || *last == block.len() => *last = block.len(),
+        _ => return Err("a stream ends too soon".into()),
+    }
+    let mut start = 0;
+    Ok(ends.into_iter().map(|end| std::mem::replace(&mut start, end)..end).collect())
 }

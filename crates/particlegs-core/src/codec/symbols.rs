@@ -17,13 +17,11 @@ pub(crate) struct Model<const N: usize> {
     /// `cumulative[s]`: below symbol `s`, out of 2^30. Neighbours differ by 2^15 at least.
     cumulative: [i32; N],
     seen: u32,
-    /// The slowest adaptation: 1 / 2^slowest of the way a symbol.
-    slowest: u32,
 }
 
 impl<const N: usize> Model<N> {
     /// Starts from weights; every symbol gets at least 2^-15.
-    pub(crate) fn from_weights(weights: [u32; N], slowest: u32) -> Self {
+    pub(crate) fn from_weights(weights: [u32; N]) -> Self {
         let sum: u64 = weights.iter().map(|&w| u64::from(w)).sum();
         let room = (TOTAL - N as i32 * FLOOR) as u64;
         let mut cumulative = [0; N];
@@ -32,7 +30,7 @@ impl<const N: usize> Model<N> {
             cumulative[s] = (below * room / sum) as i32 + s as i32 * FLOOR;
             below += u64::from(weights[s]);
         }
-        Model { cumulative, seen: 0, slowest }
+        Model { cumulative, seen: 0 }
     }
 
     #[inline(always)]
@@ -60,7 +58,7 @@ impl<const N: usize> Model<N> {
     #[inline(always)]
     fn update(&mut self, s: usize) {
         let slower: u32 = SLOWER_AFTER.iter().map(|&n| u32::from(self.seen >= n)).sum();
-        let shift = (4 + slower).min(self.slowest);
+        let shift = 4 + slower;
         self.seen += 1;
         let room = TOTAL - N as i32 * FLOOR;
         for i in 0..N {
@@ -92,7 +90,7 @@ impl<const N: usize> Residual<N> {
     const CENTRE: i32 = N as i32 / 2 - 1;
 
     /// Starts at a two-sided geometric law of ratio 3/4.
-    pub(crate) fn geometric(slowest: u32) -> Self {
+    pub(crate) fn geometric() -> Self {
         let mut weights = [1; N];
         let centre = Self::CENTRE as usize;
         let mut w = 65_536u32;
@@ -102,11 +100,11 @@ impl<const N: usize> Residual<N> {
             w = w * 3 / 4;
         }
         weights[N - 1] = w;
-        Residual(Model::from_weights(weights, slowest))
+        Residual(Model::from_weights(weights))
     }
 
     /// Starts at a bell with longer tails of a width of `spread` steps.
-    pub(crate) fn bell(spread: f64, slowest: u32) -> Self {
+    pub(crate) fn bell(spread: f64) -> Self {
         let centre = Self::CENTRE as usize;
         let spread = spread.max(NARROWEST);
         let weight = |steps: usize| {
@@ -115,7 +113,7 @@ impl<const N: usize> Residual<N> {
         };
         let mut weights: [u32; N] = std::array::from_fn(|s| weight(s.abs_diff(centre)));
         weights[N - 1] = weight(centre + 1);
-        Residual(Model::from_weights(weights, slowest))
+        Residual(Model::from_weights(weights))
     }
 
     /// Codes a residual whose lowest `low` bits are plain.
@@ -147,7 +145,7 @@ mod tests {
     use crate::math::Random;
 
     fn walk(c: &mut impl Coder, values: &[i32], low: u32) -> Vec<i32> {
-        let mut model = Residual::<32>::geometric(7);
+        let mut model = Residual::<32>::geometric();
         values.iter().map(|&v| model.code(c, low, v)).collect()
     }
 

@@ -28,6 +28,14 @@ impl State {
         usize::from(self.0)
     }
 
+    /// The half steps of index `k` here; goes on.
+    #[inline(always)]
+    pub(crate) fn half_steps(&mut self, k: i32) -> i32 {
+        let half = 2 * k + self.lattice();
+        self.step(i64::from(k));
+        half
+    }
+
     /// After index `k`.
     #[inline(always)]
     pub(crate) fn step(&mut self, k: i64) {
