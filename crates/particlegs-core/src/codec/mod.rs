@@ -7,7 +7,6 @@
 //! checksums hold it all together; files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
 //! and grey levels in the places of counts and masses; its network has a section (`vizmapper`).
 
-mod baselines;
 mod certificate;
 mod container;
 mod decode;
@@ -17,7 +16,6 @@ mod exact;
 mod file;
 mod header;
 mod info;
-mod measures;
 mod merge;
 mod metadata;
 mod place;
@@ -25,7 +23,6 @@ mod points;
 mod precision;
 mod predict;
 mod rans;
-mod science;
 mod shape;
 mod streams;
 mod sums;
