@@ -3,8 +3,8 @@
 use super::metric::{Group, MetricVisitor, Required, Visited, record};
 use super::metrics::{CELL_NAMES, CLASS_NAMES};
 use super::{
-    CELL_SIZES, CellDensity, CrossValidation, DensityMetrics, GROUP_CLASSES, GoalResult, GroupClass, MassPower, Metric,
-    MetricEntry, MetricGroup, MetricValue, Pictures, Sample, ScienceMetrics, Spacing, Subset, ViewMetrics,
+    CellDensity, CrossValidation, DensityMetrics, GoalResult, GroupClass, MassPower, Metric, MetricEntry, MetricGroup,
+    MetricValue, Pictures, Sample, ScienceMetrics, Spacing, Subset, ViewMetrics,
 };
 use crate::model::Coding::Whole;
 use crate::model::Tolerance;
@@ -40,8 +40,8 @@ const BLOCKS: &[CertificateLevel] = &[CertificateLevel::Blocks];
 /// What certificates have where the snapshot or the user asks for it.
 const SOME: &[CertificateLevel] = &[];
 
-const fn group<F>(tag: u8, levels: &'static [CertificateLevel], name: &'static str, form: F) -> Group<F> {
-    Group(MetricGroup { tag, levels, name }, form)
+const fn group<F>(tag: u8, levels: &'static [CertificateLevel], [name, words]: [&'static str; 2], form: F) -> Group<F> {
+    Group(MetricGroup { tag, levels, name, words }, form)
 }
 
 record! {
@@ -49,35 +49,38 @@ record! {
     Certificate {
         /// Pictures at the default radius and opacity.
         #[serde(flatten)]
-        views: ViewMetrics = Required(group(1, ALL, "pictures, one frame an orbit (masked PSNR in dB, SSIM)", ""));
+        views: ViewMetrics = Required(group(1, ALL, ["pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM"], ""));
         /// The density on a grid.
-        density: DensityMetrics = Required(group(MetricGroup::DENSITY, ALL, "density on a grid", ""));
+        density: DensityMetrics = Required(group(MetricGroup::DENSITY, ALL, ["density", "density on a grid"], ""));
         /// Densities in cells of three sizes, the smallest first.
-        densities: Option<[CellDensity; CELL_SIZES]> = group(3, ALL, "density in cells of three sizes", CELL_NAMES);
+        densities: Option<[CellDensity; 3]> = group(3, ALL, ["density", "density in cells"], CELL_NAMES);
         /// P(k), r(k) and numbers of groups.
-        science: Option<ScienceMetrics> = group(MetricGroup::SCIENCE, ALL, "statistics against the source", "");
+        science: Option<ScienceMetrics> =
+            group(MetricGroup::SCIENCE, ALL, ["statistics", "statistics against the source"], "");
         /// P(k) of mass, where particles' masses are known and differ or there are several layers.
-        mass_power: Option<MassPower> = group(5, SOME, "power spectrum by mass, of the mixture itself", "");
+        mass_power: Option<MassPower> =
+            group(5, SOME, ["P(k) by mass", "power spectrum by mass, of the mixture itself"], "");
         /// What distances, groups and halves are of where the snapshot is too large for all.
-        sample: Option<Sample> = group(6, SOME, "distances, groups and halves are of a region", "");
+        sample: Option<Sample> = group(6, SOME, ["region", "distances, groups and halves are of a region"], "");
         /// Distances to the nearest neighbour.
-        spacing: Option<Spacing> = group(7, WHOLE, "distance to the nearest neighbour", "");
+        spacing: Option<Spacing> = group(7, WHOLE, ["nearest neighbour", "distance to the nearest neighbour"], "");
         /// Groups matched by position, by class of size.
-        groups: Option<[GroupClass; GROUP_CLASSES.len()]> =
-            group(8, FULL, "groups of drawn particles, matched by position with those of the source", CLASS_NAMES);
+        groups: Option<[GroupClass; 3]> =
+            group(8, FULL, ["groups", "groups of particles drawn, over the source's, matched by position"], CLASS_NAMES);
         /// Of particles that the fit has not seen.
-        held_out: Option<CrossValidation> = group(9, FULL, "held-out particles, of models of halves", "");
+        held_out: Option<CrossValidation> = group(9, FULL, ["halves", "held-out particles, of models of halves"], "");
         /// The particles' own best rival to the model.
-        subset: Option<Subset> = group(10, WHOLE, "random subset of the same bytes, drawn with larger radii", "");
+        subset: Option<Subset> =
+            group(10, WHOLE, ["subset", "random subset of the same bytes, drawn with larger radii"], "");
         /// Pictures at other radii and opacities, and from close up.
-        pictures: Option<Pictures> =
-            group(11, FULL, "pictures at other radii and opacities (in default ones: r, a) and from close up", "");
+        pictures: Option<Pictures> = group(11, FULL,
+            ["pictures", "pictures at other radii and opacities (r, a: the default ones) and from close up"], "");
         /// Parts that the certificate was added up of, where no process had all particles: ParaView's pictures are then
         /// not measured.
-        blocks: Option<u32> = group(12, BLOCKS, "added up of blocks, each measured by itself",
+        blocks: Option<u32> = group(12, BLOCKS, ["blocks", "added up of blocks, each measured by itself"],
             Metric::new("blocks", Whole(4)).tolerance(Tolerance::Any));
         /// What was asked for, and what the file reached.
-        goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, "goal", "");
+        goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, ["goal", "asked for"], "");
     }
 }
 

@@ -187,10 +187,12 @@ impl Tolerance {
 pub struct MetricGroup {
     /// Tag in the file.
     pub tag: u8,
-    /// Levels of certificates that have it; groups of none are there where the snapshot asks for them.
+    /// Levels of certificates that have it; groups of none are there where the snapshot or the user asks for them.
     pub levels: &'static [CertificateLevel],
-    /// In words.
+    /// In short.
     pub name: &'static str,
+    /// In words.
+    pub words: &'static str,
 }
 
 impl MetricGroup {
@@ -206,7 +208,7 @@ impl MetricGroup {
         let alone = entries.iter().filter(|e| e.row.is_empty());
         let words: Vec<String> =
             alone.map(|e| format!("{} {}", e.metric.name, e.metric.in_words(e.value, unit))).collect();
-        format!("{}: {}", self.name, words.join(", "))
+        format!("{}: {}", self.words, words.join(", ")).trim_end().to_string()
     }
 }
 

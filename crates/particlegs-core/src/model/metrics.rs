@@ -42,8 +42,8 @@ const SETTING_NAMES: [&str; PICTURE_SETTINGS] = ["r/2 a", "r/2 10a", "r a", "r 1
 const WIDTH: Metric = Metric::new("width", Whole(2));
 const HEIGHT: Metric = Metric::new("height", Whole(2));
 const CORRELATION: Metric = Metric::new("correlation", F32).range(-1.0, 1.0);
-const ERROR: Metric = Metric::new("mean error of the contrast", F32);
-const UNIFORM_ERROR: Metric = Metric::new("of a uniform one", F32);
+const ERROR: Metric = Metric::new("mean error", F32);
+const UNIFORM_ERROR: Metric = Metric::new("error of a uniform one", F32);
 const K_MAX: Metric = Metric::new("largest wave number", F64).unit(Unit::WaveNumber);
 
 /// Scores of one picture.
@@ -212,7 +212,7 @@ record! {
         /// Their number among drawn particles over that, mean of the draws.
         number: Option<f64> = Metric::new("number", OptionalF32).unit(Unit::Share);
         /// Standard deviation of that over the draws.
-        number_scatter: f64 = Metric::new("number scatter", F32).unit(Unit::Share);
+        number_scatter: f64 = Metric::new("+- number", F32).unit(Unit::Share);
         /// Share of the groups that have a counterpart of any size.
         completeness: Option<f64> = Metric::new("completeness", OptionalF32).unit(Unit::Share);
         /// Share of the drawn groups of this class that have one.
@@ -220,7 +220,7 @@ record! {
         /// Median of a counterpart's particles over the group's.
         mass: Option<f64> = Metric::new("median mass", OptionalF32).unit(Unit::Share);
         /// Half the distance of the 16th and 84th percentile of that.
-        mass_scatter: f64 = Metric::new("mass scatter", F32).unit(Unit::Share);
+        mass_scatter: f64 = Metric::new("+- mass", F32).unit(Unit::Share);
     }
 }
 
