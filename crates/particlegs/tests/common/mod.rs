@@ -62,7 +62,7 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
 pub fn certificate() -> Certificate {
     let score = |masked_psnr, ssim| Some(PictureScore { masked_psnr, ssim });
     let look = PictureScores {
-        model: score(Some(30.25), 0.75),
+        model: score(Some(30.25), 24_575.0 / 32_767.0),
         noise_free: score(None, 1.0),
         all_black: score(Some(12.5), 0.0),
         uniform_box: score(Some(16.25), 1.0),
