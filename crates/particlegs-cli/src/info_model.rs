@@ -253,20 +253,20 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let Some(c) = c else { return "certificate        none\n".into() };
     let mut out = "certificate        measured at encoding (-: not measured, or none)\n".to_string();
     let mut line = |text: &str| out += &(wrapped("  ", text, 6) + "\n");
-    for (group, entries) in c.groups() {
-        match (entries, c.goal) {
-            (Some(_), Some(goal)) if group.tag == MetricGroup::GOAL => line(&goal_in_words(&goal, unit)),
-            (Some(entries), _) => {
+    if let Some(goal) = &c.goal {
+        line(&goal_in_words(goal, unit));
+    }
+    for (group, entries) in c.groups().into_iter().filter(|(group, _)| group.tag != MetricGroup::GOAL) {
+        match entries {
+            Some(entries) => {
                 line(&group.in_words(&entries, unit));
                 tables(&entries, unit).iter().for_each(|text| line(text));
             }
-            (None, _) if group.levels == [CertificateLevel::Full] => {
+            None if group.levels == [CertificateLevel::Full] => {
                 line(&format!("{}: not measured (--certificate full)", group.words));
             }
-            (None, _) if group.levels.contains(&CertificateLevel::Full) => {
-                line(&format!("{}: not measured", group.words));
-            }
-            (None, _) => {}
+            None if group.levels.contains(&CertificateLevel::Full) => line(&format!("{}: not measured", group.words)),
+            None => {}
         }
     }
     out

@@ -322,7 +322,6 @@ mod tests {
         refused(&|c| c.sample.as_mut().unwrap().bounds.min[1] = f64::MAX);
         refused(&|c| c.pictures.as_mut().unwrap().settings[6].opacity = 1.5);
         refused(&|c| c.pictures.as_mut().unwrap().settings[0].paraview.worst_view = 3);
-        refused(&|c| c.mass_power.as_mut().unwrap().layers[1..].fill(None));
         refused(&|c| {
             let s = c.science.as_mut().unwrap();
             (s.k_max, s.r_above_0_9_to) = (8.0, Limit::At(8.5));

@@ -131,7 +131,7 @@ record! {
 record! {
     /// P(k) of mass: of the mixture itself against that of the particles, on the grid and up to the wave number of the
     /// certificate's other spectra.
-    MassPower agrees by Self::layers_are_several {
+    MassPower {
         /// All layers together.
         whole: PowerAgreement = "all layers";
         /// Each layer on its own, in the file's order; none where there is but one.
@@ -146,10 +146,6 @@ impl MassPower {
         let mut power = MassPower::default();
         power.layers[..own].fill(Some(PowerAgreement::default()));
         power
-    }
-
-    fn layers_are_several(&self) -> Result<(), String> {
-        if self.layers.iter().flatten().count() == 1 { Err("P(k) of mass of one layer".into()) } else { Ok(()) }
     }
 }
 
