@@ -62,7 +62,7 @@ def main():
         run("compress", SAMPLE, "-o", small, "--ratio", 1000, "--certificate", "quick", "--json", work / "small.json")
         run("compress", SAMPLE, "-o", good, "--ratio", 300, "--certificate", "none")
         certificate = json.loads((work / "small.json").read_text())["certificate"]
-        kept = certificate["measures"]["subset"]["kept"]
+        kept = certificate["subset"]["kept"]
         subset = work / "subset"
         run("convert", SAMPLE, "--sample", kept, "-o", subset)
         r0 = 0.0406 * 25 / 64

@@ -27,8 +27,8 @@ def seconds(v):
 
 
 def told(name):
-    """A run's name; those before certificates had measures are of an earlier fit."""
-    return name if "measures" in R[name]["certificate"] else name + " (earlier fit)"
+    """A run's name; those before certificates had densities in cells are of an earlier fit."""
+    return name if "densities" in R[name]["certificate"] else name + " (earlier fit)"
 
 
 def run_table(names):
@@ -51,7 +51,7 @@ def score_table(names):
             for orbit in R[name]["certificate"]["orbits"]:
                 for look in ("paraview", "paraview_no_fxaa", "expected"):
                     s = orbit[look]
-                    beside = s["noise_free_masked_psnr"]
+                    beside = s["noise_free"]["masked_psnr"]
                     cells.append(f'{s["masked_psnr"]:.2f}' + (f" ({beside:.2f})" if beside else ""))
             row(told(name), *cells)
 

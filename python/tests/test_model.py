@@ -13,7 +13,7 @@ def test_it_says_what_it_is(model):
     assert model.count == 262_144 and model.law == "optical-depth" and 60 < model.ratio < 70
     assert model.nbytes == len(model.to_bytes()) and model.length_unit == "Mpc/h"
     assert np.allclose(model.box, 25 * np.eye(3)) and model.periodic == (True,) * 3
-    assert "pictures: " in model.verdict and model.certificate["density_correlation"] > 0.5
+    assert "pictures: " in model.verdict and model.certificate["density"]["correlation"] > 0.5
     assert "262144 particles" in repr(model)
 
 

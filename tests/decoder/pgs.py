@@ -54,7 +54,7 @@ def sections(data):
 def read(data):
     """A whole file: metadata, certificate, network, and layers as (name, blocks)."""
     found, minor = sections(data)
-    model = {"minor": minor, "layers": [], "cert": None, "stat": None, "meas": {}, "vizm": None}
+    model = {"minor": minor, "layers": [], "cert": {}, "vizm": None}
     before, left = b"", 0
     for tag, content in found:
         if tag == b"META":
@@ -63,16 +63,8 @@ def read(data):
         elif tag == b"CERT":
             check(before == b"META", "order")
             model["cert"] = certificate(content)
-        elif tag == b"stat" and minor >= 2:
-            check(before == b"CERT", "order")
-            model["stat"] = statistics(content)
-        elif tag == b"base" and minor >= 4:
-            check(before in (b"CERT", b"stat") and len(content) == 76, "baselines")
-        elif tag == b"meas" and minor >= 5:
-            check(before in (b"CERT", b"stat", b"base"), "order")
-            model["meas"] = measures(content)
         elif tag == b"VIZM" and minor >= 3:
-            check(before in (b"META", b"CERT", b"stat", b"base", b"meas") and model["meta"]["law"] == 2, "order")
+            check(before in (b"META", b"CERT") and model["meta"]["law"] == 2, "order")
             model["vizm"] = network(content)
         elif tag == b"LAYR":
             check(before != b"" and left == 0, "order")
@@ -134,96 +126,88 @@ def metadata(content, minor):
     }
 
 
-# ---------------------------------------------------------------- 3. CERT, stat
+# ---------------------------------------------------------------- 3. CERT
+
+# Codings of the page: letters of `struct`, and for others the letter that their bytes are read by. Behind a letter may
+# stand the least and the most.
+REAL, SIGNED = (0, math.inf), (-math.inf, math.inf)
+COUNT, MARK, RATIO = (0, 2**64), (0, 1), (-1, 1)
+TINY = (5e-324, math.inf)
+SCORES = ["score"] * 5
+LOOK = [("B", (0, 2)), *SCORES, *SCORES]
+CELLS = [("f", REAL), ("f", RATIO), ("f", REAL), ("f", REAL)]
+POWER = [("f?", REAL), "up to"]
+GROUPS = {
+    1: [("H", COUNT), ("H", COUNT), ("Q", COUNT), *SCORES * 9],
+    2: [("H", COUNT), *CELLS[1:]],
+    3: [("d", TINY), *CELLS] * 3,
+    4: [("B", MARK), ("H", COUNT), ("f", REAL), *["up to"] * 4, "from"],
+    6: [("Q", (1, 2**64)), *[("d", SIGNED)] * 6],
+    7: [("d", REAL), ("f", REAL)] * 2,
+    8: [("I", COUNT), ("f?", REAL), ("f", REAL), ("f?", REAL), ("f?", REAL), ("f?", REAL), ("f", REAL)] * 3,
+    9: [("f", SIGNED), ("f", REAL), ("f", SIGNED), ("d", REAL), ("d", REAL), *[("f?", SIGNED), ("f", REAL)] * 7],
+    10: [("Q", (1, 2**64)), ("Q", COUNT)],
+    11: [("H", COUNT), ("H", COUNT), *[("f", TINY), ("f", (TINY[0], 1)), ("B", MARK), *LOOK, *LOOK] * 7],
+    12: [("I", COUNT)],
+    13: [("B", (0, 3)), ("d", REAL), ("d", REAL), ("d", SIGNED)],
+}
+
 
 def certificate(content):
-    check(len(content) == 94, "length of the certificate")
-    width, height, seed, cells, correlation, error = struct.unpack_from("<HHQHff", content)
-    scores = []
-    for psnr, ssim, best_psnr, best_ssim in struct.iter_unpack("<HhHh", content[22:]):
-        check(ssim != -32768 and best_ssim != -32768, "SSIM")
-        decibels = lambda v: None if v == 65535 else v / 200
-        scores.append((decibels(psnr), ssim / 32767, decibels(best_psnr), best_ssim / 32767))
-    return {"numbers": (width, height, seed, cells), "density": (correlation, error), "scores": scores}
-
-
-def measures(content):
-    """Values by tag; those that are not there as None."""
-    forms = {1: "<" + "d4f" * 3, 2: "<dfdf", 3: "<3f2d14f", 4: "<" + "I6f" * 3, 8: "<Q6d", 9: "<I", 10: "<B3d"}
-    look = "B" + "Hh" * 10
-    pictures = {5: "<HH" + ("ffB" + look * 2) * 7, 6: "<QQ" + "Hh" * 9}
-    at, last, found = 0, 0, {}
+    """Groups by tag: the figures of each, as lines say them."""
+    found, at, last = {}, 0, 0
     while at < len(content):
+        check(at + 3 <= len(content), "head of a group")
         tag, length = struct.unpack_from("<BH", content, at)
-        check(tag > last and at + 3 + length <= len(content), "a measure")
+        check(tag > last and at + 3 + length <= len(content), "a group of the certificate")
         value, at, last = content[at + 3 : at + 3 + length], at + 3 + length, tag
-        if tag in forms:
-            check(length == struct.calcsize(forms[tag]), "length of a measure")
-            numbers = struct.unpack(forms[tag], value)
-            check(all(math.isfinite(v) for v in numbers), "a measure")
-            if tag == 10:
-                kind, asked, where, _ = numbers
-                check(asked >= 0 and where >= 0 and all(math.isfinite(v) for v in numbers), "a goal")
-                if not 1 <= kind <= 4:
-                    continue
-                found[tag] = numbers
-                continue
-            check(tag != 8 or numbers[0] > 0 and all(a <= b for a, b in zip(numbers[1:4], numbers[4:])), "a sample")
-            found[tag] = [None if v == -2 and tag != 8 else v for v in numbers]
-        elif tag == 7:
-            check(length in [8 * n for n in (1, 3, 4, 5, 6, 7, 8, 9)], "length of a measure")
-            numbers = struct.unpack(f"<{length // 4}f", value)
-            check(all(math.isfinite(v) and (v >= 0 or v in ((-2,), (-1,))[i % 2]) for i, v in enumerate(numbers)), "P(k) by mass")
-            found[tag] = [None if v == -2 else v for v in numbers]
-        elif tag in pictures:
-            check(length == struct.calcsize(pictures[tag]), "length of pictures")
-            numbers = struct.unpack(pictures[tag], value)
-            found[tag] = settings(numbers) if tag == 5 else subset(numbers)
+        if tag == 5:
+            found[tag] = figures(value, POWER * min(max(length // 8, 1), 9))
+        elif tag in GROUPS:
+            found[tag] = figures(value, GROUPS[tag])
+    check(1 in found and 2 in found, "a group is missing")
+    if 4 in found:
+        largest = found[4][2]
+        check(all(isinstance(k, str) or k <= largest for k in found[4][3:7]), "a wave number of the statistics")
+    if 6 in found:
+        check(all(low <= high for low, high in zip(found[6][1:4], found[6][4:7])), "corners of the region")
     return found
 
 
-def score(psnr, ssim):
-    check(ssim != -32768, "SSIM")
-    return [None if psnr == 65535 else psnr / 200, ssim / 32767]
+def figures(value, codings):
+    """Numbers, or the words for what is none; a score is two."""
+    out, at = [], 0
 
+    def take(letter):
+        nonlocal at
+        check(at + struct.calcsize(letter) <= len(value), "length of a group")
+        (number,) = struct.unpack_from("<" + letter, value, at)
+        at += struct.calcsize(letter)
+        return number
 
-def score_or_none(psnr, ssim):
-    if ssim == -32768:
-        check(psnr == 65535, "a picture that was not drawn")
-        return [None, None]
-    return score(psnr, ssim)
-
-
-def settings(numbers):
-    """Pictures at radii and opacities: the size, then setting by setting."""
-    found = list(numbers[:2])
-    for at in range(2, len(numbers), 45):
-        radius, opacity, close, *looks = numbers[at : at + 45]
-        check(0 < radius < math.inf and 0 < opacity <= 1 and close in (0, 1), "a setting")
-        found += [radius, opacity, close]
-        for worst, *scores in (looks[:21], looks[21:]):
-            check(worst <= 2, "a worst view")
-            found.append(worst)
-            for k in range(0, 20, 2):
-                found += (score_or_none if k % 10 == 8 else score)(*scores[k : k + 2])
-    return found
-
-
-def subset(numbers):
-    kept, size, *scores = numbers
-    check(kept >= 1, "a subset")
-    return [kept, size] + [v for k in range(0, 18, 2) for v in score_or_none(*scores[k : k + 2])]
-
-
-def statistics(content):
-    check(len(content) == 27, "length of the statistics")
-    of, cells, largest, *limits, groups = struct.unpack("<BHf4fI", content)
-    check(of in (0, 1) and largest >= 0 and math.isfinite(largest), "statistics")
-    for limit in limits:
-        check(limit in (-1, 0) or 0 < limit <= largest, "a wave number of the statistics")
-    limits = ["not measured" if v == -1 else "never" if v == 0 else v for v in limits]
-    groups = "not measured" if groups == 0xFFFFFFFF else "never" if groups == 0 else float(groups)
-    return {"of": of, "cells": cells, "largest": largest, "limits": [*limits, groups]}
+    for coding in codings:
+        if coding == "score":
+            psnr, ssim = take("H"), take("h")
+            check(ssim != -32768 or psnr == 65535, "a picture that was not drawn")
+            drawn = ["none" if psnr == 65535 else psnr / 200, ssim / 32767]
+            out += ["none"] if ssim == -32768 else drawn
+        elif coding == "up to":
+            k = take("f")
+            check(math.isfinite(k) and (k == -1 or k >= 0), "a wave number")
+            out.append("none" if k == -1 else "never" if k == 0 else k)
+        elif coding == "from":
+            n = take("I")
+            out.append("none" if n == 0xFFFFFFFF else "never" if n == 0 else float(n))
+        else:
+            letter, (least, most) = coding
+            number = take(letter[0])
+            if letter == "f?" and number == -2:
+                out.append("none")
+            else:
+                check(math.isfinite(number) and least <= number <= most, "a figure of the certificate")
+                out.append(number)
+    check(at == len(value), "length of a group")
+    return out
 
 
 # ---------------------------------------------------------------- 4. BLOK
@@ -725,17 +709,9 @@ def dump(model, out):
     print("reals", hexadecimal([meta["mass"], *meta["bounds"], meta["radius"], meta["opacity"]]), file=out)
     print("source", meta["source"], file=out)
     print("effort", meta["effort"] or "none", file=out)
-    if model["cert"]:
-        print("certificate", *model["cert"]["numbers"], hexadecimal(model["cert"]["density"]), file=out)
-        for score in model["cert"]["scores"]:
-            print("score", *("none" if v is None else hexadecimal([v]) for v in score), file=out)
-    if model["stat"]:
-        stat = model["stat"]
-        limits = (v if isinstance(v, str) else hexadecimal([v]) for v in stat["limits"])
-        print("stat", stat["of"], stat["cells"], hexadecimal([stat["largest"]]), *limits, file=out)
-    for tag, numbers in model["meas"].items():
-        words = ("none" if v is None else hexadecimal([float(v)]) for v in numbers)
-        print("measure", tag, *words, file=out)
+    for tag, numbers in model["cert"].items():
+        words = (hexadecimal([v]) if isinstance(v, float) else str(v) for v in numbers)
+        print("group", tag, *words, file=out)
     if model["vizm"]:
         parameters = np.concatenate([np.concatenate([w.ravel(), b]) for w, b in model["vizm"]["layers"]])
         print("ranges", hexadecimal(model["vizm"]["ranges"]), file=out)

@@ -8,9 +8,8 @@ use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
-    AlphaBlend, BANDS, Certificate, Effort, GROUP_CLASSES, LawKind, Layer, Limit, LookBaselines, LookPictures,
-    LookScore, MassPower, Measures, Metadata, PictureScore, PictureScores, Pictures, PowerAgreement, Reached,
-    VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
+    AlphaBlend, Certificate, CertificateLevel, Effort, GoalResult, LawKind, Layer, Metadata, MetricEntry, MetricGroup,
+    MetricValue, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
 use particlegs::progress::Progress;
 use particlegs::score::{Finding, Use, Word};
@@ -249,120 +248,70 @@ fn said(value: Option<impl ToString>) -> String {
     value.map_or_else(|| "not stated".into(), |v| v.to_string())
 }
 
-/// The certificate as a table, and what statistics said in words. `unit` is the unit of length.
+/// Every figure of a certificate. `unit` is the unit of length.
 pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let Some(c) = c else { return "certificate        none\n".into() };
-    let mut out = format!(
-        "certificate        measured at encoding: {} x {}, one frame an orbit, seed {}\n",
-        c.width, c.height, c.seed
-    );
-    if let Some(goal) = &c.measures.goal {
-        out += &(wrapped("  ", &goal_in_words(goal, unit), 6) + "\n");
+    let mut out = "certificate        measured at encoding (-: not measured, or none)\n".to_string();
+    let mut line = |text: &str| out += &(wrapped("  ", text, 6) + "\n");
+    if let Some(goal) = &c.goal {
+        line(&goal_in_words(goal, unit));
     }
-    out += &pictures(c);
-    out += &c.measures.pictures.as_ref().map_or_else(String::new, settings);
-    let mut line = |text: String| out += &(wrapped("  ", &text, 6) + "\n");
-    line(format!("density on a grid of {} cells: correlation {:.5} (uniform 0)", c.grid, c.density_correlation));
-    let uniform = c.baselines.map_or_else(|| "not measured".into(), |b| format!("{:.4}", b.uniform_density_mae));
-    line(format!("density contrast on it: mean absolute error {:.4} (uniform {uniform}, empty 1)", c.density_mae));
-    match &c.science {
-        Some(science) => science.in_words(unit).into_iter().for_each(&mut line),
-        None => line("power spectrum, cross-correlation, groups: not measured".into()),
+    for (group, entries) in c.groups().into_iter().filter(|(group, _)| group.tag != MetricGroup::GOAL) {
+        match entries {
+            Some(entries) => {
+                line(&group.in_words(&entries, unit));
+                tables(&entries, unit).iter().for_each(|text| line(text));
+            }
+            None if group.levels == [CertificateLevel::Full] => {
+                line(&format!("{}: not measured (--certificate full)", group.words));
+            }
+            None if group.levels.contains(&CertificateLevel::Full) => line(&format!("{}: not measured", group.words)),
+            None => {}
+        }
     }
-    match &c.measures.subset {
-        Some(s) => line(format!(
-            "subset: {} of the particles, at random, coded in {} bytes; drawn with radii times sqrt(N / kept)",
-            s.kept, s.bytes
-        )),
-        None => line("random subset of the same bytes: not measured".into()),
-    }
-    if c.measures.pictures.is_none() {
-        line("pictures at other radii and opacities, and from close up: not measured (--certificate full)".into());
-    }
-    measures(&c.measures, unit).into_iter().for_each(line);
     out
 }
 
 /// What was asked for, and what the file has.
-pub fn goal_in_words(goal: &Reached, unit: Option<&str>) -> String {
+pub fn goal_in_words(goal: &GoalResult, unit: Option<&str>) -> String {
     format!("asked for: {}", goal.in_words(unit))
 }
 
-/// What else was measured, a line each.
-fn measures(m: &Measures, unit: Option<&str>) -> Vec<String> {
-    let length = unit.map_or(String::new(), |u| format!(" {u}"));
-    let percent = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{:.1} %", 100.0 * v));
+/// Rows of figures, a table for those that have the same ones; rows of one figure in one line.
+fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
+    type Rows<'a> = Vec<&'a [MetricEntry]>;
+    let mut tables: Vec<Rows<'_>> = Vec::new();
+    let names = |row: &[MetricEntry]| row.iter().map(|e| e.metric.name).collect::<Vec<_>>();
+    for row in entries.chunk_by(|a, b| a.row == b.row).filter(|row| !row[0].row.is_empty()) {
+        match tables.iter_mut().find(|rows| names(rows[0]) == names(row)) {
+            Some(rows) => rows.push(row),
+            None => tables.push(vec![row]),
+        }
+    }
+    let cell = |e: &MetricEntry| match e.value {
+        MetricValue::None => "-".into(),
+        MetricValue::Score(s) => format!("{} {:.4}", s.masked_psnr.map_or("-".into(), |v| format!("{v:.2}")), s.ssim),
+        value => e.metric.in_words(value, unit),
+    };
     let mut lines = Vec::new();
-    for d in m.densities.iter().flatten() {
-        lines.push(format!(
-            "density in cells of {:.4}{length} ({:.1} particles): correlation {:.5}, mean absolute error {:.4} (uniform {:.4})",
-            d.edge, d.particles, d.correlation, d.mean_absolute_error, d.uniform_mean_absolute_error
-        ));
-    }
-    if let Some(s) = &m.sample {
-        lines.push(format!(
-            "what follows of distances, groups and halves: of {} particles, all those from {} to {}",
-            s.particles,
-            point(s.bounds.min),
-            point(s.bounds.max)
-        ));
-    }
-    if let Some(s) = &m.spacing {
-        lines.push(format!(
-            "distance to the nearest neighbour: median {:.4}{length}, of particles drawn {:.4}; 5th percentile over it {:.3} \
-             and {:.3}",
-            s.median, s.drawn_median, s.regularity, s.drawn_regularity
-        ));
-    }
-    if let Some(blocks) = m.blocks {
-        lines.push(format!(
-            "added up of {blocks} block(s), each measured by itself: what does not add up was not measured"
-        ));
-    }
-    mass_power(m.mass_power.as_ref(), unit, &mut lines);
-    match &m.held_out {
-        None => lines.push("held-out particles: not measured (--certificate full)".into()),
-        Some(h) => {
-            lines.push(format!(
-                "held-out particles, of models of halves by the same method: {:.3} +- {:.3} bits a particle above uniform in a \
-                 volume of {:.4e} (a kernel estimate on all particles: {:.3})",
-                h.bits, h.error, h.volume, h.kernel_bits
-            ));
-            let bands = BANDS.iter().zip(&h.transfer).filter_map(|(share, t)| {
-                t.deviation
-                    .map(|d| format!("{:+.2} +- {:.2} % to {:.3}", 100.0 * d, 100.0 * t.scatter, share * h.k_max))
-            });
-            let unit = unit.map_or_else(|| "1/length".into(), per_length);
-            let bands: Vec<String> = bands.collect();
-            lines.push(match bands[..] {
-                [] => "transfer function of the halves: the particles have no power above their noise".into(),
-                _ => format!("transfer function of the halves: {} {unit}", bands.join(", ")),
-            });
+    for rows in tables {
+        if let [one] = names(rows[0])[..] {
+            let all: Vec<String> = rows.iter().map(|row| format!("{} {}", row[0].row, cell(&row[0]))).collect();
+            lines.push(format!("{one}: {}", all.join(", ")));
+            continue;
         }
-    }
-    match &m.groups {
-        None => lines.push("groups matched by position: not measured (--certificate full)".into()),
-        Some(classes) => {
-            for (k, c) in classes.iter().enumerate() {
-                let to = GROUP_CLASSES.get(k + 1).map_or(" and more".into(), |n| format!(" to {}", n - 1));
-                if c.groups == 0 {
-                    lines.push(format!("groups of {}{to} particles: none", GROUP_CLASSES[k]));
-                    continue;
-                }
-                lines.push(format!(
-                    "groups of {}{to} particles: {}; number in draws {} +- {}, completeness {}, purity {}, median mass {} \
-                     +- {}",
-                    GROUP_CLASSES[k],
-                    c.groups,
-                    percent(c.number),
-                    percent(Some(c.number_scatter)),
-                    percent(c.completeness),
-                    percent(c.purity),
-                    percent(c.mass),
-                    percent(Some(c.mass_scatter))
-                ));
-            }
-        }
+        let mut text =
+            vec![std::iter::once(String::new()).chain(names(rows[0]).into_iter().map(String::from)).collect()];
+        text.extend(
+            rows.iter()
+                .map(|row| std::iter::once(row[0].row.clone()).chain(row.iter().map(cell)).collect::<Vec<String>>()),
+        );
+        let width = |column: usize| text.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..text[0].len()).map(width).collect();
+        lines.extend(text.iter().map(|row| {
+            let rest = row.iter().zip(&widths).skip(1).map(|(cell, w)| format!("  {cell:>w$}"));
+            format!("{:<w$}{}", row[0], rest.collect::<String>(), w = widths[0])
+        }));
     }
     lines
 }
@@ -395,128 +344,4 @@ pub fn told(c: Option<&Certificate>, metadata: &Metadata, progress: &dyn Progres
         String::new()
     };
     (text.trim_end().to_string(), v)
-}
-
-/// Widths of the columns of a table of pictures.
-const COLUMNS: [usize; 5] = [6, 6, 6, 7, 6];
-
-/// A row of columns.
-fn columns(values: [String; 5]) -> String {
-    let cells: Vec<String> = values.into_iter().zip(COLUMNS).map(|(v, width)| format!("{v:>width$}")).collect();
-    cells.join(" ")
-}
-
-/// The two lines of a table's head: what is compared.
-fn heads() -> [String; 2] {
-    let words = |w: [&str; 5]| columns(w.map(String::from));
-    [words(["", "noise-", "", "", ""]), words(["model", "free", "black", "uniform", "subset"])]
-}
-
-fn decibels(v: Option<f64>) -> String {
-    v.map_or_else(|| "-".to_string(), |v| format!("{v:.2}"))
-}
-
-/// The scores of pictures, the model's beside the noise-free, the trivial ones and the subset's.
-fn pictures(c: &Certificate) -> String {
-    let [above, names] = heads();
-    let mut out = format!("{:26}{:>35}  {:>35}\n", "", "masked PSNR in dB: ", "SSIM: ");
-    let _ = writeln!(out, "{:26}{above}  {above}", "");
-    let _ = writeln!(out, "  {:<6} {:<17}{names}  {names}", "orbit", "look");
-    for (k, name) in ["far", "mid", "near"].iter().enumerate() {
-        for (l, (look, score, baselines)) in looks(c, k).into_iter().enumerate() {
-            if c.measures.blocks.is_some() && look != "expected" {
-                let _ = writeln!(out, "  {name:<6} {look:<17}not measured (by blocks)");
-                continue;
-            }
-            let subset = c.measures.subset.and_then(|s| s.orbits[k][l]);
-            let model = PictureScore { masked_psnr: score.masked_psnr, ssim: score.ssim };
-            let best = PictureScore { masked_psnr: score.noise_free_masked_psnr, ssim: score.noise_free_ssim };
-            let all =
-                [Some(model), Some(best), baselines.map(|b| b.all_black), baselines.map(|b| b.uniform_box), subset];
-            let psnr = columns(all.map(|s| decibels(s.and_then(|s| s.masked_psnr))));
-            let ssim = columns(all.map(|s| s.map_or_else(|| "-".to_string(), |s| format!("{:.4}", s.ssim))));
-            let _ = writeln!(out, "  {name:<6} {look:<17}{psnr}  {ssim}");
-        }
-    }
-    out
-}
-
-/// The scores at other radii and opacities, and from close up.
-fn settings(p: &Pictures) -> String {
-    let [above, names] = heads();
-    let mut out = format!(
-        "pictures of {} x {}, three views each (radius in default radii; close: from within)\n{:23}{:>35}  {:>21} {:>13}\n",
-        p.width, p.height, "", "masked PSNR in dB, mean: ", "of the worst view: ", "model's SSIM:"
-    );
-    let _ = writeln!(out, "{:23}{above}", "");
-    let _ = writeln!(
-        out,
-        "  {:>6} {:<7}{:<7}{names}  {:<7} {:>6} {:>6} {:>6} {:>6}",
-        "radius", "opacity", " look", "view", "model", "subset", "mean", "worst"
-    );
-    for s in &p.settings {
-        for (look, scores) in [("parav.", &s.paraview), ("expec.", &s.expected)] {
-            let radius = if s.close { "close".to_string() } else { format!("{}", s.radius) };
-            let of = |s: &PictureScores| {
-                let subset = s.subset.and_then(|s| s.masked_psnr);
-                [
-                    s.model.masked_psnr,
-                    s.noise_free.masked_psnr,
-                    s.all_black.masked_psnr,
-                    s.uniform_box.masked_psnr,
-                    subset,
-                ]
-            };
-            let (mean, worst) = (of(&scores.mean), of(&scores.worst));
-            let _ = writeln!(
-                out,
-                "  {radius:>6} {:<7.4} {look:<6}{}  {:<7} {:>6} {:>6} {:>6.3} {:>6.3}",
-                s.opacity,
-                columns(mean.map(decibels)),
-                view_name(scores, s.close),
-                decibels(worst[0]),
-                decibels(worst[4]),
-                scores.mean.model.ssim,
-                scores.worst.model.ssim
-            );
-        }
-    }
-    out
-}
-
-/// The worst view's name.
-fn view_name(scores: &LookPictures, close: bool) -> &'static str {
-    let names = if close { ["first", "second", "third"] } else { ["far", "mid", "near"] };
-    names[usize::from(scores.worst_view).min(2)]
-}
-
-/// The looks of an orbit: name, scores, and those of the trivial pictures where they were measured.
-fn looks(c: &Certificate, orbit: usize) -> [(&'static str, LookScore, Option<LookBaselines>); 3] {
-    let (o, b) = (&c.orbits[orbit], c.baselines.map(|b| b.orbits[orbit]));
-    [
-        ("paraview", o.paraview, b.map(|b| b.paraview)),
-        ("paraview-no-fxaa", o.paraview_no_fxaa, b.map(|b| b.paraview_no_fxaa)),
-        ("expected", o.expected, b.map(|b| b.expected)),
-    ]
-}
-
-/// P(k) of mass: of all layers, and of each by its place in the file.
-fn mass_power(power: Option<&MassPower>, unit: Option<&str>, lines: &mut Vec<String>) {
-    let Some(power) = power else { return };
-    let unit = unit.map_or_else(|| "1/length".into(), per_length);
-    let mut line = |of: &str, p: &PowerAgreement| {
-        let to = match p.within_1_percent_to {
-            Limit::NotMeasured => "not measured".to_string(),
-            Limit::Never => "nowhere".into(),
-            Limit::At(k) => format!("up to k = {k:.4} {unit}"),
-        };
-        let largest = p.largest_deviation.map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
-        lines.push(format!(
-            "power spectrum by mass, of the mixture itself, {of}: within 1 % {to}; largest deviation {largest}"
-        ));
-    };
-    line("all layers", &power.whole);
-    for (number, p) in power.layers.iter().flatten().enumerate() {
-        line(&format!("layer {}", number + 1), p);
-    }
 }

@@ -63,7 +63,7 @@ impl<'a> About<'a> {
 fn certified(info: &FileInfo) -> Option<[[f64; 2]; 2]> {
     let certificate = info.certificate.as_ref()?;
     let m = &info.metadata;
-    let settings = certificate.measures.pictures.as_ref().map(|p| &p.settings);
+    let settings = certificate.pictures.as_ref().map(|p| &p.settings);
     let around = |of: &dyn Fn(usize) -> f64, default: f64| {
         let values = (0..settings.map_or(0, |s| s.len())).map(of);
         values.fold([default; 2], |[low, high], v| [low.min(v), high.max(v)])

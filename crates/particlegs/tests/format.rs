@@ -3,19 +3,17 @@
 
 mod common;
 
-use common::{baselines, block, certificate, measures, metadata, mixture, partner, reseal, science};
+use common::{block, certificate, metadata, mixture, partner, reseal};
 use particlegs::Error;
 use particlegs::codec::{self, Encoder, Precision};
 use particlegs::math::{Random, Sym3};
-use particlegs::model::{Block, Certificate, CertificateLevel, Layer, Mass, Measures, Mixture, Model};
+use particlegs::model::{Block, CertificateLevel, Layer, Mass, Mixture, Model};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use proptest::prelude::*;
 
-/// Bytes of the section of trivial references, with its head.
-const BASELINES: usize = 16 + 76;
-/// What a quick certificate's further measures add to a file.
-const MEASURES: usize = 16 + 102 + 55;
+/// Bytes of a quick certificate, with its head.
+const CERTIFICATE: usize = 16 + 363;
 
 fn head(blocks: usize) -> Layer<usize> {
     Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: blocks }
@@ -41,8 +39,7 @@ fn a_file_comes_back() {
         let back = codec::decode(&bytes, "m.pgs").unwrap();
         assert_eq!(back.metadata, m.metadata);
         assert_eq!(back.gaussians(), 800);
-        assert_eq!(back.certificate.unwrap().orbits[0].paraview.masked_psnr, Some(30.25));
-        assert_eq!(back.certificate.unwrap().science, Some(science()));
+        assert_eq!(back.certificate, m.certificate);
         for (a, b) in back.blocks().zip(m.blocks()) {
             assert_eq!((a.count, a.mass, a.bounds), (b.count, b.mass, b.bounds));
             assert_eq!(a.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), b.count);
@@ -54,11 +51,7 @@ fn a_file_comes_back() {
         assert_eq!(info.layers[0].content.len(), 2);
         assert_eq!(codec::read_metadata(&bytes, "m.pgs").unwrap(), m.metadata);
         let coded: usize = info.layers[0].content.iter().map(|b| b.bytes as usize).sum();
-        // This certificate has no trivial references and further measures: their sections are left out.
-        assert_eq!(
-            codec::size_without_blocks(&m.metadata, CertificateLevel::Quick, &[head(2)]) + coded,
-            bytes.len() + BASELINES + MEASURES
-        );
+        assert_eq!(codec::size_without_blocks(&m.metadata, CertificateLevel::Quick, &[head(2)]) + coded, bytes.len());
     }
 }
 
@@ -69,7 +62,7 @@ fn what_is_not_gaussians_is_small() {
     assert!(size < 400, "{size} bytes");
     assert_eq!(
         codec::size_without_blocks(&m.metadata, CertificateLevel::Quick, &[head(1)]) - m.metadata.command.len() - size,
-        16 + 94 + 16 + 27 + BASELINES + MEASURES
+        CERTIFICATE
     );
 }
 
@@ -205,69 +198,6 @@ fn newer_files_are_told_apart() {
     };
     assert_eq!(add(b"note").unwrap(), codec::decode(&bytes, "m").unwrap());
     assert!(matches!(add(b"NOTE"), Err(Error::Compatibility { .. })));
-}
-
-/// Statistics are a section of version 1.2: older readers skip it, and so does this one in files
-/// that state an older version. It stands behind the certificate alone.
-#[test]
-fn statistics_are_read_where_their_version_has_them() {
-    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
-    assert_eq!(bytes[8..10], [1, 6]);
-    let of = |bytes: &[u8]| Ok::<_, Error>(codec::decode(bytes, "m")?.certificate.and_then(|c| c.science));
-    assert_eq!(of(&bytes).unwrap(), Some(science()));
-    let mut older = bytes.clone();
-    older[9] = 1;
-    reseal(&mut older);
-    assert_eq!(of(&older).unwrap(), None);
-    let (cert, stat) = [b"CERT", b"stat"].map(|t| bytes.windows(4).position(|w| w == t).unwrap()).into();
-    let cut = |from: usize, to: usize| {
-        let mut b = [&bytes[..from], &bytes[to..]].concat();
-        let length = b.len() as u64;
-        b[12..20].copy_from_slice(&length.to_le_bytes());
-        reseal(&mut b);
-        b
-    };
-    // Without them, and without the certificate that they belong to.
-    let plain = codec::decode(&cut(stat, stat + 16 + 27), "m").unwrap();
-    assert!(plain.certificate.is_some_and(|c| c.science.is_none()));
-    assert!(matches!(of(&cut(cert, stat)), Err(Error::Corrupt { .. })));
-    let c = Certificate { science: None, ..certificate() };
-    let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
-    assert_eq!((bytes[9], of(&bytes).unwrap()), (6, None));
-}
-
-/// Further measures are a section of version 1.5, behind all else of the certificate; fields that are not known are
-/// skipped.
-#[test]
-fn measures_are_read_where_their_version_has_them() {
-    for baselines in [Some(baselines()), None] {
-        let c = Certificate { baselines, measures: measures(), ..certificate() };
-        let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
-        assert_eq!(bytes[8..10], [1, 6]);
-        let of = |bytes: &[u8]| codec::decode(bytes, "m").map(|m| m.certificate.map(|c| c.measures));
-        assert_eq!(of(&bytes).unwrap(), Some(measures()));
-        let mut older = bytes.clone();
-        older[9] = 4;
-        reseal(&mut older);
-        assert_eq!(of(&older).unwrap(), Some(Measures::default()));
-    }
-}
-
-/// Baselines are a section of version 1.4, behind the certificate and its statistics, with or without the
-/// latter.
-#[test]
-fn baselines_are_read_where_their_version_has_them() {
-    for science in [Some(science()), None] {
-        let c = Certificate { science, baselines: Some(baselines()), ..certificate() };
-        let bytes = codec::encode(&Model { certificate: Some(c), ..small() }, &Precision::BALANCED).unwrap();
-        assert_eq!(bytes[8..10], [1, 6]);
-        let of = |bytes: &[u8]| codec::decode(bytes, "m").map(|m| m.certificate.and_then(|c| c.baselines));
-        assert_eq!(of(&bytes).unwrap(), Some(baselines()));
-        let mut older = bytes.clone();
-        older[9] = 3;
-        reseal(&mut older);
-        assert_eq!(of(&older).unwrap(), None);
-    }
 }
 
 #[test]
@@ -513,21 +443,17 @@ fn files_of_every_version_stay_readable() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
     let path = |name: &str| folder.join(name);
     if std::env::var_os("PARTICLEGS_WRITE_FIXTURES").is_some() {
-        let mut m = model(vec![block(mixture(30, 11, 4.0, 6.0, true))], true);
-        m.certificate = Some(Certificate { baselines: Some(baselines()), measures: measures(), ..certificate() });
+        let m = model(vec![block(mixture(30, 11, 4.0, 6.0, true))], true);
         let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
         std::fs::write(path("format-1.6.json"), table(&codec::decode(&bytes, "m").unwrap()) + "\n").unwrap();
         std::fs::write(path("format-1.6.pgs"), bytes).unwrap();
     }
-    for (version, sections) in [("1.0", 0), ("1.2", 1), ("1.4", 2), ("1.5", 3), ("1.6", 3)] {
+    for version in ["1.0", "1.2", "1.4", "1.5", "1.6"] {
         let model = codec::decode(&std::fs::read(path(&format!("format-{version}.pgs"))).unwrap(), version).unwrap();
         let values = std::fs::read_to_string(path(&format!("format-{version}.json"))).unwrap();
         assert_eq!(table(&model), values.trim_end());
         assert_eq!(model.metadata.command, "particlegs compress nbody -o m.pgs");
-        let certificate = model.certificate.unwrap();
-        assert_eq!((certificate.seed, certificate.science), (42, (sections > 0).then(science)));
-        assert_eq!(certificate.baselines, (sections > 1).then(baselines));
-        assert_eq!(certificate.measures, if sections > 2 { measures() } else { Measures::default() });
+        assert_eq!(model.certificate, Some(certificate()));
     }
 }
 

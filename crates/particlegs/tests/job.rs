@@ -205,16 +205,17 @@ fn certificates_add_up_over_blocks() {
     let added = model.certificate.unwrap();
     let whole = |level| certify(&model, 5000, &sample(), 3, level, &Silent).unwrap();
     let (one, quick) = (whole(CertificateLevel::Blocks), whole(CertificateLevel::Quick));
-    assert_eq!((added.measures.blocks, one.measures.blocks), (Some(3), Some(1)));
+    assert_eq!((added.blocks, one.blocks), (Some(3), Some(1)));
     for other in [one, quick] {
-        for (o, own) in added.orbits.iter().zip(&other.orbits) {
-            let off = o.expected.masked_psnr.unwrap() - own.expected.masked_psnr.unwrap();
-            assert!(off.abs() < 0.01 && (o.expected.ssim - own.expected.ssim).abs() < 1e-3, "{off}");
+        for (o, own) in added.views.orbits.iter().zip(&other.views.orbits) {
+            let [a, b] = [o, own].map(|o| o.expected.model.unwrap());
+            let off = a.masked_psnr.unwrap() - b.masked_psnr.unwrap();
+            assert!(off.abs() < 0.01 && (a.ssim - b.ssim).abs() < 1e-3, "{off}");
         }
-        assert!((added.density_correlation - other.density_correlation).abs() < 1e-6);
-        let trivial = [added, other].map(|c| c.baselines.unwrap());
-        assert!((trivial[0].uniform_density_mae - trivial[1].uniform_density_mae).abs() < 1e-6);
-        let cells = [added, other].map(|c| c.measures.densities.unwrap());
+        let [a, b] = [added, other].map(|c| c.density);
+        assert!((a.correlation - b.correlation).abs() < 1e-6);
+        assert!((a.uniform_mean_absolute_error - b.uniform_mean_absolute_error).abs() < 1e-6);
+        let cells = [added, other].map(|c| c.densities.unwrap());
         assert!(cells[0].iter().zip(&cells[1]).all(|(a, b)| (a.correlation - b.correlation).abs() < 1e-5));
     }
     let (added_up, of_one) = (added.science.unwrap(), one.science.unwrap());
@@ -222,7 +223,7 @@ fn certificates_add_up_over_blocks() {
     assert_eq!(held(added_up.r_above_0_9_to), held(of_one.r_above_0_9_to));
     assert_eq!(held(added_up.power_within_5_percent_to), held(of_one.power_within_5_percent_to));
     assert!(added_up.r_above_0_9_to.place().is_some());
-    assert_eq!((quick.measures.blocks, added.orbits[0].paraview.masked_psnr), (None, None));
+    assert_eq!((quick.blocks, added.views.orbits[0].paraview.model), (None, None));
 }
 
 /// Sums that are missing are measured again, without another fit, and altered ones are named.

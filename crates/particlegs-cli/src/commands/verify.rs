@@ -9,7 +9,7 @@ use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::source;
 use clap::Args;
 use particlegs::job::{Job, State};
-use particlegs::model::{Certificate, CertificateLevel, Limit, Model};
+use particlegs::model::{Certificate, CertificateLevel, Model};
 use particlegs::particles::Particles;
 use particlegs::progress::Progress;
 use particlegs::score::Finding;
@@ -194,10 +194,10 @@ fn text(r: &Report, model: &Model, of_several: bool, place: &str) -> String {
 
 /// Stored and measured, a line a figure.
 fn beside(figures: &[Figure]) -> String {
-    let mut text = format!("  {:<40} {:>14} {:>14} {:>10}\n", "figure", "stored", "measured", "tolerance");
+    let mut text = format!("  {:<48} {:>18} {:>18} {:>14}\n", "figure", "stored", "measured", "tolerance");
     for f in figures {
         let differs = if f.differs { "  differs" } else { "" };
-        text += &format!("  {:<40} {:>14} {:>14} {:>10}{differs}\n", f.name, f.stored, f.measured, f.tolerance);
+        text += &format!("  {:<48} {:>18} {:>18} {:>14}{differs}\n", f.name, f.stored, f.measured, f.tolerance);
     }
     text
 }
@@ -247,9 +247,9 @@ fn measure(a: &Arguments, model: &Model, bytes: &[u8], context: &Context) -> Res
     let particles: Particles = a.opening.open_selected(&a.snapshot, subset, context)?;
     source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     context.message("the snapshot is the one that the file was made of; measuring");
-    let seed = model.certificate.map_or(a.common.seed, |c| c.seed);
+    let seed = model.certificate.map_or(a.common.seed, |c| c.views.seed);
     let full = a.full || model.certificate.as_ref().is_some_and(holds_all);
-    let by_blocks = model.certificate.is_some_and(|c| c.measures.blocks.is_some());
+    let by_blocks = model.certificate.is_some_and(|c| c.blocks.is_some());
     let level = match (full, by_blocks) {
         (true, _) => CertificateLevel::Full,
         (false, true) => CertificateLevel::Blocks,
@@ -258,8 +258,7 @@ fn measure(a: &Arguments, model: &Model, bytes: &[u8], context: &Context) -> Res
     compress::certify(model, without_certificate, &particles, seed, level, context)
 }
 
-/// Is there a figure in it that a quick certificate does not have? Early files have numbers of groups.
+/// Is there a group in it that full certificates alone have?
 fn holds_all(c: &Certificate) -> bool {
-    let numbers = c.science.is_some_and(|s| s.groups_within_10_percent_from != Limit::NotMeasured);
-    numbers || c.measures.held_out.is_some() || c.measures.groups.is_some() || c.measures.pictures.is_some()
+    c.groups().iter().any(|(group, entries)| group.levels == [CertificateLevel::Full] && entries.is_some())
 }

@@ -252,15 +252,15 @@ fn certificates_are_completed() {
     let mut c = particlegs();
     c.arg("compress").arg(sample()).arg("-o").arg(&path).args(["--effort", "fast", "--gaussians", "400"]).args(some);
     c.assert().success();
-    let measures = || json(particlegs().arg("info").arg(&path))["certificate"]["measures"].clone();
-    let quick = measures();
+    let stored = || json(particlegs().arg("info").arg(&path))["certificate"].clone();
+    let quick = stored();
     assert!(quick["held_out"].is_null() && quick["groups"].is_null() && quick["densities"].is_array(), "{quick}");
     let verify = |more: &[&str]| {
         let mut c = particlegs();
         c.arg("verify").arg(&path).arg(sample()).args(some).args(more).assert().success();
     };
     verify(&["--full", "--store"]);
-    let full = measures();
+    let full = stored();
     assert_eq!(full["densities"], quick["densities"]);
     let bits = full["held_out"]["bits"].as_f64().unwrap();
     assert!(bits > 2.0 && bits < full["held_out"]["kernel_bits"].as_f64().unwrap(), "{full}");
@@ -273,12 +273,16 @@ fn certificates_are_completed() {
     let bytes = std::fs::read(&path).unwrap();
     let model = codec::decode(&bytes, "m").unwrap();
     let mut forged = model.certificate.unwrap();
-    forged.measures.pictures.as_mut().unwrap().settings[4].paraview.worst.uniform_box.ssim -= 0.1;
+    forged.pictures.as_mut().unwrap().settings[4].paraview.worst.uniform_box.as_mut().unwrap().ssim -= 0.1;
     let layers = codec::coded_layers(&bytes, "m").unwrap();
     let other = dir.path().join("forged.pgs");
     std::fs::write(&other, codec::assemble(&model.metadata, Some(&forged), layers).unwrap()).unwrap();
     let mut c = particlegs();
-    fails(c.arg("verify").arg(&other).arg(sample()).args(some), 9, "opacity 0.0500, paraview: uniform box");
+    fails(
+        c.arg("verify").arg(&other).arg(sample()).args(some),
+        9,
+        "pictures 6r a paraview worst: uniform box is stored as",
+    );
     let lattice = dir.path().join("lattice");
     std::fs::create_dir(&lattice).unwrap();
     for (k, axis) in ["xx", "yy", "zz"].iter().enumerate() {

@@ -33,7 +33,7 @@ fn a_correlation_is_reached_recorded_and_verified() {
     assert_eq!((&goal["kind"], &goal["asked"], &goal["at"]), (&"correlation".into(), &0.995.into(), &1.0.into()));
     let value = goal["reached"].as_f64().unwrap();
     assert!((0.995..0.997).contains(&value), "close above what was asked for: {value}");
-    assert_eq!(&made["certificate"]["measures"]["goal"], goal);
+    assert_eq!(&made["certificate"]["goal"], goal);
     assert!(
         said.contains("asked for: a correlation of 0.995 of densities in cells of 1 Mpc/h: reached 0.99"),
         "{said}"
@@ -45,7 +45,7 @@ fn a_correlation_is_reached_recorded_and_verified() {
     };
     assert!(run(&["info", "m.pgs", "--json", "i.json"]).contains("asked for: a correlation of 0.995"));
     let info = json(&dir.path().join("i.json"));
-    assert_eq!(&info["certificate"]["measures"]["goal"], goal);
+    assert_eq!(&info["certificate"]["goal"], goal);
     assert!(
         info["metadata"]["command"].as_str().unwrap().contains("compress --min-correlation 0.995 --cell 1 --effort")
     );
@@ -54,21 +54,17 @@ fn a_correlation_is_reached_recorded_and_verified() {
     assert!(out.status.success() && String::from_utf8_lossy(&out.stdout).contains("is there already"));
     let snapshot = sample();
     let verified = run(&["verify", "m.pgs", snapshot.to_str().unwrap()]);
-    assert!(verified.contains("correlation in cells of 1") && !verified.contains("differs"), "{verified}");
+    assert!(verified.contains("goal: reached") && !verified.contains("differs"), "{verified}");
 
     let bytes = std::fs::read(dir.path().join("m.pgs")).unwrap();
     let model = codec::decode(&bytes, "m").unwrap();
     let mut certificate = model.certificate.unwrap();
-    certificate.measures.goal.as_mut().unwrap().reached = 0.9999;
+    certificate.goal.as_mut().unwrap().reached = 0.9999;
     let layers = codec::coded_layers(&bytes, "m").unwrap();
     let forged = codec::assemble(&model.metadata, Some(&certificate), layers).unwrap();
     std::fs::write(dir.path().join("f.pgs"), forged).unwrap();
     let mut c = particlegs();
-    fails(
-        c.current_dir(&dir).arg("verify").arg("f.pgs").arg(&snapshot),
-        9,
-        "correlation in cells of 1 is stored as 0.9999",
-    );
+    fails(c.current_dir(&dir).arg("verify").arg("f.pgs").arg(&snapshot), 9, "goal: reached is stored as 0.9999");
 }
 
 /// A share may be written both ways; without a certificate the goal is reached all the same, and said.

@@ -2,6 +2,7 @@
 
 use crate::common::{fails, particlegs, snapshot};
 use particlegs::codec;
+use particlegs::model::PictureScore;
 
 /// A cubic crystal of 16^3 atoms: what no mixture of fewer Gaussians shows.
 #[test]
@@ -23,7 +24,7 @@ fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
     let compressed = json("c.json");
     assert_eq!(compressed["verdict"][0]["use"], "pictures");
     assert_eq!(compressed["verdict"][0]["word"], "does not");
-    let trivial = &compressed["certificate"]["baselines"]["orbits"][0]["expected"];
+    let trivial = &compressed["certificate"]["orbits"][0]["expected"];
     assert!(trivial["all_black"]["masked_psnr"].is_number() && trivial["uniform_box"]["ssim"].is_number());
     assert!(said.contains("black") && said.lines().all(|l| l.chars().count() <= 100), "{said}");
 
@@ -52,16 +53,23 @@ fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
         let bytes = codec::assemble(&model.metadata, Some(&certificate), layers).unwrap();
         std::fs::write(dir.path().join(name), bytes).unwrap();
     };
-    forged("f.pgs", &|c| c.orbits[1].paraview.masked_psnr = Some(45.0));
+    fn score(s: &mut Option<PictureScore>) -> &mut PictureScore {
+        s.as_mut().unwrap()
+    }
+    forged("f.pgs", &|c| score(&mut c.views.orbits[1].paraview.model).masked_psnr = Some(45.0));
     let mut c = particlegs();
-    fails(c.current_dir(&dir).args(["verify", "f.pgs", "in"]), 9, "mid paraview is stored as 45.00 dB");
-    forged("s.pgs", &|c| c.measures.subset.as_mut().unwrap().orbits[2][2].as_mut().unwrap().masked_psnr = Some(3.0));
+    fails(c.current_dir(&dir).args(["verify", "f.pgs", "in"]), 9, "pictures mid paraview: model is stored as 45.00 dB");
+    forged("s.pgs", &|c| score(&mut c.views.orbits[2].expected.subset).masked_psnr = Some(3.0));
     let mut c = particlegs();
-    fails(c.current_dir(&dir).args(["verify", "s.pgs", "in"]), 9, "near expected subset is stored as 3.00 dB");
-    forged("k.pgs", &|c| c.measures.subset.as_mut().unwrap().kept += 1);
+    fails(
+        c.current_dir(&dir).args(["verify", "s.pgs", "in"]),
+        9,
+        "pictures near expected: subset is stored as 3.00 dB",
+    );
+    forged("k.pgs", &|c| c.subset.as_mut().unwrap().kept += 1);
     let mut c = particlegs();
-    fails(c.current_dir(&dir).args(["verify", "k.pgs", "in"]), 9, "subset's particles is stored as");
-    forged("g.pgs", &|c| c.orbits[1].expected.noise_free_masked_psnr = Some(40.0));
+    fails(c.current_dir(&dir).args(["verify", "k.pgs", "in"]), 9, "subset: particles is stored as");
+    forged("g.pgs", &|c| score(&mut c.views.orbits[1].expected.noise_free).masked_psnr = Some(40.0));
     let mut c = particlegs();
     fails(c.current_dir(&dir).args(["verify", "g.pgs"]), 9, "contradicts itself");
     let column = |stride: usize| (0..4096).map(|i| ((i / stride) % 16) as f32 + 0.25).collect::<Vec<f32>>();

@@ -1,130 +1,365 @@
-//! The certificate section: 94 bytes (docs/format.md, section 3); its statistics and baselines have
-//! sections of their own (`science`, `baselines`).
+//! The certificate's section: its groups of figures, tagged (docs/format.md, section 3). What a figure is, `model` says.
 
 use super::wire::Reader;
-use crate::model::{Certificate, LookScore, Measures, OrbitScore};
+use crate::model::{
+    Certificate, CertificateLevel, Coding, Metric, MetricGroup, MetricValue, MetricVisitor, PictureScore, Visited,
+};
+use std::convert::Infallible;
 
-/// Bytes of a certificate.
-pub(crate) const CERTIFICATE_BYTES: usize = 2 + 2 + 8 + 2 + 4 + 4 + 9 * 8;
-/// Steps of a decibel.
+/// Steps of a decibel, and of SSIM.
 const PER_DECIBEL: f64 = 200.0;
-/// Steps of SSIM.
 const PER_SSIM: f64 = 32_767.0;
-/// Stands for `None`.
-const NONE: u16 = u16::MAX;
+/// Stands for an [`Coding::OptionalF32`] that there is none of.
+const NONE: f32 = -2.0;
+/// Stand for a limit that was not measured, and for nowhere.
+const NOT_MEASURED: f32 = -1.0;
+const NEVER: f32 = 0.0;
 
 /// The section's bytes.
-pub(crate) fn write(c: &Certificate) -> Vec<u8> {
-    let mut out = Vec::with_capacity(CERTIFICATE_BYTES);
-    out.extend(c.width.to_le_bytes());
-    out.extend(c.height.to_le_bytes());
-    out.extend(c.seed.to_le_bytes());
-    out.extend(c.grid.to_le_bytes());
-    out.extend((c.density_correlation as f32).to_le_bytes());
-    out.extend((c.density_mae as f32).to_le_bytes());
-    for orbit in &c.orbits {
-        for look in [&orbit.paraview, &orbit.paraview_no_fxaa, &orbit.expected] {
-            out.extend(decibels(look.masked_psnr).to_le_bytes());
-            out.extend(similarity(look.ssim).to_le_bytes());
-            out.extend(decibels(look.noise_free_masked_psnr).to_le_bytes());
-            out.extend(similarity(look.noise_free_ssim).to_le_bytes());
+pub(super) fn write(c: &Certificate) -> Vec<u8> {
+    encoded(c, &|_, there| there)
+}
+
+/// Bytes of the section at a level, with the groups that `like` has as well.
+pub(super) fn size(level: CertificateLevel, like: &Certificate) -> usize {
+    encoded(like, &|group, there| there || group.levels.contains(&level)).len()
+}
+
+fn encoded(c: &Certificate, wanted: &dyn Fn(&MetricGroup, bool) -> bool) -> Vec<u8> {
+    let mut encoder = Encoder { out: Vec::new(), start: 0, wanted };
+    let mut own = *c;
+    let Ok(()) = own.visit("", &mut encoder);
+    encoder.out
+}
+
+/// Reads the section. Groups of unknown tags are skipped.
+pub(super) fn read(bytes: &[u8]) -> Result<Certificate, String> {
+    let (mut r, mut groups) = (Reader::new(bytes), Vec::new());
+    let mut last = 0;
+    while !r.is_done() {
+        let tag = r.u8()?;
+        if tag <= last {
+            return Err(format!("group {tag} of the certificate after {last}"));
         }
+        let length = usize::from(r.u16()?);
+        groups.push((tag, r.take(length)?));
+        last = tag;
     }
-    out
+    let (mut certificate, mut decoder) = (Certificate::default(), Decoder { groups, left: Reader::new(&[]) });
+    certificate.visit("", &mut decoder)?;
+    Ok(certificate)
 }
 
-/// Reads the section.
-pub(crate) fn read(bytes: &[u8]) -> Result<Certificate, String> {
-    let mut r = Reader::new(bytes);
-    let (width, height, seed, grid) = (r.u16()?, r.u16()?, r.u64()?, r.u16()?);
-    let (density_correlation, density_mae) = (f64::from(r.f32()?), f64::from(r.f32()?));
-    let mut orbits = Vec::with_capacity(3);
-    for _ in 0..3 {
-        let looks = [look(&mut r)?, look(&mut r)?, look(&mut r)?];
-        orbits.push(OrbitScore { paraview: looks[0], paraview_no_fxaa: looks[1], expected: looks[2] });
+struct Encoder<'a> {
+    out: Vec<u8>,
+    /// Where the group's value begins.
+    start: usize,
+    wanted: &'a dyn Fn(&MetricGroup, bool) -> bool,
+}
+
+impl MetricVisitor for Encoder<'_> {
+    type Error = Infallible;
+
+    fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Infallible> {
+        let there = (self.wanted)(group, there);
+        if there {
+            self.out.extend([group.tag, 0, 0]);
+            self.start = self.out.len();
+        }
+        Ok(there)
     }
-    if !r.is_done() {
-        return Err(format!("a certificate of {} bytes", bytes.len()));
+
+    fn end(&mut self, _: &MetricGroup) -> Result<(), Infallible> {
+        let length = (self.out.len() - self.start) as u16;
+        self.out[self.start - 2..self.start].copy_from_slice(&length.to_le_bytes());
+        Ok(())
     }
-    let orbits = [orbits[0], orbits[1], orbits[2]];
-    Ok(Certificate {
-        width,
-        height,
-        seed,
-        orbits,
-        grid,
-        density_correlation,
-        density_mae,
-        science: None,
-        baselines: None,
-        measures: Measures::default(),
-    })
+
+    fn more(&mut self, there: bool) -> bool {
+        there
+    }
+
+    fn metric(&mut self, metric: &Metric, value: MetricValue) -> Result<MetricValue, Infallible> {
+        let short = |v: f64| (v as f32).to_le_bytes();
+        let (real, count) = match value {
+            MetricValue::Real(v) => (v, v as u64),
+            MetricValue::Count(n) => (n as f64, n),
+            _ => (0.0, 0),
+        };
+        match metric.coding {
+            // The largest that is held stands for itself and all above.
+            Coding::Whole(bytes) => {
+                let most = u64::MAX >> (64 - 8 * bytes);
+                self.out.extend(&count.min(most).to_le_bytes()[..bytes]);
+            }
+            Coding::Name(_) => self.out.push(count as u8),
+            Coding::F32 => self.out.extend(short(real)),
+            Coding::F64 => self.out.extend(real.to_le_bytes()),
+            Coding::OptionalF32 => {
+                self.out.extend(if value == MetricValue::None { NONE.to_le_bytes() } else { short(real) })
+            }
+            Coding::UpTo => self.out.extend(match value {
+                MetricValue::None => NOT_MEASURED.to_le_bytes(),
+                MetricValue::Never => NEVER.to_le_bytes(),
+                _ => (real as f32).max(f32::from_bits(1)).to_le_bytes(),
+            }),
+            Coding::From => self.out.extend(match value {
+                MetricValue::None => u32::MAX.to_le_bytes(),
+                MetricValue::Never => [0; 4],
+                _ => (real as u32).clamp(1, u32::MAX - 1).to_le_bytes(),
+            }),
+            Coding::Score => {
+                let score = if let MetricValue::Score(s) = value { Some(s) } else { None };
+                // The largest that is not none stands for itself and all above.
+                let decibels = |v: f64| (v * PER_DECIBEL).round().clamp(0.0, f64::from(u16::MAX - 1)) as u16;
+                let similarity = |v: f64| (v * PER_SSIM).round().clamp(-PER_SSIM, PER_SSIM) as i16;
+                self.out.extend(score.and_then(|s| s.masked_psnr).map_or(u16::MAX, decibels).to_le_bytes());
+                self.out.extend(score.map_or(i16::MIN, |s| similarity(s.ssim)).to_le_bytes());
+            }
+        }
+        Ok(value)
+    }
 }
 
-fn look(r: &mut Reader<'_>) -> Result<LookScore, String> {
-    Ok(LookScore {
-        masked_psnr: from_decibels(r.u16()?),
-        ssim: from_similarity(r.u16()?)?,
-        noise_free_masked_psnr: from_decibels(r.u16()?),
-        noise_free_ssim: from_similarity(r.u16()?)?,
-    })
+struct Decoder<'a> {
+    groups: Vec<(u8, &'a [u8])>,
+    /// What is left of the group that is read.
+    left: Reader<'a>,
 }
 
-pub(super) fn decibels(v: Option<f64>) -> u16 {
-    // The largest that is not NONE stands for itself and all above.
-    v.map_or(NONE, |v| (v * PER_DECIBEL).round().clamp(0.0, f64::from(NONE - 1)) as u16)
-}
+impl MetricVisitor for Decoder<'_> {
+    type Error = String;
 
-pub(super) fn from_decibels(v: u16) -> Option<f64> {
-    (v != NONE).then(|| f64::from(v) / PER_DECIBEL)
-}
+    fn begin(&mut self, group: &MetricGroup, _: bool) -> Result<bool, String> {
+        let found = self.groups.iter().find(|g| g.0 == group.tag);
+        self.left = Reader::new(found.map_or(&[], |g| g.1));
+        Ok(found.is_some())
+    }
 
-pub(super) fn similarity(v: f64) -> i16 {
-    (v * PER_SSIM).round().clamp(-PER_SSIM, PER_SSIM) as i16
-}
+    fn end(&mut self, group: &MetricGroup) -> Result<(), String> {
+        if self.left.is_done() { Ok(()) } else { Err(format!("group {} of the certificate is too long", group.tag)) }
+    }
 
-pub(super) fn from_similarity(v: u16) -> Result<f64, String> {
-    match v as i16 {
-        i16::MIN => Err("an SSIM below -1".into()),
-        v => Ok(f64::from(v) / PER_SSIM),
+    fn more(&mut self, _: bool) -> bool {
+        !self.left.is_done()
+    }
+
+    fn agree(&mut self, check: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
+        check()
+    }
+
+    fn metric(&mut self, metric: &Metric, _: MetricValue) -> Result<MetricValue, String> {
+        let r = &mut self.left;
+        let value = match metric.coding {
+            Coding::Whole(bytes) => {
+                let mut number = [0; 8];
+                number[..bytes].copy_from_slice(r.take(bytes)?);
+                MetricValue::Count(u64::from_le_bytes(number))
+            }
+            Coding::Name(_) => MetricValue::Count(u64::from(r.u8()?)),
+            Coding::F32 => MetricValue::Real(f64::from(r.f32()?)),
+            Coding::F64 => MetricValue::Real(r.f64()?),
+            Coding::OptionalF32 => match r.f32()? {
+                NONE => MetricValue::None,
+                v => MetricValue::Real(f64::from(v)),
+            },
+            Coding::UpTo => match r.f32()? {
+                NOT_MEASURED => MetricValue::None,
+                NEVER => MetricValue::Never,
+                k => MetricValue::Real(f64::from(k)),
+            },
+            Coding::From => match r.u32()? {
+                u32::MAX => MetricValue::None,
+                0 => MetricValue::Never,
+                n => MetricValue::Real(f64::from(n)),
+            },
+            Coding::Score => match (r.u16()?, r.u16()? as i16) {
+                (u16::MAX, i16::MIN) => MetricValue::None,
+                (_, i16::MIN) => return Err("a score of a picture that was not drawn".into()),
+                (psnr, ssim) => MetricValue::Score(PictureScore {
+                    masked_psnr: (psnr != u16::MAX).then(|| f64::from(psnr) / PER_DECIBEL),
+                    ssim: f64::from(ssim) / PER_SSIM,
+                }),
+            },
+        };
+        let [least, most] = metric.range;
+        let held = match (value, metric.coding) {
+            (MetricValue::Count(n), Coding::Name(names)) => (n as usize) < names.len(),
+            (MetricValue::Count(n), _) => n as f64 >= least,
+            // Not a number is in no range.
+            (MetricValue::Real(v), _) => (least..=most).contains(&v),
+            _ => true,
+        };
+        if held { Ok(value) } else { Err(format!("a certificate's figure `{}` is {value:?}", metric.name)) }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::{Limit, Sample};
+    use crate::space::Bounds;
+    use proptest::prelude::*;
+
+    /// Values that the file holds, from a stream of random bytes: decoded figure by figure, again until one is held.
+    struct Random {
+        state: u64,
+        groups: bool,
+    }
+
+    impl Random {
+        fn next(&mut self) -> u64 {
+            self.state = self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            self.state ^ self.state >> 29
+        }
+    }
+
+    impl MetricVisitor for Random {
+        type Error = Infallible;
+
+        fn begin(&mut self, _: &MetricGroup, _: bool) -> Result<bool, Infallible> {
+            Ok(self.groups || self.next() & 1 == 0)
+        }
+
+        fn end(&mut self, _: &MetricGroup) -> Result<(), Infallible> {
+            Ok(())
+        }
+
+        fn more(&mut self, _: bool) -> bool {
+            self.groups
+        }
+
+        fn metric(&mut self, metric: &Metric, _: MetricValue) -> Result<MetricValue, Infallible> {
+            let special = self.next() % 4;
+            loop {
+                let bytes = match (special, metric.coding) {
+                    // What stands for none, nowhere, not measured, or 1.
+                    (0, Coding::OptionalF32) => [NONE.to_le_bytes(), [0; 4]].concat(),
+                    (0, Coding::UpTo) => [NEVER.to_le_bytes(), [0; 4]].concat(),
+                    (1, Coding::UpTo) => [NOT_MEASURED.to_le_bytes(), [0; 4]].concat(),
+                    (0, Coding::Score) => vec![255, 255, 0, 128],
+                    (_, Coding::Name(_)) => vec![(self.next() % 2) as u8],
+                    _ => self.next().to_le_bytes().into(),
+                };
+                let mut decoder = Decoder { groups: Vec::new(), left: Reader::new(&bytes) };
+                if let Ok(value) = decoder.metric(metric, MetricValue::None) {
+                    return Ok(value);
+                }
+            }
+        }
+    }
+
+    /// A certificate of random figures; with every group, or some.
+    fn random(seed: u64, groups: bool) -> Certificate {
+        let mut c = Certificate::default();
+        let Ok(()) = c.visit("", &mut Random { state: seed, groups });
+        // What figures say of each other.
+        if let Some(s) = &mut c.science {
+            s.k_max = f64::from(f32::MAX);
+        }
+        if let Some(Sample { bounds: Bounds { min, max }, .. }) = &mut c.sample {
+            (0..3).for_each(|k| (min[k], max[k]) = (min[k].min(max[k]), min[k].max(max[k])));
+        }
+        c
+    }
 
     #[test]
-    fn comes_back_to_the_step() {
-        let look = LookScore {
-            masked_psnr: Some(31.234_56),
-            ssim: 0.752_1,
-            noise_free_masked_psnr: None,
-            noise_free_ssim: -0.1,
+    fn sizes_are_those_of_the_page() {
+        let size = |level| size(level, &Certificate::default());
+        let all = [CertificateLevel::Quick, CertificateLevel::Full, CertificateLevel::Blocks].map(size);
+        assert_eq!(all, [363, 1181, 324]);
+        assert_eq!(write(&random(1, true)).len(), all[1] + 3 + 4 + 3 + 9 * 8 + 3 + 56 + 3 + 25);
+    }
+
+    #[test]
+    fn rounded_to_their_steps_figures_come_back() {
+        let mut c = random(7, true);
+        let score = PictureScore { masked_psnr: Some(31.234_56), ssim: -0.1 };
+        c.views.orbits[2].expected.model = Some(score);
+        c.views.orbits[0].paraview.model = Some(PictureScore { masked_psnr: Some(1e9), ssim: 1.5 });
+        c.density.correlation = 0.999;
+        c.science.as_mut().unwrap().r_above_0_9_to = Limit::At(1e-60);
+        let back = read(&write(&c)).unwrap();
+        let own = back.views.orbits[2].expected.model.unwrap();
+        assert!((own.masked_psnr.unwrap() - 31.234_56).abs() <= 0.0025 && (own.ssim + 0.1).abs() < 2e-5);
+        let best = PictureScore { masked_psnr: Some(65_534.0 / 200.0), ssim: 1.0 };
+        assert_eq!(back.views.orbits[0].paraview.model, Some(best));
+        assert_eq!(back.density.correlation, f64::from(0.999f32));
+        assert_eq!(back.science.unwrap().r_above_0_9_to, Limit::At(f64::from(f32::from_bits(1))));
+        assert_eq!(write(&back), write(&c));
+    }
+
+    #[test]
+    fn groups_are_checked() {
+        let whole = write(&random(3, true));
+        // A group that is yet to be thought of.
+        assert!(read(&[&whole[..], &[200, 2, 0, 7, 7]].concat()).unwrap() == random(3, true));
+        // Two of one tag; one that is longer or shorter; none of those that each certificate has.
+        assert!(read(&[&whole[..], &whole[..]].concat()).is_err());
+        let [mut longer, mut shorter] = [whole.clone(), whole.clone()];
+        (longer[1], shorter[1]) = (whole[1] + 1, whole[1] - 1);
+        longer.insert(3, 0);
+        shorter.remove(3);
+        assert!(read(&longer).is_err() && read(&shorter).is_err());
+        let first = 3 + usize::from(whole[1]);
+        assert!(read(&whole[first..]).is_err() && read(&whole[..first]).is_err() && read(&[]).is_err());
+    }
+
+    #[test]
+    fn contradictions_are_refused() {
+        let refused = |change: &dyn Fn(&mut Certificate)| {
+            let mut c = random(5, true);
+            change(&mut c);
+            assert!(read(&write(&c)).is_err(), "{c:?}");
         };
-        let orbit = OrbitScore { paraview: look, paraview_no_fxaa: look, expected: look };
-        let c = Certificate {
-            width: 1920,
-            height: 1080,
-            seed: 7,
-            orbits: [orbit; 3],
-            grid: 64,
-            density_correlation: 0.999,
-            density_mae: 0.2,
-            science: None,
-            baselines: None,
-            measures: Measures::default(),
-        };
-        let bytes = write(&c);
-        assert_eq!(bytes.len(), CERTIFICATE_BYTES);
-        let back = read(&bytes).unwrap();
-        assert_eq!((back.width, back.height, back.seed, back.grid), (1920, 1080, 7, 64));
-        let l = back.orbits[2].expected;
-        assert!((l.masked_psnr.unwrap() - 31.234_56).abs() <= 0.0025 && l.noise_free_masked_psnr.is_none());
-        assert!((l.ssim - 0.752_1).abs() < 2e-5 && (l.noise_free_ssim + 0.1).abs() < 2e-5);
-        assert!((back.density_correlation - 0.999).abs() < 1e-7);
-        // What was read writes the same bytes.
-        assert_eq!(write(&back), bytes);
-        assert!(read(&bytes[1..]).is_err());
+        refused(&|c| c.density.correlation = f64::NAN);
+        refused(&|c| c.density.correlation = 1.5);
+        refused(&|c| c.density.mean_absolute_error = -0.5);
+        refused(&|c| c.densities.as_mut().unwrap()[1].edge = 0.0);
+        refused(&|c| c.spacing.as_mut().unwrap().median = f64::INFINITY);
+        refused(&|c| c.subset.as_mut().unwrap().kept = 0);
+        refused(&|c| c.sample.as_mut().unwrap().particles = 0);
+        refused(&|c| c.sample.as_mut().unwrap().bounds.min[1] = f64::MAX);
+        refused(&|c| c.pictures.as_mut().unwrap().settings[6].opacity = 1.5);
+        refused(&|c| c.pictures.as_mut().unwrap().settings[0].paraview.worst_view = 3);
+        refused(&|c| {
+            let s = c.science.as_mut().unwrap();
+            (s.k_max, s.r_above_0_9_to) = (8.0, Limit::At(8.5));
+        });
+    }
+
+    fn cases(cases: u32) -> ProptestConfig {
+        ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
+    }
+
+    proptest! {
+        #![proptest_config(cases(64))]
+
+        #[test]
+        fn any_certificate_comes_back(seed: u64, groups: bool) {
+            let c = random(seed, groups);
+            prop_assert!(read(&write(&c)).unwrap() == c);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(cases(4))]
+
+        /// Whatever is read writes the same bytes, unknown groups apart.
+        #[test]
+        fn altered_sections_are_refused_or_valid(seed: u64, groups: bool, cut: prop::sample::Index) {
+            let bytes = write(&random(seed, groups));
+            for bit in 0..8 * bytes.len() {
+                let mut altered = bytes.clone();
+                altered[bit / 8] ^= 1 << (bit % 8);
+                if let Ok(c) = read(&altered) {
+                    prop_assert!(read(&write(&c)).unwrap() == c);
+                    prop_assert!(write(&c).len() <= altered.len());
+                }
+            }
+            if let Ok(c) = read(&bytes[..cut.index(bytes.len())]) {
+                prop_assert!(write(&c) == bytes[..cut.index(bytes.len())]);
+            }
+        }
     }
 }

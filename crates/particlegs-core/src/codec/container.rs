@@ -18,18 +18,6 @@ pub(crate) const SECTION_BYTES: usize = 4 + 8 + 4;
 pub(crate) const META: [u8; 4] = *b"META";
 /// Certificate.
 pub(crate) const CERTIFICATE: [u8; 4] = *b"CERT";
-/// Statistics: a further part of the certificate, since version 1.2.
-pub(crate) const SCIENCE: [u8; 4] = *b"stat";
-/// The first minor version whose readers know [`SCIENCE`].
-pub(crate) const SCIENCE_SINCE: u8 = 2;
-/// Baselines: what trivial pictures and densities score beside the certificate's, since version 1.4.
-pub(crate) const BASELINES: [u8; 4] = *b"base";
-/// The first minor version whose readers know [`BASELINES`].
-pub(crate) const BASELINES_SINCE: u8 = 4;
-/// Further figures of the certificate, since version 1.5.
-pub(crate) const MEASURES: [u8; 4] = *b"meas";
-/// The first minor version whose readers know [`MEASURES`].
-pub(crate) const MEASURES_SINCE: u8 = 5;
 /// The network of the alpha-blend law.
 pub(crate) const VIZMAPPER: [u8; 4] = *b"VIZM";
 /// The first minor version whose readers know the alpha-blend law and [`VIZMAPPER`].
@@ -38,8 +26,6 @@ pub(crate) const ALPHA_BLEND_SINCE: u8 = 3;
 pub(crate) const SECOND_CODING_SINCE: u8 = 6;
 /// The first minor version that has a field for the effort.
 pub(crate) const EFFORT_SINCE: u8 = 6;
-/// The first minor version that has P(k) by mass among the measures.
-pub(crate) const MASS_POWER_SINCE: u8 = 6;
 /// A layer: name and number of blocks, which follow.
 pub(crate) const LAYER: [u8; 4] = *b"LAYR";
 /// A block.
@@ -108,9 +94,6 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Vec<Section<'a>>> 
         match section.tag {
             META | CERTIFICATE | LAYER | BLOCK => out.push(section),
             VIZMAPPER if minor >= ALPHA_BLEND_SINCE => out.push(section),
-            SCIENCE if minor >= SCIENCE_SINCE => out.push(section),
-            BASELINES if minor >= BASELINES_SINCE => out.push(section),
-            MEASURES if minor >= MEASURES_SINCE => out.push(section),
             [b'a'..=b'z', ..] => {}
             tag => {
                 let what = format!("section `{}` is not known and may not be skipped", tag.escape_ascii());

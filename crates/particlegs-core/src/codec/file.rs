@@ -1,14 +1,16 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, ALPHA_BLEND_SINCE, BASELINES, BASELINES_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, MEASURES, META,
-    SCIENCE, SCIENCE_SINCE, SECOND_CODING_SINCE, SECTION_BYTES, Section, VIZMAPPER,
+    self, ALPHA_BLEND_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SECOND_CODING_SINCE, SECTION_BYTES, Section,
+    VIZMAPPER,
 };
 use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
-use super::{Encoder, Precision, baselines, certificate, measures, metadata, science, vizmapper};
-use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Model, SAMPLED_ABOVE, VizMapper};
+use super::{Encoder, Precision, certificate, metadata, vizmapper};
+use crate::model::{
+    Certificate, CertificateLevel, LawKind, Layer, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE, Sample, VizMapper,
+};
 use crate::{Error, Result, parallel};
 
 /// Place of the minor version in a file.
@@ -104,25 +106,14 @@ pub(super) fn put_together(
         layer.content = keyed.into_iter().map(|k| k.2).collect();
     }
     let meta = metadata::write(metadata, &masses);
-    let science = certificate.and_then(|c| c.science.as_ref()).map(science::write);
-    let baselines = certificate.and_then(|c| c.baselines.as_ref()).map(baselines::write);
-    let further = certificate.map_or(0, |c| measures::minor_version(&c.measures));
-    let measures = certificate.and_then(|c| measures::write(&c.measures));
     let certificate = certificate.map(certificate::write);
     let heads: Vec<Vec<u8>> = layers.iter().map(layer_bytes).collect();
     let body = layers.iter().zip(&heads).flat_map(|(layer, head)| {
         std::iter::once((LAYER, &head[..])).chain(layer.content.iter().map(|b| (BLOCK, &b[..])))
     });
-    let minor = metadata::minor_version(&meta, metadata.law)
-        .max(if science.is_some() { SCIENCE_SINCE } else { 0 })
-        .max(if baselines.is_some() { BASELINES_SINCE } else { 0 })
-        .max(if measures.is_some() { further } else { 0 })
-        .max(if second { SECOND_CODING_SINCE } else { 0 });
+    let minor = metadata::minor_version(&meta, metadata.law).max(if second { SECOND_CODING_SINCE } else { 0 });
     let front = std::iter::once((META, &meta[..]))
         .chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])))
-        .chain(science.iter().map(|s| (SCIENCE, &s[..])))
-        .chain(baselines.iter().map(|b| (BASELINES, &b[..])))
-        .chain(measures.iter().map(|m| (MEASURES, &m[..])))
         .chain(network.iter().map(|&n| (VIZMAPPER, n)));
     let file = container::write(minor, front.chain(body));
     // Numbers that only a whole file has (sums, bounds, radius) may be none that the format holds.
@@ -146,18 +137,19 @@ pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_
 /// ([`VIZMAPPER_SECTION_BYTES`]). Of each layer the number of its blocks.
 pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, layers: &[Layer<usize>]) -> usize {
     // P(k) by mass is there where masses may differ: of particles with weights, and of several layers.
-    let by_mass = match layers {
-        [one] if !one.mass.is_weighted() => 0,
-        several => measures::mass_power_bytes(several.len()),
+    let mass_power = match layers {
+        [one] if !one.mass.is_weighted() => None,
+        several => Some(MassPower::of_layers(several.len())),
     };
-    let sample = if metadata.count > SAMPLED_ABOVE { measures::SAMPLE_FIELD_BYTES } else { 0 };
-    let contents = certificate::CERTIFICATE_BYTES + science::SCIENCE_BYTES + baselines::BASELINES_BYTES;
-    let measured = |figures: usize| 4 * SECTION_BYTES + contents + figures;
+    let sample = (metadata.count > SAMPLED_ABOVE).then(Sample::default);
     let certificate = match certificate {
         CertificateLevel::None => 0,
-        CertificateLevel::Quick => measured(measures::QUICK_BYTES + by_mass + sample),
-        CertificateLevel::Full => measured(measures::FULL_BYTES + by_mass + sample),
-        CertificateLevel::Blocks => measured(measures::ADDED_UP_BYTES),
+        CertificateLevel::Blocks => {
+            SECTION_BYTES + certificate::size(CertificateLevel::Blocks, &Certificate::default())
+        }
+        level => {
+            SECTION_BYTES + certificate::size(level, &Certificate { mass_power, sample, ..Certificate::default() })
+        }
     };
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.content).sum();
     let masses: Vec<Mass> = layers.iter().map(|l| l.mass).collect();
@@ -210,25 +202,8 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     if metadata.law == LawKind::AlphaBlend && bytes[MINOR_AT] < ALPHA_BLEND_SINCE {
         return Err(unknown(format!("version 1.{} does not know the image law 2", bytes[MINOR_AT])));
     }
-    let mut certificate = match rest.next_if(|s| s.tag == CERTIFICATE) {
-        Some(s) => Some(certificate::read(s.bytes).map_err(corrupt)?),
-        None => None,
-    };
-    if let Some(c) = &mut certificate
-        && let Some(s) = rest.next_if(|s| s.tag == SCIENCE)
-    {
-        c.science = Some(science::read(s.bytes).map_err(corrupt)?);
-    }
-    if let Some(c) = &mut certificate
-        && let Some(s) = rest.next_if(|s| s.tag == BASELINES)
-    {
-        c.baselines = Some(baselines::read(s.bytes).map_err(corrupt)?);
-    }
-    if let Some(c) = &mut certificate
-        && let Some(s) = rest.next_if(|s| s.tag == MEASURES)
-    {
-        c.measures = measures::read(s.bytes).map_err(corrupt)?;
-    }
+    let certificate = rest.next_if(|s| s.tag == CERTIFICATE).map(|s| certificate::read(s.bytes).map_err(corrupt));
+    let certificate = certificate.transpose()?;
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
         Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
         Ok(network) => Ok((s.bytes, network)),

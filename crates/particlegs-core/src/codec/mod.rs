@@ -7,7 +7,6 @@
 //! checksums hold it all together; files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
 //! and grey levels in the places of counts and masses; its network has a section (`vizmapper`).
 
-mod baselines;
 mod certificate;
 mod container;
 mod decode;
@@ -19,7 +18,6 @@ mod fine;
 mod header;
 mod info;
 mod levels;
-mod measures;
 mod merge;
 mod metadata;
 mod place;
@@ -27,7 +25,6 @@ mod points;
 mod precision;
 mod predict;
 mod rans;
-mod science;
 mod shape;
 mod source;
 mod splits;

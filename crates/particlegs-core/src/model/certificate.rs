@@ -1,56 +1,14 @@
 //! What was measured after decoding, when the file was made.
 
-use super::{Measures, Science};
-
-/// Scores of one orbit in one look: the model's, and those of the noise-free picture of all
-/// particles (docs/law/scores.md).
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct LookScore {
-    /// Masked PSNR of the model, dB. `None`: identical or nothing lit.
-    pub masked_psnr: Option<f64>,
-    /// SSIM of the model.
-    pub ssim: f64,
-    /// Masked PSNR of the noise-free picture, dB.
-    pub noise_free_masked_psnr: Option<f64>,
-    /// SSIM of the noise-free picture.
-    pub noise_free_ssim: f64,
-}
-
-/// One frame of one orbit.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct OrbitScore {
-    /// Against `paraview`.
-    pub paraview: LookScore,
-    /// Against `paraview-no-fxaa`.
-    pub paraview_no_fxaa: LookScore,
-    /// Against `expected` (whose noise-free picture is itself).
-    pub expected: LookScore,
-}
-
-/// Measured at encoding, bound to the source by the metadata's hash. Fixed length in the file.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Certificate {
-    /// Picture size of the measurement.
-    pub width: u16,
-    /// Picture size of the measurement.
-    pub height: u16,
-    /// Seed of the views.
-    pub seed: u64,
-    /// Far, mid, near.
-    pub orbits: [OrbitScore; 3],
-    /// Cells along the longest extent of the density grid.
-    pub grid: u16,
-    /// Pearson correlation of the density on that grid.
-    pub density_correlation: f64,
-    /// Mean absolute error of the density contrast delta = rho / mean - 1 on that grid.
-    pub density_mae: f64,
-    /// What statistics said; `None` in files before version 1.2.
-    pub science: Option<Science>,
-    /// What trivial pictures and densities score; `None` in files before version 1.4.
-    pub baselines: Option<Baselines>,
-    /// What else was measured; nothing in files before version 1.5.
-    pub measures: Measures,
-}
+use super::metric::{Group, MetricVisitor, Required, Visited, record};
+use super::metrics::{CELL_NAMES, CLASS_NAMES};
+use super::{
+    CellDensity, CrossValidation, DensityMetrics, GoalResult, GroupClass, MassPower, Metric, MetricEntry, MetricGroup,
+    MetricValue, Pictures, Sample, ScienceMetrics, Spacing, Subset, ViewMetrics,
+};
+use crate::model::Coding::Whole;
+use crate::model::Tolerance;
+use std::convert::Infallible;
 
 /// How much is measured of a decoded model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -74,53 +32,104 @@ impl CertificateLevel {
     }
 }
 
-/// Scores of one picture.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct PictureScore {
-    /// Masked PSNR, dB. `None`: identical or nothing lit.
-    pub masked_psnr: Option<f64>,
-    /// SSIM.
-    pub ssim: f64,
+/// Levels that have a group.
+const ALL: &[CertificateLevel] = &[CertificateLevel::Quick, CertificateLevel::Full, CertificateLevel::Blocks];
+const WHOLE: &[CertificateLevel] = &[CertificateLevel::Quick, CertificateLevel::Full];
+const FULL: &[CertificateLevel] = &[CertificateLevel::Full];
+const BLOCKS: &[CertificateLevel] = &[CertificateLevel::Blocks];
+/// What certificates have where the snapshot or the user asks for it.
+const SOME: &[CertificateLevel] = &[];
+
+const fn group<F>(tag: u8, levels: &'static [CertificateLevel], [name, words]: [&'static str; 2], form: F) -> Group<F> {
+    Group(MetricGroup { tag, levels, name, words }, form)
 }
 
-/// What two pictures score that show nothing of the structure, in one orbit and look.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct LookBaselines {
-    /// An empty picture.
-    pub all_black: PictureScore,
-    /// The noise-free picture of as many particles spread evenly over the box.
-    pub uniform_box: PictureScore,
+record! {
+    /// Measured at encoding, bound to the source by the metadata's hash.
+    Certificate {
+        /// Pictures at the default radius and opacity.
+        #[serde(flatten)]
+        views: ViewMetrics = Required(group(1, ALL, ["pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM"], ""));
+        /// The density on a grid.
+        density: DensityMetrics = Required(group(MetricGroup::DENSITY, ALL, ["density", "density on a grid"], ""));
+        /// Densities in cells of three sizes, the smallest first.
+        densities: Option<[CellDensity; 3]> = group(3, ALL, ["density", "density in cells"], CELL_NAMES);
+        /// P(k), r(k) and numbers of groups.
+        science: Option<ScienceMetrics> =
+            group(MetricGroup::SCIENCE, ALL, ["statistics", "statistics against the source"], "");
+        /// P(k) of mass, where particles' masses are known and differ or there are several layers.
+        mass_power: Option<MassPower> =
+            group(5, SOME, ["P(k) by mass", "power spectrum by mass, of the mixture itself"], "");
+        /// What distances, groups and halves are of where the snapshot is too large for all.
+        sample: Option<Sample> = group(6, SOME, ["region", "distances, groups and halves are of a region"], "");
+        /// Distances to the nearest neighbour.
+        spacing: Option<Spacing> = group(7, WHOLE, ["nearest neighbour", "distance to the nearest neighbour"], "");
+        /// Groups matched by position, by class of size.
+        groups: Option<[GroupClass; 3]> =
+            group(8, FULL, ["groups", "groups of particles drawn, over the source's, matched by position"], CLASS_NAMES);
+        /// Of particles that the fit has not seen.
+        held_out: Option<CrossValidation> = group(9, FULL, ["halves", "held-out particles, of models of halves"], "");
+        /// The particles' own best rival to the model.
+        subset: Option<Subset> =
+            group(10, WHOLE, ["subset", "random subset of the same bytes, drawn with larger radii"], "");
+        /// Pictures at other radii and opacities, and from close up.
+        pictures: Option<Pictures> = group(11, FULL,
+            ["pictures", "pictures at other radii and opacities (r, a: the default ones) and from close up"], "");
+        /// Parts that the certificate was added up of, where no process had all particles: ParaView's pictures are then
+        /// not measured.
+        blocks: Option<u32> = group(12, BLOCKS, ["blocks", "added up of blocks, each measured by itself"],
+            Metric::new("blocks", Whole(4)).tolerance(Tolerance::Any));
+        /// What was asked for, and what the file reached.
+        goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, ["goal", "asked for"], "");
+    }
 }
 
-/// Baselines of one frame of one orbit.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct OrbitBaselines {
-    /// Against `paraview`.
-    pub paraview: LookBaselines,
-    /// Against `paraview-no-fxaa`.
-    pub paraview_no_fxaa: LookBaselines,
-    /// Against `expected`.
-    pub expected: LookBaselines,
+impl Certificate {
+    /// Every group of figures in the order of the file; `None` where it was not measured.
+    pub fn groups(&self) -> Vec<(MetricGroup, Option<Vec<MetricEntry>>)> {
+        let mut list = List::default();
+        let mut own = *self;
+        let Ok(()) = own.visit("", &mut list);
+        list.groups
+    }
 }
 
-/// Trivial references of a certificate: a model that does not clearly beat them shows nothing. Fixed
-/// length in the file.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Baselines {
-    /// Far, mid, near.
-    pub orbits: [OrbitBaselines; 3],
-    /// Mean absolute error of the density contrast of a uniform density (whose correlation is 0): the
-    /// mean of |delta| on the grid. An empty one has an error of 1.
-    pub uniform_density_mae: f64,
+/// Lists all figures.
+#[derive(Default)]
+struct List {
+    groups: Vec<(MetricGroup, Option<Vec<MetricEntry>>)>,
+    row: Vec<&'static str>,
 }
 
-impl LookScore {
-    /// Stands for scores of pictures that were not drawn.
-    pub const NOT_MEASURED: LookScore =
-        LookScore { masked_psnr: None, ssim: 0.0, noise_free_masked_psnr: None, noise_free_ssim: 0.0 };
-}
+impl MetricVisitor for List {
+    type Error = Infallible;
 
-impl PictureScore {
-    /// Stands for the score of a picture that was not drawn.
-    pub const NOT_MEASURED: PictureScore = PictureScore { masked_psnr: None, ssim: 0.0 };
+    fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Infallible> {
+        self.groups.push((*group, there.then(Vec::new)));
+        Ok(there)
+    }
+
+    fn end(&mut self, _: &MetricGroup) -> Result<(), Infallible> {
+        Ok(())
+    }
+
+    fn more(&mut self, there: bool) -> bool {
+        there
+    }
+
+    fn metric(&mut self, metric: &Metric, value: MetricValue) -> Result<MetricValue, Infallible> {
+        let names: Vec<&str> = self.row.iter().copied().filter(|name| !name.is_empty()).collect();
+        if let Some((_, Some(entries))) = self.groups.last_mut() {
+            entries.push(MetricEntry { row: names.join(" "), metric: *metric, value });
+        }
+        Ok(value)
+    }
+
+    fn enter(&mut self, name: &'static str) {
+        self.row.push(name);
+    }
+
+    fn leave(&mut self) {
+        self.row.pop();
+    }
 }

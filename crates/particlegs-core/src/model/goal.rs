@@ -1,12 +1,15 @@
 //! What a compression was asked to reach, in the terms of the data, and what its file reached.
 
-use super::per_length;
+use super::metric::{enum_values, record};
+use super::{Metric, per_length};
+use crate::model::Coding::{F64, Name};
 
 /// Which figure a goal is of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GoalKind {
     /// Masked PSNR, `expected` look, mean over held-out views, dB; at least.
+    #[default]
     Psnr,
     /// Largest deviation of P(k) from the particles' in any shell of wave numbers up to [`Goal::at`]; at most.
     PowerSpectrum,
@@ -17,25 +20,35 @@ pub enum GoalKind {
     Groups,
 }
 
-/// A figure, and what it is to be.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Goal {
-    /// Which figure.
-    pub kind: GoalKind,
-    /// What it is to be: a share (0.01 = 1 %) for the power spectrum and groups.
-    pub asked: f64,
-    /// Where: a wave number (one over the unit of length), an edge (units of length), particles; 0 for PSNR.
-    pub at: f64,
+impl GoalKind {
+    const ALL: [GoalKind; 4] = [GoalKind::Psnr, GoalKind::PowerSpectrum, GoalKind::Correlation, GoalKind::Groups];
+    const NAMES: &[&str] = &["masked PSNR", "deviation of P(k)", "correlation in cells", "deviation of groups"];
 }
 
-/// A goal, and what the decoded file was measured to have.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Reached {
-    /// What was asked for.
-    #[serde(flatten)]
-    pub goal: Goal,
-    /// What was reached, as [`Goal::asked`].
-    pub reached: f64,
+enum_values!(GoalKind);
+
+record! {
+    /// A figure, and what it is to be.
+    #[derive(serde::Deserialize)]
+    Goal {
+        /// Which figure.
+        kind: GoalKind = Metric::new("figure", Name(GoalKind::NAMES));
+        /// What it is to be: a share (0.01 = 1 %) for the power spectrum and groups.
+        asked: f64 = Metric::new("asked for", F64);
+        /// Where: a wave number (one over the unit of length), an edge (units of length), particles; 0 for PSNR.
+        at: f64 = Metric::new("at", F64);
+    }
+}
+
+record! {
+    /// A goal, and what the decoded file was measured to have.
+    GoalResult {
+        /// What was asked for.
+        #[serde(flatten)]
+        goal: Goal = "";
+        /// What was reached, as [`Goal::asked`].
+        reached: f64 = Metric::new("reached", F64).signed();
+    }
 }
 
 impl Goal {
@@ -80,7 +93,7 @@ impl Goal {
     }
 }
 
-impl Reached {
+impl GoalResult {
     /// Both in one line; `unit` is the unit of length.
     pub fn in_words(&self, unit: Option<&str>) -> String {
         let goal = &self.goal;
@@ -101,7 +114,7 @@ mod tests {
         assert!(density.is_met(0.9991) && !density.is_met(0.998));
         assert_eq!(power.in_words(Some("Mpc/h")), "P(k) within 1 % up to k = 2 h/Mpc");
         assert_eq!(density.in_words(None), "a correlation of 0.999 of densities in cells of 1");
-        let groups = Reached { goal: goal(GoalKind::Groups, 0.1, 50.0), reached: 0.0625 };
+        let groups = GoalResult { goal: goal(GoalKind::Groups, 0.1, 50.0), reached: 0.0625 };
         assert_eq!(groups.in_words(None), "numbers of groups within 10 % from 50 particles on: reached 6.25 %");
         assert_eq!(goal(GoalKind::Psnr, 32.0, 0.0).in_words(None), "a masked PSNR of 32 dB");
         assert_eq!(power.value_in_words(0.0), "0 %");

@@ -5,28 +5,29 @@ mod columns;
 mod goal;
 mod law;
 mod layer;
-mod measures;
 mod metadata;
+mod metric;
+mod metrics;
 mod mixture;
 mod network;
 mod science;
 mod sphere;
 pub mod vizmapper;
 
-pub use certificate::{
-    Baselines, Certificate, CertificateLevel, LookBaselines, LookScore, OrbitBaselines, OrbitScore, PictureScore,
-};
+pub use certificate::{Certificate, CertificateLevel};
 pub use columns::{Columns, MASS};
-pub use goal::{Goal, GoalKind, Reached};
+pub use goal::{Goal, GoalKind, GoalResult};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
-pub use measures::{
-    BANDS, CELL_SIZES, CellDensity, GROUP_CLASSES, GroupClass, HeldOut, LookPictures, MassPower, Measures,
-    PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScores, Pictures, PicturesAt,
-    PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Subset, Transfer,
-};
 pub use metadata::{Effort, Metadata, hex};
+pub use metric::{Coding, Metric, MetricEntry, MetricGroup, MetricValue, Tolerance, Unit};
+pub(crate) use metric::{MetricVisitor, Visited};
+pub use metrics::{
+    BANDS, CELL_SIZES, CellDensity, CrossValidation, DensityMetrics, GROUP_CLASSES, GroupClass, LookSummary, MassPower,
+    OrbitMetrics, PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScore, PictureScores,
+    PictureSetting, Pictures, PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Subset, Transfer, ViewMetrics,
+};
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
-pub use science::{Limit, Science, ScienceOf, per_length};
+pub use science::{Limit, ScienceMetrics, ScienceSubject, per_length};
 pub use sphere::{Lump, Rules};

@@ -1,9 +1,14 @@
 //! What statistics of a decoded model said when its file was made.
 
+use super::metric::{enum_values, record};
+use super::{Metric, MetricValue, Unit};
+use crate::model::Coding::{F32, From as FromSize, Name, UpTo, Whole};
+
 /// A place up to which, or from which on, something holds.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Limit {
     /// It was not measured, or there was too little to judge by.
+    #[default]
     NotMeasured,
     /// It was measured and holds nowhere.
     Never,
@@ -37,73 +42,76 @@ impl serde::Serialize for Limit {
     }
 }
 
+impl From<Limit> for MetricValue {
+    fn from(limit: Limit) -> Self {
+        match limit {
+            Limit::NotMeasured => MetricValue::None,
+            Limit::Never => MetricValue::Never,
+            Limit::At(v) => MetricValue::Real(v),
+        }
+    }
+}
+
+impl From<MetricValue> for Limit {
+    fn from(value: MetricValue) -> Self {
+        match value {
+            MetricValue::Real(v) => Limit::At(v),
+            MetricValue::Never => Limit::Never,
+            _ => Limit::NotMeasured,
+        }
+    }
+}
+
 /// What the statistics are of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum ScienceOf {
+pub enum ScienceSubject {
     /// As many particles as the snapshot's, drawn from the model by `recover`'s default method.
+    #[default]
     DrawnParticles,
     /// The mixture itself, integrated over cells: what no draw adds its noise to.
     Mixture,
 }
 
-/// Statistics against the snapshot (module `stats` of this library). Fixed length in the file.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Science {
-    /// What was compared with the snapshot.
-    pub of: ScienceOf,
-    /// Cells of the spectrum's grid along the longest edge.
-    pub spectrum_grid: u16,
-    /// Largest wave number measured, one over the unit of length; 0 where none was. A limit of this
-    /// size means "at least": the grid goes no further.
-    pub k_max: f64,
-    /// P(k), shot noise subtracted, is within 1 % of the snapshot's up to this wave number.
-    pub power_within_1_percent_to: Limit,
-    /// And within 5 %.
-    pub power_within_5_percent_to: Limit,
-    /// r(k), noise included, is at least 0.99 up to this wave number.
-    pub r_above_0_99_to: Limit,
-    /// And at least 0.9.
-    pub r_above_0_9_to: Limit,
-    /// Friends-of-friends groups (linking length 0.2 of the mean spacing) of this many particles and
-    /// more are within 10 % of the snapshot's number, in classes of sizes joined to hold 100 or more.
-    pub groups_within_10_percent_from: Limit,
+impl ScienceSubject {
+    const ALL: [ScienceSubject; 2] = [ScienceSubject::DrawnParticles, ScienceSubject::Mixture];
+    const NAMES: &[&str] = &["particles drawn by method `count`", "the mixture itself"];
 }
 
-impl Science {
-    /// P(k), r(k) and groups in plain words: how far, of what, or that it was not measured. `unit` is
-    /// the unit of length.
-    pub fn in_words(&self, unit: Option<&str>) -> [String; 3] {
-        let of = match self.of {
-            ScienceOf::DrawnParticles => "of particles drawn by method `count`",
-            ScienceOf::Mixture => "of the mixture itself; a draw adds its shot noise",
-        };
-        let unit = unit.map_or_else(|| "1/length".into(), per_length);
-        let up_to = |limit: Limit| match limit {
-            Limit::NotMeasured => "not measured".to_string(),
-            Limit::Never => "nowhere".into(),
-            Limit::At(k) if k >= self.k_max => format!("up to k = {k:.4} {unit} at least (the grid goes no further)"),
-            Limit::At(k) => format!("up to k = {k:.4} {unit}"),
-        };
-        [
-            format!(
-                "power spectrum ({of}): within 1 % of the source's {}; within 5 % {}",
-                up_to(self.power_within_1_percent_to),
-                up_to(self.power_within_5_percent_to)
-            ),
-            format!(
-                "cross-correlation with the source ({of}): r(k) of 0.99 and more {}; of 0.9 and more {}",
-                up_to(self.r_above_0_99_to),
-                up_to(self.r_above_0_9_to)
-            ),
-            match self.groups_within_10_percent_from {
-                Limit::NotMeasured => "friends-of-friends groups: numbers not measured".into(),
-                Limit::Never => "friends-of-friends groups: their number is within 10 % at no size".into(),
-                Limit::At(n) => format!(
-                    "friends-of-friends groups (of particles drawn by method `count`): numbers within 10 % of the source's for groups of {n} particles and more"
-                ),
-            },
-        ]
+enum_values!(ScienceSubject);
+
+record! {
+    /// Statistics against the snapshot (module `stats` of this library).
+    ScienceMetrics agrees by Self::limits_are_measured {
+        /// What was compared with the snapshot.
+        of: ScienceSubject = Metric::new("of", Name(ScienceSubject::NAMES));
+        /// Cells of the spectrum's grid along the longest edge.
+        spectrum_grid: u16 = Metric::new("cells", Whole(2));
+        /// Largest wave number measured, one over the unit of length; 0 where none was. A limit of this
+        /// size means "at least": the grid goes no further.
+        k_max: f64 = Metric::new("largest wave number", F32).unit(Unit::WaveNumber);
+        /// P(k), shot noise subtracted, is within 1 % of the snapshot's up to this wave number.
+        power_within_1_percent_to: Limit = Metric::new("P(k) within 1 %", UpTo);
+        /// And within 5 %.
+        power_within_5_percent_to: Limit = Metric::new("P(k) within 5 %", UpTo);
+        /// r(k), noise included, is at least 0.99 up to this wave number.
+        r_above_0_99_to: Limit = Metric::new("r(k) of 0.99 and more", UpTo);
+        /// And at least 0.9.
+        r_above_0_9_to: Limit = Metric::new("r(k) of 0.9 and more", UpTo);
+        /// Friends-of-friends groups (linking length 0.2 of the mean spacing) of this many particles and
+        /// more are within 10 % of the snapshot's number, in classes of sizes joined to hold 100 or more.
+        groups_within_10_percent_from: Limit = Metric::new("numbers of friends-of-friends groups within 10 %", FromSize);
+    }
+}
+
+impl ScienceMetrics {
+    fn limits_are_measured(&self) -> Result<(), String> {
+        let power = [self.power_within_1_percent_to, self.power_within_5_percent_to];
+        let all = power.into_iter().chain([self.r_above_0_99_to, self.r_above_0_9_to]);
+        match all.filter_map(Limit::place).find(|k| *k > self.k_max) {
+            Some(k) => Err(format!("a wave number of {k} of at most {}", self.k_max)),
+            None => Ok(()),
+        }
     }
 }
 
@@ -119,30 +127,6 @@ pub fn per_length(unit: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn limits_are_told_from_each_other() {
-        let science = Science {
-            of: ScienceOf::DrawnParticles,
-            spectrum_grid: 128,
-            k_max: 4.0,
-            power_within_1_percent_to: Limit::Never,
-            power_within_5_percent_to: Limit::At(4.0),
-            r_above_0_99_to: Limit::At(1.25),
-            r_above_0_9_to: Limit::NotMeasured,
-            groups_within_10_percent_from: Limit::At(57.0),
-        };
-        let [power, r, groups] = science.in_words(Some("Mpc/h"));
-        assert!(
-            power.contains("1 % of the source's nowhere") && power.contains("k = 4.0000 h/Mpc at least"),
-            "{power}"
-        );
-        assert!(r.contains("k = 1.2500 h/Mpc;") && r.ends_with("not measured"), "{r}");
-        assert!(groups.contains("57 particles"), "{groups}");
-        let none = Science { groups_within_10_percent_from: Limit::NotMeasured, ..science };
-        assert!(none.in_words(None)[2].contains("not measured"));
-        assert_eq!(serde_json::to_value(science).unwrap()["r_above_0_9_to"], "not measured");
-    }
 
     #[test]
     fn units_are_turned_over() {

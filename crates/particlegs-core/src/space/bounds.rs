@@ -3,7 +3,7 @@
 use crate::math::each_axis;
 
 /// The smallest axis-aligned box around the particles, world units.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Bounds {
     /// Lowest coordinates.
     pub min: [f64; 3],

@@ -2,7 +2,7 @@
 
 use super::clock::Clock;
 use super::halves::held_out;
-use crate::model::{Certificate, CertificateLevel, Goal, Measures, Model, Reached};
+use crate::model::{Certificate, CertificateLevel, Goal, GoalResult, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::score::{Gauge, Measure};
@@ -26,7 +26,7 @@ pub fn certify(
     level: CertificateLevel,
     progress: &dyn Progress,
 ) -> Result<Certificate> {
-    let reached = match model.certificate.and_then(|c| c.measures.goal) {
+    let reached = match model.certificate.and_then(|c| c.goal) {
         Some(stored) => reached_again(stored.goal, model, particles, seed, progress)?,
         None => None,
     };
@@ -40,7 +40,7 @@ fn complete(measure: &Measure<'_>, model: &Model, bytes: u64, progress: &dyn Pro
         CertificateLevel::Full => held_out(model, measure.particles, measure.seed, progress)?,
         _ => None,
     };
-    Ok(Certificate { measures: Measures { held_out, ..certificate.measures }, ..certificate })
+    Ok(Certificate { held_out, ..certificate })
 }
 
 /// `None` for a goal that cannot be measured of these particles: no file of theirs was made for it.
@@ -50,7 +50,7 @@ fn reached_again(
     particles: &Particles,
     seed: u64,
     progress: &dyn Progress,
-) -> Result<Option<Reached>> {
+) -> Result<Option<GoalResult>> {
     match Gauge::new(goal, particles, &model.metadata, seed, progress) {
         Ok(gauge) => gauge.measure(model, progress).map(Some),
         Err(Error::Argument { .. }) => Ok(None),

@@ -3,7 +3,7 @@
 use super::{Options, Target, compress};
 use crate::Result;
 use crate::fit::Effort;
-use crate::model::{CertificateLevel, HeldOut, LawKind, Metadata, Model, SAMPLED_ABOVE};
+use crate::model::{CertificateLevel, CrossValidation, LawKind, Metadata, Model, SAMPLED_ABOVE};
 use crate::particles::{Particles, Selection, Storage};
 use crate::pieces::NoPieces;
 use crate::progress::Progress;
@@ -22,7 +22,7 @@ pub(super) fn held_out(
     particles: &Particles,
     seed: u64,
     progress: &dyn Progress,
-) -> Result<Option<HeldOut>> {
+) -> Result<Option<CrossValidation>> {
     let Some(effort) = fitted_with(&model.metadata) else { return Ok(None) };
     match Scope::of(model, particles, seed, SAMPLED_ABOVE, progress)? {
         Some(scope) if scope.particles.len() >= LEAST => of_scope(&scope, effort, seed, progress).map(Some),
@@ -30,7 +30,7 @@ pub(super) fn held_out(
     }
 }
 
-fn of_scope(scope: &Scope<'_>, effort: Effort, seed: u64, progress: &dyn Progress) -> Result<HeldOut> {
+fn of_scope(scope: &Scope<'_>, effort: Effort, seed: u64, progress: &dyn Progress) -> Result<CrossValidation> {
     let (m, particles) = (&scope.model.metadata, &*scope.particles);
     let sample = Some(particles.len() as u64 / 2);
     let half = |left_out| {

@@ -10,7 +10,7 @@ use super::plan::Plan;
 use super::search;
 use crate::blocks::{KdTree, Survey};
 use crate::fit::{self};
-use crate::model::{Model, Reached};
+use crate::model::{GoalResult, Model};
 use crate::particles::{Layered, Particles, Storage, check_particles};
 use crate::pieces::Pieces;
 use crate::progress::Progress;
@@ -30,7 +30,7 @@ pub struct Compressed {
     /// Bytes of the particles as float32.
     pub raw_bytes: u64,
     /// What was asked for in the terms of the data, and what the file reaches.
-    pub reached: Option<Reached>,
+    pub reached: Option<GoalResult>,
     /// Multiple of the nominal quantisation steps.
     pub step_factor: f64,
     /// How each training run went: one for a layer of a block.

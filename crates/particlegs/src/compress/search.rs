@@ -6,7 +6,7 @@ use super::plan::Plan;
 use super::size::{bytes_a_gaussian, most_gaussians};
 use super::target::{DEFAULT_RATIO, Target};
 use crate::codec;
-use crate::model::{Goal, GoalKind, Reached};
+use crate::model::{Goal, GoalKind, GoalResult};
 use crate::progress::Progress;
 use crate::score::Gauge;
 use crate::{Error, Result};
@@ -63,7 +63,7 @@ fn height(goal: &Goal, value: f64) -> f64 {
 struct Tried {
     number: f64,
     height: f64,
-    reached: Reached,
+    reached: GoalResult,
 }
 
 /// Finds the number of Gaussians, at the nominal precision, whose decoded file just reaches the goal; `code` gives all
@@ -76,7 +76,7 @@ pub(super) fn reach(
     plan: &Plan,
     code: &mut dyn FnMut(Target) -> Result<Vec<CodedBlock>>,
     progress: &dyn Progress,
-) -> Result<(Vec<CodedBlock>, Reached)> {
+) -> Result<(Vec<CodedBlock>, GoalResult)> {
     let goal = gauge.goal;
     let scale = Scale::of(goal.kind, plan.metadata.count);
     let start = plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.effort);
@@ -101,7 +101,7 @@ pub(super) fn reach(
 }
 
 /// Tries numbers of Gaussians, each that reaches the goal smaller than the last that did. Gives the best.
-fn search(goal: &Goal, scale: &Scale, start: f64, attempt: &mut dyn FnMut(f64) -> Result<Reached>) -> Result<Tried> {
+fn search(goal: &Goal, scale: &Scale, start: f64, attempt: &mut dyn FnMut(f64) -> Result<GoalResult>) -> Result<Tried> {
     let (most, wanted) = (scale.most as f64, height(goal, goal.asked));
     let mut number = start.clamp(1.0, most).floor();
     let (mut above, mut below, mut best): (Option<Tried>, Option<Tried>, Option<Tried>) = (None, None, None);
@@ -142,7 +142,7 @@ fn next(above: Option<Tried>, below: Option<Tried>, wanted: f64, scale: &Scale) 
 }
 
 /// Why the goal is not reached, and what would help.
-fn unreachable(scale: &Scale, best: Reached, gaussians: usize, plan: &Plan) -> Error {
+fn unreachable(scale: &Scale, best: GoalResult, gaussians: usize, plan: &Plan) -> Error {
     let goal = best.goal;
     let what = format!(
         "{} was asked for; at best {} was reached, with {gaussians} Gaussians",
@@ -165,7 +165,7 @@ mod tests {
         let (mut tried, mut met) = (Vec::new(), Vec::new());
         let best = search(&goal, &Scale::of(goal.kind, particles), 1000.0, &mut |number| {
             tried.push(number);
-            let reached = Reached { goal, reached: figure(number) };
+            let reached = GoalResult { goal, reached: figure(number) };
             if goal.is_met(reached.reached) {
                 met.push(number);
             }

@@ -2,7 +2,7 @@
 
 use super::Options;
 use crate::model::hex;
-use crate::model::{Certificate, LawKind, Metadata};
+use crate::model::{Certificate, LawKind, Metadata, MetricGroup};
 use serde_json::{Map, Value, json};
 
 /// The first thing that a reader of meta.json should see.
@@ -61,18 +61,21 @@ fn supports(certificate: Option<&Certificate>, unit: Option<&str>, options: &Opt
     let Some(c) = certificate else {
         return with_method(vec![NOTHING.into()], options, own);
     };
-    let mut all = vec![format!(
-        "density on a grid of {} cells along the longest extent: correlation with the source {:.4}, mean absolute \
-         error of the contrast {:.3} (the model's own, measured when it was made; a draw adds its shot noise)",
-        c.grid, c.density_correlation, c.density_mae
-    )];
-    match &c.science {
-        Some(science) => all.extend(science.in_words(unit)),
-        None => all.push(
-            "P(k), r(k) and groups were not measured when the model was made: compare with the source \
-             (`particlegs stats`) before use"
-                .into(),
-        ),
+    let mut all = Vec::new();
+    for (group, entries) in c.groups() {
+        match (group.tag, entries) {
+            (MetricGroup::DENSITY, Some(entries)) => all.push(format!(
+                "{} (the model's own, measured when it was made; a draw adds its shot noise)",
+                group.in_words(&entries, unit)
+            )),
+            (MetricGroup::SCIENCE, Some(entries)) => all.push(group.in_words(&entries, unit)),
+            (MetricGroup::SCIENCE, None) => all.push(
+                "P(k), r(k) and groups were not measured when the model was made: compare with the source \
+                 (`particlegs stats`) before use"
+                    .into(),
+            ),
+            _ => {}
+        }
     }
     with_method(all, options, own)
 }

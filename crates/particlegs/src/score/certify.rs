@@ -1,20 +1,21 @@
 //! The certificate: what a model's file says was measured after decoding it.
 
 use super::cells::cell_densities;
+use super::density::DensityAgreement;
 use super::evaluate::Comparison;
 use super::matched::Tally;
-use super::pictures::pictures;
+use super::pictures::{pictures, scores_of};
 use super::science::{linking, mass_power, numbers_agree_from, science};
 use super::scope::Scope;
 use super::subset::Thinned;
-use super::{Evaluation, Frame, Joined, LookScores, certificate_views, density_of};
+use super::{Frame, Joined, certificate_views, density_of};
 use crate::Result;
 use crate::model::{
-    Baselines, Certificate, CertificateLevel, GROUP_CLASSES, GroupClass, Limit, LookBaselines, LookScore, Measures,
-    Model, OrbitBaselines, OrbitScore, PictureScore, Pictures, Reached, SAMPLED_ABOVE, Science, Spacing, Subset,
+    Certificate, CertificateLevel, DensityMetrics, GROUP_CLASSES, GoalResult, GroupClass, Limit, Model, OrbitMetrics,
+    Pictures, SAMPLED_ABOVE, ScienceMetrics, Spacing, Subset, ViewMetrics,
 };
 use crate::particles::{Particles, check_box};
-use crate::picture::{Scores, Size};
+use crate::picture::Size;
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::stats::{Domain, NeighbourOptions, nearest_distances};
@@ -41,7 +42,7 @@ pub(crate) struct Measure<'a> {
     /// What the pictures of all particles may take, bytes; what is measured does not depend on it.
     pub memory: Option<u64>,
     /// What was asked for, and what was measured of it on this model.
-    pub reached: Option<Reached>,
+    pub reached: Option<GoalResult>,
 }
 
 impl Measure<'_> {
@@ -59,12 +60,11 @@ impl Measure<'_> {
         let m = &model.metadata;
         if level == CertificateLevel::Blocks {
             let certificate = as_one_block(model, particles, seed, progress)?;
-            let measures = Measures { goal: self.reached, ..certificate.measures };
-            return Ok(Certificate { measures, ..certificate });
+            return Ok(Certificate { goal: self.reached, ..certificate });
         }
         check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
         let domain = Domain::of_particles(particles);
-        let (evaluation, subset, pictures) = self.pictures_of(model, bytes, &domain, progress)?;
+        let (views, subset, pictures) = self.pictures_of(model, bytes, &domain, progress)?;
         let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
         let scope = Scope::of(model, particles, seed, SAMPLED_ABOVE, progress)?;
         let first = scope.as_ref().map(|s| s.draw(seed, progress)).transpose()?.flatten();
@@ -77,35 +77,25 @@ impl Measure<'_> {
         };
         let (numbers, groups) =
             groups.map_or((Limit::NotMeasured, None), |(numbers, classes)| (numbers, Some(classes)));
-        let science = science.map(|s| Science { groups_within_10_percent_from: numbers, ..s });
-        let measures = Measures {
+        let science = science.map(|s| ScienceMetrics { groups_within_10_percent_from: numbers, ..s });
+        Ok(Certificate {
+            views,
+            density: density_metrics([density, uniform]),
             densities: cell_densities(model, particles, &domain, progress)?,
-            spacing: scope.map(|(scope, first)| spacing(scope, first, seed, progress)).transpose()?,
-            held_out: None,
-            groups,
-            pictures,
-            subset,
-            goal: self.reached,
-            blocks: None,
+            science,
             // Where wave numbers are none that a file holds, neither are these.
             mass_power: match science {
                 Some(_) => mass_power(model, particles, &domain, progress)?,
                 None => None,
             },
             sample: scope.and_then(|s| s.0.sample),
-        };
-        let baselines = Baselines { orbits: baselines(&evaluation), uniform_density_mae: uniform.mean_absolute_error };
-        Ok(Certificate {
-            width: SIZE.width as u16,
-            height: SIZE.height as u16,
-            seed,
-            orbits: orbits(&evaluation),
-            grid: GRID,
-            density_correlation: density.correlation,
-            density_mae: density.mean_absolute_error,
-            science,
-            baselines: Some(baselines),
-            measures,
+            spacing: scope.map(|(scope, first)| spacing(scope, first, seed, progress)).transpose()?,
+            groups,
+            held_out: None,
+            subset,
+            pictures,
+            blocks: None,
+            goal: self.reached,
         })
     }
 
@@ -117,7 +107,7 @@ impl Measure<'_> {
         bytes: u64,
         domain: &Domain,
         progress: &dyn Progress,
-    ) -> Result<(Evaluation, Option<Subset>, Option<Pictures>)> {
+    ) -> Result<(ViewMetrics, Option<Subset>, Option<Pictures>)> {
         let m = &model.metadata;
         let truth = Reference::new(self.particles).within(self.memory.unwrap_or(u64::MAX));
         let spacing = domain.spacing(self.particles.len());
@@ -127,38 +117,33 @@ impl Measure<'_> {
         let evaluation = comparison.evaluate(&certificate_views(m, SIZE, self.seed), SIZE, progress)?;
         let orbits = each_axis(|k| {
             let v = &evaluation.views[k];
-            [&v.paraview, &v.paraview_no_fxaa, &v.expected].map(|s| s.subset.as_ref().map(picture_score))
+            let [paraview, paraview_no_fxaa, expected] =
+                [v.paraview, v.paraview_no_fxaa, v.expected].map(|scores| scores_of(&[scores]));
+            OrbitMetrics { paraview, paraview_no_fxaa, expected }
         });
-        let subset = thinned.as_ref().map(|t| Subset { kept: t.kept, bytes: t.bytes, orbits });
+        let views = view_metrics(self.seed, orbits);
+        let subset = thinned.as_ref().map(|t| Subset { kept: t.kept, bytes: t.bytes });
         let pictures = match self.level {
             CertificateLevel::Full => Some(pictures(&comparison, m, self.seed, progress)?),
             _ => None,
         };
-        Ok((evaluation, subset, pictures))
+        Ok((views, subset, pictures))
     }
 }
 
-/// Far, mid, near.
-fn orbits(evaluation: &Evaluation) -> [OrbitScore; 3] {
-    each_axis(|k| {
-        let v = &evaluation.views[k];
-        OrbitScore {
-            paraview: look_score(&v.paraview),
-            paraview_no_fxaa: look_score(&v.paraview_no_fxaa),
-            expected: look_score(&v.expected),
-        }
-    })
+/// Of pictures of a certificate's size.
+pub(super) fn view_metrics(seed: u64, orbits: [OrbitMetrics; 3]) -> ViewMetrics {
+    ViewMetrics { width: SIZE.width as u16, height: SIZE.height as u16, seed, orbits }
 }
 
-fn baselines(evaluation: &Evaluation) -> [OrbitBaselines; 3] {
-    each_axis(|k| {
-        let v = &evaluation.views[k];
-        OrbitBaselines {
-            paraview: look_baselines(&v.paraview),
-            paraview_no_fxaa: look_baselines(&v.paraview_no_fxaa),
-            expected: look_baselines(&v.expected),
-        }
-    })
+/// Of a model's density and a uniform one.
+pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> DensityMetrics {
+    DensityMetrics {
+        cells: GRID,
+        correlation: model.correlation,
+        mean_absolute_error: model.mean_absolute_error,
+        uniform_mean_absolute_error: uniform.mean_absolute_error,
+    }
 }
 
 /// What tasks measure of their blocks, of all as one.
@@ -199,22 +184,4 @@ fn matched(
         tally.add(&linking, &truth, &linking.groups(&particles, progress)?)?;
     }
     Ok(Some((numbers, tally.finish())))
-}
-
-fn look_baselines(s: &LookScores) -> LookBaselines {
-    LookBaselines { all_black: picture_score(&s.all_black), uniform_box: picture_score(&s.uniform_box) }
-}
-
-// The size of certificates is larger than the window of SSIM, so it always has a value.
-fn picture_score(s: &Scores) -> PictureScore {
-    PictureScore { masked_psnr: s.masked_psnr, ssim: s.ssim.unwrap_or(0.0) }
-}
-
-fn look_score(s: &LookScores) -> LookScore {
-    LookScore {
-        masked_psnr: s.model.masked_psnr,
-        ssim: s.model.ssim.unwrap_or(0.0),
-        noise_free_masked_psnr: s.noise_free.masked_psnr,
-        noise_free_ssim: s.noise_free.ssim.unwrap_or(0.0),
-    }
 }

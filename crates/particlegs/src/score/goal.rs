@@ -4,7 +4,7 @@
 use super::cells::Cells;
 use super::science::{MOST_DRAWN, linking, spectrum_options};
 use super::{HeldOut, Scope, held_out_views};
-use crate::model::{GROUP_CLASSES, Goal, GoalKind, Metadata, Model, Reached};
+use crate::model::{GROUP_CLASSES, Goal, GoalKind, GoalResult, Metadata, Model};
 use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::Progress;
@@ -76,14 +76,14 @@ impl<'a> Gauge<'a> {
     ///
     /// # Errors
     /// [`Error::Memory`], [`Error::Cancelled`]; [`Error::Input`] for Gaussians that cannot be drawn from.
-    pub fn measure(&self, model: &Model, progress: &dyn Progress) -> Result<Reached> {
+    pub fn measure(&self, model: &Model, progress: &dyn Progress) -> Result<GoalResult> {
         let reached = match &self.truth {
             Truth::Pictures(views) => views.expected_masked_psnr(&Scene::of(model), progress)?.unwrap_or(IDENTICAL),
             Truth::Spectrum(truth) => self.deviation_of_power(truth, model, progress)?,
             Truth::Cells(truth) => truth.correlation(Subject::Model(model), progress)?,
             Truth::Groups(truth) => self.deviation_of_groups(truth, model, progress)?,
         };
-        Ok(Reached { goal: self.goal, reached })
+        Ok(GoalResult { goal: self.goal, reached })
     }
 
     /// As many particles as there are, drawn from the model; `None` of too many, and where nothing can be drawn.

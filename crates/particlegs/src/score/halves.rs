@@ -4,7 +4,7 @@
 //! the particles B over that of A with B needs no shot noise subtracted and tells bias from noise.
 
 use crate::Result;
-use crate::model::{BANDS, HeldOut, Model, Transfer};
+use crate::model::{BANDS, CrossValidation, Model, Transfer};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::stats::{Domain, Likelihood, Shell, SpectrumOptions, Subject, likelihood, power_spectra};
@@ -28,14 +28,14 @@ impl Halves<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
-    pub fn measure(&self, progress: &dyn Progress) -> Result<HeldOut> {
+    pub fn measure(&self, progress: &dyn Progress) -> Result<CrossValidation> {
         let scored = |i: usize| likelihood(self.models[i], self.particles[1 - i], self.domain, self.seed, progress);
         let kernel = |i: usize| {
             Likelihood::kernel_bits(self.particles[i], self.particles[1 - i], self.domain, self.seed, progress)
         };
         let (a, b) = (scored(0)?, scored(1)?);
         let sampling = 0.5 * a.error.hypot(b.error);
-        Ok(HeldOut {
+        Ok(CrossValidation {
             bits: 0.5 * (a.bits + b.bits),
             kernel_bits: 0.5 * (kernel(0)? + kernel(1)?),
             error: sampling.max(0.5 * (a.bits - b.bits).abs()),

@@ -5,8 +5,7 @@ use super::density::{DensityAgreement, density_agreement};
 use super::science::told;
 use super::sums::{Frame, Section, add_rows};
 use crate::model::{
-    Baselines, CELL_SIZES, CellDensity, Certificate, LookBaselines, LookScore, Measures, OrbitBaselines, OrbitScore,
-    PictureScore, Science, ScienceOf,
+    CELL_SIZES, CellDensity, Certificate, OrbitMetrics, PictureScore, PictureScores, ScienceMetrics, ScienceSubject,
 };
 use crate::picture::{Gray8, Plane, Scores};
 use crate::progress::Progress;
@@ -41,32 +40,17 @@ impl Joined<'_> {
     /// Those of reading; [`Error::Corrupt`] for sums that are none; [`Error::Memory`], [`Error::Cancelled`].
     pub fn certificate(&self, progress: &dyn Progress) -> Result<Certificate> {
         progress.begin("adding up the blocks' sums", 0);
-        let (mut orbits, mut baselines) = (Vec::new(), Vec::new());
-        for view in 0..3 {
-            let (orbit, trivial) = self.view(view, progress)?;
-            orbits.push(orbit);
-            baselines.push(trivial);
-        }
-        let [density, uniform] = self.density(progress)?;
-        let baselines = Baselines {
-            orbits: [baselines[0], baselines[1], baselines[2]],
-            uniform_density_mae: uniform.mean_absolute_error,
+        let orbits = [self.view(0, progress)?, self.view(1, progress)?, self.view(2, progress)?];
+        let certificate = Certificate {
+            views: certify::view_metrics(self.seed, orbits),
+            density: certify::density_metrics(self.density(progress)?),
+            densities: self.cells(progress)?,
+            science: self.science(progress)?,
+            blocks: Some(self.parts),
+            ..Certificate::default()
         };
-        let measures = Measures { densities: self.cells(progress)?, blocks: Some(self.parts), ..Measures::default() };
-        let science = self.science(progress)?;
         progress.end();
-        Ok(Certificate {
-            width: certify::SIZE.width as u16,
-            height: certify::SIZE.height as u16,
-            seed: self.seed,
-            orbits: [orbits[0], orbits[1], orbits[2]],
-            grid: certify::GRID,
-            density_correlation: density.correlation,
-            density_mae: density.mean_absolute_error,
-            science,
-            baselines: Some(baselines),
-            measures,
-        })
+        Ok(certificate)
     }
 
     fn sum(&self, section: Section, progress: &dyn Progress) -> Result<Vec<f32>> {
@@ -86,7 +70,7 @@ impl Joined<'_> {
     }
 
     /// The noise-free pictures alone: ParaView's own, in which splats hide each other, do not add up.
-    fn view(&self, view: usize, progress: &dyn Progress) -> Result<(OrbitScore, OrbitBaselines)> {
+    fn view(&self, view: usize, progress: &dyn Progress) -> Result<OrbitMetrics> {
         let (size, domain) = (certify::SIZE, &self.frame.domain);
         let max = each_axis(|k| domain.min[k] + domain.length[k]);
         let (even, view_of) = (Bounds { min: domain.min, max }, &self.frame.views[view]);
@@ -97,22 +81,16 @@ impl Joined<'_> {
         let even = picture(&uniform_box(&even, self.frame.metadata.count as f64, view_of, size)?);
         let score = |p: &Gray8| {
             let s = Scores::of(p, &truth);
-            PictureScore { masked_psnr: s.masked_psnr, ssim: s.ssim.unwrap_or(0.0) }
+            Some(PictureScore { masked_psnr: s.masked_psnr, ssim: s.ssim.unwrap_or(0.0) })
         };
-        let [own, black, even] = [score(&model), score(&Gray8::black(size)), score(&even)];
-        let expected = LookScore {
-            masked_psnr: own.masked_psnr,
-            ssim: own.ssim,
-            noise_free_masked_psnr: None,
-            noise_free_ssim: 1.0,
+        let expected = PictureScores {
+            model: score(&model),
+            noise_free: Some(PictureScore { masked_psnr: None, ssim: 1.0 }),
+            all_black: score(&Gray8::black(size)),
+            uniform_box: score(&even),
+            subset: None,
         };
-        let (none, nothing) = (LookScore::NOT_MEASURED, PictureScore::NOT_MEASURED);
-        let nothing = LookBaselines { all_black: nothing, uniform_box: nothing };
-        let trivial = LookBaselines { all_black: black, uniform_box: even };
-        Ok((
-            OrbitScore { paraview: none, paraview_no_fxaa: none, expected },
-            OrbitBaselines { paraview: nothing, paraview_no_fxaa: nothing, expected: trivial },
-        ))
+        Ok(OrbitMetrics { expected, ..OrbitMetrics::default() })
     }
 
     fn density(&self, progress: &dyn Progress) -> Result<[DensityAgreement; 2]> {
@@ -135,7 +113,7 @@ impl Joined<'_> {
         Ok(agreements([side(0)?, side(1)?], self.frame.metadata.count as usize))
     }
 
-    fn science(&self, progress: &dyn Progress) -> Result<Option<Science>> {
+    fn science(&self, progress: &dyn Progress) -> Result<Option<ScienceMetrics>> {
         let (o, domain, grid) = (&self.frame.spectrum, &self.frame.domain, self.frame.spectrum_grid());
         let held = |k: f64| (k as f32).is_normal();
         if !held(2.0 * std::f64::consts::PI / domain.longest()) || !held(o.k_max) {
@@ -151,6 +129,6 @@ impl Joined<'_> {
         let noise = domain.volume() * squares / (mass * mass);
         let field = |side, moved| self.field(Section::Spectrum(side, moved), &grid, progress);
         let spectra = spectra_of(&field, noise, domain, o, progress)?;
-        Ok(Some(told(ScienceOf::Mixture, o, &spectra)))
+        Ok(Some(told(ScienceSubject::Mixture, o, &spectra)))
     }
 }

@@ -6,8 +6,8 @@ use super::{LookScores, mean};
 use crate::Result;
 use crate::camera::View;
 use crate::model::{
-    LookPictures, Metadata, PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, PictureScore, PictureScores, Pictures,
-    PicturesAt,
+    LookSummary, Metadata, PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, PictureScore, PictureScores,
+    PictureSetting, Pictures,
 };
 use crate::picture::{Scores, Size};
 use crate::progress::Progress;
@@ -56,7 +56,7 @@ impl Setting {
         m: &Metadata,
         seed: u64,
         progress: &dyn Progress,
-    ) -> Result<PicturesAt> {
+    ) -> Result<PictureSetting> {
         let views = if self.close { close_views(m, SIZE, seed) } else { certificate_views(m, SIZE, seed) };
         let opacity = (self.opacity * m.default_opacity).min(1.0);
         let mut scores = [Vec::new(), Vec::new()];
@@ -71,7 +71,7 @@ impl Setting {
             progress.end();
         }
         let [paraview, expected] = scores.map(|s| over_views(&s));
-        Ok(PicturesAt { radius: self.radius, opacity, close: self.close, paraview, expected })
+        Ok(PictureSetting { radius: self.radius, opacity, close: self.close, paraview, expected })
     }
 
     /// What a user reads while waiting.
@@ -80,15 +80,15 @@ impl Setting {
     }
 }
 
-fn over_views(views: &[LookScores]) -> LookPictures {
+fn over_views(views: &[LookScores]) -> LookSummary {
     let value = |s: &LookScores| s.model.masked_psnr.unwrap_or(f64::INFINITY);
     let worst = (0..views.len()).min_by(|&i, &j| value(&views[i]).total_cmp(&value(&views[j]))).unwrap_or(0);
-    LookPictures { worst_view: worst as u8, mean: scores_of(views), worst: scores_of(&views[worst..=worst]) }
+    LookSummary { worst_view: worst as u8, mean: scores_of(views), worst: scores_of(&views[worst..=worst]) }
 }
 
 /// Means over some views.
-fn scores_of(views: &[LookScores]) -> PictureScores {
-    let of = |pick: fn(&LookScores) -> Scores| score_of(views.iter().map(pick));
+pub(super) fn scores_of(views: &[LookScores]) -> PictureScores {
+    let of = |pick: fn(&LookScores) -> Scores| Some(score_of(views.iter().map(pick)));
     PictureScores {
         model: of(|s| s.model),
         noise_free: of(|s| s.noise_free),
@@ -126,10 +126,13 @@ mod tests {
     #[test]
     fn the_worst_view_stands_beside_the_mean() {
         let look = over_views(&[scores(Some(30.0), Some(24.0)), scores(Some(26.0), Some(25.0)), scores(None, None)]);
-        assert_eq!((look.worst_view, look.worst.model.masked_psnr), (1, Some(26.0)));
-        assert_eq!((look.mean.model.masked_psnr, look.mean.noise_free.masked_psnr), (Some(28.0), None));
+        assert_eq!((look.worst_view, look.worst.model.unwrap().masked_psnr), (1, Some(26.0)));
+        assert_eq!(
+            (look.mean.model.unwrap().masked_psnr, look.mean.noise_free.unwrap().masked_psnr),
+            (Some(28.0), None)
+        );
         assert_eq!(look.mean.subset.unwrap().masked_psnr, Some(24.5));
-        assert_eq!((look.worst.subset.unwrap().masked_psnr, look.worst.uniform_box.ssim), (Some(25.0), 0.5));
+        assert_eq!((look.worst.subset.unwrap().masked_psnr, look.worst.uniform_box.unwrap().ssim), (Some(25.0), 0.5));
         assert_eq!(over_views(&[scores(None, None)]).worst.subset, None);
     }
 

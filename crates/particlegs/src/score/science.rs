@@ -5,7 +5,7 @@
 
 use super::matched::Linking;
 use crate::model::{
-    GROUP_CLASSES, Limit, MassPower, Model, POWER_LAYERS, PowerAgreement, SAMPLED_ABOVE, Science, ScienceOf,
+    GROUP_CLASSES, Limit, MassPower, Model, POWER_LAYERS, PowerAgreement, SAMPLED_ABOVE, ScienceMetrics, ScienceSubject,
 };
 use crate::particles::Particles;
 use crate::progress::Progress;
@@ -43,15 +43,15 @@ pub(super) fn science(
     drawn: Option<&Particles>,
     domain: &Domain,
     progress: &dyn Progress,
-) -> Result<Option<Science>> {
+) -> Result<Option<ScienceMetrics>> {
     let options = options_for(domain, particles.len(), model);
     let wave_numbers = [2.0 * PI / domain.longest(), options.k_max];
     if !wave_numbers.iter().all(|k| (*k as f32).is_normal()) {
         return Ok(None);
     }
     let (of, other) = match drawn {
-        Some(drawn) => (ScienceOf::DrawnParticles, Subject::Particles(drawn)),
-        None => (ScienceOf::Mixture, Subject::Model(model)),
+        Some(drawn) => (ScienceSubject::DrawnParticles, Subject::Particles(drawn)),
+        None => (ScienceSubject::Mixture, Subject::Model(model)),
     };
     measure(of, [Subject::Particles(particles), other], domain, &options, progress).map(Some)
 }
@@ -149,20 +149,20 @@ fn resolving(domain: &Domain, [particles, gaussians]: [usize; 2]) -> usize {
 
 /// P(k) and r(k); groups are left out.
 fn measure(
-    of: ScienceOf,
+    of: ScienceSubject,
     pair: [Subject<'_>; 2],
     domain: &Domain,
     o: &SpectrumOptions,
     progress: &dyn Progress,
-) -> Result<Science> {
+) -> Result<ScienceMetrics> {
     Ok(told(of, o, &power_spectra(pair, domain, o, progress)?))
 }
 
 /// What spectra say, groups apart.
-pub(super) fn told(of: ScienceOf, o: &SpectrumOptions, spectra: &Spectra) -> Science {
+pub(super) fn told(of: ScienceSubject, o: &SpectrumOptions, spectra: &Spectra) -> ScienceMetrics {
     let limit =
         |place: Option<f64>| if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(place) };
-    Science {
+    ScienceMetrics {
         of,
         spectrum_grid: o.cells as u16,
         k_max: spectra.shells.last().map_or(0.0, |s| s.k),

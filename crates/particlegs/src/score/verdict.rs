@@ -2,8 +2,8 @@
 //! told. The thresholds and their reasons: docs/guide/certificate.md.
 
 use crate::model::{
-    CellDensity, Certificate, GROUP_CLASSES, GroupClass, Limit, Metadata, PictureScore, PictureScores, PicturesAt,
-    Science, Spacing, per_length,
+    CellDensity, Certificate, GROUP_CLASSES, GroupClass, Limit, Metadata, PictureScore, PictureScores, PictureSetting,
+    ScienceMetrics, Spacing, per_length,
 };
 use serde::Serialize;
 
@@ -108,10 +108,10 @@ impl Finding {
             return Use::ALL.map(none).into();
         };
         let unit = metadata.length_unit.as_deref();
-        let density = c.measures.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
-        let groups = c.measures.groups.as_ref().map_or_else(|| groups(c.science.as_ref()), matched_groups);
+        let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
+        let groups = c.groups.as_ref().map_or_else(|| groups(c.science.as_ref()), matched_groups);
         let seen = [pictures(c), at_large_radius(c), close_up(c)];
-        let rest = [density, spectrum(c, metadata), groups, spacing(c.measures.spacing.as_ref(), unit)];
+        let rest = [density, spectrum(c, metadata), groups, spacing(c.spacing.as_ref(), unit)];
         seen.into_iter().chain(rest).collect()
     }
 }
@@ -151,18 +151,7 @@ impl Word {
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
 fn pictures(c: &Certificate) -> Finding {
     let finding = |word, why| Finding { of: Use::Pictures, word, why };
-    let Some(b) = &c.baselines else {
-        return finding(
-            Word::NotMeasured,
-            "the file does not say what an empty picture or a uniform box scores".into(),
-        );
-    };
-    let subset = |k: usize| c.measures.subset.and_then(|s| s.orbits[k][2]);
-    let gains = c.orbits.iter().zip(&b.orbits).enumerate().filter_map(|(k, (o, b))| {
-        let model = PictureScore { masked_psnr: o.expected.masked_psnr, ssim: o.expected.ssim };
-        Gain::of(model, [b.expected.all_black, b.expected.uniform_box], subset(k))
-    });
-    let gains: Vec<Gain> = gains.collect();
+    let gains: Vec<Gain> = c.views.orbits.iter().filter_map(|o| Gain::of(&o.expected)).collect();
     let beaten = gains.iter().any(|g| g.subset_is_better);
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
         return finding(Word::NotMeasured, "nothing is lit at the default radius and opacity".into());
@@ -185,16 +174,15 @@ fn close_up(c: &Certificate) -> Finding {
 fn at_setting(
     c: &Certificate,
     of: Use,
-    kind: impl Fn(&PicturesAt) -> bool,
+    kind: impl Fn(&PictureSetting) -> bool,
     limits: [f64; 2],
-    name: impl Fn(&PicturesAt) -> String,
+    name: impl Fn(&PictureSetting) -> String,
 ) -> Finding {
     let finding = |word, why| Finding { of, word, why };
-    let Some(at) = c.measures.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
-        return finding(Word::NotMeasured, "of no full certificate, or of an early file".into());
+    let Some(at) = c.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
+        return finding(Word::NotMeasured, "it needs a full certificate".into());
     };
-    let PictureScores { model, all_black, uniform_box, subset, .. } = at.expected.worst;
-    let Some(gain) = Gain::of(model, [all_black, uniform_box], subset) else {
+    let Some(gain) = Gain::of(&at.expected.worst) else {
         return finding(Word::NotMeasured, "nothing is lit, or all is white".into());
     };
     finding(gain.word(gain.subset_is_better, limits), gain.in_words(&format!("worst view, {}", name(at))))
@@ -214,15 +202,16 @@ struct Gain {
 }
 
 impl Gain {
-    /// `None` where a trivial picture is identical, or nothing is lit.
-    fn of(model: PictureScore, trivial: [PictureScore; 2], subset: Option<PictureScore>) -> Option<Gain> {
+    /// `None` where a trivial picture is identical, nothing is lit, or nothing was drawn.
+    fn of(scores: &PictureScores) -> Option<Gain> {
+        let (model, trivial): (_, [PictureScore; 2]) = (scores.model?, [scores.all_black?, scores.uniform_box?]);
         let [black, even] = [trivial[0].masked_psnr?, trivial[1].masked_psnr?];
         let (trivial_psnr, name) = if black >= even { (black, "an empty picture") } else { (even, "a uniform box") };
         let similar = model.ssim > trivial[0].ssim.max(trivial[1].ssim);
         // Identical pictures have no decibels.
         let decibels = model.masked_psnr.map_or(f64::INFINITY, |v| v - trivial_psnr);
         let more_similar = similar || model.masked_psnr.is_none();
-        let subset = subset.map(|s| s.masked_psnr.unwrap_or(f64::INFINITY));
+        let subset = scores.subset.map(|s| s.masked_psnr.unwrap_or(f64::INFINITY));
         let subset_is_better = subset.is_some_and(|s| model.masked_psnr.is_some_and(|v| s >= v));
         Some(Gain {
             model: model.masked_psnr,
@@ -256,15 +245,16 @@ impl Gain {
 }
 
 fn density(c: &Certificate) -> Finding {
-    // An empty density has an error of 1; files without baselines have nothing else to compare with.
-    let trivial = c.baselines.map_or(1.0, |b| b.uniform_density_mae.min(1.0));
+    // An empty density has an error of 1.
+    let d = &c.density;
+    let trivial = d.uniform_mean_absolute_error.min(1.0);
     let word = graded(
-        c.density_correlation >= DENSITY_HOLDS && c.density_mae <= DENSITY_ERROR_HOLDS * trivial,
-        c.density_correlation >= DENSITY_ROUGHLY && c.density_mae < trivial,
+        d.correlation >= DENSITY_HOLDS && d.mean_absolute_error <= DENSITY_ERROR_HOLDS * trivial,
+        d.correlation >= DENSITY_ROUGHLY && d.mean_absolute_error < trivial,
     );
     let why = format!(
         "correlation {:.4} on {} cells along the longest edge, mean error {:.2} where a trivial density has {trivial:.2}",
-        c.density_correlation, c.grid, c.density_mae
+        d.correlation, d.cells, d.mean_absolute_error
     );
     Finding { of: Use::Density, word, why }
 }
@@ -304,14 +294,14 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     if !metadata.cell.as_ref().is_some_and(|cell| cell.periodic.contains(&true)) {
         return finding(Word::NotApplicable, "the particles have no periodic box".into());
     }
-    let (k_max, one, five, of) = match (&c.measures.held_out, &c.science) {
+    let (k_max, one, five, of) = match (&c.held_out, &c.science) {
         (Some(h), _) => {
             (h.k_max, Limit::measured(h.within(0.01)), Limit::measured(h.within(0.05)), "; of models of halves")
         }
         (None, Some(s)) if s.power_within_5_percent_to != Limit::NotMeasured => {
             (s.k_max, s.power_within_1_percent_to, s.power_within_5_percent_to, "")
         }
-        _ => return finding(Word::NotMeasured, "too few particles, or a file of an early version".into()),
+        _ => return finding(Word::NotMeasured, "too few particles".into()),
     };
     let unit = metadata.length_unit.as_deref().map_or_else(|| "1/length".into(), per_length);
     let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * k_max);
@@ -361,10 +351,7 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
 fn spacing(s: Option<&Spacing>, unit: Option<&str>) -> Finding {
     let finding = |word, why| Finding { of: Use::Spacing, word, why };
     let Some(s) = s else {
-        return finding(
-            Word::NotMeasured,
-            "too many particles, a certificate added up from blocks, or an early file".into(),
-        );
+        return finding(Word::NotMeasured, "too many particles, or a certificate added up from blocks".into());
     };
     let within = |share: f64| {
         (s.drawn_median / s.median - 1.0).abs() <= share && (s.drawn_regularity - s.regularity).abs() <= share
@@ -378,7 +365,7 @@ fn spacing(s: Option<&Spacing>, unit: Option<&str>) -> Finding {
     finding(graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
 }
 
-fn groups(science: Option<&Science>) -> Finding {
+fn groups(science: Option<&ScienceMetrics>) -> Finding {
     let finding = |word, why| Finding { of: Use::Groups, word, why };
     match science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
         Limit::NotMeasured => finding(
@@ -405,7 +392,7 @@ fn graded(holds: bool, roughly: bool) -> Word {
 mod tests {
     use super::super::testing::certificate;
     use super::*;
-    use crate::model::{Baselines, HeldOut, LookPictures, Measures, Pictures, Subset, Transfer};
+    use crate::model::{CrossValidation, DensityMetrics, LookSummary, Pictures, Transfer};
     use crate::stats::testing::model_of;
 
     fn boxed() -> Metadata {
@@ -427,8 +414,9 @@ mod tests {
         let with = |black: Option<f64>, even: Option<f64>| {
             let mut c = c;
             // One orbit that is worse than the others decides.
-            let look = &mut c.baselines.as_mut().unwrap().orbits[1].expected;
-            (look.all_black.masked_psnr, look.uniform_box.masked_psnr) = (black, even);
+            let score = |masked_psnr| Some(PictureScore { masked_psnr, ssim: 0.25 });
+            let look = &mut c.views.orbits[1].expected;
+            (look.all_black, look.uniform_box) = (score(black), score(even));
             c
         };
         assert_eq!(word(&with(Some(26.0), Some(12.0)), Use::Pictures), Word::Roughly);
@@ -437,14 +425,14 @@ mod tests {
         assert!(why.contains("30.5 dB where an empty picture scores 29.4"), "{why}");
         // No better in structure is no better.
         let mut dim = c;
-        dim.baselines.as_mut().unwrap().orbits[0].expected.uniform_box.ssim = 0.76;
+        dim.views.orbits[0].expected.uniform_box.as_mut().unwrap().ssim = 0.76;
         assert_eq!(word(&dim, Use::Pictures), Word::DoesNot);
         let mut dark = c;
-        for orbit in &mut dark.baselines.as_mut().unwrap().orbits {
-            orbit.expected.all_black = PictureScore { masked_psnr: None, ssim: 1.0 };
+        for orbit in &mut dark.views.orbits {
+            orbit.expected.all_black = Some(PictureScore { masked_psnr: None, ssim: 1.0 });
         }
         assert_eq!(word(&dark, Use::Pictures), Word::NotMeasured);
-        assert_eq!(word(&Certificate { baselines: None, ..c }, Use::Pictures), Word::NotMeasured);
+        assert_eq!(word(&Certificate::default(), Use::Pictures), Word::NotMeasured);
     }
 
     #[test]
@@ -452,11 +440,12 @@ mod tests {
         let c = certificate();
         let with = |psnr: f64| {
             let score = |v| PictureScore { masked_psnr: Some(v), ssim: 0.5 };
-            let mut orbits = [[None, None, Some(score(20.0))]; 3];
+            let mut c = c;
             // One orbit is enough, and not the worst one.
-            orbits[2][2] = Some(score(psnr));
-            let subset = Some(Subset { kept: 100, bytes: 1000, orbits });
-            Certificate { measures: Measures { subset, ..Measures::default() }, ..c }
+            for (orbit, psnr) in c.views.orbits.iter_mut().zip([20.0, 20.0, psnr]) {
+                orbit.expected.subset = Some(score(psnr));
+            }
+            c
         };
         assert_eq!([word(&with(30.4), Use::Pictures), word(&with(30.5), Use::Pictures)], [Word::Holds, Word::Roughly]);
         assert!(finding(&with(25.0), Use::Pictures).why.contains("a random subset of the same bytes 20.0"));
@@ -467,22 +456,22 @@ mod tests {
         let c = certificate();
         let score = |v| PictureScore { masked_psnr: Some(v), ssim: v / 100.0 };
         let scores = |model| PictureScores {
-            model: score(model),
-            noise_free: PictureScore { masked_psnr: None, ssim: 1.0 },
-            all_black: score(4.0),
-            uniform_box: score(11.0),
+            model: Some(score(model)),
+            noise_free: Some(PictureScore { masked_psnr: None, ssim: 1.0 }),
+            all_black: Some(score(4.0)),
+            uniform_box: Some(score(11.0)),
             subset: Some(score(19.5)),
         };
         let at = |radius, close, worst| {
-            let look = LookPictures { worst_view: 1, mean: scores(40.0), worst: scores(worst) };
-            PicturesAt { radius, opacity: 0.05, close, paraview: look, expected: look }
+            let look = LookSummary { worst_view: 1, mean: scores(40.0), worst: scores(worst) };
+            PictureSetting { radius, opacity: 0.05, close, paraview: look, expected: look }
         };
         let words = |large, close| {
             let settings = [0.5, 0.5, 1.0, 1.0].map(|r| at(r, false, 12.0));
             let [a, b, c4, d] = settings;
             let settings = [a, b, c4, d, at(6.0, false, large), at(6.0, false, 12.0), at(1.0, true, close)];
             let pictures = Some(Pictures { width: 960, height: 540, settings });
-            let c = Certificate { measures: Measures { pictures, ..Measures::default() }, ..c };
+            let c = Certificate { pictures, ..c };
             [word(&c, Use::LargeRadius), word(&c, Use::CloseUp)]
         };
         assert_eq!(words(24.0, 14.5), [Word::Holds, Word::Roughly]);
@@ -494,8 +483,9 @@ mod tests {
     #[test]
     fn densities_spectra_and_groups_have_their_words() {
         let c = certificate();
-        let density = |correlation, mae| {
-            word(&Certificate { density_correlation: correlation, density_mae: mae, ..c }, Use::Density)
+        let density = |correlation, mean_absolute_error| {
+            let density = DensityMetrics { correlation, mean_absolute_error, ..c.density };
+            word(&Certificate { density, ..c }, Use::Density)
         };
         assert_eq!(
             [density(0.997, 0.4), density(0.997, 0.7), density(0.95, 0.6)],
@@ -503,10 +493,10 @@ mod tests {
         );
         assert_eq!([density(0.95, 1.1), density(-0.0006, 0.9)], [Word::DoesNot; 2]);
         // Against a uniform density that errs little, little error is needed.
-        let even = Baselines { uniform_density_mae: 0.3, ..c.baselines.unwrap() };
-        assert_eq!(word(&Certificate { baselines: Some(even), ..c }, Use::Density), Word::DoesNot);
+        let even = DensityMetrics { uniform_mean_absolute_error: 0.3, ..c.density };
+        assert_eq!(word(&Certificate { density: even, ..c }, Use::Density), Word::DoesNot);
         let science = |one, five, groups| Certificate {
-            science: Some(Science {
+            science: Some(ScienceMetrics {
                 power_within_1_percent_to: one,
                 power_within_5_percent_to: five,
                 groups_within_10_percent_from: groups,
@@ -528,7 +518,6 @@ mod tests {
     #[test]
     fn what_is_matched_held_out_and_in_cells_comes_first() {
         let c = certificate();
-        let with = |measures| Certificate { measures, ..c };
         let cell = |edge, correlation, error| CellDensity {
             edge,
             particles: 8.0 * edge,
@@ -536,8 +525,7 @@ mod tests {
             mean_absolute_error: error,
             uniform_mean_absolute_error: 1.2,
         };
-        let densities =
-            |v: [CellDensity; 3]| finding(&with(Measures { densities: Some(v), ..Measures::default() }), Use::Density);
+        let densities = |v: [CellDensity; 3]| finding(&Certificate { densities: Some(v), ..c }, Use::Density);
         let some = densities([cell(1.0, 0.95, 0.6), cell(2.0, 0.995, 0.3), cell(4.0, 0.999, 0.2)]);
         assert!(some.word == Word::Holds && some.why.contains("cells of 2.0000"), "{}", some.why);
         assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.95, 0.6)]).word, Word::Roughly);
@@ -551,14 +539,14 @@ mod tests {
             mass: Some(1.0),
             mass_scatter: 0.1,
         };
-        let groups = |v| word(&with(Measures { groups: Some(v), ..Measures::default() }), Use::Groups);
+        let groups = |v| word(&Certificate { groups: Some(v), ..c }, Use::Groups);
         assert_eq!(groups([class(0.5, 1.3), class(0.8, 1.0), class(0.95, 0.97)]), Word::Holds);
         assert_eq!(groups([class(0.95, 1.0), class(0.95, 1.0), class(0.85, 1.2)]), Word::Roughly);
         // Equal numbers are not equal groups.
         assert_eq!(groups([class(0.2, 1.0); 3]), Word::DoesNot);
         let spacing = |drawn_median, drawn_regularity| {
             let s = Spacing { median: 1.0, regularity: 0.4, drawn_median, drawn_regularity };
-            word(&with(Measures { spacing: Some(s), ..Measures::default() }), Use::Spacing)
+            word(&Certificate { spacing: Some(s), ..c }, Use::Spacing)
         };
         assert_eq!(
             [spacing(1.05, 0.42), spacing(1.2, 0.4), spacing(0.6, 0.4)],
@@ -566,8 +554,8 @@ mod tests {
         );
         let mut transfer = [Transfer { deviation: Some(0.004), scatter: 0.001 }; 7];
         transfer[6].deviation = Some(-0.2);
-        let held_out = HeldOut { bits: 4.0, error: 0.03, kernel_bits: 4.4, volume: 1.0, k_max: 8.0, transfer };
-        let halves = with(Measures { held_out: Some(held_out), ..Measures::default() });
+        let held_out = CrossValidation { bits: 4.0, error: 0.03, kernel_bits: 4.4, volume: 1.0, k_max: 8.0, transfer };
+        let halves = Certificate { held_out: Some(held_out), ..c };
         assert!(finding(&halves, Use::PowerSpectrum).why.contains("1 % up to k = 6.000"));
         let open = Metadata { cell: None, ..boxed() };
         let found = Finding::verdict(Some(&c), &open);

@@ -3,8 +3,8 @@
 
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
-    Baselines, Block, CellDensity, Certificate, LawKind, Limit, LookBaselines, LookScore, Measures, Metadata, Mixture,
-    OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf, Spacing,
+    Block, CellDensity, Certificate, DensityMetrics, LawKind, Limit, Metadata, Mixture, OrbitMetrics, PictureScore,
+    PictureScores, ScienceMetrics, ScienceSubject, Spacing, Subset, ViewMetrics,
 };
 use particlegs::space::{Bounds, Cell};
 
@@ -58,50 +58,35 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
     }
 }
 
+/// What a quick certificate has; values that the file holds.
 pub fn certificate() -> Certificate {
-    let look = LookScore { masked_psnr: Some(30.25), ssim: 0.75, noise_free_masked_psnr: None, noise_free_ssim: 1.0 };
-    let orbit = OrbitScore { paraview: look, paraview_no_fxaa: look, expected: look };
+    let score = |masked_psnr, ssim| Some(PictureScore { masked_psnr, ssim });
+    let look = PictureScores {
+        model: score(Some(30.25), 24_575.0 / 32_767.0),
+        noise_free: score(None, 1.0),
+        all_black: score(Some(12.5), 0.0),
+        uniform_box: score(Some(16.25), 1.0),
+        subset: None,
+    };
+    let orbit = OrbitMetrics { paraview: look, paraview_no_fxaa: look, expected: look };
+    let (correlation, mean_absolute_error, uniform_mean_absolute_error) = (0.5, 0.25, 1.25);
+    let density =
+        |edge| CellDensity { edge, particles: 8.0, correlation, mean_absolute_error, uniform_mean_absolute_error };
     Certificate {
-        width: 1920,
-        height: 1080,
-        seed: 42,
-        orbits: [orbit; 3],
-        grid: 50,
-        density_correlation: 0.5,
-        density_mae: 0.25,
+        views: ViewMetrics { width: 1920, height: 1080, seed: 42, orbits: [orbit; 3] },
+        density: DensityMetrics { cells: 50, correlation, mean_absolute_error, uniform_mean_absolute_error },
+        densities: Some([0.8, 1.6, 3.2].map(density)),
         science: Some(science()),
-        baselines: None,
-        measures: Measures::default(),
+        spacing: Some(Spacing { median: 0.125, regularity: 0.5, drawn_median: 0.25, drawn_regularity: 0.375 }),
+        subset: Some(Subset { kept: 100, bytes: 1000 }),
+        ..Certificate::default()
     }
 }
 
-/// What a quick certificate of version 1.5 has beside; values that the file holds.
-pub fn measures() -> Measures {
-    let density = |edge| CellDensity {
-        edge,
-        particles: 8.0,
-        correlation: 0.9375,
-        mean_absolute_error: 0.25,
-        uniform_mean_absolute_error: 1.5,
-    };
-    let spacing = Spacing { median: 0.125, regularity: 0.5, drawn_median: 0.25, drawn_regularity: 0.375 };
-    Measures { densities: Some([0.8, 1.6, 3.2].map(density)), spacing: Some(spacing), ..Measures::default() }
-}
-
-/// Values that the file holds.
-pub fn baselines() -> Baselines {
-    let look = LookBaselines {
-        all_black: PictureScore { masked_psnr: Some(12.5), ssim: 0.0 },
-        uniform_box: PictureScore { masked_psnr: Some(16.25), ssim: 1.0 },
-    };
-    let orbit = OrbitBaselines { paraview: look, paraview_no_fxaa: look, expected: look };
-    Baselines { orbits: [orbit; 3], uniform_density_mae: 1.25 }
-}
-
 /// Every limit in another state, values that f32 holds.
-pub fn science() -> Science {
-    Science {
-        of: ScienceOf::DrawnParticles,
+pub fn science() -> ScienceMetrics {
+    ScienceMetrics {
+        of: ScienceSubject::DrawnParticles,
         spectrum_grid: 256,
         k_max: 8.0,
         power_within_1_percent_to: Limit::Never,
