@@ -8,61 +8,129 @@ pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
 /// Version that is written. A reader takes any minor version of its major one.
 pub(crate) const MAJOR: u8 = 1;
 /// See [`MAJOR`].
-pub(crate) const MINOR: u8 = 6;
-/// Magic, major, minor, reserved, length, checksum.
-pub const HEAD_BYTES: usize = 8 + 1 + 1 + 2 + 8 + 4;
+pub(crate) const MINOR: u8 = 0;
+/// What a file is: one model, or a series of them. Files of before the first release say 0.
+const MODEL: u8 = 1;
+const SERIES: u8 = 2;
+/// Magic, major, minor, kind, reserved, length, checksum.
+pub const HEAD_BYTES: usize = 8 + 1 + 1 + 1 + 1 + 8 + 4;
 /// Tag, length, checksum.
 pub(crate) const SECTION_BYTES: usize = 4 + 8 + 4;
+/// The number of the block that a section belongs to.
+pub(crate) const OWNER_BYTES: usize = 4;
+/// An entry of the index: tag, block, place, length.
+pub(crate) const ENTRY_BYTES: usize = 4 + 4 + 8 + 8;
+/// Block of an entry that belongs to none.
+const NO_BLOCK: u32 = u32::MAX;
+
+/// A section's tag. A lower-case first letter: readers that do not know it skip it. A lower-case second letter: it
+/// belongs to a block, whose number its content begins with. A lower-case last letter: a merge keeps it, though it
+/// belongs to no block.
+pub(crate) type Tag = [u8; 4];
 
 /// Metadata.
-pub(crate) const META: [u8; 4] = *b"META";
+pub(crate) const META: Tag = *b"META";
 /// Certificate.
-pub(crate) const CERTIFICATE: [u8; 4] = *b"CERT";
+pub(crate) const CERTIFICATE: Tag = *b"CERT";
 /// The network of the alpha-blend law.
-pub(crate) const VIZMAPPER: [u8; 4] = *b"VIZM";
-/// The first minor version whose readers know the alpha-blend law and [`VIZMAPPER`].
-pub(crate) const ALPHA_BLEND_SINCE: u8 = 3;
-/// The first minor version whose readers know the second coding of blocks.
-pub(crate) const SECOND_CODING_SINCE: u8 = 6;
-/// The first minor version that has a field for the effort.
-pub(crate) const EFFORT_SINCE: u8 = 6;
+pub(crate) const VIZMAPPER: Tag = *b"VIZM";
 /// A layer: name and number of blocks, which follow.
-pub(crate) const LAYER: [u8; 4] = *b"LAYR";
-/// A block.
-pub(crate) const BLOCK: [u8; 4] = *b"BLOK";
+pub(crate) const LAYER: Tag = *b"LAYR";
+/// A block, up to the end of its first stage.
+pub(crate) const BLOCK: Tag = *b"BLOK";
+/// A further stage of a block.
+pub(crate) const STAGE: Tag = *b"FiNE";
+/// Where the sections lie.
+pub(crate) const INDEX: Tag = *b"iNDX";
 
-/// A section as it lies in the file.
+/// May a reader that does not know the tag skip its section?
+pub(crate) fn is_optional(tag: Tag) -> bool {
+    tag[0].is_ascii_lowercase()
+}
+
+/// Does a section of the tag belong to a block?
+pub(crate) fn belongs_to_block(tag: Tag) -> bool {
+    tag[1].is_ascii_lowercase()
+}
+
+/// Does a merge keep sections of the tag that belong to no block?
+pub(crate) fn survives_merging(tag: Tag) -> bool {
+    tag[3].is_ascii_lowercase()
+}
+
+/// A section, in a file or to be written.
 #[derive(Clone, Copy)]
 pub(crate) struct Section<'a> {
-    pub tag: [u8; 4],
-    /// Place of its head in the file.
+    pub tag: Tag,
+    /// Place of its head in the file that it was read from.
     pub offset: usize,
+    /// The block that it belongs to.
+    pub block: Option<u32>,
+    /// Content, without the block's number.
     pub bytes: &'a [u8],
 }
 
-/// Puts sections together.
-pub(crate) fn write<'a>(minor: u8, sections: impl Iterator<Item = ([u8; 4], &'a [u8])> + Clone) -> Vec<u8> {
-    let length = HEAD_BYTES + sections.clone().map(|s| SECTION_BYTES + s.1.len()).sum::<usize>();
+impl<'a> Section<'a> {
+    /// To be written.
+    pub(crate) fn new(tag: Tag, block: Option<u32>, bytes: &'a [u8]) -> Self {
+        Section { tag, offset: 0, block, bytes }
+    }
+
+    /// Length of its content.
+    fn content(&self) -> usize {
+        self.bytes.len() + if self.block.is_some() { OWNER_BYTES } else { 0 }
+    }
+
+    /// Its entry in an index, at a place.
+    fn entry(&self, offset: usize) -> [u8; ENTRY_BYTES] {
+        let mut out = [0; ENTRY_BYTES];
+        out[..4].copy_from_slice(&self.tag);
+        out[4..8].copy_from_slice(&self.block.unwrap_or(NO_BLOCK).to_le_bytes());
+        out[8..16].copy_from_slice(&(offset as u64).to_le_bytes());
+        out[16..].copy_from_slice(&(self.content() as u64).to_le_bytes());
+        out
+    }
+}
+
+/// Puts the sections of a model together; with an index behind the first where it is asked for.
+pub(crate) fn write(sections: &[Section<'_>], index: bool) -> Vec<u8> {
+    let mut entries = Vec::new();
+    if index {
+        let mut at = HEAD_BYTES;
+        for (number, section) in sections.iter().enumerate() {
+            if number == 1 {
+                at += SECTION_BYTES + ENTRY_BYTES * sections.len();
+            }
+            entries.extend(section.entry(at));
+            at += SECTION_BYTES + section.content();
+        }
+    }
+    let index = index.then(|| Section::new(INDEX, None, &entries));
+    let (first, rest) = sections.split_at(sections.len().min(1));
+    let sections = || first.iter().chain(&index).chain(rest);
+    let length = HEAD_BYTES + sections().map(|s| SECTION_BYTES + s.content()).sum::<usize>();
     let mut out = Vec::with_capacity(length);
     out.extend(MAGIC);
-    out.extend([MAJOR, minor, 0, 0]);
+    out.extend([MAJOR, MINOR, MODEL, 0]);
     out.extend((length as u64).to_le_bytes());
     out.extend(crc32fast::hash(&out).to_le_bytes());
-    for (tag, bytes) in sections {
+    for section in sections() {
         let start = out.len();
-        out.extend(tag);
-        out.extend((bytes.len() as u64).to_le_bytes());
-        out.extend(checksum(&out[start..], bytes).to_le_bytes());
-        out.extend(bytes);
+        out.extend(section.tag);
+        out.extend((section.content() as u64).to_le_bytes());
+        let number = section.block.map(u32::to_le_bytes);
+        let number = number.as_ref().map_or(&[][..], |n| n);
+        out.extend(checksum([&out[start..], number, section.bytes]).to_le_bytes());
+        out.extend(number);
+        out.extend(section.bytes);
     }
     out
 }
 
 /// Over tag, length and content.
-fn checksum(head: &[u8], bytes: &[u8]) -> u32 {
+fn checksum(parts: [&[u8]; 3]) -> u32 {
     let mut h = crc32fast::Hasher::new();
-    h.update(head);
-    h.update(bytes);
+    parts.iter().for_each(|part| h.update(part));
     h.finalize()
 }
 
@@ -71,46 +139,72 @@ pub fn is_model(head: &[u8]) -> bool {
     head.starts_with(&MAGIC)
 }
 
-/// The length of the file that begins with `head`, as its head says: what a reader asks memory for.
+/// The length of the file that begins with `head`, as its head says: what a reader asks memory for. `None`: the file
+/// ends with its last whole section.
 ///
 /// # Errors
 /// [`Error::Corrupt`] for what is no model file or ends within its head; [`Error::Compatibility`].
-pub fn promised_length(head: &[u8], place: &str) -> Result<u64> {
-    promise(head, place).map(|p| p.1)
+pub fn promised_length(head: &[u8], place: &str) -> Result<Option<u64>> {
+    promise(head, place).map(|length| Some(length).filter(|length| *length > 0))
 }
 
-/// Takes a file apart and checks every checksum. Sections that a newer minor version added and
-/// that may be skipped are left out.
+/// The sections of a file.
+pub(crate) struct Sections<'a> {
+    /// In their order; those of unknown tags that may be skipped are among them, the index is not.
+    pub sections: Vec<Section<'a>>,
+    /// May sections be missing at the end?
+    pub open: bool,
+}
+
+/// Takes a file apart and checks every checksum.
 ///
 /// # Errors
 /// [`Error::Corrupt`] and [`Error::Compatibility`].
-pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Vec<Section<'a>>> {
-    let minor = head(file, place)?;
-    let mut out = Vec::new();
+pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Sections<'a>> {
+    let length = promise(file, place)?;
+    let open = length == 0;
+    if !open && file.len() as u64 != length {
+        return Err(Error::corrupt(place, other_length(file.len() as u64, length)));
+    }
+    let mut sections = Vec::new();
+    let mut index = None;
     let mut at = HEAD_BYTES;
     while at < file.len() {
+        if open && section_end(file, at).is_none_or(|end| end > file.len() as u64) {
+            break;
+        }
         let section = section(file, at).map_err(|what| Error::corrupt(place, format!("at byte {at}: {what}")))?;
-        at += SECTION_BYTES + section.bytes.len();
+        at += SECTION_BYTES + section.content();
         match section.tag {
-            META | CERTIFICATE | LAYER | BLOCK => out.push(section),
-            VIZMAPPER if minor >= ALPHA_BLEND_SINCE => out.push(section),
-            [b'a'..=b'z', ..] => {}
+            INDEX if index.is_some() => return Err(Error::corrupt(place, "a second index")),
+            INDEX => index = Some(section),
+            META | CERTIFICATE | VIZMAPPER | LAYER | BLOCK | STAGE => sections.push(section),
+            tag if is_optional(tag) => sections.push(section),
             tag => {
                 let what = format!("section `{}` is not known and may not be skipped", tag.escape_ascii());
                 return Err(Error::Compatibility { place: place.into(), what });
             }
         }
     }
-    Ok(out)
+    match index {
+        Some(index) if !is_index_of(index.bytes, &sections, open) => {
+            Err(Error::corrupt(place, "its index lists other sections than there are"))
+        }
+        _ => Ok(Sections { sections, open }),
+    }
 }
 
-/// Checks the head and gives the minor version.
-fn head(file: &[u8], place: &str) -> Result<u8> {
-    let (minor, length) = promise(file, place)?;
-    match file.len() as u64 == length {
-        true => Ok(minor),
-        false => Err(Error::corrupt(place, other_length(file.len() as u64, length))),
-    }
+/// Does an index list these sections? Of an open file the last ones may be missing on either side.
+fn is_index_of(index: &[u8], sections: &[Section<'_>], open: bool) -> bool {
+    let listed = index.chunks(ENTRY_BYTES);
+    let alike = sections.iter().zip(listed.clone()).all(|(own, listed)| own.entry(own.offset) == *listed);
+    alike && (open || listed.len() == sections.len())
+}
+
+/// Where a section ends by its head, if that is there.
+fn section_end(file: &[u8], offset: usize) -> Option<u64> {
+    let length = Reader::new(file.get(offset + 4..)?).u64().ok()?;
+    (offset as u64 + SECTION_BYTES as u64).checked_add(length)
 }
 
 /// What is wrong with a file of `length` bytes of which `there` are there.
@@ -121,8 +215,8 @@ pub fn other_length(there: u64, length: u64) -> String {
     }
 }
 
-/// What the head says: minor version and length of the file.
-fn promise(file: &[u8], place: &str) -> Result<(u8, u64)> {
+/// The length of the file that its head says, 0 where it says none.
+fn promise(file: &[u8], place: &str) -> Result<u64> {
     let corrupt = |what: String| Err(Error::corrupt(place, what));
     if !file.starts_with(&MAGIC) {
         let what = if file.is_empty() { "it is empty" } else { "it does not begin as a model file does" };
@@ -133,21 +227,24 @@ fn promise(file: &[u8], place: &str) -> Result<(u8, u64)> {
     };
     let field = |r: &mut Reader<'_>| -> std::result::Result<_, String> {
         r.take(8)?;
-        Ok((r.u8()?, r.u8()?, r.u16()?, r.u64()?, r.u32()?))
+        Ok((r.u8()?, r.u8()?, r.u8()?, r.u8()?, r.u64()?, r.u32()?))
     };
-    let (major, minor, reserved, length, sum) =
+    let (major, minor, kind, reserved, length, sum) =
         field(&mut Reader::new(head)).map_err(|what| Error::corrupt(place, what))?;
     if crc32fast::hash(&head[..HEAD_BYTES - 4]) != sum {
         return corrupt("the checksum of its head is wrong".into());
     }
+    let incompatible = |what: String| Err(Error::Compatibility { place: place.into(), what });
     if major != MAJOR {
-        let what = format!("a model file of version {major}.{minor}; this program reads version {MAJOR}");
-        return Err(Error::Compatibility { place: place.into(), what });
+        return incompatible(format!("a model file of version {major}.{minor}; this program reads version {MAJOR}"));
     }
-    if reserved != 0 && minor <= MINOR {
-        return corrupt(format!("reserved bytes of the head are {reserved:#06x}"));
+    match kind {
+        MODEL if reserved == 0 || minor > MINOR => Ok(length),
+        MODEL => corrupt(format!("the reserved byte of its head is {reserved}")),
+        SERIES => incompatible("a series of models; this program reads single models".into()),
+        0 => incompatible("made before the first release: compress again".into()),
+        _ => incompatible(format!("a file of kind {kind}, which this program does not know")),
     }
-    Ok((minor, length))
 }
 
 fn section(file: &[u8], offset: usize) -> std::result::Result<Section<'_>, String> {
@@ -160,8 +257,13 @@ fn section(file: &[u8], offset: usize) -> std::result::Result<Section<'_>, Strin
     let sum = r.u32()?;
     let length = usize::try_from(length).map_err(|_| format!("a section of {length} bytes"))?;
     let bytes = r.take(length)?;
-    if checksum(head, bytes) != sum {
+    if checksum([head, bytes, &[]]) != sum {
         return Err(format!("the checksum of section `{}` is wrong", tag.escape_ascii()));
     }
-    Ok(Section { tag, offset, bytes })
+    if !belongs_to_block(tag) {
+        return Ok(Section { tag, offset, block: None, bytes });
+    }
+    let mut content = Reader::new(bytes);
+    let block = Some(content.u32()?);
+    Ok(Section { tag, offset, block, bytes: &bytes[OWNER_BYTES..] })
 }

@@ -1,15 +1,12 @@
 //! Model files to models, whole or piece by piece.
 
-use super::container::{SECTION_BYTES, Section};
 use super::decoder::{self, BlockDecoder};
-use super::file::{Parts, parts};
-use super::header::BlockHeader;
+use super::file::{BlockPart, Parts, parts};
 use super::info::FileInfo;
 use crate::model::{Block, LawKind, Mixture, Model};
 use crate::progress::{Progress, Silent};
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// [`decode_with`], silently.
@@ -32,7 +29,8 @@ pub fn decode_with(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result
 
 /// A model file on its way to its model, for who wants to see what there is of it meanwhile. Its pieces (segments of
 /// blocks, of 65 536 Gaussians at most unless they cannot be told apart) are read on their own, in any order:
-/// [`Decoder::finish`] gives the same model whichever were read before.
+/// [`Decoder::finish`] gives the same model whichever were read before. Blocks without all their stages have no pieces:
+/// they decode to fewer, larger Gaussians.
 pub struct Decoder<'a> {
     file: Cow<'a, [u8]>,
     place: String,
@@ -46,8 +44,14 @@ struct BlockUnderWay {
     layer: usize,
     /// Of the section's head in the file, as errors have it; and the block's bytes.
     offset: usize,
-    bytes: Range<usize>,
-    decoder: BlockDecoder,
+    bytes: Vec<u8>,
+    state: BlockState,
+}
+
+enum BlockState {
+    Whole(BlockDecoder),
+    /// Stages are missing.
+    Coarse(Block),
 }
 
 struct Piece {
@@ -67,13 +71,17 @@ impl<'a> Decoder<'a> {
         progress.require_memory("decoding the model", decoding_bytes(&parts))?;
         let (mut blocks, mut pieces) = (Vec::new(), Vec::new());
         for (layer, part) in parts.layers.iter().enumerate() {
-            for (section, _) in &part.content {
-                let decoder = BlockDecoder::new(section.bytes, progress)
-                    .map_err(|fault| fault.at(|what| corrupt(place, section.offset, what)))?;
-                pieces.extend((0..decoder.len()).map(|segment| Piece { block: blocks.len(), segment, read: false }));
-                let start = section.offset + SECTION_BYTES;
-                let bytes = start..start + section.bytes.len();
-                blocks.push(BlockUnderWay { layer, offset: section.offset, bytes, decoder });
+            for block in &part.content {
+                let at = |fault: decoder::Fault| fault.at(|what| corrupt(place, block.offset, what));
+                let state = if block.is_whole() {
+                    let decoder = BlockDecoder::new(&block.bytes, progress).map_err(at)?;
+                    let piece = |segment| Piece { block: blocks.len(), segment, read: false };
+                    pieces.extend((0..decoder.len()).map(piece));
+                    BlockState::Whole(decoder)
+                } else {
+                    BlockState::Coarse(decoder::prefix(&block.bytes).map_err(at)?)
+                };
+                blocks.push(BlockUnderWay { layer, offset: block.offset, bytes: block.bytes.to_vec(), state });
             }
         }
         let info = FileInfo::of(parts, &file);
@@ -101,7 +109,7 @@ impl<'a> Decoder<'a> {
     /// For a piece that there is not, as the other methods.
     pub fn gaussians(&self, piece: usize) -> usize {
         let Piece { block, segment, .. } = self.pieces[piece];
-        self.blocks[block].decoder.gaussians(segment)
+        self.blocks[block].decoder().map_or(0, |d| d.gaussians(segment))
     }
 
     /// The layer that a piece belongs to.
@@ -114,11 +122,11 @@ impl<'a> Decoder<'a> {
     /// # Errors
     /// [`Error::Corrupt`].
     pub fn read(&mut self, piece: usize) -> Result<()> {
-        let Decoder { file, place, blocks, pieces, .. } = self;
+        let Decoder { place, blocks, pieces, .. } = self;
         let Piece { block, segment, read } = &mut pieces[piece];
         let block = &mut blocks[*block];
-        let mut segments = block.decoder.segments(&file[block.bytes.clone()]);
-        segments.swap_remove(*segment).read().map_err(|what| corrupt(place, block.offset, what))?;
+        let offset = block.offset;
+        block.segments().swap_remove(*segment).read().map_err(|what| corrupt(place, offset, what))?;
         *read = true;
         Ok(())
     }
@@ -128,7 +136,7 @@ impl<'a> Decoder<'a> {
     /// that it may hold. `None` of the alpha-blend law.
     pub fn so_far(&self, piece: usize) -> Option<Mixture> {
         let Piece { block, segment, read } = self.pieces[piece];
-        let decoder = &self.blocks[block].decoder;
+        let decoder = self.blocks[block].decoder()?;
         let shaded = self.info.metadata.law == LawKind::AlphaBlend;
         (!shaded).then(|| if read { decoder.read_so_far(segment) } else { decoder.boxes(segment) })
     }
@@ -138,16 +146,19 @@ impl<'a> Decoder<'a> {
     /// # Errors
     /// [`Error::Corrupt`].
     pub fn finish(mut self) -> Result<Model> {
-        let Decoder { file, place, blocks, pieces, .. } = &mut self;
+        let Decoder { place, blocks, pieces, .. } = &mut self;
         let segments = blocks.iter_mut().flat_map(|b| {
             let offset = b.offset;
-            b.decoder.segments(&file[b.bytes.clone()]).into_iter().map(move |s| (offset, s))
+            b.segments().into_iter().map(move |s| (offset, s))
         });
         let left = segments.zip(pieces).filter(|(_, piece)| !piece.read).map(|(segment, _)| segment);
         parallel::try_for_each(left, |(offset, s)| s.read().map_err(|what| corrupt(place, offset, what)))?;
         let vizmapper = self.info.vizmapper.map(Arc::new);
         let mut decoded = self.blocks.into_iter().map(|b| {
-            let mut block = b.decoder.finish();
+            let mut block = match b.state {
+                BlockState::Whole(decoder) => decoder.finish(),
+                BlockState::Coarse(block) => block,
+            };
             if let Some(columns) = block.gaussians.law.alpha_blend_mut() {
                 columns.vizmapper = vizmapper.clone();
             }
@@ -158,16 +169,33 @@ impl<'a> Decoder<'a> {
     }
 }
 
+impl BlockUnderWay {
+    fn decoder(&self) -> Option<&BlockDecoder> {
+        match &self.state {
+            BlockState::Whole(decoder) => Some(decoder),
+            BlockState::Coarse(_) => None,
+        }
+    }
+
+    /// The segments that are to be read.
+    fn segments(&mut self) -> Vec<decoder::Segment<'_>> {
+        match &mut self.state {
+            BlockState::Whole(decoder) => decoder.segments(&self.bytes),
+            BlockState::Coarse(_) => Vec::new(),
+        }
+    }
+}
+
 /// An error of the block whose section begins at byte `offset`.
 fn corrupt(place: &str, offset: usize, what: String) -> Error {
     Error::corrupt(place, format!("block at byte {offset}: {what}"))
 }
 
-/// Bytes that decoding takes beside the file: all Gaussians, and the work on the largest block.
+/// Bytes that decoding takes beside the file: all Gaussians, a copy of the blocks, and the work on the largest block.
 fn decoding_bytes(parts: &Parts<'_>) -> u64 {
-    let headers = || parts.layers.iter().flat_map(|l| l.content.iter().map(|b| &b.1));
-    let work = headers().map(decoder::working_bytes).max().unwrap_or(0);
-    headers().map(decoder::gaussian_bytes).sum::<u64>() + work
+    let blocks = || parts.layers.iter().flat_map(|l| &l.content);
+    let work = blocks().map(decoder::working_bytes).max().unwrap_or(0);
+    blocks().map(|b| decoder::gaussian_bytes(b) + b.bytes.len() as u64).sum::<u64>() + work
 }
 
 /// Decodes one coded block.
@@ -194,11 +222,11 @@ pub fn decode_prefix(bytes: &[u8], place: &str) -> Result<Block> {
 /// As [`decode_with`].
 pub fn check(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<()> {
     let parts = parts(bytes, place)?;
-    let sound = |(section, header): &(Section<'_>, BlockHeader)| {
-        progress
-            .require_memory("decoding the model", decoder::gaussian_bytes(header) + decoder::working_bytes(header))?;
-        let block = decoder::block(section.bytes, progress);
-        block.map(drop).map_err(|fault| fault.at(|what| corrupt(place, section.offset, what)))
+    let sound = |block: &BlockPart<'_>| {
+        let need = decoder::gaussian_bytes(block) + decoder::working_bytes(block);
+        progress.require_memory("decoding the model", need)?;
+        let decoded = decoder::block(&block.bytes, progress);
+        decoded.map(drop).map_err(|fault| fault.at(|what| corrupt(place, block.offset, what)))
     };
     parts.layers.iter().flat_map(|l| &l.content).try_for_each(sound)
 }

@@ -2,6 +2,7 @@
 
 use super::OutOfRange;
 use super::exact::exp;
+use super::file::BlockPart;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE};
 use super::levels::{Below, LEVELS, LevelWalk, NoSource, TreeNode};
@@ -62,19 +63,25 @@ impl Fault {
     }
 }
 
+/// Gaussians that a block decodes to, at most: without all its stages no more than its bytes earn.
+fn most_gaussians(block: &BlockPart<'_>) -> u64 {
+    let all = u64::from(block.header.gaussians);
+    if block.is_whole() { all } else { all.min(GAUSSIANS_A_BYTE * block.bytes.len() as u64) }
+}
+
 /// Bytes that the Gaussians of a block take: mean, covariance, count and, where they have them, mass or
 /// opacity and grey level.
-pub(crate) fn gaussian_bytes(header: &BlockHeader) -> u64 {
-    let each = 80 + if header.shaded { 16 } else { 8 * u64::from(header.weighted) };
-    u64::from(header.gaussians) * each
+pub(crate) fn gaussian_bytes(block: &BlockPart<'_>) -> u64 {
+    let each = 80 + if block.header.shaded { 16 } else { 8 * u64::from(block.header.weighted) };
+    most_gaussians(block) * each
 }
 
 /// Bytes that decoding a block takes beside its Gaussians, at most: nodes of the segments at
 /// work, and remainders of counts.
-pub(crate) fn working_bytes(header: &BlockHeader) -> u64 {
+pub(crate) fn working_bytes(block: &BlockPart<'_>) -> u64 {
     const A_GAUSSIAN: u64 = 32;
-    const A_SEGMENT: u64 = 65_536 * 80;
-    u64::from(header.gaussians) * A_GAUSSIAN + parallel::threads() as u64 * A_SEGMENT
+    const A_SEGMENT: u64 = 2 * 65_536 * 80;
+    most_gaussians(block) * A_GAUSSIAN + parallel::threads() as u64 * A_SEGMENT
 }
 
 /// What refuses memory for a block's columns is called.

@@ -1,26 +1,51 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, ALPHA_BLEND_SINCE, BLOCK, CERTIFICATE, HEAD_BYTES, LAYER, META, SECOND_CODING_SINCE, SECTION_BYTES, Section,
-    VIZMAPPER,
+    self, BLOCK, CERTIFICATE, ENTRY_BYTES, HEAD_BYTES, LAYER, META, OWNER_BYTES, SECTION_BYTES, STAGE, Section, Tag,
+    VIZMAPPER, belongs_to_block,
 };
 use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
-use super::{Encoder, Precision, certificate, metadata, vizmapper};
+use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
 use crate::model::{
     Certificate, CertificateLevel, LawKind, Layer, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE, Sample, VizMapper,
 };
 use crate::{Error, Result, parallel};
+use std::borrow::Cow;
 
-/// Place of the minor version in a file.
-const MINOR_AT: usize = 9;
 /// Layers in a file at most, and bytes of a layer's name.
 pub const MOST_LAYERS: usize = 1024;
 const LONGEST_NAME: usize = 255;
+/// Blocks from which on a file has an index.
+const INDEXED: usize = 16;
 
-/// Coded blocks of a layer, as [`Encoder::encode`] gives them or [`coded_layers`] takes them from a file.
-pub type CodedLayer = Layer<Vec<Vec<u8>>>;
+/// A coded block, with the sections that belong to it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct StoredBlock {
+    /// As [`Encoder::encode`] gives it. Stages may be missing at its end.
+    pub bytes: Vec<u8>,
+    /// Sections of tags that this program does not know.
+    pub sections: Vec<StoredSection>,
+}
+
+/// A section that is copied as it is.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct StoredSection {
+    /// Its tag.
+    pub tag: [u8; 4],
+    /// Its content, without the number of a block.
+    pub bytes: Vec<u8>,
+}
+
+impl From<Vec<u8>> for StoredBlock {
+    fn from(bytes: Vec<u8>) -> Self {
+        StoredBlock { bytes, sections: Vec::new() }
+    }
+}
+
+/// Coded blocks of a layer, to be put into a file ([`assemble`]), or taken from one ([`coded_layers`]).
+pub type CodedLayer = Layer<Vec<StoredBlock>>;
 
 /// A file of a model with every block at `precision`.
 ///
@@ -29,8 +54,8 @@ pub type CodedLayer = Layer<Vec<Vec<u8>>>;
 /// cannot be coded.
 pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
     let layers = model.layers.iter().map(|layer| {
-        let blocks = layer.content.iter().map(|b| Ok(Encoder::new(b)?.encode(precision))).collect::<Result<_>>()?;
-        Ok(layer.with(blocks))
+        let coded = |b| Ok(Encoder::new(b)?.encode(precision).into());
+        Ok(layer.with(layer.content.iter().map(coded).collect::<Result<_>>()?))
     });
     let layers = layers.collect::<Result<_>>()?;
     let network = model.vizmapper().map(|v| &**v);
@@ -59,68 +84,109 @@ pub fn assemble_with(
     layers: Vec<CodedLayer>,
 ) -> Result<Vec<u8>> {
     let network = vizmapper.map(vizmapper::write).transpose()?;
-    put_together(metadata, network.as_deref(), certificate, layers)
+    let file = CodedFile { metadata: metadata.clone(), network, sections: Vec::new(), layers };
+    file.write(certificate)
 }
 
-/// [`assemble_with`] of a network's section as it is coded.
-pub(super) fn put_together(
-    metadata: &Metadata,
-    network: Option<&[u8]>,
-    certificate: Option<&Certificate>,
-    mut layers: Vec<CodedLayer>,
-) -> Result<Vec<u8>> {
-    let shaded = metadata.law == LawKind::AlphaBlend;
-    if network.is_some() && !shaded {
-        return Err(Error::argument("a VizMapper belongs to models of the alpha-blend law alone"));
+/// A file taken apart to be merged.
+pub(super) struct CodedFile {
+    pub metadata: Metadata,
+    /// The network's section.
+    pub network: Option<Vec<u8>>,
+    /// Sections of unknown tags that belong to no block.
+    pub sections: Vec<StoredSection>,
+    pub layers: Vec<CodedLayer>,
+}
+
+impl CodedFile {
+    /// Takes a file apart.
+    pub(super) fn read(bytes: &[u8], place: &str) -> Result<CodedFile> {
+        let copy = |part: Part<'_>| part.map(|blocks| blocks.into_iter().map(BlockPart::stored).collect());
+        let parts = parts(bytes, place)?;
+        Ok(CodedFile {
+            metadata: parts.metadata,
+            network: parts.network.map(|n| n.0.to_vec()),
+            sections: parts.sections.iter().map(StoredSection::from).collect(),
+            layers: parts.layers.into_iter().map(copy).collect(),
+        })
     }
-    layers.sort_by(|a, b| a.name.cmp(&b.name));
-    let names_differ = layers.windows(2).all(|w| w[0].name != w[1].name);
-    let sound =
-        |l: &CodedLayer| !l.content.is_empty() && l.content.len() <= u32::MAX as usize && l.name.len() <= LONGEST_NAME;
-    if layers.is_empty() || layers.len() > MOST_LAYERS || !names_differ || !layers.iter().all(sound) {
-        return Err(Error::argument(
-            "a model file needs layers of different names of at most 255 bytes, each with blocks",
-        ));
-    }
-    let mut masses = Vec::with_capacity(layers.len());
-    let mut second = false;
-    for layer in &mut layers {
-        let mut keyed = Vec::with_capacity(layer.content.len());
-        for block in layer.content.drain(..) {
-            let header = BlockHeader::read(&block).map_err(Error::argument)?;
-            if header.shaded != shaded {
-                return Err(Error::argument(other_law(&layer.name, metadata.law)));
+
+    /// The file: metadata, certificate, network; layers with the first stage of each block; the further stages, those of
+    /// all blocks after each other; then what else belongs to blocks, by tag; then what belongs to none.
+    pub(super) fn write(mut self, certificate: Option<&Certificate>) -> Result<Vec<u8>> {
+        let masses = self.sort()?;
+        let meta = metadata::write(&self.metadata, &masses);
+        let certificate = certificate.map(certificate::write);
+        let heads: Vec<Vec<u8>> = self.layers.iter().map(layer_bytes).collect();
+        let mut out = vec![Section::new(META, None, &meta)];
+        out.extend(certificate.iter().map(|c| Section::new(CERTIFICATE, None, c)));
+        out.extend(self.network.iter().map(|n| Section::new(VIZMAPPER, None, n)));
+        let (mut stages, mut attached, mut number) = (Vec::new(), Vec::new(), 0);
+        for (layer, head) in self.layers.iter().zip(&heads) {
+            out.push(Section::new(LAYER, None, head));
+            for block in &layer.content {
+                let header = BlockHeader::read(&block.bytes).map_err(Error::argument)?;
+                let ranges = streams::stages(&header, &block.bytes).map_err(Error::argument)?;
+                let mut ranges = ranges.into_iter().map(|range| &block.bytes[range]);
+                out.extend(ranges.next().map(|first| Section::new(BLOCK, None, first)));
+                stages.extend(ranges.enumerate().map(|(stage, bytes)| (stage, number, bytes)));
+                attached.extend(block.sections.iter().map(|s| Section::new(s.tag, Some(number), &s.bytes)));
+                number += 1;
             }
-            second = true;
-            keyed.push((order_key(&header), header.weighted, block));
         }
-        keyed.sort();
-        let weighted = keyed.first().is_some_and(|b| b.1);
-        if keyed.iter().any(|b| b.1 != weighted) {
-            return Err(Error::argument(format!(
-                "some blocks of layer `{}` have weights and some have none",
-                layer.name
-            )));
+        stages.sort_by_key(|&(stage, block, _)| (stage, block));
+        out.extend(stages.into_iter().map(|(_, block, bytes)| Section::new(STAGE, Some(block), bytes)));
+        attached.sort_by_key(|s: &Section<'_>| s.tag);
+        out.extend(attached);
+        out.extend(self.sections.iter().map(|s| Section::new(s.tag, None, &s.bytes)));
+        let file = container::write(&out, number as usize >= INDEXED);
+        // Numbers that only a whole file has (sums, bounds, radius) may be none that the format holds.
+        match parts(&file, "the model") {
+            Ok(_) => Ok(file),
+            Err(Error::Corrupt { what, .. }) => Err(Error::argument(format!("no model file can hold this: {what}"))),
+            Err(other) => Err(other),
         }
-        masses.push(Mass::new(weighted, layer.mass.unit()));
-        layer.content = keyed.into_iter().map(|k| k.2).collect();
     }
-    let meta = metadata::write(metadata, &masses);
-    let certificate = certificate.map(certificate::write);
-    let heads: Vec<Vec<u8>> = layers.iter().map(layer_bytes).collect();
-    let body = layers.iter().zip(&heads).flat_map(|(layer, head)| {
-        std::iter::once((LAYER, &head[..])).chain(layer.content.iter().map(|b| (BLOCK, &b[..])))
-    });
-    let minor = metadata::minor_version(&meta, metadata.law).max(if second { SECOND_CODING_SINCE } else { 0 });
-    let front = std::iter::once((META, &meta[..]))
-        .chain(certificate.iter().map(|c| (CERTIFICATE, &c[..])))
-        .chain(network.iter().map(|&n| (VIZMAPPER, n)));
-    let file = container::write(minor, front.chain(body));
-    // Numbers that only a whole file has (sums, bounds, radius) may be none that the format holds.
-    match parts(&file, "the model") {
-        Ok(_) => Ok(file),
-        Err(Error::Corrupt { what, .. }) => Err(Error::argument(format!("no model file can hold this: {what}"))),
-        Err(other) => Err(other),
+
+    /// Sorts layers and blocks and checks them; the masses of the layers.
+    fn sort(&mut self) -> Result<Vec<Mass>> {
+        let shaded = self.metadata.law == LawKind::AlphaBlend;
+        if self.network.is_some() && !shaded {
+            return Err(Error::argument("a VizMapper belongs to models of the alpha-blend law alone"));
+        }
+        let layers = &mut self.layers;
+        layers.sort_by(|a, b| a.name.cmp(&b.name));
+        let names_differ = layers.windows(2).all(|w| w[0].name != w[1].name);
+        let sound = |l: &CodedLayer| {
+            !l.content.is_empty() && l.content.len() <= u32::MAX as usize && l.name.len() <= LONGEST_NAME
+        };
+        if layers.is_empty() || layers.len() > MOST_LAYERS || !names_differ || !layers.iter().all(sound) {
+            return Err(Error::argument(
+                "a model file needs layers of different names of at most 255 bytes, each with blocks",
+            ));
+        }
+        let mut masses = Vec::with_capacity(layers.len());
+        for layer in layers {
+            let mut keyed = Vec::with_capacity(layer.content.len());
+            for block in layer.content.drain(..) {
+                let header = BlockHeader::read(&block.bytes).map_err(Error::argument)?;
+                if header.shaded != shaded {
+                    return Err(Error::argument(other_law(&layer.name, self.metadata.law)));
+                }
+                keyed.push((order_key(&header), header.weighted, block));
+            }
+            keyed.sort();
+            let weighted = keyed.first().is_some_and(|b| b.1);
+            if keyed.iter().any(|b| b.1 != weighted) {
+                return Err(Error::argument(format!(
+                    "some blocks of layer `{}` have weights and some have none",
+                    layer.name
+                )));
+            }
+            masses.push(Mass::new(weighted, layer.mass.unit()));
+            layer.content = keyed.into_iter().map(|k| k.2).collect();
+        }
+        Ok(masses)
     }
 }
 
@@ -132,9 +198,16 @@ fn other_law(layer: &str, law: LawKind) -> String {
 /// What a network of the alpha-blend law adds to a file.
 pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_BYTES;
 
-/// Bytes of a file beside its coded blocks, with or without a certificate of a level. The
-/// file's size is this plus the sizes of its blocks, and of its network where it has one
-/// ([`VIZMAPPER_SECTION_BYTES`]). Of each layer the number of its blocks.
+/// Bytes that a coded block takes in a file: a section for each further stage, beside what [`size_without_blocks`]
+/// counts for it.
+pub fn stored_bytes(block: &[u8]) -> usize {
+    let stages = BlockHeader::read(block).map_or(0, |h| h.cuts.len());
+    block.len() + stages * (SECTION_BYTES + OWNER_BYTES + ENTRY_BYTES)
+}
+
+/// Bytes of a file beside its coded blocks, with or without a certificate of a level. The file's size is this plus the
+/// [`stored_bytes`] of its blocks, and of its network where it has one ([`VIZMAPPER_SECTION_BYTES`]); less where blocks
+/// have stages and too few stand in the file for an index. Of each layer the number of its blocks.
 pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, layers: &[Layer<usize>]) -> usize {
     // P(k) by mass is there where masses may differ: of particles with weights, and of several layers.
     let mass_power = match layers {
@@ -152,6 +225,10 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
         }
     };
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.content).sum();
+    let blocks: usize = layers.iter().map(|l| l.content).sum();
+    // Metadata, certificate and network beside the layers.
+    let index = if blocks < INDEXED { 0 } else { SECTION_BYTES + ENTRY_BYTES * (3 + layers.len() + blocks) };
+    let heads = heads + index;
     let masses: Vec<Mass> = layers.iter().map(|l| l.mass).collect();
     HEAD_BYTES + SECTION_BYTES + metadata::write(metadata, &masses).len() + certificate + heads
 }
@@ -181,27 +258,62 @@ pub(super) struct Parts<'a> {
     /// The network's section, and what it says.
     pub network: Option<(&'a [u8], VizMapper)>,
     pub layers: Vec<Part<'a>>,
+    /// Sections of unknown tags that belong to no block.
+    pub sections: Vec<Section<'a>>,
+    /// Particles of blocks that an open file ends before.
+    pub missing_particles: u64,
 }
 
-/// Coded blocks where they lie in a file, and their headers.
-type Part<'a> = Layer<Vec<(Section<'a>, BlockHeader)>>;
+/// Coded blocks, and their headers.
+type Part<'a> = Layer<Vec<BlockPart<'a>>>;
+
+/// A block as it lies in a file.
+pub(super) struct BlockPart<'a> {
+    pub header: BlockHeader,
+    /// Place of its first section.
+    pub offset: usize,
+    /// Its stages, one after the other.
+    pub bytes: Cow<'a, [u8]>,
+    /// Stages that are there.
+    pub stages: usize,
+    /// Sections of unknown tags that belong to it.
+    pub sections: Vec<Section<'a>>,
+}
+
+impl BlockPart<'_> {
+    /// Are all its stages there?
+    pub(super) fn is_whole(&self) -> bool {
+        self.stages > self.header.cuts.len()
+    }
+
+    fn stored(self) -> StoredBlock {
+        let sections = self.sections.iter().map(StoredSection::from).collect();
+        StoredBlock { bytes: self.bytes.into_owned(), sections }
+    }
+}
+
+impl From<&Section<'_>> for StoredSection {
+    fn from(section: &Section<'_>) -> Self {
+        StoredSection { tag: section.tag, bytes: section.bytes.to_vec() }
+    }
+}
 
 /// Reads all but the streams, and checks what the parts say of each other.
 pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
-    let sections = container::read(bytes, place)?;
+    let file = container::read(bytes, place)?;
     let corrupt = |what: String| Error::corrupt(place, what);
-    let mut rest = sections.into_iter().peekable();
     let unknown = |what: String| Error::Compatibility { place: place.into(), what };
-    let (metadata, masses) = match rest.next() {
+    let known = |tag: Tag| matches!(tag, META | CERTIFICATE | VIZMAPPER | LAYER | BLOCK | STAGE);
+    let (sections, others): (Vec<_>, Vec<_>) = file.sections.into_iter().partition(|s| known(s.tag));
+    let (attached, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|s| belongs_to_block(s.tag));
+    let mut rest = sections.into_iter().peekable();
+    let (mut metadata, masses) = match rest.next() {
         Some(s) if s.tag == META => metadata::read(s.bytes).map_err(|fault| match fault {
             Fault::Corrupt(what) => corrupt(what),
             Fault::Unknown(what) => unknown(what),
         })?,
         _ => return Err(corrupt("it does not begin with metadata".into())),
     };
-    if metadata.law == LawKind::AlphaBlend && bytes[MINOR_AT] < ALPHA_BLEND_SINCE {
-        return Err(unknown(format!("version 1.{} does not know the image law 2", bytes[MINOR_AT])));
-    }
     let certificate = rest.next_if(|s| s.tag == CERTIFICATE).map(|s| certificate::read(s.bytes).map_err(corrupt));
     let certificate = certificate.transpose()?;
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
@@ -211,38 +323,102 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         Err(vizmapper::Fault::Unknown(what)) => Err(unknown(what)),
     });
     let network = network.transpose()?;
-    let mut layers: Vec<(String, Vec<(Section<'a>, BlockHeader)>)> = Vec::new();
-    while let Some(section) = rest.next() {
+    let mut layers: Vec<(String, usize, Vec<BlockPart<'a>>)> = Vec::new();
+    while let Some(section) = rest.next_if(|s| s.tag != STAGE) {
         let (name, count) = layer_head(&section).map_err(corrupt)?;
         if layers.len() == MOST_LAYERS || layers.last().is_some_and(|l| l.0 >= name) {
             return Err(corrupt(format!("layer `{name}` is out of order, or one too many")));
         }
-        let mut blocks: Vec<(Section<'a>, BlockHeader)> = Vec::new();
-        while let Some(section) = rest.next_if(|s| s.tag == BLOCK) {
-            let at = |what: String| corrupt(format!("block at byte {}: {what}", section.offset));
-            let header = BlockHeader::read(section.bytes).map_err(at)?;
-            let order =
-                |b: &(Section<'a>, BlockHeader)| (order_key(&b.1), b.0.bytes) > (order_key(&header), section.bytes);
-            if blocks.last().is_some_and(order) {
-                return Err(at("out of order".into()));
-            }
-            blocks.push((section, header));
+        let mut blocks: Vec<BlockPart<'a>> = Vec::new();
+        while let Some(Section { offset, bytes, .. }) = rest.next_if(|s| s.tag == BLOCK) {
+            let at = |what: String| corrupt(format!("block at byte {offset}: {what}"));
+            let header = BlockHeader::read(bytes).map_err(at)?;
+            blocks.push(BlockPart { header, offset, bytes: bytes.into(), stages: 1, sections: Vec::new() });
         }
-        if blocks.is_empty() || blocks.len() != count as usize {
-            return Err(corrupt(format!("layer `{name}` has {} of {count} blocks", blocks.len())));
-        }
-        layers.push((name, blocks));
+        layers.push((name, count as usize, blocks));
     }
-    let masses = masses.expand(layers.len()).ok_or_else(|| corrupt("masses of another number of layers".into()))?;
-    let part = |((name, content), mass)| Layer { name, mass, content };
+    let number_of = |blocks: &[&mut BlockPart<'a>], s: &Section<'_>| {
+        let number = s.block.map_or(usize::MAX, |b| b as usize);
+        let what = || corrupt(format!("at byte {}: a section of block {number}, which there is not", s.offset));
+        if number < blocks.len() { Ok(number) } else { Err(what()) }
+    };
+    let mut blocks: Vec<&mut BlockPart<'a>> = layers.iter_mut().flat_map(|l| &mut l.2).collect();
+    let mut before = None;
+    for section in rest {
+        if section.tag != STAGE {
+            return Err(corrupt(out_of_order(&section)));
+        }
+        let number = number_of(&blocks, &section)?;
+        let block = &mut blocks[number];
+        // Stage by stage, in the order of the blocks.
+        let place = Some((block.stages, number));
+        if place <= before || block.stages > block.header.cuts.len() {
+            return Err(corrupt(out_of_order(&section)));
+        }
+        before = place;
+        block.bytes.to_mut().extend(section.bytes);
+        block.stages += 1;
+    }
+    for section in attached {
+        let number = number_of(&blocks, &section)?;
+        blocks[number].sections.push(section);
+    }
+    for block in &mut blocks {
+        let at = |what: String| corrupt(format!("block at byte {}: {what}", block.offset));
+        // Sections are the stages that its table has; a block of one stage alone need not be taken apart.
+        let cuts = block.header.cuts.len();
+        let there = if cuts == 0 { 1 } else { streams::stages(&block.header, &block.bytes).map_err(at)?.len() };
+        if there != block.stages {
+            return Err(at(format!("{} sections for {there} stages", block.stages)));
+        }
+    }
+    check_blocks(&layers, file.open).map_err(corrupt)?;
+    layers.retain(|l| !l.2.is_empty());
+    let wrong = || corrupt("masses of another number of layers".into());
+    let masses = masses.expand(layers.len(), file.open).ok_or_else(wrong)?;
+    let part = |((name, _, content), mass)| Layer { name, mass, content };
     let layers: Vec<Part<'a>> = layers.into_iter().zip(masses).map(part).collect();
+    let mut missing_particles = 0;
+    if file.open {
+        // What is there may be less than the whole: the rest of the file speaks of what is there.
+        let headers = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.header));
+        let there = headers().fold(0u64, |sum, h| sum.saturating_add(h.count));
+        missing_particles = metadata.count.saturating_sub(there);
+        if missing_particles > 0 {
+            (metadata.count, metadata.mass) = (there, headers().map(|h| h.mass).sum());
+        }
+    }
     agree(&metadata, &layers).map_err(corrupt)?;
-    Ok(Parts { metadata, certificate, network, layers })
+    Ok(Parts { metadata, certificate, network, layers, sections: others, missing_particles })
+}
+
+/// Are there the blocks that each layer says, in order? The last ones of an open file may be missing.
+fn check_blocks(layers: &[(String, usize, Vec<BlockPart<'_>>)], open: bool) -> std::result::Result<(), String> {
+    for (i, (name, count, blocks)) in layers.iter().enumerate() {
+        let cut = open && i + 1 == layers.len() && blocks.len() < *count;
+        if *count == 0 || blocks.len() != *count && !cut {
+            return Err(format!("layer `{name}` has {} of {count} blocks", blocks.len()));
+        }
+        let out_of_order = |w: &&[BlockPart<'_>]| {
+            (order_key(&w[0].header), &w[0].bytes) > (order_key(&w[1].header), &w[1].bytes)
+        };
+        if let Some(pair) = blocks.windows(2).find(out_of_order) {
+            return Err(format!("block at byte {}: out of order", pair[1].offset));
+        }
+    }
+    match layers.iter().any(|l| !l.2.is_empty()) {
+        true => Ok(()),
+        false => Err("it ends before its first block".into()),
+    }
+}
+
+fn out_of_order(section: &Section<'_>) -> String {
+    format!("a section `{}` at byte {} out of order", section.tag.escape_ascii(), section.offset)
 }
 
 fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), String> {
     if section.tag != LAYER {
-        return Err(format!("a section `{}` at byte {} out of order", section.tag.escape_ascii(), section.offset));
+        return Err(out_of_order(section));
     }
     let mut r = Reader::new(section.bytes);
     let length = r.u8()?;
@@ -258,18 +434,18 @@ fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), Strin
 
 /// Blocks hold together what the metadata says.
 fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
-    let blocks = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.1));
+    let blocks = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.header));
     let count = blocks().try_fold(0u64, |sum, b| sum.checked_add(b.count));
     if count != Some(m.count) {
         let held = count.map_or_else(|| "too many".into(), |n| n.to_string());
         return Err(format!("blocks hold {held} particles, the metadata says {}", m.count));
     }
     let shaded = m.law == LawKind::AlphaBlend;
-    if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.1.shaded != shaded)) {
+    if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.header.shaded != shaded)) {
         return Err(other_law(&l.name, m.law));
     }
     let mass: f64 = blocks().map(|b| b.mass).sum();
-    if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.1.weighted != l.mass.is_weighted())) {
+    if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.header.weighted != l.mass.is_weighted())) {
         return Err(format!("the blocks of layer `{}` and the metadata disagree about weights", l.name));
     }
     if (mass - m.mass).abs() > 1e-9 * m.mass {
@@ -283,26 +459,7 @@ fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
 /// # Errors
 /// As [`super::decode`], streams apart.
 pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
-    Ok(coded_file(bytes, place)?.layers)
-}
-
-/// A file taken apart to be merged.
-pub(super) struct CodedFile {
-    pub metadata: Metadata,
-    /// The network's section.
-    pub network: Option<Vec<u8>>,
-    pub layers: Vec<CodedLayer>,
-}
-
-/// Metadata, network and coded blocks of a file.
-pub(super) fn coded_file(bytes: &[u8], place: &str) -> Result<CodedFile> {
-    let copy = |part: Part<'_>| part.map(|blocks| blocks.iter().map(|b| b.0.bytes.to_vec()).collect());
-    let parts = parts(bytes, place)?;
-    Ok(CodedFile {
-        metadata: parts.metadata,
-        network: parts.network.map(|n| n.0.to_vec()),
-        layers: parts.layers.into_iter().map(copy).collect(),
-    })
+    Ok(CodedFile::read(bytes, place)?.layers)
 }
 
 /// BLAKE3 of a model file's bytes: what is made from a model names it by this.

@@ -1,9 +1,7 @@
 //! What a file says of itself, its Gaussians apart.
 
 use super::Precision;
-use super::container::Section;
-use super::file::{Parts, parts};
-use super::header::BlockHeader;
+use super::file::{BlockPart, Parts, parts};
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, VizMapper};
 
@@ -22,6 +20,10 @@ pub struct FileInfo {
     pub layers: Vec<Layer<Vec<BlockInfo>>>,
     /// Bytes of the file.
     pub bytes: u64,
+    /// Particles of blocks that an open file ends before.
+    pub missing_particles: u64,
+    /// Sections that this program does not know, by tag and bytes; first those of blocks.
+    pub other_sections: Vec<(String, u64)>,
 }
 
 /// A block of a file.
@@ -37,6 +39,8 @@ pub struct BlockInfo {
     pub gaussians: u32,
     /// Coded size.
     pub bytes: u64,
+    /// Stages that are there, and that there should be: without all of them it decodes to fewer, larger Gaussians.
+    pub stages: [usize; 2],
     /// Quantisation steps.
     pub precision: Precision,
 }
@@ -50,6 +54,11 @@ pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
 }
 
 impl FileInfo {
+    /// Is all there that the file is to have?
+    pub fn is_complete(&self) -> bool {
+        self.missing_particles == 0 && self.layers.iter().flat_map(|l| &l.content).all(|b| b.stages[0] == b.stages[1])
+    }
+
     /// Number of Gaussians.
     pub fn gaussians(&self) -> usize {
         self.layers.iter().flat_map(|l| &l.content).map(|b| b.gaussians as usize).sum()
@@ -64,14 +73,18 @@ impl FileInfo {
 
     /// Of the parts of a file.
     pub(super) fn of(parts: Parts<'_>, file: &[u8]) -> FileInfo {
-        let block = |(section, h): &(Section<'_>, BlockHeader)| BlockInfo {
+        let block = |BlockPart { header: h, bytes, stages, .. }: &BlockPart<'_>| BlockInfo {
             bounds: h.bounds,
             count: h.count,
             mass: h.mass,
             gaussians: h.gaussians,
-            bytes: section.bytes.len() as u64,
+            bytes: bytes.len() as u64,
+            stages: [*stages, h.cuts.len() + 1],
             precision: Precision::of_header(h.steps, h.importance),
         };
+        let attached = parts.layers.iter().flat_map(|l| l.content.iter().flat_map(|b| &b.sections));
+        let other = attached.chain(&parts.sections).map(|s| (s.tag.escape_ascii().to_string(), s.bytes.len() as u64));
+        let other_sections = other.collect();
         let layers = parts.layers.iter().map(|part| part.with(part.content.iter().map(block).collect()));
         FileInfo {
             version: [file[8], file[9]],
@@ -80,6 +93,8 @@ impl FileInfo {
             certificate: parts.certificate,
             vizmapper: parts.network.map(|n| n.1),
             bytes: file.len() as u64,
+            missing_particles: parts.missing_particles,
+            other_sections,
         }
     }
 }

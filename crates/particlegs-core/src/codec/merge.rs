@@ -6,7 +6,8 @@
 //! operation that is associative, commutative and takes a value with itself to itself.
 
 use super::decode::check;
-use super::file::{CodedFile, CodedLayer, coded_file, order_key, put_together};
+use super::container::survives_merging;
+use super::file::{CodedFile, CodedLayer, StoredSection, order_key};
 use super::header::BlockHeader;
 use super::sums::compensated;
 use crate::model::Metadata;
@@ -15,7 +16,7 @@ use crate::progress::Progress;
 use crate::space::Cell;
 use crate::splat::DEFAULT_OPACITY;
 use crate::{Error, Result};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How the command of a merged file begins.
 const MERGED: &str = "merge of: ";
@@ -32,6 +33,8 @@ pub struct Merge {
     layers: BTreeMap<String, MergedLayer>,
     /// The first block so far and the network of the part that holds it.
     network: Option<(First, Option<Vec<u8>>)>,
+    /// Sections of unknown tags that belong to no block and are kept, each once.
+    sections: BTreeSet<StoredSection>,
     bytes: u64,
 }
 
@@ -58,7 +61,8 @@ impl Merge {
         progress.require_memory("the merge", self.bytes + bytes.len() as u64)?;
         // What is copied is read first: a block that cannot be decoded must not spread.
         check(bytes, place, progress)?;
-        let CodedFile { metadata, network, layers } = coded_file(bytes, place)?;
+        let CodedFile { metadata, network, sections, layers } = CodedFile::read(bytes, place)?;
+        self.sections.extend(sections.into_iter().filter(|s| survives_merging(s.tag)));
         self.known = Some(match self.known.take() {
             None => (alone(metadata), place.to_string()),
             Some((known, first)) => {
@@ -116,15 +120,16 @@ impl Merge {
             metadata.source_hash = combined_digest(&digests);
         }
         let network = self.network.and_then(|n| n.1);
-        put_together(&metadata, network.as_deref(), None, layers)
+        let sections = self.sections.into_iter().collect();
+        CodedFile { metadata, network, sections, layers }.write(None)
     }
 }
 
 /// The first block of a file: they come in order.
 fn first_block(layers: &[CodedLayer], place: &str) -> Result<Option<First>> {
     let Some((layer, block)) = layers.first().and_then(|l| Some((l, l.content.first()?))) else { return Ok(None) };
-    let header = BlockHeader::read(block).map_err(|what| Error::corrupt(place, what))?;
-    Ok(Some((layer.name.clone(), order_key(&header), block.clone())))
+    let header = BlockHeader::read(&block.bytes).map_err(|what| Error::corrupt(place, what))?;
+    Ok(Some((layer.name.clone(), order_key(&header), block.bytes.clone())))
 }
 
 /// The hash that stands in for the source's where blocks come from several sources: of the blocks
@@ -141,7 +146,7 @@ fn digests(layers: &[CodedLayer]) -> Vec<[u8; 32]> {
         parallel::hash(&mut hasher, block);
         *hasher.finalize().as_bytes()
     };
-    let mut all: Vec<_> = layers.iter().flat_map(|l| l.content.iter().map(|b| digest(&l.name, b))).collect();
+    let mut all: Vec<_> = layers.iter().flat_map(|l| l.content.iter().map(|b| digest(&l.name, &b.bytes))).collect();
     all.sort_unstable();
     all
 }
@@ -157,7 +162,7 @@ fn combined_digest(sorted: &[[u8; 32]]) -> [u8; 32] {
 pub fn sums(layers: &[CodedLayer]) -> Result<(u64, f64)> {
     let (mut count, mut masses) = (Some(0u64), Vec::new());
     for block in layers.iter().flat_map(|l| &l.content) {
-        let header = BlockHeader::read(block).map_err(Error::argument)?;
+        let header = BlockHeader::read(&block.bytes).map_err(Error::argument)?;
         count = count.and_then(|sum| sum.checked_add(header.count));
         masses.push(header.mass);
     }

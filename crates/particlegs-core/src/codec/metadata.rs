@@ -3,7 +3,6 @@
 //! Version 1.0 knows one rule of masses for all layers; a file whose layers differ states version
 //! 1.1 and a field that older programs refuse. The alpha-blend law came with version 1.3.
 
-use super::container::{ALPHA_BLEND_SINCE, EFFORT_SINCE};
 use super::wire::Reader;
 use crate::math::each_axis;
 use crate::model::{Effort, LawKind, Mass, Metadata};
@@ -71,24 +70,15 @@ impl LayerMasses {
         }
     }
 
-    /// The masses of `count` layers; `None` where the section tells another number.
-    pub fn expand(&self, count: usize) -> Option<Vec<Mass>> {
+    /// The masses of `count` layers, or of the first `count` where some may be missing; `None` where the section tells
+    /// another number.
+    pub fn expand(&self, count: usize, missing: bool) -> Option<Vec<Mass>> {
         match self {
             LayerMasses::Alike(mass) => Some(vec![*mass; count]),
+            LayerMasses::Each(masses) if missing => masses.get(..count).map(<[_]>::to_vec),
             LayerMasses::Each(masses) => Some(masses.clone()).filter(|m| m.len() == count),
         }
     }
-}
-
-/// The lowest minor version that has what the section says.
-pub(crate) fn minor_version(section: &[u8], law: LawKind) -> u8 {
-    let tags: Vec<u8> = fields(section).map_or_else(|_| Vec::new(), |fields| fields.iter().map(|f| f.0).collect());
-    let newer = |tag: &u8| match *tag {
-        EFFORT => EFFORT_SINCE,
-        tag => u8::from(!FIRST_VERSION.contains(&tag)),
-    };
-    let since = tags.iter().map(newer).max().unwrap_or(0);
-    since.max(if law == LawKind::AlphaBlend { ALPHA_BLEND_SINCE } else { 0 })
 }
 
 /// The section's bytes: fields in the order of their tags. `layers` in the order of the file.
@@ -338,17 +328,5 @@ mod tests {
             tool_version: String::new(),
             effort,
         }
-    }
-
-    #[test]
-    fn efforts_come_back_and_others_say_nothing() {
-        let law = LawKind::OpticalDepth;
-        for (effort, minor) in [(None, 0), (Some(Effort::Fast), EFFORT_SINCE), (Some(Effort::Default), EFFORT_SINCE)] {
-            let section = write(&metadata(effort), &[Mass::Unknown]);
-            assert_eq!((read(&section).ok().unwrap().0.effort, minor_version(&section, law)), (effort, minor));
-        }
-        let mut later = write(&metadata(Some(Effort::Fast)), &[Mass::Unknown]);
-        *later.last_mut().unwrap() = 9;
-        assert_eq!(read(&later).ok().unwrap().0.effort, None);
     }
 }

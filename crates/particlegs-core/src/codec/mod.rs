@@ -42,8 +42,8 @@ pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_wit
 pub use encoder::Encoder;
 pub use file::MOST_LAYERS;
 pub use file::{
-    CodedLayer, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, encode, file_hash, read_metadata,
-    size_without_blocks,
+    CodedLayer, StoredBlock, StoredSection, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, encode,
+    file_hash, read_metadata, size_without_blocks, stored_bytes,
 };
 pub use info::{BlockInfo, FileInfo, read_info};
 pub use merge::{Merge, blocks_hash, sums};
