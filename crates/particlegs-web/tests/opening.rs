@@ -126,7 +126,7 @@ fn a_model_that_turns_out_to_be_corrupt_says_so_once_and_for_all() {
         bad[at] ^= 0x55;
         codec::decode_block(&bad, "the block").is_err().then_some(bad)
     });
-    let layers = vec![model.layers[0].with(vec![bad.unwrap()])];
+    let layers = vec![model.layers[0].with(vec![bad.unwrap().into()])];
     let file = codec::assemble(&model.metadata, None, layers).unwrap();
     for at_once in [false, true] {
         let mut engine = Engine::default();

@@ -1,5 +1,6 @@
 //! A block made ready once and coded at any precision.
 
+use super::file::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
 use super::OutOfRange;
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, cholesky};
@@ -84,6 +85,11 @@ impl Encoder {
     /// No Gaussians? (Never: a block has one at least.)
     pub fn is_empty(&self) -> bool {
         self.tree.order.is_empty()
+    }
+
+    /// Bytes that the block takes in a file beside its own, at most ([`super::stored_bytes`]).
+    pub fn stage_bytes(&self) -> usize {
+        if self.len() < STAGED { 0 } else { STAGES.len() * STAGE_BYTES }
     }
 
     /// The block's bytes at a precision.
@@ -282,7 +288,7 @@ impl Encoder {
 /// Gaussians from which on a block's streams have stages.
 const STAGED: usize = 4096;
 /// Shares of what is coded level by level after which a stage ends.
-const STAGES: [f64; 2] = [0.12, 0.45];
+pub(super) const STAGES: [f64; 2] = [0.12, 0.45];
 
 /// Levels after which stages end, the same in all segments.
 fn cuts(segments: &[Recorder]) -> Vec<u8> {

@@ -7,6 +7,7 @@ use super::container::{
 use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
+use super::encoder::STAGES;
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
 use crate::model::{
     Certificate, CertificateLevel, LawKind, Layer, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE, Sample, VizMapper,
@@ -198,16 +199,19 @@ fn other_law(layer: &str, law: LawKind) -> String {
 /// What a network of the alpha-blend law adds to a file.
 pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_BYTES;
 
+/// What stands before a further stage of a block.
+pub(super) const STAGE_BYTES: usize = SECTION_BYTES + OWNER_BYTES;
+
 /// Bytes that a coded block takes in a file: a section for each further stage, beside what [`size_without_blocks`]
 /// counts for it.
 pub fn stored_bytes(block: &[u8]) -> usize {
     let stages = BlockHeader::read(block).map_or(0, |h| h.cuts.len());
-    block.len() + stages * (SECTION_BYTES + OWNER_BYTES + ENTRY_BYTES)
+    block.len() + stages * STAGE_BYTES
 }
 
 /// Bytes of a file beside its coded blocks, with or without a certificate of a level. The file's size is this plus the
-/// [`stored_bytes`] of its blocks, and of its network where it has one ([`VIZMAPPER_SECTION_BYTES`]); less where blocks
-/// have stages and too few stand in the file for an index. Of each layer the number of its blocks.
+/// [`stored_bytes`] of its blocks, and of its network where it has one ([`VIZMAPPER_SECTION_BYTES`]); less where a file
+/// with an index has blocks without stages. Of each layer the number of its blocks.
 pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, layers: &[Layer<usize>]) -> usize {
     // P(k) by mass is there where masses may differ: of particles with weights, and of several layers.
     let mass_power = match layers {
@@ -227,7 +231,8 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.content).sum();
     let blocks: usize = layers.iter().map(|l| l.content).sum();
     // Metadata, certificate and network beside the layers.
-    let index = if blocks < INDEXED { 0 } else { SECTION_BYTES + ENTRY_BYTES * (3 + layers.len() + blocks) };
+    let entries = 3 + layers.len() + blocks * (1 + STAGES.len());
+    let index = if blocks < INDEXED { 0 } else { SECTION_BYTES + ENTRY_BYTES * entries };
     let heads = heads + index;
     let masses: Vec<Mass> = layers.iter().map(|l| l.mass).collect();
     HEAD_BYTES + SECTION_BYTES + metadata::write(metadata, &masses).len() + certificate + heads

@@ -7,8 +7,8 @@ use particlegs_files::input::{self, Source};
 use particlegs_files::memory;
 use std::path::Path;
 
-/// Reads a model file: its head first, and no further than the head says that the file goes. `-` is
-/// standard input.
+/// Reads a model file: its head first, and no further than the head says that the file goes (an open file to its end).
+/// `-` is standard input.
 ///
 /// # Errors
 /// [`Error::Corrupt`] for what is no model file, is cut short or goes on after its end;
@@ -23,7 +23,16 @@ pub(crate) fn read_file(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>>
 /// [`Error::Corrupt`] for what is no model file, is cut short or goes on after its end;
 /// [`Error::Compatibility`]; [`Error::Memory`] before it is read; [`Error::Io`]; [`Error::Cancelled`].
 pub fn read_source(mut source: Source<'_>, place: &str) -> Result<Vec<u8>> {
-    let length = promised_length(source.peek(HEAD_BYTES)?, place)?;
+    let Some(length) = promised_length(source.peek(HEAD_BYTES)?, place)? else {
+        // An open file goes to its end; one byte more tells whether there was room for it.
+        let most = source.length().or_else(memory::available_bytes).unwrap_or(u64::MAX);
+        memory::require("a model file", source.length().unwrap_or(0))?;
+        let bytes = source.read(most.saturating_add(1))?;
+        return match bytes.len() as u64 > most {
+            true => Err(Error::input(place, "it does not end, or grew while it was read")),
+            false => Ok(bytes),
+        };
+    };
     if let Some(there) = source.length().filter(|n| *n != length) {
         return Err(Error::corrupt(place, other_length(there, length)));
     }

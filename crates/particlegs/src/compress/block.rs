@@ -8,7 +8,7 @@ use super::layer::{LayerParticles, LayerTask, MadeLayer, Share};
 use super::plan::Plan;
 use super::size::SizeMet;
 use crate::Result;
-use crate::codec::CodedLayer;
+use crate::codec::{self, CodedLayer};
 use crate::model::{LawKind, Layer, Mass, VizMapper};
 use crate::particles::Particles;
 use crate::pieces::Pieces;
@@ -131,7 +131,7 @@ impl Left {
     fn take(&mut self, layer: &LayerParticles, made: &MadeLayer) {
         self.share = match (self.share, self.next(layer)) {
             (Share::Gaussians(number), Share::Gaussians(own)) => Share::Gaussians(number.saturating_sub(own)),
-            (Share::Bytes(bytes), _) => Share::Bytes(bytes.saturating_sub(made.coded.bytes.len() as u64)),
+            (Share::Bytes(bytes), _) => Share::Bytes(bytes.saturating_sub(codec::stored_bytes(&made.coded.bytes) as u64)),
             (share, _) => share,
         };
         self.count -= layer.count();
@@ -156,11 +156,11 @@ impl CodedBlock {
 
     /// Bytes.
     pub fn size(&self) -> usize {
-        self.layers.iter().flat_map(|l| &l.content).map(Vec::len).sum()
+        self.layers.iter().flat_map(|l| &l.content).map(|b| codec::stored_bytes(&b.bytes)).sum()
     }
 
     fn push(&mut self, layer: &LayerParticles, made: MadeLayer) {
-        self.layers.push(layer.layer.with(vec![made.coded.bytes]));
+        self.layers.push(layer.layer.with(vec![made.coded.bytes.into()]));
         self.vizmapper = made.vizmapper.or(self.vizmapper.take());
         (self.step_factor, self.size_met) = (made.coded.step_factor, made.coded.size_met);
         self.trained.extend(made.trained);

@@ -198,7 +198,7 @@ impl NewFile {
         let Some(bytes) = self.block_bytes else { return Ok(Coded::at_nominal_steps(&encoder)) };
         let coded = Coded::to_size(&encoder, bytes, None, check)?;
         if coded.size_met == SizeMet::TooLarge {
-            let (asked, smallest) = (bytes + self.beside, coded.bytes.len() as u64 + self.beside);
+            let (asked, smallest) = (bytes + self.beside, codec::stored_bytes(&coded.bytes) as u64 + self.beside);
             let what = format!("{asked} bytes were asked for; the smallest file has {smallest} bytes");
             return Err(Error::Unreachable { what, remedy: Remedy::LargerFile { bytes: smallest, ratio: None } });
         }
@@ -211,7 +211,7 @@ impl NewFile {
         network: Option<&VizMapper>,
         certificate: Option<&Certificate>,
     ) -> Result<Vec<u8>> {
-        let layers = vec![self.layer.with(vec![coded.bytes.clone()])];
+        let layers = vec![self.layer.with(vec![coded.bytes.clone().into()])];
         let (count, mass) = codec::sums(&layers)?;
         codec::assemble_with(&Metadata { count, mass, ..self.metadata.clone() }, network, certificate, layers)
     }

@@ -116,12 +116,12 @@ impl Reduction<'_> {
         for layer in &self.layers {
             let own = layer.content.gaussians.len();
             let done = self.layer_to_size(layer, (left as f64 * own as f64 / there as f64) as u64)?;
-            left = left.saturating_sub(done.bytes.len() as u64);
+            left = left.saturating_sub(codec::stored_bytes(&done.bytes) as u64);
             there -= own;
             coded.push(done);
         }
         if coded.last().is_some_and(|c| c.size_met == SizeMet::TooLarge) {
-            let smallest = overhead + coded.iter().map(|c| c.bytes.len() as u64).sum::<u64>();
+            let smallest = overhead + coded.iter().map(|c| codec::stored_bytes(&c.bytes) as u64).sum::<u64>();
             let what = format!("{target} bytes were asked for; the smallest file of this model has {smallest} bytes");
             let hint = format!("ask for a ratio of {:.4} or less", raw_bytes as f64 / smallest as f64);
             return Err(Error::Unreachable { what, remedy: hint.into() });
@@ -141,7 +141,7 @@ impl Reduction<'_> {
     }
 
     fn file(self, coded: Vec<Coded>) -> Result<Vec<u8>> {
-        let layer = |(l, c): (Layer<Block>, Coded)| l.with(vec![c.bytes]);
+        let layer = |(l, c): (Layer<Block>, Coded)| l.with(vec![c.bytes.into()]);
         codec::assemble(&self.metadata, None, self.layers.into_iter().zip(coded).map(layer).collect())
     }
 }

@@ -80,6 +80,7 @@ impl Coded {
         wanted: Option<f64>,
         mut check: impl FnMut() -> Result<()>,
     ) -> Result<Coded> {
+        let size = size.saturating_sub(encoder.stage_bytes() as u64);
         meet_size(size, encoder.len(), wanted, |factor| {
             check()?;
             Ok(encoder.encode(&Precision::BALANCED.scaled(factor)))

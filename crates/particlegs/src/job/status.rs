@@ -115,7 +115,7 @@ impl Job {
         let path = self.block_path(block, "pgs");
         let mut particles = 0u64;
         for coded in self.done_block(block)?.layers.iter().flat_map(|l| &l.content) {
-            let decoded = codec::decode_block(coded, &path.display().to_string())?;
+            let decoded = codec::decode_block(&coded.bytes, &path.display().to_string())?;
             let corner = |c: [f64; 3]| each_axis(|k| (c[k] - self.manifest.origin[k]) as f32);
             let reached = self.manifest.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {
