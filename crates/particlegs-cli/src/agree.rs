@@ -112,7 +112,7 @@ mod tests {
             noise_free: score(noise_free, ssim),
             all_black: score(Some(12.0), 0.25),
             uniform_box: score(Some(16.0), 0.25),
-            subset: None,
+            ..PictureScores::default()
         };
         let orbit = OrbitMetrics {
             paraview: look(Some(42.0), 0.99),
