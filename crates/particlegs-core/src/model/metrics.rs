@@ -303,7 +303,7 @@ record! {
     /// The scores of three views in one look.
     LookSummary {
         /// Which view has the lowest masked PSNR of the model: far, mid, near, or number 0, 1, 2 of those from close up.
-        worst_view: u8 = Metric::new("worst view (close up: first, second, third)", Name(&["far", "mid", "near"]));
+        worst_view: u8 = Metric::new("worst view", Name(&["1 (far)", "2 (mid)", "3 (near)"]));
         /// Means of the views' decibels and SSIM; views without a value are left out.
         mean: PictureScores = "mean";
         /// The worst view's.
