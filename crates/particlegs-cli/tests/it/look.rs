@@ -281,7 +281,7 @@ fn certificates_are_completed() {
     fails(
         c.arg("verify").arg(&other).arg(sample()).args(some),
         9,
-        "pictures 6r a paraview worst: uniform box is stored as",
+        "settings 6r a paraview worst: uniform box is stored as",
     );
     let lattice = dir.path().join("lattice");
     std::fs::create_dir(&lattice).unwrap();

@@ -105,8 +105,8 @@ fn recovered_particles_say_what_they_are() {
     );
     assert_eq!(meta["box"], serde_json::json!([25.0, 25.0, 25.0]));
     let supports: Vec<&str> = meta["supports"].as_array().unwrap().iter().map(|v| v.as_str().unwrap()).collect();
-    assert!(supports[0].contains("correlation") && supports[1].contains("power spectrum (of particles drawn"));
-    assert!(supports[1].contains(" h/Mpc") && supports[3].contains("groups"), "{supports:?}");
+    assert!(supports[0].contains("correlation") && supports[1].contains("of particles drawn"));
+    assert!(supports[1].contains(" h/Mpc") && supports[1].contains("number of groups"), "{supports:?}");
     // It is a snapshot that the other commands read.
     particlegs().arg("info").arg(out("own")).assert().success();
 

@@ -197,7 +197,7 @@ impl MetricVisitor for Decoder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Limit, Sample};
+    use crate::model::{Limit, MassPower, Sample};
     use crate::space::Bounds;
     use proptest::prelude::*;
 
@@ -264,11 +264,21 @@ mod tests {
     }
 
     #[test]
-    fn sizes_are_those_of_the_page() {
-        let size = |level| size(level, &Certificate::default());
-        let all = [CertificateLevel::Quick, CertificateLevel::Full, CertificateLevel::Blocks].map(size);
-        assert_eq!(all, [363, 1181, 324]);
-        assert_eq!(write(&random(1, true)).len(), all[1] + 3 + 4 + 3 + 9 * 8 + 3 + 56 + 3 + 25);
+    fn sizes_are_those_of_what_is_written() {
+        let none = Certificate::default();
+        let size = |level| size(level, &none);
+        let full = Certificate { mass_power: None, sample: None, blocks: None, goal: None, ..random(1, true) };
+        let quick = Certificate { groups: None, held_out: None, pictures: None, ..full };
+        let blocks = Certificate { spacing: None, subset: None, blocks: Some(3), ..quick };
+        for (level, c) in [(CertificateLevel::Full, full), (CertificateLevel::Quick, quick)] {
+            assert_eq!(size(level), write(&c).len());
+        }
+        assert_eq!(size(CertificateLevel::Blocks), write(&blocks).len());
+        // They are a part of small files.
+        assert!(size(CertificateLevel::Quick) <= 400 && size(CertificateLevel::Full) <= 1200);
+        let sample = Some(Sample::default());
+        let large = Certificate { sample, mass_power: Some(MassPower::of_layers(2)), ..none };
+        assert_eq!(super::size(CertificateLevel::Full, &large), size(CertificateLevel::Full) + 3 + 56 + 3 + 3 * 8);
     }
 
     #[test]

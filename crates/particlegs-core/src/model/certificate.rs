@@ -6,8 +6,7 @@ use super::{
     CellDensity, CrossValidation, DensityMetrics, GoalResult, GroupClass, MassPower, Metric, MetricEntry, MetricGroup,
     MetricValue, Pictures, Sample, ScienceMetrics, Spacing, Subset, ViewMetrics,
 };
-use crate::model::Coding::Whole;
-use crate::model::Tolerance;
+use crate::model::{Coding::Whole, Tolerance};
 use std::convert::Infallible;
 
 /// How much is measured of a decoded model.
@@ -49,7 +48,8 @@ record! {
     Certificate {
         /// Pictures at the default radius and opacity.
         #[serde(flatten)]
-        views: ViewMetrics = Required(group(1, ALL, ["pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM"], ""));
+        views: ViewMetrics =
+            Required(group(1, ALL, ["pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM"], ""));
         /// The density on a grid.
         density: DensityMetrics = Required(group(MetricGroup::DENSITY, ALL, ["density", "density on a grid"], ""));
         /// Densities in cells of three sizes, the smallest first.
@@ -65,8 +65,8 @@ record! {
         /// Distances to the nearest neighbour.
         spacing: Option<Spacing> = group(7, WHOLE, ["nearest neighbour", "distance to the nearest neighbour"], "");
         /// Groups matched by position, by class of size.
-        groups: Option<[GroupClass; 3]> =
-            group(8, FULL, ["groups", "groups of particles drawn, over the source's, matched by position"], CLASS_NAMES);
+        groups: Option<[GroupClass; 3]> = group(8, FULL,
+            ["groups", "groups of particles drawn, over the source's, matched by position"], CLASS_NAMES);
         /// Of particles that the fit has not seen.
         held_out: Option<CrossValidation> = group(9, FULL, ["halves", "held-out particles, of models of halves"], "");
         /// The particles' own best rival to the model.
@@ -74,7 +74,7 @@ record! {
             group(10, WHOLE, ["subset", "random subset of the same bytes, drawn with larger radii"], "");
         /// Pictures at other radii and opacities, and from close up.
         pictures: Option<Pictures> = group(11, FULL,
-            ["pictures", "pictures at other radii and opacities (r, a: the default ones) and from close up"], "");
+            ["settings", "pictures at other radii and opacities (r, a: the default ones) and from close up"], "");
         /// Parts that the certificate was added up of, where no process had all particles: ParaView's pictures are then
         /// not measured.
         blocks: Option<u32> = group(12, BLOCKS, ["blocks", "added up of blocks, each measured by itself"],

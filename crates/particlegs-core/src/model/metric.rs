@@ -55,8 +55,8 @@ pub enum Unit {
     Share,
 }
 
-/// How far apart a figure may be where it is measured again: the same program measures the same bits, another version may
-/// round otherwise.
+/// How far apart a figure may be where it is measured again: the same program measures the same bits, another version
+/// may round otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tolerance {
     /// Not at all.

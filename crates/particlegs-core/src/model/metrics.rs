@@ -28,7 +28,8 @@ pub(super) const CLASS_NAMES: [&str; GROUP_CLASSES.len()] =
 pub const POWER_LAYERS: usize = 8;
 const LAYER_NAMES: [&str; POWER_LAYERS] =
     ["layer 1", "layer 2", "layer 3", "layer 4", "layer 5", "layer 6", "layer 7", "layer 8"];
-/// Particles up to which a snapshot's distances and groups are those of all; of larger ones those of a region ([`Sample`]).
+/// Particles up to which a snapshot's distances and groups are those of all; of larger ones those of a region
+/// ([`Sample`]).
 pub const SAMPLED_ABOVE: u64 = 3 << 20;
 
 /// Radii that pictures are measured at, in default radii: half of it, itself, and the reference pictures' large one.
@@ -99,7 +100,8 @@ record! {
 }
 
 record! {
-    /// A model's density against its particles' on a grid. (A uniform density has a correlation of 0; an empty one errs by 1.)
+    /// A model's density against its particles' on a grid. A uniform density has a correlation of 0; an empty one
+    /// errs by 1.
     DensityMetrics {
         /// Cells along the longest extent.
         cells: u16 = Metric::new("cells", Whole(2));
@@ -302,8 +304,9 @@ record! {
 record! {
     /// The scores of three views in one look.
     LookSummary {
-        /// Which view has the lowest masked PSNR of the model: far, mid, near, or number 0, 1, 2 of those from close up.
-        worst_view: u8 = Metric::new("worst view (close up: first, second, third)", Name(&["far", "mid", "near"]));
+        /// Which view has the lowest masked PSNR of the model: 0, 1, 2 for far, mid, near, or in order of those from
+        /// close up.
+        worst_view: u8 = Metric::new("worst view", Name(&["1 (far)", "2 (mid)", "3 (near)"]));
         /// Means of the views' decibels and SSIM; views without a value are left out.
         mean: PictureScores = "mean";
         /// The worst view's.

@@ -100,7 +100,7 @@ record! {
         r_above_0_9_to: Limit = Metric::new("r(k) of 0.9 and more", UpTo);
         /// Friends-of-friends groups (linking length 0.2 of the mean spacing) of this many particles and
         /// more are within 10 % of the snapshot's number, in classes of sizes joined to hold 100 or more.
-        groups_within_10_percent_from: Limit = Metric::new("numbers of friends-of-friends groups within 10 %", FromSize);
+        groups_within_10_percent_from: Limit = Metric::new("number of groups within 10 %", FromSize);
     }
 }
 

@@ -457,10 +457,10 @@ mod tests {
         let score = |v| PictureScore { masked_psnr: Some(v), ssim: v / 100.0 };
         let scores = |model| PictureScores {
             model: Some(score(model)),
-            noise_free: Some(PictureScore { masked_psnr: None, ssim: 1.0 }),
             all_black: Some(score(4.0)),
             uniform_box: Some(score(11.0)),
             subset: Some(score(19.5)),
+            ..PictureScores::default()
         };
         let at = |radius, close, worst| {
             let look = LookSummary { worst_view: 1, mean: scores(40.0), worst: scores(worst) };
@@ -520,10 +520,10 @@ mod tests {
         let c = certificate();
         let cell = |edge, correlation, error| CellDensity {
             edge,
-            particles: 8.0 * edge,
             correlation,
             mean_absolute_error: error,
             uniform_mean_absolute_error: 1.2,
+            ..CellDensity::default()
         };
         let densities = |v: [CellDensity; 3]| finding(&Certificate { densities: Some(v), ..c }, Use::Density);
         let some = densities([cell(1.0, 0.95, 0.6), cell(2.0, 0.995, 0.3), cell(4.0, 0.999, 0.2)]);
@@ -531,13 +531,10 @@ mod tests {
         assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.95, 0.6)]).word, Word::Roughly);
         assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.3, 0.9)]).word, Word::DoesNot);
         let class = |share, number| GroupClass {
-            groups: 100,
             number: Some(number),
-            number_scatter: 0.01,
             completeness: Some(share),
             purity: Some(share),
-            mass: Some(1.0),
-            mass_scatter: 0.1,
+            ..GroupClass::default()
         };
         let groups = |v| word(&Certificate { groups: Some(v), ..c }, Use::Groups);
         assert_eq!(groups([class(0.5, 1.3), class(0.8, 1.0), class(0.95, 0.97)]), Word::Holds);
@@ -545,16 +542,16 @@ mod tests {
         // Equal numbers are not equal groups.
         assert_eq!(groups([class(0.2, 1.0); 3]), Word::DoesNot);
         let spacing = |drawn_median, drawn_regularity| {
-            let s = Spacing { median: 1.0, regularity: 0.4, drawn_median, drawn_regularity };
+            let s = Spacing { median: 1.0, drawn_median, drawn_regularity, ..Spacing::default() };
             word(&Certificate { spacing: Some(s), ..c }, Use::Spacing)
         };
         assert_eq!(
-            [spacing(1.05, 0.42), spacing(1.2, 0.4), spacing(0.6, 0.4)],
+            [spacing(1.05, 0.02), spacing(1.2, 0.0), spacing(0.6, 0.0)],
             [Word::Holds, Word::Roughly, Word::DoesNot]
         );
         let mut transfer = [Transfer { deviation: Some(0.004), scatter: 0.001 }; 7];
         transfer[6].deviation = Some(-0.2);
-        let held_out = CrossValidation { bits: 4.0, error: 0.03, kernel_bits: 4.4, volume: 1.0, k_max: 8.0, transfer };
+        let held_out = CrossValidation { k_max: 8.0, transfer, ..CrossValidation::default() };
         let halves = Certificate { held_out: Some(held_out), ..c };
         assert!(finding(&halves, Use::PowerSpectrum).why.contains("1 % up to k = 6.000"));
         let open = Metadata { cell: None, ..boxed() };
