@@ -11,6 +11,7 @@ mod mixture;
 mod network;
 mod science;
 mod sphere;
+mod unit;
 pub mod vizmapper;
 
 pub use certificate::{
@@ -25,8 +26,9 @@ pub use measures::{
     PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScores, Pictures, PicturesAt,
     PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Subset, Transfer,
 };
-pub use metadata::{Effort, Metadata, hex};
+pub use metadata::{Cosmology, Effort, Epoch, Metadata, Quantity, QuantityKind, hex};
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 pub use science::{Limit, Science, ScienceOf, per_length};
 pub use sphere::{Lump, Rules};
+pub use unit::{Dimension, Si, Unit, Units};
