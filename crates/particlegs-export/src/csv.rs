@@ -47,7 +47,8 @@ fn head(model: &Model) -> String {
         Some(u) if !power.is_empty() && u.contains(['/', ' ']) => format!(" [({u}){power}]"),
         Some(u) => format!(" [{u}{power}]"),
     };
-    let mut names: Vec<String> = ["x", "y", "z"].iter().map(|k| format!("{k}{}", unit(m.units.length_text(), ""))).collect();
+    let mut names: Vec<String> =
+        ["x", "y", "z"].iter().map(|k| format!("{k}{}", unit(m.units.length_text(), ""))).collect();
     names.extend(COVARIANCES.iter().map(|k| format!("covariance_{k}{}", unit(m.units.length_text(), "^2"))));
     names.push("count".into());
     if model.has_masses() {

@@ -292,12 +292,8 @@ fn made(counts: &[(&str, usize)]) -> Particles {
     particles.meta.cell = Some(Cell::orthogonal([64.0; 3]));
     particles.meta.units = Units::of(Some("kpc/h"), Some("1e10 Msun/h"), Some(true));
     particles.meta.epoch.scale_factor = Some(0.5);
-    particles.meta.cosmology = Cosmology {
-        hubble: Some(0.7),
-        omega_matter: Some(0.3),
-        omega_lambda: Some(0.7),
-        omega_baryon: Some(0.05),
-    };
+    particles.meta.cosmology =
+        Cosmology { hubble: Some(0.7), omega_matter: Some(0.3), omega_lambda: Some(0.7), omega_baryon: Some(0.05) };
     particles
 }
 

@@ -258,7 +258,8 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         }
         layers.push((name, blocks));
     }
-    let masses = metadata::of_layers(&masses, layers.len()).ok_or_else(|| corrupt("masses of another number of layers".into()))?;
+    let masses = metadata::of_layers(&masses, layers.len())
+        .ok_or_else(|| corrupt("masses of another number of layers".into()))?;
     let part = |((name, content), mass)| Layer { name, mass, content };
     let layers: Vec<Part<'a>> = layers.into_iter().zip(masses).map(part).collect();
     agree(&metadata, &layers).map_err(corrupt)?;

@@ -180,7 +180,9 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), Fault> {
     }
     let (all, own) = (quantities(need(QUANTITIES)?, &m.units)?, m.quantities(masses.iter().any(|m| m.is_weighted())));
     if !all.starts_with(&own) {
-        return Err(Fault::Corrupt("what was kept does not begin with positions, and masses where there are any".into()));
+        return Err(Fault::Corrupt(
+            "what was kept does not begin with positions, and masses where there are any".into(),
+        ));
     }
     m.fields = all[own.len()..].to_vec();
     Ok((m, masses))
@@ -205,7 +207,9 @@ fn masses(v: &[u8]) -> Result<Vec<Mass>, Fault> {
     while !r.is_done() {
         let flags = r.u8()?;
         if flags & BY_MASS != 0 {
-            return Err(Fault::Unknown("Gaussians whose means and shapes weigh particles by mass are not known".into()));
+            return Err(Fault::Unknown(
+                "Gaussians whose means and shapes weigh particles by mass are not known".into(),
+            ));
         }
         if flags >= BY_MASS {
             return Err(Fault::Corrupt(format!("a layer's mass with flags {flags:#04x}")));

@@ -147,6 +147,9 @@ impl QuantityKind {
 }
 
 impl Metadata {
+    /// How means and shapes of Gaussians weigh particles: all alike, whatever their masses, which are sums.
+    pub const WEIGHTING: &'static str = "count";
+
     /// Of a snapshot of `count` particles in `bounds` that says nothing else: masses of 1, the default radius and
     /// opacity.
     pub fn new(law: LawKind, count: u64, bounds: Bounds) -> Self {
@@ -173,8 +176,12 @@ impl Metadata {
     /// All that was kept of the snapshot: positions, masses where particles of any layer are `weighted`, and
     /// [`Metadata::fields`].
     pub fn quantities(&self, weighted: bool) -> Vec<Quantity> {
-        let quantity =
-            |name: &str, kind, unit: &Option<Unit>, bytes| Quantity { name: name.into(), kind, unit: unit.clone(), bytes };
+        let quantity = |name: &str, kind, unit: &Option<Unit>, bytes| Quantity {
+            name: name.into(),
+            kind,
+            unit: unit.clone(),
+            bytes,
+        };
         let mut all = vec![quantity("positions", QuantityKind::Vector, &self.units.length, 12)];
         all.extend(weighted.then(|| quantity("masses", QuantityKind::Scalar, &self.units.mass, 4)));
         all.extend(self.fields.iter().cloned());

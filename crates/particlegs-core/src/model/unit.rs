@@ -424,9 +424,29 @@ mod tests {
 
     #[test]
     fn other_words_are_labels() {
-        for text in ["parsecs-ish", "", "Mpcs", "furlong", "Msun", "1e10", "h", "a", "Mpc Mpc", "1/Mpc", "Mpc^2", "kpc/",
-            "0 kpc", "kpc/0", "Mpc/(h a)", "1e999 m", "code_length", "nan kpc", "cm/s", "ccm", "m/h^1e99"]
-        {
+        for text in [
+            "parsecs-ish",
+            "",
+            "Mpcs",
+            "furlong",
+            "Msun",
+            "1e10",
+            "h",
+            "a",
+            "Mpc Mpc",
+            "1/Mpc",
+            "Mpc^2",
+            "kpc/",
+            "0 kpc",
+            "kpc/0",
+            "Mpc/(h a)",
+            "1e999 m",
+            "code_length",
+            "nan kpc",
+            "cm/s",
+            "ccm",
+            "m/h^1e99",
+        ] {
             assert!(!Unit::is_known(text, Dimension::Length), "{text}");
             assert_eq!(Unit::parse(text, Dimension::Length), Unit { text: text.into(), si: None });
         }

@@ -249,11 +249,7 @@ impl Builder {
             cell,
             units: Units { time: units::time_unit(&self.header.groups).filter(|_| time.is_some()), ..Units::default() },
             cosmology: if expands { self.header.cosmology() } else { Cosmology { hubble, ..Cosmology::default() } },
-            epoch: Epoch {
-                scale_factor: self.header.scale_factor().filter(|_| expands),
-                time,
-                ..Epoch::default()
-            },
+            epoch: Epoch { scale_factor: self.header.scale_factor().filter(|_| expands), time, ..Epoch::default() },
             ..SnapshotMeta::default()
         };
         let simulation = Simulation { groups: &self.header.groups, cosmological, hubble };

@@ -152,7 +152,11 @@ fn number(value: f64) -> String {
 mod tests {
     use super::*;
 
-    fn of(own: &[(&str, f64)], parameters: &[(&str, f64)], run: (Option<bool>, Option<f64>)) -> (Option<Unit>, Option<bool>) {
+    fn of(
+        own: &[(&str, f64)],
+        parameters: &[(&str, f64)],
+        run: (Option<bool>, Option<f64>),
+    ) -> (Option<Unit>, Option<bool>) {
         let groups = Groups { parameters: Attributes::of_numbers(parameters), ..Groups::default() };
         let simulation = Simulation { groups: &groups, cosmological: run.0, hubble: run.1 };
         let own = Attributes::of_numbers(own);

@@ -85,10 +85,7 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
 fn groups(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], out: &Path) -> Result<Vec<Group>> {
     let (length, mass) = (&meta.units.length, &meta.units.mass);
     let group = |name: &str, attributes| Group { name: name.into(), attributes, sets: Vec::new() };
-    let mut groups = vec![
-        group("Header", header(meta, layers, types, out)?),
-        group("Parameters", parameters(meta)),
-    ];
+    let mut groups = vec![group("Header", header(meta, layers, types, out)?), group("Parameters", parameters(meta))];
     for (layer, kind) in layers.iter().zip(types) {
         let rows = layer.content.end - layer.content.start;
         let comoving = meta.units.comoving.map(|c| if c { 1.0 } else { 0.0 });
@@ -181,7 +178,9 @@ fn cgs(unit: &Option<Unit>, dimension: Dimension) -> Option<f64> {
 /// A data set's unit: Gadget-4's powers and factor, or the text where it has none.
 fn scaling(unit: &Option<Unit>, a: Option<f64>, dimension: Dimension) -> Vec<Attribute> {
     let Some(u) = unit else { return Vec::new() };
-    let (Some(si), Some(cgs)) = (u.si, cgs(unit, dimension)) else { return vec![("unit", Value::Text(u.text.clone()))] };
+    let (Some(si), Some(cgs)) = (u.si, cgs(unit, dimension)) else {
+        return vec![("unit", Value::Text(u.text.clone()))];
+    };
     let is = |d| Value::Number(if d == dimension { 1.0 } else { 0.0 });
     let mut all = vec![
         ("h_scaling", Value::Number(si.h.into())),

@@ -96,7 +96,12 @@ mod tests {
         let column = || vec![0.0, 0.5 * to, to];
         let mut p = Particles::from_columns(column(), column(), column());
         let cell = cell.map(Cell::orthogonal);
-        p.meta = SnapshotMeta { name: "p".into(), cell, units: Units::of(Some(unit), None, None), ..SnapshotMeta::default() };
+        p.meta = SnapshotMeta {
+            name: "p".into(),
+            cell,
+            units: Units::of(Some(unit), None, None),
+            ..SnapshotMeta::default()
+        };
         p
     }
 
