@@ -144,10 +144,9 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
         // Without it Time is the scale factor.
         header.extend(meta.epoch.time.map(|_| ("Scale-factor", Value::Number(a))));
     }
-    let c = &meta.cosmology;
-    let named = [("HubbleParam", c.hubble), ("Omega0", c.omega_matter), ("OmegaLambda", c.omega_lambda)];
-    let numbers = named.into_iter().chain([("OmegaBaryon", c.omega_baryon)]);
-    header.extend(numbers.filter_map(|(name, v)| Some((name, Value::Number(v?)))));
+    if let Some(h) = meta.cosmology.hubble {
+        header.push(("HubbleParam", Value::Number(h)));
+    }
     Ok(header)
 }
 
@@ -158,10 +157,12 @@ fn box_size(lengths: [f64; 3]) -> Attribute {
 
 fn parameters(meta: &SnapshotMeta) -> Vec<Attribute> {
     let (length, mass) = (cgs(&meta.units.length, Dimension::Length), cgs(&meta.units.mass, Dimension::Mass));
-    let named = [("UnitLength_in_cm", length), ("UnitMass_in_g", mass), ("HubbleParam", meta.cosmology.hubble)];
+    let c = &meta.cosmology;
+    let omegas = [("Omega0", c.omega_matter), ("OmegaLambda", c.omega_lambda), ("OmegaBaryon", c.omega_baryon)];
+    let named = [("UnitLength_in_cm", length), ("UnitMass_in_g", mass), ("HubbleParam", c.hubble)];
     // Readers take a file's units only where there are three. There are no velocities; km/s is Gadget's.
     let velocity = length.and(mass).map(|_| 1e5);
-    let named = named.into_iter().chain([("UnitVelocity_in_cm_per_s", velocity)]);
+    let named = named.into_iter().chain(omegas).chain([("UnitVelocity_in_cm_per_s", velocity)]);
     let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, Value::Number(v?)))).collect();
     parameters.extend(meta.cell.and_then(|c| c.lengths()).map(box_size));
     if let Some(comoving) = meta.units.comoving {
