@@ -8,7 +8,7 @@ use crate::snapshot::Snapshot;
 use crate::work::How;
 use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs::camera::View;
-use particlegs::model::{LawKind, Layer, Mass};
+use particlegs::model::{LawKind, Layer, Mass, Metadata};
 use particlegs::particles::RawForm;
 use particlegs::picture::{Gray8, Pixels, Plane, Size};
 use particlegs::recover::{Method, Options};
@@ -147,8 +147,12 @@ impl Model {
             })
         };
         let raw_bytes: u64 = m.layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
+        let mut metadata = serde_json::json!(m.metadata);
+        metadata["redshift"] = m.metadata.epoch.redshift().into();
+        metadata["weighting"] = Metadata::WEIGHTING.into();
+        metadata["kept"] = serde_json::json!(m.metadata.quantities(m.layers.iter().any(|l| l.mass.is_weighted())));
         serde_json::json!({
-            "metadata": m.metadata,
+            "metadata": metadata,
             "mass": m.mass(),
             "gaussians": m.gaussians(),
             "raw_bytes": raw_bytes,

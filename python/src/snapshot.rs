@@ -6,7 +6,7 @@ use crate::pictures::{self, CameraArgs, Looking};
 use crate::work::How;
 use numpy::ndarray::ArrayView;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
-use particlegs::model::Layer;
+use particlegs::model::{Cosmology, Epoch, Layer, Units};
 use particlegs::particles::{Kept, Layered, Particles, Positions, Selection, SnapshotMeta, Storage, Tiling};
 use particlegs::picture::Size;
 use particlegs::reference::Reference;
@@ -64,13 +64,10 @@ impl Known {
         Ok(SnapshotMeta {
             name: self.name,
             cell: self.cell.map(cell).transpose()?,
-            length_unit: self.length_unit,
-            mass_unit: self.mass_unit,
+            units: Units::of(self.length_unit.as_deref(), self.mass_unit.as_deref(), self.comoving),
             particle_mass: self.particle_mass,
-            comoving: self.comoving,
-            scale_factor: self.scale_factor,
-            hubble: self.hubble,
-            time: self.time,
+            cosmology: Cosmology { hubble: self.hubble, ..Cosmology::default() },
+            epoch: Epoch { scale_factor: self.scale_factor, time: self.time, ..Epoch::default() },
         })
     }
 }

@@ -59,7 +59,7 @@ def read(data):
     for tag, content in found:
         if tag == b"META":
             check(before == b"", "order")
-            model["meta"] = metadata(content, minor)
+            model["meta"] = metadata(content)
         elif tag == b"CERT":
             check(before == b"META", "order")
             model["cert"] = certificate(content)
@@ -93,37 +93,118 @@ def check_sums(model):
     mass = neumaier([b.mass for b in blocks])
     check(abs(mass - meta["mass"]) <= 1e-9 * meta["mass"], "mass")
     check(all(b.shaded == (meta["law"] == 2) for b in blocks), "shaded blocks and the image law")
+    for (weighted, _), (_, own) in zip(masses_of(model), model["layers"]):
+        check(all(b.weighted == weighted for b in own), "weighted blocks and their layer")
+
+
+def masses_of(model):
+    """(has weights, mass of weight 1 or None) of each layer."""
+    told, layers = model["meta"]["masses"], len(model["layers"])
+    check(len(told) in (1, layers), "masses of layers")
+    return told * layers if len(told) == 1 else told
 
 
 # ---------------------------------------------------------------- 2. META
 
-def metadata(content, minor):
+def metadata(content):
     fields, at, last = {}, 0, -1
     while at < len(content):
+        check(at + 3 <= len(content), "head of a field")
         tag, length = struct.unpack_from("<BH", content, at)
         check(tag > last, "order of fields")
         fields[tag], at, last = content[at + 3 : at + 3 + length], at + 3 + length, tag
     check(at == len(content), "length of the metadata")
     for tag in fields:
-        if tag > 128 or tag == 128 and minor < 1:
+        if tag > 128:
             raise Unsupported(f"field {tag}")
-    real = lambda tag: struct.unpack("<d", fields[tag])[0]
+    real = lambda tag: one(fields, tag, "<d")
     law = fields[1][0]
-    if law not in ((1, 2) if minor >= 3 else (1,)):
+    if law not in (1, 2):
         raise Unsupported(f"image law {law}")
+    units = [unit(fields[tag]) if tag in fields else None for tag in (16, 17, 18)]
+    masses = layer_masses(fields[128])
+    kept = quantities(fields[11], units)
+    check(kept[0] == ("positions", 2, 12, units[0]), "positions")
+    if any(weighted for weighted, _ in masses):
+        check(kept[1] == ("masses", 1, 4, units[1]), "masses")
     return {
         "law": law,
-        "particles": struct.unpack("<Q", fields[2])[0],
+        "particles": one(fields, 2, "<Q"),
         "mass": real(3),
-        "weighted": fields[4][0],
-        "bounds": struct.unpack("<6d", fields[5]),
+        "bounds": struct.unpack("<6d", fields[4]),
         "radius": real(7),
         "opacity": real(8),
         "source": fields[9].decode(),
         "hash": fields[10].hex(),
-        "command": fields[18].decode(),
-        "effort": {b"\1": "fast", b"\2": "default"}.get(fields.get(23)),
+        "kept": kept,
+        "units": units,
+        "comoving": one(fields, 19, "<B"),
+        "cosmology": cosmology(fields.get(24, b"\0")),
+        "moment": (real(25), real(26), one(fields, 27, "<Q"), one(fields, 28, "<q")),
+        "command": fields[40].decode(),
+        "effort": {b"\1": "fast", b"\2": "default"}.get(fields.get(42)),
+        "masses": masses,
     }
+
+
+def one(fields, tag, form):
+    """The one number of a field, None where it is not there."""
+    return struct.unpack(form, fields[tag])[0] if tag in fields else None
+
+
+def unit(content):
+    """(text, factor or None, exponent of a, exponent of h)."""
+    factor, a, h = struct.unpack_from("<dff", content)
+    check(factor >= 0 and all(map(math.isfinite, (factor, a, h))) and (factor > 0 or a == h == 0), "a unit")
+    return content[16:].decode(), factor or None, a, h
+
+
+def quantities(content, units):
+    """(name, kind, raw bytes a particle, unit) of all that was kept."""
+    found, at = [], 0
+    while at < len(content):
+        n = content[at]
+        name = content[at + 1 : at + 1 + n].decode()
+        kind, size, which = struct.unpack_from("<BHB", content, at + 1 + n)
+        at += n + 5
+        check(kind in (1, 2, 3, 4) and which in (0, 1, 2, 3, 255), "a quantity")
+        own = None
+        if which == 255:
+            length = struct.unpack_from("<H", content, at)[0]
+            own, at = unit(content[at + 2 : at + 2 + length]), at + 2 + length
+        elif which > 0:
+            own = units[which - 1]
+            check(own is not None, "the unit of a quantity")
+        found.append((name, kind, size, own))
+    check(at == len(content) and found, "length of what was kept")
+    return found
+
+
+def cosmology(content):
+    """h, and the shares of matter, the cosmological constant and baryons; None where one is not stated."""
+    bits = [k for k in range(8) if content[0] >> k & 1]
+    check(len(content) == 1 + 8 * len(bits), "length of the cosmology")
+    numbers = dict(zip(bits, struct.unpack_from(f"<{len(bits)}d", content, 1)))
+    return [numbers.get(k) for k in range(4)]
+
+
+def layer_masses(content):
+    """(has weights, mass of weight 1 or None) of each layer, or of all as one."""
+    found, at = [], 0
+    while at < len(content):
+        flags, at = content[at], at + 1
+        if flags & 4:
+            raise Unsupported("Gaussians by mass")
+        check(flags < 8, "flags of a layer")
+        mass = None
+        if flags & 2:
+            mass, at = struct.unpack_from("<d", content, at)[0], at + 8
+            check(mass > 0, "mass of a particle")
+        found.append((flags & 1, mass))
+    return found
+
+
+# ---------------------------------------------------------------- 3. CERT, stat
 
 
 # ---------------------------------------------------------------- 3. CERT
@@ -708,6 +789,15 @@ def dump(model, out):
     print("law", meta["law"], "particles", meta["particles"], "hash", meta["hash"], file=out)
     print("reals", hexadecimal([meta["mass"], *meta["bounds"], meta["radius"], meta["opacity"]]), file=out)
     print("source", meta["source"], file=out)
+    words = lambda numbers: " ".join("none" if v is None else hexadecimal([v]) for v in numbers)
+    for name, own in zip(("length", "mass", "time"), meta["units"]):
+        print("unit of", name, "none" if own is None else f"{own[0]} {words(own[1:])}", file=out)
+    print("comoving", meta["comoving"], "frame", *meta["moment"][2:], file=out)
+    print("moment", words(meta["moment"][:2]), "cosmology", words(meta["cosmology"]), file=out)
+    for name, kind, size, own in meta["kept"]:
+        print("kept", name, kind, size, "none" if own is None else own[0], file=out)
+    for weighted, mass in masses_of(model):
+        print("layer's mass", weighted, words([mass]), file=out)
     print("effort", meta["effort"] or "none", file=out)
     for tag, numbers in model["cert"].items():
         words = (hexadecimal([v]) if isinstance(v, float) else str(v) for v in numbers)

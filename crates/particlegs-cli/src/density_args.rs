@@ -48,9 +48,9 @@ impl Quantities {
         let m = &p.meta;
         let known = p.weights().is_some() || m.particle_mass.is_some();
         Quantities {
-            length_unit: m.length_unit.clone(),
-            mass_unit: known.then(|| m.mass_unit.clone().unwrap_or_else(|| "mass".into())),
-            comoving: m.comoving == Some(true),
+            length_unit: m.units.length_text().map(str::to_string),
+            mass_unit: known.then(|| m.units.mass_text().unwrap_or("mass").to_string()),
+            comoving: m.units.comoving == Some(true),
             smooth,
         }
     }
@@ -59,9 +59,9 @@ impl Quantities {
     pub fn of_model(model: &Model) -> Self {
         let (m, known) = (&model.metadata, model.has_masses());
         Quantities {
-            length_unit: m.length_unit.clone(),
-            mass_unit: known.then(|| m.mass_unit.clone().unwrap_or_else(|| "mass".into())),
-            comoving: m.comoving == Some(true),
+            length_unit: m.units.length_text().map(str::to_string),
+            mass_unit: known.then(|| m.units.mass_text().unwrap_or("mass").to_string()),
+            comoving: m.units.comoving == Some(true),
             smooth: None,
         }
     }

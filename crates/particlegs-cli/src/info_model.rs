@@ -2,14 +2,15 @@
 
 use crate::annotate::text::number;
 use crate::common::Context;
+use crate::info_snapshot;
 use crate::inputs;
 use crate::printable::one_line;
 use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
-    AlphaBlend, Certificate, CertificateLevel, Effort, GoalResult, LawKind, Layer, Metadata, MetricEntry, MetricGroup,
-    MetricValue, VIZMAPPER_SHAPE, VizMapper, VizRanges,
+    AlphaBlend, Certificate, CertificateLevel, Cosmology, Effort, Epoch, GoalResult, LawKind, Layer, Metadata,
+    MetricEntry, MetricGroup, MetricValue, Quantity, Units, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
 use particlegs::progress::Progress;
 use particlegs::score::{Finding, Use, Word};
@@ -64,13 +65,17 @@ struct MetadataReport<'a> {
     default_opacity: f64,
     source: &'a str,
     source_blake3: String,
-    length_unit: Option<&'a str>,
-    mass_unit: Option<&'a str>,
-    comoving: Option<bool>,
-    scale_factor: Option<f64>,
+    #[serde(flatten)]
+    units: &'a Units,
+    #[serde(flatten)]
+    cosmology: &'a Cosmology,
+    #[serde(flatten)]
+    epoch: &'a Epoch,
     redshift: Option<f64>,
-    hubble: Option<f64>,
-    time: Option<f64>,
+    /// How means and shapes weigh particles.
+    weighting: &'static str,
+    /// What was kept of each particle.
+    kept: Vec<Quantity>,
     command: &'a str,
     tool_version: &'a str,
     /// Of the fit, where the Gaussians are what it gave.
@@ -109,7 +114,7 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
         compression_ratio: raw_bytes as f64 / info.bytes as f64,
         gaussians,
         bytes_per_gaussian: info.bytes as f64 / gaussians as f64,
-        metadata: metadata(&info.metadata),
+        metadata: metadata(&info.metadata, info.layers.iter().any(|l| l.mass.is_weighted())),
         layers: info.layers.iter().map(layer_report).collect(),
         vizmapper: info.vizmapper.as_ref().map(network),
         published_bytes: gaussians * AlphaBlend::PLY_BYTES,
@@ -128,7 +133,7 @@ fn network(n: &VizMapper) -> NetworkReport {
     }
 }
 
-fn metadata(m: &Metadata) -> MetadataReport<'_> {
+fn metadata(m: &Metadata, weighted: bool) -> MetadataReport<'_> {
     MetadataReport {
         law: m.law.name(),
         particles: m.count,
@@ -139,13 +144,12 @@ fn metadata(m: &Metadata) -> MetadataReport<'_> {
         default_opacity: m.default_opacity,
         source: &m.source,
         source_blake3: particlegs::model::hex(&m.source_hash),
-        length_unit: m.length_unit.as_deref(),
-        mass_unit: m.mass_unit.as_deref(),
-        comoving: m.comoving,
-        scale_factor: m.scale_factor,
-        redshift: m.redshift(),
-        hubble: m.hubble,
-        time: m.time,
+        units: &m.units,
+        cosmology: &m.cosmology,
+        epoch: &m.epoch,
+        redshift: m.epoch.redshift(),
+        weighting: Metadata::WEIGHTING,
+        kept: m.quantities(weighted),
         command: &m.command,
         tool_version: &m.tool_version,
         effort: m.effort.map(Effort::name),
@@ -194,13 +198,10 @@ fn text(r: &Report<'_>) -> String {
     row("default opacity", format!("{}", m.default_opacity));
     row("source", m.source.to_string());
     row("source BLAKE3", m.source_blake3.clone());
-    row("unit of length", said(m.length_unit));
-    row("unit of mass", said(m.mass_unit));
-    row("comoving", said(m.comoving));
-    row("scale factor", said(m.scale_factor));
-    row("redshift", said(m.redshift));
-    row("h", said(m.hubble));
-    row("time", said(m.time));
+    row("unit of length", info_snapshot::length(m.units));
+    info_snapshot::moment(m.units, m.cosmology, m.epoch).into_iter().for_each(|(name, value)| row(name, value));
+    row("kept", m.kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
+    row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", m.weighting));
     row("command", m.command.to_string());
     row("made by", format!("particlegs {}", m.tool_version));
     m.effort.iter().for_each(|effort| row("fitted with", format!("effort {effort}")));
@@ -231,9 +232,14 @@ fn text(r: &Report<'_>) -> String {
             row("  steps", steps);
         }
     }
-    out.push_str(&certificate(r.certificate, m.length_unit));
+    out.push_str(&certificate(r.certificate, m.units.length_text()));
     out.push_str(&verdict(&r.verdict));
     out.trim_end().to_string()
+}
+
+fn quantity(q: &Quantity) -> String {
+    let unit = q.unit.as_ref().map_or(String::new(), |u| format!(", {}", u.text));
+    format!("{} ({}{unit}, {} bytes a particle)", q.name, q.kind.name(), q.bytes)
 }
 
 fn cell(m: &MetadataReport<'_>) -> String {
@@ -242,10 +248,6 @@ fn cell(m: &MetadataReport<'_>) -> String {
 
 fn point(p: [f64; 3]) -> String {
     format!("({}, {}, {})", p[0], p[1], p[2])
-}
-
-fn said(value: Option<impl ToString>) -> String {
-    value.map_or_else(|| "not stated".into(), |v| v.to_string())
 }
 
 /// Every figure of a certificate. `unit` is the unit of length.
@@ -339,7 +341,7 @@ pub fn told(c: Option<&Certificate>, metadata: &Metadata, progress: &dyn Progres
         );
     }
     let text = if c.is_some() {
-        format!("\n{}{}", certificate(c, metadata.length_unit.as_deref()), verdict(&v))
+        format!("\n{}{}", certificate(c, metadata.units.length_text()), verdict(&v))
     } else {
         String::new()
     };

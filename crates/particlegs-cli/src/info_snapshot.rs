@@ -4,6 +4,7 @@ use crate::common::Context;
 use crate::printable::one_line;
 use crate::rows::wrapped;
 use particlegs::Result;
+use particlegs::model::{Cosmology, Dimension, Epoch, Unit, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::space::{Bounds, Cell};
 use particlegs_formats::{Choice, Description, Field, Mass};
@@ -26,7 +27,7 @@ pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool
     let (description, bounds) = choice.describe(paths, bounds, context)?;
     let report = Report {
         particles: description.species.iter().map(|s| s.count).sum(),
-        redshift: description.meta.scale_factor.map(|a| 1.0 / a - 1.0),
+        redshift: description.meta.epoch.redshift(),
         description: &description,
         bounds: &bounds,
     };
@@ -47,15 +48,13 @@ fn text(r: &Report<'_>) -> String {
     }
     row("particles", format!("{}", r.particles));
     row("cell", m.cell.as_ref().map_or("not stated: nothing is periodic (--box states one)".into(), |c| cell(c, m)));
-    row("unit of length", length_unit(m));
-    row("unit of mass", said(m.mass_unit.as_deref()));
-    row("scale factor", m.scale_factor.map_or("not stated".into(), |a| format!("{a} (z = {:.4})", 1.0 / a - 1.0)));
-    row("h", said(m.hubble));
-    row("time", said(m.time));
+    let length = length(&m.units);
+    row("unit of length", if m.units.length.is_some() { length } else { length + " (--length-unit states it)" });
+    moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
     for (i, species) in d.species.iter().enumerate() {
         let aliases =
             if species.aliases.is_empty() { String::new() } else { format!(" ({})", species.aliases.join(", ")) };
-        let unit = m.mass_unit.as_deref().unwrap_or("");
+        let unit = m.units.mass_text().unwrap_or("");
         let mass = match &species.mass {
             Mass::Unknown => "mass not stated".to_string(),
             Mass::Each(mass) => format!("mass {mass} {unit} each").replace("  ", " "),
@@ -90,20 +89,37 @@ fn field(f: &Field) -> String {
 }
 
 fn cell(c: &Cell, m: &SnapshotMeta) -> String {
-    let unit = m.length_unit.as_deref().map_or(String::new(), |u| format!(" ({u})"));
+    let unit = m.units.length_text().map_or(String::new(), |u| format!(" ({u})"));
     format!("{}{unit}", c.in_words())
 }
 
-fn length_unit(m: &SnapshotMeta) -> String {
-    let comoving = match m.comoving {
+/// The unit of length in words.
+pub fn length(units: &Units) -> String {
+    let comoving = match units.comoving {
         Some(true) => ", comoving",
-        Some(false) => ", not comoving",
+        Some(false) => ", physical",
         None => "",
     };
-    match &m.length_unit {
-        Some(unit) => format!("{unit}{comoving}"),
-        None => format!("not stated{comoving} (--length-unit states it)"),
-    }
+    unit(units.length.as_ref(), Dimension::Length) + comoving
+}
+
+fn unit(unit: Option<&Unit>, dimension: Dimension) -> String {
+    said(unit.map(|u| u.in_words(dimension)))
+}
+
+/// What is known beside the unit of length, by name: unit of mass, moment, and of the cosmology what is stated.
+pub fn moment(units: &Units, cosmology: &Cosmology, epoch: &Epoch) -> Vec<(&'static str, String)> {
+    let c = cosmology;
+    let factor = epoch.redshift().zip(epoch.scale_factor).map(|(z, a)| format!("{a} (z = {z:.4})"));
+    let mut rows = vec![("unit of mass", unit(units.mass.as_ref(), Dimension::Mass)), ("scale factor", said(factor))];
+    rows.push(("h", said(c.hubble)));
+    let omegas = [("Omega_m", c.omega_matter), ("Omega_Lambda", c.omega_lambda), ("Omega_b", c.omega_baryon)];
+    rows.extend(omegas.into_iter().filter_map(|(name, v)| Some((name, v?.to_string()))));
+    let time_unit = units.time.as_ref().map_or(String::new(), |u| format!(" {}", u.text));
+    rows.push(("time", said(epoch.time.map(|t| format!("{t}{time_unit}")))));
+    rows.extend(epoch.frame.map(|frame| ("frame", frame.to_string())));
+    rows.extend(epoch.step.map(|step| ("time step", step.to_string())));
+    rows
 }
 
 fn point(p: [f64; 3]) -> String {

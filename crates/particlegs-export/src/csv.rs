@@ -42,16 +42,17 @@ pub fn write(model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) 
 /// The names of the columns.
 fn head(model: &Model) -> String {
     let m = &model.metadata;
-    let unit = |unit: &Option<String>, power: &str| match unit.as_deref().map(one_line) {
+    let unit = |unit: Option<&str>, power: &str| match unit.map(one_line) {
         None => String::new(),
         Some(u) if !power.is_empty() && u.contains(['/', ' ']) => format!(" [({u}){power}]"),
         Some(u) => format!(" [{u}{power}]"),
     };
-    let mut names: Vec<String> = ["x", "y", "z"].iter().map(|k| format!("{k}{}", unit(&m.length_unit, ""))).collect();
-    names.extend(COVARIANCES.iter().map(|k| format!("covariance_{k}{}", unit(&m.length_unit, "^2"))));
+    let mut names: Vec<String> =
+        ["x", "y", "z"].iter().map(|k| format!("{k}{}", unit(m.units.length_text(), ""))).collect();
+    names.extend(COVARIANCES.iter().map(|k| format!("covariance_{k}{}", unit(m.units.length_text(), "^2"))));
     names.push("count".into());
     if model.has_masses() {
-        names.push(format!("mass{}", unit(&m.mass_unit, "")));
+        names.push(format!("mass{}", unit(m.units.mass_text(), "")));
     }
     if has_opacities(model) {
         names.extend(["opacity".into(), "grey".into()]);

@@ -121,10 +121,10 @@ impl Density {
 /// Unit of mass where it is known, else of particles, by a power of length, in ASCII: `Msun/h / (Mpc/h)^3`.
 pub fn density_unit(m: &Metadata, masses_known: bool, power: u8) -> String {
     let mass = match masses_known {
-        true => m.mass_unit.as_deref().unwrap_or("mass"),
+        true => m.units.mass_text().unwrap_or("mass"),
         false => "particles",
     };
-    match m.length_unit.as_deref() {
+    match m.units.length_text() {
         None => format!("{mass} / length^{power}"),
         Some(l) if l.contains(['/', ' ']) => format!("{mass} / ({l})^{power}"),
         Some(l) => format!("{mass} / {l}^{power}"),

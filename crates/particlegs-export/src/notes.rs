@@ -80,12 +80,12 @@ fn facts(model: &Model, name: &str) -> Map<String, Value> {
         "gaussians": model.gaussians(),
         "layers": layers.collect::<Value>(),
         "mass": model.mass(),
-        "length_unit": m.length_unit,
-        "mass_unit": m.mass_unit.as_ref().filter(|_| model.has_masses()),
-        "comoving": m.comoving,
-        "scale_factor": m.scale_factor,
-        "hubble": m.hubble,
-        "time": m.time,
+        "length_unit": m.units.length_text(),
+        "mass_unit": m.units.mass_text().filter(|_| model.has_masses()),
+        "comoving": m.units.comoving,
+        "scale_factor": m.epoch.scale_factor,
+        "hubble": m.cosmology.hubble,
+        "time": m.epoch.time,
         "bounds": m.bounds,
         "cell": m.cell,
     });
@@ -105,10 +105,10 @@ fn words(model: &Model, name: &str) -> Vec<String> {
     if layers.len() > 1 {
         lines.push(format!("layers (particles): {}", layers.join(", ")));
     }
-    let comoving = if m.comoving == Some(true) { ", comoving" } else { "" };
-    lines.push(format!("lengths in {}{comoving}", m.length_unit.as_deref().unwrap_or("a unit that is not stated")));
+    let comoving = if m.units.comoving == Some(true) { ", comoving" } else { "" };
+    lines.push(format!("lengths in {}{comoving}", m.units.length_text().unwrap_or("a unit that is not stated")));
     if model.has_masses() {
-        lines.push(format!("masses in {}", m.mass_unit.as_deref().unwrap_or("a unit that is not stated")));
+        lines.push(format!("masses in {}", m.units.mass_text().unwrap_or("a unit that is not stated")));
     }
     lines.extend(m.cell.as_ref().map(|cell| format!("box {}", cell.in_words())));
     lines

@@ -8,7 +8,7 @@ use particlegs::progress::Progress;
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Source, Spooled, is_stream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// What to read of a snapshot.
@@ -168,7 +168,8 @@ impl AtHand {
 
     fn name(&self, meta: &mut SnapshotMeta) {
         if let Some(spooled) = &self.spooled {
-            meta.name = spooled.place().into();
+            let place = Path::new(spooled.place());
+            meta.name = place.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::Choice;
 use particlegs::Result;
+use particlegs::model::Epoch;
 use particlegs::particles::{Particles, SnapshotMeta, SnapshotReader};
 use std::path::PathBuf;
 
@@ -59,6 +60,13 @@ pub struct Frames {
     pub chosen: u64,
     /// Its step, as the file numbers it.
     pub step: Option<i64>,
+}
+
+impl Frames {
+    /// What they say of the moment: the frame where there are several to choose from, and the step.
+    pub(crate) fn epoch(&self) -> Epoch {
+        Epoch { frame: (self.count > 1).then_some(self.chosen), step: self.step, ..Epoch::default() }
+    }
 }
 
 /// One kind of particles.

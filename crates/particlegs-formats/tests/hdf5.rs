@@ -3,7 +3,7 @@
 mod support;
 
 use particlegs::Result;
-use particlegs::model::{Layer, Mass as LayerMass};
+use particlegs::model::{Cosmology, Layer, Mass as LayerMass, Units};
 use particlegs::particles::{Column, Kept, Particles, RUN, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
@@ -89,8 +89,8 @@ fn good_files_give_what_the_table_says() {
         println!("{name}: {} {:?}\n  {:?}\n  {:?}", d.format, d.meta, d.species, d.notes);
         assert_eq!(d.species.iter().map(|s| s.count).sum::<u64>(), 50, "{name}");
         assert_eq!(d.meta.cell.and_then(|c| c.lengths()), size.map(|l: f64| [l; 3]), "{name}");
-        assert_eq!(d.meta.length_unit.as_deref(), unit, "{name}");
-        assert_eq!(d.meta.comoving, comoving, "{name}");
+        assert_eq!(d.meta.units.length_text(), unit, "{name}");
+        assert_eq!(d.meta.units.comoving, comoving, "{name}");
         for (i, species) in d.species.iter().enumerate() {
             let reader = snapshot.reader(i, &Choice::default()).unwrap();
             let (all, masses) = positions(&*reader).unwrap();
@@ -167,7 +167,8 @@ fn every_layout_gives_the_same_numbers() {
         let snapshot = opened(&[path]).unwrap();
         let d = snapshot.description();
         assert_eq!((d.species.len(), d.species[0].count), (1, 100), "{name}");
-        assert_eq!((d.meta.time, d.meta.hubble.is_some()), (Some(0.5), name == "swift"), "{name}");
+        let moment = d.meta.epoch.time.or(d.meta.epoch.scale_factor);
+        assert_eq!((moment, d.meta.cosmology.hubble.is_some()), (Some(0.5), name == "swift"), "{name}");
         let (all, masses) = positions(&*snapshot.reader(0, &Choice::default()).unwrap()).unwrap();
         let (scale, shift) = match &name[..] {
             "scale_offset" => (8.0, 0.0),
@@ -180,13 +181,13 @@ fn every_layout_gives_the_same_numbers() {
         }
         match &name[..] {
             "swift" => {
-                assert_eq!((d.meta.length_unit.as_deref(), d.meta.comoving), (Some("Mpc"), Some(true)));
+                assert_eq!((d.meta.units.length_text(), d.meta.units.comoving), (Some("Mpc"), Some(true)));
                 assert_eq!(d.meta.cell.unwrap().lengths(), Some([64.0, 64.0, 32.0]));
                 assert!(d.species[0].aliases.contains(&"dmparticles".into()));
                 assert_eq!((&d.species[0].mass, masses), (&Mass::Field("Masses".into()), vec![0.25; 100]));
             }
-            "high_word" => assert_eq!(d.meta.length_unit.as_deref(), Some("AU")),
-            _ => assert_eq!((&d.species[0].mass, &d.meta.length_unit), (&Mass::Each(2.5), &None), "{name}"),
+            "high_word" => assert_eq!(d.meta.units.length_text(), Some("AU")),
+            _ => assert_eq!((&d.species[0].mass, &d.meta.units.length), (&Mass::Each(2.5), &None), "{name}"),
         }
         seen += 1;
     }
@@ -290,11 +291,10 @@ fn made(counts: &[(&str, usize)]) -> Particles {
         .with_weights(Column::owned(weights))
         .with_layers(layers);
     particles.meta.cell = Some(Cell::orthogonal([64.0; 3]));
-    particles.meta.length_unit = Some("kpc/h".into());
-    particles.meta.mass_unit = Some("1e10 Msun/h".into());
-    particles.meta.comoving = Some(true);
-    particles.meta.scale_factor = Some(0.5);
-    particles.meta.hubble = Some(0.7);
+    particles.meta.units = Units::of(Some("kpc/h"), Some("1e10 Msun/h"), Some(true));
+    particles.meta.epoch.scale_factor = Some(0.5);
+    particles.meta.cosmology =
+        Cosmology { hubble: Some(0.7), omega_matter: Some(0.3), omega_lambda: Some(0.7), omega_baryon: Some(0.05) };
     particles
 }
 
@@ -310,8 +310,9 @@ fn what_is_written_is_read_back_bit_for_bit() {
     let d = snapshot.description();
     assert!(d.notes.is_empty(), "{:?}", d.notes);
     let meta = &particles.meta;
-    assert_eq!((&d.meta.length_unit, &d.meta.mass_unit), (&meta.length_unit, &meta.mass_unit));
-    assert_eq!((d.meta.comoving, d.meta.scale_factor, d.meta.hubble), (Some(true), Some(0.5), Some(0.7)));
+    assert_eq!((d.meta.units.length_text(), d.meta.units.mass_text()), (Some("kpc/h"), Some("1e10 Msun/h")));
+    assert_eq!((d.meta.units.comoving, d.meta.epoch), (Some(true), meta.epoch));
+    assert_eq!(d.meta.cosmology, meta.cosmology);
     assert_eq!(d.meta.cell, meta.cell);
     let masses: Vec<&Mass> = d.species.iter().map(|s| &s.mass).collect();
     assert_eq!(masses, [&Mass::Field("Masses".into()), &Mass::Each(0.75), &Mass::Each(0.75)]);

@@ -59,7 +59,7 @@ impl Snapshot {
 
     /// What positions are in, as tables call it.
     pub fn unit(&self) -> &str {
-        self.particles.meta.length_unit.as_deref().unwrap_or("length units")
+        self.particles.meta.units.length_text().unwrap_or("length units")
     }
 
     /// Mean spacing of the particles in their box, world units.

@@ -2,7 +2,7 @@
 //! of docs/format.md: `decoded_bits MODEL.pgs`.
 
 use particlegs::codec;
-use particlegs::model::{Block, Certificate, Effort, LawKind, MetricValue, Model};
+use particlegs::model::{Block, Certificate, Effort, LawKind, MetricValue, Model, Unit};
 use std::io::{BufWriter, Write};
 
 fn bits(values: impl IntoIterator<Item = f64>) -> String {
@@ -21,6 +21,7 @@ fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     let reals = [m.mass].into_iter().chain(bounds).chain([m.default_radius, m.default_opacity]);
     writeln!(out, "reals {}", bits(reals))?;
     writeln!(out, "source {}", m.source)?;
+    snapshot(model, out)?;
     writeln!(out, "effort {}", m.effort.map_or("none", Effort::name))?;
     model.certificate.as_ref().map_or(Ok(()), |c| certificate(c, out))?;
     let Some(network) = model.vizmapper() else { return Ok(()) };
@@ -28,6 +29,37 @@ fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out, "ranges {}", bits([r.scale, r.opacity, r.floor]))?;
     let parameters = network.parameters.iter().flat_map(|p| p.to_le_bytes());
     writeln!(out, "network {}", parameters.map(|b| format!("{b:02x}")).collect::<String>())
+}
+
+fn snapshot(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
+    let (m, u, c, e) = (&model.metadata, &model.metadata.units, &model.metadata.cosmology, &model.metadata.epoch);
+    let or_none = |v: Option<f64>| v.map_or("none".into(), |v| bits([v]));
+    let text = |u: &Option<Unit>| u.as_ref().map_or("none".to_string(), |u| u.text.clone());
+    for (name, unit) in [("length", &u.length), ("mass", &u.mass), ("time", &u.time)] {
+        let si = unit.as_ref().map(|u| u.si);
+        let exponents = si.flatten().map_or([0.0; 2], |si| [si.a.into(), si.h.into()]);
+        let size = si.map(|si| format!(" {} {}", or_none(si.map(|si| si.factor)), bits(exponents)));
+        writeln!(out, "unit of {name} {}{}", text(unit), size.unwrap_or_default())?;
+    }
+    let or_word = |v: Option<String>| v.unwrap_or_else(|| "None".into());
+    let (comoving, frame) = (u.comoving.map(|c| u8::from(c).to_string()), e.frame.map(|f| f.to_string()));
+    writeln!(
+        out,
+        "comoving {} frame {} {}",
+        or_word(comoving),
+        or_word(frame),
+        or_word(e.step.map(|s| s.to_string()))
+    )?;
+    let words = |v: &[Option<f64>]| v.iter().map(|v| or_none(*v)).collect::<Vec<_>>().join(" ");
+    let cosmology = words(&[c.hubble, c.omega_matter, c.omega_lambda, c.omega_baryon]);
+    writeln!(out, "moment {} cosmology {cosmology}", words(&[e.scale_factor, e.time]))?;
+    for q in m.quantities(model.layers.iter().any(|l| l.mass.is_weighted())) {
+        writeln!(out, "kept {} {} {} {}", q.name, q.kind as u8 + 1, q.bytes, text(&q.unit))?;
+    }
+    for layer in &model.layers {
+        writeln!(out, "layer's mass {} {}", u8::from(layer.mass.is_weighted()), or_none(layer.mass.unit()))?;
+    }
+    Ok(())
 }
 
 /// A line a group: its tag, then its numbers.

@@ -4,7 +4,7 @@
 use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target, certify};
 use particlegs::fit::Effort;
 use particlegs::job::{Job, Task};
-use particlegs::model::{CertificateLevel, LawKind, Layer, Limit, Mass};
+use particlegs::model::{CertificateLevel, LawKind, Layer, Limit, Mass, Units};
 use particlegs::particles::{Layered, Particles, Storage};
 use particlegs::progress::{Progress, Silent};
 use particlegs::space::Cell;
@@ -124,8 +124,8 @@ fn other_options_are_other_work() {
     let snapshots: [fn(&mut Particles); 7] = [
         |p| p.meta.cell = Some(Cell::orthogonal([200.0; 3])),
         |p| p.meta.cell = None,
-        |p| p.meta.length_unit = Some("kpc".into()),
-        |p| p.meta.mass_unit = Some("Msun".into()),
+        |p| p.meta.units = Units::of(Some("kpc"), None, None),
+        |p| p.meta.units = Units::of(None, Some("Msun"), None),
         |p| p.meta.name = "another".into(),
         |p| p.origin = [1.0, 0.0, 0.0],
         |p| *p = cloud(1.5),

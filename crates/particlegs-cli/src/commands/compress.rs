@@ -214,7 +214,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
         bytes.len(),
     );
     if certificate.is_some() {
-        let unit = model.metadata.length_unit.as_deref();
+        let unit = model.metadata.units.length_text();
         text += &format!("\n{}", crate::info_model::certificate(certificate, unit).trim_end());
     }
     let value = json!({
@@ -238,7 +238,7 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     text += &format!("\n{:.2} s: {}", seconds, phases.join(", "));
     text += &run_args::trained(done);
     if let (Some(goal), None) = (&done.reached, &done.model.certificate) {
-        text += &format!("\n{}", info_model::goal_in_words(goal, done.model.metadata.length_unit.as_deref()));
+        text += &format!("\n{}", info_model::goal_in_words(goal, done.model.metadata.units.length_text()));
     }
     if a.fit.is_fast() {
         text += "\n--effort fast: fewer small groups than default from ratio 300 on (docs/results/recovery.md)";

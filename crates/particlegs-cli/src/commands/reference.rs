@@ -167,7 +167,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
     let resolved = a.figure.resolved(set.size, kind, 1).filter(|_| a.view.size.is_none());
     let set = ViewSet { size: resolved.unwrap_or(set.size), ..set };
-    let unit = particles.meta.length_unit.clone().unwrap_or_default();
+    let unit = particles.meta.units.length_text().unwrap_or_default().to_string();
     if let Some(note) = a.view.note(&subject, &set, &unit) {
         context.message(&note);
     }

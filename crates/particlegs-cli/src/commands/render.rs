@@ -247,7 +247,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let columns = panels.as_ref().map_or(1, |p| p.columns(set.views.len()));
     let resolved = asked.figure.resolved(set.size, kind, columns).filter(|_| a.view.size.is_none());
     let set = ViewSet { size: resolved.unwrap_or(set.size), ..set };
-    let unit = m.length_unit.clone().unwrap_or_default();
+    let unit = m.units.length_text().unwrap_or_default().to_string();
     if let Some(note) = a.view.note(&subject, &set, &unit).filter(|_| asked.like.is_none()) {
         context.message(&note);
     }

@@ -227,10 +227,11 @@ impl Source {
 
     /// Unit of length and whether it is comoving.
     fn length_unit(&self) -> Option<String> {
-        match self {
-            Source::Particles(p) => p.meta.length_unit.clone(),
-            Source::Model(m) => m.metadata.length_unit.clone(),
-        }
+        let units = match self {
+            Source::Particles(p) => &p.meta.units,
+            Source::Model(m) => &m.metadata.units,
+        };
+        units.length_text().map(str::to_string)
     }
 }
 

@@ -173,7 +173,7 @@ fn text(r: &Report, model: &Model, of_several: bool, place: &str) -> String {
         text += "source: the snapshot is the one that the file was made of\n";
     }
     text += &format!("certificate: {}\n", r.certificate);
-    let unit = model.metadata.length_unit.as_deref();
+    let unit = model.metadata.units.length_text();
     match (&r.stored, &r.measured_again) {
         (Some(_), Some(_)) => text += &beside(&r.figures),
         (Some(stored), None) => {

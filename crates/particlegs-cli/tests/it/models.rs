@@ -7,30 +7,6 @@ use particlegs::model::{
 use particlegs::particles::Particles;
 use particlegs::space::Bounds;
 
-/// Metadata of a model of so many particles in some bounds.
-fn metadata(law: LawKind, count: u64, bounds: Bounds) -> Metadata {
-    Metadata {
-        law,
-        count,
-        mass: count as f64,
-        bounds,
-        cell: None,
-        default_radius: bounds.default_radius(count),
-        default_opacity: 0.05,
-        source: "nbody64".into(),
-        source_hash: [0; 32],
-        length_unit: None,
-        mass_unit: None,
-        comoving: None,
-        scale_factor: None,
-        hubble: None,
-        time: None,
-        command: "a test".into(),
-        tool_version: String::new(),
-        effort: None,
-    }
-}
-
 /// A model of one layer and one block.
 fn model(metadata: Metadata, gaussians: Mixture) -> Model {
     let (bounds, count, mass) = (metadata.bounds, metadata.count, metadata.mass);
@@ -43,7 +19,7 @@ fn model(metadata: Metadata, gaussians: Mixture) -> Model {
 pub fn equal_gaussians(n: usize) -> Model {
     let mut gaussians = Mixture::default();
     (0..n).for_each(|_| gaussians.push([1.0; 3], Sym3::scaled_identity(0.01), 1.0, 1.0));
-    model(metadata(LawKind::OpticalDepth, n as u64, Bounds { min: [0.0; 3], max: [2.0; 3] }), gaussians)
+    model(Metadata::new(LawKind::OpticalDepth, n as u64, Bounds { min: [0.0; 3], max: [2.0; 3] }), gaussians)
 }
 
 /// Runs of the sample's particles, which are compact.
@@ -74,9 +50,10 @@ pub fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: LawKind) -
     }
     let metadata = Metadata {
         cell: particles.meta.cell,
-        length_unit: particles.meta.length_unit.clone(),
+        source: "nbody64".into(),
+        units: particles.meta.units.clone(),
         source_hash: particles.source_hash(),
-        ..metadata(law, count, bounds)
+        ..Metadata::new(law, count, bounds)
     };
     model(metadata, gaussians)
 }

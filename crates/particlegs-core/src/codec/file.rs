@@ -380,7 +380,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     check_blocks(&layers, file.open).map_err(corrupt)?;
     layers.retain(|l| !l.2.is_empty());
     let wrong = || corrupt("masses of another number of layers".into());
-    let masses = masses.expand(layers.len(), file.open).ok_or_else(wrong)?;
+    let masses = metadata::of_layers(&masses, layers.len(), file.open).ok_or_else(wrong)?;
     let part = |((name, _, content), mass)| Layer { name, mass, content };
     let layers: Vec<Part<'a>> = layers.into_iter().zip(masses).map(part).collect();
     let mut missing_particles = 0;

@@ -10,7 +10,7 @@ use super::container::survives_merging;
 use super::file::{CodedFile, CodedLayer, StoredSection, order_key};
 use super::header::BlockHeader;
 use super::sums::compensated;
-use crate::model::Metadata;
+use crate::model::{Dimension, Metadata, Unit, Units};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::space::Cell;
@@ -193,11 +193,22 @@ fn combined(a: Metadata, b: &Metadata) -> Metadata {
         bounds,
         default_opacity: if a.default_opacity == b.default_opacity { a.default_opacity } else { DEFAULT_OPACITY },
         source: common(&a.source, &b.source, usize::MAX),
+        units: Units {
+            length: first(a.units.length, &b.units.length),
+            mass: first(a.units.mass, &b.units.mass),
+            time: first(a.units.time, &b.units.time),
+            comoving: a.units.comoving,
+        },
         source_hash: if a.source_hash == b.source_hash { a.source_hash } else { [0; 32] },
         command: common(&a.command, &b.command, LONGEST_COMMAND),
         effort: a.effort.filter(|_| a.effort == b.effort),
         ..a
     }
+}
+
+/// One unit that both write, in the text that comes first.
+fn first(a: Option<Unit>, b: &Option<Unit>) -> Option<Unit> {
+    if b.as_ref().map(|u| &u.text) < a.as_ref().map(|u| &u.text) { b.clone() } else { a }
 }
 
 /// What both texts begin with (and at most `longest` bytes of it), then `*`; the text itself where
@@ -216,28 +227,41 @@ fn common(a: &str, b: &str, longest: usize) -> String {
     same.take_while(fits).chain([SEVERAL]).collect()
 }
 
-/// Parts must speak of one space and one time.
+/// Parts must speak of one space and one time. Two texts of one size are one unit.
 fn refuse_unlike(a: &Metadata, b: &Metadata, first: &str, place: &str) -> Result<()> {
-    let text = |v: &Option<String>| v.as_ref().map_or_else(|| "not stated".to_string(), |v| format!("`{v}`"));
-    let real = |v: Option<f64>| v.map_or_else(|| "not stated".to_string(), |v| v.to_string());
-    let flag = |v: Option<bool>| v.map_or_else(|| "not stated".to_string(), |v| v.to_string());
-    let cell = |m: &Metadata| m.cell.as_ref().map_or_else(|| "not stated".to_string(), Cell::in_words);
+    fn said<T: ToString>(v: Option<T>) -> String {
+        v.map_or_else(|| "not stated".to_string(), |v| v.to_string())
+    }
+    let unit = |u: &Option<Unit>, dimension| {
+        let size = u.as_ref().and_then(|u| u.si).map(|si| format!("{si:?}"));
+        let words = u.as_ref().map(|u| format!("`{}`", u.in_words(dimension)));
+        (size.unwrap_or_else(|| said(words.as_ref())), said(words))
+    };
+    let same = |text: String| (text.clone(), text);
     let told = |m: &Metadata| {
+        let (u, c, e) = (&m.units, &m.cosmology, &m.epoch);
         [
-            ("image law", m.law.name().to_string()),
-            ("unit of length", text(&m.length_unit)),
-            ("unit of mass", text(&m.mass_unit)),
-            ("cell", cell(m)),
-            ("`comoving`", flag(m.comoving)),
-            ("scale factor", real(m.scale_factor)),
-            ("h", real(m.hubble)),
-            ("time", real(m.time)),
+            ("image law", same(m.law.name().to_string())),
+            ("`comoving`", same(said(u.comoving))),
+            ("unit of length", unit(&u.length, Dimension::Length)),
+            ("unit of mass", unit(&u.mass, Dimension::Mass)),
+            ("unit of time", unit(&u.time, Dimension::Time)),
+            ("cell", same(said(m.cell.as_ref().map(Cell::in_words)))),
+            ("scale factor", same(said(e.scale_factor))),
+            ("h", same(said(c.hubble))),
+            ("Omega_m", same(said(c.omega_matter))),
+            ("Omega_Lambda", same(said(c.omega_lambda))),
+            ("Omega_b", same(said(c.omega_baryon))),
+            ("time", same(said(e.time))),
+            ("frame", same(said(e.frame))),
+            ("time step", same(said(e.step))),
+            ("list of fields", same(said((!m.fields.is_empty()).then(|| format!("{:?}", m.fields))))),
         ]
     };
     let mut pairs = told(a).into_iter().zip(told(b));
-    match pairs.find(|(x, y)| x.1 != y.1) {
+    match pairs.find(|(x, y)| x.1.0 != y.1.0) {
         None => Ok(()),
-        Some(((name, x), (_, y))) => Err(Error::input_with(
+        Some(((name, (_, x)), (_, (_, y)))) => Err(Error::input_with(
             place,
             format!("its {name} is {y}, that of {first} is {x}: they cannot be one model"),
             "merge models of one snapshot, or of snapshots in one box and unit at one time",
@@ -250,7 +274,7 @@ mod tests {
     use super::*;
     use crate::codec::{Precision, decode, encode};
     use crate::math::Sym3;
-    use crate::model::{Block, LawKind, Layer, Mass, Mixture, Model};
+    use crate::model::{Block, Epoch, LawKind, Layer, Mass, Mixture, Model};
     use crate::space::Bounds;
     use proptest::prelude::*;
 
@@ -264,24 +288,15 @@ mod tests {
         source_hash[0] = x as u8 + 1;
         Model {
             metadata: Metadata {
-                law: LawKind::OpticalDepth,
-                count,
                 mass,
-                bounds,
                 cell: Some(Cell::orthogonal([100.0; 3])),
                 default_radius: 0.1,
-                default_opacity: 0.05,
                 source: format!("snap.{}.hdf5", x as u8),
                 source_hash,
-                length_unit: Some("Mpc/h".into()),
-                mass_unit: None,
-                comoving: Some(true),
-                scale_factor: Some(1.0),
-                hubble: None,
-                time: None,
+                units: Units::of(Some("Mpc/h"), None, Some(true)),
+                epoch: Epoch { scale_factor: Some(1.0), ..Epoch::default() },
                 command: format!("compress --ratio {count}"),
-                tool_version: "0".into(),
-                effort: None,
+                ..Metadata::new(LawKind::OpticalDepth, count, bounds)
             },
             layers: vec![Layer {
                 name: name.into(),
@@ -310,11 +325,13 @@ mod tests {
         fn merging_is_associative_and_order_free(
             parts in proptest::collection::btree_map(0u8..90, (1u64..1_000_000, 0.1f64..1e9, any::<bool>()), 3..8),
             opacities in proptest::collection::vec(prop_oneof![Just(0.05), Just(0.1)], 8),
+            units in proptest::collection::vec(prop_oneof![Just("Mpc/h"), Just("h^-1 Mpc"), Just("cMpc h^-1")], 8),
             cut in 1usize..3,
         ) {
-            let files: Vec<Vec<u8>> = parts.iter().zip(opacities).map(|((&x, &(n, mass, heavy)), opacity)| {
+            let files: Vec<Vec<u8>> = parts.iter().zip(opacities.into_iter().zip(units)).map(|((&x, &(n, mass, heavy)), (opacity, unit))| {
                 let mut m = model(if heavy { "gas" } else { "dm" }, f64::from(x), n, heavy.then_some(mass));
                 m.metadata.default_opacity = opacity;
+                m.metadata.units = Units::of(Some(unit), None, Some(true));
                 coded(&m)
             }).collect();
             let all: Vec<&[u8]> = files.iter().map(|f| &f[..]).collect();
@@ -371,11 +388,14 @@ mod tests {
             assert!(matches!(error, Error::Input { .. }), "{error}");
             assert!(error.to_string().contains(text) && error.to_string().starts_with("part 1: "), "{error}");
         };
-        says(|m| m.metadata.length_unit = Some("kpc".into()), "unit of length is `kpc`");
-        says(|m| m.metadata.mass_unit = Some("Msun".into()), "unit of mass");
+        says(|m| m.metadata.units = Units::of(Some("kpc"), None, Some(true)), "unit of length is `kpc (3.08");
+        says(|m| m.metadata.units = Units::of(Some("Mpc/h"), Some("Msun"), Some(true)), "unit of mass");
+        says(|m| m.metadata.units = Units::of(Some("Mpc/h"), None, None), "`comoving` is not stated");
+        says(|m| m.metadata.cosmology.omega_matter = Some(0.3), "Omega_m is 0.3");
+        says(|m| m.metadata.epoch.step = Some(-3), "time step is -3");
         says(|m| m.metadata.cell = None, "cell is not stated");
-        says(|m| m.metadata.scale_factor = Some(0.5), "scale factor is 0.5");
-        says(|m| m.metadata.time = Some(0.5), "time");
+        says(|m| m.metadata.epoch.scale_factor = Some(0.5), "scale factor is 0.5");
+        says(|m| m.metadata.epoch.time = Some(0.5), "time");
         says(|m| m.layers[0].mass = Mass::Each(2.0), "mass of 2");
         says(|m| *m = model("dm", 9.0, 20, Some(3.0)), "masses of their own");
         assert!(merge(&[&coded(&a), &coded(&a)]).unwrap_err().to_string().contains("twice"));

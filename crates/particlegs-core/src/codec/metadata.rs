@@ -1,11 +1,8 @@
 //! The metadata section: tag, length, value (docs/format.md, section 2).
-//!
-//! Version 1.0 knows one rule of masses for all layers; a file whose layers differ states version
-//! 1.1 and a field that older programs refuse. The alpha-blend law came with version 1.3.
 
 use super::wire::Reader;
 use crate::math::each_axis;
-use crate::model::{Effort, LawKind, Mass, Metadata};
+use crate::model::{Cosmology, Effort, Epoch, LawKind, Mass, Metadata, Quantity, QuantityKind, Si, Unit, Units};
 use crate::space::{Bounds, Cell};
 
 /// Why metadata cannot be read.
@@ -26,64 +23,48 @@ impl From<String> for Fault {
 const TEXT: usize = 1024;
 /// Longest command.
 const COMMAND: usize = 16_384;
+/// Longest name, and text of a unit, among what was kept.
+const SHORT: usize = 255;
 /// Tags from here on must be understood.
 const REQUIRED: u8 = 128;
 
 const LAW: u8 = 1;
 const COUNT: u8 = 2;
 const MASS: u8 = 3;
-const WEIGHTED: u8 = 4;
-const BOUNDS: u8 = 5;
-const CELL: u8 = 6;
+const BOUNDS: u8 = 4;
+const CELL: u8 = 5;
+const CORNER: u8 = 6;
 const RADIUS: u8 = 7;
 const OPACITY: u8 = 8;
 const SOURCE: u8 = 9;
 const HASH: u8 = 10;
-const LENGTH_UNIT: u8 = 11;
-const MASS_UNIT: u8 = 12;
-const PARTICLE_MASS: u8 = 13;
-const COMOVING: u8 = 14;
-const SCALE_FACTOR: u8 = 15;
-const HUBBLE: u8 = 16;
-const TIME: u8 = 17;
-const COMMAND_LINE: u8 = 18;
-const TOOL: u8 = 19;
-const CORNER: u8 = 20;
-const EFFORT: u8 = 23;
-const LAYER_MASSES: u8 = 128;
-/// Fields of version 1.0.
-const FIRST_VERSION: std::ops::RangeInclusive<u8> = LAW..=TOOL;
+const QUANTITIES: u8 = 11;
+const LENGTH_UNIT: u8 = 16;
+const MASS_UNIT: u8 = 17;
+const TIME_UNIT: u8 = 18;
+const COMOVING: u8 = 19;
+const COSMOLOGY: u8 = 24;
+const SCALE_FACTOR: u8 = 25;
+const TIME: u8 = 26;
+const FRAME: u8 = 27;
+const STEP: u8 = 28;
+const COMMAND_LINE: u8 = 40;
+const TOOL: u8 = 41;
+const EFFORT: u8 = 42;
+const MASSES: u8 = 128;
 
-/// The masses of the layers, in their order.
-pub(crate) enum LayerMasses {
-    /// All layers alike.
-    Alike(Mass),
-    /// Each its own.
-    Each(Vec<Mass>),
-}
-
-impl LayerMasses {
-    fn of(layers: &[Mass]) -> Self {
-        match layers {
-            [first, rest @ ..] if rest.iter().all(|l| l == first) => LayerMasses::Alike(*first),
-            _ => LayerMasses::Each(layers.to_vec()),
-        }
-    }
-
-    /// The masses of `count` layers, or of the first `count` where some may be missing; `None` where the section tells
-    /// another number.
-    pub fn expand(&self, count: usize, missing: bool) -> Option<Vec<Mass>> {
-        match self {
-            LayerMasses::Alike(mass) => Some(vec![*mass; count]),
-            LayerMasses::Each(masses) if missing => masses.get(..count).map(<[_]>::to_vec),
-            LayerMasses::Each(masses) => Some(masses.clone()).filter(|m| m.len() == count),
-        }
+/// The masses of `count` layers, of which a file has one entry or one each, or of the first `count` where some may be
+/// missing; `None` where it has another number.
+pub(crate) fn of_layers(masses: &[Mass], count: usize, missing: bool) -> Option<Vec<Mass>> {
+    match *masses {
+        [one] => Some(vec![one; count]),
+        _ if missing => masses.get(..count).map(<[_]>::to_vec),
+        _ => Some(masses.to_vec()).filter(|m| m.len() == count),
     }
 }
 
 /// The section's bytes: fields in the order of their tags. `layers` in the order of the file.
 pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
-    let masses = LayerMasses::of(layers);
     let mut out = Vec::with_capacity(512);
     let mut field = |tag: u8, value: &[u8]| {
         out.push(tag);
@@ -99,30 +80,36 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     );
     field(COUNT, &m.count.to_le_bytes());
     field(MASS, &m.mass.to_le_bytes());
-    field(WEIGHTED, &[u8::from(layers.iter().any(|m| m.is_weighted()))]);
     field(BOUNDS, &floats(m.bounds.min.iter().chain(&m.bounds.max)));
     if let Some(cell) = &m.cell {
         field(CELL, &cell_bytes(cell));
     }
-    field(RADIUS, &m.default_radius.to_le_bytes());
-    field(OPACITY, &m.default_opacity.to_le_bytes());
-    field(SOURCE, text(&m.source, TEXT));
-    field(HASH, &m.source_hash);
-    for (tag, v) in [(LENGTH_UNIT, &m.length_unit), (MASS_UNIT, &m.mass_unit)] {
-        v.iter().for_each(|v| field(tag, text(v, TEXT)));
-    }
-    if let LayerMasses::Alike(mass) = masses {
-        mass.unit().iter().for_each(|unit| field(PARTICLE_MASS, &unit.to_le_bytes()));
-    }
-    m.comoving.iter().for_each(|&v| field(COMOVING, &[u8::from(v)]));
-    for (tag, v) in [(SCALE_FACTOR, m.scale_factor), (HUBBLE, m.hubble), (TIME, m.time)] {
-        v.iter().for_each(|v| field(tag, &v.to_le_bytes()));
-    }
-    field(COMMAND_LINE, text(&m.command, COMMAND));
-    field(TOOL, text(&m.tool_version, TEXT));
     if let Some(cell) = m.cell.filter(|c| c.origin != [0.0; 3]) {
         field(CORNER, &floats(cell.origin.iter()));
     }
+    field(RADIUS, &m.default_radius.to_le_bytes());
+    field(OPACITY, &m.default_opacity.to_le_bytes());
+    // No paths: they tell of their writer's machine.
+    field(SOURCE, text(m.source.rsplit(['/', '\\']).next().unwrap_or_default(), TEXT));
+    field(HASH, &m.source_hash);
+    field(QUANTITIES, &quantities_bytes(m, layers));
+    let Units { length, mass, time, comoving } = &m.units;
+    for (tag, unit) in [(LENGTH_UNIT, length), (MASS_UNIT, mass), (TIME_UNIT, time)] {
+        unit.iter().for_each(|u| field(tag, &unit_bytes(u, TEXT)));
+    }
+    comoving.iter().for_each(|&v| field(COMOVING, &[u8::from(v)]));
+    let numbers = cosmology_of(&m.cosmology);
+    if numbers.iter().any(|v| v.is_some()) {
+        let known = (0..numbers.len()).map(|k| u8::from(numbers[k].is_some()) << k).sum();
+        field(COSMOLOGY, &[&[known], &floats(numbers.iter().flatten())[..]].concat());
+    }
+    for (tag, v) in [(SCALE_FACTOR, m.epoch.scale_factor), (TIME, m.epoch.time)] {
+        v.iter().for_each(|v| field(tag, &v.to_le_bytes()));
+    }
+    m.epoch.frame.iter().for_each(|v| field(FRAME, &v.to_le_bytes()));
+    m.epoch.step.iter().for_each(|v| field(STEP, &v.to_le_bytes()));
+    field(COMMAND_LINE, text(&m.command, COMMAND));
+    field(TOOL, text(&m.tool_version, TEXT));
     if let Some(effort) = m.effort {
         let number = match effort {
             Effort::Fast => 1,
@@ -130,29 +117,27 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
         };
         field(EFFORT, &[number]);
     }
-    if let LayerMasses::Each(masses) = masses {
-        let layer = |m: &Mass| {
-            let flags = u8::from(m.is_weighted()) | u8::from(m.unit().is_some()) << 1;
-            std::iter::once(flags).chain(m.unit().unwrap_or(0.0).to_le_bytes()).collect::<Vec<u8>>()
-        };
-        field(LAYER_MASSES, &masses.iter().flat_map(layer).collect::<Vec<u8>>());
-    }
+    let alike = layers.windows(2).all(|w| w[0] == w[1]);
+    let told = if alike { &layers[..layers.len().min(1)] } else { layers };
+    field(MASSES, &told.iter().flat_map(mass_bytes).collect::<Vec<u8>>());
     out
 }
 
-/// Reads the section.
-pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
+/// Reads the section, with the masses that [`of_layers`] takes.
+pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), Fault> {
     let fields = fields(bytes)?;
     let get = |tag: u8| fields.iter().find(|f| f.0 == tag).map(|f| f.1);
     let need = |tag: u8| get(tag).ok_or_else(|| format!("metadata field {tag} is missing"));
     let real = |tag: u8| get(tag).map(|v| float(tag, v)).transpose();
+    let unit = |tag: u8| get(tag).map(|v| read_unit(tag, v, TEXT)).transpose();
     let law = match need(LAW)? {
         [1] => LawKind::OpticalDepth,
         [2] => LawKind::AlphaBlend,
         [law] => return Err(Fault::Unknown(format!("image law {law} is not known"))),
         v => return Err(Fault::Corrupt(format!("an image law of {} bytes", v.len()))),
     };
-    let m = Metadata {
+    let masses = masses(need(MASSES)?)?;
+    let mut m = Metadata {
         law,
         count: u64::from_le_bytes(exact(COUNT, need(COUNT)?)?),
         mass: float(MASS, need(MASS)?)?,
@@ -162,12 +147,20 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
         default_opacity: float(OPACITY, need(OPACITY)?)?,
         source: string(SOURCE, need(SOURCE)?, TEXT)?,
         source_hash: exact(HASH, need(HASH)?)?,
-        length_unit: get(LENGTH_UNIT).map(|v| string(LENGTH_UNIT, v, TEXT)).transpose()?,
-        mass_unit: get(MASS_UNIT).map(|v| string(MASS_UNIT, v, TEXT)).transpose()?,
-        comoving: get(COMOVING).map(|v| flag(COMOVING, v)).transpose()?,
-        scale_factor: real(SCALE_FACTOR)?,
-        hubble: real(HUBBLE)?,
-        time: real(TIME)?,
+        units: Units {
+            length: unit(LENGTH_UNIT)?,
+            mass: unit(MASS_UNIT)?,
+            time: unit(TIME_UNIT)?,
+            comoving: get(COMOVING).map(|v| flag(COMOVING, v)).transpose()?,
+        },
+        cosmology: get(COSMOLOGY).map_or(Ok(Cosmology::default()), cosmology)?,
+        epoch: Epoch {
+            scale_factor: real(SCALE_FACTOR)?,
+            time: real(TIME)?,
+            frame: get(FRAME).map(|v| exact(FRAME, v).map(u64::from_le_bytes)).transpose()?,
+            step: get(STEP).map(|v| exact(STEP, v).map(i64::from_le_bytes)).transpose()?,
+        },
+        fields: Vec::new(),
         command: string(COMMAND_LINE, need(COMMAND_LINE)?, COMMAND)?,
         tool_version: string(TOOL, need(TOOL)?, TEXT)?,
         // What a newer program may call another effort is not known here.
@@ -181,26 +174,139 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
     {
         return Err(Fault::Corrupt("count, mass, radius or opacity out of range".into()));
     }
-    let masses = match get(LAYER_MASSES) {
-        None => LayerMasses::Alike(Mass::new(flag(WEIGHTED, need(WEIGHTED)?)?, real(PARTICLE_MASS)?)),
-        Some(v) => LayerMasses::Each(layer_masses(v)?),
-    };
+    let (all, own) = (quantities(need(QUANTITIES)?, &m.units)?, m.quantities(masses.iter().any(|m| m.is_weighted())));
+    if !all.starts_with(&own) {
+        return Err(Fault::Corrupt(
+            "what was kept does not begin with positions, and masses where there are any".into(),
+        ));
+    }
+    m.fields = all[own.len()..].to_vec();
     Ok((m, masses))
 }
 
-/// Nine bytes a layer: flags and a mass.
-fn layer_masses(v: &[u8]) -> Result<Vec<Mass>, String> {
-    let layer = |v: &[u8]| {
-        let mass = float(LAYER_MASSES, &v[1..])?;
-        if v[0] > 3 || (v[0] & 2 == 0) != (mass == 0.0) || mass < 0.0 {
-            return Err(format!("a layer's mass {mass} with flags {:#04x}", v[0]));
+/// The bits of a layer's flags: particles have weights of their own; the mass of weight 1 is known.
+const WEIGHTED: u8 = 1;
+/// See [`WEIGHTED`].
+const HAS_UNIT: u8 = 2;
+/// Means and shapes weigh particles by mass; without it every particle counts alike.
+const BY_MASS: u8 = 4;
+
+fn mass_bytes(m: &Mass) -> Vec<u8> {
+    let flags = if m.is_weighted() { WEIGHTED } else { 0 } | if m.unit().is_some() { HAS_UNIT } else { 0 };
+    std::iter::once(flags).chain(m.unit().iter().flat_map(|u| u.to_le_bytes())).collect()
+}
+
+/// Flags a layer and, where they say so, a mass.
+fn masses(v: &[u8]) -> Result<Vec<Mass>, Fault> {
+    let mut r = Reader::new(v);
+    let mut out = Vec::new();
+    while !r.is_done() {
+        let flags = r.u8()?;
+        if flags & BY_MASS != 0 {
+            return Err(Fault::Unknown(
+                "Gaussians whose means and shapes weigh particles by mass are not known".into(),
+            ));
         }
-        Ok(Mass::new(v[0] & 1 == 1, (v[0] & 2 == 2).then_some(mass)))
-    };
-    if v.is_empty() || !v.len().is_multiple_of(9) {
-        return Err(format!("layers' masses of {} bytes", v.len()));
+        if flags >= BY_MASS {
+            return Err(Fault::Corrupt(format!("a layer's mass with flags {flags:#04x}")));
+        }
+        let unit = if flags & HAS_UNIT != 0 { Some(float(MASSES, r.take(8)?)?) } else { None };
+        if unit.is_some_and(|u| u <= 0.0) {
+            return Err(Fault::Corrupt("a layer's mass that is not positive".into()));
+        }
+        out.push(Mass::new(flags & WEIGHTED != 0, unit));
     }
-    v.chunks_exact(9).map(layer).collect()
+    if out.is_empty() { Err(Fault::Corrupt("no layer's mass".into())) } else { Ok(out) }
+}
+
+/// The factor (0 where it is not known), the exponents of a and h, and the text.
+fn unit_bytes(u: &Unit, longest: usize) -> Vec<u8> {
+    let si = u.si.unwrap_or(Si { factor: 0.0, a: 0.0, h: 0.0 });
+    let numbers = si.factor.to_le_bytes().into_iter().chain(si.a.to_le_bytes()).chain(si.h.to_le_bytes());
+    numbers.chain(text(&u.text, longest).iter().copied()).collect()
+}
+
+fn read_unit(tag: u8, v: &[u8], longest: usize) -> Result<Unit, String> {
+    let mut r = Reader::new(v);
+    let factor = float(tag, r.take(8)?)?;
+    let [a, h] = [r.f32()?, r.f32()?];
+    let known = factor > 0.0;
+    if factor < 0.0 || !a.is_finite() || !h.is_finite() || !known && (a, h) != (0.0, 0.0) {
+        return Err(format!("a unit with the factor {factor} and the exponents {a} and {h}"));
+    }
+    Ok(Unit { text: string(tag, &v[16..], longest)?, si: known.then_some(Si { factor, a, h }) })
+}
+
+/// A unit among those of the file: 1 to 3 of length, mass and time.
+fn common_units(units: &Units) -> [&Option<Unit>; 3] {
+    [&units.length, &units.mass, &units.time]
+}
+/// A quantity has a unit of its own.
+const OWN_UNIT: u8 = 255;
+
+fn quantities_bytes(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
+    let mut out = Vec::new();
+    for q in m.quantities(layers.iter().any(|m| m.is_weighted())) {
+        let name = text(&q.name, SHORT);
+        out.push(name.len() as u8);
+        out.extend(name);
+        out.push(q.kind as u8 + 1);
+        out.extend(q.bytes.to_le_bytes());
+        match (common_units(&m.units).into_iter().position(|u| *u == q.unit), q.unit) {
+            (_, None) => out.push(0),
+            (Some(k), _) => out.push(k as u8 + 1),
+            (None, Some(unit)) => {
+                let unit = unit_bytes(&unit, SHORT);
+                out.push(OWN_UNIT);
+                out.extend((unit.len() as u16).to_le_bytes());
+                out.extend(unit);
+            }
+        }
+    }
+    out
+}
+
+fn quantities(v: &[u8], units: &Units) -> Result<Vec<Quantity>, String> {
+    let mut r = Reader::new(v);
+    let mut out = Vec::new();
+    while !r.is_done() {
+        let length = usize::from(r.u8()?);
+        let name = string(QUANTITIES, r.take(length)?, SHORT)?;
+        let kind = usize::from(r.u8()?).checked_sub(1).and_then(|k| QuantityKind::ALL.get(k).copied());
+        let kind = kind.ok_or_else(|| format!("`{name}` is of a kind that is not known"))?;
+        let bytes = r.u16()?;
+        let unit = match r.u8()? {
+            0 => None,
+            OWN_UNIT => {
+                let length = usize::from(r.u16()?);
+                Some(read_unit(QUANTITIES, r.take(length)?, SHORT)?)
+            }
+            k => {
+                let unit = common_units(units).get(usize::from(k) - 1).and_then(|u| u.as_ref());
+                Some(unit.ok_or_else(|| format!("`{name}` has a unit {k} that the file has not"))?.clone())
+            }
+        };
+        out.push(Quantity { name, kind, unit, bytes });
+    }
+    Ok(out)
+}
+
+/// The numbers of a cosmology in the order of their bits.
+fn cosmology_of(c: &Cosmology) -> [Option<f64>; 4] {
+    [c.hubble, c.omega_matter, c.omega_lambda, c.omega_baryon]
+}
+
+/// Bits say which numbers there are; those of further bits are not known here.
+fn cosmology(v: &[u8]) -> Result<Cosmology, String> {
+    let (known, numbers) = v.split_first().ok_or("an empty cosmology")?;
+    let numbers = reals(COSMOLOGY, numbers)?;
+    if numbers.len() != known.count_ones() as usize {
+        return Err(format!("a cosmology of {} numbers with bits {known:#04x}", numbers.len()));
+    }
+    let mut numbers = numbers.into_iter();
+    let [hubble, omega_matter, omega_lambda, omega_baryon] =
+        [0, 1, 2, 3].map(|k| if known >> k & 1 == 1 { numbers.next() } else { None });
+    Ok(Cosmology { hubble, omega_matter, omega_lambda, omega_baryon })
 }
 
 /// Splits the section; tags rise.
@@ -213,7 +319,7 @@ fn fields(bytes: &[u8]) -> Result<Vec<(u8, &[u8])>, Fault> {
         if out.last().is_some_and(|f| f.0 >= tag) {
             return Err(Fault::Corrupt(format!("metadata field {tag} is out of order")));
         }
-        if tag >= REQUIRED && tag != LAYER_MASSES {
+        if tag >= REQUIRED && tag != MASSES {
             return Err(Fault::Unknown(format!("metadata field {tag} is not known and may not be skipped")));
         }
         out.push((tag, value));
@@ -306,27 +412,128 @@ fn text(s: &str, longest: usize) -> &[u8] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::Dimension;
+    use proptest::prelude::*;
 
-    fn metadata(effort: Option<Effort>) -> Metadata {
-        Metadata {
-            law: LawKind::OpticalDepth,
-            count: 8,
-            mass: 8.0,
-            bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
-            cell: None,
-            default_radius: 0.1,
-            default_opacity: 0.05,
-            source: "box".into(),
-            source_hash: [7; 32],
-            length_unit: None,
-            mass_unit: None,
-            comoving: None,
-            scale_factor: None,
-            hubble: None,
-            time: None,
-            command: String::new(),
-            tool_version: String::new(),
-            effort,
+    /// Units that are texts alone, and such that were stated with any numbers.
+    fn unit() -> impl Strategy<Value = Option<Unit>> {
+        let si = (1e-30f64..1e30, -3f32..3.0, -3f32..3.0).prop_map(|(factor, a, h)| Si { factor, a, h });
+        proptest::option::of(("\\PC{0,20}", proptest::option::of(si)).prop_map(|(text, si)| Unit { text, si }))
+    }
+
+    prop_compose! {
+        fn quantity()(name in "\\PC{0,20}", kind in 0usize..4, unit in unit(), bytes in any::<u16>()) -> Quantity {
+            Quantity { name, kind: QuantityKind::ALL[kind], unit, bytes }
         }
+    }
+
+    prop_compose! {
+        fn metadata()(
+            (count, source, hash) in (1u64.., "[^/\\\\]{0,20}", any::<[u8; 32]>()),
+            (length, mass, time, comoving) in (unit(), unit(), unit(), any::<Option<bool>>()),
+            numbers in proptest::array::uniform6(proptest::option::of(1e-6f64..1e6)),
+            (frame, step) in any::<(Option<u64>, Option<i64>)>(),
+            corner in -2f64..2.0,
+            cell in any::<Option<[bool; 3]>>(),
+            fields in proptest::collection::vec(quantity(), 0..4),
+        ) -> Metadata {
+            let [hubble, omega_matter, omega_lambda, omega_baryon, scale_factor, time_now] = numbers;
+            let bounds = Bounds { min: [corner; 3], max: [corner + 1.0; 3] };
+            Metadata {
+                cell: cell.map(|periodic| Cell { origin: [corner; 3], periodic, ..Cell::orthogonal([2.0; 3]) }),
+                source,
+                source_hash: hash,
+                units: Units { length, mass, time, comoving },
+                cosmology: Cosmology { hubble, omega_matter, omega_lambda, omega_baryon },
+                epoch: Epoch { scale_factor, time: time_now, frame, step },
+                fields,
+                ..Metadata::new(LawKind::OpticalDepth, count, bounds)
+            }
+        }
+    }
+
+    prop_compose! {
+        fn mass()(weighted in any::<bool>(), unit in proptest::option::of(1e-9f64..1e9)) -> Mass {
+            Mass::new(weighted, unit)
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn metadata_comes_back(m in metadata(), layers in proptest::collection::vec(mass(), 1..4)) {
+            let (back, masses) = read(&write(&m, &layers)).ok().unwrap();
+            prop_assert_eq!(back, m);
+            prop_assert_eq!(of_layers(&masses, layers.len(), false), Some(layers));
+        }
+
+        /// Bytes that are damaged or any are refused or read, and what is read can be written.
+        #[test]
+        fn any_bytes_are_read_or_refused(
+            m in metadata(),
+            damage in proptest::collection::vec((any::<proptest::sample::Index>(), any::<u8>()), 0..6),
+            any_bytes in proptest::collection::vec(any::<u8>(), 0..64),
+        ) {
+            let mut bytes = write(&m, &[Mass::Unknown]);
+            for (at, value) in damage {
+                let at = at.index(bytes.len());
+                bytes[at] = value;
+            }
+            for bytes in [bytes, any_bytes] {
+                if let Ok((m, masses)) = read(&bytes) {
+                    prop_assert!(read(&write(&m, &masses)).is_ok());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_must_be_understood_is_refused_by_older_programs() {
+        let m = Metadata::new(LawKind::OpticalDepth, 8, Bounds { min: [0.0; 3], max: [1.0; 3] });
+        let section = write(&m, &[Mass::Unknown]);
+        let fault = |bytes: &[u8]| match read(bytes) {
+            Ok(_) => "none",
+            Err(Fault::Corrupt(_)) => "corrupt",
+            Err(Fault::Unknown(_)) => "unknown",
+        };
+        let with = |tail: &[u8]| [&section[..], tail].concat();
+        assert_eq!(fault(&with(&[129, 0, 0])), "unknown");
+        let (rest, end) = section.split_at(section.len() - 4);
+        assert_eq!(end, [MASSES, 1, 0, 0]);
+        let flags = |flags| [rest, &[MASSES, 1, 0, flags]].concat();
+        assert_eq!([0, 1, 2, 4, 8].map(|f| fault(&flags(f))), ["none", "corrupt", "corrupt", "unknown", "corrupt"]);
+        assert_eq!(fault(rest), "corrupt");
+        // Skipped: a tag below 128.
+        assert_eq!(fault(&[rest, &[127, 1, 0, 7], end].concat()), "none");
+    }
+
+    #[test]
+    fn paths_of_sources_are_left_out() {
+        let mut m = Metadata::new(LawKind::OpticalDepth, 8, Bounds { min: [0.0; 3], max: [1.0; 3] });
+        for path in ["/home/me/snap.hdf5", "C:\\me\\snap.hdf5", "snap.hdf5"] {
+            m.source = path.into();
+            assert_eq!(read(&write(&m, &[Mass::Unknown])).ok().unwrap().0.source, "snap.hdf5");
+        }
+    }
+
+    #[test]
+    fn efforts_come_back_and_others_say_nothing() {
+        let m = Metadata::new(LawKind::OpticalDepth, 8, Bounds { min: [0.0; 3], max: [1.0; 3] });
+        for effort in [None, Some(Effort::Fast), Some(Effort::Default)] {
+            let section = write(&Metadata { effort, ..m.clone() }, &[Mass::Unknown]);
+            assert_eq!(read(&section).ok().unwrap().0.effort, effort);
+        }
+        let mut later = write(&Metadata { effort: Some(Effort::Fast), ..m }, &[Mass::Unknown]);
+        let at = later.len() - 5;
+        later[at] = 9;
+        assert_eq!(read(&later).ok().unwrap().0.effort, None);
+    }
+
+    #[test]
+    fn a_quantity_may_share_a_unit_of_the_file() {
+        let mut m = Metadata::new(LawKind::OpticalDepth, 8, Bounds { min: [0.0; 3], max: [1.0; 3] });
+        let bytes = |m: &Metadata| write(m, &[Mass::Weights(None)]).len();
+        let without = bytes(&m);
+        m.units.length = Some(Unit::parse("Mpc/h", Dimension::Length));
+        assert_eq!(bytes(&m) - without, 3 + 16 + 5);
     }
 }

@@ -1,7 +1,8 @@
 //! What a model file says about its snapshot and its making.
 
-use super::LawKind;
+use super::{LawKind, Unit, Units};
 use crate::space::{Bounds, Cell};
+use crate::splat::DEFAULT_OPACITY;
 
 /// Everything a file carries beside its Gaussians. `None` = the source does not say.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -21,23 +22,23 @@ pub struct Metadata {
     pub default_radius: f64,
     /// Default opacity.
     pub default_opacity: f64,
-    /// Source name.
+    /// Source name, without its path.
     pub source: String,
     /// What binds it to its source: BLAKE3 of its runs (docs/format.md).
     #[serde(with = "hexadecimal")]
     pub source_hash: [u8; 32],
-    /// Unit of length, as text.
-    pub length_unit: Option<String>,
-    /// Unit of mass, as text.
-    pub mass_unit: Option<String>,
-    /// Are lengths comoving?
-    pub comoving: Option<bool>,
-    /// Cosmological scale factor.
-    pub scale_factor: Option<f64>,
-    /// Hubble parameter h.
-    pub hubble: Option<f64>,
-    /// Simulation time.
-    pub time: Option<f64>,
+    /// What numbers are in.
+    #[serde(flatten)]
+    pub units: Units,
+    /// Cosmology.
+    #[serde(flatten)]
+    pub cosmology: Cosmology,
+    /// The moment of the snapshot.
+    #[serde(flatten)]
+    pub epoch: Epoch,
+    /// What was kept of the snapshot beside positions and masses; see [`Metadata::quantities`].
+    #[serde(default)]
+    pub fields: Vec<Quantity>,
     /// The command that made the file.
     pub command: String,
     /// The program's version.
@@ -69,10 +70,122 @@ impl Effort {
     }
 }
 
-impl Metadata {
+/// Parameters of the cosmology that a snapshot is of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Cosmology {
+    /// Hubble parameter h, the Hubble constant in 100 km/s/Mpc.
+    pub hubble: Option<f64>,
+    /// Matter's share of the critical density today.
+    pub omega_matter: Option<f64>,
+    /// The cosmological constant's.
+    pub omega_lambda: Option<f64>,
+    /// Baryons'.
+    pub omega_baryon: Option<f64>,
+}
+
+/// The moment of a snapshot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Epoch {
+    /// Cosmological scale factor.
+    pub scale_factor: Option<f64>,
+    /// Simulation time, in the unit of time.
+    pub time: Option<f64>,
+    /// Frame that was read, from 0, of a file that holds several.
+    pub frame: Option<u64>,
+    /// Time step, as the source numbers it.
+    pub step: Option<i64>,
+}
+
+impl Epoch {
     /// Redshift from the scale factor.
     pub fn redshift(&self) -> Option<f64> {
         self.scale_factor.map(|a| 1.0 / a - 1.0)
+    }
+}
+
+/// What was kept of each particle of a snapshot.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Quantity {
+    /// Name, at most 255 bytes in a file.
+    pub name: String,
+    /// What its values are.
+    pub kind: QuantityKind,
+    /// Their unit, where it is known.
+    pub unit: Option<Unit>,
+    /// Bytes of it a particle, as the float32 or whole numbers that were compressed.
+    pub bytes: u16,
+}
+
+/// What the values of a [`Quantity`] are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum QuantityKind {
+    /// A number.
+    Scalar,
+    /// Three numbers.
+    Vector,
+    /// A number that tells particles apart.
+    Id,
+    /// One of a few, as a chemical element.
+    Category,
+}
+
+impl QuantityKind {
+    /// All, in the order of their numbers in a file, which begin at 1.
+    pub const ALL: [QuantityKind; 4] =
+        [QuantityKind::Scalar, QuantityKind::Vector, QuantityKind::Id, QuantityKind::Category];
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            QuantityKind::Scalar => "scalar",
+            QuantityKind::Vector => "vector",
+            QuantityKind::Id => "id",
+            QuantityKind::Category => "category",
+        }
+    }
+}
+
+impl Metadata {
+    /// How means and shapes of Gaussians weigh particles: all alike, whatever their masses, which are sums.
+    pub const WEIGHTING: &'static str = "count";
+
+    /// Of a snapshot of `count` particles in `bounds` that says nothing else: masses of 1, the default radius and
+    /// opacity.
+    pub fn new(law: LawKind, count: u64, bounds: Bounds) -> Self {
+        Metadata {
+            law,
+            count,
+            mass: count as f64,
+            bounds,
+            cell: None,
+            default_radius: bounds.default_radius(count),
+            default_opacity: DEFAULT_OPACITY,
+            source: String::new(),
+            source_hash: [0; 32],
+            units: Units::default(),
+            cosmology: Cosmology::default(),
+            epoch: Epoch::default(),
+            fields: Vec::new(),
+            command: String::new(),
+            tool_version: env!("CARGO_PKG_VERSION").to_string(),
+            effort: None,
+        }
+    }
+
+    /// All that was kept of the snapshot: positions, masses where particles of any layer are `weighted`, and
+    /// [`Metadata::fields`].
+    pub fn quantities(&self, weighted: bool) -> Vec<Quantity> {
+        let quantity = |name: &str, kind, unit: &Option<Unit>, bytes| Quantity {
+            name: name.into(),
+            kind,
+            unit: unit.clone(),
+            bytes,
+        };
+        let mut all = vec![quantity("positions", QuantityKind::Vector, &self.units.length, 12)];
+        all.extend(weighted.then(|| quantity("masses", QuantityKind::Scalar, &self.units.mass, 4)));
+        all.extend(self.fields.iter().cloned());
+        all
     }
 }
 

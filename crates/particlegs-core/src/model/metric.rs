@@ -42,7 +42,7 @@ pub enum Coding {
 
 /// What a figure is measured in.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Unit {
+pub enum MetricUnit {
     /// None, or one that its name says.
     Plain,
     /// The unit of length.
@@ -81,7 +81,7 @@ pub struct Metric {
     /// Lowest and highest number; others are corrupt.
     pub range: [f64; 2],
     /// What it is measured in.
-    pub unit: Unit,
+    pub unit: MetricUnit,
     /// How far apart two may be.
     pub tolerance: Tolerance,
 }
@@ -95,7 +95,7 @@ impl Metric {
             Coding::UpTo | Coding::From => Tolerance::Relative(0.001),
             Coding::Score => Tolerance::Score,
         };
-        let unit = if matches!(coding, Coding::UpTo) { Unit::WaveNumber } else { Unit::Plain };
+        let unit = if matches!(coding, Coding::UpTo) { MetricUnit::WaveNumber } else { MetricUnit::Plain };
         Metric { name, coding, range: [0.0, f64::MAX], unit, tolerance }
     }
 
@@ -110,8 +110,8 @@ impl Metric {
     }
 
     /// The same in a unit; what has a dimension is compared by shares.
-    pub(crate) const fn unit(self, unit: Unit) -> Metric {
-        let tolerance = if matches!(unit, Unit::Share) { self.tolerance } else { Tolerance::Relative(0.001) };
+    pub(crate) const fn unit(self, unit: MetricUnit) -> Metric {
+        let tolerance = if matches!(unit, MetricUnit::Share) { self.tolerance } else { Tolerance::Relative(0.001) };
         Metric { unit, tolerance, ..self }
     }
 
@@ -135,11 +135,11 @@ impl Metric {
             (MetricValue::Real(n), Coding::From) => format!("from {n} particles on"),
             (MetricValue::Real(k), Coding::UpTo) => format!("up to k = {k:.4} {}", per()),
             (MetricValue::Real(v), _) => match self.unit {
-                Unit::Share => format!("{:.2} %", 100.0 * v),
-                Unit::WaveNumber => format!("{} {}", decimals(v), per()),
-                Unit::Length => unit.map_or(decimals(v), |u| format!("{} {u}", decimals(v))),
-                Unit::Volume => unit.map_or(decimals(v), |u| format!("{} ({u})^3", decimals(v))),
-                Unit::Plain => decimals(v),
+                MetricUnit::Share => format!("{:.2} %", 100.0 * v),
+                MetricUnit::WaveNumber => format!("{} {}", decimals(v), per()),
+                MetricUnit::Length => unit.map_or(decimals(v), |u| format!("{} {u}", decimals(v))),
+                MetricUnit::Volume => unit.map_or(decimals(v), |u| format!("{} ({u})^3", decimals(v))),
+                MetricUnit::Plain => decimals(v),
             },
         }
     }

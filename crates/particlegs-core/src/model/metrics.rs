@@ -2,7 +2,7 @@
 //! [`Certificate`](super::Certificate).
 
 use super::metric::{MetricVisitor, Visited, record};
-use super::{Limit, Metric, MetricValue, Tolerance, Unit};
+use super::{Limit, Metric, MetricValue, Tolerance, MetricUnit};
 use crate::model::Coding::{F32, F64, Name, OptionalF32, Score, UpTo, Whole};
 use crate::space::Bounds;
 
@@ -45,7 +45,7 @@ const HEIGHT: Metric = Metric::new("height", Whole(2));
 const CORRELATION: Metric = Metric::new("correlation", F32).range(-1.0, 1.0);
 const ERROR: Metric = Metric::new("mean error", F32);
 const UNIFORM_ERROR: Metric = Metric::new("error of a uniform one", F32);
-const K_MAX: Metric = Metric::new("largest wave number", F64).unit(Unit::WaveNumber);
+const K_MAX: Metric = Metric::new("largest wave number", F64).unit(MetricUnit::WaveNumber);
 
 /// Scores of one picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -118,7 +118,7 @@ record! {
     /// A model's density against its particles' in cells of one size, and a uniform density's error.
     CellDensity {
         /// Edge of a cell, world units (the longest of the three).
-        edge: f64 = Metric::new("edge", F64).range(f64::MIN_POSITIVE, f64::MAX).unit(Unit::Length);
+        edge: f64 = Metric::new("edge", F64).range(f64::MIN_POSITIVE, f64::MAX).unit(MetricUnit::Length);
         /// Particles in a cell, on average.
         particles: f64 = Metric::new("particles", F32);
         /// Pearson's coefficient over the cells.
@@ -156,7 +156,7 @@ record! {
     PowerAgreement {
         /// Largest |P / P(particles) - 1| of any shell in which the particles have power above the scatter of their shot
         /// noise; `None` where there is no such shell.
-        largest_deviation: Option<f64> = Metric::new("largest deviation", OptionalF32).unit(Unit::Share);
+        largest_deviation: Option<f64> = Metric::new("largest deviation", OptionalF32).unit(MetricUnit::Share);
         /// It is within 1 % in every such shell up to this wave number.
         within_1_percent_to: Limit = Metric::new("within 1 %", UpTo);
     }
@@ -182,7 +182,7 @@ impl Sample {
 impl Visited<[&'static str; 6]> for Bounds {
     fn visit<V: MetricVisitor>(&mut self, names: [&'static str; 6], v: &mut V) -> Result<(), V::Error> {
         self.min.iter_mut().chain(&mut self.max).zip(names).try_for_each(|(corner, name)| {
-            corner.visit(Metric::new(name, F64).signed().unit(Unit::Length).tolerance(Tolerance::Same), v)
+            corner.visit(Metric::new(name, F64).signed().unit(MetricUnit::Length).tolerance(Tolerance::Same), v)
         })
     }
 }
@@ -191,11 +191,11 @@ record! {
     /// Distances to the nearest neighbour, of the particles and of as many drawn from the model.
     Spacing {
         /// Their median among the particles, world units.
-        median: f64 = Metric::new("median", F64).unit(Unit::Length);
+        median: f64 = Metric::new("median", F64).unit(MetricUnit::Length);
         /// Their 5th percentile over the median: 0.42 of particles at random, 1 of a lattice.
         regularity: f64 = Metric::new("5th percentile over it", F32);
         /// The median among those drawn.
-        drawn_median: f64 = Metric::new("median of particles drawn", F64).unit(Unit::Length);
+        drawn_median: f64 = Metric::new("median of particles drawn", F64).unit(MetricUnit::Length);
         /// And their 5th percentile over it.
         drawn_regularity: f64 = Metric::new("5th percentile over that", F32);
     }
@@ -208,17 +208,17 @@ record! {
         /// Groups of the particles.
         groups: u64 = Metric::new("groups", Whole(4));
         /// Their number among drawn particles over that, mean of the draws.
-        number: Option<f64> = Metric::new("number", OptionalF32).unit(Unit::Share);
+        number: Option<f64> = Metric::new("number", OptionalF32).unit(MetricUnit::Share);
         /// Standard deviation of that over the draws.
-        number_scatter: f64 = Metric::new("+- number", F32).unit(Unit::Share);
+        number_scatter: f64 = Metric::new("+- number", F32).unit(MetricUnit::Share);
         /// Share of the groups that have a counterpart of any size.
-        completeness: Option<f64> = Metric::new("completeness", OptionalF32).unit(Unit::Share);
+        completeness: Option<f64> = Metric::new("completeness", OptionalF32).unit(MetricUnit::Share);
         /// Share of the drawn groups of this class that have one.
-        purity: Option<f64> = Metric::new("purity", OptionalF32).unit(Unit::Share);
+        purity: Option<f64> = Metric::new("purity", OptionalF32).unit(MetricUnit::Share);
         /// Median of a counterpart's particles over the group's.
-        mass: Option<f64> = Metric::new("median mass", OptionalF32).unit(Unit::Share);
+        mass: Option<f64> = Metric::new("median mass", OptionalF32).unit(MetricUnit::Share);
         /// Half the distance of the 16th and 84th percentile of that.
-        mass_scatter: f64 = Metric::new("+- mass", F32).unit(Unit::Share);
+        mass_scatter: f64 = Metric::new("+- mass", F32).unit(MetricUnit::Share);
     }
 }
 
@@ -234,7 +234,7 @@ record! {
         /// 16th neighbour).
         kernel_bits: f64 = Metric::new("bits of a kernel estimate on all particles", F32).signed();
         /// Volume that bits are relative to, world units cubed.
-        volume: f64 = Metric::new("volume", F64).unit(Unit::Volume);
+        volume: f64 = Metric::new("volume", F64).unit(MetricUnit::Volume);
         /// Largest wave number, one over the unit of length.
         k_max: f64 = K_MAX;
         /// P(model of A, B) / P(A, B) in bands of k that end at shares [`BANDS`] of `k_max`.
@@ -246,9 +246,9 @@ record! {
     /// A transfer function in one band of wave numbers.
     Transfer {
         /// Mean of both halves' minus 1; `None` where the band holds no modes, or no power above its noise.
-        deviation: Option<f64> = Metric::new("deviation", OptionalF32).signed().unit(Unit::Share);
+        deviation: Option<f64> = Metric::new("deviation", OptionalF32).signed().unit(MetricUnit::Share);
         /// Half of the halves' difference.
-        scatter: f64 = Metric::new("scatter", F32).unit(Unit::Share);
+        scatter: f64 = Metric::new("scatter", F32).unit(MetricUnit::Share);
     }
 }
 

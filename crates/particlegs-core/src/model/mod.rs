@@ -12,6 +12,7 @@ mod mixture;
 mod network;
 mod science;
 mod sphere;
+mod unit;
 pub mod vizmapper;
 
 pub use certificate::{Certificate, CertificateLevel};
@@ -19,8 +20,8 @@ pub use columns::{Columns, MASS};
 pub use goal::{Goal, GoalKind, GoalResult};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
-pub use metadata::{Effort, Metadata, hex};
-pub use metric::{Coding, Metric, MetricEntry, MetricGroup, MetricValue, Tolerance, Unit};
+pub use metadata::{Cosmology, Effort, Epoch, Metadata, Quantity, QuantityKind, hex};
+pub use metric::{Coding, Metric, MetricEntry, MetricGroup, MetricValue, MetricUnit, Tolerance};
 pub(crate) use metric::{MetricVisitor, Visited};
 pub use metrics::{
     BANDS, CELL_SIZES, CellDensity, CrossValidation, DensityMetrics, GROUP_CLASSES, GroupClass, LookSummary, MassPower,
@@ -31,3 +32,4 @@ pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 pub use science::{Limit, ScienceMetrics, ScienceSubject, per_length};
 pub use sphere::{Lump, Rules};
+pub use unit::{Dimension, Si, Unit, Units};

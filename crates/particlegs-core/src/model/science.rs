@@ -1,7 +1,7 @@
 //! What statistics of a decoded model said when its file was made.
 
 use super::metric::{enum_values, record};
-use super::{Metric, MetricValue, Unit};
+use super::{Metric, MetricValue, MetricUnit};
 use crate::model::Coding::{F32, From as FromSize, Name, UpTo, Whole};
 
 /// A place up to which, or from which on, something holds.
@@ -89,7 +89,7 @@ record! {
         spectrum_grid: u16 = Metric::new("cells", Whole(2));
         /// Largest wave number measured, one over the unit of length; 0 where none was. A limit of this
         /// size means "at least": the grid goes no further.
-        k_max: f64 = Metric::new("largest wave number", F32).unit(Unit::WaveNumber);
+        k_max: f64 = Metric::new("largest wave number", F32).unit(MetricUnit::WaveNumber);
         /// P(k), shot noise subtracted, is within 1 % of the snapshot's up to this wave number.
         power_within_1_percent_to: Limit = Metric::new("P(k) within 1 %", UpTo);
         /// And within 5 %.

@@ -11,6 +11,7 @@ use crate::text::table::Builder;
 use crate::{Choice, Description, Field, Format, Snapshot};
 use guess::Guess;
 use names::Name;
+use particlegs::model::Units;
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
@@ -86,8 +87,11 @@ fn meta(path: &std::path::Path, columns: &Columns) -> SnapshotMeta {
     let same = lengths.iter().all(|unit| *unit == lengths[0]);
     SnapshotMeta {
         name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
-        length_unit: lengths[0].clone().filter(|_| same),
-        mass_unit: columns.mass.as_deref().and_then(unit_of),
+        units: Units::of(
+            lengths[0].as_deref().filter(|_| same),
+            columns.mass.as_deref().and_then(unit_of).as_deref(),
+            None,
+        ),
         ..SnapshotMeta::default()
     }
 }

@@ -39,11 +39,11 @@ fn separators_headers_and_comments() {
 #[test]
 fn names_state_units_and_masses() {
     let (d, got) = open(b"x [kpc],y [kpc],z [kpc],Mass (Msun)\n1,2,3,10\n4,5,-6.5,20\n").unwrap();
-    assert_eq!((d.meta.length_unit.as_deref(), d.meta.mass_unit.as_deref()), (Some("kpc"), Some("Msun")));
+    assert_eq!((d.meta.units.length_text(), d.meta.units.mass_text()), (Some("kpc"), Some("Msun")));
     assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("x,y,z", &Mass::Field("Mass".into())));
     assert_eq!((&got.positions[..], &got.weights[..]), (&TWO[..], &[10.0, 20.0][..]));
     let (d, _) = open(b"# x y z m [Mpc/h]\n1 2 3 4\n").unwrap();
-    assert_eq!(d.meta.length_unit.as_deref(), Some("Mpc/h"));
+    assert_eq!(d.meta.units.length_text(), Some("Mpc/h"));
     assert_eq!(d.species[0].fields[3].name, "m");
     let (d, _) = open(b"a a x y z\n1 2 3 4 5\n").unwrap();
     assert_eq!(d.species[0].fields[1].name, "a.2");

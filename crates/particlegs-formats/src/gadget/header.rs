@@ -1,5 +1,6 @@
 //! The 256 bytes that every Gadget file begins with.
 
+use particlegs::model::{Cosmology, Epoch, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
@@ -105,10 +106,18 @@ impl Header {
         SnapshotMeta {
             name,
             cell: (self.box_size > 0.0).then(|| Cell::orthogonal([self.box_size; 3])),
-            comoving: cosmological.then_some(true),
-            scale_factor: cosmological.then_some(self.time),
-            hubble: (self.hubble > 0.0).then_some(self.hubble),
-            time: (!cosmological).then_some(self.time),
+            units: Units { comoving: cosmological.then_some(true), ..Units::default() },
+            cosmology: Cosmology {
+                hubble: (self.hubble > 0.0).then_some(self.hubble),
+                omega_matter: cosmological.then_some(self.omega0),
+                omega_lambda: cosmological.then_some(self.omega_lambda),
+                omega_baryon: None,
+            },
+            epoch: Epoch {
+                scale_factor: cosmological.then_some(self.time),
+                time: (!cosmological).then_some(self.time),
+                ..Epoch::default()
+            },
             ..SnapshotMeta::default()
         }
     }
@@ -143,10 +152,10 @@ mod tests {
         let mut bytes = sample([0, 2, 0, 0, 0, 0], [0.0; 6], 1, [0, 2, 0, 0, 0, 0]);
         let parse = |bytes: &[u8]| Header::parse(Path::new("f"), bytes, false);
         let meta = parse(&bytes).unwrap().meta("f".into());
-        assert_eq!((meta.scale_factor, meta.time, meta.comoving), (Some(0.5), None, Some(true)));
+        assert_eq!((meta.epoch.scale_factor, meta.epoch.time, meta.units.comoving), (Some(0.5), None, Some(true)));
         bytes[80..88].copy_from_slice(&0.0f64.to_le_bytes());
         let meta = parse(&bytes).unwrap().meta("f".into());
-        assert_eq!((meta.scale_factor, meta.time, meta.comoving), (None, Some(0.5), None));
+        assert_eq!((meta.epoch.scale_factor, meta.epoch.time, meta.units.comoving), (None, Some(0.5), None));
         bytes[128..136].copy_from_slice(&f64::NAN.to_le_bytes());
         assert!(parse(&bytes).unwrap_err().to_string().contains("BoxSize"));
         bytes[128..136].copy_from_slice(&3e-310f64.to_le_bytes());

@@ -2,6 +2,7 @@
 
 use super::attributes::Attributes;
 use super::container::Container;
+use particlegs::model::Cosmology;
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
 
@@ -131,6 +132,21 @@ impl Header {
             .filter(|h| h.is_finite() && *h > 0.0)
     }
 
+    /// The cosmology of an expanding space.
+    pub fn cosmology(&self) -> Cosmology {
+        let g = &self.groups;
+        let number = |names: &[&str]| {
+            let found = [&g.header, &g.cosmology, &g.parameters].into_iter().find_map(|a| a.number(names));
+            found.filter(|v| v.is_finite())
+        };
+        Cosmology {
+            hubble: self.hubble(),
+            omega_matter: number(&["Omega0", "Omega_Matter", "Omega_m"]),
+            omega_lambda: number(&["OmegaLambda", "Omega_Lambda", "Omega_lambda"]),
+            omega_baryon: number(&["OmegaBaryon", "Omega_Baryon", "Omega_b"]),
+        }
+    }
+
     /// Is it a cosmological run: do positions grow with the scale factor? `None` where nothing says.
     pub fn cosmological(&self, notes: &mut Vec<String>) -> Option<bool> {
         let g = &self.groups;
@@ -147,6 +163,12 @@ impl Header {
         }
         notes.push("nothing says whether lengths are comoving".into());
         None
+    }
+
+    /// The time of a run that is cosmological or not. Gadget's is then the scale factor: not again a time.
+    pub fn time_apart(&self, cosmological: bool) -> Option<f64> {
+        let is_factor = cosmological && !self.groups.header.has("Scale-factor");
+        self.time().filter(|_| !is_factor)
     }
 
     /// The scale factor of a cosmological run.

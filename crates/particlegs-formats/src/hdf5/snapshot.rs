@@ -4,9 +4,10 @@ use super::container::{Container, DataSet};
 use super::files;
 use super::header::{Header, TYPES};
 use super::reader::{self, Source};
-use super::units::{self, Quantity, Simulation, Unit};
+use super::units::{self, Simulation};
 use crate::{Choice, Description, Field, Mass, Snapshot, Species};
 use memmap2::Mmap;
+use particlegs::model::{Cosmology, Dimension, Epoch, Unit, Units};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -235,33 +236,38 @@ impl Builder {
         }
         let mut notes = std::mem::take(&mut self.notes);
         let cell = self.header.cell(&mut notes)?;
-        let mut meta =
-            SnapshotMeta { cell, time: self.header.time(), hubble: self.header.hubble(), ..SnapshotMeta::default() };
-        meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let mut doubts = Vec::new();
         let cosmological = self.header.cosmological(&mut doubts);
         if !self.found.iter().flatten().any(Found::says_comoving) {
             notes.append(&mut doubts);
         }
-        if cosmological == Some(true) {
-            meta.scale_factor = self.header.scale_factor();
-        }
-        let simulation = Simulation { groups: &self.header.groups, cosmological, hubble: meta.hubble };
+        let hubble = self.header.hubble();
+        let expands = cosmological == Some(true);
+        let time = self.header.time_apart(expands);
+        let mut meta = SnapshotMeta {
+            name: paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+            cell,
+            units: Units { time: units::time_unit(&self.header.groups).filter(|_| time.is_some()), ..Units::default() },
+            cosmology: if expands { self.header.cosmology() } else { Cosmology { hubble, ..Cosmology::default() } },
+            epoch: Epoch { scale_factor: self.header.scale_factor().filter(|_| expands), time, ..Epoch::default() },
+            ..SnapshotMeta::default()
+        };
+        let simulation = Simulation { groups: &self.header.groups, cosmological, hubble };
         let (mut species, mut types) = (Vec::new(), Vec::new());
         for (kind, found) in self.found.iter().enumerate() {
             let Some(found) = found else { continue };
             let own = |name: &str| {
                 found.sets.iter().find(|s| s.name == name).map(|s| s.attributes.clone()).unwrap_or_default()
             };
-            let mut units = |name: &str, quantity| {
-                units::unit(&own(name), &own(&found.positions), &simulation, quantity, &mut notes)
+            let mut units = |name: &str, dimension| {
+                units::unit(&own(name), &own(&found.positions), &simulation, dimension, &mut notes)
             };
-            let length = units(&found.positions, Quantity::Length);
-            let mass = units(found.masses().unwrap_or_default(), Quantity::Mass);
-            meta.length_unit = meta.length_unit.or(length.text.clone());
-            meta.mass_unit = meta.mass_unit.or(mass.text.clone());
-            meta.comoving = meta.comoving.or(length.comoving);
-            species.push(self.species(kind, found, counts[kind], &length, &mass));
+            let (length, comoving) = units(&found.positions, Dimension::Length);
+            let (mass, _) = units(found.masses().unwrap_or_default(), Dimension::Mass);
+            species.push(self.species(kind, found, counts[kind], [&length, &mass]));
+            meta.units.length = meta.units.length.or(length);
+            meta.units.mass = meta.units.mass.or(mass);
+            meta.units.comoving = meta.units.comoving.or(comoving);
             types.push(kind);
         }
         let code = self.header.code().map(|c| format!(", {c}")).unwrap_or_default();
@@ -299,15 +305,16 @@ impl Builder {
         Ok(())
     }
 
-    fn species(&self, kind: usize, found: &Found, count: u64, length: &Unit, mass: &Unit) -> Species {
+    fn species(&self, kind: usize, found: &Found, count: u64, [length, mass]: [&Option<Unit>; 2]) -> Species {
         let masses = found.masses();
+        let text = |unit: &Option<Unit>| unit.as_ref().map(|u| u.text.clone());
         let field = |set: &DataSet| Field {
             name: set.name.clone(),
             kind: set.kind.clone(),
             components: u32::try_from(set.components()).unwrap_or(u32::MAX),
             unit: match &set.name {
-                n if *n == found.positions => length.text.clone(),
-                n if Some(&n[..]) == masses => mass.text.clone(),
+                n if *n == found.positions => text(length),
+                n if Some(&n[..]) == masses => text(mass),
                 _ => set
                     .attributes
                     .text(&["Expression for physical CGS units", "Units", "units", "unit"])

@@ -1,44 +1,14 @@
-//! Units as text: what a file says in centimetres, grams and powers of h, by name where it has one.
+//! Units: what a file says in centimetres, grams and powers of h and a, by name where it has one.
 
 use super::attributes::Attributes;
 use super::header::Groups;
+use particlegs::model::{Dimension, Si, Unit};
 
-/// Lengths with names, in centimetres.
-const LENGTHS: [(&str, f64); 9] = [
-    ("cm", 1.0),
-    ("m", 1e2),
-    ("km", 1e5),
-    ("Rsun", 6.957e10),
-    ("AU", 1.495_978_707e13),
-    ("pc", 3.085_677_581_5e18),
-    ("kpc", 3.085_677_581_5e21),
-    ("Mpc", 3.085_677_581_5e24),
-    ("Gpc", 3.085_677_581_5e27),
-];
-
-/// The sun's mass in grams.
-const SUN: f64 = 1.988_41e33;
+/// Names that lengths get, the smallest first.
+const LENGTHS: [&str; 9] = ["cm", "m", "km", "Rsun", "AU", "pc", "kpc", "Mpc", "Gpc"];
 
 /// How far a file's number may be from a named unit's: codes differ in the digits they keep.
 const TOLERANCE: f64 = 1e-3;
-
-/// A data set's unit.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Unit {
-    /// As text.
-    pub text: Option<String>,
-    /// Does it grow with the scale factor?
-    pub comoving: Option<bool>,
-}
-
-/// What a unit measures.
-#[derive(Clone, Copy, PartialEq)]
-pub enum Quantity {
-    /// Length.
-    Length,
-    /// Mass.
-    Mass,
-}
 
 /// What a file says of the simulation as a whole.
 pub struct Simulation<'a> {
@@ -50,37 +20,37 @@ pub struct Simulation<'a> {
     pub hubble: Option<f64>,
 }
 
-/// The unit of a data set with attributes `own`. What they do not say about h, those of the `positions` may.
+/// The unit of a data set with attributes `own`, and whether it grows with the scale factor. What they do not say
+/// about h, those of the `positions` may.
 pub fn unit(
     own: &Attributes,
     positions: &Attributes,
     simulation: &Simulation<'_>,
-    quantity: Quantity,
+    dimension: Dimension,
     notes: &mut Vec<String>,
-) -> Unit {
+) -> (Option<Unit>, Option<bool>) {
     let &Simulation { groups, cosmological, hubble } = simulation;
     let comoving = comoving(own, cosmological);
     if let Some(text) = own.text(&["unit", "units", "Units"]).filter(|t| !t.starts_with("arepo_")) {
-        return Unit { text: Some(text.to_string()), comoving };
+        return (Some(Unit::parse(text, dimension)), comoving);
     }
-    let Some(cgs) = in_cgs(own, groups, quantity) else { return Unit { text: None, comoving } };
+    let Some(size) = in_si(own, groups, dimension) else { return (None, comoving) };
     let stated = h_power(own, groups).or_else(|| h_power(positions, groups));
-    let Some(power) = stated.or_else(|| h_power_by_rule(cosmological, hubble, notes)) else {
-        return Unit { text: None, comoving };
-    };
-    let name = match quantity {
-        Quantity::Length => length_name,
-        Quantity::Mass => mass_name,
-    };
+    let Some(power) = stated.or_else(|| h_power_by_rule(cosmological, hubble, notes)) else { return (None, comoving) };
     // GIZMO writes its unit with h in it: 4.4e21 cm is kpc/h where h is 0.7.
-    let without = hubble.filter(|_| power == 0.0 && name(cgs).1).map(|h| name(cgs * h)).filter(|n| !n.1);
-    let text = match (without, power) {
-        (Some((name, _)), _) => format!("{name}/h"),
-        (None, 0.0) => name(cgs).0,
-        (None, -1.0) => format!("{}/h", name(cgs).0),
-        (None, p) => format!("{} h^{p}", name(cgs).0),
+    let without = hubble.filter(|_| power == 0.0 && name(size, dimension).1).map(|h| size * h);
+    let (factor, power) = match without.filter(|&size| !name(size, dimension).1) {
+        Some(size) => (size, -1.0),
+        None => (size, power),
     };
-    Unit { text: Some(text), comoving }
+    let name = name(factor, dimension).0;
+    let text = match power {
+        0.0 => name,
+        -1.0 => format!("{name}/h"),
+        p => format!("{name} h^{p}"),
+    };
+    let a = if dimension == Dimension::Length && comoving == Some(true) { 1.0 } else { 0.0 };
+    (Some(Unit { text, si: Some(Si { factor, a, h: power as f32 }) }), comoving)
 }
 
 fn comoving(own: &Attributes, cosmological: Option<bool>) -> Option<bool> {
@@ -97,17 +67,34 @@ pub fn a_power(own: &Attributes) -> Option<f64> {
     own.number(&["a_scaling", "aexp-scale-exponent", "a-scale exponent"])
 }
 
-fn in_cgs(own: &Attributes, groups: &Groups, quantity: Quantity) -> Option<f64> {
+/// A unit in metres or kilograms: files have it in centimetres or grams.
+fn in_si(own: &Attributes, groups: &Groups, dimension: Dimension) -> Option<f64> {
     const SWIFT: &str = "Conversion factor to CGS (not including cosmological corrections)";
-    let named: &[&str] = match quantity {
-        Quantity::Length => &["UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"],
-        Quantity::Mass => &["UnitMass_in_g", "UnitMass_In_CGS", "Unit mass in cgs (U_M)"],
+    let named: &[&str] = match dimension {
+        Dimension::Length => &["UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"],
+        Dimension::Mass => &["UnitMass_in_g", "UnitMass_In_CGS", "Unit mass in cgs (U_M)"],
+        Dimension::Time => &[],
     };
-    let sound = |v: &f64| v.is_finite() && *v > 0.0;
+    let sound = |v: &f64| (1e-200..1e200).contains(v);
     let own = own.number(&["to_cgs", "CGSConversionFactor", SWIFT]).filter(sound);
     let elsewhere =
         [&groups.header, &groups.parameters, &groups.units].into_iter().find_map(|a| a.number(named).filter(sound));
-    own.or(elsewhere)
+    own.or(elsewhere).map(|cgs| cgs / per_si(dimension))
+}
+
+/// CGS units in the SI unit.
+pub fn per_si(dimension: Dimension) -> f64 {
+    match dimension {
+        Dimension::Length => 1e2,
+        Dimension::Mass => 1e3,
+        Dimension::Time => 1.0,
+    }
+}
+
+/// The unit of a file's time, which SWIFT states in seconds.
+pub fn time_unit(groups: &Groups) -> Option<Unit> {
+    let seconds = groups.units.number(&["Unit time in cgs (U_t)"])?;
+    Some(Unit::parse(&format!("{seconds:e} s"), Dimension::Time))
 }
 
 fn h_power(own: &Attributes, groups: &Groups) -> Option<f64> {
@@ -135,25 +122,23 @@ fn h_power_by_rule(cosmological: Option<bool>, hubble: Option<f64>, notes: &mut 
     power
 }
 
-/// A length's name, and whether it has none but a number.
-fn length_name(cm: f64) -> (String, bool) {
-    match LENGTHS.iter().find(|l| (cm / l.1 - 1.0).abs() < TOLERANCE) {
-        Some(l) => (l.0.to_string(), false),
-        None => (format!("{} cm", number(cm)), true),
+/// The name of a unit in SI, and whether it has none but a number.
+fn name(size: f64, dimension: Dimension) -> (String, bool) {
+    let factor = |name: &str| Unit::parse(name, dimension).si.map_or(f64::NAN, |si| si.factor);
+    let is = |text: &&str| (size / factor(text) - 1.0).abs() < TOLERANCE;
+    if dimension == Dimension::Length {
+        let known = LENGTHS.iter().find(|l| is(l));
+        return known.map_or_else(|| (format!("{} cm", number(1e2 * size)), true), |l| (l.to_string(), false));
     }
-}
-
-/// A mass's name, and whether it has none but a number.
-fn mass_name(grams: f64) -> (String, bool) {
-    let suns = grams / SUN;
+    let suns = size / factor("Msun");
     let power = suns.log10().round();
     if (suns / 10f64.powf(power) - 1.0).abs() < TOLERANCE && (-6.0..=20.0).contains(&power) {
         return (if power == 0.0 { "Msun".into() } else { format!("1e{power} Msun") }, false);
     }
-    match grams {
-        1.0 => ("g".into(), false),
-        1e3 => ("kg".into(), false),
-        _ => (format!("{} g", number(grams)), true),
+    match size {
+        1e-3 => ("g".into(), false),
+        1.0 => ("kg".into(), false),
+        _ => (format!("{} g", number(1e3 * size)), true),
     }
 }
 
@@ -163,68 +148,53 @@ fn number(value: f64) -> String {
     format!("{rounded:e}")
 }
 
-/// Centimetres or grams of a unit's text, and its power of h: what [`unit`] writes.
-pub fn parse(text: &str, quantity: Quantity) -> Option<(f64, f64)> {
-    let (name, power) = match text.strip_suffix("/h") {
-        Some(name) => (name.trim(), -1.0),
-        None => (text.trim(), 0.0),
-    };
-    let (factor, name) = match name.split_once(' ') {
-        Some((factor, name)) => (factor.parse().ok()?, name.trim()),
-        None => (1.0, name),
-    };
-    let base = match (quantity, name) {
-        (Quantity::Mass, "Msun") => SUN,
-        (Quantity::Mass, "g") => 1.0,
-        (Quantity::Mass, "kg") => 1e3,
-        (Quantity::Length, name) => LENGTHS.iter().find(|l| l.0 == name)?.1,
-        _ => return None,
-    };
-    Some((factor * base, power))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn of(own: &[(&str, f64)], parameters: &[(&str, f64)], cosmological: Option<bool>, hubble: Option<f64>) -> Unit {
+    fn of(
+        own: &[(&str, f64)],
+        parameters: &[(&str, f64)],
+        run: (Option<bool>, Option<f64>),
+    ) -> (Option<Unit>, Option<bool>) {
         let groups = Groups { parameters: Attributes::of_numbers(parameters), ..Groups::default() };
-        let simulation = Simulation { groups: &groups, cosmological, hubble };
+        let simulation = Simulation { groups: &groups, cosmological: run.0, hubble: run.1 };
         let own = Attributes::of_numbers(own);
-        unit(&own, &Attributes::default(), &simulation, Quantity::Length, &mut Vec::new())
+        unit(&own, &Attributes::default(), &simulation, Dimension::Length, &mut Vec::new())
+    }
+
+    fn text(found: (Option<Unit>, Option<bool>)) -> Option<String> {
+        found.0.map(|u| u.text)
     }
 
     #[test]
     fn units_are_named_as_the_file_says() {
         let kpc = [("UnitLength_in_cm", 3.085678e21)];
-        let scaled =
-            of(&[("a_scaling", 1.0), ("h_scaling", -1.0), ("to_cgs", 3.085678e21)], &[], Some(true), Some(0.7));
-        assert_eq!(scaled, Unit { text: Some("kpc/h".into()), comoving: Some(true) });
-        let plain = of(&[("a_scaling", 0.0), ("h_scaling", 0.0), ("to_cgs", 3.085678e24)], &[], Some(false), Some(1.0));
-        assert_eq!(plain, Unit { text: Some("Mpc".into()), comoving: Some(false) });
-        assert_eq!(of(&[], &kpc, Some(true), Some(0.7)).text.as_deref(), Some("kpc/h"));
-        assert_eq!(of(&[], &kpc, Some(false), Some(1.0)).text.as_deref(), Some("kpc"));
-        assert_eq!(of(&[], &kpc, Some(false), Some(0.7)).text, None);
-        assert_eq!(of(&[], &[], Some(true), Some(0.7)), Unit { text: None, comoving: Some(true) });
-        assert_eq!(length_name(1.496e13).0, "AU");
-        assert_eq!(length_name(3.2e21), ("3.2e21 cm".into(), true));
-        assert_eq!(mass_name(1.989e43).0, "1e10 Msun");
-        assert_eq!(mass_name(1.989e33).0, "Msun");
-        assert_eq!(mass_name(5e40).0, "5e40 g");
-        let gizmo = |cm, h| of(&[], &[("UnitLength_In_CGS", cm)], Some(true), Some(h)).text.unwrap();
-        assert_eq!(gizmo(3.085678e21 / 0.7, 0.7), "kpc/h");
-        assert_eq!(gizmo(3.085678e21, 0.7), "kpc");
-        assert_eq!(gizmo(3.2e21, 0.7), "3.2e21 cm");
-    }
-
-    #[test]
-    fn texts_are_read_back() {
-        for text in ["kpc/h", "Mpc", "3.2e21 cm/h", "AU"] {
-            let (cm, power) = parse(text, Quantity::Length).unwrap();
-            let name = length_name(cm).0;
-            assert_eq!(if power == 0.0 { name } else { format!("{name}/h") }, text);
+        let run = (Some(true), Some(0.7));
+        let scaled = of(&[("a_scaling", 1.0), ("h_scaling", -1.0), ("to_cgs", 3.085678e21)], &[], run);
+        let si = Some(Si { factor: 3.085678e19, a: 1.0, h: -1.0 });
+        assert_eq!(scaled, (Some(Unit { text: "kpc/h".into(), si }), Some(true)));
+        let still = (Some(false), Some(1.0));
+        let plain = of(&[("a_scaling", 0.0), ("h_scaling", 0.0), ("to_cgs", 3.085678e24)], &[], still);
+        assert_eq!((text(plain.clone()).as_deref(), plain.1), (Some("Mpc"), Some(false)));
+        assert_eq!(text(of(&[], &kpc, run)).as_deref(), Some("kpc/h"));
+        assert_eq!(text(of(&[], &kpc, still)).as_deref(), Some("kpc"));
+        assert_eq!(of(&[], &kpc, (Some(false), Some(0.7))).0, None);
+        assert_eq!(of(&[], &[], run), (None, Some(true)));
+        let length = |cm: f64| name(cm / 1e2, Dimension::Length);
+        let mass = |grams: f64| name(grams / 1e3, Dimension::Mass).0;
+        assert_eq!(length(1.496e13).0, "AU");
+        assert_eq!(length(3.2e21), ("3.2e21 cm".into(), true));
+        assert_eq!([1.989e43, 1.989e33, 5e40, 1.0].map(mass), ["1e10 Msun", "Msun", "5e40 g", "g"]);
+        // What is written is what is read by name.
+        for text in ["AU", "kpc", "3.2e21 cm"] {
+            let si = Unit::parse(text, Dimension::Length).si.unwrap();
+            assert_eq!(name(si.factor, Dimension::Length).0, text);
         }
-        assert_eq!(parse("1e10 Msun/h", Quantity::Mass), Some((1e10 * SUN, -1.0)));
-        assert_eq!(parse("sigma", Quantity::Length), None);
+        let gizmo = |cm, h| of(&[], &[("UnitLength_In_CGS", cm)], (Some(true), Some(h))).0.unwrap();
+        let per_h = gizmo(3.085678e21 / 0.7, 0.7);
+        assert_eq!((&per_h.text[..], per_h.si.map(|si| (si.a, si.h))), ("kpc/h", Some((1.0, -1.0))));
+        assert_eq!(gizmo(3.085678e21, 0.7).text, "kpc");
+        assert_eq!(gizmo(3.2e21, 0.7).text, "3.2e21 cm");
     }
 }

@@ -1,8 +1,8 @@
 //! HDF5 out, in the layout of Gadget-4: one group a layer, one file, streamed.
 
 use super::encode::{self, Attribute, Group, Set, Value};
-use super::units::{self, Quantity};
-use particlegs::model::{Layer, Mass};
+use super::units;
+use particlegs::model::{Dimension, Layer, Mass, Unit};
 use particlegs::parallel;
 use particlegs::particles::{Kept, Run, SnapshotMeta};
 use particlegs::progress::Progress;
@@ -83,21 +83,16 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
 }
 
 fn groups(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], out: &Path) -> Result<Vec<Group>> {
-    let length = meta.length_unit.as_deref().map(|u| (u, units::parse(u, Quantity::Length)));
-    let mass = meta.mass_unit.as_deref().map(|u| (u, units::parse(u, Quantity::Mass)));
+    let (length, mass) = (&meta.units.length, &meta.units.mass);
     let group = |name: &str, attributes| Group { name: name.into(), attributes, sets: Vec::new() };
-    let cgs = |unit: &Option<(&str, Option<(f64, f64)>)>| unit.and_then(|u| u.1).map(|u| u.0);
-    let mut groups = vec![
-        group("Header", header(meta, layers, types, out)?),
-        group("Parameters", parameters(meta, cgs(&length), cgs(&mass))),
-    ];
+    let mut groups = vec![group("Header", header(meta, layers, types, out)?), group("Parameters", parameters(meta))];
     for (layer, kind) in layers.iter().zip(types) {
         let rows = layer.content.end - layer.content.start;
-        let comoving = meta.comoving.map(|c| if c { 1.0 } else { 0.0 });
+        let comoving = meta.units.comoving.map(|c| if c { 1.0 } else { 0.0 });
         let set = |name, columns, attributes| Set { name, rows, columns, attributes, hollow: false };
-        let mut sets = vec![set("Coordinates", 3, scaling(&length, comoving, Quantity::Length))];
+        let mut sets = vec![set("Coordinates", 3, scaling(length, comoving, Dimension::Length))];
         if layer.mass.is_weighted() {
-            sets.push(set("Masses", 1, scaling(&mass, Some(0.0), Quantity::Mass)));
+            sets.push(set("Masses", 1, scaling(mass, Some(0.0), Dimension::Mass)));
         }
         // pynbody counts particles by their IDs. There are none here, and none are made up.
         let why = Value::Text("not known: nothing is stored, and 0 is read".into());
@@ -140,14 +135,16 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
     if let Some(cell) = meta.cell.filter(|c| c.periodic != [true; 3]) {
         header.push(("BoxPeriodic", Value::Words(cell.periodic.map(u32::from).to_vec())));
     }
-    let factor = meta.scale_factor.filter(|a| *a > 0.0);
-    if let Some(time) = meta.time.or(factor) {
+    let factor = meta.epoch.scale_factor.filter(|a| *a > 0.0);
+    if let Some(time) = meta.epoch.time.or(factor) {
         header.push(("Time", Value::Number(time)));
     }
     if let Some(a) = factor {
         header.push(("Redshift", Value::Number(1.0 / a - 1.0)));
+        // Without it Time is the scale factor.
+        header.extend(meta.epoch.time.map(|_| ("Scale-factor", Value::Number(a))));
     }
-    if let Some(h) = meta.hubble {
+    if let Some(h) = meta.cosmology.hubble {
         header.push(("HubbleParam", Value::Number(h)));
     }
     Ok(header)
@@ -158,35 +155,41 @@ fn box_size(lengths: [f64; 3]) -> Attribute {
     ("BoxSize", if cube { Value::Number(lengths[0]) } else { Value::Numbers(lengths.to_vec()) })
 }
 
-fn parameters(meta: &SnapshotMeta, length: Option<f64>, mass: Option<f64>) -> Vec<Attribute> {
-    let named = [("UnitLength_in_cm", length), ("UnitMass_in_g", mass), ("HubbleParam", meta.hubble)];
+fn parameters(meta: &SnapshotMeta) -> Vec<Attribute> {
+    let (length, mass) = (cgs(&meta.units.length, Dimension::Length), cgs(&meta.units.mass, Dimension::Mass));
+    let c = &meta.cosmology;
+    let omegas = [("Omega0", c.omega_matter), ("OmegaLambda", c.omega_lambda), ("OmegaBaryon", c.omega_baryon)];
+    let named = [("UnitLength_in_cm", length), ("UnitMass_in_g", mass), ("HubbleParam", c.hubble)];
     // Readers take a file's units only where there are three. There are no velocities; km/s is Gadget's.
     let velocity = length.and(mass).map(|_| 1e5);
-    let named = named.into_iter().chain([("UnitVelocity_in_cm_per_s", velocity)]);
+    let named = named.into_iter().chain(omegas).chain([("UnitVelocity_in_cm_per_s", velocity)]);
     let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, Value::Number(v?)))).collect();
     parameters.extend(meta.cell.and_then(|c| c.lengths()).map(box_size));
-    if let Some(comoving) = meta.comoving {
+    if let Some(comoving) = meta.units.comoving {
         parameters.push(("ComovingIntegrationOn", Value::Integer(i32::from(comoving))));
     }
     parameters
 }
 
+/// A unit in centimetres or grams.
+fn cgs(unit: &Option<Unit>, dimension: Dimension) -> Option<f64> {
+    Some(unit.as_ref()?.si?.factor * units::per_si(dimension))
+}
+
 /// A data set's unit: Gadget-4's powers and factor, or the text where it has none.
-fn scaling(unit: &Option<(&str, Option<(f64, f64)>)>, a: Option<f64>, quantity: Quantity) -> Vec<Attribute> {
-    match unit {
-        None => Vec::new(),
-        Some((text, None)) => vec![("unit", Value::Text(text.to_string()))],
-        Some((_, Some((cgs, h)))) => {
-            let is = |q| Value::Number(if q == quantity { 1.0 } else { 0.0 });
-            let mut all = vec![
-                ("h_scaling", Value::Number(*h)),
-                ("length_scaling", is(Quantity::Length)),
-                ("mass_scaling", is(Quantity::Mass)),
-                ("velocity_scaling", Value::Number(0.0)),
-                ("to_cgs", Value::Number(*cgs)),
-            ];
-            all.extend(a.map(|a| ("a_scaling", Value::Number(a))));
-            all
-        }
-    }
+fn scaling(unit: &Option<Unit>, a: Option<f64>, dimension: Dimension) -> Vec<Attribute> {
+    let Some(u) = unit else { return Vec::new() };
+    let (Some(si), Some(cgs)) = (u.si, cgs(unit, dimension)) else {
+        return vec![("unit", Value::Text(u.text.clone()))];
+    };
+    let is = |d| Value::Number(if d == dimension { 1.0 } else { 0.0 });
+    let mut all = vec![
+        ("h_scaling", Value::Number(si.h.into())),
+        ("length_scaling", is(Dimension::Length)),
+        ("mass_scaling", is(Dimension::Mass)),
+        ("velocity_scaling", Value::Number(0.0)),
+        ("to_cgs", Value::Number(cgs)),
+    ];
+    all.extend(a.map(|a| ("a_scaling", Value::Number(a))));
+    all
 }

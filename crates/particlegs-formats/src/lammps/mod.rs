@@ -6,11 +6,12 @@ pub mod write;
 
 use crate::registry::Head;
 use crate::text::content::Content;
-use crate::text::frames::scan;
+use crate::text::frames::{Scan, scan};
 use crate::text::parse::Scaling;
 use crate::text::snapshot::{self, TextSnapshot, kinds};
 use crate::{Choice, Description, Field, Format, Snapshot};
 use frame::FrameHead;
+use particlegs::model::{Dimension, Epoch, Unit, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
@@ -38,14 +39,14 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let found = scan(&content, options.frame, |lines, number, wanted| {
         frame::next(&content, lines, &mut units, number, wanted)
     })?;
-    let mut notes = found.notes;
+    let mut notes = found.notes.clone();
     notes.extend(found.head.cell.notes.clone());
     let names = &found.table.layout.columns;
     if names.iter().any(|n| n == "ix") && names.iter().any(|n| n == "x" || n == "xs") {
         notes.push("positions are as they lie in the cell: image flags ix, iy, iz are not applied".into());
     }
-    let meta = meta(path, &found.head, units.as_deref(), &mut notes);
-    let columns = columns(&found.table.layout.columns, &kinds(&found.table), meta.length_unit.as_deref());
+    let meta = meta(path, &found, units.as_deref(), &mut notes);
+    let columns = columns(&found.table.layout.columns, &kinds(&found.table), meta.units.length_text());
     let description = Description {
         format: content.title(FORMAT.title),
         files: paths.to_vec(),
@@ -60,32 +61,32 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     Ok(Box::new(made))
 }
 
-fn meta(path: &std::path::Path, head: &FrameHead, units: Option<&str>, notes: &mut Vec<String>) -> SnapshotMeta {
-    let (length, mass) = units.map_or((None, None), units_of);
-    if let (Some(units), None) = (units, length) {
-        notes.push(format!("units `{units}` are not known"));
+fn meta(path: &std::path::Path, found: &Scan<FrameHead>, style: Option<&str>, notes: &mut Vec<String>) -> SnapshotMeta {
+    let [length, mass, time] = style.map_or([None; 3], units_of);
+    if let (Some(style), None) = (style, length) {
+        notes.push(format!("units `{style}` are not known"));
     }
     SnapshotMeta {
         name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
-        cell: head.cell.cell(),
-        length_unit: length.map(String::from),
-        mass_unit: mass.map(String::from),
-        time: head.time,
+        cell: found.head.cell.cell(),
+        units: Units { time: time.map(|text| Unit::parse(text, Dimension::Time)), ..Units::of(length, mass, None) },
+        epoch: Epoch { time: found.head.time, ..found.frames.epoch() },
         ..SnapshotMeta::default()
     }
 }
 
-/// Units of length and mass in a style of units: <https://docs.lammps.org/units.html>.
-fn units_of(style: &str) -> (Option<&'static str>, Option<&'static str>) {
+/// Units of length, mass and time in a style of units: <https://docs.lammps.org/units.html>.
+fn units_of(style: &str) -> [Option<&'static str>; 3] {
     match style {
-        "real" | "metal" => (Some("Angstrom"), Some("g/mol")),
-        "si" => (Some("m"), Some("kg")),
-        "cgs" => (Some("cm"), Some("g")),
-        "electron" => (Some("Bohr"), Some("amu")),
-        "micro" => (Some("um"), Some("pg")),
-        "nano" => (Some("nm"), Some("ag")),
-        "lj" => (Some("sigma"), None),
-        _ => (None, None),
+        "real" => [Some("Angstrom"), Some("g/mol"), Some("fs")],
+        "metal" => [Some("Angstrom"), Some("g/mol"), Some("ps")],
+        "si" => [Some("m"), Some("kg"), Some("s")],
+        "cgs" => [Some("cm"), Some("g"), Some("s")],
+        "electron" => [Some("Bohr"), Some("amu"), Some("fs")],
+        "micro" => [Some("um"), Some("pg"), Some("us")],
+        "nano" => [Some("nm"), Some("ag"), Some("ns")],
+        "lj" => [Some("sigma"), None, Some("tau")],
+        _ => [None; 3],
     }
 }
 

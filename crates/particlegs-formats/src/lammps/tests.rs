@@ -1,5 +1,6 @@
 use super::{FORMAT, write};
 use crate::{Choice, Mass, Snapshot, Weights};
+use particlegs::model::Units;
 use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
@@ -39,7 +40,7 @@ fn a_frame_is_described_and_read() {
     );
     let snapshot = open(&text).unwrap();
     let d = snapshot.description();
-    assert_eq!((d.meta.length_unit.as_deref(), d.meta.time), (Some("Angstrom"), Some(0.25)));
+    assert_eq!((d.meta.units.length_text(), d.meta.epoch.time), (Some("Angstrom"), Some(0.25)));
     let cell = d.meta.cell.unwrap();
     assert_eq!((cell.origin, cell.periodic), ([-1.0, 0.0, 0.0], [true, false, false]));
     assert_eq!(cell.lengths(), Some([10.0; 3]));
@@ -153,7 +154,7 @@ fn what_is_written_reads_back_with_equal_bits() {
     let p = particles();
     let weights = (0..p.len()).map(|i| 0.1 + i as f32).collect();
     let mut p = p.with_weights(Column::owned(weights));
-    p.meta.length_unit = Some("nm".into());
+    p.meta.units = Units::of(Some("nm"), None, None);
     let cells = [
         Some(Cell::orthogonal([20.0, 30.0, 40.0])),
         Some(Cell {
@@ -173,7 +174,7 @@ fn what_is_written_reads_back_with_equal_bits() {
         let (_dir, out) = written(&p);
         let snapshot = (FORMAT.open)(&[out], &Choice::default()).unwrap();
         let meta = &snapshot.description().meta;
-        assert_eq!(meta.length_unit.as_deref(), Some("nm"));
+        assert_eq!(meta.units.length_text(), Some("nm"));
         assert!(cell.is_none() || meta.cell == cell, "{:?} is not {cell:?}", meta.cell);
         let got = read(&*snapshot, 0, &Choice::default()).unwrap();
         assert!((0..p.len()).all(|i| got.positions[i] == p.position(i)));

@@ -184,13 +184,13 @@ fn bounds(kept: &Kept<'_>, progress: &dyn Progress) -> Result<Cell> {
 /// apart by quantities that are not written.
 fn style_of(kept: &Kept<'_>) -> Option<&'static str> {
     let meta = kept.meta();
-    if meta.comoving == Some(true) {
+    if meta.units.comoving == Some(true) {
         return None;
     }
     let styles = ["metal", "si", "cgs", "electron", "micro", "nano", "lj"];
     styles.into_iter().find(|style| {
-        let (length, mass) = super::units_of(style);
-        length == meta.length_unit.as_deref() && (meta.mass_unit.is_none() || meta.mass_unit.as_deref() == mass)
+        let [length, mass, _] = super::units_of(style);
+        length == meta.units.length_text() && (meta.units.mass.is_none() || meta.units.mass_text() == mass)
     })
 }
 

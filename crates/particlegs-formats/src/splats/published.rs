@@ -132,26 +132,7 @@ mod tests {
         }
         g.law = Law::AlphaBlend(law);
         let bounds = Bounds { min: [0.0; 3], max: [10.0, 10.0, 8.0] };
-        let metadata = Metadata {
-            law: LawKind::AlphaBlend,
-            count: n as u64,
-            mass: n as f64,
-            bounds,
-            cell: None,
-            default_radius: 0.1,
-            default_opacity: 0.05,
-            source: "test".into(),
-            source_hash: [1; 32],
-            length_unit: None,
-            mass_unit: None,
-            comoving: None,
-            scale_factor: None,
-            hubble: None,
-            time: None,
-            command: "test".into(),
-            tool_version: "0".into(),
-            effort: None,
-        };
+        let metadata = Metadata::new(LawKind::AlphaBlend, n as u64, bounds);
         let block = Block { bounds, count: n as u64, mass: n as f64, gaussians: g };
         let layers = vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: vec![block] }];
         Model { metadata, layers, certificate: None }

@@ -9,6 +9,7 @@ use crate::vtk_xml::mass_of;
 use crate::vtk_xml::points::Points;
 use crate::vtk_xml::source::{Array, Source, Stream};
 use crate::{Choice, Description, Field, Format, Snapshot, Species};
+use particlegs::model::Epoch;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use particlegs_files::input::map_file;
@@ -63,7 +64,11 @@ impl Legacy {
         let description = Description {
             format: format!("legacy VTK {}, {}, {coding}", scanned.version, scanned.dataset),
             files: vec![path.clone()],
-            meta: SnapshotMeta { name, time: scanned.time, ..SnapshotMeta::default() },
+            meta: SnapshotMeta {
+                name,
+                epoch: Epoch { time: scanned.time, ..Epoch::default() },
+                ..SnapshotMeta::default()
+            },
             species: vec![species],
             frames: None,
             notes: scanned.note.iter().cloned().collect(),

@@ -16,6 +16,7 @@ use crate::registry::Head;
 use crate::{Choice, Description, Field, Format, Mass, Snapshot, Species};
 use document::Declared;
 use file::File;
+use particlegs::model::Epoch;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use points::Points;
@@ -133,7 +134,7 @@ fn describe(path: &Path, files: &[File]) -> Result<Description> {
     let packed = d.compressor.map_or(String::new(), |c| format!(", {c:?}").to_lowercase());
     let format = format!("VTK XML, {}, {order}{packed}", d.kind);
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let meta = SnapshotMeta { name, time: file.time(), ..SnapshotMeta::default() };
+    let meta = SnapshotMeta { name, epoch: Epoch { time: file.time(), ..Epoch::default() }, ..SnapshotMeta::default() };
     let species = Species { name: "points".into(), aliases: vec![], count, mass, positions, fields };
     let files = files.iter().map(|f| f.path.clone()).collect();
     Ok(Description { format, files, meta, species: vec![species], frames: None, notes: vec![] })

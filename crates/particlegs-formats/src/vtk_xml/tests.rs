@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{Choice, Weights};
-use particlegs::model::{Layer, Mass as LayerMass};
+use particlegs::model::{Layer, Mass as LayerMass, Units};
 use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
 use particlegs::progress::Silent;
 use std::sync::Mutex;
@@ -107,11 +107,11 @@ fn out_and_in_gives_equal_bits() {
     let n = 70_001;
     let column = |k: u32| (0..n).map(|i| (i as f32 * 0.7 + k as f32).sin() * 1e3).collect::<Vec<f32>>();
     let mut p = Particles::from_columns(column(0), column(1), column(2));
-    p.meta.time = Some(0.125);
+    p.meta.epoch.time = Some(0.125);
     let bytes = written(&p, &path);
     assert!(bytes < n as u64 * 16 + 2000);
     let (d, got) = rows(&path, &Choice::default()).unwrap();
-    assert_eq!((d.meta.time, &d.species[0].mass), (Some(0.125), &Mass::Unknown));
+    assert_eq!((d.meta.epoch.time, &d.species[0].mass), (Some(0.125), &Mass::Unknown));
     let same = |got: &[[f32; 4]], weight: &dyn Fn(usize) -> f32| {
         (0..n as usize).all(|i| {
             let [x, y, z] = p.position(i).map(|v| v as f32);
@@ -147,8 +147,8 @@ fn the_bytes_written_are_those_that_vtk_reads() {
     let path = folder.path().join("a.vtp");
     let column = |k: f32| (0..6).map(|i| 1.0 / (i as f32 + k)).collect::<Vec<f32>>();
     let mut p = Particles::from_columns(column(0.5), column(1.5), column(2.5));
-    p.meta.time = Some(0.125);
-    p.meta.length_unit = Some("kpc/h".into());
+    p.meta.epoch.time = Some(0.125);
+    p.meta.units = Units::of(Some("kpc/h"), None, None);
     let layer = |name: &str, content, mass| Layer { name: name.into(), mass, content };
     let p = p
         .with_weights(Column::owned(vec![0.5, 0.5, 3.0, 4.0, 5.0, 6.0]))

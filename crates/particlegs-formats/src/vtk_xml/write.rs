@@ -159,7 +159,7 @@ fn text(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout, xml: &mu
     let count = kept.total();
     // Two dashes would end a comment.
     let shown = |text: &str| text.replace('-', "_").replace(char::is_control, "?");
-    if let Some(unit) = &kept.meta().length_unit {
+    if let Some(unit) = kept.meta().units.length_text() {
         writeln!(xml, "<!-- lengths in {} -->", shown(unit))?;
     }
     if layout.species.is_some() {
@@ -169,7 +169,7 @@ fn text(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout, xml: &mu
     }
     writeln!(xml, "<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">")?;
     writeln!(xml, "  <PolyData>")?;
-    if let Some(time) = kept.meta().time.filter(|t| t.is_finite()) {
+    if let Some(time) = kept.meta().epoch.time.filter(|t| t.is_finite()) {
         writeln!(
             xml,
             "    <FieldData>\n      <DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{time:e}</DataArray>\n    </FieldData>"

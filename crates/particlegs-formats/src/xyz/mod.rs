@@ -64,6 +64,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let meta = SnapshotMeta {
         name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
         cell: found.head.comment.cell,
+        epoch: found.frames.epoch(),
         ..SnapshotMeta::default()
     };
     let columns = columns(found.head.fields, &found.table);

@@ -5,6 +5,7 @@ use crate::Result;
 use crate::model::Metadata;
 use crate::particles::{Particles, SnapshotMeta};
 use crate::space::Bounds;
+use crate::splat::DEFAULT_OPACITY;
 
 /// What a pass over a snapshot tells.
 pub(super) struct Known {
@@ -21,24 +22,17 @@ pub(super) fn describe(meta: &SnapshotMeta, known: &Known, options: &Options, bl
     let Known { count, bounds, source_hash } = *known;
     let blocks = if blocks > 1 { format!(" --blocks {blocks}") } else { String::new() };
     Metadata {
-        law: options.law(),
-        count,
-        mass: count as f64,
-        bounds,
         cell: meta.cell,
         default_radius: options.radius.unwrap_or_else(|| bounds.default_radius(count)),
         default_opacity: options.opacity.unwrap_or(DEFAULT_OPACITY),
         source: meta.name.clone(),
         source_hash,
-        length_unit: meta.length_unit.clone(),
-        mass_unit: meta.mass_unit.clone(),
-        comoving: meta.comoving,
-        scale_factor: meta.scale_factor,
-        hubble: meta.hubble,
-        time: meta.time,
+        units: meta.units.clone(),
+        cosmology: meta.cosmology,
+        epoch: meta.epoch,
         command: options.command.clone() + &blocks,
-        tool_version: env!("CARGO_PKG_VERSION").to_string(),
         effort: options.training.is_none().then_some(options.effort),
+        ..Metadata::new(options.law(), count, bounds)
     }
 }
 
@@ -65,6 +59,3 @@ impl Options {
         self.training.is_none() && rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(" --blocks "))
     }
 }
-
-/// ParaView users' usual opacity, and the published default.
-pub const DEFAULT_OPACITY: f64 = 0.05;

@@ -146,7 +146,7 @@ fn unreachable(scale: &Scale, best: GoalResult, gaussians: usize, plan: &Plan) -
     let goal = best.goal;
     let what = format!(
         "{} was asked for; at best {} was reached, with {gaussians} Gaussians",
-        goal.in_words(plan.metadata.length_unit.as_deref()),
+        goal.in_words(plan.metadata.units.length_text()),
         goal.value_in_words(best.reached)
     );
     let words = match goal.kind {

@@ -41,6 +41,7 @@ impl Kept<'_> {
 mod tests {
     use super::*;
     use crate::Error;
+    use crate::model::Units;
     use crate::particles::Column;
     use crate::particles::{Particles, Selection, Tiling};
     use crate::progress::Silent;
@@ -65,7 +66,7 @@ mod tests {
         let x = (0..n).map(|i| i as f32 * 100.0 / n as f32).collect();
         let mut p = Particles::from_columns(x, vec![2.0; n], (0..n).map(|i| (i % 10) as f32).collect());
         p.meta.cell = Some(Cell::orthogonal([100.0, 10.0, 10.0]));
-        p.meta.length_unit = Some("Mpc/h".into());
+        p.meta.units = Units::of(Some("Mpc/h"), None, Some(true));
         p
     }
 
@@ -95,7 +96,7 @@ mod tests {
             .collect();
         assert!((0..p.len()).all(|i| (0..3).all(|k| f64::from(triples[3 * i + k]) == p.position(i)[k])));
         let back = run(&p, Tiling::single(), Selection::all(), "copy").unwrap();
-        assert_eq!((back.meta.cell, back.meta.length_unit), (p.meta.cell, p.meta.length_unit));
+        assert_eq!((back.meta.cell, back.meta.units), (p.meta.cell, p.meta.units));
     }
 
     #[test]

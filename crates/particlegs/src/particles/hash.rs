@@ -1,7 +1,6 @@
 //! What binds a model to its snapshot.
 
-use super::{Chunk, ChunkBuffer, Particles, RUN};
-use crate::parallel;
+use super::{Chunk, Particles};
 
 /// BLAKE3 of a run of a layer: of its positions (the f32 bytes, little-endian, of x, then y, then z) and
 /// of its weights where there are any.
@@ -54,32 +53,9 @@ impl Particles {
     }
 }
 
-impl Particles {
-    /// The hash in files that early versions made: BLAKE3 of the columns x, y, z, then of all weights.
-    pub fn column_hash(&self) -> [u8; 32] {
-        let mut hasher = blake3::Hasher::new();
-        let mut buffer = ChunkBuffer::default();
-        if self.origin != [0.0; 3] {
-            self.origin.iter().for_each(|o| {
-                hasher.update(&o.to_le_bytes());
-            });
-        }
-        for axis in 0..3 {
-            for start in (0..self.len()).step_by(RUN) {
-                let chunk = self.chunk(start..self.len().min(start + RUN), &mut buffer);
-                hasher.update(bytemuck::cast_slice(chunk.position[axis]));
-            }
-        }
-        if let Some(weights) = self.weights() {
-            parallel::hash(&mut hasher, bytemuck::cast_slice(weights));
-        }
-        *hasher.finalize().as_bytes()
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::{Column, Positions};
+    use super::super::{ChunkBuffer, Column, Positions, RUN};
     use super::*;
     use crate::model::{Layer, Mass};
 
@@ -89,9 +65,7 @@ mod tests {
         let mut triples = columns.clone();
         triples.positions = Positions::Triples(Column::owned(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
         assert_eq!(columns.source_hash(), triples.source_hash());
-        assert_eq!(columns.column_hash(), triples.column_hash());
         let bytes: Vec<u8> = [1f32, 4.0, 2.0, 5.0, 3.0, 6.0].iter().flat_map(|v| v.to_le_bytes()).collect();
-        assert_eq!(columns.column_hash(), *blake3::hash(&bytes).as_bytes());
         assert_eq!(columns.source_hash(), *blake3::hash(blake3::hash(&bytes).as_bytes()).as_bytes());
     }
 

@@ -1,6 +1,6 @@
 //! What a snapshot says about itself.
 
-use super::units::{is_known_length, is_known_mass};
+use crate::model::{Cosmology, Dimension, Epoch, Unit, Units};
 use crate::space::Cell;
 use crate::{Error, Result};
 
@@ -12,20 +12,17 @@ pub struct SnapshotMeta {
     pub name: String,
     /// Simulation cell.
     pub cell: Option<Cell>,
-    /// Unit of length as text, e.g. `Mpc/h`.
-    pub length_unit: Option<String>,
-    /// Unit of mass as text, e.g. `Msun/h`.
-    pub mass_unit: Option<String>,
-    /// Mass of one particle where all are equal, in `mass_unit`.
+    /// What numbers are in.
+    #[serde(flatten)]
+    pub units: Units,
+    /// Mass of one particle where all are equal, in the unit of mass.
     pub particle_mass: Option<f64>,
-    /// Are lengths comoving?
-    pub comoving: Option<bool>,
-    /// Cosmological scale factor.
-    pub scale_factor: Option<f64>,
-    /// Hubble parameter h.
-    pub hubble: Option<f64>,
-    /// Simulation time, in the source's unit.
-    pub time: Option<f64>,
+    /// Cosmology.
+    #[serde(flatten)]
+    pub cosmology: Cosmology,
+    /// The moment.
+    #[serde(flatten)]
+    pub epoch: Epoch,
 }
 
 impl SnapshotMeta {
@@ -50,19 +47,22 @@ impl SnapshotMeta {
                 notes.push(format!("the box is taken as {}; the file says {}", cell.in_words(), said.in_words()));
             }
         }
-        let mut state = |of: &str, stated: Option<&str>, said: &mut Option<String>, known: fn(&str) -> bool| {
-            let Some(unit) = stated else { return };
-            if !known(unit) {
-                notes.push(format!("`{unit}` is no unit of {of} that is known: it is kept as a label"));
+        let mut state = |of: &str, stated: Option<&str>, said: &mut Option<Unit>, dimension| {
+            let Some(text) = stated else { return };
+            if !Unit::is_known(text, dimension) {
+                notes.push(format!("`{text}` is no unit of {of} that is known: it is kept as a label"));
             }
-            if let Some(other) = said.replace(unit.into()).filter(|other| other != unit) {
+            let unit = Unit::parse(text, dimension);
+            if let Some(other) = said.replace(unit).filter(|other| other.text != text) {
                 notes.push(format!(
-                    "the unit of {of} is taken as {unit}; the file says {other}; no number is converted"
+                    "the unit of {of} is taken as {text}; the file says {}; no number is converted",
+                    other.text
                 ));
             }
         };
-        state("length", units[0], &mut self.length_unit, is_known_length);
-        state("mass", units[1], &mut self.mass_unit, is_known_mass);
+        state("length", units[0], &mut self.units.length, Dimension::Length);
+        state("mass", units[1], &mut self.units.mass, Dimension::Mass);
+        self.units = std::mem::take(&mut self.units).settled();
         Ok(notes)
     }
 }

@@ -24,7 +24,6 @@ mod sidecar;
 mod source;
 mod storage;
 mod tile;
-mod units;
 mod write;
 
 pub(crate) use domain::Domain;

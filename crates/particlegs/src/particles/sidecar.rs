@@ -1,7 +1,7 @@
 //! meta.json beside raw data: box, units, cosmology, layers.
 
 use super::{SnapshotMeta, open::named};
-use crate::model::{Layer, Mass};
+use crate::model::{Cosmology, Dimension, Epoch, Layer, Mass, Unit, Units};
 use crate::space::Cell;
 use crate::{Error, Result};
 use particlegs_files::input::{self, Begins, read_own};
@@ -22,12 +22,21 @@ struct Form {
     layers: Option<Vec<LayerForm>>,
     length_unit: Option<String>,
     mass_unit: Option<String>,
+    time_unit: Option<String>,
     particle_mass: Option<f64>,
     comoving: Option<bool>,
     scale_factor: Option<f64>,
     redshift: Option<f64>,
     h: Option<f64>,
+    #[serde(alias = "Omega_m")]
+    omega_matter: Option<f64>,
+    #[serde(alias = "Omega_L")]
+    omega_lambda: Option<f64>,
+    #[serde(alias = "Omega_b")]
+    omega_baryon: Option<f64>,
     time: Option<f64>,
+    frame: Option<u64>,
+    step: Option<i64>,
 }
 
 #[derive(Deserialize)]
@@ -88,13 +97,23 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
         }
         meta.cell = Some(cell);
     }
-    meta.length_unit = form.length_unit;
-    meta.mass_unit = form.mass_unit;
+    meta.units = Units {
+        time: form.time_unit.map(|text| Unit::parse(&text, Dimension::Time)),
+        ..Units::of(form.length_unit.as_deref(), form.mass_unit.as_deref(), form.comoving)
+    };
     meta.particle_mass = form.particle_mass.filter(positive);
-    meta.comoving = form.comoving;
-    meta.scale_factor = form.scale_factor.or(form.redshift.map(|z| 1.0 / (1.0 + z))).filter(positive);
-    meta.hubble = form.h.filter(positive);
-    meta.time = form.time;
+    meta.cosmology = Cosmology {
+        hubble: form.h.filter(positive),
+        omega_matter: form.omega_matter,
+        omega_lambda: form.omega_lambda,
+        omega_baryon: form.omega_baryon,
+    };
+    meta.epoch = Epoch {
+        scale_factor: form.scale_factor.or(form.redshift.map(|z| 1.0 / (1.0 + z))).filter(positive),
+        time: form.time,
+        frame: form.frame,
+        step: form.step,
+    };
     Ok(Sidecar { meta, layers: layers(form.layers.unwrap_or_default(), file)? })
 }
 

@@ -178,13 +178,19 @@ fn write_sidecar(path: &Path, described: &Described<'_>) -> std::io::Result<()> 
             form[key] = value;
         }
     };
-    set("length_unit", meta.length_unit.clone().into());
-    set("mass_unit", meta.mass_unit.clone().into());
+    set("length_unit", meta.units.length_text().into());
+    set("mass_unit", meta.units.mass_text().into());
+    set("time_unit", meta.units.time.as_ref().map(|u| &u.text[..]).into());
     set("particle_mass", meta.particle_mass.into());
-    set("comoving", meta.comoving.into());
-    set("scale_factor", meta.scale_factor.into());
-    set("h", meta.hubble.into());
-    set("time", meta.time.into());
+    set("comoving", meta.units.comoving.into());
+    set("scale_factor", meta.epoch.scale_factor.into());
+    set("h", meta.cosmology.hubble.into());
+    set("omega_matter", meta.cosmology.omega_matter.into());
+    set("omega_lambda", meta.cosmology.omega_lambda.into());
+    set("omega_baryon", meta.cosmology.omega_baryon.into());
+    set("time", meta.epoch.time.into());
+    set("frame", meta.epoch.frame.into());
+    set("step", meta.epoch.step.into());
     described.notes.iter().for_each(|(key, value)| set(key, value.clone()));
     let mut file = File::create(path)?;
     file.write_all(&serde_json::to_vec_pretty(&form)?)?;

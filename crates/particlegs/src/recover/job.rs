@@ -128,13 +128,10 @@ pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> Snap
     SnapshotMeta {
         name: format!("{} (synthetic)", metadata.source),
         cell: metadata.cell,
-        length_unit: metadata.length_unit.clone(),
-        mass_unit: metadata.mass_unit.clone(),
+        units: metadata.units.clone(),
         particle_mass: layers[0].mass.unit().filter(|_| one),
-        comoving: metadata.comoving,
-        scale_factor: metadata.scale_factor,
-        hubble: metadata.hubble,
-        time: metadata.time,
+        cosmology: metadata.cosmology,
+        epoch: metadata.epoch,
     }
 }
 

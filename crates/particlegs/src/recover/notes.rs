@@ -47,7 +47,7 @@ pub(super) fn notes(
             "program": concat!("particlegs ", env!("CARGO_PKG_VERSION")),
         }),
     );
-    let mut supports = supports(certificate, metadata.length_unit.as_deref(), options, own);
+    let mut supports = supports(certificate, metadata.units.length_text(), options, own);
     if metadata.law == LawKind::AlphaBlend {
         supports.push(BY_OPACITY.into());
     }

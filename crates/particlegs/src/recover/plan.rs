@@ -190,25 +190,13 @@ pub(super) mod tests {
             Layer { name: name.to_string(), mass: Mass::new(weighted, (!weighted).then_some(2.0)), content }
         };
         let layers: Vec<Layer<Vec<Block>>> = layers.iter().map(layer).collect();
+        let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
+        let count = layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum();
         let metadata = Metadata {
-            law: LawKind::OpticalDepth,
-            count: layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum(),
             mass: layers.iter().flat_map(|l| &l.content).map(|b| b.mass).sum(),
-            bounds: Bounds { min: [0.0; 3], max: [10.0; 3] },
             cell: Some(crate::space::Cell::orthogonal([10.0; 3])),
             default_radius: 0.1,
-            default_opacity: 0.05,
-            source: "test".into(),
-            source_hash: [1; 32],
-            length_unit: Some("Mpc/h".into()),
-            mass_unit: None,
-            comoving: None,
-            scale_factor: None,
-            hubble: None,
-            time: None,
-            command: "test".into(),
-            tool_version: "0".into(),
-            effort: None,
+            ..Metadata::new(LawKind::OpticalDepth, count, bounds)
         };
         Model { metadata, layers, certificate: None }
     }

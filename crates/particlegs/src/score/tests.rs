@@ -44,26 +44,7 @@ fn tiny(particles: &Particles, n: usize) -> Model {
 
 fn metadata(particles: &Particles) -> Metadata {
     let (bounds, count) = (particles.bounds(), particles.len() as u64);
-    Metadata {
-        law: LawKind::OpticalDepth,
-        count,
-        mass: count as f64,
-        bounds,
-        cell: particles.meta.cell,
-        default_radius: bounds.default_radius(count),
-        default_opacity: 0.05,
-        source: "sample".into(),
-        source_hash: [0; 32],
-        length_unit: None,
-        mass_unit: None,
-        comoving: None,
-        scale_factor: None,
-        hubble: None,
-        time: None,
-        command: String::new(),
-        tool_version: String::new(),
-        effort: None,
-    }
+    Metadata { cell: particles.meta.cell, ..Metadata::new(LawKind::OpticalDepth, count, bounds) }
 }
 
 #[test]

@@ -107,7 +107,7 @@ impl Finding {
             let none = |of| Finding { of, word: Word::NotMeasured, why: "the file has no certificate".into() };
             return Use::ALL.map(none).into();
         };
-        let unit = metadata.length_unit.as_deref();
+        let unit = metadata.units.length_text();
         let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
         let groups = c.groups.as_ref().map_or_else(|| groups(c.science.as_ref()), matched_groups);
         let seen = [pictures(c), at_large_radius(c), close_up(c)];
@@ -303,7 +303,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
         }
         _ => return finding(Word::NotMeasured, "too few particles".into()),
     };
-    let unit = metadata.length_unit.as_deref().map_or_else(|| "1/length".into(), per_length);
+    let unit = metadata.units.length_text().map_or_else(|| "1/length".into(), per_length);
     let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * k_max);
     let within = |percent: u32, limit: Limit| match limit {
         Limit::At(k) => format!("within {percent} % up to k = {k:.3} {unit}"),

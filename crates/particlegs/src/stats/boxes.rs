@@ -55,11 +55,11 @@ impl<'a> Place<'a> {
         match subject {
             Subject::Particles(p) => {
                 let m = &p.meta;
-                Place { name: &m.name, bounds: p.bounds(), cell: m.cell.as_ref(), unit: m.length_unit.as_deref() }
+                Place { name: &m.name, bounds: p.bounds(), cell: m.cell.as_ref(), unit: m.units.length_text() }
             }
             Subject::Model(model) => {
                 let m = &model.metadata;
-                Place { name: &m.source, bounds: m.bounds, cell: m.cell.as_ref(), unit: m.length_unit.as_deref() }
+                Place { name: &m.source, bounds: m.bounds, cell: m.cell.as_ref(), unit: m.units.length_text() }
             }
         }
     }
@@ -88,6 +88,7 @@ fn same_lengths(truth: [f64; 3], other: [f64; 3], name: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::Units;
     use crate::particles::{Particles, SnapshotMeta};
     use crate::progress::Silent;
 
@@ -95,7 +96,12 @@ mod tests {
         let column = || vec![0.0, 0.5 * to, to];
         let mut p = Particles::from_columns(column(), column(), column());
         let cell = cell.map(Cell::orthogonal);
-        p.meta = SnapshotMeta { name: "p".into(), cell, length_unit: Some(unit.into()), ..SnapshotMeta::default() };
+        p.meta = SnapshotMeta {
+            name: "p".into(),
+            cell,
+            units: Units::of(Some(unit), None, None),
+            ..SnapshotMeta::default()
+        };
         p
     }
 

@@ -10,26 +10,8 @@ pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model 
     gaussians.iter().for_each(|(mean, cov, count)| m.push(*mean, *cov, *count, *count));
     let count = m.count.iter().sum::<f64>() as u64;
     let bounds = Bounds { min: [0.0; 3], max: length };
-    let metadata = Metadata {
-        law: LawKind::OpticalDepth,
-        count,
-        mass: count as f64,
-        bounds,
-        cell: Some(Cell::orthogonal(length)),
-        default_radius: 0.01,
-        default_opacity: 0.05,
-        source: String::new(),
-        source_hash: [0; 32],
-        length_unit: None,
-        mass_unit: None,
-        comoving: None,
-        scale_factor: None,
-        hubble: None,
-        time: None,
-        command: String::new(),
-        tool_version: String::new(),
-        effort: None,
-    };
+    let cell = Some(Cell::orthogonal(length));
+    let metadata = Metadata { cell, default_radius: 0.01, ..Metadata::new(LawKind::OpticalDepth, count, bounds) };
     let block = Block { bounds, count, mass: count as f64, gaussians: m };
     let layer = Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] };
     Model { metadata, layers: vec![layer], certificate: None }

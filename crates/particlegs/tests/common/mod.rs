@@ -3,8 +3,8 @@
 
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
-    Block, CellDensity, Certificate, DensityMetrics, LawKind, Limit, Metadata, Mixture, OrbitMetrics, PictureScore,
-    PictureScores, ScienceMetrics, ScienceSubject, Spacing, Subset, ViewMetrics,
+    Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Limit, Metadata, Mixture, OrbitMetrics,
+    PictureScore, PictureScores, ScienceMetrics, ScienceSubject, Spacing, Subset, Units, ViewMetrics,
 };
 use particlegs::space::{Bounds, Cell};
 
@@ -37,24 +37,15 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
     let bounds = blocks.iter().fold(Bounds::empty(), |b, x| b.union(&x.bounds));
     let count = blocks.iter().map(|b| b.count).sum();
     Metadata {
-        law: LawKind::OpticalDepth,
-        count,
         mass: blocks.iter().map(|b| b.mass).sum(),
-        bounds,
         cell: Some(Cell::orthogonal([50.0; 3])),
-        default_radius: bounds.default_radius(count),
-        default_opacity: 0.05,
         source: "nbody".into(),
         source_hash: [7; 32],
-        length_unit: Some("Mpc/h".into()),
-        mass_unit: None,
-        comoving: Some(true),
-        scale_factor: Some(1.0),
-        hubble: Some(0.68),
-        time: None,
+        units: Units::of(Some("Mpc/h"), None, Some(true)),
+        cosmology: Cosmology { hubble: Some(0.68), ..Cosmology::default() },
+        epoch: Epoch { scale_factor: Some(1.0), ..Epoch::default() },
         command: "particlegs compress nbody -o m.pgs".into(),
-        tool_version: "0.1.0".into(),
-        effort: None,
+        ..Metadata::new(LawKind::OpticalDepth, count, bounds)
     }
 }
 

@@ -85,7 +85,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let of_blocks = |n: &u32| of_blocks(&drawn(Recipe { blocks: *n, ..base.clone() }));
     let blocks = blocks.iter().map(of_blocks).collect::<Result<_>>()?;
     lab.progress.end();
-    let unit = snapshot.particles.meta.length_unit.clone().unwrap_or_else(|| "length units".into());
+    let unit = snapshot.particles.meta.units.length_text().unwrap_or("length units").to_string();
     let measured = Measured { methods, sizes, blocks, spacing: snapshot.spacing(), unit };
     Ok(Found {
         tables: tables::all(&measured).into_iter().chain([analyses::table(&measured)]).collect(),
