@@ -25,6 +25,8 @@ mod points;
 mod precision;
 mod predict;
 mod rans;
+#[cfg(test)]
+mod sections_tests;
 mod shape;
 mod source;
 mod splits;
