@@ -125,8 +125,7 @@ pub(crate) struct Segment<'a> {
 /// Decodes a block. Where its last stages are missing, its Gaussians are fewer and larger: those known by then.
 pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, Fault> {
     let header = BlockHeader::read(bytes)?;
-    let streams = streams::read(&header, bytes)?;
-    if streams.whole_stages(bytes.len()) <= header.cuts.len() {
+    if streams::stages(&header, bytes)?.len() <= header.cuts.len() {
         return prefix(bytes);
     }
     let mut decoder = BlockDecoder::new(bytes, progress)?;

@@ -18,13 +18,6 @@ pub(crate) struct Streams {
     pub table: bool,
 }
 
-impl Streams {
-    /// Stages that lie whole in a block of `bytes`.
-    pub(crate) fn whole_stages(&self, bytes: usize) -> usize {
-        self.stages.iter().take_while(|s| s.last().is_none_or(|s| s.end <= bytes)).count()
-    }
-}
-
 /// Has a block of so many Gaussians segments?
 pub(crate) fn has_segments(gaussians: u32) -> bool {
     gaussians > SEGMENT
@@ -86,10 +79,11 @@ pub(crate) fn read(header: &BlockHeader, block: &[u8]) -> Result<Streams, String
 /// Says what is wrong where a block neither ends with a stage nor goes on to its end.
 pub(crate) fn stages(header: &BlockHeader, block: &[u8]) -> Result<Vec<Range<usize>>, String> {
     let streams = read(header, block)?;
-    let there = streams.whole_stages(block.len());
-    let mut ends: Vec<usize> = streams.stages[..there].iter().filter_map(|s| s.last().map(|s| s.end)).collect();
+    let ends = streams.stages.iter().filter_map(|s| s.last().map(|s| s.end));
+    let mut ends: Vec<usize> = ends.take_while(|&end| end <= block.len()).collect();
+    let all = ends.len() == streams.stages.len();
     match ends.last_mut() {
-        Some(last) if there == streams.stages.len() || *last == block.len() => *last = block.len(),
+        Some(last) if all || *last == block.len() => *last = block.len(),
         _ => return Err("a stream ends too soon".into()),
     }
     let mut start = 0;
