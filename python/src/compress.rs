@@ -10,7 +10,9 @@ use particlegs::model::{CertificateLevel, Goal, GoalKind, LawKind};
 use particlegs::particles::Storage;
 use particlegs::pieces::NoPieces;
 use particlegs::train::{Config, Preset};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
+use std::ffi::CString;
 use std::path::PathBuf;
 
 /// What is asked for, as Python gives it; names are those of the command.
@@ -146,5 +148,10 @@ pub fn compress(
     let particles = &*snapshot.particles;
     let name = particles.meta.name.clone();
     let made = How { threads, progress }.run(py, |progress| run(particles, &options, &mut NoPieces, progress))?;
+    // Of the line that calls the package, not of the package's own.
+    const CALLER: i32 = 2;
+    for note in made.notes {
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &CString::new(note)?, CALLER)?;
+    }
     Ok(Model::new(made.bytes, made.model, name))
 }

@@ -117,6 +117,7 @@ pub fn finetune(
         step_factor: coded.step_factor,
         trained: vec![run],
         stopped,
+        notes: Vec::new(),
         seconds: clock.seconds(),
     })
 }

@@ -6,12 +6,12 @@ use super::layer::Share;
 use super::options::Options;
 use super::size::SizeMet;
 use super::target::Target;
-use crate::blocks::Survey;
+use crate::blocks::{KdTree, SnapshotScan};
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
 use crate::fit::Effort;
 use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata};
-use crate::particles::Layered;
+use crate::particles::{Layered, check_box};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::space::Bounds;
@@ -39,17 +39,31 @@ pub struct Plan {
     pub layers: Vec<Layer<u64>>,
     /// What the file will say; its mass comes from the blocks.
     pub metadata: Metadata,
+    /// Which block a position belongs to.
+    pub tree: KdTree,
+    /// What a user should know, a sentence each.
+    #[serde(skip)]
+    pub notes: Vec<String>,
 }
 
 impl Plan {
-    /// A plan for a snapshot that was surveyed, in `blocks` blocks.
+    /// A plan for a snapshot that was scanned, in `blocks` blocks: all that can be refused before a block is fitted, and
+    /// all that a user should know. Says what the default target chose.
     ///
     /// # Errors
-    /// [`Error::Argument`] for a target that is none; [`Error::Input`] for a snapshot or a layer of no
-    /// particles.
-    pub(crate) fn new(options: &Options, source: &Layered, survey: &Survey, blocks: u32) -> Result<Plan> {
+    /// [`Error::Argument`] for a target that is none, a law that does not fit what is asked for, and more blocks than
+    /// there are places; [`Error::Input`] for a snapshot or a layer of no particles, and a box that does not hold them;
+    /// [`Error::Unreachable`] for a size that the network alone exceeds.
+    pub(crate) fn new(
+        options: &Options,
+        source: &Layered,
+        scan: &SnapshotScan,
+        blocks: u32,
+        progress: &dyn Progress,
+    ) -> Result<Plan> {
+        let (name, cell) = (&source.meta.name, source.meta.cell.as_ref());
         if source.layers.is_empty() || source.layers.iter().any(|l| l.layer.content == 0) {
-            return Err(Error::input(&source.meta.name, "no particles, or a layer without any"));
+            return Err(Error::input(name, "no particles, or a layer without any"));
         }
         let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && source.layers.len() > 1 {
@@ -60,7 +74,10 @@ impl Plan {
             let what = "models of the alpha-blend law do not add up: --certificate blocks is of the optical-depth law";
             return Err(Error::argument(what));
         }
-        let known = Known { count: source.count(), bounds: survey.bounds, source_hash: survey.hash(source.origin) };
+        check_box(&scan.bounds, cell, name)?;
+        let outside = scan.outside.judge(source.count(), name)?;
+        let no_box = cell.is_none().then(|| "the snapshot states no periodic box, so nothing is periodic".to_string());
+        let known = Known { count: source.count(), bounds: scan.bounds, source_hash: scan.hash(source.origin) };
         let plan = Plan {
             target: options.target.check()?,
             effort: options.effort,
@@ -70,8 +87,11 @@ impl Plan {
             blocks,
             layers: source.layers.iter().map(|l| l.layer.clone()).collect(),
             metadata: describe(&source.meta, &known, options, blocks),
+            tree: KdTree::new(&scan.sample, blocks)?,
+            notes: no_box.into_iter().chain(outside).collect(),
         };
         if alpha { plan.has_room() } else { Ok(()) }?;
+        plan.target.choice_in_words(plan.raw_bytes()).iter().for_each(|words| progress.message(words));
         Ok(plan)
     }
 
@@ -107,13 +127,6 @@ impl Plan {
     /// Bytes of the particles with all their columns, as they wait in files and memory.
     pub fn column_bytes(&self) -> u64 {
         self.layers.iter().map(|l| l.content * l.mass.particle_bytes()).sum()
-    }
-
-    /// Says what the default target chose.
-    pub fn announce(&self, progress: &dyn Progress) {
-        if let Some(words) = self.target.choice_in_words(self.raw_bytes()) {
-            progress.message(&words);
-        }
     }
 
     /// Particles of all blocks and layers: they share the effort's bound on time.
@@ -157,12 +170,12 @@ impl Plan {
         }
     }
 
-    /// Says what a user must know of how all blocks together meet their target.
+    /// What a user should know of how all blocks together meet their target.
     ///
     /// # Errors
     /// [`Error::Unreachable`] where header and one Gaussian do not fit an explicit size.
-    pub(crate) fn judge(&self, blocks: &[CodedBlock], progress: &dyn Progress) -> Result<()> {
-        let Some(target) = self.target.bytes(self.raw_bytes()) else { return Ok(()) };
+    pub(crate) fn judge(&self, blocks: &[CodedBlock]) -> Result<Option<String>> {
+        let Some(target) = self.target.bytes(self.raw_bytes()) else { return Ok(None) };
         let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
         if blocks.iter().any(|b| b.size_met == SizeMet::TooLarge) {
             let what =
@@ -172,13 +185,14 @@ impl Plan {
                 let remedy = Remedy::LargerFile { bytes: smallest, ratio: Some(ratio) };
                 return Err(Error::Unreachable { what, remedy });
             }
-            progress.message(&format!("warning: {what}"));
-        } else if blocks.iter().all(|b| b.size_met == SizeMet::TooSmall) {
-            progress.message(&format!(
-                "note: the file has {smallest} bytes, less than the {target} asked for: more Gaussians would fit the particles' noise (--gaussians sets their number)"
-            ));
+            return Ok(Some(what));
         }
-        Ok(())
+        Ok(blocks.iter().all(|b| b.size_met == SizeMet::TooSmall).then(|| {
+            format!(
+                "the file has {smallest} bytes, less than the {target} asked for: more Gaussians would fit the \
+                 particles' noise (a number of Gaussians as the target sets it)"
+            )
+        }))
     }
 
     /// The file of all blocks, with the network of block 0 (paper section III-D).

@@ -36,7 +36,7 @@ impl Job {
             progress.advance(1);
         }
         progress.end();
-        plan.judge(&blocks, progress)?;
+        plan.judge(&blocks)?.iter().for_each(|note| progress.message(&format!("note: {note}")));
         let add = |n: u64, b: &CodedBlock| Ok::<_, Error>(n.saturating_add(codec::sums(&b.layers)?.0));
         let (count, planned) = (blocks.iter().try_fold(0, add)?, plan.metadata.count);
         if count != planned {

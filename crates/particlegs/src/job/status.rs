@@ -2,7 +2,7 @@
 
 use super::bucket::Buckets;
 use super::manifest::Job;
-use crate::blocks::Survey;
+use crate::blocks::SnapshotScan;
 use crate::particles::Layered;
 use crate::progress::Progress;
 use crate::{Error, Result, codec};
@@ -83,8 +83,8 @@ impl Job {
     pub fn verify(&self, source: Option<Layered>, progress: &dyn Progress) -> Result<()> {
         let m = &self.manifest;
         if let Some(source) = source {
-            let survey = Survey::new(&self.as_planned(source)?, &m.plan.metadata.source, false, progress)?;
-            if survey.runs != self.runs {
+            let scan = SnapshotScan::new(&self.as_planned(source)?, &m.plan.metadata.source, false, progress)?;
+            if scan.runs != self.runs {
                 return Err(self.changed("its particles are others"));
             }
         }
@@ -117,7 +117,7 @@ impl Job {
         for coded in self.done_block(block)?.layers.iter().flat_map(|l| &l.content) {
             let decoded = codec::decode_block(coded, &path.display().to_string())?;
             let corner = |c: [f64; 3]| each_axis(|k| (c[k] - self.manifest.origin[k]) as f32);
-            let reached = self.manifest.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
+            let reached = self.manifest.plan.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {
                 let what = format!("its particles are not those of block {block}");
                 return Err(Error::input_with(&path, what, self.fit_again(block, true)));
