@@ -12,6 +12,7 @@ use particlegs::pieces::NoPieces;
 use particlegs::train::{Config, Preset};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
+use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::path::PathBuf;
 
@@ -72,13 +73,7 @@ impl Asked {
         Ok(Some(Config::preset(preset, law)))
     }
 
-    /// As the file says it.
-    fn training_in_command(&self) -> String {
-        let law = if self.law.as_deref() == Some("alpha-blend") { " --law alpha-blend" } else { "" };
-        self.train.as_ref().map(|preset| format!(" --train {preset}{law}")).unwrap_or_default()
-    }
-
-    fn options(&self, read: &str) -> PyResult<Options> {
+    fn options(&self, read: &BTreeMap<String, String>) -> PyResult<Options> {
         let options = Options {
             target: self.target()?,
             effort: match &self.effort[..] {
@@ -98,13 +93,13 @@ impl Asked {
                 "full" => CertificateLevel::Full,
                 other => return Err(one_of("certificate", other, &["none", "quick", "full"])),
             },
+            read: read.clone(),
             ..Options::default()
         };
         if options.opacity.is_some_and(|a| a > 1.0) {
             return Err(InputError::new_err("opacity must be above 0 and at most 1"));
         }
-        let command = options.in_command(&self.training_in_command(), read);
-        Ok(Options { command, ..options })
+        Ok(options)
     }
 }
 

@@ -9,7 +9,7 @@ use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
     AlphaBlend, BANDS, Certificate, Effort, GROUP_CLASSES, LawKind, Layer, Limit, LookBaselines, LookPictures,
-    LookScore, MassPower, Measures, Metadata, PictureScore, PictureScores, Pictures, PowerAgreement, Reached,
+    LookScore, MassPower, Measures, Metadata, PictureScore, PictureScores, Pictures, PowerAgreement, Reached, Recipe,
     VIZMAPPER_SHAPE, VizMapper, VizRanges, per_length,
 };
 use particlegs::progress::Progress;
@@ -72,7 +72,7 @@ struct MetadataReport<'a> {
     redshift: Option<f64>,
     hubble: Option<f64>,
     time: Option<f64>,
-    command: &'a str,
+    command: String,
     tool_version: &'a str,
     /// Of the fit, where the Gaussians are what it gave.
     effort: Option<&'static str>,
@@ -83,12 +83,12 @@ pub fn print(context: &Context, path: &Path, bytes: &[u8]) -> Result<()> {
     print_info(context, &codec::read_info(bytes, &name_of(path))?)
 }
 
-/// Does a model file say that this command made it?
+/// Does a model file say that this made it?
 ///
 /// # Errors
 /// Those of reading it.
-pub fn is_of_command(path: &Path, command: &str, progress: &dyn Progress) -> Result<bool> {
-    Ok(codec::read_metadata(&inputs::model(path, progress)?, &name_of(path))?.command == command)
+pub fn is_of_recipe(path: &Path, recipe: &Recipe, progress: &dyn Progress) -> Result<bool> {
+    Ok(codec::read_metadata(&inputs::model(path, progress)?, &name_of(path))?.recipe == *recipe)
 }
 
 fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> LayerReport<'_> {
@@ -147,9 +147,9 @@ fn metadata(m: &Metadata) -> MetadataReport<'_> {
         redshift: m.redshift(),
         hubble: m.hubble,
         time: m.time,
-        command: &m.command,
+        command: m.recipe.to_string(),
         tool_version: &m.tool_version,
-        effort: m.effort.map(Effort::name),
+        effort: m.recipe.fitted().map(Effort::name),
     }
 }
 
@@ -202,7 +202,7 @@ fn text(r: &Report<'_>) -> String {
     row("redshift", said(m.redshift));
     row("h", said(m.hubble));
     row("time", said(m.time));
-    row("command", m.command.to_string());
+    row("command", m.command.clone());
     row("made by", format!("particlegs {}", m.tool_version));
     m.effort.iter().for_each(|effort| row("fitted with", format!("effort {effort}")));
     for layer in &r.layers {

@@ -2,7 +2,8 @@
 
 use particlegs::math::Sym3;
 use particlegs::model::{
-    AlphaBlend, Block, Law, LawKind, Layer, Mass, Metadata, Mixture, Model, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
+    AlphaBlend, Block, Law, LawKind, Layer, Mass, Metadata, Mixture, Model, Recipe, VIZMAPPER_PARAMETERS, VizMapper,
+    VizRanges,
 };
 use particlegs::particles::Particles;
 use particlegs::space::Bounds;
@@ -25,9 +26,8 @@ fn metadata(law: LawKind, count: u64, bounds: Bounds) -> Metadata {
         scale_factor: None,
         hubble: None,
         time: None,
-        command: "a test".into(),
+        recipe: Recipe::default(),
         tool_version: String::new(),
-        effort: None,
     }
 }
 

@@ -36,8 +36,6 @@ pub(crate) const VIZMAPPER: [u8; 4] = *b"VIZM";
 pub(crate) const ALPHA_BLEND_SINCE: u8 = 3;
 /// The first minor version whose readers know the second coding of blocks.
 pub(crate) const SECOND_CODING_SINCE: u8 = 6;
-/// The first minor version that has a field for the effort.
-pub(crate) const EFFORT_SINCE: u8 = 6;
 /// The first minor version that has P(k) by mass among the measures.
 pub(crate) const MASS_POWER_SINCE: u8 = 6;
 /// A layer: name and number of blocks, which follow.

@@ -3,10 +3,10 @@
 //! Version 1.0 knows one rule of masses for all layers; a file whose layers differ states version
 //! 1.1 and a field that older programs refuse. The alpha-blend law came with version 1.3.
 
-use super::container::{ALPHA_BLEND_SINCE, EFFORT_SINCE};
+use super::container::ALPHA_BLEND_SINCE;
 use super::wire::Reader;
 use crate::math::each_axis;
-use crate::model::{Effort, LawKind, Mass, Metadata};
+use crate::model::{LawKind, Mass, Metadata, Recipe};
 use crate::space::{Bounds, Cell};
 
 /// Why metadata cannot be read.
@@ -23,10 +23,10 @@ impl From<String> for Fault {
     }
 }
 
-/// Longest text but the command.
+/// Longest text but the recipe.
 const TEXT: usize = 1024;
-/// Longest command.
-const COMMAND: usize = 16_384;
+/// Longest recipe.
+const RECIPE_TEXT: usize = 16_384;
 /// Tags from here on must be understood.
 const REQUIRED: u8 = 128;
 
@@ -47,10 +47,9 @@ const COMOVING: u8 = 14;
 const SCALE_FACTOR: u8 = 15;
 const HUBBLE: u8 = 16;
 const TIME: u8 = 17;
-const COMMAND_LINE: u8 = 18;
+const RECIPE: u8 = 18;
 const TOOL: u8 = 19;
 const CORNER: u8 = 20;
-const EFFORT: u8 = 23;
 const LAYER_MASSES: u8 = 128;
 /// Fields of version 1.0.
 const FIRST_VERSION: std::ops::RangeInclusive<u8> = LAW..=TOOL;
@@ -83,10 +82,7 @@ impl LayerMasses {
 /// The lowest minor version that has what the section says.
 pub(crate) fn minor_version(section: &[u8], law: LawKind) -> u8 {
     let tags: Vec<u8> = fields(section).map_or_else(|_| Vec::new(), |fields| fields.iter().map(|f| f.0).collect());
-    let newer = |tag: &u8| match *tag {
-        EFFORT => EFFORT_SINCE,
-        tag => u8::from(!FIRST_VERSION.contains(&tag)),
-    };
+    let newer = |tag: &u8| u8::from(!FIRST_VERSION.contains(tag));
     let since = tags.iter().map(newer).max().unwrap_or(0);
     since.max(if law == LawKind::AlphaBlend { ALPHA_BLEND_SINCE } else { 0 })
 }
@@ -128,17 +124,10 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     for (tag, v) in [(SCALE_FACTOR, m.scale_factor), (HUBBLE, m.hubble), (TIME, m.time)] {
         v.iter().for_each(|v| field(tag, &v.to_le_bytes()));
     }
-    field(COMMAND_LINE, text(&m.command, COMMAND));
+    field(RECIPE, &recipe_text(&m.recipe));
     field(TOOL, text(&m.tool_version, TEXT));
     if let Some(cell) = m.cell.filter(|c| c.origin != [0.0; 3]) {
         field(CORNER, &floats(cell.origin.iter()));
-    }
-    if let Some(effort) = m.effort {
-        let number = match effort {
-            Effort::Fast => 1,
-            Effort::Default => 2,
-        };
-        field(EFFORT, &[number]);
     }
     if let LayerMasses::Each(masses) = masses {
         let layer = |m: &Mass| {
@@ -178,14 +167,9 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, LayerMasses), Fault> {
         scale_factor: real(SCALE_FACTOR)?,
         hubble: real(HUBBLE)?,
         time: real(TIME)?,
-        command: string(COMMAND_LINE, need(COMMAND_LINE)?, COMMAND)?,
+        // What a newer program may tell in other words is not known here.
+        recipe: serde_json::from_slice(need(RECIPE)?).unwrap_or_else(|_| Recipe::unknown()),
         tool_version: string(TOOL, need(TOOL)?, TEXT)?,
-        // What a newer program may call another effort is not known here.
-        effort: match get(EFFORT) {
-            Some([1]) => Some(Effort::Fast),
-            Some([2]) => Some(Effort::Default),
-            _ => None,
-        },
     };
     if m.count == 0 || !(m.mass > 0.0 && m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0)
     {
@@ -304,6 +288,12 @@ fn string(tag: u8, v: &[u8], longest: usize) -> Result<String, String> {
     std::str::from_utf8(v).map(str::to_string).map_err(|_| format!("metadata field {tag} is not UTF-8"))
 }
 
+/// A recipe as JSON; one that does not fit says nothing.
+fn recipe_text(recipe: &Recipe) -> Vec<u8> {
+    let json = |recipe: &Recipe| serde_json::to_vec(recipe).expect("plain data");
+    Some(json(recipe)).filter(|text| text.len() <= RECIPE_TEXT).unwrap_or_else(|| json(&Recipe::unknown()))
+}
+
 /// The longest beginning of a text that fits.
 fn text(s: &str, longest: usize) -> &[u8] {
     let mut end = s.len().min(longest);
@@ -316,8 +306,9 @@ fn text(s: &str, longest: usize) -> &[u8] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::Target;
 
-    fn metadata(effort: Option<Effort>) -> Metadata {
+    fn metadata(recipe: Recipe) -> Metadata {
         Metadata {
             law: LawKind::OpticalDepth,
             count: 8,
@@ -334,21 +325,22 @@ mod tests {
             scale_factor: None,
             hubble: None,
             time: None,
-            command: String::new(),
+            recipe,
             tool_version: String::new(),
-            effort,
         }
     }
 
     #[test]
-    fn efforts_come_back_and_others_say_nothing() {
-        let law = LawKind::OpticalDepth;
-        for (effort, minor) in [(None, 0), (Some(Effort::Fast), EFFORT_SINCE), (Some(Effort::Default), EFFORT_SINCE)] {
-            let section = write(&metadata(effort), &[Mass::Unknown]);
-            assert_eq!((read(&section).ok().unwrap().0.effort, minor_version(&section, law)), (effort, minor));
+    fn recipes_come_back_and_what_is_none_says_nothing() {
+        let back = |section: &[u8]| read(section).ok().unwrap().0.recipe;
+        let some = Recipe { target: Target::Ratio(0.1), seed: u64::MAX, ..Recipe::default() };
+        let long = Recipe { read: [("species".into(), "x".repeat(RECIPE_TEXT))].into(), ..some.clone() };
+        for (recipe, expected) in [(some.clone(), some.clone()), (long, Recipe::unknown())] {
+            assert_eq!(back(&write(&metadata(recipe), &[Mass::Unknown])), expected);
         }
-        let mut later = write(&metadata(Some(Effort::Fast)), &[Mass::Unknown]);
-        *later.last_mut().unwrap() = 9;
-        assert_eq!(read(&later).ok().unwrap().0.effort, None);
+        let mut section = write(&metadata(some), &[Mass::Unknown]);
+        let at = section.windows(7).position(|w| w == b"default").unwrap();
+        section[at] = b'D';
+        assert_eq!(back(&section), Recipe::unknown());
     }
 }

@@ -1,6 +1,6 @@
 //! What a model file says about its snapshot and its making.
 
-use super::LawKind;
+use super::{LawKind, Recipe};
 use crate::space::{Bounds, Cell};
 
 /// Everything a file carries beside its Gaussians. `None` = the source does not say.
@@ -38,35 +38,10 @@ pub struct Metadata {
     pub hubble: Option<f64>,
     /// Simulation time.
     pub time: Option<f64>,
-    /// The command that made the file.
-    pub command: String,
+    /// What made the model.
+    pub recipe: Recipe,
     /// The program's version.
     pub tool_version: String,
-    /// How the Gaussians were fitted, where they are what a fit gave: neither trained nor reduced.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub effort: Option<Effort>,
-}
-
-/// How much time a fit spends.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Effort {
-    /// A partition whose walls one iteration of expectation maximisation softens: for pictures; many small groups are
-    /// lost.
-    Fast,
-    /// Refined.
-    #[default]
-    Default,
-}
-
-impl Effort {
-    /// As the command calls it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Effort::Fast => "fast",
-            Effort::Default => "default",
-        }
-    }
 }
 
 impl Metadata {

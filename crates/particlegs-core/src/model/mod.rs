@@ -9,8 +9,10 @@ mod measures;
 mod metadata;
 mod mixture;
 mod network;
+mod recipe;
 mod science;
 mod sphere;
+mod target;
 pub mod vizmapper;
 
 pub use certificate::{
@@ -25,8 +27,10 @@ pub use measures::{
     PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScores, Pictures, PicturesAt,
     PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Subset, Transfer,
 };
-pub use metadata::{Effort, Metadata, hex};
+pub use metadata::{Metadata, hex};
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
+pub use recipe::{Effort, Recipe, RecipeStep, TrainingRecipe};
 pub use science::{Limit, Science, ScienceOf, per_length};
 pub use sphere::{Lump, Rules};
+pub use target::{DEFAULT_RATIO, Target};

@@ -114,7 +114,7 @@ fn write_one(
 mod tests {
     use super::*;
     use particlegs::math::{Random, Sym3};
-    use particlegs::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
+    use particlegs::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata, Recipe};
     use particlegs::particles::Storage;
     use particlegs::progress::Silent;
     use particlegs::space::Bounds;
@@ -148,9 +148,8 @@ mod tests {
             scale_factor: None,
             hubble: None,
             time: None,
-            command: "test".into(),
+            recipe: Recipe::default(),
             tool_version: "0".into(),
-            effort: None,
         };
         let block = Block { bounds, count: n as u64, mass: n as f64, gaussians: g };
         let layers = vec![Layer { name: "particles".into(), mass: Mass::Unknown, content: vec![block] }];

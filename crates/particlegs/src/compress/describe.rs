@@ -19,7 +19,6 @@ pub(super) struct Known {
 /// Metadata of a model in `blocks` blocks; its mass is known when its blocks are.
 pub(super) fn describe(meta: &SnapshotMeta, known: &Known, options: &Options, blocks: u32) -> Metadata {
     let Known { count, bounds, source_hash } = *known;
-    let blocks = if blocks > 1 { format!(" --blocks {blocks}") } else { String::new() };
     Metadata {
         law: options.law(),
         count,
@@ -36,9 +35,8 @@ pub(super) fn describe(meta: &SnapshotMeta, known: &Known, options: &Options, bl
         scale_factor: meta.scale_factor,
         hubble: meta.hubble,
         time: meta.time,
-        command: options.command.clone() + &blocks,
+        recipe: options.recipe(blocks),
         tool_version: env!("CARGO_PKG_VERSION").to_string(),
-        effort: options.training.is_none().then_some(options.effort),
     }
 }
 
@@ -61,8 +59,7 @@ impl Options {
 
     /// Can a model file of `told` be what these options make, whatever the number of blocks that memory asks for?
     pub fn ask_for(&self, told: &Metadata) -> bool {
-        let rest = told.command.strip_prefix(&self.command);
-        self.training.is_none() && rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(" --blocks "))
+        self.training.is_none() && told.recipe == self.recipe(told.recipe.blocks)
     }
 }
 

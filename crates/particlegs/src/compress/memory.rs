@@ -1,8 +1,8 @@
 //! How many blocks a bound on memory asks for.
 
 use super::size::bytes_a_gaussian;
-use super::target::Target;
 use crate::fit::Effort;
+use crate::model::Target;
 use crate::{Error, Result};
 
 /// The program itself, its buffers and pictures. Measured: docs/results/full-scale.md.

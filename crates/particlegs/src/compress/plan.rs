@@ -5,12 +5,11 @@ use super::describe::{Known, describe};
 use super::layer::Share;
 use super::options::Options;
 use super::size::SizeMet;
-use super::target::Target;
 use crate::blocks::{KdTree, SnapshotScan};
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
-use crate::fit::Effort;
-use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata};
+use crate::model::Target;
+use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Recipe};
 use crate::particles::{Layered, check_box};
 use crate::picture::Size;
 use crate::progress::Progress;
@@ -22,19 +21,11 @@ use serde::{Deserialize, Serialize};
 /// What is asked for, and what is known of the whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// Size, ratio or number.
-    pub target: Target,
-    /// Time for quality.
-    pub effort: Effort,
-    /// Seed of the fits and the views.
-    pub seed: u64,
     /// How blocks are trained after the fit; `None` = not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Config>,
     /// How much of the decoded model is measured.
     pub certificate: CertificateLevel,
-    /// Number of blocks.
-    pub blocks: u32,
     /// Layers, and their numbers of particles.
     pub layers: Vec<Layer<u64>>,
     /// What the file will say; its mass comes from the blocks.
@@ -77,22 +68,24 @@ impl Plan {
         check_box(&scan.bounds, cell, name)?;
         let outside = scan.outside.judge(source.count(), name)?;
         let no_box = cell.is_none().then(|| "the snapshot states no periodic box, so nothing is periodic".to_string());
+        options.target.check()?;
         let known = Known { count: source.count(), bounds: scan.bounds, source_hash: scan.hash(source.origin) };
         let plan = Plan {
-            target: options.target.check()?,
-            effort: options.effort,
-            seed: options.seed,
             training: options.training.clone(),
             certificate: options.certificate,
-            blocks,
             layers: source.layers.iter().map(|l| l.layer.clone()).collect(),
             metadata: describe(&source.meta, &known, options, blocks),
             tree: KdTree::new(&scan.sample, blocks)?,
             notes: no_box.into_iter().chain(outside).collect(),
         };
         if alpha { plan.has_room() } else { Ok(()) }?;
-        plan.target.choice_in_words(plan.raw_bytes()).iter().for_each(|words| progress.message(words));
+        options.target.choice_in_words(plan.raw_bytes()).iter().for_each(|words| progress.message(words));
         Ok(plan)
+    }
+
+    /// What makes the model.
+    pub fn recipe(&self) -> &Recipe {
+        &self.metadata.recipe
     }
 
     /// 32 bytes that name the work: BLAKE3 of all that is asked for and all that is known of the snapshot,
@@ -103,7 +96,7 @@ impl Plan {
 
     /// Does the target hold more than the network? Better said before hours of training than after.
     fn has_room(&self) -> Result<()> {
-        let (asked, beside) = (self.target.bytes(self.raw_bytes()), self.overhead());
+        let (asked, beside) = (self.recipe().target.bytes(self.raw_bytes()), self.overhead());
         let Some(bytes) = asked.filter(|b| *b <= beside) else { return Ok(()) };
         let what = format!(
             "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone take {beside}"
@@ -142,7 +135,7 @@ impl Plan {
     /// Bytes of the file beside its coded blocks, where every block has every layer: where some lack
     /// one, a few bytes more than there will be.
     pub fn overhead(&self) -> u64 {
-        let head = |l: &Layer<u64>| Layer { mass: self.kept_mass(l), ..l.with(self.blocks as usize) };
+        let head = |l: &Layer<u64>| Layer { mass: self.kept_mass(l), ..l.with(self.recipe().blocks as usize) };
         let heads: Vec<Layer<usize>> = self.layers.iter().map(head).collect();
         let network = match &self.training {
             Some(t) if t.law == LawKind::AlphaBlend && t.alpha_blend.vizmapper => codec::VIZMAPPER_SECTION_BYTES,
@@ -175,12 +168,12 @@ impl Plan {
     /// # Errors
     /// [`Error::Unreachable`] where header and one Gaussian do not fit an explicit size.
     pub(crate) fn judge(&self, blocks: &[CodedBlock]) -> Result<Option<String>> {
-        let Some(target) = self.target.bytes(self.raw_bytes()) else { return Ok(None) };
+        let Some(target) = self.recipe().target.bytes(self.raw_bytes()) else { return Ok(None) };
         let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
         if blocks.iter().any(|b| b.size_met == SizeMet::TooLarge) {
             let what =
                 format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
-            if self.target != Target::Default {
+            if self.recipe().target != Target::Default {
                 let ratio = self.raw_bytes() as f64 / smallest as f64;
                 let remedy = Remedy::LargerFile { bytes: smallest, ratio: Some(ratio) };
                 return Err(Error::Unreachable { what, remedy });

@@ -109,8 +109,8 @@ impl<'a> Compression<'a> {
         let Compression { particles, options, plan, layer_bounds, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.
-        let gauge = |goal| Gauge::new(goal, particles, &plan.metadata, plan.seed, progress);
-        let gauge = plan.target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
+        let gauge = |goal| Gauge::new(goal, particles, &plan.metadata, plan.recipe().seed, progress);
+        let gauge = plan.recipe().target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
         let (blocks, reached) = {
             let divide = || Divided::new(particles, &plan.tree, &layer_bounds, options, progress);
             let mut store = clock.time("divide", divide)?;
@@ -128,7 +128,7 @@ impl<'a> Compression<'a> {
                 Some(gauge) => {
                     search::reach(gauge, &plan, &mut code, progress).map(|(b, reached)| (b, Some(reached)))?
                 }
-                None => (code(plan.target)?, None),
+                None => (code(plan.recipe().target)?, None),
             }
             // The store goes: the particles of blocks may be half of all that is in memory.
         };
@@ -136,7 +136,7 @@ impl<'a> Compression<'a> {
         let stopped = blocks.iter().any(|b| b.stopped);
         let (level, memory) = (plan.certificate, options.memory);
         let measured = level.measures() && !stopped;
-        let measure = measured.then_some(Measure { particles, seed: plan.seed, level, memory, reached });
+        let measure = measured.then_some(Measure { particles, seed: plan.recipe().seed, level, memory, reached });
         let done = Decoded::of(|certificate| plan.file(&blocks, certificate), measure, progress)?;
         clock.append(done.clock);
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;

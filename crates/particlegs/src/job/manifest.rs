@@ -73,7 +73,7 @@ impl Manifest {
         names.dedup();
         let named = names.len() == plan.layers.len() && names.iter().all(|n| n.len() <= 255);
         let checks = [
-            (plan.tree.is_sound() && plan.tree.blocks() == plan.blocks, "its tree and its blocks differ"),
+            (plan.tree.is_sound() && plan.tree.blocks() == plan.recipe().blocks, "its tree and its blocks differ"),
             (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.content > 0), "a layer without particles"),
             (counts == Some(m.count) && m.count <= 1 << 53, "its layers do not sum to its particles"),
             (named && plan.layers.len() <= MOST_LAYERS, "its layers are too many, or their names"),
@@ -86,7 +86,7 @@ impl Manifest {
                 positive(m.default_radius) && m.default_opacity > 0.0 && m.default_opacity <= 1.0,
                 "its radius or opacity",
             ),
-            (plan.target.check().is_ok(), "its target"),
+            (plan.recipe().target.check().is_ok(), "its target"),
             (plan.training.as_ref().is_none_or(|t| t.check().is_ok()), "its training"),
         ];
         checks.into_iter().find(|c| !c.0).map(|c| c.1)
@@ -175,7 +175,7 @@ impl Job {
 
     /// Number of blocks.
     pub fn blocks(&self) -> u32 {
-        self.manifest.plan.blocks
+        self.manifest.plan.recipe().blocks
     }
 
     /// Number of chunks that the snapshot is sorted in; 0 where blocks read it where it lies.

@@ -54,7 +54,7 @@ impl Job {
             particles: [0, m.plan.metadata.count],
             seconds: 0.0,
         };
-        for block in 0..m.plan.blocks {
+        for block in 0..m.plan.recipe().blocks {
             let report =
                 self.report(block)?.filter(|_| self.block_path(block, "pgs").is_file() && self.is_measured(block));
             status.blocks.push(match &report {
@@ -88,7 +88,7 @@ impl Job {
                 return Err(self.changed("its particles are others"));
             }
         }
-        progress.begin("verifying", m.chunks + u64::from(m.plan.blocks));
+        progress.begin("verifying", m.chunks + u64::from(m.plan.recipe().blocks));
         for chunk in (0..m.chunks).filter(|c| self.chunk_path(*c).is_file()) {
             progress.check()?;
             Buckets::open(self, chunk)?.check()?;
@@ -96,7 +96,7 @@ impl Job {
         }
         let missing = self.missing()?;
         let mut particles = 0u64;
-        for block in (0..m.plan.blocks).filter(|b| missing.binary_search(b).is_err()) {
+        for block in (0..m.plan.recipe().blocks).filter(|b| missing.binary_search(b).is_err()) {
             progress.check()?;
             particles = particles.saturating_add(self.verify_block(block)?);
             progress.advance(1);

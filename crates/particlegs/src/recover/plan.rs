@@ -170,7 +170,7 @@ fn volume(cov: &Sym3) -> f64 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::model::{AlphaBlend, Law, LawKind, Metadata};
+    use crate::model::{AlphaBlend, Law, LawKind, Metadata, Recipe};
     use crate::space::Bounds;
     use proptest::prelude::*;
 
@@ -206,9 +206,8 @@ pub(super) mod tests {
             scale_factor: None,
             hubble: None,
             time: None,
-            command: "test".into(),
+            recipe: Recipe::default(),
             tool_version: "0".into(),
-            effort: None,
         };
         Model { metadata, layers, certificate: None }
     }

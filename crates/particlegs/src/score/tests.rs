@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::math::Sym3;
-use crate::model::{Block, CertificateLevel, LawKind, Layer, Mass, Metadata, Mixture, Model};
+use crate::model::{Block, CertificateLevel, LawKind, Layer, Mass, Metadata, Mixture, Model, Recipe};
 use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::{Progress, Silent};
@@ -60,9 +60,8 @@ fn metadata(particles: &Particles) -> Metadata {
         scale_factor: None,
         hubble: None,
         time: None,
-        command: String::new(),
+        recipe: Recipe::default(),
         tool_version: String::new(),
-        effort: None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! What the tests of this module share.
 
 use crate::math::Sym3;
-use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
+use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model, Recipe};
 use crate::space::{Bounds, Cell};
 
 /// A model of given Gaussians (mean, covariance, count) in a periodic box.
@@ -26,9 +26,8 @@ pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model 
         scale_factor: None,
         hubble: None,
         time: None,
-        command: String::new(),
+        recipe: Recipe::default(),
         tool_version: String::new(),
-        effort: None,
     };
     let block = Block { bounds, count, mass: count as f64, gaussians: m };
     let layer = Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] };

@@ -4,7 +4,7 @@
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
     Baselines, Block, CellDensity, Certificate, LawKind, Limit, LookBaselines, LookScore, Measures, Metadata, Mixture,
-    OrbitBaselines, OrbitScore, PictureScore, Science, ScienceOf, Spacing,
+    OrbitBaselines, OrbitScore, PictureScore, Recipe, Science, ScienceOf, Spacing,
 };
 use particlegs::space::{Bounds, Cell};
 
@@ -52,9 +52,8 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
         scale_factor: Some(1.0),
         hubble: Some(0.68),
         time: None,
-        command: "particlegs compress nbody -o m.pgs".into(),
+        recipe: Recipe { seed: 42, ..Recipe::default() },
         tool_version: "0.1.0".into(),
-        effort: None,
     }
 }
 

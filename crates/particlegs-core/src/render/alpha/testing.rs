@@ -1,6 +1,6 @@
 //! Models for tests.
 
-use crate::model::{LawKind, Metadata, Model};
+use crate::model::{LawKind, Metadata, Model, Recipe};
 use crate::space::Bounds;
 
 /// A model of the alpha-blend law without layers.
@@ -21,9 +21,8 @@ pub fn empty_model(bounds: Bounds, count: u64) -> Model {
         scale_factor: None,
         hubble: None,
         time: None,
-        command: String::new(),
+        recipe: Recipe::default(),
         tool_version: String::new(),
-        effort: None,
     };
     Model { metadata, layers: Vec::new(), certificate: None }
 }
