@@ -3,6 +3,7 @@ program's own reader to each other. Sections (1, 2, ...) are the page's.
 
     python3 pgs.py MODEL.pgs      every decoded number, as hexadecimal bits, one line a Gaussian
 """
+import json
 import math
 import struct
 import sys
@@ -129,9 +130,21 @@ def metadata(content, minor):
         "opacity": real(8),
         "source": fields[9].decode(),
         "hash": fields[10].hex(),
-        "command": fields[18].decode(),
-        "effort": {b"\1": "fast", b"\2": "default"}.get(fields.get(23)),
+        "effort": effort(fields[18]),
     }
+
+
+def effort(text):
+    """The effort that a recipe tells: of Gaussians that are what a fit gave."""
+    try:
+        recipe = json.loads(text)
+    except ValueError:
+        return None
+    if not isinstance(recipe, dict) or "training" in recipe or any(step != "merge" for step in recipe.get("steps", [])):
+        return None
+    if {"all", "effort", "training", "steps"} & set(recipe.get("differing", [])):
+        return None
+    return recipe.get("effort", "default")
 
 
 # ---------------------------------------------------------------- 3. CERT, stat
