@@ -258,7 +258,7 @@ mod tests {
                 time: None,
                 recipe: Recipe {
                     target: Target::Ratio(count as f64),
-                    effort: if count % 3 == 0 { Effort::Fast } else { Effort::Default },
+                    effort: if count.is_multiple_of(3) { Effort::Fast } else { Effort::Default },
                     blocks: 1 + count as u32 % 2,
                     ..Recipe::default()
                 },

@@ -129,7 +129,7 @@ fn check_goal(goal: Goal) -> Result<Goal> {
         _ if !inside => format!("{asked} is not a share between 0 and 1 (0 % and 100 %)"),
         GoalKind::PowerSpectrum if !(at > 0.0 && at.is_finite()) => format!("no wave number: {at}"),
         GoalKind::Correlation if !(at > 0.0 && at.is_finite()) => format!("no edge of cells: {at}"),
-        GoalKind::Groups if !(at >= GROUP_CLASSES[0] as f64 && at < 2f64.powi(53)) || at.fract() != 0.0 => {
+        GoalKind::Groups if !(at >= GROUP_CLASSES[0] as f64 && at < (1u64 << 53) as f64) || at.fract() != 0.0 => {
             format!(
                 "groups are counted from a whole number of particles on, {} or more: not from {at}",
                 GROUP_CLASSES[0]

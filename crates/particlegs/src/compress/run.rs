@@ -8,6 +8,8 @@ use super::executor::do_blocks;
 use super::options::Options;
 use super::plan::Plan;
 use super::search;
+#[cfg(doc)]
+use crate::Error;
 use crate::Result;
 use crate::blocks::SnapshotScan;
 use crate::fit::{self};
